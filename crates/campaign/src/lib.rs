@@ -1,0 +1,1 @@
+//! Many flights, many cores: plan, task, reduce, status

@@ -1,0 +1,1 @@
+//! What a delay compensator would have done on a flight

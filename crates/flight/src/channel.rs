@@ -1,0 +1,116 @@
+//! A flight: channels of checked samples with their origin.
+
+use crate::notice::Notices;
+use crate::series::Series;
+use crate::time::{Clock, Stamp, StampKind};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What a channel holds, in which frame, and the order of its components.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quantity {
+    /// WGS-84 latitude rad, longitude rad, height m. A height above mean sea level may
+    /// stand for the ellipsoidal one; the map that bound it says so in a notice.
+    PositionGeodetic,
+    /// North m, east m, down m from an origin that the log chose.
+    PositionNed,
+    /// North, east, down over ground, m/s.
+    VelocityNed,
+    /// Any one number.
+    Scalar,
+}
+
+impl Quantity {
+    /// Names of the components, in order.
+    #[must_use]
+    pub fn components(self) -> &'static [&'static str] {
+        match self {
+            Quantity::PositionGeodetic => &["latitude", "longitude", "height"],
+            Quantity::PositionNed | Quantity::VelocityNed => &["north", "east", "down"],
+            Quantity::Scalar => &["value"],
+        }
+    }
+}
+
+/// Where a channel's values came from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ChannelSource {
+    /// The topic (or table) in the log.
+    pub topic: String,
+    /// Its message type, empty when the format has none.
+    pub type_name: String,
+    /// The fields, with the unit read, as `latitude [deg]`.
+    pub fields: Vec<String>,
+}
+
+/// Samples of one quantity over their primary timeline, with the other stamps beside.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// What the components are.
+    pub quantity: Quantity,
+    /// The samples over the timeline that the channel map chose. A component that the log
+    /// does not hold is zero throughout and not in `present`.
+    pub series: Series,
+    /// Which components the log holds, in the order of [`Quantity::components`].
+    pub present: Vec<bool>,
+    /// Other stamps of the same rows; these need not rise.
+    pub other_stamps: Vec<(StampKind, Clock, Vec<Stamp>)>,
+    /// Rows that repeat a value held since an earlier row: not measurements. All false
+    /// unless the stream was recognised as held (design note 3.8).
+    pub held: Vec<bool>,
+    /// Where it came from.
+    pub source: ChannelSource,
+}
+
+impl Channel {
+    /// Rows at which the value was updated: all rows, less the held ones.
+    #[must_use]
+    pub fn update_rows(&self) -> Vec<usize> {
+        self.held.iter().enumerate().filter(|(_, held)| !**held).map(|(row, _)| row).collect()
+    }
+
+    /// Whether any row repeats a held value.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.held.contains(&true)
+    }
+}
+
+/// What was measured in one flight. Channel names are `quantity.source`, such as
+/// `position.gps`, `velocity.ekf`, `position.truth`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Flight {
+    /// Channels by name.
+    pub channels: BTreeMap<String, Channel>,
+    /// What was lost, assumed or repaired on the way here.
+    pub notices: Notices,
+}
+
+impl Flight {
+    /// The first of `names` that the flight holds.
+    #[must_use]
+    pub fn first_of<'a>(&'a self, names: &'a [String]) -> Option<(&'a str, &'a Channel)> {
+        names.iter().find_map(|name| self.channels.get(name).map(|c| (name.as_str(), c)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::series::Timeline;
+
+    #[test]
+    fn updates_are_the_rows_that_are_not_held() {
+        let timeline = Timeline::new(StampKind::Measured, Clock::Unix, (0..4).map(Stamp).collect()).unwrap();
+        let channel = Channel {
+            quantity: Quantity::Scalar,
+            series: Series::new(timeline, vec![vec![1.0, 1.0, 2.0, 2.0]]).unwrap(),
+            present: vec![true],
+            other_stamps: vec![],
+            held: vec![false, true, false, true],
+            source: ChannelSource { topic: "t".into(), type_name: String::new(), fields: vec![] },
+        };
+        assert_eq!(channel.update_rows(), [0, 2]);
+    }
+}

@@ -1,0 +1,210 @@
+//! What was read, what was not, and how good the time stamps are.
+
+use crate::channel::{ChannelSource, Quantity};
+use crate::time::{Clock, StampKind};
+use serde::{Deserialize, Serialize};
+
+/// Where every byte of a log went: the four numbers add up to `size`.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ByteLedger {
+    /// Size of all files of the flight together.
+    pub size: u64,
+    /// Held values that were wanted. A compressed chunk counts whole.
+    pub decoded: u64,
+    /// Intact, but nothing in it was wanted.
+    pub skipped: u64,
+    /// Magic, headers, indexes, definitions, comment lines.
+    pub structure: u64,
+    /// Could not be read or failed a checksum.
+    pub damaged: u64,
+}
+
+/// A stretch of bytes that could not be used.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DamagedRange {
+    /// File name without its folder.
+    pub file: String,
+    /// First byte.
+    pub offset: u64,
+    /// Bytes.
+    pub length: u64,
+    /// Why, for people.
+    pub reason: String,
+}
+
+/// Everything about the reading of one log.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct LogHealth {
+    /// Format, such as `MCAP` or `ROS 1 bag 2.0`, with what its header says of its writer.
+    pub format: String,
+    /// Bytes.
+    pub bytes: ByteLedger,
+    /// Messages (rows) that are intact, wanted or not.
+    pub messages: u64,
+    /// Messages or rows that were found and could not be decoded.
+    pub undecodable: u64,
+    /// First hundred damaged ranges.
+    pub damage: Vec<DamagedRange>,
+    /// How many there are in all.
+    pub damage_count: u64,
+    /// Topics in the order of their names.
+    pub topics: Vec<TopicHealth>,
+    /// Attachments, metadata and the like, by name: listed, not read.
+    pub extras: Vec<String>,
+}
+
+/// One topic of the log, read or not.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TopicHealth {
+    /// Name.
+    pub name: String,
+    /// Message type; empty if the format has none.
+    pub type_name: String,
+    /// Encoding of its messages, as `ros1`, `cdr`, `json`, `csv`.
+    pub encoding: String,
+    /// Intact messages (rows).
+    pub messages: u64,
+    /// Their payload bytes, uncompressed.
+    pub payload_bytes: u64,
+    /// Stamps of these messages, one entry for each kind that the log holds.
+    pub stamps: Vec<StampHealth>,
+    /// Whether its values were decoded.
+    pub decoded: bool,
+    /// Why not, if it was wanted.
+    pub reason: String,
+}
+
+/// How one kind of stamp of one topic behaves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StampHealth {
+    /// Kind.
+    pub kind: StampKind,
+    /// Clock.
+    pub clock: Clock,
+    /// Field that the stamps were read from; `log`, `publish` for the container's own.
+    pub source: String,
+    /// First stamp, ns.
+    pub first_ns: i64,
+    /// Last stamp, ns.
+    pub last_ns: i64,
+    /// Number of stamps.
+    pub count: u64,
+    /// Median rate, Hz: one over the median step. `None` with fewer than two different stamps.
+    pub rate_hz: Option<f64>,
+    /// Steps between stamps, s; `None` when there are none.
+    pub steps_s: Option<Distribution>,
+    /// Steps longer than [`Gap`]'s threshold.
+    pub gap_count: u64,
+    /// The longest gaps, at most ten, longest first.
+    pub gaps: Vec<Gap>,
+    /// Stamps equal to the one before.
+    pub duplicates: u64,
+    /// Stamps earlier than the one before.
+    pub back_jumps: u64,
+}
+
+/// A hole in the stamps: a step of more than 2.5 median steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Seconds after the first stamp.
+    pub start_s: f64,
+    /// Its length, s.
+    pub length_s: f64,
+}
+
+/// A sample described by its order statistics.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Distribution {
+    /// Smallest.
+    pub min: f64,
+    /// 1st percentile.
+    pub p01: f64,
+    /// Median.
+    pub median: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// One kind of stamp less another, on the same messages, s.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StampOffset {
+    /// The later kind as a rule.
+    pub of: StampKind,
+    /// Less this one.
+    pub against: StampKind,
+    /// The differences, s. Both clocks count the same kind of time.
+    pub offset_s: Distribution,
+}
+
+/// Rows that were not used, by reason.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RejectCount {
+    /// Why.
+    pub reason: String,
+    /// How many.
+    pub count: u64,
+    /// The first of them: line, message number or row.
+    pub first: String,
+}
+
+/// Recognised repetition of held values (design note 3.8).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Held {
+    /// Rows that repeat the value before.
+    pub repeats: u64,
+    /// Most frequent run length of equal values.
+    pub modal_run: u64,
+    /// Median time between updates, s.
+    pub update_interval_s: f64,
+}
+
+/// A channel that was bound, and what it cost.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelHealth {
+    /// Channel name, such as `position.gps`.
+    pub name: String,
+    /// What it holds.
+    pub quantity: Quantity,
+    /// Topic and fields, with the units read.
+    pub source: ChannelSource,
+    /// Components that the log does not hold, by name.
+    pub absent: Vec<String>,
+    /// Rows in the topic.
+    pub rows: u64,
+    /// Rows used.
+    pub used: u64,
+    /// Rows not used, by reason; `used` and these add up to `rows`.
+    pub rejected: Vec<RejectCount>,
+    /// The timeline that the analysis uses.
+    pub stamps: Option<StampHealth>,
+    /// Differences between the kinds of stamp.
+    pub offsets: Vec<StampOffset>,
+    /// Held values, if the stream was recognised as held.
+    pub held: Option<Held>,
+}
+
+/// A channel map that was considered.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MapCandidate {
+    /// Name of the map.
+    pub map: String,
+    /// Channels it would bind.
+    pub binds: Vec<String>,
+    /// Why it was not taken, or why it was.
+    pub why: String,
+}
+
+/// How columns became channels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Binding {
+    /// Name of the map taken.
+    pub map: String,
+    /// Why this one.
+    pub why: String,
+    /// The others.
+    pub others: Vec<MapCandidate>,
+    /// What it bound.
+    pub channels: Vec<ChannelHealth>,
+}

@@ -1,0 +1,34 @@
+//! The first waist: what was measured. Knows no file and no filter.
+//!
+//! Many log formats become one [`Flight`]: named [`Channel`]s of strictly timed,
+//! finite samples in SI units, with the [`Notice`]s that tell what was lost on the way.
+//!
+//! Convention of the whole project: a positive [`Delay`] means **late**,
+//! `measured(t) = truth(t − delay)`.
+//!
+//! ```
+//! use flight::{Clock, Series, Stamp, StampKind, Timeline};
+//! let timeline = Timeline::new(StampKind::Measured, Clock::Unix, vec![Stamp(0), Stamp(10_000_000)])?;
+//! let north = Series::new(timeline, vec![vec![0.0, 0.15]])?;
+//! assert_eq!(north.timeline().seconds_since(Stamp(0)), [0.0, 0.01]);
+//! # Ok::<(), flight::SeriesError>(())
+//! ```
+
+mod channel;
+mod geodesy;
+mod health;
+mod notice;
+mod series;
+mod time;
+mod unit;
+
+pub use channel::{Channel, ChannelSource, Flight, Quantity};
+pub use geodesy::{Ecef, Geodetic, LocalFrame, WGS84_A, WGS84_E2, WGS84_F};
+pub use health::{
+    Binding, ByteLedger, ChannelHealth, DamagedRange, Distribution, Gap, Held, LogHealth, MapCandidate, RejectCount,
+    StampHealth, StampOffset, TopicHealth,
+};
+pub use notice::{Notice, Notices, Severity};
+pub use series::{Series, SeriesError, Timeline};
+pub use time::{Clock, Delay, NANOS_PER_SECOND, Stamp, StampKind};
+pub use unit::{Dimension, Unit, UnknownUnit};

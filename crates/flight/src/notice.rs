@@ -1,0 +1,97 @@
+//! What a person must hear: nothing is dropped in silence.
+
+use serde::{Deserialize, Serialize};
+
+/// How much a notice matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Severity {
+    /// Worth knowing; every number stands.
+    Info,
+    /// Something was assumed, skipped or repaired; a number may deserve a second look.
+    Warning,
+    /// Data that the logger wrote could not be read: bytes damaged, cut or failing their checksum.
+    Loss,
+}
+
+/// One thing that happened to the data, with its place and how often it happened.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Notice {
+    /// How much it matters.
+    pub severity: Severity,
+    /// A stable name for machines, such as `duplicate-stamp`.
+    pub code: String,
+    /// File, topic, line or byte, as precise as is known; empty for the whole flight.
+    pub place: String,
+    /// How many samples, rows, bytes or events it is about.
+    pub count: u64,
+    /// A sentence for people.
+    pub text: String,
+}
+
+/// Notices in the order in which they were raised.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Notices(Vec<Notice>);
+
+impl Notices {
+    /// None yet.
+    #[must_use]
+    pub fn new() -> Notices {
+        Notices::default()
+    }
+
+    /// Raises one.
+    pub fn push(
+        &mut self,
+        severity: Severity,
+        code: &str,
+        place: impl Into<String>,
+        count: u64,
+        text: impl Into<String>,
+    ) {
+        self.0.push(Notice { severity, code: code.to_owned(), place: place.into(), count, text: text.into() });
+    }
+
+    /// Takes over the notices of a part.
+    pub fn extend(&mut self, other: Notices) {
+        self.0.extend(other.0);
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &Notice> {
+        self.0.iter()
+    }
+
+    /// How many.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// None at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether data were lost: the reason for exit code 3 and the red mark.
+    #[must_use]
+    pub fn any_loss(&self) -> bool {
+        self.0.iter().any(|n| n.severity == Severity::Loss)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_loss_marks_a_flight_as_lossy() {
+        let mut notices = Notices::new();
+        notices.push(Severity::Warning, "held-rows", "gps", 3, "3 rows repeat the one before");
+        assert!(!notices.any_loss());
+        notices.push(Severity::Loss, "truncated", "a.bag, byte 10", 1, "the file ends inside a record");
+        assert!(notices.any_loss());
+    }
+}

@@ -1,0 +1,147 @@
+//! Units as channel maps write them, and their way to SI and radians.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// What a unit measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Dimension {
+    /// Radians inside.
+    Angle,
+    /// Metres inside.
+    Length,
+    /// Metres per second inside.
+    Speed,
+    /// Metres per second squared inside.
+    Acceleration,
+    /// Radians per second inside.
+    AngularRate,
+    /// Seconds inside.
+    Time,
+    /// Tesla inside.
+    MagneticField,
+    /// A pure number.
+    None,
+}
+
+/// A unit with its exact linear way to SI: `si = value · factor / divisor`.
+///
+/// Two numbers, so that a decimal scale such as 1e-7 deg divides by an exact power of
+/// ten instead of multiplying by a rounded one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unit {
+    symbol: &'static str,
+    dimension: Dimension,
+    factor: f64,
+    divisor: f64,
+}
+
+const DEG: f64 = std::f64::consts::PI / 180.0;
+
+/// Symbol, dimension, factor, divisor. Feet, knots and nautical miles are exact by definition.
+const UNITS: &[(&str, Dimension, f64, f64)] = &[
+    ("1", Dimension::None, 1.0, 1.0),
+    ("rad", Dimension::Angle, 1.0, 1.0),
+    ("deg", Dimension::Angle, DEG, 1.0),
+    ("1e-2 deg", Dimension::Angle, DEG, 1e2),
+    ("1e-5 deg", Dimension::Angle, DEG, 1e5),
+    ("1e-7 deg", Dimension::Angle, DEG, 1e7),
+    ("m", Dimension::Length, 1.0, 1.0),
+    ("cm", Dimension::Length, 1.0, 1e2),
+    ("mm", Dimension::Length, 1.0, 1e3),
+    ("km", Dimension::Length, 1e3, 1.0),
+    ("ft", Dimension::Length, 0.3048, 1.0),
+    ("nmi", Dimension::Length, 1852.0, 1.0),
+    ("m/s", Dimension::Speed, 1.0, 1.0),
+    ("cm/s", Dimension::Speed, 1.0, 1e2),
+    ("mm/s", Dimension::Speed, 1.0, 1e3),
+    ("km/h", Dimension::Speed, 1.0, 3.6),
+    ("kt", Dimension::Speed, 1852.0, 3600.0),
+    ("ft/min", Dimension::Speed, 0.3048, 60.0),
+    ("m/s^2", Dimension::Acceleration, 1.0, 1.0),
+    ("g0", Dimension::Acceleration, 9.80665, 1.0),
+    ("rad/s", Dimension::AngularRate, 1.0, 1.0),
+    ("deg/s", Dimension::AngularRate, DEG, 1.0),
+    ("s", Dimension::Time, 1.0, 1.0),
+    ("ms", Dimension::Time, 1.0, 1e3),
+    ("us", Dimension::Time, 1.0, 1e6),
+    ("ns", Dimension::Time, 1.0, 1e9),
+    ("T", Dimension::MagneticField, 1.0, 1.0),
+    ("uT", Dimension::MagneticField, 1.0, 1e6),
+    ("G", Dimension::MagneticField, 1.0, 1e4),
+    ("mG", Dimension::MagneticField, 1.0, 1e7),
+];
+
+impl Unit {
+    /// The unit as a channel map writes it.
+    #[must_use]
+    pub fn symbol(self) -> &'static str {
+        self.symbol
+    }
+
+    /// What it measures.
+    #[must_use]
+    pub fn dimension(self) -> Dimension {
+        self.dimension
+    }
+
+    /// `value` in SI (angles in radians).
+    #[must_use]
+    pub fn to_si(self, value: f64) -> f64 {
+        value / self.divisor * self.factor
+    }
+
+    /// All units, in the order in which error messages list them.
+    pub fn all() -> impl Iterator<Item = Unit> {
+        UNITS.iter().map(|&(symbol, dimension, factor, divisor)| Unit { symbol, dimension, factor, divisor })
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.symbol)
+    }
+}
+
+/// A unit nobody taught us. We do not guess.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("unknown unit {0:?}; known are {list}", list = Unit::all().map(|u| u.symbol).collect::<Vec<_>>().join(", "))]
+pub struct UnknownUnit(pub String);
+
+impl FromStr for Unit {
+    type Err = UnknownUnit;
+
+    fn from_str(text: &str) -> Result<Unit, UnknownUnit> {
+        Unit::all().find(|u| u.symbol == text).ok_or_else(|| UnknownUnit(text.to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn si(unit: &str, value: f64) -> f64 {
+        unit.parse::<Unit>().unwrap().to_si(value)
+    }
+
+    #[test]
+    fn a_knot_is_a_nautical_mile_an_hour() {
+        assert_eq!(si("kt", 3600.0), 1852.0);
+        assert_eq!(si("ft/min", 60.0), 0.3048);
+    }
+
+    #[test]
+    fn integer_degrees_equal_the_decimal_text_of_the_same_angle() {
+        // 1e-7 deg integers and decimal degrees of two loggers must give the same bits.
+        for e7 in [423_585_499_i32, -710_872_500, 1, i32::MAX] {
+            let decimal: f64 = format!("{}e-7", e7).parse().unwrap();
+            assert_eq!(si("1e-7 deg", f64::from(e7)), si("deg", decimal));
+        }
+    }
+
+    #[test]
+    fn an_unknown_unit_is_refused_with_the_known_ones() {
+        let error = "knots".parse::<Unit>().unwrap_err().to_string();
+        assert!(error.contains("\"knots\"") && error.contains("kt"), "{error}");
+    }
+}

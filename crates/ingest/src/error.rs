@@ -1,0 +1,54 @@
+//! Why a log cannot be used at all. Damage that leaves something to use is no error.
+
+use std::path::PathBuf;
+
+/// Nothing of the log can be used, and why.
+#[derive(Debug, thiserror::Error)]
+pub enum IngestError {
+    /// The file cannot be read.
+    #[error("{file}: byte {offset}: {source}")]
+    Io {
+        /// File name.
+        file: String,
+        /// Where the read began.
+        offset: u64,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is no log that we know.
+    #[error("{file}: {what}")]
+    NotALog {
+        /// File name.
+        file: String,
+        /// What it is instead, or what was looked for.
+        what: String,
+    },
+    /// It is a log, but nothing in it is intact.
+    #[error("{file}: {what}")]
+    Unusable {
+        /// File name, with byte or line where known.
+        file: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// The file changed while it was read.
+    #[error("{file}: the file changed while it was read")]
+    Changed {
+        /// File name.
+        file: String,
+    },
+    /// No channel map fits, or two fit equally.
+    #[error("{0}")]
+    Map(String),
+    /// A channel map is wrong.
+    #[error("{path}: {what}", path = path.display())]
+    BadMap {
+        /// Its file.
+        path: PathBuf,
+        /// What is wrong, with the line.
+        what: String,
+    },
+    /// The user stopped.
+    #[error("stopped")]
+    Cancelled,
+}

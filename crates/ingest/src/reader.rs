@@ -1,0 +1,129 @@
+//! What every format offers: columns of the wanted topics, and where every byte went.
+
+use crate::error::IngestError;
+use crate::table::Table;
+use flight::{LogHealth, Notices};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A log of any format, opened and recognised.
+pub trait LogReader {
+    /// Reads the log once from its first byte to its last.
+    ///
+    /// `want` is asked once for each topic, before its first message. Damage is no error: what
+    /// is intact before and after it comes back, with the damage in the health and a notice.
+    ///
+    /// # Errors
+    /// Only when nothing at all can be used, when the file cannot be read, or on cancellation.
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError>;
+}
+
+/// What came out of a log.
+#[derive(Debug, Default)]
+pub struct Log {
+    /// Format, bytes, topics, damage.
+    pub health: LogHealth,
+    /// The wanted topics that could be decoded, sorted by topic.
+    pub tables: Vec<Table>,
+    /// What happened on the way.
+    pub notices: Notices,
+}
+
+/// Decides which topics and fields are decoded.
+pub trait Select {
+    /// What is wanted of `topic`.
+    fn select(&self, topic: &TopicInfo) -> Selection;
+}
+
+impl<F: Fn(&TopicInfo) -> Selection> Select for F {
+    fn select(&self, topic: &TopicInfo) -> Selection {
+        self(topic)
+    }
+}
+
+/// A topic as the log announces it.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TopicInfo {
+    /// Name.
+    pub name: String,
+    /// Message type; empty if the format has none.
+    pub type_name: String,
+    /// Encoding of the messages: `ros1`, `cdr`, `json`, `csv`, ...
+    pub encoding: String,
+}
+
+/// What is wanted of a topic.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Selection {
+    /// Nothing: its messages are counted and timed, not decoded.
+    Skip,
+    /// These fields. One that the message does not have is absent from the table.
+    Fields(Vec<FieldRequest>),
+    /// Every field: numbers as numbers, text as text.
+    All,
+}
+
+/// A field and how it is wanted.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct FieldRequest {
+    /// Dotted path, as `twist.linear.x`; elements of arrays as `position_covariance[0]`.
+    pub path: String,
+    /// Number or text.
+    pub kind: ValueKind,
+}
+
+/// How a value is wanted. Matters where a format does not know its types, as CSV.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum ValueKind {
+    /// A number; a cell that is none is rejected and counted.
+    Number,
+    /// Text as it stands.
+    Text,
+}
+
+/// Bounds on what a hostile or damaged file can make us do (faults.md P5).
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// Largest record that is taken into memory, bytes.
+    pub record_bytes: u64,
+    /// Largest decompressed chunk, bytes.
+    pub chunk_bytes: u64,
+    /// Most topics in one log.
+    pub topics: usize,
+    /// Damaged ranges that are listed; the rest is counted.
+    pub listed_damage: usize,
+    /// Longest line of a text log, bytes.
+    pub line_bytes: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Limits {
+        Limits {
+            record_bytes: 256 << 20,
+            chunk_bytes: 256 << 20,
+            topics: 65_536,
+            listed_damage: 100,
+            line_bytes: 1 << 20,
+        }
+    }
+}
+
+/// What a reader needs from its surroundings.
+pub struct ReadContext<'a> {
+    /// Bounds.
+    pub limits: Limits,
+    /// Set when the user wants to stop; readers look at it at least once every few megabytes.
+    pub cancel: &'a AtomicBool,
+    /// Told how many more bytes of the input have been read.
+    pub on_bytes: &'a (dyn Fn(u64) + Sync),
+}
+
+impl ReadContext<'_> {
+    /// Reports progress and stops if the user wants to.
+    ///
+    /// # Errors
+    /// [`IngestError::Cancelled`].
+    pub fn advance(&self, bytes: u64) -> Result<(), IngestError> {
+        (self.on_bytes)(bytes);
+        if self.cancel.load(Ordering::Relaxed) { Err(IngestError::Cancelled) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,103 @@
+//! Columns of one topic, row by row as they stood in the log.
+
+use crate::reader::TopicInfo;
+
+/// The decoded messages of one topic in file order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Which topic.
+    pub topic: TopicInfo,
+    /// Number of rows.
+    pub rows: usize,
+    /// Time at which the container says that it logged each row, ns; `None` for formats without.
+    pub logged_ns: Option<Vec<i64>>,
+    /// Time at which the container says that each row was published, ns; `None` for formats without.
+    pub published_ns: Option<Vec<i64>>,
+    /// Line (text formats) or message number (binary formats) of each row, both from 1.
+    /// `None` if row `i` is message `i + 1`.
+    pub origin: Option<Vec<u64>>,
+    /// Columns in the order of their names.
+    pub columns: Vec<Column>,
+}
+
+/// One field of all rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Dotted path of the field.
+    pub path: String,
+    /// Values; a missing one holds a placeholder.
+    pub data: ColumnData,
+    /// Which rows have a value; `None` if all.
+    pub valid: Option<Vec<bool>>,
+}
+
+/// Values of a column by type.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ColumnData {
+    /// Floats and integers of up to 32 bits, exactly.
+    F64(Vec<f64>),
+    /// 64-bit integers (unsigned ones above `i64::MAX` are invalid rows) and ROS times in ns.
+    I64(Vec<i64>),
+    /// Text.
+    Text(Vec<String>),
+}
+
+impl Table {
+    /// The column of a field.
+    #[must_use]
+    pub fn column(&self, path: &str) -> Option<&Column> {
+        self.columns.iter().find(|c| c.path == path)
+    }
+
+    /// Line or message number of a row, from 1.
+    #[must_use]
+    pub fn origin_of(&self, row: usize) -> u64 {
+        self.origin.as_ref().and_then(|o| o.get(row).copied()).unwrap_or(row as u64 + 1)
+    }
+}
+
+impl Column {
+    fn is_valid(&self, row: usize) -> bool {
+        self.valid.as_ref().is_none_or(|v| v.get(row).copied().unwrap_or(false))
+    }
+
+    /// The value as a float. 64-bit integers are rounded to the nearest double.
+    #[must_use]
+    pub fn number(&self, row: usize) -> Option<f64> {
+        if !self.is_valid(row) {
+            return None;
+        }
+        match &self.data {
+            ColumnData::F64(v) => v.get(row).copied(),
+            ColumnData::I64(v) => v.get(row).map(|&x| x as f64),
+            ColumnData::Text(_) => None,
+        }
+    }
+
+    /// The value as an exact integer, if it is one.
+    #[must_use]
+    pub fn integer(&self, row: usize) -> Option<i64> {
+        if !self.is_valid(row) {
+            return None;
+        }
+        match &self.data {
+            ColumnData::I64(v) => v.get(row).copied(),
+            ColumnData::F64(v) => {
+                v.get(row).copied().filter(|x| x.fract() == 0.0 && x.abs() < 9.007_199_254_740_992e15).map(|x| x as i64)
+            }
+            ColumnData::Text(_) => None,
+        }
+    }
+
+    /// The value as text.
+    #[must_use]
+    pub fn text(&self, row: usize) -> Option<&str> {
+        if !self.is_valid(row) {
+            return None;
+        }
+        match &self.data {
+            ColumnData::Text(v) => v.get(row).map(String::as_str),
+            ColumnData::F64(_) | ColumnData::I64(_) => None,
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The record of one campaign.
+
+use crate::{Estimate, Outcome};
+use serde::{Deserialize, Serialize};
+
+/// One line of the table of flights.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlightRow {
+    /// Path below the campaign's folder: the name people know.
+    pub flight: String,
+    /// Name of its result.
+    pub key: String,
+    /// Page of the flight, relative to the campaign's page.
+    pub page: String,
+    /// What came of it.
+    #[serde(flatten)]
+    pub outcome: Outcome,
+    /// Bytes or messages were lost.
+    pub lossy: bool,
+    /// Format.
+    pub format: String,
+    /// Channel map.
+    pub map: Option<String>,
+    /// Bytes of its files.
+    pub bytes: u64,
+    /// Seconds flown, from the replay.
+    pub duration_s: Option<f64>,
+    /// Position channel.
+    pub position: Option<String>,
+    /// Velocity channel.
+    pub velocity: Option<String>,
+    /// Median rate of the position, Hz.
+    pub position_rate_hz: Option<f64>,
+    /// Median rate of the velocity, Hz.
+    pub velocity_rate_hz: Option<f64>,
+    /// Median ground speed, m/s.
+    pub speed_median_mps: Option<f64>,
+    /// Delay removed, s.
+    pub delay_s: Option<f64>,
+    /// Raw − exact compensation, 2-D rms, m.
+    pub correction_rms_m: Option<Estimate>,
+    /// Error against a reference, raw, 2-D rms, m.
+    pub raw_error_rms_m: Option<Estimate>,
+    /// Error against a reference, the paper's compensator, 2-D rms, m.
+    pub pade_error_rms_m: Option<Estimate>,
+    /// Error against a reference, exact asynchronous compensation, 2-D rms, m.
+    pub exact_error_rms_m: Option<Estimate>,
+    /// Share of rows with a valid compensated position, 0 to 1.
+    pub valid_share: Option<f64>,
+    /// Notices of severity warning.
+    pub warnings: u64,
+    /// Notices of severity loss.
+    pub losses: u64,
+}
+
+/// A file in the folder that is no flight.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct IgnoredInput {
+    /// Path below the campaign's folder.
+    pub path: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// Counts over all flights.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct CampaignTotals {
+    /// All.
+    pub flights: u64,
+    /// With a replay.
+    pub compensated: u64,
+    /// Read, but nothing to say.
+    pub not_measurable: u64,
+    /// Unusable.
+    pub failed: u64,
+    /// With lost data.
+    pub lossy: u64,
+    /// Bytes of all logs.
+    pub bytes: u64,
+    /// Seconds flown in compensated flights.
+    pub duration_s: f64,
+}
+
+/// A campaign: what was asked, and one row for each flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CampaignRecord {
+    /// [`crate::RECORD_VERSION`].
+    pub record_version: u32,
+    /// Analysis version of all flights.
+    pub analysis_version: u32,
+    /// Version of flightlag.
+    pub flightlag_version: String,
+    /// Name of the campaign: the folder's name.
+    pub name: String,
+    /// Settings.
+    pub pipeline: crate::PipelineUse,
+    /// Command that makes this again.
+    pub command: String,
+    /// Flights, sorted by name.
+    pub flights: Vec<FlightRow>,
+    /// Other files, sorted by path.
+    pub ignored: Vec<IgnoredInput>,
+    /// Counts.
+    pub totals: CampaignTotals,
+}

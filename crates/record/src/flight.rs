@@ -1,0 +1,80 @@
+//! The record of one flight.
+
+use crate::ReplayRecord;
+use flight::{Binding, LogHealth, Notices};
+use serde::{Deserialize, Serialize};
+
+/// A file that the flight was read from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputFile {
+    /// Name without its folder.
+    pub name: String,
+    /// Size, bytes.
+    pub bytes: u64,
+    /// BLAKE3 of the content, hexadecimal.
+    pub blake3: String,
+}
+
+/// The settings that the flight was analysed with.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PipelineUse {
+    /// Title from the file.
+    pub title: String,
+    /// BLAKE3 of the settings as they are meant (comments and order do not count).
+    pub blake3: String,
+    /// The settings as they are meant, as TOML.
+    pub toml: String,
+}
+
+/// What became of the flight.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "outcome", rename_all = "kebab-case")]
+pub enum Outcome {
+    /// There is a [`ReplayRecord`].
+    Compensated,
+    /// The log was read, but compensation says nothing here.
+    NotMeasurable {
+        /// Why, and what would make it so.
+        reason: String,
+    },
+    /// The log could not be used.
+    Failed {
+        /// File, topic, line or byte, and what is wrong.
+        reason: String,
+    },
+}
+
+/// Everything found about one flight. Free of times of day, hosts and folders, so that the
+/// same log, settings and analysis give the same bytes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlightRecord {
+    /// [`crate::RECORD_VERSION`].
+    pub record_version: u32,
+    /// Raised by hand when the analysis gives other numbers.
+    pub analysis_version: u32,
+    /// Hash of inputs, pipeline and analysis version: the name of this result.
+    pub key: String,
+    /// What was read.
+    pub inputs: Vec<InputFile>,
+    /// With which settings.
+    pub pipeline: PipelineUse,
+    /// What came of it.
+    #[serde(flatten)]
+    pub outcome: Outcome,
+    /// How the reading went; `None` if the file could not even be opened.
+    pub log: Option<LogHealth>,
+    /// Which map bound what; `None` if no map fits.
+    pub binding: Option<Binding>,
+    /// The replay.
+    pub replay: Option<ReplayRecord>,
+    /// All notices, in the order in which they were raised.
+    pub notices: Notices,
+}
+
+impl FlightRecord {
+    /// Whether bytes or messages that the logger wrote were lost.
+    #[must_use]
+    pub fn has_loss(&self) -> bool {
+        self.notices.any_loss()
+    }
+}

@@ -1,0 +1,26 @@
+//! The second waist: what was found. Serialised types with a version, and no arithmetic.
+//!
+//! A [`FlightRecord`] is everything that an analysis says of one flight: its page can be
+//! drawn from it years later without the log. A [`CampaignRecord`] is the list of flights
+//! of one run. Times are seconds, lengths metres, angles radians unless a name says else.
+//! `None` means that there is no such number, never that it is zero.
+//!
+//! ```
+//! use record::Estimate;
+//! let error = Estimate { value: 0.037, standard_uncertainty: Some(0.002) };
+//! let text = serde_json::to_string(&error).unwrap();
+//! assert_eq!(serde_json::from_str::<Estimate>(&text).unwrap(), error);
+//! ```
+
+mod campaign;
+mod flight;
+mod replay;
+
+pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
+pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
+pub use crate::replay::{
+    AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, ReplayRecord, ReplaySettings, StartRule, Zoom,
+};
+
+/// Version of the shape of these records: raised when a field changes its meaning.
+pub const RECORD_VERSION: u32 = 1;

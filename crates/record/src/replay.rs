@@ -1,0 +1,161 @@
+//! What the compensators made of a flight.
+
+use flight::Delay;
+use serde::{Deserialize, Serialize};
+
+/// A number with how well it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Best value.
+    pub value: f64,
+    /// Standard uncertainty (k = 1), same unit; `None` only where a page says why.
+    pub standard_uncertainty: Option<f64>,
+}
+
+/// What a compensator assumes before its first sample (design note 5.8).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StartRule {
+    /// The first velocity has always been flown: output starts at `Td · v0`.
+    Warm,
+    /// State zero, as a naive implementation.
+    Cold,
+    /// No output until Td of velocity has been seen.
+    InvalidUntilTd,
+}
+
+/// Settings of the replay as they were used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReplaySettings {
+    /// Delay that was removed.
+    pub delay: Delay,
+    /// Its standard uncertainty, s, if the pipeline states one.
+    pub delay_uncertainty_s: Option<f64>,
+    /// Where the delay comes from, in words.
+    pub delay_source: String,
+    /// Start rule.
+    pub start: StartRule,
+    /// Velocity gaps up to this long are bridged, s.
+    pub bridge_s: f64,
+}
+
+/// Which channels were replayed against each other.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PairUse {
+    /// Late position.
+    pub position: String,
+    /// Velocity that is on time.
+    pub velocity: String,
+    /// Independent position to score against, if the log holds one.
+    pub reference: Option<String>,
+}
+
+/// Seconds of the flight by what the output is worth.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Coverage {
+    /// From the first to the last output row, s.
+    pub duration_s: f64,
+    /// Output rows in all.
+    pub rows: u64,
+    /// Rows with a valid compensated position.
+    pub valid_rows: u64,
+    /// Rows without one, by reason.
+    pub invalid: Vec<flight::RejectCount>,
+    /// Velocity gaps that were bridged.
+    pub bridged_gaps: u64,
+    /// Velocity gaps too long to bridge: the compensators started anew.
+    pub restarts: u64,
+    /// Position fixes used.
+    pub fixes: u64,
+    /// Fixes that jump against the integrated velocity by more than five sigma: passed on and marked.
+    pub position_resets: u64,
+    /// Longest time without a position fix, s.
+    pub longest_position_gap_s: f64,
+}
+
+/// One compensator on this flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CompensatorResult {
+    /// Short name, such as `raw`, `pade-1-1`, `exact-async`.
+    pub name: String,
+    /// What it is, in words.
+    pub title: String,
+    /// The delay it was given, s (with half the update interval where it runs on held fixes).
+    pub delay: Delay,
+    /// 2-D rms of raw − this, m; zero for raw.
+    pub raw_minus_this_rms_m: Estimate,
+    /// Step of the output at a position fix, 2-D rms, m: what the next fix disagrees with.
+    pub step_at_fix_rms_m: Option<Estimate>,
+    /// 2-D rms error against the reference, m.
+    pub error_rms_m: Option<Estimate>,
+    /// 2-D 95th percentile of the error against the reference, m.
+    pub error_p95_m: Option<Estimate>,
+}
+
+/// A curve for a figure, decimated so that every extreme is kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Curve {
+    /// Name in the legend.
+    pub name: String,
+    /// Seconds after the flight's origin. A gap is where `breaks` says, not NaN.
+    pub t_s: Vec<f64>,
+    /// Values, in the figure's unit.
+    pub y: Vec<f64>,
+    /// Rows before which the pen is lifted.
+    pub breaks: Vec<u32>,
+    /// How many samples these rows stand for.
+    pub stands_for: u64,
+}
+
+/// North or east: the curves of the paper's Fig. 7.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxisCurves {
+    /// `north` or `east`.
+    pub axis: String,
+    /// Position, m from the origin: raw first, then one curve for each compensator.
+    pub position_m: Vec<Curve>,
+    /// Raw − compensated, m, by compensator, and what velocity alone predicts.
+    pub difference_m: Vec<Curve>,
+}
+
+/// The hardest manoeuvre, drawn without decimation where it fits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Zoom {
+    /// Start, s after the origin.
+    pub start_s: f64,
+    /// End.
+    pub end_s: f64,
+    /// Why this window.
+    pub why: String,
+    /// The axes in this window.
+    pub axes: Vec<AxisCurves>,
+}
+
+/// The replay of one flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReplayRecord {
+    /// Settings used.
+    pub settings: ReplaySettings,
+    /// Channels used.
+    pub pair: PairUse,
+    /// Time zero of all `t_s`: a stamp, ns, in the clock beside it.
+    pub origin_ns: i64,
+    /// Clock of the origin.
+    pub clock: flight::Clock,
+    /// Origin of north and east. `None` if the log gives local coordinates only.
+    pub origin: Option<flight::Geodetic>,
+    /// How much of the flight the numbers cover.
+    pub coverage: Coverage,
+    /// Ground speed: median, percentiles, m/s.
+    pub speed_mps: flight::Distribution,
+    /// 2-D distance that velocity says was flown during the delay, rms, m: what raw − compensated should be.
+    pub predicted_rms_m: Estimate,
+    /// Raw first, then the compensators.
+    pub compensators: Vec<CompensatorResult>,
+    /// Whole flight, north then east.
+    pub axes: Vec<AxisCurves>,
+    /// The hardest manoeuvre.
+    pub zoom: Option<Zoom>,
+    /// Ground track, east over north: raw and compensated.
+    pub track: Vec<Curve>,
+}

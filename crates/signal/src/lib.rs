@@ -1,0 +1,1 @@
+//! Arithmetic on series: integrals, held samples, decimation, robust statistics

@@ -1,0 +1,1 @@
+//! Flights whose truth is known, written in every format
