@@ -1,1 +1,31 @@
-//! What a delay compensator would have done on a flight
+//! What a delay compensator would have made of a flight.
+//!
+//! A receiver reports position late by Td while its velocity is on time. Two compensators give
+//! the aircraft its position back, sample by sample, as an on-board loop would run them:
+//!
+//! - the paper's (Park & Lee 2010, eq. 3): `x_est = x_m + G(s) v`, with
+//!   `G(s) = (1 − e^{−s Td})/s ≈ Td / ((Td/2) s + 1)`, first-order Padé, Tustin, warm start;
+//! - the exact asynchronous form: `x_est(t) = p_j + I(t) − I(t_j − Td)` with the newest fix `p_j`
+//!   stamped `t_j` and `I = ∫ v` (design note 5.1).
+//!
+//! [`replay`] takes a [`flight::Flight`] and [`Settings`] and gives a [`record::ReplayRecord`]
+//! and the compensated [`Track`]. No disk, no screen, no clock.
+
+mod curves;
+mod exact;
+mod input;
+mod pade;
+mod replay;
+mod score;
+mod settings;
+mod track;
+
+pub use exact::ExactAsync;
+pub use input::Refusal;
+pub use pade::PadeTustin;
+pub use replay::{Replay, replay};
+pub use settings::Settings;
+pub use track::{RowState, Track, TrackColumn};
+
+/// Raised by hand when a replay gives other numbers: old results are then no longer reused.
+pub const ANALYSIS_VERSION: u32 = 1;

@@ -107,6 +107,21 @@ pub struct Curve {
     pub stands_for: u64,
 }
 
+/// A curve in the horizontal plane, thinned so that every extreme of either axis is kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PathCurve {
+    /// Name in the legend.
+    pub name: String,
+    /// Metres east of the origin.
+    pub east_m: Vec<f64>,
+    /// Metres north of the origin.
+    pub north_m: Vec<f64>,
+    /// Rows before which the pen is lifted.
+    pub breaks: Vec<u32>,
+    /// How many samples these rows stand for.
+    pub stands_for: u64,
+}
+
 /// North or east: the curves of the paper's Fig. 7.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisCurves {
@@ -156,6 +171,6 @@ pub struct ReplayRecord {
     pub axes: Vec<AxisCurves>,
     /// The hardest manoeuvre.
     pub zoom: Option<Zoom>,
-    /// Ground track, east over north: raw and compensated.
-    pub track: Vec<Curve>,
+    /// Ground track, raw first, then the compensators.
+    pub track: Vec<PathCurve>,
 }

@@ -1,0 +1,152 @@
+//! Curves for the figures: every extreme kept, the pen lifted at gaps.
+
+use crate::input::Input;
+use crate::replay::{Estimate, Rows, median_step};
+use crate::settings::Settings;
+use record::{AxisCurves, Curve, PathCurve, Zoom};
+
+/// Stretches of time per curve: with four rows kept of each, finer than a page's pixel columns.
+const BINS: usize = 450;
+
+pub(crate) struct Curves {
+    pub(crate) axes: Vec<AxisCurves>,
+    pub(crate) zoom: Option<Zoom>,
+    pub(crate) track: Vec<PathCurve>,
+}
+
+pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &[Estimate]) -> Curves {
+    let shown = chosen(estimates);
+    let whole = (rows.t[0], rows.t[rows.t.len() - 1]);
+    Curves {
+        axes: axes(input, settings, rows, &shown, whole),
+        zoom: hardest(input, rows, settings).map(|(start_s, end_s, why)| Zoom {
+            start_s,
+            end_s,
+            why,
+            axes: axes(input, settings, rows, &shown, (start_s, end_s)),
+        }),
+        track: shown.iter().map(|e| path(rows, e)).collect(),
+    }
+}
+
+/// Raw, the paper's compensator as a loop should run it (with the age of held fixes if they are held), exact.
+fn chosen(estimates: &[Estimate]) -> Vec<&Estimate> {
+    let as_seen = estimates.iter().any(|e| e.name == "pade-1-1-as-seen");
+    estimates.iter().filter(|e| !(as_seen && e.name == "pade-1-1")).collect()
+}
+
+fn axes(input: &Input, settings: &Settings, rows: &Rows, shown: &[&Estimate], window: (f64, f64)) -> Vec<AxisCurves> {
+    let axis = |(k, name): (usize, &str)| {
+        let raw = &shown[0].axes[k];
+        let difference = |e: &Estimate| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
+        let predicted: Vec<f64> =
+            (0..rows.t.len()).map(|r| -rows.velocity[k][r] * (settings.delay.seconds() + rows.age[r])).collect();
+        let mut position_m: Vec<Curve> =
+            shown.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], e.name == "raw", window)).collect();
+        position_m.extend(
+            input
+                .reference
+                .as_ref()
+                .map(|r| pen("reference".to_owned(), &r.t, &r.axes[k], |_| true, 2.5 * median_step(&r.t), window)),
+        );
+        let mut difference_m: Vec<Curve> = shown[1..]
+            .iter()
+            .map(|e| curve(format!("raw − {}", e.title), rows, &difference(e), false, window))
+            .collect();
+        difference_m.push(curve("−v · (Td + age of the fix)".to_owned(), rows, &predicted, false, window));
+        AxisCurves { axis: name.to_owned(), position_m, difference_m }
+    };
+    ["north", "east"].into_iter().enumerate().map(axis).collect()
+}
+
+fn curve(name: String, rows: &Rows, y: &[f64], always: bool, window: (f64, f64)) -> Curve {
+    let gap = 2.5 * median_step(&rows.t);
+    pen(name, &rows.t, y, |row| always || rows.has_output(row), gap, window)
+}
+
+/// Draws the rows of a window that are shown, in strokes without gaps longer than `gap`.
+fn pen(name: String, t: &[f64], y: &[f64], shown: impl Fn(usize) -> bool, gap: f64, window: (f64, f64)) -> Curve {
+    let mut out = Curve { name, t_s: vec![], y: vec![], breaks: vec![], stands_for: 0 };
+    for stroke in strokes(t, shown, gap, window) {
+        let (t, y) = (&t[stroke.clone()], &y[stroke]);
+        let kept = signal::min_max(t, y, bins(t, window));
+        if !out.t_s.is_empty() {
+            out.breaks.push(out.t_s.len() as u32);
+        }
+        out.t_s.extend(kept.rows.iter().map(|&r| t[r]));
+        out.y.extend(kept.rows.iter().map(|&r| y[r]));
+        out.stands_for += kept.stands_for as u64;
+    }
+    out
+}
+
+fn bins(t: &[f64], window: (f64, f64)) -> usize {
+    let share = (t[t.len() - 1] - t[0]) / (window.1 - window.0).max(f64::MIN_POSITIVE);
+    ((BINS as f64 * share) as usize).clamp(1, BINS)
+}
+
+fn strokes(t: &[f64], shown: impl Fn(usize) -> bool, gap: f64, window: (f64, f64)) -> Vec<std::ops::Range<usize>> {
+    let mut out: Vec<std::ops::Range<usize>> = vec![];
+    for row in t.partition_point(|&x| x < window.0)..t.partition_point(|&x| x <= window.1) {
+        if !shown(row) {
+            continue;
+        }
+        match out.last_mut() {
+            Some(stroke) if stroke.end == row && t[row] - t[row - 1] <= gap => stroke.end = row + 1,
+            _ => out.push(row..row + 1),
+        }
+    }
+    out
+}
+
+fn path(rows: &Rows, estimate: &Estimate) -> PathCurve {
+    let mut out =
+        PathCurve { name: estimate.title.clone(), east_m: vec![], north_m: vec![], breaks: vec![], stands_for: 0 };
+    let window = (rows.t[0], rows.t[rows.t.len() - 1]);
+    let always = estimate.name == "raw";
+    for stroke in strokes(&rows.t, |r| always || rows.has_output(r), 2.5 * median_step(&rows.t), window) {
+        let t = &rows.t[stroke.clone()];
+        let [north, east] = [0, 1].map(|k: usize| &estimate.axes[k][stroke.clone()]);
+        let half = bins(t, window).div_ceil(2);
+        let mut kept = signal::min_max(t, north, half).rows;
+        kept.extend(signal::min_max(t, east, half).rows);
+        kept.sort_unstable();
+        kept.dedup();
+        if !out.east_m.is_empty() {
+            out.breaks.push(out.east_m.len() as u32);
+        }
+        out.east_m.extend(kept.iter().map(|&r| east[r]));
+        out.north_m.extend(kept.iter().map(|&r| north[r]));
+        out.stands_for += t.len() as u64;
+    }
+    out
+}
+
+/// The window with the largest mean horizontal acceleration, from velocity differences over a second.
+fn hardest(input: &Input, rows: &Rows, settings: &Settings) -> Option<(f64, f64, String)> {
+    const BASE_S: f64 = 1.0;
+    let (first, last) = (rows.t[0], rows.t[rows.t.len() - 1]);
+    if last - first <= 2.0 * settings.zoom_s {
+        return None;
+    }
+    let v = &input.velocity;
+    let (mut t, mut acceleration) = (vec![], vec![]);
+    let mut before = 0;
+    for now in 0..v.t.len() {
+        while v.t[now] - v.t[before] > BASE_S {
+            before += 1;
+        }
+        // The oldest sample within the base, or the one before it where samples are sparser than the base.
+        let from = if before == now { now.saturating_sub(1) } else { before };
+        let (h, middle) = (v.t[now] - v.t[from], 0.5 * (v.t[now] + v.t[from]));
+        if h > 0.0 && h <= 3.0 * BASE_S && (first..=last).contains(&middle) && t.last().is_none_or(|x| *x < middle) {
+            t.push(middle);
+            acceleration.push((v.axes[0][now] - v.axes[0][from]).hypot(v.axes[1][now] - v.axes[1][from]) / h);
+        }
+    }
+    let window = signal::largest_mean(&t, &acceleration, settings.zoom_s)?;
+    let start = t[window.first];
+    let why =
+        format!("the {:.0} s with the largest mean horizontal acceleration, {:.1} m/s²", settings.zoom_s, window.mean);
+    Some((start, (start + settings.zoom_s).min(last), why))
+}

@@ -1,0 +1,259 @@
+//! The flight as the compensators see it: seconds and metres from one origin.
+
+use crate::settings::Settings;
+use flight::{Channel, Clock, Flight, Geodetic, LocalFrame, Quantity, Stamp};
+
+/// Why a flight cannot be replayed. Each says what would help.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// A channel that is needed is not in the log.
+    #[error("no {what} channel: the pipeline asks for {wanted}, the log binds {held}")]
+    NoChannel {
+        /// `position` or `velocity`.
+        what: &'static str,
+        /// Names that the pipeline prefers.
+        wanted: String,
+        /// Names that the flight holds.
+        held: String,
+    },
+    /// The channel is of another kind.
+    #[error("{channel} holds {quantity:?}, which is no {what}")]
+    WrongQuantity {
+        /// Its name.
+        channel: String,
+        /// What it holds.
+        quantity: Quantity,
+        /// What is needed.
+        what: &'static str,
+    },
+    /// Position and velocity are stamped by clocks that nobody has related.
+    #[error("{position} is stamped by the clock {a}, {velocity} by {b}: they cannot be compared")]
+    Clocks {
+        /// Position channel.
+        position: String,
+        /// Its clock.
+        a: Clock,
+        /// Velocity channel.
+        velocity: String,
+        /// Its clock.
+        b: Clock,
+    },
+    /// Too little of a channel.
+    #[error("{channel} has {rows} usable samples; at least {least} are needed")]
+    TooShort {
+        /// Its name.
+        channel: String,
+        /// Its updates.
+        rows: usize,
+        /// What is needed.
+        least: usize,
+    },
+    /// The two do not meet in time.
+    #[error("{position} ({p0:.1} to {p1:.1} s) and {velocity} ({v0:.1} to {v1:.1} s) do not overlap in time")]
+    NoOverlap {
+        /// Position channel.
+        position: String,
+        /// Its first update, s.
+        p0: f64,
+        /// Its last.
+        p1: f64,
+        /// Velocity channel.
+        velocity: String,
+        /// Its first sample, s.
+        v0: f64,
+        /// Its last.
+        v1: f64,
+    },
+    /// Standing still, late and on time look alike.
+    #[error(
+        "not measurable: the vehicle does not travel (95 % of ground speeds are below {p95_mps:.2} m/s, the limit is \
+         {limit_mps:.2} m/s); a late position shows only in motion, best in turns"
+    )]
+    NoMotion {
+        /// 95th percentile of the ground speed, m/s.
+        p95_mps: f64,
+        /// The limit, m/s.
+        limit_mps: f64,
+    },
+    /// The delay cannot be removed causally.
+    #[error("the delay to remove is {0} s: only a positive delay (a late position) can be compensated")]
+    DelayNotPositive(f64),
+}
+
+/// The horizontal axes: index into everything that has a north and an east.
+pub(crate) const AXES: [usize; 2] = [0, 1];
+
+/// Samples of a horizontal vector.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Horizontal {
+    pub(crate) t: Vec<f64>,
+    /// North, then east.
+    pub(crate) axes: [Vec<f64>; 2],
+}
+
+/// Everything that the replay reads.
+#[derive(Debug)]
+pub(crate) struct Input {
+    pub(crate) names: record::PairUse,
+    pub(crate) origin: Stamp,
+    pub(crate) clock: Clock,
+    pub(crate) frame: Option<LocalFrame>,
+    /// Fixes, held repeats left out.
+    pub(crate) position: Horizontal,
+    /// Down coordinate of each fix, m.
+    pub(crate) down: Vec<f64>,
+    pub(crate) velocity: Horizontal,
+    pub(crate) reference: Option<Horizontal>,
+}
+
+const LEAST_ROWS: usize = 3;
+
+impl Input {
+    pub(crate) fn of(flight: &Flight, settings: &Settings) -> Result<Input, Refusal> {
+        if settings.delay.seconds() <= 0.0 {
+            return Err(Refusal::DelayNotPositive(settings.delay.seconds()));
+        }
+        let (position_name, position) = pick(flight, "position", &settings.position)?;
+        let (velocity_name, velocity) = pick(flight, "velocity", &settings.velocity)?;
+        let clock = position.series.timeline().clock();
+        if velocity.series.timeline().clock() != clock {
+            return Err(Refusal::Clocks {
+                position: position_name.to_owned(),
+                a: clock,
+                velocity: velocity_name.to_owned(),
+                b: velocity.series.timeline().clock(),
+            });
+        }
+        let fixes = updates(position_name, position)?;
+        let samples = updates(velocity_name, velocity)?;
+        let origin = position.series.timeline().stamps()[fixes[0]].min(velocity.series.timeline().stamps()[samples[0]]);
+        let reference = settings.reference.iter().find_map(|name| {
+            let channel = flight.channels.get(name)?;
+            (channel.quantity == position.quantity && channel.series.timeline().clock() == clock)
+                .then_some((name, channel))
+        });
+        let frame =
+            (position.quantity == Quantity::PositionGeodetic).then(|| LocalFrame::new(geodetic(position, fixes[0])));
+        let (position_local, down) = local(position_name, position, &fixes, origin, frame.as_ref())?;
+        let velocity_local = turned(velocity, &samples, origin, frame.as_ref(), position, &fixes);
+        let reference_local = match reference {
+            Some((name, channel)) => {
+                let rows: Vec<usize> = (0..channel.series.len()).collect();
+                Some(local(name, channel, &rows, origin, frame.as_ref())?.0)
+            }
+            None => None,
+        };
+        let input = Input {
+            names: record::PairUse {
+                position: position_name.to_owned(),
+                velocity: velocity_name.to_owned(),
+                reference: reference.map(|(name, _)| name.clone()),
+            },
+            origin,
+            clock,
+            frame,
+            position: position_local,
+            down,
+            velocity: velocity_local,
+            reference: reference_local,
+        };
+        input.check_overlap()?;
+        Ok(input)
+    }
+
+    fn check_overlap(&self) -> Result<(), Refusal> {
+        let ends = |t: &[f64]| (t[0], t[t.len() - 1]);
+        let ((p0, p1), (v0, v1)) = (ends(&self.position.t), ends(&self.velocity.t));
+        if p0 <= v1 && v0 <= p1 {
+            return Ok(());
+        }
+        let (position, velocity) = (self.names.position.clone(), self.names.velocity.clone());
+        Err(Refusal::NoOverlap { position, p0, p1, velocity, v0, v1 })
+    }
+}
+
+fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Result<(&'a str, &'a Channel), Refusal> {
+    let list = |names: Vec<&str>| if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+    let (name, channel) = flight.first_of(wanted).ok_or_else(|| Refusal::NoChannel {
+        what,
+        wanted: list(wanted.iter().map(String::as_str).collect()),
+        held: list(flight.channels.keys().map(String::as_str).collect()),
+    })?;
+    let fits = match channel.quantity {
+        Quantity::PositionGeodetic | Quantity::PositionNed => what == "position",
+        Quantity::VelocityNed => what == "velocity",
+        Quantity::Scalar => false,
+    };
+    if fits {
+        Ok((name, channel))
+    } else {
+        Err(Refusal::WrongQuantity { channel: name.to_owned(), quantity: channel.quantity, what })
+    }
+}
+
+fn updates(name: &str, channel: &Channel) -> Result<Vec<usize>, Refusal> {
+    let rows = channel.update_rows();
+    if rows.len() < LEAST_ROWS {
+        return Err(Refusal::TooShort { channel: name.to_owned(), rows: rows.len(), least: LEAST_ROWS });
+    }
+    Ok(rows)
+}
+
+fn geodetic(channel: &Channel, row: usize) -> Geodetic {
+    let s = &channel.series;
+    Geodetic { latitude: s.component(0)[row], longitude: s.component(1)[row], height: s.component(2)[row] }
+}
+
+/// North and east of a position channel in metres, and down beside them.
+fn local(
+    name: &str,
+    channel: &Channel,
+    rows: &[usize],
+    origin: Stamp,
+    frame: Option<&LocalFrame>,
+) -> Result<(Horizontal, Vec<f64>), Refusal> {
+    let stamps = channel.series.timeline().stamps();
+    let mut out =
+        Horizontal { t: rows.iter().map(|&r| stamps[r].seconds_since(origin)).collect(), ..Horizontal::default() };
+    let mut down = Vec::with_capacity(rows.len());
+    for &row in rows {
+        let ned = match (channel.quantity, frame) {
+            (Quantity::PositionGeodetic, Some(frame)) => frame.to_ned(geodetic(channel, row)),
+            (Quantity::PositionNed, _) => [0, 1, 2].map(|k| channel.series.component(k)[row]),
+            (quantity, _) => {
+                return Err(Refusal::WrongQuantity { channel: name.to_owned(), quantity, what: "position" });
+            }
+        };
+        AXES.into_iter().for_each(|k| out.axes[k].push(ned[k]));
+        down.push(ned[2]);
+    }
+    Ok((out, down))
+}
+
+/// North and east velocity, turned from the aircraft's own north-east-down (at its newest fix)
+/// into the axes of the origin, so that its integral is a difference of local positions. The fix
+/// is late by Td, which turns the velocity wrongly by v Td tan(latitude)/R: 1.7 mm of position
+/// at 200 m/s, 60° and 0.4 s.
+fn turned(
+    velocity: &Channel,
+    samples: &[usize],
+    origin: Stamp,
+    frame: Option<&LocalFrame>,
+    position: &Channel,
+    fixes: &[usize],
+) -> Horizontal {
+    let stamps = velocity.series.timeline().stamps();
+    let fix_stamps = position.series.timeline().stamps();
+    let mut out = Horizontal::default();
+    let mut newest = 0;
+    for &row in samples {
+        while newest + 1 < fixes.len() && fix_stamps[fixes[newest + 1]] <= stamps[row] {
+            newest += 1;
+        }
+        let own = [0, 1, 2].map(|k| velocity.series.component(k)[row]);
+        let ned = frame.map_or(own, |f| f.from_local_ned(geodetic(position, fixes[newest]), own));
+        out.t.push(stamps[row].seconds_since(origin));
+        AXES.into_iter().for_each(|k| out.axes[k].push(ned[k]));
+    }
+    out
+}

@@ -1,0 +1,221 @@
+//! What the compensators are worth, with and without an independent reference.
+
+use crate::input::{AXES, Horizontal, Input};
+use crate::replay::{Estimate as Track, Rows, median_step, of_segments};
+use crate::settings::Settings;
+use flight::{Notices, Severity};
+use record::{CompensatorResult, Estimate};
+use std::ops::Range;
+
+/// Steps of two kinds at each fix: against the fix before, and against what velocity carried it to.
+#[derive(Debug, Default)]
+pub(crate) struct Innovations {
+    /// Stamp of the fix, s.
+    t: Vec<f64>,
+    /// Squared distance to the fix before, m².
+    raw2: Vec<f64>,
+    /// The fix less the dead-reckoned fix before, m: north and east.
+    exact: [Vec<f64>; 2],
+}
+
+/// Innovations of all fixes whose flight since the fix before was seen whole by the velocity.
+pub(crate) fn innovations(input: &Input, settings: &Settings, segments: &[Range<usize>]) -> Innovations {
+    let flown = AXES.map(|k| of_segments(input, settings, segments, k));
+    let td = settings.delay.seconds();
+    let mut out = Innovations::default();
+    for j in 1..input.position.t.len() {
+        let (from, to) = (input.position.t[j - 1] - td, input.position.t[j] - td);
+        let Some(s) = covering(input, segments, from, to) else { continue };
+        let step = AXES.map(|k| input.position.axes[k][j] - input.position.axes[k][j - 1]);
+        out.t.push(input.position.t[j]);
+        out.raw2.push(step[0] * step[0] + step[1] * step[1]);
+        for k in AXES {
+            out.exact[k].push(step[k] - flown[k][s].flown(from, to));
+        }
+    }
+    out
+}
+
+/// The segment of velocity that covers an interval whole.
+fn covering(input: &Input, segments: &[Range<usize>], from: f64, to: f64) -> Option<usize> {
+    let t = &input.velocity.t;
+    let s = segments.partition_point(|s| t[s.end - 1] < to);
+    segments.get(s).filter(|range| t[range.start] <= from && to <= t[range.end - 1]).map(|_| s)
+}
+
+/// Fixes that jump by more than five robust sigma, or 5 cm, against velocity (design note 5.8): passed on and marked.
+pub(crate) fn resets(innovations: &Innovations, notices: &mut Notices) -> u64 {
+    const FLOOR_M: f64 = 0.01; // 1e-7 deg is 1.1 cm: below it a jump is a rounding
+    let sigma = AXES.map(|k| signal::robust_sigma(&innovations.exact[k]).unwrap_or_default().max(FLOOR_M));
+    let jumps: Vec<usize> = (0..innovations.t.len())
+        .filter(|&i| AXES.into_iter().any(|k| innovations.exact[k][i].abs() > 5.0 * sigma[k]))
+        .collect();
+    if let Some(&first) = jumps.first() {
+        let size = innovations.exact[0][first].hypot(innovations.exact[1][first]);
+        notices.push(
+            Severity::Warning,
+            "position-reset",
+            format!("t = {:.3} s", innovations.t[first]),
+            jumps.len() as u64,
+            format!("fixes jump by more than five sigma against the integrated velocity, the first by {size:.2} m; they are passed on as they are"),
+        );
+    }
+    jumps.len() as u64
+}
+
+/// Over five seconds the fixes must move as the velocity says; if not, an axis, a sign or a unit is likely wrong.
+pub(crate) fn warn_of_contradiction(
+    input: &Input,
+    settings: &Settings,
+    segments: &[Range<usize>],
+    notices: &mut Notices,
+) {
+    const BASE_S: f64 = 5.0;
+    let flown = AXES.map(|k| of_segments(input, settings, segments, k));
+    let (td, t) = (settings.delay.seconds(), &input.position.t);
+    let (mut moved2, mut missed2, mut pairs) = (0.0, 0.0, 0_u64);
+    let mut i = 0;
+    for j in 0..t.len() {
+        if t[j] - t[i] < BASE_S {
+            continue;
+        }
+        if let Some(s) = covering(input, segments, t[i] - td, t[j] - td) {
+            for k in AXES {
+                let step = input.position.axes[k][j] - input.position.axes[k][i];
+                moved2 += step * step;
+                missed2 += (step - flown[k][s].flown(t[i] - td, t[j] - td)).powi(2);
+            }
+            pairs += 1;
+        }
+        i = j;
+    }
+    let share = if moved2 > 0.0 { (missed2 / moved2).sqrt() } else { 0.0 };
+    if pairs >= 3 && share > 0.5 {
+        let text = format!(
+            "over {BASE_S} s the fixes disagree with the integrated velocity by {:.0} % of the distance: check axes, signs and units of {} and {}",
+            100.0 * share,
+            input.names.position,
+            input.names.velocity
+        );
+        notices.push(Severity::Warning, "velocity-contradicts-position", "", pairs, text);
+    }
+}
+
+/// rms with its standard error; `None` without rows.
+fn rms(squares: &[f64]) -> Option<Estimate> {
+    signal::block_jackknife_rms(squares).map(|r| Estimate { value: r.value, standard_uncertainty: r.standard_error })
+}
+
+/// What a constant velocity would fly during the delay and the age of the fix, m.
+pub(crate) fn predicted(rows: &Rows, settings: &Settings) -> Estimate {
+    let squares: Vec<f64> = rows
+        .valid()
+        .map(|row| {
+            let delay = settings.delay.seconds() + rows.age[row];
+            (rows.velocity[0][row].powi(2) + rows.velocity[1][row].powi(2)) * delay * delay
+        })
+        .collect();
+    with_delay_uncertainty(rms(&squares), rows, settings)
+}
+
+/// Adds U · u(Td) in quadrature: a displacement during Td is known no better than Td is.
+fn with_delay_uncertainty(estimate: Option<Estimate>, rows: &Rows, settings: &Settings) -> Estimate {
+    let mut estimate = estimate.unwrap_or(Estimate { value: 0.0, standard_uncertainty: None });
+    let speeds: Vec<f64> = rows.valid().map(|r| rows.velocity[0][r].powi(2) + rows.velocity[1][r].powi(2)).collect();
+    if let (Some(u), Some(delay_u), Some(speed)) =
+        (estimate.standard_uncertainty, settings.delay_uncertainty_s, rms(&speeds))
+    {
+        estimate.standard_uncertainty = Some(u.hypot(speed.value * delay_u));
+    }
+    estimate
+}
+
+pub(crate) fn compensators(
+    input: &Input,
+    settings: &Settings,
+    rows: &Rows,
+    tracks: &[Track],
+    innovations: &Innovations,
+) -> Vec<CompensatorResult> {
+    let valid: Vec<usize> = rows.valid().collect();
+    let reference = input.reference.as_ref().map(|r| Reference::at(r, rows, &valid));
+    let exact2: Vec<f64> = innovations.exact[0].iter().zip(&innovations.exact[1]).map(|(n, e)| n * n + e * e).collect();
+    tracks
+        .iter()
+        .map(|track| {
+            let difference: Vec<f64> = valid
+                .iter()
+                .map(|&r| AXES.map(|k| (tracks[0].axes[k][r] - track.axes[k][r]).powi(2)).iter().sum())
+                .collect();
+            let errors = reference.as_ref().map(|r| r.squared_errors(track));
+            CompensatorResult {
+                name: track.name.to_owned(),
+                title: track.title.clone(),
+                delay: track.delay,
+                raw_minus_this_rms_m: if track.name == "raw" {
+                    Estimate { value: 0.0, standard_uncertainty: Some(0.0) }
+                } else {
+                    with_delay_uncertainty(rms(&difference), rows, settings)
+                },
+                // The Padé output is continuous, so its position steps at a fix as the raw one does.
+                step_at_fix_rms_m: rms(if track.name == "exact-async" { &exact2 } else { &innovations.raw2 }),
+                error_rms_m: errors.as_deref().and_then(rms),
+                error_p95_m: errors.as_deref().and_then(percentile_95),
+            }
+        })
+        .collect()
+}
+
+/// The 95th percentile of the error, with the spread of its ten consecutive parts as standard error.
+fn percentile_95(squares: &[f64]) -> Option<Estimate> {
+    const PARTS: usize = 10;
+    let p95 = |squares: &[f64]| {
+        let mut sorted = squares.to_vec();
+        sorted.sort_unstable_by(f64::total_cmp);
+        signal::percentile_of_sorted(&sorted, 0.95).map(f64::sqrt)
+    };
+    let value = p95(squares)?;
+    let n = squares.len();
+    let standard_uncertainty = (n >= 20 * PARTS).then(|| {
+        let parts: Vec<f64> = (0..PARTS).filter_map(|b| p95(&squares[b * n / PARTS..(b + 1) * n / PARTS])).collect();
+        let mean = parts.iter().sum::<f64>() / PARTS as f64;
+        (parts.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / ((PARTS - 1) * PARTS) as f64).sqrt()
+    });
+    Some(Estimate { value, standard_uncertainty })
+}
+
+/// The reference at those valid rows that it covers without a gap.
+struct Reference {
+    row: Vec<usize>,
+    axes: [Vec<f64>; 2],
+}
+
+impl Reference {
+    /// Linear between reference samples (errs by at most a h²/8), never across a gap of more than 2.5 steps.
+    fn at(reference: &Horizontal, rows: &Rows, valid: &[usize]) -> Reference {
+        let t = &reference.t;
+        let longest = 2.5 * median_step(t);
+        let mut out = Reference { row: vec![], axes: [vec![], vec![]] };
+        for &row in valid {
+            let after = t.partition_point(|&x| x <= rows.t[row]);
+            let Some(k) = after.checked_sub(1) else { continue };
+            let (share, next) = if t[k] == rows.t[row] {
+                (0.0, k)
+            } else if after < t.len() && t[after] - t[k] <= longest {
+                ((rows.t[row] - t[k]) / (t[after] - t[k]), after)
+            } else {
+                continue;
+            };
+            out.row.push(row);
+            for (out, y) in out.axes.iter_mut().zip(&reference.axes) {
+                out.push(y[k] + share * (y[next] - y[k]));
+            }
+        }
+        out
+    }
+
+    fn squared_errors(&self, track: &Track) -> Vec<f64> {
+        let error = |i: usize, k: usize| track.axes[k][self.row[i]] - self.axes[k][i];
+        (0..self.row.len()).map(|i| AXES.map(|k| error(i, k).powi(2)).iter().sum()).collect()
+    }
+}

@@ -1,0 +1,54 @@
+//! What the pipeline decides about a replay.
+
+use flight::Delay;
+use record::StartRule;
+
+/// Settings of a replay, as they are meant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Delay of the position to remove; positive means late.
+    pub delay: Delay,
+    /// Its standard uncertainty, s, if known.
+    pub delay_uncertainty_s: Option<f64>,
+    /// Where the delay comes from, in words, for the page.
+    pub delay_source: String,
+    /// What is assumed before the first velocity.
+    pub start: StartRule,
+    /// Velocity gaps up to this long are bridged by a straight line, s. `None`: 2 Td, and
+    /// never less than 2.5 median velocity intervals.
+    pub bridge_s: Option<f64>,
+    /// A flight whose 95th percentile of ground speed is lower does not move, m/s.
+    pub min_speed_mps: f64,
+    /// Length of the window around the hardest manoeuvre, s.
+    pub zoom_s: f64,
+    /// Rows at this rate instead of one for each velocity sample, Hz. The paper's compensator
+    /// then sees the velocity held between its samples, as a faster loop would.
+    pub output_rate_hz: Option<f64>,
+    /// Position channels in order of preference.
+    pub position: Vec<String>,
+    /// Velocity channels in order of preference.
+    pub velocity: Vec<String>,
+    /// Reference position channels in order of preference; none is fine.
+    pub reference: Vec<String>,
+}
+
+impl Settings {
+    /// The usual settings for a delay.
+    #[must_use]
+    pub fn with_delay(delay: Delay, source: &str) -> Settings {
+        let names = |list: &[&str]| list.iter().map(|s| (*s).to_owned()).collect();
+        Settings {
+            delay,
+            delay_uncertainty_s: None,
+            delay_source: source.to_owned(),
+            start: StartRule::Warm,
+            bridge_s: None,
+            min_speed_mps: 2.0,
+            zoom_s: 20.0,
+            output_rate_hz: None,
+            position: names(&["position.gps", "position.ins", "position.ekf"]),
+            velocity: names(&["velocity.ekf", "velocity.ins", "velocity.gps"]),
+            reference: names(&["position.truth"]),
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! Starts, gaps, resets, refusals.
+
+use crate::flights::{along_a_parallel, channel, circle, late};
+use compensation_replay::{Refusal, RowState, Settings, Track, TrackColumn, replay};
+use flight::{Channel, Flight, Quantity, Severity};
+use record::StartRule;
+
+fn settings() -> Settings {
+    Settings::with_delay(late(0.4), "truth")
+}
+
+fn rows_of(channel: &Channel) -> Vec<(f64, [f64; 3])> {
+    let timeline = channel.series.timeline();
+    let t = timeline.seconds_since(flight::Stamp(1_700_000_000_000_000_000));
+    t.into_iter().enumerate().map(|(row, t)| (t, [0, 1, 2].map(|k| channel.series.component(k)[row]))).collect()
+}
+
+fn edit(flight: &mut Flight, name: &str, change: impl Fn(&mut Vec<(f64, [f64; 3])>)) {
+    let old = &flight.channels[name];
+    let quantity = old.quantity;
+    let mut rows = rows_of(old);
+    change(&mut rows);
+    flight.channels.insert(name.into(), channel(quantity, &rows));
+}
+
+fn numbers<'a>(track: &'a Track, name: &str) -> &'a [Option<f64>] {
+    match track.column(name) {
+        Some(TrackColumn::F64(values)) => values,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+fn error(replay: &compensation_replay::Replay, name: &str) -> f64 {
+    replay.record.compensators.iter().find(|c| c.name == name).unwrap().error_rms_m.unwrap().value
+}
+
+#[test]
+fn compensation_with_the_wrong_sign_would_double_the_error() {
+    // On the circle the raw error is 2 R sin(ω Td / 2); the compensated one nearly nothing.
+    let found = replay(&circle(0.4, 60.0, 100.0, 100.0), &settings()).unwrap();
+    let raw = 60.0 * (17.5 / 30.0 * 0.4_f64 / 2.0).sin();
+    assert!((error(&found, "raw") - raw).abs() < 1e-3);
+    assert!(error(&found, "exact-async") < 1e-4 && error(&found, "pade-1-1") < 0.033);
+}
+
+#[test]
+fn two_hundred_kilometres_along_a_parallel_stay_right() {
+    let found = replay(&along_a_parallel(0.4, 1000.0), &settings()).unwrap();
+    // 80 m on the parallel; the tangent plane of the origin sees it under up to 1.8°.
+    assert!((error(&found, "raw") - 80.0).abs() < 80.0 * 5e-4);
+    // The velocity is turned at the late fix: 80 m · tan 60° / R · 80 m = 1.7 mm.
+    assert!(error(&found, "exact-async") < 2e-3, "{}", error(&found, "exact-async"));
+    let north = numbers(&found.track, "raw_north_m");
+    assert!(north.last().unwrap().unwrap() > 2_500.0, "the meridians converge: {:?}", north.last());
+}
+
+#[test]
+fn the_compensated_latitude_and_longitude_are_where_the_aircraft_is() {
+    let found = replay(&along_a_parallel(0.4, 500.0), &settings()).unwrap();
+    let latitude = numbers(&found.track, "exact_async_latitude_deg");
+    // As above, 1.7 mm = 1.6e-8 deg.
+    assert!(latitude.iter().flatten().all(|l| (l - 60.0).abs() < 2e-8));
+}
+
+#[test]
+fn a_cold_start_lacks_what_the_textbook_says() {
+    let mut flight = circle(0.4, 60.0, 100.0, 100.0);
+    let straight = |t: f64, late: f64| [20.0 * (t - late), 0.0, 0.0];
+    edit(&mut flight, "position.gps", |rows| rows.iter_mut().for_each(|(t, p)| *p = straight(*t, 0.4)));
+    edit(&mut flight, "velocity.gps", |rows| rows.iter_mut().for_each(|(_, v)| *v = [20.0, 0.0, 0.0]));
+    edit(&mut flight, "position.truth", |rows| rows.iter_mut().for_each(|(t, p)| *p = straight(*t, 0.0)));
+    let cold = replay(&flight, &Settings { start: StartRule::Cold, ..settings() }).unwrap();
+    let north = numbers(&cold.track, "pade_1_1_north_m");
+    // Design note 5.8: −Td v0 e^{−2t/Td}, sampled: Tustin at 100 Hz errs by the step of the first sample.
+    for (row, t) in [(20, 0.2), (40, 0.4), (80, 0.8)] {
+        let lack = 20.0 * t - north[row].unwrap();
+        assert!((lack - 8.0 * (-2.0 * t / 0.4_f64).exp()).abs() < 0.25, "t = {t}: {lack}");
+    }
+    let warm = replay(&flight, &settings()).unwrap();
+    assert!(
+        numbers(&warm.track, "pade_1_1_north_m")
+            .iter()
+            .enumerate()
+            .all(|(k, n)| (n.unwrap() - 0.2 * k as f64).abs() < 1e-9)
+    );
+    let wait = replay(&flight, &Settings { start: StartRule::InvalidUntilTd, ..settings() }).unwrap();
+    let north = numbers(&wait.track, "exact_async_north_m");
+    assert_eq!(north.iter().position(Option::is_some), Some(40));
+}
+
+#[test]
+fn a_long_velocity_gap_starts_anew_and_a_short_one_is_bridged() {
+    let mut flight = circle(0.4, 60.0, 100.0, 100.0);
+    edit(&mut flight, "velocity.gps", |rows| {
+        rows.retain(|(t, _)| !(20.0..23.0).contains(t) && !(40.0..40.5).contains(t))
+    });
+    let found = replay(&flight, &settings()).unwrap();
+    let coverage = &found.record.coverage;
+    assert_eq!((coverage.restarts, coverage.bridged_gaps), (1, 1));
+    let counted: u64 = coverage.invalid.iter().map(|r| r.count).sum();
+    assert_eq!(coverage.valid_rows + counted, coverage.rows);
+    // After the gap 0.4 s of warm-up at 100 Hz, as at the start.
+    assert_eq!(coverage.invalid[0].count, 80);
+    // The bridge cuts the corner of half a second of turn: a chord of ω h = 0.29 rad, error < v ω² h³ / 12 = 0.06 m.
+    assert!(error(&found, "exact-async") < 0.03, "{}", error(&found, "exact-async"));
+}
+
+#[test]
+fn between_lost_fixes_the_exact_form_dead_reckons() {
+    let mut flight = circle(0.4, 60.0, 10.0, 100.0);
+    edit(&mut flight, "position.gps", |rows| rows.retain(|(t, _)| !(20.0..30.0).contains(t)));
+    let found = replay(&flight, &settings()).unwrap();
+    assert!((found.record.coverage.longest_position_gap_s - 10.1).abs() < 1e-6);
+    assert!(error(&found, "exact-async") < 1e-3);
+    assert!(error(&found, "raw") > 10.0);
+}
+
+#[test]
+fn held_rows_are_not_fixes() {
+    let clean = circle(0.4, 60.0, 5.0, 100.0);
+    let mut held = clean.clone();
+    // The same fixes, each repeated four times in between and marked as held.
+    let fixes = rows_of(&clean.channels["position.gps"]);
+    let rows: Vec<(f64, [f64; 3])> =
+        fixes.iter().flat_map(|(t, p)| (0..5).map(|k| (t + 0.04 * f64::from(k), *p)).collect::<Vec<_>>()).collect();
+    let mut repeated = channel(Quantity::PositionNed, &rows);
+    repeated.held = (0..rows.len()).map(|row| row % 5 != 0).collect();
+    held.channels.insert("position.gps".into(), repeated);
+    let (a, b) = (replay(&clean, &settings()).unwrap(), replay(&held, &settings()).unwrap());
+    assert_eq!(a, b);
+}
+
+#[test]
+fn one_reset_of_the_position_is_marked_and_passed_on() {
+    let mut flight = circle(0.4, 60.0, 10.0, 100.0);
+    edit(&mut flight, "position.gps", |rows| rows.iter_mut().filter(|(t, _)| *t > 33.0).for_each(|(_, p)| p[0] += 7.0));
+    let found = replay(&flight, &settings()).unwrap();
+    assert_eq!(found.record.coverage.position_resets, 1);
+    let notice = found.notices.iter().find(|n| n.code == "position-reset").unwrap();
+    assert!(notice.text.contains("7.00 m") && notice.place == "t = 33.100 s", "{notice:?}");
+}
+
+#[test]
+fn swapped_axes_are_suspected_aloud() {
+    let mut flight = circle(0.4, 60.0, 10.0, 100.0);
+    assert!(replay(&flight, &settings()).unwrap().notices.iter().all(|n| n.severity == Severity::Info));
+    edit(&mut flight, "velocity.gps", |rows| rows.iter_mut().for_each(|(_, v)| v.swap(0, 1)));
+    let found = replay(&flight, &settings()).unwrap();
+    assert!(found.notices.iter().any(|n| n.code == "velocity-contradicts-position"));
+}
+
+#[test]
+fn the_difference_is_what_velocity_predicts() {
+    let found = replay(&circle(0.4, 60.0, 10.0, 100.0), &settings()).unwrap().record;
+    // v · (Td + age) against the chord flown: 1 − sinc(ω Td/2) is below 0.5 % here.
+    let predicted = found.predicted_rms_m.value;
+    let exact = found.compensators.last().unwrap().raw_minus_this_rms_m.value;
+    assert!((exact / predicted - 1.0).abs() < 0.006, "{exact} {predicted}");
+}
+
+#[test]
+fn the_uncertainty_of_the_delay_reaches_the_correction() {
+    let flight = circle(0.4, 60.0, 100.0, 100.0);
+    let found = replay(&flight, &Settings { delay_uncertainty_s: Some(0.01), ..settings() }).unwrap().record;
+    let u = found.compensators[1].raw_minus_this_rms_m.standard_uncertainty.unwrap();
+    assert!((u - 0.175).abs() < 0.002, "U δTd = 17.5 m/s · 10 ms = 0.175 m, not {u}");
+}
+
+#[test]
+fn every_spike_of_the_raw_position_is_in_its_curve() {
+    let mut flight = circle(0.4, 600.0, 100.0, 100.0);
+    edit(&mut flight, "position.gps", |rows| rows[31_415].1[1] = 55.0);
+    let found = replay(&flight, &settings()).unwrap().record;
+    let east = &found.axes[1].position_m[0];
+    let top = east.y.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    assert!(top > 54.0 && east.y.len() < 2_000 && east.stands_for == found.coverage.rows);
+    assert!(found.zoom.is_some());
+}
+
+#[test]
+fn a_flight_that_stands_still_is_refused_with_the_reason() {
+    let mut flight = circle(0.4, 60.0, 10.0, 100.0);
+    edit(&mut flight, "velocity.gps", |rows| rows.iter_mut().for_each(|(_, v)| *v = [0.1, 0.0, 0.0]));
+    let refusal = replay(&flight, &settings()).unwrap_err();
+    assert!(matches!(refusal, Refusal::NoMotion { .. }) && refusal.to_string().contains("0.10 m/s"), "{refusal}");
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let mut flight = circle(0.4, 60.0, 10.0, 100.0);
+    flight.channels.remove("velocity.gps");
+    let text = replay(&flight, &settings()).unwrap_err().to_string();
+    assert!(text.contains("velocity.ekf") && text.contains("position.gps"), "{text}");
+    let early = replay(&circle(0.4, 9.0, 10.0, 10.0), &Settings::with_delay(late(-0.1), "")).unwrap_err();
+    assert_eq!(early, Refusal::DelayNotPositive(-0.1));
+}
+
+#[test]
+fn channels_that_do_not_meet_in_time_are_refused() {
+    let mut flight = circle(0.4, 60.0, 10.0, 100.0);
+    edit(&mut flight, "velocity.gps", |rows| rows.iter_mut().for_each(|(t, _)| *t += 1e6));
+    assert!(matches!(replay(&flight, &settings()), Err(Refusal::NoOverlap { .. })));
+}
+
+#[test]
+fn states_are_written_as_their_codes() {
+    let found = replay(&circle(0.4, 10.0, 100.0, 100.0), &settings()).unwrap();
+    let Some(TrackColumn::U8(states)) = found.track.column("state") else { panic!() };
+    assert_eq!((states[0], states[500]), (RowState::WarmUp as u8, RowState::Valid as u8));
+}

@@ -1,0 +1,60 @@
+//! The stretch of a record where most happens.
+
+/// A stretch of rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// First row.
+    pub first: usize,
+    /// Row after the last.
+    pub end: usize,
+    /// Mean of the values over these rows.
+    pub mean: f64,
+}
+
+/// The stretch of at most `length_s` seconds (starting at a row) with the largest mean of `y`.
+/// Windows cut short by the end of the record do not compete, unless the whole record is shorter.
+/// `None` without rows.
+#[must_use]
+pub fn largest_mean(t: &[f64], y: &[f64], length_s: f64) -> Option<Window> {
+    let last = *t.last()?;
+    let mut prefix = Vec::with_capacity(y.len() + 1);
+    prefix.push(0.0);
+    for value in y {
+        prefix.push(prefix[prefix.len() - 1] + value);
+    }
+    let mut best: Option<Window> = None;
+    let mut end = 0;
+    for first in 0..t.len() {
+        while end < t.len() && t[end] <= t[first] + length_s {
+            end += 1;
+        }
+        let mean = (prefix[end] - prefix[first]) / (end - first) as f64;
+        if best.is_none_or(|b| mean > b.mean) {
+            best = Some(Window { first, end, mean });
+        }
+        if t[first] + length_s >= last {
+            break;
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_with_the_hump_is_found() {
+        let t: Vec<f64> = (0..1000).map(|i| f64::from(i) * 0.125).collect();
+        let y: Vec<f64> = t.iter().map(|t| (-(t - 40.0).powi(2) / 20.0).exp()).collect();
+        let window = largest_mean(&t, &y, 10.0).unwrap();
+        assert!(t[window.first] == 35.0 && t[window.end - 1] == 45.0);
+    }
+
+    #[test]
+    fn a_record_shorter_than_the_window_is_the_window() {
+        let window = largest_mean(&[0.0, 1.0], &[1.0, 3.0], 60.0).unwrap();
+        assert_eq!((window.first, window.end, window.mean), (0, 2, 2.0));
+        assert_eq!(largest_mean(&[], &[], 1.0), None);
+    }
+}
