@@ -1,5 +1,6 @@
 //! WGS-84: geodetic, earth-centred and local north-east-down coordinates, exact.
 
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Semi-major axis, m (WGS 84, NIMA TR8350.2).
@@ -86,15 +87,15 @@ impl Ecef {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LocalFrame {
     origin: Geodetic,
-    origin_ecef: Ecef,
-    ned_from_ecef: [[f64; 3]; 3],
+    origin_ecef: Vector3<f64>,
+    ned_from_ecef: Matrix3<f64>,
 }
 
 impl LocalFrame {
     /// The frame at `origin`.
     #[must_use]
     pub fn new(origin: Geodetic) -> LocalFrame {
-        LocalFrame { origin, origin_ecef: origin.to_ecef(), ned_from_ecef: ned_from_ecef(origin) }
+        LocalFrame { origin, origin_ecef: vector(origin.to_ecef()), ned_from_ecef: ned_from_ecef(origin) }
     }
 
     /// Where it touches.
@@ -106,41 +107,36 @@ impl LocalFrame {
     /// North, east, down of a point, m. Exact (ECEF difference, one rotation).
     #[must_use]
     pub fn to_ned(&self, point: Geodetic) -> [f64; 3] {
-        let e = point.to_ecef();
-        let d = [e.x - self.origin_ecef.x, e.y - self.origin_ecef.y, e.z - self.origin_ecef.z];
-        rotate(&self.ned_from_ecef, d)
+        (self.ned_from_ecef * (vector(point.to_ecef()) - self.origin_ecef)).into()
     }
 
     /// The point with these coordinates.
     #[must_use]
     pub fn to_geodetic(&self, ned: [f64; 3]) -> Geodetic {
-        let d = rotate_back(&self.ned_from_ecef, ned);
-        Ecef { x: self.origin_ecef.x + d[0], y: self.origin_ecef.y + d[1], z: self.origin_ecef.z + d[2] }.to_geodetic()
+        let ecef = self.origin_ecef + self.ned_from_ecef.tr_mul(&Vector3::from(ned));
+        Ecef { x: ecef.x, y: ecef.y, z: ecef.z }.to_geodetic()
     }
 
     /// A vector (velocity) given in the north-east-down of `at`, in this frame's axes.
     #[must_use]
     pub fn from_local_ned(&self, at: Geodetic, vector: [f64; 3]) -> [f64; 3] {
-        rotate(&self.ned_from_ecef, rotate_back(&ned_from_ecef(at), vector))
+        (self.ned_from_ecef * ned_from_ecef(at).tr_mul(&Vector3::from(vector))).into()
     }
 }
 
-fn ned_from_ecef(at: Geodetic) -> [[f64; 3]; 3] {
+fn vector(point: Ecef) -> Vector3<f64> {
+    Vector3::new(point.x, point.y, point.z)
+}
+
+#[rustfmt::skip]
+fn ned_from_ecef(at: Geodetic) -> Matrix3<f64> {
     let (sin_lat, cos_lat) = at.latitude.sin_cos();
     let (sin_lon, cos_lon) = at.longitude.sin_cos();
-    [
-        [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
-        [-sin_lon, cos_lon, 0.0],
-        [-cos_lat * cos_lon, -cos_lat * sin_lon, -sin_lat],
-    ]
-}
-
-fn rotate(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
-    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
-}
-
-fn rotate_back(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|j| m[0][j] * v[0] + m[1][j] * v[1] + m[2][j] * v[2])
+    Matrix3::new(
+        -sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat,
+        -sin_lon,            cos_lon,           0.0,
+        -cos_lat * cos_lon, -cos_lat * sin_lon, -sin_lat,
+    )
 }
 
 #[cfg(test)]

@@ -1,0 +1,42 @@
+# The verbs of flightlag. `just` alone lists them.
+
+set positional-arguments
+
+[private]
+default:
+    @just --list --unsorted
+
+# Replay every flight of a folder and write the pages: just campaign FLIGHTS [--pipeline P] [--out DIR] ...
+campaign flights *options:
+    @cargo run --release --quiet -p flightlag -- campaign "$@"
+
+# Simulate a campaign whose truth is known, and report on it
+demo folder="reports/demo":
+    @cargo run --release -p flightlag -- demo "$1" --run
+
+# What a log holds, and how good its time stamps are
+inspect log *options:
+    @cargo run --release --quiet -p flightlag -- inspect "$@"
+
+# All tests
+test:
+    cargo test --workspace
+
+# What CI checks
+check:
+    bash .ci/run
+
+# Accept changed generated files (JSON schemas) after reading the diff
+bless:
+    UPDATE=1 cargo test -p ingest -p campaign schema
+    git diff --stat
+
+# CPU of reading three topics of an MCAP against decompressing it: just perf-mcap FILE TOPIC TOPIC TOPIC
+perf-mcap file *topics:
+    cargo build --release -p ingest --examples
+    tests/perf/mcap.sh "$@"
+
+# Campaign of 200 simulated flights: one and two threads, and a rerun with nothing changed
+perf-campaign flights="200":
+    cargo build --release -p flightlag
+    tests/perf/campaign.sh "$1"
