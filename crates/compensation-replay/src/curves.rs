@@ -8,6 +8,9 @@ use record::{AxisCurves, Curve, PathCurve, Zoom};
 /// Stretches of time per curve: with four rows kept of each, finer than a page's pixel columns.
 const BINS: usize = 450;
 
+/// A ground track is drawn to this share of its extent, about half a pixel of a page.
+const PATH_RESOLUTION: f64 = 1500.0;
+
 pub(crate) struct Curves {
     pub(crate) axes: Vec<AxisCurves>,
     pub(crate) zoom: Option<Zoom>,
@@ -18,12 +21,12 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
     let shown = chosen(estimates);
     let whole = (rows.t[0], rows.t[rows.t.len() - 1]);
     Curves {
-        axes: axes(input, settings, rows, &shown, whole),
+        axes: axes(input, rows, &shown, whole),
         zoom: hardest(input, rows, settings).map(|(start_s, end_s, why)| Zoom {
             start_s,
             end_s,
             why,
-            axes: axes(input, settings, rows, &shown, (start_s, end_s)),
+            axes: axes(input, rows, &shown, (start_s, end_s)),
         }),
         track: shown.iter().map(|e| path(rows, e)).collect(),
     }
@@ -35,12 +38,11 @@ fn chosen(estimates: &[Estimate]) -> Vec<&Estimate> {
     estimates.iter().filter(|e| !(as_seen && e.name == "pade-1-1")).collect()
 }
 
-fn axes(input: &Input, settings: &Settings, rows: &Rows, shown: &[&Estimate], window: (f64, f64)) -> Vec<AxisCurves> {
+fn axes(input: &Input, rows: &Rows, shown: &[&Estimate], window: (f64, f64)) -> Vec<AxisCurves> {
     let axis = |(k, name): (usize, &str)| {
         let raw = &shown[0].axes[k];
         let difference = |e: &Estimate| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
-        let predicted: Vec<f64> =
-            (0..rows.t.len()).map(|r| -rows.velocity[k][r] * (settings.delay.seconds() + rows.age[r])).collect();
+        let predicted: Vec<f64> = rows.predicted[k].iter().map(|p| -p).collect();
         let mut position_m: Vec<Curve> =
             shown.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], e.name == "raw", window)).collect();
         position_m.extend(
@@ -53,7 +55,13 @@ fn axes(input: &Input, settings: &Settings, rows: &Rows, shown: &[&Estimate], wi
             .iter()
             .map(|e| curve(format!("raw − {}", e.title), rows, &difference(e), false, window))
             .collect();
-        difference_m.push(curve("−v · (Td + age of the fix)".to_owned(), rows, &predicted, false, window));
+        difference_m.push(curve(
+            "−v · (Td + age of the fix), v at half that time".to_owned(),
+            rows,
+            &predicted,
+            false,
+            window,
+        ));
         AxisCurves { axis: name.to_owned(), position_m, difference_m }
     };
     ["north", "east"].into_iter().enumerate().map(axis).collect()
@@ -100,53 +108,53 @@ fn strokes(t: &[f64], shown: impl Fn(usize) -> bool, gap: f64, window: (f64, f64
 }
 
 fn path(rows: &Rows, estimate: &Estimate) -> PathCurve {
+    let [north, east] = &estimate.axes;
+    let extent = |y: &[f64]| {
+        y.iter().copied().fold(f64::NEG_INFINITY, f64::max) - y.iter().copied().fold(f64::INFINITY, f64::min)
+    };
+    let tolerance = extent(north).max(extent(east)) / PATH_RESOLUTION;
     let mut out =
         PathCurve { name: estimate.title.clone(), east_m: vec![], north_m: vec![], breaks: vec![], stands_for: 0 };
     let window = (rows.t[0], rows.t[rows.t.len() - 1]);
     let always = estimate.name == "raw";
     for stroke in strokes(&rows.t, |r| always || rows.has_output(r), 2.5 * median_step(&rows.t), window) {
-        let t = &rows.t[stroke.clone()];
-        let [north, east] = [0, 1].map(|k: usize| &estimate.axes[k][stroke.clone()]);
-        let half = bins(t, window).div_ceil(2);
-        let mut kept = signal::min_max(t, north, half).rows;
-        kept.extend(signal::min_max(t, east, half).rows);
-        kept.sort_unstable();
-        kept.dedup();
+        let [north, east] = [&north[stroke.clone()], &east[stroke.clone()]];
+        let kept = signal::thin_path(east, north, tolerance);
         if !out.east_m.is_empty() {
             out.breaks.push(out.east_m.len() as u32);
         }
         out.east_m.extend(kept.iter().map(|&r| east[r]));
         out.north_m.extend(kept.iter().map(|&r| north[r]));
-        out.stands_for += t.len() as u64;
+        out.stands_for += stroke.len() as u64;
     }
     out
 }
 
-/// The window with the largest mean horizontal acceleration, from velocity differences over a second.
+/// The window with the most horizontal acceleration, from velocity differences over a second;
+/// what a gap hides does not count.
 fn hardest(input: &Input, rows: &Rows, settings: &Settings) -> Option<(f64, f64, String)> {
     const BASE_S: f64 = 1.0;
     let (first, last) = (rows.t[0], rows.t[rows.t.len() - 1]);
     if last - first <= 2.0 * settings.zoom_s {
         return None;
     }
-    let v = &input.velocity;
-    let (mut t, mut acceleration) = (vec![], vec![]);
-    let mut before = 0;
-    for now in 0..v.t.len() {
-        while v.t[now] - v.t[before] > BASE_S {
+    let [north, east] = &input.velocity.axes;
+    let times = &input.velocity.t;
+    let longest = 2.5 * median_step(times).max(BASE_S);
+    let (mut t, mut gained, mut before) = (vec![], vec![], 0);
+    for now in 1..times.len() {
+        while times[now] - times[before] > BASE_S && before + 1 < now {
             before += 1;
         }
-        // The oldest sample within the base, or the one before it where samples are sparser than the base.
-        let from = if before == now { now.saturating_sub(1) } else { before };
-        let (h, middle) = (v.t[now] - v.t[from], 0.5 * (v.t[now] + v.t[from]));
-        if h > 0.0 && h <= 3.0 * BASE_S && (first..=last).contains(&middle) && t.last().is_none_or(|x| *x < middle) {
-            t.push(middle);
-            acceleration.push((v.axes[0][now] - v.axes[0][from]).hypot(v.axes[1][now] - v.axes[1][from]) / h);
+        let (h, step) = (times[now] - times[before], times[now] - times[now - 1]);
+        if h <= longest && times[now] >= first && times[now] <= last {
+            t.push(times[now]);
+            gained.push((north[now] - north[before]).hypot(east[now] - east[before]) / h * step);
         }
     }
-    let window = signal::largest_mean(&t, &acceleration, settings.zoom_s)?;
+    let window = signal::largest_sum(&t, &gained, settings.zoom_s)?;
     let start = t[window.first];
-    let why =
-        format!("the {:.0} s with the largest mean horizontal acceleration, {:.1} m/s²", settings.zoom_s, window.mean);
+    let mean = window.sum / settings.zoom_s;
+    let why = format!("the {:.0} s with the largest mean horizontal acceleration, {mean:.1} m/s²", settings.zoom_s);
     Some((start, (start + settings.zoom_s).min(last), why))
 }

@@ -91,6 +91,19 @@ pub(crate) struct Horizontal {
     pub(crate) axes: [Vec<f64>; 2],
 }
 
+impl Horizontal {
+    /// One axis at an instant, linear between samples and constant beyond them.
+    pub(crate) fn at(&self, t: f64, axis: usize) -> f64 {
+        let y = &self.axes[axis];
+        let after = self.t.partition_point(|&x| x <= t);
+        match (after.checked_sub(1), self.t.get(after)) {
+            (None, _) => y[0],
+            (Some(k), None) => y[k],
+            (Some(k), Some(next)) => y[k] + (t - self.t[k]) / (next - self.t[k]) * (y[after] - y[k]),
+        }
+    }
+}
+
 /// Everything that the replay reads.
 #[derive(Debug)]
 pub(crate) struct Input {

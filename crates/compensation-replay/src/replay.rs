@@ -85,6 +85,9 @@ pub(crate) struct Rows {
     pub(crate) age: Vec<f64>,
     /// Velocity as the loop sees it: the newest sample.
     pub(crate) velocity: [Vec<f64>; 2],
+    /// What one velocity, taken half way back to when the fix was true, flies in all that time, m:
+    /// the midpoint rule, no integral and no filter.
+    pub(crate) predicted: [Vec<f64>; 2],
     pub(crate) segment: Vec<Option<usize>>,
     pub(crate) state: Vec<RowState>,
     pub(crate) start: Option<StartRule>,
@@ -128,6 +131,8 @@ impl Rows {
             rows.fix.push(fix);
             rows.age.push(t - fixes[fix]);
             AXES.into_iter().for_each(|k| rows.velocity[k].push(input.velocity.axes[k][sample]));
+            let delay = settings.delay.seconds() + (t - fixes[fix]);
+            AXES.into_iter().for_each(|k| rows.predicted[k].push(delay * input.velocity.at(t - 0.5 * delay, k)));
             rows.segment.push(inside.then_some(segment));
             rows.state.push(state(settings, fixes[fix], inside.then(|| samples[segments[segment].start])));
         }

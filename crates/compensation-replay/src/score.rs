@@ -106,15 +106,9 @@ fn rms(squares: &[f64]) -> Option<Estimate> {
     signal::block_jackknife_rms(squares).map(|r| Estimate { value: r.value, standard_uncertainty: r.standard_error })
 }
 
-/// What a constant velocity would fly during the delay and the age of the fix, m.
+/// What velocity predicts for raw − compensated, m.
 pub(crate) fn predicted(rows: &Rows, settings: &Settings) -> Estimate {
-    let squares: Vec<f64> = rows
-        .valid()
-        .map(|row| {
-            let delay = settings.delay.seconds() + rows.age[row];
-            (rows.velocity[0][row].powi(2) + rows.velocity[1][row].powi(2)) * delay * delay
-        })
-        .collect();
+    let squares: Vec<f64> = rows.valid().map(|row| AXES.map(|k| rows.predicted[k][row].powi(2)).iter().sum()).collect();
     with_delay_uncertainty(rms(&squares), rows, settings)
 }
 

@@ -19,7 +19,8 @@ mod replay;
 pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
 pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
 pub use crate::replay::{
-    AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, PathCurve, ReplayRecord, ReplaySettings, StartRule, Zoom,
+    AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, PathCurve, ReplayRecord, ReplaySettings,
+    StartRule, Zoom,
 };
 
 /// Version of the shape of these records: raised when a field changes its meaning.

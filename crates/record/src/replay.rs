@@ -107,7 +107,7 @@ pub struct Curve {
     pub stands_for: u64,
 }
 
-/// A curve in the horizontal plane, thinned so that every extreme of either axis is kept.
+/// A curve in the horizontal plane, thinned so that what is left out lies within a thousandth of its extent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PathCurve {
     /// Name in the legend.
@@ -163,7 +163,8 @@ pub struct ReplayRecord {
     pub coverage: Coverage,
     /// Ground speed: median, percentiles, m/s.
     pub speed_mps: flight::Distribution,
-    /// 2-D distance that velocity says was flown during the delay, rms, m: what raw − compensated should be.
+    /// 2-D distance that one velocity, half way back, flies in Td and the age of the fix, rms, m: what raw −
+    /// compensated should be.
     pub predicted_rms_m: Estimate,
     /// Raw first, then the compensators.
     pub compensators: Vec<CompensatorResult>,

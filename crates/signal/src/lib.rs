@@ -11,10 +11,12 @@
 
 mod decimate;
 mod integral;
+mod path;
 mod statistics;
 mod window;
 
 pub use decimate::{Decimated, min_max};
 pub use integral::CumulativeIntegral;
+pub use path::thin_path;
 pub use statistics::{RmsEstimate, block_jackknife_rms, median_in_place, percentile_of_sorted, robust_sigma};
-pub use window::{Window, largest_mean};
+pub use window::{Window, largest_sum};

@@ -7,15 +7,16 @@ pub struct Window {
     pub first: usize,
     /// Row after the last.
     pub end: usize,
-    /// Mean of the values over these rows.
-    pub mean: f64,
+    /// Sum of the values over these rows.
+    pub sum: f64,
 }
 
-/// The stretch of at most `length_s` seconds (starting at a row) with the largest mean of `y`.
+/// The stretch of at most `length_s` seconds (starting at a row) with the largest sum of `y`, which
+/// with `y = rate · step` is the largest integral: what a gap hides does not count.
 /// Windows cut short by the end of the record do not compete, unless the whole record is shorter.
 /// `None` without rows.
 #[must_use]
-pub fn largest_mean(t: &[f64], y: &[f64], length_s: f64) -> Option<Window> {
+pub fn largest_sum(t: &[f64], y: &[f64], length_s: f64) -> Option<Window> {
     let last = *t.last()?;
     let mut prefix = Vec::with_capacity(y.len() + 1);
     prefix.push(0.0);
@@ -28,9 +29,9 @@ pub fn largest_mean(t: &[f64], y: &[f64], length_s: f64) -> Option<Window> {
         while end < t.len() && t[end] <= t[first] + length_s {
             end += 1;
         }
-        let mean = (prefix[end] - prefix[first]) / (end - first) as f64;
-        if best.is_none_or(|b| mean > b.mean) {
-            best = Some(Window { first, end, mean });
+        let sum = prefix[end] - prefix[first];
+        if best.is_none_or(|b| sum > b.sum) {
+            best = Some(Window { first, end, sum });
         }
         if t[first] + length_s >= last {
             break;
@@ -47,14 +48,14 @@ mod tests {
     fn the_window_with_the_hump_is_found() {
         let t: Vec<f64> = (0..1000).map(|i| f64::from(i) * 0.125).collect();
         let y: Vec<f64> = t.iter().map(|t| (-(t - 40.0).powi(2) / 20.0).exp()).collect();
-        let window = largest_mean(&t, &y, 10.0).unwrap();
+        let window = largest_sum(&t, &y, 10.0).unwrap();
         assert!(t[window.first] == 35.0 && t[window.end - 1] == 45.0);
     }
 
     #[test]
     fn a_record_shorter_than_the_window_is_the_window() {
-        let window = largest_mean(&[0.0, 1.0], &[1.0, 3.0], 60.0).unwrap();
-        assert_eq!((window.first, window.end, window.mean), (0, 2, 2.0));
-        assert_eq!(largest_mean(&[], &[], 1.0), None);
+        let window = largest_sum(&[0.0, 1.0], &[1.0, 3.0], 60.0).unwrap();
+        assert_eq!((window.first, window.end, window.sum), (0, 2, 4.0));
+        assert_eq!(largest_sum(&[], &[], 1.0), None);
     }
 }

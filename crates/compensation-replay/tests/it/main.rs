@@ -1,5 +1,7 @@
 //! The replay against flights whose truth is known.
 
+#![allow(clippy::print_stdout)] // tests may say what they saw
+
 mod edges;
 mod flights;
 mod like_cases;

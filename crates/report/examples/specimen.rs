@@ -1,0 +1,40 @@
+//! Writes specimen pages to a folder, to look at: `cargo run -p report --example specimen DIR`.
+
+#[path = "../tests/it/fixture.rs"]
+mod fixture;
+
+use report::{FlightPage, Site, campaign_site, flight_site};
+use std::path::Path;
+
+fn write(folder: &Path, site: &Site) -> std::io::Result<()> {
+    for (path, bytes) in &site.files {
+        let file = folder.join(path);
+        if let Some(parent) = file.parent() {
+            std::fs::create_dir_all(parent)?;
+        }
+        std::fs::write(file, bytes)?;
+    }
+    Ok(())
+}
+
+fn main() -> std::io::Result<()> {
+    let folder = std::env::args().nth(1).unwrap_or_else(|| "specimen".into());
+    let folder = Path::new(&folder);
+    write(folder, &campaign_site(&fixture::campaign_record(40)))?;
+    write(&folder.join("large"), &campaign_site(&fixture::campaign_record(2000)))?;
+    let records = [
+        ("good", fixture::flight_record()),
+        ("failed", fixture::failed_record()),
+        ("parked", fixture::parked_record()),
+    ];
+    for (name, record) in &records {
+        let page = FlightPage {
+            name: "2026-11-08/flight-0007.mcap",
+            record,
+            index_href: "../../index.html",
+            command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung",
+        };
+        write(&folder.join("flights").join(name), &flight_site(&page))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,447 @@
+//! Figures to SVG. The one file that knows plotters.
+//!
+//! Plotters places axes, grid and text and maps values to pixels. Three things it cannot do
+//! are done here: it knows only whole pixels, so everything is drawn at [`FINENESS`] times
+//! the size inside a `viewBox`; it cuts a dashed line into thousands of lines, so curves are
+//! written as one `path` each with `stroke-dasharray`; and it repeats absolute coordinates,
+//! so paths are relative and lose the points that no screen can show.
+
+use crate::figure::{Axis, Figure, Line, Mark, Panel, Pen, Span};
+use crate::text::shown_block;
+use maud::Render;
+use plotters::chart::ChartContext;
+use plotters::coord::Shift;
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::fmt::Write;
+use std::ops::Range;
+
+/// Drawing units in a CSS pixel.
+const FINENESS: u32 = 2;
+/// Margins around a panel, drawing units.
+const EDGE: u32 = 14;
+const LEFT: u32 = 140;
+const RIGHT: u32 = 64;
+const BETWEEN: u32 = 34;
+const BOTTOM: u32 = 96;
+/// One row of the legend.
+const LEGEND_ROW: u32 = 46;
+const SAMPLE: i32 = 84;
+
+const INK: RGBColor = RGBColor(0x1b, 0x1f, 0x24);
+const AXIS: RGBColor = RGBColor(0x57, 0x60, 0x6a);
+const GRID: RGBColor = RGBColor(0xe4, 0xe7, 0xeb);
+const SPAN: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
+
+/// How a pen looks. Widths and dashes are in drawing units.
+struct Look {
+    colour: &'static str,
+    width: u32,
+    dashes: &'static str,
+    cap: &'static str,
+    hollow: bool,
+}
+
+/// Colours after Okabe and Ito; those of thin lines are darkened for contrast. In black and
+/// white the pens differ by width and dashes.
+fn look(pen: Pen, fine: bool) -> Look {
+    let line = |colour, width, fine_width| Look {
+        colour,
+        width: if fine { fine_width } else { width },
+        dashes: "",
+        cap: "round",
+        hollow: false,
+    };
+    match pen {
+        Pen::Band => line("#5aa7de", 10, 6),
+        Pen::Raw => line("#1b1f24", 3, 2),
+        Pen::Dashed => Look { dashes: "17 11", cap: "butt", ..line("#b83c00", 5, 3) },
+        Pen::DashDot => Look { dashes: "18 9 3 9", ..line("#7b3294", 5, 3) },
+        Pen::Reference => Look { dashes: "0 10", ..line("#00795c", 5, 3) },
+        Pen::Dotted => Look { dashes: "0 10", ..line("#1b1f24", 5, 3) },
+        Pen::Points => line("#0b62a3", 13, 13),
+        Pen::HollowPoints => Look { hollow: true, ..line("#b42318", 15, 15) },
+    }
+}
+
+/// The figure as a file of its own.
+pub(crate) fn svg_file(figure: &Figure) -> String {
+    document(figure, " xmlns=\"http://www.w3.org/2000/svg\"")
+}
+
+/// The figure as an element of a page.
+pub(crate) fn svg_inline(figure: &Figure) -> String {
+    document(figure, "")
+}
+
+fn document(figure: &Figure, namespace: &str) -> String {
+    let (width, height) = size(figure);
+    let body = match body(figure, (width, height)) {
+        Ok(body) => body,
+        Err(error) => {
+            format!("<text x=\"20\" y=\"60\" font-size=\"28\">not drawn: {}</text>", escaped(&error.to_string()))
+        }
+    };
+    let (id, title) = (figure.id, escaped(&figure.title));
+    let description = escaped(&format!("{} {}", figure.caption, figure.how_to_read));
+    format!(
+        "<svg{namespace} viewBox=\"0 0 {width} {height}\" width=\"{}\" height=\"{}\" role=\"img\" \
+         aria-labelledby=\"{id}-t {id}-d\"><title id=\"{id}-t\">{title}</title><desc id=\"{id}-d\">{description}</desc>\n\
+         {body}</svg>\n",
+        width / FINENESS,
+        height / FINENESS
+    )
+}
+
+fn escaped(text: &str) -> String {
+    shown_block(text).render().into_string()
+}
+
+/// Outer size, drawing units.
+fn size(figure: &Figure) -> (u32, u32) {
+    let panels = figure.panels.len() as u32;
+    let (width, height) = (figure.panel_size.0 * FINENESS, figure.panel_size.1 * FINENESS);
+    let total = legend_height(figure) + panels * (height + BETWEEN) + BOTTOM;
+    (EDGE + LEFT + width + RIGHT, total)
+}
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+type Area<'a, 'b> = DrawingArea<SVGBackend<'a>, Shift>;
+type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<Scale<'b>, Scale<'b>>>;
+
+/// Background, axes and text by plotters; then the curves on top.
+fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
+    let mut frame = String::new();
+    let mut curves = String::new();
+    {
+        let area = SVGBackend::with_string(&mut frame, size).into_drawing_area();
+        area.fill(&WHITE)?;
+        legend(&area, figure, &mut curves)?;
+        let top = legend_height(figure);
+        let panel_height = figure.panel_size.1 * FINENESS + BETWEEN;
+        for (row, panel) in (0u32..).zip(&figure.panels) {
+            let last = row as usize + 1 == figure.panels.len();
+            let below = if last { BOTTOM } else { 0 };
+            let from = top + row * panel_height;
+            let part = area.clone().shrink((0, from), (size.0, panel_height + below));
+            draw_panel(&part, panel, (figure.fine, last), &mut curves)?;
+        }
+        area.present()?;
+    }
+    Ok(format!("{}{curves}", inner(&frame)))
+}
+
+/// What stands between the outermost tags.
+fn inner(svg: &str) -> &str {
+    let start = svg.find('>').map_or(0, |i| i + 1);
+    let end = svg.rfind("</svg>").unwrap_or(svg.len());
+    svg.get(start..end).unwrap_or("")
+}
+
+fn draw_panel(area: &Area, panel: &Panel, (fine, last): (bool, bool), out: &mut String) -> Result<(), Failure> {
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(BETWEEN)
+        .margin_left(EDGE)
+        .margin_right(RIGHT)
+        .set_label_area_size(LabelAreaPosition::Left, LEFT)
+        .set_label_area_size(LabelAreaPosition::Bottom, if last { BOTTOM } else { 1 })
+        .build_cartesian_2d(Scale(&panel.x), Scale(&panel.y))?;
+    for span in &panel.spans {
+        shade(&mut chart, panel, span)?;
+    }
+    grid(&mut chart, panel, last)?;
+    let mut lines: Vec<&Line> = panel.lines.iter().collect();
+    lines.sort_by_key(|line| line.pen);
+    for line in lines {
+        write_line(out, &chart, line, fine);
+    }
+    for mark in &panel.marks {
+        write_mark(out, &chart, panel, mark);
+    }
+    Ok(())
+}
+
+fn grid(chart: &mut Chart, panel: &Panel, last: bool) -> Result<(), Failure> {
+    let text = font(26).color(&INK);
+    let mut mesh = chart.configure_mesh();
+    mesh.light_line_style(TRANSPARENT)
+        .bold_line_style(GRID.stroke_width(2))
+        .axis_style(AXIS.stroke_width(2))
+        .x_labels(panel.x.ticks.len())
+        .y_labels(panel.y.ticks.len())
+        .label_style(text.clone())
+        .axis_desc_style(text)
+        .y_desc(&panel.y.label)
+        .set_all_tick_mark_size(7);
+    if last {
+        mesh.x_desc(&panel.x.label);
+    } else {
+        mesh.x_label_formatter(&|_| String::new());
+    }
+    mesh.draw()?;
+    Ok(())
+}
+
+fn shade(chart: &mut Chart, panel: &Panel, span: &Span) -> Result<(), Failure> {
+    let corners = [(span.from, panel.y.low), (span.to, panel.y.high)];
+    chart.draw_series([Rectangle::new(corners, SPAN.mix(0.22).filled())])?;
+    if !span.label.is_empty() {
+        // On the side where there is room.
+        let right = (span.from + span.to) / 2.0 > (panel.x.low + panel.x.high) / 2.0;
+        let (at, anchor) = if right { (span.from, HPos::Right) } else { (span.to, HPos::Left) };
+        let style = font(24).color(&RGBColor(0x6b, 0x4a, 0x00)).pos(Pos::new(anchor, VPos::Bottom));
+        chart.draw_series([Text::new(span.label.clone(), (at, panel.y.high), style)])?;
+    }
+    Ok(())
+}
+
+/// Text of a size in drawing units. Plotters divides sizes by 1.24 in SVG.
+fn font(size: u32) -> TextStyle<'static> {
+    ("sans-serif", f64::from(size) * 1.24).into_text_style(&(0, 0))
+}
+
+// Legend: above the panels, so that it covers no data.
+
+/// Where each entry stands: column and row, drawing units.
+fn legend_places(figure: &Figure) -> Vec<(i32, u32)> {
+    let left = (EDGE + LEFT) as i32;
+    let width = left + (figure.panel_size.0 * FINENESS) as i32;
+    let (mut x, mut row) = (left, 0);
+    let mut places = Vec::new();
+    for (name, _) in figure.legend() {
+        // 0.53 em a character, and some space to the next.
+        let entry = SAMPLE + 18 + name.chars().count() as i32 * 14 + 30;
+        if x + entry > width && x > left {
+            (x, row) = (left, row + 1);
+        }
+        places.push((x, row));
+        x += entry;
+    }
+    places
+}
+
+fn legend_height(figure: &Figure) -> u32 {
+    legend_places(figure).last().map_or(0, |(_, row)| (row + 1) * LEGEND_ROW)
+}
+
+fn legend(area: &Area, figure: &Figure, curves: &mut String) -> Result<(), Failure> {
+    let style = font(26).color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
+    for ((x, row), (name, pen)) in legend_places(figure).into_iter().zip(figure.legend()) {
+        let y = (row * LEGEND_ROW + LEGEND_ROW / 2) as i32;
+        area.draw(&Text::new(name.to_owned(), (x + SAMPLE + 18, y), style.clone()))?;
+        let middle = vec![(x + SAMPLE / 2, y)];
+        let d = if pen.is_points() { dots(&[middle]) } else { format!("M{x} {y}h{SAMPLE}") };
+        curves.push_str(&path(&look(pen, figure.fine), &d, ""));
+    }
+    Ok(())
+}
+
+// Curves
+
+fn write_line(out: &mut String, chart: &Chart, line: &Line, fine: bool) {
+    let pixels = |piece: &Vec<(f64, f64)>| piece.iter().map(|p| chart.backend_coord(p)).collect::<Vec<_>>();
+    let pieces: Vec<Vec<(i32, i32)>> = line.pieces.iter().map(pixels).collect();
+    let look = look(line.pen, fine);
+    if line.pen.is_points() {
+        out.push_str(&bars(&pieces));
+        out.push_str(&path(&look, &dots(&pieces), &line.name));
+    } else {
+        let d: String = pieces.iter().map(|piece| relative_path(&thinned(piece))).collect();
+        out.push_str(&path(&look, &d, &line.name));
+    }
+}
+
+/// A ring and its name, with a white seam so that both are seen on any curve.
+fn write_mark(out: &mut String, chart: &Chart, panel: &Panel, mark: &Mark) {
+    let (x, y) = chart.backend_coord(&mark.at);
+    let right = mark.at.0 > (panel.x.low + panel.x.high) / 2.0;
+    let (text_x, anchor) = if right { (x - 18, "end") } else { (x + 18, "start") };
+    let _ = writeln!(
+        out,
+        "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"#fff\" stroke=\"#1b1f24\" stroke-width=\"4\"/>\
+         <text x=\"{text_x}\" y=\"{}\" text-anchor=\"{anchor}\" font-family=\"sans-serif\" font-size=\"26\" \
+         fill=\"#1b1f24\" stroke=\"#fff\" stroke-width=\"8\" stroke-linejoin=\"round\" \
+          paint-order=\"stroke\">{}</text>",
+        y + 9,
+        escaped(&mark.label)
+    );
+}
+
+fn path(look: &Look, d: &str, name: &str) -> String {
+    let dashes = match look.dashes {
+        "" => String::new(),
+        dashes => format!(" stroke-dasharray=\"{dashes}\""),
+    };
+    let title = if name.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(name)) };
+    let stroke = |colour: &str, width: u32| {
+        format!(
+            "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-linejoin=\"round\" \
+             stroke-linecap=\"{}\"{dashes} d=\"{d}\">{title}</path>\n",
+            look.cap
+        )
+    };
+    match look.hollow {
+        true => stroke(look.colour, look.width) + &stroke("#ffffff", look.width.saturating_sub(7)),
+        false => stroke(look.colour, look.width),
+    }
+}
+
+/// A round dot at the first point of each piece: a line of no length with round ends.
+fn dots(pieces: &[Vec<(i32, i32)>]) -> String {
+    pieces.iter().filter_map(|piece| piece.first()).fold(String::new(), |mut d, (x, y)| {
+        let _ = write!(d, "M{x} {y}h0");
+        d
+    })
+}
+
+/// The uncertainty of each point, from its second to its third.
+fn bars(pieces: &[Vec<(i32, i32)>]) -> String {
+    let bar = |piece: &Vec<(i32, i32)>| match piece[..] {
+        [_, (x, low), (_, high)] if low != high => format!("M{x} {low}V{high}"),
+        _ => String::new(),
+    };
+    let d: String = pieces.iter().map(bar).collect();
+    format!("<path fill=\"none\" stroke=\"#57606a\" stroke-width=\"3\" d=\"{d}\"/>\n")
+}
+
+/// Points that can be told apart: in each column one CSS pixel wide the first, the lowest,
+/// the highest and the last, then without those that lie on the line between their
+/// neighbours. A lone sample stays: nothing that stands out is ever removed.
+fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
+    let column = |p: &(i32, i32)| p.0.div_euclid(FINENESS as i32);
+    let mut kept = Vec::new();
+    for run in points.chunk_by(|a, b| column(a) == column(b)) {
+        let rows = || run.iter().enumerate();
+        let lowest = rows().min_by_key(|(_, p)| p.1).map_or(0, |(i, _)| i);
+        let highest = rows().max_by_key(|(_, p)| p.1).map_or(0, |(i, _)| i);
+        let mut chosen = [0, lowest, highest, run.len() - 1];
+        chosen.sort_unstable();
+        kept.extend(chosen.map(|i| run[i]));
+    }
+    kept.dedup();
+    without_straight_runs(&kept)
+}
+
+/// Leaves out points within half a drawing unit of the line between those that stay.
+fn without_straight_runs(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
+    /// Longest stretch that one line may replace; bounds the work.
+    const LONGEST: usize = 48;
+    let Some(&first) = points.first() else { return Vec::new() };
+    let mut kept = vec![first];
+    let mut anchor = 0;
+    for end in 1..points.len() {
+        let straight = points[anchor + 1..end].iter().all(|&p| is_between(points[anchor], p, points[end]));
+        if !straight || end - anchor > LONGEST {
+            anchor = end - 1;
+            kept.push(points[anchor]);
+        }
+    }
+    if points.len() > 1 {
+        kept.push(points[points.len() - 1]);
+    }
+    kept
+}
+
+/// Whether `p` lies between `a` and `b` and at most half a drawing unit beside their line.
+fn is_between(a: (i32, i32), p: (i32, i32), b: (i32, i32)) -> bool {
+    let to = |q: (i32, i32)| (i64::from(q.0) - i64::from(a.0), i64::from(q.1) - i64::from(a.1));
+    let ((px, py), (bx, by)) = (to(p), to(b));
+    let (along, across, length2) = (px * bx + py * by, px * by - py * bx, bx * bx + by * by);
+    along >= 0 && along <= length2 && 4 * across * across <= length2
+}
+
+/// `M` to the first point, then steps; a lone point becomes a dot.
+fn relative_path(points: &[(i32, i32)]) -> String {
+    let Some(&(x, y)) = points.first() else { return String::new() };
+    let mut d = format!("M{x} {y}l");
+    if points.len() == 1 {
+        d.push_str("0 0");
+    }
+    for (i, pair) in points.windows(2).enumerate() {
+        for (first, step) in [(true, pair[1].0 - pair[0].0), (false, pair[1].1 - pair[0].1)] {
+            let separator = if step < 0 || (first && i == 0) { "" } else { " " };
+            let _ = write!(d, "{separator}{step}");
+        }
+    }
+    d
+}
+
+// Axes that plotters draws with our ticks.
+
+struct Scale<'a>(&'a Axis);
+
+impl Ranged for Scale<'_> {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
+        let share = ((value - self.0.low) / (self.0.high - self.0.low)).clamp(0.0, 1.0);
+        start + (share * f64::from(end - start)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        if hint.weight().allow_light_points() {
+            return Vec::new();
+        }
+        self.0.ticks.iter().map(|tick| tick.at).collect()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.0.low..self.0.high
+    }
+}
+
+impl ValueFormatter<f64> for Scale<'_> {
+    fn format_ext(&self, value: &f64) -> String {
+        self.0.ticks.iter().find(|tick| tick.at == *value).map_or_else(String::new, |tick| tick.label.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lone_spike_survives_thinning() {
+        let mut points: Vec<(i32, i32)> = (0..4000).map(|i| (i / 4, 500)).collect();
+        points[1234] = (308, 100);
+        assert!(thinned(&points).contains(&(308, 100)));
+    }
+
+    #[test]
+    fn a_straight_line_needs_few_points_and_a_noisy_one_keeps_its_extremes() {
+        let line: Vec<(i32, i32)> = (0..1000).map(|i| (i, 2 * i)).collect();
+        assert!(thinned(&line).len() < 30);
+        let noisy: Vec<(i32, i32)> = (0..100_000).map(|i| (i / 100, (i * 7919) % 431)).collect();
+        let kept = thinned(&noisy);
+        assert!(kept.len() <= 4 * 500);
+        for column in 0..500 {
+            let extreme = |points: &[(i32, i32)]| {
+                let column = || points.iter().filter(|p| p.0 / 2 == column).map(|p| p.1);
+                (column().min(), column().max())
+            };
+            assert_eq!(extreme(&kept), extreme(&noisy));
+        }
+    }
+
+    #[test]
+    fn every_removed_point_is_within_half_a_unit_of_what_is_drawn() {
+        let curve: Vec<(i32, i32)> =
+            (0..1500).map(|i| (i, (300.0 + 250.0 * (f64::from(i) / 90.0).sin()).round() as i32)).collect();
+        let kept = without_straight_runs(&curve);
+        assert!(kept.len() < curve.len());
+        for &(x, y) in &curve {
+            let near = kept.windows(2).any(|w| is_between(w[0], (x, y), w[1]));
+            assert!(near, "({x}, {y})");
+        }
+    }
+
+    #[test]
+    fn a_relative_path_leads_to_the_same_points() {
+        let points = [(10, 20), (12, 15), (9, 15), (9, 30)];
+        assert_eq!(relative_path(&points), "M10 20l2-5-3 0 0 15");
+        assert_eq!(relative_path(&points[..1]), "M10 20l0 0");
+    }
+}

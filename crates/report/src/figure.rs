@@ -1,0 +1,177 @@
+//! A figure as data: what is drawn, in which units, and how to read it. No pixel here.
+
+mod axis;
+mod campaign;
+mod flight;
+
+pub(crate) use axis::Axis;
+pub(crate) use campaign::overview;
+pub(crate) use flight::flight_figures;
+
+/// Panels one above the other with one legend.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Figure {
+    /// File name without folder and `.svg`; also the anchor on the page.
+    pub(crate) id: &'static str,
+    /// Number on its page.
+    pub(crate) number: u32,
+    /// What it shows, a few words.
+    pub(crate) title: String,
+    /// What is drawn, with units, and how many samples it stands for.
+    pub(crate) caption: String,
+    /// What good and bad look like.
+    pub(crate) how_to_read: &'static str,
+    /// From top to bottom, over the same horizontal axis.
+    pub(crate) panels: Vec<Panel>,
+    /// Width and height of the plotting area of one panel, CSS pixels.
+    pub(crate) panel_size: (u32, u32),
+    /// Thin pens, for many turns in little width.
+    pub(crate) fine: bool,
+}
+
+/// One pair of axes and what is drawn in them.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Panel {
+    /// To the right.
+    pub(crate) x: Axis,
+    /// Upwards.
+    pub(crate) y: Axis,
+    /// Curves in the order of the legend.
+    pub(crate) lines: Vec<Line>,
+    /// Shaded stretches of the horizontal axis.
+    pub(crate) spans: Vec<Span>,
+    /// Named points.
+    pub(crate) marks: Vec<Mark>,
+}
+
+/// A curve: the pen is lifted between its pieces.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Line {
+    /// Name in the legend.
+    pub(crate) name: String,
+    /// How it looks.
+    pub(crate) pen: Pen,
+    /// Points in the units of the axes, all finite.
+    pub(crate) pieces: Vec<Vec<(f64, f64)>>,
+}
+
+/// How a curve is told from the others, in colour and without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Pen {
+    /// Wide and pale, drawn first so that what lies on it stays visible.
+    Band,
+    /// Thin, dark, unbroken: what the receiver reported.
+    Raw,
+    /// Dashes.
+    Dashed,
+    /// Dash and dot, for a second compensator of the same kind.
+    DashDot,
+    /// Dots in green: an independent reference.
+    Reference,
+    /// Dots in black: a prediction, not a measurement.
+    Dotted,
+    /// Single points, round.
+    Points,
+    /// Single points, hollow: data were lost.
+    HollowPoints,
+}
+
+impl Pen {
+    /// Single points, not a curve.
+    pub(crate) fn is_points(self) -> bool {
+        matches!(self, Pen::Points | Pen::HollowPoints)
+    }
+}
+
+/// A shaded stretch of the horizontal axis.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Span {
+    /// From.
+    pub(crate) from: f64,
+    /// To.
+    pub(crate) to: f64,
+    /// Name, written at its top; empty for none.
+    pub(crate) label: String,
+}
+
+/// A named point.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Mark {
+    /// Where.
+    pub(crate) at: (f64, f64),
+    /// Its name.
+    pub(crate) label: String,
+}
+
+impl Figure {
+    /// Each curve once, in the order of the panels.
+    pub(crate) fn legend(&self) -> Vec<(&str, Pen)> {
+        let mut entries: Vec<(&str, Pen)> = Vec::new();
+        for line in self.panels.iter().flat_map(|panel| &panel.lines) {
+            if !entries.contains(&(line.name.as_str(), line.pen)) {
+                entries.push((&line.name, line.pen));
+            }
+        }
+        entries
+    }
+}
+
+/// Largest magnitude that is drawn. Beyond it a value is a fault, and axes lose their digits.
+const LARGEST: f64 = 1e12;
+
+/// The points that can be drawn, in pieces that begin at the rows in `breaks`, and how many
+/// points cannot be.
+pub(crate) fn pieces(x: &[f64], y: &[f64], breaks: &[u32]) -> (Vec<Vec<(f64, f64)>>, usize) {
+    let mut breaks = breaks.iter().copied().peekable();
+    let mut pieces: Vec<Vec<(f64, f64)>> = vec![];
+    let mut drawn = 0;
+    for (row, (&x, &y)) in x.iter().zip(y).enumerate() {
+        let mut lift = row == 0;
+        while breaks.next_if(|&b| (b as usize) <= row).is_some() {
+            lift = true;
+        }
+        if lift {
+            pieces.push(Vec::new());
+        }
+        if x.abs() <= LARGEST
+            && y.abs() <= LARGEST
+            && let Some(piece) = pieces.last_mut()
+        {
+            drawn += 1;
+            piece.push((x, y));
+        }
+    }
+    pieces.retain(|piece| !piece.is_empty());
+    (pieces, x.len().max(y.len()) - drawn)
+}
+
+/// Smallest and largest of one coordinate over some lines; `None` without a point.
+pub(crate) fn extent<'a>(
+    lines: impl IntoIterator<Item = &'a Line>,
+    of: impl Fn(&(f64, f64)) -> f64,
+) -> Option<(f64, f64)> {
+    let values = lines.into_iter().flat_map(|line| line.pieces.iter().flatten()).map(of);
+    values.fold(None, |range, v| match range {
+        None => Some((v, v)),
+        Some((low, high)) => Some((v.min(low), v.max(high))),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pen_is_lifted_at_a_break() {
+        let (parts, missing) = pieces(&[0.0, 1.0, 5.0], &[1.0, 2.0, 3.0], &[2]);
+        assert_eq!(parts, [vec![(0.0, 1.0), (1.0, 2.0)], vec![(5.0, 3.0)]]);
+        assert_eq!(missing, 0);
+    }
+
+    #[test]
+    fn points_that_cannot_be_drawn_are_counted() {
+        let (parts, missing) = pieces(&[0.0, 1.0, 2.0, 3.0], &[f64::NAN, 1e300, 2.0], &[0, 0, 700]);
+        assert_eq!(parts, [vec![(2.0, 2.0)]]);
+        assert_eq!(missing, 3);
+    }
+}

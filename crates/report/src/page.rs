@@ -1,0 +1,192 @@
+//! Pages: what a person reads. Numbers are rounded here and nowhere else.
+
+mod campaign;
+mod flight;
+mod health;
+mod method;
+mod provenance;
+mod style;
+
+pub use campaign::campaign_site;
+pub use flight::{FlightPage, flight_site};
+
+use crate::draw;
+use crate::figure::Figure;
+use crate::number;
+use crate::text::{shown, shown_block};
+use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
+use record::{Estimate, Outcome};
+
+/// A whole page. A page with a wide table is `wide` and gets the script that sorts it; it
+/// reads as well without.
+fn document(title: &str, wide: bool, body: Markup) -> String {
+    let script = wide.then_some(style::SORT_SCRIPT);
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(style::content_security_policy(script));
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="generator" content={ "flightlag report " (crate::REPORT_VERSION) };
+                title { (shown(title)) }
+                style { (PreEscaped(style::CSS)) }
+            }
+            body.wide[wide] {
+                (body)
+                @if let Some(script) = script { script { (PreEscaped(script)) } }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// A word that is told from the others by icon, text and colour.
+fn outcome_word(outcome: &Outcome) -> Markup {
+    match outcome {
+        Outcome::Compensated => badge("ok", "✓", "Compensated"),
+        Outcome::NotMeasurable { .. } => badge("unsure", "○", "Not measurable"),
+        Outcome::Failed { .. } => badge("bad", "✗", "Failed"),
+    }
+}
+
+fn data_lost() -> Markup {
+    badge("lost", "▲", "DATA LOST")
+}
+
+fn badge(class: &str, icon: &str, word: &str) -> Markup {
+    html! { span class={ "badge " (class) } { span aria-hidden="true" { (icon) " " } (word) } }
+}
+
+/// Why there is no result.
+fn reason(outcome: &Outcome) -> Option<&str> {
+    match outcome {
+        Outcome::Compensated => None,
+        Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => Some(reason),
+    }
+}
+
+/// `6.984 ± 0.020` in one piece, or the value alone.
+fn rounded(estimate: &Estimate) -> String {
+    match number::measured(estimate.value, estimate.standard_uncertainty) {
+        (value, Some(expanded)) => format!("{value}\u{a0}±\u{a0}{expanded}"),
+        (value, None) => value,
+    }
+}
+
+/// The same, with all bits of the value in the markup.
+fn estimate(estimate: &Estimate) -> Markup {
+    let bits = Some(estimate.value).filter(|v| v.is_finite());
+    html! { data value=[bits] { (rounded(estimate)) } }
+}
+
+/// The same, where there may be none.
+fn maybe_estimate(value: Option<&Estimate>) -> Markup {
+    maybe(value, estimate)
+}
+
+/// A cell whose number may be absent: absent is a dash, never zero.
+fn maybe<T>(value: Option<T>, show: impl FnOnce(T) -> Markup) -> Markup {
+    match value {
+        Some(value) => show(value),
+        None => html! { span.none title="the record holds no such number" { "—" } },
+    }
+}
+
+/// The first rows of a list, and how many more there are: a page stays small whatever the log.
+fn rows<T>(all: &[T], most: usize, columns: usize, row: impl Fn(&T) -> Markup) -> Markup {
+    html! {
+        @for item in all.iter().take(most) { (row(item)) }
+        @if all.len() > most {
+            tr { td colspan=(columns) { (more(all.len() - most)) } }
+        }
+    }
+}
+
+fn more(count: usize) -> String {
+    format!("and {} more, in the record of this flight (JSON)", number::count(count as u64))
+}
+
+/// A column head: numbers stand right, words left.
+#[derive(Clone, Copy)]
+enum Head {
+    Text(&'static str),
+    Number(&'static str),
+}
+
+impl Render for Head {
+    fn render(&self) -> Markup {
+        match self {
+            Head::Text(name) => html! { th scope="col" { (name) } },
+            Head::Number(name) => html! { th.n scope="col" { (name) } },
+        }
+    }
+}
+
+/// A table that scrolls by itself when it is wider than the page, reachable by keyboard.
+fn table(caption: &str, head: &[Head], body: impl Render) -> Markup {
+    html! {
+        div.scroll tabindex="0" role="region" aria-label=(caption) {
+            table {
+                caption { (caption) }
+                thead { tr { @for column in head { (column) } } }
+                tbody { (body) }
+            }
+        }
+    }
+}
+
+fn figure(figure: &Figure) -> Markup {
+    html! {
+        figure id=(figure.id) {
+            (PreEscaped(draw::svg_inline(figure)))
+            figcaption {
+                b { "Figure " (figure.number) ". " (figure.title) ". " }
+                (figure.caption) " "
+                span.read { b { "How to read it. " } (figure.how_to_read) }
+            }
+        }
+    }
+}
+
+fn command_block(command: &str) -> Markup {
+    html! { pre.command tabindex="0" { code { (shown_block(command)) } } }
+}
+
+/// Which settings, and all of them.
+fn pipeline_rows(pipeline: &record::PipelineUse) -> Markup {
+    html! {
+        tr { th scope="row" { "Pipeline" } td { (shown(&pipeline.title)) } }
+        tr { th scope="row" { "Pipeline BLAKE3" } td.hash { (shown(&pipeline.blake3)) } }
+    }
+}
+
+/// Versions that decide the numbers and the bytes of a page.
+fn versions(record: u32, analysis: u32) -> String {
+    format!("record {record}, analysis {analysis}, report {}", crate::REPORT_VERSION)
+}
+
+fn pipeline_details(pipeline: &record::PipelineUse) -> Markup {
+    html! {
+        details {
+            summary { "Pipeline settings as they were used (TOML)" }
+            pre tabindex="0" { code { (shown_block(&pipeline.toml)) } }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_script_of_a_page_is_the_one_its_policy_names() {
+        let page = document("t", true, html! { p { "x" } });
+        let script = page.split("<script>").nth(1).and_then(|rest| rest.split("</script>").next()).unwrap();
+        // Quotes of the policy are escaped inside the attribute or not: compare the hash alone.
+        let policy = style::content_security_policy(Some(script));
+        let hash = policy.split("sha256-").nth(1).unwrap().trim_end_matches('\'');
+        assert!(page.contains(hash));
+        assert!(!document("t", false, html! {}).contains("script"));
+    }
+}

@@ -1,0 +1,268 @@
+//! The page of a campaign: all flights, the troubled ones first.
+
+use super::Head::{self, Number, Text};
+use super::{
+    badge, command_block, data_lost, document, figure, maybe, outcome_word, pipeline_details, pipeline_rows, reason,
+    rounded, table, versions,
+};
+use crate::draw;
+use crate::figure::{Figure, overview};
+use crate::number;
+use crate::site::Site;
+use crate::text::{href, label, shown};
+use maud::{Markup, html};
+use record::{CampaignRecord, Estimate, FlightRow, Outcome};
+use std::collections::BTreeMap;
+
+/// Most paths listed under one reason; the record holds all.
+const MOST_PATHS: usize = 500;
+
+/// The page of a campaign: `index.html`, and its figure again as `figures/overview.svg` if
+/// any flight has a correction. [`FlightRow::page`] is a path relative to this page, not yet
+/// percent-encoded.
+#[must_use]
+pub fn campaign_site(record: &CampaignRecord) -> Site {
+    let mut site = Site::default();
+    let figure = overview(record);
+    if let Some(figure) = &figure {
+        site.add("figures/overview.svg", draw::svg_file(figure));
+    }
+    let title = format!("{} — flightlag campaign", record.name);
+    site.add("index.html", document(&title, true, body(record, figure.as_ref())));
+    site
+}
+
+fn body(record: &CampaignRecord, overview: Option<&Figure>) -> Markup {
+    html! {
+        nav aria-label="On this page" {
+            a href="#attention" { "Needs attention" } a href="#all" { "All flights" }
+            @if let Some(overview) = overview { a href={ "#" (overview.id) } { "Figure" } }
+            a href="#ignored" { "Inputs not processed" } a href="#provenance" { "Provenance" }
+        }
+        main {
+            h1 { (shown(&record.name)) }
+            (answer(record))
+            (stats(record))
+            (attention(&record.flights))
+            (flights(&record.flights))
+            @if let Some(overview) = overview { (figure(overview)) }
+            (ignored(record))
+            (provenance(record))
+        }
+    }
+}
+
+fn answer(record: &CampaignRecord) -> Markup {
+    let t = &record.totals;
+    html! {
+        p.answer {
+            b { (number::count(t.compensated)) " of " (number::counted(t.flights, "flight", "flights")) }
+            " compensated, " (number::clock(t.duration_s, 0)) " flown; " (number::count(t.not_measurable)) " not measurable, "
+            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with lost data."
+        }
+    }
+}
+
+fn stats(record: &CampaignRecord) -> Markup {
+    let t = &record.totals;
+    html! {
+        ul.stats {
+            li { b { (number::count(t.flights)) } "flights" }
+            li { b { (number::clock(t.duration_s, 0)) } "flown (h:mm:ss)" }
+            li { b { (number::count(t.compensated)) } (badge("ok", "✓", "compensated")) }
+            li { b { (number::count(t.not_measurable)) } (badge("unsure", "○", "not measurable")) }
+            li { b { (number::count(t.failed)) } (badge("bad", "✗", "failed")) }
+            li { b { (number::count(t.lossy)) } (badge("lost", "▲", "data lost")) }
+            li { b { (number::bytes(t.bytes)) } "of logs" }
+        }
+    }
+}
+
+/// Failed or lossy flights with their reason; then those that could not be measured.
+fn attention(flights: &[FlightRow]) -> Markup {
+    let troubled: Vec<&FlightRow> =
+        flights.iter().filter(|row| row.lossy || !matches!(row.outcome, Outcome::Compensated)).collect();
+    let rank = |row: &FlightRow| match row.outcome {
+        Outcome::Failed { .. } => 0,
+        _ if row.lossy => 1,
+        _ => 2,
+    };
+    let body = html! {
+        @for wanted in 0..3 {
+            @for row in troubled.iter().filter(|row| rank(row) == wanted) {
+                tr {
+                    th scope="row" { (link(row)) }
+                    td { (outcome_word(&row.outcome)) @if row.lossy { " " (data_lost()) } }
+                    td.any { (why(row)) }
+                }
+            }
+        }
+    };
+    let head = [Text("Flight"), Text("Outcome"), Text("Reason")];
+    html! {
+        h2 #attention { "Needs attention" }
+        @if troubled.is_empty() { p { "Nothing: every flight was compensated and no data were lost." } }
+        @else { (table("Failed, with lost data, or not measurable", &head, body)) }
+    }
+}
+
+fn why(row: &FlightRow) -> Markup {
+    html! {
+        @if let Some(reason) = reason(&row.outcome) { (shown(reason)) " " }
+        @if row.lossy {
+            "Data were lost: " (number::counted(row.losses, "notice", "notices")) " on the flight's page."
+        }
+    }
+}
+
+fn link(row: &FlightRow) -> Markup {
+    html! { a href=(href(&row.page)) { (shown(&row.flight)) } }
+}
+
+fn flights(flights: &[FlightRow]) -> Markup {
+    let scored = flights
+        .iter()
+        .any(|r| [&r.raw_error_rms_m, &r.pade_error_rms_m, &r.exact_error_rms_m].iter().any(|e| e.is_some()));
+    html! {
+        h2 #all { "All flights" }
+        div.scroll tabindex="0" role="region" aria-label="All flights" {
+            table.sortable #flights {
+                caption { "One row for each flight; ± is U with k = 2. — is a number that the record does not hold." }
+                thead { tr { @for column in head(scored) { (column) } } }
+                tbody { @for row in flights { (flight_row(row, scored)) } }
+            }
+        }
+    }
+}
+
+fn head(scored: bool) -> Vec<Head> {
+    let mut head = vec![
+        Text("Flight"),
+        Text("Outcome"),
+        Text("Data"),
+        Number("Duration (h:mm:ss)"),
+        Number("Td (ms)"),
+        Number("Correction, 2‑D rms (m)"),
+    ];
+    if scored {
+        head.extend([Number("Error raw, 2‑D rms (m)"), Number("Error Padé (m)"), Number("Error exact (m)")]);
+    }
+    head.extend(
+        ["Valid (%)", "Speed, median (m/s)", "Position (Hz)", "Velocity (Hz)", "Warnings", "Losses"].map(Number),
+    );
+    head.extend([Text("Map"), Text("Format"), Number("Size")]);
+    head
+}
+
+fn flight_row(row: &FlightRow, scored: bool) -> Markup {
+    html! {
+        tr {
+            th scope="row" { (link(row)) }
+            td { (outcome_word(&row.outcome)) }
+            td { (data_word(row)) }
+            (cell(row.duration_s, |s| number::clock(s, 0)))
+            (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
+            (estimate_cell(row.correction_rms_m.as_ref()))
+            @if scored {
+                (estimate_cell(row.raw_error_rms_m.as_ref()))
+                (estimate_cell(row.pade_error_rms_m.as_ref()))
+                (estimate_cell(row.exact_error_rms_m.as_ref()))
+            }
+            (share_cell(row.valid_share))
+            (cell(row.speed_median_mps, |v| number::significant(v, 3)))
+            (rate_cell(row.position_rate_hz, row.position.as_deref()))
+            (rate_cell(row.velocity_rate_hz, row.velocity.as_deref()))
+            td.n { (number::count(row.warnings)) }
+            td.n { (number::count(row.losses)) }
+            td { (maybe(row.map.as_deref(), |map| html! { (shown(map)) })) }
+            td { (shown(&row.format)) }
+            td.n data-v=(row.bytes) { (number::bytes(row.bytes)) }
+        }
+    }
+}
+
+/// Nothing is known of the data of a flight that failed for another reason.
+fn data_word(row: &FlightRow) -> Markup {
+    match row.outcome {
+        _ if row.lossy => data_lost(),
+        Outcome::Failed { .. } => html! { "—" },
+        _ => html! { "whole" },
+    }
+}
+
+/// A number that sorts by all its bits and is shown rounded.
+fn cell(value: Option<f64>, show: impl FnOnce(f64) -> String) -> Markup {
+    match value {
+        Some(value) => html! { td.n data-v=(value) { (show(value)) } },
+        None => html! { td.n { "—" } },
+    }
+}
+
+fn rate_cell(rate: Option<f64>, channel: Option<&str>) -> Markup {
+    html! {
+        td.n data-v=[rate] title=[channel.map(label)] {
+            @match rate { Some(rate) => { (number::significant(rate, 3)) } None => { "—" } }
+        }
+    }
+}
+
+fn estimate_cell(value: Option<&Estimate>) -> Markup {
+    match value {
+        Some(value) => html! { td.n data-v=(value.value) { (rounded(value)) } },
+        None => html! { td.n { "—" } },
+    }
+}
+
+fn share_cell(share: Option<f64>) -> Markup {
+    match share.filter(|s| s.is_finite()) {
+        Some(share) => {
+            let width = format!("--p:{:.0}%", share.clamp(0.0, 1.0) * 100.0);
+            html! { td.n.share style=(width) data-v=(share) { (number::percent(share)) } }
+        }
+        None => html! { td.n { "—" } },
+    }
+}
+
+fn ignored(record: &CampaignRecord) -> Markup {
+    let mut by_reason: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for input in &record.ignored {
+        by_reason.entry(&input.reason).or_default().push(&input.path);
+    }
+    html! {
+        h2 #ignored { "Inputs not processed" }
+        @if record.ignored.is_empty() { p { "None: every file in the folder belongs to a flight." } }
+        @else { p { (number::counted(record.ignored.len() as u64, "file", "files")) ", by reason:" } }
+        @for (reason, paths) in &by_reason {
+            details {
+                summary { (number::counted(paths.len() as u64, "file", "files")) ": " (shown(reason)) }
+                ul.plain {
+                    @for path in paths.iter().take(MOST_PATHS) { li { (shown(path)) } }
+                    @if let Some(more) = paths.len().checked_sub(MOST_PATHS).filter(|more| *more > 0) {
+                        li { "and " (number::count(more as u64)) " more, in the campaign's record (JSON)" }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn provenance(record: &CampaignRecord) -> Markup {
+    let facts = html! {
+        (pipeline_rows(&record.pipeline))
+        tr {
+            th scope="row" { "Versions" }
+            td {
+                "flightlag " (shown(&record.flightlag_version)) ", "
+                (versions(record.record_version, record.analysis_version))
+            }
+        }
+    };
+    html! {
+        h2 #provenance { "Provenance" }
+        (table("Result", &[Text("Item"), Text("Value")], facts))
+        (pipeline_details(&record.pipeline))
+        h3 { "Make it again" }
+        (command_block(&record.command))
+        p.note { "The same logs, settings and versions give the same bytes, whatever the number of threads." }
+    }
+}

@@ -1,0 +1,281 @@
+//! The page of one flight.
+
+use super::Head::{Number, Text};
+use super::{
+    data_lost, document, estimate, figure, health, maybe, maybe_estimate, method, outcome_word, provenance, reason,
+    rows, table,
+};
+use crate::draw;
+use crate::figure::{Figure, flight_figures};
+use crate::number;
+use crate::site::Site;
+use crate::text::{href, shown, shown_block};
+use flight::{Distribution, Severity};
+use maud::{Markup, html};
+use record::{CompensatorResult, Estimate, FlightRecord, Outcome, ReplayRecord};
+
+/// What the page of a flight needs besides the record.
+#[derive(Debug, Clone, Copy)]
+pub struct FlightPage<'a> {
+    /// Path below the campaign's folder: the name people know.
+    pub name: &'a str,
+    /// What was found.
+    pub record: &'a FlightRecord,
+    /// Path of the campaign's page from this one, as `../../index.html`; not encoded yet.
+    pub index_href: &'a str,
+    /// Command that makes this page again.
+    pub command: &'a str,
+}
+
+/// The page of one flight: `index.html` with its figures inside, and each figure again as a
+/// file under `figures/` (`fig-7`, `zoom`, `zoom-difference`, `difference`,
+/// `track`; those that the record has curves for).
+#[must_use]
+pub fn flight_site(page: &FlightPage) -> Site {
+    let figures = page.record.replay.as_ref().map(flight_figures).unwrap_or_default();
+    let mut site = Site::default();
+    for figure in &figures {
+        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
+    }
+    site.add("index.html", document(&format!("{} — flightlag", page.name), false, body(page, &figures)));
+    site
+}
+
+fn body(page: &FlightPage, figures: &[Figure]) -> Markup {
+    let record = page.record;
+    html! {
+        nav aria-label="Campaign" { a href=(href(page.index_href)) { "← All flights of the campaign" } }
+        main {
+            h1 { (shown(page.name)) }
+            (verdict(record))
+            (first_words(record))
+            @if let Some(replay) = &record.replay { (results(replay, figures)) }
+            (health::section(record))
+            (health::notices_section(record))
+            @if let Some(replay) = &record.replay { (method::section(replay)) }
+            (health::binding_section(record.binding.as_ref()))
+            (provenance::section(page))
+        }
+    }
+}
+
+fn verdict(record: &FlightRecord) -> Markup {
+    let number_of = |severity| record.notices.iter().filter(|n| n.severity == severity).count() as u64;
+    let (losses, warnings) = (number_of(Severity::Loss), number_of(Severity::Warning));
+    html! {
+        div.strip role="status" {
+            (outcome_word(&record.outcome))
+            @if record.has_loss() { (data_lost()) }
+            @if losses + warnings > 0 {
+                a href="#notices" {
+                    (number::counted(losses, "notice", "notices")) " of loss, "
+                    (number::counted(warnings, "warning", "warnings"))
+                }
+            }
+        }
+    }
+}
+
+/// The reason if there is no result, else the answer.
+fn first_words(record: &FlightRecord) -> Markup {
+    let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
+    html! {
+        @if let Some(reason) = reason(&record.outcome) { p class=(class) { (shown_block(reason)) } }
+        @match (&record.replay, &record.outcome) {
+            (Some(replay), _) => { (answer(replay)) }
+            (None, Outcome::Compensated) => { p.why { "The record says compensated, but holds no replay." } }
+            (None, _) => {}
+        }
+        @if record.has_loss() {
+            p { "Data that the logger wrote could not be read. The numbers below are of what could be read; what was \
+             lost stands under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
+        }
+    }
+}
+
+fn answer(replay: &ReplayRecord) -> Markup {
+    let main = best(replay);
+    html! {
+        p.answer {
+            @if let Some(main) = main {
+                "Raw position lags by " b { (estimate(&main.raw_minus_this_rms_m)) " m rms" }
+                " where velocity predicts " (estimate(&replay.predicted_rms_m)) " m; compensated with Td = "
+            } @else {
+                "Velocity predicts a lag of " (estimate(&replay.predicted_rms_m)) " m rms; no compensator was run \
+                 with Td = "
+            }
+            b { (estimate(&delay(replay))) " ms" }
+            " (" (shown(&replay.settings.delay_source)) ")."
+            @if let Some(sentence) = against_reference(replay, main) { " " (sentence) }
+        }
+        @if replay.pair.reference.is_none() {
+            p.note { "The log holds no independent reference: the numbers show that the output was advanced by Td, \
+             not that Td is right." }
+        }
+    }
+}
+
+/// The compensator whose numbers stand first: the exact form, else the last one.
+fn best(replay: &ReplayRecord) -> Option<&CompensatorResult> {
+    let others = || replay.compensators.iter().skip(1);
+    others().find(|c| c.name.starts_with("exact")).or_else(|| others().last())
+}
+
+/// What the error against the reference was and is, if there is one.
+fn against_reference(replay: &ReplayRecord, main: Option<&CompensatorResult>) -> Option<Markup> {
+    let reference = replay.pair.reference.as_ref()?;
+    let raw = replay.compensators.first()?.error_rms_m.as_ref()?;
+    let after = main?.error_rms_m.as_ref()?;
+    Some(html! {
+        "Against " code { (shown(reference)) } " the error goes from " b { (estimate(raw)) " m" }
+        " to " b { (estimate(after)) " m" } " rms."
+    })
+}
+
+/// The delay in ms, with U if the pipeline states an uncertainty.
+fn delay(replay: &ReplayRecord) -> Estimate {
+    let settings = &replay.settings;
+    Estimate {
+        value: settings.delay.millis(),
+        standard_uncertainty: settings.delay_uncertainty_s.map(|seconds| seconds * 1e3),
+    }
+}
+
+fn results(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
+    html! {
+        h2 { "Key numbers" }
+        (key_numbers(replay, figures))
+        h2 { "Raw and compensated" }
+        @if figures.is_empty() { p { "The record holds no curve that could be drawn." } }
+        @for f in figures { (figure(f)) }
+        (compensators(replay))
+    }
+}
+
+/// A row of the table of key numbers.
+struct KeyNumber {
+    name: String,
+    figure: &'static str,
+    value: String,
+    expanded: Option<String>,
+    unit: &'static str,
+    note: String,
+}
+
+impl KeyNumber {
+    fn estimated(name: String, figure: &'static str, estimate: &Estimate, unit: &'static str, why_none: &str) -> Self {
+        let (value, expanded) = number::measured(estimate.value, estimate.standard_uncertainty);
+        let note = if expanded.is_none() { why_none.to_owned() } else { String::new() };
+        KeyNumber { name, figure, value, expanded, unit, note }
+    }
+
+    fn plain(name: &str, value: String, unit: &'static str, note: impl Into<String>) -> Self {
+        KeyNumber { name: name.to_owned(), figure: "", value, expanded: None, unit, note: note.into() }
+    }
+}
+
+const NOT_GIVEN: &str = "no U: the analysis gave no standard uncertainty for this number";
+
+fn key_numbers(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
+    let numbers: Vec<KeyNumber> = result_numbers(replay).into_iter().chain(coverage_numbers(replay)).collect();
+    let row = |number: &KeyNumber| {
+        html! {
+            tr {
+                th scope="row" {
+                    (shown(&number.name))
+                    @if let Some(f) = figures.iter().find(|f| f.id == number.figure) {
+                        " (" a href={ "#" (f.id) } { "Figure\u{a0}" (f.number) } ")"
+                    }
+                }
+                td.n { (number.value) }
+                td.n { (maybe(number.expanded.as_ref(), |u| html! { "±\u{a0}" (u) })) }
+                td { (number.unit) }
+                td.any { (shown(&number.note)) }
+            }
+        }
+    };
+    let head = [Text("Quantity"), Number("Value"), Number("U (k = 2)"), Text("Unit"), Text("Note")];
+    table("U is the expanded uncertainty with k = 2, about 95 %", &head, rows(&numbers, 60, head.len(), row))
+}
+
+fn result_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
+    let td = "Delay removed, Td".to_owned();
+    let mut numbers =
+        vec![KeyNumber::estimated(td, "zoom", &delay(replay), "ms", "no U: the pipeline states no uncertainty of Td")];
+    let mut push = |name, figure, e: &Estimate| numbers.push(KeyNumber::estimated(name, figure, e, "m", NOT_GIVEN));
+    for c in replay.compensators.iter().skip(1) {
+        push(format!("Raw − {}, 2‑D rms", c.title), "zoom-difference", &c.raw_minus_this_rms_m);
+    }
+    push("Way flown in Td, from velocity, 2‑D rms".to_owned(), "zoom-difference", &replay.predicted_rms_m);
+    for c in &replay.compensators {
+        if let Some(error) = &c.error_rms_m {
+            push(format!("Error against the reference, {}, 2‑D rms", c.title), "", error);
+        }
+    }
+    numbers
+}
+
+fn coverage_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
+    let c = &replay.coverage;
+    let Distribution { p01, median, p99, .. } = replay.speed_mps;
+    let three = |value| number::significant(value, 3);
+    let share = if c.rows > 0 { number::percent(c.valid_rows as f64 / c.rows as f64) } else { "—".to_owned() };
+    let fixes = number::counted(c.fixes, "position fix", "position fixes");
+    let speeds = format!("1 % of the rows below {}, 1 % above {} m/s", three(p01), three(p99));
+    let resets = "fixes that jump against integrated velocity by more than 5 σ: passed on and marked";
+    let bridge = format!("gaps up to {} s", three(replay.settings.bridge_s));
+    vec![
+        KeyNumber::plain("Time covered", number::clock(c.duration_s, 0), "h:mm:ss", fixes),
+        KeyNumber::plain("Output rows with a valid compensated position", share, "%", valid_note(replay)),
+        KeyNumber::plain("Ground speed, median", three(median), "m/s", speeds),
+        KeyNumber::plain("Longest time without a position fix", three(c.longest_position_gap_s), "s", ""),
+        KeyNumber::plain("Position resets", number::count(c.position_resets), "1", resets),
+        KeyNumber::plain("Velocity gaps bridged", number::count(c.bridged_gaps), "1", bridge),
+        KeyNumber::plain("Restarts after longer velocity gaps", number::count(c.restarts), "1", ""),
+    ]
+}
+
+fn valid_note(replay: &ReplayRecord) -> String {
+    let c = &replay.coverage;
+    let mut note = format!("{} of {} rows", number::count(c.valid_rows), number::count(c.rows));
+    for reject in c.invalid.iter().take(10) {
+        note += &format!("; {}: {} (first: {})", reject.reason, number::count(reject.count), reject.first);
+    }
+    note
+}
+
+fn compensators(replay: &ReplayRecord) -> Markup {
+    let scored = replay.compensators.iter().any(|c| c.error_rms_m.is_some() || c.error_p95_m.is_some());
+    let mut head = vec![
+        Text("Compensator"),
+        Number("Delay given (ms)"),
+        Number("Raw − this, 2‑D rms (m)"),
+        Number("Step at a fix, 2‑D rms (m)"),
+    ];
+    if scored {
+        head.extend([Number("Error against reference, 2‑D rms (m)"), Number("Error, 2‑D 95th percentile (m)")]);
+    }
+    let row = |c: &CompensatorResult| {
+        html! {
+            tr {
+                th scope="row" { (shown(&c.title)) " " code { (shown(&c.name)) } }
+                td.n { (number::significant(c.delay.millis(), 4)) }
+                td.n { (estimate(&c.raw_minus_this_rms_m)) }
+                td.n { (maybe_estimate(c.step_at_fix_rms_m.as_ref())) }
+                @if scored {
+                    td.n { (maybe_estimate(c.error_rms_m.as_ref())) }
+                    td.n { (maybe_estimate(c.error_p95_m.as_ref())) }
+                }
+            }
+        }
+    };
+    html! {
+        (table("Compensators; ± is U with k = 2", &head, rows(&replay.compensators, 20, head.len(), row)))
+        p.note {
+            "Step at a fix: how far the output jumps when the next fix arrives. Small is good: the fix says what the \
+             compensator had foreseen. "
+            @if !scored { "No errors are given: the log holds no reference to score against. " }
+            "— is a number that the record does not hold."
+        }
+    }
+}

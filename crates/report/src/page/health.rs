@@ -1,0 +1,308 @@
+//! How good the data are: channels, topics, bytes, damage, notices, and the map that was taken.
+
+use super::Head::{Number, Text};
+use super::{maybe, more, rows, table};
+use crate::number;
+use crate::text::shown;
+use flight::{
+    Binding, ByteLedger, ChannelHealth, DamagedRange, LogHealth, MapCandidate, Notice, RejectCount, Severity,
+    StampHealth, StampOffset, TopicHealth,
+};
+use maud::{Markup, html};
+use record::FlightRecord;
+
+/// Most rows of each list on the page; the record holds all.
+const MOST_CHANNELS: usize = 60;
+const MOST_TOPICS: usize = 300;
+const MOST_NOTICES: usize = 200;
+const MOST_INNER: usize = 12;
+/// Measured, published, logged.
+const MOST_STAMPS: usize = 3;
+
+/// Channels, topics, bytes and damage.
+pub(super) fn section(record: &FlightRecord) -> Markup {
+    html! {
+        h2 id="health" { "Data health" }
+        @match &record.log {
+            Some(log) => {
+                p {
+                    "Format: " (shown(&log.format)) ". "
+                    (number::counted(log.messages, "intact message", "intact messages")) ", "
+                    (number::count(log.undecodable)) " that could not be decoded."
+                }
+                @if let Some(binding) = &record.binding { (channels(&binding.channels)) }
+                (ledger(&log.bytes))
+                (damage(log))
+                (topics(log))
+                (extras(&log.extras))
+            }
+            None => { p { "The log could not be opened, so nothing is known of its data." } }
+        }
+    }
+}
+
+fn channels(channels: &[ChannelHealth]) -> Markup {
+    let timing = [
+        Text("Channel"),
+        Text("Stamps used"),
+        Number("Rate (Hz)"),
+        Number("Jitter, p99 − median (ms)"),
+        Text("Gaps"),
+        Number("Duplicates"),
+        Number("Back-jumps"),
+        Text("Stamp offsets (ms)"),
+    ];
+    let use_of_rows =
+        [Text("Channel"), Text("Topic and fields"), Number("Rows"), Number("Used"), Text("Held"), Text("Rejected")];
+    html! {
+        (table("Channels: time stamps", &timing, rows(channels, MOST_CHANNELS, timing.len(), channel_timing)))
+        p.note { "A gap is a step of more than 2.5 median steps. Stamp offsets are median, with 1st and 99th \
+         percentile." }
+        (table("Channels: rows", &use_of_rows, rows(channels, MOST_CHANNELS, use_of_rows.len(), channel_rows)))
+    }
+}
+
+fn channel_timing(channel: &ChannelHealth) -> Markup {
+    let stamps = channel.stamps.as_ref();
+    html! {
+        tr {
+            th scope="row" { (shown(&channel.name)) }
+            td.any { (maybe(stamps, stamp_source)) }
+            td.n { (maybe(stamps.and_then(|s| s.rate_hz), |rate| html! { (number::significant(rate, 4)) })) }
+            td.n { (maybe(stamps.and_then(|s| s.steps_s), |d| html! { (millis(d.p99 - d.median)) })) }
+            td { (maybe(stamps, gaps)) }
+            td.n { (maybe(stamps, |s| html! { (number::count(s.duplicates)) })) }
+            td.n { (maybe(stamps, |s| html! { (number::count(s.back_jumps)) })) }
+            td {
+                @for offset in channel.offsets.iter().take(MOST_INNER) { div { (offset_line(offset)) } }
+                @if channel.offsets.is_empty() { span.none { "—" } }
+            }
+        }
+    }
+}
+
+fn stamp_source(stamps: &StampHealth) -> Markup {
+    html! { (stamps.kind) ", clock " (stamps.clock) ", from " code { (shown(&stamps.source)) } }
+}
+
+/// Seconds as milliseconds.
+fn millis(seconds: f64) -> String {
+    number::significant(seconds * 1e3, 3)
+}
+
+fn gaps(stamps: &StampHealth) -> Markup {
+    html! {
+        (number::count(stamps.gap_count))
+        @if let Some(gap) = stamps.gaps.first() {
+            "; longest " (number::significant(gap.length_s, 3)) " s at " (number::clock(gap.start_s, 0))
+        }
+    }
+}
+
+fn offset_line(offset: &StampOffset) -> Markup {
+    let d = &offset.offset_s;
+    html! {
+        (offset.of) " − " (offset.against) ": " (millis(d.median)) " (" (millis(d.p01)) " to " (millis(d.p99)) ")"
+    }
+}
+
+fn channel_rows(channel: &ChannelHealth) -> Markup {
+    html! {
+        tr {
+            th scope="row" { (shown(&channel.name)) }
+            td.any {
+                code { (shown(&channel.source.topic)) }
+                @if !channel.source.type_name.is_empty() { " (" (shown(&channel.source.type_name)) ")" }
+                ": " (shown(&channel.source.fields.join(", ")))
+                @if !channel.absent.is_empty() { "; not in the log: " (shown(&channel.absent.join(", "))) }
+            }
+            td.n { (number::count(channel.rows)) }
+            td.n { (number::count(channel.used)) }
+            td { (maybe(channel.held.as_ref(), |h| html! {
+                (number::count(h.repeats)) " repeats, runs of " (number::count(h.modal_run))
+                ", update every " (millis(h.update_interval_s)) " ms"
+            })) }
+            td.any { (rejects(&channel.rejected)) }
+        }
+    }
+}
+
+fn rejects(rejected: &[RejectCount]) -> Markup {
+    html! {
+        @if rejected.is_empty() { "0" }
+        @for reject in rejected.iter().take(MOST_INNER) {
+            div { (number::count(reject.count)) ": " (shown(&reject.reason)) " (first: " (shown(&reject.first)) ")" }
+        }
+        @if rejected.len() > MOST_INNER { div { (more(rejected.len() - MOST_INNER)) } }
+    }
+}
+
+fn ledger(bytes: &ByteLedger) -> Markup {
+    let parts = [
+        ("Decoded", bytes.decoded, "held values that were wanted; a compressed chunk counts whole"),
+        ("Skipped", bytes.skipped, "intact, nothing in it was wanted"),
+        ("Structure", bytes.structure, "magic, headers, indexes, definitions"),
+        ("Damaged", bytes.damaged, "could not be read or failed a checksum"),
+    ];
+    let sum = parts.iter().fold(0u64, |sum, part| sum.saturating_add(part.1));
+    let body = html! {
+        @for (name, count, what) in parts {
+            tr { th scope="row" { (name) } td.n { (number::count(count)) } td { (what) } }
+        }
+        tr {
+            th scope="row" { "Sum" } td.n { (number::count(sum)) }
+            td {
+                @if sum == bytes.size { "equal to the size of the files: every byte is accounted for" }
+                @else { b.bad { "not the size of the files, " (number::count(bytes.size)) " bytes: the ledger does \
+                 not add up" } }
+            }
+        }
+    };
+    table("Where every byte went", &[Text("Bytes"), Number("Count"), Text("What they are")], body)
+}
+
+fn damage(log: &LogHealth) -> Markup {
+    let row = |range: &DamagedRange| {
+        html! {
+            tr {
+                th scope="row" { (shown(&range.file)) }
+                td.n { (number::count(range.offset)) } td.n { (number::count(range.length)) }
+                td.any { (shown(&range.reason)) }
+            }
+        }
+    };
+    let head = [Text("File"), Number("First byte"), Number("Bytes"), Text("Why")];
+    html! {
+        @if log.damage_count > 0 || !log.damage.is_empty() {
+            h3 { "Damage" }
+            p { (number::counted(log.damage_count, "damaged stretch", "damaged stretches")) " in all"
+                @if log.damage_count > log.damage.len() as u64 { "; the first " (log.damage.len()) " are listed" } "." }
+            (table("Stretches that could not be used", &head, rows(&log.damage, 100, head.len(), row)))
+        }
+    }
+}
+
+fn topics(log: &LogHealth) -> Markup {
+    let head = [
+        Text("Topic"),
+        Text("Type"),
+        Text("Encoding"),
+        Number("Messages"),
+        Number("Payload"),
+        Text("Stamps: kind, clock, rate, gaps"),
+        Text("Decoded"),
+    ];
+    html! {
+        details {
+            summary { "All topics of the log (" (number::count(log.topics.len() as u64)) ")" }
+            (table("Topics", &head, rows(&log.topics, MOST_TOPICS, head.len(), topic_row)))
+        }
+    }
+}
+
+fn topic_row(topic: &TopicHealth) -> Markup {
+    html! {
+        tr {
+            th scope="row" { (shown(&topic.name)) }
+            td.any { (shown(&topic.type_name)) }
+            td { (shown(&topic.encoding)) }
+            td.n { (number::count(topic.messages)) }
+            td.n { (number::bytes(topic.payload_bytes)) }
+            td { @for stamps in topic.stamps.iter().take(MOST_STAMPS) { div { (topic_stamps(stamps)) } } }
+            td.any {
+                @if topic.decoded { "yes" } @else { "no" }
+                @if !topic.reason.is_empty() { ": " (shown(&topic.reason)) }
+            }
+        }
+    }
+}
+
+fn topic_stamps(stamps: &StampHealth) -> Markup {
+    html! {
+        (stamps.kind) " (" (shown(&stamps.source)) "), " (stamps.clock)
+        @if let Some(rate) = stamps.rate_hz { ", " (number::significant(rate, 4)) " Hz" }
+        @if stamps.gap_count > 0 { ", " (number::counted(stamps.gap_count, "gap", "gaps")) }
+    }
+}
+
+fn extras(extras: &[String]) -> Markup {
+    html! {
+        @if !extras.is_empty() {
+            details {
+                summary { "Attachments and metadata, listed but not read (" (number::count(extras.len() as u64)) ")" }
+                ul.plain {
+                    @for extra in extras.iter().take(MOST_TOPICS) { li { (shown(extra)) } }
+                    @if extras.len() > MOST_TOPICS { li { (more(extras.len() - MOST_TOPICS)) } }
+                }
+            }
+        }
+    }
+}
+
+/// All notices, the gravest first.
+pub(super) fn notices_section(record: &FlightRecord) -> Markup {
+    let groups = [
+        (Severity::Loss, "▲ Data lost"),
+        (Severity::Warning, "! Warnings (something was assumed, skipped or repaired)"),
+        (Severity::Info, "i For information (every number stands)"),
+    ];
+    html! {
+        h2 id="notices" { "Notices" }
+        @if record.notices.is_empty() { p { "None." } }
+        @for (severity, title) in groups { (notice_group(record, severity, title)) }
+    }
+}
+
+fn notice_group(record: &FlightRecord, severity: Severity, title: &str) -> Markup {
+    let group: Vec<&Notice> = record.notices.iter().filter(|n| n.severity == severity).collect();
+    let events = group.iter().fold(0u64, |sum, n| sum.saturating_add(n.count));
+    let row = |notice: &&Notice| {
+        html! {
+            tr {
+                th scope="row" { code { (shown(&notice.code)) } }
+                td.n { (number::count(notice.count)) }
+                td.any { (shown(&notice.place)) }
+                td.any { (shown(&notice.text)) }
+            }
+        }
+    };
+    let head = [Text("Code"), Number("Count"), Text("Where"), Text("What")];
+    let notices = number::counted(group.len() as u64, "notice", "notices");
+    let caption = format!("{title}: {notices}, sum of counts {}", number::count(events));
+    html! {
+        @if !group.is_empty() {
+            div.grave[severity == Severity::Loss] {
+                (table(&caption, &head, rows(&group, MOST_NOTICES, head.len(), row)))
+            }
+        }
+    }
+}
+
+/// Which channel map was taken and why, and what else was considered.
+pub(super) fn binding_section(binding: Option<&Binding>) -> Markup {
+    let row = |candidate: &MapCandidate| {
+        html! {
+            tr {
+                th scope="row" { (shown(&candidate.map)) }
+                td.any { (shown(&candidate.binds.join(", "))) }
+                td.any { (shown(&candidate.why)) }
+            }
+        }
+    };
+    let head = [Text("Map"), Text("Would bind"), Text("Why not")];
+    html! {
+        h2 { "Channel map" }
+        @match binding {
+            Some(binding) => {
+                p { "Taken: " b { (shown(&binding.map)) } ". " (shown(&binding.why)) }
+                @if !binding.others.is_empty() {
+                    details {
+                        summary { "Others considered (" (number::count(binding.others.len() as u64)) ")" }
+                        (table("Other channel maps", &head, rows(&binding.others, 60, head.len(), row)))
+                    }
+                }
+            }
+            None => { p { "No channel map was taken, so no channel is bound." } }
+        }
+    }
+}

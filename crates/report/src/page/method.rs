@@ -1,0 +1,117 @@
+//! The method in words and equations, from the settings that were used.
+
+use crate::number;
+use crate::text::shown;
+use maud::{Markup, html};
+use record::{ReplayRecord, StartRule};
+
+/// Ready to paste into a report.
+pub(super) fn section(replay: &ReplayRecord) -> Markup {
+    html! {
+        h2 { "Method" }
+        (delay_paragraph(replay))
+        (compensators(replay))
+        (rules(replay))
+        (frame(replay))
+        p {
+            "Each number is given with its expanded uncertainty U = k u, k = 2, where u is the standard uncertainty \
+             in the record; about 95 % for a normal distribution. Rms values are 2‑D: north and east together. "
+            "“Way flown in Td” is the distance that velocity alone says was flown during the delay: what raw − \
+             compensated should be."
+        }
+    }
+}
+
+fn delay_paragraph(replay: &ReplayRecord) -> Markup {
+    let settings = &replay.settings;
+    html! {
+        p {
+            "Position " code { (shown(&replay.pair.position)) } " is late, \
+             velocity " code { (shown(&replay.pair.velocity)) }
+            " is on time. A positive delay means late: measured(t) = truth(t − Td), with Td = "
+            (number::significant(settings.delay.millis(), 4)) " ms"
+            @match settings.delay_uncertainty_s {
+                Some(u) => { ", standard uncertainty " (number::significant(u * 1e3, 2)) " ms" }
+                None => { ", no uncertainty stated" }
+            }
+            " (" (shown(&settings.delay_source)) "). "
+            @match &replay.pair.reference {
+                Some(reference) => { "Errors are against " code { (shown(reference)) } ", which no compensator saw." }
+                None => { "There is no independent position in the log, so no error is given." }
+            }
+        }
+    }
+}
+
+fn compensators(replay: &ReplayRecord) -> Markup {
+    let has = |start: &str| replay.compensators.iter().any(|c| c.name.starts_with(start));
+    html! {
+        @if has("pade") {
+            p { "The paper's compensator (Park and Lee 2010) adds to the raw position what velocity flew during the \
+             delay, with the delay's transfer function replaced by its Padé [1/1] approximation and made discrete \
+             with Tustin's rule:" }
+            p.equation { "x_est = p + G v,  G(s) = (1 − e^(−s Td)) / s ≈ Td / ((Td/2) s + 1)" }
+        }
+        @if has("pade-1-1-as-seen") {
+            p { "A loop that holds each fix until the next sees it later still, by its mean age; the compensator is \
+             therefore run a second time with Td and that age together." }
+        }
+        @if has("exact") {
+            p { "The exact asynchronous form adds to each fix p_j, stamped t_j, the integral I of velocity over the \
+             delay and over the time since the fix; it needs no approximation and no held position:" }
+            p.equation { "x_est(t) = p_j + I(t) − I(t_j − Td),  I(t) = ∫ v dt (trapezoids)" }
+        }
+    }
+}
+
+fn rules(replay: &ReplayRecord) -> Markup {
+    let settings = &replay.settings;
+    html! {
+        p {
+            (start_rule(settings.start)) " "
+            "Velocity gaps of up to " (number::significant(settings.bridge_s, 3)) " s are bridged by a straight line; \
+             after a longer one the output is invalid and the compensators start anew. "
+            "Gaps bridged here: " (number::count(replay.coverage.bridged_gaps))
+            "; restarts: " (number::count(replay.coverage.restarts)) ". "
+            "Fixes that jump against integrated velocity by more than five sigma are passed on and counted."
+        }
+    }
+}
+
+fn start_rule(start: StartRule) -> &'static str {
+    match start {
+        StartRule::Warm => {
+            "Warm start: the first velocity is taken as flown since long before, so the correction starts at Td v₀."
+        }
+        StartRule::Cold => {
+            "Cold start: the filter starts at zero, so the correction is short of Td v₀ by Td v₀ e^(−2t/Td) at first."
+        }
+        StartRule::InvalidUntilTd => "The output is invalid until Td of velocity has been seen.",
+    }
+}
+
+fn frame(replay: &ReplayRecord) -> Markup {
+    html! {
+        p {
+            "Time zero is " (origin_time(replay)) ". "
+            @match &replay.origin {
+                Some(origin) => {
+                    "North and east are in the plane that touches WGS 84 at \
+                     latitude " (number::fixed(origin.latitude.to_degrees(), 6))
+                    "°, longitude " (number::fixed(origin.longitude.to_degrees(), 6)) "°, height "
+                    (number::fixed(origin.height, 1)) " m."
+                }
+                None => { "North and east are the log's own local coordinates; their origin is not in the log." }
+            }
+        }
+    }
+}
+
+fn origin_time(replay: &ReplayRecord) -> String {
+    let seconds = || format!("{} ns, clock {}", replay.origin_ns, replay.clock);
+    match replay.clock {
+        flight::Clock::Unix => jiff::Timestamp::from_nanosecond(i128::from(replay.origin_ns))
+            .map_or_else(|_| seconds(), |time| format!("{time} ({})", seconds())),
+        _ => seconds(),
+    }
+}

@@ -1,0 +1,114 @@
+//! How pages look, and what they may load: nothing.
+
+use sha2::{Digest, Sha256};
+
+/// The style sheet. Colours have a contrast of 4.5 and more on their ground, in both modes
+/// and on paper; figures keep white paper in dark mode.
+pub(super) const CSS: &str = include_str!("style.css");
+
+/// Makes the tables of a page sortable by their column heads. Without it they are tables.
+pub(super) const SORT_SCRIPT: &str = include_str!("sort.js");
+
+/// What the page may load: its own styles, images inside it, and its own script by its hash.
+pub(super) fn content_security_policy(script: Option<&str>) -> String {
+    let mut policy =
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'".to_owned();
+    if let Some(script) = script {
+        policy += &format!("; script-src 'sha256-{}'", base64(&Sha256::digest(script.as_bytes())));
+    }
+    policy
+}
+
+/// Base64 with padding (RFC 4648, section 4).
+fn base64(bytes: &[u8]) -> String {
+    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let bits = (0..3).fold(0u32, |bits, i| bits << 8 | u32::from(chunk.get(i).copied().unwrap_or(0)));
+        for i in 0..4 {
+            let letter = char::from(ALPHABET[(bits >> (18 - 6 * i) & 63) as usize]);
+            out.push(if i <= chunk.len() { letter } else { '=' });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_gives_the_vectors_of_rfc_4648() {
+        let vectors = [
+            "", "", "f", "Zg==", "fo", "Zm8=", "foo", "Zm9v", "foob", "Zm9vYg==", "fooba", "Zm9vYmE=", "foobar",
+            "Zm9vYmFy",
+        ];
+        for pair in vectors.chunks(2) {
+            assert_eq!(base64(pair[0].as_bytes()), pair[1]);
+        }
+    }
+
+    #[test]
+    fn a_script_is_allowed_by_its_hash_alone() {
+        // SHA-256 of "abc" (FIPS 180-2) in base64.
+        let policy = content_security_policy(Some("abc"));
+        assert!(policy.contains("script-src 'sha256-ungWv48Bz+pBQUDeXa4iI7ADYaOWF3qctBD/YfIAFa0='"), "{policy}");
+        assert!(!content_security_policy(None).contains("script-src"));
+    }
+
+    /// `--name:#rgb` pairs of one block of the style sheet.
+    fn colours(block: &str) -> std::collections::BTreeMap<&str, [f64; 3]> {
+        let colour = |text: &str| {
+            let digits = text.strip_prefix('#')?;
+            let wide =
+                if digits.len() == 3 { digits.chars().flat_map(|c| [c, c]).collect() } else { digits.to_owned() };
+            let channel = |i: usize| u8::from_str_radix(wide.get(i..i + 2)?, 16).ok();
+            Some([channel(0)?, channel(2)?, channel(4)?].map(|c| f64::from(c) / 255.0))
+        };
+        block
+            .split(['{', '}', ';'])
+            .filter_map(|d| d.trim().strip_prefix("--")?.split_once(':'))
+            .filter_map(|(name, value)| Some((name, colour(value)?)))
+            .collect()
+    }
+
+    /// WCAG 2.2 contrast ratio.
+    fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
+        let linear = |c: f64| if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+        let luminance = |c: [f64; 3]| 0.2126 * linear(c[0]) + 0.7152 * linear(c[1]) + 0.0722 * linear(c[2]);
+        let (a, b) = (luminance(a), luminance(b));
+        (a.max(b) + 0.05) / (a.min(b) + 0.05)
+    }
+
+    #[test]
+    fn every_text_colour_has_enough_contrast_in_both_modes() {
+        assert!((contrast([1.0; 3], [0.0; 3]) - 21.0).abs() < 1e-9);
+        let (light, rest) = CSS.split_once("@media (prefers-color-scheme:dark)").unwrap();
+        for block in [light, rest.split_once("}}").unwrap().0] {
+            let c = colours(block);
+            for (text, ground) in [
+                ("ink", "paper"),
+                ("ink", "band"),
+                ("ink", "bar"),
+                ("ink", "bad-bg"),
+                ("ink", "unsure-bg"),
+                ("soft", "paper"),
+                ("soft", "band"),
+                ("link", "paper"),
+                ("link", "band"),
+                ("ok", "ok-bg"),
+                ("ok", "paper"),
+                ("ok", "band"),
+                ("unsure", "unsure-bg"),
+                ("unsure", "paper"),
+                ("unsure", "band"),
+                ("bad", "bad-bg"),
+                ("bad", "paper"),
+                ("bad", "band"),
+            ] {
+                let ratio = contrast(c[text], c[ground]);
+                assert!(ratio >= 4.5, "{text} on {ground}: {ratio:.2}");
+            }
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! What a report is: files that nobody has written yet.
+
+use std::collections::BTreeMap;
+
+/// The files of one report, by path below the report's folder. Paths use `/` and never
+/// leave the folder.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Site {
+    /// Content by path.
+    pub files: BTreeMap<String, Vec<u8>>,
+}
+
+impl Site {
+    /// Adds a text file.
+    pub(crate) fn add(&mut self, path: &str, text: String) {
+        self.files.insert(path.to_owned(), text.into_bytes());
+    }
+}

@@ -1,0 +1,395 @@
+//! Records with known numbers, for the tests and the specimen.
+//!
+//! The aircraft flies a sum of two harmonics, so every compensator has a closed form: for
+//! a motion `a e^(iωt)` the raw position is `a e^(iω(t − Td))`, Padé [1/1] adds
+//! `iω Td / (1 + iωTd/2)` times the motion, and the exact form gives the motion back.
+
+use flight::{
+    Binding, ByteLedger, ChannelHealth, ChannelSource, Clock, DamagedRange, Delay, Distribution, Gap, Geodetic, Held,
+    LogHealth, MapCandidate, Notices, Quantity, RejectCount, Severity, StampHealth, StampKind, StampOffset,
+    TopicHealth,
+};
+use record::{
+    AxisCurves, CampaignRecord, CampaignTotals, CompensatorResult, Coverage, Curve, Estimate, FlightRecord, FlightRow,
+    IgnoredInput, InputFile, Outcome, PairUse, PathCurve, PipelineUse, RECORD_VERSION, ReplayRecord, ReplaySettings,
+    StartRule, Zoom,
+};
+
+/// Delay of the fixture, s.
+pub const TD: f64 = 0.4;
+const DURATION: f64 = 725.0;
+const RAW: &str = "raw, newest fix held";
+const PADE: &str = "Padé [1/1], Tustin (the paper)";
+const EXACT: &str = "exact asynchronous, p + ∫v";
+/// Amplitude m and angular rate rad/s of the motion: 17.5 m/s on a 30 m circle, and a slow drift.
+const HARMONICS: [(f64, f64); 2] = [(30.0, 17.5 / 30.0), (220.0, 0.021)];
+
+/// Real part for north, imaginary for east, of what a compensator shows at `t`.
+fn position(kind: &str, t: f64) -> (f64, f64) {
+    HARMONICS.iter().fold((0.0, 0.0), |sum, &(a, w)| {
+        let rotated = |angle: f64| (a * angle.cos(), a * angle.sin());
+        let raw = rotated(w * (t - TD));
+        let (north, east) = match kind {
+            RAW => raw,
+            PADE => {
+                // i w Td / (1 + i w Td/2), times the motion.
+                let (x, h) = (w * TD, w * TD / 2.0);
+                let (re, im) = (x * h / (1.0 + h * h), x / (1.0 + h * h));
+                let (c, s) = rotated(w * t);
+                (raw.0 + re * c - im * s, raw.1 + re * s + im * c)
+            }
+            _ => rotated(w * t),
+        };
+        (sum.0 + north, sum.1 + east)
+    })
+}
+
+/// 2-D rms of raw − exact: for each harmonic the chord 2 a sin(w Td / 2).
+pub fn correction_rms() -> f64 {
+    HARMONICS.iter().map(|(a, w)| (2.0 * a * (w * TD / 2.0).sin()).powi(2)).sum::<f64>().sqrt()
+}
+
+fn sampled(name: &str, (from, to): (f64, f64), step: f64, of: impl Fn(f64) -> f64) -> Curve {
+    let count = ((to - from) / step) as usize;
+    let t_s: Vec<f64> = (0..=count).map(|i| from + i as f64 * step).collect();
+    let y = t_s.iter().map(|&t| of(t)).collect();
+    let breaks = if from < 400.0 && to > 410.0 { vec![((400.0 - from) / step) as u32] } else { vec![] };
+    Curve { name: name.into(), t_s, y, breaks, stands_for: 25 * count as u64 }
+}
+
+fn axes(window: (f64, f64), step: f64) -> Vec<AxisCurves> {
+    let side = |p: (f64, f64), axis: &str| if axis == "north" { p.0 } else { p.1 };
+    let axis = |axis: &str| {
+        let shown = |kind: &'static str| sampled(kind, window, step, |t| side(position(kind, t), axis));
+        let difference = |kind: &'static str| {
+            sampled(&format!("raw − {kind}"), window, step, |t| {
+                side(position(RAW, t), axis) - side(position(kind, t), axis)
+            })
+        };
+        let predicted = sampled("−v · (Td + age of the fix)", window, step, |t| {
+            let (now, next) = (position("truth", t - 5e-4), position("truth", t + 5e-4));
+            -(side(next, axis) - side(now, axis)) / 1e-3 * TD
+        });
+        AxisCurves {
+            axis: axis.into(),
+            position_m: vec![shown(RAW), shown(PADE), shown(EXACT)],
+            difference_m: vec![difference(PADE), difference(EXACT), predicted],
+        }
+    };
+    vec![axis("north"), axis("east")]
+}
+
+fn path(kind: &str) -> PathCurve {
+    let points: Vec<(f64, f64)> = (0..2900).map(|i| position(kind, f64::from(i) * 0.25)).collect();
+    PathCurve {
+        name: kind.into(),
+        north_m: points.iter().map(|p| p.0).collect(),
+        east_m: points.iter().map(|p| p.1).collect(),
+        breaks: vec![1600],
+        stands_for: 72_500,
+    }
+}
+
+fn estimate(value: f64, u: f64) -> Estimate {
+    Estimate { value, standard_uncertainty: Some(u) }
+}
+
+/// The replay of one flight.
+pub fn replay() -> ReplayRecord {
+    let compensator = |name: &str, title: &str, correction: f64, error: f64| CompensatorResult {
+        name: name.into(),
+        title: title.into(),
+        delay: Delay::from_seconds(if name == "raw" { 0.0 } else { TD }).unwrap(),
+        raw_minus_this_rms_m: estimate(correction, if name == "raw" { 0.0 } else { 0.0104 }),
+        step_at_fix_rms_m: Some(estimate(1.75 - correction / 5.0, 0.006)),
+        error_rms_m: Some(estimate(error, error * 0.021)),
+        error_p95_m: Some(estimate(error * 1.6, error * 0.05)),
+    };
+    ReplayRecord {
+        settings: ReplaySettings {
+            delay: Delay::from_seconds(TD).unwrap(),
+            delay_uncertainty_s: Some(0.0065),
+            delay_source: "pipeline, from Park and Lee 2010".into(),
+            start: StartRule::Warm,
+            bridge_s: 0.8,
+        },
+        pair: PairUse {
+            position: "position.gps".into(),
+            velocity: "velocity.ekf".into(),
+            reference: Some("position.truth".into()),
+        },
+        origin_ns: 1_700_000_000_123_456_789,
+        clock: Clock::Unix,
+        origin: Some(Geodetic::from_degrees(34.437_214, 127.513_9, 61.2)),
+        coverage: Coverage {
+            duration_s: DURATION,
+            rows: 72_501,
+            valid_rows: 71_402,
+            invalid: vec![
+                RejectCount { reason: "warm-up".into(), count: 40, first: "t = 0.000 s".into() },
+                RejectCount { reason: "no velocity".into(), count: 1059, first: "t = 400.010 s".into() },
+            ],
+            bridged_gaps: 3,
+            restarts: 1,
+            fixes: 2890,
+            position_resets: 0,
+            longest_position_gap_s: 1.25,
+        },
+        speed_mps: Distribution { min: 0.2, p01: 11.0, median: 17.48, p99: 22.1, max: 23.0 },
+        predicted_rms_m: estimate(7.242, 0.009),
+        compensators: vec![
+            compensator("raw", RAW, 0.0, 7.25),
+            compensator("pade-1-1", PADE, correction_rms() - 0.031, 0.0371),
+            compensator("exact-async", EXACT, correction_rms(), 0.0197),
+        ],
+        axes: axes((0.0, DURATION), 0.25),
+        zoom: Some(Zoom {
+            start_s: 232.0,
+            end_s: 262.0,
+            why: "the 30 s with the largest mean horizontal acceleration, 10.2 m/s²".into(),
+            axes: axes((232.0, 262.0), 0.02),
+        }),
+        track: vec![path(RAW), path(PADE), path(EXACT)],
+    }
+}
+
+fn stamps(rate: f64, gap_count: u64) -> StampHealth {
+    StampHealth {
+        kind: StampKind::Measured,
+        clock: Clock::Unix,
+        source: "header.stamp".into(),
+        first_ns: 1_700_000_000_123_456_789,
+        last_ns: 1_700_000_725_123_456_789,
+        count: (725.0 * rate) as u64,
+        rate_hz: Some(rate),
+        steps_s: Some(Distribution {
+            min: 0.6 / rate,
+            p01: 0.9 / rate,
+            median: 1.0 / rate,
+            p99: 1.13 / rate,
+            max: 5.0 / rate,
+        }),
+        gap_count,
+        gaps: (0..gap_count).map(|i| Gap { start_s: 400.0 + i as f64, length_s: 1.25 / (i + 1) as f64 }).collect(),
+        duplicates: 2,
+        back_jumps: 0,
+    }
+}
+
+fn channel(name: &str, quantity: Quantity, rate: f64) -> ChannelHealth {
+    let rows = (725.0 * rate) as u64;
+    ChannelHealth {
+        name: name.into(),
+        quantity,
+        source: ChannelSource {
+            topic: format!("/mavros/{name}"),
+            type_name: "sensor_msgs/NavSatFix".into(),
+            fields: quantity.components().iter().map(|c| format!("{c} [SI]")).collect(),
+        },
+        absent: vec!["down".into()],
+        rows,
+        used: rows - 12,
+        rejected: vec![RejectCount {
+            reason: "repeats the stamp before".into(),
+            count: 12,
+            first: "message 311".into(),
+        }],
+        stamps: Some(stamps(rate, 3)),
+        offsets: vec![StampOffset {
+            of: StampKind::Logged,
+            against: StampKind::Measured,
+            offset_s: Distribution { min: 0.002, p01: 0.0041, median: 0.0123, p99: 0.0302, max: 0.31 },
+        }],
+        held: (rate > 50.0).then_some(Held { repeats: 71_000, modal_run: 25, update_interval_s: 0.25 }),
+    }
+}
+
+fn topic(i: usize) -> TopicHealth {
+    TopicHealth {
+        name: format!("/mavros/topic_{i:02}/data"),
+        type_name: "geometry_msgs/TwistStamped".into(),
+        encoding: "cdr".into(),
+        messages: 1000 * i as u64,
+        payload_bytes: 123_456 * i as u64,
+        stamps: vec![stamps(10.0, 1)],
+        decoded: i < 3,
+        reason: if i == 7 { "type definition is missing".into() } else { String::new() },
+    }
+}
+
+fn log() -> LogHealth {
+    LogHealth {
+        format: "MCAP, profile ros2, library libmcap 1.4.0".into(),
+        bytes: ByteLedger {
+            size: 48_237_551,
+            decoded: 40_000_000,
+            skipped: 8_000_000,
+            structure: 233_455,
+            damaged: 4_096,
+        },
+        messages: 212_004,
+        undecodable: 3,
+        damage: vec![DamagedRange {
+            file: "flight-07.mcap".into(),
+            offset: 31_887_360,
+            length: 4_096,
+            reason: "chunk: CRC-32 is 0x8d2f11a0, the header says 0x11e0ffab".into(),
+        }],
+        damage_count: 1,
+        topics: (0..18).map(topic).collect(),
+        extras: vec!["params.yaml (attachment, 8231 bytes)".into()],
+    }
+}
+
+fn binding() -> Binding {
+    Binding {
+        map: "mavros".into(),
+        why: "binds position.gps and velocity.ekf; the topics are its own".into(),
+        others: vec![MapCandidate {
+            map: "navsatfix-twist".into(),
+            binds: vec!["position.gps".into()],
+            why: "no velocity topic of its kind".into(),
+        }],
+        channels: vec![
+            channel("position.gps", Quantity::PositionGeodetic, 4.0),
+            channel("velocity.ekf", Quantity::VelocityNed, 100.0),
+        ],
+    }
+}
+
+fn notices() -> Notices {
+    let mut notices = Notices::new();
+    notices.push(
+        Severity::Info,
+        "height-above-msl",
+        "/mavros/position.gps",
+        1,
+        "height stands for the ellipsoidal one",
+    );
+    notices.push(Severity::Warning, "duplicate-stamp", "/mavros/position.gps", 12, "12 rows repeat the stamp before");
+    notices.push(
+        Severity::Loss,
+        "chunk-crc",
+        "flight-07.mcap, byte 31887360",
+        4_096,
+        "a chunk fails its checksum; its messages are not used",
+    );
+    notices
+}
+
+fn pipeline() -> PipelineUse {
+    PipelineUse {
+        title: "Replay with the delay of Park and Lee 2010".into(),
+        blake3: "5f3c0f6e".repeat(8),
+        toml: "title = \"Replay\"\n\n[delay]\nposition_s = 0.4\nuncertainty_s = 0.0065\n\n[replay]\nstart = \"warm\"\n"
+            .into(),
+    }
+}
+
+/// A flight with everything: results, damage, notices.
+pub fn flight_record() -> FlightRecord {
+    FlightRecord {
+        record_version: RECORD_VERSION,
+        analysis_version: 1,
+        key: "9b1d44aa".repeat(8),
+        inputs: vec![InputFile { name: "flight-07.mcap".into(), bytes: 48_237_551, blake3: "c01dbeef".repeat(8) }],
+        pipeline: pipeline(),
+        outcome: Outcome::Compensated,
+        log: Some(log()),
+        binding: Some(binding()),
+        replay: Some(replay()),
+        notices: notices(),
+    }
+}
+
+/// A flight that could not be opened: every option is `None`.
+pub fn failed_record() -> FlightRecord {
+    FlightRecord {
+        outcome: Outcome::Failed {
+            reason: "flight-09.bag: byte 4096: the record's length 4294967295 is longer than the file".into(),
+        },
+        log: None,
+        binding: None,
+        replay: None,
+        notices: Notices::new(),
+        ..flight_record()
+    }
+}
+
+/// A flight that was read and says nothing.
+pub fn parked_record() -> FlightRecord {
+    FlightRecord {
+        outcome: Outcome::NotMeasurable {
+            reason: "95 % of the ground speed is below 0.11 m/s, at least 3 m/s is needed: fly a circuit".into(),
+        },
+        replay: None,
+        ..flight_record()
+    }
+}
+
+/// A row of the campaign's table; every seventh flight lost data, every eleventh failed, every thirteenth stood still.
+pub fn row(i: usize) -> FlightRow {
+    let outcome = match i {
+        _ if i % 11 == 10 => {
+            Outcome::Failed { reason: format!("flight-{i:04}.bag: no index and no record at byte 13") }
+        }
+        _ if i % 13 == 12 => Outcome::NotMeasurable { reason: "the aircraft never moves".into() },
+        _ => Outcome::Compensated,
+    };
+    let done = outcome == Outcome::Compensated;
+    let x = i as f64;
+    let speed = 12.0 + 8.0 * (x * 0.7).sin();
+    let some = |value: f64| done.then_some(value);
+    FlightRow {
+        flight: format!("2026-11-{:02}/flight-{i:04}.mcap", i % 28 + 1),
+        key: format!("{i:064x}"),
+        page: format!("flights/2026-11-{:02}-flight-{i:04}/index.html", i % 28 + 1),
+        outcome,
+        lossy: i % 7 == 6,
+        format: "MCAP, ros2".into(),
+        map: done.then(|| "mavros".into()),
+        bytes: 48_000_000 + 1_000 * i as u64,
+        duration_s: some(600.0 + x),
+        position: Some("position.gps".into()),
+        velocity: Some("velocity.ekf".into()),
+        position_rate_hz: Some(4.0),
+        velocity_rate_hz: Some(100.0),
+        speed_median_mps: some(speed),
+        delay_s: some(TD),
+        correction_rms_m: done.then(|| estimate(speed * TD * (1.02 + 0.02 * (x * 1.3).cos()), 0.05)),
+        raw_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(7.0, 0.1)),
+        pade_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0371, 0.002)),
+        exact_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0197, 0.001)),
+        valid_share: some(1.0 - 0.3 * (x * 0.37).sin().abs()),
+        warnings: i as u64 % 4,
+        losses: u64::from(i % 7 == 6),
+    }
+}
+
+/// A campaign of so many flights.
+pub fn campaign_record(flights: usize) -> CampaignRecord {
+    let rows: Vec<FlightRow> = (0..flights).map(row).collect();
+    let count = |wanted: fn(&FlightRow) -> bool| rows.iter().filter(|r| wanted(r)).count() as u64;
+    CampaignRecord {
+        record_version: RECORD_VERSION,
+        analysis_version: 1,
+        flightlag_version: "0.1.0".into(),
+        name: "Goheung autumn campaign".into(),
+        pipeline: pipeline(),
+        command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung".into(),
+        ignored: (0..5)
+            .map(|i| IgnoredInput { path: format!("notes/{i}.txt"), reason: "no reader knows this format".into() })
+            .chain([IgnoredInput { path: "empty.csv".into(), reason: "the file is empty".into() }])
+            .collect(),
+        totals: CampaignTotals {
+            flights: flights as u64,
+            compensated: count(|r| r.outcome == Outcome::Compensated),
+            not_measurable: count(|r| matches!(r.outcome, Outcome::NotMeasurable { .. })),
+            failed: count(|r| matches!(r.outcome, Outcome::Failed { .. })),
+            lossy: count(|r| r.lossy),
+            bytes: rows.iter().map(|r| r.bytes).sum(),
+            duration_s: rows.iter().filter_map(|r| r.duration_s).sum(),
+        },
+        flights: rows,
+    }
+}

@@ -1,0 +1,191 @@
+//! Records with every text hostile, every option absent, every list long.
+
+use crate::fixture::{campaign_record, failed_record, flight_record};
+use crate::html::read;
+use record::{CampaignRecord, FlightRecord};
+use report::{FlightPage, Site, campaign_site, flight_site};
+use serde_json::Value;
+
+const PAYLOADS: [&str; 9] = [
+    "<script>alert(1)</script>",
+    "\"><img src=x onerror=alert(1)>",
+    "' onmouseover='alert(1)",
+    "javascript:alert(1)",
+    "</title></svg></style></script><svg onload=alert(1)>",
+    "]]><!-- --!>",
+    "line\u{2028}separator\u{2029}\u{85}",
+    "\u{202e}txt.exe\u{2066}\u{200b}\u{feff}",
+    "\0\u{1}\u{1b}[31m\u{7f}\r\n",
+];
+
+/// Changes every place of a record for which `change` has a proposal and that still reads as
+/// a record afterwards: names of enum variants stay what they are.
+fn change_everywhere<T>(record: &T, change: &dyn Fn(&Value) -> Option<Value>) -> (T, usize)
+where
+    T: serde::Serialize + serde::de::DeserializeOwned,
+{
+    let mut root = serde_json::to_value(record).unwrap();
+    let mut paths = Vec::new();
+    collect(&root, String::new(), &mut paths);
+    let mut changed = 0;
+    for path in paths {
+        let Some(place) = root.pointer_mut(&path) else { continue };
+        let Some(new) = change(place) else { continue };
+        let old = std::mem::replace(place, new);
+        if serde_json::from_value::<T>(root.clone()).is_ok() {
+            changed += 1;
+        } else if let Some(place) = root.pointer_mut(&path) {
+            *place = old;
+        }
+    }
+    (serde_json::from_value(root).unwrap(), changed)
+}
+
+/// JSON pointers of everything below; two items of a list stand for all.
+fn collect(value: &Value, path: String, out: &mut Vec<String>) {
+    match value {
+        Value::Object(fields) => fields.iter().for_each(|(name, v)| collect(v, format!("{path}/{name}"), out)),
+        Value::Array(items) => {
+            items.iter().take(3).enumerate().for_each(|(i, v)| collect(v, format!("{path}/{i}"), out))
+        }
+        _ => {}
+    }
+    out.push(path);
+}
+
+/// A record whose curves are short, since every change is checked on the whole.
+fn light_record() -> FlightRecord {
+    let mut record = flight_record();
+    let replay = record.replay.as_mut().unwrap();
+    let zoom = replay.zoom.as_mut().unwrap();
+    for axis in replay.axes.iter_mut().chain(&mut zoom.axes) {
+        for curve in axis.position_m.iter_mut().chain(&mut axis.difference_m) {
+            curve.t_s.truncate(50);
+            curve.y.truncate(50);
+        }
+    }
+    for curve in &mut replay.track {
+        curve.east_m.truncate(50);
+        curve.north_m.truncate(50);
+    }
+    record
+}
+
+fn hostile_text(payload: &'static str) -> impl Fn(&Value) -> Option<Value> {
+    move |value| value.is_string().then(|| Value::from(payload))
+}
+
+fn site(record: &FlightRecord, text: &str) -> Site {
+    flight_site(&FlightPage { name: text, record, index_href: text, command: text })
+}
+
+fn is_harmless(site: &Site, payload: &str) {
+    for (path, bytes) in &site.files {
+        let text = std::str::from_utf8(bytes).unwrap();
+        // Reading it fails on any tag, attribute or link that is not ours.
+        read(text);
+        if payload.contains(['<', '"', '\u{202e}', '\u{2028}', '\0']) {
+            assert!(!text.contains(payload), "{path} holds {payload:?}");
+        }
+        let hidden = |c: char| {
+            matches!(c, '\0'..='\u{8}' | '\u{b}'..='\u{1f}' | '\u{7f}'..='\u{9f}' | '\u{200b}'..='\u{200f}'
+                | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+        };
+        assert_eq!(text.chars().find(|&c| hidden(c)), None, "{path}");
+    }
+}
+
+#[test]
+fn no_text_of_a_flight_record_becomes_markup() {
+    for payload in PAYLOADS {
+        let (record, changed) = change_everywhere(&light_record(), &hostile_text(payload));
+        assert!(changed > 60, "only {changed} texts were reached");
+        is_harmless(&site(&record, payload), payload);
+        let (record, _) = change_everywhere(&failed_record(), &hostile_text(payload));
+        is_harmless(&site(&record, payload), payload);
+    }
+}
+
+#[test]
+fn no_text_of_a_campaign_record_becomes_markup() {
+    for payload in PAYLOADS {
+        let (record, changed) = change_everywhere(&campaign_record(3), &hostile_text(payload));
+        assert!(changed > 20, "only {changed} texts were reached");
+        is_harmless(&campaign_site(&record), payload);
+    }
+}
+
+#[test]
+fn a_record_of_which_every_option_is_absent_has_a_page() {
+    let absent = |value: &Value| (!value.is_null()).then_some(Value::Null);
+    // Once the options inside, once those outside: a replay that is absent hides what it holds.
+    let inner = |value: &Value| absent(value).filter(|_| !value.is_object() && !value.is_array());
+    let (record, changed) = change_everywhere::<FlightRecord>(&light_record(), &inner);
+    assert!(changed >= 10 && record.replay.is_some());
+    is_harmless(&site(&record, "n"), "n");
+    let (record, _) = change_everywhere::<FlightRecord>(&light_record(), &absent);
+    assert!(record.replay.is_none() && record.log.is_none() && record.binding.is_none());
+    is_harmless(&site(&record, "n"), "n");
+    let (record, _) = change_everywhere::<CampaignRecord>(&campaign_record(3), &absent);
+    assert!(record.flights.iter().all(|f| f.duration_s.is_none() && f.map.is_none()));
+    let html = String::from_utf8(campaign_site(&record).files["index.html"].clone()).unwrap();
+    assert!(!html.contains(">NaN") && !html.contains(">null") && !html.contains(">None"));
+}
+
+#[test]
+fn empty_lists_and_curves_have_a_page() {
+    let empty = |value: &Value| value.as_array().filter(|a| !a.is_empty()).map(|_| Value::Array(vec![]));
+    let (record, changed) = change_everywhere(&light_record(), &empty);
+    assert!(changed >= 10);
+    is_harmless(&site(&record, "n"), "n");
+    is_harmless(&campaign_site(&campaign_record(0)), "n");
+}
+
+#[test]
+fn numbers_beyond_all_measure_have_a_page() {
+    for extreme in [1e300, -1e300, 5e-324, f64::MAX] {
+        let change = |value: &Value| value.is_f64().then(|| Value::from(extreme));
+        let (record, changed) = change_everywhere(&light_record(), &change);
+        assert!(changed > 50);
+        is_harmless(&site(&record, "n"), "n");
+        let (record, _) = change_everywhere(&campaign_record(3), &change);
+        is_harmless(&campaign_site(&record), "n");
+    }
+    for extreme in [u64::MAX, 0] {
+        let change = |value: &Value| value.is_u64().then(|| Value::from(extreme));
+        let (record, _) = change_everywhere(&light_record(), &change);
+        is_harmless(&site(&record, "n"), "n");
+        let (record, _) = change_everywhere(&campaign_record(3), &change);
+        is_harmless(&campaign_site(&record), "n");
+    }
+}
+
+#[test]
+fn values_that_are_not_finite_are_left_out_and_counted() {
+    let mut record = flight_record();
+    let replay = record.replay.as_mut().unwrap();
+    replay.axes[0].position_m[0].y[100] = f64::NAN;
+    replay.axes[0].position_m[1].y[100] = f64::INFINITY;
+    replay.predicted_rms_m.value = f64::NAN;
+    let html = String::from_utf8(site(&record, "n").files["index.html"].clone()).unwrap();
+    assert!(html.contains("Not drawn, because not finite or beyond 10¹²: 2."));
+    assert!(html.contains(">not finite</data> m;"));
+}
+
+#[test]
+fn a_flood_of_topics_notices_and_long_names_stays_within_the_page() {
+    let mut record = flight_record();
+    let log = record.log.as_mut().unwrap();
+    let mut topic = log.topics[0].clone();
+    topic.name = "x".repeat(10_000);
+    log.topics = vec![topic; 3_000];
+    for i in 0..5_000 {
+        record.notices.push(flight::Severity::Warning, "w", "y".repeat(2_000), i, "z".repeat(2_000));
+    }
+    let binding = record.binding.as_mut().unwrap();
+    binding.channels = vec![binding.channels[0].clone(); 500];
+    let html = String::from_utf8(site(&record, "n").files["index.html"].clone()).unwrap();
+    assert!(html.len() < 1_500_000, "{}", html.len());
+    // What is not shown is counted.
+    assert!(html.contains("and 2\u{202f}700 more") && html.contains("(9700 characters more)"));
+}

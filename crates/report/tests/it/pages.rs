@@ -1,0 +1,283 @@
+//! What the pages say is what the records hold.
+
+use crate::fixture::{self, campaign_record, failed_record, flight_record, parked_record};
+use crate::html::{Tag, points, read};
+use record::{FlightRecord, Outcome};
+use report::{FlightPage, Site, campaign_site, flight_site};
+
+fn site(record: &FlightRecord) -> Site {
+    let (name, index_href) = ("north field/flight 07.mcap", "../../index.html");
+    flight_site(&FlightPage { name, record, index_href, command: "flightlag campaign flights --out reports" })
+}
+
+fn text(site: &Site, path: &str) -> String {
+    String::from_utf8(site.files[path].clone()).unwrap()
+}
+
+fn page(record: &FlightRecord) -> String {
+    text(&site(record), "index.html")
+}
+
+/// The number that a text shows, and half of its last digit.
+fn shown_number(text: &str) -> (f64, f64) {
+    let plain: String = text.replace('\u{2212}', "-").chars().filter(|c| *c != '\u{202f}').collect();
+    let decimals = plain.split_once('.').map_or(0, |(_, d)| d.len());
+    // A whole number may be rounded to tens or hundreds: two digits of uncertainty decide that, so
+    // allow for what the trailing zeros hide.
+    let zeros = if decimals == 0 { plain.len() - plain.trim_end_matches('0').len() } else { 0 };
+    (plain.parse().unwrap(), 0.5 * 10f64.powi(zeros as i32 - decimals as i32))
+}
+
+/// Coordinates of the curve of this name, over all panels.
+fn curve(svg: &str, name: &str) -> Vec<(f64, f64)> {
+    let tags = read(svg);
+    let is_named = |pair: &&[Tag]| pair[0].name == "path" && pair[1].name == "title" && pair[1].text == name;
+    tags.windows(2).filter(is_named).flat_map(|pair| points(pair[0].get("d").unwrap())).collect()
+}
+
+#[test]
+fn every_number_with_its_bits_on_the_page_is_rounded_from_them() {
+    let record = flight_record();
+    let replay = record.replay.as_ref().unwrap();
+    let tags = read(&page(&record));
+    let data: Vec<(f64, &str)> = tags
+        .iter()
+        .filter(|t| t.name == "data")
+        .map(|t| (t.get("value").unwrap().parse().unwrap(), t.text.as_str()))
+        .collect();
+    for (value, text) in &data {
+        let (shown, half) = shown_number(text.split("\u{a0}±").next().unwrap());
+        assert!((shown - value).abs() <= half * 1.000_001, "{value} is shown as {text}");
+    }
+    for c in &replay.compensators {
+        let estimates = [Some(c.raw_minus_this_rms_m), c.step_at_fix_rms_m, c.error_rms_m, c.error_p95_m];
+        for estimate in estimates.into_iter().flatten() {
+            assert!(data.iter().any(|(value, _)| *value == estimate.value), "{} {}", c.name, estimate.value);
+        }
+    }
+}
+
+#[test]
+fn the_answer_comes_first_with_twice_the_standard_uncertainty() {
+    let record = flight_record();
+    let html = page(&record);
+    let answer = html.split("class=\"answer\"").nth(1).unwrap().split("</p>").next().unwrap();
+    // raw − exact of the two harmonics, u = 0.0104 m; Td = 400 ms, u = 6.5 ms.
+    let value = format!("{:.3}\u{a0}±\u{a0}0.021", fixture::correction_rms());
+    assert!(
+        answer.contains(&value) && answer.contains("400\u{a0}±\u{a0}13") && answer.contains("position.truth"),
+        "{answer}"
+    );
+    assert!(html.find("class=\"answer\"") < html.find("Key numbers"));
+}
+
+#[test]
+fn without_a_reference_the_page_says_what_it_cannot_show() {
+    let mut record = flight_record();
+    let replay = record.replay.as_mut().unwrap();
+    replay.pair.reference = None;
+    for c in &mut replay.compensators {
+        (c.error_rms_m, c.error_p95_m) = (None, None);
+    }
+    let html = page(&record);
+    assert!(html.contains("not that Td is right") && !html.contains("Error against reference"));
+}
+
+#[test]
+fn a_number_without_uncertainty_says_why() {
+    let mut record = flight_record();
+    let replay = record.replay.as_mut().unwrap();
+    replay.settings.delay_uncertainty_s = None;
+    replay.predicted_rms_m.standard_uncertainty = None;
+    let html = page(&record);
+    assert!(html.contains("the pipeline states no uncertainty of Td"));
+    assert!(html.contains("the analysis gave no standard uncertainty"));
+}
+
+#[test]
+fn the_verdict_is_a_word_and_lost_data_has_its_own() {
+    let words = |html: &str| {
+        ["Compensated", "Not measurable", "Failed", "DATA LOST"].map(|w| html.contains(&format!("</span>{w}</span>")))
+    };
+    assert_eq!(words(&page(&flight_record())), [true, false, false, true]);
+    let mut whole = flight_record();
+    whole.notices = flight::Notices::new();
+    assert_eq!(words(&page(&whole)), [true, false, false, false]);
+    assert_eq!(words(&page(&failed_record())), [false, false, true, false]);
+    assert_eq!(words(&page(&parked_record())), [false, true, false, true]);
+}
+
+#[test]
+fn a_flight_without_result_begins_with_its_reason_and_keeps_its_provenance() {
+    for record in [failed_record(), parked_record()] {
+        let html = page(&record);
+        let (Outcome::Failed { reason } | Outcome::NotMeasurable { reason }) = &record.outcome else { panic!() };
+        let places = [reason.as_str(), ">Data health<", ">Notices<", ">Provenance<", &record.key]
+            .map(|text| html.find(text).unwrap());
+        assert!(places.is_sorted(), "{places:?}");
+    }
+}
+
+#[test]
+fn a_spike_of_ten_sigma_is_drawn_at_its_full_height() {
+    let mut record = flight_record();
+    let replay = record.replay.as_mut().unwrap();
+    replay.zoom = None;
+    for axis in &mut replay.axes {
+        axis.position_m.truncate(1);
+        let raw = &mut axis.position_m[0];
+        raw.t_s = (0..20_000).map(|i| f64::from(i) * 0.01).collect();
+        raw.y = (0..20_000).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        raw.y[12_345] = 10.0;
+        raw.breaks = vec![];
+    }
+    let svg = text(&site(&record), "figures/fig-7.svg");
+    let all = curve(&svg, "raw, newest fix held");
+    // Upper panel alone: the lower one begins where the abscissa falls back.
+    let end = all.windows(2).position(|w| w[1].0 < w[0].0 - 100.0).unwrap() + 1;
+    let mut heights: Vec<f64> = all[..end].iter().map(|p| p.1).collect();
+    heights.sort_by(f64::total_cmp);
+    let (spike, plus, minus) = (heights[0], heights[1], heights[heights.len() - 1]);
+    let ratio = (plus - spike) / (minus - plus);
+    assert!((ratio - 4.5).abs() < 0.1, "the spike stands {ratio} times the peak-to-peak noise above it, not 4.5");
+    // And it stands at its time: 123.45 s of 199.99 s.
+    let (left, right) = (all[0].0, all[end - 1].0);
+    let at = all.iter().find(|p| p.1 == spike).unwrap().0;
+    assert!(((at - left) / (right - left) - 123.45 / 199.99).abs() < 0.002);
+}
+
+#[test]
+fn the_raw_curve_is_solid_and_the_papers_is_dashed_as_in_fig_7() {
+    let svg = text(&site(&flight_record()), "figures/fig-7.svg");
+    let tags = read(&svg);
+    let dashes = |name: &str| {
+        let pair = tags.windows(2).find(|w| w[0].name == "path" && w[1].name == "title" && w[1].text == name).unwrap();
+        (pair[0].get("stroke-dasharray").map(str::to_owned), pair[0].get("stroke").map(str::to_owned))
+    };
+    let (raw, pade, exact) = (
+        dashes("raw, newest fix held"),
+        dashes("Padé [1/1], Tustin (the paper)"),
+        dashes("exact asynchronous, p + ∫v"),
+    );
+    assert!(raw.0.is_none() && pade.0.is_some() && exact.0.is_none());
+    assert!(raw.1 != pade.1 && pade.1 != exact.1 && raw.1 != exact.1);
+}
+
+#[test]
+fn the_pen_is_lifted_where_the_record_says() {
+    let svg = text(&site(&flight_record()), "figures/fig-7.svg");
+    let starts = svg.lines().filter(|l| l.contains("<title>raw, newest fix held")).map(|l| l.matches('M').count());
+    assert_eq!(starts.collect::<Vec<_>>(), [2, 2]);
+}
+
+#[test]
+fn every_figure_is_named_described_and_in_the_page() {
+    let site = site(&flight_record());
+    let html = text(&site, "index.html");
+    for name in ["fig-7", "zoom", "zoom-difference", "difference", "track"] {
+        let svg = text(&site, &format!("figures/{name}.svg"));
+        let tags = read(&svg);
+        assert_eq!((tags[0].get("role"), tags[1].name.as_str(), tags[2].name.as_str()), (Some("img"), "title", "desc"));
+        assert!(!tags[1].text.is_empty() && tags[2].text.contains("Good:"));
+        assert!(html.contains(&svg.replace(" xmlns=\"http://www.w3.org/2000/svg\"", "")), "{name} is not in the page");
+    }
+}
+
+#[test]
+fn nothing_on_a_page_asks_for_anything_outside() {
+    let campaign = campaign_site(&campaign_record(30));
+    for (path, bytes) in site(&flight_record()).files.iter().chain(&campaign.files) {
+        let text = std::str::from_utf8(bytes).unwrap();
+        read(text);
+        let without_namespace = text.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+        for word in ["http:", "https:", "url(", "@import", " src=", "<link", "<img"] {
+            assert!(!without_namespace.contains(word), "{path}: {word}");
+        }
+        assert!(!path.ends_with(".html") || text.contains("default-src 'none'"));
+    }
+}
+
+#[test]
+fn every_head_has_a_scope_and_every_id_is_unique() {
+    for html in [page(&flight_record()), text(&campaign_site(&campaign_record(30)), "index.html")] {
+        let tags = read(&html);
+        assert_eq!(tags[0].get("lang"), Some("en"));
+        assert!(tags.iter().filter(|t| t.name == "th").all(|t| t.get("scope").is_some()));
+        let mut ids: Vec<&str> = tags.iter().filter_map(|t| t.get("id")).collect();
+        let links: Vec<&str> = tags.iter().filter_map(|t| t.get("href")?.strip_prefix('#')).collect();
+        assert!(links.iter().all(|link| ids.contains(link)), "{links:?} {ids:?}");
+        let count = ids.len();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), count);
+    }
+}
+
+#[test]
+fn the_same_record_gives_the_same_bytes() {
+    assert_eq!(site(&flight_record()), site(&flight_record()));
+    assert_eq!(campaign_site(&campaign_record(50)), campaign_site(&campaign_record(50)));
+}
+
+#[test]
+fn troubled_flights_stand_first_with_their_reason() {
+    let record = campaign_record(40);
+    let html = text(&campaign_site(&record), "index.html");
+    let (attention, all) = html.split_once(">All flights</h2>").unwrap();
+    for row in &record.flights {
+        let name = format!(">{}</a>", row.flight);
+        assert!(all.contains(&name));
+        let troubled = row.lossy || row.outcome != Outcome::Compensated;
+        assert_eq!(attention.contains(&name), troubled, "{}", row.flight);
+    }
+    assert!(attention.contains("flight-0010.bag: no index and no record at byte 13"));
+    // A failed flight before a lossy one before one that stands still.
+    let place = |i: usize| attention.find(&format!(">{}</a>", record.flights[i].flight)).unwrap();
+    assert!(place(10) < place(6) && place(13) < place(12));
+}
+
+#[test]
+fn the_table_sorts_by_the_bits_of_the_record() {
+    let record = campaign_record(40);
+    let tags = read(&text(&campaign_site(&record), "index.html"));
+    let bits: Vec<f64> = tags.iter().filter(|t| t.name == "td").filter_map(|t| t.get("data-v")?.parse().ok()).collect();
+    for row in &record.flights {
+        let numbers = [row.duration_s, row.speed_median_mps, row.valid_share, row.correction_rms_m.map(|e| e.value)];
+        assert!(numbers.into_iter().flatten().all(|n| bits.contains(&n)), "{}", row.flight);
+    }
+}
+
+#[test]
+fn ignored_inputs_are_listed_by_reason() {
+    let html = text(&campaign_site(&campaign_record(3)), "index.html");
+    assert!(html.contains("5 files: no reader knows this format") && html.contains("1 file: the file is empty"));
+    assert!(html.contains("<li>notes/4.txt</li>"));
+}
+
+#[test]
+fn pages_stay_small() {
+    let size = |flights| campaign_site(&campaign_record(flights)).files["index.html"].len();
+    assert!(size(200) < 250_000 && size(2000) < 2_000_000, "{} {}", size(200), size(2000));
+    let flight = page(&flight_record()).len();
+    assert!(flight < 400_000, "{flight}");
+}
+
+#[test]
+fn curves_of_pure_noise_do_not_swell_the_page() {
+    let mut record = flight_record();
+    let replay = record.replay.as_mut().unwrap();
+    let mut state = 1_u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state) / 1e6
+    };
+    let zoom = replay.zoom.as_mut().unwrap();
+    for axis in replay.axes.iter_mut().chain(&mut zoom.axes) {
+        for curve in axis.position_m.iter_mut().chain(&mut axis.difference_m) {
+            curve.t_s = (0..50_000).map(|i| f64::from(i) * 0.01).collect();
+            curve.y = (0..50_000).map(|_| noise()).collect();
+        }
+    }
+    let size = page(&record).len();
+    assert!(size < 1_500_000, "{size}");
+}
