@@ -1,1 +1,37 @@
-//! Flights whose truth is known, written in every format
+//! Flights whose truth is known, in every format that flightlag reads.
+//!
+//! A [`Trajectory`] is flown, a [`SensorSettings`] says how each sensor lies about it, and
+//! [`simulate`] makes a [`SimulatedFlight`]: truth at any instant, late position, velocity on
+//! time. It becomes a [`flight::Flight`] directly ([`SimulatedFlight::to_flight`]) or bytes of a
+//! log ([`Container::files`]), and [`write_demo`] writes a whole campaign of them.
+//!
+//! The same settings give the same bytes. (Sines come from the platform's mathematical library:
+//! between two platforms the last bit of a value may differ.)
+//!
+//! ```
+//! use simulate::{FlightSettings, simulate};
+//! let flight = simulate(&FlightSettings { duration_s: 20.0, ..FlightSettings::default() })?;
+//! // Position is 0.4 s late: what is stamped 10.0 s was true at 9.6 s.
+//! let row = flight.position.at_s.iter().position(|&t| t == 10.0).unwrap();
+//! let truth = flight.truth.at(9.6).position;
+//! assert!((flight.position.ned[row][0] - truth[0]).abs() < 1e-9);
+//! # Ok::<(), simulate::SimulateError>(())
+//! ```
+
+mod damage;
+mod demo;
+mod error;
+mod presets;
+mod sensor;
+mod simulated;
+mod trajectory;
+mod write;
+
+pub use damage::{cut_off, flip_bits, zero_block};
+pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo};
+pub use error::SimulateError;
+pub use presets::LikeCase;
+pub use sensor::{Interval, SensorSettings, Wander};
+pub use simulated::{FlightSettings, PathKind, Samples, SimulatedFlight, simulate};
+pub use trajectory::{Motion, Trajectory};
+pub use write::{BagCompression, BagSettings, Container, LogFile, McapCompression, McapEncoding, McapSettings};

@@ -1,0 +1,232 @@
+//! ROS 1 bag, format 2.0.
+//!
+//! A bag is `#ROSBAG V2.0\n` and records: `u32` length of a header of `u32`-counted `name=value`
+//! fields, the header, `u32` length of the data, the data. A chunk holds connections and messages;
+//! after it stands an index for each connection in it; at the end all connections and a summary of
+//! each chunk, to which the first record points.
+
+use super::message::{Message, TOPICS, messages, ros_time};
+use crate::error::SimulateError;
+use crate::simulated::SimulatedFlight;
+use flight::Stamp;
+use std::io::Write;
+
+/// How a bag is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct BagSettings {
+    /// Chunks.
+    pub compression: BagCompression,
+    /// Whether it was closed in order. One that was not has no index at its end and says so with an
+    /// index position of zero: what a recorder leaves when it is killed.
+    pub indexed: bool,
+}
+
+/// How chunks are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BagCompression {
+    /// As they are.
+    None,
+    /// bzip2.
+    Bz2,
+    /// LZ4 frames whose blocks stand alone.
+    Lz4Independent,
+    /// LZ4 frames whose blocks refer to those before, as `rosbag` writes.
+    Lz4Linked,
+}
+
+impl Default for BagSettings {
+    /// As `rosbag record` writes: not compressed, indexed.
+    fn default() -> BagSettings {
+        BagSettings { compression: BagCompression::None, indexed: true }
+    }
+}
+
+/// Uncompressed bytes of a chunk: small, so that short flights have several.
+const CHUNK_BYTES: usize = 256 << 10;
+/// Bytes of the first record with its two lengths, by convention of the format.
+const BAG_HEADER_BYTES: usize = 4096;
+const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+
+const OP_MESSAGE: u8 = 2;
+const OP_BAG_HEADER: u8 = 3;
+const OP_INDEX: u8 = 4;
+const OP_CHUNK: u8 = 5;
+const OP_CHUNK_INFO: u8 = 6;
+const OP_CONNECTION: u8 = 7;
+
+pub(super) fn write(flight: &SimulatedFlight, settings: BagSettings) -> Result<Vec<u8>, SimulateError> {
+    let mut bag = Bag { settings, bytes: MAGIC.to_vec(), known: [false; TOPICS.len()], chunks: vec![] };
+    bag.bytes.extend(bag_header(0, 0, 0));
+    let mut chunk = Chunk::default();
+    for message in messages(flight) {
+        bag.add(&mut chunk, &message);
+        if chunk.bytes.len() > CHUNK_BYTES {
+            bag.close(std::mem::take(&mut chunk))?;
+        }
+    }
+    bag.close(chunk)?;
+    Ok(bag.finish())
+}
+
+struct Bag {
+    settings: BagSettings,
+    bytes: Vec<u8>,
+    known: [bool; TOPICS.len()],
+    chunks: Vec<(u64, Chunk)>,
+}
+
+#[derive(Default)]
+struct Chunk {
+    bytes: Vec<u8>,
+    /// Time and offset of each message, by connection.
+    index: [Vec<(Stamp, u32)>; TOPICS.len()],
+}
+
+impl Bag {
+    /// Appends a message; the first of a topic brings its connection.
+    fn add(&mut self, chunk: &mut Chunk, message: &Message) {
+        if !std::mem::replace(&mut self.known[message.topic], true) {
+            chunk.bytes.extend(connection(message.topic));
+        }
+        chunk.index[message.topic].push((message.logged, chunk.bytes.len() as u32));
+        let header = [
+            ("op", &[OP_MESSAGE][..]),
+            ("conn", &(message.topic as u32).to_le_bytes()),
+            ("time", &ros_time(message.logged)),
+        ];
+        chunk.bytes.extend(record(&header, &message.ros1()));
+    }
+
+    fn close(&mut self, chunk: Chunk) -> Result<(), SimulateError> {
+        if chunk.bytes.is_empty() {
+            return Ok(());
+        }
+        let position = self.bytes.len() as u64;
+        let (name, packed) = self.settings.compression.pack(&chunk.bytes)?;
+        let size = (chunk.bytes.len() as u32).to_le_bytes();
+        let header = [("op", &[OP_CHUNK][..]), ("compression", name.as_bytes()), ("size", &size)];
+        self.bytes.extend(record(&header, &packed));
+        self.bytes.extend(chunk.index_records());
+        self.chunks.push((position, Chunk { bytes: vec![], ..chunk }));
+        Ok(())
+    }
+
+    /// Connections and chunk summaries, then the first record once more with its true numbers.
+    fn finish(mut self) -> Vec<u8> {
+        if !self.settings.indexed {
+            return self.bytes;
+        }
+        let index_position = self.bytes.len() as u64;
+        let connections: Vec<usize> = (0..TOPICS.len()).filter(|&topic| self.known[topic]).collect();
+        connections.iter().for_each(|&topic| self.bytes.extend(connection(topic)));
+        let summaries: Vec<u8> = self.chunks.iter().flat_map(|(position, chunk)| chunk.summary(*position)).collect();
+        self.bytes.extend(summaries);
+        let first = bag_header(index_position, connections.len() as u32, self.chunks.len() as u32);
+        self.bytes[MAGIC.len()..MAGIC.len() + BAG_HEADER_BYTES].copy_from_slice(&first);
+        self.bytes
+    }
+}
+
+impl Chunk {
+    fn index_records(&self) -> Vec<u8> {
+        let index_record = |(topic, entries): (usize, &Vec<(Stamp, u32)>)| {
+            let (conn, count) = ((topic as u32).to_le_bytes(), (entries.len() as u32).to_le_bytes());
+            let header = [("op", &[OP_INDEX][..]), ("ver", &1_u32.to_le_bytes()), ("conn", &conn), ("count", &count)];
+            let data: Vec<u8> =
+                entries.iter().flat_map(|(time, at)| [&ros_time(*time)[..], &at.to_le_bytes()].concat()).collect();
+            record(&header, &data)
+        };
+        self.used().flat_map(index_record).collect()
+    }
+
+    fn summary(&self, position: u64) -> Vec<u8> {
+        let times = || self.index.iter().flatten().map(|(time, _)| *time);
+        let (first, last) = (times().min().unwrap_or(Stamp(0)), times().max().unwrap_or(Stamp(0)));
+        let header = [
+            ("op", &[OP_CHUNK_INFO][..]),
+            ("ver", &1_u32.to_le_bytes()),
+            ("chunk_pos", &position.to_le_bytes()),
+            ("start_time", &ros_time(first)),
+            ("end_time", &ros_time(last)),
+            ("count", &(self.used().count() as u32).to_le_bytes()),
+        ];
+        let counts = self
+            .used()
+            .flat_map(|(topic, entries)| [(topic as u32).to_le_bytes(), (entries.len() as u32).to_le_bytes()].concat());
+        record(&header, &counts.collect::<Vec<u8>>())
+    }
+
+    /// Connections with messages in this chunk.
+    fn used(&self) -> impl Iterator<Item = (usize, &Vec<(Stamp, u32)>)> {
+        self.index.iter().enumerate().filter(|(_, entries)| !entries.is_empty())
+    }
+}
+
+impl BagCompression {
+    fn pack(self, bytes: &[u8]) -> Result<(&'static str, Vec<u8>), SimulateError> {
+        let failed = |what| move |source| SimulateError::Compress { what, source };
+        Ok(match self {
+            BagCompression::None => ("none", bytes.to_vec()),
+            BagCompression::Bz2 => {
+                let mut encoder = bzip2::write::BzEncoder::new(vec![], bzip2::Compression::best());
+                encoder
+                    .write_all(bytes)
+                    .and_then(|()| encoder.finish())
+                    .map(|packed| ("bz2", packed))
+                    .map_err(failed("bzip2"))?
+            }
+            BagCompression::Lz4Independent => ("lz4", lz4(bytes, lz4::BlockMode::Independent).map_err(failed("LZ4"))?),
+            BagCompression::Lz4Linked => ("lz4", lz4(bytes, lz4::BlockMode::Linked).map_err(failed("LZ4"))?),
+        })
+    }
+}
+
+/// A frame of 64 KiB blocks, so that a chunk has more than one, with a checksum of its content.
+fn lz4(bytes: &[u8], mode: lz4::BlockMode) -> std::io::Result<Vec<u8>> {
+    let mut builder = lz4::EncoderBuilder::new();
+    builder.block_mode(mode).block_size(lz4::BlockSize::Max64KB).checksum(lz4::ContentChecksum::ChecksumEnabled);
+    let mut encoder = builder.build(vec![])?;
+    encoder.write_all(bytes)?;
+    let (packed, ended) = encoder.finish();
+    ended.map(|()| packed)
+}
+
+fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {
+    let fields = header_bytes(&[
+        ("op", &[OP_BAG_HEADER][..]),
+        ("index_pos", &index_position.to_le_bytes()),
+        ("conn_count", &connections.to_le_bytes()),
+        ("chunk_count", &chunks.to_le_bytes()),
+    ]);
+    let padding = vec![b' '; BAG_HEADER_BYTES - 8 - fields.len()];
+    counted(&fields).chain(counted(&padding)).collect()
+}
+
+fn connection(topic: usize) -> Vec<u8> {
+    let (name, definition) = TOPICS[topic];
+    let header = [("op", &[OP_CONNECTION][..]), ("conn", &(topic as u32).to_le_bytes()), ("topic", name.as_bytes())];
+    let (type_name, text) = (definition.ros1_name(), definition.ros1_text());
+    let data = header_bytes(&[
+        ("topic", name.as_bytes()),
+        ("type", type_name.as_bytes()),
+        ("md5sum", definition.md5.as_bytes()),
+        ("message_definition", text.as_bytes()),
+    ]);
+    record(&header, &data)
+}
+
+fn record(header: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    counted(&header_bytes(header)).chain(counted(data)).collect()
+}
+
+fn header_bytes(fields: &[(&str, &[u8])]) -> Vec<u8> {
+    fields
+        .iter()
+        .flat_map(|(name, value)| counted(&[name.as_bytes(), b"=", value].concat()).collect::<Vec<u8>>())
+        .collect()
+}
+
+/// The bytes after their number as `u32`.
+fn counted(bytes: &[u8]) -> impl Iterator<Item = u8> {
+    (bytes.len() as u32).to_le_bytes().into_iter().chain(bytes.iter().copied())
+}

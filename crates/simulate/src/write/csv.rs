@@ -1,0 +1,46 @@
+//! Tables. Numbers are written with as many digits as they need to be read back bit for bit.
+
+use super::LogFile;
+use super::message::{Message, TOPICS, csv_header, messages};
+use crate::simulated::SimulatedFlight;
+
+/// Columns of the wide table, and their units in the row below.
+const WIDE_HEADER: &str = "time_ns,latitude,longitude,altitude,velocity_north,velocity_east,velocity_down,\
+    truth_latitude,truth_longitude,truth_altitude\nns,deg,deg,m,m/s,m/s,m/s,deg,deg,m\n";
+
+/// A row for each velocity with the position as last received: the fixes' own stamps are lost, as
+/// in tables made by hand. A cell of the truth is empty where the truth has no row of that instant.
+pub(super) fn wide(flight: &SimulatedFlight) -> Vec<u8> {
+    let mut text = WIDE_HEADER.to_owned();
+    for (velocity, position) in flight.held_rows() {
+        let cells = [flight.position.geodetic_deg[position], flight.velocity.ned[velocity]].map(cells);
+        let truth = truth_at(flight, flight.velocity.at_s[velocity]).map_or(",,".to_owned(), cells_of);
+        let time_ns = flight.velocity.measured[velocity].0;
+        text.push_str(&format!("{time_ns},{},{truth}\n", cells.join(",")));
+    }
+    text.into_bytes()
+}
+
+fn cells(values: [f64; 3]) -> String {
+    values.map(|value| value.to_string()).join(",")
+}
+
+fn cells_of(values: &[f64; 3]) -> String {
+    cells(*values)
+}
+
+fn truth_at(flight: &SimulatedFlight, at_s: f64) -> Option<&[f64; 3]> {
+    let row = flight.reference.at_s.binary_search_by(|t| t.total_cmp(&at_s)).ok()?;
+    flight.reference.geodetic_deg.get(row)
+}
+
+/// One table a topic, in the columns of `rostopic echo -p`.
+pub(super) fn folder(flight: &SimulatedFlight, stem: &str) -> Vec<LogFile> {
+    let messages = messages(flight);
+    let table = |(index, (topic, _)): (usize, &(&str, _))| {
+        let rows: String = messages.iter().filter(|m| m.topic == index).map(Message::csv_row).collect();
+        let name = topic.trim_start_matches('/').replace('/', "-");
+        LogFile { path: format!("{stem}/{name}.csv").into(), bytes: (csv_header(index) + &rows).into_bytes() }
+    };
+    TOPICS.iter().enumerate().map(table).collect()
+}

@@ -1,0 +1,139 @@
+//! MCAP, by the `mcap` crate: CRCs of chunks, data and summary are written.
+
+use super::message::{Message, TOPICS, messages};
+use crate::error::SimulateError;
+use crate::simulated::SimulatedFlight;
+use mcap::records::MessageHeader;
+use mcap::{Compression, WriteOptions, Writer};
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+/// How an MCAP file is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct McapSettings {
+    /// Encoding of messages and schemas.
+    pub encoding: McapEncoding,
+    /// Chunks.
+    pub compression: McapCompression,
+    /// Whether there is a summary section, as a recorder writes it that was closed in order.
+    pub summary: bool,
+}
+
+/// Encoding of messages and schemas.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum McapEncoding {
+    /// ROS 1: messages `ros1`, schemas `ros1msg`.
+    Ros1,
+    /// ROS 2: messages `cdr`, schemas `ros2msg`.
+    Cdr,
+    /// Messages `json`, schemas `jsonschema`.
+    Json,
+}
+
+/// How messages are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum McapCompression {
+    /// Chunks as they are.
+    None,
+    /// LZ4 frames.
+    Lz4,
+    /// Zstandard.
+    Zstd,
+    /// No chunks: messages stand in the data section.
+    Unchunked,
+}
+
+impl Default for McapSettings {
+    /// As a ROS 2 recorder writes: CDR, zstd, with summary.
+    fn default() -> McapSettings {
+        McapSettings { encoding: McapEncoding::Cdr, compression: McapCompression::Zstd, summary: true }
+    }
+}
+
+/// Uncompressed bytes of a chunk: small, so that short flights have several.
+const CHUNK_BYTES: u64 = 256 << 10;
+
+pub(super) fn write(flight: &SimulatedFlight, settings: McapSettings) -> Result<Vec<u8>, SimulateError> {
+    let mut writer = settings.options().create(Cursor::new(vec![]))?;
+    let channels = settings.add_channels(&mut writer)?;
+    for message in messages(flight) {
+        let time_ns = u64::try_from(message.logged.0).unwrap_or(0);
+        let header = MessageHeader {
+            channel_id: channels[message.topic],
+            sequence: message.sequence,
+            log_time: time_ns,
+            // As ROS recorders, which know no other time of the message.
+            publish_time: time_ns,
+        };
+        writer.write_to_known_channel(&header, &settings.encoding.payload(&message)?)?;
+    }
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}
+
+impl McapSettings {
+    fn options(self) -> WriteOptions {
+        WriteOptions::new()
+            .library("flightlag simulate")
+            .profile(self.encoding.profile())
+            .compression(self.compression.algorithm())
+            .use_chunks(self.compression != McapCompression::Unchunked)
+            .chunk_size(Some(CHUNK_BYTES))
+            // More threads would cut the frames elsewhere: other bytes on another machine.
+            .compression_threads(0)
+            .emit_summary_records(self.summary)
+            .emit_summary_offsets(self.summary)
+            .emit_message_indexes(self.summary)
+    }
+
+    fn add_channels(self, writer: &mut Writer<Cursor<Vec<u8>>>) -> Result<Vec<u16>, SimulateError> {
+        let none = BTreeMap::new();
+        let mut channels = vec![];
+        for (topic, definition) in TOPICS {
+            let (name, encoding, text) = match self.encoding {
+                McapEncoding::Ros1 => (definition.ros1_name(), "ros1msg", definition.ros1_text()),
+                McapEncoding::Cdr => (definition.ros2_name(), "ros2msg", definition.ros2_text()),
+                McapEncoding::Json => (definition.ros1_name(), "jsonschema", r#"{"type":"object"}"#.to_owned()),
+            };
+            let schema = writer.add_schema(&name, encoding, text.as_bytes())?;
+            channels.push(writer.add_channel(schema, topic, self.encoding.name(), &none)?);
+        }
+        Ok(channels)
+    }
+}
+
+impl McapEncoding {
+    fn name(self) -> &'static str {
+        match self {
+            McapEncoding::Ros1 => "ros1",
+            McapEncoding::Cdr => "cdr",
+            McapEncoding::Json => "json",
+        }
+    }
+
+    fn profile(self) -> &'static str {
+        match self {
+            McapEncoding::Ros1 => "ros1",
+            McapEncoding::Cdr => "ros2",
+            McapEncoding::Json => "",
+        }
+    }
+
+    fn payload(self, message: &Message) -> Result<Vec<u8>, SimulateError> {
+        match self {
+            McapEncoding::Ros1 => Ok(message.ros1()),
+            McapEncoding::Cdr => Ok(message.cdr()),
+            McapEncoding::Json => message.json(),
+        }
+    }
+}
+
+impl McapCompression {
+    fn algorithm(self) -> Option<Compression> {
+        match self {
+            McapCompression::None | McapCompression::Unchunked => None,
+            McapCompression::Lz4 => Some(Compression::Lz4),
+            McapCompression::Zstd => Some(Compression::Zstd),
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! The same flight in every container.
+
+mod bag;
+mod csv;
+mod definition;
+mod mcap;
+mod message;
+
+pub use bag::{BagCompression, BagSettings};
+pub use mcap::{McapCompression, McapEncoding, McapSettings};
+
+use crate::error::SimulateError;
+use crate::simulated::SimulatedFlight;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What a flight is written as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Container {
+    /// One table at the velocity's rate, the position held between its updates; a row of units below
+    /// the header.
+    CsvWide,
+    /// A folder with a table for each topic, in the columns of `rostopic echo -p`.
+    CsvFolder,
+    /// MCAP.
+    Mcap(McapSettings),
+    /// ROS 1 bag 2.0.
+    Bag(BagSettings),
+}
+
+/// A file of a log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogFile {
+    /// Path below the campaign's folder.
+    pub path: PathBuf,
+    /// Content.
+    pub bytes: Vec<u8>,
+}
+
+impl Container {
+    /// The flight's files, `stem` being the path below the campaign's folder without an extension.
+    ///
+    /// # Errors
+    /// [`SimulateError::Mcap`], [`SimulateError::Json`] or [`SimulateError::Compress`] if a writer fails.
+    pub fn files(self, flight: &SimulatedFlight, stem: &str) -> Result<Vec<LogFile>, SimulateError> {
+        let one = |extension: &str, bytes| vec![LogFile { path: format!("{stem}.{extension}").into(), bytes }];
+        Ok(match self {
+            Container::CsvWide => one("csv", csv::wide(flight)),
+            Container::CsvFolder => csv::folder(flight, stem),
+            Container::Mcap(settings) => one("mcap", mcap::write(flight, settings)?),
+            Container::Bag(settings) => one("bag", bag::write(flight, settings)?),
+        })
+    }
+
+    /// Path of the flight below the campaign's folder: its file, or its folder.
+    #[must_use]
+    pub fn path(self, stem: &str) -> PathBuf {
+        match self {
+            Container::CsvWide => format!("{stem}.csv").into(),
+            Container::CsvFolder => stem.into(),
+            Container::Mcap(_) => format!("{stem}.mcap").into(),
+            Container::Bag(_) => format!("{stem}.bag").into(),
+        }
+    }
+}
+
+/// Writes files below `folder`, making the folders that are missing.
+///
+/// # Errors
+/// [`SimulateError::Write`] with the first file that cannot be written.
+pub(crate) fn save(folder: &Path, files: &[LogFile]) -> Result<(), SimulateError> {
+    files.iter().try_for_each(|file| {
+        let path = folder.join(&file.path);
+        let saved = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(&path, &file.bytes));
+        saved.map_err(|source| SimulateError::Write { path, source })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::SensorSettings;
+    use crate::simulated::{FlightSettings, simulate};
+    use ::mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+    use flight::Stamp;
+    use std::collections::BTreeMap;
+    use std::io::Write;
+
+    fn short_flight() -> SimulatedFlight {
+        let noisy = SensorSettings { white_std: 0.3, delay_s: 0.4, ..SensorSettings::clean(5.0) };
+        simulate(&FlightSettings { duration_s: 30.0, position: noisy, ..FlightSettings::default() }).unwrap()
+    }
+
+    fn containers() -> Vec<Container> {
+        use {BagCompression as B, McapCompression as C, McapEncoding as E};
+        let mcaps = [E::Ros1, E::Cdr, E::Json].into_iter().flat_map(|encoding| {
+            [C::None, C::Lz4, C::Zstd, C::Unchunked].into_iter().flat_map(move |compression| {
+                [true, false].map(|summary| Container::Mcap(McapSettings { encoding, compression, summary }))
+            })
+        });
+        let bags = [B::None, B::Bz2, B::Lz4Independent, B::Lz4Linked]
+            .into_iter()
+            .flat_map(|compression| [true, false].map(|indexed| Container::Bag(BagSettings { compression, indexed })));
+        [Container::CsvWide, Container::CsvFolder].into_iter().chain(mcaps).chain(bags).collect()
+    }
+
+    fn only(container: Container, flight: &SimulatedFlight) -> Vec<u8> {
+        let mut files = container.files(flight, "f").unwrap();
+        assert_eq!(files.len(), 1);
+        files.remove(0).bytes
+    }
+
+    /// Messages of each topic that ought to be there.
+    fn expected_counts() -> BTreeMap<String, usize> {
+        let counts = [("/gps/fix", 151), ("/gps/vel", 3001), ("/truth/fix", 3001), ("/operator/notes", 30)];
+        counts.map(|(topic, count)| (topic.to_owned(), count)).into()
+    }
+
+    #[test]
+    fn every_container_gives_the_same_bytes_twice_and_other_bytes_for_another_flight() {
+        let (flight, again) = (short_flight(), short_flight());
+        let other = simulate(&FlightSettings { seed: 2, ..flight.settings.clone() }).unwrap();
+        for container in containers() {
+            let files = container.files(&flight, "f").unwrap();
+            assert_eq!(files, container.files(&again, "f").unwrap(), "{container:?}");
+            assert_ne!(files, container.files(&other, "f").unwrap(), "{container:?}");
+        }
+    }
+
+    #[test]
+    fn the_mcap_crate_reads_every_mcap_with_all_its_checksums_on() {
+        let flight = short_flight();
+        for container in containers().into_iter().filter(|c| matches!(c, Container::Mcap(_))) {
+            let bytes = only(container, &flight);
+            let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+            for message in ::mcap::MessageStream::new(&bytes).unwrap() {
+                *counts.entry(message.unwrap().channel.topic.clone()).or_default() += 1;
+            }
+            assert_eq!(counts, expected_counts(), "{container:?}");
+            let options = LinearReaderOptions::default()
+                .with_validate_chunk_crcs(true)
+                .with_validate_data_section_crc(true)
+                .with_validate_summary_section_crc(true);
+            let mut reader = LinearReader::new_with_options(options);
+            let mut rest = &bytes[..];
+            while let Some(event) = reader.next_event() {
+                if let LinearReadEvent::ReadRequest(wanted) = event.unwrap() {
+                    let take = wanted.min(rest.len());
+                    reader.insert(take).copy_from_slice(&rest[..take]);
+                    reader.notify_read(take);
+                    rest = &rest[take..];
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_chunks_of_an_mcap_carry_a_checksum() {
+        let bytes = only(Container::Mcap(McapSettings::default()), &short_flight());
+        let chunks: Vec<u32> = ::mcap::read::LinearReader::new(&bytes)
+            .unwrap()
+            .filter_map(|record| match record.unwrap() {
+                ::mcap::records::Record::Chunk { header, .. } => Some(header.uncompressed_crc),
+                _ => None,
+            })
+            .collect();
+        assert!(chunks.len() > 1 && chunks.iter().all(|crc| *crc != 0), "{chunks:?}");
+    }
+
+    #[test]
+    fn an_mcap_without_summary_has_none() {
+        let settings = McapSettings { summary: false, ..McapSettings::default() };
+        let bytes = only(Container::Mcap(settings), &short_flight());
+        assert!(::mcap::Summary::read(&bytes).unwrap().is_none());
+        let whole = only(Container::Mcap(McapSettings::default()), &short_flight());
+        assert_eq!(::mcap::Summary::read(&whole).unwrap().unwrap().stats.unwrap().message_count, 6183);
+    }
+
+    /// Log time, ns, and bytes of a message.
+    type Payload = (u64, Vec<u8>);
+
+    /// Messages of a bag by topic, and the payloads of one topic, read by the `rosbag` crate.
+    fn read_bag(bytes: &[u8], topic: &str) -> (BTreeMap<String, usize>, Vec<Payload>) {
+        use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(bytes).unwrap();
+        let bag = RosBag::new(file.path()).unwrap();
+        let mut names = BTreeMap::new();
+        for record in bag.index_records() {
+            if let IndexRecord::Connection(connection) = record.unwrap() {
+                names.insert(connection.id, connection.topic.to_owned());
+            }
+        }
+        let (mut counts, mut payloads) = (BTreeMap::new(), vec![]);
+        for record in bag.chunk_records() {
+            let ChunkRecord::Chunk(chunk) = record.unwrap() else { continue };
+            for message in chunk.messages() {
+                let MessageRecord::MessageData(data) = message.unwrap() else { continue };
+                *counts.entry(names[&data.conn_id].clone()).or_default() += 1;
+                if names[&data.conn_id] == topic {
+                    payloads.push((data.time, data.data.to_vec()));
+                }
+            }
+        }
+        (counts, payloads)
+    }
+
+    #[test]
+    fn the_rosbag_crate_reads_every_indexed_bag_in_all_compressions() {
+        let flight = short_flight();
+        for compression in
+            [BagCompression::None, BagCompression::Bz2, BagCompression::Lz4Independent, BagCompression::Lz4Linked]
+        {
+            let bytes = only(Container::Bag(BagSettings { compression, indexed: true }), &flight);
+            let (counts, payloads) = read_bag(&bytes, "/gps/fix");
+            assert_eq!(counts, expected_counts(), "{compression:?}");
+            for (row, (logged, payload)) in payloads.iter().enumerate() {
+                // seq, stamp, frame "gps", status, service: latitude begins at byte 22.
+                let f64_at = |at: usize| f64::from_le_bytes(payload[at..at + 8].try_into().unwrap());
+                assert_eq!([22, 30, 38].map(f64_at), flight.position.geodetic_deg[row]);
+                assert_eq!(Stamp(*logged as i64), flight.position.logged[row]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_index_of_a_bag_points_at_its_messages() {
+        use rosbag::{ChunkRecord, MessageRecord, RosBag};
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(&only(Container::Bag(BagSettings::default()), &short_flight())).unwrap();
+        let bag = RosBag::new(file.path()).unwrap();
+        let (mut entries, mut chunk) = (0, None);
+        for record in bag.chunk_records() {
+            match record.unwrap() {
+                ChunkRecord::Chunk(found) => chunk = Some(found),
+                // An index refers to the chunk before it.
+                ChunkRecord::IndexData(index) => {
+                    let mut messages = chunk.as_ref().unwrap().messages();
+                    for entry in index.entries() {
+                        messages.seek(entry.offset).unwrap();
+                        let Some(Ok(MessageRecord::MessageData(message))) = messages.next() else {
+                            panic!("no message")
+                        };
+                        assert_eq!((message.conn_id, message.time), (index.conn_id, entry.time));
+                        entries += 1;
+                    }
+                }
+            }
+        }
+        assert_eq!(entries, 6183);
+    }
+
+    #[test]
+    fn lz4_chunks_come_with_linked_and_with_independent_blocks() {
+        // Frame descriptor: magic, then a byte whose bit 5 says that blocks are independent.
+        for (compression, independent) in [(BagCompression::Lz4Linked, 0), (BagCompression::Lz4Independent, 1)] {
+            let bytes = only(Container::Bag(BagSettings { compression, indexed: true }), &short_flight());
+            let frame = bytes.windows(4).position(|w| w == 0x184D_2204_u32.to_le_bytes()).unwrap();
+            assert_eq!(bytes[frame + 4] >> 5 & 1, independent, "{compression:?}");
+        }
+    }
+
+    #[test]
+    fn an_unindexed_bag_says_so_and_holds_the_same_chunks() {
+        let flight = short_flight();
+        let whole = only(Container::Bag(BagSettings::default()), &flight);
+        let crashed = only(Container::Bag(BagSettings { indexed: false, ..BagSettings::default() }), &flight);
+        let index_position = |bytes: &[u8]| {
+            let at = bytes.windows(10).position(|w| w == b"index_pos=").unwrap() + 10;
+            u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
+        };
+        assert_eq!(index_position(&crashed), 0);
+        assert_eq!(index_position(&whole), crashed.len() as u64);
+        assert_eq!(whole[4096 + 13..crashed.len()], crashed[4096 + 13..]);
+    }
+
+    #[test]
+    fn a_cell_of_a_table_is_read_back_bit_for_bit() {
+        let flight = short_flight();
+        let files = Container::CsvFolder.files(&flight, "f").unwrap();
+        let file = files.iter().find(|file| file.path.ends_with("gps-vel.csv")).unwrap();
+        let text = String::from_utf8(file.bytes.clone()).unwrap();
+        let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+        let column = |name: &str| header.iter().position(|h| *h == name).unwrap();
+        let axes = ["y", "x", "z"].map(|axis| column(&format!("field.twist.linear.{axis}")));
+        let rows = text.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>());
+        let ned: Vec<[f64; 3]> = rows.map(|row| axes.map(|at| row[at].parse().unwrap())).collect();
+        let up = flight.velocity.ned.iter().map(|v| [v[0], v[1], -v[2]]).collect::<Vec<_>>();
+        assert_eq!(ned, up);
+    }
+
+    #[test]
+    fn the_wide_table_has_a_row_of_units_and_holds_its_positions() {
+        let flight = short_flight();
+        let text = String::from_utf8(only(Container::CsvWide, &flight)).unwrap();
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        assert!(lines.iter().all(|cells| cells.len() == 10));
+        assert_eq!(lines[1][..4], ["ns", "deg", "deg", "m"]);
+        // 5 Hz over 100 Hz.
+        let latitudes: Vec<&str> = lines[2..].iter().map(|cells| cells[1]).collect();
+        assert_eq!(latitudes.len(), 3001);
+        assert!(latitudes[..20].iter().all(|cell| *cell == latitudes[0]) && latitudes[20] != latitudes[0]);
+    }
+}
