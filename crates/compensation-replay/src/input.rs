@@ -66,7 +66,7 @@ pub enum Refusal {
     },
     /// Standing still, late and on time look alike.
     #[error(
-        "not measurable: the vehicle does not travel (95 % of ground speeds are below {p95_mps:.2} m/s, the limit is \
+        "the vehicle does not travel (95 % of ground speeds are below {p95_mps:.2} m/s, the limit is \
          {limit_mps:.2} m/s); a late position shows only in motion, best in turns"
     )]
     NoMotion {

@@ -43,12 +43,12 @@ fn covering(input: &Input, segments: &[Range<usize>], from: f64, to: f64) -> Opt
     segments.get(s).filter(|range| t[range.start] <= from && to <= t[range.end - 1]).map(|_| s)
 }
 
-/// Fixes that jump by more than five robust sigma, or 5 cm, against velocity (design note 5.8): passed on and marked.
+/// Fixes that jump by more than five robust sigma against velocity (design note 5.8): passed on and
+/// marked. Sigma is that of the fixes around, for a parked receiver must not make every turn a jump.
 pub(crate) fn resets(innovations: &Innovations, notices: &mut Notices) -> u64 {
-    const FLOOR_M: f64 = 0.01; // 1e-7 deg is 1.1 cm: below it a jump is a rounding
-    let sigma = AXES.map(|k| signal::robust_sigma(&innovations.exact[k]).unwrap_or_default().max(FLOOR_M));
+    let sigma = innovations.exact.each_ref().map(|axis| local_sigma(axis));
     let jumps: Vec<usize> = (0..innovations.t.len())
-        .filter(|&i| AXES.into_iter().any(|k| innovations.exact[k][i].abs() > 5.0 * sigma[k]))
+        .filter(|&i| AXES.into_iter().any(|k| innovations.exact[k][i].abs() > 5.0 * sigma[k][i / SIGMA_BLOCK]))
         .collect();
     if let Some(&first) = jumps.first() {
         let size = innovations.exact[0][first].hypot(innovations.exact[1][first]);
@@ -61,6 +61,17 @@ pub(crate) fn resets(innovations: &Innovations, notices: &mut Notices) -> u64 {
         );
     }
     jumps.len() as u64
+}
+
+/// Fixes that share a sigma, which is taken from theirs and the blocks on both sides.
+const SIGMA_BLOCK: usize = 25;
+
+/// Robust sigma of each block, never below that of the whole flight or a centimetre (1e-7 deg is 1.1 cm).
+fn local_sigma(values: &[f64]) -> Vec<f64> {
+    let floor = signal::robust_sigma(values).unwrap_or_default().max(0.01);
+    let blocks = values.len().div_ceil(SIGMA_BLOCK);
+    let around = |b: usize| b.saturating_sub(1) * SIGMA_BLOCK..((b + 2) * SIGMA_BLOCK).min(values.len());
+    (0..blocks).map(|b| signal::robust_sigma(&values[around(b)]).unwrap_or_default().max(floor)).collect()
 }
 
 /// Over five seconds the fixes must move as the velocity says; if not, an axis, a sign or a unit is likely wrong.

@@ -6,11 +6,30 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+mod bind;
+mod bytes;
+mod civil;
+mod decode;
+mod discover;
 mod error;
+mod format;
 mod ledger;
+mod load;
+mod map;
+mod map_schema;
 mod reader;
+mod sniff;
+pub mod stamps;
 mod table;
 
+pub use bind::bind;
+pub use discover::{Discovery, FlightUnit, LogKind, discover};
 pub use error::IngestError;
+pub use format::{BagReader, CsvReader, McapReader};
+#[doc(hidden)]
+pub use format::{mcap_indexed_records, mcap_records};
+pub use load::{Loaded, load, open};
+pub use map::{ChannelMap, MapLibrary, MapSelect};
+pub use map_schema::channel_map_schema;
 pub use reader::{FieldRequest, Limits, Log, LogReader, ReadContext, Select, Selection, TopicInfo, ValueKind};
 pub use table::{Column, ColumnData, Table};

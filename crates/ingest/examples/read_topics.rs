@@ -1,0 +1,52 @@
+//! Reads topics of a log and says what came of it: `read_topics LOG [TOPIC ...]`, no topic for all.
+//!
+//! Whole messages are decoded; CPU time is that of the whole process (Linux).
+#![allow(clippy::print_stdout)]
+
+use ingest::{BagReader, Limits, LogReader, McapReader, ReadContext, Selection, TopicInfo};
+use std::error::Error;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let path = PathBuf::from(arguments.next().ok_or("usage: read_topics LOG [TOPIC ...]")?);
+    let topics: Vec<String> = arguments.collect();
+    let want = |topic: &TopicInfo| {
+        if topics.is_empty() || topics.contains(&topic.name) { Selection::All } else { Selection::Skip }
+    };
+    let cancel = AtomicBool::new(false);
+    let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
+    let is_bag = path.extension().is_some_and(|e| e == "bag");
+    let mut reader: Box<dyn LogReader> =
+        if is_bag { Box::new(BagReader::new(vec![path])) } else { Box::new(McapReader::new(vec![path])) };
+    let log = reader.read(&want, &context)?;
+    println!("{}: {:?}", log.health.format, log.health.bytes);
+    println!("{} messages, {} undecodable", log.health.messages, log.health.undecodable);
+    for topic in &log.health.topics {
+        let rate = topic.stamps.first().and_then(|s| s.rate_hz).map_or("-".to_owned(), |r| format!("{r:.2} Hz"));
+        println!("  {} [{}] {}: {} messages, {rate} {}", topic.name, topic.type_name, topic.encoding, topic.messages, topic.reason);
+    }
+    for table in &log.tables {
+        println!("  table {}: {} rows, {} columns", table.topic.name, table.rows, table.columns.len());
+    }
+    for notice in log.notices.iter() {
+        println!("  {:?} {} {} x{}: {}", notice.severity, notice.code, notice.place, notice.count, notice.text);
+    }
+    println!("  extras {:?}", log.health.extras);
+    println!("CPU {:.3} s, peak memory {}", cpu_seconds().unwrap_or_default(), peak_memory().unwrap_or_default());
+    Ok(())
+}
+
+/// User and system time of this process, from ticks of 10 ms.
+fn cpu_seconds() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let mut fields = stat.rsplit(')').next()?.split_whitespace().skip(11);
+    let (user, system): (f64, f64) = (fields.next()?.parse().ok()?, fields.next()?.parse().ok()?);
+    Some((user + system) / 100.0)
+}
+
+fn peak_memory() -> Option<String> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    status.lines().find_map(|line| line.strip_prefix("VmHWM:")).map(|size| size.trim().to_owned())
+}

@@ -1,0 +1,109 @@
+//! Columns to channels: which map fits, which rows count, in which order.
+
+mod rows;
+mod trial;
+
+use self::rows::bind_rows;
+use self::trial::{Plan, Trial};
+use crate::error::IngestError;
+use crate::map::{ChannelMap, MapLibrary};
+use crate::reader::Log;
+use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
+
+/// Finds the channel map that fits `log` and makes its flight. The notices of the log come first.
+///
+/// A map fits if it binds a position or a velocity with data. Of several the better one wins: both
+/// a position and a velocity before one of them, topics by name before topics by type before
+/// columns of any table, then the number of channels. `forced` names the map instead.
+///
+/// # Errors
+/// [`IngestError::Map`] if none fits, with what is missing; if two fit equally, with both names; or
+/// if there is no map `forced`.
+pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Flight, Binding), IngestError> {
+    let mut trials: Vec<Trial<'_>> = library.candidates(forced)?.into_iter().map(|map| Trial::new(map, log)).collect();
+    trials.sort_by_key(|t| std::cmp::Reverse(t.rank()));
+    let Some(best) = trials.first().filter(|t| t.fits()) else { return Err(nothing_fits(&trials, log)) };
+    let equals: Vec<&str> = trials.iter().filter(|t| t.rank() == best.rank()).map(|t| t.map.name.as_str()).collect();
+    if equals.len() > 1 {
+        let names = equals.join(" and ");
+        return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
+    }
+    Ok(make(best, &trials, log, forced.is_some()))
+}
+
+fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Flight, Binding) {
+    let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
+    let mut channels = vec![];
+    for plan in &best.plans {
+        let bound = bind_rows(plan);
+        flight.notices.extend(bound.notices);
+        match bound.channel {
+            Some(channel) => {
+                flight.channels.insert(plan.rule.name.clone(), channel);
+            }
+            None => no_rows(&plan.rule.name, &bound.health, &mut flight.notices),
+        }
+        channels.push(bound.health);
+    }
+    channels.sort_by(|a, b| a.name.cmp(&b.name));
+    let others = trials.iter().skip(1).filter(|t| !t.plans.is_empty()).map(|t| candidate(t, best)).collect();
+    let why = if forced { "asked for by name".to_owned() } else { best.why() };
+    (flight, Binding { map: best.map.name.clone(), why, others, channels })
+}
+
+fn no_rows(name: &str, health: &ChannelHealth, notices: &mut Notices) {
+    let reasons: Vec<String> = health.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
+    let text = format!("channel {name} has no usable row: {}", reasons.join(", "));
+    notices.push(Severity::Warning, "no-usable-row", &health.source.topic, health.rows, text);
+}
+
+fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {
+    let why = match (trial.both(), best.both()) {
+        (false, true) => "does not bind both a position and a velocity",
+        _ if trial.specificity() < best.specificity() => "names topics less exactly",
+        _ => "binds fewer channels",
+    };
+    MapCandidate { map: trial.map.name.clone(), binds: trial.names(), why: why.into() }
+}
+
+/// What comes nearest, and which topics there are.
+fn nothing_fits(trials: &[Trial<'_>], log: &Log) -> IngestError {
+    let mut text = match trials {
+        [only] => format!("the channel map {} does not fit", only.map.name),
+        _ => "no channel map fits".to_owned(),
+    };
+    let mut near: Vec<(usize, String)> = trials.iter().filter_map(Trial::complaint).collect();
+    near.sort_by_key(|(found, _)| std::cmp::Reverse(*found));
+    near.truncate(2);
+    if !near.is_empty() {
+        text += &format!("; nearest: {}", near.into_iter().map(|(_, what)| what).collect::<Vec<_>>().join("; "));
+    }
+    IngestError::Map(format!("{text}; {}", topics_of(log)))
+}
+
+/// At most ten topics with their types.
+fn topics_of(log: &Log) -> String {
+    const LISTED: usize = 10;
+    let named = |t: &flight::TopicHealth| match (t.type_name.as_str(), t.reason.as_str()) {
+        ("", "") => t.name.clone(),
+        ("", reason) => format!("{} ({reason})", t.name),
+        (type_name, _) => format!("{} [{type_name}]", t.name),
+    };
+    let topics = &log.health.topics;
+    let list: Vec<String> = topics.iter().take(LISTED).map(named).collect();
+    let more = topics.len().saturating_sub(LISTED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    if list.is_empty() { "the log holds no topic".into() } else { format!("the log holds {}{more}", list.join(", ")) }
+}
+
+/// Whether any channel of the map is what is looked for.
+fn binds(plans: &[Plan<'_>], wanted: &[Quantity]) -> bool {
+    plans.iter().any(|p| wanted.contains(&p.rule.quantity))
+}
+
+/// For docs and messages: the name of a map.
+impl std::fmt::Display for ChannelMap {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} ({})", self.name, self.title)
+    }
+}

@@ -1,0 +1,482 @@
+//! From the rows of a table to the samples of a channel: what is used, what is not and why.
+
+use super::trial::{Found, Plan, Stamps, numbers};
+use crate::map::{ChannelRule, Combine};
+use crate::map_schema::HeightAbove;
+use crate::stamps::{StampStats, distribution};
+use flight::{
+    Channel, ChannelHealth, ChannelSource, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount, Series, Severity,
+    Stamp, StampKind, StampOffset, Timeline,
+};
+use std::collections::HashMap;
+
+/// A stamp further than this from the median of its channel is no time of the flight.
+const FAR_NS: u64 = 86_400 * NANOS_PER_SECOND as u64;
+/// Fewer runs than this say nothing of holding.
+const FEWEST_RUNS: usize = 3;
+
+/// A channel with its health and what is to be said of it.
+pub(super) struct Bound {
+    /// `None` if no row could be used.
+    pub(super) channel: Option<Channel>,
+    pub(super) health: ChannelHealth,
+    pub(super) notices: Notices,
+}
+
+/// A row that is used: where it stood, when it was, what it says.
+struct Sample {
+    row: usize,
+    stamp: i64,
+    values: [f64; 3],
+}
+
+/// Rows that are not used, by reason, in the order in which the reasons came up.
+#[derive(Default)]
+struct Rejects(Vec<RejectCount>);
+
+impl Rejects {
+    fn add(&mut self, reason: &str, place: impl FnOnce() -> String) {
+        match self.0.iter_mut().find(|r| r.reason == reason) {
+            Some(known) => known.count += 1,
+            None => self.0.push(RejectCount { reason: reason.to_owned(), count: 1, first: place() }),
+        }
+    }
+
+    fn total(&self) -> u64 {
+        self.0.iter().map(|r| r.count).sum()
+    }
+}
+
+/// Makes the channel of a plan.
+pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
+    let mut notices = Notices::new();
+    let mut rejects = Rejects::default();
+    let columns = drop_thin_verticals(plan, &mut notices);
+    let Some(primary) = plan.stamps.first() else {
+        // A plan without stamps is never made; should it be, no row has one.
+        return unusable(plan, &columns, rejects, notices);
+    };
+    let mut samples = usable_rows(plan, &columns, primary, &mut rejects);
+    reject_far(plan, &mut samples, &mut rejects);
+    let raw: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
+    let stamps = StampStats::from_slice(primary.kind, primary.clock, &primary.label, &raw);
+    samples.sort_by_key(|s| s.stamp);
+    reject_duplicates(plan, &mut samples, &mut rejects);
+    let back_jumps = stamps.as_ref().map_or(0, |s| s.back_jumps);
+    if back_jumps > 0 {
+        let text = "stamps go back; the rows were sorted by stamp";
+        notices.push(Severity::Warning, "back-jump", &plan.table.topic.name, back_jumps, text);
+    }
+    assumptions(plan, &columns, &mut notices);
+    report(plan, &rejects, &mut notices);
+    let (held, held_health) = held_rows(&samples, &columns);
+    if let Some(health) = &held_health {
+        let text = format!(
+            "channel {} repeats held values: updates every {:.3} s, most often {} rows each; the repeats are no measurements",
+            plan.rule.name, health.update_interval_s, health.modal_run
+        );
+        notices.push(Severity::Info, "held-rows", &plan.table.topic.name, health.repeats, text);
+    }
+    let mut health = health_of(plan, &columns, rejects, samples.len());
+    health.stamps = stamps;
+    health.offsets = offsets(plan, &samples, &mut notices);
+    health.held = held_health;
+    let channel = channel_of(plan, primary, &columns, &samples, held, &mut notices);
+    Bound { channel, health, notices }
+}
+
+fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, notices: Notices) -> Bound {
+    Bound { channel: None, health: health_of(plan, columns, rejects, 0), notices }
+}
+
+/// A height or vertical speed that most rows lack is left out whole, so that it does not cost the rows.
+fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Option<&'p Found<'p>>> {
+    let rows_with_others = |row: usize| {
+        let others = plan.columns.iter().zip(&plan.rule.parts).filter(|(_, part)| !part.vertical);
+        others.filter_map(|(found, _)| found.as_ref()).all(|f| f.column.number(row).is_some())
+    };
+    let whole = (0..plan.table.rows).filter(|&row| rows_with_others(row)).count();
+    let parts = plan.columns.iter().zip(&plan.rule.parts);
+    parts
+        .map(|(found, part)| {
+            let found = found.as_ref()?;
+            let filled = |row: &usize| rows_with_others(*row) && found.column.number(*row).is_some();
+            let thin = part.vertical && 2 * (0..plan.table.rows).filter(filled).count() < whole;
+            if thin {
+                let text =
+                    format!("channel {}: most rows have no {}; it is left out", plan.rule.name, found.column.path);
+                notices.push(Severity::Info, "absent-component", &plan.table.topic.name, whole as u64, text);
+            }
+            (!thin).then_some(found)
+        })
+        .collect()
+}
+
+fn usable_rows(
+    plan: &Plan<'_>,
+    columns: &[Option<&Found<'_>>],
+    primary: &Stamps,
+    rejects: &mut Rejects,
+) -> Vec<Sample> {
+    let mut samples = Vec::with_capacity(plan.table.rows);
+    for row in 0..plan.table.rows {
+        match sample_of(plan, columns, primary, row) {
+            Ok(sample) => samples.push(sample),
+            Err(reason) => rejects.add(&reason, || place(plan, row)),
+        }
+    }
+    samples
+}
+
+fn place(plan: &Plan<'_>, row: usize) -> String {
+    let what = if plan.table.topic.encoding == "csv" { "line" } else { "message" };
+    format!("{what} {}", plan.table.origin_of(row))
+}
+
+fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, row: usize) -> Result<Sample, String> {
+    let parts = values_of(plan.rule, columns, row)?;
+    let stamp = primary.nanos.get(row).copied().flatten().ok_or("no stamp")?;
+    for require in &plan.rule.require {
+        let Some(value) = numbers(plan.table, &require.field).and_then(|c| c.number(row)) else { continue };
+        // Written so that a NaN fails.
+        if !(require.min.is_none_or(|min| value >= min) && require.max.is_none_or(|max| value <= max)) {
+            return Err(requirement_text(require));
+        }
+    }
+    let values = combine(plan.rule.combine, &parts);
+    if values.iter().any(|v| !v.is_finite()) {
+        return Err("value beyond the range of a double".into());
+    }
+    if plan.rule.quantity == Quantity::PositionGeodetic {
+        plausible(values)?;
+    }
+    Ok(Sample { row, stamp, values })
+}
+
+fn requirement_text(require: &crate::map_schema::RequireEntry) -> String {
+    let min = require.min.map(|min| format!("{} is below {min}", require.field));
+    let max = require.max.map(|max| format!("{} is above {max}", require.field));
+    [min, max].into_iter().flatten().collect::<Vec<_>>().join(" or ")
+}
+
+/// The parts of a row in SI units, zero where the log has no such field.
+fn values_of(rule: &ChannelRule, columns: &[Option<&Found<'_>>], row: usize) -> Result<Vec<f64>, String> {
+    let cells = || columns.iter().flatten().map(|f| f.column.number(row));
+    if cells().all(|c| c.is_none()) {
+        return Err("no value".into());
+    }
+    let mut values = Vec::with_capacity(columns.len());
+    for (found, part) in columns.iter().zip(&rule.parts) {
+        let Some(found) = found else {
+            values.push(0.0);
+            continue;
+        };
+        let value = found.column.number(row).ok_or_else(|| format!("{} is missing", found.column.path))?;
+        if !value.is_finite() {
+            return Err(format!("{} is not finite", found.column.path));
+        }
+        let si = found.unit.to_si(value);
+        values.push(if part.opposite { -si } else { si });
+    }
+    Ok(values)
+}
+
+/// Latitude, longitude, height or north, east, down from the parts; see [`Combine`].
+fn combine(how: Combine, parts: &[f64]) -> [f64; 3] {
+    match (how, parts) {
+        (Combine::Polar, &[speed, track, down]) => [speed * track.cos(), speed * track.sin(), down],
+        (Combine::MagneticPolar, &[speed, track, variation, down]) => {
+            let (sin, cos) = (track + variation).sin_cos();
+            [speed * cos, speed * sin, down]
+        }
+        (Combine::Body, &[forward, left, up, x, y, z, w]) => {
+            let [east, north, up] = rotate([x, y, z, w], [forward, left, up]);
+            [north, east, -up]
+        }
+        (_, parts) => [0, 1, 2].map(|i| parts.get(i).copied().unwrap_or(0.0)),
+    }
+}
+
+/// `v` turned by a quaternion of any length; by none if it is zero.
+fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let norm = (x * x + y * y + z * z + w * w).sqrt();
+    let [x, y, z, w] = if norm > 0.0 { [x / norm, y / norm, z / norm, w / norm] } else { [0.0, 0.0, 0.0, 1.0] };
+    let [x1, y1, z1] = cross([x, y, z], v);
+    let [x2, y2, z2] = cross([x, y, z], [x1, y1, z1]);
+    let [vx, vy, vz] = v;
+    [vx + 2.0 * (w * x1 + x2), vy + 2.0 * (w * y1 + y2), vz + 2.0 * (w * z1 + z2)]
+}
+
+fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
+    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
+}
+
+fn plausible([latitude, longitude, height]: [f64; 3]) -> Result<(), String> {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    // A degree's last digit may round just beyond the pole or the antimeridian.
+    const SLACK: f64 = 1e-9;
+    if latitude.abs() > FRAC_PI_2 + SLACK || longitude.abs() > 2.0 * PI + SLACK {
+        return Err("latitude or longitude out of range".into());
+    }
+    if latitude == 0.0 && longitude == 0.0 {
+        return Err("latitude and longitude are zero: no fix".into());
+    }
+    if height.abs() > 1e6 { Err("height out of range".into()) } else { Ok(()) }
+}
+
+fn reject_far(plan: &Plan<'_>, samples: &mut Vec<Sample>, rejects: &mut Rejects) {
+    let mut stamps: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
+    let middle = stamps.len() / 2;
+    if middle == 0 {
+        return;
+    }
+    let median = *stamps.select_nth_unstable(middle).1;
+    samples.retain(|s| {
+        let near = s.stamp.abs_diff(median) <= FAR_NS;
+        if !near {
+            rejects.add("stamp more than a day away from the others", || place(plan, s.row));
+        }
+        near
+    });
+}
+
+/// Of rows with equal stamps the first in the log is kept.
+fn reject_duplicates(plan: &Plan<'_>, samples: &mut Vec<Sample>, rejects: &mut Rejects) {
+    let mut last = None;
+    samples.retain(|s| {
+        let fresh = last != Some(s.stamp);
+        last = Some(s.stamp);
+        if !fresh {
+            rejects.add("stamp equal to the one before", || place(plan, s.row));
+        }
+        fresh
+    });
+}
+
+fn report(plan: &Plan<'_>, rejects: &Rejects, notices: &mut Notices) {
+    for reject in &rejects.0 {
+        let duplicate = reject.reason.starts_with("stamp equal");
+        let severity = if reject.reason == "no value" { Severity::Info } else { Severity::Warning };
+        let code = if duplicate { "duplicate-stamp" } else { "rejected-row" };
+        let place = format!("{}, {}", plan.table.topic.name, reject.first);
+        let text = format!("channel {}: rows not used, {}", plan.rule.name, reject.reason);
+        notices.push(severity, code, place, reject.count, text);
+    }
+}
+
+/// What the map takes for granted.
+fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut Notices) {
+    let topic = plan.table.topic.name.as_str();
+    let name = &plan.rule.name;
+    let rows = plan.table.rows as u64;
+    for remark in &plan.remarks {
+        notices.push(Severity::Warning, "stamp-kind", topic, rows, format!("channel {name}: {remark}"));
+    }
+    if let Some(note) = &plan.rule.note {
+        notices.push(Severity::Warning, "assumption", topic, rows, format!("channel {name}: {note}"));
+    }
+    if plan.rule.height_above == Some(HeightAbove::MeanSeaLevel) && present(plan, columns).get(2) == Some(&true) {
+        let text = "the height above mean sea level is taken as the height above the ellipsoid";
+        notices.push(Severity::Info, "height-datum", topic, rows, format!("channel {name}: {text}"));
+    }
+    if plan.rule.combine == Combine::MagneticPolar {
+        let text = "the track is magnetic; true track = track + variation";
+        notices.push(Severity::Info, "magnetic-track", topic, rows, format!("channel {name}: {text}"));
+    }
+    for absent in absent(plan, columns) {
+        let text = format!("channel {name}: the log has no {absent}; it counts as zero");
+        notices.push(Severity::Info, "absent-component", topic, rows, text);
+    }
+}
+
+/// Which components the log holds. Only the third, height or down, can be absent.
+fn present(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<bool> {
+    let vertical = plan.rule.parts.iter().position(|p| p.vertical);
+    let has_vertical = vertical.is_none_or(|i| columns.get(i).copied().flatten().is_some());
+    plan.rule.quantity.components().iter().enumerate().map(|(i, _)| i < 2 || has_vertical).collect()
+}
+
+fn absent(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<String> {
+    let components = plan.rule.quantity.components().iter().zip(present(plan, columns));
+    components.filter(|(_, present)| !present).map(|(name, _)| (*name).to_owned()).collect()
+}
+
+fn source_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> ChannelSource {
+    ChannelSource {
+        topic: plan.table.topic.name.clone(),
+        type_name: plan.table.topic.type_name.clone(),
+        fields: columns.iter().flatten().map(|f| format!("{} [{}]", f.column.path, f.unit)).collect(),
+    }
+}
+
+fn health_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, used: usize) -> ChannelHealth {
+    debug_assert_eq!(used as u64 + rejects.total(), plan.table.rows as u64, "rows without a fate");
+    ChannelHealth {
+        name: plan.rule.name.clone(),
+        quantity: plan.rule.quantity,
+        source: source_of(plan, columns),
+        absent: absent(plan, columns),
+        rows: plan.table.rows as u64,
+        used: used as u64,
+        rejected: rejects.0,
+        stamps: None,
+        offsets: vec![],
+        held: None,
+    }
+}
+
+/// Differences between kinds of stamp on the same rows, as far as their clocks agree. Stamps of a
+/// simulation that claim to be UTC are years away from those of the logger: such a difference is no delay.
+fn offsets(plan: &Plan<'_>, samples: &[Sample], notices: &mut Notices) -> Vec<StampOffset> {
+    let pairs = [
+        (StampKind::Published, StampKind::Measured),
+        (StampKind::Logged, StampKind::Measured),
+        (StampKind::Logged, StampKind::Published),
+    ];
+    let mut offsets: Vec<StampOffset> = pairs.into_iter().filter_map(|pair| offset(plan, samples, pair)).collect();
+    offsets.retain(|o| {
+        let near = o.offset_s.median.abs() <= FAR_NS as f64 / NANOS_PER_SECOND as f64;
+        if !near {
+            let text = format!(
+                "channel {}: the {} and {} stamps are more than a day apart, so they count different clocks",
+                plan.rule.name, o.of, o.against
+            );
+            notices.push(Severity::Warning, "clock-differs", &plan.table.topic.name, samples.len() as u64, text);
+        }
+        near
+    });
+    offsets
+}
+
+fn offset(plan: &Plan<'_>, samples: &[Sample], (of, against): (StampKind, StampKind)) -> Option<StampOffset> {
+    let of_kind = |kind| plan.stamps.iter().find(|s| s.kind == kind);
+    let (later, earlier) = (of_kind(of)?, of_kind(against)?);
+    let on_row = |s: &Sample| {
+        let stamp = |stamps: &Stamps| stamps.nanos.get(s.row).copied().flatten();
+        Some(Stamp(stamp(later)?).seconds_since(Stamp(stamp(earlier)?)))
+    };
+    let differences: Vec<f64> = samples.iter().filter_map(on_row).collect();
+    let offset_s = distribution(&differences).filter(|_| later.clock == earlier.clock)?;
+    Some(StampOffset { of, against, offset_s })
+}
+
+/// Which rows repeat the value before, if the stream is held: at least half of its values stand for
+/// two rows or more, so the most frequent run is two or longer (design note 3.8). Only the first two
+/// components count, for a height may be updated on its own.
+fn held_rows(samples: &[Sample], columns: &[Option<&Found<'_>>]) -> (Vec<bool>, Option<Held>) {
+    let compared = columns.len().min(2);
+    let same = |a: &Sample, b: &Sample| a.values.iter().zip(&b.values).take(compared).all(|(x, y)| x == y);
+    let mut repeats = vec![false; samples.len()];
+    for (repeat, pair) in repeats.iter_mut().skip(1).zip(samples.windows(2)) {
+        *repeat = matches!(pair, [a, b] if same(a, b));
+    }
+    let updates: Vec<usize> = repeats.iter().enumerate().filter(|(_, r)| !**r).map(|(i, _)| i).collect();
+    let modal_run = modal_run(&updates, samples.len());
+    if updates.len() < FEWEST_RUNS || modal_run < 2 {
+        return (vec![false; samples.len()], None);
+    }
+    let stamp = |row: &usize| samples.get(*row).map_or(0, |s| s.stamp);
+    let steps: Vec<f64> = updates
+        .windows(2)
+        .filter_map(|pair| <&[usize; 2]>::try_from(pair).ok())
+        .map(|[a, b]| Stamp(stamp(b)).seconds_since(Stamp(stamp(a))))
+        .collect();
+    let health = Held {
+        repeats: (samples.len() - updates.len()) as u64,
+        modal_run: modal_run as u64,
+        update_interval_s: distribution(&steps).map_or(0.0, |d| d.median),
+    };
+    (repeats, Some(health))
+}
+
+/// The most frequent number of rows from one update to the next, the shorter where two are as frequent.
+fn modal_run(updates: &[usize], rows: usize) -> usize {
+    let mut tally: HashMap<usize, usize> = HashMap::new();
+    let ends = updates.iter().skip(1).copied().chain([rows]);
+    for (start, end) in updates.iter().zip(ends) {
+        *tally.entry(end - start).or_default() += 1;
+    }
+    tally.into_iter().max_by_key(|&(run, count)| (count, std::cmp::Reverse(run))).map_or(0, |(run, _)| run)
+}
+
+fn channel_of(
+    plan: &Plan<'_>,
+    primary: &Stamps,
+    columns: &[Option<&Found<'_>>],
+    samples: &[Sample],
+    held: Vec<bool>,
+    notices: &mut Notices,
+) -> Option<Channel> {
+    let stamps = samples.iter().map(|s| Stamp(s.stamp)).collect();
+    let width = plan.rule.quantity.components().len();
+    let component = |i: usize| samples.iter().map(|s| s.values.get(i).copied().unwrap_or(0.0)).collect();
+    let series = Timeline::new(primary.kind, primary.clock, stamps)
+        .and_then(|timeline| Series::new(timeline, (0..width).map(component).collect()));
+    match series {
+        Ok(series) => (!series.is_empty()).then(|| Channel {
+            quantity: plan.rule.quantity,
+            series,
+            present: present(plan, columns),
+            other_stamps: other_stamps(plan, samples, notices),
+            held,
+            source: source_of(plan, columns),
+        }),
+        // The rows were sorted and checked above; should they ever not fit, say so.
+        Err(error) => {
+            let text = format!("channel {}: {error}", plan.rule.name);
+            notices.push(Severity::Warning, "not-a-series", &plan.table.topic.name, samples.len() as u64, text);
+            None
+        }
+    }
+}
+
+/// The other kinds of stamp that every used row has.
+fn other_stamps(
+    plan: &Plan<'_>,
+    samples: &[Sample],
+    notices: &mut Notices,
+) -> Vec<(StampKind, flight::Clock, Vec<Stamp>)> {
+    let mut others = vec![];
+    for stamps in plan.stamps.iter().skip(1) {
+        let on_rows: Option<Vec<Stamp>> =
+            samples.iter().map(|s| stamps.nanos.get(s.row).copied().flatten().map(Stamp)).collect();
+        match on_rows {
+            Some(values) => others.push((stamps.kind, stamps.clock, values)),
+            None => {
+                let text = format!(
+                    "channel {}: some rows have no {} stamp; that kind is left out",
+                    plan.rule.name, stamps.kind
+                );
+                notices.push(Severity::Info, "stamp-kind", &plan.table.topic.name, samples.len() as u64, text);
+            }
+        }
+    }
+    others
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_magnetic_track_turns_clockwise_by_an_easterly_variation() {
+        let [north, east, _] = combine(Combine::MagneticPolar, &[10.0, 80f64.to_radians(), 10f64.to_radians(), 0.0]);
+        assert!(north.abs() < 1e-12 && (east - 10.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_body_that_heads_north_moves_north_when_it_moves_forward() {
+        // Yaw of 90 deg from east, about up.
+        let half = 45f64.to_radians();
+        let [north, east, down] = combine(Combine::Body, &[15.0, 1.0, 2.0, 0.0, 0.0, half.sin(), half.cos()]);
+        assert!((north - 15.0).abs() < 1e-12 && (east + 1.0).abs() < 1e-12 && (down + 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_most_frequent_run_tells_held_from_parked() {
+        assert_eq!(modal_run(&[0, 2, 4, 7, 9], 11), 2);
+        assert_eq!(modal_run(&[0, 500, 501, 502, 503], 504), 1);
+        assert_eq!(modal_run(&[0, 1, 2, 4, 6], 8), 2);
+        assert_eq!(modal_run(&[], 0), 0);
+    }
+}

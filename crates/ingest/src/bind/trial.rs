@@ -1,0 +1,280 @@
+//! Tries a channel map on a log: which tables and columns its rules find.
+
+use super::binds;
+use crate::civil::{SlashDate, iso_date, iso_to_unix_ns, unix_ns};
+use crate::map::{ChannelMap, ChannelRule, Closeness, Part, Specificity, TimeSource};
+use crate::reader::Log;
+use crate::table::{Column, ColumnData, Table};
+use flight::{Quantity, StampKind, Unit};
+
+/// What a map would make of a log.
+pub(super) struct Trial<'a> {
+    pub(super) map: &'a ChannelMap,
+    /// One for each rule that finds its data.
+    pub(super) plans: Vec<Plan<'a>>,
+    /// Rules that found a topic, but not what they want in it.
+    near: Vec<String>,
+    /// Rules that found no topic.
+    far: Vec<String>,
+    /// How many wanted columns the near rules did find.
+    nearness: usize,
+}
+
+/// A rule with the columns that it found.
+pub(super) struct Plan<'a> {
+    pub(super) rule: &'a ChannelRule,
+    pub(super) table: &'a Table,
+    /// As [`ChannelRule::parts`]; `None` where the log has no such field.
+    pub(super) columns: Vec<Option<Found<'a>>>,
+    /// The stamps by kind, the timeline's kind first.
+    pub(super) stamps: Vec<Stamps>,
+    /// What was assumed to find them.
+    pub(super) remarks: Vec<String>,
+}
+
+/// A part of a channel in the log.
+pub(super) struct Found<'a> {
+    pub(super) column: &'a Column,
+    pub(super) unit: Unit,
+}
+
+/// The stamps of one kind for all rows.
+pub(super) struct Stamps {
+    pub(super) kind: StampKind,
+    pub(super) clock: flight::Clock,
+    pub(super) label: String,
+    pub(super) nanos: Vec<Option<i64>>,
+}
+
+enum Miss {
+    /// No topic of that name or type.
+    NoTopic(String),
+    /// A topic, but something is missing in it; and how many columns are there.
+    Near(String, usize),
+}
+
+impl<'a> Trial<'a> {
+    pub(super) fn new(map: &'a ChannelMap, log: &'a Log) -> Trial<'a> {
+        let mut trial = Trial { map, plans: vec![], near: vec![], far: vec![], nearness: 0 };
+        for rule in &map.rules {
+            match plan(rule, log) {
+                Ok(plan) => trial.plans.push(plan),
+                Err(Miss::Near(what, found)) => {
+                    trial.near.push(format!("{}: {what}", rule.name));
+                    trial.nearness += found;
+                }
+                Err(Miss::NoTopic(what)) => trial.far.push(format!("{}: {what}", rule.name)),
+            }
+        }
+        trial
+    }
+
+    /// Whether it binds anything that a replay could use.
+    pub(super) fn fits(&self) -> bool {
+        self.position() || self.velocity()
+    }
+
+    /// Larger is better.
+    pub(super) fn rank(&self) -> (bool, bool, Specificity, usize) {
+        (self.both(), self.fits(), self.specificity(), self.plans.len())
+    }
+
+    /// Both a position and a velocity.
+    pub(super) fn both(&self) -> bool {
+        self.position() && self.velocity()
+    }
+
+    fn position(&self) -> bool {
+        binds(&self.plans, &[Quantity::PositionGeodetic, Quantity::PositionNed])
+    }
+
+    fn velocity(&self) -> bool {
+        binds(&self.plans, &[Quantity::VelocityNed])
+    }
+
+    /// Of the channel that is named least exactly.
+    pub(super) fn specificity(&self) -> Specificity {
+        self.plans.iter().map(|p| p.rule.specificity()).min().unwrap_or(Specificity::AnyTable)
+    }
+
+    pub(super) fn names(&self) -> Vec<String> {
+        self.plans.iter().map(|p| p.rule.name.clone()).collect()
+    }
+
+    /// Why this map is the best one.
+    pub(super) fn why(&self) -> String {
+        let how = match self.specificity() {
+            Specificity::ByName => "the log holds its topics by name",
+            Specificity::ByType => "the log holds topics of its types",
+            Specificity::AnyTable => "the table has its columns",
+        };
+        let lacking = match (self.position(), self.velocity()) {
+            (true, false) => ", but no velocity",
+            (false, true) => ", but no position",
+            _ => "",
+        };
+        format!("{how}{lacking}: it binds {}", self.names().join(", "))
+    }
+
+    /// How near the map comes, and what is missing; `None` if it finds nothing of its own at all.
+    pub(super) fn complaint(&self) -> Option<(usize, String)> {
+        let missing = [self.near.as_slice(), self.far.as_slice()].concat().join(", ");
+        (self.nearness > 0).then(|| (self.nearness, format!("{} lacks {missing}", self.map.name)))
+    }
+}
+
+/// The best table for a rule.
+fn plan<'a>(rule: &'a ChannelRule, log: &'a Log) -> Result<Plan<'a>, Miss> {
+    let topics = log.tables.iter().filter_map(|table| Some((rule.meets(&table.topic)?, table)));
+    let mut fitting: Vec<(Closeness, Plan<'a>)> = vec![];
+    let mut miss = None;
+    for (closeness, table) in topics {
+        match columns_of(rule, table) {
+            Ok(plan) => fitting.push((closeness, plan)),
+            Err(what) => miss = miss.or(Some((format!("topic {}: {what}", table.topic.name), table))),
+        }
+    }
+    fitting.sort_by_key(|(closeness, _)| *closeness);
+    let best = fitting.first().map(|(closeness, _)| *closeness);
+    let equals: Vec<&str> =
+        fitting.iter().filter(|(c, _)| Some(*c) == best).map(|(_, p)| p.table.topic.name.as_str()).collect();
+    if equals.len() > 1 {
+        let text = format!("the topics {} fit equally well", equals.join(" and "));
+        return Err(Miss::Near(text, rule.parts.len()));
+    }
+    match fitting.into_iter().next() {
+        Some((_, plan)) => Ok(plan),
+        None => Err(match miss {
+            Some((what, table)) => Miss::Near(what, columns_found(rule, table)),
+            None => Miss::NoTopic(no_topic(rule, log)),
+        }),
+    }
+}
+
+/// Fields of the rule that the table has, with or without values.
+fn columns_found(rule: &ChannelRule, table: &Table) -> usize {
+    let by_name = usize::from(rule.specificity() > Specificity::AnyTable);
+    by_name + table.columns.iter().filter(|c| rule.requests().any(|r| r.path == c.path)).count()
+}
+
+fn no_topic(rule: &ChannelRule, log: &Log) -> String {
+    let undecodable = log.health.topics.iter().find(|t| {
+        let topic = crate::reader::TopicInfo {
+            name: t.name.clone(),
+            type_name: t.type_name.clone(),
+            encoding: t.encoding.clone(),
+        };
+        rule.meets(&topic).is_some() && !t.reason.is_empty()
+    });
+    match (undecodable, rule.topics.first(), rule.types.first()) {
+        (Some(topic), ..) => format!("topic {}: {}", topic.name, topic.reason),
+        (None, Some(name), _) => format!("no topic {name}"),
+        (None, None, Some(type_name)) => format!("no topic of type {type_name}"),
+        (None, None, None) => "no table with its columns".into(),
+    }
+}
+
+fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table) -> Result<Plan<'a>, String> {
+    if table.rows == 0 {
+        return Err("has no messages".into());
+    }
+    let mut columns = vec![];
+    for part in &rule.parts {
+        let found = find_part(part, table);
+        if found.is_none() && !part.vertical {
+            let names: Vec<&str> = part.fields.iter().map(|(field, _)| field.as_str()).collect();
+            return Err(format!("no {} ({})", part.role, names.join(" or ")));
+        }
+        columns.push(found);
+    }
+    let (stamps, remarks) = stamps_of(rule, table)?;
+    Ok(Plan { rule, table, columns, stamps, remarks })
+}
+
+/// The first of the part's fields that holds a number at all.
+fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
+    part.fields.iter().find_map(|(path, unit)| {
+        let column = numbers(table, path)?;
+        (0..table.rows).any(|row| column.number(row).is_some()).then_some(Found { column, unit: *unit })
+    })
+}
+
+/// The column of a field as numbers.
+pub(super) fn numbers<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
+    table.columns.iter().find(|c| c.path == path && !matches!(c.data, ColumnData::Text(_)))
+}
+
+fn texts<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
+    table.columns.iter().find(|c| c.path == path && matches!(c.data, ColumnData::Text(_)))
+}
+
+/// The stamps that the log holds, the wanted kind first. Where it is missing the nearest other kind
+/// stands in, with a remark.
+fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<String>), String> {
+    let mut remarks = vec![];
+    let mut found: Vec<Stamps> = vec![];
+    for (kind, sources) in &rule.times {
+        for source in sources {
+            let Some(nanos) = read_stamps(source, table) else { continue };
+            if is_constant(&nanos) {
+                remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
+                continue;
+            }
+            found.push(Stamps { kind: *kind, clock: source.clock(), label: source.label(), nanos });
+            break;
+        }
+    }
+    let Some(primary) = found.iter().position(|s| s.kind == rule.timeline).or((!found.is_empty()).then_some(0)) else {
+        let names: Vec<String> = rule.times.iter().flat_map(|(_, s)| s).map(TimeSource::label).collect();
+        return Err(format!("no stamps ({})", names.join(" or ")));
+    };
+    found.swap(0, primary);
+    if let Some(first) = found.first().filter(|f| f.kind != rule.timeline) {
+        remarks.push(format!("no {} stamps: the {} ones ({}) stand in", rule.timeline, first.kind, first.label));
+    }
+    Ok((found, remarks))
+}
+
+/// A stamp that was never filled in is no stamp.
+fn is_constant(nanos: &[Option<i64>]) -> bool {
+    let mut values = nanos.iter().flatten();
+    let first = values.next();
+    nanos.len() > 1 && values.all(|v| Some(v) == first)
+}
+
+/// One stamp for each row; `None` if the table has no such source or nothing in it.
+fn read_stamps(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
+    let rows = 0..table.rows;
+    let stamps: Vec<Option<i64>> = match source {
+        TimeSource::ContainerLogged => table.logged_ns.as_ref()?.iter().copied().map(Some).collect(),
+        // Writers that know no publish time repeat the log time there.
+        TimeSource::ContainerPublished if table.published_ns == table.logged_ns => return None,
+        TimeSource::ContainerPublished => table.published_ns.as_ref()?.iter().copied().map(Some).collect(),
+        TimeSource::Number { field, tick, .. } => match (texts(table, field), numbers(table, field)) {
+            (Some(text), _) => rows.map(|row| tick.of_text(text.text(row)?)).collect(),
+            (None, Some(number)) => rows
+                .map(|row| match number.integer(row) {
+                    Some(integer) => tick.of_integer(integer),
+                    None => tick.of_float(number.number(row)?),
+                })
+                .collect(),
+            (None, None) => return None,
+        },
+        TimeSource::Iso { field } => {
+            let column = texts(table, field)?;
+            rows.map(|row| iso_to_unix_ns(column.text(row)?)).collect()
+        }
+        TimeSource::Civil { date, time, offset } => {
+            let (date, time) = (texts(table, date)?, texts(table, time)?);
+            let offset = offset.as_ref().and_then(|o| texts(table, o));
+            let slash = SlashDate::of(rows.clone().filter_map(|row| date.text(row)));
+            let date_of = |text: &str| iso_date(text).or_else(|| slash?.date(text));
+            rows.map(|row| {
+                let offset = offset.map_or(Some("Z"), |o| o.text(row))?;
+                unix_ns(date_of(date.text(row)?)?, time.text(row)?, offset)
+            })
+            .collect()
+        }
+    };
+    stamps.iter().any(Option::is_some).then_some(stamps)
+}

@@ -1,0 +1,243 @@
+//! Time written as text or as a number, to integer nanoseconds. Never asks the machine for its time zone.
+
+use jiff::civil::{Date, DateTime, Time};
+use jiff::tz::Offset;
+
+/// Unit of an epoch number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Tick {
+    Seconds,
+    Millis,
+    Micros,
+    Nanos,
+}
+
+impl Tick {
+    /// Nanoseconds in one.
+    pub(crate) fn nanos(self) -> i64 {
+        match self {
+            Tick::Seconds => 1_000_000_000,
+            Tick::Millis => 1_000_000,
+            Tick::Micros => 1_000,
+            Tick::Nanos => 1,
+        }
+    }
+
+    /// Nanoseconds of an exact number of ticks; `None` beyond the range of `i64`.
+    pub(crate) fn of_integer(self, ticks: i64) -> Option<i64> {
+        ticks.checked_mul(self.nanos())
+    }
+
+    /// Nanoseconds of a double, rounded; `None` beyond the range of `i64`.
+    pub(crate) fn of_float(self, ticks: f64) -> Option<i64> {
+        let nanos = (ticks * self.nanos() as f64).round();
+        (nanos.abs() < 9.2e18).then_some(nanos as i64)
+    }
+
+    /// Nanoseconds of a decimal number as text. Plain decimals are exact to the nanosecond;
+    /// digits beyond it are rounded. Others, such as `1.5e9`, go through a double.
+    pub(crate) fn of_text(self, text: &str) -> Option<i64> {
+        self.of_decimal(text).or_else(|| self.of_float(text.parse().ok().filter(|t: &f64| t.is_finite())?))
+    }
+
+    fn of_decimal(self, text: &str) -> Option<i64> {
+        let (negative, digits) = match text.strip_prefix('-') {
+            Some(rest) => (true, rest),
+            None => (false, text.strip_prefix('+').unwrap_or(text)),
+        };
+        let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+        let whole: i64 = if whole.is_empty() && !fraction.is_empty() { 0 } else { unsigned(whole)? };
+        let nanos = self.of_integer(whole)?.checked_add(fraction_of(fraction, self.nanos())?)?;
+        Some(if negative { -nanos } else { nanos })
+    }
+}
+
+/// Digits only, at least one.
+fn unsigned(digits: &str) -> Option<i64> {
+    (!digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit())).then(|| digits.parse().ok())?
+}
+
+/// `0.fraction` of `unit`, rounded to the nearest integer.
+fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
+    if fraction.is_empty() {
+        return Some(0);
+    }
+    // Eighteen digits of any unit up to 1e9 fit into an i128, and more do not matter.
+    let digits = fraction.get(..fraction.len().min(18))?;
+    let scale = 10_i128.pow(u32::try_from(digits.len()).ok()?);
+    if !fraction.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let scaled = i128::from(unsigned(digits)?) * i128::from(unit);
+    i64::try_from((2 * scaled + scale) / (2 * scale)).ok()
+}
+
+/// Nanoseconds since 1970 of an ISO 8601 instant, such as `2024-05-10T17:27:44.30Z`,
+/// `2024-05-10 17:27:44.3+02:00`, or without a zone, which then means UTC.
+pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
+    let text = text.trim();
+    let date = text.get(..10)?;
+    let rest = text.get(10..)?;
+    let rest = rest.strip_prefix(['T', 't', ' '])?;
+    let zone_at = rest.find(['Z', 'z', '+', '-']).unwrap_or(rest.len());
+    let (time, zone) = rest.split_at_checked(zone_at)?;
+    unix_ns(iso_date(date)?, time, if zone.is_empty() { "Z" } else { zone })
+}
+
+/// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]` and an offset `+hh:mm` or `Z`.
+pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
+    let (time, nanos) = time_of_day(time)?;
+    let seconds =
+        Offset::from_seconds(offset_seconds(offset)?).ok()?.to_timestamp(DateTime::from_parts(date, time)).ok()?;
+    seconds.as_second().checked_mul(1_000_000_000)?.checked_add(nanos)
+}
+
+/// The whole second, and the fraction in ns. A leap second counts as the second after, as Unix has it.
+fn time_of_day(text: &str) -> Option<(Time, i64)> {
+    let mut parts = text.split(':');
+    let hour = two_digits(parts.next()?)?;
+    let minute = two_digits(parts.next()?)?;
+    let (second, fraction) = parts.next().map_or(("00", ""), |s| s.split_once('.').unwrap_or((s, "")));
+    if parts.next().is_some() {
+        return None;
+    }
+    let second = two_digits(second)?;
+    let (second, leap) = if second == 60 { (59, 1_000_000_000) } else { (second, 0) };
+    Some((Time::new(hour, minute, second, 0).ok()?, fraction_of(fraction, 1_000_000_000)? + leap))
+}
+
+fn two_digits(text: &str) -> Option<i8> {
+    (text.len() == 2).then(|| unsigned(text))?.and_then(|v| i8::try_from(v).ok())
+}
+
+/// `Z`, `+hh:mm`, `+hhmm` or `+hh`, in seconds east.
+fn offset_seconds(text: &str) -> Option<i32> {
+    if text.eq_ignore_ascii_case("Z") {
+        return Some(0);
+    }
+    let (sign, rest) = match text.strip_prefix('-') {
+        Some(rest) => (-1, rest),
+        None => (1, text.strip_prefix('+')?),
+    };
+    let digits = rest.replace(':', "");
+    let hours = two_digits(digits.get(..2)?)?;
+    let minutes = if digits.len() == 2 { 0 } else { two_digits(digits.get(2..)?)? };
+    (minutes < 60).then_some(sign * (i32::from(hours) * 3600 + i32::from(minutes) * 60))
+}
+
+/// `yyyy-mm-dd`.
+pub(crate) fn iso_date(text: &str) -> Option<Date> {
+    let mut parts = text.split('-');
+    let year = parts.next().filter(|y| y.len() == 4)?;
+    let (month, day) = (parts.next()?, parts.next()?);
+    if parts.next().is_some() {
+        return None;
+    }
+    Date::new(i16::try_from(unsigned(year)?).ok()?, two_digits(month)?, two_digits(day)?).ok()
+}
+
+/// Which number of `a/b/yyyy` is the day.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SlashDate {
+    /// `23/06/2021`.
+    DayFirst,
+    /// `06/23/2021`.
+    MonthFirst,
+}
+
+impl SlashDate {
+    /// What the dates of a whole column say. `None` if no number above 12 tells, or two disagree:
+    /// then nobody can know.
+    pub(crate) fn of<'a>(dates: impl Iterator<Item = &'a str>) -> Option<SlashDate> {
+        let (mut day_first, mut month_first) = (false, false);
+        for (a, b, _) in dates.filter_map(slash_parts) {
+            day_first |= a > 12;
+            month_first |= b > 12;
+        }
+        match (day_first, month_first) {
+            (true, false) => Some(SlashDate::DayFirst),
+            (false, true) => Some(SlashDate::MonthFirst),
+            _ => None,
+        }
+    }
+
+    /// The date, if it is one.
+    pub(crate) fn date(self, text: &str) -> Option<Date> {
+        let (a, b, year) = slash_parts(text)?;
+        let (month, day) = if self == SlashDate::DayFirst { (b, a) } else { (a, b) };
+        Date::new(year, month, day).ok()
+    }
+}
+
+fn slash_parts(text: &str) -> Option<(i8, i8, i16)> {
+    let mut parts = text.split('/');
+    let small = |part: Option<&str>| part.filter(|p| p.len() < 3).and_then(unsigned).and_then(|v| i8::try_from(v).ok());
+    let (a, b) = (small(parts.next())?, small(parts.next())?);
+    let year = parts.next().filter(|y| y.len() == 4).and_then(unsigned)?;
+    parts.next().is_none().then_some((a, b, i16::try_from(year).ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn iso_instants_have_their_unix_time() {
+        // GNU date: date -u -d '2024-05-10T17:27:44Z' +%s
+        assert_eq!(iso_to_unix_ns("2024-05-10T17:27:44.30Z"), Some(1_715_362_064_300_000_000));
+        assert_eq!(iso_to_unix_ns("2024-05-10T17:27:44.000000001"), Some(1_715_362_064_000_000_001));
+        assert_eq!(iso_to_unix_ns("2024-05-10 19:27:44.3+02:00"), Some(1_715_362_064_300_000_000));
+        assert_eq!(iso_to_unix_ns("2024-05-10T07:57:44.3-0930"), Some(1_715_362_064_300_000_000));
+        assert_eq!(iso_to_unix_ns("1970-01-01T00:00:00Z"), Some(0));
+        assert_eq!(iso_to_unix_ns("1969-12-31T23:59:59.5Z"), Some(-500_000_000));
+        // 2016 ended in a leap second; Unix gives it the number of the second after.
+        assert_eq!(iso_to_unix_ns("2016-12-31T23:59:60.25Z"), Some(1_483_228_800_250_000_000));
+    }
+
+    #[test]
+    fn what_is_no_instant_is_refused() {
+        for text in [
+            "",
+            "2024-05-10",
+            "2024-13-10T00:00:00Z",
+            "2024-02-30T00:00:00Z",
+            "2024-05-10T25:00:00Z",
+            "2024-05-10T17:27:44.3x",
+            "2024-05-10T1:2:3Z",
+            "44.3",
+            "2024-05-10T17:27:44+99:00",
+            "２０２４-05-10T00:00:00",
+        ] {
+            assert_eq!(iso_to_unix_ns(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn decimal_seconds_are_exact_to_the_nanosecond() {
+        assert_eq!(Tick::Seconds.of_text("1396293888.886"), Some(1_396_293_888_886_000_000));
+        assert_eq!(Tick::Seconds.of_text("0.09998099999999965"), Some(99_981_000));
+        assert_eq!(Tick::Seconds.of_text("-0.0000000015"), Some(-2));
+        assert_eq!(Tick::Millis.of_text("1.5"), Some(1_500_000));
+        assert_eq!(Tick::Seconds.of_text("1.5e1"), Some(15_000_000_000));
+        assert_eq!(Tick::Nanos.of_text("9223372036854775807"), Some(i64::MAX));
+        assert_eq!(Tick::Seconds.of_text("9223372037"), None);
+        assert_eq!(Tick::Seconds.of_text("."), None);
+    }
+
+    #[test]
+    fn the_order_of_slash_dates_is_what_the_whole_column_says() {
+        assert_eq!(SlashDate::of(["05/06/2021", "23/06/2021"].into_iter()), Some(SlashDate::DayFirst));
+        assert_eq!(SlashDate::of(["06/05/2021", "06/23/2021"].into_iter()), Some(SlashDate::MonthFirst));
+        assert_eq!(SlashDate::of(["05/06/2021"].into_iter()), None);
+        assert_eq!(SlashDate::of(["05/16/2021", "23/06/2021"].into_iter()), None);
+        assert_eq!(SlashDate::DayFirst.date("23/06/2021"), iso_date("2021-06-23"));
+    }
+
+    #[test]
+    fn a_local_time_with_its_offset_is_the_right_instant() {
+        let date = iso_date("2022-04-17").unwrap();
+        // date -u -d '2022-04-17T10:50:02Z' +%s
+        assert_eq!(unix_ns(date, "12:50:02", "+02:00"), Some(1_650_192_602_000_000_000));
+        assert_eq!(unix_ns(date, "12:50:02", ""), None);
+    }
+}

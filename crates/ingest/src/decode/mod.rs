@@ -1,0 +1,459 @@
+//! Messages of any encoding to columns, and what is known of every topic.
+
+mod json;
+mod ros;
+mod rows;
+mod schema;
+
+use crate::reader::{Log, Select, Selection, TopicInfo};
+use crate::ledger::Fate;
+use crate::stamps::StampStats;
+use crate::table::Table;
+use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
+use rows::Rows;
+use schema::{Dialect, Schema};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// Longest message definition that is read, bytes.
+const LONGEST_DEFINITION: usize = 1 << 20;
+/// Memory that all definitions and decoding plans of a log may take, bytes.
+const MOST_DEFINITIONS: usize = 64 << 20;
+/// Longest topic or type name, bytes.
+const LONGEST_NAME: usize = 4096;
+/// Notices about topics that are listed.
+const MOST_NOTICES: usize = 200;
+/// Topics whose stamps are described in full; of the others ends and jumps are counted.
+const MOST_DESCRIBED: usize = 1024;
+
+/// Which fields of a topic are wanted.
+#[derive(Debug)]
+pub(crate) enum Wanted {
+    All,
+    Paths(BTreeSet<String>),
+}
+
+impl Wanted {
+    /// `None` if nothing is.
+    fn of(selection: &Selection) -> Option<Wanted> {
+        match selection {
+            Selection::Skip => None,
+            Selection::All => Some(Wanted::All),
+            Selection::Fields(fields) => Some(Wanted::of_paths(fields.iter().map(|f| f.path.as_str()))),
+        }
+    }
+
+    pub(crate) fn of_paths<'p>(paths: impl IntoIterator<Item = &'p str>) -> Wanted {
+        Wanted::Paths(paths.into_iter().map(str::to_owned).collect())
+    }
+
+    pub(crate) fn has(&self, path: &str) -> bool {
+        match self {
+            Wanted::All => true,
+            Wanted::Paths(paths) => paths.contains(path),
+        }
+    }
+
+    /// Whether something within the message at `path` is.
+    pub(crate) fn below(&self, path: &str) -> bool {
+        match self {
+            Wanted::All => true,
+            Wanted::Paths(_) => self.continuing(path, '.').next().is_some(),
+        }
+    }
+
+    /// Which elements of the array at `path` are, rising; the first `of_all` if everything is.
+    pub(crate) fn elements(&self, path: &str, of_all: u32) -> Vec<u32> {
+        if matches!(self, Wanted::All) {
+            return (0..of_all).collect();
+        }
+        let index = |rest: &str| rest.split_once(']').and_then(|(index, _)| index.parse::<u32>().ok());
+        let indexes: BTreeSet<u32> = self.continuing(path, '[').filter_map(index).collect();
+        indexes.into_iter().collect()
+    }
+
+    /// What follows `path` and `with` in the wanted paths.
+    fn continuing(&self, path: &str, with: char) -> impl Iterator<Item = &str> {
+        let start = format!("{path}{with}");
+        let paths = match self {
+            Wanted::All => None,
+            Wanted::Paths(paths) => Some(paths),
+        };
+        let from = paths.map(|p| p.range(start.clone()..)).into_iter().flatten();
+        from.map_while(move |p| p.strip_prefix(&start))
+    }
+}
+
+/// The definition of a message type as a container holds it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Definition<'d> {
+    /// `ros1msg`, `ros2msg`, `jsonschema`, ...
+    pub(crate) encoding: &'d str,
+    pub(crate) text: &'d [u8],
+}
+
+/// Where the messages of a channel go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Route {
+    topic: u32,
+    decoder: Option<u32>,
+}
+
+impl Route {
+    /// Whether its messages are decoded.
+    pub(crate) fn is_wanted(self) -> bool {
+        self.decoder.is_some()
+    }
+}
+
+/// When a container says that a message was logged and published, ns.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Times {
+    pub(crate) logged_ns: i64,
+    pub(crate) published_ns: Option<i64>,
+}
+
+/// All topics of a log while it is read.
+pub(crate) struct Topics<'w> {
+    want: &'w dyn Select,
+    most_topics: usize,
+    most_value_bytes: u64,
+    topics: Vec<Topic>,
+    by_info: HashMap<TopicInfo, u32>,
+    definition_bytes: usize,
+    value_bytes: u64,
+}
+
+struct Topic {
+    info: TopicInfo,
+    wanted: Option<Wanted>,
+    refusal: Option<String>,
+    decoders: Vec<Decoder>,
+    rows: Rows,
+    messages: u64,
+    payload_bytes: u64,
+    logged: StampStats,
+    published: StampStats,
+    /// Messages counted from an index: their payload and time of publishing are not known.
+    only_indexed: u64,
+    undecodable: Tally,
+    too_long: Tally,
+    beyond_memory: u64,
+}
+
+/// How often something happened and where first.
+#[derive(Debug, Default)]
+pub(crate) struct Tally {
+    pub(crate) count: u64,
+    pub(crate) first: String,
+}
+
+impl Tally {
+    pub(crate) fn add(&mut self, first: impl FnOnce() -> String) {
+        if self.count == 0 {
+            self.first = first();
+        }
+        self.count += 1;
+    }
+}
+
+struct Decoder {
+    schema_encoding: String,
+    definition: Vec<u8>,
+    how: How,
+}
+
+enum How {
+    Ros(ros::Plan),
+    Json,
+}
+
+impl<'w> Topics<'w> {
+    /// For a log of `log_bytes` bytes: the memory that values may take grows with it, so that a
+    /// small file cannot claim all of it.
+    pub(crate) fn new(want: &'w dyn Select, most_topics: usize, log_bytes: u64) -> Topics<'w> {
+        let most_value_bytes = (64 << 20) + log_bytes.saturating_mul(64).min(8 << 30);
+        Topics {
+            want,
+            most_topics,
+            most_value_bytes,
+            topics: vec![],
+            by_info: HashMap::new(),
+            definition_bytes: 0,
+            value_bytes: 0,
+        }
+    }
+
+    /// Where messages of this topic and definition go. Fails if there are too many topics.
+    pub(crate) fn route(&mut self, info: TopicInfo, definition: Option<Definition<'_>>) -> Result<Route, String> {
+        let topic = self.topic(info)?;
+        let Some(entry) = self.topics.get_mut(topic as usize) else { return Ok(Route { topic, decoder: None }) };
+        let before = entry.definition_bytes();
+        let decoder = match entry.decoder(definition, MOST_DEFINITIONS.saturating_sub(self.definition_bytes)) {
+            Ok(decoder) => decoder,
+            Err(reason) => {
+                entry.refusal.get_or_insert(reason);
+                None
+            }
+        };
+        self.definition_bytes += entry.definition_bytes() - before;
+        Ok(Route { topic, decoder })
+    }
+
+    fn topic(&mut self, info: TopicInfo) -> Result<u32, String> {
+        if let Some(&topic) = self.by_info.get(&info) {
+            return Ok(topic);
+        }
+        if self.topics.len() >= self.most_topics {
+            return Err(format!("there are more than {} topics", self.most_topics));
+        }
+        if info.name.len() > LONGEST_NAME || info.type_name.len() > LONGEST_NAME || info.encoding.len() > LONGEST_NAME {
+            return Err(format!("a topic's name or type is longer than {LONGEST_NAME} bytes"));
+        }
+        let topic = self.topics.len() as u32;
+        let described = self.topics.len() < MOST_DESCRIBED;
+        self.topics.push(Topic::new(info.clone(), Wanted::of(&self.want.select(&info)), described));
+        self.by_info.insert(info, topic);
+        Ok(topic)
+    }
+
+    /// Counts an intact message and decodes it if it is wanted.
+    pub(crate) fn message(&mut self, route: Route, times: Times, payload: &[u8]) -> Fate {
+        let Some(topic) = self.topics.get_mut(route.topic as usize) else { return Fate::Skipped };
+        topic.count(times, payload.len() as u64);
+        let Some(decoder) = route.decoder else { return Fate::Skipped };
+        if self.value_bytes > self.most_value_bytes {
+            topic.beyond_memory += 1;
+            return Fate::Skipped;
+        }
+        let before = topic.rows.weight();
+        let fate = topic.decode(decoder, times, payload);
+        self.value_bytes += topic.rows.weight().saturating_sub(before);
+        fate
+    }
+
+    /// Counts a message that an index lists in a stretch that was not read.
+    pub(crate) fn indexed(&mut self, route: Route, logged_ns: i64) {
+        if let Some(topic) = self.topics.get_mut(route.topic as usize) {
+            topic.messages += 1;
+            topic.only_indexed += 1;
+            topic.logged.push(logged_ns);
+        }
+    }
+
+    /// Counts an intact message of `length` bytes whose payload was not read, for it is not wanted.
+    pub(crate) fn unread(&mut self, route: Route, times: Times, length: u64) -> Fate {
+        if let Some(topic) = self.topics.get_mut(route.topic as usize) {
+            topic.count(times, length);
+        }
+        Fate::Skipped
+    }
+
+    /// Writes topics, tables and notices into the log.
+    pub(crate) fn finish(mut self, log: &mut Log) {
+        self.topics.sort_by(|a, b| a.info.cmp(&b.info));
+        let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
+        let mut notices = Notices::new();
+        for topic in self.topics {
+            if let Some(refusal) = &topic.refusal {
+                refused.entry(refusal.clone()).or_insert((0, topic.info.name.clone())).0 += 1;
+            }
+            topic.raise(&mut notices);
+            topic.finish(log);
+        }
+        for (refusal, (topics, first)) in refused {
+            let text = format!("wanted topics cannot be decoded: {refusal}; the first: {first}");
+            notices.push(Severity::Warning, "not-decoded", "", topics, text);
+        }
+        list(notices, &mut log.notices);
+    }
+}
+
+impl Topic {
+    fn new(info: TopicInfo, wanted: Option<Wanted>, described: bool) -> Topic {
+        let stats = || if described { StampStats::new() } else { StampStats::counts_only() };
+        Topic {
+            info,
+            wanted,
+            refusal: None,
+            decoders: vec![],
+            rows: Rows::default(),
+            messages: 0,
+            payload_bytes: 0,
+            logged: stats(),
+            published: stats(),
+            only_indexed: 0,
+            undecodable: Tally::default(),
+            too_long: Tally::default(),
+            beyond_memory: 0,
+        }
+    }
+
+    fn definition_bytes(&self) -> usize {
+        self.decoders.iter().map(Decoder::weight).sum()
+    }
+
+    /// The decoder for this definition, made if there is none; `None` if nothing is wanted.
+    fn decoder(&mut self, definition: Option<Definition<'_>>, budget: usize) -> Result<Option<u32>, String> {
+        let Some(wanted) = &self.wanted else { return Ok(None) };
+        let Definition { encoding, text } = definition.unwrap_or(Definition { encoding: "", text: &[] });
+        let same = |d: &Decoder| d.schema_encoding == encoding && d.definition == text;
+        if let Some(decoder) = self.decoders.iter().position(same) {
+            return Ok(Some(decoder as u32));
+        }
+        if text.len() > LONGEST_DEFINITION.min(budget) {
+            return Err(format!("its definition of {} bytes is too long", text.len()));
+        }
+        let how = match dialect(&self.info.encoding, encoding)? {
+            None => How::Json,
+            Some(dialect) => {
+                let text = String::from_utf8_lossy(text);
+                let schema = Schema::parse(&self.info.type_name, &text, dialect)?;
+                How::Ros(ros::Plan::new(&schema, wanted, &mut self.rows))
+            }
+        };
+        self.decoders.push(Decoder { schema_encoding: encoding.to_owned(), definition: text.to_vec(), how });
+        Ok(Some(self.decoders.len() as u32 - 1))
+    }
+
+    fn count(&mut self, times: Times, length: u64) {
+        self.messages += 1;
+        self.payload_bytes += length;
+        self.logged.push(times.logged_ns);
+        if let Some(published) = times.published_ns {
+            self.published.push(published);
+        }
+    }
+
+    fn decode(&mut self, decoder: u32, times: Times, payload: &[u8]) -> Fate {
+        let (Some(decoder), Some(wanted)) = (self.decoders.get(decoder as usize), &self.wanted) else {
+            return Fate::Skipped;
+        };
+        let number = self.messages;
+        match decoder.decode(payload, wanted, &mut self.rows) {
+            Ok(beyond) => {
+                self.rows.close(times.logged_ns, times.published_ns, number);
+                if beyond > 0 {
+                    self.too_long.add(|| format!("message {number} by {beyond} bytes"));
+                }
+                Fate::Decoded
+            }
+            Err(reason) => {
+                self.rows.roll_back();
+                self.undecodable.add(|| format!("message {number}: {reason}"));
+                Fate::Skipped
+            }
+        }
+    }
+
+    fn finish(self, log: &mut Log) {
+        log.health.messages += self.messages;
+        log.health.undecodable += self.undecodable.count;
+        log.health.topics.push(self.health());
+        log.tables.extend(self.table());
+    }
+
+    fn raise(&self, notices: &mut Notices) {
+        let place = format!("topic {}", self.info.name);
+        let mut raise = |severity, code: &str, count, text: String| {
+            if count > 0 {
+                notices.push(severity, code, place.as_str(), count, text);
+            }
+        };
+        let bad = &self.undecodable;
+        raise(Severity::Loss, "undecodable", bad.count, format!("messages that cannot be decoded; the first: {}", bad.first));
+        let long = &self.too_long;
+        let text = format!("messages are longer than their definition; the first: {}", long.first);
+        raise(Severity::Warning, "longer-than-defined", long.count, text);
+        let text = "rows left out: the values of this log take more memory than a log of its size may".to_owned();
+        raise(Severity::Loss, "too-many-values", self.beyond_memory, text);
+        let (misfits, field) = self.rows.misfits().unwrap_or_default();
+        raise(Severity::Warning, "type-change", misfits, format!("values left out: {field} changes its type"));
+        let text = "fields or values left out: there are too many columns".to_owned();
+        raise(Severity::Warning, "too-many-columns", self.rows.turned_away(), text);
+        if self.decoders.len() > 1 {
+            let text = "definitions of the same type in one log; each message is read by its own".to_owned();
+            raise(Severity::Warning, "several-definitions", self.decoders.len() as u64, text);
+        }
+    }
+
+    fn health(&self) -> TopicHealth {
+        let decoded = self.rows.len() > 0;
+        TopicHealth {
+            name: self.info.name.clone(),
+            type_name: self.info.type_name.clone(),
+            encoding: self.info.encoding.clone(),
+            messages: self.messages,
+            payload_bytes: self.payload_bytes,
+            stamps: self.stamps(),
+            decoded,
+            reason: if decoded { String::new() } else { self.why_not() },
+        }
+    }
+
+    fn why_not(&self) -> String {
+        match (&self.refusal, self.undecodable.count) {
+            (Some(refusal), _) => refusal.clone(),
+            (None, 0) if self.wanted.is_some() => "there are no messages".to_owned(),
+            (None, 0) => String::new(),
+            (None, _) => self.undecodable.first.clone(),
+        }
+    }
+
+    fn stamps(&self) -> Vec<StampHealth> {
+        let logged = self.logged.clone().finish(StampKind::Logged, Clock::Unix, "log");
+        // Of messages that only an index told of, the time of publishing is not known.
+        let published = (self.only_indexed == 0)
+            .then(|| self.published.clone().finish(StampKind::Published, Clock::Unix, "publish"))
+            .flatten();
+        logged.into_iter().chain(published).collect()
+    }
+
+    fn table(self) -> Option<Table> {
+        (self.rows.len() > 0).then(|| self.rows.into_table(self.info))
+    }
+}
+
+impl Decoder {
+    fn weight(&self) -> usize {
+        let plan = match &self.how {
+            How::Ros(plan) => plan.weight(),
+            How::Json => 0,
+        };
+        plan + self.definition.len()
+    }
+
+    fn decode(&self, payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<usize, String> {
+        match &self.how {
+            How::Ros(plan) => plan.decode(payload, rows),
+            How::Json => json::decode(payload, wanted, rows).map(|()| 0),
+        }
+    }
+}
+
+/// Passes notices on, the first in full and of the others their number: a hostile log has many topics.
+fn list(notices: Notices, to: &mut Notices) {
+    let mut unlisted: BTreeMap<Severity, u64> = BTreeMap::new();
+    for (index, notice) in notices.iter().enumerate() {
+        if index < MOST_NOTICES {
+            to.push(notice.severity, &notice.code, notice.place.clone(), notice.count, notice.text.clone());
+        } else {
+            *unlisted.entry(notice.severity).or_default() += 1;
+        }
+    }
+    for (severity, count) in unlisted {
+        to.push(severity, "more-topics", "", count, "more notices about topics, counted and not listed");
+    }
+}
+
+/// The ROS dialect of messages in `encoding` with a definition in `schema`; `None` for JSON.
+fn dialect(encoding: &str, schema: &str) -> Result<Option<Dialect>, String> {
+    match (encoding, schema) {
+        ("json", _) => Ok(None),
+        ("ros1", "ros1msg") => Ok(Some(Dialect::Ros1)),
+        ("cdr", "ros2msg") => Ok(Some(Dialect::Ros2)),
+        ("ros1" | "cdr", "") => Err("there is no message definition".to_owned()),
+        ("ros1" | "cdr", other) => Err(format!("definitions in {other} are not read yet")),
+        ("", _) => Err("the encoding of its messages is not named".to_owned()),
+        (other, _) => Err(format!("{other} is not read yet")),
+    }
+}

@@ -1,0 +1,794 @@
+//! ROS 1 and CDR (ROS 2) messages straight into columns.
+//!
+//! A definition and the wanted fields are compiled once into a list of operations; a message
+//! is then one walk over that list. What is not wanted is stepped over: in one step where its
+//! size is constant. CDR is the classic encoding (OMG XCDR 1, `DDSI-RTPS` 10.5) in either byte
+//! order; XCDR 2 and parameter lists are refused.
+
+use crate::decode::Wanted;
+use crate::decode::rows::{Rows, Value, ValueType};
+use crate::decode::schema::{Count, Dialect, Field, Kind, Number, Schema};
+
+/// Elements of a fixed array that are taken when everything is wanted.
+const MOST_ELEMENTS: u32 = 64;
+/// Fixed arrays of messages up to this long have their size worked out beforehand.
+const MOST_MEASURED: u32 = 1024;
+/// Fields looked at when everything is wanted: a definition can name exponentially many.
+const MOST_VISITED: usize = 16_384;
+/// CDR writers may fill the last word.
+const CDR_PADDING: usize = 3;
+
+/// Sizes in bytes by the phase (position modulo 8) at which the value begins. Without
+/// alignment all eight are equal.
+type Sizes = [u64; 8];
+const NOTHING: Sizes = [0; 8];
+
+/// How to read the wanted fields of one message type.
+#[derive(Debug)]
+pub(crate) struct Plan {
+    dialect: Dialect,
+    steps: Vec<Step>,
+    /// For each message type of the schema: how to step over one.
+    over: Vec<Vec<Step>>,
+    places: Vec<String>,
+}
+
+#[derive(Debug)]
+struct Step {
+    what: What,
+    /// Index into [`Plan::places`].
+    place: u32,
+}
+
+#[derive(Debug)]
+enum What {
+    Over(Sizes),
+    Number { column: usize, number: Number },
+    Time { column: usize, signed_seconds: bool },
+    Text { column: usize },
+    OverMany { count: Option<u32>, element: Element },
+    Array { count: Option<u32>, wanted: Vec<(u32, Vec<Step>)>, element: Element },
+}
+
+/// Something to be stepped over.
+#[derive(Debug, Clone, Copy)]
+enum Element {
+    Number(u64),
+    Constant(Sizes),
+    Text,
+    WideText,
+    Message(usize),
+}
+
+impl Plan {
+    /// Compiles; columns are made in `rows`.
+    pub(crate) fn new(schema: &Schema, wanted: &Wanted, rows: &mut Rows) -> Plan {
+        let mut compiler = Compiler::new(schema);
+        let over = (0..schema.messages.len()).map(|index| compiler.steps_over(index)).collect();
+        let mut steps = vec![];
+        compiler.message(0, "", wanted, rows, &mut steps);
+        Plan { dialect: schema.dialect, steps: merged(steps), over, places: compiler.places }
+    }
+
+    /// Sets the wanted values of the open row. Returns how many bytes the message has beyond its definition.
+    pub(crate) fn decode(&self, payload: &[u8], rows: &mut Rows) -> Result<usize, String> {
+        let mut walk = Walk::begin(self.dialect, payload)?;
+        walk.steps(&self.steps, &self.over, rows).map_err(|fault| self.explain(fault))?;
+        let left = walk.data.len() - walk.at;
+        Ok(if self.dialect == Dialect::Ros2 && left <= CDR_PADDING { 0 } else { left })
+    }
+
+    /// Memory that the plan takes, bytes, roughly.
+    pub(crate) fn weight(&self) -> usize {
+        self.places.iter().map(|place| place.len() + 4 * size_of::<Step>()).sum()
+    }
+
+    fn explain(&self, fault: Fault) -> String {
+        let place = self.places.get(fault.place as usize).map_or("", String::as_str);
+        match fault.claimed {
+            Some(count) => format!("{place}: a length of {count} does not fit in the message"),
+            None => format!("{place}: the message ends inside it"),
+        }
+    }
+}
+
+struct Compiler<'s> {
+    schema: &'s Schema,
+    /// Size of each message type, `None` if it varies.
+    sizes: Vec<Option<Sizes>>,
+    places: Vec<String>,
+    visited: usize,
+}
+
+impl<'s> Compiler<'s> {
+    fn new(schema: &'s Schema) -> Compiler<'s> {
+        let mut compiler =
+            Compiler { schema, sizes: vec![None; schema.messages.len()], places: vec![], visited: 0 };
+        // A message type comes before those that it refers to.
+        for index in (0..schema.messages.len()).rev() {
+            let sizes = compiler.measured(index);
+            if let Some(place) = compiler.sizes.get_mut(index) {
+                *place = sizes;
+            }
+        }
+        compiler
+    }
+
+    fn fields(&self, message: usize) -> &'s [Field] {
+        self.schema.messages.get(message).map_or(&[], |m| &m.fields)
+    }
+
+    fn measured(&self, message: usize) -> Option<Sizes> {
+        let fields = self.fields(message);
+        if fields.is_empty() && self.schema.dialect == Dialect::Ros2 {
+            // IDL has no empty structure: it gets one octet.
+            return Some([1; 8]);
+        }
+        let mut total = [0; 8];
+        for field in fields {
+            total = joined(total, self.field_sizes(field)?);
+        }
+        Some(total)
+    }
+
+    fn field_sizes(&self, field: &Field) -> Option<Sizes> {
+        match (field.count, self.element(field.kind)) {
+            (Count::Variable, _) => None,
+            (Count::One, element) => element.sizes(self.schema.dialect, 1),
+            (Count::Fixed(count), element) => element.sizes(self.schema.dialect, count),
+        }
+    }
+
+    fn element(&self, kind: Kind) -> Element {
+        match kind {
+            Kind::Number(number) => Element::Number(number.size()),
+            Kind::Text => Element::Text,
+            Kind::WideText => Element::WideText,
+            Kind::Time { .. } => Element::Constant(aligned_sizes(self.schema.dialect, 4, 8)),
+            Kind::Message(index) => match self.sizes.get(index).copied().flatten() {
+                Some(sizes) => Element::Constant(sizes),
+                None => Element::Message(index),
+            },
+        }
+    }
+
+    fn place(&mut self, name: String) -> u32 {
+        self.places.push(name);
+        self.places.len() as u32 - 1
+    }
+
+    /// How to step over a message of varying size, field by field.
+    fn steps_over(&mut self, message: usize) -> Vec<Step> {
+        if self.sizes.get(message).is_some_and(Option::is_some) {
+            return vec![];
+        }
+        let name = self.schema.messages.get(message).map_or("", |m| m.name.as_str());
+        let steps = self.fields(message).iter().map(|f| self.step_over(f, format!("{name}.{}", f.name))).collect();
+        merged(steps)
+    }
+
+    fn step_over(&mut self, field: &Field, path: String) -> Step {
+        let place = self.place(path);
+        if let Some(sizes) = self.field_sizes(field) {
+            return Step { what: What::Over(sizes), place };
+        }
+        Step { what: What::OverMany { count: fixed_count(field.count), element: self.element(field.kind) }, place }
+    }
+
+    fn message(&mut self, message: usize, prefix: &str, wanted: &Wanted, rows: &mut Rows, steps: &mut Vec<Step>) {
+        let fields = self.fields(message);
+        if fields.is_empty() && self.schema.dialect == Dialect::Ros2 {
+            let place = self.place(prefix.to_owned());
+            steps.push(Step { what: What::Over([1; 8]), place });
+        }
+        for field in fields {
+            let path = if prefix.is_empty() { field.name.clone() } else { format!("{prefix}.{}", field.name) };
+            self.field(field, path, wanted, rows, steps);
+        }
+    }
+
+    fn field(&mut self, field: &Field, path: String, wanted: &Wanted, rows: &mut Rows, steps: &mut Vec<Step>) {
+        self.visited += 1;
+        if self.visited > MOST_VISITED {
+            let step = self.step_over(field, path);
+            return steps.push(step);
+        }
+        match field.count {
+            Count::One => self.one(field, path, wanted, rows, steps),
+            Count::Fixed(_) | Count::Variable => {
+                let step = self.array(field, path, wanted, rows);
+                steps.push(step);
+            }
+        }
+    }
+
+    fn one(&mut self, field: &Field, path: String, wanted: &Wanted, rows: &mut Rows, steps: &mut Vec<Step>) {
+        if let Kind::Message(index) = field.kind {
+            if wanted.below(&path) {
+                return self.message(index, &path, wanted, rows, steps);
+            }
+            let step = self.step_over(field, path);
+            return steps.push(step);
+        }
+        let step = match self.leaf(field.kind, &path, wanted, rows) {
+            Some(what) => Step { what, place: self.place(path) },
+            None => self.step_over(field, path),
+        };
+        steps.push(step);
+    }
+
+    /// How to read a wanted value that is no message.
+    fn leaf(&self, kind: Kind, path: &str, wanted: &Wanted, rows: &mut Rows) -> Option<What> {
+        if !wanted.has(path) {
+            return None;
+        }
+        Some(match kind {
+            Kind::Number(number) => {
+                let value_type =
+                    if matches!(number, Number::I64 | Number::U64) { ValueType::Integer } else { ValueType::Float };
+                What::Number { column: rows.column(path, value_type)?, number }
+            }
+            Kind::Time { signed_seconds } => {
+                What::Time { column: rows.column(path, ValueType::Integer)?, signed_seconds }
+            }
+            Kind::Text => What::Text { column: rows.column(path, ValueType::Text)? },
+            Kind::WideText | Kind::Message(_) => return None,
+        })
+    }
+
+    fn array(&mut self, field: &Field, path: String, wanted: &Wanted, rows: &mut Rows) -> Step {
+        let indexes = match field.count {
+            Count::Fixed(count) => wanted.elements(&path, count.min(MOST_ELEMENTS)),
+            Count::One | Count::Variable => wanted.elements(&path, 0),
+        };
+        let one = Field { name: field.name.clone(), kind: field.kind, count: Count::One };
+        let mut read = vec![];
+        for index in indexes {
+            let mut steps = vec![];
+            self.field(&one, format!("{path}[{index}]"), wanted, rows, &mut steps);
+            read.push((index, merged(steps)));
+        }
+        if read.is_empty() {
+            return self.step_over(field, path);
+        }
+        let what = What::Array { count: fixed_count(field.count), wanted: read, element: self.element(field.kind) };
+        Step { what, place: self.place(path) }
+    }
+}
+
+fn fixed_count(count: Count) -> Option<u32> {
+    match count {
+        Count::One => Some(1),
+        Count::Fixed(count) => Some(count),
+        Count::Variable => None,
+    }
+}
+
+fn aligned_sizes(dialect: Dialect, alignment: u64, size: u64) -> Sizes {
+    match dialect {
+        Dialect::Ros1 => [size; 8],
+        Dialect::Ros2 => [0, 1, 2, 3, 4, 5, 6, 7].map(|phase| padding(phase, alignment) + size),
+    }
+}
+
+fn padding(position: u64, alignment: u64) -> u64 {
+    position.wrapping_neg() % alignment.max(1)
+}
+
+fn at_phase(sizes: &Sizes, position: u64) -> u64 {
+    sizes.get((position % 8) as usize).copied().unwrap_or_default()
+}
+
+/// One thing after the other.
+fn joined(first: Sizes, second: Sizes) -> Sizes {
+    let mut both = first;
+    for (phase, size) in both.iter_mut().enumerate() {
+        *size = size.saturating_add(at_phase(&second, (phase as u64).wrapping_add(*size)));
+    }
+    both
+}
+
+impl Element {
+    /// Size of `count` of these, `None` if it varies or is not worth working out.
+    fn sizes(self, dialect: Dialect, count: u32) -> Option<Sizes> {
+        match self {
+            Element::Constant(NOTHING) => Some(NOTHING),
+            _ if count == 0 => Some(NOTHING),
+            Element::Number(size) => Some(aligned_sizes(dialect, size, size.saturating_mul(count.into()))),
+            Element::Constant(sizes) if dialect == Dialect::Ros1 => {
+                Some(sizes.map(|size| size.saturating_mul(count.into())))
+            }
+            Element::Constant(sizes) if count <= MOST_MEASURED => {
+                Some((1..count).fold(sizes, |total, _| joined(total, sizes)))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Neighbours that are stepped over become one step.
+fn merged(steps: Vec<Step>) -> Vec<Step> {
+    let mut short: Vec<Step> = vec![];
+    for step in steps {
+        if let What::Over(sizes) = &step.what
+            && let Some(Step { what: What::Over(before), .. }) = short.last_mut()
+        {
+            *before = joined(*before, *sizes);
+        } else {
+            short.push(step);
+        }
+    }
+    short
+}
+
+/// Why a walk stopped: the message ended, or a length in it cannot be.
+#[derive(Debug, Clone, Copy)]
+struct Fault {
+    place: u32,
+    claimed: Option<u32>,
+}
+
+struct Walk<'p> {
+    data: &'p [u8],
+    at: usize,
+    aligned: bool,
+    big_endian: bool,
+}
+
+impl<'p> Walk<'p> {
+    fn begin(dialect: Dialect, payload: &'p [u8]) -> Result<Walk<'p>, String> {
+        if dialect == Dialect::Ros1 {
+            return Ok(Walk { data: payload, at: 0, aligned: false, big_endian: false });
+        }
+        let (head, data) =
+            payload.split_first_chunk::<4>().ok_or("the message is shorter than its encapsulation header")?;
+        match *head {
+            [0, 0, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: true }),
+            [0, 1, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: false }),
+            [0, 2 | 3, ..] => Err("CDR parameter lists are not read".to_owned()),
+            [0, kind @ 6..=11, ..] => Err(format!("XCDR2 (encapsulation 0x{kind:04x}) is not read yet")),
+            [high, low, ..] => Err(format!("encapsulation 0x{high:02x}{low:02x} is not CDR")),
+        }
+    }
+
+    fn steps(&mut self, steps: &[Step], over: &[Vec<Step>], rows: &mut Rows) -> Result<(), Fault> {
+        for step in steps {
+            self.step(step, over, rows)?;
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, step: &Step, over: &[Vec<Step>], rows: &mut Rows) -> Result<(), Fault> {
+        let short = Fault { place: step.place, claimed: None };
+        match &step.what {
+            What::Over(sizes) => self.forward(at_phase(sizes, self.at as u64)).ok_or(short),
+            What::Number { column, number } => {
+                if let Some(value) = self.number(*number).ok_or(short)? {
+                    rows.set(*column, value);
+                }
+                Ok(())
+            }
+            What::Time { column, signed_seconds } => {
+                rows.set(*column, Value::Integer(self.time(*signed_seconds).ok_or(short)?));
+                Ok(())
+            }
+            What::Text { column } => {
+                let text = self.text(step.place)?;
+                rows.set(*column, Value::Text(&text));
+                Ok(())
+            }
+            What::OverMany { count, element } => {
+                let count = self.count(*count).ok_or(short)?;
+                self.over(count, *element, over, step.place)
+            }
+            What::Array { count, wanted, element } => {
+                let count = self.count(*count).ok_or(short)?;
+                self.array(count, wanted, *element, over, rows, step.place)
+            }
+        }
+    }
+
+    fn array(
+        &mut self,
+        count: u32,
+        wanted: &[(u32, Vec<Step>)],
+        element: Element,
+        over: &[Vec<Step>],
+        rows: &mut Rows,
+        place: u32,
+    ) -> Result<(), Fault> {
+        let mut next = 0;
+        for (index, steps) in wanted.iter().filter(|(index, _)| *index < count) {
+            self.over(index - next, element, over, place)?;
+            self.steps(steps, over, rows)?;
+            next = index + 1;
+        }
+        self.over(count - next, element, over, place)
+    }
+
+    /// Steps over `count` elements. Ends early on hostile counts, for every element takes a byte at least.
+    fn over(&mut self, count: u32, element: Element, over: &[Vec<Step>], place: u32) -> Result<(), Fault> {
+        if count == 0 || matches!(element, Element::Constant(NOTHING)) {
+            return Ok(());
+        }
+        let too_many = Fault { place, claimed: Some(count) };
+        match element {
+            Element::Number(size) => {
+                self.align(size).ok_or(too_many)?;
+                self.forward(size.saturating_mul(count.into())).ok_or(too_many)
+            }
+            Element::Constant(sizes) if !self.aligned => {
+                self.forward(at_phase(&sizes, 0).saturating_mul(count.into())).ok_or(too_many)
+            }
+            Element::Constant(sizes) => self.each(count, |walk| {
+                let size = at_phase(&sizes, walk.at as u64);
+                walk.forward(size).ok_or(too_many)
+            }),
+            Element::Text => self.each(count, |walk| walk.prefixed(1, place).map(|_| ())),
+            Element::WideText => self.each(count, |walk| walk.prefixed(2, place).map(|_| ())),
+            Element::Message(index) => {
+                let steps = over.get(index).map_or(&[][..], Vec::as_slice);
+                self.each(count, |walk| walk.steps_over(steps, over))
+            }
+        }
+    }
+
+    fn each(&mut self, count: u32, mut one: impl FnMut(&mut Self) -> Result<(), Fault>) -> Result<(), Fault> {
+        (0..count).try_for_each(|_| one(self))
+    }
+
+    fn steps_over(&mut self, steps: &[Step], over: &[Vec<Step>]) -> Result<(), Fault> {
+        for step in steps {
+            let short = Fault { place: step.place, claimed: None };
+            match &step.what {
+                What::Over(sizes) => self.forward(at_phase(sizes, self.at as u64)).ok_or(short)?,
+                What::OverMany { count, element } => {
+                    let count = self.count(*count).ok_or(short)?;
+                    self.over(count, *element, over, step.place)?;
+                }
+                // Nothing is read on the way over.
+                What::Number { .. } | What::Time { .. } | What::Text { .. } | What::Array { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn forward(&mut self, bytes: u64) -> Option<()> {
+        let at = usize::try_from(bytes).ok().and_then(|n| self.at.checked_add(n))?;
+        (at <= self.data.len()).then(|| self.at = at)
+    }
+
+    fn align(&mut self, alignment: u64) -> Option<()> {
+        if self.aligned { self.forward(padding(self.at as u64, alignment)) } else { Some(()) }
+    }
+
+    fn raw<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.align(N as u64)?;
+        let bytes: [u8; N] = *self.data.get(self.at..)?.first_chunk()?;
+        self.at += N;
+        Some(bytes)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        let bytes = self.raw()?;
+        Some(if self.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        let bytes = self.raw()?;
+        Some(if self.big_endian { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        let bytes = self.raw()?;
+        Some(if self.big_endian { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+    }
+
+    fn u8(&mut self) -> Option<u8> {
+        self.raw().map(u8::from_le_bytes)
+    }
+
+    /// The inner `None` is a number that no column can hold: unsigned and above `i64::MAX`.
+    fn number(&mut self, number: Number) -> Option<Option<Value<'static>>> {
+        Some(Some(match number {
+            Number::Bool => Value::Float(f64::from(u8::from(self.u8()? != 0))),
+            Number::U8 => Value::Float(self.u8()?.into()),
+            Number::I8 => Value::Float((self.u8()? as i8).into()),
+            Number::U16 => Value::Float(self.u16()?.into()),
+            Number::I16 => Value::Float((self.u16()? as i16).into()),
+            Number::U32 => Value::Float(self.u32()?.into()),
+            Number::I32 => Value::Float((self.u32()? as i32).into()),
+            Number::F32 => Value::Float(f32::from_bits(self.u32()?).into()),
+            Number::F64 => Value::Float(f64::from_bits(self.u64()?)),
+            Number::I64 => Value::Integer(self.u64()? as i64),
+            Number::U64 => return Some(i64::try_from(self.u64()?).ok().map(Value::Integer)),
+        }))
+    }
+
+    /// Nanoseconds; any 32 bits of seconds fit.
+    fn time(&mut self, signed_seconds: bool) -> Option<i64> {
+        let (seconds, nanos) = (self.u32()?, self.u32()?);
+        let seconds = if signed_seconds { i64::from(seconds as i32) } else { i64::from(seconds) };
+        // ROS 1 durations have signed nanoseconds as well; normalised ones of either kind stay below 2^31.
+        Some(seconds * flight::NANOS_PER_SECOND + i64::from(nanos))
+    }
+
+    fn count(&mut self, fixed: Option<u32>) -> Option<u32> {
+        fixed.or_else(|| self.u32())
+    }
+
+    /// Bytes behind a count of units.
+    fn prefixed(&mut self, unit: u64, place: u32) -> Result<&'p [u8], Fault> {
+        let count = self.u32().ok_or(Fault { place, claimed: None })?;
+        let start = self.at;
+        self.forward(unit * u64::from(count)).ok_or(Fault { place, claimed: Some(count) })?;
+        Ok(self.data.get(start..self.at).unwrap_or_default())
+    }
+
+    fn text(&mut self, place: u32) -> Result<std::borrow::Cow<'p, str>, Fault> {
+        let bytes = self.prefixed(1, place)?;
+        // CDR counts the zero at the end, ROS 1 has none.
+        let bytes = if self.aligned { bytes.strip_suffix(&[0]).unwrap_or(bytes) } else { bytes };
+        Ok(String::from_utf8_lossy(bytes))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reader::TopicInfo;
+    use crate::table::Table;
+
+    /// Writes fields one by one as the OMG rules say; alignment counts from the end of the header.
+    struct Writer {
+        bytes: Vec<u8>,
+        aligned: bool,
+        big_endian: bool,
+    }
+
+    impl Writer {
+        fn ros1() -> Writer {
+            Writer { bytes: vec![], aligned: false, big_endian: false }
+        }
+
+        fn cdr(big_endian: bool) -> Writer {
+            Writer { bytes: vec![0, u8::from(!big_endian), 0, 0], aligned: true, big_endian }
+        }
+
+        fn raw<const N: usize>(mut self, little: [u8; N]) -> Writer {
+            while self.aligned && (self.bytes.len() - 4) % N != 0 {
+                self.bytes.push(0xaa);
+            }
+            let mut bytes = little;
+            if self.big_endian {
+                bytes.reverse();
+            }
+            self.bytes.extend(bytes);
+            self
+        }
+
+        fn u8(self, x: u8) -> Writer {
+            self.raw([x])
+        }
+
+        fn u32(self, x: u32) -> Writer {
+            self.raw(x.to_le_bytes())
+        }
+
+        fn f64(self, x: f64) -> Writer {
+            self.raw(x.to_le_bytes())
+        }
+
+        fn text(self, x: &str) -> Writer {
+            let end = u32::from(self.aligned);
+            let mut with_length = self.u32(x.len() as u32 + end);
+            with_length.bytes.extend(x.as_bytes());
+            with_length.bytes.extend(vec![0; end as usize]);
+            with_length
+        }
+    }
+
+    fn decode(text: &str, dialect: Dialect, wanted: &Wanted, payload: &[u8]) -> Result<(Table, usize), String> {
+        let schema = Schema::parse("p/A", text, dialect)?;
+        let mut rows = Rows::default();
+        let plan = Plan::new(&schema, wanted, &mut rows);
+        let beyond = plan.decode(payload, &mut rows)?;
+        rows.close(0, None, 1);
+        Ok((rows.into_table(TopicInfo::default()), beyond))
+    }
+
+    fn numbers(table: &Table) -> Vec<(&str, Option<f64>)> {
+        table.columns.iter().map(|c| (c.path.as_str(), c.number(0))).collect()
+    }
+
+    const POSE: &str = "Stamp head\nuint8 flag\nfloat64 x\nint16[3] small\nuint8[] blob\nPart[2] parts\nPart[] more\n\
+        float64 last\n===\nMSG: p/Stamp\nstring frame\nuint8 level\n===\nMSG: p/Part\nuint8 a\nfloat64 b";
+
+    fn pose(start: Writer) -> Vec<u8> {
+        let aligned = start.aligned;
+        let mut w = start.text("map").u8(3).u8(1).f64(2.5);
+        for small in [-1_i16, 7, 300] {
+            w = w.raw(small.to_le_bytes());
+        }
+        w = w.u32(5);
+        w.bytes.extend([9; 5]);
+        for (a, b) in [(1, 0.1), (2, 0.2)] {
+            w = w.u8(a).f64(b);
+        }
+        w = w.u32(3);
+        for (a, b) in [(3, 0.3), (4, 0.4), (5, 0.5)] {
+            w = w.u8(a).f64(b);
+        }
+        let bytes = w.f64(-8.0).bytes;
+        assert!(aligned || bytes.len() == 4 + 3 + 2 + 8 + 6 + 9 + 18 + 4 + 27 + 8);
+        bytes
+    }
+
+    #[test]
+    fn every_encoding_of_a_message_gives_the_same_columns() {
+        let wanted = Wanted::of_paths(["head.level", "x", "small[2]", "parts[1].b", "more[0].a", "more[2].b", "more[3].b", "last"]);
+        let expected = [
+            ("head.level", Some(3.0)),
+            ("last", Some(-8.0)),
+            ("more[0].a", Some(3.0)),
+            ("more[2].b", Some(0.5)),
+            ("parts[1].b", Some(0.2)),
+            ("small[2]", Some(300.0)),
+            ("x", Some(2.5)),
+        ];
+        for (dialect, bytes) in [
+            (Dialect::Ros1, pose(Writer::ros1())),
+            (Dialect::Ros2, pose(Writer::cdr(false))),
+            (Dialect::Ros2, pose(Writer::cdr(true))),
+        ] {
+            let (table, beyond) = decode(POSE, dialect, &wanted, &bytes).unwrap();
+            assert_eq!(numbers(&table), expected, "{dialect:?}");
+            assert_eq!(beyond, 0);
+        }
+    }
+
+    #[test]
+    fn each_field_alone_reads_as_it_does_among_all() {
+        // Whatever is stepped over must be stepped over by the right number of bytes.
+        for (dialect, bytes) in [(Dialect::Ros1, pose(Writer::ros1())), (Dialect::Ros2, pose(Writer::cdr(false)))] {
+            let (all, _) = decode(POSE, dialect, &Wanted::All, &bytes).unwrap();
+            assert_eq!(all.columns.len(), 12);
+            for column in &all.columns {
+                let (one, beyond) = decode(POSE, dialect, &Wanted::of_paths([column.path.as_str()]), &bytes).unwrap();
+                assert_eq!((one.columns.as_slice(), beyond), (std::slice::from_ref(column), 0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_message_cut_anywhere_is_refused_with_the_field_where_it_ends() {
+        for (dialect, bytes) in [(Dialect::Ros1, pose(Writer::ros1())), (Dialect::Ros2, pose(Writer::cdr(true)))] {
+            for length in 0..bytes.len() {
+                for wanted in [Wanted::All, Wanted::of_paths(["last"]), Wanted::of_paths([])] {
+                    let error = decode(POSE, dialect, &wanted, &bytes[..length]).unwrap_err();
+                    assert!(error.contains(": ") || error.contains("encapsulation"), "{error}");
+                }
+            }
+        }
+        let error = decode(POSE, Dialect::Ros1, &Wanted::All, &[3, 0, 0, 0, b'm', b'a', b'p']).unwrap_err();
+        assert_eq!(error, "head.level: the message ends inside it");
+    }
+
+    #[test]
+    fn hostile_lengths_are_refused_at_once_and_name_their_field() {
+        let bytes = Writer::ros1().u32(u32::MAX).bytes;
+        for (text, wanted) in [
+            ("string s", Wanted::All),
+            ("string s", Wanted::of_paths([])),
+            ("float64[] s", Wanted::of_paths(["s[4000000000]"])),
+            ("B[] s\n===\nMSG: p/B\nstring t", Wanted::of_paths([])),
+            ("B[] s\n===\nMSG: p/B\nuint8 t", Wanted::of_paths(["s[1].t"])),
+        ] {
+            let error = decode(text, Dialect::Ros1, &wanted, &bytes).unwrap_err();
+            assert!(error.starts_with("s") || error.starts_with("p/A.s") || error.starts_with("p/B.t"), "{text}: {error}");
+        }
+        let bytes = Writer::cdr(false).u32(u32::MAX).bytes;
+        assert!(decode("B[] s\n===\nMSG: p/B\nuint8 t\nfloat64 u", Dialect::Ros2, &Wanted::All, &bytes).is_err());
+    }
+
+    #[test]
+    fn four_billion_elements_of_nothing_take_no_time() {
+        let nothing = "B[] a\nB[4294967295] b\n===\nMSG: p/B\nuint8[0] c";
+        let bytes = Writer::ros1().u32(u32::MAX).bytes;
+        assert_eq!(decode(nothing, Dialect::Ros1, &Wanted::of_paths([]), &bytes).unwrap().1, 0);
+        let bytes = Writer::cdr(false).u32(u32::MAX).bytes;
+        assert_eq!(decode(nothing, Dialect::Ros2, &Wanted::of_paths([]), &bytes).unwrap().1, 0);
+    }
+
+    #[test]
+    fn times_become_nanoseconds_and_durations_may_be_negative() {
+        let bytes = Writer::ros1().u32(4_000_000_000).u32(999_999_999).u32(-2_i32 as u32).u32(500_000_000).bytes;
+        let (table, _) = decode("time t\nduration d", Dialect::Ros1, &Wanted::All, &bytes).unwrap();
+        assert_eq!(table.column("t").unwrap().integer(0), Some(4_000_000_000_999_999_999));
+        assert_eq!(table.column("d").unwrap().integer(0), Some(-1_500_000_000));
+        let bytes = Writer::cdr(false).u8(1).u32(-1_i32 as u32).u32(1).bytes;
+        let text = "uint8 a\nbuiltin_interfaces/Time t";
+        let (table, _) = decode(text, Dialect::Ros2, &Wanted::of_paths(["t"]), &bytes).unwrap();
+        assert_eq!(table.column("t").unwrap().integer(0), Some(-999_999_999));
+    }
+
+    #[test]
+    fn integers_of_64_bits_are_exact_and_those_above_the_range_absent() {
+        let bytes = Writer::ros1().raw(u64::MAX.to_le_bytes()).raw(i64::MIN.to_le_bytes()).bytes;
+        let (table, _) = decode("uint64 u\nint64 i", Dialect::Ros1, &Wanted::All, &bytes).unwrap();
+        assert!(table.column("u").is_none());
+        assert_eq!(table.column("i").unwrap().integer(0), Some(i64::MIN));
+    }
+
+    #[test]
+    fn text_loses_the_zero_of_cdr_and_nothing_else() {
+        for (dialect, bytes) in [
+            (Dialect::Ros1, Writer::ros1().text("a\u{e9}b").bytes),
+            (Dialect::Ros2, Writer::cdr(false).text("a\u{e9}b").bytes),
+        ] {
+            let (table, _) = decode("string s", dialect, &Wanted::All, &bytes).unwrap();
+            assert_eq!(table.column("s").unwrap().text(0), Some("a\u{e9}b"));
+        }
+        // Some writers send an empty text as no bytes at all.
+        let (table, _) = decode("string s", Dialect::Ros2, &Wanted::All, &Writer::cdr(false).u32(0).bytes).unwrap();
+        assert_eq!(table.column("s").unwrap().text(0), Some(""));
+    }
+
+    #[test]
+    fn an_empty_message_is_nothing_in_ros_1_and_one_octet_in_ros_2() {
+        let text = "Nothing n\nfloat64 x\n===\nMSG: p/Nothing\n";
+        let (table, beyond) = decode(text, Dialect::Ros1, &Wanted::All, &Writer::ros1().f64(1.5).bytes).unwrap();
+        assert_eq!((numbers(&table), beyond), (vec![("x", Some(1.5))], 0));
+        let (table, beyond) = decode(text, Dialect::Ros2, &Wanted::All, &Writer::cdr(false).u8(0).f64(1.5).bytes).unwrap();
+        assert_eq!((numbers(&table), beyond), (vec![("x", Some(1.5))], 0));
+    }
+
+    #[test]
+    fn an_empty_sequence_of_doubles_is_not_padded() {
+        let bytes = Writer::cdr(false).u32(0).u32(7).bytes;
+        let (table, beyond) = decode("float64[] a\nuint32 b", Dialect::Ros2, &Wanted::All, &bytes).unwrap();
+        assert_eq!((numbers(&table), beyond), (vec![("b", Some(7.0))], 0));
+    }
+
+    #[test]
+    fn bytes_beyond_the_definition_are_counted_but_for_the_filling_of_cdr() {
+        let (_, beyond) = decode("uint8 a", Dialect::Ros1, &Wanted::All, &[1, 2, 3]).unwrap();
+        assert_eq!(beyond, 2);
+        let bytes = |more: usize| [vec![0, 1, 0, 0, 9], vec![0; more]].concat();
+        assert_eq!(decode("uint8 a", Dialect::Ros2, &Wanted::All, &bytes(3)).unwrap().1, 0);
+        assert_eq!(decode("uint8 a", Dialect::Ros2, &Wanted::All, &bytes(4)).unwrap().1, 4);
+    }
+
+    #[test]
+    fn other_encapsulations_are_refused_by_name() {
+        for (kind, word) in [([0, 7], "XCDR2"), ([0, 3], "parameter lists"), ([1, 1], "not CDR"), ([0, 12], "not CDR")] {
+            let bytes = [kind[0], kind[1], 0, 0, 1, 2, 3, 4];
+            let error = decode("uint8 a", Dialect::Ros2, &Wanted::All, &bytes).unwrap_err();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_definition_that_names_exponentially_many_fields_stays_small() {
+        let mut text = (0..10).map(|i| format!("T0 f{i}\n")).collect::<String>();
+        for level in 0..20 {
+            text += &format!("===\nMSG: p/T{level}\n");
+            text += &(0..10).map(|i| format!("T{} f{i}\n", level + 1)).collect::<String>();
+        }
+        text += "===\nMSG: p/T20\nuint8[] blob\n";
+        let schema = Schema::parse("p/A", &text, Dialect::Ros1).unwrap();
+        let plan = Plan::new(&schema, &Wanted::All, &mut Rows::default());
+        assert!(plan.weight() < 20 << 20, "{}", plan.weight());
+        assert!(plan.decode(&[0; 1000], &mut Rows::default()).is_err());
+    }
+
+    #[test]
+    fn a_large_fixed_array_gives_its_first_elements() {
+        let bytes: Vec<u8> = (0..100_u32).flat_map(|i| f64::from(i).to_le_bytes()).collect();
+        let (table, beyond) = decode("float64[100] a", Dialect::Ros1, &Wanted::All, &bytes).unwrap();
+        assert_eq!((table.columns.len(), beyond), (64, 0));
+        assert_eq!(table.column("a[63]").unwrap().number(0), Some(63.0));
+        let (table, _) = decode("float64[100] a", Dialect::Ros1, &Wanted::of_paths(["a[99]"]), &bytes).unwrap();
+        assert_eq!(table.column("a[99]").unwrap().number(0), Some(99.0));
+    }
+}

@@ -1,0 +1,283 @@
+//! ROS 1 bags, version 2.0 (<http://wiki.ros.org/Bags/Format/2.0>), by a walk over the records.
+//!
+//! The index at the end only lends its connections and counts: a bag whose recorder crashed has
+//! none, and reads the same.
+
+mod record;
+mod walk;
+
+use self::record::{Fields, Kind, Record, Source};
+use self::walk::{Visit, Walk};
+use crate::bytes::Bytes;
+use crate::decode::{Definition, Route, Tally, Times, Topics};
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::format::inflate::Inflater;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::{Log, LogReader, ReadContext, Select, TopicInfo};
+use flight::{Notices, Severity};
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+/// The first line of a bag.
+const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+/// Connections in one bag.
+const MOST_CONNECTIONS: usize = 65_536;
+/// Memory that the definitions of a bag may take, bytes.
+const MOST_DEFINITIONS: usize = 64 << 20;
+
+/// Reads one ROS 1 bag, or several that make up one flight.
+#[derive(Debug, Clone)]
+pub struct BagReader {
+    files: Vec<PathBuf>,
+}
+
+impl BagReader {
+    /// A reader of these files. Nothing is opened yet.
+    #[must_use]
+    pub fn new(files: Vec<PathBuf>) -> BagReader {
+        BagReader { files }
+    }
+}
+
+impl LogReader for BagReader {
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let mut files = self.files.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let size = files.iter().map(LogFile::size).sum();
+        let mut ledger = Ledger::new(size, context.limits.listed_damage);
+        let mut notices = Notices::new();
+        let mut topics = Topics::new(want, context.limits.topics, size);
+        let mut log = Log::default();
+        for file in &mut files {
+            log.health.undecodable += read_file(file, context, &mut ledger, &mut topics, &mut notices)?;
+        }
+        log.health.format = "ROS 1 bag 2.0".to_owned();
+        super::conclude(log, ledger, topics, notices, files.first().map_or("", LogFile::name))
+    }
+}
+
+/// Reads one bag; the number of messages that belong to no connection.
+fn read_file(
+    file: &mut LogFile,
+    context: &ReadContext<'_>,
+    ledger: &mut Ledger,
+    topics: &mut Topics<'_>,
+    notices: &mut Notices,
+) -> Result<u64, IngestError> {
+    let name = file.name().to_owned();
+    check_version(file)?;
+    let mut connections = Connections::new(topics);
+    let index = Index::read(file, context, &mut connections)?;
+    let start = MAGIC.len() as u64;
+    let mut inflater = Inflater::default();
+    let intact = file.up_to(0, MAGIC.len())? == MAGIC;
+    let mut walk = Walk {
+        source: &mut *file,
+        name: &name,
+        context,
+        ledger,
+        visit: &mut connections,
+        inflater: Some(&mut inflater),
+        at: 0,
+        messages: 0,
+        padding: 0,
+    };
+    walk.begin(start, intact);
+    walk.run()?;
+    let (found, padding) = (walk.messages, walk.padding);
+    if padding > 0 {
+        notices.push(Severity::Info, "padding", name.as_str(), padding, "zero bytes between records");
+    }
+    index.conclude(&name, found, notices);
+    connections.conclude(&name, notices);
+    Ok(connections.unplaced.count)
+}
+
+fn check_version(file: &mut LogFile) -> Result<(), IngestError> {
+    let first = String::from_utf8_lossy(file.up_to(0, 16)?).into_owned();
+    match first.strip_prefix("#ROSBAG V") {
+        Some(version) if version.starts_with('1') => Err(IngestError::NotALog {
+            file: file.name().to_owned(),
+            what: "a ROS bag of version 1, which is not read; rosbag fix makes a newer one of it".to_owned(),
+        }),
+        _ => super::refuse_nothing(file),
+    }
+}
+
+/// What the end of the bag says of the rest.
+#[derive(Debug)]
+enum Index {
+    /// The bag header says that there is none: the recorder did not close the bag.
+    None,
+    /// It should lie beyond the end of the file.
+    CutOff,
+    /// It is there but cannot be read, or the bag header cannot.
+    Unreadable,
+    /// Messages in all chunks.
+    Counts(u64),
+}
+
+impl Index {
+    fn read(
+        file: &mut LogFile,
+        context: &ReadContext<'_>,
+        connections: &mut Connections<'_, '_>,
+    ) -> Result<Index, IngestError> {
+        let mut source = &mut *file;
+        let header = Record::read(&mut source, MAGIC.len() as u64)?;
+        let Some(Kind::BagHeader { index_at }) = header.map(|r| r.kind) else { return Ok(Index::Unreadable) };
+        match index_at {
+            0 => Ok(Index::None),
+            at if at > source.size() => Ok(Index::CutOff),
+            at => Index::records(&mut source, at, context, connections),
+        }
+    }
+
+    fn records(
+        source: &mut &mut LogFile,
+        start: u64,
+        context: &ReadContext<'_>,
+        connections: &mut Connections<'_, '_>,
+    ) -> Result<Index, IngestError> {
+        let mut at = start;
+        let mut messages = 0_u64;
+        while at < source.size() {
+            let Some(record) = Record::read(source, at)? else { return Ok(Index::Unreadable) };
+            if u64::from(record.data_length) > context.limits.record_bytes {
+                return Ok(Index::Unreadable);
+            }
+            let Some(data) = source.bytes(record.data_at, record.data_length as usize)? else {
+                return Ok(Index::Unreadable);
+            };
+            match &record.kind {
+                // What is wrong with a connection is said when the walk comes by.
+                Kind::Connection { connection, topic } => drop(connections.connection(*connection, topic, data)),
+                Kind::ChunkInfo => messages = messages.saturating_add(counts(data)),
+                _ => return Ok(Index::Unreadable),
+            }
+            at = record.end();
+        }
+        Ok(Index::Counts(messages))
+    }
+
+    fn conclude(&self, file: &str, found: u64, notices: &mut Notices) {
+        match self {
+            Index::None => {
+                let text = "the bag has no index: its recorder was stopped before it could close it";
+                notices.push(Severity::Loss, "no-end", file, 1, text);
+            }
+            Index::CutOff => {
+                notices.push(Severity::Loss, "no-end", file, 1, "the bag was cut before its index");
+            }
+            Index::Unreadable => {
+                notices.push(Severity::Warning, "bad-index", file, 1, "the index cannot be read; it was not used");
+            }
+            Index::Counts(stated) if *stated > found => {
+                let text = format!("messages are missing: the index counts {stated}, {found} were found");
+                notices.push(Severity::Loss, "missing-messages", file, stated - found, text);
+            }
+            Index::Counts(stated) if *stated < found => {
+                let text = format!("messages more than the index counts ({stated})");
+                notices.push(Severity::Warning, "miscounted-messages", file, found - stated, text);
+            }
+            Index::Counts(_) => {}
+        }
+    }
+}
+
+/// Messages that a chunk info lists: pairs of connection and count.
+fn counts(data: &[u8]) -> u64 {
+    let mut rest = Bytes(data);
+    let mut sum = 0;
+    while let (Some(_connection), Some(count)) = (rest.u32(), rest.u32()) {
+        sum += u64::from(count);
+    }
+    sum
+}
+
+struct Connection {
+    info: TopicInfo,
+    definition: Vec<u8>,
+    route: Route,
+}
+
+/// Connections of one bag; gives messages to the topics.
+struct Connections<'t, 'w> {
+    topics: &'t mut Topics<'w>,
+    known: HashMap<u32, Connection>,
+    definition_bytes: usize,
+    unplaced: Tally,
+    redefined: Tally,
+}
+
+impl<'t, 'w> Connections<'t, 'w> {
+    fn new(topics: &'t mut Topics<'w>) -> Connections<'t, 'w> {
+        Connections {
+            topics,
+            known: HashMap::new(),
+            definition_bytes: 0,
+            unplaced: Tally::default(),
+            redefined: Tally::default(),
+        }
+    }
+
+    fn add(&mut self, id: u32, info: TopicInfo, definition: &[u8]) -> Result<(), String> {
+        if let Some(known) = self.known.get(&id) {
+            if known.info == info && known.definition == definition {
+                return Ok(());
+            }
+            self.redefined.add(|| format!("connection {id}, {:.200}", info.name));
+        }
+        self.definition_bytes += definition.len();
+        if self.known.len() >= MOST_CONNECTIONS || self.definition_bytes > MOST_DEFINITIONS {
+            return Err(format!(
+                "the bag has more than {MOST_CONNECTIONS} connections or {MOST_DEFINITIONS} bytes of definitions"
+            ));
+        }
+        let text = Definition { encoding: "ros1msg", text: definition };
+        let route = self.topics.route(info.clone(), Some(text))?;
+        self.known.insert(id, Connection { info, definition: definition.to_vec(), route });
+        Ok(())
+    }
+
+    fn conclude(&self, file: &str, notices: &mut Notices) {
+        if self.unplaced.count > 0 {
+            let text = format!("messages that belong to no known topic; the first: {}", self.unplaced.first);
+            notices.push(Severity::Loss, "unknown-channel", file, self.unplaced.count, text);
+        }
+        if self.redefined.count > 0 {
+            let text = format!("connections were replaced by others of the same number; the first: {}", self.redefined.first);
+            notices.push(Severity::Warning, "redefined", file, self.redefined.count, text);
+        }
+    }
+}
+
+impl Visit for Connections<'_, '_> {
+    fn connection(&mut self, connection: u32, topic: &str, data: &[u8]) -> Result<(), String> {
+        let fields = Fields::parse(data).ok_or("the fields of a connection are damaged")?;
+        let type_name = fields.text("type").ok_or("a connection without a type")?;
+        let definition = fields.get("message_definition").unwrap_or_default();
+        let info = TopicInfo { name: topic.to_owned(), type_name, encoding: "ros1".to_owned() };
+        self.add(connection, info, definition)
+    }
+
+    fn wants(&self, connection: u32) -> bool {
+        self.known.get(&connection).is_some_and(|c| c.route.is_wanted())
+    }
+
+    fn knows(&self, connection: u32) -> bool {
+        self.known.contains_key(&connection)
+    }
+
+    fn message(&mut self, connection: u32, logged_ns: i64, length: u32, payload: Option<&[u8]>) -> Fate {
+        let Some(known) = self.known.get(&connection) else {
+            self.unplaced.add(|| format!("connection {connection}"));
+            return Fate::Skipped;
+        };
+        let times = Times { logged_ns, published_ns: None };
+        match payload {
+            Some(payload) => self.topics.message(known.route, times, payload),
+            None => self.topics.unread(known.route, times, u64::from(length)),
+        }
+    }
+}

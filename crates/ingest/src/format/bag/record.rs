@@ -1,0 +1,174 @@
+//! The records of a ROS 1 bag: a header of `name=value` fields, then data.
+
+use crate::bytes::Bytes;
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::reader::ReadContext;
+
+/// Record types.
+const MESSAGE: u8 = 2;
+const BAG_HEADER: u8 = 3;
+const INDEX: u8 = 4;
+const CHUNK: u8 = 5;
+const CHUNK_INFO: u8 = 6;
+const CONNECTION: u8 = 7;
+
+/// Longest header that is taken for one.
+pub(super) const LONGEST_HEADER: u32 = 64 << 10;
+
+/// Where records are read from: the file, or a decompressed chunk.
+pub(super) trait Source {
+    fn size(&self) -> u64;
+
+    /// `None` if the source ends before.
+    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError>;
+
+    /// Tells the surroundings how far the walk has come.
+    fn progress(&mut self, _offset: u64, _context: &ReadContext<'_>) -> Result<(), IngestError> {
+        Ok(())
+    }
+}
+
+impl Source for &mut LogFile {
+    fn size(&self) -> u64 {
+        LogFile::size(self)
+    }
+
+    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
+        LogFile::bytes(self, offset, length)
+    }
+
+    fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), IngestError> {
+        LogFile::progress(self, offset, context)
+    }
+}
+
+impl Source for &[u8] {
+    fn size(&self) -> u64 {
+        self.len() as u64
+    }
+
+    fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
+        let start = usize::try_from(offset).ok();
+        Ok(start.and_then(|start| self.get(start..start.checked_add(length)?)))
+    }
+}
+
+/// The fields of a header. Later ones of the same name do not count.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fields<'h>(&'h [u8]);
+
+impl<'h> Fields<'h> {
+    /// `None` if this is no list of fields.
+    pub(super) fn parse(header: &'h [u8]) -> Option<Fields<'h>> {
+        let mut rest = Bytes(header);
+        while !rest.0.is_empty() {
+            rest.prefixed().filter(|field| field.contains(&b'='))?;
+        }
+        Some(Fields(header))
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<&'h [u8]> {
+        let mut rest = Bytes(self.0);
+        while let Some(field) = rest.prefixed() {
+            if let Some(value) = field.strip_prefix(name.as_bytes()).and_then(|v| v.strip_prefix(b"=")) {
+                return Some(value);
+            }
+        }
+        None
+    }
+
+    pub(super) fn u32(&self, name: &str) -> Option<u32> {
+        self.get(name).filter(|v| v.len() == 4).and_then(|v| Bytes(v).u32())
+    }
+
+    pub(super) fn u64(&self, name: &str) -> Option<u64> {
+        self.get(name).filter(|v| v.len() == 8).and_then(|v| Bytes(v).u64())
+    }
+
+    pub(super) fn text(&self, name: &str) -> Option<String> {
+        self.get(name).map(|v| String::from_utf8_lossy(v).into_owned())
+    }
+
+    /// Seconds and nanoseconds as nanoseconds: 2^32 s fit.
+    pub(super) fn time_ns(&self, name: &str) -> Option<i64> {
+        let mut value = Bytes(self.get(name).filter(|v| v.len() == 8)?);
+        let (seconds, nanos) = (value.u32()?, value.u32()?);
+        Some(i64::from(seconds) * flight::NANOS_PER_SECOND + i64::from(nanos))
+    }
+}
+
+/// What kind of record it is, with the part of the header that its kind needs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Kind {
+    Message { connection: u32, logged_ns: i64 },
+    BagHeader { index_at: u64 },
+    Index,
+    Chunk { compression: Vec<u8>, size: u32 },
+    ChunkInfo,
+    Connection { connection: u32, topic: String },
+}
+
+impl Kind {
+    pub(super) fn of(fields: &Fields<'_>) -> Option<Kind> {
+        let [op] = *fields.get("op")? else { return None };
+        Some(match op {
+            MESSAGE => Kind::Message { connection: fields.u32("conn")?, logged_ns: fields.time_ns("time")? },
+            BAG_HEADER => Kind::BagHeader { index_at: fields.u64("index_pos")? },
+            INDEX => fields.u32("conn").map(|_| Kind::Index)?,
+            CHUNK => Kind::Chunk { compression: fields.get("compression")?.to_vec(), size: fields.u32("size")? },
+            CHUNK_INFO => fields.u64("chunk_pos").map(|_| Kind::ChunkInfo)?,
+            CONNECTION => Kind::Connection { connection: fields.u32("conn")?, topic: fields.text("topic")? },
+            _ => return None,
+        })
+    }
+}
+
+/// A record whose header is intact.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Record {
+    pub(super) kind: Kind,
+    pub(super) start: u64,
+    /// Where the data begin.
+    pub(super) data_at: u64,
+    /// Their length as stated: they may reach past the end.
+    pub(super) data_length: u32,
+}
+
+impl Record {
+    pub(super) fn end(&self) -> u64 {
+        self.data_at + u64::from(self.data_length)
+    }
+
+    /// The record at `start`; `None` if none is there or its header is cut.
+    pub(super) fn read(source: &mut impl Source, start: u64) -> Result<Option<Record>, IngestError> {
+        let Some(length) = source.bytes(start, 4)?.and_then(|b| Bytes(b).u32()) else { return Ok(None) };
+        if length > LONGEST_HEADER {
+            return Ok(None);
+        }
+        let whole = source.bytes(start + 4, length as usize + 4)?;
+        Ok(whole.and_then(|bytes| Record::parse(bytes, start, length)))
+    }
+
+    fn parse(bytes: &[u8], start: u64, length: u32) -> Option<Record> {
+        let (header, mut rest) = bytes.split_at_checked(length as usize).map(|(h, r)| (h, Bytes(r)))?;
+        let kind = Kind::of(&Fields::parse(header)?)?;
+        let data_length = rest.u32()?;
+        Some(Record { kind, start, data_at: start + 8 + u64::from(length), data_length })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_found_by_their_whole_name() {
+        let header = b"\x08\0\0\0oper=abc\x04\0\0\0op=\x02\x08\0\0\0conn=\x01\0\0";
+        let fields = Fields::parse(header).unwrap();
+        assert_eq!(fields.get("op"), Some(&[2][..]));
+        assert_eq!(fields.u32("conn"), None);
+        assert_eq!(fields.get("o"), None);
+        assert!(Fields::parse(&header[..header.len() - 1]).is_none());
+    }
+}

@@ -1,0 +1,310 @@
+//! The walk over the records of a bag, one after the other, without the index.
+//!
+//! An uncompressed chunk is walked through in place: its header is just another record. After
+//! damage the walk goes on at the next bytes that form a whole header. A bag has no checksums
+//! but those of its compressors, so this is all the certainty there is.
+
+use super::record::{Fields, Kind, LONGEST_HEADER, Record, Source};
+use crate::bytes::Bytes;
+use crate::error::IngestError;
+use crate::format::inflate::{Codec, Inflated, Inflater};
+use crate::ledger::{Fate, Ledger};
+use crate::reader::ReadContext;
+use flight::{LogHealth, Notices};
+use memchr::memmem;
+
+/// How every header says its type, before the type itself.
+const OP_FIELD: &[u8] = b"\x04\0\0\0op=";
+/// A header that is searched for begins at most this far before its type.
+const LOOK_BACK: u64 = 1024;
+/// A header that is cut off by the end of the file is believed up to this length.
+const LONGEST_CUT_HEADER: u32 = 4096;
+/// Zero bytes between two records that are taken for padding.
+const MOST_PADDING: u64 = 4096;
+/// Bytes searched, or fetched together, in one go.
+const BLOCK: u64 = 256 << 10;
+/// A search ends after this many zero bytes: a sparse file has nothing more.
+const MOST_ZEROS: u64 = 64 << 20;
+
+/// Who is shown connections and messages.
+pub(super) trait Visit {
+    /// `data` is the second header, with the definition. What is wrong with it is returned.
+    fn connection(&mut self, connection: u32, topic: &str, data: &[u8]) -> Result<(), String>;
+
+    /// Whether the payload of messages of this connection must be read.
+    fn wants(&self, connection: u32) -> bool;
+
+    fn knows(&self, connection: u32) -> bool;
+
+    /// A message; `None` where its payload is not wanted and was not read.
+    fn message(&mut self, connection: u32, logged_ns: i64, length: u32, payload: Option<&[u8]>) -> Fate;
+}
+
+/// A walk in progress, over the file or over a decompressed chunk.
+pub(super) struct Walk<'w, 'c, S, V> {
+    pub(super) source: S,
+    /// File name for the ledger.
+    pub(super) name: &'w str,
+    pub(super) context: &'w ReadContext<'c>,
+    pub(super) ledger: &'w mut Ledger,
+    pub(super) visit: &'w mut V,
+    /// `None` within a chunk, where there is nothing left to decompress.
+    pub(super) inflater: Option<&'w mut Inflater>,
+    pub(super) at: u64,
+    pub(super) messages: u64,
+    /// Zero bytes between records.
+    pub(super) padding: u64,
+}
+
+impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
+    /// Takes the first bytes of the file, up to `end`.
+    pub(super) fn begin(&mut self, end: u64, intact: bool) {
+        let end = end.min(self.source.size());
+        if intact {
+            self.pass(end, Fate::Structure);
+        } else {
+            self.damage_to(end, "the line that begins the file is wrong");
+        }
+    }
+
+    /// From where the walk stands to the end.
+    pub(super) fn run(&mut self) -> Result<(), IngestError> {
+        while self.at < self.source.size() {
+            match Record::read(&mut self.source, self.at)? {
+                Some(record) => self.take(&record)?,
+                None if self.is_padding()? => {}
+                None => self.lost("what stands here is no record, or one that is cut")?,
+            }
+            self.source.progress(self.at, self.context)?;
+        }
+        Ok(())
+    }
+
+    /// Steps over zero bytes between records, as some tools leave when they write a bag anew.
+    fn is_padding(&mut self) -> Result<bool, IngestError> {
+        let most = MOST_PADDING.min(self.source.size() - self.at);
+        let bytes = self.source.bytes(self.at, most as usize)?.unwrap_or_default();
+        let zeros = bytes.iter().take_while(|&&b| b == 0).count() as u64;
+        // The length of the next header may begin with zeros of its own, but not with four.
+        for back in 0..zeros.min(4) {
+            let next = self.at + zeros - back;
+            if next > self.at && Record::read(&mut self.source, next)?.is_some() {
+                self.padding += next - self.at;
+                self.pass(next, Fate::Structure);
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn take(&mut self, record: &Record) -> Result<(), IngestError> {
+        match &record.kind {
+            Kind::Chunk { compression, size } => match codec(compression) {
+                Some(Codec::None) => {
+                    self.pass(record.data_at, Fate::Structure);
+                    Ok(())
+                }
+                Some(codec) => self.chunk(codec, u64::from(*size), record),
+                None => self.lost(&format!("compression {:?} is not known", String::from_utf8_lossy(compression))),
+            },
+            _ if record.end() > self.source.size() => self.lost("the data end inside a record"),
+            _ => self.plain(record),
+        }
+    }
+
+    fn plain(&mut self, record: &Record) -> Result<(), IngestError> {
+        // Fetched with what follows, so that the look at the next record does not fetch twice.
+        let together = (record.end() - record.start + BLOCK / 4).min(self.source.size() - record.start);
+        if together <= BLOCK {
+            self.source.bytes(record.start, together as usize)?;
+        }
+        if !self.may_begin(record.end())? {
+            return self.lost("a record whose length leads nowhere");
+        }
+        match self.show(record)? {
+            Ok(fate) => self.pass(record.end(), fate),
+            Err(reason) => self.damage_to(record.end(), &reason),
+        }
+        Ok(())
+    }
+
+    fn show(&mut self, record: &Record) -> Result<Result<Fate, String>, IngestError> {
+        let length = record.data_length;
+        let too_long = u64::from(length) > self.context.limits.record_bytes;
+        match &record.kind {
+            Kind::Message { connection, logged_ns } => {
+                let wanted = self.visit.wants(*connection);
+                if wanted && too_long {
+                    return Ok(Err(format!("a message of {length} bytes is larger than the limit")));
+                }
+                self.messages += 1;
+                let payload = if wanted { self.source.bytes(record.data_at, length as usize)? } else { None };
+                Ok(Ok(self.visit.message(*connection, *logged_ns, length, payload)))
+            }
+            Kind::Connection { connection, topic } if !too_long => {
+                let data = self.source.bytes(record.data_at, length as usize)?.unwrap_or_default();
+                Ok(self.visit.connection(*connection, topic, data).map(|()| Fate::Structure))
+            }
+            Kind::Connection { .. } => Ok(Err(format!("a connection of {length} bytes is larger than the limit"))),
+            Kind::BagHeader { .. } | Kind::Index | Kind::ChunkInfo | Kind::Chunk { .. } => Ok(Ok(Fate::Structure)),
+        }
+    }
+
+    /// A compressed chunk. One that is cut gives what its decoder vouches for.
+    fn chunk(&mut self, codec: Codec, size: u64, record: &Record) -> Result<(), IngestError> {
+        let Some(inflater) = self.inflater.take() else { return self.lost("a chunk inside a chunk") };
+        let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
+        let end = if whole { record.end() } else { self.search(record.data_at)? };
+        let fate = self.decompressed(inflater, codec, size, record.data_at..end, whole);
+        self.inflater = Some(inflater);
+        match fate? {
+            Ok(fate) => self.pass(end, fate),
+            Err(reason) => self.damage_to(end, &reason),
+        }
+        Ok(())
+    }
+
+    fn decompressed(
+        &mut self,
+        inflater: &mut Inflater,
+        codec: Codec,
+        size: u64,
+        place: std::ops::Range<u64>,
+        whole: bool,
+    ) -> Result<Result<Fate, String>, IngestError> {
+        let length = place.end - place.start;
+        if length > self.context.limits.record_bytes {
+            return Ok(Err(format!("a chunk of {length} bytes is larger than the limit")));
+        }
+        let data = self.source.bytes(place.start, length as usize)?.unwrap_or_default();
+        let Inflated { bytes, fault } = inflater.inflate(codec, data, size, self.context.limits.chunk_bytes);
+        match fault {
+            Some(fault) if whole => Ok(Err(format!("the chunk cannot be decompressed: {fault}"))),
+            fault => {
+                let fault = fault.map(|_| "the chunk is cut".to_owned());
+                let (verdict, messages) = inside(bytes, fault, self.name, self.context, self.visit)?;
+                self.messages += messages;
+                Ok(verdict)
+            }
+        }
+    }
+
+    fn pass(&mut self, end: u64, fate: Fate) {
+        self.ledger.count(fate, end - self.at);
+        self.at = end;
+    }
+
+    fn damage_to(&mut self, end: u64, reason: &str) {
+        if end > self.at {
+            self.ledger.damaged(self.name, self.at, end - self.at, reason);
+            self.at = end;
+        }
+    }
+
+    /// Nothing can be made of what stands here: goes on where the next record begins.
+    fn lost(&mut self, reason: &str) -> Result<(), IngestError> {
+        let next = self.search(self.at + 1)?;
+        self.damage_to(next, reason);
+        Ok(())
+    }
+
+    /// The next whole header; the end if there is none.
+    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
+        let size = self.source.size();
+        let mut at = from;
+        let mut zeros = 0;
+        while at < size && zeros <= MOST_ZEROS {
+            let length = BLOCK.min(size - at);
+            let block = self.source.bytes(at, length as usize)?.unwrap_or_default();
+            zeros = if block.iter().all(|&b| b == 0) { zeros + length } else { 0 };
+            let hits: Vec<u64> = memmem::find_iter(block, OP_FIELD).map(|hit| at + hit as u64).collect();
+            for hit in hits {
+                if let Some(found) = self.header_around(hit, from)? {
+                    return Ok(found);
+                }
+            }
+            // A field that straddles two blocks is found in the second.
+            at += if length == BLOCK { BLOCK - OP_FIELD.len() as u64 } else { length };
+            self.source.progress(at, self.context)?;
+        }
+        Ok(size)
+    }
+
+    /// The record not before `from` whose header says its type at `hit`.
+    fn header_around(&mut self, hit: u64, from: u64) -> Result<Option<u64>, IngestError> {
+        let start = hit.saturating_sub(LOOK_BACK).max(from);
+        let behind = hit + OP_FIELD.len() as u64 + 1;
+        let before = self.source.bytes(start, hit.saturating_sub(start) as usize)?.unwrap_or_default();
+        let reaches = |place: usize, length: &[u8]| {
+            let end = Bytes(length).u32().filter(|&l| l <= LONGEST_HEADER).map(|l| start + place as u64 + 4 + u64::from(l));
+            end.is_some_and(|end| end >= behind)
+        };
+        let likely: Vec<u64> =
+            before.windows(4).enumerate().filter(|(i, w)| reaches(*i, w)).map(|(i, _)| start + i as u64).collect();
+        for place in likely {
+            if let Some(record) = Record::read(&mut self.source, place)?
+                && self.is_plain(&record)?
+            {
+                return Ok(Some(place));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether a record that was searched for is one beyond doubt.
+    fn is_plain(&mut self, record: &Record) -> Result<bool, IngestError> {
+        match &record.kind {
+            Kind::Chunk { compression, .. } => return Ok(codec(compression).is_some() && self.inflater.is_some()),
+            Kind::Message { connection, .. } if !self.visit.knows(*connection) => return Ok(false),
+            Kind::BagHeader { .. } => return Ok(false),
+            Kind::Message { .. } | Kind::Index | Kind::ChunkInfo | Kind::Connection { .. } => {}
+        }
+        Ok(record.end() <= self.source.size() && self.may_begin(record.end())?)
+    }
+
+    /// Whether a record, or the end, may be here. A header that is cut off by the end may be.
+    fn may_begin(&mut self, at: u64) -> Result<bool, IngestError> {
+        let Some(length) = self.source.bytes(at, 4)?.and_then(|b| Bytes(b).u32()) else { return Ok(true) };
+        if length == 0 || length > LONGEST_HEADER {
+            // Zeros may be padding; whether they are is seen when the walk gets there.
+            return Ok(length == 0);
+        }
+        match self.source.bytes(at + 4, length as usize)? {
+            Some(header) => Ok(Fields::parse(header).and_then(|fields| Kind::of(&fields)).is_some()),
+            None => Ok(length <= LONGEST_CUT_HEADER),
+        }
+    }
+}
+
+/// Walks through what was a chunk. The verdict is on the whole chunk; with it the number of messages in it.
+fn inside<V: Visit>(
+    chunk: &[u8],
+    fault: Option<String>,
+    name: &str,
+    context: &ReadContext<'_>,
+    visit: &mut V,
+) -> Result<(Result<Fate, String>, u64), IngestError> {
+    let mut ledger = Ledger::new(chunk.len() as u64, 1);
+    let mut inner = Walk { source: chunk, name, context, ledger: &mut ledger, visit, inflater: None, at: 0, messages: 0, padding: 0 };
+    inner.run()?;
+    let messages = inner.messages;
+    let mut health = LogHealth::default();
+    ledger.finish(&mut health, &mut Notices::new());
+    let reason = fault.or_else(|| health.damage.first().map(|d| format!("inside the chunk: {}", d.reason)));
+    let verdict = match reason {
+        Some(reason) => Err(format!("{reason}; {messages} of its messages were kept")),
+        None if health.bytes.decoded > 0 => Ok(Fate::Decoded),
+        None if messages > 0 => Ok(Fate::Skipped),
+        None => Ok(Fate::Structure),
+    };
+    Ok((verdict, messages))
+}
+
+fn codec(compression: &[u8]) -> Option<Codec> {
+    match compression {
+        b"none" => Some(Codec::None),
+        b"lz4" => Some(Codec::Lz4),
+        b"bz2" => Some(Codec::Bz2),
+        _ => None,
+    }
+}

@@ -1,0 +1,358 @@
+//! Text tables: one table in a file, one file per topic, or FlySight 2 with several tables in one file.
+
+mod columns;
+mod fields;
+mod layout;
+mod lines;
+
+use self::columns::Topic;
+use self::fields::Fields;
+use self::layout::{Layout, TableLayout};
+use self::lines::{Extent, Lines, Next};
+use crate::error::IngestError;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::{Limits, Log, LogReader, ReadContext, Select, TopicInfo};
+use flight::{LogHealth, Notices, Severity};
+use std::collections::{HashMap, HashSet};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Bytes from which the layout is found, unless a line is longer.
+const HEAD: u64 = 256 << 10;
+
+/// `$VAR` lines of FlySight 2 files that are listed.
+const EXTRAS: usize = 256;
+
+/// The UTF-8 byte order mark.
+const BOM: &[u8] = b"\xef\xbb\xbf";
+
+/// Reads one text log, or several that hold one topic each and make up one flight.
+///
+/// A file is one topic named after the file, except FlySight 2 files, whose rows name their topic.
+/// Line numbers count from 1.
+#[derive(Debug, Clone)]
+pub struct CsvReader {
+    files: Vec<PathBuf>,
+}
+
+impl CsvReader {
+    /// A reader of these files. Nothing is opened yet.
+    #[must_use]
+    pub fn new(files: Vec<PathBuf>) -> CsvReader {
+        CsvReader { files }
+    }
+}
+
+impl LogReader for CsvReader {
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let mut size = 0;
+        for path in &self.files {
+            size += open(path)?.1;
+        }
+        let ledger = Ledger::new(size, context.limits.listed_damage);
+        let books = Books { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
+        let mut reading = Reading { want, context, books, topics: vec![], formats: vec![], taken: HashSet::new() };
+        for path in &self.files {
+            reading.file(path, self.files.len() == 1)?;
+        }
+        reading.finish()
+    }
+}
+
+/// Says whether the first bytes of a file look like a log in a table of text, and if not, why. Stricter than
+/// the reader, for many a text has the same number of commas in most of its lines.
+///
+/// # Errors
+/// What it is instead.
+pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<(), String> {
+    match layout::find(without_bom(head), context)? {
+        Layout::Table(table) if !table.regular => Err("its first lines are no table of numbers below a header".into()),
+        Layout::Table(_) | Layout::FlySight2 => Ok(()),
+    }
+}
+
+fn without_bom(head: &[u8]) -> &[u8] {
+    head.strip_prefix(BOM).unwrap_or(head)
+}
+
+fn open(path: &Path) -> Result<(File, u64), IngestError> {
+    let failed = |source| IngestError::Io { file: name_of(path), offset: 0, source };
+    let file = File::open(path).map_err(failed)?;
+    let size = file.metadata().map_err(failed)?.len();
+    Ok((file, size))
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// One pass over all files.
+struct Reading<'a> {
+    want: &'a dyn Select,
+    context: &'a ReadContext<'a>,
+    books: Books,
+    topics: Vec<Topic>,
+    formats: Vec<String>,
+    /// Names of the topics.
+    taken: HashSet<String>,
+}
+
+/// What became of every byte and row so far.
+struct Books {
+    ledger: Ledger,
+    health: LogHealth,
+    notices: Notices,
+    limits: Limits,
+}
+
+/// A file while its records are taken in.
+struct Open<'a> {
+    name: &'a str,
+    lines: Lines<'a, std::io::Take<File>>,
+    size: u64,
+    fields: Fields,
+}
+
+impl<'a> Open<'a> {
+    fn new(path: &Path, name: &'a str, size: u64, context: &'a ReadContext<'a>) -> Result<Open<'a>, IngestError> {
+        let (mut file, _) = open(path)?;
+        let failed = |source| IngestError::Io { file: name.to_owned(), offset: 0, source };
+        let mut first = vec![];
+        file.by_ref().take(BOM.len() as u64).read_to_end(&mut first).map_err(failed)?;
+        let skipped = if first == BOM { BOM.len() as u64 } else { 0 };
+        file.seek(SeekFrom::Start(skipped)).map_err(failed)?;
+        let mut lines = Lines::new(file.take(size - skipped.min(size)), name, context);
+        lines.offset = skipped;
+        Ok(Open { name, lines, size, fields: Fields::default() })
+    }
+}
+
+impl Reading<'_> {
+    fn file(&mut self, path: &Path, alone: bool) -> Result<(), IngestError> {
+        let name = name_of(path);
+        let stem = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let (file, size) = open(path)?;
+        let head = head_of(&file, &name, self.context)?;
+        let layout = match layout::find(without_bom(&head), self.context) {
+            Ok(layout) => layout,
+            Err(_) if head.is_empty() && alone => {
+                return Err(IngestError::NotALog { file: name, what: "the file is empty".into() });
+            }
+            Err(what) if alone => return Err(IngestError::NotALog { file: name, what }),
+            Err(what) => {
+                self.books.ledger.count(Fate::Skipped, size);
+                self.books.notices.push(Severity::Warning, "not-a-table", name, 1, what);
+                return self.context.advance(size);
+            }
+        };
+        let mut open = Open::new(path, &name, size, self.context)?;
+        self.books.ledger.count(Fate::Structure, open.lines.offset);
+        match layout {
+            Layout::Table(table) => self.table(&mut open, &table, stem)?,
+            Layout::FlySight2 => self.flysight2(&mut open, &stem)?,
+        }
+        // Only a file that shrank while it was read leaves something over here.
+        let missing = size - open.lines.offset;
+        if missing > 0 {
+            self.books.ledger.damaged(&name, open.lines.offset, missing, "the file became shorter while it was read");
+        }
+        Ok(())
+    }
+
+    fn table(&mut self, open: &mut Open<'_>, table: &TableLayout, stem: String) -> Result<(), IngestError> {
+        self.formats.push(format!("CSV, {}", table.describe()));
+        if table.header_line.is_none() {
+            self.books.notices.push(
+                Severity::Warning,
+                "no-header",
+                open.name,
+                1,
+                "no header row: columns are called column_1, column_2, ...",
+            );
+        }
+        if table.renamed > 0 {
+            let text = "columns without a name of their own were given one";
+            self.books.notices.push(Severity::Info, "column-renamed", open.name, table.renamed as u64, text);
+        }
+        let info =
+            TopicInfo { name: self.free_name(stem, open.name), type_name: String::new(), encoding: "csv".into() };
+        let selection = self.want.select(&info);
+        let mut topic = Topic::new(info, &table.names, &selection);
+        let mut preamble = 0;
+        while let Some((extent, line)) = self.books.next_record(open, table.delimiter)? {
+            let text = open.lines.text(extent).trim_ascii();
+            if line < table.first_row_line || text.is_empty() || text.starts_with(b"#") {
+                let said = [table.header_line, table.units_line].contains(&Some(line));
+                preamble +=
+                    u64::from(line < table.first_row_line && !said && !text.is_empty() && !text.starts_with(b"#"));
+                self.books.ledger.count(Fate::Structure, extent.whole as u64);
+                open.lines.pass(extent);
+                continue;
+            }
+            self.books.row(open, extent, &mut topic, 0, table.delimiter);
+        }
+        if preamble > 0 {
+            self.books.notices.push(
+                Severity::Info,
+                "preamble",
+                open.name,
+                preamble,
+                "lines before the header are not read",
+            );
+        }
+        topic.report(open.name, self.context.limits.listed_damage, &mut self.books.notices);
+        self.topics.push(topic);
+        Ok(())
+    }
+
+    /// FlySight 2: `$COL` lines name the columns of a table, `$UNIT` lines their units, and below
+    /// `$DATA` every row begins with the name of its table.
+    fn flysight2(&mut self, open: &mut Open<'_>, stem: &str) -> Result<(), IngestError> {
+        self.formats.push("FlySight 2 CSV".into());
+        let first = self.topics.len();
+        let mut by_name: HashMap<Vec<u8>, usize> = HashMap::new();
+        while let Some((extent, line)) = self.books.next_record(open, b',')? {
+            open.fields.split(open.lines.text(extent), b',');
+            let tag = open.fields.get(0).strip_prefix(b"$").unwrap_or_default().to_vec();
+            match tag.as_slice() {
+                b"COL" if extent.ended => {
+                    let table = open.fields.get(1).to_vec();
+                    if by_name.len() < self.context.limits.topics {
+                        by_name.insert(table, self.topics.len());
+                        let topic = self.flysight2_topic(&open.fields, stem);
+                        self.topics.push(topic);
+                    }
+                    self.books.structure(open, extent);
+                }
+                b"VAR" => {
+                    if self.books.health.extras.len() < EXTRAS {
+                        self.books.health.extras.push(open.fields.texts().get(1..).unwrap_or_default().join(" = "));
+                    }
+                    self.books.structure(open, extent);
+                }
+                b"FLYS" | b"UNIT" | b"DATA" | b"COL" => self.books.structure(open, extent),
+                b"" if open.lines.text(extent).trim_ascii().is_empty() => self.books.structure(open, extent),
+                _ => match by_name.get(&tag).and_then(|&i| self.topics.get_mut(i)) {
+                    Some(topic) => self.books.row(open, extent, topic, 1, b','),
+                    None => self.books.reject(open, extent, format!("line {line}: no $COL line announces this row")),
+                },
+            }
+        }
+        for topic in self.topics.get_mut(first..).unwrap_or_default() {
+            topic.report(open.name, self.context.limits.listed_damage, &mut self.books.notices);
+        }
+        Ok(())
+    }
+
+    fn flysight2_topic(&mut self, fields: &Fields, stem: &str) -> Topic {
+        let mut names = fields.texts();
+        let name = names.get(1).cloned().unwrap_or_default();
+        names.drain(..names.len().min(2));
+        let info = TopicInfo { name: self.free_name(name, stem), type_name: String::new(), encoding: "csv".into() };
+        let selection = self.want.select(&info);
+        Topic::new(info, &layout::unique(names).0, &selection)
+    }
+
+    /// `name`, unless another table has taken it.
+    fn free_name(&mut self, name: String, file: &str) -> String {
+        let mut free = name;
+        while !self.taken.insert(free.clone()) {
+            free = format!("{file}/{free}");
+        }
+        free
+    }
+
+    fn finish(mut self) -> Result<Log, IngestError> {
+        let others = self.formats.len().saturating_sub(1);
+        let others = if others > 0 { format!(" (and {others} more files)") } else { String::new() };
+        self.books.health.format = format!("{}{others}", self.formats.first().map_or("no table", String::as_str));
+        self.topics.sort_by(|a, b| a.info.cmp(&b.info));
+        self.books.health.topics = self.topics.iter().map(Topic::health).collect();
+        self.books.health.messages = self.topics.iter().map(|t| t.rows).sum();
+        self.books.ledger.finish(&mut self.books.health, &mut self.books.notices);
+        let tables = self.topics.into_iter().filter_map(Topic::into_table).collect();
+        Ok(Log { health: self.books.health, tables, notices: self.books.notices })
+    }
+}
+
+impl Books {
+    /// The next record that fits into memory, with its line number.
+    fn next_record(&mut self, open: &mut Open<'_>, delimiter: u8) -> Result<Option<(Extent, u64)>, IngestError> {
+        loop {
+            let (offset, line) = (open.lines.offset, open.lines.number);
+            match open.lines.next(Some(delimiter))? {
+                Next::Record(extent) => return Ok(Some((extent, line))),
+                Next::TooLong => {
+                    let bytes = open.lines.pass_too_long()?;
+                    let limit = self.limits.line_bytes;
+                    self.health.undecodable += 1;
+                    self.ledger.damaged(open.name, offset, bytes, format!("line {line}: longer than {limit} bytes"));
+                }
+                Next::Zeros => {
+                    let reason = format!("line {line}: zero bytes; nothing behind them is read");
+                    self.ledger.damaged(open.name, offset, open.size - offset, reason);
+                    open.lines.offset = open.size;
+                    return Ok(None);
+                }
+                Next::End => return Ok(None),
+            }
+        }
+    }
+
+    /// One data row: `skip` fields at its start are no columns.
+    fn row(&mut self, open: &mut Open<'_>, extent: Extent, topic: &mut Topic, skip: usize, delimiter: u8) {
+        let text = open.lines.text(extent);
+        let line = open.lines.number;
+        if !topic.decoded {
+            // Nobody asked, so the fields are not looked at.
+            topic.count(extent);
+            self.ledger.count(Fate::Skipped, extent.whole as u64);
+            return open.lines.pass(extent);
+        }
+        if extent.broken {
+            return self.reject(open, extent, format!("line {line}: quotes that do not match"));
+        }
+        if memchr::memchr(0, text).is_some() {
+            return self.reject(open, extent, format!("line {line}: zero bytes in the row"));
+        }
+        open.fields.split(text, delimiter);
+        let width = open.fields.len().saturating_sub(skip);
+        if topic.fits(width, open.fields.get(width + skip - 1).is_empty()) {
+            topic.push(&open.fields, skip, line, extent);
+            self.ledger.count(Fate::Decoded, extent.whole as u64);
+            return open.lines.pass(extent);
+        }
+        // A quote that was never meant to open a field can swallow lines: give them back.
+        let alone = if extent.lines > 1 { open.lines.next(None) } else { Ok(Next::Record(extent)) };
+        let extent = if let Ok(Next::Record(line)) = alone { line } else { extent };
+        let expected = topic.width;
+        let cut = if extent.ended { "" } else { ", and no line end: the log was cut here" };
+        self.reject(open, extent, format!("line {line}: {width} fields where the header has {expected}{cut}"));
+    }
+
+    fn structure(&mut self, open: &mut Open<'_>, extent: Extent) {
+        self.ledger.count(Fate::Structure, extent.whole as u64);
+        open.lines.pass(extent);
+    }
+
+    fn reject(&mut self, open: &mut Open<'_>, extent: Extent, reason: String) {
+        self.health.undecodable += 1;
+        self.ledger.damaged(open.name, open.lines.offset, extent.whole as u64, reason);
+        open.lines.pass(extent);
+    }
+}
+
+/// The beginning of a file: enough for the layout, even if its first line is long.
+fn head_of(file: &File, name: &str, context: &ReadContext<'_>) -> Result<Vec<u8>, IngestError> {
+    let mut head = vec![];
+    let read = |bytes: u64, head: &mut Vec<u8>| {
+        let offset = head.len() as u64;
+        file.take(bytes).read_to_end(head).map_err(|source| IngestError::Io { file: name.to_owned(), offset, source })
+    };
+    read(HEAD, &mut head)?;
+    if memchr::memchr2(b'\n', b'\r', &head).is_none() {
+        read(context.limits.line_bytes as u64, &mut head)?;
+    }
+    Ok(head)
+}

@@ -1,0 +1,280 @@
+//! Rows of one topic into columns.
+
+use super::fields::{Cell, Fields, number};
+use super::lines::Extent;
+use crate::reader::{FieldRequest, Selection, TopicInfo, ValueKind};
+use crate::table::{Column, ColumnData, Table};
+use flight::{Notices, Severity, TopicHealth};
+
+/// Beyond this a double cannot hold every integer.
+const EXACT: u64 = 1 << 53;
+
+/// One topic while its rows come in.
+#[derive(Debug, Default)]
+pub(super) struct Topic {
+    pub(super) info: TopicInfo,
+    /// Columns of the header.
+    pub(super) width: usize,
+    /// Whether a wanted field exists.
+    pub(super) decoded: bool,
+    /// Intact rows.
+    pub(super) rows: u64,
+    payload_bytes: u64,
+    /// Why nothing is decoded although something was wanted.
+    reason: String,
+    columns: Vec<Building>,
+    lines: Vec<u64>,
+    unended: Option<u64>,
+}
+
+/// One column while its cells come in.
+#[derive(Debug)]
+struct Building {
+    path: String,
+    index: usize,
+    cells: Cells,
+    valid: Vec<bool>,
+    filled: u64,
+    not_finite: u64,
+    bad: u64,
+    bad_lines: Vec<u64>,
+    bad_example: String,
+}
+
+/// Integers until the first cell that is none: stamps of 19 digits stay exact.
+#[derive(Debug)]
+enum Cells {
+    Integers(Vec<i64>),
+    Floats(Vec<f64>),
+    Text(Vec<String>),
+    /// As [`Selection::All`] wants it: a number until the first cell that is none.
+    Undecided(Box<Cells>, Vec<String>),
+}
+
+impl Topic {
+    pub(super) fn new(info: TopicInfo, names: &[String], selection: &Selection) -> Topic {
+        let index_of = |path: &str| names.iter().position(|n| n == path);
+        let columns: Vec<Building> = match selection {
+            Selection::Skip => vec![],
+            Selection::All => names.iter().enumerate().map(|(i, n)| Building::new(n, i, Cells::undecided())).collect(),
+            Selection::Fields(requests) => {
+                requests.iter().filter_map(|r| Some(Building::asked(r, index_of(&r.path)?))).collect()
+            }
+        };
+        let nothing = columns.is_empty() && *selection != Selection::Skip;
+        let reason =
+            if nothing { format!("none of the wanted columns is among {}", first_of(names)) } else { String::new() };
+        Topic { info, width: names.len(), decoded: !columns.is_empty(), columns, reason, ..Topic::default() }
+    }
+
+    /// Whether a row with so many fields belongs to this header; a delimiter at its end is one more.
+    pub(super) fn fits(&self, fields: usize, last_is_empty: bool) -> bool {
+        fields == self.width || (fields == self.width + 1 && last_is_empty)
+    }
+
+    /// A row that nobody wants.
+    pub(super) fn count(&mut self, extent: Extent) {
+        self.rows += 1;
+        self.payload_bytes += extent.text as u64;
+    }
+
+    /// A row with its fields, of which the first `skip` are no columns.
+    pub(super) fn push(&mut self, fields: &Fields, skip: usize, line: u64, extent: Extent) {
+        self.count(extent);
+        if !extent.ended {
+            self.unended = Some(line);
+        }
+        self.lines.push(line);
+        let last = fields.len() - 1;
+        for column in &mut self.columns {
+            let at = column.index + skip;
+            // Without a line end the last value of the file may have lost digits.
+            let cell = if at == last && !extent.ended { b"" } else { fields.get(at) };
+            column.push(cell, line);
+        }
+    }
+
+    /// Raises what happened to the cells.
+    pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
+        self.drop_numbers_that_are_text();
+        if let Some(line) = self.unended {
+            let text = "the last row has no line end: its last value may be cut and is not used";
+            notices.push(Severity::Warning, "no-line-end", format!("{file}, line {line}"), 1, text);
+        }
+        for column in &self.columns {
+            column.report(file, listed, notices);
+        }
+    }
+
+    /// A path asked for both ways, as two maps may, is a number only if some cell is one.
+    fn drop_numbers_that_are_text(&mut self) {
+        let texts: Vec<String> =
+            self.columns.iter().filter(|c| matches!(c.cells, Cells::Text(_))).map(|c| c.path.clone()).collect();
+        self.columns.retain(|c| matches!(c.cells, Cells::Text(_)) || c.filled > 0 || !texts.contains(&c.path));
+    }
+
+    pub(super) fn health(&self) -> TopicHealth {
+        TopicHealth {
+            name: self.info.name.clone(),
+            type_name: self.info.type_name.clone(),
+            encoding: self.info.encoding.clone(),
+            messages: self.rows,
+            payload_bytes: self.payload_bytes,
+            stamps: vec![],
+            decoded: self.decoded,
+            reason: self.reason.clone(),
+        }
+    }
+
+    /// The table, if anything was wanted of it.
+    pub(super) fn into_table(self) -> Option<Table> {
+        if !self.decoded {
+            return None;
+        }
+        let mut columns: Vec<Column> = self.columns.into_iter().map(Building::finish).collect();
+        columns.sort_by(|a, b| (&a.path, is_text(a)).cmp(&(&b.path, is_text(b))));
+        Some(Table {
+            topic: self.info,
+            rows: self.lines.len(),
+            logged_ns: None,
+            published_ns: None,
+            origin: Some(self.lines),
+            columns,
+        })
+    }
+}
+
+/// At most ten of the names.
+fn first_of(names: &[String]) -> String {
+    let more = if names.len() > 10 { ", ..." } else { "" };
+    format!("{}{more}", names.iter().take(10).map(String::as_str).collect::<Vec<_>>().join(", "))
+}
+
+fn is_text(column: &Column) -> bool {
+    matches!(column.data, ColumnData::Text(_))
+}
+
+impl Building {
+    fn new(path: &str, index: usize, cells: Cells) -> Building {
+        Building {
+            path: path.to_owned(),
+            index,
+            cells,
+            valid: vec![],
+            filled: 0,
+            not_finite: 0,
+            bad: 0,
+            bad_lines: vec![],
+            bad_example: String::new(),
+        }
+    }
+
+    fn asked(request: &FieldRequest, index: usize) -> Building {
+        let cells = match request.kind {
+            ValueKind::Number => Cells::Integers(vec![]),
+            ValueKind::Text => Cells::Text(vec![]),
+        };
+        Building::new(&request.path, index, cells)
+    }
+
+    fn push(&mut self, cell: &[u8], line: u64) {
+        let valid = match &mut self.cells {
+            Cells::Text(texts) => {
+                texts.push(String::from_utf8_lossy(cell).into_owned());
+                !cell.is_empty()
+            }
+            Cells::Undecided(..) => self.cells.push_undecided(cell),
+            Cells::Integers(_) | Cells::Floats(_) => {
+                let value = number(cell);
+                self.note(value, cell, line);
+                self.cells.push_number(value)
+            }
+        };
+        self.filled += u64::from(valid);
+        self.valid.push(valid);
+    }
+
+    fn note(&mut self, value: Cell, cell: &[u8], line: u64) {
+        match value {
+            Cell::NotFinite => self.not_finite += 1,
+            Cell::Bad => {
+                if self.bad == 0 {
+                    self.bad_example = String::from_utf8_lossy(cell).chars().take(40).collect();
+                }
+                if self.bad_lines.len() < 100 {
+                    self.bad_lines.push(line);
+                }
+                self.bad += 1;
+            }
+            Cell::Empty | Cell::Integer(_) | Cell::Float(_) => {}
+        }
+    }
+
+    fn report(&self, file: &str, listed: usize, notices: &mut Notices) {
+        let place = |line: Option<&u64>| line.map_or(file.to_owned(), |line| format!("{file}, line {line}"));
+        if self.bad > 0 {
+            let lines: Vec<String> = self.bad_lines.iter().take(listed).map(u64::to_string).collect();
+            let more = if self.bad > lines.len() as u64 { ", ..." } else { "" };
+            let text = format!(
+                "column {}: cells that are no numbers, the first is {:?}; lines {}{more}",
+                self.path,
+                self.bad_example,
+                lines.join(", ")
+            );
+            notices.push(Severity::Warning, "bad-number", place(self.bad_lines.first()), self.bad, text);
+        }
+        if self.not_finite > 0 {
+            let text = format!("column {}: cells are nan or infinite and count as missing", self.path);
+            notices.push(Severity::Info, "not-finite", place(None), self.not_finite, text);
+        }
+    }
+
+    fn finish(self) -> Column {
+        let valid = self.valid.contains(&false).then_some(self.valid);
+        Column { path: self.path, data: self.cells.finish(), valid }
+    }
+}
+
+impl Cells {
+    fn undecided() -> Cells {
+        Cells::Undecided(Box::new(Cells::Integers(vec![])), vec![])
+    }
+
+    /// Appends a number, or a placeholder. Says whether it is a value.
+    fn push_number(&mut self, value: Cell) -> bool {
+        if let (Cells::Integers(integers), Cell::Float(_)) = (&mut *self, value) {
+            *self = Cells::Floats(integers.iter().map(|&i| i as f64).collect());
+        }
+        match (self, value) {
+            (Cells::Integers(v), Cell::Integer(i)) => v.push(i),
+            (Cells::Floats(v), Cell::Integer(i)) => v.push(i as f64),
+            (Cells::Floats(v), Cell::Float(f)) => v.push(f),
+            (Cells::Integers(v), _) => v.push(0),
+            (Cells::Floats(v), _) => v.push(0.0),
+            (Cells::Text(_) | Cells::Undecided(..), _) => {}
+        }
+        matches!(value, Cell::Integer(_) | Cell::Float(_))
+    }
+
+    fn push_undecided(&mut self, cell: &[u8]) -> bool {
+        let Cells::Undecided(numbers, texts) = self else { return false };
+        let value = number(cell);
+        texts.push(String::from_utf8_lossy(cell).into_owned());
+        let valid = numbers.push_number(value);
+        if value == Cell::Bad {
+            *self = Cells::Text(std::mem::take(texts));
+            return true;
+        }
+        valid
+    }
+
+    fn finish(self) -> ColumnData {
+        match self {
+            Cells::Text(v) => ColumnData::Text(v),
+            Cells::Floats(v) => ColumnData::F64(v),
+            Cells::Integers(v) if v.iter().any(|i| i.unsigned_abs() > EXACT) => ColumnData::I64(v),
+            Cells::Integers(v) => ColumnData::F64(v.iter().map(|&i| i as f64).collect()),
+            Cells::Undecided(numbers, _) => numbers.finish(),
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! Cuts a text file into lines and quoted records without losing count of a byte.
+
+use crate::error::IngestError;
+use crate::reader::ReadContext;
+use memchr::{memchr, memchr2};
+use std::io::Read;
+
+/// How much is read at once.
+const STEP: usize = 256 << 10;
+
+/// A reader of lines with bounded memory. Line ends are LF, CR, CR LF and CR CR LF, mixed at will.
+pub(super) struct Lines<'a, R> {
+    input: R,
+    context: &'a ReadContext<'a>,
+    file: &'a str,
+    buffer: Vec<u8>,
+    start: usize,
+    ended: bool,
+    /// Bytes before the current line.
+    pub(super) offset: u64,
+    /// Number of the current line, from 1.
+    pub(super) number: u64,
+}
+
+/// One record that lies complete in the buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Extent {
+    /// Bytes of the record without its line end.
+    pub(super) text: usize,
+    /// Bytes with the line end.
+    pub(super) whole: usize,
+    /// Lines that it spans: more than one when a quoted field holds line ends.
+    pub(super) lines: u64,
+    /// Whether a line end follows; only the last record of a file may have none.
+    pub(super) ended: bool,
+    /// Quotes do not match, so the line stands alone.
+    pub(super) broken: bool,
+}
+
+/// What comes next in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Next {
+    /// A record.
+    Record(Extent),
+    /// A line longer than the limit.
+    TooLong,
+    /// At least the line limit of nothing but zero bytes.
+    Zeros,
+    /// The end of the file.
+    End,
+}
+
+impl<'a, R: Read> Lines<'a, R> {
+    pub(super) fn new(input: R, file: &'a str, context: &'a ReadContext<'a>) -> Lines<'a, R> {
+        Lines { input, context, file, buffer: Vec::new(), start: 0, ended: false, offset: 0, number: 1 }
+    }
+
+    /// Finds the next record. With a delimiter, a quoted field may span lines; without one every
+    /// line stands alone.
+    pub(super) fn next(&mut self, delimiter: Option<u8>) -> Result<Next, IngestError> {
+        loop {
+            let limit = self.context.limits.line_bytes;
+            let rest = self.rest();
+            if let Some(extent) = find(rest, delimiter, self.ended) {
+                return Ok(if extent.text > limit { Next::TooLong } else { Next::Record(extent) });
+            }
+            if rest.len() > limit {
+                return Ok(self.oversized(delimiter));
+            }
+            if self.ended {
+                return Ok(self.last(delimiter));
+            }
+            self.fill()?;
+        }
+    }
+
+    /// The text of a record found by [`Lines::next`].
+    pub(super) fn text(&self, extent: Extent) -> &[u8] {
+        self.rest().get(..extent.text).unwrap_or_default()
+    }
+
+    /// Moves past a record.
+    pub(super) fn pass(&mut self, extent: Extent) {
+        self.start += extent.whole;
+        self.offset += extent.whole as u64;
+        self.number += extent.lines;
+    }
+
+    /// Moves past a line that is too long to be taken into memory.
+    pub(super) fn pass_too_long(&mut self) -> Result<u64, IngestError> {
+        let from = self.offset;
+        loop {
+            let rest = self.rest();
+            let found = find(rest, None, self.ended).map(|e| e.whole);
+            let step = found.unwrap_or(rest.len());
+            self.start += step;
+            self.offset += step as u64;
+            if found.is_some() || self.ended {
+                self.number += 1;
+                return Ok(self.offset - from);
+            }
+            self.fill()?;
+        }
+    }
+
+    fn rest(&self) -> &[u8] {
+        self.buffer.get(self.start..).unwrap_or_default()
+    }
+
+    /// A record that does not end within the limit: an unclosed quote falls back to its first line.
+    fn oversized(&self, delimiter: Option<u8>) -> Next {
+        let rest = self.rest();
+        match delimiter.and_then(|_| find_line(rest, self.ended)) {
+            Some(line) if line.text <= self.context.limits.line_bytes => Next::Record(Extent { broken: true, ..line }),
+            _ if rest.iter().all(|b| *b == 0) => Next::Zeros,
+            _ => Next::TooLong,
+        }
+    }
+
+    /// What stands after the last line end of the file.
+    fn last(&self, delimiter: Option<u8>) -> Next {
+        let rest = self.rest();
+        if rest.is_empty() {
+            return Next::End;
+        }
+        if let Some(line) = delimiter.and_then(|_| find_line(rest, true)) {
+            return Next::Record(Extent { broken: true, ..line });
+        }
+        let whole = rest.len();
+        Next::Record(Extent { text: whole, whole, lines: 1, ended: false, broken: false })
+    }
+
+    fn fill(&mut self) -> Result<(), IngestError> {
+        self.buffer.drain(..self.start);
+        self.start = 0;
+        let offset = self.offset + self.buffer.len() as u64;
+        let got = self
+            .input
+            .by_ref()
+            .take(STEP as u64)
+            .read_to_end(&mut self.buffer)
+            .map_err(|source| IngestError::Io { file: self.file.to_owned(), offset, source })?;
+        self.ended = got == 0;
+        self.context.advance(got as u64)
+    }
+}
+
+/// The first record of `data`, if its end is certain. `ended` says that nothing follows `data`.
+/// Comments have no quotes.
+fn find(data: &[u8], delimiter: Option<u8>, ended: bool) -> Option<Extent> {
+    let line = find_line(data, ended)?;
+    let text = data.get(..line.text)?;
+    match delimiter {
+        Some(delimiter) if memchr(b'"', text).is_some() && !text.trim_ascii_start().starts_with(b"#") => {
+            match find_quoted(data, delimiter, ended)? {
+                Quoted::Ends(extent) => Some(extent),
+                Quoted::Broken => Some(Extent { broken: true, ..line }),
+            }
+        }
+        _ => Some(line),
+    }
+}
+
+enum Quoted {
+    Ends(Extent),
+    /// Something stands between a closing quote and the delimiter.
+    Broken,
+}
+
+fn find_line(data: &[u8], ended: bool) -> Option<Extent> {
+    let text = memchr2(b'\n', b'\r', data)?;
+    let whole = text + line_end(data.get(text..)?, ended)?;
+    Some(Extent { text, whole, lines: 1, ended: true, broken: false })
+}
+
+/// Bytes of the line end at the start of `data`: any number of CR before one LF, or one LF or CR.
+/// `None` while more data could make it longer.
+fn line_end(data: &[u8], ended: bool) -> Option<usize> {
+    let returns = data.iter().take_while(|b| **b == b'\r').count();
+    match data.get(returns) {
+        Some(b'\n') => Some(returns + 1),
+        Some(_) => Some(1),
+        None if ended || returns > 4096 => Some(1),
+        None => None,
+    }
+}
+
+/// As [`find_line`], but line ends inside quotes belong to the field. A quote opens a field only at
+/// the field's start, and only a delimiter, a line end or padding may follow the one that closes it (RFC 4180).
+fn find_quoted(data: &[u8], delimiter: u8, ended: bool) -> Option<Quoted> {
+    let (mut place, mut lines) = (Place::FieldStart, 1);
+    let mut at = 0;
+    while let Some(&byte) = data.get(at) {
+        if matches!(byte, b'\n' | b'\r') {
+            let size = line_end(data.get(at..)?, ended)?;
+            if place != Place::Inside {
+                return Some(Quoted::Ends(Extent { text: at, whole: at + size, lines, ended: true, broken: false }));
+            }
+            (at, lines) = (at + size, lines + 1);
+            continue;
+        }
+        place = match (place, byte) {
+            (Place::Inside, b'"') => Place::Closed,
+            (Place::Inside, _) => Place::Inside,
+            (Place::FieldStart | Place::Closed, b'"') => Place::Inside,
+            (_, b) if b == delimiter => Place::FieldStart,
+            (Place::Closed, b) if !b.is_ascii_whitespace() => return Some(Quoted::Broken),
+            (Place::Closed, _) => Place::Padding,
+            (Place::Padding, b) if !b.is_ascii_whitespace() => return Some(Quoted::Broken),
+            (Place::Padding, _) => Place::Padding,
+            (Place::FieldStart | Place::Plain, _) => Place::Plain,
+        };
+        at += 1;
+    }
+    None
+}
+
+/// Where in a field a byte stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    FieldStart,
+    Plain,
+    Inside,
+    /// Behind a quote that closes the field, or is the first of two.
+    Closed,
+    Padding,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reader::Limits;
+    use std::sync::atomic::AtomicBool;
+
+    fn records(text: &[u8], delimiter: Option<u8>, line_bytes: usize) -> Vec<(u64, String)> {
+        let cancel = AtomicBool::new(false);
+        let limits = Limits { line_bytes, ..Limits::default() };
+        let context = ReadContext { limits, cancel: &cancel, on_bytes: &|_| () };
+        let mut lines = Lines::new(text, "t.csv", &context);
+        let mut found = vec![];
+        loop {
+            let number = lines.number;
+            match lines.next(delimiter).unwrap() {
+                Next::Record(extent) => {
+                    found.push((number, String::from_utf8_lossy(lines.text(extent)).into_owned()));
+                    lines.pass(extent);
+                }
+                Next::TooLong => {
+                    let bytes = lines.pass_too_long().unwrap();
+                    found.push((number, format!("<{bytes} bytes>")));
+                }
+                Next::Zeros => {
+                    found.push((number, "<zeros>".into()));
+                    break;
+                }
+                Next::End => break,
+            }
+        }
+        found
+    }
+
+    fn texts(text: &str) -> Vec<(u64, String)> {
+        records(text.as_bytes(), Some(b','), 1 << 20)
+    }
+
+    fn numbered(expected: &[(u64, &str)]) -> Vec<(u64, String)> {
+        expected.iter().map(|(n, t)| (*n, (*t).to_owned())).collect()
+    }
+
+    #[test]
+    fn every_kind_of_line_end_ends_one_line() {
+        assert_eq!(texts("a\nb\r\nc\r\r\nd\re"), numbered(&[(1, "a"), (2, "b"), (3, "c"), (4, "d"), (5, "e")]));
+    }
+
+    #[test]
+    fn a_quoted_field_may_hold_line_ends_and_quotes() {
+        assert_eq!(texts("a,\"b\nc\"\"\n\",d\ne"), numbered(&[(1, "a,\"b\nc\"\"\n\",d"), (4, "e")]));
+    }
+
+    #[test]
+    fn a_quote_inside_a_field_is_only_a_character() {
+        assert_eq!(texts("5\" pipe,1\n6,2\n"), numbered(&[(1, "5\" pipe,1"), (2, "6,2")]));
+    }
+
+    #[test]
+    fn an_unclosed_quote_costs_its_own_line_only() {
+        assert_eq!(texts("\"a,1\nb,2\nc,3"), numbered(&[(1, "\"a,1"), (2, "b,2"), (3, "c,3")]));
+    }
+
+    #[test]
+    fn a_line_over_the_limit_is_passed_without_keeping_it() {
+        let text = format!("a\n{}\nb\n", "x".repeat(900_000));
+        let expected = [(1, "a"), (2, "<900001 bytes>"), (3, "b")];
+        assert_eq!(records(text.as_bytes(), Some(b','), 1000), numbered(&expected));
+    }
+
+    #[test]
+    fn a_sea_of_zeros_is_recognised_and_not_searched() {
+        let mut text = b"a\n".to_vec();
+        text.resize(3 << 20, 0);
+        assert_eq!(records(&text, Some(b','), 1 << 20), numbered(&[(1, "a"), (2, "<zeros>")]));
+    }
+}

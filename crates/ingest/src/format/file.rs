@@ -1,0 +1,160 @@
+//! A file read by position into one reused buffer. Never mapped: a mapped file that shrinks
+//! kills the process, and its pages count as our memory.
+
+use crate::error::IngestError;
+use crate::reader::ReadContext;
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+/// Bytes fetched in one go when little is asked for.
+const READ_AHEAD: usize = 256 << 10;
+/// Progress is reported, and a wish to stop is heard, this often, bytes.
+const PROGRESS_STEP: u64 = 1 << 20;
+
+/// An open log file, its size fixed at the time of opening.
+#[derive(Debug)]
+pub(crate) struct LogFile {
+    file: File,
+    name: String,
+    size: u64,
+    buffer: Vec<u8>,
+    filled: usize,
+    start: u64,
+    told: u64,
+}
+
+impl LogFile {
+    pub(crate) fn open(path: &Path) -> Result<LogFile, IngestError> {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let io_error = |source| IngestError::Io { file: name.clone(), offset: 0, source };
+        // Looked at before it is opened: opening a pipe would wait for its writer.
+        if !std::fs::metadata(path).map_err(io_error)?.is_file() {
+            return Err(IngestError::NotALog { file: name, what: "not a regular file".to_owned() });
+        }
+        let file = File::open(path).map_err(io_error)?;
+        let size = file.metadata().map_err(io_error)?.len();
+        Ok(LogFile { file, name, size, buffer: vec![], filled: 0, start: 0, told: 0 })
+    }
+
+    /// Name without its folder.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(crate) fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// `length` bytes at `offset`; `None` if the file ends before.
+    pub(crate) fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
+        let Some(end) = offset.checked_add(length as u64).filter(|&end| end <= self.size) else { return Ok(None) };
+        if offset < self.start || end > self.start + self.filled as u64 {
+            self.fill(offset, length)?;
+        }
+        let at = (offset - self.start) as usize;
+        Ok(self.buffer.get(at..at + length))
+    }
+
+    /// As many as there are, up to `most`.
+    pub(crate) fn up_to(&mut self, offset: u64, most: usize) -> Result<&[u8], IngestError> {
+        let there = self.size.saturating_sub(offset).min(most as u64) as usize;
+        Ok(self.bytes(offset, there)?.unwrap_or_default())
+    }
+
+    /// A few bytes without moving the buffer: for looks far ahead.
+    pub(crate) fn peek<const N: usize>(&mut self, offset: u64) -> Result<Option<[u8; N]>, IngestError> {
+        if offset.checked_add(N as u64).is_none_or(|end| end > self.size) {
+            return Ok(None);
+        }
+        let held = offset.checked_sub(self.start).and_then(|at| self.buffer.get(at as usize..self.filled));
+        if let Some(bytes) = held.and_then(|held| held.first_chunk::<N>()) {
+            return Ok(Some(*bytes));
+        }
+        let mut bytes = [0; N];
+        self.read(&mut bytes, offset)?;
+        Ok(Some(bytes))
+    }
+
+    /// Makes the buffer begin at `offset` and hold at least `length` bytes that the file has.
+    fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
+        let kept = self.keep_from(offset);
+        let wanted = (self.size - offset).min(length.max(READ_AHEAD) as u64) as usize;
+        if self.buffer.len() < wanted {
+            self.buffer.resize(wanted, 0);
+        }
+        let mut buffer = std::mem::take(&mut self.buffer);
+        let result = self.read(buffer.get_mut(kept..wanted).unwrap_or_default(), offset + kept as u64);
+        self.buffer = buffer;
+        result?;
+        self.filled = wanted;
+        Ok(())
+    }
+
+    fn read(&self, space: &mut [u8], from: u64) -> Result<(), IngestError> {
+        self.file.read_exact_at(space, from).map_err(|source| match source.kind() {
+            io::ErrorKind::UnexpectedEof => IngestError::Changed { file: self.name.clone() },
+            _ => IngestError::Io { file: self.name.clone(), offset: from, source },
+        })
+    }
+
+    /// Moves what the buffer holds from `offset` on to its front; how much that is.
+    fn keep_from(&mut self, offset: u64) -> usize {
+        let held = self.start..self.start + self.filled as u64;
+        let kept = if held.contains(&offset) { (held.end - offset) as usize } else { 0 };
+        self.buffer.copy_within(self.filled - kept..self.filled, 0);
+        self.start = offset;
+        self.filled = kept;
+        kept
+    }
+
+    /// Tells the surroundings that the walk has come to `offset`.
+    pub(crate) fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), IngestError> {
+        if offset >= self.told + PROGRESS_STEP || (offset == self.size && offset > self.told) {
+            let more = offset - self.told;
+            self.told = offset;
+            context.advance(more)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn any_stretch_reads_as_the_file_has_it() {
+        let content: Vec<u8> = (0..3 * READ_AHEAD as u32 + 17).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let mut on_disk = tempfile::NamedTempFile::new().unwrap();
+        on_disk.write_all(&content).unwrap();
+        let mut file = LogFile::open(on_disk.path()).unwrap();
+        let mut seed = 1_u64;
+        for _ in 0..2000 {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let offset = (seed >> 33) as usize % (content.len() + 10);
+            let length = (seed >> 11) as usize % (READ_AHEAD * 2);
+            assert_eq!(file.bytes(offset as u64, length).unwrap(), content.get(offset..offset + length));
+            let far = (seed >> 20) as usize % (content.len() + 10);
+            let peeked = file.peek::<9>(far as u64).unwrap();
+            assert_eq!(peeked.as_ref().map(<[u8; 9]>::as_slice), content.get(far..far + 9));
+        }
+        assert_eq!(file.bytes(u64::MAX, 2).unwrap(), None);
+    }
+
+    #[test]
+    fn a_file_that_shrinks_is_an_error_and_not_a_crash() {
+        let mut on_disk = tempfile::NamedTempFile::new().unwrap();
+        on_disk.write_all(&[7; 4096]).unwrap();
+        let mut file = LogFile::open(on_disk.path()).unwrap();
+        on_disk.as_file().set_len(100).unwrap();
+        assert!(matches!(file.bytes(50, 1000), Err(IngestError::Changed { .. })));
+    }
+
+    #[test]
+    fn a_folder_is_no_log() {
+        assert!(matches!(LogFile::open(Path::new("/")), Err(IngestError::NotALog { .. })));
+    }
+}

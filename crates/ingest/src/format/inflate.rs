@@ -1,0 +1,186 @@
+//! Chunks decompressed into one reused buffer, never beyond what they declare.
+
+use std::io::Read;
+
+/// A buffer up to this size is made in one go; a larger one grows with what arrives, so that a
+/// few bytes that claim much do not get it.
+const AT_ONCE: usize = 16 << 20;
+
+/// Compression of a chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Codec {
+    None,
+    Zstd,
+    /// The LZ4 frame format, blocks independent or linked.
+    Lz4,
+    Bz2,
+}
+
+/// What came out, and what went wrong if it is not all that was declared.
+#[derive(Debug)]
+pub(crate) struct Inflated<'b> {
+    pub(crate) bytes: &'b [u8],
+    pub(crate) fault: Option<String>,
+}
+
+/// Decoder contexts and the output buffer.
+#[derive(Default)]
+pub(crate) struct Inflater {
+    zstd: Option<zstd::bulk::Decompressor<'static>>,
+    out: Vec<u8>,
+}
+
+impl Inflater {
+    /// Decompresses `data`, which declares to become `declared` bytes. More than `limit` is refused.
+    pub(crate) fn inflate<'b>(&'b mut self, codec: Codec, data: &'b [u8], declared: u64, limit: u64) -> Inflated<'b> {
+        if declared > limit {
+            let fault = format!("a chunk of {declared} bytes is larger than the limit of {limit}");
+            return Inflated { bytes: &[], fault: Some(fault) };
+        }
+        let declared = declared as usize;
+        let (bytes, fault) = match codec {
+            Codec::None => (data, None),
+            Codec::Zstd => self.zstd(data, declared),
+            Codec::Lz4 => self.lz4(data, declared),
+            Codec::Bz2 => self.stream(bzip2::read::BzDecoder::new(data), declared, |_| None),
+        };
+        let wrong_length = || format!("the chunk holds {} bytes and declares {declared}", bytes.len());
+        let fault = fault.or_else(|| (bytes.len() != declared).then(wrong_length));
+        Inflated { bytes, fault }
+    }
+
+    /// Straight into the buffer, which is the window as well: no frame can ask for more memory.
+    fn zstd(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
+        let mut room = declared.min(AT_ONCE.max(data.len().saturating_mul(4)));
+        loop {
+            self.out.clear();
+            self.out.reserve(room);
+            let result = match &mut self.zstd {
+                Some(context) => context.decompress_to_buffer(data, &mut self.out),
+                None => zstd::bulk::Decompressor::new()
+                    .and_then(|new| self.zstd.insert(new).decompress_to_buffer(data, &mut self.out)),
+            };
+            match result {
+                Ok(_) => return (&self.out, None),
+                Err(_) if room < declared => room = declared.min(room.saturating_mul(4)),
+                Err(e) => return (&[], Some(format!("zstd: {e}"))),
+            }
+        }
+    }
+
+    fn lz4(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
+        match lz4::Decoder::new(data) {
+            Err(e) => (&[], Some(format!("lz4: {e}"))),
+            Ok(decoder) => self.stream(decoder, declared, |decoder| {
+                decoder.finish().1.is_err().then(|| "lz4: the frame has no end".to_owned())
+            }),
+        }
+    }
+
+    fn stream<R: Read>(
+        &mut self,
+        mut from: R,
+        declared: usize,
+        closed: impl FnOnce(R) -> Option<String>,
+    ) -> (&[u8], Option<String>) {
+        let mut filled = 0;
+        let mut fault = None;
+        // One byte more than declared, so that the decoder comes to its end mark and checksum.
+        while filled <= declared {
+            let room = (declared + 1).min(AT_ONCE.max(filled.saturating_mul(2)));
+            if self.out.len() < room {
+                self.out.resize(room, 0);
+            }
+            match from.read(self.out.get_mut(filled..room).unwrap_or_default()) {
+                Ok(0) => break,
+                Ok(more) => filled += more,
+                Err(e) => {
+                    fault = Some(e.to_string());
+                    break;
+                }
+            }
+        }
+        let fault = fault.or_else(|| closed(from));
+        (self.out.get(..filled).unwrap_or_default(), fault)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    const LIMIT: u64 = 256 << 20;
+
+    fn packed(codec: Codec, content: &[u8]) -> Vec<u8> {
+        match codec {
+            Codec::None => content.to_vec(),
+            Codec::Zstd => zstd::bulk::compress(content, 1).unwrap(),
+            Codec::Lz4 => {
+                let mut encoder = lz4::EncoderBuilder::new().build(vec![]).unwrap();
+                encoder.write_all(content).unwrap();
+                encoder.finish().0
+            }
+            Codec::Bz2 => {
+                let mut encoder = bzip2::write::BzEncoder::new(vec![], bzip2::Compression::best());
+                encoder.write_all(content).unwrap();
+                encoder.finish().unwrap()
+            }
+        }
+    }
+
+    #[test]
+    fn every_codec_gives_back_what_went_in_through_one_inflater() {
+        let contents = [vec![], vec![7; 3], (0..300_000_u32).flat_map(|i| i.wrapping_mul(i).to_le_bytes()).collect::<Vec<u8>>()];
+        let mut inflater = Inflater::default();
+        for codec in [Codec::None, Codec::Zstd, Codec::Lz4, Codec::Bz2] {
+            for content in contents.iter().chain(&contents) {
+                let data = packed(codec, content);
+                let inflated = inflater.inflate(codec, &data, content.len() as u64, LIMIT);
+                assert_eq!(inflated.fault, None, "{codec:?}");
+                assert!(inflated.bytes == content, "{codec:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_chunk_that_lies_about_its_size_is_at_fault_and_takes_little_memory() {
+        let zeros = vec![0; 40 << 20];
+        for codec in [Codec::Zstd, Codec::Lz4, Codec::Bz2] {
+            let data = packed(codec, &zeros);
+            for declared in [0, 100, zeros.len() as u64 - 1, zeros.len() as u64 + 1, LIMIT, LIMIT + 1, u64::MAX] {
+                let mut inflater = Inflater::default();
+                assert!(inflater.inflate(codec, &data, declared, LIMIT).fault.is_some(), "{codec:?} {declared}");
+                if declared <= 100 || declared > LIMIT {
+                    assert!(inflater.out.capacity() < 1000, "{codec:?} {declared}: {}", inflater.out.capacity());
+                }
+            }
+            assert_eq!(Inflater::default().inflate(codec, &data, zeros.len() as u64, LIMIT).fault, None);
+        }
+    }
+
+    #[test]
+    fn a_truncated_stream_gives_its_intact_beginning_and_a_fault() {
+        let content: Vec<u8> = (0..2_000_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 28) as u8).collect();
+        for codec in [Codec::Lz4, Codec::Bz2] {
+            let data = packed(codec, &content);
+            let mut inflater = Inflater::default();
+            let inflated = inflater.inflate(codec, &data[..data.len() * 3 / 4], content.len() as u64, LIMIT);
+            assert!(inflated.fault.is_some());
+            assert!(inflated.bytes.len() > content.len() / 4, "{codec:?} {}", inflated.bytes.len());
+            assert!(content.starts_with(inflated.bytes));
+        }
+    }
+
+    #[test]
+    fn a_damaged_lz4_checksum_is_a_fault() {
+        let mut encoder =
+            lz4::EncoderBuilder::new().checksum(lz4::ContentChecksum::ChecksumEnabled).build(vec![]).unwrap();
+        encoder.write_all(&[1, 2, 3, 4, 5, 6, 7, 8]).unwrap();
+        let mut data = encoder.finish().0;
+        assert_eq!(Inflater::default().inflate(Codec::Lz4, &data, 8, LIMIT).fault, None);
+        let last = data.len() - 1;
+        data[last] ^= 1;
+        assert!(Inflater::default().inflate(Codec::Lz4, &data, 8, LIMIT).fault.is_some());
+    }
+}

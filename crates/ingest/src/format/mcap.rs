@@ -1,0 +1,343 @@
+//! MCAP (<https://mcap.dev/spec>), streamed: memory for one chunk, every checksum checked.
+//!
+//! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`walk`), for the
+//! crate's own readers trust lengths that a damaged file states.
+
+mod plain;
+mod record;
+mod summary;
+mod walk;
+
+pub use self::plain::{mcap_indexed_records, mcap_records};
+
+use self::record::AttachmentHead;
+use self::summary::{Summary, Trust};
+use self::walk::{Visit, Walk};
+use crate::bytes::Bytes;
+use crate::decode::{Definition, Route, Tally, Times, Topics};
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::{Log, LogReader, ReadContext, Select, TopicInfo};
+use flight::{Notices, Severity};
+use mcap::records::{Channel, MessageIndex, Record, op};
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+/// Memory that the definitions of a file may take, bytes.
+const MOST_DEFINITIONS: usize = 64 << 20;
+/// Attachments and metadata that are listed by name.
+const MOST_EXTRAS: usize = 100;
+/// Channel, sequence and two times: the part of a message before its payload.
+const MESSAGE_HEAD_BYTES: usize = 22;
+
+/// Reads one MCAP file, or several that make up one flight.
+#[derive(Debug, Clone)]
+pub struct McapReader {
+    files: Vec<PathBuf>,
+}
+
+impl McapReader {
+    /// A reader of these files. Nothing is opened yet.
+    #[must_use]
+    pub fn new(files: Vec<PathBuf>) -> McapReader {
+        McapReader { files }
+    }
+}
+
+impl LogReader for McapReader {
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let mut files = self.files.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let size = files.iter().map(LogFile::size).sum();
+        let mut ledger = Ledger::new(size, context.limits.listed_damage);
+        let mut notices = Notices::new();
+        let mut topics = Topics::new(want, context.limits.topics, size);
+        let mut headers = vec![];
+        let mut extras = Extras::default();
+        let mut unplaced = 0;
+        for file in &mut files {
+            super::refuse_nothing(file)?;
+            let mut channels = Channels::new(&mut topics, &mut extras);
+            let summary = Summary::read(file, context.limits.record_bytes, &mut channels)?;
+            let summary = Walk::new(file, context, &mut ledger, &mut notices, &mut channels, summary).run()?;
+            channels.conclude(file.name(), &summary, &mut notices);
+            unplaced += channels.unplaced.count;
+            headers.push(std::mem::take(&mut channels.header));
+        }
+        let mut log = Log::default();
+        log.health.format = format_name(&headers);
+        log.health.extras = extras.finish();
+        log.health.undecodable = unplaced;
+        super::conclude(log, ledger, topics, notices, files.first().map_or("", LogFile::name))
+    }
+}
+
+/// `MCAP`, with what the header says of its writer.
+fn format_name(headers: &[String]) -> String {
+    match headers.iter().find(|h| !h.is_empty()) {
+        Some(header) => format!("MCAP ({header})"),
+        None => "MCAP".to_owned(),
+    }
+}
+
+/// Names of what is in a file beside messages.
+#[derive(Debug, Default)]
+struct Extras {
+    listed: Vec<String>,
+    unlisted: u64,
+}
+
+impl Extras {
+    fn add(&mut self, extra: String) {
+        if self.listed.len() < MOST_EXTRAS { self.listed.push(extra) } else { self.unlisted += 1 }
+    }
+
+    fn finish(mut self) -> Vec<String> {
+        if self.unlisted > 0 {
+            self.listed.push(format!("and {} more", self.unlisted));
+        }
+        self.listed
+    }
+}
+
+struct StoredSchema {
+    name: String,
+    encoding: String,
+    text: Vec<u8>,
+}
+
+/// Where the messages of a channel go, as far as is known.
+#[derive(Clone, Copy)]
+enum Way {
+    Unknown,
+    /// Its channel record has been seen; its schema is looked up with the first message.
+    Announced,
+    Open(Route),
+}
+
+/// Channels and schemas of one file; gives messages to the topics.
+struct Channels<'t, 'w> {
+    topics: &'t mut Topics<'w>,
+    extras: &'t mut Extras,
+    schemas: HashMap<u16, StoredSchema>,
+    schema_bytes: usize,
+    channels: HashMap<u16, Channel>,
+    ways: Vec<Way>,
+    header: String,
+    found: u64,
+    chunk_open: bool,
+    unplaced: Tally,
+    redefined: Tally,
+    late_stamps: u64,
+}
+
+impl<'t, 'w> Channels<'t, 'w> {
+    fn new(topics: &'t mut Topics<'w>, extras: &'t mut Extras) -> Channels<'t, 'w> {
+        Channels {
+            topics,
+            extras,
+            schemas: HashMap::new(),
+            schema_bytes: 0,
+            channels: HashMap::new(),
+            ways: vec![],
+            header: String::new(),
+            found: 0,
+            chunk_open: true,
+            unplaced: Tally::default(),
+            redefined: Tally::default(),
+            late_stamps: 0,
+        }
+    }
+
+    fn message(&mut self, body: &[u8]) -> Result<Fate, String> {
+        let Some((head, payload)) = body.split_at_checked(MESSAGE_HEAD_BYTES) else {
+            return Err("a message is shorter than its own header".to_owned());
+        };
+        let mut head = Bytes(head);
+        let (Some(channel), Some(_sequence), Some(logged), Some(published)) =
+            (head.u16(), head.u32(), head.u64(), head.u64())
+        else {
+            return Err("a message is shorter than its own header".to_owned());
+        };
+        self.found += 1;
+        let Some(route) = self.route(channel) else {
+            self.unplaced.add(|| format!("channel {channel}"));
+            return Ok(Fate::Skipped);
+        };
+        let times = Times { logged_ns: self.stamp(logged), published_ns: Some(self.stamp(published)) };
+        Ok(self.topics.message(route, times, payload))
+    }
+
+    /// Unsigned nanoseconds go to the year 2554, ours to 2262.
+    fn stamp(&mut self, nanos: u64) -> i64 {
+        i64::try_from(nanos).unwrap_or_else(|_| {
+            self.late_stamps += 1;
+            i64::MAX
+        })
+    }
+
+    fn route(&mut self, channel: u16) -> Option<Route> {
+        match self.ways.get(usize::from(channel)) {
+            Some(Way::Open(route)) => Some(*route),
+            Some(Way::Announced) => self.open(channel),
+            Some(Way::Unknown) | None => None,
+        }
+    }
+
+    /// Looks for the channel's schema and asks what is wanted of its topic.
+    fn open(&mut self, id: u16) -> Option<Route> {
+        let channel = self.channels.get(&id)?;
+        let schema = self.schemas.get(&channel.schema_id);
+        let info = TopicInfo {
+            name: channel.topic.clone(),
+            type_name: schema.map(|s| s.name.clone()).unwrap_or_default(),
+            encoding: channel.message_encoding.clone(),
+        };
+        let definition = schema.map(|s| Definition { encoding: &s.encoding, text: &s.text });
+        let route = self.topics.route(info, definition).ok()?;
+        self.set_way(id, Way::Open(route));
+        Some(route)
+    }
+
+    fn set_way(&mut self, id: u16, way: Way) {
+        let id = usize::from(id);
+        if self.ways.len() <= id {
+            self.ways.resize(id + 1, Way::Unknown);
+        }
+        if let Some(place) = self.ways.get_mut(id) {
+            *place = way;
+        }
+    }
+
+    fn announce(&mut self, channel: Channel) {
+        let id = channel.id;
+        let known = self.channels.get(&id);
+        if known == Some(&channel) {
+            return;
+        }
+        if known.is_some() {
+            self.redefined.add(|| format!("channel {id}, {:.200}", channel.topic));
+        }
+        self.channels.insert(id, channel);
+        self.set_way(id, Way::Announced);
+    }
+
+    fn store(&mut self, id: u16, schema: StoredSchema) -> Result<(), String> {
+        if let Some(known) = self.schemas.get(&id) {
+            if known.name == schema.name && known.encoding == schema.encoding && known.text == schema.text {
+                return Ok(());
+            }
+            self.redefined.add(|| format!("schema {id}, {:.200}", schema.name));
+            self.reopen(id);
+        }
+        self.schema_bytes += schema.text.len() + schema.name.len();
+        if self.schema_bytes > MOST_DEFINITIONS {
+            return Err(format!("the definitions of this file are longer than {MOST_DEFINITIONS} bytes together"));
+        }
+        self.schemas.insert(id, schema);
+        Ok(())
+    }
+
+    /// Channels of this schema look it up again.
+    fn reopen(&mut self, schema: u16) {
+        let affected: Vec<u16> = self.channels.values().filter(|c| c.schema_id == schema).map(|c| c.id).collect();
+        for id in affected {
+            self.set_way(id, Way::Announced);
+        }
+    }
+
+    fn other(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
+        match mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())? {
+            Record::Header(header) => {
+                let parts = [header.profile, header.library];
+                let parts: Vec<String> = parts.iter().filter(|p| !p.is_empty()).map(|p| format!("{p:.100}")).collect();
+                self.header = parts.join(", ");
+            }
+            Record::Schema { header, data } => {
+                let schema = StoredSchema { name: header.name, encoding: header.encoding, text: data.into_owned() };
+                self.store(header.id, schema)?;
+            }
+            Record::Channel(channel) => self.announce(channel),
+            Record::Metadata(metadata) => self.extras.add(format!("metadata {:.200}", metadata.name)),
+            Record::MessageIndex(index) => self.index(&index),
+            _ => {}
+        }
+        Ok(Fate::Structure)
+    }
+
+    /// The messages of a chunk that was left closed.
+    fn index(&mut self, index: &MessageIndex) {
+        let Some(route) = self.route(index.channel_id) else { return };
+        let mut entries = index.records.clone();
+        entries.sort_by_key(|e| e.offset);
+        for entry in entries {
+            self.found += 1;
+            let logged_ns = self.stamp(entry.log_time);
+            self.topics.indexed(route, logged_ns);
+        }
+    }
+
+    /// Compares with the summary, and says what was odd.
+    fn conclude(&mut self, file: &str, summary: &Summary, notices: &mut Notices) {
+        for id in self.channels.keys().copied().collect::<Vec<u16>>() {
+            // Topics without messages are topics.
+            self.route(id);
+        }
+        let mut raise = |severity, code: &str, count, text: String| {
+            if count > 0 {
+                notices.push(severity, code, file, count, text);
+            }
+        };
+        let stated = summary.messages.filter(|_| summary.trust != Trust::Bad).unwrap_or(self.found);
+        let text = format!("messages are missing: the summary counts {stated}, {} were found", self.found);
+        raise(Severity::Loss, "missing-messages", stated.saturating_sub(self.found), text);
+        let text = format!("messages more than the summary counts ({stated})");
+        raise(Severity::Warning, "miscounted-messages", self.found.saturating_sub(stated), text);
+        let text = format!("messages that belong to no known topic; the first: {}", self.unplaced.first);
+        raise(Severity::Loss, "unknown-channel", self.unplaced.count, text);
+        let text = format!("definitions were replaced by others of the same number; the first: {}", self.redefined.first);
+        raise(Severity::Warning, "redefined", self.redefined.count, text);
+        let text = "stamps beyond the year 2262 were set to the last instant before".to_owned();
+        raise(Severity::Warning, "stamp-out-of-range", self.late_stamps, text);
+    }
+}
+
+impl Visit for Channels<'_, '_> {
+    fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
+        match opcode {
+            op::MESSAGE => self.message(body),
+            // Of a chunk that was opened nothing is learned from it, but it must be one.
+            op::MESSAGE_INDEX if self.chunk_open && is_message_index(body) => Ok(Fate::Structure),
+            op::ATTACHMENT => {
+                self.extras.add(attachment_name(body));
+                Ok(Fate::Skipped)
+            }
+            _ => self.other(opcode, body),
+        }
+    }
+
+    fn may_want(&mut self, channel: u16) -> bool {
+        self.route(channel).is_none_or(Route::is_wanted)
+    }
+
+    fn knows(&self, channel: u16) -> bool {
+        !matches!(self.ways.get(usize::from(channel)), Some(Way::Unknown) | None)
+    }
+
+    fn chunk(&mut self, opened: bool) {
+        self.chunk_open = opened;
+    }
+}
+
+fn is_message_index(body: &[u8]) -> bool {
+    let mut rest = Bytes(body);
+    let length = rest.u16().and_then(|_channel| rest.u32());
+    length.is_some_and(|length| length % 16 == 0 && length as usize <= rest.0.len())
+}
+
+fn attachment_name(start: &[u8]) -> String {
+    match AttachmentHead::parse(start, u64::MAX) {
+        Some(head) => format!("attachment {:.200} ({:.100})", head.name, head.media_type),
+        None => "attachment".to_owned(),
+    }
+}

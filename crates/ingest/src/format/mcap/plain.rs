@@ -1,0 +1,65 @@
+//! The records of a file one by one, by the same walk as the reader's. For conformance tests.
+
+use super::summary::Summary;
+use super::walk::{Visit, Walk};
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::{Limits, ReadContext};
+use flight::Notices;
+use mcap::records::Record;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// All records in the order of the file, those of chunks in their place.
+///
+/// # Errors
+/// If the file cannot be read, or if anything in it is damaged.
+#[doc(hidden)]
+pub fn mcap_records(path: &Path) -> Result<Vec<Record<'static>>, IngestError> {
+    walked(path, false)
+}
+
+/// The records inside the chunks that the summary lists; none if it lists none.
+///
+/// # Errors
+/// If the file cannot be read, or if anything in it is damaged.
+#[doc(hidden)]
+pub fn mcap_indexed_records(path: &Path) -> Result<Vec<Record<'static>>, IngestError> {
+    walked(path, true)
+}
+
+fn walked(path: &Path, by_index: bool) -> Result<Vec<Record<'static>>, IngestError> {
+    let mut file = LogFile::open(path)?;
+    let cancel = AtomicBool::new(false);
+    let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
+    let mut ledger = Ledger::new(file.size(), 100);
+    let mut notices = Notices::new();
+    let mut all = Collect(vec![]);
+    let summary = Summary::read(&mut file, context.limits.record_bytes, &mut Collect(vec![]))?;
+    let walk = Walk::new(&mut file, &context, &mut ledger, &mut notices, &mut all, summary);
+    if by_index { walk.run_by_index()? } else { walk.run().map(|_| ())? }
+    match notices.iter().find(|n| n.severity == flight::Severity::Loss) {
+        Some(loss) => Err(IngestError::Unusable { file: file.name().to_owned(), what: loss.text.clone() }),
+        None => Ok(all.0),
+    }
+}
+
+struct Collect(Vec<Record<'static>>);
+
+impl Visit for Collect {
+    fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
+        self.0.push(mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())?.into_owned());
+        Ok(Fate::Structure)
+    }
+
+    fn may_want(&mut self, _channel: u16) -> bool {
+        true
+    }
+
+    fn knows(&self, _channel: u16) -> bool {
+        true
+    }
+
+    fn chunk(&mut self, _opened: bool) {}
+}

@@ -1,0 +1,145 @@
+//! The frames of MCAP records, as far as they must be understood before a record is taken.
+
+use crate::bytes::Bytes;
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::format::inflate::Codec;
+use mcap::records::op;
+
+/// At both ends of a file.
+pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+/// Opcode and length.
+pub(super) const HEAD_BYTES: u64 = 9;
+/// Largest head of a chunk record: the frame, the fixed fields and the name of the compression.
+const CHUNK_HEAD_BYTES: usize = 128;
+/// Writers may add fields that we do not know to a record; more than this is taken for damage.
+const MOST_ADDED: u64 = 256;
+
+/// Opcode, place and length of a record.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Head {
+    pub(super) opcode: u8,
+    pub(super) start: u64,
+    /// Length of the content.
+    pub(super) length: u64,
+    /// First byte behind the record.
+    pub(super) end: u64,
+}
+
+impl Head {
+    /// `None` if the file ends before the head does. The record may still reach past the end.
+    pub(super) fn read(file: &mut LogFile, start: u64) -> Result<Option<Head>, IngestError> {
+        let Some([opcode, length @ ..]) = file.peek::<{ HEAD_BYTES as usize }>(start)? else { return Ok(None) };
+        let length = u64::from_le_bytes(length);
+        let end = (start + HEAD_BYTES).saturating_add(length);
+        Ok(Some(Head { opcode, start, length, end }))
+    }
+
+    /// Whether the length is one that the record type can have.
+    pub(super) fn fits_its_type(&self) -> bool {
+        let fixed = match self.opcode {
+            op::FOOTER => 20,
+            op::SUMMARY_OFFSET => 17,
+            op::DATA_END => 4,
+            _ => return true,
+        };
+        (fixed..=fixed + MOST_ADDED).contains(&self.length)
+    }
+}
+
+pub(super) fn is_defined(opcode: u8) -> bool {
+    (op::HEADER..=op::DATA_END).contains(&opcode)
+}
+
+/// Name of a record type for people.
+pub(super) fn name(opcode: u8) -> String {
+    let name = match opcode {
+        op::HEADER => "header",
+        op::FOOTER => "footer",
+        op::SCHEMA => "schema",
+        op::CHANNEL => "channel",
+        op::MESSAGE => "message",
+        op::CHUNK => "chunk",
+        op::MESSAGE_INDEX => "message index",
+        op::CHUNK_INDEX => "chunk index",
+        op::ATTACHMENT => "attachment",
+        op::ATTACHMENT_INDEX => "attachment index",
+        op::STATISTICS => "statistics",
+        op::METADATA => "metadata",
+        op::METADATA_INDEX => "metadata index",
+        op::SUMMARY_OFFSET => "summary offset",
+        op::DATA_END => "end of data",
+        other => return format!("record of unknown type 0x{other:02x}"),
+    };
+    name.to_owned()
+}
+
+/// What a chunk says of itself.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ChunkHead {
+    pub(super) codec: Codec,
+    pub(super) uncompressed: u64,
+    pub(super) crc: u32,
+    /// Offset of the compressed bytes from the start of the record.
+    pub(super) data_at: u64,
+    pub(super) compressed: u64,
+}
+
+impl ChunkHead {
+    /// Reads and checks the head; what is wrong is for people.
+    pub(super) fn read(file: &mut LogFile, head: &Head) -> Result<Result<ChunkHead, String>, IngestError> {
+        let most = head.length.saturating_add(HEAD_BYTES).min(CHUNK_HEAD_BYTES as u64) as usize;
+        let bytes = file.up_to(head.start, most)?;
+        let parsed = ChunkHead::parse(bytes).ok_or_else(|| "the chunk's own header is cut".to_owned());
+        Ok(parsed.and_then(|inner| inner).and_then(|chunk| chunk.fits_in(head)))
+    }
+
+    fn parse(bytes: &[u8]) -> Option<Result<ChunkHead, String>> {
+        let mut rest = Bytes(bytes);
+        rest.take(HEAD_BYTES as usize + 16)?;
+        let uncompressed = rest.u64()?;
+        let crc = rest.u32()?;
+        let Some(compression) = rest.prefixed() else { return Some(Err("compression of unknown name".to_owned())) };
+        let codec = match compression {
+            b"" => Codec::None,
+            b"zstd" => Codec::Zstd,
+            b"lz4" => Codec::Lz4,
+            other => return Some(Err(format!("compression {:?} is not known", String::from_utf8_lossy(other)))),
+        };
+        let compressed = rest.u64()?;
+        let data_at = (bytes.len() - rest.0.len()) as u64;
+        Some(Ok(ChunkHead { codec, uncompressed, crc, data_at, compressed }))
+    }
+
+    fn fits_in(self, head: &Head) -> Result<ChunkHead, String> {
+        let needed = self.compressed.saturating_add(self.data_at);
+        let there = head.length.saturating_add(HEAD_BYTES);
+        if (needed..=needed.saturating_add(MOST_ADDED)).contains(&there) {
+            Ok(self)
+        } else {
+            Err(format!("a chunk of {} compressed bytes does not fit its record of {there}", self.compressed))
+        }
+    }
+}
+
+/// What an attachment says of itself, and where its checksum lies.
+#[derive(Debug)]
+pub(super) struct AttachmentHead {
+    pub(super) name: String,
+    pub(super) media_type: String,
+    /// Bytes of content that the checksum covers.
+    pub(super) covered: u64,
+}
+
+impl AttachmentHead {
+    /// `start` is the beginning of the content of the record, as much as was read of its `length`.
+    pub(super) fn parse(start: &[u8], length: u64) -> Option<AttachmentHead> {
+        let mut rest = Bytes(start);
+        rest.take(16)?;
+        let name = String::from_utf8_lossy(rest.prefixed()?).into_owned();
+        let media_type = String::from_utf8_lossy(rest.prefixed()?).into_owned();
+        let size = rest.u64()?;
+        let covered = size.checked_add((start.len() - rest.0.len()) as u64)?;
+        (covered.checked_add(4)? <= length).then_some(AttachmentHead { name, media_type, covered })
+    }
+}

@@ -1,0 +1,225 @@
+//! The summary at the end of a file: hints for the walk, believed as far as its checksum goes.
+
+use super::record::{HEAD_BYTES, Head, MAGIC};
+use super::walk::Visit;
+use crate::bytes::Bytes;
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use mcap::records::{Record, op};
+use std::ops::Range;
+
+/// Content of the footer.
+const FOOTER_BYTES: u64 = 20;
+/// Content of the record that ends the data.
+const DATA_END_BYTES: u64 = 4;
+/// Chunk indexes that are held; with more of them nothing is skipped.
+const MOST_CHUNKS: usize = 1 << 20;
+/// Chunks are left closed if they make up at least one in so many bytes.
+const WORTH_CLOSING: u128 = 10;
+/// Bytes of the summary that are summed in one go.
+const BLOCK: usize = 256 << 10;
+
+/// How far the summary can be believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Trust {
+    /// There is none, or the file's end is missing.
+    #[default]
+    Absent,
+    /// It carries no checksum.
+    Unchecked,
+    /// It has the right checksum.
+    Good,
+    /// It has a wrong checksum or cannot be read.
+    Bad,
+}
+
+/// A chunk as the summary announces it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct IndexedChunk {
+    pub(super) offset: u64,
+    pub(super) length: u64,
+    /// Whether it holds, or may hold, messages that are wanted.
+    pub(super) wanted: bool,
+}
+
+/// What the end of the file says about the rest.
+#[derive(Debug, Default)]
+pub(super) struct Summary {
+    pub(super) trust: Trust,
+    /// Where the record that ends the data section should be.
+    pub(super) data_end: Option<u64>,
+    /// Its checksum: 0 means that there is none to check.
+    pub(super) data_crc: Option<u32>,
+    /// Chunks, by offset.
+    pub(super) chunks: Vec<IndexedChunk>,
+    /// Messages in the file, from the statistics.
+    pub(super) messages: Option<u64>,
+}
+
+impl Summary {
+    /// Reads it; channels of a summary that can be believed are shown to `visit`. No record may be
+    /// longer than `most`.
+    pub(super) fn read<V: Visit>(file: &mut LogFile, most: u64, visit: &mut V) -> Result<Summary, IngestError> {
+        let Some(place) = Place::find(file)? else { return Ok(Summary::default()) };
+        let mut summary = Summary::default();
+        let data_end = place.start.unwrap_or(place.footer).checked_sub(HEAD_BYTES + DATA_END_BYTES);
+        summary.data_end = data_end;
+        summary.data_crc = match data_end {
+            Some(at) => data_crc(file, at)?,
+            None => None,
+        };
+        let Some(start) = place.start else { return Ok(summary) };
+        summary.trust = place.check(file, start)?;
+        if summary.trust == Trust::Bad {
+            return Ok(Summary { trust: Trust::Bad, ..Summary::default() });
+        }
+        if summary.read_records(file, start..place.footer, most, visit)?.is_none() {
+            return Ok(Summary { trust: Trust::Bad, ..Summary::default() });
+        }
+        Ok(summary)
+    }
+
+    /// Twice over the records, for an index may stand before the channels that it speaks of.
+    fn read_records<V: Visit>(
+        &mut self,
+        file: &mut LogFile,
+        place: Range<u64>,
+        most: u64,
+        visit: &mut V,
+    ) -> Result<Option<()>, IngestError> {
+        let good = self.trust == Trust::Good;
+        let channels = each_record(file, place.clone(), most, |opcode, body| {
+            if good && matches!(opcode, op::SCHEMA | op::CHANNEL) {
+                // What cannot be read here is said when the walk comes by.
+                let _ = visit.record(opcode, body);
+            }
+            Some(())
+        })?;
+        if channels.is_none() {
+            return Ok(None);
+        }
+        let indexes = each_record(file, place, most, |opcode, body| self.index(opcode, body, visit))?;
+        self.chunks.sort_by_key(|c| c.offset);
+        if self.chunks.len() >= MOST_CHUNKS {
+            self.chunks.clear();
+        }
+        self.open_all_unless_it_pays();
+        Ok(indexes)
+    }
+
+    /// A closed chunk leaves the sizes of its messages unknown: not worth it for little.
+    fn open_all_unless_it_pays(&mut self) {
+        let bytes = |chunk: &IndexedChunk| u128::from(chunk.length);
+        let all: u128 = self.chunks.iter().map(bytes).sum();
+        let closed: u128 = self.chunks.iter().filter(|c| !c.wanted).map(bytes).sum();
+        if closed * WORTH_CLOSING < all {
+            self.chunks.iter_mut().for_each(|chunk| chunk.wanted = true);
+        }
+    }
+
+    fn index<V: Visit>(&mut self, opcode: u8, body: &[u8], visit: &mut V) -> Option<()> {
+        match opcode {
+            op::STATISTICS => {
+                let Ok(Record::Statistics(statistics)) = mcap::read::parse_record(opcode, body) else { return None };
+                self.messages = Some(statistics.message_count);
+            }
+            op::CHUNK_INDEX if self.chunks.len() < MOST_CHUNKS => {
+                let Ok(Record::ChunkIndex(index)) = mcap::read::parse_record(opcode, body) else { return None };
+                // Without message indexes nothing is known of what the chunk holds.
+                let channels = &index.message_index_offsets;
+                let wanted = self.trust != Trust::Good
+                    || channels.is_empty()
+                    || channels.keys().any(|&channel| visit.may_want(channel));
+                let (offset, length) = (index.chunk_start_offset, index.chunk_length);
+                self.chunks.push(IndexedChunk { offset, length, wanted });
+            }
+            _ => {}
+        }
+        Some(())
+    }
+
+    /// The chunk that should begin at `offset`.
+    pub(super) fn chunk_at(&self, offset: u64) -> Option<IndexedChunk> {
+        let found = self.chunks.binary_search_by_key(&offset, |c| c.offset).ok()?;
+        self.chunks.get(found).copied()
+    }
+
+    /// Where chunks should begin from `offset` on.
+    pub(super) fn chunks_from(&self, offset: u64) -> &[IndexedChunk] {
+        let first = self.chunks.partition_point(|c| c.offset < offset);
+        self.chunks.get(first..).unwrap_or_default()
+    }
+}
+
+/// Calls `visit` for all records in `place`; `None` as soon as one is broken or longer than `most`.
+fn each_record(
+    file: &mut LogFile,
+    place: Range<u64>,
+    most: u64,
+    mut visit: impl FnMut(u8, &[u8]) -> Option<()>,
+) -> Result<Option<()>, IngestError> {
+    let mut at = place.start;
+    while at < place.end {
+        let Some(head) = Head::read(file, at)?.filter(|head| head.end <= place.end && head.length <= most) else {
+            return Ok(None);
+        };
+        let Some(body) = file.bytes(at + HEAD_BYTES, head.length as usize)? else { return Ok(None) };
+        if visit(head.opcode, body).is_none() {
+            return Ok(None);
+        }
+        at = head.end;
+    }
+    Ok(Some(()))
+}
+
+fn data_crc(file: &mut LogFile, at: u64) -> Result<Option<u32>, IngestError> {
+    let Some(head) = Head::read(file, at)? else { return Ok(None) };
+    if head.opcode != op::DATA_END || head.length != DATA_END_BYTES {
+        return Ok(None);
+    }
+    Ok(file.bytes(at + HEAD_BYTES, DATA_END_BYTES as usize)?.and_then(|b| Bytes(b).u32()))
+}
+
+/// Where the footer and the summary are.
+struct Place {
+    footer: u64,
+    start: Option<u64>,
+    crc: u32,
+}
+
+impl Place {
+    /// `None` if the file does not end as a file should.
+    fn find(file: &mut LogFile) -> Result<Option<Place>, IngestError> {
+        let tail = HEAD_BYTES + FOOTER_BYTES + MAGIC.len() as u64;
+        let Some(footer) = file.size().checked_sub(tail) else { return Ok(None) };
+        let Some(bytes) = file.bytes(footer, tail as usize)? else { return Ok(None) };
+        Ok(Place::parse(footer, bytes))
+    }
+
+    fn parse(footer: u64, bytes: &[u8]) -> Option<Place> {
+        let mut rest = Bytes(bytes);
+        let head = (rest.u8()?, rest.u64()?);
+        let (start, _offsets, crc) = (rest.u64()?, rest.u64()?, rest.u32()?);
+        let whole = head == (op::FOOTER, FOOTER_BYTES) && rest.0 == MAGIC;
+        whole.then_some(Place { footer, start: (start != 0).then_some(start), crc })
+    }
+
+    /// The checksum covers the summary and the footer up to the checksum itself.
+    fn check(&self, file: &mut LogFile, start: u64) -> Result<Trust, IngestError> {
+        if start > self.footer {
+            return Ok(Trust::Bad);
+        }
+        if self.crc == 0 {
+            return Ok(Trust::Unchecked);
+        }
+        let end = self.footer + HEAD_BYTES + FOOTER_BYTES - 4;
+        let mut hasher = crc32fast::Hasher::new();
+        let mut at = start;
+        while at < end {
+            let block = file.up_to(at, BLOCK.min((end - at) as usize))?;
+            hasher.update(block);
+            at += block.len().max(1) as u64;
+        }
+        Ok(if hasher.finalize() == self.crc { Trust::Good } else { Trust::Bad })
+    }
+}

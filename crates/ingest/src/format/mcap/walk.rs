@@ -1,0 +1,501 @@
+//! The walk over the records of an MCAP file, with every byte accounted for and every checksum
+//! looked at before what it covers is used.
+//!
+//! After damage the walk goes on at the next chunk that the summary knows, or else at the next
+//! bytes that look like a record followed by another. In a file with chunks only whole chunks
+//! are found that way, never the messages inside a broken one: nothing has vouched for them.
+
+use super::record::{AttachmentHead, ChunkHead, HEAD_BYTES, Head, MAGIC, is_defined, name};
+use super::summary::{Summary, Trust};
+use crate::bytes::Bytes;
+use crate::decode::Tally;
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::format::inflate::Inflater;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::ReadContext;
+use flight::{Notices, Severity};
+use mcap::records::op;
+
+/// How much of an attachment is shown; its content is summed but not held.
+const ATTACHMENT_SHOWN: u64 = 1 << 20;
+/// Bytes searched or summed in one go.
+const BLOCK: usize = 256 << 10;
+/// A search for the next record ends after this many zero bytes: a sparse file has nothing more.
+const MOST_ZEROS: u64 = 64 << 20;
+/// A definition found by searching is believed up to this length.
+const LONGEST_FOUND: u64 = 1 << 20;
+
+/// Who is shown the records.
+pub(super) trait Visit {
+    /// A record, from the top level or from within a chunk that is intact. Of an attachment the
+    /// first megabyte. What is wrong with it is returned for people.
+    fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String>;
+
+    /// Whether messages of this channel are wanted; true if the channel is not known.
+    fn may_want(&mut self, channel: u16) -> bool;
+
+    /// Whether a message of this channel can be placed.
+    fn knows(&self, channel: u16) -> bool;
+
+    /// The indexes that follow belong to a chunk that was opened, or to one that was not.
+    fn chunk(&mut self, opened: bool);
+}
+
+/// A walk in progress.
+pub(super) struct Walk<'w, 'c, V> {
+    file: &'w mut LogFile,
+    context: &'w ReadContext<'c>,
+    ledger: &'w mut Ledger,
+    notices: &'w mut Notices,
+    visit: &'w mut V,
+    summary: Summary,
+    inflater: Inflater,
+    at: u64,
+    data_crc: Option<crc32fast::Hasher>,
+    chunks_seen: bool,
+    messages_seen: bool,
+    data_ended: bool,
+    footer_seen: bool,
+    ended: bool,
+    damaged: bool,
+    unknown: Tally,
+    without_crc: u64,
+    not_opened: u64,
+}
+
+type Verdict = Result<Fate, String>;
+
+impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
+    pub(super) fn new(
+        file: &'w mut LogFile,
+        context: &'w ReadContext<'c>,
+        ledger: &'w mut Ledger,
+        notices: &'w mut Notices,
+        visit: &'w mut V,
+        summary: Summary,
+    ) -> Walk<'w, 'c, V> {
+        // Where the data section is known to have no checksum, chunks need not even be read.
+        let data_crc = (summary.data_crc != Some(0)).then(crc32fast::Hasher::new);
+        Walk {
+            file,
+            context,
+            ledger,
+            notices,
+            visit,
+            summary,
+            inflater: Inflater::default(),
+            at: 0,
+            data_crc,
+            chunks_seen: false,
+            messages_seen: false,
+            data_ended: false,
+            footer_seen: false,
+            ended: false,
+            damaged: false,
+            unknown: Tally::default(),
+            without_crc: 0,
+            not_opened: 0,
+        }
+    }
+
+    /// From the first byte to the last. Gives back what the summary said.
+    pub(super) fn run(mut self) -> Result<Summary, IngestError> {
+        self.magic()?;
+        while self.at < self.file.size() && !self.ended {
+            if self.footer_seen { self.end_magic()? } else { self.record()? }
+            self.file.progress(self.at, self.context)?;
+        }
+        self.damage_to(self.file.size(), "bytes behind the end of the log");
+        self.file.progress(self.at, self.context)?;
+        self.conclude();
+        Ok(self.summary)
+    }
+
+    /// Only the chunks that the summary lists, found by their offsets.
+    pub(super) fn run_by_index(mut self) -> Result<(), IngestError> {
+        for chunk in std::mem::take(&mut self.summary.chunks) {
+            self.at = chunk.offset;
+            self.record()?;
+        }
+        Ok(())
+    }
+
+    fn magic(&mut self) -> Result<(), IngestError> {
+        let found = self.file.up_to(0, MAGIC.len())?;
+        let (end, intact) = (found.len() as u64, found == MAGIC);
+        if intact {
+            self.pass(end, Fate::Structure)
+        } else {
+            self.damage_to(end, "the eight bytes that begin the file are wrong");
+            Ok(())
+        }
+    }
+
+    fn end_magic(&mut self) -> Result<(), IngestError> {
+        self.ended = self.file.up_to(self.at, MAGIC.len())? == MAGIC;
+        if self.ended {
+            return self.pass(self.at + MAGIC.len() as u64, Fate::Structure);
+        }
+        self.damage_to(self.file.size(), "the eight bytes that end the file are missing");
+        Ok(())
+    }
+
+    /// Takes one record, or as much as is damaged.
+    fn record(&mut self) -> Result<(), IngestError> {
+        let size = self.file.size();
+        let Some(head) = Head::read(self.file, self.at)? else {
+            return self.lost("the file ends inside the header of a record");
+        };
+        if head.opcode == 0 || !head.fits_its_type() {
+            return self.lost("what stands here is no record");
+        }
+        if head.end > size {
+            let reason = format!("the file ends inside a record ({} of {} bytes)", name(head.opcode), head.length);
+            return self.lost(&reason);
+        }
+        match self.take(&head)? {
+            Ok(fate) => self.pass(head.end, fate),
+            Err(reason) if self.begins_record(head.end)? => {
+                self.damage_to(head.end, &reason);
+                Ok(())
+            }
+            Err(reason) => self.lost(&reason),
+        }
+    }
+
+    fn take(&mut self, head: &Head) -> Result<Verdict, IngestError> {
+        match head.opcode {
+            op::CHUNK => self.chunk(head),
+            op::ATTACHMENT => self.attachment(head),
+            op::FOOTER => self.footer(head),
+            _ if head.length > self.context.limits.record_bytes => Ok(Err(format!(
+                "a {} of {} bytes is larger than the limit of {}",
+                name(head.opcode),
+                head.length,
+                self.context.limits.record_bytes
+            ))),
+            opcode if is_defined(opcode) => self.plain(head),
+            _ => self.undefined(head),
+        }
+    }
+
+    fn plain(&mut self, head: &Head) -> Result<Verdict, IngestError> {
+        self.messages_seen |= head.opcode == op::MESSAGE;
+        if head.opcode == op::DATA_END {
+            let stated = body(self.file, head, 4)?.and_then(|b| Bytes(b).u32()).unwrap_or_default();
+            self.data_ended = true;
+            self.check_data(stated);
+        }
+        self.show(head, head.length)
+    }
+
+    fn show(&mut self, head: &Head, length: u64) -> Result<Verdict, IngestError> {
+        match body(self.file, head, length)? {
+            Some(body) => Ok(self.visit.record(head.opcode, body)),
+            None => Ok(Err("the record is cut".to_owned())),
+        }
+    }
+
+    /// A record that this version does not know may be the next version's, or damage.
+    fn undefined(&mut self, head: &Head) -> Result<Verdict, IngestError> {
+        if !self.begins_record(head.end)? {
+            return Ok(Err("what stands here is no record".to_owned()));
+        }
+        if ChunkHead::read(self.file, head)?.is_ok() {
+            return Ok(Err("a chunk whose type byte is damaged".to_owned()));
+        }
+        let place = format!("{} at byte {}", name(head.opcode), head.start);
+        self.unknown.add(|| place);
+        Ok(Ok(Fate::Structure))
+    }
+
+    fn footer(&mut self, head: &Head) -> Result<Verdict, IngestError> {
+        let rest = self.file.up_to(head.end, MAGIC.len())?;
+        if rest.len() == MAGIC.len() && rest != MAGIC && head.end + (MAGIC.len() as u64) < self.file.size() {
+            return Ok(Err("a footer in the midst of the file".to_owned()));
+        }
+        self.footer_seen = true;
+        self.show(head, head.length)
+    }
+
+    fn check_data(&mut self, stated: u32) {
+        let Some(hasher) = self.data_crc.take() else { return };
+        if stated != 0 && !self.damaged && hasher.finalize() != stated {
+            let place = format!("{}, bytes 0 to {}", self.file.name(), self.at);
+            let text = "the checksum over the data section is wrong: some of its bytes are not what was written";
+            self.notices.push(Severity::Loss, "data-checksum", place, self.at, text);
+        }
+    }
+
+    fn chunk(&mut self, head: &Head) -> Result<Verdict, IngestError> {
+        self.chunks_seen = true;
+        let chunk = match ChunkHead::read(self.file, head)? {
+            Ok(chunk) => chunk,
+            Err(reason) => return Ok(Err(reason)),
+        };
+        if self.can_leave_closed(head) {
+            self.visit.chunk(false);
+            self.not_opened += 1;
+            return Ok(Ok(Fate::Skipped));
+        }
+        if head.length > self.context.limits.record_bytes {
+            let limit = self.context.limits.record_bytes;
+            return Ok(Err(format!("a chunk of {} bytes is larger than the limit of {limit}", head.length)));
+        }
+        let Some(record) = self.file.bytes(head.start, (head.end - head.start) as usize)? else {
+            return Ok(Err("the chunk is cut".to_owned()));
+        };
+        let from = chunk.data_at as usize;
+        let data = record.get(from..from + chunk.compressed as usize).unwrap_or_default();
+        let inflated = self.inflater.inflate(chunk.codec, data, chunk.uncompressed, self.context.limits.chunk_bytes);
+        if let Some(fault) = inflated.fault {
+            return Ok(Err(fault));
+        }
+        if chunk.crc == 0 {
+            self.without_crc += 1;
+        } else if crc32fast::hash(inflated.bytes) != chunk.crc {
+            return Ok(Err("the chunk's checksum is wrong".to_owned()));
+        }
+        self.visit.chunk(true);
+        Ok(contents(inflated.bytes, self.visit, &mut self.unknown))
+    }
+
+    /// The summary, whose checksum is right, says that this very chunk holds nothing that is wanted.
+    fn can_leave_closed(&self, head: &Head) -> bool {
+        let length = head.end - head.start;
+        self.summary.chunk_at(head.start).is_some_and(|c| !c.wanted && c.length == length)
+    }
+
+    fn attachment(&mut self, head: &Head) -> Result<Verdict, IngestError> {
+        let shown = head.length.min(ATTACHMENT_SHOWN);
+        let parsed = body(self.file, head, shown)?.and_then(|start| AttachmentHead::parse(start, head.length));
+        let Some(attachment) = parsed else { return Ok(Err("the attachment's own header is damaged".to_owned())) };
+        let start = head.start + HEAD_BYTES;
+        let crc_at = start + attachment.covered;
+        let stated = self.file.bytes(crc_at, 4)?.and_then(|b| Bytes(b).u32()).unwrap_or_default();
+        if stated != 0 {
+            let mut hasher = crc32fast::Hasher::new();
+            self.sum(start, crc_at, &mut hasher)?;
+            if hasher.finalize() != stated {
+                return Ok(Err(format!("the checksum of the attachment {:.200} is wrong", attachment.name)));
+            }
+        }
+        self.show(head, shown)
+    }
+
+    fn sum(&mut self, from: u64, to: u64, hasher: &mut crc32fast::Hasher) -> Result<(), IngestError> {
+        let mut at = from;
+        while at < to {
+            let block = self.file.up_to(at, BLOCK.min((to - at) as usize))?;
+            hasher.update(block);
+            at += block.len().max(1) as u64;
+            self.file.progress(at, self.context)?;
+        }
+        Ok(())
+    }
+
+    /// The bytes up to `end` are intact.
+    fn pass(&mut self, end: u64, fate: Fate) -> Result<(), IngestError> {
+        if let Some(mut hasher) = self.data_crc.take() {
+            self.sum(self.at, end, &mut hasher)?;
+            self.data_crc = Some(hasher);
+        }
+        self.ledger.count(fate, end - self.at);
+        self.at = end;
+        Ok(())
+    }
+
+    /// The bytes up to `end` are of no use.
+    fn damage_to(&mut self, end: u64, reason: &str) {
+        if end > self.at {
+            self.ledger.damaged(self.file.name(), self.at, end - self.at, reason);
+            self.damaged = true;
+            self.at = end;
+        }
+    }
+
+    /// Nothing can be made of what stands here: goes on where the next record begins.
+    fn lost(&mut self, reason: &str) -> Result<(), IngestError> {
+        let next = match self.known_end()? {
+            Some(end) => end,
+            None => match self.next_known_chunk(self.at + 1)? {
+                Some(at) => at,
+                None => self.search(self.at + 1)?,
+            },
+        };
+        self.damage_to(next, reason);
+        Ok(())
+    }
+
+    /// Where the summary says that the chunk that should be here ends, if a record begins there.
+    fn known_end(&mut self) -> Result<Option<u64>, IngestError> {
+        let stated = self.summary.chunk_at(self.at).and_then(|chunk| self.at.checked_add(chunk.length));
+        match stated.filter(|&end| end > self.at && end <= self.file.size()) {
+            Some(end) if self.begins_record(end)? => Ok(Some(end)),
+            _ => Ok(None),
+        }
+    }
+
+    /// By the summary; the chunk is looked at before it is believed to be there.
+    fn next_known_chunk(&mut self, from: u64) -> Result<Option<u64>, IngestError> {
+        if self.data_ended {
+            return Ok(None);
+        }
+        let mut known = from;
+        while let Some(chunk) = self.summary.chunks_from(known).first().copied() {
+            if self.is_record(chunk.offset)? {
+                return Ok(Some(chunk.offset));
+            }
+            known = chunk.offset + 1;
+        }
+        match self.summary.data_end.filter(|&at| at >= from && !self.summary.chunks.is_empty()) {
+            Some(at) if self.is_record(at)? => Ok(Some(at)),
+            _ => Ok(None),
+        }
+    }
+
+    /// By the look of the bytes; the end of the file if nothing looks like a record.
+    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
+        let size = self.file.size();
+        let mut at = from;
+        let mut zeros = 0;
+        while at + HEAD_BYTES <= size {
+            let block = self.file.up_to(at, BLOCK)?;
+            let fresh = block.len() as u64 - (HEAD_BYTES - 1);
+            zeros = if block.iter().all(|&b| b == 0) { zeros + fresh } else { 0 };
+            let found = candidates(block).map(|i| at + i as u64).collect::<Vec<u64>>();
+            for candidate in found {
+                if self.is_record(candidate)? {
+                    return Ok(candidate);
+                }
+            }
+            if zeros > MOST_ZEROS {
+                break;
+            }
+            at += fresh;
+            self.file.progress(at, self.context)?;
+        }
+        Ok(size)
+    }
+
+    /// Whether a record that may be gone on with begins here, so plainly that chance is no explanation.
+    fn is_record(&mut self, at: u64) -> Result<bool, IngestError> {
+        let size = self.file.size();
+        let Some(head) = Head::read(self.file, at)?.filter(|h| h.end <= size && h.fits_its_type()) else {
+            return Ok(false);
+        };
+        let loose = self.messages_seen && !self.chunks_seen && self.summary.chunks.is_empty();
+        let fits = match head.opcode {
+            op::CHUNK => ChunkHead::read(self.file, &head)?.is_ok(),
+            op::MESSAGE if loose => self.is_message(&head)?,
+            op::SCHEMA | op::CHANNEL if loose => head.length <= LONGEST_FOUND,
+            op::METADATA => head.length <= LONGEST_FOUND,
+            op::ATTACHMENT => {
+                let shown = head.length.min(ATTACHMENT_SHOWN);
+                body(self.file, &head, shown)?.and_then(|b| AttachmentHead::parse(b, head.length)).is_some()
+            }
+            op::DATA_END => true,
+            op::FOOTER => self.file.up_to(head.end, MAGIC.len())? == MAGIC,
+            op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX | op::ATTACHMENT_INDEX => self.data_ended,
+            op::STATISTICS | op::METADATA_INDEX | op::SUMMARY_OFFSET => self.data_ended,
+            _ => false,
+        };
+        Ok(fits && self.begins_record(head.end)?)
+    }
+
+    fn is_message(&mut self, head: &Head) -> Result<bool, IngestError> {
+        let channel = body(self.file, head, head.length.min(22))?.filter(|b| b.len() == 22).and_then(|b| Bytes(b).u16());
+        Ok(channel.is_some_and(|channel| self.visit.knows(channel)))
+    }
+
+    /// Whether a record, or what ends a file, may begin here.
+    fn begins_record(&mut self, at: u64) -> Result<bool, IngestError> {
+        let size = self.file.size();
+        if at == size || (at + MAGIC.len() as u64 == size && self.file.up_to(at, MAGIC.len())? == MAGIC) {
+            return Ok(true);
+        }
+        if self.footer_seen {
+            return Ok(false);
+        }
+        let head = Head::read(self.file, at)?;
+        // Private and future records begin at 0x10; between chunks they are rare, and lengths that fit rarer still.
+        Ok(head.is_some_and(|h| h.opcode != 0 && h.end <= size && h.fits_its_type()))
+    }
+
+    fn conclude(&mut self) {
+        let file = self.file.name().to_owned();
+        let mut raise = |severity, code: &str, count, text: &str| {
+            if count > 0 {
+                self.notices.push(severity, code, file.as_str(), count, text);
+            }
+        };
+        if !self.footer_seen {
+            let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
+            raise(Severity::Loss, "no-end", 1, text);
+        } else if !self.ended && !self.damaged {
+            raise(Severity::Loss, "no-end", 1, "the file was cut just behind its footer");
+        }
+        if self.summary.trust == Trust::Bad {
+            let text = "the summary at the end does not have the checksum that it states; it was not used";
+            raise(Severity::Loss, "summary-checksum", 1, text);
+        }
+        let text = format!("records of unknown types, passed over; the first: {}", self.unknown.first);
+        raise(Severity::Warning, "unknown-record", self.unknown.count, &text);
+        raise(Severity::Info, "no-chunk-checksum", self.without_crc, "chunks carry no checksum: their content cannot be verified");
+        let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
+                    which knows neither their size nor when they were published";
+        raise(Severity::Info, "closed-chunks", self.not_opened, text);
+    }
+}
+
+/// The first `length` bytes of a record's content.
+fn body<'f>(file: &'f mut LogFile, head: &Head, length: u64) -> Result<Option<&'f [u8]>, IngestError> {
+    let whole = file.bytes(head.start, (HEAD_BYTES + length) as usize)?;
+    Ok(whole.and_then(|bytes| bytes.get(HEAD_BYTES as usize..)))
+}
+
+/// Shows the records inside a chunk. The fate is that of the whole chunk.
+fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Verdict {
+    let mut rest = Bytes(data);
+    let mut fate = Fate::Structure;
+    let mut bad = Tally::default();
+    while !rest.0.is_empty() {
+        let (Some(opcode), Some(length)) = (rest.u8(), rest.u64()) else {
+            return Err("the chunk ends inside the header of a record; what came before was kept".to_owned());
+        };
+        let Some(body) = usize::try_from(length).ok().and_then(|length| rest.take(length)) else {
+            return Err("a record reaches past the end of its chunk; what came before was kept".to_owned());
+        };
+        match opcode {
+            op::MESSAGE | op::SCHEMA | op::CHANNEL => match visit.record(opcode, body) {
+                Ok(one) => fate = weightier(fate, one),
+                Err(reason) => bad.add(|| reason),
+            },
+            _ if is_defined(opcode) || opcode == 0 => bad.add(|| format!("a {} inside a chunk", name(opcode))),
+            _ => unknown.add(|| format!("{} inside a chunk", name(opcode))),
+        }
+    }
+    if bad.count == 0 {
+        return Ok(fate);
+    }
+    Err(format!("{} records of the chunk are unusable, the rest was kept; the first: {}", bad.count, bad.first))
+}
+
+/// A chunk with one wanted message is decoded, one with any message is more than structure.
+fn weightier(one: Fate, other: Fate) -> Fate {
+    match (one, other) {
+        (Fate::Decoded, _) | (_, Fate::Decoded) => Fate::Decoded,
+        (Fate::Skipped, _) | (_, Fate::Skipped) => Fate::Skipped,
+        (Fate::Structure, Fate::Structure) => Fate::Structure,
+    }
+}
+
+/// Where in a block a record may begin: the opcode is defined and the length below 2^40.
+fn candidates(block: &[u8]) -> impl Iterator<Item = usize> {
+    let may_begin = |w: &[u8]| match w {
+        [opcode, _, _, _, _, _, a, b, c] => is_defined(*opcode) && (*a | *b | *c) == 0,
+        _ => false,
+    };
+    block.windows(HEAD_BYTES as usize).enumerate().filter(move |(_, w)| may_begin(w)).map(|(i, _)| i)
+}

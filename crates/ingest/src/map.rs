@@ -1,0 +1,542 @@
+//! Channel maps as they are meant: checked, with units and patterns resolved.
+
+use crate::civil::Tick;
+use crate::error::IngestError;
+use crate::map_schema::{
+    self, ChannelEntry, ClockName, ContainerStamp, FieldTable, HeightAbove, KindName, MapFile, OneOrMore, QuantityName,
+    RequireEntry, TickName, TimeEntry, TimeTable,
+};
+use crate::reader::{FieldRequest, Select, Selection, TopicInfo, ValueKind};
+use flight::{Clock, Dimension, Quantity, StampKind, Unit};
+use std::path::{Path, PathBuf};
+
+/// The maps that come with flightlag.
+const SHIPPED: &[(&str, &str)] = &[
+    ("flightlag-demo-wide.toml", include_str!("../../../pipelines/channel-maps/flightlag-demo-wide.toml")),
+    ("flightlag-demo.toml", include_str!("../../../pipelines/channel-maps/flightlag-demo.toml")),
+    ("flysight-1.toml", include_str!("../../../pipelines/channel-maps/flysight-1.toml")),
+    ("flysight-2.toml", include_str!("../../../pipelines/channel-maps/flysight-2.toml")),
+    ("garmin-g1000.toml", include_str!("../../../pipelines/channel-maps/garmin-g1000.toml")),
+    ("mavros.toml", include_str!("../../../pipelines/channel-maps/mavros.toml")),
+    ("navsatfix-twist.toml", include_str!("../../../pipelines/channel-maps/navsatfix-twist.toml")),
+    ("px4-ulog2csv.toml", include_str!("../../../pipelines/channel-maps/px4-ulog2csv.toml")),
+    ("wide-csv.toml", include_str!("../../../pipelines/channel-maps/wide-csv.toml")),
+    ("xsens-mti.toml", include_str!("../../../pipelines/channel-maps/xsens-mti.toml")),
+    ("xsens-mtig.toml", include_str!("../../../pipelines/channel-maps/xsens-mtig.toml")),
+];
+
+/// Which topics and fields of a kind of log become which channels.
+#[derive(Debug, Clone)]
+pub struct ChannelMap {
+    /// Short name.
+    pub name: String,
+    /// One line for people.
+    pub title: String,
+    pub(crate) rules: Vec<ChannelRule>,
+}
+
+/// How one channel is made.
+#[derive(Debug, Clone)]
+pub(crate) struct ChannelRule {
+    pub(crate) name: String,
+    pub(crate) quantity: Quantity,
+    pub(crate) topics: Vec<String>,
+    pub(crate) types: Vec<String>,
+    pub(crate) timeline: StampKind,
+    /// Of each kind the sources in order of preference.
+    pub(crate) times: [(StampKind, Vec<TimeSource>); 3],
+    pub(crate) combine: Combine,
+    pub(crate) parts: Vec<Part>,
+    pub(crate) require: Vec<RequireEntry>,
+    pub(crate) height_above: Option<HeightAbove>,
+    pub(crate) note: Option<String>,
+}
+
+/// One number that a channel is made of.
+#[derive(Debug, Clone)]
+pub(crate) struct Part {
+    pub(crate) role: &'static str,
+    /// Without it the channel still stands: heights and vertical speeds.
+    pub(crate) vertical: bool,
+    /// The log counts it the other way: up for down, west for east.
+    pub(crate) opposite: bool,
+    /// The first that exists is read.
+    pub(crate) fields: Vec<(String, Unit)>,
+}
+
+/// How parts, in SI units and in this order, become north, east, down or latitude, longitude, height.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Combine {
+    /// They are the components.
+    AsIs,
+    /// Speed, true track, down.
+    Polar,
+    /// Speed, magnetic track, variation, down.
+    MagneticPolar,
+    /// Forward, left, up, and the quaternion x, y, z, w that turns them to east, north, up.
+    Body,
+}
+
+/// Where stamps are read from.
+#[derive(Debug, Clone)]
+pub(crate) enum TimeSource {
+    ContainerLogged,
+    ContainerPublished,
+    Number { field: String, tick: Tick, clock: Clock },
+    Iso { field: String },
+    Civil { date: String, time: String, offset: Option<String> },
+}
+
+/// How closely a topic meets a rule; smaller is better.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Closeness {
+    /// Which of the rule's names or types.
+    pub(crate) choice: usize,
+    /// 0 the very name, 1 below a namespace or behind a prefix.
+    pub(crate) distance: u8,
+    /// Instance of the topic, as in `vehicle_gps_position_1`.
+    pub(crate) instance: u32,
+}
+
+/// How a rule names its topic: the more specific rule wins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Specificity {
+    AnyTable,
+    ByType,
+    ByName,
+}
+
+impl ChannelRule {
+    pub(crate) fn specificity(&self) -> Specificity {
+        match (self.topics.is_empty(), self.types.is_empty()) {
+            (false, _) => Specificity::ByName,
+            (true, false) => Specificity::ByType,
+            (true, true) => Specificity::AnyTable,
+        }
+    }
+
+    /// How closely `topic` meets this rule; `None` if it does not.
+    pub(crate) fn meets(&self, topic: &TopicInfo) -> Option<Closeness> {
+        let text = topic.encoding == "csv";
+        let type_choice = self.types.iter().position(|t| plain_type(&topic.type_name) == *t);
+        match self.specificity() {
+            Specificity::AnyTable => text.then_some(Closeness { choice: 0, distance: 0, instance: 0 }),
+            Specificity::ByType => type_choice.map(|choice| Closeness { choice, distance: 0, instance: 0 }),
+            Specificity::ByName if type_choice.is_none() && !self.types.is_empty() && !topic.type_name.is_empty() => {
+                None
+            }
+            Specificity::ByName => self.topics.iter().enumerate().find_map(|(choice, pattern)| {
+                let (distance, instance, _) =
+                    if text { stem_matches(&topic.name, pattern)? } else { topic_matches(&topic.name, pattern)? };
+                Some(Closeness { choice, distance, instance })
+            }),
+        }
+    }
+
+    /// What is to be decoded for it.
+    pub(crate) fn requests(&self) -> impl Iterator<Item = FieldRequest> {
+        let number = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
+        let parts = self.parts.iter().flat_map(|p| &p.fields).map(move |(path, _)| number(path));
+        let require = self.require.iter().map(move |r| number(&r.field));
+        let times = self.times.iter().flat_map(|(_, sources)| sources).flat_map(TimeSource::requests);
+        parts.chain(require).chain(times)
+    }
+}
+
+impl TimeSource {
+    /// The clock that it counts.
+    pub(crate) fn clock(&self) -> Clock {
+        match self {
+            TimeSource::Number { clock, .. } => *clock,
+            _ => Clock::Unix,
+        }
+    }
+
+    /// As it is called in the health of the stamps.
+    pub(crate) fn label(&self) -> String {
+        match self {
+            TimeSource::ContainerLogged => "log".into(),
+            TimeSource::ContainerPublished => "publish".into(),
+            TimeSource::Number { field, .. } | TimeSource::Iso { field } => field.clone(),
+            TimeSource::Civil { date, time, .. } => format!("{date}, {time}"),
+        }
+    }
+
+    fn requests(&self) -> Vec<FieldRequest> {
+        let ask = |path: &String, kind| FieldRequest { path: path.clone(), kind };
+        match self {
+            TimeSource::ContainerLogged | TimeSource::ContainerPublished => vec![],
+            // Text keeps every digit of a decimal fraction.
+            TimeSource::Number { field, tick: Tick::Seconds | Tick::Millis, .. } => vec![ask(field, ValueKind::Text)],
+            TimeSource::Number { field, .. } => vec![ask(field, ValueKind::Number)],
+            TimeSource::Iso { field } => vec![ask(field, ValueKind::Text)],
+            TimeSource::Civil { date, time, offset } => [Some(date), Some(time), offset.as_ref()]
+                .into_iter()
+                .flatten()
+                .map(|f| ask(f, ValueKind::Text))
+                .collect(),
+        }
+    }
+}
+
+/// `sensor_msgs/msg/NavSatFix` and `sensor_msgs/NavSatFix` are the same type.
+fn plain_type(name: &str) -> String {
+    name.replace("/msg/", "/")
+}
+
+/// Distance, instance and bytes in front of the match. One word, as `/velocity`, ends too many names to mean
+/// anything below a namespace.
+fn topic_matches(name: &str, pattern: &str) -> Option<(u8, u32, usize)> {
+    let front = name.len().checked_sub(pattern.len())?;
+    let several_words = pattern.trim_start_matches('/').contains('/');
+    let at_boundary = front == 0 || (several_words && (pattern.starts_with('/') || name.get(..front)?.ends_with('/')));
+    (name.ends_with(pattern) && at_boundary).then_some((u8::from(front > 0), 0, front))
+}
+
+/// A file stem is a topic's name with `/` written as `-` or `_`, a prefix before it and perhaps an instance behind it.
+fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
+    let plain = |text: &str| text.replace(['/', '-'], "_");
+    let pattern = plain(pattern.trim_start_matches('/'));
+    let whole = plain(stem);
+    let (bare, instance) = match whole.rsplit_once('_') {
+        Some((bare, digits)) if bare.ends_with(&pattern) => match digits.parse() {
+            Ok(instance) => (bare, instance),
+            Err(_) => (whole.as_str(), 0),
+        },
+        _ => (whole.as_str(), 0),
+    };
+    let front = bare.len().checked_sub(pattern.len())?;
+    let at_boundary = front == 0 || bare.get(..front)?.ends_with('_');
+    let telling = front == 0 || pattern.contains('_');
+    (bare.ends_with(&pattern) && at_boundary && telling).then_some((u8::from(front > 0), instance, front))
+}
+
+/// All channel maps that may be taken.
+#[derive(Debug, Clone)]
+pub struct MapLibrary {
+    maps: Vec<ChannelMap>,
+}
+
+impl MapLibrary {
+    /// The maps that come with flightlag, compiled in.
+    ///
+    /// # Errors
+    /// [`IngestError::BadMap`]; a test makes sure that this does not happen.
+    pub fn shipped() -> Result<MapLibrary, IngestError> {
+        let mut library = MapLibrary { maps: vec![] };
+        for (name, text) in SHIPPED {
+            library.add(ChannelMap::from_toml(Path::new(name), text)?);
+        }
+        Ok(library)
+    }
+
+    /// Adds the `*.toml` of a folder; a map replaces an earlier one of the same name.
+    ///
+    /// # Errors
+    /// [`IngestError::Io`] or [`IngestError::BadMap`].
+    pub fn with_folder(mut self, folder: &Path) -> Result<MapLibrary, IngestError> {
+        let failed = |source| IngestError::Io { file: folder.display().to_string(), offset: 0, source };
+        let mut paths: Vec<PathBuf> = vec![];
+        for entry in std::fs::read_dir(folder).map_err(failed)? {
+            paths.push(entry.map_err(failed)?.path());
+        }
+        paths.retain(|p| p.extension().is_some_and(|e| e == "toml"));
+        paths.sort();
+        for path in paths {
+            let text = std::fs::read_to_string(&path).map_err(failed)?;
+            self.add(ChannelMap::from_toml(&path, &text)?);
+        }
+        Ok(self)
+    }
+
+    /// Adds a map, or replaces the one of the same name.
+    pub fn add(&mut self, map: ChannelMap) {
+        match self.maps.iter_mut().find(|m| m.name == map.name) {
+            Some(old) => *old = map,
+            None => self.maps.push(map),
+        }
+    }
+
+    /// The maps, in the order in which they are tried.
+    pub fn iter(&self) -> impl Iterator<Item = &ChannelMap> {
+        self.maps.iter()
+    }
+
+    /// The map of a name.
+    ///
+    /// # Errors
+    /// [`IngestError::Map`] with the names that exist.
+    pub fn get(&self, name: &str) -> Result<&ChannelMap, IngestError> {
+        self.maps.iter().find(|m| m.name == name).ok_or_else(|| {
+            let known: Vec<&str> = self.maps.iter().map(|m| m.name.as_str()).collect();
+            IngestError::Map(format!("there is no channel map {name:?}; known are {}", known.join(", ")))
+        })
+    }
+
+    /// What the maps want of a log: of all of them, or of the forced one.
+    ///
+    /// # Errors
+    /// As [`MapLibrary::get`].
+    pub fn select(&self, forced: Option<&str>) -> Result<MapSelect<'_>, IngestError> {
+        Ok(MapSelect { maps: self.candidates(forced)? })
+    }
+
+    pub(crate) fn candidates(&self, forced: Option<&str>) -> Result<Vec<&ChannelMap>, IngestError> {
+        forced.map_or_else(|| Ok(self.maps.iter().collect()), |name| Ok(vec![self.get(name)?]))
+    }
+
+    /// What stands before the topic's name in the stem of a file that holds one topic of a flight.
+    /// `None` if no map names such a topic.
+    pub(crate) fn flight_prefix<'a>(&self, stem: &'a str) -> Option<&'a str> {
+        let patterns = self.maps.iter().flat_map(|m| &m.rules).flat_map(|r| &r.topics);
+        let front = patterns.filter_map(|p| stem_matches(stem, p)).map(|(_, _, front)| front).min()?;
+        stem.get(..front)
+    }
+}
+
+/// The topics and fields that some channel maps want.
+#[derive(Debug)]
+pub struct MapSelect<'a> {
+    maps: Vec<&'a ChannelMap>,
+}
+
+impl Select for MapSelect<'_> {
+    fn select(&self, topic: &TopicInfo) -> Selection {
+        let rules = self.maps.iter().flat_map(|m| &m.rules);
+        let mut fields: Vec<FieldRequest> =
+            rules.filter(|r| r.meets(topic).is_some()).flat_map(ChannelRule::requests).collect();
+        fields.sort();
+        fields.dedup();
+        if fields.is_empty() { Selection::Skip } else { Selection::Fields(fields) }
+    }
+}
+
+impl ChannelMap {
+    /// Reads and checks a map.
+    ///
+    /// # Errors
+    /// [`IngestError::BadMap`] with the line and what is wrong there.
+    pub fn from_toml(path: &Path, text: &str) -> Result<ChannelMap, IngestError> {
+        let file = map_schema::parse(path, text)?;
+        let bad = |line: usize, what: String| IngestError::BadMap {
+            path: path.to_owned(),
+            what: format!("line {line}: {what}"),
+        };
+        if file.schema != 1 {
+            return Err(bad(1, format!("schema {} is not known; 1 is", file.schema)));
+        }
+        let mut rules: Vec<ChannelRule> = vec![];
+        for entry in &file.channel {
+            let line = 1 + text.bytes().take(entry.span().start).filter(|b| *b == b'\n').count();
+            let entry = entry.get_ref();
+            let rule = rule_of(entry, &file).map_err(|what| bad(line, format!("channel {}: {what}", entry.name)))?;
+            if rules.iter().any(|r| r.name == rule.name) {
+                return Err(bad(line, format!("channel {} is there twice", rule.name)));
+            }
+            rules.push(rule);
+        }
+        Ok(ChannelMap { name: file.name, title: file.title, rules })
+    }
+}
+
+fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> {
+    let (combine, parts) = recipe(entry.quantity, &entry.fields)?;
+    let times = times_of(entry.time.as_ref().unwrap_or(&file.time))?;
+    if times.iter().all(|(_, sources)| sources.is_empty()) {
+        return Err("no source of stamps".into());
+    }
+    for require in &entry.require {
+        if require.min.is_none() && require.max.is_none() {
+            return Err(format!("require {}: neither min nor max", require.field));
+        }
+    }
+    Ok(ChannelRule {
+        name: entry.name.clone(),
+        quantity: match entry.quantity {
+            QuantityName::PositionGeodetic => Quantity::PositionGeodetic,
+            QuantityName::PositionNed => Quantity::PositionNed,
+            QuantityName::VelocityNed => Quantity::VelocityNed,
+            QuantityName::Scalar => Quantity::Scalar,
+        },
+        topics: entry.topic.clone(),
+        types: entry.types.iter().map(|t| plain_type(t)).collect(),
+        timeline: match entry.timeline {
+            KindName::Measured => StampKind::Measured,
+            KindName::Published => StampKind::Published,
+            KindName::Logged => StampKind::Logged,
+        },
+        times,
+        combine,
+        parts,
+        require: entry.require.clone(),
+        height_above: entry.height_above,
+        note: entry.note.clone(),
+    })
+}
+
+type Slot<'a> = (&'static str, Dimension, &'a Option<OneOrMore>);
+
+/// Which fields are there says how they combine.
+fn recipe(quantity: QuantityName, f: &FieldTable) -> Result<(Combine, Vec<Part>), String> {
+    use Dimension::{Angle, Length, None as Pure, Speed};
+    let vertical = |dimension| if f.up.is_some() { ("up", dimension, &f.up) } else { ("down", dimension, &f.down) };
+    let east = |dimension| if f.west.is_some() { ("west", dimension, &f.west) } else { ("east", dimension, &f.east) };
+    let (combine, slots): (Combine, Vec<Slot<'_>>) = match quantity {
+        QuantityName::PositionGeodetic => (
+            Combine::AsIs,
+            vec![("latitude", Angle, &f.latitude), ("longitude", Angle, &f.longitude), ("height", Length, &f.height)],
+        ),
+        QuantityName::Scalar => (Combine::AsIs, vec![("value", Pure, &f.value)]),
+        QuantityName::PositionNed => (Combine::AsIs, vec![("north", Length, &f.north), east(Length), vertical(Length)]),
+        QuantityName::VelocityNed if f.forward.is_some() => (
+            Combine::Body,
+            vec![
+                ("forward", Speed, &f.forward),
+                ("left", Speed, &f.left),
+                ("up", Speed, &f.up),
+                ("orientation_x", Pure, &f.orientation_x),
+                ("orientation_y", Pure, &f.orientation_y),
+                ("orientation_z", Pure, &f.orientation_z),
+                ("orientation_w", Pure, &f.orientation_w),
+            ],
+        ),
+        QuantityName::VelocityNed if f.variation.is_some() => (
+            Combine::MagneticPolar,
+            vec![
+                ("speed", Speed, &f.speed),
+                ("track", Angle, &f.track),
+                ("variation", Angle, &f.variation),
+                vertical(Speed),
+            ],
+        ),
+        QuantityName::VelocityNed if f.speed.is_some() => {
+            (Combine::Polar, vec![("speed", Speed, &f.speed), ("track", Angle, &f.track), vertical(Speed)])
+        }
+        QuantityName::VelocityNed => (Combine::AsIs, vec![("north", Speed, &f.north), east(Speed), vertical(Speed)]),
+    };
+    no_other_fields(f, &slots)?;
+    let parts: Result<Vec<Part>, String> = slots.iter().map(|slot| part(slot, combine)).collect();
+    Ok((combine, parts?))
+}
+
+/// A field that the recipe does not use is a mistake of the author.
+fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
+    let all: [(&str, &Option<OneOrMore>); 18] = [
+        ("latitude", &f.latitude),
+        ("longitude", &f.longitude),
+        ("height", &f.height),
+        ("north", &f.north),
+        ("east", &f.east),
+        ("west", &f.west),
+        ("down", &f.down),
+        ("up", &f.up),
+        ("speed", &f.speed),
+        ("track", &f.track),
+        ("variation", &f.variation),
+        ("forward", &f.forward),
+        ("left", &f.left),
+        ("orientation_x", &f.orientation_x),
+        ("orientation_y", &f.orientation_y),
+        ("orientation_z", &f.orientation_z),
+        ("orientation_w", &f.orientation_w),
+        ("value", &f.value),
+    ];
+    let stray = all.iter().find(|(name, field)| field.is_some() && slots.iter().all(|(role, ..)| role != name));
+    stray.map_or(Ok(()), |(name, _)| Err(format!("the field {name} does not fit with the others")))
+}
+
+fn part(&(role, dimension, written): &Slot<'_>, combine: Combine) -> Result<Part, String> {
+    let vertical = matches!(role, "height" | "down") || (role == "up" && combine != Combine::Body);
+    let entries = match written {
+        None if vertical => vec![],
+        None => return Err(format!("the field {role} is missing")),
+        Some(OneOrMore::One(entry)) => vec![entry.clone()],
+        Some(OneOrMore::More(entries)) => entries.clone(),
+    };
+    let mut fields = vec![];
+    for entry in entries {
+        let unit: Unit = entry.unit.parse().map_err(|e| format!("{role}: {e}"))?;
+        if unit.dimension() != dimension && role != "value" {
+            return Err(format!("{role}: {unit} is no unit of {dimension:?}"));
+        }
+        fields.push((entry.field, unit));
+    }
+    let opposite = role == "west" || (role == "up" && vertical);
+    Ok(Part { role, vertical, opposite, fields })
+}
+
+fn times_of(table: &TimeTable) -> Result<[(StampKind, Vec<TimeSource>); 3], String> {
+    let sources = |entries: &[TimeEntry]| entries.iter().map(time_source).collect::<Result<Vec<_>, _>>();
+    Ok([
+        (StampKind::Measured, sources(&table.measured)?),
+        (StampKind::Published, sources(&table.published)?),
+        (StampKind::Logged, sources(&table.logged)?),
+    ])
+}
+
+fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
+    let clock = entry.clock.map(|c| match c {
+        ClockName::Unix => Clock::Unix,
+        ClockName::Gps => Clock::Gps,
+        ClockName::Boot => Clock::Boot,
+        ClockName::Elapsed => Clock::Elapsed,
+    });
+    match entry.clone() {
+        TimeEntry {
+            container: Some(container),
+            field: None,
+            unit: None,
+            text: None,
+            date: None,
+            time: None,
+            offset: None,
+            clock: None,
+        } => Ok(match container {
+            ContainerStamp::Logged => TimeSource::ContainerLogged,
+            ContainerStamp::Published => TimeSource::ContainerPublished,
+        }),
+        TimeEntry {
+            container: None,
+            field: Some(field),
+            unit: Some(unit),
+            text: None,
+            date: None,
+            time: None,
+            offset: None,
+            ..
+        } => {
+            let tick = match unit {
+                TickName::S => Tick::Seconds,
+                TickName::Ms => Tick::Millis,
+                TickName::Us => Tick::Micros,
+                TickName::Ns => Tick::Nanos,
+            };
+            let clock = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
+            Ok(TimeSource::Number { field, tick, clock })
+        }
+        TimeEntry {
+            container: None,
+            field: Some(field),
+            unit: None,
+            text: Some(_),
+            date: None,
+            time: None,
+            offset: None,
+            clock: None | Some(ClockName::Unix),
+        } => Ok(TimeSource::Iso { field }),
+        TimeEntry {
+            container: None,
+            field: None,
+            unit: None,
+            text: None,
+            date: Some(date),
+            time: Some(time),
+            offset,
+            clock: None | Some(ClockName::Unix),
+        } => Ok(TimeSource::Civil { date, time, offset }),
+        _ => Err(
+            "a stamp is a container, or a field with a unit and a clock, or a field with text, or a date and a time"
+                .into(),
+        ),
+    }
+}

@@ -1,0 +1,263 @@
+//! A channel map as its author writes it. Every struct refuses fields that it does not know.
+
+use crate::error::IngestError;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use toml::Spanned;
+
+/// A channel map: which topic and field becomes which channel, in which unit, frame and timeline.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MapFile {
+    /// Version of this format: 1.
+    pub(crate) schema: u32,
+    /// Short name, as `--map` takes it.
+    pub(crate) name: String,
+    /// One line for people.
+    pub(crate) title: String,
+    /// Where stamps are found, for all channels that do not say otherwise.
+    #[serde(default)]
+    pub(crate) time: TimeTable,
+    /// The channels.
+    #[schemars(with = "Vec<ChannelEntry>")]
+    pub(crate) channel: Vec<Spanned<ChannelEntry>>,
+}
+
+/// Sources of stamps by kind; of each kind the first that exists is taken.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct TimeTable {
+    /// When the device says that the value was true.
+    pub(crate) measured: Vec<TimeEntry>,
+    /// When the driver sent the message.
+    pub(crate) published: Vec<TimeEntry>,
+    /// When the logger received it.
+    pub(crate) logged: Vec<TimeEntry>,
+}
+
+/// One source of stamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and `offset`.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct TimeEntry {
+    /// A stamp that the container gives to every message.
+    pub(crate) container: Option<ContainerStamp>,
+    /// A field of the message.
+    pub(crate) field: Option<String>,
+    /// What its number counts.
+    pub(crate) unit: Option<TickName>,
+    /// How its text is written.
+    pub(crate) text: Option<TimeText>,
+    /// Column of a date, `yyyy-mm-dd`, or with slashes where the column shows the order.
+    pub(crate) date: Option<String>,
+    /// Column of a time of day, `hh:mm:ss`.
+    pub(crate) time: Option<String>,
+    /// Column of the offset from UTC, `+hh:mm`.
+    pub(crate) offset: Option<String>,
+    /// The clock that is counted; `unix` where text says the instant.
+    pub(crate) clock: Option<ClockName>,
+}
+
+/// A stamp of the container.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum ContainerStamp {
+    /// When the container says that it wrote the message.
+    Logged,
+    /// When the container says that the message was published.
+    Published,
+}
+
+/// A unit of time.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum TickName {
+    /// Seconds.
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+    /// Nanoseconds.
+    Ns,
+}
+
+/// A way to write an instant.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum TimeText {
+    /// `2024-05-10T17:27:44.30Z`; without a zone it is UTC.
+    #[serde(rename = "iso-8601")]
+    Iso8601,
+}
+
+/// A clock.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum ClockName {
+    /// UTC since 1970.
+    Unix,
+    /// GPS time since 1980.
+    Gps,
+    /// Since the device was switched on.
+    Boot,
+    /// Since an unnamed start.
+    Elapsed,
+}
+
+/// A kind of stamp.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum KindName {
+    /// When the device says that the value was true.
+    Measured,
+    /// When the driver sent the message.
+    Published,
+    /// When the logger received it.
+    Logged,
+}
+
+/// What a channel holds.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum QuantityName {
+    /// `latitude`, `longitude` and perhaps `height`.
+    PositionGeodetic,
+    /// `north`, `east` or `west`, and perhaps `down` or `up`.
+    PositionNed,
+    /// `north`, `east`; or `speed`, `track` and perhaps `variation`; or `forward`, `left`, `up` and the orientation.
+    VelocityNed,
+    /// `value`.
+    Scalar,
+}
+
+/// What a height is above.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum HeightAbove {
+    /// WGS-84, as flightlag wants it.
+    Ellipsoid,
+    /// Mean sea level: taken as it is, with a notice.
+    MeanSeaLevel,
+}
+
+/// One channel.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ChannelEntry {
+    /// `quantity.source`, as `position.gps`.
+    pub(crate) name: String,
+    /// What it holds.
+    pub(crate) quantity: QuantityName,
+    /// Topic names, the best first. A name of several words also fits below a namespace, and a file whose
+    /// name ends in it, with `/` written as `-` or `_` and an instance as `_0` behind.
+    #[serde(default)]
+    pub(crate) topic: Vec<String>,
+    /// Message types, as `sensor_msgs/NavSatFix`. Without a topic any topic of the type is meant;
+    /// without either, any table of text.
+    #[serde(default, rename = "type")]
+    pub(crate) types: Vec<String>,
+    /// The kind of stamp that is the time of the value.
+    pub(crate) timeline: KindName,
+    /// Stamps of this channel, instead of those of the file.
+    pub(crate) time: Option<TimeTable>,
+    /// The fields.
+    pub(crate) fields: FieldTable,
+    /// What a row must fulfil.
+    #[serde(default)]
+    pub(crate) require: Vec<RequireEntry>,
+    /// What the height is above.
+    pub(crate) height_above: Option<HeightAbove>,
+    /// An assumption that whoever reads the report should know.
+    pub(crate) note: Option<String>,
+}
+
+/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct FieldTable {
+    /// Latitude, positive north.
+    pub(crate) latitude: Option<OneOrMore>,
+    /// Longitude, positive east.
+    pub(crate) longitude: Option<OneOrMore>,
+    /// Height, positive up.
+    pub(crate) height: Option<OneOrMore>,
+    /// North.
+    pub(crate) north: Option<OneOrMore>,
+    /// East; instead of `west`.
+    pub(crate) east: Option<OneOrMore>,
+    /// West; instead of `east`.
+    pub(crate) west: Option<OneOrMore>,
+    /// Down; instead of `up`.
+    pub(crate) down: Option<OneOrMore>,
+    /// Up; instead of `down`. In the body's frame, along its upward axis.
+    pub(crate) up: Option<OneOrMore>,
+    /// Speed over ground.
+    pub(crate) speed: Option<OneOrMore>,
+    /// Direction of travel, clockwise from north: from true north, or with `variation` from magnetic north.
+    pub(crate) track: Option<OneOrMore>,
+    /// Magnetic variation, positive east: true track = magnetic track + variation.
+    pub(crate) variation: Option<OneOrMore>,
+    /// Along the body's forward axis.
+    pub(crate) forward: Option<OneOrMore>,
+    /// Along the body's left axis.
+    pub(crate) left: Option<OneOrMore>,
+    /// Orientation of the body (forward, left, up) in east, north, up: quaternion, x.
+    pub(crate) orientation_x: Option<OneOrMore>,
+    /// Quaternion, y.
+    pub(crate) orientation_y: Option<OneOrMore>,
+    /// Quaternion, z.
+    pub(crate) orientation_z: Option<OneOrMore>,
+    /// Quaternion, scalar part.
+    pub(crate) orientation_w: Option<OneOrMore>,
+    /// The number of a scalar.
+    pub(crate) value: Option<OneOrMore>,
+}
+
+/// One field, or several of which the first that exists is read.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum OneOrMore {
+    /// One.
+    One(FieldEntry),
+    /// Several.
+    More(Vec<FieldEntry>),
+}
+
+/// A field and its unit.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FieldEntry {
+    /// Dotted path.
+    pub(crate) field: String,
+    /// Unit, as `deg`, `1e-7 deg`, `m`, `mm`, `ft`, `m/s`, `kt`, `ft/min`; `1` for a pure number.
+    pub(crate) unit: String,
+}
+
+/// A condition on a row; rows that fail it are counted and not used. A field that the log does not have is no obstacle.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RequireEntry {
+    /// The field.
+    pub(crate) field: String,
+    /// Its least value.
+    pub(crate) min: Option<f64>,
+    /// Its largest value.
+    pub(crate) max: Option<f64>,
+}
+
+/// Reads the text of a map file.
+///
+/// # Errors
+/// [`IngestError::BadMap`] with the line.
+pub(crate) fn parse(path: &std::path::Path, text: &str) -> Result<MapFile, IngestError> {
+    toml::from_str(text)
+        .map_err(|e| IngestError::BadMap { path: path.to_owned(), what: e.to_string().trim_end().to_owned() })
+}
+
+/// The JSON schema of a channel map, for editors.
+#[must_use]
+pub fn channel_map_schema() -> String {
+    let schema = schemars::schema_for!(MapFile);
+    let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
+    format!("{text}\n")
+}

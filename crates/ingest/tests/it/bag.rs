@@ -1,0 +1,368 @@
+//! ROS 1 bags: agreement with what was written and with other readers, and what is made of damage.
+
+use crate::made::{
+    BagCodec, CAMERA, Encoding, FIX, OnDisk, Sent, assert_balanced, assert_received, assert_subset, bag, flight, lost,
+    notice, reader, sum, whole_sum,
+};
+use crate::support::{in_context, real_logs};
+use ingest::{Log, Selection, TopicInfo};
+use std::path::Path;
+
+fn read_all(path: &Path) -> Log {
+    let is_bag = path.extension().is_some_and(|e| e == "bag");
+    let log = in_context(|c| reader(path.to_owned(), is_bag).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+    assert_balanced(&log);
+    log
+}
+
+#[test]
+fn what_was_written_comes_back_bit_for_bit_whatever_the_compression() {
+    let sent = flight(40);
+    for codec in BagCodec::ALL {
+        for in_chunks in [true, false] {
+            let log = OnDisk::new(&bag(&sent, codec, 17, in_chunks, true), true).read().unwrap();
+            assert_received(&log, &sent, false);
+            assert!(log.notices.is_empty(), "{codec:?}: {:?}", log.notices);
+            let [camera, fix] = log.health.topics.as_slice() else { panic!("{:?}", log.health.topics) };
+            assert_eq!((camera.name.as_str(), camera.messages, camera.decoded), (CAMERA, 80, false));
+            let bytes: usize = sent.iter().filter(|s| s.topic == CAMERA).map(|s| Encoding::Ros1.payload(s).len()).sum();
+            assert_eq!(camera.payload_bytes, bytes as u64);
+            assert_eq!((fix.messages, fix.stamps.len(), fix.stamps[0].first_ns), (40, 1, sent[0].logged_ns));
+            assert_eq!(log.tables[0].published_ns, None);
+        }
+    }
+}
+
+#[test]
+fn a_bag_that_was_never_closed_reads_whole_and_says_so() {
+    let sent = flight(20);
+    for codec in BagCodec::ALL {
+        let log = OnDisk::new(&bag(&sent, codec, 9, true, false), true).read().unwrap();
+        assert_received(&log, &sent, false);
+        assert!(notice(&log, "no-end").text.contains("no index"));
+    }
+}
+
+#[test]
+fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
+    let sent = flight(12);
+    for (codec, stride) in
+        [(BagCodec::None, 1), (BagCodec::Lz4Linked, 3), (BagCodec::Lz4Independent, 3), (BagCodec::Bz2, 7)]
+    {
+        let content = bag(&sent, codec, 9, true, true);
+        let disk = OnDisk::new(&content, true);
+        let mut most = 0;
+        for length in (4200..content.len()).rev().step_by(stride) {
+            disk.set_len(length as u64);
+            let Ok(log) = disk.read() else { continue };
+            assert!(lost(&log), "{codec:?} cut at {length}");
+            let rows = assert_subset(&log, &sent, false);
+            assert_received(&log, &sent[..(3 * rows).min(sent.len())], false);
+            most = most.max(rows);
+        }
+        assert_eq!(most, 12, "{codec:?}");
+    }
+}
+
+#[test]
+fn a_cut_inside_an_uncompressed_chunk_costs_one_message() {
+    let sent = flight(30);
+    let content = bag(&sent, BagCodec::None, 1000, true, true);
+    let disk = OnDisk::new(&content, true);
+    let end = content.windows(8).rposition(|w| w == 50.0_f64.to_le_bytes()).unwrap_or(content.len() / 2);
+    disk.set_len(end as u64);
+    let log = disk.read().unwrap();
+    let kept = log.health.messages as usize;
+    let per_message = (content.len() - 4117) / 90;
+    assert!(kept + 2 >= (end - 4117 - 1200) / per_message, "{kept}");
+    assert!(log.health.bytes.damaged < 500, "{:?}", log.health.bytes);
+}
+
+#[test]
+fn damage_in_one_chunk_leaves_the_others() {
+    let sent = flight(100);
+    for codec in BagCodec::ALL {
+        let content = bag(&sent, codec, 30, true, true);
+        let chunk = content.windows(12).enumerate().filter(|(_, w)| w.starts_with(b"compression=")).nth(5).unwrap().0;
+        // In the data; in the chunk's own header; in the length of its header.
+        for (place, bytes) in [(chunk + 60, [0x55; 16]), (chunk - 2, [0xee; 16]), (chunk - 8, [0xff; 16])] {
+            let disk = OnDisk::new(&content, true);
+            disk.write_at(place as u64, &bytes);
+            let log = disk.read().unwrap();
+            assert!(lost(&log), "{codec:?} {place}");
+            assert!(log.health.messages >= 270, "{codec:?} {place}: {}", log.health.messages);
+            assert!(assert_subset(&log, &sent, false) >= 90);
+        }
+    }
+}
+
+#[test]
+fn a_wrong_length_costs_one_message_and_not_its_neighbours() {
+    let sent = flight(20);
+    let content = bag(&sent, BagCodec::None, 1000, true, true);
+    let message = content.windows(5).enumerate().filter(|(_, w)| *w == b"time=").nth(21).unwrap().0;
+    let length = message + 5 + 8;
+    for bytes in [[0xff, 0xff, 0xff, 0x7f], [0, 1, 0, 0], [0, 4, 0, 0], [1, 0, 0, 0]] {
+        let disk = OnDisk::new(&content, true);
+        disk.write_at(length as u64, &bytes);
+        let log = disk.read().unwrap();
+        assert!(lost(&log));
+        assert_eq!(log.health.messages, 59, "{bytes:?}");
+        assert_eq!(assert_subset(&log, &sent, false), 19);
+    }
+}
+
+#[test]
+fn no_flipped_bit_panics_or_loses_the_count_of_the_bytes() {
+    let sent = flight(5);
+    for (codec, stride) in [(BagCodec::None, 3), (BagCodec::Lz4Linked, 5), (BagCodec::Bz2, 11)] {
+        let content = bag(&sent, codec, 6, true, true);
+        let disk = OnDisk::new(&content, true);
+        // The padding of the bag header is the same byte four thousand times.
+        let bits = (0..content.len() * 8).filter(|bit| !(120 * 8..4100 * 8).contains(bit));
+        for bit in bits.step_by(stride) {
+            let (at, mask) = (bit / 8, 1 << (bit % 8));
+            disk.write_at(at as u64, &[content[at] ^ mask]);
+            if let Ok(log) = disk.read()
+                && !lost(&log)
+            {
+                // Values may differ, for nothing guards them; that there are fewer must be said.
+                assert_eq!(log.health.messages, 15, "{codec:?} bit {bit}");
+            }
+            disk.write_at(at as u64, &content[at..=at]);
+        }
+    }
+}
+
+#[test]
+fn hostile_lengths_neither_abort_nor_hang() {
+    let sent = flight(3);
+    for codec in [BagCodec::None, BagCodec::Lz4Linked] {
+        let content = bag(&sent, codec, 4, false, true);
+        let disk = OnDisk::new(&content, true);
+        let lengths = [0, 1, 1 << 16, i32::MAX as u32, 1 << 31, u32::MAX, u32::MAX - 8];
+        for at in (0..content.len() - 4).filter(|at| !(120..4090).contains(at)) {
+            disk.write_at(at as u64, &lengths[at % lengths.len()].to_le_bytes());
+            drop(disk.read());
+            disk.write_at(at as u64, &content[at..at + 4]);
+        }
+    }
+}
+
+#[test]
+fn what_is_no_bag_is_refused_by_name() {
+    let content = bag(&flight(3), BagCodec::None, 4, true, true);
+    for (bytes, what) in [
+        (&b"#ROSBAG V1.2\nsomething"[..], "version 1"),
+        (b"", "empty"),
+        (&[0; 10_000], "zero bytes"),
+        (&content[..4117], "cut before its index"),
+        (b"<html><body>Not found</body></html>", "begins the file is wrong"),
+    ] {
+        let error = OnDisk::new(bytes, true).read().unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+    }
+}
+
+#[test]
+fn a_broken_first_line_does_not_hide_the_rest() {
+    let sent = flight(10);
+    let mut content = bag(&sent, BagCodec::Lz4Linked, 9, true, true);
+    content[3] = b'?';
+    let log = OnDisk::new(&content, true).read().unwrap();
+    assert_received(&log, &sent, false);
+    assert_eq!(log.health.bytes.damaged, 13);
+}
+
+#[test]
+fn messages_whose_connection_is_lost_are_counted() {
+    let sent = flight(10);
+    let log_of = |content: &[u8]| OnDisk::new(content, true).read();
+    // Connections only at the end, and the end is cut off.
+    let content = bag(&sent, BagCodec::Bz2, 9, false, false);
+    let error = log_of(&content).unwrap_err().to_string();
+    assert!(error.contains("nothing in it is intact"), "{error}");
+}
+
+/// Messages, payload bytes and topics as the PyPI package rosbags 0.11.9 counts them.
+const COUNTED: [(&str, u64, u64, usize); 12] = [
+    ("embag/test/array_test.bag", 20, 11_690, 1),
+    ("embag/test/array_test_old_lz4.bag", 20, 5100, 1),
+    ("embag/test/test.bag", 15, 5_794_674, 3),
+    ("embag/test/test_2.bag", 2, 14, 1),
+    ("embag/test/test_old_lz4.bag", 3454, 2_574_957, 2),
+    ("robot_localization/test/test1.bag", 16_806, 6_733_256, 3),
+    ("robot_localization/test/test2.bag", 6121, 3_164_361, 2),
+    ("PlotJuggler/datasamples/example.bag", 8647, 338_842, 9),
+    ("PlotJuggler/datasamples/fake_joint_state.bag", 2725, 659_450, 1),
+    ("PlotJuggler/datasamples/out.bag", 194, 25_244, 1),
+    ("PlotJuggler/datasamples/tilt_laser.bag", 4093, 1_154_586, 9),
+    ("derived-alfa/alfa_bz2.bag", 2196, 268_840, 4),
+];
+
+#[test]
+fn real_bags_have_the_counts_of_the_python_reader() {
+    for (file, messages, bytes, topics) in COUNTED {
+        let Some(path) = real_logs(file) else { continue };
+        let log = read_all(&path);
+        let payload: u64 = log.health.topics.iter().map(|t| t.payload_bytes).sum();
+        assert_eq!((log.health.messages, payload, log.health.topics.len()), (messages, bytes, topics), "{file}");
+        assert!(!lost(&log) && log.health.bytes.damaged == 0, "{file}: {:?}", log.notices);
+        assert!(log.health.topics.iter().all(|t| t.decoded), "{file}");
+        assert!(log.notices.iter().all(|n| n.code != "longer-than-defined"), "{file}: {:?}", log.notices);
+    }
+}
+
+#[test]
+fn intact_bags_have_the_messages_of_the_rosbag_crate() {
+    use rosbag::{ChunkRecord, MessageRecord, RosBag};
+    for (file, ..) in COUNTED {
+        let Some(path) = real_logs(file) else { continue };
+        let other = RosBag::new(&path).unwrap();
+        let (mut messages, mut bytes) = (0, 0);
+        for chunk in other.chunk_records() {
+            let ChunkRecord::Chunk(chunk) = chunk.unwrap() else { continue };
+            for record in chunk.messages() {
+                if let MessageRecord::MessageData(message) = record.unwrap() {
+                    messages += 1;
+                    bytes += message.data.len() as u64;
+                }
+            }
+        }
+        let log = read_all(&path);
+        let payload: u64 = log.health.topics.iter().map(|t| t.payload_bytes).sum();
+        assert_eq!((log.health.messages, payload), (messages, bytes), "{file}");
+    }
+}
+
+#[test]
+fn all_ten_containers_of_one_flight_give_the_same_columns() {
+    let Some(folder) = real_logs("derived-alfa") else { return };
+    let intact = [
+        "alfa_none.bag",
+        "alfa_lz4.bag",
+        "alfa_bz2.bag",
+        "alfa_lz4_unindexed.bag",
+        "alfa_ros1_none.mcap",
+        "alfa_ros1_zstd.mcap",
+        "alfa_ros1_lz4.mcap",
+        "alfa_ros1_nosummary.mcap",
+        "alfa_ros1_unchunked.mcap",
+        "alfa_ros1_none_tailjunk.mcap",
+        "alfa_mcap_ros2/alfa_mcap_ros2.mcap",
+    ];
+    let first = read_all(&folder.join(intact[0]));
+    for file in intact {
+        let log = read_all(&folder.join(file));
+        assert_eq!((log.health.messages, log.health.undecodable), (2196, 0), "{file}");
+        for (a, b) in first.tables.iter().zip(&log.tables) {
+            assert_eq!((&a.topic.name, a.rows, &a.logged_ns), (&b.topic.name, b.rows, &b.logged_ns), "{file}");
+            // ROS 2 headers have no sequence number.
+            for column in a.columns.iter().filter(|c| c.path != "header.seq") {
+                assert_eq!(Some(column), b.column(&column.path), "{file} {}", a.topic.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_damaged_copies_give_what_can_be_recovered_and_are_marked() {
+    let Some(folder) = real_logs("derived-alfa") else { return };
+    // Messages that the notes beside these files call recoverable; of uncompressed and of later chunks we get more.
+    for (file, recoverable) in [
+        ("alfa_none_trunc60.bag", 1149),
+        ("alfa_bz2_trunc60.bag", 1149),
+        ("alfa_lz4_unindexed.bag", 2196),
+        ("alfa_bz2_bitflip.bag", 1809),
+        ("alfa_ros1_none_trunc60.mcap", 1266),
+        ("alfa_ros1_zstd_trunc60.mcap", 1266),
+        ("alfa_ros1_zstd_bitflip.mcap", 837),
+        ("alfa_ros1_none_tailjunk.mcap", 2196),
+    ] {
+        let log = read_all(&folder.join(file));
+        assert!(log.health.messages >= recoverable, "{file}: {}", log.health.messages);
+        assert!(lost(&log), "{file}");
+        let rows: usize = log.tables.iter().map(|t| t.rows).sum();
+        assert_eq!(rows as u64, log.health.messages, "{file}");
+    }
+}
+
+#[test]
+fn values_of_real_messages_are_those_of_the_python_decoder() {
+    // rosbags 0.11.9, deserialize_ros1 and math.fsum.
+    type Sums = &'static [(&'static str, usize, f64)];
+    let cases: [(&str, &str, &str, i128, Sums); 4] = [
+        (
+            "robot_localization/test/test1.bag",
+            "/fix",
+            "header.stamp",
+            1_416_481_102_983_320_759_754,
+            &[
+                ("latitude", 989, 41910.347555),
+                ("altitude", 989, -17940.3),
+                ("position_covariance[8]", 989, 3054.6400000000003),
+                ("status.service", 989, 989.0),
+                ("header.seq", 989, 588_455.0),
+            ],
+        ),
+        (
+            "robot_localization/test/test1.bag",
+            "/husky_velocity_controller/odom",
+            "header.stamp",
+            5_660_195_469_344_811_447_609,
+            &[
+                ("pose.pose.position.x", 3952, 261_283.805_675_115_23),
+                ("twist.twist.angular.z", 3952, -34.566_455_391_384_51),
+                ("twist.covariance[35]", 3952, 118.56),
+            ],
+        ),
+        (
+            "PlotJuggler/datasamples/tilt_laser.bag",
+            "/tf",
+            "transforms[0].header.stamp",
+            943_425_571_030_905_724_095,
+            &[("transforms[0].transform.rotation.z", 711, -0.712)],
+        ),
+        (
+            "derived-alfa/alfa_mcap_ros2/alfa_mcap_ros2.mcap",
+            // mcap-ros2-support 0.6.0.
+            "/mavros/global_position/raw/fix",
+            "header.stamp",
+            1_014_146_846_606_356_856_315,
+            &[("latitude", 662, 26_871.748_662_5), ("position_covariance[8]", 662, 951.038_346_605_160_1)],
+        ),
+    ];
+    for (file, topic, stamp, stamps, sums) in cases {
+        let Some(path) = real_logs(file) else { continue };
+        let paths = sums.iter().map(|s| s.0).chain([stamp]);
+        let fields: Vec<_> =
+            paths.map(|p| ingest::FieldRequest { path: p.to_owned(), kind: ingest::ValueKind::Number }).collect();
+        let want = |t: &TopicInfo| {
+            if t.name == topic { Selection::Fields(fields.clone()) } else { Selection::Skip }
+        };
+        let is_bag = file.ends_with(".bag");
+        let log = in_context(|c| reader(path, is_bag).read(&want, c)).unwrap();
+        let table = &log.tables[0];
+        assert_eq!(table.columns.len(), sums.len() + 1, "{file}");
+        assert_eq!(whole_sum(table, stamp), stamps, "{file}");
+        for &(path, count, total) in sums {
+            assert_eq!(sum(table, path), (count, total), "{file} {path}");
+        }
+    }
+}
+
+#[test]
+fn a_topic_of_two_types_makes_two_tables() {
+    let sent: Vec<Sent> = flight(4);
+    let content = bag(&sent, BagCodec::None, 100, true, false);
+    // The camera's connection renamed to the topic of the fixes, with another type.
+    let mut text = content.clone();
+    let name = CAMERA.as_bytes();
+    let places: Vec<usize> = content.windows(name.len()).enumerate().filter(|(_, w)| *w == name).map(|(i, _)| i).collect();
+    for place in places {
+        text[place..place + name.len()].copy_from_slice(b"/camerb");
+    }
+    let log = OnDisk::new(&text, true).read_where(|_| Selection::All).unwrap();
+    let names: Vec<&str> = log.tables.iter().map(|t| t.topic.name.as_str()).collect();
+    assert_eq!(names, ["/camerb", FIX]);
+}

@@ -1,0 +1,324 @@
+//! What the binder does with rows, stamps and maps: small tables with exact expectations.
+
+use crate::support::*;
+use flight::{ChannelHealth, Quantity, StampKind};
+use ingest::{
+    ChannelMap, Column, ColumnData, FlightUnit, IngestError, Loaded, Log, LogKind, MapLibrary, Table, TopicInfo, bind,
+};
+use std::path::Path;
+
+const HEADER: &str = "time,lat,lon,hMSL,velN,velE,velD,gpsFix\n";
+
+fn flysight(rows: &str) -> Loaded {
+    let (_folder, path) = file("flight.csv", format!("{HEADER}{rows}").as_bytes());
+    let loaded = load(&tables(&[path])).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+fn health<'a>(loaded: &'a Loaded, name: &str) -> &'a ChannelHealth {
+    loaded.binding.as_ref().unwrap().channels.iter().find(|c| c.name == name).unwrap()
+}
+
+fn reasons(health: &ChannelHealth) -> Vec<(&str, u64, &str)> {
+    health.rejected.iter().map(|r| (r.reason.as_str(), r.count, r.first.as_str())).collect()
+}
+
+fn row(second: u32, lat: f64) -> String {
+    format!("2024-05-10T17:27:{second:02}Z,{lat},8.5,400,1,2,3,3\n")
+}
+
+#[test]
+fn rows_that_cannot_be_used_are_counted_by_reason_with_their_first_line() {
+    let rows = [
+        row(1, 47.1),
+        "2024-05-10T17:27:02Z,,8.5,400,1,2,3,3\n".into(),
+        "2024-05-10T17:27:03Z,nan,8.5,400,1,2,3,3\n".into(),
+        "2024-05-10T17:27:04Z,91.0,8.5,400,1,2,3,3\n".into(),
+        "2024-05-10T17:27:05Z,0,0,400,1,2,3,3\n".into(),
+        "2024-05-10T17:27:06Z,47.1,8.5,400,1,2,3,2\n".into(),
+        "yesterday,47.1,8.5,400,1,2,3,3\n".into(),
+        "1970-01-01T00:00:00Z,47.1,8.5,400,1,2,3,3\n".into(),
+        row(9, 47.2),
+        row(10, 47.3),
+    ]
+    .concat();
+    let loaded = flysight(&rows);
+    let position = health(&loaded, "position.gps");
+    assert_eq!((position.rows, position.used), (10, 3));
+    assert_eq!(
+        reasons(position),
+        [
+            ("lat is missing", 2, "line 3"),
+            ("latitude or longitude out of range", 1, "line 5"),
+            ("latitude and longitude are zero: no fix", 1, "line 6"),
+            ("gpsFix is below 3", 1, "line 7"),
+            ("no stamp", 1, "line 8"),
+            ("stamp more than a day away from the others", 1, "line 9"),
+        ]
+    );
+    // The velocity of a row with a bad position is still a velocity.
+    assert_eq!(health(&loaded, "velocity.gps").used, 7);
+    assert_eq!(count_of(&loaded, "rejected-row"), 7 + 3);
+    assert!(!lossy(&loaded));
+}
+
+#[test]
+fn rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept() {
+    let loaded = flysight(&[row(3, 47.3), row(1, 47.1), row(3, 47.9), row(2, 47.2)].concat());
+    let series = &loaded.flight.channels["position.gps"].series;
+    let degrees: Vec<f64> = series.component(0).iter().map(|r| (r.to_degrees() * 10.0).round() / 10.0).collect();
+    assert_eq!(degrees, [47.1, 47.2, 47.3]);
+    assert_eq!(reasons(health(&loaded, "position.gps")), [("stamp equal to the one before", 1, "line 4")]);
+    assert_eq!(health(&loaded, "position.gps").stamps.as_ref().unwrap().back_jumps, 2);
+    // Once for each of the two channels.
+    assert_eq!((count_of(&loaded, "back-jump"), count_of(&loaded, "duplicate-stamp")), (4, 2));
+}
+
+#[test]
+fn values_held_over_rows_are_marked_and_a_parked_receiver_is_not() {
+    let moving = |i: u32| 47.0 + f64::from(i) * 1e-4;
+    let held: String = (0..30).map(|i| row(i, moving(i / 3))).collect();
+    let loaded = flysight(&held);
+    let position = &loaded.flight.channels["position.gps"];
+    assert_eq!(position.update_rows(), (0..30).step_by(3).collect::<Vec<_>>());
+    let health_held = health(&loaded, "position.gps").held.clone().unwrap();
+    assert_eq!((health_held.repeats, health_held.modal_run, health_held.update_interval_s), (20, 3, 3.0));
+
+    let parked: String = (0..30).map(|i| row(i, moving(i.max(20)))).collect();
+    let loaded = flysight(&parked);
+    assert!(!loaded.flight.channels["position.gps"].is_held());
+    assert!(health(&loaded, "position.gps").held.is_none());
+    // Never moving at all is one long run, and no sign of holding either.
+    assert!(!flysight(&(0..30).map(|i| row(i, 47.0)).collect::<String>()).flight.channels["position.gps"].is_held());
+}
+
+#[test]
+fn a_height_that_most_rows_lack_does_not_cost_the_rows() {
+    let without = |i: u32| format!("2024-05-10T17:27:{i:02}Z,47.{i},8.5,,1,2,3,3\n");
+    let loaded = flysight(&[row(1, 47.1), without(2), without(3), without(4)].concat());
+    let position = &loaded.flight.channels["position.gps"];
+    assert_eq!((position.present.as_slice(), position.series.len()), (&[true, true, false][..], 4));
+    assert_eq!(position.series.component(2), [0.0; 4]);
+    assert_eq!(health(&loaded, "position.gps").absent, ["height"]);
+    // One row without it among many is one row less.
+    let loaded = flysight(&[row(1, 47.1), without(2), row(3, 47.3), row(4, 47.4)].concat());
+    assert_eq!(reasons(health(&loaded, "position.gps")), [("hMSL is missing", 1, "line 3")]);
+}
+
+#[test]
+fn a_channel_without_a_usable_row_is_absent_and_says_why() {
+    let loaded = flysight("2024-05-10T17:27:02Z,47,8,1,1,2,3,0\n2024-05-10T17:27:03Z,47,8,1,1,2,3,0\n");
+    assert!(loaded.flight.channels.is_empty());
+    assert_eq!(health(&loaded, "position.gps").used, 0);
+    assert!(
+        loaded.flight.notices.iter().any(|n| n.code == "no-usable-row" && n.text.contains("gpsFix is below 3 (2)"))
+    );
+}
+
+#[test]
+fn a_log_that_no_map_knows_has_its_health_and_a_reason_with_its_columns() {
+    let (_folder, path) = file("motor.csv", b"t,rpm\n0,1\n1,2\n");
+    let loaded = load(&tables(&[path])).unwrap();
+    let reason = loaded.binding.unwrap_err();
+    assert!(
+        reason.starts_with("no channel map fits") && reason.contains("motor") && reason.contains("t, rpm"),
+        "{reason}"
+    );
+    assert_eq!((loaded.health.messages, loaded.health.bytes.size), (2, 14));
+}
+
+#[test]
+fn what_is_missing_in_the_nearest_map_is_named() {
+    let (_folder, path) = file("f.csv", b"time,lat,lonX,hMSL,velN,velEX,velD\n2024-05-10T17:27:02Z,47,8,1,1,2,3\n");
+    let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
+    assert!(reason.contains("nearest: flysight-1 lacks position.gps: topic f: no longitude (lon)"), "{reason}");
+}
+
+const SAME: &str = "schema = 1\nname = \"NAME\"\ntitle = \"t\"\n[time]\nlogged = [{ field = \"t\", unit = \"s\", clock = \"boot\" }]\n\
+    [[channel]]\nname = \"velocity.x\"\nquantity = \"velocity-ned\"\ntimeline = \"logged\"\n[channel.fields]\n\
+    north = { field = \"a\", unit = \"UNIT\" }\neast = { field = \"b\", unit = \"UNIT\" }\nVERTICAL\n";
+
+fn same(name: &str, unit: &str, vertical: &str) -> ChannelMap {
+    let text = SAME.replace("NAME", name).replace("UNIT", unit).replace("VERTICAL", vertical);
+    ChannelMap::from_toml(Path::new("x.toml"), &text).unwrap()
+}
+
+fn load_with(library: &MapLibrary, text: &str, forced: Option<&str>) -> Result<Loaded, IngestError> {
+    let (_folder, path) = file("f.csv", text.as_bytes());
+    in_context(|context| ingest::load(&tables(&[path]), library, forced, context))
+}
+
+#[test]
+fn two_maps_that_fit_equally_are_an_error_that_names_both_and_the_user_decides() {
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(same("first", "m/s", ""));
+    library.add(same("second", "kt", ""));
+    let text = "t,a,b\n0,1,2\n1,3,4\n";
+    let reason = load_with(&library, text, None).unwrap().binding.unwrap_err();
+    assert!(reason.contains("first and second") && reason.contains("--map"), "{reason}");
+    let loaded = load_with(&library, text, Some("second")).unwrap();
+    assert_eq!(loaded.binding.unwrap().map, "second");
+    // 3600 kt are 1852 m/s.
+    let north = loaded.flight.channels["velocity.x"].series.component(0).to_vec();
+    assert!((north[1] - 3.0 * 1852.0 / 3600.0).abs() < 1e-15);
+    assert!(matches!(load_with(&library, text, Some("third")), Err(IngestError::Map(_))));
+}
+
+#[test]
+fn up_becomes_down_and_feet_a_minute_metres_a_second() {
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(same("up", "km/h", "up = { field = \"c\", unit = \"ft/min\" }"));
+    let loaded = load_with(&library, "t,a,b,c\n0,36,-72,600\n0.25,36,-72,-600\n", Some("up")).unwrap();
+    let velocity = &loaded.flight.channels["velocity.x"];
+    assert_eq!(velocity.quantity, Quantity::VelocityNed);
+    assert_eq!([0, 1].map(|i| velocity.series.component(i)[0]), [10.0, -20.0]);
+    assert!(
+        (velocity.series.component(2)[0] + 3.048).abs() < 1e-12
+            && (velocity.series.component(2)[1] - 3.048).abs() < 1e-12
+    );
+    assert_eq!(velocity.series.timeline().stamps()[1].0, 250_000_000);
+}
+
+/// A table as a reader of typed messages gives it.
+fn typed(name: &str, type_name: &str, columns: &[(&str, &[f64])], stamps: &[i64], logged: &[i64]) -> Table {
+    let number = |(path, values): &(&str, &[f64])| Column {
+        path: (*path).into(),
+        data: ColumnData::F64(values.to_vec()),
+        valid: None,
+    };
+    let mut columns: Vec<Column> = columns.iter().map(number).collect();
+    columns.push(Column { path: "header.stamp".into(), data: ColumnData::I64(stamps.to_vec()), valid: None });
+    columns.sort_by(|a, b| a.path.cmp(&b.path));
+    Table {
+        topic: TopicInfo { name: name.into(), type_name: type_name.into(), encoding: "ros1".into() },
+        rows: stamps.len(),
+        logged_ns: Some(logged.to_vec()),
+        published_ns: Some(logged.to_vec()),
+        origin: None,
+        columns,
+    }
+}
+
+const STAMPS: &[i64] = &[1_700_000_000_000_000_000, 1_700_000_001_000_000_000, 1_700_000_002_000_000_000];
+const LOGGED: &[i64] = &[1_700_000_000_250_000_000, 1_700_000_001_250_000_000, 1_700_000_002_500_000_000];
+
+fn fix(name: &str, type_name: &str) -> Table {
+    let values: [(&str, &[f64]); 4] = [
+        ("latitude", &[47.0, 47.1, 47.2]),
+        ("longitude", &[8.0; 3]),
+        ("altitude", &[400.0; 3]),
+        ("status.status", &[0.0; 3]),
+    ];
+    typed(name, type_name, &values, STAMPS, LOGGED)
+}
+
+fn twist(name: &str, stamps: &[i64]) -> Table {
+    let values: [(&str, &[f64]); 3] =
+        [("twist.linear.x", &[1.0; 3]), ("twist.linear.y", &[2.0; 3]), ("twist.linear.z", &[3.0; 3])];
+    typed(name, "geometry_msgs/msg/TwistStamped", &values, stamps, LOGGED)
+}
+
+fn bound(tables: Vec<Table>) -> Result<(flight::Flight, flight::Binding), IngestError> {
+    bind(&Log { tables, ..Log::default() }, &MapLibrary::shipped().unwrap(), None)
+}
+
+#[test]
+fn topics_by_type_are_found_under_any_name_and_east_north_up_becomes_north_east_down() {
+    let (flight, binding) = bound(vec![fix("/a", "sensor_msgs/msg/NavSatFix"), twist("/b", STAMPS)]).unwrap();
+    assert_eq!(binding.map, "navsatfix-twist");
+    let velocity = &flight.channels["velocity.gps"].series;
+    assert_eq!([0, 1, 2].map(|i| velocity.component(i)[0]), [2.0, 1.0, -3.0]);
+    // The publish time that repeats the log time says nothing.
+    let others: Vec<StampKind> = flight.channels["position.gps"].other_stamps.iter().map(|(kind, ..)| *kind).collect();
+    assert_eq!(others, [StampKind::Logged]);
+    let offset = &binding.channels[0].offsets[0];
+    assert_eq!((offset.of, offset.against), (StampKind::Logged, StampKind::Measured));
+    assert_eq!((offset.offset_s.median, offset.offset_s.max), (0.25, 0.5));
+}
+
+#[test]
+fn two_topics_of_the_same_type_are_named_when_nobody_can_know() {
+    let type_name = "sensor_msgs/NavSatFix";
+    let error = bound(vec![fix("/a", type_name), fix("/c", type_name)]).unwrap_err().to_string();
+    assert!(error.contains("/a and /c fit equally well"), "{error}");
+}
+
+#[test]
+fn topics_by_name_go_before_topics_by_type_and_below_a_namespace() {
+    let tables = vec![
+        fix("/uav1/mavros/global_position/raw/fix", "sensor_msgs/NavSatFix"),
+        twist("/uav1/mavros/local_position/velocity_local", STAMPS),
+    ];
+    let (flight, binding) = bound(tables).unwrap();
+    assert_eq!(binding.map, "mavros");
+    assert!(flight.channels.contains_key("velocity.ekf"));
+    assert!(binding.others.iter().any(|o| o.map == "navsatfix-twist"));
+}
+
+#[test]
+fn stamps_that_were_never_filled_in_give_way_to_the_log_time_with_a_warning() {
+    let (flight, _) = bound(vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", &[0; 3])]).unwrap();
+    let velocity = &flight.channels["velocity.gps"].series;
+    assert_eq!(velocity.timeline().kind(), StampKind::Logged);
+    assert_eq!(velocity.len(), 3);
+    let texts: Vec<&str> = flight.notices.iter().filter(|n| n.code == "stamp-kind").map(|n| n.text.as_str()).collect();
+    assert!(
+        texts.iter().any(|t| t.contains("never change")) && texts.iter().any(|t| t.contains("stand in")),
+        "{texts:?}"
+    );
+}
+
+#[test]
+fn stamps_of_another_clock_make_no_offset() {
+    let simulated = [10_000_000_000, 11_000_000_000, 12_000_000_000];
+    let (flight, binding) = bound(vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", &simulated)]).unwrap();
+    assert!(binding.channels.iter().find(|c| c.name == "velocity.gps").unwrap().offsets.is_empty());
+    assert!(flight.notices.iter().any(|n| n.code == "clock-differs" && n.place == "/b"));
+}
+
+#[test]
+fn a_number_that_is_not_finite_rejects_its_message() {
+    let mut table = fix("/a", "sensor_msgs/NavSatFix");
+    for column in &mut table.columns {
+        if column.path == "latitude" {
+            column.data = ColumnData::F64(vec![47.0, f64::NAN, 47.2]);
+        }
+    }
+    let (flight, binding) = bound(vec![table, twist("/b", STAMPS)]).unwrap();
+    assert_eq!(flight.channels["position.gps"].series.len(), 2);
+    let position = binding.channels.iter().find(|c| c.name == "position.gps").unwrap();
+    assert_eq!(reasons(position), [("latitude is not finite", 1, "message 2")]);
+}
+
+#[test]
+fn a_file_that_is_not_there_is_an_error_with_its_name() {
+    let unit = FlightUnit { id: "x".into(), files: vec!["/nowhere/x.csv".into()], kind: LogKind::Csv };
+    let error = load(&unit).unwrap_err();
+    assert!(matches!(&error, IngestError::Io { file, .. } if file == "x.csv"), "{error}");
+}
+
+#[test]
+fn a_log_that_is_written_to_while_it_is_read_is_an_error() {
+    let text: String = (0..50_000).map(|i| format!("{i},1,2\n")).collect();
+    let (_folder, path) = file("f.csv", format!("t,a,b\n{text}").as_bytes());
+    let library = MapLibrary::shipped().unwrap();
+    let cancel = std::sync::atomic::AtomicBool::new(false);
+    let grow = |_| {
+        use std::io::Write;
+        std::fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(b"9,9,9\n").unwrap();
+    };
+    let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &grow };
+    let error = ingest::load(&tables(std::slice::from_ref(&path)), &library, None, &context).unwrap_err();
+    assert!(matches!(&error, IngestError::Changed { file } if file == "f.csv"), "{error}");
+}
+
+#[test]
+fn a_wish_to_stop_is_heard() {
+    let (_folder, path) = file("f.csv", b"t,a,b\n1,2,3\n");
+    let library = MapLibrary::shipped().unwrap();
+    let cancel = std::sync::atomic::AtomicBool::new(true);
+    let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &|_| () };
+    let error = ingest::load(&tables(&[path]), &library, None, &context).unwrap_err();
+    assert!(matches!(error, IngestError::Cancelled));
+}

@@ -1,0 +1,173 @@
+//! Which files are flights.
+
+use ingest::{Discovery, LogKind, MapLibrary, discover};
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+
+const FLYSIGHT: &[u8] = b"time,lat,lon\n,(deg),(deg)\n2024-05-10T17:27:44.30Z,47,8\n";
+const FLYSIGHT2: &[u8] = b"$FLYS,1\n$COL,GNSS,time\n$DATA\n";
+const TOPIC: &[u8] = b"%time,field.latitude\n1,47\n";
+const MCAP: &[u8] = b"\x89MCAP0\r\n rest";
+
+fn tree(files: &[(&str, &[u8])]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (path, content) in files {
+        let path = folder.path().join(path);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, content).unwrap();
+    }
+    folder
+}
+
+fn found(root: &Path) -> Discovery {
+    discover(root, &MapLibrary::shipped().unwrap()).unwrap()
+}
+
+fn ids(found: &Discovery) -> Vec<(&str, LogKind, usize)> {
+    found.units.iter().map(|u| (u.id.as_str(), u.kind, u.files.len())).collect()
+}
+
+fn reason<'a>(found: &'a Discovery, path: &str) -> &'a str {
+    found.ignored.iter().find(|(p, _)| p == path).map_or("", |(_, reason)| reason)
+}
+
+#[test]
+fn logs_are_known_by_their_content_and_the_rest_is_listed_with_a_reason() {
+    let folder = tree(&[
+        ("b/one.csv", FLYSIGHT),
+        ("b/two.txt", FLYSIGHT),
+        ("a/three", MCAP),
+        ("a/four.bag", b"#ROSBAG V2.0\n"),
+        ("a/cut.bag", b""),
+        ("a/empty.csv", b""),
+        ("README.md", b"a, b\n1, 2\n"),
+        ("LICENSE", b"Permission is hereby granted, free of charge, to any person\nobtaining a copy\n"),
+        ("x.ulg", b"ULog\x01\x12\x35\x01"),
+        ("x.BIN", b"\xa3\x95\x80\x59"),
+        ("x.db3", b"SQLite format 3\0"),
+        ("x.zip", b"PK\x03\x04"),
+        ("lfs.mcap", b"version https://git-lfs.github.com/spec/v1\n"),
+        ("page.bag", b"<!DOCTYPE html><html>"),
+        ("noise", b"\x00\x01\x02"),
+        ("nothing", b""),
+        (".hidden.csv", FLYSIGHT),
+    ]);
+    let found = found(folder.path());
+    let expected = [
+        ("a/cut.bag", LogKind::Bag, 1),
+        ("a/empty.csv", LogKind::Csv, 1),
+        ("a/four.bag", LogKind::Bag, 1),
+        ("a/three", LogKind::Mcap, 1),
+        ("b/one.csv", LogKind::Csv, 1),
+        ("b/two.txt", LogKind::Csv, 1),
+    ];
+    assert_eq!(ids(&found), expected);
+    for (path, text) in [
+        ("README.md", ".md"),
+        ("LICENSE", "text, but"),
+        ("x.ulg", "not read yet"),
+        ("x.BIN", "not read yet"),
+        ("x.db3", "not read yet"),
+        ("x.zip", "unpack"),
+        ("lfs.mcap", "Git-LFS"),
+        ("page.bag", "HTML"),
+        ("noise", "binary"),
+        ("nothing", "empty"),
+        (".hidden.csv", "hidden"),
+    ] {
+        assert!(reason(&found, path).contains(text), "{path}: {:?}", reason(&found, path));
+    }
+    assert_eq!(found.units.len() + found.ignored.len(), 17);
+}
+
+#[test]
+fn tables_of_one_topic_each_are_one_flight_by_the_beginning_that_they_share() {
+    let folder = tree(&[
+        ("run1-mavros-global_position-raw-fix.csv", TOPIC),
+        ("run1-mavros-local_position-velocity.csv", TOPIC),
+        ("run1-mavros-battery.csv", TOPIC),
+        ("run10-mavros-global_position-raw-fix.csv", TOPIC),
+        ("run10-mavros-battery.csv", TOPIC),
+        ("f3_vehicle_gps_position_0.csv", TOPIC),
+        ("f3_vehicle_local_position_0.csv", TOPIC),
+        ("alone.csv", FLYSIGHT),
+    ]);
+    let csv = LogKind::Csv;
+    assert_eq!(
+        ids(&found(folder.path())),
+        [("alone.csv", csv, 1), ("f3", csv, 2), ("run1", csv, 3), ("run10", csv, 2)]
+    );
+}
+
+#[test]
+fn a_folder_of_bare_topics_is_one_flight() {
+    let folder =
+        tree(&[("day/f1/gps-fix.csv", TOPIC), ("day/f1/gps-vel.csv", TOPIC), ("day/f1/operator-notes.csv", TOPIC)]);
+    assert_eq!(ids(&found(folder.path())), [("day/f1", LogKind::Csv, 3)]);
+    // The root itself has a name too.
+    let below = found(&folder.path().join("day/f1"));
+    assert_eq!(ids(&below), [("f1", LogKind::Csv, 3)]);
+}
+
+#[test]
+fn track_and_sensor_of_a_flysight_2_are_one_flight() {
+    let folder =
+        tree(&[("09/01/TRACK.CSV", FLYSIGHT2), ("09/01/SENSOR.CSV", FLYSIGHT2), ("09/02/TRACK.CSV", FLYSIGHT2)]);
+    assert_eq!(ids(&found(folder.path())), [("09/01", LogKind::Csv, 2), ("09/02/TRACK.CSV", LogKind::Csv, 1)]);
+}
+
+#[test]
+fn links_in_a_circle_end_and_no_log_counts_twice() {
+    let folder = tree(&[("a/log.csv", FLYSIGHT), ("b/other.csv", FLYSIGHT)]);
+    let root = folder.path();
+    symlink(root, root.join("a/up")).unwrap();
+    symlink(root.join("a"), root.join("z")).unwrap();
+    symlink(root.join("a/log.csv"), root.join("b/same.csv")).unwrap();
+    fs::hard_link(root.join("a/log.csv"), root.join("b/twin.csv")).unwrap();
+    symlink(root.join("gone"), root.join("broken.csv")).unwrap();
+    let found = found(root);
+    assert_eq!(ids(&found), [("a/log.csv", LogKind::Csv, 1), ("b/other.csv", LogKind::Csv, 1)]);
+    assert!(reason(&found, "a/up").contains("around"));
+    assert!(reason(&found, "z").contains("same folder as a"));
+    assert!(reason(&found, "b/same.csv").contains("same file as a/log.csv"));
+    assert!(reason(&found, "b/twin.csv").contains("same file as a/log.csv"));
+    assert!(reason(&found, "broken.csv").contains("cannot be read"));
+}
+
+#[test]
+fn what_is_no_regular_file_is_never_opened() {
+    let folder = tree(&[("log.csv", FLYSIGHT)]);
+    let pipe = folder.path().join("pipe.csv");
+    // Opening a pipe without a writer would wait for ever.
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let _socket = std::os::unix::net::UnixListener::bind(folder.path().join("socket.csv")).unwrap();
+    let found = found(folder.path());
+    assert_eq!(ids(&found), [("log.csv", LogKind::Csv, 1)]);
+    assert!(reason(&found, "pipe.csv").contains("no regular file"));
+    assert!(reason(&found, "socket.csv").contains("no regular file"));
+}
+
+#[test]
+fn a_single_file_is_a_root_too() {
+    let folder = tree(&[("log.csv", FLYSIGHT), ("notes.md", b"hello")]);
+    assert_eq!(ids(&found(&folder.path().join("log.csv"))), [("log.csv", LogKind::Csv, 1)]);
+    let none = found(&folder.path().join("notes.md"));
+    assert!(none.units.is_empty() && none.ignored.len() == 1);
+    assert!(discover(&folder.path().join("gone"), &MapLibrary::shipped().unwrap()).is_err());
+}
+
+#[test]
+fn odd_names_are_names() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tree(&[("-rf.csv", FLYSIGHT), ("a b\n\"c\".csv", FLYSIGHT), ("ünïcode 🚁.csv", FLYSIGHT)]);
+    for byte in [b"\xff.csv", b"\xfe.csv"] {
+        fs::write(folder.path().join(OsStr::from_bytes(byte)), FLYSIGHT).unwrap();
+    }
+    let found = found(folder.path());
+    assert_eq!(found.units.len(), 5);
+    let mut ids: Vec<&String> = found.units.iter().map(|u| &u.id).collect();
+    ids.dedup();
+    assert_eq!(ids.len(), 5, "two names that are no UTF-8 must not become one");
+}

@@ -1,0 +1,12 @@
+//! Tests of the crate from outside.
+
+#![allow(clippy::print_stdout, reason = "a skipped test says so")]
+
+mod bag;
+mod bind;
+mod csv;
+mod discover;
+mod made;
+mod maps;
+mod mcap;
+mod support;

@@ -1,0 +1,289 @@
+//! The shipped channel maps: their schema, their checks, and what they say of real logs.
+
+use crate::support::*;
+use flight::{Clock, StampKind};
+use ingest::{ChannelMap, Loaded, MapLibrary};
+use std::path::{Path, PathBuf};
+
+fn maps_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/channel-maps")
+}
+
+#[test]
+fn the_schema_beside_the_maps_is_the_schema_of_the_code() {
+    let path = maps_folder().join("channel-map.schema.json");
+    let generated = ingest::channel_map_schema();
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::write(&path, &generated).unwrap();
+    }
+    let written = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(written == generated, "{} is not up to date: run this test with UPDATE=1", path.display());
+}
+
+#[test]
+fn every_map_in_the_folder_is_shipped_and_named_after_its_file() {
+    let library = MapLibrary::shipped().unwrap();
+    let mut names: Vec<&str> = library.iter().map(|m| m.name.as_str()).collect();
+    names.sort_unstable();
+    let entries = std::fs::read_dir(maps_folder()).unwrap().map(|e| e.unwrap().path());
+    let mut files: Vec<String> = entries
+        .filter(|p| p.extension().is_some_and(|e| e == "toml"))
+        .map(|p| p.file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    files.sort();
+    assert_eq!(names, files);
+}
+
+const GOOD: &str = "schema = 1\nname = \"n\"\ntitle = \"t\"\n[time]\nlogged = [{ field = \"t\", unit = \"s\", clock = \"boot\" }]\n\
+                    [[channel]]\nname = \"velocity.x\"\nquantity = \"velocity-ned\"\ntimeline = \"logged\"\n[channel.fields]\n\
+                    north = { field = \"a\", unit = \"m/s\" }\neast = { field = \"b\", unit = \"kt\" }\n";
+
+#[test]
+fn a_wrong_map_is_refused_with_its_file_its_line_and_what_is_wrong() {
+    let of = |text: &str| ChannelMap::from_toml(Path::new("mine.toml"), text);
+    assert!(of(GOOD).is_ok());
+    for (from, to, expected) in [
+        ("title =", "titel =", "line 3"),
+        ("unit = \"kt\"", "unit = \"knots\"", "line 6: channel velocity.x: east: unknown unit \"knots\""),
+        ("unit = \"kt\"", "unit = \"deg\"", "deg is no unit of Speed"),
+        ("east =", "height =", "the field height does not fit"),
+        ("east = { field = \"b\", unit = \"kt\" }\n", "", "the field east is missing"),
+        ("clock = \"boot\"", "clock = \"moon\"", "line 5"),
+        (", clock = \"boot\"", "", "needs a clock"),
+        ("schema = 1", "schema = 2", "schema 2"),
+        ("timeline = \"logged\"", "timeline = \"later\"", "line 9"),
+    ] {
+        let error = of(&GOOD.replace(from, to)).unwrap_err().to_string();
+        assert!(error.starts_with("mine.toml: ") && error.contains(expected), "{to}: {error}");
+    }
+}
+
+#[test]
+fn a_map_of_the_user_replaces_the_shipped_one_of_the_same_name() {
+    let (folder, _path) = file("mine.toml", GOOD.replace("name = \"n\"", "name = \"mavros\"").as_bytes());
+    let shipped = MapLibrary::shipped().unwrap();
+    let count = shipped.iter().count();
+    let library = shipped.with_folder(folder.path()).unwrap();
+    assert_eq!(library.iter().count(), count);
+    assert_eq!(library.get("mavros").unwrap().title, "t");
+    let error = library.get("nothing").unwrap_err().to_string();
+    assert!(error.contains("flysight-1"), "{error}");
+}
+
+/// The map that was taken, and how displacement and velocity agree. Scale within `scale` of one, rotation
+/// within `degrees` of none: swapped axes, a wrong sign or a wrong unit are far outside.
+fn assert_agrees(loaded: &Loaded, map: &str, pair: (&str, &str), scale: f64, degrees: f64) {
+    let binding = loaded.binding.as_ref().unwrap();
+    assert_eq!(binding.map, map, "{}", binding.why);
+    let channel = |name: &str| loaded.flight.channels.get(name).unwrap_or_else(|| panic!("no {name}"));
+    let a = agreement(channel(pair.0), channel(pair.1), 3.0);
+    let what = format!(
+        "{pair:?}: scale {}, rotation {}°, left {}, {} windows",
+        a.scale,
+        a.rotation.to_degrees(),
+        a.left_over,
+        a.windows
+    );
+    assert!(a.windows > 30, "{what}");
+    assert!((a.scale - 1.0).abs() < scale && a.rotation.to_degrees().abs() < degrees && a.left_over < 0.15, "{what}");
+}
+
+#[test]
+fn alfa_tables_of_mavros_agree_with_themselves() {
+    let Some(folder) = real_logs("ALFA") else { return };
+    let found = ingest::discover(&folder, &MapLibrary::shipped().unwrap()).unwrap();
+    assert_eq!(found.units.len(), 1);
+    assert_eq!(found.units[0].id, "alfa-cpp/csv/carbonZ_2018-07-18-15-53-31_1_engine_failure");
+    assert_eq!(found.units[0].files.len(), 34);
+    let loaded = load(&found.units[0]).unwrap();
+    assert_ledger(&loaded);
+    for velocity in ["velocity.gps", "velocity.ekf"] {
+        for position in ["position.gps", "position.ekf", "position.local"] {
+            assert_agrees(&loaded, "mavros", (position, velocity), 0.01, 1.5);
+        }
+    }
+    let fix = &loaded.flight.channels["position.gps"].series;
+    // First row: 1531943810933254299, 40.5914601, -79.8995372, 349.262177802.
+    assert_eq!(fix.timeline().kind(), StampKind::Measured);
+    assert_eq!(fix.timeline().first().unwrap().0, 1_531_943_810_933_254_299);
+    assert_eq!(fix.component(0)[0], 40.5914601_f64.to_radians());
+    assert_eq!(fix.component(1)[0], (-79.8995372_f64).to_radians());
+    assert_eq!((fix.component(2)[0], fix.len()), (349.262177802, 662));
+    // twist.linear.x = 19.0866183839 is east, y = -1.98924575298 is north.
+    let velocity = &loaded.flight.channels["velocity.gps"].series;
+    assert_eq!((velocity.component(0)[0], velocity.component(1)[0]), (-1.98924575298, 19.0866183839));
+}
+
+#[test]
+fn the_odometry_of_mavros_turned_by_its_orientation_is_the_local_velocity() {
+    let Some(folder) = real_logs("ALFA/alfa-cpp/csv") else { return };
+    let text = std::fs::read_to_string(maps_folder().join("navsatfix-twist.toml")).unwrap();
+    // The table has no type, so the rule is given a name instead.
+    let named = text.replace("type = [\"nav_msgs/Odometry\"]", "topic = [\"/local_position/odom\"]");
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("odometry.toml"), &named).unwrap());
+    let prefix = "carbonZ_2018-07-18-15-53-31_1_engine_failure-mavros-local_position";
+    let unit = tables(&[folder.join(format!("{prefix}-odom.csv")), folder.join(format!("{prefix}-velocity.csv"))]);
+    let of = |map| in_context(|context| ingest::load(&unit, &library, Some(map), context)).unwrap().flight;
+    let (turned, local) = (of("navsatfix-twist"), of("mavros"));
+    let (turned, local) = (&turned.channels["velocity.odometry"].series, &local.channels["velocity.ekf"].series);
+    let at = |i: usize| local.timeline().stamps().iter().position(|s| *s == turned.timeline().stamps()[i]);
+    let pairs: Vec<(usize, usize)> = (0..turned.len()).filter_map(|i| Some((i, at(i)?))).collect();
+    assert!(pairs.len() > 500, "{}", pairs.len());
+    // Now and then mavros pairs a velocity with the attitude of the message before.
+    let error = |&(i, j): &(usize, usize)| {
+        (0..3).map(|k| (turned.component(k)[i] - local.component(k)[j]).powi(2)).sum::<f64>().sqrt()
+    };
+    let mut errors: Vec<f64> = pairs.iter().map(error).collect();
+    errors.sort_by(f64::total_cmp);
+    assert!(errors[errors.len() / 2] < 1e-6, "median error {} m/s", errors[errors.len() / 2]);
+}
+
+#[test]
+fn the_px4_map_agrees_with_itself() {
+    let Some(folder) = real_logs("aircraft-polar/data") else { return };
+    let found = ingest::discover(&folder, &MapLibrary::shipped().unwrap()).unwrap();
+    let ids: Vec<&str> = found.units.iter().map(|u| u.id.as_str()).collect();
+    assert_eq!(ids, ["dawn1_flight1_log/log", "flight3"]);
+    let loaded = load(&found.units[1]).unwrap();
+    assert_ledger(&loaded);
+    for velocity in ["velocity.gps", "velocity.ekf"] {
+        for position in ["position.gps", "position.ekf"] {
+            assert_agrees(&loaded, "px4-ulog2csv", (position, velocity), 0.015, 1.5);
+        }
+    }
+    let channels = &loaded.flight.channels;
+    let gps = &channels["position.gps"];
+    // The 2 Hz table is taken, not sensor_gps at 1 Hz. Its first row: 539692985 us, 423585830, -710872889, -25451 mm.
+    assert_eq!((gps.source.topic.as_str(), gps.series.len()), ("flight3_vehicle_gps_position_0", 1948));
+    assert_eq!(gps.series.timeline().first().unwrap().0, 539_692_985_000);
+    assert_eq!((gps.series.timeline().kind(), gps.series.timeline().clock()), (StampKind::Published, Clock::Boot));
+    assert_eq!(gps.series.component(0)[0], 42.3585830_f64.to_radians());
+    assert_eq!(gps.series.component(2)[0], -25.451);
+    assert_eq!(channels["velocity.ekf"].series.timeline().first().unwrap().0, 539_373_583_000);
+}
+
+#[test]
+fn the_wide_table_agrees_with_itself_and_its_held_rows_are_recognised() {
+    let Some(loaded) = load_real("PyFlightCoach-FlightData/test/ekfv3_test.csv") else { return };
+    assert_agrees(&loaded, "wide-csv", ("position.gps", "velocity.ekf"), 0.005, 0.5);
+    assert_agrees(&loaded, "wide-csv", ("position.ekf", "velocity.ekf"), 0.005, 0.5);
+    let binding = loaded.binding.as_ref().unwrap();
+    let held = |name: &str| binding.channels.iter().find(|c| c.name == name).unwrap().held.clone();
+    // REFERENCE.csv: 2959 updates of 5998 rows, at 5 Hz.
+    let gps = held("position.gps").unwrap();
+    assert_eq!((gps.modal_run, 5998 - gps.repeats), (2, 2959));
+    assert!((gps.update_interval_s - 0.2).abs() < 1e-3);
+    assert_eq!(loaded.flight.channels["position.gps"].update_rows().len(), 2959);
+    assert!(held("velocity.ekf").is_none() && held("position.ekf").is_none());
+    assert_eq!(binding.channels.iter().find(|c| c.name == "position.gps").unwrap().absent, ["height"]);
+}
+
+#[test]
+fn flysight_tables_agree_with_themselves() {
+    for (path, map, rows) in [
+        ("SSScoring/legacy/data-sources/ciurana/16-35-32.CSV", "flysight-1", 13_088),
+        ("SSScoring/resources/quickstart-example/R2_11-00-34.csv", "flysight-1", 17_392),
+        ("SSScoring/resources/test-tracks/FS1/test-data-02.CSV", "flysight-1", 20_313),
+        ("SSScoring/resources/test-tracks/INSIGHT/gps_00105.csv", "flysight-1", 673),
+        ("SSScoring/resources/test-tracks/FS2/01-00-00/TRACK.CSV", "flysight-2", 16_022),
+    ] {
+        let Some(loaded) = load_real(path) else { return };
+        assert_agrees(&loaded, map, ("position.gps", "velocity.gps"), 0.01, 1.0);
+        // wc -l less the lines before the rows.
+        assert_eq!(loaded.flight.channels["position.gps"].series.len(), rows, "{path}");
+        assert!(!lossy(&loaded) && count_of(&loaded, "height-datum") > 0, "{path}");
+    }
+}
+
+#[test]
+fn the_first_flysight_row_is_read_to_the_last_digit() {
+    let Some(loaded) = load_real("SSScoring/resources/test-tracks/FS1/test-data-02.CSV") else { return };
+    // 2024-05-10T17:27:44.30Z,37.8351285,-121.6328071,3.955,-0.01,1.36,0.66; date -u -d 2024-05-10T17:27:44Z +%s
+    let position = &loaded.flight.channels["position.gps"].series;
+    assert_eq!(position.timeline().first().unwrap().0, 1_715_362_064_300_000_000);
+    let first = |c: &flight::Series| [0, 1, 2].map(|i| c.component(i)[0]);
+    assert_eq!(first(position), [37.8351285_f64.to_radians(), (-121.6328071_f64).to_radians(), 3.955]);
+    assert_eq!(first(&loaded.flight.channels["velocity.gps"].series), [-0.01, 1.36, 0.66]);
+}
+
+#[test]
+fn the_garmin_map_agrees_with_itself_when_the_variation_is_added_to_the_track() {
+    // Rows as in REFERENCE.csv. In France the variation is 1.9 deg: half a degree leaves no room for its sign.
+    for (name, rows, degrees) in [("log_220417_125002_LFQA.csv", 2760, 0.6), ("log_210623_141501_TEST1.csv", 4475, 0.6)]
+    {
+        let Some(loaded) = load_real(&format!("flightlogstats-G1000/flightlogstatsTests/TestAssets/{name}")) else {
+            return;
+        };
+        assert_agrees(&loaded, "garmin-g1000", ("position.gps", "velocity.gps"), 0.005, degrees);
+        assert_eq!(loaded.flight.channels["position.gps"].series.len(), rows, "{name}");
+    }
+}
+
+#[test]
+fn the_vertical_axis_of_every_map_points_the_right_way() {
+    let tables = [
+        ("SSScoring/resources/quickstart-example/R2_11-00-34.csv", "velocity.gps"),
+        ("flightlogstats-G1000/flightlogstatsTests/TestAssets/log_220417_125002_LFQA.csv", "velocity.gps"),
+    ];
+    for (path, velocity) in tables {
+        let Some(loaded) = load_real(path) else { return };
+        let position = &loaded.flight.channels["position.gps"].series;
+        let down = &loaded.flight.channels[velocity].series;
+        // Height lost must be the integral of the speed down: slope one within a tenth.
+        let (mut product, mut square) = (0.0, 0.0);
+        let seconds = position.timeline().seconds_since(flight::Stamp(0));
+        for i in 1..position.len().min(down.len()) {
+            let dt = seconds[i] - seconds[i - 1];
+            let fallen = position.component(2)[i - 1] - position.component(2)[i];
+            let speed = 0.5 * (down.component(2)[i - 1] + down.component(2)[i]);
+            if dt < 1.5 && fallen.abs() < 100.0 {
+                product += fallen * speed * dt;
+                square += (speed * dt).powi(2);
+            }
+        }
+        assert!((product / square - 1.0).abs() < 0.1, "{path}: {}", product / square);
+    }
+}
+
+#[test]
+fn alfa_gives_the_same_channels_from_every_intact_container() {
+    let (Some(folder), Some(derived)) = (real_logs("ALFA"), real_logs("derived-alfa")) else { return };
+    let library = MapLibrary::shipped().unwrap();
+    let of = |path: &Path| load(&ingest::discover(path, &library).unwrap().units[0]).unwrap();
+    let tables = of(&folder).flight;
+    for container in [
+        "alfa_none.bag",
+        "alfa_lz4.bag",
+        "alfa_bz2.bag",
+        "alfa_ros1_none.mcap",
+        "alfa_ros1_lz4.mcap",
+        "alfa_ros1_zstd.mcap",
+        "alfa_ros1_unchunked.mcap",
+        "alfa_ros1_nosummary.mcap",
+        "alfa_mcap_ros2/alfa_mcap_ros2.mcap",
+    ] {
+        let loaded = of(&derived.join(container));
+        assert_ledger(&loaded);
+        assert!(!lossy(&loaded), "{container}");
+        for name in ["position.gps", "velocity.gps", "velocity.ekf"] {
+            let (a, b) = (&tables.channels[name], &loaded.flight.channels[name]);
+            assert_eq!(a.series, b.series, "{container}: {name}");
+            assert_eq!(a.other_stamps, b.other_stamps, "{container}: {name}");
+            assert_eq!((&a.present, &a.held), (&b.present, &b.held), "{container}: {name}");
+        }
+    }
+}
+
+#[test]
+fn the_old_mti_g_driver_publishes_every_velocity_twice_and_stamps_on_sending() {
+    let Some(path) = real_logs("PlotJuggler/datasamples/tilt_laser.bag") else { return };
+    let loaded = load(&ingest::discover(&path, &MapLibrary::shipped().unwrap()).unwrap().units[0]).unwrap();
+    assert_ledger(&loaded);
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "xsens-mtig");
+    let velocity = &loaded.flight.channels["velocity.ins"].series;
+    // 712 messages on /velocity for 356 on /position_gps.
+    assert_eq!((velocity.len(), velocity.timeline().kind()), (356, StampKind::Published));
+    assert_eq!(loaded.flight.channels["position.gps"].series.len(), 356);
+    assert_eq!(count_of(&loaded, "duplicate-stamp"), 356);
+}

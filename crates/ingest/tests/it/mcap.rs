@@ -1,0 +1,637 @@
+//! MCAP: conformance, agreement with what was written, and what is made of damage.
+
+use crate::made::{
+    CAMERA, Encoding, FIX, Layout, OnDisk, Sent, assert_balanced, assert_received, assert_subset, flight, lost, mcap,
+    mcap_with, notice, reader,
+};
+use crate::support::{in_context, real_logs, with_limits};
+use ingest::{FieldRequest, IngestError, Limits, ReadContext, Selection, TopicInfo, ValueKind};
+use mcap::records::{MessageHeader, Record, op};
+use serde_json::{Value, json};
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+fn with_extension(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut found = vec![];
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(with_extension(&path, extension));
+        } else if path.extension().is_some_and(|e| e == extension) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+fn numbers(data: &[u8]) -> Value {
+    data.iter().map(|b| b.to_string()).collect()
+}
+
+/// A record as the conformance suite writes it; numbers are text there. `None` for those it leaves out.
+fn as_in_suite(record: &Record<'_>) -> Option<Value> {
+    let n = |x: u64| Value::String(x.to_string());
+    let (name, fields) = match record {
+        Record::Header(h) => ("Header", json!([["library", h.library], ["profile", h.profile]])),
+        Record::Footer(f) => (
+            "Footer",
+            json!([
+                ["summary_crc", n(f.summary_crc.into())],
+                ["summary_offset_start", n(f.summary_offset_start)],
+                ["summary_start", n(f.summary_start)]
+            ]),
+        ),
+        Record::Schema { header, data } => (
+            "Schema",
+            json!([
+                ["data", numbers(data)],
+                ["encoding", header.encoding],
+                ["id", n(header.id.into())],
+                ["name", header.name]
+            ]),
+        ),
+        Record::Channel(c) => (
+            "Channel",
+            json!([
+                ["id", n(c.id.into())],
+                ["message_encoding", c.message_encoding],
+                ["metadata", c.metadata],
+                ["schema_id", n(c.schema_id.into())],
+                ["topic", c.topic]
+            ]),
+        ),
+        Record::Message { header, data } => (
+            "Message",
+            json!([
+                ["channel_id", n(header.channel_id.into())],
+                ["data", numbers(data)],
+                ["log_time", n(header.log_time)],
+                ["publish_time", n(header.publish_time)],
+                ["sequence", n(header.sequence.into())]
+            ]),
+        ),
+        Record::ChunkIndex(c) => {
+            let offsets: serde_json::Map<String, Value> =
+                c.message_index_offsets.iter().map(|(k, v)| (k.to_string(), n(*v))).collect();
+            (
+                "ChunkIndex",
+                json!([
+                    ["chunk_length", n(c.chunk_length)],
+                    ["chunk_start_offset", n(c.chunk_start_offset)],
+                    ["compressed_size", n(c.compressed_size)],
+                    ["compression", c.compression],
+                    ["message_end_time", n(c.message_end_time)],
+                    ["message_index_length", n(c.message_index_length)],
+                    ["message_index_offsets", offsets],
+                    ["message_start_time", n(c.message_start_time)],
+                    ["uncompressed_size", n(c.uncompressed_size)]
+                ]),
+            )
+        }
+        Record::Attachment { header, data, .. } => (
+            "Attachment",
+            json!([
+                ["create_time", n(header.create_time)],
+                ["data", numbers(data)],
+                ["log_time", n(header.log_time)],
+                ["media_type", header.media_type],
+                ["name", header.name]
+            ]),
+        ),
+        Record::AttachmentIndex(a) => (
+            "AttachmentIndex",
+            json!([
+                ["create_time", n(a.create_time)],
+                ["data_size", n(a.data_size)],
+                ["length", n(a.length)],
+                ["log_time", n(a.log_time)],
+                ["media_type", a.media_type],
+                ["name", a.name],
+                ["offset", n(a.offset)]
+            ]),
+        ),
+        Record::Statistics(s) => {
+            let counts: serde_json::Map<String, Value> =
+                s.channel_message_counts.iter().map(|(k, v)| (k.to_string(), n(*v))).collect();
+            (
+                "Statistics",
+                json!([
+                    ["attachment_count", n(s.attachment_count.into())],
+                    ["channel_count", n(s.channel_count.into())],
+                    ["channel_message_counts", counts],
+                    ["chunk_count", n(s.chunk_count.into())],
+                    ["message_count", n(s.message_count)],
+                    ["message_end_time", n(s.message_end_time)],
+                    ["message_start_time", n(s.message_start_time)],
+                    ["metadata_count", n(s.metadata_count.into())],
+                    ["schema_count", n(s.schema_count.into())]
+                ]),
+            )
+        }
+        Record::Metadata(m) => ("Metadata", json!([["metadata", m.metadata], ["name", m.name]])),
+        Record::MetadataIndex(m) => {
+            ("MetadataIndex", json!([["length", n(m.length)], ["name", m.name], ["offset", n(m.offset)]]))
+        }
+        Record::SummaryOffset(s) => (
+            "SummaryOffset",
+            json!([
+                ["group_length", n(s.group_length)],
+                ["group_opcode", n(s.group_opcode.into())],
+                ["group_start", n(s.group_start)]
+            ]),
+        ),
+        Record::DataEnd(d) => ("DataEnd", json!([["data_section_crc", n(d.data_section_crc.into())]])),
+        Record::MessageIndex(_) | Record::Chunk { .. } | Record::Unknown { .. } => return None,
+    };
+    Some(json!({"type": name, "fields": fields}))
+}
+
+fn expected(mcap: &Path) -> Vec<Value> {
+    let text = std::fs::read(mcap.with_extension("json")).unwrap();
+    let parsed: Value = serde_json::from_slice(&text).unwrap();
+    parsed["records"].as_array().unwrap().clone()
+}
+
+#[test]
+fn all_416_files_of_the_conformance_suite_read_as_it_says() {
+    let Some(folder) = real_logs("mcap-conformance") else { return };
+    let files = with_extension(&folder, "mcap");
+    assert_eq!(files.len(), 416);
+    for file in &files {
+        let records = ingest::mcap_records(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        let got: Vec<Value> = records.iter().filter_map(as_in_suite).collect();
+        assert_eq!(got, expected(file), "{}", file.display());
+    }
+}
+
+#[test]
+fn the_conformance_files_with_an_index_give_the_same_messages_by_it() {
+    let Some(folder) = real_logs("mcap-conformance") else { return };
+    let mut indexed = 0;
+    for file in with_extension(&folder, "mcap") {
+        let all = expected(&file);
+        if !all.iter().any(|r| r["type"] == "ChunkIndex") {
+            continue;
+        }
+        let messages = |records: Vec<Value>| -> Vec<Value> {
+            records.into_iter().filter(|r| r["type"] == "Message").collect()
+        };
+        let records = ingest::mcap_indexed_records(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        let got = messages(records.iter().filter_map(as_in_suite).collect());
+        assert_eq!(got, messages(all), "{}", file.display());
+        indexed += 1;
+    }
+    assert_eq!(indexed, 160);
+}
+
+#[test]
+fn the_conformance_files_are_whole_for_the_reader_too() {
+    let Some(folder) = real_logs("mcap-conformance") else { return };
+    for file in with_extension(&folder, "mcap") {
+        let log = in_context(|c| reader(file.clone(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+        assert_balanced(&log);
+        assert!(!lost(&log), "{}: {:?}", file.display(), log.notices);
+        let messages = expected(&file).iter().filter(|r| r["type"] == "Message").count() as u64;
+        assert_eq!(log.health.messages, messages, "{}", file.display());
+    }
+}
+
+const LAYOUTS: [Layout; 5] = [
+    Layout::PLAIN,
+    Layout::UNCHUNKED,
+    Layout::ZSTD,
+    Layout::LZ4,
+    Layout { summary: false, data_crc: false, ..Layout::ZSTD },
+];
+
+#[test]
+fn what_was_written_comes_back_bit_for_bit_from_every_encoding_and_layout() {
+    let sent = flight(40);
+    for encoding in Encoding::ALL {
+        for layout in LAYOUTS {
+            let log = OnDisk::new(&mcap(&sent, encoding, layout), false).read().unwrap();
+            assert_received(&log, &sent, true);
+            assert!(log.notices.iter().all(|n| n.severity == flight::Severity::Info), "{:?}", log.notices);
+            assert_eq!(log.health.messages, 120);
+            let camera = log.health.topics.iter().find(|t| t.name == CAMERA).unwrap();
+            assert_eq!((camera.messages, camera.decoded, camera.reason.as_str()), (80, false, ""));
+            assert_eq!(log.health.bytes.damaged, 0);
+        }
+    }
+}
+
+#[test]
+fn only_wanted_fields_become_columns() {
+    let sent = flight(5);
+    let field = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
+    for encoding in Encoding::ALL {
+        let log = OnDisk::new(&mcap(&sent, encoding, Layout::ZSTD), false)
+            .read_where(|t| match t.name.as_str() {
+                FIX => Selection::Fields(vec![field("header.stamp"), field("variance[1]"), field("no.such.field")]),
+                _ => Selection::Skip,
+            })
+            .unwrap();
+        let paths: Vec<&str> = log.tables[0].columns.iter().map(|c| c.path.as_str()).collect();
+        assert_eq!(paths, ["header.stamp", "variance[1]"], "{encoding:?}");
+        assert_eq!(log.tables[0].columns[1].number(2), Some(sent[6].latitude));
+    }
+}
+
+#[test]
+fn health_tells_counts_bytes_and_times_of_every_topic() {
+    let sent = flight(30);
+    let log = OnDisk::new(&mcap(&sent, Encoding::Ros1, Layout::ZSTD), false).read().unwrap();
+    let names: Vec<&str> = log.health.topics.iter().map(|t| t.name.as_str()).collect();
+    assert_eq!(names, [CAMERA, FIX]);
+    for topic in &log.health.topics {
+        let of_topic: Vec<&Sent> = sent.iter().filter(|s| s.topic == topic.name).collect();
+        let bytes: usize = of_topic.iter().map(|s| Encoding::Ros1.payload(s).len()).sum();
+        assert_eq!((topic.messages, topic.payload_bytes), (of_topic.len() as u64, bytes as u64));
+        let [logged, published] = topic.stamps.as_slice() else { panic!("{:?}", topic.stamps) };
+        assert_eq!((logged.first_ns, logged.last_ns), (of_topic[0].logged_ns, of_topic.last().unwrap().logged_ns));
+        assert_eq!(published.first_ns, of_topic[0].published_ns);
+    }
+    let rate = log.health.topics[1].stamps[0].rate_hz.unwrap();
+    assert!((rate - 1e9 / 99_999_999.0).abs() < 1e-9, "{rate}");
+    assert_eq!(log.health.format, "MCAP (test)");
+}
+
+#[test]
+fn attachments_and_metadata_are_listed_and_a_damaged_attachment_is_a_loss() {
+    let attach = |writer: &mut mcap::Writer<_>| {
+        let (name, media_type) = ("notes.txt".to_owned(), "text/plain".to_owned());
+        let data = Cow::Borrowed(&b"remember the milk"[..]);
+        writer.attach(&mcap::Attachment { log_time: 1, create_time: 2, name, media_type, data }).unwrap();
+        let metadata = [("pilot".to_owned(), "A".to_owned())].into();
+        writer.write_metadata(&mcap::records::Metadata { name: "crew".to_owned(), metadata }).unwrap();
+    };
+    let content = mcap_with(&flight(3), Encoding::Ros1, Layout { data_crc: false, ..Layout::ZSTD }, attach);
+    let disk = OnDisk::new(&content, false);
+    let log = disk.read().unwrap();
+    assert_eq!(log.health.extras, ["attachment notes.txt (text/plain)", "metadata crew"]);
+    assert!(!lost(&log));
+    let milk = content.windows(4).position(|w| w == b"milk").unwrap();
+    disk.write_at(milk as u64, b"M");
+    let log = disk.read().unwrap();
+    assert!(notice(&log, "damaged").text.contains("attachment notes.txt"), "{:?}", log.notices);
+    assert_received(&log, &flight(3), true);
+}
+
+/// Every other chunk holds images only.
+fn with_separate_chunks(sent: &[Sent], layout: Layout) -> Vec<u8> {
+    let mut sorted = sent.to_vec();
+    sorted.sort_by_key(|s| s.topic == FIX);
+    mcap(&sorted, Encoding::Ros1, layout)
+}
+
+#[test]
+fn chunks_without_a_wanted_topic_stay_closed_and_their_messages_are_counted_all_the_same() {
+    let sent = flight(60);
+    let closed = OnDisk::new(&with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD }), false);
+    let log = closed.read().unwrap();
+    assert_received(&log, &sent, true);
+    assert!(notice(&log, "closed-chunks").count > 10);
+    assert!(!lost(&log));
+    let without_index = Layout { summary: false, ..Layout::ZSTD };
+    let opened = OnDisk::new(&with_separate_chunks(&sent, without_index), false).read().unwrap();
+    assert!(opened.notices.iter().all(|n| n.code != "closed-chunks"));
+    assert_eq!(log.tables, opened.tables);
+    for (a, b) in log.health.topics.iter().zip(&opened.health.topics) {
+        assert_eq!((&a.name, a.messages, &a.stamps[0]), (&b.name, b.messages, &b.stamps[0]));
+    }
+}
+
+#[test]
+fn a_summary_that_lies_is_not_believed() {
+    let sent = flight(60);
+    let content = with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD });
+    let disk = OnDisk::new(&content, false);
+    // The channel in the first entry of each chunk index: said to be another one.
+    let footer = content.len() - 37;
+    let start = u64::from_le_bytes(content[footer + 9..footer + 17].try_into().unwrap()) as usize;
+    let mut at = start;
+    while at < footer {
+        let length = u64::from_le_bytes(content[at + 1..at + 9].try_into().unwrap()) as usize;
+        if content[at] == op::CHUNK_INDEX {
+            let channel = at + 9 + 8 * 4 + 4;
+            disk.write_at(channel as u64, &[content[channel] ^ 1]);
+        }
+        at += 9 + length;
+    }
+    let log = disk.read().unwrap();
+    assert_received(&log, &sent, true);
+    assert!(lost(&log));
+    notice(&log, "summary-checksum");
+}
+
+#[test]
+fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
+    let content = mcap_with(&flight(4), Encoding::Ros1, Layout::ZSTD, |writer| {
+        let channel = writer.add_channel(0, "/bare", "ros1", &Default::default()).unwrap();
+        let header = MessageHeader { channel_id: channel, sequence: 0, log_time: u64::MAX, publish_time: 7 };
+        writer.write_to_known_channel(&header, &[1, 2, 3]).unwrap();
+        let proto = writer.add_schema("a.B", "protobuf", b"x").unwrap();
+        let channel = writer.add_channel(proto, "/proto", "protobuf", &Default::default()).unwrap();
+        writer.write_to_known_channel(&MessageHeader { channel_id: channel, ..header }, &[1]).unwrap();
+    });
+    let log = OnDisk::new(&content, false).read_where(|_| Selection::All).unwrap();
+    let reason = |name: &str| log.health.topics.iter().find(|t| t.name == name).unwrap().reason.clone();
+    assert_eq!(reason("/bare"), "there is no message definition");
+    assert_eq!(reason("/proto"), "protobuf is not read yet");
+    let bare = log.health.topics.iter().find(|t| t.name == "/bare").unwrap();
+    assert_eq!(bare.stamps[0].first_ns, i64::MAX);
+    assert_eq!(notice(&log, "stamp-out-of-range").count, 2);
+    assert!(!lost(&log));
+    // The channel record made unreadable takes its messages along.
+    let unchunked = Layout { summary: false, data_crc: false, ..Layout::UNCHUNKED };
+    let content = mcap(&flight(4), Encoding::Ros1, unchunked);
+    let topic = content.windows(FIX.len()).position(|w| w == FIX.as_bytes()).unwrap();
+    let disk = OnDisk::new(&content, false);
+    disk.write_at(topic as u64, &[0xff]);
+    let log = disk.read().unwrap();
+    assert_eq!((notice(&log, "unknown-channel").count, log.health.undecodable), (4, 4));
+}
+
+#[test]
+fn messages_that_do_not_decode_leave_no_row_and_are_a_loss_with_their_number() {
+    let sent = flight(6);
+    let content = mcap_with(&sent, Encoding::Ros1, Layout::ZSTD, |writer| {
+        let header = MessageHeader { channel_id: 1, sequence: 0, log_time: 5, publish_time: 7 };
+        writer.write_to_known_channel(&header, &[1, 2, 3]).unwrap();
+        let longer = [Encoding::Ros1.payload(&sent[0]), vec![0; 9]].concat();
+        writer.write_to_known_channel(&MessageHeader { log_time: 6, ..header }, &longer).unwrap();
+    });
+    let log = OnDisk::new(&content, false).read().unwrap();
+    let table = &log.tables[0];
+    assert_eq!((table.rows, table.origin_of(5), table.origin_of(6)), (7, 6, 8));
+    assert_eq!((log.health.undecodable, log.health.messages), (1, 20));
+    let bad = notice(&log, "undecodable");
+    assert!(bad.text.contains("message 7: header.seq: the message ends inside it"), "{}", bad.text);
+    assert!(lost(&log));
+    assert!(notice(&log, "longer-than-defined").text.contains("message 8 by 9 bytes"));
+}
+
+#[test]
+fn two_definitions_of_one_topic_are_each_read_by_their_own() {
+    let content = mcap_with(&[], Encoding::Ros1, Layout::ZSTD, |writer| {
+        for (time, text, payload) in [
+            (1, "float32 a", 1.5_f32.to_le_bytes().to_vec()),
+            (2, "uint8 b\nfloat64 a", [vec![9], 2.5_f64.to_le_bytes().to_vec()].concat()),
+        ] {
+            let schema = writer.add_schema("p/T", "ros1msg", text.as_bytes()).unwrap();
+            let channel_id = writer.add_channel(schema, "/t", "ros1", &Default::default()).unwrap();
+            let header = MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time };
+            writer.write_to_known_channel(&header, &payload).unwrap();
+        }
+    });
+    let log = OnDisk::new(&content, false).read_where(|_| Selection::All).unwrap();
+    let table = log.tables.iter().find(|t| t.topic.name == "/t").unwrap();
+    let (a, b) = (table.column("a").unwrap(), table.column("b").unwrap());
+    assert_eq!((a.number(0), a.number(1)), (Some(1.5), Some(2.5)));
+    assert_eq!((b.number(0), b.number(1)), (None, Some(9.0)));
+    assert_eq!(notice(&log, "several-definitions").count, 2);
+}
+
+#[test]
+fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
+    let sent = flight(100);
+    for layout in [Layout::ZSTD, Layout::LZ4, Layout::PLAIN, Layout { summary: false, data_crc: false, ..Layout::ZSTD }] {
+        let content = mcap(&sent, Encoding::Cdr, layout);
+        let chunks = chunk_places(&content);
+        assert!(chunks.len() > 10);
+        let (start, end) = chunks[chunks.len() / 2];
+        let fixes_in = |whole: usize| 100 - whole;
+        let worst = (end - start) / 100 + 2;
+        // In its data; in its length; all of its header.
+        for (place, bytes) in [(start + 80, vec![0x55; 8]), (start + 1, vec![0xff; 8]), (start, vec![0; 64])] {
+            let disk = OnDisk::new(&content, false);
+            disk.write_at(place as u64, &bytes);
+            let log = disk.read().unwrap();
+            let rows = assert_subset(&log, &sent, true);
+            assert!(lost(&log));
+            assert!(fixes_in(rows) > 0 && fixes_in(rows) <= worst.min(10), "{layout:?} at {place}: {rows} rows");
+            // Without a summary the message indexes of the chunk go with it, unless its length is intact.
+            let more = if layout.summary || place > start + 9 { 0 } else { 200 };
+            let chunk = (end - start) as u64;
+            assert!((chunk..=chunk + more).contains(&log.health.bytes.damaged), "{:?}", log.health.damage);
+            assert_eq!(log.health.damage[0].offset, start as u64);
+        }
+    }
+}
+
+/// First and last byte of every chunk record.
+fn chunk_places(content: &[u8]) -> Vec<(usize, usize)> {
+    let mut found = vec![];
+    let mut at = 8;
+    while at + 17 < content.len() {
+        let length = u64::from_le_bytes(content[at + 1..at + 9].try_into().unwrap()) as usize;
+        if content[at] == op::CHUNK {
+            found.push((at, at + 9 + length));
+        }
+        at += 9 + length;
+    }
+    found
+}
+
+#[test]
+fn messages_inside_a_broken_uncompressed_chunk_are_not_taken_for_good_ones() {
+    let sent = flight(30);
+    let content = mcap(&sent, Encoding::Ros1, Layout { summary: false, data_crc: false, ..Layout::PLAIN });
+    let (start, _) = chunk_places(&content)[3];
+    let disk = OnDisk::new(&content, false);
+    disk.write_at(start as u64 + 5, &[9]);
+    let latitude = content[start..].windows(8).position(|w| {
+        let value = f64::from_le_bytes(w.try_into().unwrap());
+        (46.9..47.1).contains(&value)
+    });
+    disk.write_at((start + latitude.unwrap()) as u64, &[0, 1, 2]);
+    let log = disk.read().unwrap();
+    assert!(assert_subset(&log, &sent, true) >= 20);
+    assert!(lost(&log));
+}
+
+#[test]
+fn a_file_without_chunks_goes_on_at_the_next_message() {
+    let sent = flight(100);
+    let content = mcap(&sent, Encoding::Ros1, Layout { data_crc: false, ..Layout::UNCHUNKED });
+    let disk = OnDisk::new(&content, false);
+    disk.write_at(content.len() as u64 / 2, &[0xee; 64]);
+    let log = disk.read().unwrap();
+    assert!(lost(&log));
+    let fixes = log.tables[0].rows;
+    assert!((97..=100).contains(&fixes), "{fixes}");
+    assert!(log.health.messages >= 297, "{}", log.health.messages);
+}
+
+#[test]
+fn what_is_wrong_with_the_ends_of_a_file_is_said() {
+    let sent = flight(20);
+    let content = mcap(&sent, Encoding::Ros1, Layout::ZSTD);
+    let read = |bytes: &[u8]| OnDisk::new(bytes, false).read();
+    let junk = read(&[&content[..], b"some bytes more"].concat()).unwrap();
+    assert_received(&junk, &sent, true);
+    assert_eq!((junk.health.bytes.damaged, junk.health.damage[0].offset), (15, content.len() as u64));
+    let no_magic = read(&content[..content.len() - 8]).unwrap();
+    assert_received(&no_magic, &sent, true);
+    assert!(notice(&no_magic, "no-end").text.contains("just behind its footer"));
+    let bad_start = read(&[b"\x89MCXP0\r\n", &content[8..]].concat()).unwrap();
+    assert_received(&bad_start, &sent, true);
+    assert_eq!(bad_start.health.bytes.damaged, 8);
+    let no_summary = content.len() - 200;
+    assert!(lost(&read(&content[..no_summary]).unwrap()));
+    for (bytes, what) in [
+        (&b""[..], "empty"),
+        (&[0; 5000], "zero bytes"),
+        (&content[..8], "no footer"),
+        (b"<!DOCTYPE html><html><head><title>404</title></head></html>", "begin the file are wrong"),
+        (b"\x89", "begin the file are wrong"),
+    ] {
+        let error = read(bytes).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+    }
+}
+
+#[test]
+fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
+    let sent = flight(12);
+    for (layout, stride) in [(Layout::ZSTD, 1), (Layout::PLAIN, 3), (Layout::UNCHUNKED, 3)] {
+        let content = mcap(&sent, Encoding::Cdr, layout);
+        let disk = OnDisk::new(&content, false);
+        let mut most = 0;
+        for length in (0..content.len()).rev().step_by(stride) {
+            disk.set_len(length as u64);
+            let Ok(log) = disk.read() else { continue };
+            assert!(lost(&log), "cut at {length}");
+            let rows = assert_subset(&log, &sent, true);
+            assert_received(&log, &sent[..(3 * rows).min(sent.len())], true);
+            most = most.max(rows);
+        }
+        assert_eq!(most, 12);
+    }
+}
+
+#[test]
+fn no_flipped_bit_changes_a_value_without_a_word() {
+    let sent = flight(6);
+    for (layout, stride) in [
+        (Layout::ZSTD, 3),
+        (Layout::LZ4, 5),
+        (Layout::PLAIN, 5),
+        (Layout::UNCHUNKED, 3),
+        // Without these checksums some flips cannot be told from data, but none may go wrong silently here:
+        // the chunks still have theirs.
+        (Layout { data_crc: false, ..Layout::ZSTD }, 3),
+        (Layout { data_crc: false, summary: false, ..Layout::PLAIN }, 5),
+    ] {
+        let content = mcap(&sent, Encoding::Ros1, layout);
+        let disk = OnDisk::new(&content, false);
+        let mut silent = 0;
+        for bit in (0..content.len() * 8).step_by(stride) {
+            let (at, mask) = (bit / 8, 1 << (bit % 8));
+            disk.write_at(at as u64, &[content[at] ^ mask]);
+            if let Ok(log) = disk.read()
+                && !lost(&log)
+            {
+                silent += 1;
+                assert_received(&log, &sent, true);
+            }
+            disk.write_at(at as u64, &content[at..=at]);
+        }
+        assert!(silent < content.len() * 8 / stride, "nothing was ever noticed");
+    }
+}
+
+#[test]
+fn hostile_lengths_neither_abort_nor_hang() {
+    let sent = flight(4);
+    for layout in [Layout::ZSTD, Layout::UNCHUNKED, Layout { summary: false, data_crc: false, ..Layout::PLAIN }] {
+        let content = mcap(&sent, Encoding::Ros1, layout);
+        let disk = OnDisk::new(&content, false);
+        let lengths = [0, 1, 1 << 31, (1 << 32) - 1, 1 << 62, 1 << 63, u64::MAX, u64::MAX - 8];
+        for at in 0..content.len() - 8 {
+            let length = lengths[at % lengths.len()];
+            disk.write_at(at as u64, &u64::to_le_bytes(length));
+            if let Ok(log) = disk.read()
+                && !lost(&log)
+            {
+                assert_received(&log, &sent, true);
+            }
+            disk.write_at(at as u64, &content[at..at + 8]);
+        }
+    }
+}
+
+#[test]
+fn a_chunk_beyond_the_limit_is_refused_and_names_it() {
+    let sent = flight(40);
+    let content = mcap(&sent, Encoding::Ros1, Layout { chunk_bytes: 1 << 20, ..Layout::ZSTD });
+    let disk = OnDisk::new(&content, false);
+    let limits = Limits { chunk_bytes: 1000, ..Limits::default() };
+    let error = with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
+    assert!(matches!(error, IngestError::Unusable { .. }));
+    assert!(error.to_string().contains("larger than the limit of 1000"), "{error}");
+}
+
+#[test]
+fn progress_adds_up_to_the_file_and_a_wish_to_stop_is_heard() {
+    let sent: Vec<Sent> = flight(10_000);
+    let content = mcap(&sent, Encoding::Ros1, Layout { chunk_bytes: 100_000, ..Layout::PLAIN });
+    let disk = OnDisk::new(&content, false);
+    let (told, cancel) = (AtomicU64::new(0), AtomicBool::new(false));
+    let on_bytes = |more| {
+        told.fetch_add(more, Ordering::Relaxed);
+    };
+    let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &on_bytes };
+    reader(disk.path(), false).read(&|_: &TopicInfo| Selection::Skip, &context).unwrap();
+    assert_eq!(told.swap(0, Ordering::Relaxed), content.len() as u64);
+    let stop = |more| {
+        told.fetch_add(more, Ordering::Relaxed);
+        cancel.store(true, Ordering::Relaxed);
+    };
+    let context = ReadContext { on_bytes: &stop, ..context };
+    let result = reader(disk.path(), false).read(&|_: &TopicInfo| Selection::Skip, &context);
+    assert!(matches!(result, Err(IngestError::Cancelled)));
+    assert!(told.load(Ordering::Relaxed) < 2 << 20);
+}
+
+#[test]
+fn a_sparse_file_of_a_terabyte_gets_its_verdict_soon() {
+    let sent = flight(5);
+    let content = mcap(&sent, Encoding::Ros1, Layout::ZSTD);
+    let disk = OnDisk::new(&content, false);
+    disk.set_len(1 << 40);
+    let log = disk.read().unwrap();
+    assert_received(&log, &sent, true);
+    assert_eq!(log.health.bytes.damaged, (1 << 40) - content.len() as u64);
+    // Cut in the midst and then zero: the search for a record must end.
+    let disk = OnDisk::new(&content[..content.len() / 2], false);
+    disk.set_len(1 << 40);
+    let log = disk.read().unwrap();
+    assert!(assert_subset(&log, &sent, true) > 0);
+    assert!(lost(&log));
+}
+
+#[test]
+fn the_other_real_files_have_the_counts_of_the_python_library() {
+    // mcap 1.6.0 (PyPI): messages, payload bytes, topics.
+    for (file, messages, bytes, topics) in [
+        ("keelson/test.mcap", 2172, 276_770, 649),
+        ("mcap-crate/compressed.mcap", 826, 106_628, 2),
+        ("mcap-crate/uncompressed.mcap", 826, 106_628, 2),
+        ("keelson/test_old_303B.mcap", 0, 0, 0),
+    ] {
+        let Some(path) = real_logs(file) else { continue };
+        // Without JSON fields the topics of keelson are wanted and refused, so its chunks stay closed.
+        let log = in_context(|c| reader(path, false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+        assert_balanced(&log);
+        assert!(!lost(&log), "{file}: {:?}", log.notices);
+        let payload: u64 = log.health.topics.iter().map(|t| t.payload_bytes).sum();
+        assert_eq!((log.health.messages, log.health.topics.len()), (messages, topics), "{file}");
+        assert!(payload == bytes || file.starts_with("keelson"), "{file}: {payload}");
+    }
+    let Some(path) = real_logs("mcap-crate/chunk_not_closed.mcap") else { return };
+    let error = in_context(|c| reader(path, false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
+    assert!(error.to_string().contains("the file ends inside a record (chunk"), "{error}");
+}
