@@ -39,4 +39,5 @@ perf-mcap file *topics:
 # Campaign of 200 simulated flights: one and two threads, and a rerun with nothing changed
 perf-campaign flights="200":
     cargo build --release -p flightlag
+    cargo build --release -p simulate --example campaign
     tests/perf/campaign.sh "$1"

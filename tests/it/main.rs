@@ -1,1 +1,9 @@
 //! What only the whole can show.
+
+#![allow(clippy::print_stdout, reason = "a skipped test says so")]
+
+mod agreement;
+mod campaign;
+mod command;
+mod program;
+mod real_logs;

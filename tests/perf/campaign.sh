@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Wall seconds of a campaign of simulated one-minute flights: one thread and two in turn, then reruns with nothing
-# changed. Build first: cargo build --release -p flightlag
+# changed. Build first: cargo build --release -p flightlag; cargo build --release -p simulate --example campaign
 set -euo pipefail
 flights=${1:-200}
 flightlag=$(realpath "${CARGO_TARGET_DIR:-target}/release/flightlag")
@@ -9,11 +9,11 @@ trap 'rm -rf "$work"' EXIT
 TIMEFORMAT=%R
 wall() { { time "$@" >/dev/null 2>&1; } 2>&1; }
 
-"$flightlag" demo "$work" --flights "$flights" --seconds 60 >/dev/null
+"$(dirname "$flightlag")/examples/campaign" "$work/flights" "$flights" 60
 run() { "$flightlag" campaign "$work/flights" --out "$work/out" --threads "$1" || [ $? = 3 ]; }
-fresh() { rm -rf "$work/out"; run "$1"; }
-fresh 2 >/dev/null 2>&1
+fresh() { rm -rf "$work/out"; sync; wall run "$1"; }
+fresh 2 >/dev/null
 for round in 1 2 3 4 5; do
-    one=$(wall fresh 1); two=$(wall fresh 2); again=$(wall run 2)
+    one=$(fresh 1); two=$(fresh 2); again=$(wall run 2)
     echo "$one s with one thread, $two s with two ($(awk "BEGIN { printf \"%.2f\", $one / $two }") times as fast), $again s with nothing changed"
 done

@@ -1,1 +1,52 @@
-//! Many flights, many cores: plan, task, reduce, status
+//! Many flights, many cores: what is to be done, what is there already, and why.
+//!
+//! [`run`] plans, makes the results that are missing, and reduces them to tables and pages. The
+//! same three steps can be taken by a cluster: [`plan_shards`], [`task`] for each shard,
+//! [`reduce`], with [`status`] for those who wait.
+//!
+//! A result is named by what it depends on: content and names of the log's files, the settings
+//! as they are meant, the channel maps, and the versions of analysis and records. So a result that
+//! is there is right, whoever made it and when; nothing is ever marked as done elsewhere.
+//! Time of day, host and durations are in `run.json` alone, and what this machine remembers to
+//! save time in `.flightlag/`; every other byte follows from logs, settings and build.
+//!
+//! ```
+//! use campaign::Pipeline;
+//! use std::path::Path;
+//! let text = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"bench\"\nwindow = 3\n";
+//! let error = Pipeline::parse(text, Path::new("mine.toml")).unwrap_err();
+//! assert!(error.to_string().starts_with("mine.toml:5: unknown key `window`"));
+//! ```
+
+mod config;
+#[cfg(test)]
+mod engine_tests;
+mod error;
+mod event;
+mod lock;
+mod logs;
+mod manifest;
+mod memory;
+mod plan;
+mod reduce;
+mod results;
+mod run;
+mod slug;
+mod state;
+mod status;
+mod store;
+mod study;
+mod table;
+mod task;
+mod work;
+
+pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};
+pub use error::{CampaignError, Exit};
+pub use event::{Event, EventSink};
+pub use manifest::{Manifest, Why};
+pub use plan::{Desk, Order};
+pub use reduce::{Verdict, reduce};
+pub use run::{plan_shards, run};
+pub use status::{Status, Trouble, status};
+pub use store::StoreError;
+pub use task::{TaskReport, quiet_caught_panics, task};

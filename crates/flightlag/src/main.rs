@@ -1,1 +1,35 @@
-fn main() {}
+//! The command: what the user typed becomes calls of the crates below, and what they find becomes text.
+
+mod arguments;
+mod campaign_command;
+mod demo;
+mod failure;
+mod inspect;
+mod listen;
+mod maps;
+mod show;
+mod stop;
+
+use crate::arguments::{Arguments, Command};
+use crate::failure::Failure;
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    campaign::quiet_caught_panics();
+    match run(arguments.command) {
+        Ok(exit) => exit.into(),
+        Err(failure) => failure.told(),
+    }
+}
+
+fn run(command: Command) -> Result<failure::End, Failure> {
+    let stop = stop::Stop::listen()?;
+    match command {
+        Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
+        Command::Inspect(arguments) => inspect::run(&arguments, &stop),
+        Command::Demo(arguments) => demo::run(&arguments, &stop),
+        Command::Maps(arguments) => maps::run(&arguments),
+    }
+}

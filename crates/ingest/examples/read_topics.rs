@@ -1,19 +1,22 @@
-//! Reads topics of a log and says what came of it: `read_topics LOG [TOPIC ...]`, no topic for all.
+//! Reads topics of a log and says what came of it: `read_topics LOG [TOPIC[=FIELD,FIELD] ...]`, no
+//! topic for all. Without fields whole messages are decoded.
 //!
-//! Whole messages are decoded; CPU time is that of the whole process (Linux).
+//! CPU time is that of the whole process (Linux).
 #![allow(clippy::print_stdout)]
 
-use ingest::{BagReader, Limits, LogReader, McapReader, ReadContext, Selection, TopicInfo};
+use ingest::{BagReader, FieldRequest, Limits, LogReader, McapReader, ReadContext, Selection, TopicInfo, ValueKind};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let path = PathBuf::from(arguments.next().ok_or("usage: read_topics LOG [TOPIC ...]")?);
+    let path = PathBuf::from(arguments.next().ok_or("usage: read_topics LOG [TOPIC[=FIELD,FIELD] ...]")?);
     let topics: Vec<String> = arguments.collect();
-    let want = |topic: &TopicInfo| {
-        if topics.is_empty() || topics.contains(&topic.name) { Selection::All } else { Selection::Skip }
+    let want = |topic: &TopicInfo| match topics.iter().find_map(|t| fields_of(t, &topic.name)) {
+        Some(fields) => fields,
+        None if topics.is_empty() => Selection::All,
+        None => Selection::Skip,
     };
     let cancel = AtomicBool::new(false);
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
@@ -25,7 +28,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{} messages, {} undecodable", log.health.messages, log.health.undecodable);
     for topic in &log.health.topics {
         let rate = topic.stamps.first().and_then(|s| s.rate_hz).map_or("-".to_owned(), |r| format!("{r:.2} Hz"));
-        println!("  {} [{}] {}: {} messages, {rate} {}", topic.name, topic.type_name, topic.encoding, topic.messages, topic.reason);
+        println!(
+            "  {} [{}] {}: {} messages, {rate} {}",
+            topic.name, topic.type_name, topic.encoding, topic.messages, topic.reason
+        );
     }
     for table in &log.tables {
         println!("  table {}: {} rows, {} columns", table.topic.name, table.rows, table.columns.len());
@@ -36,6 +42,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("  extras {:?}", log.health.extras);
     println!("CPU {:.3} s, peak memory {}", cpu_seconds().unwrap_or_default(), peak_memory().unwrap_or_default());
     Ok(())
+}
+
+/// What an argument wants of a topic; `None` if it is about another one.
+fn fields_of(argument: &str, topic: &str) -> Option<Selection> {
+    let (name, fields) = argument.split_once('=').unwrap_or((argument, ""));
+    let field = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
+    let wanted =
+        if fields.is_empty() { Selection::All } else { Selection::Fields(fields.split(',').map(field).collect()) };
+    (name == topic).then_some(wanted)
 }
 
 /// User and system time of this process, from ticks of 10 ms.

@@ -277,7 +277,8 @@ impl Buckets {
 fn bucket_of(step_ns: u64) -> (usize, usize) {
     let octave = u64::BITS - 1 - step_ns.max(1).leading_zeros();
     let fraction = step_ns.max(1) ^ (1 << octave);
-    let bucket = if octave >= BUCKET_BITS { fraction >> (octave - BUCKET_BITS) } else { fraction << (BUCKET_BITS - octave) };
+    let bucket =
+        if octave >= BUCKET_BITS { fraction >> (octave - BUCKET_BITS) } else { fraction << (BUCKET_BITS - octave) };
     (octave as usize, bucket as usize)
 }
 

@@ -5,8 +5,8 @@ mod ros;
 mod rows;
 mod schema;
 
-use crate::reader::{Log, Select, Selection, TopicInfo};
 use crate::ledger::Fate;
+use crate::reader::{Log, Select, Selection, TopicInfo};
 use crate::stamps::StampStats;
 use crate::table::Table;
 use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
@@ -360,7 +360,12 @@ impl Topic {
             }
         };
         let bad = &self.undecodable;
-        raise(Severity::Loss, "undecodable", bad.count, format!("messages that cannot be decoded; the first: {}", bad.first));
+        raise(
+            Severity::Loss,
+            "undecodable",
+            bad.count,
+            format!("messages that cannot be decoded; the first: {}", bad.first),
+        );
         let long = &self.too_long;
         let text = format!("messages are longer than their definition; the first: {}", long.first);
         raise(Severity::Warning, "longer-than-defined", long.count, text);
@@ -455,5 +460,73 @@ fn dialect(encoding: &str, schema: &str) -> Result<Option<Dialect>, String> {
         ("ros1" | "cdr", other) => Err(format!("definitions in {other} are not read yet")),
         ("", _) => Err("the encoding of its messages is not named".to_owned()),
         (other, _) => Err(format!("{other} is not read yet")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text_topic() -> TopicInfo {
+        TopicInfo { name: "/t".to_owned(), type_name: "p/Text".to_owned(), encoding: "ros1".to_owned() }
+    }
+
+    const AT_ZERO: Times = Times { logged_ns: 0, published_ns: None };
+
+    #[test]
+    fn a_small_log_cannot_claim_all_memory_and_what_it_may_not_have_is_a_loss() {
+        let want = |_: &TopicInfo| Selection::All;
+        let mut topics = Topics::new(&want, 10, 1000);
+        let definition = Definition { encoding: "ros1msg", text: b"string s" };
+        let route = topics.route(text_topic(), Some(definition)).unwrap();
+        let megabyte = [&(1_u32 << 20).to_le_bytes()[..], &[b'x'; 1 << 20]].concat();
+        for _ in 0..100 {
+            topics.message(route, AT_ZERO, &megabyte);
+        }
+        let mut log = Log::default();
+        topics.finish(&mut log);
+        let rows = log.tables[0].rows as u64;
+        assert!((64..=66).contains(&rows), "{rows}");
+        let loss = log.notices.iter().find(|n| n.code == "too-many-values").unwrap();
+        assert_eq!((loss.severity, loss.count, log.health.messages), (Severity::Loss, 100 - rows, 100));
+    }
+
+    #[test]
+    fn definitions_have_a_bound_each_and_together() {
+        let want = |_: &TopicInfo| Selection::All;
+        let mut topics = Topics::new(&want, 1000, 1000);
+        let reason = |topics: Topics<'_>, name: &str| {
+            let mut log = Log::default();
+            topics.finish(&mut log);
+            log.health.topics.iter().find(|t| t.name == name).unwrap().reason.clone()
+        };
+        let long = vec![b'#'; LONGEST_DEFINITION + 1];
+        topics.route(text_topic(), Some(Definition { encoding: "ros1msg", text: &long })).unwrap();
+        assert!(reason(topics, "/t").contains("too long"));
+        let mut topics = Topics::new(&want, 1000, 1000);
+        let comment = &long[1..];
+        for i in 0..80 {
+            let info = TopicInfo { name: format!("/{i}"), ..text_topic() };
+            topics.route(info, Some(Definition { encoding: "ros1msg", text: comment })).unwrap();
+        }
+        assert!(topics.definition_bytes <= MOST_DEFINITIONS);
+        assert!(reason(topics, "/79").contains("too long"));
+    }
+
+    #[test]
+    fn a_log_of_many_bad_topics_gets_few_notices() {
+        let want = |_: &TopicInfo| Selection::All;
+        let mut topics = Topics::new(&want, 65_536, 1000);
+        for i in 0..5000 {
+            let info = TopicInfo { name: format!("/{i}"), ..text_topic() };
+            let definition = Definition { encoding: "ros1msg", text: b"string s" };
+            let route = topics.route(info, Some(definition)).unwrap();
+            topics.message(route, AT_ZERO, &[1]);
+        }
+        let mut log = Log::default();
+        topics.finish(&mut log);
+        assert_eq!(log.notices.len(), MOST_NOTICES + 1);
+        let last = log.notices.iter().last().unwrap();
+        assert_eq!((last.severity, last.count), (Severity::Loss, 5000 - MOST_NOTICES as u64));
     }
 }

@@ -102,8 +102,7 @@ struct Compiler<'s> {
 
 impl<'s> Compiler<'s> {
     fn new(schema: &'s Schema) -> Compiler<'s> {
-        let mut compiler =
-            Compiler { schema, sizes: vec![None; schema.messages.len()], places: vec![], visited: 0 };
+        let mut compiler = Compiler { schema, sizes: vec![None; schema.messages.len()], places: vec![], visited: 0 };
         // A message type comes before those that it refers to.
         for index in (0..schema.messages.len()).rev() {
             let sizes = compiler.measured(index);
@@ -556,7 +555,7 @@ mod tests {
         }
 
         fn raw<const N: usize>(mut self, little: [u8; N]) -> Writer {
-            while self.aligned && (self.bytes.len() - 4) % N != 0 {
+            while self.aligned && !(self.bytes.len() - 4).is_multiple_of(N) {
                 self.bytes.push(0xaa);
             }
             let mut bytes = little;
@@ -626,7 +625,16 @@ mod tests {
 
     #[test]
     fn every_encoding_of_a_message_gives_the_same_columns() {
-        let wanted = Wanted::of_paths(["head.level", "x", "small[2]", "parts[1].b", "more[0].a", "more[2].b", "more[3].b", "last"]);
+        let wanted = Wanted::of_paths([
+            "head.level",
+            "x",
+            "small[2]",
+            "parts[1].b",
+            "more[0].a",
+            "more[2].b",
+            "more[3].b",
+            "last",
+        ]);
         let expected = [
             ("head.level", Some(3.0)),
             ("last", Some(-8.0)),
@@ -685,7 +693,10 @@ mod tests {
             ("B[] s\n===\nMSG: p/B\nuint8 t", Wanted::of_paths(["s[1].t"])),
         ] {
             let error = decode(text, Dialect::Ros1, &wanted, &bytes).unwrap_err();
-            assert!(error.starts_with("s") || error.starts_with("p/A.s") || error.starts_with("p/B.t"), "{text}: {error}");
+            assert!(
+                error.starts_with("s") || error.starts_with("p/A.s") || error.starts_with("p/B.t"),
+                "{text}: {error}"
+            );
         }
         let bytes = Writer::cdr(false).u32(u32::MAX).bytes;
         assert!(decode("B[] s\n===\nMSG: p/B\nuint8 t\nfloat64 u", Dialect::Ros2, &Wanted::All, &bytes).is_err());
@@ -739,7 +750,8 @@ mod tests {
         let text = "Nothing n\nfloat64 x\n===\nMSG: p/Nothing\n";
         let (table, beyond) = decode(text, Dialect::Ros1, &Wanted::All, &Writer::ros1().f64(1.5).bytes).unwrap();
         assert_eq!((numbers(&table), beyond), (vec![("x", Some(1.5))], 0));
-        let (table, beyond) = decode(text, Dialect::Ros2, &Wanted::All, &Writer::cdr(false).u8(0).f64(1.5).bytes).unwrap();
+        let (table, beyond) =
+            decode(text, Dialect::Ros2, &Wanted::All, &Writer::cdr(false).u8(0).f64(1.5).bytes).unwrap();
         assert_eq!((numbers(&table), beyond), (vec![("x", Some(1.5))], 0));
     }
 
@@ -761,7 +773,8 @@ mod tests {
 
     #[test]
     fn other_encapsulations_are_refused_by_name() {
-        for (kind, word) in [([0, 7], "XCDR2"), ([0, 3], "parameter lists"), ([1, 1], "not CDR"), ([0, 12], "not CDR")] {
+        for (kind, word) in [([0, 7], "XCDR2"), ([0, 3], "parameter lists"), ([1, 1], "not CDR"), ([0, 12], "not CDR")]
+        {
             let bytes = [kind[0], kind[1], 0, 0, 1, 2, 3, 4];
             let error = decode("uint8 a", Dialect::Ros2, &Wanted::All, &bytes).unwrap_err();
             assert!(error.contains(word), "{error}");

@@ -83,6 +83,7 @@ impl Rows {
     }
 
     /// Sets a value of the open row. One that does not fit the column's type is left out and counted.
+    #[inline]
     pub(crate) fn set(&mut self, column: usize, value: Value<'_>) {
         let Some(growing) = self.columns.get_mut(column) else { return };
         if !growing.set(self.closed, value) {
@@ -151,6 +152,20 @@ impl Growing {
     }
 
     fn set(&mut self, row: usize, value: Value<'_>) -> bool {
+        // Nearly always the value fits its column and follows the one before.
+        match (&mut self.data, value) {
+            (ColumnData::F64(v), Value::Float(x)) if v.len() == row => v.push(x),
+            (ColumnData::I64(v), Value::Integer(x)) if v.len() == row => v.push(x),
+            _ => return self.set_out_of_line(row, value),
+        }
+        if let Some(valid) = &mut self.valid {
+            valid.push(true);
+        }
+        true
+    }
+
+    #[cold]
+    fn set_out_of_line(&mut self, row: usize, value: Value<'_>) -> bool {
         if self.len() > row {
             self.truncate(row);
         }

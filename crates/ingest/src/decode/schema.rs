@@ -303,7 +303,8 @@ mod tests {
 
     #[test]
     fn constants_comments_and_defaults_are_no_fields() {
-        let text = "# a comment\nint8 STATUS_FIX=0\nstring NAME = \"a # b\"\nuint8 x 5 # five\nstring<=5 name \"a = b\"\n\r\n";
+        let text =
+            "# a comment\nint8 STATUS_FIX=0\nstring NAME = \"a # b\"\nuint8 x 5 # five\nstring<=5 name \"a = b\"\n\r\n";
         let names: Vec<String> = fields("p/A", text, Dialect::Ros2).into_iter().map(|f| f.0).collect();
         assert_eq!(names, ["x", "name"]);
     }

@@ -109,7 +109,7 @@ fn check_version(file: &mut LogFile) -> Result<(), IngestError> {
 enum Index {
     /// The bag header says that there is none: the recorder did not close the bag.
     None,
-    /// It should lie beyond the end of the file.
+    /// It should reach beyond the end of the file.
     CutOff,
     /// It is there but cannot be read, or the bag header cannot.
     Unreadable,
@@ -125,22 +125,23 @@ impl Index {
     ) -> Result<Index, IngestError> {
         let mut source = &mut *file;
         let header = Record::read(&mut source, MAGIC.len() as u64)?;
-        let Some(Kind::BagHeader { index_at }) = header.map(|r| r.kind) else { return Ok(Index::Unreadable) };
+        let Some(Kind::BagHeader { index_at, chunks }) = header.map(|r| r.kind) else { return Ok(Index::Unreadable) };
         match index_at {
             0 => Ok(Index::None),
             at if at > source.size() => Ok(Index::CutOff),
-            at => Index::records(&mut source, at, context, connections),
+            at => Index::records(&mut source, at, chunks, context, connections),
         }
     }
 
     fn records(
         source: &mut &mut LogFile,
         start: u64,
+        chunks: Option<u32>,
         context: &ReadContext<'_>,
         connections: &mut Connections<'_, '_>,
     ) -> Result<Index, IngestError> {
         let mut at = start;
-        let mut messages = 0_u64;
+        let (mut messages, mut seen) = (0_u64, 0_u64);
         while at < source.size() {
             let Some(record) = Record::read(source, at)? else { return Ok(Index::Unreadable) };
             if u64::from(record.data_length) > context.limits.record_bytes {
@@ -152,12 +153,16 @@ impl Index {
             match &record.kind {
                 // What is wrong with a connection is said when the walk comes by.
                 Kind::Connection { connection, topic } => drop(connections.connection(*connection, topic, data)),
-                Kind::ChunkInfo => messages = messages.saturating_add(counts(data)),
+                Kind::ChunkInfo => {
+                    seen += 1;
+                    messages = messages.saturating_add(counts(data));
+                }
                 _ => return Ok(Index::Unreadable),
             }
             at = record.end();
         }
-        Ok(Index::Counts(messages))
+        let whole = chunks.is_none_or(|chunks| seen >= u64::from(chunks));
+        Ok(if whole { Index::Counts(messages) } else { Index::CutOff })
     }
 
     fn conclude(&self, file: &str, found: u64, notices: &mut Notices) {
@@ -167,10 +172,11 @@ impl Index {
                 notices.push(Severity::Loss, "no-end", file, 1, text);
             }
             Index::CutOff => {
-                notices.push(Severity::Loss, "no-end", file, 1, "the bag was cut before its index");
+                notices.push(Severity::Loss, "no-end", file, 1, "the bag was cut before the end of its index");
             }
             Index::Unreadable => {
-                notices.push(Severity::Warning, "bad-index", file, 1, "the index cannot be read; it was not used");
+                let text = "the index cannot be read, so nothing says whether messages are missing";
+                notices.push(Severity::Loss, "bad-index", file, 1, text);
             }
             Index::Counts(stated) if *stated > found => {
                 let text = format!("messages are missing: the index counts {stated}, {found} were found");
@@ -246,7 +252,8 @@ impl<'t, 'w> Connections<'t, 'w> {
             notices.push(Severity::Loss, "unknown-channel", file, self.unplaced.count, text);
         }
         if self.redefined.count > 0 {
-            let text = format!("connections were replaced by others of the same number; the first: {}", self.redefined.first);
+            let text =
+                format!("connections were replaced by others of the same number; the first: {}", self.redefined.first);
             notices.push(Severity::Warning, "redefined", file, self.redefined.count, text);
         }
     }

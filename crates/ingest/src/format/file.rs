@@ -127,7 +127,8 @@ mod tests {
 
     #[test]
     fn any_stretch_reads_as_the_file_has_it() {
-        let content: Vec<u8> = (0..3 * READ_AHEAD as u32 + 17).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let content: Vec<u8> =
+            (0..3 * READ_AHEAD as u32 + 17).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let mut on_disk = tempfile::NamedTempFile::new().unwrap();
         on_disk.write_all(&content).unwrap();
         let mut file = LogFile::open(on_disk.path()).unwrap();

@@ -131,7 +131,8 @@ mod tests {
 
     #[test]
     fn every_codec_gives_back_what_went_in_through_one_inflater() {
-        let contents = [vec![], vec![7; 3], (0..300_000_u32).flat_map(|i| i.wrapping_mul(i).to_le_bytes()).collect::<Vec<u8>>()];
+        let contents =
+            [vec![], vec![7; 3], (0..300_000_u32).flat_map(|i| i.wrapping_mul(i).to_le_bytes()).collect::<Vec<u8>>()];
         let mut inflater = Inflater::default();
         for codec in [Codec::None, Codec::Zstd, Codec::Lz4, Codec::Bz2] {
             for content in contents.iter().chain(&contents) {

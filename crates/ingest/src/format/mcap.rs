@@ -127,6 +127,8 @@ struct Channels<'t, 'w> {
     found: u64,
     chunk_open: bool,
     unplaced: Tally,
+    /// Why a channel that is known has no topic.
+    refusal: Option<String>,
     redefined: Tally,
     late_stamps: u64,
 }
@@ -144,6 +146,7 @@ impl<'t, 'w> Channels<'t, 'w> {
             found: 0,
             chunk_open: true,
             unplaced: Tally::default(),
+            refusal: None,
             redefined: Tally::default(),
             late_stamps: 0,
         }
@@ -161,7 +164,8 @@ impl<'t, 'w> Channels<'t, 'w> {
         };
         self.found += 1;
         let Some(route) = self.route(channel) else {
-            self.unplaced.add(|| format!("channel {channel}"));
+            let why = self.refusal.as_deref().unwrap_or("which no record announces");
+            self.unplaced.add(|| format!("channel {channel}, {why}"));
             return Ok(Fate::Skipped);
         };
         let times = Times { logged_ns: self.stamp(logged), published_ns: Some(self.stamp(published)) };
@@ -194,9 +198,16 @@ impl<'t, 'w> Channels<'t, 'w> {
             encoding: channel.message_encoding.clone(),
         };
         let definition = schema.map(|s| Definition { encoding: &s.encoding, text: &s.text });
-        let route = self.topics.route(info, definition).ok()?;
-        self.set_way(id, Way::Open(route));
-        Some(route)
+        match self.topics.route(info, definition) {
+            Ok(route) => {
+                self.set_way(id, Way::Open(route));
+                Some(route)
+            }
+            Err(refusal) => {
+                self.refusal.get_or_insert(refusal);
+                None
+            }
+        }
     }
 
     fn set_way(&mut self, id: u16, way: Way) {
@@ -295,7 +306,8 @@ impl<'t, 'w> Channels<'t, 'w> {
         raise(Severity::Warning, "miscounted-messages", self.found.saturating_sub(stated), text);
         let text = format!("messages that belong to no known topic; the first: {}", self.unplaced.first);
         raise(Severity::Loss, "unknown-channel", self.unplaced.count, text);
-        let text = format!("definitions were replaced by others of the same number; the first: {}", self.redefined.first);
+        let text =
+            format!("definitions were replaced by others of the same number; the first: {}", self.redefined.first);
         raise(Severity::Warning, "redefined", self.redefined.count, text);
         let text = "stamps beyond the year 2262 were set to the last instant before".to_owned();
         raise(Severity::Warning, "stamp-out-of-range", self.late_stamps, text);

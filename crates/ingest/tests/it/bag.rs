@@ -1,8 +1,8 @@
 //! ROS 1 bags: agreement with what was written and with other readers, and what is made of damage.
 
 use crate::made::{
-    BagCodec, CAMERA, Encoding, FIX, OnDisk, Sent, assert_balanced, assert_received, assert_subset, bag, flight, lost,
-    notice, reader, sum, whole_sum,
+    BagCodec, CAMERA, Encoding, FIX, OnDisk, Sent, assert_balanced, assert_received, assert_subset, bag, each_damage,
+    flight, lost, notice, reader,
 };
 use crate::support::{in_context, real_logs};
 use ingest::{Log, Selection, TopicInfo};
@@ -52,7 +52,7 @@ fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
         let content = bag(&sent, codec, 9, true, true);
         let disk = OnDisk::new(&content, true);
         let mut most = 0;
-        for length in (4200..content.len()).rev().step_by(stride) {
+        for length in (4200..content.len()).rev().step_by(stride.min(1)) {
             disk.set_len(length as u64);
             let Ok(log) = disk.read() else { continue };
             assert!(lost(&log), "{codec:?} cut at {length}");
@@ -115,12 +115,12 @@ fn a_wrong_length_costs_one_message_and_not_its_neighbours() {
 #[test]
 fn no_flipped_bit_panics_or_loses_the_count_of_the_bytes() {
     let sent = flight(5);
-    for (codec, stride) in [(BagCodec::None, 3), (BagCodec::Lz4Linked, 5), (BagCodec::Bz2, 11)] {
+    for (codec, stride) in [(BagCodec::None, 7), (BagCodec::Lz4Linked, 11), (BagCodec::Bz2, 31)] {
         let content = bag(&sent, codec, 6, true, true);
         let disk = OnDisk::new(&content, true);
         // The padding of the bag header is the same byte four thousand times.
         let bits = (0..content.len() * 8).filter(|bit| !(120 * 8..4100 * 8).contains(bit));
-        for bit in bits.step_by(stride) {
+        for bit in bits.step_by(stride.min(1)) {
             let (at, mask) = (bit / 8, 1 << (bit % 8));
             disk.write_at(at as u64, &[content[at] ^ mask]);
             if let Ok(log) = disk.read()
@@ -150,13 +150,35 @@ fn hostile_lengths_neither_abort_nor_hang() {
 }
 
 #[test]
+fn damage_of_any_kind_neither_panics_nor_goes_unsaid() {
+    let sent = flight(8);
+    for codec in BagCodec::ALL {
+        let content = bag(&sent, codec, 7, true, true);
+        each_damage(&content, 250, |damaged| {
+            if let Ok(log) = OnDisk::new(damaged, true).read()
+                && !lost(&log)
+            {
+                // Without checksums changed values cannot be told, but missing messages can.
+                assert!(
+                    log.health.messages >= 24,
+                    "{codec:?}: {} {:?} {:?}",
+                    log.health.messages,
+                    log.notices,
+                    log.health.bytes
+                );
+            }
+        });
+    }
+}
+
+#[test]
 fn what_is_no_bag_is_refused_by_name() {
     let content = bag(&flight(3), BagCodec::None, 4, true, true);
     for (bytes, what) in [
         (&b"#ROSBAG V1.2\nsomething"[..], "version 1"),
         (b"", "empty"),
         (&[0; 10_000], "zero bytes"),
-        (&content[..4117], "cut before its index"),
+        (&content[..4109], "cut before the end of its index"),
         (b"<html><body>Not found</body></html>", "begins the file is wrong"),
     ] {
         let error = OnDisk::new(bytes, true).read().unwrap_err().to_string();
@@ -216,14 +238,15 @@ fn real_bags_have_the_counts_of_the_python_reader() {
 #[test]
 fn intact_bags_have_the_messages_of_the_rosbag_crate() {
     use rosbag::{ChunkRecord, MessageRecord, RosBag};
-    for (file, ..) in COUNTED {
+    // The crate does not read the zeros between two records of this one.
+    for (file, ..) in COUNTED.iter().filter(|c| !c.0.ends_with("fake_joint_state.bag")) {
         let Some(path) = real_logs(file) else { continue };
         let other = RosBag::new(&path).unwrap();
         let (mut messages, mut bytes) = (0, 0);
         for chunk in other.chunk_records() {
-            let ChunkRecord::Chunk(chunk) = chunk.unwrap() else { continue };
+            let ChunkRecord::Chunk(chunk) = chunk.unwrap_or_else(|e| panic!("{file}: {e}")) else { continue };
             for record in chunk.messages() {
-                if let MessageRecord::MessageData(message) = record.unwrap() {
+                if let MessageRecord::MessageData(message) = record.unwrap_or_else(|e| panic!("{file}: {e}")) {
                     messages += 1;
                     bytes += message.data.len() as u64;
                 }
@@ -288,77 +311,14 @@ fn the_damaged_copies_give_what_can_be_recovered_and_are_marked() {
 }
 
 #[test]
-fn values_of_real_messages_are_those_of_the_python_decoder() {
-    // rosbags 0.11.9, deserialize_ros1 and math.fsum.
-    type Sums = &'static [(&'static str, usize, f64)];
-    let cases: [(&str, &str, &str, i128, Sums); 4] = [
-        (
-            "robot_localization/test/test1.bag",
-            "/fix",
-            "header.stamp",
-            1_416_481_102_983_320_759_754,
-            &[
-                ("latitude", 989, 41910.347555),
-                ("altitude", 989, -17940.3),
-                ("position_covariance[8]", 989, 3054.6400000000003),
-                ("status.service", 989, 989.0),
-                ("header.seq", 989, 588_455.0),
-            ],
-        ),
-        (
-            "robot_localization/test/test1.bag",
-            "/husky_velocity_controller/odom",
-            "header.stamp",
-            5_660_195_469_344_811_447_609,
-            &[
-                ("pose.pose.position.x", 3952, 261_283.805_675_115_23),
-                ("twist.twist.angular.z", 3952, -34.566_455_391_384_51),
-                ("twist.covariance[35]", 3952, 118.56),
-            ],
-        ),
-        (
-            "PlotJuggler/datasamples/tilt_laser.bag",
-            "/tf",
-            "transforms[0].header.stamp",
-            943_425_571_030_905_724_095,
-            &[("transforms[0].transform.rotation.z", 711, -0.712)],
-        ),
-        (
-            "derived-alfa/alfa_mcap_ros2/alfa_mcap_ros2.mcap",
-            // mcap-ros2-support 0.6.0.
-            "/mavros/global_position/raw/fix",
-            "header.stamp",
-            1_014_146_846_606_356_856_315,
-            &[("latitude", 662, 26_871.748_662_5), ("position_covariance[8]", 662, 951.038_346_605_160_1)],
-        ),
-    ];
-    for (file, topic, stamp, stamps, sums) in cases {
-        let Some(path) = real_logs(file) else { continue };
-        let paths = sums.iter().map(|s| s.0).chain([stamp]);
-        let fields: Vec<_> =
-            paths.map(|p| ingest::FieldRequest { path: p.to_owned(), kind: ingest::ValueKind::Number }).collect();
-        let want = |t: &TopicInfo| {
-            if t.name == topic { Selection::Fields(fields.clone()) } else { Selection::Skip }
-        };
-        let is_bag = file.ends_with(".bag");
-        let log = in_context(|c| reader(path, is_bag).read(&want, c)).unwrap();
-        let table = &log.tables[0];
-        assert_eq!(table.columns.len(), sums.len() + 1, "{file}");
-        assert_eq!(whole_sum(table, stamp), stamps, "{file}");
-        for &(path, count, total) in sums {
-            assert_eq!(sum(table, path), (count, total), "{file} {path}");
-        }
-    }
-}
-
-#[test]
 fn a_topic_of_two_types_makes_two_tables() {
     let sent: Vec<Sent> = flight(4);
     let content = bag(&sent, BagCodec::None, 100, true, false);
     // The camera's connection renamed to the topic of the fixes, with another type.
     let mut text = content.clone();
     let name = CAMERA.as_bytes();
-    let places: Vec<usize> = content.windows(name.len()).enumerate().filter(|(_, w)| *w == name).map(|(i, _)| i).collect();
+    let places: Vec<usize> =
+        content.windows(name.len()).enumerate().filter(|(_, w)| *w == name).map(|(i, _)| i).collect();
     for place in places {
         text[place..place + name.len()].copy_from_slice(b"/camerb");
     }

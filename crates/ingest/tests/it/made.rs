@@ -272,7 +272,10 @@ pub fn bag(sent: &[Sent], codec: BagCodec, per_chunk: usize, in_chunks: bool, cl
             out.extend(record(&[("ver", &1_u32.to_le_bytes()), ("op", &[4]), ("conn", &id), ("count", &count)], &[]));
         }
         let conns = 2_u32.to_le_bytes();
-        infos.push(record(&[("ver", &1_u32.to_le_bytes()), ("op", &[6]), ("chunk_pos", &place), ("count", &conns)], &counts));
+        infos.push(record(
+            &[("ver", &1_u32.to_le_bytes()), ("op", &[6]), ("chunk_pos", &place), ("count", &conns)],
+            &counts,
+        ));
     }
     if closed {
         let index_at = out.len() as u64;
@@ -321,6 +324,37 @@ impl OnDisk {
 
 pub fn reader(path: PathBuf, is_bag: bool) -> Box<dyn LogReader> {
     if is_bag { Box::new(BagReader::new(vec![path])) } else { Box::new(McapReader::new(vec![path])) }
+}
+
+/// Calls `body` with `cases` copies of `content`, each with one stretch zeroed, filled, scrambled, cut
+/// out, doubled or swapped with another. Always the same ones.
+pub fn each_damage(content: &[u8], cases: u64, mut body: impl FnMut(&[u8])) {
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut next = |below: usize| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize % below
+    };
+    for case in 0..cases {
+        let mut damaged = content.to_vec();
+        let length = [1, 16, 100, 512, 2000][next(5)].min(content.len() / 3);
+        let start = next(content.len() - length);
+        let stretch = start..start + length;
+        match case % 6 {
+            0 => damaged[stretch].fill(0),
+            1 => damaged[stretch].fill(0xff),
+            2 => damaged[stretch].iter_mut().for_each(|b| *b = next(256) as u8),
+            3 => drop(damaged.drain(stretch)),
+            4 => damaged.splice(start..start, content[stretch].iter().copied()).for_each(drop),
+            _ => {
+                let other = next(content.len() - length);
+                damaged.copy_within(other..other + length, start);
+                damaged[other..other + length].copy_from_slice(&content[stretch]);
+            }
+        }
+        if damaged != content {
+            body(&damaged);
+        }
+    }
 }
 
 /// Every byte has one fate, and damage is never without a notice.

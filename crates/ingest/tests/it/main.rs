@@ -9,4 +9,5 @@ mod discover;
 mod made;
 mod maps;
 mod mcap;
+mod ros;
 mod support;

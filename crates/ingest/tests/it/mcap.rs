@@ -1,8 +1,8 @@
 //! MCAP: conformance, agreement with what was written, and what is made of damage.
 
 use crate::made::{
-    CAMERA, Encoding, FIX, Layout, OnDisk, Sent, assert_balanced, assert_received, assert_subset, flight, lost, mcap,
-    mcap_with, notice, reader,
+    CAMERA, Encoding, FIX, Layout, OnDisk, Sent, assert_balanced, assert_received, assert_subset, each_damage, flight,
+    lost, mcap, mcap_with, notice, reader,
 };
 use crate::support::{in_context, real_logs, with_limits};
 use ingest::{FieldRequest, IngestError, Limits, ReadContext, Selection, TopicInfo, ValueKind};
@@ -175,9 +175,8 @@ fn the_conformance_files_with_an_index_give_the_same_messages_by_it() {
         if !all.iter().any(|r| r["type"] == "ChunkIndex") {
             continue;
         }
-        let messages = |records: Vec<Value>| -> Vec<Value> {
-            records.into_iter().filter(|r| r["type"] == "Message").collect()
-        };
+        let messages =
+            |records: Vec<Value>| -> Vec<Value> { records.into_iter().filter(|r| r["type"] == "Message").collect() };
         let records = ingest::mcap_indexed_records(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         let got = messages(records.iter().filter_map(as_in_suite).collect());
         assert_eq!(got, messages(all), "{}", file.display());
@@ -397,7 +396,8 @@ fn two_definitions_of_one_topic_are_each_read_by_their_own() {
 #[test]
 fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
     let sent = flight(100);
-    for layout in [Layout::ZSTD, Layout::LZ4, Layout::PLAIN, Layout { summary: false, data_crc: false, ..Layout::ZSTD }] {
+    for layout in [Layout::ZSTD, Layout::LZ4, Layout::PLAIN, Layout { summary: false, data_crc: false, ..Layout::ZSTD }]
+    {
         let content = mcap(&sent, Encoding::Cdr, layout);
         let chunks = chunk_places(&content);
         assert!(chunks.len() > 10);
@@ -496,11 +496,11 @@ fn what_is_wrong_with_the_ends_of_a_file_is_said() {
 #[test]
 fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
     let sent = flight(12);
-    for (layout, stride) in [(Layout::ZSTD, 1), (Layout::PLAIN, 3), (Layout::UNCHUNKED, 3)] {
+    for (layout, stride) in [(Layout::ZSTD, 2), (Layout::PLAIN, 5), (Layout::UNCHUNKED, 5)] {
         let content = mcap(&sent, Encoding::Cdr, layout);
         let disk = OnDisk::new(&content, false);
         let mut most = 0;
-        for length in (0..content.len()).rev().step_by(stride) {
+        for length in (0..content.len()).rev().step_by(stride.min(1)) {
             disk.set_len(length as u64);
             let Ok(log) = disk.read() else { continue };
             assert!(lost(&log), "cut at {length}");
@@ -528,7 +528,7 @@ fn no_flipped_bit_changes_a_value_without_a_word() {
         let content = mcap(&sent, Encoding::Ros1, layout);
         let disk = OnDisk::new(&content, false);
         let mut silent = 0;
-        for bit in (0..content.len() * 8).step_by(stride) {
+        for bit in (0..content.len() * 8).step_by(stride.min(1)) {
             let (at, mask) = (bit / 8, 1 << (bit % 8));
             disk.write_at(at as u64, &[content[at] ^ mask]);
             if let Ok(log) = disk.read()
@@ -569,9 +569,36 @@ fn a_chunk_beyond_the_limit_is_refused_and_names_it() {
     let content = mcap(&sent, Encoding::Ros1, Layout { chunk_bytes: 1 << 20, ..Layout::ZSTD });
     let disk = OnDisk::new(&content, false);
     let limits = Limits { chunk_bytes: 1000, ..Limits::default() };
-    let error = with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
+    let error =
+        with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
     assert!(matches!(error, IngestError::Unusable { .. }));
     assert!(error.to_string().contains("larger than the limit of 1000"), "{error}");
+}
+
+#[test]
+fn topics_beyond_the_limit_are_refused_and_their_messages_counted() {
+    let disk = OnDisk::new(&mcap(&flight(5), Encoding::Ros1, Layout::UNCHUNKED), false);
+    let limits = Limits { topics: 1, ..Limits::default() };
+    let log = with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+    let refused = notice(&log, "unknown-channel");
+    assert!(refused.text.contains("more than 1 topics"), "{}", refused.text);
+    assert_eq!(log.health.messages + refused.count, 15);
+    assert!(lost(&log));
+}
+
+#[test]
+fn damage_of_any_kind_neither_panics_nor_goes_unsaid() {
+    let sent = flight(8);
+    for layout in [Layout::ZSTD, Layout::PLAIN, Layout::UNCHUNKED] {
+        let content = mcap(&sent, Encoding::Cdr, layout);
+        each_damage(&content, 250, |damaged| {
+            if let Ok(log) = OnDisk::new(damaged, false).read()
+                && !lost(&log)
+            {
+                assert_received(&log, &sent, true);
+            }
+        });
+    }
 }
 
 #[test]

@@ -82,19 +82,25 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
 
     /// Steps over zero bytes between records, as some tools leave when they write a bag anew.
     fn is_padding(&mut self) -> Result<bool, IngestError> {
-        let most = MOST_PADDING.min(self.source.size() - self.at);
-        let bytes = self.source.bytes(self.at, most as usize)?.unwrap_or_default();
+        let Some(next) = self.padding_end(self.at)? else { return Ok(false) };
+        self.padding += next - self.at;
+        self.pass(next, Fate::Structure);
+        Ok(true)
+    }
+
+    /// Where the zero bytes at `at` end, if a record follows them.
+    fn padding_end(&mut self, at: u64) -> Result<Option<u64>, IngestError> {
+        let most = MOST_PADDING.min(self.source.size().saturating_sub(at));
+        let bytes = self.source.bytes(at, most as usize)?.unwrap_or_default();
         let zeros = bytes.iter().take_while(|&&b| b == 0).count() as u64;
-        // The length of the next header may begin with zeros of its own, but not with four.
-        for back in 0..zeros.min(4) {
-            let next = self.at + zeros - back;
-            if next > self.at && Record::read(&mut self.source, next)?.is_some() {
-                self.padding += next - self.at;
-                self.pass(next, Fate::Structure);
-                return Ok(true);
+        // The length of a header may begin with zeros of its own: it is at most 2^16, so with two.
+        for own in 0..=zeros.min(2) {
+            let next = at + zeros - own;
+            if next > at && Record::read(&mut self.source, next)?.is_some() {
+                return Ok(Some(next));
             }
         }
-        Ok(false)
+        Ok(None)
     }
 
     fn take(&mut self, record: &Record) -> Result<(), IngestError> {
@@ -236,7 +242,8 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         let behind = hit + OP_FIELD.len() as u64 + 1;
         let before = self.source.bytes(start, hit.saturating_sub(start) as usize)?.unwrap_or_default();
         let reaches = |place: usize, length: &[u8]| {
-            let end = Bytes(length).u32().filter(|&l| l <= LONGEST_HEADER).map(|l| start + place as u64 + 4 + u64::from(l));
+            let end =
+                Bytes(length).u32().filter(|&l| l <= LONGEST_HEADER).map(|l| start + place as u64 + 4 + u64::from(l));
             end.is_some_and(|end| end >= behind)
         };
         let likely: Vec<u64> =
@@ -265,9 +272,11 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     /// Whether a record, or the end, may be here. A header that is cut off by the end may be.
     fn may_begin(&mut self, at: u64) -> Result<bool, IngestError> {
         let Some(length) = self.source.bytes(at, 4)?.and_then(|b| Bytes(b).u32()) else { return Ok(true) };
-        if length == 0 || length > LONGEST_HEADER {
-            // Zeros may be padding; whether they are is seen when the walk gets there.
-            return Ok(length == 0);
+        if length == 0 {
+            return Ok(self.padding_end(at)?.is_some());
+        }
+        if length > LONGEST_HEADER {
+            return Ok(false);
         }
         match self.source.bytes(at + 4, length as usize)? {
             Some(header) => Ok(Fields::parse(header).and_then(|fields| Kind::of(&fields)).is_some()),
@@ -285,7 +294,17 @@ fn inside<V: Visit>(
     visit: &mut V,
 ) -> Result<(Result<Fate, String>, u64), IngestError> {
     let mut ledger = Ledger::new(chunk.len() as u64, 1);
-    let mut inner = Walk { source: chunk, name, context, ledger: &mut ledger, visit, inflater: None, at: 0, messages: 0, padding: 0 };
+    let mut inner = Walk {
+        source: chunk,
+        name,
+        context,
+        ledger: &mut ledger,
+        visit,
+        inflater: None,
+        at: 0,
+        messages: 0,
+        padding: 0,
+    };
     inner.run()?;
     let messages = inner.messages;
     let mut health = LogHealth::default();

@@ -38,7 +38,11 @@ fn walked(path: &Path, by_index: bool) -> Result<Vec<Record<'static>>, IngestErr
     let mut all = Collect(vec![]);
     let summary = Summary::read(&mut file, context.limits.record_bytes, &mut Collect(vec![]))?;
     let walk = Walk::new(&mut file, &context, &mut ledger, &mut notices, &mut all, summary);
-    if by_index { walk.run_by_index()? } else { walk.run().map(|_| ())? }
+    if by_index {
+        walk.run_by_index()?
+    } else {
+        walk.run().map(|_| ())?
+    }
     match notices.iter().find(|n| n.severity == flight::Severity::Loss) {
         Some(loss) => Err(IngestError::Unusable { file: file.name().to_owned(), what: loss.text.clone() }),
         None => Ok(all.0),

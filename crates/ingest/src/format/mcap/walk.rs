@@ -19,6 +19,8 @@ use mcap::records::op;
 
 /// How much of an attachment is shown; its content is summed but not held.
 const ATTACHMENT_SHOWN: u64 = 1 << 20;
+/// An attachment that is searched for has its own header within this many bytes.
+const ATTACHMENT_HEAD_BYTES: u64 = 4096;
 /// Bytes searched or summed in one go.
 const BLOCK: usize = 256 << 10;
 /// A search for the next record ends after this many zero bytes: a sparse file has nothing more.
@@ -103,7 +105,11 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     pub(super) fn run(mut self) -> Result<Summary, IngestError> {
         self.magic()?;
         while self.at < self.file.size() && !self.ended {
-            if self.footer_seen { self.end_magic()? } else { self.record()? }
+            if self.footer_seen {
+                self.end_magic()?
+            } else {
+                self.record()?
+            }
             self.file.progress(self.at, self.context)?;
         }
         self.damage_to(self.file.size(), "bytes behind the end of the log");
@@ -385,15 +391,16 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         let Some(head) = Head::read(self.file, at)?.filter(|h| h.end <= size && h.fits_its_type()) else {
             return Ok(false);
         };
-        let loose = self.messages_seen && !self.chunks_seen && self.summary.chunks.is_empty();
+        let without_chunks = !self.chunks_seen && self.summary.chunks.is_empty();
+        let loose = without_chunks && (self.messages_seen || self.summary.trust == Trust::Good);
         let fits = match head.opcode {
             op::CHUNK => ChunkHead::read(self.file, &head)?.is_ok(),
             op::MESSAGE if loose => self.is_message(&head)?,
             op::SCHEMA | op::CHANNEL if loose => head.length <= LONGEST_FOUND,
             op::METADATA => head.length <= LONGEST_FOUND,
             op::ATTACHMENT => {
-                let shown = head.length.min(ATTACHMENT_SHOWN);
-                body(self.file, &head, shown)?.and_then(|b| AttachmentHead::parse(b, head.length)).is_some()
+                let start = body(self.file, &head, head.length.min(ATTACHMENT_HEAD_BYTES))?;
+                start.and_then(|b| AttachmentHead::parse(b, head.length)).is_some()
             }
             op::DATA_END => true,
             op::FOOTER => self.file.up_to(head.end, MAGIC.len())? == MAGIC,
@@ -405,7 +412,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     }
 
     fn is_message(&mut self, head: &Head) -> Result<bool, IngestError> {
-        let channel = body(self.file, head, head.length.min(22))?.filter(|b| b.len() == 22).and_then(|b| Bytes(b).u16());
+        let channel =
+            body(self.file, head, head.length.min(22))?.filter(|b| b.len() == 22).and_then(|b| Bytes(b).u16());
         Ok(channel.is_some_and(|channel| self.visit.knows(channel)))
     }
 
@@ -442,7 +450,12 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         }
         let text = format!("records of unknown types, passed over; the first: {}", self.unknown.first);
         raise(Severity::Warning, "unknown-record", self.unknown.count, &text);
-        raise(Severity::Info, "no-chunk-checksum", self.without_crc, "chunks carry no checksum: their content cannot be verified");
+        raise(
+            Severity::Info,
+            "no-chunk-checksum",
+            self.without_crc,
+            "chunks carry no checksum: their content cannot be verified",
+        );
         let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
                     which knows neither their size nor when they were published";
         raise(Severity::Info, "closed-chunks", self.not_opened, text);

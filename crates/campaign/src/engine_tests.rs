@@ -1,0 +1,419 @@
+//! The engine with a study that is quick and can be made to misbehave.
+
+use crate::config::Pipeline;
+use crate::event::Event;
+use crate::manifest::{Manifest, Planned, Why};
+use crate::plan::{Desk, Order};
+use crate::reduce::Verdict;
+use crate::run::run_with;
+use crate::study::{Interrupted, Studied, Study, failed_record};
+use crate::{CampaignError, Exit};
+use compensation_replay::{Track, TrackColumn};
+use record::{CampaignRecord, FlightRecord, Outcome};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, SystemTime};
+
+/// A table whose one value is `text`.
+fn table(text: &str) -> String {
+    format!("time,word\n0,{text}\n1,{text}\n")
+}
+
+/// Does what the first word in the log says.
+struct Scripted {
+    stop_at: Option<&'static str>,
+}
+
+impl Study for Scripted {
+    fn study(&self, flight: &Planned, manifest: &Manifest, desk: &Desk<'_>) -> Result<Studied, Interrupted> {
+        let text = fs::read_to_string(&flight.files[0].path).map_err(|e| Interrupted::Trouble(e.to_string()))?;
+        if self.stop_at == Some(flight.flight.as_str()) {
+            desk.cancel.store(true, Ordering::Relaxed);
+            return Err(Interrupted::Cancelled);
+        }
+        let failed = failed_record(flight, manifest, "cut before the first message".into());
+        match text.lines().nth(1).and_then(|l| l.split([',', ' ']).nth(1)) {
+            Some("panic") => panic!("index 7 out of range"),
+            Some("busy") => Err(Interrupted::Trouble("the disk does not answer".into())),
+            Some("bad") => Ok(Studied { record: failed, track: None }),
+            _ => Ok(Studied {
+                record: FlightRecord { outcome: Outcome::Compensated, ..failed },
+                track: Some(track(&text)),
+            }),
+        }
+    }
+}
+
+fn track(text: &str) -> Track {
+    let stamps: Vec<i64> = text.bytes().map(i64::from).collect();
+    let north = text.bytes().map(|b| (b > 64).then(|| f64::from(b) / 3.0)).collect();
+    Track { columns: vec![("t_ns".into(), TrackColumn::I64(stamps)), ("north_m".into(), TrackColumn::F64(north))] }
+}
+
+/// A folder of flights and an output folder.
+struct Bench {
+    folder: tempfile::TempDir,
+    pipeline: String,
+    stop_at: Option<&'static str>,
+}
+
+struct Ran {
+    verdict: Result<Verdict, CampaignError>,
+    events: Vec<Event>,
+}
+
+impl Ran {
+    fn started(&self) -> BTreeMap<String, Vec<Why>> {
+        let of = |e: &Event| match e {
+            Event::Started { flight, why, .. } => Some((flight.clone(), why.clone())),
+            _ => None,
+        };
+        self.events.iter().filter_map(of).collect()
+    }
+
+    fn hashed_files(&self) -> usize {
+        let of = |e: &Event| if let Event::Hashing { files, .. } = e { *files } else { 0 };
+        self.events.iter().map(of).sum()
+    }
+
+    fn verdict(&self) -> &Verdict {
+        self.verdict.as_ref().unwrap()
+    }
+}
+
+impl Bench {
+    fn new(flights: &[(&str, &str)]) -> Bench {
+        let folder = tempfile::tempdir().unwrap();
+        let pipeline = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"bench\"\n".to_owned();
+        let bench = Bench { folder, pipeline, stop_at: None };
+        fs::create_dir(bench.flights()).unwrap();
+        for (name, text) in flights {
+            bench.log(name, text);
+        }
+        bench
+    }
+
+    fn five() -> Bench {
+        Bench::new(&[("a.csv", "one"), ("b.csv", "two"), ("c.csv", "three"), ("d.csv", "four"), ("e.csv", "five")])
+    }
+
+    fn flights(&self) -> PathBuf {
+        self.folder.path().join("flights")
+    }
+
+    fn out(&self) -> PathBuf {
+        self.folder.path().join("report")
+    }
+
+    /// Writes a log and waits until its times can be trusted.
+    fn log(&self, name: &str, text: &str) {
+        fs::write(self.flights().join(name), table(text)).unwrap();
+        std::thread::sleep(Duration::from_millis(60));
+    }
+
+    fn run(&self) -> Ran {
+        self.run_into(&self.out(), 2, false)
+    }
+
+    fn run_into(&self, out: &Path, threads: usize, verify: bool) -> Ran {
+        let events = Mutex::new(vec![]);
+        let sink = |event: &Event| events.lock().unwrap().push(event.clone());
+        let cancel = AtomicBool::new(false);
+        let order = Order {
+            flights: self.flights(),
+            out: out.to_owned(),
+            pipeline: Pipeline::parse(&self.pipeline, Path::new("p.toml")).unwrap(),
+            verify,
+            command: "flightlag campaign flights --out REPORT".into(),
+        };
+        let desk = Desk { threads, cancel: &cancel, events: &sink };
+        let stop_at = self.stop_at;
+        let verdict = run_with(&order, &desk, &|_| Ok(Box::new(Scripted { stop_at })));
+        Ran { verdict, events: events.into_inner().unwrap() }
+    }
+
+    /// Every output but what depends on the hour and on this machine.
+    fn tree(&self, out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut tree = BTreeMap::new();
+        let mut open = vec![out.to_owned()];
+        while let Some(folder) = open.pop() {
+            for entry in fs::read_dir(folder).unwrap().map(|e| e.unwrap()) {
+                match entry.file_type().unwrap().is_dir() {
+                    true => open.push(entry.path()),
+                    false => {
+                        drop(tree.insert(
+                            entry.path().strip_prefix(out).unwrap().to_owned(),
+                            fs::read(entry.path()).unwrap(),
+                        ))
+                    }
+                }
+            }
+        }
+        tree.retain(|path, _| path != Path::new("run.json") && !path.starts_with(".flightlag"));
+        tree
+    }
+
+    fn record(&self) -> CampaignRecord {
+        serde_json::from_slice(&fs::read(self.out().join("campaign.json")).unwrap()).unwrap()
+    }
+}
+
+#[test]
+fn a_second_run_with_nothing_changed_opens_no_log_and_writes_nothing() {
+    let bench = Bench::five();
+    assert_eq!(bench.run().started().len(), 5);
+    let before = bench.tree(&bench.out());
+    let again = bench.run();
+    assert!(again.started().is_empty());
+    assert_eq!(again.hashed_files(), 0);
+    assert!(again.events.contains(&Event::NothingChanged) && again.verdict().nothing_changed);
+    assert_eq!(bench.tree(&bench.out()), before);
+}
+
+#[test]
+fn one_changed_log_reruns_that_flight_and_says_why() {
+    let bench = Bench::five();
+    bench.run();
+    bench.log("c.csv", "THREE");
+    let again = bench.run();
+    assert_eq!(again.started(), BTreeMap::from([("c.csv".to_owned(), vec![Why::LogChanged])]));
+    assert_eq!(again.hashed_files(), 1);
+    let pages =
+        again.events.iter().find_map(|e| if let Event::Reduced { pages, .. } = e { Some(*pages) } else { None });
+    assert_eq!(pages, Some(1));
+}
+
+#[test]
+fn a_log_that_was_only_touched_is_hashed_and_not_read_again() {
+    let bench = Bench::five();
+    bench.run();
+    bench.log("c.csv", "three");
+    let again = bench.run();
+    assert_eq!((again.started().len(), again.hashed_files()), (0, 1));
+    assert!(again.verdict().nothing_changed);
+}
+
+#[test]
+fn verify_hashes_every_log_and_still_reuses_what_is_right() {
+    let bench = Bench::five();
+    bench.run();
+    let again = bench.run_into(&bench.out(), 2, true);
+    assert_eq!((again.started().len(), again.hashed_files()), (0, 5));
+}
+
+#[test]
+fn a_changed_setting_reruns_all_and_says_which_setting() {
+    let mut bench = Bench::five();
+    bench.run();
+    bench.pipeline = bench.pipeline.replace("0.4", "0.35");
+    let again = bench.run();
+    let settings = vec!["delay.position_s: was 0.4, is 0.35".to_owned()];
+    assert_eq!(again.started().len(), 5);
+    assert!(again.started().values().all(|why| *why == [Why::SettingsChanged { settings: settings.clone() }]));
+    bench.pipeline = bench.pipeline.replace("0.35", "0.4");
+    assert!(bench.run().started().is_empty(), "the first results are still there");
+}
+
+#[test]
+fn a_comment_in_the_pipeline_changes_nothing() {
+    let mut bench = Bench::five();
+    bench.run();
+    bench.pipeline = format!("# tuned in October\n{}\n[replay]\nzoom_s = 20\n", bench.pipeline);
+    assert!(bench.run().verdict().nothing_changed);
+}
+
+#[test]
+fn the_number_of_threads_changes_no_byte() {
+    let bench = Bench::five();
+    bench.log("x.csv", "bad");
+    bench.log("y.csv", "panic");
+    let trees = [1, 2, 8].map(|threads| {
+        let out = bench.folder.path().join(format!("out{threads}"));
+        bench.run_into(&out, threads, false);
+        bench.tree(&out)
+    });
+    assert!(trees[0].len() > 7 * 2);
+    assert_eq!(trees[0], trees[1]);
+    assert_eq!(trees[0], trees[2]);
+}
+
+#[test]
+fn a_bad_log_and_a_panic_are_rows_of_the_table_and_stop_nobody() {
+    let bench = Bench::five();
+    bench.log("x.csv", "bad log");
+    bench.log("y.csv", "panic please");
+    let ran = bench.run();
+    let record = bench.record();
+    assert_eq!((record.totals.flights, record.totals.compensated, record.totals.failed), (7, 5, 2));
+    assert_eq!(ran.verdict().exit(), Exit::Incomplete);
+    let reason = |name: &str| format!("{:?}", record.flights.iter().find(|r| r.flight == name).unwrap().outcome);
+    assert!(reason("x.csv").contains("cut before the first message"));
+    assert!(reason("y.csv").contains("index 7 out of range") && reason("y.csv").contains("defect"));
+    assert_eq!(bench.run().verdict().exit(), Exit::Incomplete, "also when nothing is new");
+}
+
+#[test]
+fn trouble_is_tried_again_and_a_lasting_failure_is_not() {
+    let bench = Bench::new(&[("a.csv", "one"), ("b.csv", "busy"), ("c.csv", "bad")]);
+    let first = bench.run();
+    assert_eq!(first.verdict().troubled, 1);
+    let again = bench.run();
+    assert_eq!(again.started(), BTreeMap::from([("b.csv".to_owned(), vec![Why::EarlierTrouble])]));
+    assert!(again.verdict().nothing_changed);
+    let reason = format!("{:?}", bench.record().flights[1].outcome);
+    assert!(reason.contains("the disk does not answer"), "{reason}");
+}
+
+#[test]
+fn a_log_that_cannot_be_opened_is_a_row_with_its_reason() {
+    let bench = Bench::five();
+    std::os::unix::fs::symlink("nowhere", bench.flights().join("z.csv")).unwrap();
+    let ran = bench.run();
+    assert_eq!(ran.verdict().exit(), Exit::Incomplete);
+    let record = bench.record();
+    let row = record.flights.last().unwrap();
+    assert!(row.flight == "z.csv" && format!("{:?}", row.outcome).contains("z.csv: "), "{row:?}");
+    assert!(bench.out().join(&row.page).exists());
+}
+
+#[test]
+fn flights_with_the_same_content_share_a_result_and_have_their_own_pages() {
+    let bench = Bench::five();
+    fs::create_dir(bench.flights().join("day2")).unwrap();
+    let twin = bench.flights().join("twin.csv");
+    fs::write(&twin, table("x")).unwrap();
+    let ran = bench.run();
+    assert_eq!(ran.started().len(), 6);
+    // Names count: the same bytes under another name are another result.
+    fs::copy(bench.flights().join("a.csv"), &twin).unwrap();
+    std::thread::sleep(Duration::from_millis(60));
+    let again = bench.run();
+    assert_eq!(again.started().keys().collect::<Vec<_>>(), ["twin.csv"]);
+}
+
+#[test]
+fn a_result_that_was_lost_or_damaged_is_made_again() {
+    let bench = Bench::five();
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    let key = |name: &str| bench.record().flights.iter().find(|r| r.flight == name).unwrap().key.clone();
+    let file = |name: &str, base: &str| {
+        let key = key(name);
+        bench.out().join(format!("by-key/{}/{key}/{base}", &key[..2]))
+    };
+    let (lost, cut, garbled) =
+        (file("a.csv", "track.parquet"), file("b.csv", "record.json"), file("c.csv", "record.json"));
+    fs::remove_file(lost).unwrap();
+    fs::write(cut, "{").unwrap();
+    let text = fs::read_to_string(&garbled).unwrap();
+    fs::write(garbled, text.replace("\"key\":\"", "\"kex\":\"")).unwrap();
+    // The same size and no state: only reading it can tell.
+    fs::remove_file(bench.out().join(".flightlag/state.json")).unwrap();
+    let again = bench.run();
+    assert_eq!(again.verdict().exit(), Exit::Well);
+    assert_eq!(bench.tree(&bench.out()), tree);
+}
+
+#[test]
+fn a_lost_page_is_made_again_without_a_log() {
+    let bench = Bench::five();
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    fs::remove_file(bench.out().join("flights/b.csv/index.html")).unwrap();
+    fs::write(bench.out().join("flights.csv"), "").unwrap();
+    let again = bench.run();
+    assert!(again.started().is_empty() && !again.verdict().nothing_changed);
+    assert_eq!(bench.tree(&bench.out()), tree);
+}
+
+#[test]
+fn a_flight_that_is_gone_leaves_the_table_and_its_page_goes() {
+    let bench = Bench::five();
+    bench.run();
+    fs::remove_file(bench.flights().join("c.csv")).unwrap();
+    fs::write(bench.out().join("flights/c.csv/notes.txt"), "my notes").unwrap();
+    bench.run();
+    assert_eq!(bench.record().flights.len(), 4);
+    assert!(!bench.out().join("flights/c.csv/index.html").exists());
+    assert!(bench.out().join("flights/c.csv/notes.txt").exists(), "what we did not write stays");
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_and_ends_with_the_same_bytes() {
+    let whole = Bench::five();
+    whole.run();
+    let mut bench = Bench::five();
+    bench.stop_at = Some("a.csv");
+    let stopped = bench.run_into(&bench.out(), 1, false);
+    assert_eq!(stopped.verdict.as_ref().unwrap_err().exit(), Exit::Stopped);
+    assert!(!bench.out().join("index.html").exists());
+    bench.stop_at = None;
+    let resumed = bench.run();
+    assert!(resumed.started().len() < 5, "finished flights are not redone: {:?}", resumed.started());
+    assert_eq!(bench.tree(&bench.out()), whole.tree(&whole.out()));
+}
+
+#[test]
+fn a_page_of_an_abandoned_reduce_is_not_taken_for_the_old_one() {
+    let bench = Bench::five();
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    bench.log("c.csv", "Three");
+    bench.run();
+    let state = bench.out().join(".flightlag/state.json");
+    let newer = fs::read(bench.out().join("flights/c.csv/index.html")).unwrap();
+    bench.log("c.csv", "three");
+    bench.run();
+    assert_eq!(
+        bench.tree(&bench.out()).get(Path::new("flights/c.csv/index.html")),
+        tree.get(Path::new("flights/c.csv/index.html"))
+    );
+    // As if a reduce had been killed after it withdrew its claims and wrote one newer page.
+    let text = fs::read_to_string(&state).unwrap();
+    let mut claims: serde_json::Value = serde_json::from_str(&text).unwrap();
+    claims["pages"].as_object_mut().unwrap().remove("c.csv");
+    claims["whole"] = serde_json::Value::Null;
+    fs::write(&state, claims.to_string()).unwrap();
+    fs::write(bench.out().join("flights/c.csv/index.html"), newer).unwrap();
+    bench.run();
+    let now = bench.tree(&bench.out());
+    for (path, bytes) in &tree {
+        assert_eq!(now.get(path), Some(bytes), "{}", path.display());
+    }
+}
+
+#[test]
+fn an_output_folder_that_is_not_ours_or_holds_the_flights_is_refused_untouched() {
+    let bench = Bench::five();
+    let foreign = bench.folder.path().join("home");
+    fs::create_dir(&foreign).unwrap();
+    fs::write(foreign.join("index.html"), "my page").unwrap();
+    let into = |out: &Path| bench.run_into(out, 1, false).verdict.unwrap_err();
+    assert_eq!(into(&foreign).exit(), Exit::Wrong);
+    assert_eq!(fs::read_dir(&foreign).unwrap().count(), 1);
+    assert_eq!(into(&bench.flights().join("report")).exit(), Exit::Wrong);
+    assert_eq!(into(&bench.flights()).exit(), Exit::Wrong);
+}
+
+#[test]
+fn a_run_that_was_killed_at_its_very_start_can_be_started_again() {
+    let bench = Bench::five();
+    fs::create_dir(bench.out()).unwrap();
+    fs::write(bench.out().join(".probe.gone-host.7.0-1.flightlag-tmp"), "").unwrap();
+    assert_eq!(bench.run().verdict().exit(), Exit::Well);
+}
+
+#[test]
+fn a_log_of_the_future_is_read_and_does_not_confuse_the_memory() {
+    let bench = Bench::five();
+    let ahead = SystemTime::now() + Duration::from_secs(3600);
+    let file = fs::File::options().write(true).open(bench.flights().join("a.csv")).unwrap();
+    file.set_modified(ahead).unwrap();
+    bench.run();
+    let again = bench.run();
+    assert_eq!(again.hashed_files(), 1, "its time proves nothing, so that it is hashed");
+    assert!(again.verdict().nothing_changed);
+}

@@ -1,0 +1,89 @@
+//! What ends a campaign. A bad flight does not: it is a row of the table.
+
+use std::path::PathBuf;
+
+/// Why a campaign did not finish.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// The pipeline file is wrong.
+    #[error(transparent)]
+    Pipeline(#[from] crate::config::PipelineError),
+    /// The command asks for something that cannot be done.
+    #[error("{0}")]
+    Asked(String),
+    /// The folder of flights, or a channel map, cannot be used.
+    #[error(transparent)]
+    Ingest(#[from] ingest::IngestError),
+    /// Nothing in the folder is a log that we know.
+    #[error("{}: no flight found ({ignored} files looked at)", path.display())]
+    NoFlights {
+        /// The folder.
+        path: PathBuf,
+        /// Files that were looked at.
+        ignored: usize,
+    },
+    /// An output could not be written.
+    #[error(transparent)]
+    Store(#[from] crate::store::StoreError),
+    /// Another process works on the same output folder.
+    #[error("{}: another flightlag is at work on this folder ({owner})", out.display())]
+    Busy {
+        /// The output folder.
+        out: PathBuf,
+        /// Its process and host.
+        owner: String,
+    },
+    /// A table could not be made.
+    #[error("{path}: {what}")]
+    Table {
+        /// Its path below the output folder.
+        path: String,
+        /// What the table library says.
+        what: String,
+    },
+    /// The manifest cannot be read, or was made by another version.
+    #[error("{}: {what}", path.display())]
+    Manifest {
+        /// Its file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// Something is not there yet or has changed; the same command may work later.
+    #[error("{0}")]
+    TryAgain(String),
+    /// The user stopped.
+    #[error("stopped; finished flights are kept, the same command goes on from there")]
+    Cancelled,
+}
+
+/// How a command ended, for the shell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exit {
+    /// All well.
+    Well = 0,
+    /// Failed.
+    Failed = 1,
+    /// Wrong command or pipeline.
+    Wrong = 2,
+    /// Finished, but some flights failed or lost data.
+    Incomplete = 3,
+    /// Not now: try again.
+    TryAgain = 75,
+    /// Stopped by the user.
+    Stopped = 130,
+}
+
+impl CampaignError {
+    /// The exit code that this error stands for.
+    #[must_use]
+    pub fn exit(&self) -> Exit {
+        match self {
+            CampaignError::Pipeline(_) | CampaignError::Asked(_) => Exit::Wrong,
+            CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
+            CampaignError::TryAgain(_) => Exit::TryAgain,
+            CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,
+            _ => Exit::Failed,
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! What happens while a campaign runs. The engine prints nothing: listeners do.
+
+use crate::manifest::Why;
+use record::CampaignTotals;
+use serde::Serialize;
+
+/// One thing that happened.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
+pub enum Event {
+    /// The folder of flights was looked through.
+    Found {
+        /// Flights in it.
+        flights: usize,
+        /// Files that are no logs.
+        ignored: usize,
+        /// Bytes of all logs.
+        bytes: u64,
+    },
+    /// Files whose content is not known from an earlier run are read through once.
+    Hashing {
+        /// How many.
+        files: usize,
+        /// Their bytes.
+        bytes: u64,
+    },
+    /// So many more bytes were hashed.
+    Hashed {
+        /// Bytes.
+        bytes: u64,
+    },
+    /// It is known what is left to do.
+    Planned {
+        /// Flights in all.
+        flights: usize,
+        /// Results that are there already.
+        reused: usize,
+        /// Results to make; flights with the same content share one.
+        to_run: usize,
+        /// Bytes of the logs to read.
+        bytes: u64,
+    },
+    /// A flight whose result is there already.
+    Reused {
+        /// Its name.
+        flight: String,
+    },
+    /// A log is opened.
+    Started {
+        /// Its flight.
+        flight: String,
+        /// Why it is read: every reason.
+        why: Vec<Why>,
+        /// Its size.
+        bytes: u64,
+    },
+    /// So many more bytes of logs were read.
+    Read {
+        /// Bytes.
+        bytes: u64,
+    },
+    /// A flight has a result.
+    Finished {
+        /// Its name.
+        flight: String,
+        /// `compensated`, `not-measurable` or `failed`.
+        outcome: &'static str,
+        /// Why it is not compensated.
+        reason: Option<String>,
+        /// Bytes or messages were lost.
+        lossy: bool,
+    },
+    /// A flight has no lasting result: the next run tries again.
+    Troubled {
+        /// Its name.
+        flight: String,
+        /// What went wrong.
+        reason: String,
+    },
+    /// Something that a person should know, and that stops nothing.
+    Remark {
+        /// A sentence.
+        text: String,
+    },
+    /// Table, records and pages are as they should be.
+    Reduced {
+        /// Flight pages that were made.
+        pages: usize,
+        /// Flight pages that stood already.
+        kept: usize,
+    },
+    /// Same logs, same settings, same results: nothing was read and nothing written.
+    NothingChanged,
+    /// The end.
+    Done {
+        /// Counts over all flights.
+        #[serde(flatten)]
+        totals: CampaignTotals,
+    },
+}
+
+/// Somebody who wants to know.
+pub trait EventSink: Sync {
+    /// Takes one event; called from many threads.
+    fn event(&self, event: &Event);
+}
+
+impl<F: Fn(&Event) + Sync> EventSink for F {
+    fn event(&self, event: &Event) {
+        self(event);
+    }
+}

@@ -1,0 +1,145 @@
+//! The logs as this crate sees them: flights in a folder, and the maps that they are read with.
+
+use crate::error::CampaignError;
+use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
+use crate::memory::FileStamp;
+use crate::store::{Keep, Store};
+use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, discover, load};
+use record::IgnoredInput;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// The channel maps of a campaign, and the hash of what they mean.
+pub(crate) struct Library {
+    maps: MapLibrary,
+    blake3: String,
+}
+
+impl Library {
+    /// The shipped maps and those of a folder. With a forced map, that one alone decides: a change of
+    /// the others then changes no result.
+    pub(crate) fn open(folder: Option<&Path>, forced: Option<&str>) -> Result<Library, CampaignError> {
+        let shipped = MapLibrary::shipped()?;
+        let maps = folder.map_or(Ok(shipped.clone()), |f| shipped.with_folder(f)).map_err(as_asked)?;
+        let mut hasher = blake3::Hasher::new();
+        match forced {
+            Some(name) => hash_map(&mut hasher, maps.get(name).map_err(as_asked)?),
+            None => maps.iter().for_each(|map| hash_map(&mut hasher, map)),
+        }
+        Ok(Library { blake3: hasher.finalize().to_hex().to_string(), maps })
+    }
+
+    /// Hash of what the maps mean.
+    pub(crate) fn blake3(&self) -> &str {
+        &self.blake3
+    }
+
+    /// Reads one flight.
+    pub(crate) fn load(
+        &self,
+        unit: &FlightUnit,
+        forced: Option<&str>,
+        context: &ReadContext<'_>,
+    ) -> Result<Loaded, IngestError> {
+        load(unit, &self.maps, forced, context)
+    }
+}
+
+/// A map as it is meant: its debug text shows every rule, and neither comments nor the file's place.
+fn hash_map(hasher: &mut blake3::Hasher, map: &ingest::ChannelMap) {
+    let text = format!("{map:?}");
+    hasher.update(&(text.len() as u64).to_le_bytes());
+    hasher.update(text.as_bytes());
+}
+
+/// A map or a folder of maps that is not there was asked for wrongly.
+fn as_asked(error: IngestError) -> CampaignError {
+    match error {
+        IngestError::Io { file, source, .. } => CampaignError::Asked(format!("{file}: {source}")),
+        IngestError::Map(what) => CampaignError::Asked(what),
+        other => CampaignError::Ingest(other),
+    }
+}
+
+/// What a folder holds.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Found {
+    pub(crate) units: Vec<FlightUnit>,
+    /// Files that are no logs, sorted by path.
+    pub(crate) ignored: Vec<IgnoredInput>,
+    /// Files and folders that could not be looked at: they may be logs, so that they are
+    /// rows of the table and not passed over.
+    pub(crate) unreadable: Vec<IgnoredInput>,
+}
+
+/// How ingest begins the reason for what it could not look at.
+const COULD_NOT: &str = "cannot be ";
+
+fn look(root: &Path, library: &Library) -> Result<Found, CampaignError> {
+    let found = discover(root, &library.maps)?;
+    let other = |(path, reason): (String, String)| IgnoredInput { path, reason };
+    let (unreadable, ignored) =
+        found.ignored.into_iter().map(other).partition(|o: &IgnoredInput| o.reason.starts_with(COULD_NOT));
+    Ok(Found { units: found.units, ignored, unreadable })
+}
+
+/// The last look at a folder, which need not be repeated while nothing in it has changed:
+/// recognising a log means opening it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct LastLook {
+    /// Hash of the folder's listing and of the channel maps.
+    of: String,
+    found: Found,
+}
+
+const LAST_LOOK: &str = ".flightlag/found.json";
+
+/// Looks for flights; opens no file if `fresh` is false and nothing has changed since the last look.
+pub(crate) fn find(root: &Path, library: &Library, store: &Store, fresh: bool) -> Result<Found, CampaignError> {
+    let listing = listing_hash(root).map(|listing| hash_of_parts(&[&listing, library.blake3(), FLIGHTLAG_VERSION]));
+    let last = || store.read(LAST_LOOK).ok().flatten().and_then(|b| serde_json::from_slice::<LastLook>(&b).ok());
+    if let Some(last) = last().filter(|l| !fresh && Some(&l.of) == listing.as_ref()) {
+        return Ok(last.found);
+    }
+    let found = look(root, library)?;
+    if let Some(of) = listing {
+        let look = LastLook { of, found: found.clone() };
+        // Paths that are no text cannot be written down; then the next run looks again.
+        if let Ok(text) = serde_json::to_vec(&look) {
+            store.write(LAST_LOOK, &text, Keep::Renewable)?;
+        }
+    }
+    Ok(found)
+}
+
+/// Hash of the names, sizes and times of everything below `root`. `None` if something could not
+/// be looked at, or is so new that it could change again without a change of its times.
+fn listing_hash(root: &Path) -> Option<String> {
+    let mut hasher = blake3::Hasher::new();
+    let mut open = vec![(root.to_owned(), 0)];
+    while let Some((path, depth)) = open.pop() {
+        let about = std::fs::metadata(&path).ok()?;
+        let stamp = FileStamp::of(&path).ok()?;
+        let is_folder = about.is_dir();
+        if stamp.is_too_fresh(SystemTime::now()) && !is_folder {
+            return None;
+        }
+        hasher.update(path.as_os_str().as_encoded_bytes());
+        hasher.update(format!("\0{stamp:?}\0{is_folder}\0").as_bytes());
+        if is_folder {
+            let entries = std::fs::read_dir(&path).ok()?.collect::<Result<Vec<_>, _>>().ok()?;
+            let mut below: Vec<PathBuf> = entries.iter().map(std::fs::DirEntry::path).collect();
+            below.sort();
+            open.extend(below.into_iter().map(|p| (p, depth + 1)));
+        }
+        if depth > DEEPEST || open.len() > MOST_OPEN {
+            return None;
+        }
+    }
+    Some(hasher.finalize().to_hex().to_string())
+}
+
+/// A tree that is deeper than this, or wider than that, is looked at anew each time: links may lead in circles.
+const DEEPEST: usize = 20;
+const MOST_OPEN: usize = 1_000_000;

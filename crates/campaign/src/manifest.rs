@@ -1,0 +1,388 @@
+//! What is to be done: every flight with its key, and the shard that makes its result.
+//!
+//! A manifest is written once and changed by nobody. Shard number in, exit code out is all that
+//! an engine (a job array, a loop in a shell) has to know.
+
+use crate::error::CampaignError;
+use crate::memory::FileStamp;
+use crate::store::{Keep, Store};
+use compensation_replay::ANALYSIS_VERSION;
+use ingest::{FlightUnit, LogKind};
+use record::{IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+const MANIFEST_VERSION: u32 = 1;
+
+/// Version of this flightlag.
+pub(crate) const FLIGHTLAG_VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// A campaign as it is planned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    manifest_version: u32,
+    pub(crate) flightlag_version: String,
+    pub(crate) analysis_version: u32,
+    pub(crate) record_version: u32,
+    /// Name of the campaign.
+    pub(crate) name: String,
+    /// Folder of the flights, absolute.
+    pub(crate) root: PathBuf,
+    /// Output folder, absolute.
+    pub(crate) out: PathBuf,
+    pub(crate) pipeline: PipelineUse,
+    pub(crate) maps_folder: Option<PathBuf>,
+    /// Content of all channel maps.
+    pub(crate) maps_blake3: String,
+    /// Command that makes this campaign again, with names instead of paths.
+    pub(crate) command: String,
+    /// How many shards there are; none if every result is there already.
+    pub(crate) shards: u32,
+    /// Sorted by name.
+    pub(crate) flights: Vec<Planned>,
+    /// Sorted by path.
+    pub(crate) ignored: Vec<IgnoredInput>,
+}
+
+/// A flight as it is planned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Planned {
+    /// Path below the folder of flights.
+    pub(crate) flight: String,
+    /// Format; `None` if that could not be found out.
+    pub(crate) kind: Option<LogKind>,
+    /// Its files, sorted.
+    pub(crate) files: Vec<PlannedFile>,
+    /// Hash of the names and contents of its files; `None` if one cannot be read.
+    pub(crate) content: Option<String>,
+    /// Name of its result; `None` as above.
+    pub(crate) key: Option<String>,
+    /// Why a file cannot be read.
+    pub(crate) trouble: Option<String>,
+    /// Why a result has to be made; empty if it is there.
+    pub(crate) why: Vec<Why>,
+    /// Which shard makes it; `None` if it is there, or another flight with the same key makes it.
+    pub(crate) shard: Option<u32>,
+}
+
+/// A file of a flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PlannedFile {
+    /// Absolute.
+    pub(crate) path: PathBuf,
+    /// How the file system described it when its content was hashed.
+    pub(crate) stamp: FileStamp,
+    /// Its content.
+    pub(crate) blake3: String,
+}
+
+/// Why a log is read.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "why", rename_all = "kebab-case")]
+pub enum Why {
+    /// No run on this output folder has seen the flight.
+    NewFlight,
+    /// A file of it has another content or name.
+    LogChanged,
+    /// The pipeline means something else.
+    SettingsChanged {
+        /// As `delay.position_s: was 0.4, is 0.35`.
+        settings: Vec<String>,
+    },
+    /// A channel map is new, gone or has another content.
+    MapsChanged,
+    /// This flightlag analyses differently.
+    AnalysisChanged {
+        /// Version before.
+        was: u32,
+        /// Version now.
+        is: u32,
+    },
+    /// This flightlag writes other records.
+    RecordsChanged {
+        /// Version before.
+        was: u32,
+        /// Version now.
+        is: u32,
+    },
+    /// It was made before, but is not whole any more.
+    ResultMissing,
+    /// An earlier attempt ended in something that may be over.
+    EarlierTrouble,
+}
+
+impl fmt::Display for Why {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Why::NewFlight => f.write_str("new flight"),
+            Why::LogChanged => f.write_str("the log has changed"),
+            Why::SettingsChanged { settings } => write!(f, "settings have changed: {}", settings.join(", ")),
+            Why::MapsChanged => f.write_str("channel maps have changed"),
+            Why::AnalysisChanged { was, is } => write!(f, "analysis version was {was}, is {is}"),
+            Why::RecordsChanged { was, is } => write!(f, "record version was {was}, is {is}"),
+            Why::ResultMissing => f.write_str("its result is missing or damaged"),
+            Why::EarlierTrouble => f.write_str("the attempt before ran into trouble"),
+        }
+    }
+}
+
+impl Planned {
+    /// Size of all its files.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.files.iter().map(|f| f.stamp.bytes).sum()
+    }
+
+    /// Its files as a record names them.
+    pub(crate) fn inputs(&self) -> Vec<InputFile> {
+        let input = |f: &PlannedFile| InputFile { name: f.name(), bytes: f.stamp.bytes, blake3: f.blake3.clone() };
+        self.files.iter().map(input).collect()
+    }
+
+    /// The flight as ingest knows it; `None` if its format could not be found out.
+    pub(crate) fn unit(&self) -> Option<FlightUnit> {
+        let files = self.files.iter().map(|f| f.path.clone()).collect();
+        self.kind.map(|kind| FlightUnit { id: self.flight.clone(), files, kind })
+    }
+
+    /// The file that is not as it was when it was hashed, if any.
+    pub(crate) fn changed_file(&self) -> Option<&PlannedFile> {
+        self.files.iter().find(|f| FileStamp::of(&f.path).ok().as_ref() != Some(&f.stamp))
+    }
+}
+
+impl PlannedFile {
+    /// Name without its folder.
+    pub(crate) fn name(&self) -> String {
+        self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+}
+
+/// What names a result besides the log.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct KeyContext<'a> {
+    pub(crate) pipeline: &'a PipelineUse,
+    pub(crate) maps_blake3: &'a str,
+}
+
+impl KeyContext<'_> {
+    /// Name of the result of a flight with this content.
+    pub(crate) fn key(&self, content: &str) -> String {
+        let (analysis, records) = (ANALYSIS_VERSION.to_string(), RECORD_VERSION.to_string());
+        hash_of_parts(&["flightlag result", content, &self.pipeline.blake3, self.maps_blake3, &analysis, &records])
+    }
+}
+
+/// Hash of the names and contents of a flight's files.
+pub(crate) fn content_hash(files: &[PlannedFile]) -> String {
+    let mut parts: Vec<(String, &str)> = files.iter().map(|f| (f.name(), f.blake3.as_str())).collect();
+    parts.sort();
+    let flat: Vec<&str> = parts.iter().flat_map(|(name, hash)| [name.as_str(), hash]).collect();
+    hash_of_parts(&flat)
+}
+
+/// BLAKE3 of texts, each with its length, so that no two lists look alike.
+pub(crate) fn hash_of_parts(parts: &[&str]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for part in parts {
+        hasher.update(&(part.len() as u64).to_le_bytes());
+        hasher.update(part.as_bytes());
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+impl Manifest {
+    /// A manifest of this flightlag; shards are not given out yet.
+    #[expect(clippy::too_many_arguments, reason = "the fields by name, in one place")]
+    pub(crate) fn new(
+        name: String,
+        root: PathBuf,
+        out: PathBuf,
+        pipeline: PipelineUse,
+        maps_folder: Option<PathBuf>,
+        maps_blake3: String,
+        command: String,
+        ignored: Vec<IgnoredInput>,
+    ) -> Manifest {
+        Manifest {
+            manifest_version: MANIFEST_VERSION,
+            flightlag_version: FLIGHTLAG_VERSION.to_owned(),
+            analysis_version: ANALYSIS_VERSION,
+            record_version: RECORD_VERSION,
+            name,
+            root,
+            out,
+            pipeline,
+            maps_folder,
+            maps_blake3,
+            command,
+            shards: 0,
+            flights: vec![],
+            ignored,
+        }
+    }
+
+    /// Output folder, absolute.
+    #[must_use]
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
+    /// How many shards have work; zero if every result is there already.
+    #[must_use]
+    pub fn shards(&self) -> u32 {
+        self.shards
+    }
+
+    /// How many flights there are.
+    #[must_use]
+    pub fn flight_count(&self) -> usize {
+        self.flights.len()
+    }
+
+    /// How many results have to be made.
+    #[must_use]
+    pub fn stale_count(&self) -> usize {
+        self.flights.iter().filter(|f| f.shard.is_some()).count()
+    }
+
+    /// The flights of a shard, largest first.
+    pub(crate) fn of_shard(&self, shard: u32) -> Vec<&Planned> {
+        largest_first(self.flights.iter().filter(|f| f.shard == Some(shard)))
+    }
+
+    /// Every flight that makes a result, largest first: the last to finish is then a small one.
+    pub(crate) fn stale(&self) -> Vec<&Planned> {
+        largest_first(self.flights.iter().filter(|f| f.shard.is_some()))
+    }
+
+    /// Gives every result that is to be made to one of at most `max_shards` shards of like size.
+    pub(crate) fn deal(&mut self, max_shards: u32) {
+        let first_of_key = self.first_of_each_key();
+        let mut order: Vec<usize> = first_of_key.into_values().collect();
+        let (flights, count) = (&mut self.flights, order.len());
+        order.sort_by_key(|&i| flights.get(i).map(|f| (std::cmp::Reverse(f.bytes()), f.flight.clone())));
+        let shards = u32::try_from(count).unwrap_or(u32::MAX).min(max_shards.max(1));
+        let mut load = vec![0u64; shards as usize];
+        for i in order {
+            let lightest = (0..load.len()).min_by_key(|&s| load.get(s).copied()).unwrap_or_default();
+            if let (Some(flight), Some(sum)) = (flights.get_mut(i), load.get_mut(lightest)) {
+                // One byte at least, so that empty files are dealt round too.
+                *sum += flight.bytes().max(1);
+                flight.shard = u32::try_from(lightest).ok();
+            }
+        }
+        self.shards = shards;
+    }
+
+    /// Stale flights by key: flights with the same content share a result, and it is made once.
+    fn first_of_each_key(&self) -> BTreeMap<&str, usize> {
+        let mut first = BTreeMap::new();
+        for (i, flight) in self.flights.iter().enumerate().filter(|(_, f)| !f.why.is_empty()) {
+            if let Some(key) = &flight.key {
+                first.entry(key.as_str()).or_insert(i);
+            }
+        }
+        first
+    }
+
+    /// Writes the manifest whole.
+    ///
+    /// # Errors
+    /// The file cannot be written, or a path is no text.
+    pub fn write(&self, path: &Path) -> Result<(), CampaignError> {
+        let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
+        let text = serde_json::to_vec_pretty(self).map_err(|e| wrong(format!("cannot be written: {e}")))?;
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is no name of a file".into()))?;
+        Ok(Store::open(folder)?.write(name, &text, Keep::Synced)?)
+    }
+
+    /// Reads a manifest that this version of flightlag made.
+    ///
+    /// # Errors
+    /// It cannot be read, is no manifest, or another version made it.
+    pub fn read(path: &Path) -> Result<Manifest, CampaignError> {
+        let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
+        let bytes = std::fs::read(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
+        let manifest: Manifest =
+            serde_json::from_slice(&bytes).map_err(|e| wrong(format!("is no manifest of a campaign: {e}")))?;
+        let versions = |m: &Manifest| (m.manifest_version, m.analysis_version, m.record_version);
+        if versions(&manifest) != (MANIFEST_VERSION, ANALYSIS_VERSION, RECORD_VERSION) {
+            let by = &manifest.flightlag_version;
+            return Err(wrong(format!("was made by another flightlag ({by}): plan the campaign again")));
+        }
+        Ok(manifest)
+    }
+}
+
+fn largest_first<'a>(flights: impl Iterator<Item = &'a Planned>) -> Vec<&'a Planned> {
+    let mut flights: Vec<&Planned> = flights.collect();
+    flights.sort_by(|a, b| b.bytes().cmp(&a.bytes()).then_with(|| a.flight.cmp(&b.flight)));
+    flights
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    fn planned(flight: &str, key: &str, bytes: u64, folder: &Path) -> Planned {
+        let path = folder.join(flight);
+        std::fs::write(&path, vec![b'x'; bytes as usize]).unwrap();
+        let stamp = FileStamp::of(&path).unwrap();
+        Planned {
+            flight: flight.to_owned(),
+            kind: Some(LogKind::Csv),
+            files: vec![PlannedFile { path, stamp, blake3: key.to_owned() }],
+            content: Some(key.to_owned()),
+            key: Some(key.to_owned()),
+            trouble: None,
+            why: vec![Why::NewFlight],
+            shard: None,
+        }
+    }
+
+    fn manifest(flights: Vec<Planned>) -> Manifest {
+        let pipeline = PipelineUse { title: "t".into(), blake3: "p".into(), toml: String::new() };
+        let mut manifest =
+            Manifest::new("n".into(), "/r".into(), "/o".into(), pipeline, None, "m".into(), "c".into(), vec![]);
+        manifest.flights = flights;
+        manifest
+    }
+
+    #[test]
+    fn shards_carry_like_loads_and_every_result_is_made_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let sizes = [900, 500, 400, 300, 200, 100];
+        let mut flights: Vec<Planned> =
+            sizes.iter().map(|&n| planned(&format!("f{n}"), &format!("k{n}"), n, folder.path())).collect();
+        flights.push(planned("twin", "k900", 900, folder.path()));
+        flights.push(Planned { why: vec![], ..planned("done", "kd", 9, folder.path()) });
+        let mut manifest = manifest(flights);
+        manifest.deal(2);
+        let loads: Vec<u64> = (0..2).map(|s| manifest.of_shard(s).iter().map(|f| f.bytes()).sum()).collect();
+        assert_eq!(loads, [1200, 1200]);
+        assert_eq!(manifest.stale_count(), 6);
+        manifest.deal(100);
+        assert_eq!(manifest.shards(), 6);
+    }
+
+    #[test]
+    fn a_name_cannot_be_mistaken_for_a_content() {
+        assert_ne!(hash_of_parts(&["ab", "c"]), hash_of_parts(&["a", "bc"]));
+        assert_ne!(hash_of_parts(&["a", ""]), hash_of_parts(&["a"]));
+    }
+
+    #[test]
+    fn a_manifest_comes_back_as_it_was_written_and_one_of_another_version_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut written = manifest(vec![planned("f1", "k1", 5, folder.path())]);
+        let path = folder.path().join("m.json");
+        written.write(&path).unwrap();
+        assert_eq!(Manifest::read(&path).unwrap(), written);
+        written.analysis_version += 1;
+        written.write(&path).unwrap();
+        assert!(Manifest::read(&path).unwrap_err().to_string().contains("plan the campaign again"));
+    }
+}

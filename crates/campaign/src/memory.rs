@@ -1,0 +1,208 @@
+//! Remembers what is in a file by its path, size and times, so that a second run reads no log.
+
+use crate::error::CampaignError;
+use crate::store::{Keep, Store};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::{File, Metadata};
+use std::io::Read;
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+const MEMORY: &str = ".flightlag/inputs.json";
+const MEMORY_VERSION: u32 = 1;
+
+/// A file as the file system describes it. If any of it differs, the content may differ.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct FileStamp {
+    pub(crate) bytes: u64,
+    /// Last modification, ns since 1970.
+    modified_ns: i64,
+    /// Last change of the file's entry, ns since 1970; zero where the system has none. Copies
+    /// that keep the modification time do not keep this.
+    changed_ns: i64,
+    /// Number of the file in its file system; zero where the system has none.
+    number: u64,
+}
+
+impl FileStamp {
+    /// Asks the file system.
+    pub(crate) fn of(path: &Path) -> std::io::Result<FileStamp> {
+        std::fs::metadata(path).map(|found| FileStamp::from_metadata(&found))
+    }
+
+    fn from_metadata(found: &Metadata) -> FileStamp {
+        let (changed_ns, number) = entry_change(found);
+        let modified_ns = found.modified().map(nanos).unwrap_or_default();
+        FileStamp { bytes: found.len(), modified_ns, changed_ns, number }
+    }
+
+    /// Whether the file could be written once more without a change of its times: then the times
+    /// prove nothing, and the content is read again next time.
+    pub(crate) fn is_too_fresh(&self, now: SystemTime) -> bool {
+        let latest = self.modified_ns.max(self.changed_ns);
+        // Times without fractions of a millisecond come from a file system that counts whole seconds or two.
+        let tick = if latest % 1_000_000 == 0 { Duration::from_secs(2) } else { Duration::from_millis(50) };
+        latest.saturating_add_unsigned(tick.as_nanos() as u64) > nanos(now)
+    }
+}
+
+#[cfg(unix)]
+fn entry_change(found: &Metadata) -> (i64, u64) {
+    use std::os::unix::fs::MetadataExt;
+    (found.ctime().saturating_mul(1_000_000_000).saturating_add(found.ctime_nsec()), found.ino())
+}
+
+#[cfg(not(unix))]
+fn entry_change(_found: &Metadata) -> (i64, u64) {
+    (0, 0)
+}
+
+/// Nanoseconds since 1970, saturated in the year 2262.
+fn nanos(time: SystemTime) -> i64 {
+    let whole = |span: Duration| i64::try_from(span.as_nanos()).unwrap_or(i64::MAX);
+    match time.duration_since(SystemTime::UNIX_EPOCH) {
+        Ok(after) => whole(after),
+        Err(before) => -whole(before.duration()),
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Known {
+    #[serde(flatten)]
+    stamp: FileStamp,
+    blake3: String,
+}
+
+/// Hashes of the files of one folder, by path below it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Memory {
+    version: u32,
+    root: String,
+    files: BTreeMap<String, Known>,
+}
+
+impl Memory {
+    /// What earlier runs on this output learnt of the folder `root`. A memory that cannot be
+    /// read, or is of another folder, is empty: it only saves time.
+    pub(crate) fn recall(store: &Store, root: &Path) -> Memory {
+        let root = root.to_string_lossy().into_owned();
+        let read = store.read(MEMORY).ok().flatten();
+        let memory = read.and_then(|bytes| serde_json::from_slice::<Memory>(&bytes).ok());
+        let fits = memory.filter(|m| m.version == MEMORY_VERSION && m.root == root);
+        fits.unwrap_or(Memory { version: MEMORY_VERSION, root, files: BTreeMap::new() })
+    }
+
+    /// The hash of a file that has not changed.
+    pub(crate) fn hash_of(&self, path: &str, stamp: &FileStamp) -> Option<&str> {
+        self.files.get(path).filter(|k| k.stamp == *stamp).map(|k| k.blake3.as_str())
+    }
+
+    /// Learns the hash of a file whose stamp was taken before it was read.
+    pub(crate) fn learn(&mut self, path: &str, stamp: &FileStamp, blake3: &str) {
+        // A path with bytes that are no text cannot be told from another one.
+        if path.contains(char::REPLACEMENT_CHARACTER) || stamp.is_too_fresh(SystemTime::now()) {
+            self.files.remove(path);
+            return;
+        }
+        self.files.insert(path.to_owned(), Known { stamp: stamp.clone(), blake3: blake3.to_owned() });
+    }
+
+    /// Forgets files that are gone.
+    pub(crate) fn retain(&mut self, exists: impl Fn(&str) -> bool) {
+        self.files.retain(|path, _| exists(path));
+    }
+
+    /// Writes it down.
+    pub(crate) fn save(&self, store: &Store) -> Result<(), CampaignError> {
+        let text = serde_json::to_vec(self).unwrap_or_default();
+        Ok(store.write(MEMORY, &text, Keep::Synced)?)
+    }
+}
+
+/// BLAKE3 of a file, read through `buffer`. `None` if `advance` says that the user wants to stop.
+pub(crate) fn hash_file(
+    path: &Path,
+    buffer: &mut [u8],
+    mut advance: impl FnMut(u64) -> bool,
+) -> std::io::Result<Option<String>> {
+    let mut file = File::open(path)?;
+    let mut hasher = blake3::Hasher::new();
+    loop {
+        let n = match file.read(buffer) {
+            Ok(0) => return Ok(Some(hasher.finalize().to_hex().to_string())),
+            Ok(n) => n,
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
+            Err(e) => return Err(e),
+        };
+        hasher.update(buffer.get(..n).unwrap_or_default());
+        if !advance(n as u64) {
+            return Ok(None);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn old_file(folder: &Path, content: &str) -> std::path::PathBuf {
+        let path = folder.join("a.csv");
+        std::fs::write(&path, content).unwrap();
+        std::thread::sleep(Duration::from_millis(60));
+        path
+    }
+
+    #[test]
+    fn a_file_is_known_until_it_is_written_again_even_with_its_size_and_time_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        let path = old_file(folder.path(), "one");
+        let stamp = FileStamp::of(&path).unwrap();
+        let mut memory = Memory::recall(&store, folder.path());
+        memory.learn("a.csv", &stamp, "h1");
+        memory.save(&store).unwrap();
+        let memory = Memory::recall(&store, folder.path());
+        assert_eq!(memory.hash_of("a.csv", &FileStamp::of(&path).unwrap()), Some("h1"));
+
+        let modified = std::fs::metadata(&path).unwrap().modified().unwrap();
+        std::fs::write(&path, "two").unwrap();
+        File::options().write(true).open(&path).unwrap().set_modified(modified).unwrap();
+        assert_eq!(memory.hash_of("a.csv", &FileStamp::of(&path).unwrap()), None);
+        assert_eq!(Memory::recall(&store, Path::new("/elsewhere")).hash_of("a.csv", &stamp), None);
+    }
+
+    #[test]
+    fn a_file_that_is_written_at_this_moment_is_not_trusted_next_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        let path = folder.path().join("b.csv");
+        std::fs::write(&path, "one").unwrap();
+        File::options()
+            .write(true)
+            .open(&path)
+            .unwrap()
+            .set_modified(SystemTime::now() + Duration::from_secs(9))
+            .unwrap();
+        let stamp = FileStamp::of(&path).unwrap();
+        let mut memory = Memory::recall(&store, folder.path());
+        memory.learn("b.csv", &stamp, "h1");
+        assert_eq!(memory.hash_of("b.csv", &stamp), None);
+    }
+
+    #[test]
+    fn the_hash_is_that_of_the_content_whatever_the_buffer() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("c.bin");
+        let content: Vec<u8> = (0..100_000u32).map(|i| (i * 7919 % 251) as u8).collect();
+        std::fs::write(&path, &content).unwrap();
+        let mut total = 0;
+        let hash = hash_file(&path, &mut [0; 777], |n| {
+            total += n;
+            true
+        });
+        assert_eq!(hash.unwrap().unwrap(), blake3::hash(&content).to_hex().to_string());
+        assert_eq!(total, 100_000);
+        assert!(hash_file(&path, &mut [0; 777], |_| false).unwrap().is_none());
+    }
+}

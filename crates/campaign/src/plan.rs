@@ -1,0 +1,248 @@
+//! Finds the flights, learns their contents, and decides which results are to be made.
+
+use crate::config::Pipeline;
+use crate::error::CampaignError;
+use crate::event::{Event, EventSink};
+use crate::logs::{self, Library};
+
+use crate::lock::LOCK;
+use crate::manifest::{KeyContext, Manifest, Planned, PlannedFile, content_hash};
+use crate::memory::{FileStamp, Memory, hash_file};
+use crate::results;
+use crate::state::{State, stand};
+use crate::store::{Store, is_temporary};
+use crate::work::Workers;
+use ingest::FlightUnit;
+use record::IgnoredInput;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Size of the piece in which files are hashed, bytes.
+const PIECE: usize = 1 << 20;
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Order {
+    /// Folder of the flights.
+    pub flights: PathBuf,
+    /// Output folder.
+    pub out: PathBuf,
+    /// Settings.
+    pub pipeline: Pipeline,
+    /// Hash every file anew, whatever its size and times say.
+    pub verify: bool,
+    /// Command that makes the campaign again, with names instead of paths, for the pages.
+    pub command: String,
+}
+
+/// How it is to be done, and who is told. Nothing of it changes a result.
+pub struct Desk<'a> {
+    /// Threads.
+    pub threads: usize,
+    /// Set when the user wants to stop.
+    pub cancel: &'a AtomicBool,
+    /// Is told what happens.
+    pub events: &'a dyn EventSink,
+}
+
+impl Desk<'_> {
+    pub(crate) fn tell(&self, event: Event) {
+        self.events.event(&event);
+    }
+
+    pub(crate) fn stopped(&self) -> Result<(), CampaignError> {
+        if self.cancel.load(Ordering::Relaxed) { Err(CampaignError::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// The plan of a campaign: which results are there, which are to be made, and why.
+pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State) -> Result<Manifest, CampaignError> {
+    let (root, out) = folders(order)?;
+    let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
+    let found = logs::find(&root, &library, store, order.verify)?;
+    let mut manifest = Manifest::new(
+        root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        root.clone(),
+        out,
+        order.pipeline.as_used(),
+        order.pipeline.maps_folder().map(absolute).transpose()?,
+        library.blake3().to_owned(),
+        order.command.clone(),
+        found.ignored,
+    );
+    if found.units.is_empty() && found.unreadable.is_empty() {
+        return Err(CampaignError::NoFlights { path: root, ignored: manifest.ignored.len() });
+    }
+    let mut contents = Contents::look_at(&root, &found.units, order.verify, store);
+    desk.tell(contents.found(found.units.len() + found.unreadable.len(), manifest.ignored.len()));
+    contents.read_unknown(desk)?;
+    // What was hashed before the user stopped need not be hashed again.
+    contents.memory.save_if_changed(store)?;
+    desk.stopped()?;
+    manifest.flights = found.units.into_iter().map(|unit| contents.planned(unit)).collect();
+    manifest.flights.extend(found.unreadable.into_iter().map(unreadable));
+    manifest.flights.sort_by(|a, b| a.flight.cmp(&b.flight));
+    judge(&mut manifest, store, state);
+    Ok(manifest)
+}
+
+/// Gives every flight its key, and every flight without a result the reasons why.
+fn judge(manifest: &mut Manifest, store: &Store, state: &State) {
+    let context = KeyContext { pipeline: &manifest.pipeline.clone(), maps_blake3: &manifest.maps_blake3.clone() };
+    let mut flights = std::mem::take(&mut manifest.flights);
+    for flight in &mut flights {
+        flight.key = flight.content.as_deref().map(|content| context.key(content));
+        let Some(key) = &flight.key else { continue };
+        let whole = results::is_there(store, key) && state.results.get(key).is_none_or(|files| stand(store, files));
+        if !whole {
+            flight.why = state.why(flight, manifest, results::had_trouble(store, key));
+        }
+    }
+    manifest.flights = flights;
+}
+
+/// The folder of flights and the output folder, absolute; neither may hold the other.
+fn folders(order: &Order) -> Result<(PathBuf, PathBuf), CampaignError> {
+    let shown = order.flights.display();
+    let root = order.flights.canonicalize().map_err(|e| CampaignError::Asked(format!("{shown}: {e}")))?;
+    let out = order.out.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", order.out.display())))?;
+    if out.starts_with(&root) || root.starts_with(&out) {
+        let what = "the folder of flights and the output folder must not hold one another";
+        return Err(CampaignError::Asked(format!("{shown} and {}: {what}", order.out.display())));
+    }
+    Ok((root, out))
+}
+
+/// Refuses an output folder that holds something and was not made by us; before anything is written.
+pub(crate) fn check_output(order: &Order) -> Result<(), CampaignError> {
+    // A run that was killed at its very start leaves no more than these.
+    let foreign = |name: &OsStr| name != ".flightlag" && !is_temporary(name);
+    let mut entries = std::fs::read_dir(&order.out).into_iter().flatten().flatten();
+    if order.out.join(LOCK).exists() || !entries.any(|e| foreign(&e.file_name())) {
+        return Ok(());
+    }
+    let what = "this folder holds something that flightlag did not write; give an empty or new folder for --out";
+    Err(CampaignError::Asked(format!("{}: {what}", order.out.display())))
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, CampaignError> {
+    path.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", path.display())))
+}
+
+/// What could not be looked at is a flight that failed, until somebody can look at it.
+fn unreadable(input: IgnoredInput) -> Planned {
+    let trouble = Some(format!("{}: {}", input.path, input.reason));
+    let (content, key, why) = (None, None, vec![]);
+    Planned { flight: input.path, kind: None, files: vec![], content, key, trouble, why, shard: None }
+}
+
+/// The path below the folder of flights; the file's name if that folder is a file itself.
+fn name_below(root: &Path, path: &Path) -> String {
+    let below = path.strip_prefix(root).ok().filter(|p| !p.as_os_str().is_empty());
+    let name = below.map(Path::as_os_str).or(path.file_name()).unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// A file and what is known of it.
+struct Looked {
+    path: PathBuf,
+    /// Below the folder of flights.
+    name: String,
+    stamp: Result<FileStamp, String>,
+    blake3: Option<String>,
+}
+
+/// The contents of all files of a campaign.
+struct Contents {
+    files: BTreeMap<PathBuf, Looked>,
+    memory: Remembered,
+}
+
+/// The memory, and whether it has learnt anything.
+struct Remembered {
+    before: Memory,
+    now: Memory,
+}
+
+impl Remembered {
+    fn save_if_changed(&self, store: &Store) -> Result<(), CampaignError> {
+        if self.before == self.now { Ok(()) } else { self.now.save(store) }
+    }
+}
+
+impl Contents {
+    fn look_at(root: &Path, units: &[FlightUnit], verify: bool, store: &Store) -> Contents {
+        let mut now = Memory::recall(store, root);
+        let before = now.clone();
+        let look = |path: &PathBuf| {
+            let name = name_below(root, path);
+            let stamp = FileStamp::of(path).map_err(|e| format!("{name}: {e}"));
+            let known = stamp.as_ref().ok().filter(|_| !verify).and_then(|s| now.hash_of(&name, s));
+            let blake3 = known.map(str::to_owned);
+            (path.clone(), Looked { path: path.clone(), name, stamp, blake3 })
+        };
+        let files: BTreeMap<PathBuf, Looked> = units.iter().flat_map(|u| u.files.iter().map(look)).collect();
+        let names: BTreeSet<&str> = files.values().map(|f| f.name.as_str()).collect();
+        now.retain(|name| names.contains(name));
+        Contents { files, memory: Remembered { before, now } }
+    }
+
+    fn found(&self, flights: usize, ignored: usize) -> Event {
+        Event::Found { flights, ignored, bytes: self.files.values().map(Looked::bytes).sum() }
+    }
+
+    /// Hashes every file whose content is not known.
+    fn read_unknown(&mut self, desk: &Desk<'_>) -> Result<(), CampaignError> {
+        let unknown: Vec<&Looked> = self.files.values().filter(|f| f.stamp.is_ok() && f.blake3.is_none()).collect();
+        if unknown.is_empty() {
+            return Ok(());
+        }
+        let bytes = unknown.iter().map(|f| f.bytes()).sum();
+        desk.tell(Event::Hashing { files: unknown.len(), bytes });
+        let advance = |bytes| {
+            desk.tell(Event::Hashed { bytes });
+            !desk.cancel.load(Ordering::Relaxed)
+        };
+        let hash = |piece: &mut Vec<u8>, file: &&Looked| hash_file(&file.path, piece, advance);
+        let hashes = Workers::start(desk.threads)?.each(&unknown, desk.cancel, || vec![0; PIECE], hash);
+        let paths: Vec<PathBuf> = unknown.iter().map(|f| f.path.clone()).collect();
+        for (path, hash) in paths.iter().zip(hashes) {
+            self.learn(path, hash);
+        }
+        Ok(())
+    }
+
+    fn learn(&mut self, path: &Path, hash: Option<std::io::Result<Option<String>>>) {
+        let Some(file) = self.files.get_mut(path) else { return };
+        match hash {
+            Some(Ok(Some(hash))) => {
+                if let Ok(stamp) = &file.stamp {
+                    self.memory.now.learn(&file.name, stamp, &hash);
+                }
+                file.blake3 = Some(hash);
+            }
+            Some(Err(e)) => file.stamp = Err(format!("{}: {e}", file.name)),
+            Some(Ok(None)) | None => {}
+        }
+    }
+
+    fn planned(&self, unit: FlightUnit) -> Planned {
+        let looked: Vec<&Looked> = unit.files.iter().filter_map(|p| self.files.get(p)).collect();
+        let trouble = looked.iter().find_map(|f| f.stamp.as_ref().err().cloned());
+        let file = |f: &&Looked| {
+            let (stamp, blake3) = (f.stamp.clone().ok()?, f.blake3.clone()?);
+            Some(PlannedFile { path: f.path.clone(), stamp, blake3 })
+        };
+        let files: Vec<PlannedFile> = looked.iter().filter_map(file).collect();
+        let content = (trouble.is_none() && files.len() == unit.files.len()).then(|| content_hash(&files));
+        Planned { flight: unit.id, kind: Some(unit.kind), files, content, key: None, trouble, why: vec![], shard: None }
+    }
+}
+
+impl Looked {
+    fn bytes(&self) -> u64 {
+        self.stamp.as_ref().map(|s| s.bytes).unwrap_or_default()
+    }
+}

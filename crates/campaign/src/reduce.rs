@@ -1,0 +1,442 @@
+//! All results become one table, one record, and pages. Safe to run again at any time: a page or
+//! a row that was made from the same things stands.
+
+use crate::error::{CampaignError, Exit};
+use crate::event::Event;
+use crate::lock::OutputLock;
+use crate::manifest::{Manifest, Planned, hash_of_parts};
+use crate::plan::Desk;
+use crate::results;
+use crate::slug::slugs;
+use crate::state::{PageState, Sizes, State, WholeState, stand};
+use crate::store::{Keep, Store};
+use crate::study::failed_record;
+use crate::table;
+use crate::task::caught;
+use crate::work::Workers;
+use flight::{ChannelHealth, Severity};
+use record::{CampaignRecord, CampaignTotals, CompensatorResult, Estimate, FlightRecord, FlightRow, Outcome};
+use report::{FlightPage, REPORT_VERSION, Site};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+const RECORD: &str = "campaign.json";
+
+/// How a campaign ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// Counts over all flights.
+    pub totals: CampaignTotals,
+    /// Flights without a lasting result; they are among the failed ones.
+    pub troubled: u64,
+    /// The page to open.
+    pub page: PathBuf,
+    /// Whether everything stood already.
+    pub nothing_changed: bool,
+}
+
+impl Verdict {
+    /// 0 if every flight was read whole, 3 if some failed or lost data.
+    #[must_use]
+    pub fn exit(&self) -> Exit {
+        let whole = self.totals.failed == 0 && self.totals.lossy == 0 && self.troubled == 0;
+        if whole { Exit::Well } else { Exit::Incomplete }
+    }
+}
+
+/// Makes table, record and pages from whatever results are there. Flights without one are named.
+///
+/// # Errors
+/// An output cannot be written, another process is at work on the folder, or the user stopped.
+pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
+    let store = Store::open(manifest.out())?;
+    let _lock = OutputLock::take(&store, desk.events)?;
+    store.clean();
+    let mut state = State::recall(&store);
+    match reduce_locked(manifest, desk, &store, &mut state)? {
+        Reduction::Finished(verdict) => Ok(verdict),
+        Reduction::Damaged(flights) => {
+            let count = flights.len();
+            Err(CampaignError::TryAgain(format!("{count} results were damaged and have been removed: plan again")))
+        }
+    }
+}
+
+/// What a reduction came to.
+pub(crate) enum Reduction {
+    Finished(Verdict),
+    /// Results of these flights were there and not whole. They are removed.
+    Damaged(Vec<String>),
+}
+
+/// Reduces under a lock that the caller holds.
+pub(crate) fn reduce_locked(
+    manifest: &Manifest,
+    desk: &Desk<'_>,
+    store: &Store,
+    state: &mut State,
+) -> Result<Reduction, CampaignError> {
+    let lines = lines(manifest, store);
+    let made_from = whole_hash(manifest, &lines);
+    if let Some(whole) = state.whole.as_ref().filter(|w| w.made_from == made_from && everything_stands(store, state, w))
+    {
+        desk.tell(Event::NothingChanged);
+        let verdict = verdict(store, whole.totals.clone(), whole.troubled, true);
+        desk.tell(Event::Done { totals: whole.totals.clone() });
+        return Ok(Reduction::Finished(verdict));
+    }
+    let reducer = Reducer { manifest, desk, store, rows: old_rows(store, state) };
+    reducer.reduce(&lines, made_from, state)
+}
+
+/// A flight and where its result comes from.
+struct Line<'a> {
+    planned: &'a Planned,
+    slug: String,
+    source: Source,
+    /// Hash of everything that its page is made from.
+    made_from: String,
+}
+
+/// Where the result of a flight comes from.
+enum Source {
+    /// A result with this key.
+    Result(String),
+    /// There is none; the record says why.
+    Without(Box<FlightRecord>),
+}
+
+fn lines<'a>(manifest: &'a Manifest, store: &Store) -> Vec<Line<'a>> {
+    let mut slugs = slugs(manifest.flights.iter().map(|f| f.flight.as_str()));
+    let line = |planned: &'a Planned| {
+        let source = source_of(planned, manifest, store);
+        let slug = slugs.remove(&planned.flight).unwrap_or_default();
+        let made_from = page_hash(manifest, planned, &slug, &source);
+        Line { planned, slug, source, made_from }
+    };
+    manifest.flights.iter().map(line).collect()
+}
+
+fn source_of(planned: &Planned, manifest: &Manifest, store: &Store) -> Source {
+    if let Some(key) = planned.key.as_ref().filter(|key| results::is_there(store, key)) {
+        return Source::Result(key.clone());
+    }
+    let attempt = planned.key.as_ref().and_then(|key| results::read_trouble(store, key));
+    let unread = || planned.trouble.clone().unwrap_or_else(|| "no result has been made yet".to_owned());
+    Source::Without(Box::new(attempt.unwrap_or_else(|| failed_record(planned, manifest, unread()))))
+}
+
+fn page_hash(manifest: &Manifest, planned: &Planned, slug: &str, source: &Source) -> String {
+    let from = match source {
+        Source::Result(key) => format!("result {key}"),
+        Source::Without(record) => format!("without {}", table::outcome_reason(&record.outcome).unwrap_or_default()),
+    };
+    let version = REPORT_VERSION.to_string();
+    hash_of_parts(&[&planned.flight, slug, &from, &version, &manifest.command, &manifest.flightlag_version])
+}
+
+fn whole_hash(manifest: &Manifest, lines: &[Line<'_>]) -> String {
+    let mut parts = vec![manifest.name.as_str(), &manifest.pipeline.blake3, &manifest.command];
+    parts.extend(manifest.ignored.iter().flat_map(|i| [i.path.as_str(), i.reason.as_str()]));
+    parts.extend(lines.iter().map(|l| l.made_from.as_str()));
+    hash_of_parts(&parts)
+}
+
+fn everything_stands(store: &Store, state: &State, whole: &WholeState) -> bool {
+    stand(store, &whole.files)
+        && state.pages.values().all(|page| stand(store, &page.files))
+        && state.results.values().all(|files| stand(store, files))
+}
+
+/// Rows of the campaign's record, by flight, if that record is the one we wrote.
+fn old_rows(store: &Store, state: &State) -> BTreeMap<String, FlightRow> {
+    let Some(whole) = &state.whole else { return BTreeMap::new() };
+    let bytes = store.read(RECORD).ok().flatten().unwrap_or_default();
+    if blake3::hash(&bytes).to_hex().as_str() != whole.record_blake3 {
+        return BTreeMap::new();
+    }
+    let record = serde_json::from_slice::<CampaignRecord>(&bytes).ok();
+    record.into_iter().flat_map(|r| r.flights).map(|row| (row.flight.clone(), row)).collect()
+}
+
+struct Reducer<'a> {
+    manifest: &'a Manifest,
+    desk: &'a Desk<'a>,
+    store: &'a Store,
+    rows: BTreeMap<String, FlightRow>,
+}
+
+/// A line that is done.
+struct Reduced {
+    row: FlightRow,
+    page: PageState,
+    result: Option<(String, Sizes)>,
+    fresh: bool,
+}
+
+impl Reducer<'_> {
+    fn reduce(&self, lines: &[Line<'_>], made_from: String, state: &mut State) -> Result<Reduction, CampaignError> {
+        let standing: BTreeSet<&str> =
+            lines.iter().filter(|l| self.stands(l, state)).map(|l| l.slug.as_str()).collect();
+        self.withdraw(&standing, state)?;
+        let reduced = self.each_line(lines, &standing, state)?;
+        let damaged: Vec<String> =
+            lines.iter().zip(&reduced).filter(|(_, r)| r.is_none()).map(|(l, _)| l.planned.flight.clone()).collect();
+        if !damaged.is_empty() {
+            return Ok(Reduction::Damaged(damaged));
+        }
+        let reduced: Vec<Reduced> = reduced.into_iter().flatten().collect();
+        let pages = reduced.iter().filter(|r| r.fresh).count();
+        self.desk.tell(Event::Reduced { pages, kept: reduced.len() - pages });
+        let troubled = lines.iter().filter(|l| matches!(l.source, Source::Without(_))).count() as u64;
+        self.finish(lines, reduced, made_from, troubled, state)
+    }
+
+    /// Whether page and row of a line can stay as they are.
+    fn stands(&self, line: &Line<'_>, state: &State) -> bool {
+        let page = state.pages.get(&line.slug).filter(|p| p.made_from == line.made_from);
+        page.is_some_and(|p| stand(self.store, &p.files)) && self.rows.contains_key(&line.planned.flight)
+    }
+
+    /// From here on, only what stays is claimed to stand: a kill must not leave a claim that is wrong.
+    fn withdraw(&self, standing: &BTreeSet<&str>, state: &mut State) -> Result<(), CampaignError> {
+        state.pages.retain(|slug, _| standing.contains(slug.as_str()));
+        state.whole = None;
+        state.save(self.store)
+    }
+
+    fn each_line(
+        &self,
+        lines: &[Line<'_>],
+        standing: &BTreeSet<&str>,
+        state: &State,
+    ) -> Result<Vec<Option<Reduced>>, CampaignError> {
+        let one = |(): &mut (), line: &Line<'_>| match standing.contains(line.slug.as_str()) {
+            true => Ok(self.kept(line, state)),
+            false => self.made(line),
+        };
+        let answers = Workers::start(self.desk.threads)?.each(lines, self.desk.cancel, || (), one);
+        self.desk.stopped()?;
+        answers.into_iter().map(|a| a.unwrap_or(Err(CampaignError::Cancelled))).collect()
+    }
+
+    fn kept(&self, line: &Line<'_>, state: &State) -> Option<Reduced> {
+        let row = self.rows.get(&line.planned.flight)?.clone();
+        let page = state.pages.get(&line.slug)?.clone();
+        let result = self.result_files(line, state);
+        Some(Reduced { row, page, result, fresh: false })
+    }
+
+    fn result_files(&self, line: &Line<'_>, state: &State) -> Option<(String, Sizes)> {
+        let Source::Result(key) = &line.source else { return None };
+        let files = state.results.get(key).cloned().unwrap_or_else(|| results::sizes(self.store, key));
+        Some((key.clone(), files))
+    }
+
+    /// Page and row of a line; `None` if its result turns out not to be whole.
+    fn made(&self, line: &Line<'_>) -> Result<Option<Reduced>, CampaignError> {
+        let (record, result) = match &line.source {
+            Source::Without(record) => ((**record).clone(), None),
+            Source::Result(key) => match results::read(self.store, key)? {
+                Some(record) => (record, Some((key.clone(), results::sizes(self.store, key)))),
+                None => return Ok(None),
+            },
+        };
+        let row = row_of(line, &record);
+        let page = PageState { made_from: line.made_from.clone(), files: self.write_page(line, &record)? };
+        Ok(Some(Reduced { row, page, result, fresh: true }))
+    }
+
+    fn write_page(&self, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
+        let folder = format!("flights/{}", line.slug);
+        let page = FlightPage {
+            name: &line.planned.flight,
+            record,
+            index_href: "../../index.html",
+            command: &self.manifest.command,
+        };
+        let site = caught(|| report::flight_site(&page)).map_err(|what| defect(&folder, what))?;
+        let mut files = self.write_site(&folder, &site)?;
+        files.extend(self.place_results(&folder, line, record)?);
+        for name in self.store.list(&folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
+            self.store.remove(name)?;
+        }
+        Ok(files)
+    }
+
+    /// Puts record and track beside the page, where a person looks for them.
+    fn place_results(&self, folder: &str, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
+        let beside =
+            [("record.json", results::record_name(&record.key)), ("track.parquet", results::track_name(&record.key))];
+        let mut files = Sizes::new();
+        for (base, from) in beside {
+            let name = format!("{folder}/{base}");
+            if let (Source::Result(_), Some(bytes)) = (&line.source, self.store.size(&from)) {
+                self.store.link(&from, &name)?;
+                files.insert(name, bytes);
+            }
+        }
+        Ok(files)
+    }
+
+    fn write_site(&self, folder: &str, site: &Site) -> Result<Sizes, CampaignError> {
+        let mut files = Sizes::new();
+        for (path, bytes) in &site.files {
+            let name = if folder.is_empty() { path.clone() } else { format!("{folder}/{path}") };
+            self.store.write(&name, bytes, Keep::Renewable)?;
+            files.insert(name, bytes.len() as u64);
+        }
+        Ok(files)
+    }
+
+    fn finish(
+        &self,
+        lines: &[Line<'_>],
+        reduced: Vec<Reduced>,
+        made_from: String,
+        troubled: u64,
+        state: &mut State,
+    ) -> Result<Reduction, CampaignError> {
+        let mut rows = vec![];
+        state.results.clear();
+        state.pages.clear();
+        for (line, done) in lines.iter().zip(reduced) {
+            rows.push(done.row);
+            state.results.extend(done.result);
+            state.pages.insert(line.slug.clone(), done.page);
+        }
+        self.remove_other_pages(state)?;
+        let record = self.campaign_record(rows);
+        let (files, record_blake3) = self.write_whole(&record)?;
+        let totals = record.totals.clone();
+        state.whole = Some(WholeState { made_from, files, record_blake3, totals: totals.clone(), troubled });
+        state.learn(self.manifest);
+        state.save(self.store)?;
+        self.desk.tell(Event::Done { totals: totals.clone() });
+        Ok(Reduction::Finished(verdict(self.store, totals, troubled, false)))
+    }
+
+    /// Pages of flights that are gone go too; files that we did not write stay.
+    fn remove_other_pages(&self, state: &State) -> Result<(), CampaignError> {
+        let gone = |name: &&String| {
+            let slug = name.strip_prefix("flights/").and_then(|n| n.split('/').next());
+            slug.is_some_and(|s| !state.pages.contains_key(s))
+        };
+        for name in self.store.list("flights").iter().filter(gone) {
+            match is_ours(name) {
+                true => self.store.remove(name)?,
+                false => self.store.remove_empty_folder(name),
+            }
+        }
+        Ok(())
+    }
+
+    fn write_whole(&self, record: &CampaignRecord) -> Result<(Sizes, String), CampaignError> {
+        let tables = caught(|| table::write_flights(self.store, &record.flights));
+        tables.map_err(|what| defect("flights.parquet", what))??;
+        let mut text = serde_json::to_vec_pretty(record).unwrap_or_default();
+        text.push(b'\n');
+        self.store.write(RECORD, &text, Keep::Renewable)?;
+        let site = caught(|| report::campaign_site(record)).map_err(|what| defect("index.html", what))?;
+        let mut files = self.write_site("", &site)?;
+        for name in [RECORD, "flights.parquet", "flights.csv"] {
+            files.extend(self.store.size(name).map(|bytes| (name.to_owned(), bytes)));
+        }
+        Ok((files, blake3::hash(&text).to_hex().to_string()))
+    }
+
+    fn campaign_record(&self, flights: Vec<FlightRow>) -> CampaignRecord {
+        CampaignRecord {
+            record_version: self.manifest.record_version,
+            analysis_version: self.manifest.analysis_version,
+            flightlag_version: self.manifest.flightlag_version.clone(),
+            name: self.manifest.name.clone(),
+            pipeline: self.manifest.pipeline.clone(),
+            command: self.manifest.command.clone(),
+            totals: totals_of(&flights),
+            flights,
+            ignored: self.manifest.ignored.clone(),
+        }
+    }
+}
+
+fn defect(path: &str, what: String) -> CampaignError {
+    CampaignError::Table { path: path.to_owned(), what: format!("a defect in flightlag, please report it: {what}") }
+}
+
+/// Whether a file below `flights/` has a name that only we give.
+fn is_ours(name: &str) -> bool {
+    let mut parts = name.split('/').skip(2);
+    match (parts.next(), parts.next(), parts.next()) {
+        (Some("index.html" | "record.json" | "track.parquet"), None, _) => true,
+        (Some(_), Some(figure), None) => figure.ends_with(".svg"),
+        _ => false,
+    }
+}
+
+fn verdict(store: &Store, totals: CampaignTotals, troubled: u64, nothing_changed: bool) -> Verdict {
+    Verdict { totals, troubled, page: store.root().join("index.html"), nothing_changed }
+}
+
+/// The line of the table that a record gives.
+fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
+    let replay = record.replay.as_ref();
+    let result = |name: &str| replay.and_then(|r| r.compensators.iter().find(|c| c.name == name));
+    let error = |name: &str| result(name).and_then(|c: &CompensatorResult| c.error_rms_m);
+    let known = |e: Estimate| e.value.is_finite().then_some(e);
+    let count = |severity| record.notices.iter().filter(|n| n.severity == severity).count() as u64;
+    let position = replay.map(|r| r.pair.position.clone());
+    let velocity = replay.map(|r| r.pair.velocity.clone());
+    FlightRow {
+        flight: line.planned.flight.clone(),
+        key: record.key.clone(),
+        page: format!("flights/{}/index.html", line.slug),
+        outcome: record.outcome.clone(),
+        lossy: record.has_loss(),
+        format: record.log.as_ref().map(|l| l.format.clone()).unwrap_or_default(),
+        map: record.binding.as_ref().map(|b| b.map.clone()),
+        bytes: record.inputs.iter().map(|i| i.bytes).sum(),
+        duration_s: replay.map(|r| r.coverage.duration_s),
+        position_rate_hz: rate_of(record, position.as_deref()),
+        velocity_rate_hz: rate_of(record, velocity.as_deref()),
+        position,
+        velocity,
+        speed_median_mps: replay.map(|r| r.speed_mps.median),
+        delay_s: replay.map(|r| r.settings.delay.seconds()),
+        correction_rms_m: result("exact-async").map(|c| c.raw_minus_this_rms_m).and_then(known),
+        raw_error_rms_m: error("raw").and_then(known),
+        pade_error_rms_m: error("pade-1-1").and_then(known),
+        exact_error_rms_m: error("exact-async").and_then(known),
+        valid_share: replay.and_then(valid_share),
+        warnings: count(Severity::Warning),
+        losses: count(Severity::Loss),
+    }
+}
+
+fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
+    let coverage = &replay.coverage;
+    (coverage.rows > 0).then(|| coverage.valid_rows as f64 / coverage.rows as f64)
+}
+
+/// How often a channel brings news: its updates where values are held, else its rows.
+fn rate_of(record: &FlightRecord, channel: Option<&str>) -> Option<f64> {
+    let channels = &record.binding.as_ref()?.channels;
+    let channel: &ChannelHealth = channels.iter().find(|c| Some(c.name.as_str()) == channel)?;
+    match &channel.held {
+        Some(held) => (held.update_interval_s > 0.0).then(|| 1.0 / held.update_interval_s),
+        None => channel.stamps.as_ref().and_then(|s| s.rate_hz),
+    }
+}
+
+fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
+    let count = |of: &dyn Fn(&&FlightRow) -> bool| rows.iter().filter(of).count() as u64;
+    CampaignTotals {
+        flights: rows.len() as u64,
+        compensated: count(&|r| r.outcome == Outcome::Compensated),
+        not_measurable: count(&|r| matches!(r.outcome, Outcome::NotMeasurable { .. })),
+        failed: count(&|r| matches!(r.outcome, Outcome::Failed { .. })),
+        lossy: count(&|r| r.lossy),
+        bytes: rows.iter().map(|r| r.bytes).sum(),
+        duration_s: rows.iter().filter_map(|r| r.duration_s).sum(),
+    }
+}

@@ -1,0 +1,89 @@
+//! Where the result of a flight lies, and what belongs to it.
+//!
+//! `by-key/ab/<key>/` holds `track.parquet` and, written last, `record.json`: a result with a
+//! record is whole. `trouble.json` instead tells of an attempt that may end otherwise next time.
+
+use crate::error::CampaignError;
+use crate::state::Sizes;
+use crate::store::{Keep, Store};
+use crate::table;
+use compensation_replay::Track;
+use record::{FlightRecord, Outcome};
+
+/// Folder of a result below the output folder.
+pub(crate) fn folder(key: &str) -> String {
+    format!("by-key/{}/{key}", key.get(..2).unwrap_or("--"))
+}
+
+/// The record: there if and only if the result is whole.
+pub(crate) fn record_name(key: &str) -> String {
+    format!("{}/record.json", folder(key))
+}
+
+/// The compensated track.
+pub(crate) fn track_name(key: &str) -> String {
+    format!("{}/track.parquet", folder(key))
+}
+
+fn trouble_name(key: &str) -> String {
+    format!("{}/trouble.json", folder(key))
+}
+
+/// Whether the result is there.
+pub(crate) fn is_there(store: &Store, key: &str) -> bool {
+    store.size(&record_name(key)).is_some_and(|bytes| bytes > 0)
+}
+
+/// Whether an earlier attempt ended in trouble.
+pub(crate) fn had_trouble(store: &Store, key: &str) -> bool {
+    store.size(&trouble_name(key)).is_some()
+}
+
+/// Files of a result that is there, with their sizes.
+pub(crate) fn sizes(store: &Store, key: &str) -> Sizes {
+    let names = [track_name(key), record_name(key)];
+    names.into_iter().filter_map(|n| store.size(&n).map(|bytes| (n, bytes))).collect()
+}
+
+/// Writes a result: the track first, the record last.
+pub(crate) fn write(store: &Store, record: &FlightRecord, track: Option<&Track>) -> Result<(), CampaignError> {
+    let name = track_name(&record.key);
+    match track {
+        Some(track) => table::write_track(store, &name, track)?,
+        None => store.remove(&name)?,
+    }
+    store.write(&record_name(&record.key), &text_of(record), Keep::Synced)?;
+    Ok(store.remove(&trouble_name(&record.key))?)
+}
+
+/// Writes down an attempt that gave no lasting result.
+pub(crate) fn write_trouble(store: &Store, record: &FlightRecord) -> Result<(), CampaignError> {
+    Ok(store.write(&trouble_name(&record.key), &text_of(record), Keep::Synced)?)
+}
+
+/// The record of an attempt that gave no lasting result.
+pub(crate) fn read_trouble(store: &Store, key: &str) -> Option<FlightRecord> {
+    store.read(&trouble_name(key)).ok().flatten().and_then(|bytes| serde_json::from_slice(&bytes).ok())
+}
+
+/// The record of a result; `None` if the result is missing or not whole. What is left of a
+/// result that is not whole is removed, so that the next plan makes it anew.
+pub(crate) fn read(store: &Store, key: &str) -> Result<Option<FlightRecord>, CampaignError> {
+    let Some(bytes) = store.read(&record_name(key))? else { return Ok(None) };
+    let record = serde_json::from_slice::<FlightRecord>(&bytes).ok().filter(|r| r.key == key);
+    let track_fits = |r: &FlightRecord| r.outcome != Outcome::Compensated || store.size(&track_name(key)).is_some();
+    match record.filter(track_fits) {
+        Some(record) => Ok(Some(record)),
+        None => {
+            store.remove(&record_name(key))?;
+            Ok(None)
+        }
+    }
+}
+
+fn text_of(record: &FlightRecord) -> Vec<u8> {
+    // The record's types have text keys and no way to fail.
+    let mut text = serde_json::to_vec(record).unwrap_or_default();
+    text.push(b'\n');
+    text
+}

@@ -1,0 +1,146 @@
+//! A whole campaign on this machine: plan, make what is missing, reduce.
+
+use crate::error::CampaignError;
+use crate::event::Event;
+use crate::lock::OutputLock;
+use crate::manifest::{FLIGHTLAG_VERSION, Manifest};
+use crate::plan::{Desk, Order, check_output, plan};
+use crate::reduce::{Reduction, Verdict, reduce_locked};
+use crate::state::State;
+use crate::store::{Keep, Store, host_name};
+use crate::study::{Replaying, Study};
+use crate::task::{TaskReport, make};
+use serde::Serialize;
+use std::time::Instant;
+
+/// Runs a campaign. What is there already is used; what is missing is made; pages follow.
+///
+/// # Errors
+/// See [`CampaignError`]. A flight that cannot be read is none: it is a row of the table.
+pub fn run(order: &Order, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
+    run_with(order, desk, &|manifest| Ok(Box::new(Replaying::prepare(manifest)?)))
+}
+
+/// Makes the study that a manifest asks for.
+pub(crate) type Prepare<'a> = &'a dyn Fn(&Manifest) -> Result<Box<dyn Study>, CampaignError>;
+
+pub(crate) fn run_with(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verdict, CampaignError> {
+    let clock = (jiff::Timestamp::now(), Instant::now());
+    let (store, _lock) = enter(order, desk)?;
+    let mut state = State::recall(&store);
+    let round = |state: &mut State| round(order, desk, &store, state, prepare);
+    let (report, reduction) = round(&mut state)?;
+    let (report, reduction) = match reduction {
+        Reduction::Damaged(flights) => {
+            let text = format!("damaged results are made anew: {}", flights.join(", "));
+            desk.tell(Event::Remark { text });
+            round(&mut state)?
+        }
+        finished => (report, finished),
+    };
+    match reduction {
+        Reduction::Finished(verdict) => {
+            write_run(&store, desk, clock, &report, &verdict)?;
+            Ok(verdict)
+        }
+        Reduction::Damaged(flights) => {
+            Err(CampaignError::TryAgain(format!("results do not stay whole: {}", flights.join(", "))))
+        }
+    }
+}
+
+/// Plan, make, reduce, once.
+fn round(
+    order: &Order,
+    desk: &Desk<'_>,
+    store: &Store,
+    state: &mut State,
+    prepare: Prepare<'_>,
+) -> Result<(TaskReport, Reduction), CampaignError> {
+    let manifest = planned(order, desk, store, state, 1)?;
+    let report = match manifest.stale_count() {
+        0 => TaskReport::default(),
+        _ => make(&manifest.stale(), &manifest, prepare(&manifest)?.as_ref(), store, desk)?,
+    };
+    Ok((report, reduce_locked(&manifest, desk, store, state)?))
+}
+
+/// Plans a campaign for a cluster: at most `max_shards` shards of like size.
+///
+/// # Errors
+/// See [`CampaignError`].
+pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Manifest, CampaignError> {
+    let (store, _lock) = enter(order, desk)?;
+    let state = State::recall(&store);
+    planned(order, desk, &store, &state, max_shards)
+}
+
+/// Opens the output folder for this process alone and clears away what a killed run left.
+fn enter(order: &Order, desk: &Desk<'_>) -> Result<(Store, OutputLock), CampaignError> {
+    check_output(order)?;
+    let store = Store::open(&order.out)?;
+    let lock = OutputLock::take(&store, desk.events)?;
+    let leftovers = store.clean();
+    if leftovers > 0 {
+        desk.tell(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
+    }
+    Ok((store, lock))
+}
+
+fn planned(
+    order: &Order,
+    desk: &Desk<'_>,
+    store: &Store,
+    state: &State,
+    max_shards: u32,
+) -> Result<Manifest, CampaignError> {
+    let mut manifest = plan(order, desk, store, state)?;
+    manifest.deal(max_shards);
+    for flight in manifest.flights.iter().filter(|f| f.why.is_empty() && f.key.is_some()) {
+        desk.tell(Event::Reused { flight: flight.flight.clone() });
+    }
+    desk.tell(Event::Planned {
+        flights: manifest.flights.len(),
+        reused: manifest.flights.iter().filter(|f| f.why.is_empty() && f.key.is_some()).count(),
+        to_run: manifest.stale_count(),
+        bytes: manifest.stale().iter().map(|f| f.bytes()).sum(),
+    });
+    Ok(manifest)
+}
+
+/// The only output that knows the time of day, the host, and how long it took.
+#[derive(Serialize)]
+struct RunRecord {
+    flightlag_version: &'static str,
+    started: String,
+    seconds: f64,
+    host: String,
+    threads: usize,
+    flights: u64,
+    results_made: usize,
+    flights_in_trouble: u64,
+    nothing_changed: bool,
+}
+
+fn write_run(
+    store: &Store,
+    desk: &Desk<'_>,
+    (started, clock): (jiff::Timestamp, Instant),
+    report: &TaskReport,
+    verdict: &Verdict,
+) -> Result<(), CampaignError> {
+    let run = RunRecord {
+        flightlag_version: FLIGHTLAG_VERSION,
+        started: started.to_string(),
+        seconds: clock.elapsed().as_secs_f64(),
+        host: host_name(),
+        threads: desk.threads,
+        flights: verdict.totals.flights,
+        results_made: report.made,
+        flights_in_trouble: verdict.troubled,
+        nothing_changed: verdict.nothing_changed,
+    };
+    let mut text = serde_json::to_vec_pretty(&run).unwrap_or_default();
+    text.push(b'\n');
+    Ok(store.write("run.json", &text, Keep::Renewable)?)
+}

@@ -1,0 +1,130 @@
+//! What the last run left behind, so that the next one can say what has changed and leave alone what has not.
+//!
+//! Losing it costs time and nothing else. It never claims more than is on disk: before a page is
+//! replaced, the claim that it stands is withdrawn.
+
+use crate::error::CampaignError;
+use crate::manifest::{Manifest, Planned, Why};
+use crate::store::{Keep, Store};
+use record::CampaignTotals;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+const STATE: &str = ".flightlag/state.json";
+const STATE_VERSION: u32 = 1;
+
+/// Sizes of files by name below the output folder.
+pub(crate) type Sizes = BTreeMap<String, u64>;
+
+/// The last run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct State {
+    version: u32,
+    pipeline_toml: String,
+    maps_blake3: String,
+    analysis_version: u32,
+    record_version: u32,
+    /// Every flight, by name.
+    flights: BTreeMap<String, KnownFlight>,
+    /// Files of every result, by key.
+    pub(crate) results: BTreeMap<String, Sizes>,
+    /// Pages that stand, by the folder's name.
+    pub(crate) pages: BTreeMap<String, PageState>,
+    /// The outputs of the whole, if they stand.
+    pub(crate) whole: Option<WholeState>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct KnownFlight {
+    content: Option<String>,
+    key: Option<String>,
+}
+
+/// A flight's page that stands.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PageState {
+    /// Hash of everything that it was made from.
+    pub(crate) made_from: String,
+    /// Its files.
+    pub(crate) files: Sizes,
+}
+
+/// Table, index and record of the campaign.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct WholeState {
+    /// Hash of everything that they were made from.
+    pub(crate) made_from: String,
+    /// The files.
+    pub(crate) files: Sizes,
+    /// Hash of the campaign's record, whose rows may be used again.
+    pub(crate) record_blake3: String,
+    /// Counts, for the exit code.
+    pub(crate) totals: CampaignTotals,
+    /// Flights without a lasting result.
+    pub(crate) troubled: u64,
+}
+
+impl State {
+    /// What the last run wrote down; nothing if that cannot be read.
+    pub(crate) fn recall(store: &Store) -> State {
+        let read = store.read(STATE).ok().flatten();
+        let state = read.and_then(|bytes| serde_json::from_slice::<State>(&bytes).ok());
+        state.filter(|s| s.version == STATE_VERSION).unwrap_or_default()
+    }
+
+    /// Writes it down.
+    pub(crate) fn save(&self, store: &Store) -> Result<(), CampaignError> {
+        let text = serde_json::to_vec(self).unwrap_or_default();
+        Ok(store.write(STATE, &text, Keep::Synced)?)
+    }
+
+    /// Takes over what is planned now.
+    pub(crate) fn learn(&mut self, manifest: &Manifest) {
+        self.version = STATE_VERSION;
+        self.pipeline_toml.clone_from(&manifest.pipeline.toml);
+        self.maps_blake3.clone_from(&manifest.maps_blake3);
+        self.analysis_version = manifest.analysis_version;
+        self.record_version = manifest.record_version;
+        let known = |f: &Planned| KnownFlight { content: f.content.clone(), key: f.key.clone() };
+        self.flights = manifest.flights.iter().map(|f| (f.flight.clone(), known(f))).collect();
+    }
+
+    /// Why the result of `flight` has to be made, given that it is not there.
+    pub(crate) fn why(&self, flight: &Planned, manifest: &Manifest, had_trouble: bool) -> Vec<Why> {
+        let Some(known) = self.flights.get(&flight.flight) else {
+            return vec![if had_trouble { Why::EarlierTrouble } else { Why::NewFlight }];
+        };
+        if known.key == flight.key || had_trouble {
+            return vec![if had_trouble { Why::EarlierTrouble } else { Why::ResultMissing }];
+        }
+        let mut why = vec![];
+        if known.content != flight.content {
+            why.push(Why::LogChanged);
+        }
+        why.extend(self.what_changed(manifest));
+        if why.is_empty() { vec![Why::ResultMissing] } else { why }
+    }
+
+    fn what_changed(&self, now: &Manifest) -> Vec<Why> {
+        let settings = crate::config::differences(&self.pipeline_toml, &now.pipeline.toml);
+        let mut why = vec![];
+        if !settings.is_empty() {
+            why.push(Why::SettingsChanged { settings });
+        }
+        if self.maps_blake3 != now.maps_blake3 {
+            why.push(Why::MapsChanged);
+        }
+        if self.analysis_version != now.analysis_version {
+            why.push(Why::AnalysisChanged { was: self.analysis_version, is: now.analysis_version });
+        }
+        if self.record_version != now.record_version {
+            why.push(Why::RecordsChanged { was: self.record_version, is: now.record_version });
+        }
+        why
+    }
+}
+
+/// Whether all files are there with the sizes they had.
+pub(crate) fn stand(store: &Store, files: &Sizes) -> bool {
+    files.iter().all(|(name, bytes)| store.size(name) == Some(*bytes))
+}

@@ -1,0 +1,60 @@
+//! How far a planned campaign is, from the results alone.
+
+use crate::error::{CampaignError, Exit};
+use crate::manifest::Manifest;
+use crate::results;
+use crate::store::Store;
+use serde::Serialize;
+
+/// Counts of a manifest's flights, and the names of those without a result.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Status {
+    /// All flights of the manifest.
+    pub flights: usize,
+    /// With a result.
+    pub done: usize,
+    /// Without one, because of trouble at the last attempt or a file that cannot be read.
+    pub troubled: Vec<Trouble>,
+    /// Without one, not attempted yet.
+    pub missing: Vec<String>,
+}
+
+/// A flight in trouble.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Trouble {
+    /// Its name.
+    pub flight: String,
+    /// What happened.
+    pub reason: String,
+}
+
+impl Status {
+    /// 0 if every flight has a result, else 3.
+    #[must_use]
+    pub fn exit(&self) -> Exit {
+        if self.done == self.flights { Exit::Well } else { Exit::Incomplete }
+    }
+}
+
+/// Looks which flights of a manifest have a result.
+///
+/// # Errors
+/// The output folder cannot be opened.
+pub fn status(manifest: &Manifest) -> Result<Status, CampaignError> {
+    let store = Store::open(manifest.out())?;
+    let mut status = Status { flights: manifest.flights.len(), done: 0, troubled: vec![], missing: vec![] };
+    for planned in &manifest.flights {
+        let key = planned.key.as_deref().unwrap_or_default();
+        let attempt = || results::read_trouble(&store, key);
+        let reason = || attempt().and_then(|r| crate::table::outcome_reason(&r.outcome).map(str::to_owned));
+        let flight = planned.flight.clone();
+        if planned.key.is_some() && results::is_there(&store, key) {
+            status.done += 1;
+        } else if let Some(reason) = planned.trouble.clone().or_else(reason) {
+            status.troubled.push(Trouble { flight, reason });
+        } else {
+            status.missing.push(flight);
+        }
+    }
+    Ok(status)
+}

@@ -1,0 +1,245 @@
+//! Result tables. The one file that knows polars, which can panic on odd input: callers run it
+//! where a panic is caught.
+
+use crate::error::CampaignError;
+use crate::store::{Keep, Store};
+use compensation_replay::{Track, TrackColumn};
+use polars::prelude::{
+    Column, CsvWriter, DataFrame, IntoColumn, NamedFrom, ParquetWriter, PolarsResult, SerWriter, Series,
+};
+use record::{Estimate, FlightRow, Outcome};
+use std::borrow::Cow;
+use std::io;
+
+/// Writes the compensated track of a flight.
+pub(crate) fn write_track(store: &Store, name: &str, track: &Track) -> Result<(), CampaignError> {
+    let column = |(name, values): &(String, TrackColumn)| match values {
+        TrackColumn::I64(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
+        TrackColumn::F64(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
+        // Polars without 8-bit columns builds faster; Parquet packs the small numbers anyway.
+        TrackColumn::U8(v) => whole_numbers(name, v),
+    };
+    write_parquet(store, name, frame(name, track.columns.iter().map(column).collect())?)
+}
+
+fn whole_numbers(name: &str, values: &[u8]) -> Column {
+    let wide: Vec<i32> = values.iter().map(|&x| i32::from(x)).collect();
+    Series::new(name.into(), wide).into_column()
+}
+
+/// Writes the table of flights as Parquet and as CSV.
+pub(crate) fn write_flights(store: &Store, rows: &[FlightRow]) -> Result<(), CampaignError> {
+    let plain = |text: &str| text.to_owned();
+    write_parquet(store, "flights.parquet", frame("flights.parquet", flight_columns(rows, plain))?)?;
+    let inert = |text: &str| inert(text).into_owned();
+    let mut csv = frame("flights.csv", flight_columns(rows, inert))?;
+    Ok(store.write_with("flights.csv", Keep::Renewable, |file| {
+        CsvWriter::new(file).finish(&mut csv).map_err(io::Error::other)
+    })?)
+}
+
+/// The columns of the table; names end in their unit.
+fn flight_columns(rows: &[FlightRow], cell: impl Fn(&str) -> String) -> Vec<Column> {
+    let text = |name: &str, of: &dyn Fn(&FlightRow) -> Option<String>| {
+        let values: Vec<Option<String>> = rows.iter().map(|r| of(r).map(|t| cell(&t))).collect();
+        Series::new(name.into(), values).into_column()
+    };
+    let number = |name: &str, of: &dyn Fn(&FlightRow) -> Option<f64>| {
+        Series::new(name.into(), rows.iter().map(of).collect::<Vec<Option<f64>>>()).into_column()
+    };
+    let count = |name: &str, of: &dyn Fn(&FlightRow) -> u64| {
+        let values: Vec<i64> = rows.iter().map(|r| i64::try_from(of(r)).unwrap_or(i64::MAX)).collect();
+        Series::new(name.into(), values).into_column()
+    };
+    let value = |e: &Option<Estimate>| e.map(|e| e.value);
+    let spread = |e: &Option<Estimate>| e.and_then(|e| e.standard_uncertainty);
+    vec![
+        text("flight", &|r| Some(r.flight.clone())),
+        text("outcome", &|r| Some(outcome_name(&r.outcome).to_owned())),
+        text("reason", &|r| outcome_reason(&r.outcome).map(str::to_owned)),
+        count("lossy", &|r| u64::from(r.lossy)),
+        text("format", &|r| Some(r.format.clone())),
+        text("map", &|r| r.map.clone()),
+        count("bytes", &|r| r.bytes),
+        number("duration_s", &|r| r.duration_s),
+        text("position", &|r| r.position.clone()),
+        text("velocity", &|r| r.velocity.clone()),
+        number("position_rate_hz", &|r| r.position_rate_hz),
+        number("velocity_rate_hz", &|r| r.velocity_rate_hz),
+        number("speed_median_mps", &|r| r.speed_median_mps),
+        number("delay_s", &|r| r.delay_s),
+        number("correction_rms_m", &|r| value(&r.correction_rms_m)),
+        number("correction_rms_u_m", &|r| spread(&r.correction_rms_m)),
+        number("raw_error_rms_m", &|r| value(&r.raw_error_rms_m)),
+        number("raw_error_rms_u_m", &|r| spread(&r.raw_error_rms_m)),
+        number("pade_error_rms_m", &|r| value(&r.pade_error_rms_m)),
+        number("pade_error_rms_u_m", &|r| spread(&r.pade_error_rms_m)),
+        number("exact_error_rms_m", &|r| value(&r.exact_error_rms_m)),
+        number("exact_error_rms_u_m", &|r| spread(&r.exact_error_rms_m)),
+        number("valid_share", &|r| r.valid_share),
+        count("warnings", &|r| r.warnings),
+        count("losses", &|r| r.losses),
+        text("key", &|r| Some(r.key.clone())),
+        text("page", &|r| Some(r.page.clone())),
+    ]
+}
+
+/// The outcome in a word.
+pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
+    match outcome {
+        Outcome::Compensated => "compensated",
+        Outcome::NotMeasurable { .. } => "not-measurable",
+        Outcome::Failed { .. } => "failed",
+    }
+}
+
+/// Why there is no compensated track.
+pub(crate) fn outcome_reason(outcome: &Outcome) -> Option<&str> {
+    match outcome {
+        Outcome::Compensated => None,
+        Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => Some(reason),
+    }
+}
+
+/// A text that no spreadsheet takes for a formula: one that could begin a formula gets a leading
+/// apostrophe, and so does one that begins with an apostrophe. Taking one leading apostrophe
+/// away gives the text back.
+fn inert(text: &str) -> Cow<'_, str> {
+    const BEGINS: [char; 13] = ['=', '+', '-', '@', '\t', '\r', '\n', '\0', '\'', '＝', '＋', '－', '＠'];
+    // A spreadsheet that trims spaces would see the formula behind them.
+    match text.trim_start_matches([' ', '\u{a0}', '\u{feff}']).starts_with(BEGINS) {
+        true => Cow::Owned(format!("'{text}")),
+        false => Cow::Borrowed(text),
+    }
+}
+
+fn frame(name: &str, columns: Vec<Column>) -> Result<DataFrame, CampaignError> {
+    let rows = columns.first().map_or(0, Column::len);
+    DataFrame::new(rows, columns).map_err(|e| CampaignError::Table { path: name.to_owned(), what: e.to_string() })
+}
+
+/// Bytes depend on the table alone: one thread, and nothing in the metadata but the schema.
+fn write_parquet(store: &Store, name: &str, mut frame: DataFrame) -> Result<(), CampaignError> {
+    let keep = if name.starts_with("by-key/") { Keep::Synced } else { Keep::Renewable };
+    let fill = |file: &mut io::BufWriter<std::fs::File>| {
+        let written: PolarsResult<u64> = ParquetWriter::new(file).set_parallel(false).finish(&mut frame);
+        written.map(drop).map_err(io::Error::other)
+    };
+    Ok(store.write_with(name, keep, fill)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use polars::prelude::{ParquetReader, SerReader};
+    use std::fs::File;
+
+    fn row(flight: &str) -> FlightRow {
+        FlightRow {
+            flight: flight.to_owned(),
+            key: "ab12".into(),
+            page: "flights/x/index.html".into(),
+            outcome: Outcome::Compensated,
+            lossy: false,
+            format: "MCAP".into(),
+            map: None,
+            bytes: u64::MAX,
+            duration_s: Some(0.1 + 0.2),
+            position: Some("position.gps".into()),
+            velocity: None,
+            position_rate_hz: None,
+            velocity_rate_hz: Some(f64::MIN_POSITIVE),
+            speed_median_mps: Some(-1.5),
+            delay_s: Some(0.4),
+            correction_rms_m: Some(Estimate { value: 6.983_999_999_999_999, standard_uncertainty: None }),
+            raw_error_rms_m: None,
+            pade_error_rms_m: None,
+            exact_error_rms_m: None,
+            valid_share: Some(1.0),
+            warnings: 3,
+            losses: 0,
+        }
+    }
+
+    fn store() -> (tempfile::TempDir, Store) {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        (folder, store)
+    }
+
+    #[test]
+    fn parquet_gives_every_bit_back() {
+        let (folder, store) = store();
+        let rows = [row("=1+1"), row("b.bag")];
+        write_flights(&store, &rows).unwrap();
+        let read = ParquetReader::new(File::open(folder.path().join("flights.parquet")).unwrap()).finish().unwrap();
+        let number = |name: &str| read.column(name).unwrap().f64().unwrap().get(1);
+        for (name, value) in [
+            ("duration_s", rows[1].duration_s),
+            ("velocity_rate_hz", rows[1].velocity_rate_hz),
+            ("correction_rms_m", Some(6.983_999_999_999_999)),
+            ("position_rate_hz", None),
+            ("correction_rms_u_m", None),
+        ] {
+            assert_eq!(number(name).map(f64::to_bits), value.map(f64::to_bits), "{name}");
+        }
+        let flights = read.column("flight").unwrap();
+        assert_eq!(flights.str().unwrap().get(0), Some("=1+1"), "only CSV is opened by spreadsheets");
+        assert_eq!(flights.len(), 2);
+    }
+
+    #[test]
+    fn a_track_comes_back_with_its_stamps_and_its_absent_values() {
+        let (folder, store) = store();
+        let stamps = vec![i64::MIN, 0, 1_700_000_000_123_456_789];
+        let north = vec![Some(0.1 + 0.2), None, Some(-0.0)];
+        let track = Track {
+            columns: vec![
+                ("t_ns".into(), TrackColumn::I64(stamps.clone())),
+                ("north_m".into(), TrackColumn::F64(north.clone())),
+                ("state".into(), TrackColumn::U8(vec![0, 1, 255])),
+            ],
+        };
+        write_track(&store, "by-key/ab/track.parquet", &track).unwrap();
+        let file = File::open(folder.path().join("by-key/ab/track.parquet")).unwrap();
+        let read = ParquetReader::new(file).finish().unwrap();
+        let column = |name: &str| read.column(name).unwrap().clone();
+        assert_eq!(column("t_ns").i64().unwrap().to_vec(), stamps.into_iter().map(Some).collect::<Vec<_>>());
+        let bits = |v: Vec<Option<f64>>| v.into_iter().map(|x| x.map(f64::to_bits)).collect::<Vec<_>>();
+        assert_eq!(bits(column("north_m").f64().unwrap().to_vec()), bits(north));
+        assert_eq!(column("state").i32().unwrap().to_vec(), [Some(0), Some(1), Some(255)]);
+    }
+
+    #[test]
+    fn no_text_cell_begins_a_formula_and_every_name_can_be_restored() {
+        let begins = ["=", "+", "-", "@", "\t", "\r", "\n", "\0", "'", "＝", "＋", "－", "＠", " =", "\u{feff}="];
+        for begin in begins {
+            let name = format!("{begin}cmd|' /C calc'!A0");
+            let cell = inert(&name);
+            assert!(cell.starts_with('\''), "{cell}");
+            assert_eq!(cell.strip_prefix('\'').unwrap(), name);
+        }
+        for plain in ["swing-07.mcap", "a=b", "", "7"] {
+            assert_eq!(inert(plain), plain);
+        }
+    }
+
+    #[test]
+    fn text_cells_of_the_csv_are_inert_and_numbers_stay_numbers() {
+        let (folder, store) = store();
+        let name = "=HYPERLINK(\"http://x\",\"y\"),\n2";
+        write_flights(&store, &[row(name)]).unwrap();
+        let text = std::fs::read_to_string(folder.path().join("flights.csv")).unwrap();
+        assert!(text.contains("\"'=HYPERLINK(\"\"http://x\"\",\"\"y\"\"),\n2\",compensated"), "{text}");
+        assert!(text.contains(",-1.5,0.4,6.983999999999999,"), "{text}");
+    }
+
+    #[test]
+    fn the_same_table_gives_the_same_bytes() {
+        let files = [store(), store()].map(|(folder, store)| {
+            write_flights(&store, &[row("a"), row("b")]).unwrap();
+            ["flights.parquet", "flights.csv"].map(|name| std::fs::read(folder.path().join(name)).unwrap())
+        });
+        assert_eq!(files[0], files[1]);
+    }
+}

@@ -1,0 +1,215 @@
+//! Makes results. Whatever a flight does, the others get theirs.
+
+use crate::error::{CampaignError, Exit};
+use crate::event::Event;
+use crate::manifest::{Manifest, Planned};
+use crate::plan::Desk;
+use crate::results;
+use crate::store::Store;
+use crate::study::{Interrupted, Replaying, Studied, Study, failed_record};
+use crate::table::{outcome_name, outcome_reason};
+use crate::work::Workers;
+use std::any::Any;
+use std::cell::{Cell, RefCell};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What a shard, or a whole run, has come to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TaskReport {
+    /// Results made.
+    pub made: usize,
+    /// Results that were there already when their turn came.
+    pub found: usize,
+    /// Flights without a lasting result, with the reason.
+    pub troubled: Vec<(String, String)>,
+}
+
+impl TaskReport {
+    /// 0 if every flight has a result (an unusable log is one), 75 if trying again may help.
+    #[must_use]
+    pub fn exit(&self) -> Exit {
+        if self.troubled.is_empty() { Exit::Well } else { Exit::TryAgain }
+    }
+}
+
+/// Makes the results of one shard of a manifest. Takes no lock: shards run side by side, and a
+/// result that is made twice is the same twice.
+///
+/// # Errors
+/// No such shard, maps or logs that changed since the plan, an output that cannot be written, or the user stopped.
+pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskReport, CampaignError> {
+    if shard >= manifest.shards {
+        let count = manifest.shards;
+        return Err(CampaignError::Asked(format!("no shard {shard}: this manifest has {count}, counted from 0")));
+    }
+    let store = Store::open(manifest.out())?;
+    make(&manifest.of_shard(shard), manifest, &Replaying::prepare(manifest)?, &store, desk)
+}
+
+/// Makes the results of `flights`, largest first.
+pub(crate) fn make(
+    flights: &[&Planned],
+    manifest: &Manifest,
+    study: &dyn Study,
+    store: &Store,
+    desk: &Desk<'_>,
+) -> Result<TaskReport, CampaignError> {
+    let worker = Worker { manifest, study, store, desk, broken: AtomicBool::new(false), error: Mutex::new(None) };
+    let answers = Workers::start(desk.threads)?.each(flights, desk.cancel, || (), |(), flight| worker.attempt(flight));
+    if let Some(error) = worker.error.into_inner().unwrap_or_else(|e| e.into_inner()) {
+        return Err(error);
+    }
+    desk.stopped()?;
+    let mut report = TaskReport::default();
+    for (flight, answer) in flights.iter().zip(answers.into_iter().flatten()) {
+        report.count(&flight.flight, answer);
+    }
+    Ok(report)
+}
+
+/// What became of one flight.
+enum Attempt {
+    Made,
+    Found,
+    Troubled(String),
+    NotDone,
+}
+
+impl TaskReport {
+    fn count(&mut self, flight: &str, attempt: Attempt) {
+        match attempt {
+            Attempt::Made => self.made += 1,
+            Attempt::Found => self.found += 1,
+            Attempt::Troubled(reason) => self.troubled.push((flight.to_owned(), reason)),
+            Attempt::NotDone => {}
+        }
+    }
+}
+
+struct Worker<'a> {
+    manifest: &'a Manifest,
+    study: &'a dyn Study,
+    store: &'a Store,
+    desk: &'a Desk<'a>,
+    /// An output could not be written: nobody begins another flight.
+    broken: AtomicBool,
+    error: Mutex<Option<CampaignError>>,
+}
+
+impl Worker<'_> {
+    fn attempt(&self, flight: &Planned) -> Attempt {
+        if self.broken.load(Ordering::Relaxed) {
+            return Attempt::NotDone;
+        }
+        match self.result_of(flight) {
+            Ok(attempt) => attempt,
+            Err(error) => {
+                self.broken.store(true, Ordering::Relaxed);
+                self.error.lock().unwrap_or_else(|e| e.into_inner()).get_or_insert(error);
+                Attempt::NotDone
+            }
+        }
+    }
+
+    fn result_of(&self, flight: &Planned) -> Result<Attempt, CampaignError> {
+        if flight.key.as_deref().is_some_and(|key| results::is_there(self.store, key))
+            && !self.is_to_be_replaced(flight)
+        {
+            return Ok(Attempt::Found);
+        }
+        let (name, why) = (flight.flight.clone(), flight.why.clone());
+        self.desk.tell(Event::Started { flight: name, why, bytes: flight.bytes() });
+        match caught(|| self.studied(flight)) {
+            Ok(Ok(attempt)) => Ok(attempt),
+            Ok(Err(Stop::Cancelled)) => Ok(Attempt::NotDone),
+            Ok(Err(Stop::Trouble(reason))) => self.troubled(flight, reason),
+            Ok(Err(Stop::Failed(error))) => Err(error),
+            Err(panic) => self.troubled(flight, format!("a defect in flightlag, please report it: {panic}")),
+        }
+    }
+
+    /// Whether the plan knows that the result which is there is not whole.
+    fn is_to_be_replaced(&self, flight: &Planned) -> bool {
+        flight.why.contains(&crate::manifest::Why::ResultMissing)
+    }
+
+    fn studied(&self, flight: &Planned) -> Result<Attempt, Stop> {
+        let Studied { record, track } = self.study.study(flight, self.manifest, self.desk)?;
+        if let Some(file) = flight.changed_file() {
+            return Err(Stop::Trouble(format!("{}: the file changed while it was read", file.name())));
+        }
+        results::write(self.store, &record, track.as_ref())?;
+        self.desk.tell(Event::Finished {
+            flight: flight.flight.clone(),
+            outcome: outcome_name(&record.outcome),
+            reason: outcome_reason(&record.outcome).map(str::to_owned),
+            lossy: record.has_loss(),
+        });
+        Ok(Attempt::Made)
+    }
+
+    fn troubled(&self, flight: &Planned, reason: String) -> Result<Attempt, CampaignError> {
+        results::write_trouble(self.store, &failed_record(flight, self.manifest, reason.clone()))?;
+        self.desk.tell(Event::Troubled { flight: flight.flight.clone(), reason: reason.clone() });
+        Ok(Attempt::Troubled(reason))
+    }
+}
+
+/// Why a study did not end in a result.
+enum Stop {
+    Cancelled,
+    Trouble(String),
+    Failed(CampaignError),
+}
+
+impl From<Interrupted> for Stop {
+    fn from(interrupted: Interrupted) -> Stop {
+        match interrupted {
+            Interrupted::Cancelled => Stop::Cancelled,
+            Interrupted::Trouble(reason) => Stop::Trouble(reason),
+        }
+    }
+}
+
+impl From<CampaignError> for Stop {
+    fn from(error: CampaignError) -> Stop {
+        Stop::Failed(error)
+    }
+}
+
+thread_local! {
+    static CATCHING: Cell<bool> = const { Cell::new(false) };
+    static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
+}
+
+/// Keeps panics that become a row of the table off the terminal; others are shown as ever.
+/// A program calls it once at its start; without it, such panics are also printed.
+pub fn quiet_caught_panics() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        if !CATCHING.get() {
+            return usual(info);
+        }
+        let place = info.location().map(ToString::to_string).unwrap_or_default();
+        PLACE.with(|p| p.replace(place));
+    }));
+}
+
+/// Runs `work`; a panic comes back as its message, with its place if it is known.
+pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    CATCHING.set(true);
+    let answer = catch_unwind(AssertUnwindSafe(work));
+    CATCHING.set(false);
+    answer.map_err(|panic| {
+        let place = PLACE.take();
+        let message = message_of(panic.as_ref());
+        if place.is_empty() { message } else { format!("{message} ({place})") }
+    })
+}
+
+fn message_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic without a message".to_owned())
+}

@@ -1,0 +1,184 @@
+//! What can be typed, and its help.
+
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0    all well
+  1    failed
+  2    wrong command, pipeline or channel map
+  3    finished, but some flights failed or lost data
+  75   not now: try again (a log is being written, another flight has to come first)
+  130  stopped by Ctrl-C";
+
+/// Replays delay compensators over logs of flights whose position comes late.
+#[derive(Debug, Parser)]
+#[command(name = "flightlag", version, after_help = EXIT_CODES, max_term_width = 110)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// A folder of flight logs in, a report out: tables, records, pages.
+    #[command(after_help = EXIT_CODES)]
+    Campaign(Box<CampaignArguments>),
+    /// Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
+    #[command(after_help = EXIT_CODES)]
+    Inspect(InspectArguments),
+    /// Writes a campaign of simulated flights whose truth is known.
+    #[command(after_help = EXIT_CODES)]
+    Demo(DemoArguments),
+    /// Lists the channel maps that come with flightlag.
+    Maps(MapsArguments),
+}
+
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    long_about = "\
+A folder of flight logs in, a report out: tables, records, pages.
+
+Every log below FLIGHTS is a flight; so is a folder that holds one CSV file for each topic. A flight is
+read once. Its result is kept in OUT under a name made from log, settings and analysis, so that a second
+run does only what is new, and says why. A run that was stopped or killed goes on where it was.
+
+In OUT: index.html (open this), flights/NAME/ (page, record.json, track.parquet of each flight),
+flights.csv and flights.parquet (one row for each flight), campaign.json, and run.json, the only file
+that holds the time of day. The rest depends on logs, settings and build alone.
+
+The steps plan, task, reduce and status do the same work on a cluster, shard by shard."
+)]
+pub(crate) struct CampaignArguments {
+    #[command(subcommand)]
+    pub(crate) step: Option<Step>,
+    /// `None` beside a step. (An optional group must hold its arguments itself: clap does not see
+    /// through a second flattening, and then never finds it present.)
+    #[command(flatten)]
+    pub(crate) order: Option<OrderArguments>,
+    #[command(flatten)]
+    pub(crate) desk: DeskArguments,
+}
+
+/// Which campaign.
+#[derive(Debug, Args)]
+pub(crate) struct OrderArguments {
+    /// Folder of the flights; it is only read.
+    #[arg(value_name = "FLIGHTS")]
+    pub(crate) flights: PathBuf,
+    /// Folder of the report: new, empty, or of an earlier run.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Settings (TOML). Without it those of `pipelines/default.toml` hold, which assume a delay.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) pipeline: Option<PathBuf>,
+    /// Read every flight with this channel map.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) map: Option<String>,
+    /// Folder with further channel maps.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) maps: Option<PathBuf>,
+    /// Hash every log anew instead of trusting its size and times.
+    #[arg(long)]
+    pub(crate) verify: bool,
+}
+
+/// How it is done, and told.
+#[derive(Debug, Args)]
+pub(crate) struct DeskArguments {
+    /// Threads; all cores if not given, or what SLURM_CPUS_PER_TASK says.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+    /// Events as JSON, one a line, on standard output; nothing else is written there.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Say nothing but errors.
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Step {
+    /// Decides what is to be done and writes it down: a manifest with shards of like size.
+    Plan {
+        #[command(flatten)]
+        order: OrderArguments,
+        /// Where the manifest goes. Without it: OUT/manifest.json.
+        #[arg(long, value_name = "FILE")]
+        manifest: Option<PathBuf>,
+        /// Most shards. Fewer if there is less to do.
+        #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+        max_shards: u32,
+        #[command(flatten)]
+        desk: DeskArguments,
+    },
+    /// Makes the results of one shard. Exit 0: every flight of it has a result; 75: try again.
+    Task {
+        /// The manifest.
+        #[arg(long, value_name = "FILE")]
+        manifest: PathBuf,
+        /// Which shard, from 0.
+        #[arg(long, value_name = "I")]
+        shard: u32,
+        #[command(flatten)]
+        desk: DeskArguments,
+    },
+    /// Makes tables and pages from the results that are there. Can be run at any time.
+    Reduce {
+        /// The manifest.
+        #[arg(long, value_name = "FILE")]
+        manifest: PathBuf,
+        #[command(flatten)]
+        desk: DeskArguments,
+    },
+    /// Says how many flights have a result, from the results alone. Exit 3 if some have none.
+    Status {
+        /// The manifest.
+        #[arg(long, value_name = "FILE")]
+        manifest: PathBuf,
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InspectArguments {
+    /// A log, or a folder that holds one CSV file for each topic of a flight.
+    #[arg(value_name = "LOG")]
+    pub(crate) log: PathBuf,
+    /// As JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Bind with this channel map.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) map: Option<String>,
+    /// Folder with further channel maps.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) maps: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArguments {
+    /// Where the flights go, into DIR/flights, and the report, into DIR/report.
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// Also run the campaign on them, and say which page to open.
+    #[arg(long)]
+    pub(crate) run: bool,
+    /// Seed of everything random in the flights.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u64,
+    #[command(flatten)]
+    pub(crate) desk: DeskArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct MapsArguments {
+    /// Folder with further channel maps.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) maps: Option<PathBuf>,
+}

@@ -1,0 +1,192 @@
+//! `flightlag campaign`: the whole on this machine, or one step of it on a cluster.
+
+use crate::arguments::{CampaignArguments, DeskArguments, OrderArguments, Step};
+use crate::failure::{End, Failure};
+use crate::listen::listener;
+use crate::show::{count, visible};
+use crate::stop::Stop;
+use campaign::{Desk, EventSink, Exit, Manifest, Order, Pipeline, Status, TaskReport, Verdict};
+use std::io::Write;
+use std::path::Path;
+
+pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Failure> {
+    match (arguments.step, arguments.order) {
+        (Some(step), _) => take(step, stop),
+        (None, Some(order)) => whole(&order, &arguments.desk, stop),
+        (None, None) => {
+            let usage = "which campaign? flightlag campaign FLIGHTS --out DIR (more: flightlag campaign --help)";
+            Err(Failure::new(Exit::Wrong, usage))
+        }
+    }
+}
+
+fn whole(order: &OrderArguments, desk: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
+    let verdict = run_order(&order_of(order)?, desk, stop)?;
+    Ok(verdict.exit().into())
+}
+
+/// Runs a campaign and says how it went.
+pub(crate) fn run_order(order: &Order, arguments: &DeskArguments, stop: &Stop) -> Result<Verdict, Failure> {
+    let events = listener(arguments);
+    let verdict = campaign::run(order, &desk(arguments, stop, events.as_ref()))?;
+    say_verdict(&verdict, &order.out, arguments)?;
+    Ok(verdict)
+}
+
+fn take(step: Step, stop: &Stop) -> Result<End, Failure> {
+    match step {
+        Step::Plan { order, manifest, max_shards, desk } => {
+            let path = manifest.unwrap_or_else(|| order.out.join("manifest.json"));
+            plan(&order, &path, max_shards, &desk, stop)
+        }
+        Step::Task { manifest, shard, desk } => task(&manifest, shard, &desk, stop),
+        Step::Reduce { manifest, desk } => reduce(&manifest, &desk, stop),
+        Step::Status { manifest, json } => status(&manifest, json),
+    }
+}
+
+fn plan(
+    order: &OrderArguments,
+    path: &Path,
+    max_shards: u32,
+    arguments: &DeskArguments,
+    stop: &Stop,
+) -> Result<End, Failure> {
+    let events = listener(arguments);
+    let order = order_of(order)?;
+    let manifest = campaign::plan_shards(&order, &desk(arguments, stop, events.as_ref()), max_shards)?;
+    manifest.write(path)?;
+    let (flights, stale, shards) = (manifest.flight_count(), manifest.stale_count(), manifest.shards());
+    say(arguments, &format!("flights={flights} stale={stale} shards={shards} manifest={}", path.display()))?;
+    Ok(Exit::Well.into())
+}
+
+fn task(path: &Path, shard: u32, arguments: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
+    let events = listener(arguments);
+    let report = campaign::task(&Manifest::read(path)?, shard, &desk(arguments, stop, events.as_ref()))?;
+    let TaskReport { made, found, troubled } = &report;
+    say(arguments, &format!("made={made} found={found} troubled={}", troubled.len()))?;
+    Ok(report.exit().into())
+}
+
+fn reduce(path: &Path, arguments: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
+    let events = listener(arguments);
+    let manifest = Manifest::read(path)?;
+    let verdict = campaign::reduce(&manifest, &desk(arguments, stop, events.as_ref()))?;
+    say_verdict(&verdict, manifest.out(), arguments)?;
+    Ok(verdict.exit().into())
+}
+
+fn status(path: &Path, json: bool) -> Result<End, Failure> {
+    let status = campaign::status(&Manifest::read(path)?)?;
+    let mut out = std::io::stdout().lock();
+    match json {
+        true => writeln!(out, "{}", serde_json::to_string(&status).unwrap_or_default())?,
+        false => write!(out, "{}", status_text(&status))?,
+    }
+    Ok(status.exit().into())
+}
+
+fn status_text(status: &Status) -> String {
+    let mut text = format!("{} of {} flights have a result\n", status.done, status.flights);
+    for trouble in &status.troubled {
+        text += &format!("  in trouble: {}: {}\n", visible(&trouble.flight), visible(&trouble.reason));
+    }
+    for flight in &status.missing {
+        text += &format!("  missing: {}\n", visible(flight));
+    }
+    text
+}
+
+fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Result<(), Failure> {
+    let totals = &verdict.totals;
+    let mut parts = vec![format!("{} compensated", totals.compensated)];
+    let others = [
+        (totals.not_measurable, "not measurable"),
+        (totals.failed, "failed"),
+        (totals.lossy, "with lost data"),
+        (verdict.troubled, "to be tried again"),
+    ];
+    parts.extend(others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
+    let nothing = if verdict.nothing_changed { "nothing changed: " } else { "" };
+    say(arguments, &format!("{nothing}{}: {}", count(totals.flights, "flight"), parts.join(", ")))?;
+    say(arguments, &format!("open {}", out.join("index.html").display()))
+}
+
+/// Tells a person on standard output how it went; machines have their events.
+pub(crate) fn say(arguments: &DeskArguments, text: &str) -> Result<(), Failure> {
+    if arguments.json || arguments.quiet {
+        return Ok(());
+    }
+    match writeln!(std::io::stdout(), "{}", visible(text)) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
+        _ => Ok(()),
+    }
+}
+
+pub(crate) fn desk<'a>(arguments: &DeskArguments, stop: &'a Stop, events: &'a dyn EventSink) -> Desk<'a> {
+    Desk { threads: threads(arguments), cancel: stop.flag(), events }
+}
+
+/// As asked; else what the cluster gave us; else every core.
+fn threads(arguments: &DeskArguments) -> usize {
+    let of_cluster =
+        || std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok()).filter(|n| *n > 0);
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    arguments.threads.map(usize::from).or_else(of_cluster).unwrap_or_else(cores)
+}
+
+fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
+    let pipeline = match &arguments.pipeline {
+        Some(path) => Pipeline::read(path).map_err(campaign::CampaignError::from)?,
+        None => Pipeline::shipped_default().map_err(campaign::CampaignError::from)?,
+    };
+    let pipeline = pipeline.with_forced_map(arguments.map.clone()).with_maps_folder(arguments.maps.clone());
+    Ok(Order {
+        flights: arguments.flights.clone(),
+        out: arguments.out.clone(),
+        pipeline,
+        verify: arguments.verify,
+        command: command_of(arguments),
+    })
+}
+
+/// The command that makes the report again, with names instead of paths: the same on every machine.
+fn command_of(arguments: &OrderArguments) -> String {
+    let name = |path: &Path| {
+        let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        quoted(&whole.file_name().unwrap_or_default().to_string_lossy())
+    };
+    let mut command = format!("flightlag campaign {}", name(&arguments.flights));
+    for (option, path) in [("--pipeline", &arguments.pipeline), ("--maps", &arguments.maps)] {
+        if let Some(path) = path {
+            command += &format!(" {option} {}", name(path));
+        }
+    }
+    if let Some(map) = &arguments.map {
+        command += &format!(" --map {}", quoted(map));
+    }
+    command + " --out REPORT"
+}
+
+/// A word as a shell takes it.
+pub(crate) fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=@%+,".contains(c);
+    match !word.is_empty() && word.chars().all(plain) && !word.starts_with('-') {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_survives_the_shell() {
+        assert_eq!(quoted("day-1"), "day-1");
+        assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
+        assert_eq!(quoted("-rf"), "'-rf'");
+        assert_eq!(quoted(""), "''");
+    }
+}

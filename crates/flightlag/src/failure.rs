@@ -1,0 +1,71 @@
+//! How the command ends.
+
+use crate::show::visible;
+use campaign::{CampaignError, Exit};
+use std::io::Write;
+use std::process::ExitCode;
+
+/// An exit code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct End(Exit);
+
+impl From<Exit> for End {
+    fn from(exit: Exit) -> End {
+        End(exit)
+    }
+}
+
+impl From<End> for ExitCode {
+    fn from(end: End) -> ExitCode {
+        ExitCode::from(end.0 as u8)
+    }
+}
+
+/// Why the command failed; told once, on standard error.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    exit: Exit,
+    text: String,
+}
+
+impl Failure {
+    pub(crate) fn new(exit: Exit, text: impl Into<String>) -> Failure {
+        Failure { exit, text: text.into() }
+    }
+
+    /// Prints it, and gives the exit code.
+    pub(crate) fn told(self) -> ExitCode {
+        if !self.text.is_empty() {
+            // If standard error is closed too, nobody is left to be told.
+            let _ = writeln!(std::io::stderr(), "flightlag: {}", visible(&self.text));
+        }
+        ExitCode::from(self.exit as u8)
+    }
+}
+
+impl From<CampaignError> for Failure {
+    fn from(error: CampaignError) -> Failure {
+        // SIGTERM and SIGHUP come from a machine that may start us again.
+        let exit = match error.exit() {
+            Exit::Stopped => crate::stop::exit_of_last_signal(),
+            exit => exit,
+        };
+        Failure::new(exit, error.to_string())
+    }
+}
+
+impl From<ingest::IngestError> for Failure {
+    fn from(error: ingest::IngestError) -> Failure {
+        CampaignError::from(error).into()
+    }
+}
+
+impl From<std::io::Error> for Failure {
+    /// Standard output cannot be written. That its reader has gone, as `head` does, is no failure.
+    fn from(error: std::io::Error) -> Failure {
+        match error.kind() {
+            std::io::ErrorKind::BrokenPipe => Failure::new(Exit::Well, ""),
+            _ => Failure::new(Exit::Failed, format!("standard output: {error}")),
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! Listeners: a bar on a terminal, lines elsewhere, JSON for machines.
+
+use crate::arguments::DeskArguments;
+use crate::show::{bytes, count, visible};
+use campaign::{Event, EventSink, Why};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::{IsTerminal, Write};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// How often sums of bytes are told to machines.
+const OFTEN: Duration = Duration::from_millis(500);
+
+/// The listener that the user wants.
+pub(crate) fn listener(desk: &DeskArguments) -> Box<dyn EventSink> {
+    match (desk.json, desk.quiet, std::io::stderr().is_terminal()) {
+        (true, _, _) => Box::new(JsonLines::default()),
+        (_, true, _) => Box::new(|_: &Event| {}),
+        (_, _, true) => Box::new(Bar::default()),
+        _ => Box::new(Lines::default()),
+    }
+}
+
+/// What a person wants to hear of an event, apart from progress.
+fn sentence(event: &Event) -> Option<String> {
+    match event {
+        Event::Found { flights, ignored, bytes: size } => {
+            let others = match ignored {
+                0 => String::new(),
+                n => format!(", {}", count(*n as u64, "other file")),
+            };
+            Some(format!("{}, {}{others}", count(*flights as u64, "flight"), bytes(*size)))
+        }
+        Event::Hashing { files, bytes: size } => {
+            Some(format!("learning the content of {}, {}", count(*files as u64, "file"), bytes(*size)))
+        }
+        Event::Planned { reused, to_run, .. } => Some(format!(
+            "{} to make, {} with a result already",
+            count(*to_run as u64, "result"),
+            count(*reused as u64, "flight")
+        )),
+        Event::Finished { flight, outcome, reason, lossy } => {
+            Some(finished(flight, outcome, reason.as_deref(), *lossy))
+        }
+        Event::Troubled { flight, reason } => Some(format!("{flight}: no result: {reason}")),
+        Event::Remark { text } => Some(text.clone()),
+        Event::Reduced { pages, kept } => Some(format!("{} made, {kept} kept", count(*pages as u64, "page"))),
+        Event::NothingChanged => Some("nothing changed".to_owned()),
+        _ => None,
+    }
+}
+
+fn finished(flight: &str, outcome: &str, reason: Option<&str>, lossy: bool) -> String {
+    let reason = reason.map(|r| format!(": {r}")).unwrap_or_default();
+    let lossy = if lossy { " (data were lost)" } else { "" };
+    format!("{flight}: {outcome}{lossy}{reason}")
+}
+
+fn reasons(why: &[Why]) -> String {
+    why.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
+/// Lines on standard error, each with how far the work is.
+#[derive(Default)]
+struct Lines {
+    progress: Mutex<(usize, usize)>,
+}
+
+impl EventSink for Lines {
+    fn event(&self, event: &Event) {
+        let mut progress = self.progress.lock().unwrap_or_else(|e| e.into_inner());
+        let text = match event {
+            Event::Planned { to_run, .. } => {
+                *progress = (0, *to_run);
+                sentence(event)
+            }
+            Event::Started { flight, why, bytes: size } => {
+                Some(format!("{flight}: reading {}: {}", bytes(*size), reasons(why)))
+            }
+            Event::Finished { .. } | Event::Troubled { .. } => {
+                progress.0 += 1;
+                sentence(event).map(|s| format!("[{}/{}] {s}", progress.0, progress.1))
+            }
+            _ => sentence(event),
+        };
+        if let Some(text) = text {
+            let _ = writeln!(std::io::stderr(), "{}", visible(&text));
+        }
+    }
+}
+
+/// A bar with flights done, bytes a second and the time left; what went wrong stands above it.
+struct Bar {
+    bar: ProgressBar,
+    flights: Mutex<(usize, usize)>,
+}
+
+impl Default for Bar {
+    fn default() -> Bar {
+        let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr());
+        let template = "{prefix} [{wide_bar}] {bytes}/{total_bytes} {bytes_per_sec}, {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        Bar { bar, flights: Mutex::default() }
+    }
+}
+
+impl Bar {
+    fn begin(&self, prefix: String, total: u64) {
+        self.bar.set_length(total);
+        self.bar.reset();
+        self.bar.set_prefix(prefix);
+    }
+
+    fn advance(&self, n: u64) {
+        // A file that is looked at twice shall not lead beyond the end.
+        let room = self.bar.length().unwrap_or(0).saturating_sub(self.bar.position());
+        self.bar.inc(n.min(room));
+    }
+
+    fn flight_done(&self) {
+        let mut flights = self.flights.lock().unwrap_or_else(|e| e.into_inner());
+        flights.0 += 1;
+        self.bar.set_prefix(format!("{} of {} flights", flights.0, flights.1));
+    }
+
+    fn say(&self, event: &Event) {
+        if let Some(text) = sentence(event) {
+            self.bar.suspend(|| drop(writeln!(std::io::stderr(), "{}", visible(&text))));
+        }
+    }
+}
+
+impl EventSink for Bar {
+    fn event(&self, event: &Event) {
+        match event {
+            Event::Hashing { bytes, .. } => self.begin("learning contents".to_owned(), *bytes),
+            Event::Planned { to_run, bytes, .. } => {
+                self.say(event);
+                *self.flights.lock().unwrap_or_else(|e| e.into_inner()) = (0, *to_run);
+                self.begin(format!("0 of {to_run} flights"), *bytes);
+            }
+            Event::Hashed { bytes } | Event::Read { bytes } => self.advance(*bytes),
+            Event::Finished { outcome, lossy, .. } => {
+                self.flight_done();
+                if *outcome != "compensated" || *lossy {
+                    self.say(event);
+                }
+            }
+            Event::Troubled { .. } => {
+                self.flight_done();
+                self.say(event);
+            }
+            Event::Done { .. } => self.bar.finish_and_clear(),
+            _ => self.say(event),
+        }
+    }
+}
+
+/// Every event as one line of JSON on standard output; bytes are summed and told now and then.
+struct JsonLines {
+    sums: Mutex<Sums>,
+}
+
+struct Sums {
+    hashed: u64,
+    read: u64,
+    told: Instant,
+}
+
+impl Default for JsonLines {
+    fn default() -> JsonLines {
+        JsonLines { sums: Mutex::new(Sums { hashed: 0, read: 0, told: Instant::now() }) }
+    }
+}
+
+impl Sums {
+    /// Takes the sums if it is time, or if something else is to be told.
+    fn due(&mut self, now: bool) -> Vec<Event> {
+        if !now && self.told.elapsed() < OFTEN {
+            return vec![];
+        }
+        self.told = Instant::now();
+        let (hashed, read) = (std::mem::take(&mut self.hashed), std::mem::take(&mut self.read));
+        let mut events = vec![];
+        if hashed > 0 {
+            events.push(Event::Hashed { bytes: hashed });
+        }
+        if read > 0 {
+            events.push(Event::Read { bytes: read });
+        }
+        events
+    }
+}
+
+impl EventSink for JsonLines {
+    fn event(&self, event: &Event) {
+        let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
+        let lines = match event {
+            Event::Hashed { bytes } => {
+                sums.hashed += bytes;
+                sums.due(false)
+            }
+            Event::Read { bytes } => {
+                sums.read += bytes;
+                sums.due(false)
+            }
+            other => {
+                let mut lines = sums.due(true);
+                lines.push(other.clone());
+                lines
+            }
+        };
+        for text in lines.iter().filter_map(|e| serde_json::to_string(e).ok()) {
+            // A reader that has gone does not stop the campaign.
+            let _ = writeln!(std::io::stdout(), "{text}");
+        }
+    }
+}

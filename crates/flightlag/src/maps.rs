@@ -1,0 +1,27 @@
+//! `flightlag maps`: the channel maps that there are.
+
+use crate::arguments::MapsArguments;
+use crate::failure::{End, Failure};
+use crate::show::Table;
+use campaign::Exit;
+use ingest::{IngestError, MapLibrary};
+use std::io::Write;
+use std::path::Path;
+
+pub(crate) fn run(arguments: &MapsArguments) -> Result<End, Failure> {
+    let mut table = Table::new(&["map", "for"]);
+    for map in library(arguments.maps.as_deref())?.iter() {
+        table.row(vec![map.name.clone(), map.title.clone()]);
+    }
+    write!(std::io::stdout(), "{}", table.text())?;
+    Ok(Exit::Well.into())
+}
+
+/// The shipped maps and those of a folder.
+pub(crate) fn library(folder: Option<&Path>) -> Result<MapLibrary, IngestError> {
+    let shipped = MapLibrary::shipped()?;
+    match folder {
+        Some(folder) => shipped.with_folder(folder),
+        None => Ok(shipped),
+    }
+}

@@ -1,0 +1,63 @@
+//! Ctrl-C and the like: stop cleanly, and within a second in any case.
+
+use crate::failure::Failure;
+use campaign::Exit;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::time::Duration;
+
+/// How long flights in work get to stop by themselves. Results are written whole or not at all,
+/// so that leaving earlier than that loses work and nothing else.
+const PATIENCE: Duration = Duration::from_millis(700);
+
+static LAST_SIGNAL: AtomicI32 = AtomicI32::new(0);
+
+/// Set when the user wants to stop.
+pub(crate) struct Stop {
+    flag: Arc<AtomicBool>,
+}
+
+impl Stop {
+    /// Begins to listen for signals.
+    pub(crate) fn listen() -> Result<Stop, Failure> {
+        let failed = |e| Failure::new(Exit::Failed, format!("cannot listen for signals: {e}"));
+        let flag = Arc::new(AtomicBool::new(false));
+        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(failed)?;
+        // A file size limit shall be an error of the write, not the end of the process.
+        #[cfg(unix)]
+        signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map_err(failed)?;
+        let raised = Arc::clone(&flag);
+        std::thread::spawn(move || {
+            for signal in signals.forever() {
+                LAST_SIGNAL.store(signal, Ordering::SeqCst);
+                if raised.swap(true, Ordering::SeqCst) {
+                    leave();
+                }
+                std::thread::spawn(|| {
+                    std::thread::sleep(PATIENCE);
+                    leave();
+                });
+            }
+        });
+        Ok(Stop { flag })
+    }
+
+    /// The flag that workers look at.
+    pub(crate) fn flag(&self) -> &AtomicBool {
+        &self.flag
+    }
+}
+
+fn leave() -> ! {
+    std::process::exit(exit_of_last_signal() as i32)
+}
+
+/// Ctrl-C is the user's; the other signals come from a machine that may start us again.
+pub(crate) fn exit_of_last_signal() -> Exit {
+    match LAST_SIGNAL.load(Ordering::SeqCst) {
+        SIGTERM | SIGHUP => Exit::TryAgain,
+        _ => Exit::Stopped,
+    }
+}

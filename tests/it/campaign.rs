@@ -1,0 +1,272 @@
+//! Campaigns through the command: reuse, interruption, bad flights.
+
+use crate::program::{assert_same, flightlag, results, run, text, tree};
+use record::{CampaignRecord, FlightRecord, Outcome};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+/// A folder with a campaign of short simulated flights.
+struct Campaign {
+    folder: tempfile::TempDir,
+}
+
+impl Campaign {
+    fn of(flights: usize) -> Campaign {
+        let campaign = Campaign { folder: tempfile::tempdir().unwrap() };
+        simulate::write_campaign(&campaign.flights(), flights, 20.0, 7).unwrap();
+        // The times of files that are this new prove nothing yet.
+        std::thread::sleep(Duration::from_millis(80));
+        campaign
+    }
+
+    fn flights(&self) -> PathBuf {
+        self.folder.path().join("flights")
+    }
+
+    fn out(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn arguments(&self, out: &str, more: &[&str]) -> Vec<String> {
+        let path = |p: PathBuf| p.to_str().unwrap().to_owned();
+        let mut all = vec!["campaign".to_owned(), path(self.flights()), "--out".to_owned(), path(self.out(out))];
+        all.extend(more.iter().map(|&m| m.to_owned()));
+        all
+    }
+
+    fn run(&self, out: &str, more: &[&str], exit: i32) -> Vec<serde_json::Value> {
+        let mut arguments = self.arguments(out, more);
+        arguments.push("--json".to_owned());
+        let output = run(arguments, exit);
+        text(&output.stdout).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+
+    fn record(&self, out: &str) -> CampaignRecord {
+        serde_json::from_slice(&fs::read(self.out(out).join("campaign.json")).unwrap()).unwrap()
+    }
+}
+
+fn started(events: &[serde_json::Value]) -> Vec<String> {
+    events.iter().filter(|e| e["event"] == "started").map(|e| e["flight"].as_str().unwrap().to_owned()).collect()
+}
+
+/// A small generator, so that every run of the test kills at the same moments.
+fn next(state: &mut u64) -> u64 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    *state >> 33
+}
+
+#[test]
+fn a_simulated_delay_is_removed_and_the_files_are_where_a_person_looks() {
+    let campaign = Campaign::of(2);
+    campaign.run("report", &[], 0);
+    let record = campaign.record("report");
+    assert_eq!(record.totals.compensated, 2);
+    for row in &record.flights {
+        let page = campaign.out("report").join(&row.page);
+        let beside = page.parent().unwrap();
+        let flight: FlightRecord = serde_json::from_slice(&fs::read(beside.join("record.json")).unwrap()).unwrap();
+        assert_eq!((flight.outcome, flight.key), (Outcome::Compensated, row.key.clone()));
+        assert_eq!(fs::read(beside.join("track.parquet")).unwrap().get(..4), Some(b"PAR1".as_slice()));
+        let (raw, exact) = (row.raw_error_rms_m.unwrap().value, row.exact_error_rms_m.unwrap().value);
+        // At 15 to 20 m/s, 0.4 s are 6 to 8 m; the receiver's own noise of 0.3 m remains.
+        assert!((5.0..9.0).contains(&raw) && exact < 1.0, "raw {raw} m, compensated {exact} m");
+    }
+}
+
+#[test]
+fn a_second_run_with_nothing_changed_reads_no_log_and_changes_no_byte() {
+    let campaign = Campaign::of(3);
+    campaign.run("report", &[], 0);
+    let before = results(&campaign.out("report"));
+    let events = campaign.run("report", &[], 0);
+    assert!(started(&events).is_empty());
+    assert!(events.iter().any(|e| e["event"] == "nothing-changed"));
+    assert!(events.iter().all(|e| e["event"] != "hashing" && e["event"] != "read"));
+    assert_same(&results(&campaign.out("report")), &before);
+}
+
+#[test]
+fn one_changed_log_is_read_again_and_the_others_are_not() {
+    let campaign = Campaign::of(3);
+    campaign.run("report", &[], 0);
+    fs::copy(campaign.flights().join("flight-0003.mcap"), campaign.flights().join("flight-0002.mcap")).unwrap();
+    let events = campaign.run("report", &[], 0);
+    assert_eq!(started(&events), ["flight-0002.mcap"]);
+    let why = events.iter().find(|e| e["event"] == "started").unwrap()["why"].to_string();
+    assert!(why.contains("log-changed"), "{why}");
+}
+
+#[test]
+fn a_changed_setting_reads_all_logs_again_and_says_which_setting() {
+    let campaign = Campaign::of(2);
+    let pipeline = campaign.folder.path().join("p.toml");
+    let write =
+        |delay: &str| fs::write(&pipeline, format!("schema = 1\n[delay]\nposition_s = {delay}\nsource = \"s\"\n"));
+    let option = ["--pipeline", pipeline.to_str().unwrap()];
+    write("0.4").unwrap();
+    campaign.run("report", &option, 0);
+    write("0.3").unwrap();
+    let events = campaign.run("report", &option, 0);
+    assert_eq!(started(&events).len(), 2);
+    let why = events.iter().find(|e| e["event"] == "started").unwrap()["why"].to_string();
+    assert!(why.contains("delay.position_s: was 0.4, is 0.3"), "{why}");
+}
+
+#[test]
+fn threads_locale_and_time_zone_change_no_byte() {
+    let campaign = Campaign::of(4);
+    run(campaign.arguments("one", &["--threads", "1"]), 0);
+    let mut other = flightlag(campaign.arguments("two", &["--threads", "2"]));
+    other
+        .env("TZ", "Asia/Kathmandu")
+        .env("LANG", "de_DE.UTF-8")
+        .env("LC_ALL", "de_DE.UTF-8")
+        .env("RUST_BACKTRACE", "1");
+    assert!(other.output().unwrap().status.success());
+    assert_same(&results(&campaign.out("one")), &results(&campaign.out("two")));
+}
+
+#[test]
+fn a_run_that_is_killed_at_any_moment_ends_with_the_same_bytes_when_it_is_started_again() {
+    let campaign = Campaign::of(5);
+    run(campaign.arguments("whole", &[]), 0);
+    let whole = results(&campaign.out("whole"));
+    let mut seed = 20_261_121;
+    for round in 0..6 {
+        let out = format!("killed-{round}");
+        for _ in 0..3 {
+            let mut child = flightlag(campaign.arguments(&out, &["--quiet"])).spawn().unwrap();
+            std::thread::sleep(Duration::from_millis(next(&mut seed) % 400));
+            child.kill().unwrap();
+            child.wait().unwrap();
+            assert_outputs_are_whole(&campaign.out(&out));
+        }
+        run(campaign.arguments(&out, &[]), 0);
+        assert_same(&results(&campaign.out(&out)), &whole);
+    }
+}
+
+/// A file under its final name is complete, whenever one looks.
+fn assert_outputs_are_whole(out: &Path) {
+    if !out.exists() {
+        return;
+    }
+    for (path, bytes) in tree(out) {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("json") => drop(serde_json::from_slice::<serde_json::Value>(&bytes).unwrap()),
+            Some("parquet") => assert!(bytes.ends_with(b"PAR1"), "{}", path.display()),
+            Some("html") => assert!(text(&bytes).trim_end().ends_with("</html>"), "{}", path.display()),
+            _ => assert!(name == "lock" || !bytes.is_empty() || name.ends_with("flightlag-tmp"), "{}", path.display()),
+        }
+    }
+}
+
+#[test]
+fn bad_flights_are_rows_with_their_reason_and_the_others_get_their_pages() {
+    let campaign = Campaign::of(3);
+    let cut = campaign.flights().join("flight-0002.mcap");
+    let bytes = fs::read(&cut).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    fs::write(campaign.flights().join("shopping.csv"), "item,count\nbread,2\nbutter,1\n").unwrap();
+    fs::write(campaign.flights().join("README.md"), "# notes\n").unwrap();
+    campaign.run("report", &[], 3);
+    let record = campaign.record("report");
+    let row = |name: &str| record.flights.iter().find(|r| r.flight == name).unwrap();
+    assert!(row("flight-0002.mcap").lossy);
+    assert!(matches!(&row("shopping.csv").outcome, Outcome::Failed { reason } if !reason.is_empty()));
+    assert!(["flight-0001.mcap", "flight-0003.mcap"].map(row).iter().all(|r| r.outcome == Outcome::Compensated));
+    assert!(record.ignored.iter().any(|i| i.path == "README.md" && !i.reason.is_empty()));
+    for row in &record.flights {
+        assert!(campaign.out("report").join(&row.page).exists(), "{}", row.page);
+    }
+}
+
+#[test]
+fn the_steps_of_a_cluster_give_the_bytes_of_a_run() {
+    let campaign = Campaign::of(5);
+    run(campaign.arguments("run", &[]), 0);
+    let out = campaign.out("steps");
+    let mut plan = campaign.arguments("steps", &["--max-shards", "2"]);
+    plan.insert(1, "plan".to_owned());
+    let said = text(&run(plan, 0).stdout);
+    assert!(said.starts_with("flights=5 stale=5 shards=2"), "{said}");
+    let manifest = out.join("manifest.json");
+    let step = |step: &str, more: &[&str], exit| {
+        let mut all = vec!["campaign", step, "--manifest", manifest.to_str().unwrap()];
+        all.extend(more);
+        text(&run(all, exit).stdout)
+    };
+    assert!(step("status", &[], 3).starts_with("0 of 5 flights"));
+    step("task", &["--shard", "0"], 0);
+    step("reduce", &[], 3);
+    step("task", &["--shard", "1"], 0);
+    assert!(step("task", &["--shard", "1"], 0).starts_with("made=0"), "a shard may run twice");
+    step("task", &["--shard", "2"], 2);
+    assert!(step("status", &[], 0).starts_with("5 of 5 flights"));
+    step("reduce", &[], 0);
+    let mut steps = results(&out);
+    steps.remove(Path::new("manifest.json"));
+    let mut whole = results(&campaign.out("run"));
+    whole.retain(|path, _| path != Path::new("run.json"));
+    assert_same(&steps, &whole);
+}
+
+#[test]
+fn a_second_run_on_one_report_is_refused_with_the_owner() {
+    let campaign = Campaign::of(1);
+    run(campaign.arguments("report", &[]), 0);
+    let before = results(&campaign.out("report"));
+    let path = campaign.out("report").join(".flightlag/lock");
+    let owner = fs::read_to_string(&path).unwrap();
+    let lock = fs::File::options().write(true).open(&path).unwrap();
+    lock.try_lock().unwrap();
+    let refusal = text(&run(campaign.arguments("report", &["--verify"]), 1).stderr);
+    assert!(owner.starts_with("process ") && refusal.contains(owner.trim()), "{refusal}");
+    assert_same(&results(&campaign.out("report")), &before);
+    drop(lock);
+    run(campaign.arguments("report", &[]), 0);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_ends_with_its_path_and_leaves_nothing_half() {
+    let campaign = Campaign::of(3);
+    run(campaign.arguments("whole", &[]), 0);
+    let program = flightlag([""]).get_program().to_owned();
+    // No file may grow beyond some kilobytes: records fit, tracks do not.
+    let limited = std::process::Command::new("sh")
+        .args(["-c", "ulimit -f 16; exec \"$0\" \"$@\""])
+        .arg(program)
+        .args(campaign.arguments("full", &["--quiet"]))
+        .output()
+        .unwrap();
+    let said = text(&limited.stderr);
+    assert_eq!(limited.status.code(), Some(1), "{said}");
+    assert!(said.contains("track.parquet") && said.contains("too large"), "{said}");
+    assert_outputs_are_whole(&campaign.out("full"));
+    run(campaign.arguments("full", &[]), 0);
+    assert_same(&results(&campaign.out("full")), &results(&campaign.out("whole")));
+}
+
+#[test]
+fn ctrl_c_ends_with_130_and_the_next_run_clears_up_and_goes_on() {
+    let campaign = Campaign::of(12);
+    let mut child = flightlag(campaign.arguments("report", &["--threads", "1", "--json"]))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut events = std::io::BufRead::lines(std::io::BufReader::new(child.stdout.take().unwrap()));
+    events.find(|line| line.as_ref().is_ok_and(|l| l.contains("\"finished\""))).unwrap().unwrap();
+    let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    events.for_each(drop);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let events = campaign.run("report", &[], 0);
+    assert!((1..12).contains(&started(&events).len()), "finished flights are kept: {:?}", started(&events));
+    let left = tree(&campaign.out("report")).into_keys().find(|p| p.to_string_lossy().contains("flightlag-tmp"));
+    assert_eq!(left, None);
+}

@@ -1,0 +1,76 @@
+//! The command itself, as a user runs it.
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// The program, built from the code beside this test.
+fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        // target/PROFILE/deps/it-1234
+        let test = std::env::current_exe().unwrap();
+        let profile = test.parent().and_then(Path::parent).unwrap();
+        let release = profile.file_name() == Some(OsStr::new("release"));
+        let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+        build.args(["build", "--quiet", "--package", "flightlag", "--target-dir"]).arg(profile.parent().unwrap());
+        build.args(release.then_some("--release")).current_dir(env!("CARGO_MANIFEST_DIR"));
+        assert!(build.status().unwrap().success(), "flightlag does not build");
+        profile.join("flightlag")
+    })
+}
+
+/// `flightlag`, about to be run in an environment that decides nothing.
+pub fn flightlag<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Command {
+    let mut command = Command::new(program());
+    command.args(arguments).env_remove("SLURM_CPUS_PER_TASK");
+    command
+}
+
+/// Runs `flightlag`, and expects this exit code.
+pub fn run<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>, exit: i32) -> Output {
+    let output = flightlag(arguments).output().unwrap();
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(exit), "standard output:\n{out}\nstandard error:\n{err}");
+    output
+}
+
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Every file below a folder.
+pub fn tree(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut tree = BTreeMap::new();
+    let mut open = vec![root.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+            if entry.file_type().unwrap().is_dir() {
+                open.push(entry.path());
+            } else {
+                let name = entry.path().strip_prefix(root).unwrap().to_owned();
+                tree.insert(name, fs::read(entry.path()).unwrap());
+            }
+        }
+    }
+    tree
+}
+
+/// What follows from logs, settings and build: not the hour, and not what this machine remembers.
+pub fn results(report: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut tree = tree(report);
+    tree.retain(|path, _| path != Path::new("run.json") && !path.starts_with(".flightlag"));
+    tree
+}
+
+/// Says which file differs instead of printing them all.
+pub fn assert_same(one: &BTreeMap<PathBuf, Vec<u8>>, other: &BTreeMap<PathBuf, Vec<u8>>) {
+    let names = |t: &BTreeMap<PathBuf, Vec<u8>>| t.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(one), names(other));
+    for (path, bytes) in one {
+        assert!(other.get(path) == Some(bytes), "{} differs", path.display());
+    }
+}
