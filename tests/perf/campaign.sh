@@ -10,10 +10,11 @@ TIMEFORMAT=%R
 wall() { { time "$@" >/dev/null 2>&1; } 2>&1; }
 
 "$(dirname "$flightlag")/examples/campaign" "$work/flights" "$flights" 60
-run() { "$flightlag" campaign "$work/flights" --out "$work/out" --threads "$1" || [ $? = 3 ]; }
-fresh() { rm -rf "$work/out"; sync; wall run "$1"; }
-fresh 2 >/dev/null
+run() { "$flightlag" campaign "$work/flights" --out "$work/$2" --threads "$1" || [ $? = 3 ]; }
+# A new folder each time: ext4 is slow to hand out inodes that were freed a moment ago.
+fresh() { sync; wall run "$1" "$2"; }
+fresh 2 warm-up >/dev/null
 for round in 1 2 3 4 5; do
-    one=$(fresh 1); two=$(fresh 2); again=$(wall run 2)
+    one=$(fresh 1 "one$round"); two=$(fresh 2 "two$round"); again=$(wall run 2 "two$round")
     echo "$one s with one thread, $two s with two ($(awk "BEGIN { printf \"%.2f\", $one / $two }") times as fast), $again s with nothing changed"
 done

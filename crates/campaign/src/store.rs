@@ -1,7 +1,9 @@
 //! The one place where outputs are written.
 //!
-//! Every write goes to a temporary name in the file's own folder, is synced, renamed over the
-//! final name, and the folder synced: a file is absent, the old one, or the new one, whole.
+//! Every write goes to a temporary name in the file's own folder, is synced, and renamed over the
+//! final name: a file is absent, the old one, or the new one, whole. The folder is not synced:
+//! a power cut may take back a name, never leave one without its content, and what is missing
+//! is made again. (Syncing folders too made a campaign of small flights wait for the disk as long as it computed.)
 //! A plain rename, because NFS knows no `RENAME_NOREPLACE`; a second writer of a result writes
 //! the same bytes, so that it does not matter who comes last.
 
@@ -32,7 +34,7 @@ pub struct StoreError {
 /// Whether a file must survive a loss of power once it is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Keep {
-    /// Synced before and after the rename: results, and the memory of what is done.
+    /// Synced before the rename: results, and the memory of what is done.
     Synced,
     /// Renamed only: pages, whose sizes are checked at the next run and which can be made again.
     Renewable,
@@ -194,7 +196,7 @@ impl Store {
     ) -> Result<(), StoreError> {
         let path = self.path(name)?;
         let folder = path.parent().unwrap_or(&self.root);
-        self.make_folder(folder, keep)?;
+        fs::create_dir_all(folder).map_err(|e| failed(folder, "make this folder", e))?;
         let temporary = self.temporary_name(&path);
         let placed =
             make(&temporary).and_then(|()| fs::rename(&temporary, &path).map_err(|e| failed(&path, "rename", e)));
@@ -207,23 +209,7 @@ impl Store {
         if keep == Keep::Renewable {
             let _ = fs::remove_file(&temporary);
         }
-        self.sync_folder(folder, keep)
-    }
-
-    fn make_folder(&self, folder: &Path, keep: Keep) -> Result<(), StoreError> {
-        if folder.is_dir() {
-            return Ok(());
-        }
-        fs::create_dir_all(folder).map_err(|e| failed(folder, "make this folder", e))?;
-        folder.parent().map_or(Ok(()), |parent| self.sync_folder(parent, keep))
-    }
-
-    fn sync_folder(&self, folder: &Path, keep: Keep) -> Result<(), StoreError> {
-        if keep == Keep::Renewable || !cfg!(unix) {
-            return Ok(());
-        }
-        let synced = File::open(folder).and_then(|f| f.sync_all());
-        synced.map_err(|e| failed(folder, "sync this folder", e))
+        Ok(())
     }
 
     /// A name in the same folder that nobody else uses: pids repeat across hosts, so the host is part of it.

@@ -68,8 +68,7 @@ fn axes(input: &Input, rows: &Rows, shown: &[&Estimate], window: (f64, f64)) -> 
 }
 
 fn curve(name: String, rows: &Rows, y: &[f64], always: bool, window: (f64, f64)) -> Curve {
-    let gap = 2.5 * median_step(&rows.t);
-    pen(name, &rows.t, y, |row| always || rows.has_output(row), gap, window)
+    pen(name, &rows.t, y, |row| always || rows.has_output(row), rows.gap_s, window)
 }
 
 /// Draws the rows of a window that are shown, in strokes without gaps longer than `gap`.
@@ -117,7 +116,7 @@ fn path(rows: &Rows, estimate: &Estimate) -> PathCurve {
         PathCurve { name: estimate.title.clone(), east_m: vec![], north_m: vec![], breaks: vec![], stands_for: 0 };
     let window = (rows.t[0], rows.t[rows.t.len() - 1]);
     let always = estimate.name == "raw";
-    for stroke in strokes(&rows.t, |r| always || rows.has_output(r), 2.5 * median_step(&rows.t), window) {
+    for stroke in strokes(&rows.t, |r| always || rows.has_output(r), rows.gap_s, window) {
         let [north, east] = [&north[stroke.clone()], &east[stroke.clone()]];
         let kept = signal::thin_path(east, north, tolerance);
         if !out.east_m.is_empty() {

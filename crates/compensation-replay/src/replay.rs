@@ -91,6 +91,8 @@ pub(crate) struct Rows {
     pub(crate) segment: Vec<Option<usize>>,
     pub(crate) state: Vec<RowState>,
     pub(crate) start: Option<StartRule>,
+    /// A step between rows longer than this is a gap: the pen is lifted, s.
+    pub(crate) gap_s: f64,
 }
 
 impl Rows {
@@ -114,7 +116,8 @@ impl Rows {
         if settings.output_rate_hz.is_none() {
             note_outside(samples, fixes[0], last_useful, notices);
         }
-        let mut rows = Rows { start: Some(settings.start), ..Rows::default() };
+        let gap_s = 2.5 * median_step(&instants);
+        let mut rows = Rows { start: Some(settings.start), gap_s, ..Rows::default() };
         let (mut fix, mut sample, mut segment) = (0, 0, 0);
         for t in instants {
             while fix + 1 < fixes.len() && fixes[fix + 1] <= t {
