@@ -3,10 +3,10 @@
 //! A manifest is written once and changed by nobody. Shard number in, exit code out is all that
 //! an engine (a job array, a loop in a shell) has to know.
 
+use crate::ANALYSIS_VERSION;
 use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::store::{Keep, Store};
-use compensation_replay::ANALYSIS_VERSION;
 use ingest::{FlightUnit, LogKind};
 use record::{IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
 use serde::{Deserialize, Serialize};

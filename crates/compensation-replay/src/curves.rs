@@ -1,7 +1,8 @@
 //! Curves for the figures: every extreme kept, the pen lifted at gaps.
 
+use crate::estimate::Estimate;
 use crate::input::Input;
-use crate::replay::{Estimate, Rows, median_step};
+use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
 use record::{AxisCurves, Curve, PathCurve, Zoom};
 

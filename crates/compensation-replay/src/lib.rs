@@ -12,10 +12,12 @@
 //! and the compensated [`Track`]. No disk, no screen, no clock.
 
 mod curves;
+mod estimate;
 mod exact;
 mod input;
 mod pade;
 mod replay;
+mod rows;
 mod score;
 mod settings;
 mod track;
@@ -26,6 +28,3 @@ pub use pade::PadeTustin;
 pub use replay::{Replay, replay};
 pub use settings::Settings;
 pub use track::{RowState, Track, TrackColumn};
-
-/// Raised by hand when a replay gives other numbers: old results are then no longer reused.
-pub const ANALYSIS_VERSION: u32 = 1;

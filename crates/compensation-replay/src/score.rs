@@ -1,7 +1,8 @@
 //! What the compensators are worth, with and without an independent reference.
 
+use crate::estimate::{Estimate as Track, of_segments};
 use crate::input::{AXES, Horizontal, Input};
-use crate::replay::{Estimate as Track, Rows, median_step, of_segments};
+use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
 use flight::{Notices, Severity};
 use record::{CompensatorResult, Estimate};

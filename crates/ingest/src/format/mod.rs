@@ -8,8 +8,8 @@ mod mcap;
 
 pub use bag::BagReader;
 pub use csv::CsvReader;
-pub use mcap::{McapReader, mcap_indexed_records, mcap_records};
 pub(crate) use csv::looks_like as looks_like_table;
+pub use mcap::{McapReader, mcap_indexed_records, mcap_records};
 
 use crate::decode::Topics;
 use crate::error::IngestError;

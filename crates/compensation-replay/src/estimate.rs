@@ -1,0 +1,102 @@
+//! The compensators over all rows of a flight.
+
+use crate::exact::ExactAsync;
+use crate::input::{AXES, Input};
+use crate::pade::PadeTustin;
+use crate::rows::Rows;
+use crate::settings::Settings;
+use flight::Delay;
+use record::StartRule;
+use std::ops::Range;
+
+/// A compensator's position at every row; where the row's state gives none, the raw one stands in and is not shown.
+#[derive(Debug)]
+pub(crate) struct Estimate {
+    pub(crate) name: &'static str,
+    pub(crate) title: String,
+    /// Delay it was given.
+    pub(crate) delay: Delay,
+    /// North, then east.
+    pub(crate) axes: [Vec<f64>; 2],
+}
+
+/// Raw first, then the paper's compensator as it is, the same told of the age of held fixes, and the exact form.
+pub(crate) fn estimates(input: &Input, settings: &Settings, segments: &[Range<usize>], rows: &Rows) -> Vec<Estimate> {
+    let td = settings.delay;
+    let raw = AXES.map(|k| rows.fix.iter().map(|&j| input.position.axes[k][j]).collect::<Vec<f64>>());
+    let pade = |name, title: &str, delay: Delay| Estimate {
+        name,
+        title: title.to_owned(),
+        delay,
+        axes: AXES.map(|k| pade_axis(rows, settings.start, delay, &raw[k], k)),
+    };
+    let mut out = vec![
+        Estimate { name: "raw", title: "raw, newest fix held".to_owned(), delay: Delay::ZERO, axes: raw.clone() },
+        pade("pade-1-1", "Padé [1/1], Tustin (the paper)", td),
+    ];
+    let age = rows.mean_age_s();
+    if let Some(as_seen) = Delay::from_seconds(td.seconds() + age).filter(|_| age >= 1e-3) {
+        out.push(pade("pade-1-1-as-seen", "Padé [1/1], Tustin, Td + mean age of the held fix", as_seen));
+    }
+    out.push(Estimate {
+        name: "exact-async",
+        title: "exact asynchronous, p + ∫v".to_owned(),
+        delay: td,
+        axes: AXES.map(|k| exact_axis(input, settings, segments, rows, k)),
+    });
+    out
+}
+
+/// Raw plus the filter's displacement; the filter starts anew in every segment.
+fn pade_axis(rows: &Rows, start: StartRule, delay: Delay, raw: &[f64], axis: usize) -> Vec<f64> {
+    let v = &rows.velocity[axis];
+    let td = delay.seconds();
+    let mut filter: Option<PadeTustin> = None;
+    let mut out = raw.to_vec();
+    for row in 0..rows.t.len() {
+        let h = if row == 0 { 0.0 } else { rows.t[row] - rows.t[row - 1] };
+        let fresh = row == 0 || rows.segment[row] != rows.segment[row - 1];
+        match (&mut filter, rows.segment[row]) {
+            (_, None) => filter = None,
+            (Some(running), Some(_)) if !fresh => {
+                running.step(h, v[row]);
+            }
+            (_, Some(_)) => {
+                let next = rows.t.get(row + 1).map_or(td, |t| t - rows.t[row]);
+                filter = Some(match start {
+                    StartRule::Cold => PadeTustin::cold(td, v[row], next),
+                    StartRule::Warm | StartRule::InvalidUntilTd => PadeTustin::warm(td, v[row]),
+                });
+            }
+        }
+        out[row] += filter.as_ref().map_or(0.0, PadeTustin::output);
+    }
+    out
+}
+
+fn exact_axis(input: &Input, settings: &Settings, segments: &[Range<usize>], rows: &Rows, axis: usize) -> Vec<f64> {
+    let compensators = of_segments(input, settings, segments, axis);
+    (0..rows.t.len())
+        .map(|row| {
+            let (raw, stamp) = (input.position.axes[axis][rows.fix[row]], input.position.t[rows.fix[row]]);
+            let Some(s) = rows.segment[row] else { return raw };
+            let from = match settings.start {
+                // Cold: nothing was flown before the first velocity.
+                StartRule::Cold => stamp.max(input.velocity.t[segments[s].start] + settings.delay.seconds()),
+                StartRule::Warm | StartRule::InvalidUntilTd => stamp,
+            };
+            compensators[s].at(rows.t[row], raw, from)
+        })
+        .collect()
+}
+
+/// The exact compensator of one axis, segment by segment.
+pub(crate) fn of_segments<'a>(
+    input: &'a Input,
+    settings: &Settings,
+    segments: &[Range<usize>],
+    axis: usize,
+) -> Vec<ExactAsync<'a>> {
+    let (t, v) = (&input.velocity.t, &input.velocity.axes[axis]);
+    segments.iter().map(|s| ExactAsync::new(&t[s.clone()], &v[s.clone()], settings.delay.seconds())).collect()
+}

@@ -1,0 +1,184 @@
+//! The instants of a replay, and what is known at each.
+
+use crate::input::{AXES, Input, Refusal};
+use crate::settings::Settings;
+use crate::track::RowState;
+use flight::{Notices, RejectCount, Severity};
+use record::{Coverage, StartRule};
+use std::ops::Range;
+
+/// The instants of the replay, and what is known at each.
+#[derive(Debug, Default)]
+pub(crate) struct Rows {
+    pub(crate) t: Vec<f64>,
+    /// Newest fix.
+    pub(crate) fix: Vec<usize>,
+    /// Seconds since that fix.
+    pub(crate) age: Vec<f64>,
+    /// Velocity as the loop sees it: the newest sample.
+    pub(crate) velocity: [Vec<f64>; 2],
+    /// What one velocity, taken half way back to when the fix was true, flies in all that time, m:
+    /// the midpoint rule, no integral and no filter.
+    pub(crate) predicted: [Vec<f64>; 2],
+    pub(crate) segment: Vec<Option<usize>>,
+    pub(crate) state: Vec<RowState>,
+    pub(crate) start: Option<StartRule>,
+    /// A step between rows longer than this is a gap: the pen is lifted, s.
+    pub(crate) gap_s: f64,
+}
+
+impl Rows {
+    pub(crate) fn of(
+        input: &Input,
+        settings: &Settings,
+        segments: &[Range<usize>],
+        notices: &mut Notices,
+    ) -> Result<Rows, Refusal> {
+        let (fixes, samples) = (&input.position.t, &input.velocity.t);
+        let last_useful = fixes[fixes.len() - 1] + 2.5 * median_step(fixes);
+        let wanted = |t: &f64| *t >= fixes[0] && *t <= last_useful;
+        let instants: Vec<f64> = match settings.output_rate_hz {
+            None => samples.iter().copied().filter(wanted).collect(),
+            Some(rate) => {
+                let (first, last) = (samples[0].max(fixes[0]), samples[samples.len() - 1].min(last_useful));
+                let count = ((last - first) * rate).floor().max(0.0) as usize;
+                (0..=count).map(|k| first + k as f64 / rate).collect()
+            }
+        };
+        if settings.output_rate_hz.is_none() {
+            note_outside(samples, fixes[0], last_useful, notices);
+        }
+        let gap_s = 2.5 * median_step(&instants);
+        let mut rows = Rows { start: Some(settings.start), gap_s, ..Rows::default() };
+        let (mut fix, mut sample, mut segment) = (0, 0, 0);
+        for t in instants {
+            while fix + 1 < fixes.len() && fixes[fix + 1] <= t {
+                fix += 1;
+            }
+            while sample + 1 < samples.len() && samples[sample + 1] <= t {
+                sample += 1;
+            }
+            while segment + 1 < segments.len() && segments[segment].end <= sample {
+                segment += 1;
+            }
+            let inside = t <= samples[segments[segment].end - 1];
+            rows.t.push(t);
+            rows.fix.push(fix);
+            rows.age.push(t - fixes[fix]);
+            AXES.into_iter().for_each(|k| rows.velocity[k].push(input.velocity.axes[k][sample]));
+            let delay = settings.delay.seconds() + (t - fixes[fix]);
+            AXES.into_iter().for_each(|k| rows.predicted[k].push(delay * input.velocity.at(t - 0.5 * delay, k)));
+            rows.segment.push(inside.then_some(segment));
+            rows.state.push(state(settings, fixes[fix], inside.then(|| samples[segments[segment].start])));
+        }
+        if rows.t.len() < 3 {
+            return Err(Refusal::TooShort { channel: input.names.velocity.clone(), rows: rows.t.len(), least: 3 });
+        }
+        Ok(rows)
+    }
+
+    /// Whether the compensated position of a row is given out.
+    pub(crate) fn has_output(&self, row: usize) -> bool {
+        match self.state[row] {
+            RowState::Valid => true,
+            RowState::WarmUp => self.start != Some(StartRule::InvalidUntilTd),
+            RowState::NoFix | RowState::NoVelocity => false,
+        }
+    }
+
+    pub(crate) fn valid(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.t.len()).filter(|&row| self.state[row] == RowState::Valid)
+    }
+
+    /// Mean age of the fix over valid rows, s: what holding adds to the delay that a loop sees (design note 3.8).
+    pub(crate) fn mean_age_s(&self) -> f64 {
+        let (sum, count) = self.valid().fold((0.0, 0_u32), |(sum, count), row| (sum + self.age[row], count + 1));
+        if count == 0 { 0.0 } else { sum / f64::from(count) }
+    }
+
+    pub(crate) fn coverage(&self, input: &Input, bridge_s: f64, segments: &[Range<usize>], resets: u64) -> Coverage {
+        let count = |state| self.state.iter().filter(|s| **s == state).count() as u64;
+        let invalid = [RowState::WarmUp, RowState::NoFix, RowState::NoVelocity]
+            .into_iter()
+            .filter(|&state| count(state) > 0)
+            .map(|state| {
+                let first = self.state.iter().position(|s| *s == state).unwrap_or_default();
+                RejectCount {
+                    reason: state.reason().to_owned(),
+                    count: count(state),
+                    first: format!("t = {:.3} s", self.t[first]),
+                }
+            })
+            .collect();
+        let usual = 2.5 * median_step(&input.velocity.t);
+        let steps = input.velocity.t.windows(2).map(|w| w[1] - w[0]);
+        Coverage {
+            duration_s: self.t[self.t.len() - 1] - self.t[0],
+            rows: self.t.len() as u64,
+            valid_rows: count(RowState::Valid),
+            invalid,
+            bridged_gaps: steps.filter(|&h| h > usual && h <= bridge_s).count() as u64,
+            restarts: segments.len() as u64 - 1,
+            fixes: input.position.t.len() as u64,
+            position_resets: resets,
+            longest_position_gap_s: input.position.t.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max),
+        }
+    }
+}
+
+fn state(settings: &Settings, fix: f64, segment_start: Option<f64>) -> RowState {
+    match segment_start {
+        None => RowState::NoVelocity,
+        Some(start) if fix - settings.delay.seconds() >= start => RowState::Valid,
+        Some(start) if fix >= start => RowState::WarmUp,
+        Some(_) => RowState::NoFix,
+    }
+}
+
+fn note_outside(samples: &[f64], first: f64, last: f64, notices: &mut Notices) {
+    let before = samples.iter().filter(|t| **t < first).count() as u64;
+    let after = samples.iter().filter(|t| **t > last).count() as u64;
+    if before > 0 {
+        notices.push(
+            Severity::Info,
+            "velocity-before-first-fix",
+            "",
+            before,
+            "velocity samples before the first position fix: no row is made of them",
+        );
+    }
+    if after > 0 {
+        notices.push(
+            Severity::Info,
+            "velocity-after-last-fix",
+            "",
+            after,
+            "velocity samples after the last position fix: no row is made of them",
+        );
+    }
+}
+
+/// Median step of rising times, s.
+pub(crate) fn median_step(t: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+    signal::median_in_place(&mut steps).unwrap_or_default()
+}
+
+/// Velocity gaps up to this long are bridged, s.
+pub(crate) fn bridge(input: &Input, settings: &Settings) -> f64 {
+    settings.bridge_s.unwrap_or_else(|| (2.0 * settings.delay.seconds()).max(2.5 * median_step(&input.velocity.t)))
+}
+
+/// Stretches of velocity samples without a gap longer than `bridge_s`.
+pub(crate) fn segments(t: &[f64], bridge_s: f64) -> Vec<Range<usize>> {
+    let mut out = vec![];
+    let mut start = 0;
+    for k in 1..t.len() {
+        if t[k] - t[k - 1] > bridge_s {
+            out.push(start..k);
+            start = k;
+        }
+    }
+    out.push(start..t.len());
+    out
+}
