@@ -28,10 +28,14 @@ check:
 
 # Accept changed generated files (JSON schemas) after reading the diff
 bless:
-    UPDATE=1 cargo test -p ingest -p campaign schema
+    FLIGHTLAG_BLESS=1 cargo test -p ingest -p campaign schema
     git diff --stat
 
-# CPU of reading three topics of an MCAP against decompressing it: just perf-mcap FILE TOPIC TOPIC TOPIC
+# Renew the page in reports/specimen from a fresh demo
+specimen: (demo "reports/demo")
+    cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/demo/report/flights/2026-05-04-flight-01.mcap/figures/zoom.svg reports/specimen/
+
+# CPU of reading three topics of an MCAP against decompressing it: just perf-mcap FILE TOPIC=FIELD,FIELD ...
 perf-mcap file *topics:
     cargo build --release -p ingest --examples
     tests/perf/mcap.sh "$@"

@@ -2,7 +2,7 @@
 # CPU seconds of reading topics of an MCAP against decompressing it with CRCs checked, in turn,
 # nine times after one warm-up; the ratio pair by pair. Build first: cargo build --release -p ingest --examples
 set -euo pipefail
-file=${1:?usage: mcap.sh FILE TOPIC...}
+file=${1:?usage: mcap.sh FILE TOPIC[=FIELD,FIELD]...}
 shift
 bin=${CARGO_TARGET_DIR:-target}/release/examples
 TIMEFORMAT='%U %S'
