@@ -5,3 +5,4 @@
 mod edges;
 mod flights;
 mod like_cases;
+mod vectors;
