@@ -23,6 +23,35 @@ fn a_wrong_command_or_pipeline_ends_with_2_and_says_where() {
 }
 
 #[test]
+fn a_misspelt_channel_is_refused_with_the_known_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let (flights, pipeline) = (folder.path().join("flights"), folder.path().join("p.toml"));
+    std::fs::create_dir(&flights).unwrap();
+    std::fs::write(flights.join("a.csv"), "x,y\n1,2\n").unwrap();
+    let text = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"x\"\n[channels]\nvelocity = [\"velocity.efk\"]\n";
+    std::fs::write(&pipeline, text).unwrap();
+    let out = folder.path().join("out");
+    let arguments = [
+        "campaign".as_ref(),
+        flights.as_os_str(),
+        "--out".as_ref(),
+        out.as_os_str(),
+        "--pipeline".as_ref(),
+        pipeline.as_os_str(),
+    ];
+    let error = crate::program::text(&run(arguments, 2).stderr);
+    assert!(error.contains("velocity.efk") && error.contains("velocity.ekf"), "{error}");
+}
+
+#[test]
+fn a_refused_output_folder_is_not_touched() {
+    let folder = tempfile::tempdir().unwrap();
+    let inside = folder.path().join("report");
+    run(["campaign".as_ref(), folder.path().as_os_str(), "--out".as_ref(), inside.as_os_str()], 2);
+    assert!(!inside.exists());
+}
+
+#[test]
 fn an_error_is_told_once_and_with_visible_characters() {
     let wrong = text(&run(["inspect", "no\u{1b}[31mlog"], 2).stderr);
     assert_eq!(wrong.lines().count(), 1, "{wrong}");

@@ -1,5 +1,6 @@
 //! The logs as this crate sees them: flights in a folder, and the maps that they are read with.
 
+use crate::config::Pipeline;
 use crate::error::CampaignError;
 use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
 use crate::memory::FileStamp;
@@ -7,6 +8,7 @@ use crate::store::{Keep, Store};
 use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, discover, load};
 use record::IgnoredInput;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -28,6 +30,18 @@ impl Library {
             None => maps.iter().for_each(|map| hash_map(&mut hasher, map)),
         }
         Ok(Library { blake3: hasher.finalize().to_hex().to_string(), maps })
+    }
+
+    /// That every channel which the pipeline names is one that some map binds: a misspelt name would else pass
+    /// for one that no flight holds, and the next in the list be taken.
+    pub(crate) fn check(&self, pipeline: &Pipeline) -> Result<(), CampaignError> {
+        let known: BTreeSet<&str> = self.maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
+        let settings = pipeline.replay_settings();
+        let mut named = settings.position.iter().chain(&settings.velocity).chain(&settings.reference);
+        let Some(name) = named.find(|name| !known.contains(name.as_str())) else { return Ok(()) };
+        let known = known.into_iter().collect::<Vec<_>>().join(", ");
+        let file = pipeline.file_name();
+        Err(CampaignError::Asked(format!("{file}: [channels]: no channel map binds {name:?}; known are {known}")))
     }
 
     /// Hash of what the maps mean.
@@ -73,15 +87,12 @@ pub(crate) struct Found {
     pub(crate) unreadable: Vec<IgnoredInput>,
 }
 
-/// How ingest begins the reason for what it could not look at.
-const COULD_NOT: &str = "cannot be ";
-
 fn look(root: &Path, library: &Library) -> Result<Found, CampaignError> {
     let found = discover(root, &library.maps)?;
-    let other = |(path, reason): (String, String)| IgnoredInput { path, reason };
-    let (unreadable, ignored) =
-        found.ignored.into_iter().map(other).partition(|o: &IgnoredInput| o.reason.starts_with(COULD_NOT));
-    Ok(Found { units: found.units, ignored, unreadable })
+    let inputs = |list: Vec<(String, String)>| {
+        list.into_iter().map(|(path, reason)| IgnoredInput { path, reason }).collect::<Vec<_>>()
+    };
+    Ok(Found { units: found.units, ignored: inputs(found.ignored), unreadable: inputs(found.unreadable) })
 }
 
 /// The last look at a folder, which need not be repeated while nothing in it has changed:

@@ -61,6 +61,7 @@ impl Desk<'_> {
 pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State) -> Result<Manifest, CampaignError> {
     let (root, out) = folders(order)?;
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
+    library.check(&order.pipeline)?;
     let found = logs::find(&root, &library, store, order.verify)?;
     let mut manifest = Manifest::new(
         root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -103,20 +104,31 @@ fn judge(manifest: &mut Manifest, store: &Store, state: &State) {
     manifest.flights = flights;
 }
 
-/// The folder of flights and the output folder, absolute; neither may hold the other.
+/// The absolute path without links that a folder has, or will have once it is made.
+fn to_be(path: &Path) -> std::io::Result<PathBuf> {
+    let path = std::path::absolute(path)?;
+    let exists = path.ancestors().find(|a| a.exists()).unwrap_or(&path);
+    let rest = path.strip_prefix(exists).unwrap_or(Path::new(""));
+    Ok(exists.canonicalize()?.join(rest))
+}
+
+/// The folder of flights and the output folder, absolute.
 fn folders(order: &Order) -> Result<(PathBuf, PathBuf), CampaignError> {
     let shown = order.flights.display();
     let root = order.flights.canonicalize().map_err(|e| CampaignError::Asked(format!("{shown}: {e}")))?;
     let out = order.out.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", order.out.display())))?;
-    if out.starts_with(&root) || root.starts_with(&out) {
-        let what = "the folder of flights and the output folder must not hold one another";
-        return Err(CampaignError::Asked(format!("{shown} and {}: {what}", order.out.display())));
-    }
     Ok((root, out))
 }
 
 /// Refuses an output folder that holds something and was not made by us; before anything is written.
 pub(crate) fn check_output(order: &Order) -> Result<(), CampaignError> {
+    let root =
+        order.flights.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", order.flights.display())))?;
+    let out = to_be(&order.out).map_err(|e| CampaignError::Asked(format!("{}: {e}", order.out.display())))?;
+    if out.starts_with(&root) || root.starts_with(&out) {
+        let what = "the folder of flights and the output folder must not hold one another";
+        return Err(CampaignError::Asked(format!("{} and {}: {what}", order.flights.display(), order.out.display())));
+    }
     // A run that was killed at its very start leaves no more than these.
     let foreign = |name: &OsStr| name != ".flightlag" && !is_temporary(name);
     let mut entries = std::fs::read_dir(&order.out).into_iter().flatten().flatten();

@@ -14,7 +14,7 @@ use crate::study::failed_record;
 use crate::table;
 use crate::task::caught;
 use crate::work::Workers;
-use flight::{ChannelHealth, Severity};
+use flight::{ChannelHealth, Notice, Severity};
 use record::{CampaignRecord, CampaignTotals, CompensatorResult, Estimate, FlightRecord, FlightRow, Outcome};
 use report::{FlightPage, REPORT_VERSION, Site};
 use std::collections::{BTreeMap, BTreeSet};
@@ -322,11 +322,19 @@ impl Reducer<'_> {
             let slug = name.strip_prefix("flights/").and_then(|n| n.split('/').next());
             slug.is_some_and(|s| !state.pages.contains_key(s))
         };
+        let mut pages = 0;
         for name in self.store.list("flights").iter().filter(gone) {
             match is_ours(name) {
                 true => self.store.remove(name)?,
                 false => self.store.remove_empty_folder(name),
             }
+            pages += u64::from(name.ends_with("/index.html"));
+        }
+        if pages > 0 {
+            let text = format!(
+                "{pages} pages are removed: their flights are no longer in the folder (their results stay in by-key)"
+            );
+            self.desk.tell(Event::Remark { text });
         }
         Ok(())
     }
@@ -408,6 +416,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         pade_error_rms_m: error("pade-1-1").and_then(known),
         exact_error_rms_m: error("exact-async").and_then(known),
         valid_share: replay.and_then(valid_share),
+        attention: attention(record),
         warnings: count(Severity::Warning),
         losses: count(Severity::Loss),
     }
@@ -415,7 +424,36 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
 
 fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
     let coverage = &replay.coverage;
-    (coverage.rows > 0).then(|| coverage.valid_rows as f64 / coverage.rows as f64)
+    (coverage.duration_s > 0.0).then(|| coverage.valid_s / coverage.duration_s)
+}
+
+/// Warnings that make the numbers of a flight doubtful.
+const GRAVE: [&str; 2] = ["velocity-contradicts-position", "stamps-coarser-than-delay"];
+/// Below this share of time with output, a flight wants a look.
+const FEW_VALID: f64 = 0.95;
+
+/// Why somebody should look at this flight.
+fn attention(record: &FlightRecord) -> Vec<String> {
+    let told = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
+    let mut reasons: Vec<String> =
+        record.notices.iter().filter(|n| GRAVE.contains(&n.code.as_str())).map(|n| n.text.clone()).collect();
+    if let Some(damage) = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0) {
+        reasons.push(format!("{damage} bytes of the log are damaged"));
+    }
+    let losses: Vec<&Notice> = record.notices.iter().filter(|n| n.severity == Severity::Loss).collect();
+    reasons.extend(losses.first().map(|first| told(first)));
+    if losses.len() > 1 {
+        reasons.push(format!("{} more notices of damage on the flight's page", losses.len() - 1));
+    }
+    if let Some(replay) = &record.replay {
+        if replay.coverage.restarts > 0 {
+            reasons.push(format!("velocity gaps: the compensators started anew {} times", replay.coverage.restarts));
+        }
+        if let Some(share) = valid_share(replay).filter(|share| *share < FEW_VALID) {
+            reasons.push(format!("compensated for {:.0} % of the time only", 100.0 * share));
+        }
+    }
+    reasons
 }
 
 /// How often a channel brings news: its updates where values are held, else its rows.

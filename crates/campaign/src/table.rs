@@ -16,15 +16,9 @@ pub(crate) fn write_track(store: &Store, name: &str, track: &Track) -> Result<()
     let column = |(name, values): &(String, TrackColumn)| match values {
         TrackColumn::I64(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
         TrackColumn::F64(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
-        // Polars without 8-bit columns builds faster; Parquet packs the small numbers anyway.
-        TrackColumn::U8(v) => whole_numbers(name, v),
+        TrackColumn::Text(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
     };
     write_parquet(store, name, frame(name, track.columns.iter().map(column).collect())?)
-}
-
-fn whole_numbers(name: &str, values: &[u8]) -> Column {
-    let wide: Vec<i32> = values.iter().map(|&x| i32::from(x)).collect();
-    Series::new(name.into(), wide).into_column()
 }
 
 /// Writes the table of flights as Parquet and as CSV.
@@ -69,13 +63,13 @@ fn flight_columns(rows: &[FlightRow], cell: impl Fn(&str) -> String) -> Vec<Colu
         number("speed_median_mps", &|r| r.speed_median_mps),
         number("delay_s", &|r| r.delay_s),
         number("correction_rms_m", &|r| value(&r.correction_rms_m)),
-        number("correction_rms_u_m", &|r| spread(&r.correction_rms_m)),
+        number("correction_rms_standard_uncertainty_m", &|r| spread(&r.correction_rms_m)),
         number("raw_error_rms_m", &|r| value(&r.raw_error_rms_m)),
-        number("raw_error_rms_u_m", &|r| spread(&r.raw_error_rms_m)),
+        number("raw_error_rms_standard_uncertainty_m", &|r| spread(&r.raw_error_rms_m)),
         number("pade_error_rms_m", &|r| value(&r.pade_error_rms_m)),
-        number("pade_error_rms_u_m", &|r| spread(&r.pade_error_rms_m)),
+        number("pade_error_rms_standard_uncertainty_m", &|r| spread(&r.pade_error_rms_m)),
         number("exact_error_rms_m", &|r| value(&r.exact_error_rms_m)),
-        number("exact_error_rms_u_m", &|r| spread(&r.exact_error_rms_m)),
+        number("exact_error_rms_standard_uncertainty_m", &|r| spread(&r.exact_error_rms_m)),
         number("valid_share", &|r| r.valid_share),
         count("warnings", &|r| r.warnings),
         count("losses", &|r| r.losses),
@@ -156,6 +150,7 @@ mod tests {
             pade_error_rms_m: None,
             exact_error_rms_m: None,
             valid_share: Some(1.0),
+            attention: vec![],
             warnings: 3,
             losses: 0,
         }
@@ -179,7 +174,7 @@ mod tests {
             ("velocity_rate_hz", rows[1].velocity_rate_hz),
             ("correction_rms_m", Some(6.983_999_999_999_999)),
             ("position_rate_hz", None),
-            ("correction_rms_u_m", None),
+            ("correction_rms_standard_uncertainty_m", None),
         ] {
             assert_eq!(number(name).map(f64::to_bits), value.map(f64::to_bits), "{name}");
         }
@@ -197,7 +192,7 @@ mod tests {
             columns: vec![
                 ("t_ns".into(), TrackColumn::I64(stamps.clone())),
                 ("north_m".into(), TrackColumn::F64(north.clone())),
-                ("state".into(), TrackColumn::U8(vec![0, 1, 255])),
+                ("state".into(), TrackColumn::Text(vec!["warm-up", "valid", "valid"])),
             ],
         };
         write_track(&store, "by-key/ab/track.parquet", &track).unwrap();
@@ -207,7 +202,9 @@ mod tests {
         assert_eq!(column("t_ns").i64().unwrap().to_vec(), stamps.into_iter().map(Some).collect::<Vec<_>>());
         let bits = |v: Vec<Option<f64>>| v.into_iter().map(|x| x.map(f64::to_bits)).collect::<Vec<_>>();
         assert_eq!(bits(column("north_m").f64().unwrap().to_vec()), bits(north));
-        assert_eq!(column("state").i32().unwrap().to_vec(), [Some(0), Some(1), Some(255)]);
+        let states = column("state");
+        let states: Vec<Option<&str>> = states.str().unwrap().iter().collect();
+        assert_eq!(states, [Some("warm-up"), Some("valid"), Some("valid")]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The flight as the compensators see it: seconds and metres from one origin.
 
 use crate::settings::Settings;
-use flight::{Channel, Clock, Flight, Geodetic, LocalFrame, Quantity, Stamp};
+use flight::{Channel, Clock, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp, StampKind};
 
 /// Why a flight cannot be replayed. Each says what would help.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -174,6 +174,34 @@ impl Input {
         Ok(input)
     }
 
+    /// A clock that ticks more slowly than the delay cannot show it.
+    pub(crate) fn warn_of_coarse_stamps(
+        flight: &Flight,
+        names: &record::PairUse,
+        settings: &Settings,
+        notices: &mut Notices,
+    ) {
+        for name in [&names.position, &names.velocity] {
+            let Some(channel) = flight.channels.get(name) else { continue };
+            let timeline = channel.series.timeline();
+            let tick_s = tick_s(timeline.stamps());
+            if timeline.kind() == StampKind::Logged && tick_s >= settings.delay.seconds() {
+                let text = format!(
+                    "{name} is stamped by the logger in whole steps of {tick_s} s, coarser than the delay of {} s: what \
+                     compensation changes is drawn, but these stamps cannot show whether it is right",
+                    settings.delay.seconds()
+                );
+                notices.push(
+                    Severity::Warning,
+                    "stamps-coarser-than-delay",
+                    name.clone(),
+                    timeline.stamps().len() as u64,
+                    text,
+                );
+            }
+        }
+    }
+
     fn check_overlap(&self) -> Result<(), Refusal> {
         let ends = |t: &[f64]| (t[0], t[t.len() - 1]);
         let ((p0, p1), (v0, v1)) = (ends(&self.position.t), ends(&self.velocity.t));
@@ -183,6 +211,13 @@ impl Input {
         let (position, velocity) = (self.names.position.clone(), self.names.velocity.clone());
         Err(Refusal::NoOverlap { position, p0, p1, velocity, v0, v1 })
     }
+}
+
+/// The largest of 1 s, 0.5 s, 0.1 s and 0.01 s of which all stamps are multiples; 0 if none.
+fn tick_s(stamps: &[Stamp]) -> f64 {
+    let ticks = [1_000_000_000, 500_000_000, 100_000_000, 10_000_000];
+    let tick = ticks.into_iter().find(|tick| stamps.iter().all(|s| s.0 % tick == 0));
+    tick.map_or(0.0, |tick| tick as f64 * 1e-9)
 }
 
 fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Result<(&'a str, &'a Channel), Refusal> {

@@ -31,6 +31,7 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
     let bridge_s = bridge(&input, settings);
     let segments = segments(&input.velocity.t, bridge_s);
     let mut notices = Notices::new();
+    Input::warn_of_coarse_stamps(flight, &input.names, settings, &mut notices);
     let rows = Rows::of(&input, settings, &segments, &mut notices)?;
     let estimates = estimates(&input, settings, &segments, &rows);
     let innovations = score::innovations(&input, settings, &segments);
@@ -88,7 +89,7 @@ fn table(input: &Input, rows: &Rows, estimates: &[Estimate]) -> Track {
     let mut columns = vec![
         ("stamp_ns".to_owned(), TrackColumn::I64(stamps)),
         ("t_s".to_owned(), shown(&rows.t, true)),
-        ("state".to_owned(), TrackColumn::U8(rows.state.iter().map(|&s| s as u8).collect())),
+        ("state".to_owned(), TrackColumn::Text(rows.state.iter().map(|s| s.name()).collect())),
         ("fix_age_s".to_owned(), shown(&rows.age, true)),
     ];
     for estimate in estimates {

@@ -96,6 +96,12 @@ impl Rows {
         if count == 0 { 0.0 } else { sum / f64::from(count) }
     }
 
+    /// Time to the next row, summed over valid rows without a gap behind them.
+    fn valid_s(&self) -> f64 {
+        let steps = self.t.windows(2).map(|w| w[1] - w[0]).zip(&self.state);
+        steps.filter(|(h, state)| **state == RowState::Valid && *h <= self.gap_s).map(|(h, _)| h).sum()
+    }
+
     pub(crate) fn coverage(&self, input: &Input, bridge_s: f64, segments: &[Range<usize>], resets: u64) -> Coverage {
         let count = |state| self.state.iter().filter(|s| **s == state).count() as u64;
         let invalid = [RowState::WarmUp, RowState::NoFix, RowState::NoVelocity]
@@ -116,6 +122,7 @@ impl Rows {
             duration_s: self.t[self.t.len() - 1] - self.t[0],
             rows: self.t.len() as u64,
             valid_rows: count(RowState::Valid),
+            valid_s: self.valid_s(),
             invalid,
             bridged_gaps: steps.filter(|&h| h > usual && h <= bridge_s).count() as u64,
             restarts: segments.len() as u64 - 1,

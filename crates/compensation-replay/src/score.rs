@@ -45,7 +45,7 @@ fn covering(input: &Input, segments: &[Range<usize>], from: f64, to: f64) -> Opt
 }
 
 /// Fixes that jump by more than five robust sigma against velocity (design note 5.8): passed on and
-/// marked. Sigma is that of the fixes around, for a parked receiver must not make every turn a jump.
+/// counted. Sigma is that of the fixes around, for a parked receiver must not make every turn a jump.
 pub(crate) fn resets(innovations: &Innovations, notices: &mut Notices) -> u64 {
     let sigma = innovations.exact.each_ref().map(|axis| local_sigma(axis));
     let jumps: Vec<usize> = (0..innovations.t.len())
@@ -104,7 +104,7 @@ pub(crate) fn warn_of_contradiction(
     let share = if moved2 > 0.0 { (missed2 / moved2).sqrt() } else { 0.0 };
     if pairs >= 3 && share > 0.5 {
         let text = format!(
-            "over {BASE_S} s the fixes disagree with the integrated velocity by {:.0} % of the distance: check axes, signs and units of {} and {}",
+            "over {BASE_S} s the fixes disagree with the integrated velocity by {:.0} % of the distance: check the delay, and axes, signs and units of {} and {}",
             100.0 * share,
             input.names.position,
             input.names.velocity

@@ -2,19 +2,29 @@
 
 /// What the compensated position of a row is worth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(u8)]
 pub enum RowState {
     /// Every part of it was measured.
-    Valid = 0,
+    Valid,
     /// Less than Td of velocity has been seen since the start: the start rule speaks.
-    WarmUp = 1,
+    WarmUp,
     /// No fix yet since the velocity started, or started anew after a long gap.
-    NoFix = 2,
+    NoFix,
     /// No velocity: inside a gap too long to bridge. (Only with rows at a fixed rate.)
-    NoVelocity = 3,
+    NoVelocity,
 }
 
 impl RowState {
+    /// As the track's `state` column has it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            RowState::Valid => "valid",
+            RowState::WarmUp => "warm-up",
+            RowState::NoFix => "no-fix",
+            RowState::NoVelocity => "no-velocity",
+        }
+    }
+
     /// In words, for counts.
     #[must_use]
     pub fn reason(self) -> &'static str {
@@ -34,8 +44,8 @@ pub enum TrackColumn {
     I64(Vec<i64>),
     /// Numbers; `None` where there is none.
     F64(Vec<Option<f64>>),
-    /// Codes, see [`RowState`].
-    U8(Vec<u8>),
+    /// Names, see [`RowState::name`].
+    Text(Vec<&'static str>),
 }
 
 /// Columns of equal length, by name. Names end in their unit.

@@ -89,7 +89,8 @@ pub struct StampHealth {
     pub last_ns: i64,
     /// Number of stamps.
     pub count: u64,
-    /// Median rate, Hz: one over the median step. `None` with fewer than two different stamps.
+    /// Forward steps per second, Hz; gaps are left out while there are fewer than ten. `None` with fewer than two
+    /// different stamps.
     pub rate_hz: Option<f64>,
     /// Steps between stamps, s; `None` when there are none.
     pub steps_s: Option<Distribution>,

@@ -31,7 +31,7 @@ pub(crate) enum Command {
     /// Writes a campaign of simulated flights whose truth is known.
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
-    /// Lists the channel maps that come with flightlag.
+    /// Lists the channel maps that come with flightlag, or prints one.
     Maps(MapsArguments),
 }
 
@@ -178,6 +178,9 @@ pub(crate) struct DemoArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct MapsArguments {
+    /// Prints this map, as a start for one of your own.
+    #[arg(value_name = "NAME")]
+    pub(crate) name: Option<String>,
     /// Folder with further channel maps.
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,

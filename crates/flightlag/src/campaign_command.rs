@@ -104,7 +104,7 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
     let others = [
         (totals.not_measurable, "not measurable"),
         (totals.failed, "failed"),
-        (totals.lossy, "with lost data"),
+        (totals.lossy, "with damaged logs"),
         (verdict.troubled, "to be tried again"),
     ];
     parts.extend(others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));

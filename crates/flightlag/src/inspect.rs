@@ -27,7 +27,7 @@ fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failure> {
     let wrong = |what: String| Failure::new(Exit::Wrong, format!("{}: {what}", path.display()));
     std::fs::metadata(path).map_err(|e| wrong(e.to_string()))?;
     let mut found = discover(path, library)?;
-    match (found.units.pop(), found.units.len(), found.ignored.pop()) {
+    match (found.units.pop(), found.units.len(), found.ignored.pop().or_else(|| found.unreadable.pop())) {
         (Some(unit), 0, _) => Ok(unit),
         (Some(_), others, _) => Err(wrong(format!("this folder holds {} flights; name one of them", others + 1))),
         (None, _, Some((_, reason))) if path.is_file() => {

@@ -32,7 +32,7 @@ fn sentence(event: &Event) -> Option<String> {
             Some(format!("{}, {}{others}", count(*flights as u64, "flight"), bytes(*size)))
         }
         Event::Hashing { files, bytes: size } => {
-            Some(format!("learning the content of {}, {}", count(*files as u64, "file"), bytes(*size)))
+            Some(format!("hashing {}, {}", count(*files as u64, "file"), bytes(*size)))
         }
         Event::Planned { reused, to_run, .. } => Some(format!(
             "{} to make, {} with a result already",
@@ -52,7 +52,7 @@ fn sentence(event: &Event) -> Option<String> {
 
 fn finished(flight: &str, outcome: &str, reason: Option<&str>, lossy: bool) -> String {
     let reason = reason.map(|r| format!(": {r}")).unwrap_or_default();
-    let lossy = if lossy { " (data were lost)" } else { "" };
+    let lossy = if lossy { " (log damaged)" } else { "" };
     format!("{flight}: {outcome}{lossy}{reason}")
 }
 
@@ -135,7 +135,7 @@ impl Bar {
 impl EventSink for Bar {
     fn event(&self, event: &Event) {
         match event {
-            Event::Hashing { bytes, .. } => self.begin("learning contents".to_owned(), *bytes),
+            Event::Hashing { bytes, .. } => self.begin("hashing".to_owned(), *bytes),
             Event::Planned { to_run, bytes, .. } => {
                 self.say(event);
                 *self.flights.lock().unwrap_or_else(|e| e.into_inner()) = (0, *to_run);

@@ -1,4 +1,4 @@
-//! `flightlag maps`: the channel maps that there are.
+//! `flightlag maps`: the channel maps that there are, and the text of one.
 
 use crate::arguments::MapsArguments;
 use crate::failure::{End, Failure};
@@ -9,8 +9,13 @@ use std::io::Write;
 use std::path::Path;
 
 pub(crate) fn run(arguments: &MapsArguments) -> Result<End, Failure> {
+    let library = library(arguments.maps.as_deref())?;
+    if let Some(name) = &arguments.name {
+        write!(std::io::stdout(), "{}", library.get(name)?.text())?;
+        return Ok(Exit::Well.into());
+    }
     let mut table = Table::new(&["map", "for"]);
-    for map in library(arguments.maps.as_deref())?.iter() {
+    for map in library.iter() {
         table.row(vec![map.name.clone(), map.title.clone()]);
     }
     write!(std::io::stdout(), "{}", table.text())?;

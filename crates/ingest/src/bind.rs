@@ -6,7 +6,7 @@ mod trial;
 use self::rows::bind_rows;
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
-use crate::map::{ChannelMap, MapLibrary};
+use crate::map::MapLibrary;
 use crate::reader::Log;
 use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
 
@@ -99,11 +99,4 @@ fn topics_of(log: &Log) -> String {
 /// Whether any channel of the map is what is looked for.
 fn binds(plans: &[Plan<'_>], wanted: &[Quantity]) -> bool {
     plans.iter().any(|p| wanted.contains(&p.rule.quantity))
-}
-
-/// For docs and messages: the name of a map.
-impl std::fmt::Display for ChannelMap {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} ({})", self.name, self.title)
-    }
 }

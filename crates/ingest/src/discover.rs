@@ -18,8 +18,10 @@ const DEPTH: usize = 64;
 pub struct Discovery {
     /// Flights, sorted by id.
     pub units: Vec<FlightUnit>,
-    /// Other files, folders and links with the reason, sorted by path below the root.
+    /// What is no log, by its path below the root and with the reason; sorted.
     pub ignored: Vec<(String, String)>,
+    /// Files, folders and links that could not be looked at, in the same way. They may be logs.
+    pub unreadable: Vec<(String, String)>,
 }
 
 /// The files of one flight.
@@ -53,7 +55,7 @@ pub enum LogKind {
 ///
 /// # Errors
 /// [`IngestError::Io`] if the root itself cannot be looked at. What cannot be read below it is listed
-/// as ignored, with the reason.
+/// as unreadable, with the reason.
 pub fn discover(root: &Path, library: &MapLibrary) -> Result<Discovery, IngestError> {
     let failed = |source| IngestError::Io { file: root.display().to_string(), offset: 0, source };
     let about = fs::metadata(root).map_err(failed)?;
@@ -72,6 +74,7 @@ pub fn discover(root: &Path, library: &MapLibrary) -> Result<Discovery, IngestEr
     let mut found = search.found;
     found.units.sort_by(|a, b| a.id.cmp(&b.id).then_with(|| a.files.cmp(&b.files)));
     found.ignored.sort();
+    found.unreadable.sort();
     make_unique(&mut found.units);
     Ok(found)
 }
@@ -117,12 +120,16 @@ impl Search<'_> {
         self.found.ignored.push((id.to_owned(), reason.into()));
     }
 
+    fn unreadable(&mut self, id: &str, verb: &str, error: &std::io::Error) {
+        self.found.unreadable.push((id.to_owned(), format!("cannot be {verb}: {error}")));
+    }
+
     fn folder(&mut self, entries: fs::ReadDir, below: &str, name: &str, above: &mut Vec<Identity>) {
         let mut paths: Vec<PathBuf> = vec![];
         for entry in entries {
             match entry {
                 Ok(entry) => paths.push(entry.path()),
-                Err(error) => self.ignore(below, format!("cannot be listed: {error}")),
+                Err(error) => self.unreadable(below, "listed", &error),
             }
         }
         paths.sort();
@@ -135,7 +142,7 @@ impl Search<'_> {
                 continue;
             }
             match fs::metadata(&path) {
-                Err(error) => self.ignore(&id, format!("cannot be read: {error}")),
+                Err(error) => self.unreadable(&id, "read", &error),
                 Ok(about) if about.is_dir() => self.enter(&path, &id, &name, above),
                 Ok(about) => self.file(&path, &id, about.file_type(), &mut tables),
             }
@@ -156,7 +163,7 @@ impl Search<'_> {
             return self.ignore(id, format!("same folder as {first}"));
         }
         match fs::read_dir(path) {
-            Err(error) => self.ignore(id, format!("cannot be listed: {error}")),
+            Err(error) => self.unreadable(id, "listed", &error),
             Ok(entries) => {
                 above.push(this);
                 self.folder(entries, id, name, above);
@@ -186,7 +193,7 @@ impl Search<'_> {
         }
         let head = match head_of(path) {
             Ok(head) => head,
-            Err(error) => return self.ignore(id, format!("cannot be read: {error}")),
+            Err(error) => return self.unreadable(id, "read", &error),
         };
         let cancel = AtomicBool::new(false);
         let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };

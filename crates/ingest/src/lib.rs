@@ -31,5 +31,5 @@ pub use format::{mcap_indexed_records, mcap_records};
 pub use load::{Loaded, load, open};
 pub use map::{ChannelMap, MapLibrary, MapSelect};
 pub use map_schema::channel_map_schema;
-pub use reader::{FieldRequest, Limits, Log, LogReader, ReadContext, Select, Selection, TopicInfo, ValueKind};
-pub use table::{Column, ColumnData, Table};
+pub use reader::{FieldRequest, Limits, Log, LogReader, ReadContext, Select, Selection, ValueKind};
+pub use table::{Column, ColumnData, Table, TopicInfo};

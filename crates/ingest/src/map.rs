@@ -6,8 +6,10 @@ use crate::map_schema::{
     self, ChannelEntry, ClockName, ContainerStamp, FieldTable, HeightAbove, KindName, MapFile, OneOrMore, QuantityName,
     RequireEntry, TickName, TimeEntry, TimeTable,
 };
-use crate::reader::{FieldRequest, Select, Selection, TopicInfo, ValueKind};
+use crate::reader::{FieldRequest, Select, Selection, ValueKind};
+use crate::table::TopicInfo;
 use flight::{Clock, Dimension, Quantity, StampKind, Unit};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// The maps that come with flightlag.
@@ -26,13 +28,31 @@ const SHIPPED: &[(&str, &str)] = &[
 ];
 
 /// Which topics and fields of a kind of log become which channels.
-#[derive(Debug, Clone)]
+///
+/// Its debug text shows every rule as it is meant, and not how the file writes it down: two files that
+/// differ in comments and spaces only give the same.
+#[derive(Clone)]
 pub struct ChannelMap {
     /// Short name.
     pub name: String,
     /// One line for people.
     pub title: String,
     pub(crate) rules: Vec<ChannelRule>,
+    text: String,
+}
+
+impl fmt::Debug for ChannelMap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ChannelMap { name, title, rules, text: _ } = self;
+        f.debug_struct("ChannelMap").field("name", name).field("title", title).field("rules", rules).finish()
+    }
+}
+
+/// Name and title.
+impl fmt::Display for ChannelMap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.name, self.title)
+    }
 }
 
 /// How one channel is made.
@@ -335,7 +355,18 @@ impl ChannelMap {
             }
             rules.push(rule);
         }
-        Ok(ChannelMap { name: file.name, title: file.title, rules })
+        Ok(ChannelMap { name: file.name, title: file.title, rules, text: text.to_owned() })
+    }
+
+    /// Names of the channels that it can bind, such as `position.gps`.
+    pub fn channel_names(&self) -> impl Iterator<Item = &str> {
+        self.rules.iter().map(|rule| rule.name.as_str())
+    }
+
+    /// The TOML text that the map was read from, comments and all: a start for a map of one's own.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
     }
 }
 

@@ -1,7 +1,7 @@
 //! What every format offers: columns of the wanted topics, and where every byte went.
 
 use crate::error::IngestError;
-use crate::table::Table;
+use crate::table::{Table, TopicInfo};
 use flight::{LogHealth, Notices};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -38,17 +38,6 @@ impl<F: Fn(&TopicInfo) -> Selection> Select for F {
     fn select(&self, topic: &TopicInfo) -> Selection {
         self(topic)
     }
-}
-
-/// A topic as the log announces it.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct TopicInfo {
-    /// Name.
-    pub name: String,
-    /// Message type; empty if the format has none.
-    pub type_name: String,
-    /// Encoding of the messages: `ros1`, `cdr`, `json`, `csv`, ...
-    pub encoding: String,
 }
 
 /// What is wanted of a topic.

@@ -31,6 +31,8 @@ pub struct StampStats {
     duplicates: u64,
     back_jumps: u64,
     forward: Steps,
+    forward_count: u64,
+    forward_ns: u128,
     longest: Vec<LongStep>,
 }
 
@@ -71,7 +73,17 @@ impl StampStats {
     }
 
     fn with(forward: Steps) -> StampStats {
-        StampStats { count: 0, first_ns: 0, last_ns: 0, duplicates: 0, back_jumps: 0, forward, longest: vec![] }
+        StampStats {
+            count: 0,
+            first_ns: 0,
+            last_ns: 0,
+            duplicates: 0,
+            back_jumps: 0,
+            forward,
+            forward_count: 0,
+            forward_ns: 0,
+            longest: vec![],
+        }
     }
 
     /// The next stamp, ns.
@@ -92,6 +104,8 @@ impl StampStats {
             std::cmp::Ordering::Greater => {
                 let step_ns = now.abs_diff(before);
                 self.forward.push(step_ns);
+                self.forward_count += 1;
+                self.forward_ns += u128::from(step_ns);
                 self.keep_if_long(LongStep { step_ns, start_ns: before });
             }
         }
@@ -114,6 +128,14 @@ impl StampStats {
         self.count
     }
 
+    /// Forward steps per second, a few gaps left out. More gaps than are listed are no gaps but the topic's way.
+    fn rate_hz(&self, threshold_s: f64) -> f64 {
+        let gaps = self.longest.iter().map(|l| l.step_ns).filter(|&ns| seconds(ns) > threshold_s);
+        let (count, ns) = gaps.fold((0, 0), |(count, sum), ns| (count + 1, sum + u128::from(ns)));
+        let (count, ns) = if count < LISTED_GAPS as u64 { (count, ns) } else { (0, 0) };
+        (self.forward_count - count) as f64 * 1e9 / (self.forward_ns - ns) as f64
+    }
+
     /// The description; `None` if there was no stamp.
     #[must_use]
     pub fn finish(mut self, kind: StampKind, clock: Clock, source: &str) -> Option<StampHealth> {
@@ -129,7 +151,7 @@ impl StampStats {
             first_ns: self.first_ns,
             last_ns: self.last_ns,
             count: self.count,
-            rate_hz: steps_s.map(|d| 1.0 / d.median),
+            rate_hz: threshold_s.map(|t| self.rate_hz(t)),
             steps_s,
             gap_count: threshold_s.map_or(0, |t| self.forward.count_above_s(t)),
             gaps: threshold_s.map_or(vec![], |t| self.gaps_above_s(t)),

@@ -1,6 +1,15 @@
 //! Columns of one topic, row by row as they stood in the log.
 
-use crate::reader::TopicInfo;
+/// A topic as the log announces it.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TopicInfo {
+    /// Name.
+    pub name: String,
+    /// Message type; empty if the format has none.
+    pub type_name: String,
+    /// Encoding of the messages: `ros1`, `cdr`, `json`, `csv`, ...
+    pub encoding: String,
+}
 
 /// The decoded messages of one topic in file order.
 #[derive(Debug, Clone, PartialEq)]

@@ -29,9 +29,9 @@ pub struct FlightRow {
     pub position: Option<String>,
     /// Velocity channel.
     pub velocity: Option<String>,
-    /// Median rate of the position, Hz.
+    /// Rate of the position, Hz: updates per second outside gaps.
     pub position_rate_hz: Option<f64>,
-    /// Median rate of the velocity, Hz.
+    /// Rate of the velocity, Hz: updates per second outside gaps.
     pub velocity_rate_hz: Option<f64>,
     /// Median ground speed, m/s.
     pub speed_median_mps: Option<f64>,
@@ -45,8 +45,10 @@ pub struct FlightRow {
     pub pade_error_rms_m: Option<Estimate>,
     /// Error against a reference, exact asynchronous compensation, 2-D rms, m.
     pub exact_error_rms_m: Option<Estimate>,
-    /// Share of rows with a valid compensated position, 0 to 1.
+    /// Share of the time covered that has a valid compensated position, 0 to 1.
     pub valid_share: Option<f64>,
+    /// Why somebody should look at this flight, in words: damage, contradictions, restarts.
+    pub attention: Vec<String>,
     /// Notices of severity warning.
     pub warnings: u64,
     /// Notices of severity loss.

@@ -59,6 +59,8 @@ pub struct Coverage {
     pub rows: u64,
     /// Rows with a valid compensated position.
     pub valid_rows: u64,
+    /// Seconds up to the next row that these rows stand for; where rows are missing there is none.
+    pub valid_s: f64,
     /// Rows without one, by reason.
     pub invalid: Vec<flight::RejectCount>,
     /// Velocity gaps that were bridged.
@@ -67,7 +69,7 @@ pub struct Coverage {
     pub restarts: u64,
     /// Position fixes used.
     pub fixes: u64,
-    /// Fixes that jump against the integrated velocity by more than five sigma: passed on and marked.
+    /// Fixes that jump against the integrated velocity by more than five sigma of the fixes around: passed on and counted.
     pub position_resets: u64,
     /// Longest time without a position fix, s.
     pub longest_position_gap_s: f64,

@@ -51,7 +51,7 @@ fn outcome_word(outcome: &Outcome) -> Markup {
 }
 
 fn data_lost() -> Markup {
-    badge("lost", "▲", "DATA LOST")
+    badge("lost", "▲", "LOG DAMAGED")
 }
 
 fn badge(class: &str, icon: &str, word: &str) -> Markup {

@@ -99,6 +99,8 @@ fn a_long_velocity_gap_starts_anew_and_a_short_one_is_bridged() {
     assert_eq!((coverage.restarts, coverage.bridged_gaps), (1, 1));
     let counted: u64 = coverage.invalid.iter().map(|r| r.count).sum();
     assert_eq!(coverage.valid_rows + counted, coverage.rows);
+    // Of 60 s: less 3 s of gap, less twice 0.4 s of warm-up, less the bridged 0.5 s without rows.
+    assert!((coverage.valid_s - 55.7).abs() < 0.03, "{}", coverage.valid_s);
     // After the gap 0.4 s of warm-up at 100 Hz, as at the start.
     assert_eq!(coverage.invalid[0].count, 80);
     // The bridge cuts the corner of half a second of turn: a chord of ω h = 0.29 rad, error < v ω² h³ / 12 = 0.06 m.
@@ -203,8 +205,24 @@ fn channels_that_do_not_meet_in_time_are_refused() {
 }
 
 #[test]
-fn states_are_written_as_their_codes() {
+fn states_are_written_by_name() {
     let found = replay(&circle(0.4, 10.0, 100.0, 100.0), &settings()).unwrap();
-    let Some(TrackColumn::U8(states)) = found.track.column("state") else { panic!() };
-    assert_eq!((states[0], states[500]), (RowState::WarmUp as u8, RowState::Valid as u8));
+    let Some(TrackColumn::Text(states)) = found.track.column("state") else { panic!() };
+    assert_eq!((states[0], states[500]), (RowState::WarmUp.name(), RowState::Valid.name()));
+}
+
+#[test]
+fn a_logger_that_writes_whole_seconds_cannot_show_a_shorter_delay() {
+    let coarse = |flight: &Flight| {
+        replay(flight, &settings()).unwrap().notices.iter().any(|n| n.code == "stamps-coarser-than-delay")
+    };
+    let mut flight = circle(0.4, 60.0, 1.0, 10.0);
+    assert!(!coarse(&flight), "a receiver that measures on the second is fine");
+    for name in ["position.gps", "velocity.gps"] {
+        let old = flight.channels.get_mut(name).unwrap();
+        let stamps = old.series.timeline().stamps().to_vec();
+        let logged = flight::Timeline::new(flight::StampKind::Logged, flight::Clock::Unix, stamps).unwrap();
+        old.series = flight::Series::new(logged, old.series.components().to_vec()).unwrap();
+    }
+    assert!(coarse(&flight));
 }

@@ -103,8 +103,10 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
             let filled = |row: &usize| rows_with_others(*row) && found.column.number(*row).is_some();
             let thin = part.vertical && 2 * (0..plan.table.rows).filter(filled).count() < whole;
             if thin {
-                let text =
-                    format!("channel {}: most rows have no {}; it is left out", plan.rule.name, found.column.path);
+                let text = format!(
+                    "channel {}: most rows have no {}; it is left out and counts as zero",
+                    plan.rule.name, found.column.path
+                );
                 notices.push(Severity::Info, "absent-component", &plan.table.topic.name, whole as u64, text);
             }
             (!thin).then_some(found)
@@ -143,7 +145,7 @@ fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, 
             return Err(requirement_text(require));
         }
     }
-    let values = combine(plan.rule.combine, &parts);
+    let values = combine(plan.rule.combine, &parts)?;
     if values.iter().any(|v| !v.is_finite()) {
         return Err("value beyond the range of a double".into());
     }
@@ -182,29 +184,31 @@ fn values_of(rule: &ChannelRule, columns: &[Option<&Found<'_>>], row: usize) -> 
 }
 
 /// Latitude, longitude, height or north, east, down from the parts; see [`Combine`].
-fn combine(how: Combine, parts: &[f64]) -> [f64; 3] {
-    match (how, parts) {
+fn combine(how: Combine, parts: &[f64]) -> Result<[f64; 3], String> {
+    Ok(match (how, parts) {
         (Combine::Polar, &[speed, track, down]) => [speed * track.cos(), speed * track.sin(), down],
         (Combine::MagneticPolar, &[speed, track, variation, down]) => {
             let (sin, cos) = (track + variation).sin_cos();
             [speed * cos, speed * sin, down]
         }
         (Combine::Body, &[forward, left, up, x, y, z, w]) => {
-            let [east, north, up] = rotate([x, y, z, w], [forward, left, up]);
+            let turned = rotate([x, y, z, w], [forward, left, up]);
+            // All zero is how a driver without orientation leaves the field.
+            let [east, north, up] = turned.ok_or("the orientation is zero or beyond measure")?;
             [north, east, -up]
         }
         (_, parts) => [0, 1, 2].map(|i| parts.get(i).copied().unwrap_or(0.0)),
-    }
+    })
 }
 
-/// `v` turned by a quaternion of any length; by none if it is zero.
-fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let norm = (x * x + y * y + z * z + w * w).sqrt();
-    let [x, y, z, w] = if norm > 0.0 { [x / norm, y / norm, z / norm, w / norm] } else { [0.0, 0.0, 0.0, 1.0] };
+/// `v` turned by a quaternion of any length; `None` if that is zero or not finite.
+fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> Option<[f64; 3]> {
+    let norm = Some((x * x + y * y + z * z + w * w).sqrt()).filter(|n| *n > 0.0 && n.is_finite())?;
+    let [x, y, z, w] = [x / norm, y / norm, z / norm, w / norm];
     let [x1, y1, z1] = cross([x, y, z], v);
     let [x2, y2, z2] = cross([x, y, z], [x1, y1, z1]);
     let [vx, vy, vz] = v;
-    [vx + 2.0 * (w * x1 + x2), vy + 2.0 * (w * y1 + y2), vz + 2.0 * (w * z1 + z2)]
+    Some([vx + 2.0 * (w * x1 + x2), vy + 2.0 * (w * y1 + y2), vz + 2.0 * (w * z1 + z2)])
 }
 
 fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
@@ -283,7 +287,13 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
         let text = "the track is magnetic; true track = track + variation";
         notices.push(Severity::Info, "magnetic-track", topic, rows, format!("channel {name}: {text}"));
     }
-    for absent in absent(plan, columns) {
+    // A column that was left out has its own notice.
+    let absent = if columns.iter().flatten().count() == plan.columns.iter().flatten().count() {
+        absent(plan, columns)
+    } else {
+        vec![]
+    };
+    for absent in absent {
         let text = format!("channel {name}: the log has no {absent}; it counts as zero");
         notices.push(Severity::Info, "absent-component", topic, rows, text);
     }
@@ -460,7 +470,8 @@ mod tests {
 
     #[test]
     fn a_magnetic_track_turns_clockwise_by_an_easterly_variation() {
-        let [north, east, _] = combine(Combine::MagneticPolar, &[10.0, 80f64.to_radians(), 10f64.to_radians(), 0.0]);
+        let [north, east, _] =
+            combine(Combine::MagneticPolar, &[10.0, 80f64.to_radians(), 10f64.to_radians(), 0.0]).unwrap();
         assert!(north.abs() < 1e-12 && (east - 10.0).abs() < 1e-12);
     }
 
@@ -468,8 +479,15 @@ mod tests {
     fn a_body_that_heads_north_moves_north_when_it_moves_forward() {
         // Yaw of 90 deg from east, about up.
         let half = 45f64.to_radians();
-        let [north, east, down] = combine(Combine::Body, &[15.0, 1.0, 2.0, 0.0, 0.0, half.sin(), half.cos()]);
+        let [north, east, down] = combine(Combine::Body, &[15.0, 1.0, 2.0, 0.0, 0.0, half.sin(), half.cos()]).unwrap();
         assert!((north - 15.0).abs() < 1e-12 && (east + 1.0).abs() < 1e-12 && (down + 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_body_without_orientation_moves_nowhere_that_is_known() {
+        for length in [0.0, 1e-200, 1e200] {
+            assert!(combine(Combine::Body, &[15.0, 0.0, 0.0, 0.0, 0.0, 0.0, length]).is_err());
+        }
     }
 
     #[test]

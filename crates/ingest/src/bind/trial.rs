@@ -159,7 +159,7 @@ fn columns_found(rule: &ChannelRule, table: &Table) -> usize {
 
 fn no_topic(rule: &ChannelRule, log: &Log) -> String {
     let undecodable = log.health.topics.iter().find(|t| {
-        let topic = crate::reader::TopicInfo {
+        let topic = crate::table::TopicInfo {
             name: t.name.clone(),
             type_name: t.type_name.clone(),
             encoding: t.encoding.clone(),

@@ -179,8 +179,7 @@ impl<'de> Visitor<'de> for Node<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reader::TopicInfo;
-    use crate::table::{ColumnData, Table};
+    use crate::table::{ColumnData, Table, TopicInfo};
 
     fn table(wanted: &Wanted, messages: &[&str]) -> Table {
         let mut rows = Rows::default();

@@ -6,9 +6,9 @@ mod rows;
 mod schema;
 
 use crate::ledger::Fate;
-use crate::reader::{Log, Select, Selection, TopicInfo};
+use crate::reader::{Log, Select, Selection};
 use crate::stamps::StampStats;
-use crate::table::Table;
+use crate::table::{Table, TopicInfo};
 use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
 use rows::Rows;
 use schema::{Dialect, Schema};

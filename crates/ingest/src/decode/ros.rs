@@ -508,8 +508,9 @@ impl<'p> Walk<'p> {
     fn time(&mut self, signed_seconds: bool) -> Option<i64> {
         let (seconds, nanos) = (self.u32()?, self.u32()?);
         let seconds = if signed_seconds { i64::from(seconds as i32) } else { i64::from(seconds) };
-        // ROS 1 durations have signed nanoseconds as well; normalised ones of either kind stay below 2^31.
-        Some(seconds * flight::NANOS_PER_SECOND + i64::from(nanos))
+        // A duration of ROS 1 has signed nanoseconds as well; ROS 2 has them unsigned everywhere.
+        let nanos = if signed_seconds && !self.aligned { i64::from(nanos as i32) } else { i64::from(nanos) };
+        Some(seconds * flight::NANOS_PER_SECOND + nanos)
     }
 
     fn count(&mut self, fixed: Option<u32>) -> Option<u32> {
@@ -535,8 +536,7 @@ impl<'p> Walk<'p> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reader::TopicInfo;
-    use crate::table::Table;
+    use crate::table::{Table, TopicInfo};
 
     /// Writes fields one by one as the OMG rules say; alignment counts from the end of the header.
     struct Writer {
@@ -717,6 +717,10 @@ mod tests {
         let (table, _) = decode("time t\nduration d", Dialect::Ros1, &Wanted::All, &bytes).unwrap();
         assert_eq!(table.column("t").unwrap().integer(0), Some(4_000_000_000_999_999_999));
         assert_eq!(table.column("d").unwrap().integer(0), Some(-1_500_000_000));
+        // roslib/msgs: "duration: secs/nsecs signed 32-bit ints"; writers need not normalise them.
+        let bytes = Writer::ros1().u32(0).u32(-20_000_000_i32 as u32).bytes;
+        let (table, _) = decode("duration d", Dialect::Ros1, &Wanted::All, &bytes).unwrap();
+        assert_eq!(table.column("d").unwrap().integer(0), Some(-20_000_000));
         let bytes = Writer::cdr(false).u8(1).u32(-1_i32 as u32).u32(1).bytes;
         let text = "uint8 a\nbuiltin_interfaces/Time t";
         let (table, _) = decode(text, Dialect::Ros2, &Wanted::of_paths(["t"]), &bytes).unwrap();

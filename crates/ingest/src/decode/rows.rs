@@ -1,7 +1,6 @@
 //! Rows that grow message by message and become a [`Table`].
 
-use crate::reader::TopicInfo;
-use crate::table::{Column, ColumnData, Table};
+use crate::table::{Column, ColumnData, Table, TopicInfo};
 use std::collections::HashMap;
 
 /// Most columns of one topic.

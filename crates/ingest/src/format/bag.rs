@@ -7,14 +7,16 @@ mod record;
 mod walk;
 
 use self::record::{Fields, Kind, Record, Source};
-use self::walk::{Visit, Walk};
+use self::walk::{Visit, WRONG_START, Walk};
 use crate::bytes::Bytes;
 use crate::decode::{Definition, Route, Tally, Times, Topics};
 use crate::error::IngestError;
+use crate::format::Reading;
 use crate::format::file::LogFile;
 use crate::format::inflate::Inflater;
 use crate::ledger::{Fate, Ledger};
-use crate::reader::{Log, LogReader, ReadContext, Select, TopicInfo};
+use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::table::TopicInfo;
 use flight::{Notices, Severity};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -42,17 +44,13 @@ impl BagReader {
 
 impl LogReader for BagReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let mut files = self.files.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
-        let size = files.iter().map(LogFile::size).sum();
-        let mut ledger = Ledger::new(size, context.limits.listed_damage);
-        let mut notices = Notices::new();
-        let mut topics = Topics::new(want, context.limits.topics, size);
+        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
         for file in &mut files {
             log.health.undecodable += read_file(file, context, &mut ledger, &mut topics, &mut notices)?;
         }
         log.health.format = "ROS 1 bag 2.0".to_owned();
-        super::conclude(log, ledger, topics, notices, files.first().map_or("", LogFile::name))
+        Reading { files, ledger, notices, topics }.conclude(log)
     }
 }
 
@@ -65,7 +63,7 @@ fn read_file(
     notices: &mut Notices,
 ) -> Result<u64, IngestError> {
     let name = file.name().to_owned();
-    check_version(file)?;
+    check_version(file, context)?;
     let mut connections = Connections::new(topics);
     let index = Index::read(file, context, &mut connections)?;
     let start = MAGIC.len() as u64;
@@ -93,14 +91,14 @@ fn read_file(
     Ok(connections.unplaced.count)
 }
 
-fn check_version(file: &mut LogFile) -> Result<(), IngestError> {
+fn check_version(file: &mut LogFile, context: &ReadContext<'_>) -> Result<(), IngestError> {
     let first = String::from_utf8_lossy(file.up_to(0, 16)?).into_owned();
     match first.strip_prefix("#ROSBAG V") {
         Some(version) if version.starts_with('1') => Err(IngestError::NotALog {
             file: file.name().to_owned(),
             what: "a ROS bag of version 1, which is not read; rosbag fix makes a newer one of it".to_owned(),
         }),
-        _ => super::refuse_nothing(file),
+        _ => super::refuse_foreign(file, WRONG_START, context),
     }
 }
 
@@ -233,6 +231,8 @@ impl<'t, 'w> Connections<'t, 'w> {
                 return Ok(());
             }
             self.redefined.add(|| format!("connection {id}, {:.200}", info.name));
+            // If there is no room for the new one, messages are not to be taken for the old one's.
+            self.known.remove(&id);
         }
         self.definition_bytes += definition.len();
         if self.known.len() >= MOST_CONNECTIONS || self.definition_bytes > MOST_DEFINITIONS {

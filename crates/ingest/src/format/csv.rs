@@ -11,7 +11,8 @@ use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next};
 use crate::error::IngestError;
 use crate::ledger::{Fate, Ledger};
-use crate::reader::{Limits, Log, LogReader, ReadContext, Select, TopicInfo};
+use crate::reader::{Limits, Log, LogReader, ReadContext, Select};
+use crate::table::TopicInfo;
 use flight::{LogHealth, Notices, Severity};
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
@@ -178,7 +179,7 @@ impl Reading<'_> {
         let info =
             TopicInfo { name: self.free_name(stem, open.name), type_name: String::new(), encoding: "csv".into() };
         let selection = self.want.select(&info);
-        let mut topic = Topic::new(info, &table.names, &selection);
+        let mut topic = Topic::new(info, table.names.clone(), &selection);
         let mut preamble = 0;
         while let Some((extent, line)) = self.books.next_record(open, table.delimiter)? {
             let text = open.lines.text(extent).trim_ascii();
@@ -217,12 +218,7 @@ impl Reading<'_> {
             let tag = open.fields.get(0).strip_prefix(b"$").unwrap_or_default().to_vec();
             match tag.as_slice() {
                 b"COL" if extent.ended => {
-                    let table = open.fields.get(1).to_vec();
-                    if by_name.len() < self.context.limits.topics {
-                        by_name.insert(table, self.topics.len());
-                        let topic = self.flysight2_topic(&open.fields, stem);
-                        self.topics.push(topic);
-                    }
+                    self.flysight2_table(&open.fields, stem, line, &mut by_name);
                     self.books.structure(open, extent);
                 }
                 b"VAR" => {
@@ -245,13 +241,25 @@ impl Reading<'_> {
         Ok(())
     }
 
-    fn flysight2_topic(&mut self, fields: &Fields, stem: &str) -> Topic {
+    /// A `$COL` line. One that says again what is known goes on with its table; one that gives a known
+    /// table other columns begins another topic.
+    fn flysight2_table(&mut self, fields: &Fields, stem: &str, line: u64, by_name: &mut HashMap<Vec<u8>, usize>) {
         let mut names = fields.texts();
-        let name = names.get(1).cloned().unwrap_or_default();
+        let mut name = names.get(1).cloned().unwrap_or_default();
         names.drain(..names.len().min(2));
+        let names = layout::unique(names).0;
+        match by_name.get(fields.get(1)).and_then(|&known| self.topics.get(known)) {
+            Some(known) if known.names == names => return,
+            Some(_) => name += &format!(" from line {line}"),
+            None => {}
+        }
+        if self.topics.len() >= self.context.limits.topics {
+            return;
+        }
         let info = TopicInfo { name: self.free_name(name, stem), type_name: String::new(), encoding: "csv".into() };
         let selection = self.want.select(&info);
-        Topic::new(info, &layout::unique(names).0, &selection)
+        by_name.insert(fields.get(1).to_vec(), self.topics.len());
+        self.topics.push(Topic::new(info, names, &selection));
     }
 
     /// `name`, unless another table has taken it.
@@ -318,15 +326,13 @@ impl Books {
         }
         open.fields.split(text, delimiter);
         let width = open.fields.len().saturating_sub(skip);
-        if topic.fits(width, open.fields.get(width + skip - 1).is_empty()) {
+        if topic.fits(width, open.fields.get(open.fields.len().saturating_sub(1)).is_empty()) {
             topic.push(&open.fields, skip, line, extent);
             self.ledger.count(Fate::Decoded, extent.whole as u64);
             return open.lines.pass(extent);
         }
-        // A quote that was never meant to open a field can swallow lines: give them back.
-        let alone = if extent.lines > 1 { open.lines.next(None) } else { Ok(Next::Record(extent)) };
-        let extent = if let Ok(Next::Record(line)) = alone { line } else { extent };
-        let expected = topic.width;
+        let extent = open.lines.first_line_of(extent);
+        let expected = topic.names.len();
         let cut = if extent.ended { "" } else { ", and no line end: the log was cut here" };
         self.reject(open, extent, format!("line {line}: {width} fields where the header has {expected}{cut}"));
     }

@@ -6,26 +6,31 @@
 mod plain;
 mod record;
 mod summary;
+mod visit;
 mod walk;
 
 pub use self::plain::{mcap_indexed_records, mcap_records};
 
-use self::record::AttachmentHead;
+use self::record::{AttachmentHead, WRONG_START};
 use self::summary::{Summary, Trust};
-use self::walk::{Visit, Walk};
+use self::visit::Visit;
+use self::walk::Walk;
 use crate::bytes::Bytes;
 use crate::decode::{Definition, Route, Tally, Times, Topics};
 use crate::error::IngestError;
-use crate::format::file::LogFile;
-use crate::ledger::{Fate, Ledger};
-use crate::reader::{Log, LogReader, ReadContext, Select, TopicInfo};
+use crate::format::Reading;
+use crate::ledger::Fate;
+use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::table::TopicInfo;
 use flight::{Notices, Severity};
-use mcap::records::{Channel, MessageIndex, Record, op};
+use mcap::records::{MessageIndex, Record, op};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Memory that the definitions of a file may take, bytes.
+/// Memory that the definitions and channels of a file may take, bytes.
 const MOST_DEFINITIONS: usize = 64 << 20;
+/// Definitions and channels of one file that may take the place of others.
+const MOST_REDEFINED: u64 = 1000;
 /// Attachments and metadata that are listed by name.
 const MOST_EXTRAS: usize = 100;
 /// Channel, sequence and two times: the part of a message before its payload.
@@ -47,28 +52,22 @@ impl McapReader {
 
 impl LogReader for McapReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let mut files = self.files.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
-        let size = files.iter().map(LogFile::size).sum();
-        let mut ledger = Ledger::new(size, context.limits.listed_damage);
-        let mut notices = Notices::new();
-        let mut topics = Topics::new(want, context.limits.topics, size);
+        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
+        let mut log = Log::default();
         let mut headers = vec![];
         let mut extras = Extras::default();
-        let mut unplaced = 0;
         for file in &mut files {
-            super::refuse_nothing(file)?;
+            super::refuse_foreign(file, WRONG_START, context)?;
             let mut channels = Channels::new(&mut topics, &mut extras);
             let summary = Summary::read(file, context.limits.record_bytes, &mut channels)?;
             let summary = Walk::new(file, context, &mut ledger, &mut notices, &mut channels, summary).run()?;
             channels.conclude(file.name(), &summary, &mut notices);
-            unplaced += channels.unplaced.count;
+            log.health.undecodable += channels.unplaced.count;
             headers.push(std::mem::take(&mut channels.header));
         }
-        let mut log = Log::default();
         log.health.format = format_name(&headers);
         log.health.extras = extras.finish();
-        log.health.undecodable = unplaced;
-        super::conclude(log, ledger, topics, notices, files.first().map_or("", LogFile::name))
+        Reading { files, ledger, notices, topics }.conclude(log)
     }
 }
 
@@ -106,6 +105,14 @@ struct StoredSchema {
     text: Vec<u8>,
 }
 
+/// A channel as far as it matters here: its metadata are not held.
+#[derive(PartialEq, Eq)]
+struct Channel {
+    topic: String,
+    schema_id: u16,
+    encoding: String,
+}
+
 /// Where the messages of a channel go, as far as is known.
 #[derive(Clone, Copy)]
 enum Way {
@@ -120,8 +127,9 @@ struct Channels<'t, 'w> {
     topics: &'t mut Topics<'w>,
     extras: &'t mut Extras,
     schemas: HashMap<u16, StoredSchema>,
-    schema_bytes: usize,
     channels: HashMap<u16, Channel>,
+    /// Bytes of all schemas and channels so far.
+    definition_bytes: usize,
     ways: Vec<Way>,
     header: String,
     found: u64,
@@ -139,8 +147,8 @@ impl<'t, 'w> Channels<'t, 'w> {
             topics,
             extras,
             schemas: HashMap::new(),
-            schema_bytes: 0,
             channels: HashMap::new(),
+            definition_bytes: 0,
             ways: vec![],
             header: String::new(),
             found: 0,
@@ -195,7 +203,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         let info = TopicInfo {
             name: channel.topic.clone(),
             type_name: schema.map(|s| s.name.clone()).unwrap_or_default(),
-            encoding: channel.message_encoding.clone(),
+            encoding: channel.encoding.clone(),
         };
         let definition = schema.map(|s| Definition { encoding: &s.encoding, text: &s.text });
         match self.topics.route(info, definition) {
@@ -220,17 +228,32 @@ impl<'t, 'w> Channels<'t, 'w> {
         }
     }
 
-    fn announce(&mut self, channel: Channel) {
-        let id = channel.id;
+    fn announce(&mut self, id: u16, channel: Channel) -> Result<(), String> {
         let known = self.channels.get(&id);
         if known == Some(&channel) {
-            return;
+            return Ok(());
         }
         if known.is_some() {
             self.redefined.add(|| format!("channel {id}, {:.200}", channel.topic));
+            // If there is no room for the new one, messages are not to be taken for the old one's.
+            self.channels.remove(&id);
+            self.set_way(id, Way::Unknown);
         }
+        self.make_room(channel.topic.len() + channel.encoding.len())?;
         self.channels.insert(id, channel);
         self.set_way(id, Way::Announced);
+        Ok(())
+    }
+
+    fn make_room(&mut self, bytes: usize) -> Result<(), String> {
+        self.definition_bytes += bytes;
+        if self.definition_bytes > MOST_DEFINITIONS {
+            return Err(format!("the definitions of this file are longer than {MOST_DEFINITIONS} bytes together"));
+        }
+        if self.redefined.count > MOST_REDEFINED {
+            return Err(format!("more than {MOST_REDEFINED} definitions of this file replace others"));
+        }
+        Ok(())
     }
 
     fn store(&mut self, id: u16, schema: StoredSchema) -> Result<(), String> {
@@ -239,19 +262,18 @@ impl<'t, 'w> Channels<'t, 'w> {
                 return Ok(());
             }
             self.redefined.add(|| format!("schema {id}, {:.200}", schema.name));
+            self.schemas.remove(&id);
             self.reopen(id);
         }
-        self.schema_bytes += schema.text.len() + schema.name.len();
-        if self.schema_bytes > MOST_DEFINITIONS {
-            return Err(format!("the definitions of this file are longer than {MOST_DEFINITIONS} bytes together"));
-        }
+        self.make_room(schema.text.len() + schema.name.len())?;
         self.schemas.insert(id, schema);
         Ok(())
     }
 
     /// Channels of this schema look it up again.
     fn reopen(&mut self, schema: u16) {
-        let affected: Vec<u16> = self.channels.values().filter(|c| c.schema_id == schema).map(|c| c.id).collect();
+        let affected: Vec<u16> =
+            self.channels.iter().filter(|(_, c)| c.schema_id == schema).map(|(id, _)| *id).collect();
         for id in affected {
             self.set_way(id, Way::Announced);
         }
@@ -269,7 +291,10 @@ impl<'t, 'w> Channels<'t, 'w> {
                 let schema = StoredSchema { name: header.name, encoding: header.encoding, text: data.into_owned() };
                 self.store(header.id, schema)?;
             }
-            Record::Channel(channel) => self.announce(channel),
+            Record::Channel(channel) => {
+                let mcap::records::Channel { id, schema_id, topic, message_encoding: encoding, .. } = channel;
+                self.announce(id, Channel { topic, schema_id, encoding })?;
+            }
             Record::Metadata(metadata) => self.extras.add(format!("metadata {:.200}", metadata.name)),
             Record::MessageIndex(index) => self.index(&index),
             _ => {}
@@ -291,8 +316,10 @@ impl<'t, 'w> Channels<'t, 'w> {
 
     /// Compares with the summary, and says what was odd.
     fn conclude(&mut self, file: &str, summary: &Summary, notices: &mut Notices) {
-        for id in self.channels.keys().copied().collect::<Vec<u16>>() {
-            // Topics without messages are topics.
+        // Topics without messages are topics. In order, for there may be more than are taken.
+        let mut ids: Vec<u16> = self.channels.keys().copied().collect();
+        ids.sort_unstable();
+        for id in ids {
             self.route(id);
         }
         let mut raise = |severity, code: &str, count, text: String| {

@@ -15,39 +15,73 @@ use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::ledger::Ledger;
-use crate::reader::Log;
+use crate::reader::{Log, ReadContext, Select};
 use flight::{Notices, Severity};
+use std::path::PathBuf;
 
-/// A file that is empty, or zero as far as one looks, is no damaged log but none.
-fn refuse_nothing(file: &mut LogFile) -> Result<(), IngestError> {
+/// A file that is empty, zero as far as one looks, or text is no damaged log but none. `wrong_start`
+/// is what the walk would say of its first bytes.
+fn refuse_foreign(file: &mut LogFile, wrong_start: &str, context: &ReadContext<'_>) -> Result<(), IngestError> {
     let head = file.up_to(0, 4096)?;
     let what = match head {
-        [] => "the file is empty",
-        zeros if zeros.iter().all(|&b| b == 0) => "the file begins with nothing but zero bytes",
+        [] => "the file is empty".to_owned(),
+        zeros if zeros.iter().all(|&b| b == 0) => "the file begins with nothing but zero bytes".to_owned(),
+        text if is_text(text) => format!("{wrong_start}: it is text, {}", kind_of_text(text, context)),
         _ => return Ok(()),
     };
-    Err(IngestError::NotALog { file: file.name().to_owned(), what: what.to_owned() })
+    Err(IngestError::NotALog { file: file.name().to_owned(), what })
 }
 
-/// Puts a log of messages together. One in which nothing at all is intact is an error; an empty one
-/// that is whole is not.
-fn conclude(
-    mut log: Log,
+/// Text without control characters, of more bytes than a log that was cut could have before the first
+/// length in it.
+fn is_text(head: &[u8]) -> bool {
+    const SHORTEST: usize = 16;
+    let plain = |b: &u8| *b >= b' ' || b"\t\r\n".contains(b);
+    // The last character may be cut.
+    let valid = std::str::from_utf8(head).map_or_else(|e| e.error_len().is_none(), |_| true);
+    head.len() > SHORTEST && valid && head.iter().all(plain)
+}
+
+fn kind_of_text(head: &[u8], context: &ReadContext<'_>) -> String {
+    if looks_like_table(head, context).is_ok() {
+        return "a table by its look, whose name should end in .csv".to_owned();
+    }
+    let first: String = String::from_utf8_lossy(head).lines().next().unwrap_or_default().chars().take(60).collect();
+    format!("its first line {first:?}")
+}
+
+/// What the readers of messages share while they read.
+struct Reading<'w> {
+    files: Vec<LogFile>,
     ledger: Ledger,
-    topics: Topics<'_>,
     notices: Notices,
-    file: &str,
-) -> Result<Log, IngestError> {
-    // Damage first: it explains what follows.
-    ledger.finish(&mut log.health, &mut log.notices);
-    log.notices.extend(notices);
-    topics.finish(&mut log);
-    let first = log.notices.iter().find(|n| n.severity == Severity::Loss);
-    match first {
-        Some(loss) if log.health.messages == 0 => {
-            let what = format!("nothing in it is intact: {}", loss.text);
-            Err(IngestError::Unusable { file: file.to_owned(), what })
+    topics: Topics<'w>,
+}
+
+impl<'w> Reading<'w> {
+    /// Opens the files.
+    fn begin(paths: &[PathBuf], want: &'w dyn Select, context: &ReadContext<'_>) -> Result<Reading<'w>, IngestError> {
+        let files = paths.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let size = files.iter().map(LogFile::size).sum();
+        let ledger = Ledger::new(size, context.limits.listed_damage);
+        let topics = Topics::new(want, context.limits.topics, size);
+        Ok(Reading { files, ledger, notices: Notices::new(), topics })
+    }
+
+    /// Puts the log together. One in which nothing at all is intact is an error; an empty one that is
+    /// whole is not.
+    fn conclude(self, mut log: Log) -> Result<Log, IngestError> {
+        // Damage first: it explains what follows.
+        self.ledger.finish(&mut log.health, &mut log.notices);
+        log.notices.extend(self.notices);
+        self.topics.finish(&mut log);
+        let first = log.notices.iter().find(|n| n.severity == Severity::Loss);
+        match first {
+            Some(loss) if log.health.messages == 0 => {
+                let file = self.files.first().map_or("", LogFile::name).to_owned();
+                Err(IngestError::Unusable { file, what: format!("nothing in it is intact: {}", loss.text) })
+            }
+            _ => Ok(log),
         }
-        _ => Ok(log),
     }
 }

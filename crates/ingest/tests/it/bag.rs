@@ -180,6 +180,8 @@ fn what_is_no_bag_is_refused_by_name() {
         (&[0; 10_000], "zero bytes"),
         (&content[..4109], "cut before the end of its index"),
         (b"<html><body>Not found</body></html>", "begins the file is wrong"),
+        (b"<html><body>Not found</body></html>", "it is text, its first line \"<html><body>Not"),
+        (b"time,lat\n1.5,47.25\n2.5,47.5\n", "a table by its look"),
     ] {
         let error = OnDisk::new(bytes, true).read().unwrap_err().to_string();
         assert!(error.contains(what), "{error}");

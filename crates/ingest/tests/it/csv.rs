@@ -231,9 +231,19 @@ fn flysight_2_rows_go_to_the_tables_that_they_name() {
 
 #[test]
 fn a_flysight_2_file_that_announces_its_tables_without_end_is_read_in_time() {
-    let text: String = (0..60_000).map(|i| format!("$COL,T{},a\n$VAR,k,{i}\n", i % 30_000)).collect();
+    let text: String = (0..60_000).map(|i| format!("$COL,T{},a{i}\n$VAR,k,{i}\n", i % 30_000)).collect();
     let log = read_limited(format!("$FLYS,1\n{text}").as_bytes(), &Selection::Skip, Limits::default()).unwrap();
     assert_eq!((log.health.topics.len(), log.health.extras.len()), (60_000, 256));
+}
+
+#[test]
+fn a_table_that_is_announced_again_goes_on_and_one_with_other_columns_is_another() {
+    let log = read("$FLYS,1\n$COL,GNSS,t,x\n$GNSS,1,2\n$COL,GNSS,t,x\n$GNSS,3,4\n$COL,GNSS,t,y\n$GNSS,5,6\n");
+    let names: Vec<(&str, usize)> = log.tables.iter().map(|t| (t.topic.name.as_str(), t.rows)).collect();
+    assert_eq!(names, [("GNSS", 2), ("GNSS from line 6", 1)]);
+    let endless = format!("$FLYS,1\n{}", "$COL,GNSS,t,x\n$COL,GNSS,t,y\n".repeat(50_000));
+    let log = read_limited(endless.as_bytes(), &Selection::Skip, Limits::default()).unwrap();
+    assert_eq!(log.health.topics.len(), Limits::default().topics);
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn ids(found: &Discovery) -> Vec<(&str, LogKind, usize)> {
 }
 
 fn reason<'a>(found: &'a Discovery, path: &str) -> &'a str {
-    found.ignored.iter().find(|(p, _)| p == path).map_or("", |(_, reason)| reason)
+    found.ignored.iter().chain(&found.unreadable).find(|(p, _)| p == path).map_or("", |(_, reason)| reason)
 }
 
 #[test]
@@ -133,6 +133,19 @@ fn links_in_a_circle_end_and_no_log_counts_twice() {
     assert!(reason(&found, "b/same.csv").contains("same file as a/log.csv"));
     assert!(reason(&found, "b/twin.csv").contains("same file as a/log.csv"));
     assert!(reason(&found, "broken.csv").contains("cannot be read"));
+}
+
+#[test]
+fn what_could_not_be_looked_at_is_not_among_what_is_no_log() {
+    let folder = tree(&[("log.csv", FLYSIGHT), ("notes.md", b"hello")]);
+    symlink(folder.path().join("gone"), folder.path().join("a.mcap")).unwrap();
+    symlink("itself", folder.path().join("itself")).unwrap();
+    let found = found(folder.path());
+    let paths = |list: &[(String, String)]| list.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>();
+    assert_eq!(
+        (paths(&found.unreadable), paths(&found.ignored)),
+        (vec!["a.mcap".to_owned(), "itself".to_owned()], vec!["notes.md".to_owned()])
+    );
 }
 
 #[test]

@@ -59,6 +59,18 @@ fn a_wrong_map_is_refused_with_its_file_its_line_and_what_is_wrong() {
 }
 
 #[test]
+fn the_text_of_a_map_is_that_of_its_file_and_says_the_same_when_read_again() {
+    for map in MapLibrary::shipped().unwrap().iter() {
+        let path = maps_folder().join(format!("{}.toml", map.name));
+        assert_eq!(map.text(), std::fs::read_to_string(&path).unwrap(), "{}", path.display());
+        let again = ChannelMap::from_toml(&path, &format!("# mine\n{}", map.text())).unwrap();
+        assert_ne!(again.text(), map.text());
+        // Campaigns take the debug text for what a map means.
+        assert_eq!(format!("{again:?}"), format!("{map:?}"));
+    }
+}
+
+#[test]
 fn a_map_of_the_user_replaces_the_shipped_one_of_the_same_name() {
     let (folder, _path) = file("mine.toml", GOOD.replace("name = \"n\"", "name = \"mavros\"").as_bytes());
     let shipped = MapLibrary::shipped().unwrap();

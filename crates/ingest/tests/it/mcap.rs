@@ -587,6 +587,58 @@ fn topics_beyond_the_limit_are_refused_and_their_messages_counted() {
 }
 
 #[test]
+fn text_that_is_called_mcap_is_told_from_a_damaged_log() {
+    for (text, what) in [
+        (&b"time,lat\n1.5,47.25\n2.5,47.5\n"[..], "a table by its look"),
+        ("Z\u{fc}rich, 5 May\nWe flew well.\n".as_bytes(), "its first line \"Z\u{fc}rich, 5 May\""),
+    ] {
+        let error = OnDisk::new(text, false).read().unwrap_err();
+        assert!(matches!(error, IngestError::NotALog { .. }));
+        assert!(error.to_string().contains("are wrong: it is text") && error.to_string().contains(what), "{error}");
+    }
+    let error = OnDisk::new(&[b"time,lat\n1.5,47.25\n2.5,47.5\n", &[0x89, 1, 0][..]].concat(), false).read();
+    assert!(matches!(error.unwrap_err(), IngestError::Unusable { .. }));
+}
+
+fn bare_record(opcode: u8, body: &[u8]) -> Vec<u8> {
+    [&[opcode][..], &(body.len() as u64).to_le_bytes(), body].concat()
+}
+
+/// A channel of JSON messages without a schema, with one pair of metadata.
+fn bare_channel(id: u16, topic: &str, metadata: &str) -> Vec<u8> {
+    let text = |t: &str| [&(t.len() as u32).to_le_bytes()[..], t.as_bytes()].concat();
+    let pair = [text("key"), text(metadata)].concat();
+    let head = [id.to_le_bytes(), [0, 0]].concat();
+    bare_record(4, &[head, text(topic), text("json"), (pair.len() as u32).to_le_bytes().to_vec(), pair].concat())
+}
+
+#[test]
+fn channels_that_are_announced_without_end_take_bounded_memory() {
+    // Names of 4 kB each: together more than the 64 MB that are held.
+    let channels = (0..17_000).flat_map(|id| bare_channel(id, &format!("/{id:04095}"), "any"));
+    let content: Vec<u8> = b"\x89MCAP0\r\n".iter().copied().chain(channels).collect();
+    let error = OnDisk::new(&content, false).read().unwrap_err();
+    assert!(error.to_string().contains("definitions of this file are longer than"), "{error}");
+}
+
+#[test]
+fn a_message_of_a_channel_that_could_not_be_redefined_is_not_taken_for_the_old_ones() {
+    let content = |redefinitions: usize| {
+        let channels = (0..=redefinitions).flat_map(|i| bare_channel(7, &format!("/{i}"), ""));
+        let message = bare_record(5, &[&[7, 0][..], &[0; 20], b"{\"x\":1}"].concat());
+        b"\x89MCAP0\r\n".iter().copied().chain(channels).chain(message).collect::<Vec<u8>>()
+    };
+    let read = |content: &[u8]| {
+        let disk = OnDisk::new(content, false);
+        with_limits(Limits::default(), |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c))
+    };
+    let log = read(&content(1000)).unwrap();
+    assert_eq!(log.tables.iter().map(|t| t.topic.name.as_str()).collect::<Vec<_>>(), ["/1000"]);
+    let error = read(&content(1001)).unwrap_err();
+    assert!(error.to_string().contains("definitions of this file replace others"), "{error}");
+}
+
+#[test]
 fn damage_of_any_kind_neither_panics_nor_goes_unsaid() {
     let sent = flight(8);
     for layout in [Layout::ZSTD, Layout::PLAIN, Layout::UNCHUNKED] {

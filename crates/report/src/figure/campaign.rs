@@ -1,4 +1,4 @@
-//! The one figure of a campaign: is each correction as large as speed and delay say?
+//! The one figure of a campaign: how large is each correction, beside its flight's speed.
 
 use super::{Axis, Figure, Line, Panel, Pen};
 use crate::number::COVERAGE_FACTOR;
@@ -16,7 +16,7 @@ pub(crate) fn overview(record: &CampaignRecord) -> Option<Figure> {
     let mut lines = vec![
         Line { name: "equal".to_owned(), pen: Pen::Dotted, pieces: vec![vec![(0.0, 0.0), (largest, largest)]] },
         Line { name: "flight, with U (k = 2)".to_owned(), pen: Pen::Points, pieces: of(false) },
-        Line { name: "flight with lost data".to_owned(), pen: Pen::HollowPoints, pieces: of(true) },
+        Line { name: "flight with a damaged log".to_owned(), pen: Pen::HollowPoints, pieces: of(true) },
     ];
     lines.retain(|line| !line.pieces.is_empty());
     let axis = |label: &str| Axis::exactly(label, (0.0, largest * 1.05), 8);
@@ -29,8 +29,9 @@ pub(crate) fn overview(record: &CampaignRecord) -> Option<Figure> {
             points.len(),
             record.flights.len()
         ),
-        how_to_read: "Good: points on the dotted line; somewhat above it where speed varies. Bad: a flight far off the \
-                      line has a velocity of another unit or frame, or a position that jumps.",
+        how_to_read: "A point above the line held its fixes for long, or flew much of the time faster than its median. \
+                      Correction and line are made of the same velocity and Td: the figure shows sizes, and is a \
+                      check of neither.",
         panels: vec![Panel {
             x: axis("Td × median ground speed (m)"),
             y: axis("correction, 2‑D rms (m)"),

@@ -54,8 +54,8 @@ fn overview(replay: &ReplayRecord) -> Option<Figure> {
         caption: drawn
             .tally
             .caption("Position north and east of the origin in metres over time, as Fig. 7 of Park and Lee."),
-        how_to_read: "Good: the compensated curves have the shape of the raw one and lead it by Td everywhere. \
-                      Bad: they overshoot in turns, walk away on straight legs or step at every fix.",
+        how_to_read: "Good: at this scale the curves lie on each other, for compensation must not change the shape; the \
+                      next figure shows the lead. Bad: they part on straight legs, or overshoot in turns.",
         panels,
         panel_size: WIDE,
         fine: true,
@@ -94,8 +94,9 @@ fn zoom_difference(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
         title: "The hardest manoeuvre: what compensation changed, and what velocity predicts".to_owned(),
         caption: drawn.tally.caption(what),
         how_to_read: "Dots: the velocity half way back, times the delay and the age of the fix. Where fixes are held \
-                      all are saw teeth. Good: the curves lie on the dots. Bad: other heights or times (another \
-                      delay, frame or unit).",
+                      all are saw teeth. Good: the curves lie on the dots. Bad: a filter that cannot follow \
+                      (overshoot, wrong height in turns). All are made of the same velocity and Td: whether those \
+                      are right, only a reference or the fixes themselves can say.",
         panels: drawn.panels(DIFFERENCE, Some(0.0))?,
         panel_size: WIDE,
         fine: false,
@@ -111,8 +112,8 @@ fn difference(replay: &ReplayRecord) -> Option<Figure> {
         number: 0,
         title: "What compensation changed, and what velocity predicts".to_owned(),
         caption: drawn.tally.caption(what),
-        how_to_read: "Good: the curves fill the same heights as the dots from start to end. Bad: spikes (position \
-                      resets), a trend, a stretch without output.",
+        how_to_read: "Good: the curves fill the same heights as the dots from start to end. Bad: a stretch without \
+                      output, a spike (a fix held through an outage).",
         panels: drawn.panels(DIFFERENCE, Some(0.0))?,
         panel_size: WIDE,
         fine: true,

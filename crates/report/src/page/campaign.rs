@@ -58,7 +58,7 @@ fn answer(record: &CampaignRecord) -> Markup {
         p.answer {
             b { (number::count(t.compensated)) " of " (number::counted(t.flights, "flight", "flights")) }
             " compensated, " (number::clock(t.duration_s, 0)) " flown; " (number::count(t.not_measurable)) " not measurable, "
-            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with lost data."
+            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs."
         }
     }
 }
@@ -72,7 +72,7 @@ fn stats(record: &CampaignRecord) -> Markup {
             li { b { (number::count(t.compensated)) } (badge("ok", "✓", "compensated")) }
             li { b { (number::count(t.not_measurable)) } (badge("unsure", "○", "not measurable")) }
             li { b { (number::count(t.failed)) } (badge("bad", "✗", "failed")) }
-            li { b { (number::count(t.lossy)) } (badge("lost", "▲", "data lost")) }
+            li { b { (number::count(t.lossy)) } (badge("lost", "▲", "log damaged")) }
             li { b { (number::bytes(t.bytes)) } "of logs" }
         }
     }
@@ -80,15 +80,18 @@ fn stats(record: &CampaignRecord) -> Markup {
 
 /// Failed or lossy flights with their reason; then those that could not be measured.
 fn attention(flights: &[FlightRow]) -> Markup {
-    let troubled: Vec<&FlightRow> =
-        flights.iter().filter(|row| row.lossy || !matches!(row.outcome, Outcome::Compensated)).collect();
+    let troubled: Vec<&FlightRow> = flights
+        .iter()
+        .filter(|row| row.lossy || !row.attention.is_empty() || !matches!(row.outcome, Outcome::Compensated))
+        .collect();
     let rank = |row: &FlightRow| match row.outcome {
         Outcome::Failed { .. } => 0,
-        _ if row.lossy => 1,
-        _ => 2,
+        Outcome::Compensated if !row.lossy => 2,
+        Outcome::NotMeasurable { .. } if !row.lossy => 3,
+        _ => 1,
     };
     let body = html! {
-        @for wanted in 0..3 {
+        @for wanted in 0..4 {
             @for row in troubled.iter().filter(|row| rank(row) == wanted) {
                 tr {
                     th scope="row" { (link(row)) }
@@ -101,16 +104,16 @@ fn attention(flights: &[FlightRow]) -> Markup {
     let head = [Text("Flight"), Text("Outcome"), Text("Reason")];
     html! {
         h2 #attention { "Needs attention" }
-        @if troubled.is_empty() { p { "Nothing: every flight was compensated and no data were lost." } }
-        @else { (table("Failed, with lost data, or not measurable", &head, body)) }
+        @if troubled.is_empty() { p { "Nothing: every flight was compensated, no log is damaged, and no number contradicts another." } }
+        @else { (table("Failed, damaged, doubtful, or not measurable", &head, body)) }
     }
 }
 
 fn why(row: &FlightRow) -> Markup {
     html! {
         @if let Some(reason) = reason(&row.outcome) { (shown(reason)) " " }
-        @if row.lossy {
-            "Data were lost: " (number::counted(row.losses, "notice", "notices")) " on the flight's page."
+        @if !row.attention.is_empty() {
+            ul.plain { @for reason in &row.attention { li { (shown(reason)) } } }
         }
     }
 }
@@ -140,6 +143,8 @@ fn head(scored: bool) -> Vec<Head> {
         Text("Flight"),
         Text("Outcome"),
         Text("Data"),
+        Number("Valid (% of time)"),
+        Number("Warnings"),
         Number("Duration (h:mm:ss)"),
         Number("Td (ms)"),
         Number("Correction, 2‑D rms (m)"),
@@ -147,9 +152,7 @@ fn head(scored: bool) -> Vec<Head> {
     if scored {
         head.extend([Number("Error raw, 2‑D rms (m)"), Number("Error Padé (m)"), Number("Error exact (m)")]);
     }
-    head.extend(
-        ["Valid (%)", "Speed, median (m/s)", "Position (Hz)", "Velocity (Hz)", "Warnings", "Losses"].map(Number),
-    );
+    head.extend(["Speed, median (m/s)", "Position (Hz)", "Velocity (Hz)"].map(Number));
     head.extend([Text("Map"), Text("Format"), Number("Size")]);
     head
 }
@@ -160,6 +163,8 @@ fn flight_row(row: &FlightRow, scored: bool) -> Markup {
             th scope="row" { (link(row)) }
             td { (outcome_word(&row.outcome)) }
             td { (data_word(row)) }
+            (share_cell(row.valid_share))
+            td.n { (number::count(row.warnings)) }
             (cell(row.duration_s, |s| number::clock(s, 0)))
             (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
             (estimate_cell(row.correction_rms_m.as_ref()))
@@ -168,12 +173,9 @@ fn flight_row(row: &FlightRow, scored: bool) -> Markup {
                 (estimate_cell(row.pade_error_rms_m.as_ref()))
                 (estimate_cell(row.exact_error_rms_m.as_ref()))
             }
-            (share_cell(row.valid_share))
             (cell(row.speed_median_mps, |v| number::significant(v, 3)))
             (rate_cell(row.position_rate_hz, row.position.as_deref()))
             (rate_cell(row.velocity_rate_hz, row.velocity.as_deref()))
-            td.n { (number::count(row.warnings)) }
-            td.n { (number::count(row.losses)) }
             td { (maybe(row.map.as_deref(), |map| html! { (shown(map)) })) }
             td { (shown(&row.format)) }
             td.n data-v=(row.bytes) { (number::bytes(row.bytes)) }

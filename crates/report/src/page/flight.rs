@@ -98,19 +98,18 @@ fn answer(replay: &ReplayRecord) -> Markup {
     html! {
         p.answer {
             @if let Some(main) = main {
-                "Raw position lags by " b { (estimate(&main.raw_minus_this_rms_m)) " m rms" }
-                " where velocity predicts " (estimate(&replay.predicted_rms_m)) " m; compensated with Td = "
+                "Compensation moves the raw position by " b { (estimate(&main.raw_minus_this_rms_m)) " m rms" }
+                ": what velocity flew in the age of each fix and in Td = "
             } @else {
-                "Velocity predicts a lag of " (estimate(&replay.predicted_rms_m)) " m rms; no compensator was run \
-                 with Td = "
+                "Velocity flies " (estimate(&replay.predicted_rms_m)) " m rms in the age of each fix and in Td, but no \
+                 compensator was run, with Td = "
             }
             b { (estimate(&delay(replay))) " ms" }
             " (" (shown(&replay.settings.delay_source)) ")."
             @if let Some(sentence) = against_reference(replay, main) { " " (sentence) }
         }
         @if replay.pair.reference.is_none() {
-            p.note { "The log holds no independent reference: the numbers show that the output was advanced by Td, \
-             not that Td is right." }
+            p.answer { "Nothing in this log says whether Td is right: it holds no independent reference." }
         }
     }
 }
@@ -195,7 +194,11 @@ fn key_numbers(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
         }
     };
     let head = [Text("Quantity"), Number("Value"), Number("U (k = 2)"), Text("Unit"), Text("Note")];
-    table("U is the expanded uncertainty with k = 2, about 95 %", &head, rows(&numbers, 60, head.len(), row))
+    table(
+        "U is the expanded uncertainty with k = 2; see Method for what it covers",
+        &head,
+        rows(&numbers, 60, head.len(), row),
+    )
 }
 
 fn result_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
@@ -206,7 +209,11 @@ fn result_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
     for c in replay.compensators.iter().skip(1) {
         push(format!("Raw − {}, 2‑D rms", c.title), "zoom-difference", &c.raw_minus_this_rms_m);
     }
-    push("Way flown in Td, from velocity, 2‑D rms".to_owned(), "zoom-difference", &replay.predicted_rms_m);
+    push(
+        "Way flown in Td and the age of the fix, from velocity, 2‑D rms".to_owned(),
+        "zoom-difference",
+        &replay.predicted_rms_m,
+    );
     for c in &replay.compensators {
         if let Some(error) = &c.error_rms_m {
             push(format!("Error against the reference, {}, 2‑D rms", c.title), "", error);
@@ -219,14 +226,15 @@ fn coverage_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
     let c = &replay.coverage;
     let Distribution { p01, median, p99, .. } = replay.speed_mps;
     let three = |value| number::significant(value, 3);
-    let share = if c.rows > 0 { number::percent(c.valid_rows as f64 / c.rows as f64) } else { "—".to_owned() };
+    let share = if c.duration_s > 0.0 { number::percent(c.valid_s / c.duration_s) } else { "—".to_owned() };
     let fixes = number::counted(c.fixes, "position fix", "position fixes");
     let speeds = format!("1 % of the rows below {}, 1 % above {} m/s", three(p01), three(p99));
-    let resets = "fixes that jump against integrated velocity by more than 5 σ: passed on and marked";
+    let resets =
+        "fixes that jump against integrated velocity by more than 5 σ of the fixes around: passed on and counted";
     let bridge = format!("gaps up to {} s", three(replay.settings.bridge_s));
     vec![
         KeyNumber::plain("Time covered", number::clock(c.duration_s, 0), "h:mm:ss", fixes),
-        KeyNumber::plain("Output rows with a valid compensated position", share, "%", valid_note(replay)),
+        KeyNumber::plain("Share of that time with a valid compensated position", share, "%", valid_note(replay)),
         KeyNumber::plain("Ground speed, median", three(median), "m/s", speeds),
         KeyNumber::plain("Longest time without a position fix", three(c.longest_position_gap_s), "s", ""),
         KeyNumber::plain("Position resets", number::count(c.position_resets), "1", resets),

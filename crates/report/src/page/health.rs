@@ -242,7 +242,7 @@ fn extras(extras: &[String]) -> Markup {
 /// All notices, the gravest first.
 pub(super) fn notices_section(record: &FlightRecord) -> Markup {
     let groups = [
-        (Severity::Loss, "▲ Data lost"),
+        (Severity::Loss, "▲ Damage"),
         (Severity::Warning, "! Warnings (something was assumed, skipped or repaired)"),
         (Severity::Info, "i For information (every number stands)"),
     ];

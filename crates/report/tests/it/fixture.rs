@@ -125,6 +125,7 @@ pub fn replay() -> ReplayRecord {
             duration_s: DURATION,
             rows: 72_501,
             valid_rows: 71_402,
+            valid_s: 714.02,
             invalid: vec![
                 RejectCount { reason: "warm-up".into(), count: 40, first: "t = 0.000 s".into() },
                 RejectCount { reason: "no velocity".into(), count: 1059, first: "t = 400.010 s".into() },
@@ -363,6 +364,7 @@ pub fn row(i: usize) -> FlightRow {
         valid_share: some(1.0 - 0.3 * (x * 0.37).sin().abs()),
         warnings: i as u64 % 4,
         losses: u64::from(i % 7 == 6),
+        attention: if i % 7 == 6 { vec!["4096 bytes of the log are damaged".to_owned()] } else { vec![] },
     }
 }
 

@@ -80,7 +80,7 @@ fn without_a_reference_the_page_says_what_it_cannot_show() {
         (c.error_rms_m, c.error_p95_m) = (None, None);
     }
     let html = page(&record);
-    assert!(html.contains("not that Td is right") && !html.contains("Error against reference"));
+    assert!(html.contains("Nothing in this log says whether Td is right") && !html.contains("Error against reference"));
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn a_number_without_uncertainty_says_why() {
 #[test]
 fn the_verdict_is_a_word_and_lost_data_has_its_own() {
     let words = |html: &str| {
-        ["Compensated", "Not measurable", "Failed", "DATA LOST"].map(|w| html.contains(&format!("</span>{w}</span>")))
+        ["Compensated", "Not measurable", "Failed", "LOG DAMAGED"].map(|w| html.contains(&format!("</span>{w}</span>")))
     };
     assert_eq!(words(&page(&flight_record())), [true, false, false, true]);
     let mut whole = flight_record();

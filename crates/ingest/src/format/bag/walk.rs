@@ -13,12 +13,14 @@ use crate::reader::ReadContext;
 use flight::{LogHealth, Notices};
 use memchr::memmem;
 
+/// Said of a file that does not begin as a bag does.
+pub(super) const WRONG_START: &str = "the line that begins the file is wrong";
 /// How every header says its type, before the type itself.
 const OP_FIELD: &[u8] = b"\x04\0\0\0op=";
 /// A header that is searched for begins at most this far before its type.
 const LOOK_BACK: u64 = 1024;
-/// A header that is cut off by the end of the file is believed up to this length.
-const LONGEST_CUT_HEADER: u32 = 4096;
+/// A header that is searched for, or is cut off by the end of the file, is believed up to this length.
+const LONGEST_FOUND_HEADER: u32 = 4096;
 /// Zero bytes between two records that are taken for padding.
 const MOST_PADDING: u64 = 4096;
 /// Bytes searched, or fetched together, in one go.
@@ -63,7 +65,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         if intact {
             self.pass(end, Fate::Structure);
         } else {
-            self.damage_to(end, "the line that begins the file is wrong");
+            self.damage_to(end, WRONG_START);
         }
     }
 
@@ -242,8 +244,10 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         let behind = hit + OP_FIELD.len() as u64 + 1;
         let before = self.source.bytes(start, hit.saturating_sub(start) as usize)?.unwrap_or_default();
         let reaches = |place: usize, length: &[u8]| {
-            let end =
-                Bytes(length).u32().filter(|&l| l <= LONGEST_HEADER).map(|l| start + place as u64 + 4 + u64::from(l));
+            let end = Bytes(length)
+                .u32()
+                .filter(|&l| l <= LONGEST_FOUND_HEADER)
+                .map(|l| start + place as u64 + 4 + u64::from(l));
             end.is_some_and(|end| end >= behind)
         };
         let likely: Vec<u64> =
@@ -280,7 +284,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         }
         match self.source.bytes(at + 4, length as usize)? {
             Some(header) => Ok(Fields::parse(header).and_then(|fields| Kind::of(&fields)).is_some()),
-            None => Ok(length <= LONGEST_CUT_HEADER),
+            None => Ok(length <= LONGEST_FOUND_HEADER),
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use super::fields::{Cell, Fields, number};
 use super::lines::Extent;
-use crate::reader::{FieldRequest, Selection, TopicInfo, ValueKind};
-use crate::table::{Column, ColumnData, Table};
+use crate::reader::{FieldRequest, Selection, ValueKind};
+use crate::table::{Column, ColumnData, Table, TopicInfo};
 use flight::{Notices, Severity, TopicHealth};
 
 /// Beyond this a double cannot hold every integer.
@@ -14,7 +14,7 @@ const EXACT: u64 = 1 << 53;
 pub(super) struct Topic {
     pub(super) info: TopicInfo,
     /// Columns of the header.
-    pub(super) width: usize,
+    pub(super) names: Vec<String>,
     /// Whether a wanted field exists.
     pub(super) decoded: bool,
     /// Intact rows.
@@ -52,7 +52,7 @@ enum Cells {
 }
 
 impl Topic {
-    pub(super) fn new(info: TopicInfo, names: &[String], selection: &Selection) -> Topic {
+    pub(super) fn new(info: TopicInfo, names: Vec<String>, selection: &Selection) -> Topic {
         let index_of = |path: &str| names.iter().position(|n| n == path);
         let columns: Vec<Building> = match selection {
             Selection::Skip => vec![],
@@ -63,13 +63,13 @@ impl Topic {
         };
         let nothing = columns.is_empty() && *selection != Selection::Skip;
         let reason =
-            if nothing { format!("none of the wanted columns is among {}", first_of(names)) } else { String::new() };
-        Topic { info, width: names.len(), decoded: !columns.is_empty(), columns, reason, ..Topic::default() }
+            if nothing { format!("none of the wanted columns is among {}", first_of(&names)) } else { String::new() };
+        Topic { info, decoded: !columns.is_empty(), names, columns, reason, ..Topic::default() }
     }
 
     /// Whether a row with so many fields belongs to this header; a delimiter at its end is one more.
     pub(super) fn fits(&self, fields: usize, last_is_empty: bool) -> bool {
-        fields == self.width || (fields == self.width + 1 && last_is_empty)
+        fields == self.names.len() || (fields == self.names.len() + 1 && last_is_empty)
     }
 
     /// A row that nobody wants.
@@ -85,7 +85,7 @@ impl Topic {
             self.unended = Some(line);
         }
         self.lines.push(line);
-        let last = fields.len() - 1;
+        let last = fields.len().saturating_sub(1);
         for column in &mut self.columns {
             let at = column.index + skip;
             // Without a line end the last value of the file may have lost digits.

@@ -7,6 +7,12 @@ use std::io::Read;
 
 /// How much is read at once.
 const STEP: usize = 256 << 10;
+/// CRs in a row that still belong to one line end.
+const MOST_RETURNS: usize = 8;
+/// So many longest lines may be searched in vain for the end of a quoted record, and so many bytes
+/// for each byte of the file. Beyond that quotes no longer reach over line ends: text made for it
+/// would have every line searched through to the limit.
+const VAIN: u64 = 16;
 
 /// A reader of lines with bounded memory. Line ends are LF, CR, CR LF and CR CR LF, mixed at will.
 pub(super) struct Lines<'a, R> {
@@ -16,6 +22,8 @@ pub(super) struct Lines<'a, R> {
     buffer: Vec<u8>,
     start: usize,
     ended: bool,
+    /// Bytes searched for the end of quoted records that proved none.
+    searched_in_vain: u64,
     /// Bytes before the current line.
     pub(super) offset: u64,
     /// Number of the current line, from 1.
@@ -52,7 +60,8 @@ pub(super) enum Next {
 
 impl<'a, R: Read> Lines<'a, R> {
     pub(super) fn new(input: R, file: &'a str, context: &'a ReadContext<'a>) -> Lines<'a, R> {
-        Lines { input, context, file, buffer: Vec::new(), start: 0, ended: false, offset: 0, number: 1 }
+        let buffer = Vec::new();
+        Lines { input, context, file, buffer, start: 0, ended: false, searched_in_vain: 0, offset: 0, number: 1 }
     }
 
     /// Finds the next record. With a delimiter, a quoted field may span lines; without one every
@@ -60,8 +69,9 @@ impl<'a, R: Read> Lines<'a, R> {
     pub(super) fn next(&mut self, delimiter: Option<u8>) -> Result<Next, IngestError> {
         loop {
             let limit = self.context.limits.line_bytes;
+            let several_lines = self.may_span_lines();
             let rest = self.rest();
-            if let Some(extent) = find(rest, delimiter, self.ended) {
+            if let Some(extent) = find(rest, delimiter, several_lines, self.ended) {
                 return Ok(if extent.text > limit { Next::TooLong } else { Next::Record(extent) });
             }
             if rest.len() > limit {
@@ -79,6 +89,21 @@ impl<'a, R: Read> Lines<'a, R> {
         self.rest().get(..extent.text).unwrap_or_default()
     }
 
+    /// The first line of a record that spans several and proved none: a quote that was never meant to
+    /// open a field has swallowed the others.
+    pub(super) fn first_line_of(&mut self, record: Extent) -> Extent {
+        if record.lines == 1 {
+            return record;
+        }
+        self.searched_in_vain += record.whole as u64;
+        find_line(self.rest(), self.ended).unwrap_or(record)
+    }
+
+    /// Whether quoted fields may still hold line ends.
+    fn may_span_lines(&self) -> bool {
+        self.searched_in_vain <= VAIN * (self.context.limits.line_bytes as u64 + self.offset)
+    }
+
     /// Moves past a record.
     pub(super) fn pass(&mut self, extent: Extent) {
         self.start += extent.whole;
@@ -91,7 +116,7 @@ impl<'a, R: Read> Lines<'a, R> {
         let from = self.offset;
         loop {
             let rest = self.rest();
-            let found = find(rest, None, self.ended).map(|e| e.whole);
+            let found = find_line(rest, self.ended).map(|e| e.whole);
             let step = found.unwrap_or(rest.len());
             self.start += step;
             self.offset += step as u64;
@@ -108,25 +133,28 @@ impl<'a, R: Read> Lines<'a, R> {
     }
 
     /// A record that does not end within the limit: an unclosed quote falls back to its first line.
-    fn oversized(&self, delimiter: Option<u8>) -> Next {
-        let rest = self.rest();
-        match delimiter.and_then(|_| find_line(rest, self.ended)) {
-            Some(line) if line.text <= self.context.limits.line_bytes => Next::Record(Extent { broken: true, ..line }),
-            _ if rest.iter().all(|b| *b == 0) => Next::Zeros,
+    fn oversized(&mut self, delimiter: Option<u8>) -> Next {
+        match delimiter.and_then(|_| find_line(self.rest(), self.ended)) {
+            Some(line) if line.text <= self.context.limits.line_bytes => self.unclosed(line),
+            _ if self.rest().iter().all(|b| *b == 0) => Next::Zeros,
             _ => Next::TooLong,
         }
     }
 
-    /// What stands after the last line end of the file.
-    fn last(&self, delimiter: Option<u8>) -> Next {
-        let rest = self.rest();
-        if rest.is_empty() {
+    fn unclosed(&mut self, line: Extent) -> Next {
+        self.searched_in_vain += self.rest().len() as u64;
+        Next::Record(Extent { broken: true, ..line })
+    }
+
+    /// What stands after the last line end of the file, or after a quote that is never closed.
+    fn last(&mut self, delimiter: Option<u8>) -> Next {
+        let whole = self.rest().len();
+        if whole == 0 {
             return Next::End;
         }
-        if let Some(line) = delimiter.and_then(|_| find_line(rest, true)) {
-            return Next::Record(Extent { broken: true, ..line });
+        if let Some(line) = delimiter.and_then(|_| find_line(self.rest(), true)) {
+            return self.unclosed(line);
         }
-        let whole = rest.len();
         Next::Record(Extent { text: whole, whole, lines: 1, ended: false, broken: false })
     }
 
@@ -147,14 +175,17 @@ impl<'a, R: Read> Lines<'a, R> {
 
 /// The first record of `data`, if its end is certain. `ended` says that nothing follows `data`.
 /// Comments have no quotes.
-fn find(data: &[u8], delimiter: Option<u8>, ended: bool) -> Option<Extent> {
+fn find(data: &[u8], delimiter: Option<u8>, several_lines: bool, ended: bool) -> Option<Extent> {
     let line = find_line(data, ended)?;
     let text = data.get(..line.text)?;
     match delimiter {
         Some(delimiter) if memchr(b'"', text).is_some() && !text.trim_ascii_start().starts_with(b"#") => {
-            match find_quoted(data, delimiter, ended)? {
-                Quoted::Ends(extent) => Some(extent),
-                Quoted::Broken => Some(Extent { broken: true, ..line }),
+            // A line on its own ends where it ends.
+            let (data, ended) = if several_lines { (data, ended) } else { (data.get(..line.whole)?, true) };
+            match find_quoted(data, delimiter, ended) {
+                Some(Quoted::Ends(extent)) => Some(extent),
+                None if several_lines => None,
+                Some(Quoted::Broken) | None => Some(Extent { broken: true, ..line }),
             }
         }
         _ => Some(line),
@@ -173,15 +204,14 @@ fn find_line(data: &[u8], ended: bool) -> Option<Extent> {
     Some(Extent { text, whole, lines: 1, ended: true, broken: false })
 }
 
-/// Bytes of the line end at the start of `data`: any number of CR before one LF, or one LF or CR.
+/// Bytes of the line end at the start of `data`: a few CR before one LF, or one LF or CR.
 /// `None` while more data could make it longer.
 fn line_end(data: &[u8], ended: bool) -> Option<usize> {
-    let returns = data.iter().take_while(|b| **b == b'\r').count();
+    let returns = data.iter().take(MOST_RETURNS).take_while(|b| **b == b'\r').count();
     match data.get(returns) {
         Some(b'\n') => Some(returns + 1),
         Some(_) => Some(1),
-        None if ended || returns > 4096 => Some(1),
-        None => None,
+        None => ended.then_some(1),
     }
 }
 
@@ -212,7 +242,9 @@ fn find_quoted(data: &[u8], delimiter: u8, ended: bool) -> Option<Quoted> {
         };
         at += 1;
     }
-    None
+    // The last record of a file need not have a line end.
+    let extent = Extent { text: at, whole: at, lines, ended: false, broken: false };
+    (ended && place != Place::Inside).then_some(Quoted::Ends(extent))
 }
 
 /// Where in a field a byte stands.
@@ -285,6 +317,20 @@ mod tests {
     #[test]
     fn an_unclosed_quote_costs_its_own_line_only() {
         assert_eq!(texts("\"a,1\nb,2\nc,3"), numbered(&[(1, "\"a,1"), (2, "b,2"), (3, "c,3")]));
+    }
+
+    #[test]
+    fn the_last_record_needs_no_line_end_even_where_a_field_holds_one() {
+        assert_eq!(texts("a,b\n1,\"c\nd\""), numbered(&[(1, "a,b"), (2, "1,\"c\nd\"")]));
+    }
+
+    #[test]
+    fn quotes_that_are_never_closed_and_returns_without_end_take_no_time() {
+        // Every line opens a quote, whether or not the line before did: searched through to the limit
+        // each time, this would be 4e11 steps.
+        let lines = 400_000;
+        assert_eq!(records("y\",\"\n".repeat(lines).as_bytes(), Some(b','), 1 << 20).len(), lines);
+        assert_eq!(records("\r".repeat(lines).as_bytes(), Some(b','), 1 << 20).len(), lines);
     }
 
     #[test]

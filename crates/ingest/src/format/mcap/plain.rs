@@ -1,7 +1,8 @@
 //! The records of a file one by one, by the same walk as the reader's. For conformance tests.
 
 use super::summary::Summary;
-use super::walk::{Visit, Walk};
+use super::visit::Visit;
+use super::walk::Walk;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};

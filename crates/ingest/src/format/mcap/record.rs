@@ -8,6 +8,8 @@ use mcap::records::op;
 
 /// At both ends of a file.
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+/// Said of a file that does not begin with it.
+pub(super) const WRONG_START: &str = "the eight bytes that begin the file are wrong";
 /// Opcode and length.
 pub(super) const HEAD_BYTES: u64 = 9;
 /// Largest head of a chunk record: the frame, the fixed fields and the name of the compression.

@@ -1,7 +1,7 @@
 //! The summary at the end of a file: hints for the walk, believed as far as its checksum goes.
 
 use super::record::{HEAD_BYTES, Head, MAGIC};
-use super::walk::Visit;
+use super::visit::Visit;
 use crate::bytes::Bytes;
 use crate::error::IngestError;
 use crate::format::file::LogFile;

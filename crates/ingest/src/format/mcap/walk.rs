@@ -5,8 +5,9 @@
 //! bytes that look like a record followed by another. In a file with chunks only whole chunks
 //! are found that way, never the messages inside a broken one: nothing has vouched for them.
 
-use super::record::{AttachmentHead, ChunkHead, HEAD_BYTES, Head, MAGIC, is_defined, name};
+use super::record::{AttachmentHead, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, name};
 use super::summary::{Summary, Trust};
+use super::visit::Visit;
 use crate::bytes::Bytes;
 use crate::decode::Tally;
 use crate::error::IngestError;
@@ -27,22 +28,6 @@ const BLOCK: usize = 256 << 10;
 const MOST_ZEROS: u64 = 64 << 20;
 /// A definition found by searching is believed up to this length.
 const LONGEST_FOUND: u64 = 1 << 20;
-
-/// Who is shown the records.
-pub(super) trait Visit {
-    /// A record, from the top level or from within a chunk that is intact. Of an attachment the
-    /// first megabyte. What is wrong with it is returned for people.
-    fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String>;
-
-    /// Whether messages of this channel are wanted; true if the channel is not known.
-    fn may_want(&mut self, channel: u16) -> bool;
-
-    /// Whether a message of this channel can be placed.
-    fn knows(&self, channel: u16) -> bool;
-
-    /// The indexes that follow belong to a chunk that was opened, or to one that was not.
-    fn chunk(&mut self, opened: bool);
-}
 
 /// A walk in progress.
 pub(super) struct Walk<'w, 'c, V> {
@@ -133,7 +118,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if intact {
             self.pass(end, Fate::Structure)
         } else {
-            self.damage_to(end, "the eight bytes that begin the file are wrong");
+            self.damage_to(end, WRONG_START);
             Ok(())
         }
     }

@@ -1,0 +1,19 @@
+//! Who looks at the records while a file, or its summary, is walked through.
+
+use crate::ledger::Fate;
+
+/// Who is shown the records.
+pub(super) trait Visit {
+    /// A record, from the top level or from within a chunk that is intact. Of an attachment the
+    /// first megabyte. What is wrong with it is returned for people.
+    fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String>;
+
+    /// Whether messages of this channel are wanted; true if the channel is not known.
+    fn may_want(&mut self, channel: u16) -> bool;
+
+    /// Whether a message of this channel can be placed.
+    fn knows(&self, channel: u16) -> bool;
+
+    /// The indexes that follow belong to a chunk that was opened, or to one that was not.
+    fn chunk(&mut self, opened: bool);
+}
