@@ -69,9 +69,10 @@ pub(crate) struct OrderArguments {
     /// Folder of the flights; it is only read.
     #[arg(value_name = "FLIGHTS")]
     pub(crate) flights: PathBuf,
-    /// Folder of the report: new, empty, or of an earlier run.
+    /// Folder of the report: new, empty, or of an earlier run. Without it: reports/NAME here, with the name of
+    /// FLIGHTS.
     #[arg(long, value_name = "DIR")]
-    pub(crate) out: PathBuf,
+    pub(crate) out: Option<PathBuf>,
     /// Settings (TOML). Without it those of `pipelines/default.toml` hold, which assume a delay.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
@@ -166,7 +167,8 @@ pub(crate) struct DemoArguments {
     /// Where the flights go, into DIR/flights, and the report, into DIR/report.
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
-    /// Also run the campaign on them, and say which page to open.
+    /// Also run the campaign on them, and say which page to open. That one log is cut off on purpose does not count
+    /// for the exit code.
     #[arg(long)]
     pub(crate) run: bool,
     /// Seed of everything random in the flights.

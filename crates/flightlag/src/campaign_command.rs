@@ -7,14 +7,14 @@ use crate::show::{count, visible};
 use crate::stop::Stop;
 use campaign::{Desk, EventSink, Exit, Manifest, Order, Pipeline, Status, TaskReport, Verdict};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Failure> {
     match (arguments.step, arguments.order) {
         (Some(step), _) => take(step, stop),
         (None, Some(order)) => whole(&order, &arguments.desk, stop),
         (None, None) => {
-            let usage = "which campaign? flightlag campaign FLIGHTS --out DIR (more: flightlag campaign --help)";
+            let usage = "which campaign? flightlag campaign FLIGHTS [--out DIR] (more: flightlag campaign --help)";
             Err(Failure::new(Exit::Wrong, usage))
         }
     }
@@ -36,7 +36,7 @@ pub(crate) fn run_order(order: &Order, arguments: &DeskArguments, stop: &Stop) -
 fn take(step: Step, stop: &Stop) -> Result<End, Failure> {
     match step {
         Step::Plan { order, manifest, max_shards, desk } => {
-            let path = manifest.unwrap_or_else(|| order.out.join("manifest.json"));
+            let path = manifest.unwrap_or_else(|| out_of(&order).join("manifest.json"));
             plan(&order, &path, max_shards, &desk, stop)
         }
         Step::Task { manifest, shard, desk } => task(&manifest, shard, &desk, stop),
@@ -144,11 +144,20 @@ fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
     let pipeline = pipeline.with_forced_map(arguments.map.clone()).with_maps_folder(arguments.maps.clone());
     Ok(Order {
         flights: arguments.flights.clone(),
-        out: arguments.out.clone(),
+        out: out_of(arguments),
         pipeline,
         verify: arguments.verify,
         command: command_of(arguments),
     })
+}
+
+/// The folder of the report; `reports/NAME` below the working folder if none is given.
+fn out_of(arguments: &OrderArguments) -> PathBuf {
+    let usual = || {
+        let flights = arguments.flights.canonicalize().unwrap_or_else(|_| arguments.flights.clone());
+        Path::new("reports").join(flights.file_name().unwrap_or("campaign".as_ref()))
+    };
+    arguments.out.clone().unwrap_or_else(usual)
 }
 
 /// The command that makes the report again, with names instead of paths: the same on every machine.
