@@ -7,6 +7,7 @@ default:
     @just --list --unsorted
 
 # Replay every flight of a folder and write the pages: just campaign FLIGHTS [--pipeline P] [--out DIR] ...
+[no-exit-message]
 campaign flights *options:
     @cargo run --release --quiet -p flightlag -- campaign "$@"
 
@@ -15,6 +16,7 @@ demo folder="reports/demo":
     @cargo run --release -p flightlag -- demo "$1" --run
 
 # What a log holds, and how good its time stamps are
+[no-exit-message]
 inspect log *options:
     @cargo run --release --quiet -p flightlag -- inspect "$@"
 
