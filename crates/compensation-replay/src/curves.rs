@@ -19,40 +19,33 @@ pub(crate) struct Curves {
 }
 
 pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &[Estimate]) -> Curves {
-    let shown = chosen(estimates);
     let whole = (rows.t[0], rows.t[rows.t.len() - 1]);
     Curves {
-        axes: axes(input, rows, &shown, whole),
+        axes: axes(input, rows, estimates, whole),
         zoom: hardest(input, rows, settings).map(|(start_s, end_s, why)| Zoom {
             start_s,
             end_s,
             why,
-            axes: axes(input, rows, &shown, (start_s, end_s)),
+            axes: axes(input, rows, estimates, (start_s, end_s)),
         }),
-        track: shown.iter().map(|e| path(rows, e)).collect(),
+        track: estimates.iter().map(|e| path(rows, e)).collect(),
     }
 }
 
-/// Raw, the paper's compensator as a loop should run it (with the age of held fixes if they are held), exact.
-fn chosen(estimates: &[Estimate]) -> Vec<&Estimate> {
-    let as_seen = estimates.iter().any(|e| e.name == "pade-1-1-as-seen");
-    estimates.iter().filter(|e| !(as_seen && e.name == "pade-1-1")).collect()
-}
-
-fn axes(input: &Input, rows: &Rows, shown: &[&Estimate], window: (f64, f64)) -> Vec<AxisCurves> {
+fn axes(input: &Input, rows: &Rows, estimates: &[Estimate], window: (f64, f64)) -> Vec<AxisCurves> {
     let axis = |(k, name): (usize, &str)| {
-        let raw = &shown[0].axes[k];
+        let raw = &estimates[0].axes[k];
         let difference = |e: &Estimate| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
         let predicted: Vec<f64> = rows.predicted[k].iter().map(|p| -p).collect();
         let mut position_m: Vec<Curve> =
-            shown.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], e.name == "raw", window)).collect();
+            estimates.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], e.name == "raw", window)).collect();
         position_m.extend(
             input
                 .reference
                 .as_ref()
                 .map(|r| pen("reference".to_owned(), &r.t, &r.axes[k], |_| true, 2.5 * median_step(&r.t), window)),
         );
-        let mut difference_m: Vec<Curve> = shown[1..]
+        let mut difference_m: Vec<Curve> = estimates[1..]
             .iter()
             .map(|e| curve(format!("raw − {}", e.title), rows, &difference(e), false, window))
             .collect();

@@ -181,25 +181,22 @@ impl Input {
         settings: &Settings,
         notices: &mut Notices,
     ) {
+        let mut found: Vec<(&str, f64)> = vec![];
         for name in [&names.position, &names.velocity] {
-            let Some(channel) = flight.channels.get(name) else { continue };
-            let timeline = channel.series.timeline();
+            let Some(timeline) = flight.channels.get(name).map(|c| c.series.timeline()) else { continue };
             let tick_s = tick_s(timeline.stamps());
             if timeline.kind() == StampKind::Logged && tick_s >= settings.delay.seconds() {
-                let text = format!(
-                    "{name} is stamped by the logger in whole steps of {tick_s} s, coarser than the delay of {} s: what \
-                     compensation changes is drawn, but these stamps cannot show whether it is right",
-                    settings.delay.seconds()
-                );
-                notices.push(
-                    Severity::Warning,
-                    "stamps-coarser-than-delay",
-                    name.clone(),
-                    timeline.stamps().len() as u64,
-                    text,
-                );
+                found.push((name, tick_s));
             }
         }
+        let Some((_, tick_s)) = found.first() else { return };
+        let which = found.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(" and ");
+        let text = format!(
+            "{which}: stamped by the logger in whole steps of {tick_s} s, coarser than the delay of {} s: what compensation \
+             changes is drawn, but these stamps cannot show whether it is right",
+            settings.delay.seconds()
+        );
+        notices.push(Severity::Warning, "stamps-coarser-than-delay", which, found.len() as u64, text);
     }
 
     fn check_overlap(&self) -> Result<(), Refusal> {
