@@ -13,13 +13,22 @@ fn a_wrong_command_or_pipeline_ends_with_2_and_says_where() {
     let (flights, out) = (path("flights"), path("out"));
     run(["frobnicate"], 2);
     run(["campaign"], 2);
-    run(["campaign", &flights], 2);
+    run(["campaign", "--out", &out], 2);
     run(["campaign", &path("nowhere"), "--out", &out], 2);
     run(["campaign", &flights, "--out", &out, "--map", "no-such-map"], 2);
     let wrong = text(&run(["campaign", &flights, "--out", &out, "--pipeline", &path("p.toml")], 2).stderr);
     assert!(wrong.contains("p.toml:4: unknown key `position`") && wrong.contains("`position_s`"), "{wrong}");
     let empty = text(&run(["campaign", &flights, "--out", &out], 1).stderr);
     assert!(empty.contains("no flight found"), "{empty}");
+}
+
+#[test]
+fn without_an_output_folder_the_report_is_named_after_the_flights() {
+    let folder = tempfile::tempdir().unwrap();
+    simulate::write_campaign(&folder.path().join("may"), 1, 20.0, 1).unwrap();
+    let ended = flightlag(["campaign", "may", "--quiet"]).current_dir(folder.path()).status().unwrap();
+    assert_eq!(ended.code(), Some(0));
+    assert!(folder.path().join("reports/may/index.html").is_file());
 }
 
 #[test]
