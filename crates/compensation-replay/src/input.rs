@@ -39,7 +39,7 @@ pub enum Refusal {
         b: Clock,
     },
     /// Too little of a channel.
-    #[error("{channel} has {rows} usable samples; at least {least} are needed")]
+    #[error("{channel} has {rows} usable sample(s); at least {least} are needed")]
     TooShort {
         /// Its name.
         channel: String,

@@ -98,7 +98,8 @@ struct Bar {
 impl Default for Bar {
     fn default() -> Bar {
         let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr());
-        let template = "{prefix} [{wide_bar}] {bytes}/{total_bytes} {bytes_per_sec}, {eta} left";
+        let template =
+            "{prefix} [{wide_bar}] {decimal_bytes}/{decimal_total_bytes} {decimal_bytes_per_sec}, {eta} left";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("=> "));
         }

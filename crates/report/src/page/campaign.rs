@@ -41,6 +41,7 @@ fn body(record: &CampaignRecord, overview: Option<&Figure>) -> Markup {
         }
         main {
             h1 { (shown(&record.name)) }
+            p.note { (shown(&record.pipeline.title)) }
             (answer(record))
             (stats(record))
             (attention(&record.flights))
