@@ -3,6 +3,7 @@
 use crate::support::*;
 use flight::{Clock, StampKind};
 use ingest::{ChannelMap, Loaded, MapLibrary};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 fn maps_folder() -> PathBuf {
@@ -100,6 +101,28 @@ fn assert_agrees(loaded: &Loaded, map: &str, pair: (&str, &str), scale: f64, deg
     assert!((a.scale - 1.0).abs() < scale && a.rotation.to_degrees().abs() < degrees && a.left_over < 0.15, "{what}");
 }
 
+/// The first row of the file below `folder` whose name ends so, by column: a parse of its own, on files without quotes.
+fn first_row(folder: &Path, ending: &str, header_lines: usize) -> HashMap<String, String> {
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        for path in std::fs::read_dir(next).unwrap().map(|e| e.unwrap().path()) {
+            if path.is_dir() {
+                open.push(path);
+            } else if path.to_str().unwrap().ends_with(ending) {
+                let text = std::fs::read_to_string(path).unwrap();
+                let cells =
+                    |line: usize| text.lines().nth(line).unwrap().split(',').map(str::to_owned).collect::<Vec<_>>();
+                return cells(0).into_iter().zip(cells(header_lines)).collect();
+            }
+        }
+    }
+    panic!("no file ends with {ending}");
+}
+
+fn number(text: &str) -> f64 {
+    text.parse().unwrap()
+}
+
 #[test]
 fn alfa_tables_of_mavros_agree_with_themselves() {
     let Some(folder) = real_logs("ALFA") else { return };
@@ -115,15 +138,18 @@ fn alfa_tables_of_mavros_agree_with_themselves() {
         }
     }
     let fix = &loaded.flight.channels["position.gps"].series;
-    // First row: 1531943810933254299, 40.5914601, -79.8995372, 349.262177802.
+    let row = first_row(&folder, "mavros-global_position-raw-fix.csv", 1);
     assert_eq!(fix.timeline().kind(), StampKind::Measured);
-    assert_eq!(fix.timeline().first().unwrap().0, 1_531_943_810_933_254_299);
-    assert_eq!(fix.component(0)[0], 40.5914601_f64.to_radians());
-    assert_eq!(fix.component(1)[0], (-79.8995372_f64).to_radians());
-    assert_eq!((fix.component(2)[0], fix.len()), (349.262177802, 662));
-    // twist.linear.x = 19.0866183839 is east, y = -1.98924575298 is north.
+    assert_eq!(fix.timeline().first().unwrap().0.to_string(), row["field.header.stamp"]);
+    let [latitude, longitude, height] =
+        ["latitude", "longitude", "altitude"].map(|k| number(&row[&format!("field.{k}")]));
+    assert_eq!([0, 1].map(|k| fix.component(k)[0]), [latitude.to_radians(), longitude.to_radians()]);
+    assert_eq!((fix.component(2)[0], fix.len()), (height, 662));
+    // x is east, y is north.
     let velocity = &loaded.flight.channels["velocity.gps"].series;
-    assert_eq!((velocity.component(0)[0], velocity.component(1)[0]), (-1.98924575298, 19.0866183839));
+    let row = first_row(&folder, "raw-gps_vel.csv", 1);
+    let [east, north] = ["x", "y"].map(|k| number(&row[&format!("field.twist.linear.{k}")]));
+    assert_eq!((velocity.component(0)[0], velocity.component(1)[0]), (north, east));
 }
 
 #[test]
@@ -166,13 +192,16 @@ fn the_px4_map_agrees_with_itself() {
     }
     let channels = &loaded.flight.channels;
     let gps = &channels["position.gps"];
-    // The 2 Hz table is taken, not sensor_gps at 1 Hz. Its first row: 539692985 us, 423585830, -710872889, -25451 mm.
+    // The 2 Hz table is taken, not sensor_gps at 1 Hz; times are microseconds, angles 1e-7 deg, heights mm.
     assert_eq!((gps.source.topic.as_str(), gps.series.len()), ("flight3_vehicle_gps_position_0", 1948));
-    assert_eq!(gps.series.timeline().first().unwrap().0, 539_692_985_000);
     assert_eq!((gps.series.timeline().kind(), gps.series.timeline().clock()), (StampKind::Published, Clock::Boot));
-    assert_eq!(gps.series.component(0)[0], 42.3585830_f64.to_radians());
-    assert_eq!(gps.series.component(2)[0], -25.451);
-    assert_eq!(channels["velocity.ekf"].series.timeline().first().unwrap().0, 539_373_583_000);
+    let row = first_row(&folder, "flight3_vehicle_gps_position_0.csv", 1);
+    assert_eq!(gps.series.timeline().first().unwrap().0, 1000 * row["timestamp"].parse::<i64>().unwrap());
+    assert_eq!(gps.series.component(0)[0], number(&format!("{}e-7", row["lat"])).to_radians());
+    assert_eq!(gps.series.component(2)[0], number(&format!("{}e-3", row["alt_ellipsoid"])));
+    let row = first_row(&folder, "flight3_vehicle_local_position_0.csv", 1);
+    let sampled = 1000 * row["timestamp_sample"].parse::<i64>().unwrap();
+    assert_eq!(channels["velocity.ekf"].series.timeline().first().unwrap().0, sampled);
 }
 
 #[test]
@@ -211,12 +240,19 @@ fn flysight_tables_agree_with_themselves() {
 #[test]
 fn the_first_flysight_row_is_read_to_the_last_digit() {
     let Some(loaded) = load_real("SSScoring/resources/test-tracks/FS1/test-data-02.CSV") else { return };
-    // 2024-05-10T17:27:44.30Z,37.8351285,-121.6328071,3.955,-0.01,1.36,0.66; date -u -d 2024-05-10T17:27:44Z +%s
+    let Some(folder) = real_logs("SSScoring/resources/test-tracks/FS1") else { return };
+    let row = first_row(&folder, "test-data-02.CSV", 2);
     let position = &loaded.flight.channels["position.gps"].series;
+    // date -u -d 2024-05-10T17:27:44Z +%s; the file adds 0.3 s.
+    assert!(row["time"].starts_with("2024-05-10T17:27:44.30"));
     assert_eq!(position.timeline().first().unwrap().0, 1_715_362_064_300_000_000);
     let first = |c: &flight::Series| [0, 1, 2].map(|i| c.component(i)[0]);
-    assert_eq!(first(position), [37.8351285_f64.to_radians(), (-121.6328071_f64).to_radians(), 3.955]);
-    assert_eq!(first(&loaded.flight.channels["velocity.gps"].series), [-0.01, 1.36, 0.66]);
+    let [latitude, longitude, height] = ["lat", "lon", "hMSL"].map(|k| number(&row[k]));
+    assert_eq!(first(position), [latitude.to_radians(), longitude.to_radians(), height]);
+    assert_eq!(
+        first(&loaded.flight.channels["velocity.gps"].series),
+        ["velN", "velE", "velD"].map(|k| number(&row[k]))
+    );
 }
 
 #[test]
