@@ -64,6 +64,19 @@ pub enum Refusal {
         /// Its last.
         v1: f64,
     },
+    /// Position and velocity meet, but never long enough.
+    #[error(
+        "{position} and {velocity} overlap, but no fix comes a delay of {delay_s} s after the velocity's start: nothing \
+         can be scored"
+    )]
+    NothingValid {
+        /// Position channel.
+        position: String,
+        /// Velocity channel.
+        velocity: String,
+        /// The delay, s.
+        delay_s: f64,
+    },
     /// Standing still, late and on time look alike.
     #[error(
         "the vehicle does not travel (95 % of ground speeds are below {p95_mps:.2} m/s, the limit is \

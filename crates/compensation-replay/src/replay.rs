@@ -33,6 +33,10 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
     let mut notices = Notices::new();
     Input::warn_of_coarse_stamps(flight, &input.names, settings, &mut notices);
     let rows = Rows::of(&input, settings, &segments, &mut notices)?;
+    if rows.valid().next().is_none() {
+        let record::PairUse { position, velocity, .. } = input.names;
+        return Err(Refusal::NothingValid { position, velocity, delay_s: settings.delay.seconds() });
+    }
     let estimates = estimates(&input, settings, &segments, &rows);
     let innovations = score::innovations(&input, settings, &segments);
     score::warn_of_contradiction(&input, settings, &segments, &mut notices);

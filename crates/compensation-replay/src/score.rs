@@ -126,7 +126,7 @@ pub(crate) fn predicted(rows: &Rows, settings: &Settings) -> Estimate {
 
 /// Adds U · u(Td) in quadrature: a displacement during Td is known no better than Td is.
 fn with_delay_uncertainty(estimate: Option<Estimate>, rows: &Rows, settings: &Settings) -> Estimate {
-    let mut estimate = estimate.unwrap_or(Estimate { value: 0.0, standard_uncertainty: None });
+    let mut estimate = estimate.expect("a flight without a valid row is refused before it is scored");
     let speeds: Vec<f64> = rows.valid().map(|r| rows.velocity[0][r].powi(2) + rows.velocity[1][r].powi(2)).collect();
     if let (Some(u), Some(delay_u), Some(speed)) =
         (estimate.standard_uncertainty, settings.delay_uncertainty_s, rms(&speeds))

@@ -205,6 +205,12 @@ fn channels_that_do_not_meet_in_time_are_refused() {
 }
 
 #[test]
+fn a_flight_too_short_for_one_valid_row_is_refused_and_not_scored_as_zero() {
+    let refusal = replay(&circle(0.4, 0.3, 20.0, 100.0), &settings()).unwrap_err();
+    assert!(matches!(refusal, Refusal::NothingValid { .. }), "{refusal}");
+}
+
+#[test]
 fn states_are_written_by_name() {
     let found = replay(&circle(0.4, 10.0, 100.0, 100.0), &settings()).unwrap();
     let Some(TrackColumn::Text(states)) = found.track.column("state") else { panic!() };
