@@ -1,6 +1,6 @@
 //! Curves for the figures: every extreme kept, the pen lifted at gaps.
 
-use crate::estimate::Estimate;
+use crate::estimate::Positions;
 use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
@@ -18,7 +18,7 @@ pub(crate) struct Curves {
     pub(crate) track: Vec<PathCurve>,
 }
 
-pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &[Estimate]) -> Curves {
+pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &[Positions]) -> Curves {
     let whole = (rows.t[0], rows.t[rows.t.len() - 1]);
     Curves {
         axes: axes(input, rows, estimates, whole),
@@ -32,10 +32,10 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
     }
 }
 
-fn axes(input: &Input, rows: &Rows, estimates: &[Estimate], window: (f64, f64)) -> Vec<AxisCurves> {
+fn axes(input: &Input, rows: &Rows, estimates: &[Positions], window: (f64, f64)) -> Vec<AxisCurves> {
     let axis = |(k, name): (usize, &str)| {
         let raw = &estimates[0].axes[k];
-        let difference = |e: &Estimate| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
+        let difference = |e: &Positions| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
         let predicted: Vec<f64> = rows.predicted[k].iter().map(|p| -p).collect();
         let mut position_m: Vec<Curve> =
             estimates.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], e.name == "raw", window)).collect();
@@ -100,7 +100,7 @@ fn strokes(t: &[f64], shown: impl Fn(usize) -> bool, gap: f64, window: (f64, f64
     out
 }
 
-fn path(rows: &Rows, estimate: &Estimate) -> PathCurve {
+fn path(rows: &Rows, estimate: &Positions) -> PathCurve {
     let [north, east] = &estimate.axes;
     let extent = |y: &[f64]| {
         y.iter().copied().fold(f64::NEG_INFINITY, f64::max) - y.iter().copied().fold(f64::INFINITY, f64::min)

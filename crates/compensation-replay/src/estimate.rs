@@ -11,7 +11,7 @@ use std::ops::Range;
 
 /// A compensator's position at every row; where the row's state gives none, the raw one stands in and is not shown.
 #[derive(Debug)]
-pub(crate) struct Estimate {
+pub(crate) struct Positions {
     pub(crate) name: &'static str,
     pub(crate) title: String,
     /// Delay it was given.
@@ -21,24 +21,24 @@ pub(crate) struct Estimate {
 }
 
 /// Raw first, then the paper's compensator as it is, the same told of the age of held fixes, and the exact form.
-pub(crate) fn estimates(input: &Input, settings: &Settings, segments: &[Range<usize>], rows: &Rows) -> Vec<Estimate> {
+pub(crate) fn estimates(input: &Input, settings: &Settings, segments: &[Range<usize>], rows: &Rows) -> Vec<Positions> {
     let td = settings.delay;
     let raw = AXES.map(|k| rows.fix.iter().map(|&j| input.position.axes[k][j]).collect::<Vec<f64>>());
-    let pade = |name, title: &str, delay: Delay| Estimate {
+    let pade = |name, title: &str, delay: Delay| Positions {
         name,
         title: title.to_owned(),
         delay,
         axes: AXES.map(|k| pade_axis(rows, settings.start, delay, &raw[k], k)),
     };
     let mut out = vec![
-        Estimate { name: "raw", title: "raw, newest fix held".to_owned(), delay: Delay::ZERO, axes: raw.clone() },
+        Positions { name: "raw", title: "raw, newest fix held".to_owned(), delay: Delay::ZERO, axes: raw.clone() },
         pade("pade-1-1", "Padé [1/1], Tustin (the paper)", td),
     ];
     let age = rows.mean_age_s();
     if let Some(as_seen) = Delay::from_seconds(td.seconds() + age).filter(|_| age >= 1e-3) {
         out.push(pade("pade-1-1-as-seen", "Padé [1/1], Tustin, Td + mean age of the held fix", as_seen));
     }
-    out.push(Estimate {
+    out.push(Positions {
         name: "exact-async",
         title: "exact asynchronous, p + ∫v".to_owned(),
         delay: td,

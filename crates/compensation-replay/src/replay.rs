@@ -1,7 +1,7 @@
 //! One flight through all compensators.
 
 use crate::curves::{Curves, draw};
-use crate::estimate::{Estimate, estimates};
+use crate::estimate::{Positions, estimates};
 use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
 use crate::score;
@@ -83,7 +83,7 @@ fn ground_speed(input: &Input, settings: &Settings) -> Result<Distribution, Refu
     Ok(Distribution { min: at(0.0), p01: at(0.01), median: at(0.5), p99: at(0.99), max: at(1.0) })
 }
 
-fn table(input: &Input, rows: &Rows, estimates: &[Estimate]) -> Track {
+fn table(input: &Input, rows: &Rows, estimates: &[Positions]) -> Track {
     let stamps = rows.t.iter().map(|&t| input.origin.plus_seconds(t).0).collect();
     let shown = |values: &[f64], always: bool| {
         TrackColumn::F64(
@@ -113,7 +113,7 @@ fn table(input: &Input, rows: &Rows, estimates: &[Estimate]) -> Track {
 }
 
 /// The compensated point of a row at the height of its fix: only the horizontal position is compensated.
-fn point(frame: &LocalFrame, input: &Input, rows: &Rows, exact: &Estimate, row: usize) -> Geodetic {
+fn point(frame: &LocalFrame, input: &Input, rows: &Rows, exact: &Positions, row: usize) -> Geodetic {
     let fix = rows.fix[row];
     frame.to_geodetic([exact.axes[0][row], exact.axes[1][row], input.down[fix]])
 }

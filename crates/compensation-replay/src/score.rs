@@ -1,6 +1,6 @@
 //! What the compensators are worth, with and without an independent reference.
 
-use crate::estimate::{Estimate as Track, of_segments};
+use crate::estimate::{Positions, of_segments};
 use crate::input::{AXES, Horizontal, Input};
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
@@ -140,7 +140,7 @@ pub(crate) fn compensators(
     input: &Input,
     settings: &Settings,
     rows: &Rows,
-    tracks: &[Track],
+    tracks: &[Positions],
     innovations: &Innovations,
 ) -> Vec<CompensatorResult> {
     let valid: Vec<usize> = rows.valid().collect();
@@ -220,7 +220,7 @@ impl Reference {
         out
     }
 
-    fn squared_errors(&self, track: &Track) -> Vec<f64> {
+    fn squared_errors(&self, track: &Positions) -> Vec<f64> {
         let error = |i: usize, k: usize| track.axes[k][self.row[i]] - self.axes[k][i];
         (0..self.row.len()).map(|i| AXES.map(|k| error(i, k).powi(2)).iter().sum()).collect()
     }
