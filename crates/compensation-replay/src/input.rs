@@ -240,7 +240,7 @@ fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Res
     let fits = match channel.quantity {
         Quantity::PositionGeodetic | Quantity::PositionNed => what == "position",
         Quantity::VelocityNed => what == "velocity",
-        Quantity::Scalar => false,
+        _ => false,
     };
     if fits {
         Ok((name, channel))

@@ -17,6 +17,26 @@ pub enum Quantity {
     PositionNed,
     /// North, east, down over ground, m/s.
     VelocityNed,
+    /// Height above an origin that the log chose, m: a barometer's, or a position's alone.
+    Height,
+    /// Unit quaternion w, x, y, z that turns body axes (forward, right, down) to north, east, down.
+    Attitude,
+    /// About the body's forward, right and down axes, rad/s.
+    AngularRate,
+    /// Acceleration less gravity along the body's forward, right and down axes, m/s²: at rest and
+    /// level the third is −g.
+    SpecificForce,
+    /// Along the body's forward, right and down axes, T.
+    MagneticField,
+    /// As [`Quantity::MagneticField`], scaled by a number that the sensor chose: 1 is about the local field.
+    MagneticDirection,
+    /// Counts of a rotary encoder: a running number that turns neither over nor back.
+    EncoderCount,
+    /// Angle of a rotary encoder, rad; it need not start at zero.
+    EncoderAngle,
+    /// Edges of a pulse per second, stamped by the logger; the value is the second of the device's clock, or its
+    /// running number.
+    Pulse,
     /// Any one number.
     Scalar,
 }
@@ -28,6 +48,14 @@ impl Quantity {
         match self {
             Quantity::PositionGeodetic => &["latitude", "longitude", "height"],
             Quantity::PositionNed | Quantity::VelocityNed => &["north", "east", "down"],
+            Quantity::Attitude => &["w", "x", "y", "z"],
+            Quantity::AngularRate | Quantity::SpecificForce | Quantity::MagneticField | Quantity::MagneticDirection => {
+                &["x", "y", "z"]
+            }
+            Quantity::Height => &["height"],
+            Quantity::EncoderCount => &["count"],
+            Quantity::EncoderAngle => &["angle"],
+            Quantity::Pulse => &["second"],
             Quantity::Scalar => &["value"],
         }
     }

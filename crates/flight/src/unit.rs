@@ -46,6 +46,7 @@ const UNITS: &[(&str, Dimension, f64, f64)] = &[
     ("1e-2 deg", Dimension::Angle, DEG, 1e2),
     ("1e-5 deg", Dimension::Angle, DEG, 1e5),
     ("1e-7 deg", Dimension::Angle, DEG, 1e7),
+    ("rev", Dimension::Angle, std::f64::consts::TAU, 1.0),
     ("m", Dimension::Length, 1.0, 1.0),
     ("cm", Dimension::Length, 1.0, 1e2),
     ("mm", Dimension::Length, 1.0, 1e3),
@@ -68,6 +69,7 @@ const UNITS: &[(&str, Dimension, f64, f64)] = &[
     ("ns", Dimension::Time, 1.0, 1e9),
     ("T", Dimension::MagneticField, 1.0, 1.0),
     ("uT", Dimension::MagneticField, 1.0, 1e6),
+    ("nT", Dimension::MagneticField, 1.0, 1e9),
     ("G", Dimension::MagneticField, 1.0, 1e4),
     ("mG", Dimension::MagneticField, 1.0, 1e7),
 ];

@@ -2,7 +2,8 @@
 //!
 //! A [`FlightRecord`] is everything that an analysis says of one flight: its page can be
 //! drawn from it years later without the log. A [`CampaignRecord`] is the list of flights
-//! of one run. Times are seconds, lengths metres, angles radians unless a name says else.
+//! of one run. A [`BenchRecord`] is everything that a bench says of a sensor, a
+//! [`SensorCard`] what is carried from the bench to the flights. Times are seconds, lengths metres, angles radians unless a name says else.
 //! `None` means that there is no such number, never that it is zero.
 //!
 //! ```
@@ -12,12 +13,23 @@
 //! assert_eq!(serde_json::from_str::<Estimate>(&text).unwrap(), error);
 //! ```
 
+mod bench;
 mod campaign;
+mod card;
 mod flight;
+mod monte_carlo;
 mod replay;
 
+pub use crate::bench::{
+    BenchFindings, BenchLog, BenchOutcome, BenchRecord, ChannelDynamics, ClockFinding, ComponentDynamics, DelayFinding,
+    Finding, FitChecks, Flexibility, GateCheck, HullFinding, Injection, LatencyHistogram, MagnetometerFinding,
+    ModelCandidate, ModelFinding, MountCheck, MountFinding, NoiseFinding, ObjectiveCurve, PpsFinding, QualityGate,
+    ReferenceFinding, ResponseFinding, ResponsePoint, RigUse, Stationarity, TimeBasis, Verdict,
+};
 pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
+pub use crate::card::{CARD_VERSION, CardChannel, CardSource, CardUse, SensorCard, SensorIdentity};
 pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
+pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::replay::{
     AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, PathCurve, ReplayRecord, ReplaySettings,
     StartRule, Zoom,

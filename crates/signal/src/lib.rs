@@ -12,11 +12,13 @@
 mod decimate;
 mod integral;
 mod path;
+mod reference;
 mod statistics;
 mod window;
 
 pub use decimate::{Decimated, min_max};
 pub use integral::CumulativeIntegral;
 pub use path::thin_path;
+pub use reference::Reference;
 pub use statistics::{RmsEstimate, block_jackknife_rms, median_in_place, percentile_of_sorted, robust_sigma};
 pub use window::{Window, largest_sum};

@@ -1,0 +1,606 @@
+//! What a bench says of a sensor: the delay and the dynamics of each of its channels.
+
+use crate::SensorIdentity;
+use crate::flight::InputFile;
+use crate::replay::{Curve, Estimate};
+use flight::{Binding, Clock, Delay, LogHealth, Notices, Quantity, RejectCount, StampKind};
+use serde::{Deserialize, Serialize};
+
+/// The rig file that a record was analysed with.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RigUse {
+    /// Title from the file.
+    pub title: String,
+    /// BLAKE3 of the rig as it is meant (comments and order do not count).
+    pub blake3: String,
+    /// The rig as it is meant, as TOML.
+    pub toml: String,
+}
+
+/// What came of the bench record.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "outcome", rename_all = "kebab-case")]
+pub enum BenchOutcome {
+    /// At least one channel has a delay.
+    Measured,
+    /// The logs were read, but no channel can be measured.
+    NotMeasurable {
+        /// Why, and what would make it so.
+        reason: String,
+    },
+    /// The logs could not be used.
+    Failed {
+        /// File, topic, line or byte, and what is wrong.
+        reason: String,
+    },
+}
+
+/// One log of a bench record.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BenchLog {
+    /// `encoder`, `sensor`, or `encoder and sensor`.
+    pub role: String,
+    /// Its files.
+    pub inputs: Vec<InputFile>,
+    /// How the reading went.
+    pub health: LogHealth,
+    /// What was bound; `None` if no map fits.
+    pub binding: Option<Binding>,
+}
+
+/// Everything found about one bench record. Free of times of day, hosts and folders.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BenchRecord {
+    /// [`crate::RECORD_VERSION`].
+    pub record_version: u32,
+    /// Raised by hand when the analysis gives other numbers.
+    pub analysis_version: u32,
+    /// The sensor on the bench, from the rig file.
+    pub sensor: SensorIdentity,
+    /// With which rig.
+    pub rig: RigUse,
+    /// One or two logs.
+    pub logs: Vec<BenchLog>,
+    /// UTC day of the record, `yyyy-mm-dd`: from the stamps, else from the rig file.
+    pub date: Option<String>,
+    /// What came of it.
+    #[serde(flatten)]
+    pub outcome: BenchOutcome,
+    /// What was found; `None` unless something was measured or at least tried.
+    pub findings: Option<BenchFindings>,
+    /// All notices, in the order in which they were raised.
+    pub notices: Notices,
+}
+
+/// What a bench record shows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BenchFindings {
+    /// Time zero of all `t_s`: a stamp, ns, in the encoder's clock.
+    pub origin_ns: i64,
+    /// The encoder's clock.
+    pub clock: Clock,
+    /// The encoder and the motion made from it.
+    pub reference: ReferenceFinding,
+    /// Whether this swing can show anything at all.
+    pub gate: QualityGate,
+    /// How the sensor's clock was tied to the encoder's.
+    pub clocks: ClockFinding,
+    /// Mount and calibration.
+    pub mount: MountFinding,
+    /// Whether the bar bends.
+    pub flexibility: Finding<Flexibility>,
+    /// Channels, in the order of their names.
+    pub channels: Vec<ChannelDynamics>,
+}
+
+/// A finding, or why there is none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Finding<T> {
+    /// It was found.
+    Found(T),
+    /// It cannot be told from this record: why, and what would make it so.
+    CannotTell(String),
+}
+
+impl<T> Finding<T> {
+    /// The finding, if there is one.
+    pub fn found(&self) -> Option<&T> {
+        match self {
+            Finding::Found(t) => Some(t),
+            Finding::CannotTell(_) => None,
+        }
+    }
+}
+
+/// The encoder, and the reference motion that a four-state smoother made of it (design note 2).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceFinding {
+    /// Channel of the encoder.
+    pub channel: String,
+    /// Samples used.
+    pub samples: u64,
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// From the first to the last sample, s.
+    pub duration_s: f64,
+    /// Counts per revolution that were used: lines times decoding.
+    pub counts_per_rev: f64,
+    /// Where that number comes from, in words: the rig file, or the smallest step seen.
+    pub counts_source: String,
+    /// +1 or −1: which way counts rise.
+    pub sign: f64,
+    /// Where the sign comes from.
+    pub sign_source: String,
+    /// Bar angle at count zero, rad.
+    pub zero_rad: Estimate,
+    /// Where the zero comes from.
+    pub zero_source: String,
+    /// Azimuth of the swing plane from north over east, rad; `None` if no channel needs it.
+    pub azimuth_rad: Option<Estimate>,
+    /// Where the azimuth comes from.
+    pub azimuth_source: String,
+    /// log10 of the spectral density of the white snap, rad²/s⁷, as found by generalised cross-validation.
+    pub log10_q: f64,
+    /// Rms of encoder − smoothed, in counts. 0.289 is a perfect quantiser.
+    pub residual_rms_counts: f64,
+    /// Smoothed standard deviation (median over the record) of angle, rate and acceleration: rad, rad/s, rad/s².
+    pub uncertainty: [f64; 3],
+    /// Largest and smallest bar angle, rad.
+    pub angle_range_rad: [f64; 2],
+    /// Gravity at the site, m/s², and the field that was used, T (north, east, down) with their sources.
+    pub gravity_mps2: f64,
+    /// Where gravity comes from.
+    pub gravity_source: String,
+    /// Magnetic field north, east, down, T; `None` if it was fitted.
+    pub field_t: Option<[f64; 3]>,
+    /// Where the field comes from, with the validity of the model.
+    pub field_source: String,
+    /// Bar angle, rad: encoder and smoothed.
+    pub angle: Vec<Curve>,
+    /// Tangential acceleration L·ξ″, m/s²: smoothed, and the paper's second central difference.
+    pub acceleration: Vec<Curve>,
+}
+
+/// One thing that was asked before any verdict.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GateCheck {
+    /// What was asked, as `swing amplitude`.
+    pub name: String,
+    /// Whether it is as it should be.
+    pub passed: bool,
+    /// Number, limit and what follows, in words.
+    pub text: String,
+}
+
+/// The quality of the record, judged before any verdict (design note 1.6, 3.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct QualityGate {
+    /// What was asked.
+    pub checks: Vec<GateCheck>,
+    /// Band that holds 90 % of the power of the bar's rate, Hz.
+    pub excited_band_hz: [f64; 2],
+    /// Rms frequency of the bar's angle, Hz.
+    pub rms_frequency_hz: f64,
+    /// Full swings (pairs of reversals).
+    pub swings: u64,
+    /// What a planar swing cannot show, whatever the sensor.
+    pub not_observable: Vec<String>,
+}
+
+/// How the stamps of the sensor were tied to the encoder's clock.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClockFinding {
+    /// What all delays are measured against.
+    pub basis: TimeBasis,
+    /// In words: what is absolute and what is relative.
+    pub statement: String,
+    /// Skew of the sensor's clock against the encoder's: seconds gained per second, joint over all channels.
+    pub skew: Finding<Estimate>,
+    /// Lag of the anchor channel against the encoder as logged, s: an offset of the clocks plus the anchor's own delay.
+    pub anchor_lag_s: Option<Estimate>,
+    /// Map from device time to the logger's clock by the lower hull of (device time, arrival − device time).
+    pub hull: Option<HullFinding>,
+    /// Pulse per second, if one was logged.
+    pub pps: Option<PpsFinding>,
+}
+
+/// What a delay is measured against.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "basis")]
+pub enum TimeBasis {
+    /// Encoder and sensor carry stamps of one clock: delays are absolute, up to that clock's own stamping.
+    OneClock,
+    /// A pulse per second ties the device's clock to the encoder's: delays are absolute.
+    Pps,
+    /// Clocks differ: delays are relative to this channel, taken as on time.
+    Anchor {
+        /// Name of the channel.
+        channel: String,
+    },
+}
+
+/// The fastest arrivals as a line (design note 6).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HullFinding {
+    /// Channel whose stamps were used.
+    pub channel: String,
+    /// Device clock.
+    pub device: Clock,
+    /// Clock of the arrival.
+    pub arrival: Clock,
+    /// Arrival less device time at the middle of the record, on the hull, s. It holds the least transport latency.
+    pub offset_s: f64,
+    /// Skew of the device clock, s/s.
+    pub skew: f64,
+    /// Arrival above the hull: how much later than the fastest.
+    pub latency_s: flight::Distribution,
+    /// Where the device's offset of stamps is not monotonic or too few stamps are there, this says so.
+    pub remark: String,
+}
+
+/// Pulses per second as a ruler.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PpsFinding {
+    /// Channel of the pulses.
+    pub channel: String,
+    /// Pulses used.
+    pub pulses: u64,
+    /// Pulses left out, by reason.
+    pub rejected: Vec<RejectCount>,
+    /// Mean skew of the logger's clock against the pulses, s/s.
+    pub skew: Estimate,
+    /// Rms of the pulses about the piecewise-linear map, s.
+    pub residual_rms_s: f64,
+}
+
+/// What a verdict on a delay says (design note 3.7).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The interval excludes zero.
+    Delayed,
+    /// As [`Verdict::Delayed`], but early: the value is stamped before it was true.
+    Early,
+    /// Two one-sided tests: the delay lies within the margin.
+    EquivalentToZero,
+    /// Neither can be said.
+    Inconclusive,
+    /// The delay could not be estimated, or the gate forbids a verdict.
+    NotMeasurable,
+}
+
+/// A delay with everything that says how well it is known.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelayFinding {
+    /// Best value; positive is late.
+    pub delay: Delay,
+    /// Standard uncertainty, s: the larger of the next two.
+    pub standard_uncertainty_s: f64,
+    /// From the Hessian of the generalised least squares, s.
+    pub hessian_s: f64,
+    /// From the heteroscedasticity and autocorrelation consistent sandwich, s.
+    pub hac_s: f64,
+    /// Confidence interval of 95 % (Student), s.
+    pub interval_95_s: [f64; 2],
+    /// Degrees of freedom.
+    pub degrees_of_freedom: f64,
+    /// Cramér–Rao bound at the fitted noise, s.
+    pub crlb_s: f64,
+    /// What a loop sees that reads the held value: delay and mean age of a held sample (design note 3.8).
+    pub as_seen_s: Option<Estimate>,
+    /// What a fit on the held rows would say, if the channel is held.
+    pub held_fit_s: Option<Estimate>,
+    /// Smallest delay that this record would show with a power of 80 %, s: 2.8 standard uncertainties.
+    pub minimum_detectable_s: f64,
+    /// Margin of the equivalence test, s.
+    pub margin_s: f64,
+    /// Record length that would decide, s; only where the verdict is inconclusive.
+    pub deciding_length_s: Option<f64>,
+}
+
+/// Noise about the reference: an Ornstein–Uhlenbeck process plus white noise, in the channel's unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct NoiseFinding {
+    /// Standard deviation of the part that wanders; zero if the fit found none.
+    pub wander_std: f64,
+    /// Its correlation time, s.
+    pub time_constant_s: f64,
+    /// Standard deviation of the white part.
+    pub white_std: f64,
+    /// Robust standard deviation while the bar stands still; `None` without such a stretch.
+    pub static_std: Option<f64>,
+    /// Smallest step between different values.
+    pub resolution: Option<f64>,
+}
+
+/// One component of a channel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ComponentDynamics {
+    /// Its name, such as `north`, or `swing angle` for an attitude.
+    pub name: String,
+    /// Unit for people, such as `m/s`.
+    pub unit: String,
+    /// Whether the swing moves it enough to count in the delay.
+    pub excited: bool,
+    /// Why not, in words; empty if excited.
+    pub why_not: String,
+    /// Measured over reference.
+    pub gain: Option<Estimate>,
+    /// Measured less reference, unit.
+    pub offset: Option<Estimate>,
+    /// Drift of the offset, unit per second.
+    pub drift: Option<Estimate>,
+    /// Noise.
+    pub noise: Option<NoiseFinding>,
+    /// What this component alone says of the delay, s.
+    pub delay_s: Option<Estimate>,
+    /// Reference at the true time, reference delayed as found, measured: over the whole record.
+    pub curves: Vec<Curve>,
+    /// The same over a few swings, not decimated.
+    pub zoom: Vec<Curve>,
+    /// Measured − fitted, unit.
+    pub residual: Option<Curve>,
+}
+
+/// Which kind of lateness it is (design note 3.6).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelFinding {
+    /// The candidates that were fitted.
+    pub candidates: Vec<ModelCandidate>,
+    /// Name of the chosen one, or `None` where they cannot be told apart.
+    pub chosen: Option<String>,
+    /// In words, with ΔBIC: the choice or `not distinguished` and between which.
+    pub text: String,
+    /// Delay plus lags of the best candidate: the group delay at low frequency, s; known far better than the parts.
+    pub sum_s: Estimate,
+}
+
+/// A delay, a lag, or both.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelCandidate {
+    /// `D` delay, `L` first-order lag, `DL` both, `DLL` delay and two lags.
+    pub name: String,
+    /// Bayesian information criterion less that of the best.
+    pub delta_bic: f64,
+    /// Delay, s; zero by definition for `L`.
+    pub delay_s: Option<Estimate>,
+    /// Lags, s.
+    pub lags_s: Vec<Estimate>,
+    /// Gain of the first excited component.
+    pub gain: Estimate,
+}
+
+/// One frequency of a response, H1 = Sxy/Sxx (design note 9).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ResponsePoint {
+    /// Hz.
+    pub frequency_hz: f64,
+    /// Measured over reference.
+    pub gain: f64,
+    /// Half width of its 95 % interval.
+    pub gain_u95: f64,
+    /// rad, unwrapped; negative is late.
+    pub phase_rad: f64,
+    /// Half width of its 95 % interval, rad.
+    pub phase_u95: f64,
+    /// Magnitude-squared coherence, 0 to 1.
+    pub coherence: f64,
+    /// Coherence above 0.6 and reference power above 1 % of the peak: the only points to rely on.
+    pub reliable: bool,
+}
+
+/// Frequency response of one component.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResponseFinding {
+    /// Component that was used: the one with the most signal.
+    pub component: String,
+    /// Length of a segment, s, and effective number of averages.
+    pub segment_s: f64,
+    /// Effective number of averages.
+    pub averages: f64,
+    /// Points from low to high.
+    pub points: Vec<ResponsePoint>,
+    /// Phase of the fitted model at the same frequencies, rad.
+    pub model_phase_rad: Vec<f64>,
+    /// Gain of the fitted model.
+    pub model_gain: Vec<f64>,
+    /// −3 dB bandwidth of the fitted model, in words with its number: `> 1.9 Hz` if beyond the last reliable point.
+    pub bandwidth: String,
+    /// −3 dB bandwidth, Hz, if within the excited band.
+    pub bandwidth_hz: Option<f64>,
+}
+
+/// The fit looked at from outside.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FitChecks {
+    /// Autocorrelation of the whitened residuals: lags 1 to n, in samples.
+    pub autocorrelation: Vec<f64>,
+    /// Half width of its 95 % band for white residuals.
+    pub autocorrelation_u95: f64,
+    /// p of Ljung and Box over these lags.
+    pub ljung_box_p: f64,
+    /// Kurtosis of the whitened residuals; 3 for Gaussian.
+    pub kurtosis: f64,
+    /// Share of samples that the robust weights held back, 0 to 1.
+    pub downweighted_share: f64,
+    /// Objective over delay: −2 log likelihood above its least, noise as fitted.
+    pub objective: ObjectiveCurve,
+    /// Another minimum nearly as good, s: the delay is ambiguous by a swing.
+    pub second_minimum_s: Option<f64>,
+}
+
+/// The objective that was minimised.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ObjectiveCurve {
+    /// Over the search range: delay, s.
+    pub delay_s: Vec<f64>,
+    /// And the objective there.
+    pub value: Vec<f64>,
+    /// Close to the minimum: delay, s.
+    pub near_delay_s: Vec<f64>,
+    /// And the objective there.
+    pub near_value: Vec<f64>,
+}
+
+/// The delay over the record (design note 9).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stationarity {
+    /// Windows of this length, half overlapping, s.
+    pub window_s: f64,
+    /// Middle of each window, s.
+    pub t_s: Vec<f64>,
+    /// Delay in each, s.
+    pub delay_s: Vec<Estimate>,
+    /// p of the hypothesis that the delay is constant, from windows that do not overlap.
+    pub constant_p: f64,
+    /// Slope, s/s: a clock's skew, or a queue that fills.
+    pub slope: Estimate,
+    /// In words.
+    pub text: String,
+}
+
+/// Arrival less device time, where both are logged.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LatencyHistogram {
+    /// In words: which stamps, and whether the number is absolute or above the fastest.
+    pub text: String,
+    /// Edges of the bins, s; one more than counts.
+    pub edges_s: Vec<f64>,
+    /// Samples in each bin.
+    pub counts: Vec<u64>,
+    /// Samples beyond the last edge.
+    pub beyond: u64,
+    /// Order statistics, s.
+    pub latency_s: flight::Distribution,
+}
+
+/// One extra delay and gain put into the real data, and found again (design note 4, user wants 7).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Injection {
+    /// Delay added, s.
+    pub injected_s: f64,
+    /// Gain multiplied.
+    pub injected_gain: f64,
+    /// Recovered − injected, s.
+    pub delay_error_s: Estimate,
+    /// Recovered − injected.
+    pub gain_error: Estimate,
+}
+
+/// Dynamics of one channel against the reference motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelDynamics {
+    /// Name, such as `position.ins`.
+    pub name: String,
+    /// What it holds.
+    pub quantity: Quantity,
+    /// Which stamps its delay is measured with.
+    pub stamp_kind: StampKind,
+    /// Clock of these stamps as logged.
+    pub clock: Clock,
+    /// What the delay is measured against.
+    pub basis: TimeBasis,
+    /// Rows of the channel, less held repeats.
+    pub samples: u64,
+    /// Rows not used by the fit, by reason.
+    pub rejected: Vec<RejectCount>,
+    /// Rows per second.
+    pub rate_hz: Option<f64>,
+    /// Updates per second: rows less held repeats.
+    pub update_rate_hz: Option<f64>,
+    /// Repeats of held values.
+    pub held_rows: u64,
+    /// Verdict on the delay.
+    pub verdict: Verdict,
+    /// The verdict in a sentence, with the number that made it.
+    pub reason: String,
+    /// Predicted standard uncertainty before the fit, from swing, rate and noise, s (design note 3.1).
+    pub predicted_s: Option<f64>,
+    /// The delay.
+    pub delay: Option<DelayFinding>,
+    /// Its components.
+    pub components: Vec<ComponentDynamics>,
+    /// Delay or lag.
+    pub model: Finding<ModelFinding>,
+    /// Frequency response.
+    pub response: Finding<ResponseFinding>,
+    /// Checks of the fit.
+    pub checks: Option<FitChecks>,
+    /// Delay over the record.
+    pub stationarity: Finding<Stationarity>,
+    /// Jitter of the latency from residuals against slope (design note 3.9), s.
+    pub jitter_s: Finding<Estimate>,
+    /// Latency where device time and arrival are logged.
+    pub latency: Option<LatencyHistogram>,
+    /// Injection and recovery.
+    pub injections: Vec<Injection>,
+}
+
+/// A number from the data beside what the rig file says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MountCheck {
+    /// What, as `lever arm z of imu`.
+    pub name: String,
+    /// Unit for people.
+    pub unit: String,
+    /// From the data, or why not.
+    pub fitted: Finding<Estimate>,
+    /// From the rig file, if it says so.
+    pub stated: Option<f64>,
+    /// Whether they agree (within three standard uncertainties and the check's tolerance); `None` if either is missing.
+    pub agrees: Option<bool>,
+    /// In words.
+    pub text: String,
+}
+
+/// Mount and calibration (design note 1.6).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MountFinding {
+    /// `upright`, `hanging`: as the data say.
+    pub detected: Finding<String>,
+    /// As the rig file says.
+    pub stated: String,
+    /// Everything compared.
+    pub checks: Vec<MountCheck>,
+    /// Magnetometer.
+    pub magnetometer: Finding<MagnetometerFinding>,
+}
+
+/// Hard and soft iron, as far as the azimuths of the records show them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MagnetometerFinding {
+    /// `planar` (one azimuth) or `full` (three or more).
+    pub kind: String,
+    /// Azimuths that were swung in.
+    pub azimuths: u64,
+    /// Hard iron, in the channel's unit, body x, y, z.
+    pub hard_iron: [Finding<Estimate>; 3],
+    /// Soft iron and scale, row by row, body; identity for a perfect sensor.
+    pub soft_iron: Vec<[f64; 3]>,
+    /// Rms of what is left, in the channel's unit.
+    pub residual_rms: f64,
+    /// Size of the field found over the model's; `None` without a model.
+    pub magnitude_ratio: Option<Estimate>,
+    /// Dip found less the model's, rad.
+    pub dip_error_rad: Option<Estimate>,
+    /// In words.
+    pub text: String,
+}
+
+/// Whether the bar bends (design note 1.6).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Flexibility {
+    /// Gain of position and velocity.
+    pub translation_gain: Estimate,
+    /// Gain of attitude, rate and magnetic field.
+    pub rotation_gain: Estimate,
+    /// (rotation − 1)/(translation − 1): 1.38 to 1.50 for a bar that bends.
+    pub ratio: Finding<Estimate>,
+    /// First mode, Hz.
+    pub first_mode_hz: Finding<Estimate>,
+    /// What the rig file expects, Hz.
+    pub expected_hz: Option<f64>,
+    /// In words: the bar bends, the sensor's scale is off, or neither can be told.
+    pub text: String,
+}
