@@ -11,9 +11,23 @@ default:
 campaign flights *options:
     @cargo run --release --quiet -p flightlag -- campaign "$@"
 
-# Simulate a campaign whose truth is known, and report on it
+# From bench records of one sensor to its card and pages: just bench RECORD... [--rig R] [--out DIR] ...
+[no-exit-message]
+bench +records:
+    @cargo run --release --quiet -p flightlag -- bench "$@"
+
+# Simulate flights and bench records whose truth is known, and report on them
 demo folder="reports/demo":
     @cargo run --release -p flightlag -- demo "$1" --run
+
+# The bench on simulated records of one sensor, each with its rig file beside it
+bench-demo folder="reports/demo":
+    @cargo run --release --quiet -p flightlag -- demo "$1" --quiet
+    @cargo run --release --quiet -p flightlag -- bench "$1"/bench/gps-*.mcap "$1"/bench/gps-*.bag "$1"/bench/gps-*.csv "$1"/bench/hanging.mcap --out "$1"/bench-report/sim-0001
+
+# How well the bench's estimators do over simulated benches: rms against the bound, coverage, false verdicts
+monte-carlo *options:
+    cargo run --release -p whole --example monte_carlo -- "$@"
 
 # What a log holds, and how good its time stamps are
 [no-exit-message]
@@ -30,7 +44,7 @@ check:
 
 # Accept changed generated files (JSON schemas) after reading the diff
 bless:
-    FLIGHTLAG_BLESS=1 cargo test -p ingest -p campaign schema
+    FLIGHTLAG_BLESS=1 cargo test -p ingest -p campaign -p bench-analysis schema
     git diff --stat
 
 # Renew the page in reports/specimen from a fresh demo

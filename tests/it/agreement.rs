@@ -3,7 +3,7 @@
 use flight::{Channel, Flight, Stamp, StampKind};
 use ingest::{Limits, Loaded, MapLibrary, ReadContext};
 use simulate::{
-    BagCompression, BagSettings, Container, FlightSettings, McapCompression, McapEncoding, McapSettings,
+    BagCompression, BagSettings, Container, FlightSettings, LogFile, McapCompression, McapEncoding, McapSettings,
     SensorSettings, SimulatedFlight,
 };
 use std::fs;
@@ -17,7 +17,7 @@ fn flight() -> SimulatedFlight {
 }
 
 /// All containers that keep every stamp of every topic.
-fn containers() -> Vec<Container> {
+pub fn containers() -> Vec<Container> {
     use {BagCompression as B, McapCompression as C, McapEncoding as E};
     let mcap = |encoding, compression, summary| Container::Mcap(McapSettings { encoding, compression, summary });
     let mut all = vec![Container::CsvFolder];
@@ -32,24 +32,28 @@ fn containers() -> Vec<Container> {
     all
 }
 
-/// Writes the flight, finds it and reads it, as a campaign does.
 fn through(container: Container, simulated: &SimulatedFlight) -> Loaded {
+    read_back(&container.files(simulated, "flight").unwrap(), &format!("{container:?}"))
+}
+
+/// Writes the files of a log, finds it and reads it, as a campaign does. `what` is for messages.
+pub fn read_back(files: &[LogFile], what: &str) -> Loaded {
     let folder = tempfile::tempdir().unwrap();
-    for file in container.files(simulated, "flight").unwrap() {
+    for file in files {
         let path = folder.path().join(&file.path);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, file.bytes).unwrap();
+        fs::write(path, &file.bytes).unwrap();
     }
     let library = MapLibrary::shipped().unwrap();
     let found = ingest::discover(folder.path(), &library).unwrap();
-    assert_eq!((found.units.len(), found.ignored.len()), (1, 0), "{container:?}: {found:?}");
+    assert_eq!((found.units.len(), found.ignored.len()), (1, 0), "{what}: {found:?}");
     let cancel = AtomicBool::new(false);
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
-    ingest::load(&found.units[0], &library, None, &context).unwrap_or_else(|e| panic!("{container:?}: {e}"))
+    ingest::load(&found.units[0], &library, None, &context).unwrap_or_else(|e| panic!("{what}: {e}"))
 }
 
 /// Everything measured in a channel: stamps, and values as bits.
-type Measured = (Vec<Stamp>, Vec<Vec<u64>>, Vec<bool>, Option<Vec<Stamp>>);
+pub type Measured = (Vec<Stamp>, Vec<Vec<u64>>, Vec<bool>, Option<Vec<Stamp>>);
 
 fn measured(channel: &Channel) -> Measured {
     let bits = channel.series.components().iter().map(|values| values.iter().map(|v| v.to_bits()).collect()).collect();
@@ -57,7 +61,7 @@ fn measured(channel: &Channel) -> Measured {
     (channel.series.timeline().stamps().to_vec(), bits, channel.held.clone(), logged)
 }
 
-fn channels(flight: &Flight) -> Vec<(&str, Measured)> {
+pub fn channels(flight: &Flight) -> Vec<(&str, Measured)> {
     flight.channels.iter().map(|(name, channel)| (name.as_str(), measured(channel))).collect()
 }
 

@@ -3,6 +3,7 @@
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 
 mod agreement;
+mod bench;
 mod campaign;
 mod command;
 mod program;

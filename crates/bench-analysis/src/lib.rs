@@ -1,1 +1,48 @@
 //! From encoder counts to the delay and the dynamics of each channel of a sensor.
+
+mod card;
+mod bench;
+mod channel;
+mod clock;
+mod curves;
+mod gate;
+mod injection;
+mod response;
+mod alignment;
+mod encoder;
+mod flexibility;
+mod gravity;
+mod kinematics;
+mod magnetic;
+mod magnetometer;
+mod motion;
+mod mount;
+mod pattern;
+mod references;
+mod rig;
+mod rig_file;
+mod sensor_rows;
+mod surroundings;
+mod verdict;
+
+pub use crate::bench::{Bench, BenchInput, BenchRefusal, bench};
+pub use crate::card::{CardError, CardTerms, Combined, card_text, combine, identity_conflict, parse_card, sensor_name};
+pub use crate::alignment::{Alignment, align};
+pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
+pub use crate::flexibility::{bending_response, first_mode_of_gain, flexibility};
+pub use crate::gravity::{STANDARD_GRAVITY_MPS2, normal_gravity};
+pub use crate::kinematics::{
+    BarState, EARTH_RATE, Sensed, acceleration, angular_rate, attitude, euler, magnetic_field, ned_from_body, position,
+    rotation, specific_force, swing_angle, swing_azimuth, velocity, wrapped,
+};
+pub use crate::magnetic::{MagneticModel, ModelField, decimal_year, model_field};
+pub use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
+pub use crate::motion::Motion;
+pub use crate::mount::mount_finding;
+pub use crate::references::{ChannelReference, ComponentReference, References};
+pub use crate::rig::{
+    AnalysisRule, Bar, ClockRule, DEFAULT_RIG, EncoderRule, FieldRule, Mount, MountKind, Rig, RigError, Site,
+    StampChoice,
+};
+pub use crate::rig_file::rig_schema;
+pub use crate::surroundings::{Surroundings, place_of};

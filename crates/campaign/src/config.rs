@@ -4,9 +4,11 @@
 //! What is meant, not what is written, names the results: a comment or a default spelled out
 //! changes nothing.
 
-use compensation_replay::Settings;
-use flight::Delay;
-use record::{PipelineUse, StartRule};
+use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
+use crate::delay::{Case, DelayRule};
+use compensation_replay::{Settings, pick_pair};
+use flight::{Binding, Delay, Flight, Notices};
+use record::{PipelineUse, SensorIdentity, StartRule};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -44,8 +46,12 @@ struct Written {
     /// Name of this kind of campaign, for the pages.
     #[serde(default = "default_title")]
     title: String,
-    /// The delay that is removed.
-    delay: WrittenDelay,
+    /// The delay that is removed: `position_s`, `card` or `cards`.
+    #[schemars(with = "WrittenDelay")]
+    delay: Spanned<WrittenDelay>,
+    /// The sensor of these flights, to find its card by.
+    #[schemars(with = "Option<WrittenSensor>")]
+    sensor: Option<Spanned<WrittenSensor>>,
     /// Which channels of a flight are used: the first of each list that the flight holds.
     #[serde(default)]
     channels: WrittenChannels,
@@ -61,14 +67,47 @@ struct Written {
 #[serde(deny_unknown_fields)]
 struct WrittenDelay {
     /// How late position is against velocity, s; positive means late.
-    #[schemars(with = "f64", extend("exclusiveMinimum" = 0.0), range(max = 10.0))]
-    position_s: Spanned<f64>,
-    /// Its standard uncertainty (k = 1), s; leave out if it is not known.
+    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 10.0))]
+    position_s: Option<Spanned<f64>>,
+    /// With `position_s`: its standard uncertainty (k = 1), s; leave out if it is not known.
     #[schemars(with = "Option<f64>")]
     standard_uncertainty_s: Option<Spanned<f64>>,
-    /// Where the number comes from, in words; it is printed on every page.
-    #[schemars(with = "String")]
-    source: Spanned<String>,
+    /// With `position_s`: where the number comes from, in words; it is printed on every page.
+    #[schemars(with = "Option<String>")]
+    source: Option<Spanned<String>>,
+    /// Sensor card of `flightlag bench` that holds the delay, relative to this file.
+    #[schemars(with = "Option<PathBuf>")]
+    card: Option<Spanned<PathBuf>>,
+    /// Folder of sensor cards (`*.card.toml`), relative to this file: that of `[sensor]` is looked for, and each
+    /// flight takes the one that is valid on its day.
+    #[schemars(with = "Option<PathBuf>")]
+    cards: Option<Spanned<PathBuf>>,
+    /// Cards that must be found, each with this content and no other.
+    #[schemars(with = "Option<Vec<Pin>>")]
+    pin: Option<Spanned<Vec<Pin>>>,
+}
+
+/// Which sensor; what is left out is not compared.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct WrittenSensor {
+    /// Maker and model, as on the card.
+    model: String,
+    /// Serial number.
+    serial: Option<String>,
+    /// Firmware.
+    firmware: Option<String>,
+    /// Baud rate of its link.
+    baud: Option<u32>,
+    /// Whatever else changes its latency.
+    configuration: Option<String>,
+}
+
+impl From<WrittenSensor> for SensorIdentity {
+    fn from(written: WrittenSensor) -> SensorIdentity {
+        let WrittenSensor { model, serial, firmware, baud, configuration } = written;
+        SensorIdentity { model, serial, firmware, baud, configuration }
+    }
 }
 
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -145,17 +184,28 @@ struct Meant {
     schema: u32,
     title: String,
     delay: MeantDelay,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sensor: Option<SensorIdentity>,
     channels: MeantChannels,
     replay: MeantReplay,
     maps: MeantMaps,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 struct MeantDelay {
-    position_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    position_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     standard_uncertainty_s: Option<f64>,
-    source: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    source: Option<String>,
+    /// Name without its folder: where a card lies is no part of the meaning, what is in it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    card: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cards: Option<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pin: Vec<Pin>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -186,7 +236,7 @@ struct MeantMaps {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pipeline {
     meant: Meant,
-    delay: Delay,
+    delay: DelayRule,
     maps_folder: Option<PathBuf>,
     file_name: String,
 }
@@ -210,13 +260,23 @@ impl Pipeline {
         Pipeline::parse(DEFAULT_PIPELINE, Path::new("default.toml"))
     }
 
-    /// Reads a pipeline from `text`; `path` is for errors and for paths relative to the file.
+    /// Reads a pipeline from `text`; `path` is for errors and for paths relative to the file. Sensor cards are
+    /// read along with it.
     ///
     /// # Errors
     /// As [`Pipeline::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Pipeline, PipelineError> {
+        Pipeline::parse_with(text, path, Shelf::Disk)
+    }
+
+    /// A pipeline as a manifest holds it: its cards come from there, not from files.
+    pub(crate) fn of_manifest(text: &str, cards: &[CardFile]) -> Result<Pipeline, PipelineError> {
+        Pipeline::parse_with(text, Path::new("manifest"), Shelf::Manifest(cards))
+    }
+
+    fn parse_with(text: &str, path: &Path, shelf: Shelf<'_>) -> Result<Pipeline, PipelineError> {
         let written: Written = toml::from_str(text).map_err(|e| from_toml(&e, text, path))?;
-        Checker { text, path }.meaning_of(written)
+        Checker { text, path, shelf }.meaning_of(written)
     }
 
     /// The same pipeline with another map forced on every flight.
@@ -262,24 +322,52 @@ impl Pipeline {
         }
     }
 
-    /// The settings of the replay.
-    #[must_use]
-    pub fn replay_settings(&self) -> Settings {
-        let Meant { delay, channels, replay, .. } = self.meant.clone();
-        Settings {
-            delay: self.delay,
-            delay_uncertainty_s: delay.standard_uncertainty_s,
-            delay_source: delay.source,
-            start: replay.start,
-            bridge_s: replay.bridge_s,
-            min_speed_mps: replay.min_speed_mps,
-            zoom_s: replay.zoom_s,
-            output_rate_hz: replay.output_rate_hz,
-            position: channels.position,
-            velocity: channels.velocity,
-            reference: channels.reference,
-        }
+    /// The sensor cards that delays are taken from.
+    pub(crate) fn card_files(&self) -> Vec<CardFile> {
+        self.delay.cards().iter().map(UsedCard::file).collect()
     }
+
+    /// Names of all channels that are asked for.
+    pub(crate) fn channel_names(&self) -> impl Iterator<Item = &str> {
+        let MeantChannels { position, velocity, reference } = &self.meant.channels;
+        position.iter().chain(velocity).chain(reference).map(String::as_str)
+    }
+
+    /// The settings of the replay of one flight. With sensor cards the delay depends on its channels and its day;
+    /// what is doubtful about that is in the notices.
+    ///
+    /// # Errors
+    /// Why this flight has no delay to remove, in words.
+    pub(crate) fn settings_for(&self, case: &FlightCase<'_>) -> Result<(Settings, Notices), String> {
+        let MeantChannels { position, velocity, reference } = self.meant.channels.clone();
+        let [position_picked, velocity_picked] =
+            pick_pair(case.flight, &position, &velocity).map_err(|refusal| refusal.to_string())?;
+        let case =
+            Case { flight: case.flight, binding: case.binding, position: position_picked, velocity: velocity_picked };
+        let found = self.delay.of(&case)?;
+        let MeantReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz } = self.meant.replay.clone();
+        let settings = Settings {
+            delay: found.delay,
+            delay_uncertainty_s: found.standard_uncertainty_s,
+            delay_source: found.source,
+            card: found.card,
+            start,
+            bridge_s,
+            min_speed_mps,
+            zoom_s,
+            output_rate_hz,
+            position,
+            velocity,
+            reference,
+        };
+        Ok((settings, found.notices))
+    }
+}
+
+/// A flight and what was bound in it.
+pub(crate) struct FlightCase<'a> {
+    pub(crate) flight: &'a Flight,
+    pub(crate) binding: &'a Binding,
 }
 
 /// The JSON schema of a pipeline file, as text.
@@ -319,6 +407,7 @@ fn flatten(table: &toml::Table) -> std::collections::BTreeMap<String, String> {
 struct Checker<'a> {
     text: &'a str,
     path: &'a Path,
+    shelf: Shelf<'a>,
 }
 
 impl Checker<'_> {
@@ -326,41 +415,155 @@ impl Checker<'_> {
         if *written.schema.get_ref() != 1 {
             return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
         }
-        let delay = self.delay(&written.delay)?;
+        let sensor = written.sensor.map(|s| self.sensor(s)).transpose()?;
+        let (rule, delay) = self.delay(&written.delay, sensor.as_ref())?;
         let meant = Meant {
             schema: 1,
             title: written.title,
+            delay,
+            sensor: sensor.map(Spanned::into_inner),
             channels: self.channels(written.channels)?,
             replay: self.replay(&written.replay)?,
-            delay: self.delay_in_words(written.delay)?,
             maps: MeantMaps { force: written.maps.force },
         };
-        let beside = self.path.parent().unwrap_or(Path::new(""));
         let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Pipeline { meant, delay, maps_folder: written.maps.folder.map(|f| beside.join(f)), file_name })
+        let maps_folder = written.maps.folder.map(|f| self.beside(&f));
+        Ok(Pipeline { meant, delay: rule, maps_folder, file_name })
     }
 
-    fn delay(&self, written: &WrittenDelay) -> Result<Delay, PipelineError> {
-        let seconds = *written.position_s.get_ref();
-        let can_be_removed = seconds > 0.0 && seconds <= LONGEST_DELAY_S;
-        Delay::from_seconds(seconds).filter(|_| can_be_removed).ok_or_else(|| {
-            let what = "a delay is in seconds, above 0 (only a late position can be compensated) and up to 10";
-            self.fault(&written.position_s, format!("delay.position_s = {seconds}: {what}"))
-        })
+    /// A path relative to the pipeline file.
+    fn beside(&self, path: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
     }
 
-    fn delay_in_words(&self, written: WrittenDelay) -> Result<MeantDelay, PipelineError> {
-        if written.source.get_ref().trim().is_empty() {
-            return Err(self.fault(&written.source, "delay.source must say where the delay comes from"));
+    fn sensor(&self, written: Spanned<WrittenSensor>) -> Result<Spanned<SensorIdentity>, PipelineError> {
+        if written.get_ref().model.trim().is_empty() {
+            return Err(self.fault(&written, "sensor.model must say which sensor it is"));
         }
-        let uncertainty = written.standard_uncertainty_s.as_ref();
-        let standard_uncertainty_s =
-            uncertainty.map(|u| self.within(u, "delay.standard_uncertainty_s", 0.0, LONGEST_DELAY_S)).transpose()?;
-        Ok(MeantDelay {
-            position_s: plain_zero(*written.position_s.get_ref()),
+        let span = written.span();
+        Ok(Spanned::new(span, written.into_inner().into()))
+    }
+
+    /// Exactly one of the three ways to give a delay.
+    fn delay(
+        &self,
+        written: &Spanned<WrittenDelay>,
+        sensor: Option<&Spanned<SensorIdentity>>,
+    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+        let delay = written.get_ref();
+        match (&delay.position_s, &delay.card, &delay.cards) {
+            (Some(seconds), None, None) => self.stated(seconds, written, sensor),
+            (None, Some(card), None) => self.of_card(card, delay, sensor),
+            (None, None, Some(folder)) => self.of_folder(folder, delay, sensor),
+            (None, None, None) => {
+                let what = "[delay] must say which delay is removed: `position_s` (a number), `card` (a sensor card) or \
+                            `cards` (a folder of sensor cards)";
+                Err(self.fault(written, what))
+            }
+            _ => Err(self.fault(written, "[delay] must give one of `position_s`, `card` and `cards`, and no more")),
+        }
+    }
+
+    fn stated(
+        &self,
+        position_s: &Spanned<f64>,
+        written: &Spanned<WrittenDelay>,
+        sensor: Option<&Spanned<SensorIdentity>>,
+    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+        let WrittenDelay { standard_uncertainty_s, source, pin, .. } = written.get_ref();
+        if let Some(sensor) = sensor {
+            return Err(self.fault(sensor, "[sensor] looks for a card: it stands beside delay.card or delay.cards"));
+        }
+        if let Some(pin) = pin {
+            return Err(self.fault(pin, "delay.pin is for sensor cards, not beside position_s"));
+        }
+        let seconds = *position_s.get_ref();
+        let can_be_removed = seconds > 0.0 && seconds <= LONGEST_DELAY_S;
+        let delay = Delay::from_seconds(seconds).filter(|_| can_be_removed).ok_or_else(|| {
+            let what = "a delay is in seconds, above 0 (only a late position can be compensated) and up to 10";
+            self.fault(position_s, format!("delay.position_s = {seconds}: {what}"))
+        })?;
+        let source = source.as_ref().ok_or_else(|| self.fault(written, "missing key `source` beside position_s"))?;
+        if source.get_ref().trim().is_empty() {
+            return Err(self.fault(source, "delay.source must say where the delay comes from"));
+        }
+        let within = |u| self.within(u, "delay.standard_uncertainty_s", 0.0, LONGEST_DELAY_S);
+        let standard_uncertainty_s = standard_uncertainty_s.as_ref().map(within).transpose()?;
+        let source = source.get_ref().clone();
+        let meant = MeantDelay {
+            position_s: Some(plain_zero(seconds)),
             standard_uncertainty_s,
-            source: written.source.into_inner(),
-        })
+            source: Some(source.clone()),
+            ..MeantDelay::default()
+        };
+        Ok((DelayRule::Stated { delay, standard_uncertainty_s, source }, meant))
+    }
+
+    /// A number beside a card would leave open which of the two holds.
+    fn no_number_beside_card(&self, delay: &WrittenDelay) -> Result<(), PipelineError> {
+        let what = "comes from the sensor card: leave it out";
+        if let Some(given) = &delay.standard_uncertainty_s {
+            return Err(self.fault(given, format!("delay.standard_uncertainty_s {what}")));
+        }
+        match &delay.source {
+            Some(given) => Err(self.fault(given, format!("delay.source {what}"))),
+            None => Ok(()),
+        }
+    }
+
+    fn of_card(
+        &self,
+        card: &Spanned<PathBuf>,
+        delay: &WrittenDelay,
+        sensor: Option<&Spanned<SensorIdentity>>,
+    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+        self.no_number_beside_card(delay)?;
+        let found = self.shelf.card(&self.beside(card.get_ref()));
+        let found = found.map_err(|what| self.fault(card, format!("delay.card: {what}")))?;
+        if let Some((sensor, conflict)) = sensor.and_then(|s| Some((s, found.conflict(s.get_ref())?))) {
+            let what = format!("[sensor] is not that of {}, first here, then there: {conflict}", found.name());
+            return Err(self.fault(sensor, what));
+        }
+        let meant = MeantDelay { card: Some(found.name().to_owned()), ..MeantDelay::default() };
+        self.pinned(vec![found], delay, meant)
+    }
+
+    fn of_folder(
+        &self,
+        folder: &Spanned<PathBuf>,
+        delay: &WrittenDelay,
+        sensor: Option<&Spanned<SensorIdentity>>,
+    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+        self.no_number_beside_card(delay)?;
+        let Some(sensor) = sensor else {
+            return Err(
+                self.fault(folder, "delay.cards needs [sensor]: with a model at least, to know which card to take")
+            );
+        };
+        let path = self.beside(folder.get_ref());
+        let at_folder = |what: String| self.fault(folder, format!("delay.cards: {what}"));
+        let all = self.shelf.cards(&path).map_err(at_folder)?;
+        let found = chosen(all, sensor.get_ref()).map_err(|what| self.fault(sensor, format!("[sensor]: {what}")))?;
+        let name = path.file_name().map_or_else(|| "cards".to_owned(), |n| n.to_string_lossy().into_owned());
+        let meant = MeantDelay { cards: Some(name), ..MeantDelay::default() };
+        self.pinned(found, delay, meant)
+    }
+
+    /// The cards that were found are what is meant, whatever the file says; if it says so, they must be these.
+    fn pinned(
+        &self,
+        cards: Vec<UsedCard>,
+        delay: &WrittenDelay,
+        meant: MeantDelay,
+    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+        let pin: Vec<Pin> = cards.iter().map(UsedCard::pin).collect();
+        match &delay.pin {
+            Some(stated) if !crate::cards::same_pins(stated.get_ref(), &pin) => {
+                let found: Vec<String> = pin.iter().map(|p| format!("{} with {}", p.file, p.blake3)).collect();
+                Err(self.fault(stated, format!("delay.pin names other cards than were found: {}", found.join(", "))))
+            }
+            _ => Ok((DelayRule::Cards(cards), MeantDelay { pin, ..meant })),
+        }
     }
 
     fn channels(&self, written: WrittenChannels) -> Result<MeantChannels, PipelineError> {
@@ -441,6 +644,7 @@ fn plain_zero(v: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::delay::tests::example_card;
 
     fn parse(text: &str) -> Result<Pipeline, PipelineError> {
         Pipeline::parse(text, Path::new("settings/p.toml"))
@@ -452,11 +656,17 @@ mod tests {
     fn every_shipped_pipeline_is_right_and_names_its_source() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines");
         let files = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-        let pipelines: Vec<PathBuf> = files.filter(|p| p.extension().is_some_and(|e| e == "toml")).collect();
+        let is_pipeline = |p: &PathBuf| {
+            let name = p.file_name().unwrap().to_string_lossy().into_owned();
+            name.ends_with(".toml") && !name.ends_with(".rig.toml") && !name.ends_with(".card.toml")
+        };
+        let pipelines: Vec<PathBuf> = files.filter(is_pipeline).collect();
         assert!(pipelines.len() >= 3, "{pipelines:?}");
         for path in pipelines {
-            let pipeline = Pipeline::read(&path).unwrap();
-            assert!(!pipeline.replay_settings().delay_source.is_empty(), "{}", path.display());
+            match Pipeline::read(&path).unwrap().delay {
+                DelayRule::Stated { source, .. } => assert!(!source.is_empty(), "{}", path.display()),
+                DelayRule::Cards(cards) => assert!(!cards.is_empty(), "{}", path.display()),
+            }
         }
     }
 
@@ -513,6 +723,108 @@ mod tests {
         let is = parse(&SMALL.replace("0.4", "0.35")).unwrap().as_used().toml;
         let changed = differences(&was, &is);
         assert_eq!(changed, ["delay.position_s: was 0.4, is 0.35"]);
+    }
+
+    /// A folder with cards of two sensors, the pipeline's path in it, and the texts of the cards.
+    fn cards() -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("shelf")).unwrap();
+        for (file, serial) in [("a.card.toml", "1"), ("b.card.toml", "2")] {
+            std::fs::write(folder.path().join("shelf").join(file), example_card(serial, "2026-01-01")).unwrap();
+        }
+        std::fs::write(folder.path().join("shelf/notes.txt"), "no card").unwrap();
+        let pipeline = folder.path().join("p.toml");
+        (folder, pipeline)
+    }
+
+    #[test]
+    fn a_delay_is_given_in_one_way_and_no_other() {
+        let (_folder, path) = cards();
+        for (delay, says) in [
+            ("", "must say which delay"),
+            ("position_s = 0.4\nsource = \"s\"\ncard = \"shelf/a.card.toml\"", "no more"),
+            ("card = \"shelf/a.card.toml\"\ncards = \"shelf\"", "no more"),
+            ("position_s = 0.4", "missing key `source`"),
+            ("card = \"shelf/a.card.toml\"\nsource = \"s\"", "comes from the sensor card"),
+            ("card = \"shelf/a.card.toml\"\nstandard_uncertainty_s = 0.1", "comes from the sensor card"),
+            ("cards = \"shelf\"", "needs [sensor]"),
+        ] {
+            let error = Pipeline::parse(&format!("schema = 1\n[delay]\n{delay}\n"), &path).unwrap_err();
+            assert!(error.what.contains(says) && error.line.is_some_and(|l| l >= 2), "{delay}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_card_that_is_not_there_or_wrong_is_an_error_of_the_pipeline_with_its_line() {
+        let (folder, path) = cards();
+        std::fs::write(folder.path().join("bad.card.toml"), "card_version = 1\ncolour = 3\n").unwrap();
+        for (card, says) in [("none.card.toml", "No such file"), ("bad.card.toml", "bad.card.toml:2: unknown key")] {
+            let text = format!("schema = 1\n[delay]\ncard = \"{card}\"\n");
+            let error = Pipeline::parse(&text, &path).unwrap_err();
+            assert_eq!(error.line, Some(3), "{error}");
+            assert!(error.what.contains(says), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_card_of_another_sensor_is_refused_with_what_differs() {
+        let (_folder, path) = cards();
+        let text = "schema = 1\n[delay]\ncard = \"shelf/a.card.toml\"\n[sensor]\nmodel = \"M\"\nserial = \"2\"\n";
+        let error = Pipeline::parse(text, &path).unwrap_err();
+        assert!(error.what.contains("serial `2` and `1`"), "{error}");
+        assert_eq!(error.line, Some(4), "{error}");
+        Pipeline::parse(&text.replace("serial = \"2\"", "serial = \"1\""), &path).unwrap();
+    }
+
+    #[test]
+    fn a_folder_of_cards_is_searched_by_sensor_and_never_guessed() {
+        let (_folder, path) = cards();
+        let with = |sensor: &str| {
+            let text = format!("schema = 1\n[delay]\ncards = \"shelf\"\n[sensor]\nmodel = \"M\"\n{sensor}\n");
+            Pipeline::parse(&text, &path)
+        };
+        let found = with("serial = \"2\"").unwrap();
+        assert_eq!(found.delay.cards().iter().map(UsedCard::name).collect::<Vec<_>>(), ["b.card.toml"]);
+        let both = with("").unwrap_err();
+        assert!(both.what.contains("different sensors (serial"), "{both}");
+        let none = with("serial = \"3\"").unwrap_err();
+        assert!(none.what.contains("no card of M 3; the folder holds a.card.toml (M 1), b.card.toml (M 2)"), "{none}");
+    }
+
+    #[test]
+    fn what_is_in_a_card_is_meant_and_where_it_lies_is_not() {
+        let (folder, path) = cards();
+        let of = |card: &str| {
+            Pipeline::parse(&format!("schema = 1\n[delay]\ncard = \"{card}\"\n"), &path).unwrap().as_used()
+        };
+        let before = of("shelf/a.card.toml");
+        std::fs::copy(folder.path().join("shelf/a.card.toml"), folder.path().join("a.card.toml")).unwrap();
+        assert_eq!(of("a.card.toml"), before);
+        std::fs::write(folder.path().join("a.card.toml"), example_card("1", "2026-01-02")).unwrap();
+        let changed = differences(&before.toml, &of("a.card.toml").toml);
+        assert_eq!(changed.len(), 1, "{changed:?}");
+        assert!(changed[0].starts_with("delay.pin: was "), "{changed:?}");
+    }
+
+    #[test]
+    fn a_manifest_needs_no_card_file_and_a_pin_refuses_another_content() {
+        let (folder, path) = cards();
+        let text = "schema = 1\n[delay]\ncards = \"shelf\"\n[sensor]\nmodel = \"M\"\nserial = \"1\"\n";
+        let pipeline = Pipeline::parse(text, &path).unwrap();
+        let (meant, files) = (pipeline.as_used(), pipeline.card_files());
+        assert_eq!(Pipeline::of_manifest(&meant.toml, &files).unwrap().as_used(), meant);
+        assert_eq!(Pipeline::parse(&meant.toml, &path).unwrap().as_used(), meant, "what is meant is itself a pipeline");
+        std::fs::write(folder.path().join("shelf/a.card.toml"), example_card("1", "2026-01-02")).unwrap();
+        let error = Pipeline::parse(&meant.toml, &path).unwrap_err();
+        assert!(error.what.contains("names other cards than were found: a.card.toml with"), "{error}");
+        assert!(Pipeline::of_manifest(&meant.toml, &[]).is_err());
+    }
+
+    #[test]
+    fn a_sensor_beside_a_plain_number_is_refused() {
+        let error = parse(&format!("{SMALL}[sensor]\nmodel = \"M\"\n")).unwrap_err();
+        assert_eq!(error.line, Some(5), "{error}");
+        assert!(error.what.contains("[sensor] looks for a card"), "{error}");
     }
 
     #[test]

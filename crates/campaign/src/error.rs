@@ -8,6 +8,9 @@ pub enum CampaignError {
     /// The pipeline file is wrong.
     #[error(transparent)]
     Pipeline(#[from] crate::config::PipelineError),
+    /// A rig file is wrong.
+    #[error(transparent)]
+    Rig(#[from] bench_analysis::RigError),
     /// The command asks for something that cannot be done.
     #[error("{0}")]
     Asked(String),
@@ -64,7 +67,7 @@ pub enum Exit {
     Well = 0,
     /// Failed.
     Failed = 1,
-    /// Wrong command or pipeline.
+    /// Wrong command, pipeline or rig.
     Wrong = 2,
     /// Finished, but some flights failed or lost data.
     Incomplete = 3,
@@ -79,7 +82,7 @@ impl CampaignError {
     #[must_use]
     pub fn exit(&self) -> Exit {
         match self {
-            CampaignError::Pipeline(_) | CampaignError::Asked(_) => Exit::Wrong,
+            CampaignError::Pipeline(_) | CampaignError::Rig(_) | CampaignError::Asked(_) => Exit::Wrong,
             CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
             CampaignError::TryAgain(_) => Exit::TryAgain,
             CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,

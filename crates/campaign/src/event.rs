@@ -91,6 +91,38 @@ pub enum Event {
     },
     /// Same logs, same settings, same results: nothing was read and nothing written.
     NothingChanged,
+    /// Logs of a bench were found, and are read.
+    Logs {
+        /// How many.
+        logs: usize,
+        /// Their bytes.
+        bytes: u64,
+    },
+    /// Records of a bench are measured.
+    Measuring {
+        /// How many.
+        records: usize,
+    },
+    /// A bench record was measured.
+    Measured {
+        /// Its name.
+        record: String,
+        /// `measured`, `not-measurable` or `failed`.
+        outcome: &'static str,
+        /// Why it is not measured.
+        reason: Option<String>,
+        /// Bytes or messages were lost.
+        lossy: bool,
+    },
+    /// The end of a bench run.
+    Carded {
+        /// The sensor.
+        sensor: String,
+        /// File name of its card; `None` if nothing was measured.
+        card: Option<String>,
+        /// What is on the card.
+        channels: Vec<record::CardChannel>,
+    },
     /// The end.
     Done {
         /// Counts over all flights.

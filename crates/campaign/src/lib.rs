@@ -18,7 +18,12 @@
 //! assert!(error.to_string().starts_with("mine.toml:5: unknown key `window`"));
 //! ```
 
+mod bench;
+#[cfg(test)]
+mod card_tests;
+mod cards;
 mod config;
+mod delay;
 #[cfg(test)]
 mod engine_tests;
 mod error;
@@ -28,6 +33,7 @@ mod logs;
 mod manifest;
 mod memory;
 mod plan;
+mod rate;
 mod reduce;
 mod results;
 mod run;
@@ -40,6 +46,7 @@ mod table;
 mod task;
 mod work;
 
+pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_run};
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};
 pub use error::{CampaignError, Exit};
 pub use event::{Event, EventSink};
@@ -53,4 +60,4 @@ pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
-pub const ANALYSIS_VERSION: u32 = 1;
+pub const ANALYSIS_VERSION: u32 = 2;

@@ -36,9 +36,7 @@ impl Library {
     /// for one that no flight holds, and the next in the list be taken.
     pub(crate) fn check(&self, pipeline: &Pipeline) -> Result<(), CampaignError> {
         let known: BTreeSet<&str> = self.maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
-        let settings = pipeline.replay_settings();
-        let mut named = settings.position.iter().chain(&settings.velocity).chain(&settings.reference);
-        let Some(name) = named.find(|name| !known.contains(name.as_str())) else { return Ok(()) };
+        let Some(name) = pipeline.channel_names().find(|name| !known.contains(name)) else { return Ok(()) };
         let known = known.into_iter().collect::<Vec<_>>().join(", ");
         let file = pipeline.file_name();
         Err(CampaignError::Asked(format!("{file}: [channels]: no channel map binds {name:?}; known are {known}")))
@@ -47,6 +45,11 @@ impl Library {
     /// Hash of what the maps mean.
     pub(crate) fn blake3(&self) -> &str {
         &self.blake3
+    }
+
+    /// The logs below a path.
+    pub(crate) fn discover(&self, path: &Path) -> Result<ingest::Discovery, IngestError> {
+        discover(path, &self.maps)
     }
 
     /// Reads one flight.
@@ -88,7 +91,7 @@ pub(crate) struct Found {
 }
 
 fn look(root: &Path, library: &Library) -> Result<Found, CampaignError> {
-    let found = discover(root, &library.maps)?;
+    let found = library.discover(root)?;
     let inputs = |list: Vec<(String, String)>| {
         list.into_iter().map(|(path, reason)| IgnoredInput { path, reason }).collect::<Vec<_>>()
     };

@@ -4,6 +4,7 @@
 //! an engine (a job array, a loop in a shell) has to know.
 
 use crate::ANALYSIS_VERSION;
+use crate::cards::CardFile;
 use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::store::{Keep, Store};
@@ -14,7 +15,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-const MANIFEST_VERSION: u32 = 1;
+const MANIFEST_VERSION: u32 = 2;
 
 /// Version of this flightlag.
 pub(crate) const FLIGHTLAG_VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -33,6 +34,8 @@ pub struct Manifest {
     /// Output folder, absolute.
     pub(crate) out: PathBuf,
     pub(crate) pipeline: PipelineUse,
+    /// Sensor cards that delays are taken from; their hashes are part of the pipeline.
+    pub(crate) cards: Vec<CardFile>,
     pub(crate) maps_folder: Option<PathBuf>,
     /// Content of all channel maps.
     pub(crate) maps_blake3: String,
@@ -200,6 +203,7 @@ impl Manifest {
         root: PathBuf,
         out: PathBuf,
         pipeline: PipelineUse,
+        cards: Vec<CardFile>,
         maps_folder: Option<PathBuf>,
         maps_blake3: String,
         command: String,
@@ -214,6 +218,7 @@ impl Manifest {
             root,
             out,
             pipeline,
+            cards,
             maps_folder,
             maps_blake3,
             command,
@@ -346,7 +351,7 @@ pub(crate) mod tests {
     fn manifest(flights: Vec<Planned>) -> Manifest {
         let pipeline = PipelineUse { title: "t".into(), blake3: "p".into(), toml: String::new() };
         let mut manifest =
-            Manifest::new("n".into(), "/r".into(), "/o".into(), pipeline, None, "m".into(), "c".into(), vec![]);
+            Manifest::new("n".into(), "/r".into(), "/o".into(), pipeline, vec![], None, "m".into(), "c".into(), vec![]);
         manifest.flights = flights;
         manifest
     }

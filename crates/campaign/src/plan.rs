@@ -68,6 +68,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
         root.clone(),
         out,
         order.pipeline.as_used(),
+        order.pipeline.card_files(),
         order.pipeline.maps_folder().map(absolute).transpose()?,
         library.blake3().to_owned(),
         order.command.clone(),
@@ -122,21 +123,37 @@ fn folders(order: &Order) -> Result<(PathBuf, PathBuf), CampaignError> {
 
 /// Refuses an output folder that holds something and was not made by us; before anything is written.
 pub(crate) fn check_output(order: &Order) -> Result<(), CampaignError> {
-    let root =
-        order.flights.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", order.flights.display())))?;
-    let out = to_be(&order.out).map_err(|e| CampaignError::Asked(format!("{}: {e}", order.out.display())))?;
+    check_out(&order.flights, &order.out)?;
+    refuse_other_kind(&order.out, BENCH_MARK, "a bench")
+}
+
+/// The mark of a folder that holds the report of a bench.
+pub(crate) const BENCH_MARK: &str = ".flightlag/bench.json";
+
+/// A report that is not of this kind would be written over, page by page.
+pub(crate) fn refuse_other_kind(out: &Path, mark: &str, kind: &str) -> Result<(), CampaignError> {
+    match out.join(mark).exists() {
+        true => Err(CampaignError::Asked(format!("{}: holds the report of {kind}; give another --out", out.display()))),
+        false => Ok(()),
+    }
+}
+
+/// Refuses an output folder that holds the input, lies in it, or holds something that we did not write.
+pub(crate) fn check_out(input: &Path, out_folder: &Path) -> Result<(), CampaignError> {
+    let root = input.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", input.display())))?;
+    let out = to_be(out_folder).map_err(|e| CampaignError::Asked(format!("{}: {e}", out_folder.display())))?;
     if out.starts_with(&root) || root.starts_with(&out) {
-        let what = "the folder of flights and the output folder must not hold one another";
-        return Err(CampaignError::Asked(format!("{} and {}: {what}", order.flights.display(), order.out.display())));
+        let what = "logs and the output folder must not hold one another";
+        return Err(CampaignError::Asked(format!("{} and {}: {what}", input.display(), out_folder.display())));
     }
     // A run that was killed at its very start leaves no more than these.
     let foreign = |name: &OsStr| name != ".flightlag" && !is_temporary(name);
-    let mut entries = std::fs::read_dir(&order.out).into_iter().flatten().flatten();
-    if order.out.join(LOCK).exists() || !entries.any(|e| foreign(&e.file_name())) {
+    let mut entries = std::fs::read_dir(out_folder).into_iter().flatten().flatten();
+    if out_folder.join(LOCK).exists() || !entries.any(|e| foreign(&e.file_name())) {
         return Ok(());
     }
     let what = "this folder holds something that flightlag did not write; give an empty or new folder for --out";
-    Err(CampaignError::Asked(format!("{}: {what}", order.out.display())))
+    Err(CampaignError::Asked(format!("{}: {what}", out_folder.display())))
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, CampaignError> {

@@ -6,6 +6,7 @@ use crate::event::Event;
 use crate::lock::OutputLock;
 use crate::manifest::{Manifest, Planned, hash_of_parts};
 use crate::plan::Desk;
+use crate::rate::rate_of;
 use crate::results;
 use crate::slug::slugs;
 use crate::state::{PageState, Sizes, State, WholeState, stand};
@@ -14,7 +15,7 @@ use crate::study::failed_record;
 use crate::table;
 use crate::task::caught;
 use crate::work::Workers;
-use flight::{ChannelHealth, Notice, Severity};
+use flight::{Notice, Severity};
 use record::{CampaignRecord, CampaignTotals, CompensatorResult, Estimate, FlightRecord, FlightRow, Outcome};
 use report::{FlightPage, REPORT_VERSION, Site};
 use std::collections::{BTreeMap, BTreeSet};
@@ -405,8 +406,8 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         map: record.binding.as_ref().map(|b| b.map.clone()),
         bytes: record.inputs.iter().map(|i| i.bytes).sum(),
         duration_s: replay.map(|r| r.coverage.duration_s),
-        position_rate_hz: rate_of(record, position.as_deref()),
-        velocity_rate_hz: rate_of(record, velocity.as_deref()),
+        position_rate_hz: rate(record, position.as_deref()),
+        velocity_rate_hz: rate(record, velocity.as_deref()),
         position,
         velocity,
         speed_median_mps: replay.map(|r| r.speed_mps.median),
@@ -428,7 +429,14 @@ fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
 }
 
 /// Warnings that make the numbers of a flight doubtful.
-const GRAVE: [&str; 2] = ["velocity-contradicts-position", "stamps-coarser-than-delay"];
+const GRAVE: [&str; 6] = [
+    "velocity-contradicts-position",
+    "stamps-coarser-than-delay",
+    "card-expired",
+    "card-not-yet-valid",
+    "card-stamp-kind",
+    "card-relative",
+];
 /// Below this share of time with output, a flight wants a look.
 const FEW_VALID: f64 = 0.95;
 
@@ -456,14 +464,8 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     reasons
 }
 
-/// How often a channel brings news: its updates where values are held, else its rows.
-fn rate_of(record: &FlightRecord, channel: Option<&str>) -> Option<f64> {
-    let channels = &record.binding.as_ref()?.channels;
-    let channel: &ChannelHealth = channels.iter().find(|c| Some(c.name.as_str()) == channel)?;
-    match &channel.held {
-        Some(held) => (held.update_interval_s > 0.0).then(|| 1.0 / held.update_interval_s),
-        None => channel.stamps.as_ref().and_then(|s| s.rate_hz),
-    }
+fn rate(record: &FlightRecord, channel: Option<&str>) -> Option<f64> {
+    rate_of(&record.binding.as_ref()?.channels, channel?)
 }
 
 fn totals_of(rows: &[FlightRow]) -> CampaignTotals {

@@ -131,6 +131,12 @@ impl Store {
         }
     }
 
+    /// Names of the files right in the output folder.
+    pub(crate) fn files_of_root(&self) -> Vec<String> {
+        let files = entries(&self.root).filter(|(_, kind)| kind.is_file());
+        files.filter_map(|(path, _)| path.file_name()?.to_str().map(str::to_owned)).collect()
+    }
+
     /// Names of the files below a folder, and afterwards of the folders, deepest first.
     pub(crate) fn list(&self, folder: &str) -> Vec<String> {
         let (mut files, mut folders) = (vec![], vec![]);

@@ -1,16 +1,15 @@
 //! One flight: log in, record and track out.
 
-use crate::config::Pipeline;
+use crate::config::{FlightCase, Pipeline};
 use crate::error::CampaignError;
 use crate::event::Event;
 use crate::logs::Library;
 use crate::manifest::{Manifest, Planned};
 use crate::plan::Desk;
-use compensation_replay::{Settings, Track, replay};
+use compensation_replay::{Track, replay};
 use flight::{Binding, Flight, LogHealth, Notices};
 use ingest::{IngestError, Limits, ReadContext};
 use record::{FlightRecord, Outcome};
-use std::path::Path;
 
 /// What was found in a flight, for good: the same log and settings always give it.
 #[derive(Debug)]
@@ -36,33 +35,36 @@ pub(crate) trait Study: Sync {
 /// Reads the log and replays the compensators.
 pub(crate) struct Replaying {
     library: Library,
-    settings: Settings,
-    forced_map: Option<String>,
+    pipeline: Pipeline,
 }
 
 impl Replaying {
     /// Gets everything ready that the manifest asks for.
     pub(crate) fn prepare(manifest: &Manifest) -> Result<Replaying, CampaignError> {
-        let pipeline = Pipeline::parse(&manifest.pipeline.toml, Path::new("manifest"))?;
+        let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
         let library = Library::open(manifest.maps_folder.as_deref(), pipeline.forced_map())?;
         if library.blake3() != manifest.maps_blake3 {
             return Err(CampaignError::TryAgain("channel maps have changed since the plan: plan again".to_owned()));
         }
-        let forced_map = pipeline.forced_map().map(str::to_owned);
-        Ok(Replaying { library, settings: pipeline.replay_settings(), forced_map })
+        Ok(Replaying { library, pipeline })
     }
 
     fn replayed(&self, flight: Flight, health: LogHealth, binding: Binding, draft: FlightRecord) -> Studied {
-        let notices = flight.notices.clone();
-        let draft = FlightRecord { log: Some(health), binding: Some(binding), notices, ..draft };
-        match replay(&flight, &self.settings) {
+        let settings = self.pipeline.settings_for(&FlightCase { flight: &flight, binding: &binding });
+        let mut notices = flight.notices.clone();
+        let done = settings.and_then(|(settings, of_delay)| {
+            notices.extend(of_delay);
+            replay(&flight, &settings).map_err(|refusal| refusal.to_string())
+        });
+        let mut draft = FlightRecord { log: Some(health), binding: Some(binding), notices, ..draft };
+        match done {
             Ok(done) => {
-                let mut record = FlightRecord { outcome: Outcome::Compensated, replay: Some(done.record), ..draft };
-                record.notices.extend(done.notices);
+                draft.notices.extend(done.notices);
+                let record = FlightRecord { outcome: Outcome::Compensated, replay: Some(done.record), ..draft };
                 Studied { record, track: Some(done.track) }
             }
-            Err(refusal) => {
-                let outcome = Outcome::NotMeasurable { reason: refusal.to_string() };
+            Err(reason) => {
+                let outcome = Outcome::NotMeasurable { reason };
                 Studied { record: FlightRecord { outcome, ..draft }, track: None }
             }
         }
@@ -76,7 +78,7 @@ impl Study for Replaying {
         let trouble = || Interrupted::Trouble("its format is not known".to_owned());
         let unit = planned.unit().ok_or_else(trouble)?;
         let failed = |reason| failed_record(planned, manifest, reason);
-        match self.library.load(&unit, self.forced_map.as_deref(), &context) {
+        match self.library.load(&unit, self.pipeline.forced_map(), &context) {
             Ok(loaded) => Ok(match loaded.binding {
                 Ok(binding) => self.replayed(loaded.flight, loaded.health, binding, failed(String::new())),
                 Err(reason) => {

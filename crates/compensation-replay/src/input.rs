@@ -139,8 +139,8 @@ impl Input {
         if settings.delay.seconds() <= 0.0 {
             return Err(Refusal::DelayNotPositive(settings.delay.seconds()));
         }
-        let (position_name, position) = pick(flight, "position", &settings.position)?;
-        let (velocity_name, velocity) = pick(flight, "velocity", &settings.velocity)?;
+        let [(position_name, position), (velocity_name, velocity)] =
+            pick_pair(flight, &settings.position, &settings.velocity)?;
         let clock = position.series.timeline().clock();
         if velocity.series.timeline().clock() != clock {
             return Err(Refusal::Clocks {
@@ -230,7 +230,23 @@ fn tick_s(stamps: &[Stamp]) -> f64 {
     tick.map_or(0.0, |tick| tick as f64 * 1e-9)
 }
 
-fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Result<(&'a str, &'a Channel), Refusal> {
+/// A channel with its name.
+pub type Picked<'a> = (&'a str, &'a Channel);
+
+/// The position and the velocity channel that a replay of this flight uses, each the first of its list that the
+/// flight holds.
+///
+/// # Errors
+/// [`Refusal::NoChannel`] or [`Refusal::WrongQuantity`].
+pub fn pick_pair<'a>(
+    flight: &'a Flight,
+    position: &'a [String],
+    velocity: &'a [String],
+) -> Result<[Picked<'a>; 2], Refusal> {
+    Ok([pick(flight, "position", position)?, pick(flight, "velocity", velocity)?])
+}
+
+fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Result<Picked<'a>, Refusal> {
     let list = |names: Vec<&str>| if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
     let (name, channel) = flight.first_of(wanted).ok_or_else(|| Refusal::NoChannel {
         what,

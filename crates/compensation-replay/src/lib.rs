@@ -11,9 +11,11 @@
 //! [`replay`] takes a [`flight::Flight`] and [`Settings`] and gives a [`record::ReplayRecord`]
 //! and the compensated [`Track`]. No disk, no screen, no clock.
 
+mod compensator;
 mod curves;
 mod estimate;
 mod exact;
+mod flight_delay;
 mod input;
 mod pade;
 mod replay;
@@ -21,10 +23,19 @@ mod rows;
 mod score;
 mod settings;
 mod track;
+mod validity;
 
+pub use compensator::{
+    AxisSamples, Compensator, CompensatorError, CompensatorKind, CompensatorOptions, DelayedKalman, Discretisation,
+    ExactFir, FeedError, Filtered, Fraction, KalmanFit, KalmanSettings, ModalFilter, Mode, OfflineShift, PadeForm,
+    PadeRefusal, Replayed, Smoothed, StateValue, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis,
+    rts_smooth,
+};
 pub use exact::ExactAsync;
-pub use input::Refusal;
+pub use flight_delay::{FlightDelaySettings, measure_delays};
+pub use input::{Picked, Refusal, pick_pair};
 pub use pade::PadeTustin;
 pub use replay::{Replay, replay};
 pub use settings::Settings;
 pub use track::{RowState, Track, TrackColumn};
+pub use validity::{DelayModel, Delays, MotionShare, ValidityBand, error_at};

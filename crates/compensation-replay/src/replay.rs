@@ -49,6 +49,7 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
             delay: settings.delay,
             delay_uncertainty_s: settings.delay_uncertainty_s,
             delay_source: settings.delay_source.clone(),
+            card: settings.card.clone(),
             start: settings.start,
             bridge_s,
         },

@@ -1,7 +1,7 @@
 //! What the pipeline decides about a replay.
 
 use flight::Delay;
-use record::StartRule;
+use record::{CardUse, StartRule};
 
 /// Settings of a replay, as they are meant.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,6 +12,8 @@ pub struct Settings {
     pub delay_uncertainty_s: Option<f64>,
     /// Where the delay comes from, in words, for the page.
     pub delay_source: String,
+    /// The sensor card that it comes from, if it does.
+    pub card: Option<CardUse>,
     /// What is assumed before the first velocity.
     pub start: StartRule,
     /// Velocity gaps up to this long are bridged by a straight line, s. `None`: 2 Td, and
@@ -41,6 +43,7 @@ impl Settings {
             delay,
             delay_uncertainty_s: None,
             delay_source: source.to_owned(),
+            card: None,
             start: StartRule::Warm,
             bridge_s: None,
             min_speed_mps: 2.0,

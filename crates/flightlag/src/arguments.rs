@@ -7,12 +7,13 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0    all well
   1    failed
-  2    wrong command, pipeline or channel map
-  3    finished, but some flights failed or lost data
+  2    wrong command, pipeline, rig file, sensor card or channel map
+  3    finished, but some flights or records failed or lost data
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
 
-/// Replays delay compensators over logs of flights whose position comes late.
+/// Measures how late each channel of a sensor is on a swing bench, and replays delay compensators over logs of flights
+/// whose position comes late.
 #[derive(Debug, Parser)]
 #[command(name = "flightlag", version, after_help = EXIT_CODES, max_term_width = 110)]
 pub(crate) struct Arguments {
@@ -25,10 +26,13 @@ pub(crate) enum Command {
     /// A folder of flight logs in, a report out: tables, records, pages.
     #[command(after_help = EXIT_CODES)]
     Campaign(Box<CampaignArguments>),
+    /// Records of a swing bench in, a sensor card and pages out.
+    #[command(after_help = EXIT_CODES)]
+    Bench(Box<BenchArguments>),
     /// Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
     #[command(after_help = EXIT_CODES)]
     Inspect(InspectArguments),
-    /// Writes a campaign of simulated flights whose truth is known.
+    /// Writes simulated flights and bench records whose truth is known.
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
     /// Lists the channel maps that come with flightlag, or prints one.
@@ -147,6 +151,46 @@ pub(crate) enum Step {
 }
 
 #[derive(Debug, Args)]
+#[command(long_about = "\
+Records of a swing bench in, a sensor card and pages out.
+
+A RECORD is a log that holds the bar's encoder and the sensor, or a folder with one log of the encoder and one
+of the sensor (found by what channel maps bind), or a folder of such records. All must be of one sensor: they are
+combined into one card, with the spread between them.
+
+The rig file says what hangs on the bench: sensor, bar, lever arms, encoder, site. Without --rig, the one beside each
+record is taken: NAME.rig.toml, or the only one in its folder.
+
+In OUT: index.html (the card's page, open this), SENSOR.card.toml (for `flightlag campaign`: [delay] card = ...),
+records/NAME/ (page, record.json), and run.json, the only file that holds the time of day.")]
+pub(crate) struct BenchArguments {
+    /// Logs or folders of logs; they are only read.
+    #[arg(value_name = "RECORD", required = true)]
+    pub(crate) records: Vec<PathBuf>,
+    /// The rig (TOML), for all records.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) rig: Option<PathBuf>,
+    /// Log of the encoder, if RECORD is one log without it.
+    #[arg(long, value_name = "LOG")]
+    pub(crate) encoder: Option<PathBuf>,
+    /// Folder of the report: new, empty, or of an earlier bench run. Without it: reports/bench-NAME here, with the name
+    /// of the first RECORD.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Read every log with this channel map.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) map: Option<String>,
+    /// Folder with further channel maps.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) maps: Option<PathBuf>,
+    /// Write the sensor card here too.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) card: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) desk: DeskArguments,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct InspectArguments {
     /// A log, or a folder that holds one CSV file for each topic of a flight.
     #[arg(value_name = "LOG")]
@@ -164,14 +208,15 @@ pub(crate) struct InspectArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct DemoArguments {
-    /// Where the flights go, into DIR/flights, and the report, into DIR/report.
+    /// Where the flights go, into DIR/flights, the records of a bench, into DIR/bench, and the reports, into DIR/report
+    /// and DIR/bench-report.
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
-    /// Also run the campaign on them, and say which page to open. That one log is cut off on purpose does not count
+    /// Also run bench and campaign on them, and say which pages to open. That one log is cut off on purpose does not count
     /// for the exit code.
     #[arg(long)]
     pub(crate) run: bool,
-    /// Seed of everything random in the flights.
+    /// Seed of everything random in flights and records.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) seed: u64,
     #[command(flatten)]

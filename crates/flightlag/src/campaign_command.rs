@@ -162,20 +162,22 @@ fn out_of(arguments: &OrderArguments) -> PathBuf {
 
 /// The command that makes the report again, with names instead of paths: the same on every machine.
 fn command_of(arguments: &OrderArguments) -> String {
-    let name = |path: &Path| {
-        let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        quoted(&whole.file_name().unwrap_or_default().to_string_lossy())
-    };
-    let mut command = format!("flightlag campaign {}", name(&arguments.flights));
+    let mut command = format!("flightlag campaign {}", name_for_shell(&arguments.flights));
     for (option, path) in [("--pipeline", &arguments.pipeline), ("--maps", &arguments.maps)] {
         if let Some(path) = path {
-            command += &format!(" {option} {}", name(path));
+            command += &format!(" {option} {}", name_for_shell(path));
         }
     }
     if let Some(map) = &arguments.map {
         command += &format!(" --map {}", quoted(map));
     }
     command + " --out REPORT"
+}
+
+/// The name of a path without its folder, as a shell takes it.
+pub(crate) fn name_for_shell(path: &Path) -> String {
+    let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    quoted(&whole.file_name().unwrap_or_default().to_string_lossy())
 }
 
 /// A word as a shell takes it.

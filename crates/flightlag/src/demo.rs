@@ -1,33 +1,95 @@
-//! `flightlag demo`: simulated flights, and on request their report.
+//! `flightlag demo`: simulated flights and bench records, and on request their reports.
 
 use crate::arguments::DemoArguments;
 use crate::campaign_command::{run_order, say};
 use crate::failure::{End, Failure};
 use crate::show::count;
 use crate::stop::Stop;
-use campaign::{DEMO_PIPELINE, Exit, Order, Pipeline, Verdict};
-use std::path::Path;
+use crate::{bench_command, campaign_command::name_for_shell};
+use campaign::{BenchOrder, DEMO_PIPELINE, Exit, Order, Pipeline, Verdict};
+use simulate::{BenchDemo, SimulateError};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 pub(crate) fn run(arguments: &DemoArguments, stop: &Stop) -> Result<End, Failure> {
-    let flights = arguments.folder.join("flights");
-    let report = arguments.folder.join("report");
-    let failed = |e: simulate::SimulateError| Failure::new(Exit::Failed, e.to_string());
+    let (flights, bench) = (arguments.folder.join("flights"), arguments.folder.join("bench"));
+    let failed = |e: SimulateError| Failure::new(Exit::Failed, e.to_string());
     let written = simulate::write_demo(&flights, arguments.seed).map_err(failed)?;
-    let many = count(written.flights.len() as u64, "simulated flight");
-    say(&arguments.desk, &format!("{many} in {}, the truth in {}", flights.display(), simulate::TRUTH_FILE))?;
+    let swings = simulate::write_bench_demo(&bench, arguments.seed).map_err(failed)?;
+    let truth = |what: &str, n: usize, folder: &Path| {
+        format!("{} in {}, the truth in {}", count(n as u64, what), folder.display(), simulate::TRUTH_FILE)
+    };
+    say(&arguments.desk, &truth("simulated flight", written.flights.len(), &flights))?;
+    say(&arguments.desk, &truth("simulated bench record", swings.records.len(), &bench))?;
+    let benches = benches(arguments, &bench, &swings);
     if !arguments.run {
-        let next = format!("flightlag campaign {} --out {}", flights.display(), report.display());
-        say(&arguments.desk, &format!("next: {next}"))?;
-        return Ok(Exit::Well.into());
+        return next(arguments, &flights, &benches);
     }
+    let mut exit = Exit::Well;
+    for order in &benches {
+        let verdict = bench_command::run_order(order, &arguments.desk, stop)?;
+        exit = worse(exit, verdict.exit());
+    }
+    let verdict = run_flights(arguments, flights, stop)?;
+    Ok(worse(exit, exit_of_flights(&verdict)).into())
+}
+
+/// The commands that make the reports.
+fn next(arguments: &DemoArguments, flights: &Path, benches: &[BenchOrder]) -> Result<End, Failure> {
+    for BenchOrder { records, out, .. } in benches {
+        let records: Vec<String> = records.iter().map(|p| p.display().to_string()).collect();
+        say(&arguments.desk, &format!("next: flightlag bench {} --out {}", records.join(" "), out.display()))?;
+    }
+    let report = report(arguments);
+    say(&arguments.desk, &format!("next: flightlag campaign {} --out {}", flights.display(), report.display()))?;
+    Ok(Exit::Well.into())
+}
+
+fn report(arguments: &DemoArguments) -> PathBuf {
+    arguments.folder.join("report")
+}
+
+/// One bench run for each sensor; the rig files lie beside the records.
+fn benches(arguments: &DemoArguments, folder: &Path, demo: &BenchDemo) -> Vec<BenchOrder> {
+    let mut of_sensor: BTreeMap<&str, Vec<PathBuf>> = BTreeMap::new();
+    for record in &demo.records {
+        let logs = of_sensor.entry(&record.serial).or_default();
+        // A folder would be taken as a whole: its logs belong to several sensors.
+        logs.push(folder.join(&record.sensor));
+        if record.encoder != record.sensor {
+            logs.push(folder.join(&record.encoder));
+        }
+    }
+    let order = |(serial, records): (&str, Vec<PathBuf>)| {
+        let names: Vec<String> = records.iter().map(|p| name_for_shell(p)).collect();
+        BenchOrder {
+            encoder: None,
+            rig: None,
+            out: arguments.folder.join("bench-report").join(serial.to_lowercase()),
+            forced_map: None,
+            maps_folder: None,
+            card: None,
+            command: format!("flightlag bench {} --out REPORT", names.join(" ")),
+            records,
+        }
+    };
+    of_sensor.into_iter().map(order).collect()
+}
+
+/// The flights are compensated by the number that was simulated, not by a card: their receiver never hung on the bench.
+fn run_flights(arguments: &DemoArguments, flights: PathBuf, stop: &Stop) -> Result<Verdict, Failure> {
     let pipeline = Pipeline::parse(DEMO_PIPELINE, Path::new("demo.toml")).map_err(campaign::CampaignError::from)?;
     let command = format!("flightlag demo DIR --run --seed {}", arguments.seed);
-    let verdict = run_order(&Order { flights, out: report, pipeline, verify: false, command }, &arguments.desk, stop)?;
-    Ok(exit_of_demo(&verdict).into())
+    let order = Order { flights, out: report(arguments), pipeline, verify: false, command };
+    run_order(&order, &arguments.desk, stop)
 }
 
 /// The demo holds a truncated flight on purpose: that its loss is found is no fault of the demo.
-fn exit_of_demo(verdict: &Verdict) -> Exit {
+fn exit_of_flights(verdict: &Verdict) -> Exit {
     let only_lossy = verdict.totals.failed == 0 && verdict.troubled == 0;
     if only_lossy { Exit::Well } else { verdict.exit() }
+}
+
+fn worse(a: Exit, b: Exit) -> Exit {
+    if a == Exit::Well { b } else { a }
 }

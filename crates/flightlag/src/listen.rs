@@ -45,6 +45,11 @@ fn sentence(event: &Event) -> Option<String> {
         Event::Troubled { flight, reason } => Some(format!("{flight}: no result: {reason}")),
         Event::Remark { text } => Some(text.clone()),
         Event::Reduced { pages, kept } => Some(format!("{} made, {kept} kept", count(*pages as u64, "page"))),
+        Event::Logs { logs, bytes: size } => Some(format!("{}, {}", count(*logs as u64, "log"), bytes(*size))),
+        Event::Measuring { records } => Some(format!("measuring {}", count(*records as u64, "record"))),
+        Event::Measured { record, outcome, reason, lossy } => {
+            Some(finished(record, outcome, reason.as_deref(), *lossy))
+        }
         Event::NothingChanged => Some("nothing changed".to_owned()),
         _ => None,
     }
@@ -153,7 +158,16 @@ impl EventSink for Bar {
                 self.flight_done();
                 self.say(event);
             }
-            Event::Done { .. } => self.bar.finish_and_clear(),
+            Event::Logs { logs, bytes } => self.begin(format!("reading {}", count(*logs as u64, "log")), *bytes),
+            Event::Measuring { records } => {
+                self.bar.set_prefix(format!("measuring {}", count(*records as u64, "record")));
+            }
+            Event::Measured { outcome, lossy, .. } => {
+                if *outcome != "measured" || *lossy {
+                    self.say(event);
+                }
+            }
+            Event::Done { .. } | Event::Carded { .. } => self.bar.finish_and_clear(),
             _ => self.say(event),
         }
     }

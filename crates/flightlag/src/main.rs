@@ -1,6 +1,7 @@
 //! The command: what the user typed becomes calls of the crates below, and what they find becomes text.
 
 mod arguments;
+mod bench_command;
 mod campaign_command;
 mod demo;
 mod failure;
@@ -28,6 +29,7 @@ fn run(command: Command) -> Result<failure::End, Failure> {
     let stop = stop::Stop::listen()?;
     match command {
         Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
+        Command::Bench(arguments) => bench_command::run(&arguments, &stop),
         Command::Inspect(arguments) => inspect::run(&arguments, &stop),
         Command::Demo(arguments) => demo::run(&arguments, &stop),
         Command::Maps(arguments) => maps::run(&arguments),

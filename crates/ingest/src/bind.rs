@@ -1,20 +1,22 @@
 //! Columns to channels: which map fits, which rows count, in which order.
 
+mod attitude;
 mod rows;
 mod trial;
 
 use self::rows::bind_rows;
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
-use crate::map::MapLibrary;
+use crate::map::{BENCH_ALONE, MapLibrary};
 use crate::reader::Log;
 use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
 
 /// Finds the channel map that fits `log` and makes its flight. The notices of the log come first.
 ///
-/// A map fits if it binds a position or a velocity with data. Of several the better one wins: both
-/// a position and a velocity before one of them, topics by name before topics by type before
-/// columns of any table, then the number of channels. `forced` names the map instead.
+/// A map fits if it binds a position, a velocity, an encoder, or something else that a bench measures, with data.
+/// Of several the better one wins: both a position and a velocity before one of them before none, an encoder
+/// before none, topics by name before topics by type before columns of any table, then the number of channels,
+/// those of a flight first, then topics of the very name before topics below a namespace. `forced` names the map instead.
 ///
 /// # Errors
 /// [`IngestError::Map`] if none fits, with what is missing; if two fit equally, with both names; or
@@ -41,7 +43,7 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Fli
             Some(channel) => {
                 flight.channels.insert(plan.rule.name.clone(), channel);
             }
-            None => no_rows(&plan.rule.name, &bound.health, &mut flight.notices),
+            None => no_rows(&bound.health, &mut flight.notices),
         }
         channels.push(bound.health);
     }
@@ -51,17 +53,20 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Fli
     (flight, Binding { map: best.map.name.clone(), why, others, channels })
 }
 
-fn no_rows(name: &str, health: &ChannelHealth, notices: &mut Notices) {
+fn no_rows(health: &ChannelHealth, notices: &mut Notices) {
     let reasons: Vec<String> = health.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
-    let text = format!("channel {name} has no usable row: {}", reasons.join(", "));
-    notices.push(Severity::Warning, "no-usable-row", &health.source.topic, health.rows, text);
+    let text = format!("channel {} has no usable row: {}", health.name, reasons.join(", "));
+    let severity = if BENCH_ALONE.contains(&health.quantity) { Severity::Info } else { Severity::Warning };
+    notices.push(severity, "no-usable-row", &health.source.topic, health.rows, text);
 }
 
 fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {
     let why = match (trial.both(), best.both()) {
         (false, true) => "does not bind both a position and a velocity",
+        _ if best.encoder() && !trial.encoder() => "binds no encoder",
         _ if trial.specificity() < best.specificity() => "names topics less exactly",
-        _ => "binds fewer channels",
+        _ if trial.plans.len() < best.plans.len() => "binds fewer channels",
+        _ => "names topics less exactly",
     };
     MapCandidate { map: trial.map.name.clone(), binds: trial.names(), why: why.into() }
 }

@@ -236,10 +236,13 @@ impl Search<'_> {
         }
     }
 
-    /// What stands before the topics' names. Without anything before them two files must agree, for
-    /// then all tables of the folder belong together.
+    /// What stands before the topics' names: of those of flights, or where there are none, of those of a bench.
+    /// Without anything before them two files must agree, for then all tables of the folder belong together.
     fn prefixes(&self, tables: &[TableFile]) -> BTreeSet<String> {
-        let found: Vec<&str> = tables.iter().filter_map(|t| self.library.flight_prefix(&t.stem)).collect();
+        let of = |sensed: bool| -> Vec<&str> {
+            tables.iter().filter_map(|t| self.library.flight_prefix(&t.stem, sensed)).collect()
+        };
+        let found = Some(of(false)).filter(|found| !found.is_empty()).unwrap_or_else(|| of(true));
         let bare = found.iter().filter(|p| p.is_empty()).count();
         found.iter().filter(|p| !p.is_empty() || bare > 1).map(|p| (*p).to_owned()).collect()
     }

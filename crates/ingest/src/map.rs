@@ -3,8 +3,8 @@
 use crate::civil::Tick;
 use crate::error::IngestError;
 use crate::map_schema::{
-    self, ChannelEntry, ClockName, ContainerStamp, FieldTable, HeightAbove, KindName, MapFile, OneOrMore, QuantityName,
-    RequireEntry, TickName, TimeEntry, TimeTable,
+    self, ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
+    QuantityName, RequireEntry, TickName, TimeEntry, TimeTable,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
@@ -14,6 +14,11 @@ use std::path::{Path, PathBuf};
 
 /// The maps that come with flightlag.
 const SHIPPED: &[(&str, &str)] = &[
+    ("bench-wide-csv.toml", include_str!("../../../pipelines/channel-maps/bench-wide-csv.toml")),
+    ("encoder-csv.toml", include_str!("../../../pipelines/channel-maps/encoder-csv.toml")),
+    ("encoder-ros.toml", include_str!("../../../pipelines/channel-maps/encoder-ros.toml")),
+    ("flightlag-bench-clocks.toml", include_str!("../../../pipelines/channel-maps/flightlag-bench-clocks.toml")),
+    ("flightlag-bench.toml", include_str!("../../../pipelines/channel-maps/flightlag-bench.toml")),
     ("flightlag-demo-wide.toml", include_str!("../../../pipelines/channel-maps/flightlag-demo-wide.toml")),
     ("flightlag-demo.toml", include_str!("../../../pipelines/channel-maps/flightlag-demo.toml")),
     ("flysight-1.toml", include_str!("../../../pipelines/channel-maps/flysight-1.toml")),
@@ -76,15 +81,39 @@ pub(crate) struct ChannelRule {
 #[derive(Debug, Clone)]
 pub(crate) struct Part {
     pub(crate) role: &'static str,
-    /// Without it the channel still stands: heights and vertical speeds.
-    pub(crate) vertical: bool,
-    /// The log counts it the other way: up for down, west for east.
+    /// What follows if the log does not have it.
+    pub(crate) presence: Presence,
+    /// The log counts it the other way: up for down, west for east, left for right.
     pub(crate) opposite: bool,
     /// The first that exists is read.
     pub(crate) fields: Vec<(String, Unit)>,
 }
 
-/// How parts, in SI units and in this order, become north, east, down or latitude, longitude, height.
+/// What only a bench measures: beside these, position and velocity.
+pub(crate) const BENCH_ALONE: &[Quantity] = &[
+    Quantity::Height,
+    Quantity::Attitude,
+    Quantity::AngularRate,
+    Quantity::SpecificForce,
+    Quantity::MagneticField,
+    Quantity::MagneticDirection,
+    Quantity::EncoderCount,
+    Quantity::EncoderAngle,
+    Quantity::Pulse,
+];
+
+/// What a channel is without one of its parts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Presence {
+    /// Nothing.
+    Required,
+    /// Still a channel: heights and vertical speeds. One that most rows lack is left out as if the log had none.
+    Vertical,
+    /// Still a channel if it has one of the other axes.
+    Axis,
+}
+
+/// How parts, in SI units and in this order, become the components of a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Combine {
     /// They are the components.
@@ -95,6 +124,21 @@ pub(crate) enum Combine {
     MagneticPolar,
     /// Forward, left, up, and the quaternion x, y, z, w that turns them to east, north, up.
     Body,
+    /// Quaternion w, x, y, z.
+    Quaternion(AttitudeFrame),
+    /// Roll, pitch, yaw: turns by yaw about the third axis, then pitch about the second, then roll about the first.
+    Euler(AttitudeFrame),
+}
+
+/// What an attitude turns into what. Others than the first are brought to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum AttitudeFrame {
+    /// Forward, right, down to north, east, down.
+    FrdNed,
+    /// Forward, left, up to east, north, up.
+    FluEnu,
+    /// Forward, left, up to north, west, up.
+    FluNwu,
 }
 
 /// Where stamps are read from.
@@ -306,10 +350,11 @@ impl MapLibrary {
     }
 
     /// What stands before the topic's name in the stem of a file that holds one topic of a flight.
-    /// `None` if no map names such a topic.
-    pub(crate) fn flight_prefix<'a>(&self, stem: &'a str) -> Option<&'a str> {
-        let patterns = self.maps.iter().flat_map(|m| &m.rules).flat_map(|r| &r.topics);
-        let front = patterns.filter_map(|p| stem_matches(stem, p)).map(|(_, _, front)| front).min()?;
+    /// `None` if no map names such a topic; `sensed` asks for topics of a bench too.
+    pub(crate) fn flight_prefix<'a>(&self, stem: &'a str, sensed: bool) -> Option<&'a str> {
+        let rules = self.maps.iter().flat_map(|m| &m.rules).filter(|r| sensed || !BENCH_ALONE.contains(&r.quantity));
+        let front =
+            rules.flat_map(|r| &r.topics).filter_map(|p| stem_matches(stem, p)).map(|(_, _, front)| front).min()?;
         stem.get(..front)
     }
 }
@@ -371,7 +416,7 @@ impl ChannelMap {
 }
 
 fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> {
-    let (combine, parts) = recipe(entry.quantity, &entry.fields)?;
+    let (combine, parts) = recipe(entry.quantity, &entry.fields, entry.frame)?;
     let times = times_of(entry.time.as_ref().unwrap_or(&file.time))?;
     if times.iter().all(|(_, sources)| sources.is_empty()) {
         return Err("no source of stamps".into());
@@ -387,6 +432,15 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
             QuantityName::PositionGeodetic => Quantity::PositionGeodetic,
             QuantityName::PositionNed => Quantity::PositionNed,
             QuantityName::VelocityNed => Quantity::VelocityNed,
+            QuantityName::Height => Quantity::Height,
+            QuantityName::Attitude => Quantity::Attitude,
+            QuantityName::AngularRate => Quantity::AngularRate,
+            QuantityName::SpecificForce => Quantity::SpecificForce,
+            QuantityName::MagneticField => Quantity::MagneticField,
+            QuantityName::MagneticDirection => Quantity::MagneticDirection,
+            QuantityName::EncoderCount => Quantity::EncoderCount,
+            QuantityName::EncoderAngle => Quantity::EncoderAngle,
+            QuantityName::Pulse => Quantity::Pulse,
             QuantityName::Scalar => Quantity::Scalar,
         },
         topics: entry.topic.clone(),
@@ -405,54 +459,131 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
     })
 }
 
-type Slot<'a> = (&'static str, Dimension, &'a Option<OneOrMore>);
+/// Role, dimension and fields of a part, and what the channel is without it.
+struct Slot<'a> {
+    role: &'static str,
+    dimension: Dimension,
+    written: &'a Option<OneOrMore>,
+    presence: Presence,
+    opposite: bool,
+}
+
+fn slot<'a>(role: &'static str, dimension: Dimension, written: &'a Option<OneOrMore>) -> Slot<'a> {
+    Slot { role, dimension, written, presence: Presence::Required, opposite: false }
+}
+
+/// A slot that the author may fill the other way round.
+fn either<'a>(this: Slot<'a>, opposite: Slot<'a>) -> Slot<'a> {
+    if opposite.written.is_some() { Slot { opposite: true, ..opposite } } else { this }
+}
 
 /// Which fields are there says how they combine.
-fn recipe(quantity: QuantityName, f: &FieldTable) -> Result<(Combine, Vec<Part>), String> {
-    use Dimension::{Angle, Length, None as Pure, Speed};
-    let vertical = |dimension| if f.up.is_some() { ("up", dimension, &f.up) } else { ("down", dimension, &f.down) };
-    let east = |dimension| if f.west.is_some() { ("west", dimension, &f.west) } else { ("east", dimension, &f.east) };
-    let (combine, slots): (Combine, Vec<Slot<'_>>) = match quantity {
-        QuantityName::PositionGeodetic => (
-            Combine::AsIs,
-            vec![("latitude", Angle, &f.latitude), ("longitude", Angle, &f.longitude), ("height", Length, &f.height)],
-        ),
-        QuantityName::Scalar => (Combine::AsIs, vec![("value", Pure, &f.value)]),
-        QuantityName::PositionNed => (Combine::AsIs, vec![("north", Length, &f.north), east(Length), vertical(Length)]),
-        QuantityName::VelocityNed if f.forward.is_some() => (
-            Combine::Body,
-            vec![
-                ("forward", Speed, &f.forward),
-                ("left", Speed, &f.left),
-                ("up", Speed, &f.up),
-                ("orientation_x", Pure, &f.orientation_x),
-                ("orientation_y", Pure, &f.orientation_y),
-                ("orientation_z", Pure, &f.orientation_z),
-                ("orientation_w", Pure, &f.orientation_w),
-            ],
-        ),
-        QuantityName::VelocityNed if f.variation.is_some() => (
-            Combine::MagneticPolar,
-            vec![
-                ("speed", Speed, &f.speed),
-                ("track", Angle, &f.track),
-                ("variation", Angle, &f.variation),
-                vertical(Speed),
-            ],
-        ),
-        QuantityName::VelocityNed if f.speed.is_some() => {
-            (Combine::Polar, vec![("speed", Speed, &f.speed), ("track", Angle, &f.track), vertical(Speed)])
-        }
-        QuantityName::VelocityNed => (Combine::AsIs, vec![("north", Speed, &f.north), east(Speed), vertical(Speed)]),
+fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Part>), String> {
+    use Dimension::{Acceleration, Angle, AngularRate, Length, MagneticField, None as Pure, Speed, Time};
+    let vertical = |dimension| Slot {
+        presence: Presence::Vertical,
+        ..either(slot("down", dimension, &f.down), slot("up", dimension, &f.up))
     };
+    let east = |dimension| either(slot("east", dimension, &f.east), slot("west", dimension, &f.west));
+    let (combine, slots): (Combine, Vec<Slot<'_>>) = match quantity {
+        QuantityName::PositionGeodetic => {
+            let height = Slot { presence: Presence::Vertical, ..slot("height", Length, &f.height) };
+            let places = [slot("latitude", Angle, &f.latitude), slot("longitude", Angle, &f.longitude), height];
+            (Combine::AsIs, places.into())
+        }
+        QuantityName::Scalar => (Combine::AsIs, vec![slot("value", Pure, &f.value)]),
+        QuantityName::Height => (Combine::AsIs, vec![slot("height", Length, &f.height)]),
+        QuantityName::EncoderCount => (Combine::AsIs, vec![slot("count", Pure, &f.count)]),
+        QuantityName::EncoderAngle => (Combine::AsIs, vec![slot("angle", Angle, &f.angle)]),
+        QuantityName::Pulse => (Combine::AsIs, vec![slot("second", Time, &f.second)]),
+        QuantityName::PositionNed => {
+            (Combine::AsIs, vec![slot("north", Length, &f.north), east(Length), vertical(Length)])
+        }
+        QuantityName::VelocityNed if f.forward.is_some() => (Combine::Body, body_velocity(f)),
+        QuantityName::VelocityNed if f.variation.is_some() => {
+            let (speed, track) = (slot("speed", Speed, &f.speed), slot("track", Angle, &f.track));
+            (Combine::MagneticPolar, vec![speed, track, slot("variation", Angle, &f.variation), vertical(Speed)])
+        }
+        QuantityName::VelocityNed if f.speed.is_some() => {
+            (Combine::Polar, vec![slot("speed", Speed, &f.speed), slot("track", Angle, &f.track), vertical(Speed)])
+        }
+        QuantityName::VelocityNed => {
+            (Combine::AsIs, vec![slot("north", Speed, &f.north), east(Speed), vertical(Speed)])
+        }
+        QuantityName::Attitude => attitude(f, frame)?,
+        QuantityName::AngularRate => (Combine::AsIs, body_axes(f, AngularRate, frame)?),
+        QuantityName::SpecificForce => (Combine::AsIs, body_axes(f, Acceleration, frame)?),
+        QuantityName::MagneticField => (Combine::AsIs, body_axes(f, MagneticField, frame)?),
+        QuantityName::MagneticDirection => (Combine::AsIs, body_axes(f, Pure, frame)?),
+    };
+    if frame.is_some() && !slots.iter().any(|s| matches!(s.role, "x" | "y" | "z" | "orientation_w" | "roll")) {
+        return Err("a frame fits only x, y and z, or an attitude".into());
+    }
     no_other_fields(f, &slots)?;
-    let parts: Result<Vec<Part>, String> = slots.iter().map(|slot| part(slot, combine)).collect();
+    let parts: Result<Vec<Part>, String> = slots.iter().map(part).collect();
     Ok((combine, parts?))
+}
+
+fn body_velocity(f: &FieldTable) -> Vec<Slot<'_>> {
+    use Dimension::{None as Pure, Speed};
+    vec![
+        slot("forward", Speed, &f.forward),
+        slot("left", Speed, &f.left),
+        slot("up", Speed, &f.up),
+        slot("orientation_x", Pure, &f.orientation_x),
+        slot("orientation_y", Pure, &f.orientation_y),
+        slot("orientation_z", Pure, &f.orientation_z),
+        slot("orientation_w", Pure, &f.orientation_w),
+    ]
+}
+
+fn attitude(f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Slot<'_>>), String> {
+    use Dimension::{Angle, None as Pure};
+    let frame = match frame {
+        Some(FrameName::FrdNed) => AttitudeFrame::FrdNed,
+        Some(FrameName::FluEnu) => AttitudeFrame::FluEnu,
+        Some(FrameName::FluNwu) => AttitudeFrame::FluNwu,
+        _ => return Err("an attitude needs a frame: frd-ned, flu-enu or flu-nwu".into()),
+    };
+    if f.roll.is_some() || f.pitch.is_some() || f.yaw.is_some() {
+        let turns = [slot("roll", Angle, &f.roll), slot("pitch", Angle, &f.pitch), slot("yaw", Angle, &f.yaw)];
+        return Ok((Combine::Euler(frame), turns.into()));
+    }
+    let quaternion = [
+        slot("orientation_w", Pure, &f.orientation_w),
+        slot("orientation_x", Pure, &f.orientation_x),
+        slot("orientation_y", Pure, &f.orientation_y),
+        slot("orientation_z", Pure, &f.orientation_z),
+    ];
+    Ok((Combine::Quaternion(frame), quaternion.into()))
+}
+
+/// Forward, right, down of the body, as the author calls them or as x, y, z of a frame.
+fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> Result<Vec<Slot<'_>>, String> {
+    let slots = if [&f.x, &f.y, &f.z].iter().any(|axis| axis.is_some()) {
+        let opposite = match frame {
+            Some(FrameName::Frd) => false,
+            Some(FrameName::Flu) => true,
+            _ => return Err("x, y and z need a frame: frd or flu".into()),
+        };
+        let (y, z) = (slot("y", dimension, &f.y), slot("z", dimension, &f.z));
+        [slot("x", dimension, &f.x), Slot { opposite, ..y }, Slot { opposite, ..z }]
+    } else {
+        [
+            slot("forward", dimension, &f.forward),
+            either(slot("right", dimension, &f.right), slot("left", dimension, &f.left)),
+            either(slot("down", dimension, &f.down), slot("up", dimension, &f.up)),
+        ]
+    };
+    if slots.iter().all(|s| s.written.is_none()) {
+        return Err("no field: x, y or z with a frame, or forward, right or left, down or up".into());
+    }
+    Ok(slots.into_iter().map(|s| Slot { presence: Presence::Axis, ..s }).collect())
 }
 
 /// A field that the recipe does not use is a mistake of the author.
 fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
-    let all: [(&str, &Option<OneOrMore>); 18] = [
+    let all: [(&str, &Option<OneOrMore>); 28] = [
         ("latitude", &f.latitude),
         ("longitude", &f.longitude),
         ("height", &f.height),
@@ -466,20 +597,30 @@ fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
         ("variation", &f.variation),
         ("forward", &f.forward),
         ("left", &f.left),
+        ("right", &f.right),
+        ("x", &f.x),
+        ("y", &f.y),
+        ("z", &f.z),
+        ("roll", &f.roll),
+        ("pitch", &f.pitch),
+        ("yaw", &f.yaw),
+        ("count", &f.count),
+        ("angle", &f.angle),
+        ("second", &f.second),
         ("orientation_x", &f.orientation_x),
         ("orientation_y", &f.orientation_y),
         ("orientation_z", &f.orientation_z),
         ("orientation_w", &f.orientation_w),
         ("value", &f.value),
     ];
-    let stray = all.iter().find(|(name, field)| field.is_some() && slots.iter().all(|(role, ..)| role != name));
+    let stray = all.iter().find(|(name, field)| field.is_some() && slots.iter().all(|slot| slot.role != *name));
     stray.map_or(Ok(()), |(name, _)| Err(format!("the field {name} does not fit with the others")))
 }
 
-fn part(&(role, dimension, written): &Slot<'_>, combine: Combine) -> Result<Part, String> {
-    let vertical = matches!(role, "height" | "down") || (role == "up" && combine != Combine::Body);
-    let entries = match written {
-        None if vertical => vec![],
+fn part(slot: &Slot<'_>) -> Result<Part, String> {
+    let role = slot.role;
+    let entries = match slot.written {
+        None if slot.presence != Presence::Required => vec![],
         None => return Err(format!("the field {role} is missing")),
         Some(OneOrMore::One(entry)) => vec![entry.clone()],
         Some(OneOrMore::More(entries)) => entries.clone(),
@@ -487,13 +628,13 @@ fn part(&(role, dimension, written): &Slot<'_>, combine: Combine) -> Result<Part
     let mut fields = vec![];
     for entry in entries {
         let unit: Unit = entry.unit.parse().map_err(|e| format!("{role}: {e}"))?;
-        if unit.dimension() != dimension && role != "value" {
-            return Err(format!("{role}: {unit} is no unit of {dimension:?}"));
+        let numbered = role == "second" && unit.dimension() == Dimension::None;
+        if unit.dimension() != slot.dimension && role != "value" && !numbered {
+            return Err(format!("{role}: {unit} is no unit of {:?}", slot.dimension));
         }
         fields.push((entry.field, unit));
     }
-    let opposite = role == "west" || (role == "up" && vertical);
-    Ok(Part { role, vertical, opposite, fields })
+    Ok(Part { role, presence: slot.presence, opposite: slot.opposite, fields })
 }
 
 fn times_of(table: &TimeTable) -> Result<[(StampKind, Vec<TimeSource>); 3], String> {

@@ -126,8 +126,42 @@ pub(crate) enum QuantityName {
     PositionNed,
     /// `north`, `east`; or `speed`, `track` and perhaps `variation`; or `forward`, `left`, `up` and the orientation.
     VelocityNed,
+    /// `height`.
+    Height,
+    /// `orientation_w` to `orientation_z`, a quaternion of any length, or `roll`, `pitch` and `yaw`; with `frame`.
+    Attitude,
+    /// `x`, `y`, `z` with `frame`; or `forward`, `right` or `left`, `down` or `up`. An axis may be missing.
+    AngularRate,
+    /// As an angular rate. At rest and level it points up.
+    SpecificForce,
+    /// As an angular rate, in a unit of magnetic field.
+    MagneticField,
+    /// As an angular rate, in units of the local field.
+    MagneticDirection,
+    /// `count`.
+    EncoderCount,
+    /// `angle`.
+    EncoderAngle,
+    /// `second`: a time, or a running number.
+    Pulse,
     /// `value`.
     Scalar,
+}
+
+/// The axes that a source counts in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum FrameName {
+    /// Of a vector: x forward, y right, z down.
+    Frd,
+    /// Of a vector: x forward, y left, z up (ROS REP 103; Xsens).
+    Flu,
+    /// Of an attitude: it turns forward, right, down to north, east, down.
+    FrdNed,
+    /// Of an attitude: it turns forward, left, up to east, north, up (ROS REP 103).
+    FluEnu,
+    /// Of an attitude: it turns forward, left, up to north, west, up (Xsens until 2012).
+    FluNwu,
 }
 
 /// What a height is above.
@@ -165,6 +199,8 @@ pub(crate) struct ChannelEntry {
     /// What a row must fulfil.
     #[serde(default)]
     pub(crate) require: Vec<RequireEntry>,
+    /// The axes of `x`, `y`, `z`, or of an attitude.
+    pub(crate) frame: Option<FrameName>,
     /// What the height is above.
     pub(crate) height_above: Option<HeightAbove>,
     /// An assumption that whoever reads the report should know.
@@ -187,7 +223,7 @@ pub(crate) struct FieldTable {
     pub(crate) east: Option<OneOrMore>,
     /// West; instead of `east`.
     pub(crate) west: Option<OneOrMore>,
-    /// Down; instead of `up`.
+    /// Down; instead of `up`. In the body's frame, along its downward axis.
     pub(crate) down: Option<OneOrMore>,
     /// Up; instead of `down`. In the body's frame, along its upward axis.
     pub(crate) up: Option<OneOrMore>,
@@ -199,9 +235,30 @@ pub(crate) struct FieldTable {
     pub(crate) variation: Option<OneOrMore>,
     /// Along the body's forward axis.
     pub(crate) forward: Option<OneOrMore>,
-    /// Along the body's left axis.
+    /// Along the body's left axis; instead of `right`.
     pub(crate) left: Option<OneOrMore>,
-    /// Orientation of the body (forward, left, up) in east, north, up: quaternion, x.
+    /// Along the body's right axis; instead of `left`.
+    pub(crate) right: Option<OneOrMore>,
+    /// Along or about the first axis of `frame`.
+    pub(crate) x: Option<OneOrMore>,
+    /// Along or about the second axis of `frame`.
+    pub(crate) y: Option<OneOrMore>,
+    /// Along or about the third axis of `frame`.
+    pub(crate) z: Option<OneOrMore>,
+    /// About the first axis of `frame`, last of the three turns (3-2-1).
+    pub(crate) roll: Option<OneOrMore>,
+    /// About the second axis of `frame`, second of the three turns.
+    pub(crate) pitch: Option<OneOrMore>,
+    /// About the third axis of `frame`, first of the three turns.
+    pub(crate) yaw: Option<OneOrMore>,
+    /// Counts of an encoder.
+    pub(crate) count: Option<OneOrMore>,
+    /// Angle of an encoder.
+    pub(crate) angle: Option<OneOrMore>,
+    /// Second of the device's clock at a pulse, or the pulse's number.
+    pub(crate) second: Option<OneOrMore>,
+    /// Orientation: quaternion, x. Of an attitude in the axes of `frame`, else of the body (forward, left, up) in
+    /// east, north, up.
     pub(crate) orientation_x: Option<OneOrMore>,
     /// Quaternion, y.
     pub(crate) orientation_y: Option<OneOrMore>,

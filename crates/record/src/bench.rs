@@ -156,9 +156,9 @@ pub struct ReferenceFinding {
     pub field_t: Option<[f64; 3]>,
     /// Where the field comes from, with the validity of the model.
     pub field_source: String,
-    /// Bar angle, rad: encoder and smoothed.
+    /// Bar angle, rad: first encoder, then smoothed.
     pub angle: Vec<Curve>,
-    /// Tangential acceleration L·ξ″, m/s²: smoothed, and the paper's second central difference.
+    /// Tangential acceleration L·ξ″, m/s²: first smoothed, then the paper's second central difference.
     pub acceleration: Vec<Curve>,
 }
 
@@ -275,12 +275,17 @@ pub enum Verdict {
 pub struct DelayFinding {
     /// Best value; positive is late.
     pub delay: Delay,
-    /// Standard uncertainty, s: the larger of the next two.
+    /// Standard uncertainty, s: the larger of the next two, with the stamps' and the anchor's own uncertainty in
+    /// quadrature.
     pub standard_uncertainty_s: f64,
     /// From the Hessian of the generalised least squares, s.
     pub hessian_s: f64,
     /// From the heteroscedasticity and autocorrelation consistent sandwich, s.
     pub hac_s: f64,
+    /// From stamps that are coarse: a held value is seen one row late at most, a tick is cut or rounded, s.
+    pub stamps_s: f64,
+    /// From the delay of the anchor channel, s; zero where delays are absolute.
+    pub anchor_s: f64,
     /// Confidence interval of 95 % (Student), s.
     pub interval_95_s: [f64; 2],
     /// Degrees of freedom.
@@ -335,7 +340,8 @@ pub struct ComponentDynamics {
     pub noise: Option<NoiseFinding>,
     /// What this component alone says of the delay, s.
     pub delay_s: Option<Estimate>,
-    /// Reference at the true time, reference delayed as found, measured: over the whole record.
+    /// First the reference at the true time, then the reference delayed as found (if a delay was), last measured: over
+    /// the whole record.
     pub curves: Vec<Curve>,
     /// The same over a few swings, not decimated.
     pub zoom: Vec<Curve>,
@@ -475,7 +481,8 @@ pub struct LatencyHistogram {
     pub latency_s: flight::Distribution,
 }
 
-/// One extra delay and gain put into the real data, and found again (design note 4, user wants 7).
+/// One extra delay and gain put into the second half of the real data, and found again against the first half:
+/// two estimates whose noise has nothing in common, so that the interval is put to the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Injection {
     /// Delay added, s.

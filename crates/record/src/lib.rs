@@ -17,6 +17,7 @@ mod bench;
 mod campaign;
 mod card;
 mod flight;
+mod flight_delay;
 mod monte_carlo;
 mod replay;
 
@@ -29,6 +30,10 @@ pub use crate::bench::{
 pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
 pub use crate::card::{CARD_VERSION, CardChannel, CardSource, CardUse, SensorCard, SensorIdentity};
 pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
+pub use crate::flight_delay::{
+    DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit,
+    DelayStep, FlightDelays, FlightInjection, MeasuredDelay, PairDelay, WindowDelay,
+};
 pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::replay::{
     AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, PathCurve, ReplayRecord, ReplaySettings,

@@ -1,5 +1,6 @@
 //! What the compensators made of a flight.
 
+use crate::CardUse;
 use flight::Delay;
 use serde::{Deserialize, Serialize};
 
@@ -29,10 +30,13 @@ pub enum StartRule {
 pub struct ReplaySettings {
     /// Delay that was removed.
     pub delay: Delay,
-    /// Its standard uncertainty, s, if the pipeline states one.
+    /// Its standard uncertainty, s, if the pipeline or the sensor card states one.
     pub delay_uncertainty_s: Option<f64>,
     /// Where the delay comes from, in words.
     pub delay_source: String,
+    /// The sensor card that the delay comes from; `None` if the pipeline states the number itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub card: Option<CardUse>,
     /// Start rule.
     pub start: StartRule,
     /// Velocity gaps up to this long are bridged, s.

@@ -6,7 +6,7 @@
 //! written as one `path` each with `stroke-dasharray`; and it repeats absolute coordinates,
 //! so paths are relative and lose the points that no screen can show.
 
-use crate::figure::{Axis, Figure, Line, Mark, Panel, Pen, Span};
+use crate::figure::{Axis, Dimension, Figure, Line, Mark, Panel, Pen, Shape, Span};
 use crate::text::shown_block;
 use maud::Render;
 use plotters::chart::ChartContext;
@@ -55,6 +55,12 @@ fn look(pen: Pen, fine: bool) -> Look {
         hollow: false,
     };
     match pen {
+        Pen::Uncertainty => line("#cfe3f3", 0, 0),
+        Pen::Bars => line("#7fa9c9", 0, 0),
+        Pen::Faint => line("#9aa3ab", 2, 1),
+        Pen::Rule => Look { cap: "butt", ..line("#b83c00", 3, 3) },
+        Pen::Samples => line("#1b1f24", 5, 5),
+        Pen::DoubtfulPoints => Look { hollow: true, ..line("#8b949e", 13, 13) },
         Pen::Band => line("#5aa7de", 10, 6),
         Pen::Raw => line("#1b1f24", 3, 2),
         Pen::Dashed => Look { dashes: "17 11", cap: "butt", ..line("#b83c00", 5, 3) },
@@ -84,10 +90,10 @@ fn document(figure: &Figure, namespace: &str) -> String {
             format!("<text x=\"20\" y=\"60\" font-size=\"28\">not drawn: {}</text>", escaped(&error.to_string()))
         }
     };
-    let (id, title) = (figure.id, escaped(&figure.title));
+    let (id, title) = (&figure.id, escaped(&figure.title));
     let description = escaped(&format!("{} {}", figure.caption, figure.how_to_read));
     format!(
-        "<svg{namespace} viewBox=\"0 0 {width} {height}\" width=\"{}\" height=\"{}\" role=\"img\" \
+        "<svg{namespace} font-family=\"sans-serif\" viewBox=\"0 0 {width} {height}\" width=\"{}\" height=\"{}\" role=\"img\" \
          aria-labelledby=\"{id}-t {id}-d\"><title id=\"{id}-t\">{title}</title><desc id=\"{id}-d\">{description}</desc>\n\
          {body}</svg>\n",
         width / FINENESS,
@@ -130,7 +136,13 @@ fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
         }
         area.present()?;
     }
-    Ok(format!("{}{curves}", inner(&frame)))
+    Ok(format!("{}{curves}", lighter(inner(&frame))))
+}
+
+/// Without what plotters says at each element and the outermost one says once, or what is so anyway. Quotes inside
+/// text are escaped, so only attributes are touched.
+fn lighter(svg: &str) -> String {
+    svg.replace(" opacity=\"1\"", "").replace(" font-family=\"sans-serif\"", "")
 }
 
 /// What stands between the outermost tags.
@@ -159,6 +171,13 @@ fn draw_panel(area: &Area, panel: &Panel, (fine, last): (bool, bool), out: &mut 
     }
     for mark in &panel.marks {
         write_mark(out, &chart, panel, mark);
+    }
+    for dimension in &panel.dimensions {
+        write_dimension(out, &chart, panel, dimension);
+    }
+    if !panel.heading.is_empty() {
+        let (x, y) = chart.backend_coord(&(panel.x.low, panel.y.high));
+        write_text(out, (x, y - 9), "start", &panel.heading);
     }
     Ok(())
 }
@@ -231,9 +250,12 @@ fn legend(area: &Area, figure: &Figure, curves: &mut String) -> Result<(), Failu
     for ((x, row), (name, pen)) in legend_places(figure).into_iter().zip(figure.legend()) {
         let y = (row * LEGEND_ROW + LEGEND_ROW / 2) as i32;
         area.draw(&Text::new(name.to_owned(), (x + SAMPLE + 18, y), style.clone()))?;
-        let middle = vec![(x + SAMPLE / 2, y)];
-        let d = if pen.is_points() { dots(&[middle]) } else { format!("M{x} {y}h{SAMPLE}") };
-        curves.push_str(&path(&look(pen, figure.fine), &d, ""));
+        let look = look(pen, figure.fine);
+        curves.push_str(&match pen.shape() {
+            Shape::Stroke => path(&look, &format!("M{x} {y}h{SAMPLE}"), ""),
+            Shape::Points => path(&look, &dots(&[(x + SAMPLE / 2, y)]), ""),
+            Shape::Area | Shape::Bars => filled(&look, &rectangle((x, y - 12), (x + SAMPLE, y + 12)), ""),
+        });
     }
     Ok(())
 }
@@ -243,29 +265,64 @@ fn legend(area: &Area, figure: &Figure, curves: &mut String) -> Result<(), Failu
 fn write_line(out: &mut String, chart: &Chart, line: &Line, fine: bool) {
     let pixels = |piece: &Vec<(f64, f64)>| piece.iter().map(|p| chart.backend_coord(p)).collect::<Vec<_>>();
     let pieces: Vec<Vec<(i32, i32)>> = line.pieces.iter().map(pixels).collect();
-    let look = look(line.pen, fine);
-    if line.pen.is_points() {
-        out.push_str(&bars(&pieces));
-        out.push_str(&path(&look, &dots(&pieces), &line.name));
-    } else {
-        let d: String = pieces.iter().map(|piece| relative_path(&thinned(piece))).collect();
-        out.push_str(&path(&look, &d, &line.name));
-    }
+    let mut look = look(line.pen, fine);
+    out.push_str(&match line.pen.shape() {
+        Shape::Stroke => {
+            let d: String = pieces.iter().map(|piece| relative_path(&thinned(piece))).collect();
+            path(&look, &d, &line.name)
+        }
+        Shape::Points => {
+            let firsts: Vec<(i32, i32)> = pieces.iter().filter_map(|piece| piece.first().copied()).collect();
+            if line.pen == Pen::Samples {
+                look.width = dot_width(&firsts);
+            }
+            uncertainties(&pieces) + &path(&look, &dots(&apart(firsts)), &line.name)
+        }
+        Shape::Area => {
+            let d: String = pieces.iter().map(|piece| relative_path(&without_straight_runs(piece)) + "z").collect();
+            filled(&look, &d, &line.name)
+        }
+        Shape::Bars => {
+            let bar = |piece: &Vec<(i32, i32)>| piece.get(1).map_or_else(String::new, |&to| rectangle(piece[0], to));
+            filled(&look, &pieces.iter().map(bar).collect::<String>(), &line.name)
+        }
+    });
 }
 
-/// A ring and its name, with a white seam so that both are seen on any curve.
+/// A ring and its name.
 fn write_mark(out: &mut String, chart: &Chart, panel: &Panel, mark: &Mark) {
     let (x, y) = chart.backend_coord(&mark.at);
     let right = mark.at.0 > (panel.x.low + panel.x.high) / 2.0;
     let (text_x, anchor) = if right { (x - 18, "end") } else { (x + 18, "start") };
+    let _ =
+        writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"#fff\" stroke=\"#1b1f24\" stroke-width=\"4\"/>");
+    write_text(out, (text_x, y + 9), anchor, &mark.label);
+}
+
+/// A length between two ends with its words, as on a drawing; nothing if it is too short to be seen.
+fn write_dimension(out: &mut String, chart: &Chart, panel: &Panel, dimension: &Dimension) {
+    const SHORTEST: i32 = 8;
+    let end = |x: f64| chart.backend_coord(&(x, dimension.at));
+    let ((from, y), (to, _)) = (end(dimension.from), end(dimension.to));
+    if (to - from).abs() < SHORTEST {
+        return;
+    }
+    let ends = format!("M{from} {}v28M{to} {}v28M{from} {y}H{to}", y - 14, y - 14);
+    let seam = Look { colour: "#ffffff", width: 11, dashes: "", cap: "butt", hollow: false };
+    out.push_str(&path(&seam, &ends, ""));
+    out.push_str(&path(&Look { colour: "#b42318", width: 5, ..seam }, &ends, ""));
+    let right = dimension.from > (panel.x.low + panel.x.high) / 2.0;
+    let (x, anchor) = if right { (from.min(to) - 14, "end") } else { (from.max(to) + 14, "start") };
+    write_text(out, (x, y + 9), anchor, &dimension.label);
+}
+
+/// Words with a white seam, so that they are read on any curve.
+fn write_text(out: &mut String, (x, y): (i32, i32), anchor: &str, text: &str) {
     let _ = writeln!(
         out,
-        "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"#fff\" stroke=\"#1b1f24\" stroke-width=\"4\"/>\
-         <text x=\"{text_x}\" y=\"{}\" text-anchor=\"{anchor}\" font-family=\"sans-serif\" font-size=\"26\" \
-         fill=\"#1b1f24\" stroke=\"#fff\" stroke-width=\"8\" stroke-linejoin=\"round\" \
-          paint-order=\"stroke\">{}</text>",
-        y + 9,
-        escaped(&mark.label)
+        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" font-size=\"26\" fill=\"#1b1f24\" stroke=\"#fff\" \
+         stroke-width=\"8\" stroke-linejoin=\"round\" paint-order=\"stroke\">{}</text>",
+        escaped(text)
     );
 }
 
@@ -274,7 +331,7 @@ fn path(look: &Look, d: &str, name: &str) -> String {
         "" => String::new(),
         dashes => format!(" stroke-dasharray=\"{dashes}\""),
     };
-    let title = if name.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(name)) };
+    let title = title(name);
     let stroke = |colour: &str, width: u32| {
         format!(
             "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-linejoin=\"round\" \
@@ -288,22 +345,63 @@ fn path(look: &Look, d: &str, name: &str) -> String {
     }
 }
 
-/// A round dot at the first point of each piece: a line of no length with round ends.
-fn dots(pieces: &[Vec<(i32, i32)>]) -> String {
-    pieces.iter().filter_map(|piece| piece.first()).fold(String::new(), |mut d, (x, y)| {
-        let _ = write!(d, "M{x} {y}h0");
-        d
-    })
+fn title(name: &str) -> String {
+    if name.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(name)) }
 }
 
-/// The uncertainty of each point, from its second to its third.
-fn bars(pieces: &[Vec<(i32, i32)>]) -> String {
+fn filled(look: &Look, d: &str, name: &str) -> String {
+    format!("<path fill=\"{}\" d=\"{d}\">{}</path>\n", look.colour, title(name))
+}
+
+fn rectangle((x0, y0): (i32, i32), (x1, y1): (i32, i32)) -> String {
+    format!("M{x0} {y0}H{x1}V{y1}H{x0}z")
+}
+
+/// A round dot at each point: a line of no length with round ends.
+fn dots(points: &[(i32, i32)]) -> String {
+    let mut d = String::new();
+    let mut last = None;
+    for &(x, y) in points {
+        let _ = match last {
+            None => write!(d, "M{x} {y}h0"),
+            Some((from_x, from_y)) => write!(d, "m{} {}h0", x - from_x, y - from_y),
+        };
+        last = Some((x, y));
+    }
+    d
+}
+
+/// Larger dots where there is room between them.
+fn dot_width(points: &[(i32, i32)]) -> u32 {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return 5 };
+    let step = (last.0 - first.0).unsigned_abs() / points.len() as u32;
+    (step / 2).clamp(5, 13)
+}
+
+/// Without points within a CSS pixel of the one before: on a screen they are the same dot.
+fn apart(points: Vec<(i32, i32)>) -> Vec<(i32, i32)> {
+    let mut kept: Vec<(i32, i32)> = Vec::with_capacity(points.len());
+    for (x, y) in points {
+        let is_near = |&(a, b): &(i32, i32)| (x - a).abs().max((y - b).abs()) < FINENESS as i32;
+        if !kept.last().is_some_and(is_near) {
+            kept.push((x, y));
+        }
+    }
+    kept
+}
+
+/// The uncertainty of each point, from its second to its third: upright or level.
+fn uncertainties(pieces: &[Vec<(i32, i32)>]) -> String {
     let bar = |piece: &Vec<(i32, i32)>| match piece[..] {
         [_, (x, low), (_, high)] if low != high => format!("M{x} {low}V{high}"),
+        [_, (low, y), (high, _)] if low != high => format!("M{low} {y}H{high}"),
         _ => String::new(),
     };
     let d: String = pieces.iter().map(bar).collect();
-    format!("<path fill=\"none\" stroke=\"#57606a\" stroke-width=\"3\" d=\"{d}\"/>\n")
+    match d.is_empty() {
+        true => String::new(),
+        false => format!("<path fill=\"none\" stroke=\"#57606a\" stroke-width=\"3\" d=\"{d}\"/>\n"),
+    }
 }
 
 /// Points that can be told apart: in each column one CSS pixel wide the first, the lowest,
@@ -377,8 +475,7 @@ impl Ranged for Scale<'_> {
     type ValueType = f64;
 
     fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
-        let share = ((value - self.0.low) / (self.0.high - self.0.low)).clamp(0.0, 1.0);
-        start + (share * f64::from(end - start)).round() as i32
+        start + (self.0.share(*value) * f64::from(end - start)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
@@ -436,6 +533,18 @@ mod tests {
             let near = kept.windows(2).any(|w| is_between(w[0], (x, y), w[1]));
             assert!(near, "({x}, {y})");
         }
+    }
+
+    #[test]
+    fn dots_that_a_screen_can_tell_apart_are_all_drawn() {
+        let points = vec![(10, 20), (11, 21), (13, 20), (13, 60)];
+        assert_eq!(dots(&apart(points)), "M10 20h0m3 0h0m0 40h0");
+    }
+
+    #[test]
+    fn an_uncertainty_stands_upright_or_lies_level() {
+        let drawn = uncertainties(&[vec![(5, 7), (5, 3), (5, 9)], vec![(5, 7), (1, 7), (8, 7)], vec![(5, 7)]]);
+        assert!(drawn.contains("d=\"M5 3V9M1 7H8\""), "{drawn}");
     }
 
     #[test]

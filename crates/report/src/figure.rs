@@ -1,18 +1,25 @@
 //! A figure as data: what is drawn, in which units, and how to read it. No pixel here.
 
 mod axis;
+mod bench;
 mod campaign;
+mod card;
+mod curve;
 mod flight;
+mod monte_carlo;
 
 pub(crate) use axis::Axis;
+pub(crate) use bench::{BenchFigures, ChannelFigures, anchors, main_component};
 pub(crate) use campaign::overview;
+pub(crate) use card::{Forest, card_figures};
 pub(crate) use flight::flight_figures;
+pub(crate) use monte_carlo::group_figure;
 
 /// Panels one above the other with one legend.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Figure {
     /// File name without folder and `.svg`; also the anchor on the page.
-    pub(crate) id: &'static str,
+    pub(crate) id: String,
     /// Number on its page.
     pub(crate) number: u32,
     /// What it shows, a few words.
@@ -42,12 +49,23 @@ pub(crate) struct Panel {
     pub(crate) spans: Vec<Span>,
     /// Named points.
     pub(crate) marks: Vec<Mark>,
+    /// Lengths along the horizontal axis, with arrows and words.
+    pub(crate) dimensions: Vec<Dimension>,
+    /// What stands above the panel; empty for nothing.
+    pub(crate) heading: String,
 }
 
-/// A curve: the pen is lifted between its pieces.
+impl Panel {
+    /// Axes and lines, and nothing else.
+    pub(crate) fn of(x: Axis, y: Axis, lines: Vec<Line>) -> Panel {
+        Panel { x, y, lines, spans: vec![], marks: vec![], dimensions: vec![], heading: String::new() }
+    }
+}
+
+/// A curve, or whatever its pen makes of its pieces: see [`Shape`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Line {
-    /// Name in the legend.
+    /// Name in the legend; empty for a line that explains itself.
     pub(crate) name: String,
     /// How it looks.
     pub(crate) pen: Pen,
@@ -55,9 +73,15 @@ pub(crate) struct Line {
     pub(crate) pieces: Vec<Vec<(f64, f64)>>,
 }
 
-/// How a curve is told from the others, in colour and without.
+/// How a curve is told from the others, in colour and without. Drawn in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Pen {
+    /// Pale area: where a value lies with 95 %.
+    Uncertainty,
+    /// Filled bars: counts, correlations.
+    Bars,
+    /// Thin and grey: what is shown for comparison and hides nothing.
+    Faint,
     /// Wide and pale, drawn first so that what lies on it stays visible.
     Band,
     /// Thin, dark, unbroken: what the receiver reported.
@@ -70,16 +94,40 @@ pub(crate) enum Pen {
     Reference,
     /// Dots in black: a prediction, not a measurement.
     Dotted,
+    /// A straight line that marks a place: thin and unbroken.
+    Rule,
+    /// Small dots in black, on top of curves: samples as they were measured.
+    Samples,
+    /// Single points, hollow and grey: not to be relied on, or left out.
+    DoubtfulPoints,
     /// Single points, round.
     Points,
     /// Single points, hollow: data were lost.
     HollowPoints,
 }
 
+/// What the pieces of a line stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shape {
+    /// A curve through the points of a piece.
+    Stroke,
+    /// A point at the first of a piece; two more are the ends of its uncertainty.
+    Points,
+    /// An area whose outline a piece is.
+    Area,
+    /// A bar between two opposite corners.
+    Bars,
+}
+
 impl Pen {
-    /// Single points, not a curve.
-    pub(crate) fn is_points(self) -> bool {
-        matches!(self, Pen::Points | Pen::HollowPoints)
+    /// How it draws a piece.
+    pub(crate) fn shape(self) -> Shape {
+        match self {
+            Pen::Uncertainty => Shape::Area,
+            Pen::Bars => Shape::Bars,
+            Pen::Samples | Pen::DoubtfulPoints | Pen::Points | Pen::HollowPoints => Shape::Points,
+            _ => Shape::Stroke,
+        }
     }
 }
 
@@ -103,12 +151,25 @@ pub(crate) struct Mark {
     pub(crate) label: String,
 }
 
+/// A length along the horizontal axis.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Dimension {
+    /// From.
+    pub(crate) from: f64,
+    /// To.
+    pub(crate) to: f64,
+    /// At this height.
+    pub(crate) at: f64,
+    /// What it measures.
+    pub(crate) label: String,
+}
+
 impl Figure {
-    /// Each curve once, in the order of the panels.
+    /// Each curve that has a name once, in the order of the panels.
     pub(crate) fn legend(&self) -> Vec<(&str, Pen)> {
         let mut entries: Vec<(&str, Pen)> = Vec::new();
         for line in self.panels.iter().flat_map(|panel| &panel.lines) {
-            if !entries.contains(&(line.name.as_str(), line.pen)) {
+            if !line.name.is_empty() && !entries.contains(&(line.name.as_str(), line.pen)) {
                 entries.push((&line.name, line.pen));
             }
         }
@@ -143,6 +204,26 @@ pub(crate) fn pieces(x: &[f64], y: &[f64], breaks: &[u32]) -> (Vec<Vec<(f64, f64
     }
     pieces.retain(|piece| !piece.is_empty());
     (pieces, x.len().max(y.len()) - drawn)
+}
+
+/// Whether a number can be drawn.
+fn is_drawable(value: f64) -> bool {
+    value.abs() <= LARGEST
+}
+
+/// A point and the ends of its uncertainty above and below; `None` if it cannot be drawn.
+fn upright(x: f64, y: f64, half: f64) -> Option<Vec<(f64, f64)>> {
+    [x, y, half].into_iter().all(is_drawable).then(|| vec![(x, y), (x, y - half), (x, y + half)])
+}
+
+/// The outline of a rectangle between two opposite corners.
+fn outline((x0, y0): (f64, f64), (x1, y1): (f64, f64)) -> Vec<(f64, f64)> {
+    vec![(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+}
+
+/// A line of one piece.
+fn stroke(name: &str, pen: Pen, points: Vec<(f64, f64)>) -> Line {
+    Line { name: name.to_owned(), pen, pieces: vec![points] }
 }
 
 /// Smallest and largest of one coordinate over some lines; `None` without a point.

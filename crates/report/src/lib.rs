@@ -1,7 +1,7 @@
 //! Records to pages: what was found, for people to read.
 //!
-//! [`flight_site`] and [`campaign_site`] turn a record into a [`Site`], a map from path to
-//! bytes. Nothing is opened, asked or measured here: a page can be made again years later
+//! [`flight_site`], [`campaign_site`], [`bench_site`], [`card_site`] and [`monte_carlo_site`]
+//! turn a record into a [`Site`], a map from path to bytes. Nothing is opened, asked or measured here: a page can be made again years later
 //! from the record alone, and the same record gives the same bytes. Pages are self-contained
 //! (no outside request), readable without script, and text from a log is never markup.
 //!
@@ -32,9 +32,12 @@ mod number;
 mod page;
 mod site;
 mod text;
+mod verdict;
 
-pub use page::{FlightPage, campaign_site, flight_site};
+pub use page::{
+    BenchPage, CardPage, CardRecord, FlightPage, bench_site, campaign_site, card_site, flight_site, monte_carlo_site,
+};
 pub use site::Site;
 
 /// Version of the pages: raised by hand when the same record gives other bytes.
-pub const REPORT_VERSION: u32 = 1;
+pub const REPORT_VERSION: u32 = 2;

@@ -1,5 +1,7 @@
 //! Numbers as people read them: rounding by uncertainty, one minus sign, one clock.
 
+use record::Estimate;
+
 /// The minus sign of all pages (U+2212), as wide as the plus.
 const MINUS: &str = "\u{2212}";
 /// Between groups of three digits: a narrow space that does not break.
@@ -21,9 +23,40 @@ pub(crate) fn measured(value: f64, standard_uncertainty: Option<f64>) -> (String
     }
 }
 
+/// `6.984 ± 0.020` in one piece, or the value alone.
+pub(crate) fn with_uncertainty(estimate: &Estimate) -> String {
+    match measured(estimate.value, estimate.standard_uncertainty) {
+        (value, Some(expanded)) => format!("{value}\u{a0}±\u{a0}{expanded}"),
+        (value, None) => value,
+    }
+}
+
+/// The same number in another unit, `factor` of which make one of the old.
+pub(crate) fn scaled(estimate: &Estimate, factor: f64) -> Estimate {
+    Estimate {
+        value: estimate.value * factor,
+        standard_uncertainty: estimate.standard_uncertainty.map(|u| u * factor.abs()),
+    }
+}
+
+/// Both ends of an interval, rounded as a value with this standard uncertainty is.
+pub(crate) fn interval([low, high]: [f64; 2], standard_uncertainty: f64) -> String {
+    let end = |value| measured(value, Some(standard_uncertainty)).0;
+    format!("{}\u{a0}to\u{a0}{}", end(low), end(high))
+}
+
 /// A value with so many significant digits.
 pub(crate) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 { "0".to_owned() } else { rounded(value, leading_digit(value, digits) - digits + 1) }
+}
+
+/// A number that somebody set: up to seven digits, and no zeros that say nothing.
+pub(crate) fn exact(value: f64) -> String {
+    let text = significant(value, 7);
+    match text.contains('.') && !text.contains('e') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
 }
 
 /// A value with so many decimals.
@@ -43,7 +76,7 @@ fn rounded(value: f64, last: i32) -> String {
     if !value.is_finite() {
         return "not finite".to_owned();
     }
-    if last < -9 || value.abs() >= 1e9 {
+    if last < -9 || value.abs() >= 1e12 {
         return with_minus(format!("{value:.2e}"));
     }
     if last <= 0 {
@@ -196,6 +229,12 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_number_that_somebody_set_has_no_zeros_that_say_nothing() {
+        let texts = [2000.0, -1.28, 0.05, 0.1 + 0.2, 15.0].map(exact);
+        assert_eq!(texts, ["2000", "\u{2212}1.28", "0.05", "0.3", "15"]);
     }
 
     #[test]

@@ -1,21 +1,28 @@
 //! Pages: what a person reads. Numbers are rounded here and nowhere else.
 
+mod bench;
 mod campaign;
+mod card;
 mod flight;
 mod health;
 mod method;
+mod monte_carlo;
 mod provenance;
 mod style;
 
+pub use bench::{BenchPage, bench_site};
 pub use campaign::campaign_site;
+pub use card::{CardPage, CardRecord, card_site};
 pub use flight::{FlightPage, flight_site};
+pub use monte_carlo::monte_carlo_site;
 
 use crate::draw;
 use crate::figure::Figure;
 use crate::number;
-use crate::text::{shown, shown_block};
+use crate::text::{sentence, shown, shown_block};
+use crate::verdict;
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
-use record::{Estimate, Outcome};
+use record::{Estimate, Finding, Outcome, SensorIdentity, TimeBasis, Verdict};
 
 /// A whole page. A page with a wide table is `wide` and gets the script that sorts it; it
 /// reads as well without.
@@ -54,6 +61,44 @@ fn data_lost() -> Markup {
     badge("lost", "▲", "LOG DAMAGED")
 }
 
+/// A verdict on a delay.
+fn verdict_badge(verdict: Verdict) -> Markup {
+    let (class, icon) = match verdict {
+        Verdict::Delayed => ("found", "▶"),
+        Verdict::Early => ("unsure", "◀"),
+        Verdict::EquivalentToZero => ("ok", "✓"),
+        Verdict::Inconclusive => ("unsure", "?"),
+        Verdict::NotMeasurable => ("off", "○"),
+    };
+    badge(class, icon, verdict::word(verdict))
+}
+
+/// Whether a check or a goal is met.
+fn met_badge(met: bool) -> Markup {
+    if met { badge("ok", "✓", "yes") } else { badge("bad", "✗", "no") }
+}
+
+/// What a delay is measured against.
+fn basis(basis: &TimeBasis) -> Markup {
+    html! {
+        @match basis {
+            TimeBasis::OneClock => { "one clock" }
+            TimeBasis::Pps => { "pulse per second" }
+            TimeBasis::Anchor { channel } => { "relative to " code { (shown(channel)) } }
+        }
+    }
+}
+
+/// Which sensor, in a line.
+fn sensor_name(sensor: &SensorIdentity) -> String {
+    let serial = sensor.serial.as_ref().map(|s| format!(", serial {s}"));
+    let firmware = sensor.firmware.as_ref().map(|f| format!(", firmware {f}"));
+    let baud = sensor.baud.map(|b| format!(", {b} baud"));
+    let configuration = sensor.configuration.as_ref().map(|c| format!(", {c}"));
+    let parts = [Some(sensor.model.clone()), serial, firmware, baud, configuration];
+    parts.into_iter().flatten().collect()
+}
+
 fn badge(class: &str, icon: &str, word: &str) -> Markup {
     html! { span class={ "badge " (class) } { span aria-hidden="true" { (icon) " " } (word) } }
 }
@@ -66,18 +111,10 @@ fn reason(outcome: &Outcome) -> Option<&str> {
     }
 }
 
-/// `6.984 ± 0.020` in one piece, or the value alone.
-fn rounded(estimate: &Estimate) -> String {
-    match number::measured(estimate.value, estimate.standard_uncertainty) {
-        (value, Some(expanded)) => format!("{value}\u{a0}±\u{a0}{expanded}"),
-        (value, None) => value,
-    }
-}
-
-/// The same, with all bits of the value in the markup.
+/// `6.984 ± 0.020` in one piece or the value alone, with all bits of the value in the markup.
 fn estimate(estimate: &Estimate) -> Markup {
     let bits = Some(estimate.value).filter(|v| v.is_finite());
-    html! { data value=[bits] { (rounded(estimate)) } }
+    html! { data value=[bits] { (number::with_uncertainty(estimate)) } }
 }
 
 /// The same, where there may be none.
@@ -104,7 +141,7 @@ fn rows<T>(all: &[T], most: usize, columns: usize, row: impl Fn(&T) -> Markup) -
 }
 
 fn more(count: usize) -> String {
-    format!("and {} more, in the record of this flight (JSON)", number::count(count as u64))
+    format!("and {} more, in the record (JSON)", number::count(count as u64))
 }
 
 /// A column head: numbers stand right, words left.
@@ -125,11 +162,16 @@ impl Render for Head {
 
 /// A table that scrolls by itself when it is wider than the page, reachable by keyboard.
 fn table(caption: &str, head: &[Head], body: impl Render) -> Markup {
+    table_of(caption, html! { tr { @for column in head { (column) } } }, body)
+}
+
+/// The same with heads that the record names.
+fn table_of(caption: &str, head: impl Render, body: impl Render) -> Markup {
     html! {
-        div.scroll tabindex="0" role="region" aria-label=(caption) {
+        div.scroll tabindex="0" role="region" aria-label=(sentence(caption)) {
             table {
-                caption { (caption) }
-                thead { tr { @for column in head { (column) } } }
+                caption { (shown(caption)) }
+                thead { (head) }
                 tbody { (body) }
             }
         }
@@ -167,12 +209,55 @@ fn versions(record: u32, analysis: u32) -> String {
 }
 
 fn pipeline_details(pipeline: &record::PipelineUse) -> Markup {
+    settings_details("Pipeline settings as they were used (TOML)", &pipeline.toml)
+}
+
+/// A settings file, folded away.
+fn settings_details(summary: &str, toml: &str) -> Markup {
     html! {
         details {
-            summary { "Pipeline settings as they were used (TOML)" }
-            pre tabindex="0" { code { (shown_block(&pipeline.toml)) } }
+            summary { (summary) }
+            pre tabindex="0" { code { (shown_block(toml)) } }
         }
     }
+}
+
+/// A dash, and why there is no number.
+fn no_number(why: &str) -> Markup {
+    html! { span.none { "— " (shown(why)) } }
+}
+
+/// A number, or a dash with the reason why there is none.
+fn or_why<T>(value: Option<T>, why: &str, show: impl FnOnce(T) -> Markup) -> Markup {
+    value.map_or_else(|| no_number(why), show)
+}
+
+/// A finding, or why it cannot be told.
+fn finding<'a, T>(found: &'a Finding<T>, show: impl FnOnce(&'a T) -> Markup) -> Markup {
+    match found {
+        Finding::Found(found) => show(found),
+        Finding::CannotTell(why) => no_number(why),
+    }
+}
+
+/// A row of a table of facts.
+fn fact(name: &str, value: impl Render) -> Markup {
+    html! { tr { th scope="row" { (name) } td.any { (value) } } }
+}
+
+/// A plain number, with all its bits in the markup and so many significant digits shown.
+fn plain(value: f64, digits: i32) -> Markup {
+    html! { data value=[Some(value).filter(|v| v.is_finite())] { (number::significant(value, digits)) } }
+}
+
+/// A number that somebody set, with all its bits in the markup.
+fn exact(value: f64) -> Markup {
+    html! { data value=[Some(value).filter(|v| v.is_finite())] { (number::exact(value)) } }
+}
+
+/// Links to the parts of a page.
+fn contents(parts: &[(&str, &str)]) -> Markup {
+    html! { nav aria-label="On this page" { @for (id, name) in parts { a href={ "#" (id) } { (name) } } } }
 }
 
 #[cfg(test)]

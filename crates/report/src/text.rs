@@ -38,6 +38,11 @@ pub(crate) fn label(text: &str) -> String {
     visible(text, 72, false)
 }
 
+/// A plain text as short as an axis has room for; whoever writes it escapes it.
+pub(crate) fn short_label(text: &str) -> String {
+    visible(text, 20, false)
+}
+
 /// A plain text as long as a cell; whoever writes it escapes it.
 pub(crate) fn sentence(text: &str) -> String {
     visible(text, CELL, false)

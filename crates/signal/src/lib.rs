@@ -9,16 +9,54 @@
 //! assert_eq!(distance, 2.25); // ∫₀^1.5 2τ dτ
 //! ```
 
+mod coarse_lag;
 mod decimate;
+mod delay;
+mod distributions;
+mod frequency_response;
+mod hermite;
+mod hull;
 mod integral;
+mod lag;
+mod minimise;
+mod noise;
 mod path;
+mod piecewise;
 mod reference;
+mod regression;
+mod residuals;
+mod smooth;
+mod spectrum;
+mod spline;
+mod static_noise;
 mod statistics;
+mod whiten;
 mod window;
 
+pub use coarse_lag::{CoarseLag, coarse_lag};
 pub use decimate::{Decimated, min_max};
+pub use delay::{
+    ComponentFit, DelayError, DelayFit, DelaySettings, Gain, Measurement, OtherMinimum, SegmentDelay, Sign, Uncertain,
+    delay_by_segment, delay_crlb, delay_objective, fit_delay, homogeneity,
+};
+pub use distributions::{chi_squared_tail, normal_quantile, student_quantile};
+pub use lag::{LagCandidate, LagChoice, LagModel, LaggedReference, choose_lag_model};
+pub use noise::NoiseRule;
+pub use residuals::{autocorrelation, jitter_from_residuals, kurtosis, ljung_box};
+pub use spline::{CubicSpline, SplineError};
+pub use whiten::{NoiseModel, whiten};
+pub use frequency_response::{FrequencyPoint, FrequencyResponse, ResponseError, frequency_response};
+pub use hermite::septic_hermite;
+pub use hull::{HullLine, lower_hull};
 pub use integral::CumulativeIntegral;
 pub use path::thin_path;
+pub use piecewise::{PiecewiseClock, PulseError};
 pub use reference::Reference;
+pub use regression::{Regression, RegressionError, regress};
+pub use smooth::{SmoothError, SmoothedMotion, Smoother, smooth, smooth_by_gcv};
+pub use spectrum::{Spectrum, power_spectrum};
+pub use static_noise::{
+    AllanPoint, allan_deviation, modal_repeat_length, resolution, static_deviation, static_segments,
+};
 pub use statistics::{RmsEstimate, block_jackknife_rms, median_in_place, percentile_of_sorted, robust_sigma};
 pub use window::{Window, largest_sum};

@@ -1,9 +1,12 @@
-//! Flights whose truth is known, in every format that flightlag reads.
+//! Flights and bench records whose truth is known, in every format that flightlag reads.
 //!
 //! A [`Trajectory`] is flown, a [`SensorSettings`] says how each sensor lies about it, and
 //! [`simulate`] makes a [`SimulatedFlight`]: truth at any instant, late position, velocity on
 //! time. It becomes a [`flight::Flight`] directly ([`SimulatedFlight::to_flight`]) or bytes of a
 //! log ([`Container::files`]), and [`write_demo`] writes a whole campaign of them.
+//!
+//! A bench is simulated the same way: [`simulate_bench`] swings a bar with an encoder and a sensor on it and makes a
+//! [`SimulatedBench`].
 //!
 //! The same settings give the same bytes. (Sines come from the platform's mathematical library:
 //! between two platforms the last bit of a value may differ.)
@@ -18,6 +21,7 @@
 //! # Ok::<(), simulate::SimulateError>(())
 //! ```
 
+mod bench;
 mod damage;
 mod demo;
 mod error;
@@ -27,6 +31,11 @@ mod simulated;
 mod trajectory;
 mod write;
 
+pub use bench::{
+    Bar, BarMotion, BenchChannel, BenchClocks, BenchDemo, BenchDemoRecord, BenchSamples, BenchSensor, BenchSettings,
+    BenchTruth, ClockError, Encoder, EncoderOutput, EncoderSamples, FlexibleBar, Mount, Outliers, PulseSamples, Pulses,
+    RigText, SimulatedBench, Site, Swing, simulate_bench, write_bench_demo,
+};
 pub use damage::{cut_off, flip_bits, zero_block};
 pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo};
 pub use error::SimulateError;

@@ -125,7 +125,7 @@ impl SensorSettings {
     }
 }
 
-fn normal(random: &mut Pcg64) -> f64 {
+pub(crate) fn normal(random: &mut Pcg64) -> f64 {
     StandardNormal.sample(random)
 }
 

@@ -2,7 +2,9 @@
 
 #![allow(clippy::print_stdout)] // tests may say what they saw
 
+mod compensators;
 mod edges;
 mod flights;
 mod like_cases;
+mod like_flights;
 mod vectors;

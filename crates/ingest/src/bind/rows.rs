@@ -1,7 +1,8 @@
 //! From the rows of a table to the samples of a channel: what is used, what is not and why.
 
+use super::attitude::{from_euler, from_quaternion, rotate};
 use super::trial::{Found, Plan, Stamps, numbers};
-use crate::map::{ChannelRule, Combine};
+use crate::map::{BENCH_ALONE, ChannelRule, Combine, Presence};
 use crate::map_schema::HeightAbove;
 use crate::stamps::{StampStats, distribution};
 use flight::{
@@ -27,7 +28,8 @@ pub(super) struct Bound {
 struct Sample {
     row: usize,
     stamp: i64,
-    values: [f64; 3],
+    /// As many as the quantity has components, then zeros.
+    values: [f64; 4],
 }
 
 /// Rows that are not used, by reason, in the order in which the reasons came up.
@@ -68,8 +70,8 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
         notices.push(Severity::Warning, "back-jump", &plan.table.topic.name, back_jumps, text);
     }
     assumptions(plan, &columns, &mut notices);
-    report(plan, &rejects, &mut notices);
-    let (held, held_health) = held_rows(&samples, &columns);
+    report(plan, &rejects, samples.is_empty(), &mut notices);
+    let (held, held_health) = held_rows(&samples, compared(plan.rule.quantity, columns.len()));
     if let Some(health) = &held_health {
         let text = format!(
             "channel {} repeats held values: updates every {:.3} s, most often {} rows each; the repeats are no measurements",
@@ -92,7 +94,7 @@ fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, n
 /// A height or vertical speed that most rows lack is left out whole, so that it does not cost the rows.
 fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Option<&'p Found<'p>>> {
     let rows_with_others = |row: usize| {
-        let others = plan.columns.iter().zip(&plan.rule.parts).filter(|(_, part)| !part.vertical);
+        let others = plan.columns.iter().zip(&plan.rule.parts).filter(|(_, part)| part.presence != Presence::Vertical);
         others.filter_map(|(found, _)| found.as_ref()).all(|f| f.column.number(row).is_some())
     };
     let whole = (0..plan.table.rows).filter(|&row| rows_with_others(row)).count();
@@ -101,7 +103,7 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
         .map(|(found, part)| {
             let found = found.as_ref()?;
             let filled = |row: &usize| rows_with_others(*row) && found.column.number(*row).is_some();
-            let thin = part.vertical && 2 * (0..plan.table.rows).filter(filled).count() < whole;
+            let thin = part.presence == Presence::Vertical && 2 * (0..plan.table.rows).filter(filled).count() < whole;
             if thin {
                 let text = format!(
                     "channel {}: most rows have no {}; it is left out and counts as zero",
@@ -183,39 +185,29 @@ fn values_of(rule: &ChannelRule, columns: &[Option<&Found<'_>>], row: usize) -> 
     Ok(values)
 }
 
-/// Latitude, longitude, height or north, east, down from the parts; see [`Combine`].
-fn combine(how: Combine, parts: &[f64]) -> Result<[f64; 3], String> {
+/// The components of a channel from the parts; see [`Combine`].
+fn combine(how: Combine, parts: &[f64]) -> Result<[f64; 4], String> {
     Ok(match (how, parts) {
-        (Combine::Polar, &[speed, track, down]) => [speed * track.cos(), speed * track.sin(), down],
+        (Combine::Polar, &[speed, track, down]) => [speed * track.cos(), speed * track.sin(), down, 0.0],
         (Combine::MagneticPolar, &[speed, track, variation, down]) => {
             let (sin, cos) = (track + variation).sin_cos();
-            [speed * cos, speed * sin, down]
+            [speed * cos, speed * sin, down, 0.0]
         }
         (Combine::Body, &[forward, left, up, x, y, z, w]) => {
             let turned = rotate([x, y, z, w], [forward, left, up]);
             // All zero is how a driver without orientation leaves the field.
-            let [east, north, up] = turned.ok_or("the orientation is zero or beyond measure")?;
-            [north, east, -up]
+            let [east, north, up] = turned.ok_or(NO_ORIENTATION)?;
+            [north, east, -up, 0.0]
         }
-        (_, parts) => [0, 1, 2].map(|i| parts.get(i).copied().unwrap_or(0.0)),
+        (Combine::Quaternion(frame), &[w, x, y, z]) => from_quaternion(frame, [w, x, y, z]).ok_or(NO_ORIENTATION)?,
+        (Combine::Euler(frame), &[roll, pitch, yaw]) => from_euler(frame, [roll, pitch, yaw]),
+        (_, parts) => [0, 1, 2, 3].map(|i| parts.get(i).copied().unwrap_or(0.0)),
     })
 }
 
-/// `v` turned by a quaternion of any length; `None` if that is zero or not finite.
-fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> Option<[f64; 3]> {
-    let norm = Some((x * x + y * y + z * z + w * w).sqrt()).filter(|n| *n > 0.0 && n.is_finite())?;
-    let [x, y, z, w] = [x / norm, y / norm, z / norm, w / norm];
-    let [x1, y1, z1] = cross([x, y, z], v);
-    let [x2, y2, z2] = cross([x, y, z], [x1, y1, z1]);
-    let [vx, vy, vz] = v;
-    Some([vx + 2.0 * (w * x1 + x2), vy + 2.0 * (w * y1 + y2), vz + 2.0 * (w * z1 + z2)])
-}
+const NO_ORIENTATION: &str = "the orientation is zero or beyond measure";
 
-fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
-}
-
-fn plausible([latitude, longitude, height]: [f64; 3]) -> Result<(), String> {
+fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
     use std::f64::consts::{FRAC_PI_2, PI};
     // A degree's last digit may round just beyond the pole or the antimeridian.
     const SLACK: f64 = 1e-9;
@@ -257,10 +249,13 @@ fn reject_duplicates(plan: &Plan<'_>, samples: &mut Vec<Sample>, rejects: &mut R
     });
 }
 
-fn report(plan: &Plan<'_>, rejects: &Rejects, notices: &mut Notices) {
+/// A driver fills in what its sensor does not have, say with zeros: a channel of a bench without one usable row is
+/// no reason to warn of a flight.
+fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, notices: &mut Notices) {
+    let absent = unusable && BENCH_ALONE.contains(&plan.rule.quantity);
     for reject in &rejects.0 {
         let duplicate = reject.reason.starts_with("stamp equal");
-        let severity = if reject.reason == "no value" { Severity::Info } else { Severity::Warning };
+        let severity = if absent || reject.reason == "no value" { Severity::Info } else { Severity::Warning };
         let code = if duplicate { "duplicate-stamp" } else { "rejected-row" };
         let place = format!("{}, {}", plan.table.topic.name, reject.first);
         let text = format!("channel {}: rows not used, {}", plan.rule.name, reject.reason);
@@ -299,11 +294,15 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     }
 }
 
-/// Which components the log holds. Only the third, height or down, can be absent.
+/// Which components the log holds: those with a part of their own, if it was found; else all, but for a third that
+/// is height or down.
 fn present(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<bool> {
-    let vertical = plan.rule.parts.iter().position(|p| p.vertical);
-    let has_vertical = vertical.is_none_or(|i| columns.get(i).copied().flatten().is_some());
-    plan.rule.quantity.components().iter().enumerate().map(|(i, _)| i < 2 || has_vertical).collect()
+    let found = |i: usize| columns.get(i).copied().flatten().is_some();
+    let vertical = plan.rule.parts.iter().position(|p| p.presence == Presence::Vertical);
+    let components = plan.rule.quantity.components().iter().enumerate();
+    components
+        .map(|(i, _)| if plan.rule.combine == Combine::AsIs { found(i) } else { i != 2 || vertical.is_none_or(found) })
+        .collect()
 }
 
 fn absent(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<String> {
@@ -370,11 +369,28 @@ fn offset(plan: &Plan<'_>, samples: &[Sample], (of, against): (StampKind, StampK
     Some(StampOffset { of, against, offset_s })
 }
 
+/// How many components must stand still for a row to repeat the one before; `None` where a value that stands
+/// still is a measurement: a bar at rest. Of a position or velocity the third does not count, for a height may
+/// be updated on its own.
+fn compared(quantity: Quantity, parts: usize) -> Option<usize> {
+    match quantity {
+        Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::VelocityNed | Quantity::Scalar => {
+            Some(parts.min(2))
+        }
+        Quantity::EncoderCount | Quantity::EncoderAngle | Quantity::Pulse => None,
+        Quantity::Height
+        | Quantity::Attitude
+        | Quantity::AngularRate
+        | Quantity::SpecificForce
+        | Quantity::MagneticField
+        | Quantity::MagneticDirection => Some(quantity.components().len()),
+    }
+}
+
 /// Which rows repeat the value before, if the stream is held: at least half of its values stand for
-/// two rows or more, so the most frequent run is two or longer (design note 3.8). Only the first two
-/// components count, for a height may be updated on its own.
-fn held_rows(samples: &[Sample], columns: &[Option<&Found<'_>>]) -> (Vec<bool>, Option<Held>) {
-    let compared = columns.len().min(2);
+/// two rows or more, so the most frequent run is two or longer (design note 3.8).
+fn held_rows(samples: &[Sample], compared: Option<usize>) -> (Vec<bool>, Option<Held>) {
+    let Some(compared) = compared else { return (vec![false; samples.len()], None) };
     let same = |a: &Sample, b: &Sample| a.values.iter().zip(&b.values).take(compared).all(|(x, y)| x == y);
     let mut repeats = vec![false; samples.len()];
     for (repeat, pair) in repeats.iter_mut().skip(1).zip(samples.windows(2)) {
@@ -470,7 +486,7 @@ mod tests {
 
     #[test]
     fn a_magnetic_track_turns_clockwise_by_an_easterly_variation() {
-        let [north, east, _] =
+        let [north, east, ..] =
             combine(Combine::MagneticPolar, &[10.0, 80f64.to_radians(), 10f64.to_radians(), 0.0]).unwrap();
         assert!(north.abs() < 1e-12 && (east - 10.0).abs() < 1e-12);
     }
@@ -479,7 +495,8 @@ mod tests {
     fn a_body_that_heads_north_moves_north_when_it_moves_forward() {
         // Yaw of 90 deg from east, about up.
         let half = 45f64.to_radians();
-        let [north, east, down] = combine(Combine::Body, &[15.0, 1.0, 2.0, 0.0, 0.0, half.sin(), half.cos()]).unwrap();
+        let [north, east, down, _] =
+            combine(Combine::Body, &[15.0, 1.0, 2.0, 0.0, 0.0, half.sin(), half.cos()]).unwrap();
         assert!((north - 15.0).abs() < 1e-12 && (east + 1.0).abs() < 1e-12 && (down + 2.0).abs() < 1e-12);
     }
 

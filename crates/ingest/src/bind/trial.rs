@@ -2,7 +2,7 @@
 
 use super::binds;
 use crate::civil::{SlashDate, iso_date, iso_to_unix_ns, unix_ns};
-use crate::map::{ChannelMap, ChannelRule, Closeness, Part, Specificity, TimeSource};
+use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table};
 use flight::{Quantity, StampKind, Unit};
@@ -20,10 +20,26 @@ pub(super) struct Trial<'a> {
     nearness: usize,
 }
 
+/// How good a map is for a log; the larger is the better, the first that differs decides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Rank {
+    both: bool,
+    replayed: bool,
+    encoder: bool,
+    fits: bool,
+    specificity: Specificity,
+    of_flights: usize,
+    channels: usize,
+    /// Topics that have the very name, before topics below a namespace.
+    nearness: std::cmp::Reverse<usize>,
+}
+
 /// A rule with the columns that it found.
 pub(super) struct Plan<'a> {
     pub(super) rule: &'a ChannelRule,
     pub(super) table: &'a Table,
+    /// [`Closeness::distance`] of the table's name.
+    distance: u8,
     /// As [`ChannelRule::parts`]; `None` where the log has no such field.
     pub(super) columns: Vec<Option<Found<'a>>>,
     /// The stamps by kind, the timeline's kind first.
@@ -69,14 +85,24 @@ impl<'a> Trial<'a> {
         trial
     }
 
-    /// Whether it binds anything that a replay could use.
+    /// Whether it binds anything that a replay or a bench could use.
     pub(super) fn fits(&self) -> bool {
-        self.position() || self.velocity()
+        self.position() || self.velocity() || binds(&self.plans, BENCH_ALONE)
     }
 
-    /// Larger is better.
-    pub(super) fn rank(&self) -> (bool, bool, Specificity, usize) {
-        (self.both(), self.fits(), self.specificity(), self.plans.len())
+    /// Larger is better. What flights are made of decides first, so that a channel more of a bench does not
+    /// change which map a flight gets.
+    pub(super) fn rank(&self) -> Rank {
+        Rank {
+            both: self.both(),
+            replayed: self.position() || self.velocity(),
+            encoder: self.encoder(),
+            fits: self.fits(),
+            specificity: self.specificity(),
+            of_flights: self.of_flights().count(),
+            channels: self.plans.len(),
+            nearness: std::cmp::Reverse(self.plans.iter().map(|p| usize::from(p.distance)).sum()),
+        }
     }
 
     /// Both a position and a velocity.
@@ -92,9 +118,19 @@ impl<'a> Trial<'a> {
         binds(&self.plans, &[Quantity::VelocityNed])
     }
 
-    /// Of the channel that is named least exactly.
+    /// The encoder of a bench.
+    pub(super) fn encoder(&self) -> bool {
+        binds(&self.plans, &[Quantity::EncoderCount, Quantity::EncoderAngle])
+    }
+
+    fn of_flights(&self) -> impl Iterator<Item = &Plan<'a>> {
+        self.plans.iter().filter(|p| !BENCH_ALONE.contains(&p.rule.quantity))
+    }
+
+    /// Of the channel that is named least exactly; of those of a flight, if there is one.
     pub(super) fn specificity(&self) -> Specificity {
-        self.plans.iter().map(|p| p.rule.specificity()).min().unwrap_or(Specificity::AnyTable)
+        let least = |plans: &mut dyn Iterator<Item = &Plan<'a>>| plans.map(|p| p.rule.specificity()).min();
+        least(&mut self.of_flights()).or_else(|| least(&mut self.plans.iter())).unwrap_or(Specificity::AnyTable)
     }
 
     pub(super) fn names(&self) -> Vec<String> {
@@ -129,7 +165,7 @@ fn plan<'a>(rule: &'a ChannelRule, log: &'a Log) -> Result<Plan<'a>, Miss> {
     let mut fitting: Vec<(Closeness, Plan<'a>)> = vec![];
     let mut miss = None;
     for (closeness, table) in topics {
-        match columns_of(rule, table) {
+        match columns_of(rule, table, closeness.distance) {
             Ok(plan) => fitting.push((closeness, plan)),
             Err(what) => miss = miss.or(Some((format!("topic {}: {what}", table.topic.name), table))),
         }
@@ -174,21 +210,28 @@ fn no_topic(rule: &ChannelRule, log: &Log) -> String {
     }
 }
 
-fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table) -> Result<Plan<'a>, String> {
+fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, distance: u8) -> Result<Plan<'a>, String> {
     if table.rows == 0 {
         return Err("has no messages".into());
     }
     let mut columns = vec![];
     for part in &rule.parts {
         let found = find_part(part, table);
-        if found.is_none() && !part.vertical {
-            let names: Vec<&str> = part.fields.iter().map(|(field, _)| field.as_str()).collect();
-            return Err(format!("no {} ({})", part.role, names.join(" or ")));
+        if found.is_none() && part.presence == Presence::Required {
+            return Err(missing(part));
         }
         columns.push(found);
     }
+    if let (Some(first), true) = (rule.parts.first(), columns.iter().all(Option::is_none)) {
+        return Err(missing(first));
+    }
     let (stamps, remarks) = stamps_of(rule, table)?;
-    Ok(Plan { rule, table, columns, stamps, remarks })
+    Ok(Plan { rule, table, distance, columns, stamps, remarks })
+}
+
+fn missing(part: &Part) -> String {
+    let names: Vec<&str> = part.fields.iter().map(|(field, _)| field.as_str()).collect();
+    format!("no {} ({})", part.role, names.join(" or "))
 }
 
 /// The first of the part's fields that holds a number at all.

@@ -322,3 +322,66 @@ fn a_wish_to_stop_is_heard() {
     let error = ingest::load(&tables(&[path]), &library, None, &context).unwrap_err();
     assert!(matches!(error, IngestError::Cancelled));
 }
+
+/// `sensor_msgs/Imu` that looks east at rest, with or without an orientation.
+fn imu(name: &str, w: f64) -> Table {
+    let values: [(&str, &[f64]); 10] = [
+        ("orientation.w", &[w; 3]),
+        ("orientation.x", &[0.0; 3]),
+        ("orientation.y", &[0.0; 3]),
+        ("orientation.z", &[0.0; 3]),
+        ("angular_velocity.x", &[0.1, 0.2, 0.3]),
+        ("angular_velocity.y", &[0.4; 3]),
+        ("angular_velocity.z", &[0.5; 3]),
+        ("linear_acceleration.x", &[0.0, 0.1, 0.2]),
+        ("linear_acceleration.y", &[1.0; 3]),
+        ("linear_acceleration.z", &[9.8; 3]),
+    ];
+    typed(name, "sensor_msgs/Imu", &values, STAMPS, LOGGED)
+}
+
+#[test]
+fn an_imu_of_ros_becomes_attitude_rate_and_force_of_forward_right_down() {
+    let (flight, binding) = bound(vec![imu("/anything", 1.0)]).unwrap();
+    assert_eq!(binding.map, "navsatfix-twist");
+    let first = |name: &str| -> Vec<f64> { flight.channels[name].series.components().iter().map(|c| c[0]).collect() };
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    assert_eq!(first("attitude.imu"), [half, 0.0, 0.0, half]);
+    assert_eq!(first("angular-rate.imu"), [0.1, -0.4, -0.5]);
+    assert_eq!(first("specific-force.imu"), [0.0, -1.0, -9.8]);
+}
+
+#[test]
+fn an_imu_without_orientation_is_no_warning_and_changes_no_flight() {
+    let tables = || vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", STAMPS)];
+    let (plain, _) = bound(tables()).unwrap();
+    let (flight, binding) = bound([tables(), vec![imu("/c", 0.0)]].concat()).unwrap();
+    assert_eq!(binding.map, "navsatfix-twist");
+    assert!(!flight.channels.contains_key("attitude.imu"));
+    assert_eq!(flight.channels["specific-force.imu"].series.len(), 3);
+    for name in ["position.gps", "velocity.gps"] {
+        assert_eq!(flight.channels[name], plain.channels[name]);
+    }
+    let warnings =
+        |flight: &flight::Flight| flight.notices.iter().filter(|n| n.severity == flight::Severity::Warning).count();
+    assert_eq!(warnings(&flight), warnings(&plain));
+    let absent = flight.notices.iter().find(|n| n.code == "no-usable-row").unwrap();
+    assert!(absent.text.contains("the orientation is zero or beyond measure (3)"), "{}", absent.text);
+}
+
+#[test]
+fn an_encoder_without_a_stamp_of_its_own_is_stamped_by_the_logger_and_never_outranks_a_flight() {
+    let ticks = |name| typed(name, "std_msgs/Int64", &[("data", &[7.0, 7.0, 9.0])], &[0; 3], LOGGED);
+    let (flight, binding) = bound(vec![ticks("/motor/ticks")]).unwrap();
+    assert_eq!(binding.map, "encoder-ros");
+    let encoder = &flight.channels["encoder.bar"];
+    assert_eq!((encoder.quantity, encoder.series.component(0)), (Quantity::EncoderCount, &[7.0, 7.0, 9.0][..]));
+    assert_eq!(encoder.series.timeline().kind(), StampKind::Logged);
+    assert!(flight.notices.iter().any(|n| n.code == "assumption"));
+    let both = vec![fix("/a", "sensor_msgs/NavSatFix"), twist("/b", STAMPS), ticks("/motor/ticks")];
+    assert_eq!(bound(both).unwrap().1.map, "navsatfix-twist");
+    let joint = typed("/joints", "sensor_msgs/msg/JointState", &[("position[0]", &[0.1, 0.2, 0.3])], STAMPS, LOGGED);
+    let (flight, _) = bound(vec![joint]).unwrap();
+    assert_eq!(flight.channels["encoder.angle"].series.component(0), [0.1, 0.2, 0.3]);
+    assert_eq!(flight.channels["encoder.angle"].series.timeline().kind(), StampKind::Measured);
+}

@@ -3,6 +3,7 @@
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 
 mod bag;
+mod bench;
 mod bind;
 mod csv;
 mod discover;

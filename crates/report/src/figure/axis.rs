@@ -13,6 +13,8 @@ pub(crate) struct Axis {
     pub(crate) high: f64,
     /// Ticks inside the range, rising.
     pub(crate) ticks: Vec<Tick>,
+    /// Whether equal ratios, not equal differences, are equally long. Both ends are then positive.
+    pub(crate) is_logarithmic: bool,
 }
 
 /// A labelled place on an axis.
@@ -44,7 +46,50 @@ impl Axis {
     pub(crate) fn exactly(label: &str, (low, high): (f64, f64), most_ticks: u32) -> Axis {
         let step = decimal_step((high - low) / f64::from(most_ticks));
         let decimals = (-step.log10()).ceil().clamp(0.0, 9.0) as i32;
-        Axis { label: label.to_owned(), low, high, ticks: ticks(low, high, step, |at| number::fixed(at, decimals)) }
+        Axis::plain(label, (low, high), ticks(low, high, step, |at| number::fixed(at, decimals)))
+    }
+
+    /// An axis of the time of a record: in seconds up to ten minutes, then as a clock.
+    pub(crate) fn record_time(what: &str, (low, high): (f64, f64), most_ticks: u32) -> Axis {
+        if low.abs().max(high.abs()) > 600.0 || high <= low {
+            return Axis::time(what, (low, high), most_ticks);
+        }
+        Axis::exactly(&format!("{what} (s)"), (low, high), most_ticks)
+    }
+
+    /// An axis of positive numbers from end to end, equal ratios equally long, ticked in ones, twos and fives.
+    pub(crate) fn logarithmic(label: &str, (low, high): (f64, f64)) -> Axis {
+        let low = low.max(1e-9);
+        let high = high.max(low * 1.001);
+        let powers = (low.log10().floor() as i32)..=(high.log10().ceil() as i32);
+        let places = powers.flat_map(|power| [1.0, 2.0, 5.0].map(|m| m * 10f64.powi(power)));
+        let inside: Vec<f64> = places.filter(|at| (low..=high).contains(at)).collect();
+        let decades_only = inside.len() > 12;
+        let is_decade = |at: &f64| (at.log10() - at.log10().round()).abs() < 1e-9;
+        let tick = |at: f64| Tick { at, label: number::significant(at, 1) };
+        let mut ticks: Vec<Tick> = inside.into_iter().filter(|at| !decades_only || is_decade(at)).map(tick).collect();
+        if ticks.len() < 2 {
+            ticks = [low, high].map(|at| Tick { at, label: number::significant(at, 3) }).into();
+        }
+        Axis { is_logarithmic: true, ..Axis::plain(label, (low, high), ticks) }
+    }
+
+    /// An axis with ticks of one's own, as of numbered rows.
+    pub(crate) fn ticked(label: &str, (low, high): (f64, f64), ticks: Vec<Tick>) -> Axis {
+        Axis::plain(label, (low, high), ticks)
+    }
+
+    fn plain(label: &str, (low, high): (f64, f64), ticks: Vec<Tick>) -> Axis {
+        Axis { label: label.to_owned(), low, high, ticks, is_logarithmic: false }
+    }
+
+    /// Where a value stands between the ends: 0 at the lower, 1 at the upper one; beyond them, at the end.
+    pub(crate) fn share(&self, value: f64) -> f64 {
+        let share = match self.is_logarithmic {
+            true => (value.max(self.low) / self.low).ln() / (self.high / self.low).ln(),
+            false => (value - self.low) / (self.high - self.low),
+        };
+        share.clamp(0.0, 1.0)
     }
 
     /// An axis of seconds, labelled as a clock.
@@ -55,7 +100,7 @@ impl Axis {
         let long = low.abs().max(high.abs()) >= 3600.0;
         let write = |at| if long { number::clock(at, decimals) } else { number::short_clock(at, decimals) };
         let unit = if long { "h:mm:ss" } else { "m:ss" };
-        Axis { label: format!("{what} ({unit})"), low, high, ticks: ticks(low, high, step, write) }
+        Axis::plain(&format!("{what} ({unit})"), (low, high), ticks(low, high, step, write))
     }
 }
 
@@ -117,6 +162,18 @@ mod tests {
             labels(&Axis::time("time", (10.0, 11.0), 6)),
             ["0:10.0", "0:10.2", "0:10.4", "0:10.6", "0:10.8", "0:11.0"]
         );
+    }
+
+    #[test]
+    fn a_logarithmic_axis_has_equal_lengths_for_equal_ratios() {
+        let axis = Axis::logarithmic("frequency (Hz)", (0.1, 10.0));
+        assert_eq!(labels(&axis), ["0.1", "0.2", "0.5", "1", "2", "5", "10"]);
+        assert!((axis.share(1.0) - 0.5).abs() < 1e-12 && axis.share(0.01) == 0.0 && axis.share(99.0) == 1.0);
+        for (low, high) in [(0.3, 0.31), (0.0, 0.0), (1e-300, 1e12), (2.0, 1.0)] {
+            let axis = Axis::logarithmic("f", (low, high));
+            assert!(axis.high > axis.low && (2..=24).contains(&axis.ticks.len()), "{axis:?}");
+            assert!(axis.ticks.iter().all(|t| (axis.low..=axis.high).contains(&t.at)), "{axis:?}");
+        }
     }
 
     #[test]

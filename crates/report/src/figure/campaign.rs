@@ -21,7 +21,7 @@ pub(crate) fn overview(record: &CampaignRecord) -> Option<Figure> {
     lines.retain(|line| !line.pieces.is_empty());
     let axis = |label: &str| Axis::exactly(label, (0.0, largest * 1.05), 8);
     Some(Figure {
-        id: "overview",
+        id: "overview".to_owned(),
         number: 1,
         title: "Correction against speed times delay".to_owned(),
         caption: format!(
@@ -32,13 +32,7 @@ pub(crate) fn overview(record: &CampaignRecord) -> Option<Figure> {
         how_to_read: "A point above the line held its fixes for long, or flew much of the time faster than its median. \
                       Correction and line are made of the same velocity and Td: the figure shows sizes, and is a \
                       check of neither.",
-        panels: vec![Panel {
-            x: axis("Td × median ground speed (m)"),
-            y: axis("correction, 2‑D rms (m)"),
-            lines,
-            spans: vec![],
-            marks: vec![],
-        }],
+        panels: vec![Panel::of(axis("Td × median ground speed (m)"), axis("correction, 2‑D rms (m)"), lines)],
         panel_size: (620, 330),
         fine: false,
     })

@@ -1,12 +1,11 @@
 //! The figures of a flight: Fig. 7 of the paper, its zoom, the difference, the track.
 
-use super::{Axis, Figure, Line, Mark, Panel, Pen, Span, extent, pieces};
+use super::curve::{Tally, lines};
+use super::{Axis, Figure, Line, Mark, Panel, Pen, Span, extent};
 use crate::number;
 use crate::text::{label, sentence};
-use record::{AxisCurves, Curve, PathCurve, ReplayRecord, Zoom};
+use record::{AxisCurves, Curve, ReplayRecord, Zoom};
 
-/// Most curves of one panel. More cannot be told apart.
-const MOST_CURVES: usize = 8;
 const WIDE: (u32, u32) = (860, 215);
 const TIME: &str = "time since the first sample";
 
@@ -48,7 +47,7 @@ fn overview(replay: &ReplayRecord) -> Option<Figure> {
         }
     }
     Some(Figure {
-        id: "fig-7",
+        id: "fig-7".to_owned(),
         number: 0,
         title: "North and east, raw and compensated".to_owned(),
         caption: drawn
@@ -71,7 +70,7 @@ fn zoom(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
         sentence(zoom.why.trim_end_matches('.'))
     );
     Some(Figure {
-        id: "zoom",
+        id: "zoom".to_owned(),
         number: 0,
         title: "The hardest manoeuvre".to_owned(),
         caption: drawn.tally.caption(&what),
@@ -89,7 +88,7 @@ fn zoom_difference(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
     let drawn = Drawn::new(replay, &zoom.axes, |axis| &axis.difference_m, Pen::Dotted);
     let what = "Raw − compensated in metres over the same span, with the way that velocity says was flown meanwhile.";
     Some(Figure {
-        id: "zoom-difference",
+        id: "zoom-difference".to_owned(),
         number: 0,
         title: "The hardest manoeuvre: what compensation changed, and what velocity predicts".to_owned(),
         caption: drawn.tally.caption(what),
@@ -108,7 +107,7 @@ fn difference(replay: &ReplayRecord) -> Option<Figure> {
     let what =
         "Raw − compensated in metres over the whole flight, with the way that velocity says was flown meanwhile.";
     Some(Figure {
-        id: "difference",
+        id: "difference".to_owned(),
         number: 0,
         title: "What compensation changed, and what velocity predicts".to_owned(),
         caption: drawn.tally.caption(what),
@@ -131,16 +130,12 @@ fn track(replay: &ReplayRecord) -> Option<Figure> {
     let scale_range = |(low, high): (f64, f64)| (low * scale, high * scale);
     let (panel_size, east, north) = equal_axes(scale_range(east), scale_range(north));
     let marks = ends(&lines);
-    let panel = Panel {
-        x: Axis::exactly(&format!("east ({unit})"), east, 8),
-        y: Axis::exactly(&format!("north ({unit})"), north, 8),
-        lines,
-        spans: vec![],
-        marks,
-    };
+    let x = Axis::exactly(&format!("east ({unit})"), east, 8);
+    let y = Axis::exactly(&format!("north ({unit})"), north, 8);
+    let panel = Panel { marks, ..Panel::of(x, y, lines) };
     let what = format!("Ground track, east and north of the origin in {unit}, equal scales.");
     Some(Figure {
-        id: "track",
+        id: "track".to_owned(),
         number: 0,
         title: "Ground track".to_owned(),
         caption: tally.caption(&what),
@@ -189,87 +184,7 @@ fn panel(axis: &AxisCurves, lines: &[Line], time: &Axis, what: &str, include: Op
         (low, high) = (low.min(value), high.max(value));
     }
     let name = format!("{what}{} (m)", label(&axis.axis));
-    Panel {
-        x: time.clone(),
-        y: Axis::linear(&name, (low, high), 6),
-        lines: lines.to_vec(),
-        spans: vec![],
-        marks: vec![],
-    }
-}
-
-/// How many samples the curves of a figure stand for, and what of them is not drawn.
-#[derive(Default)]
-struct Tally {
-    points: u64,
-    samples: u64,
-    lost: u64,
-    left_out: u64,
-}
-
-impl Tally {
-    fn add(&mut self, points: usize, stands_for: u64, lost: usize) {
-        self.points += points as u64;
-        self.samples = self.samples.saturating_add(stands_for);
-        self.lost += lost as u64;
-    }
-
-    /// The sentence, then the tally.
-    fn caption(&self, what: &str) -> String {
-        let (points, samples) =
-            (number::counted(self.points, "point", "points"), number::counted(self.samples, "sample", "samples"));
-        let mut text = format!("{what} {points} for {samples}, every extreme kept.");
-        if self.lost > 0 {
-            text += &format!(" Not drawn, because not finite or beyond 10¹²: {}.", number::count(self.lost));
-        }
-        if self.left_out > 0 {
-            text += &format!(" Curves not drawn, but in the record: {}.", number::count(self.left_out));
-        }
-        text
-    }
-}
-
-/// What [`Curve`] and [`PathCurve`] have in common.
-trait Drawable {
-    fn name(&self) -> &str;
-    fn points(&self) -> (&[f64], &[f64], &[u32]);
-    fn stands_for(&self) -> u64;
-}
-
-impl Drawable for Curve {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn points(&self) -> (&[f64], &[f64], &[u32]) {
-        (&self.t_s, &self.y, &self.breaks)
-    }
-    fn stands_for(&self) -> u64 {
-        self.stands_for
-    }
-}
-
-impl Drawable for PathCurve {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn points(&self) -> (&[f64], &[f64], &[u32]) {
-        (&self.east_m, &self.north_m, &self.breaks)
-    }
-    fn stands_for(&self) -> u64 {
-        self.stands_for
-    }
-}
-
-fn lines(curves: &[impl Drawable], pens: &[Pen], tally: &mut Tally) -> Vec<Line> {
-    tally.left_out += curves.len().saturating_sub(MOST_CURVES) as u64;
-    let mut lines = Vec::new();
-    for (curve, &pen) in curves.iter().zip(pens).take(MOST_CURVES) {
-        let (x, y, breaks) = curve.points();
-        let (pieces, lost) = pieces(x, y, breaks);
-        tally.add(x.len().max(y.len()), curve.stands_for(), lost);
-        lines.push(Line { name: label(curve.name()), pen, pieces });
-    }
-    lines
+    Panel::of(time.clone(), Axis::linear(&name, (low, high), 6), lines.to_vec())
 }
 
 fn span(zoom: &Zoom, panel: &Panel, name: &str) -> Option<Span> {

@@ -3,7 +3,7 @@
 use super::Head::{self, Number, Text};
 use super::{
     badge, command_block, data_lost, document, figure, maybe, outcome_word, pipeline_details, pipeline_rows, reason,
-    rounded, table, versions,
+    table, versions,
 };
 use crate::draw;
 use crate::figure::{Figure, overview};
@@ -211,7 +211,7 @@ fn rate_cell(rate: Option<f64>, channel: Option<&str>) -> Markup {
 
 fn estimate_cell(value: Option<&Estimate>) -> Markup {
     match value {
-        Some(value) => html! { td.n data-v=(value.value) { (rounded(value)) } },
+        Some(value) => html! { td.n data-v=(value.value) { (number::with_uncertainty(value)) } },
         None => html! { td.n { "—" } },
     }
 }

@@ -2,15 +2,14 @@
 
 use super::Head::{Number, Text};
 use super::{
-    data_lost, document, estimate, figure, health, maybe, maybe_estimate, method, outcome_word, provenance, reason,
-    rows, table,
+    document, estimate, figure, health, maybe, maybe_estimate, method, outcome_word, provenance, reason, rows, table,
 };
 use crate::draw;
 use crate::figure::{Figure, flight_figures};
 use crate::number;
 use crate::site::Site;
 use crate::text::{href, shown, shown_block};
-use flight::{Distribution, Severity};
+use flight::Distribution;
 use maud::{Markup, html};
 use record::{CompensatorResult, Estimate, FlightRecord, Outcome, ReplayRecord};
 
@@ -51,7 +50,7 @@ fn body(page: &FlightPage, figures: &[Figure]) -> Markup {
             (first_words(record))
             @if let Some(replay) = &record.replay { (results(replay, figures)) }
             (health::section(record))
-            (health::notices_section(record))
+            (health::notices_section(&record.notices))
             @if let Some(replay) = &record.replay { (method::section(replay)) }
             (health::binding_section(record.binding.as_ref()))
             (provenance::section(page))
@@ -60,18 +59,10 @@ fn body(page: &FlightPage, figures: &[Figure]) -> Markup {
 }
 
 fn verdict(record: &FlightRecord) -> Markup {
-    let number_of = |severity| record.notices.iter().filter(|n| n.severity == severity).count() as u64;
-    let (losses, warnings) = (number_of(Severity::Loss), number_of(Severity::Warning));
     html! {
         div.strip role="status" {
             (outcome_word(&record.outcome))
-            @if record.has_loss() { (data_lost()) }
-            @if losses + warnings > 0 {
-                a href="#notices" {
-                    (number::counted(losses, "notice", "notices")) " of loss, "
-                    (number::counted(warnings, "warning", "warnings"))
-                }
-            }
+            (health::notice_words(&record.notices))
         }
     }
 }

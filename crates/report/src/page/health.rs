@@ -1,11 +1,11 @@
 //! How good the data are: channels, topics, bytes, damage, notices, and the map that was taken.
 
 use super::Head::{Number, Text};
-use super::{maybe, more, rows, table};
+use super::{data_lost, maybe, more, rows, table};
 use crate::number;
 use crate::text::shown;
 use flight::{
-    Binding, ByteLedger, ChannelHealth, DamagedRange, LogHealth, MapCandidate, Notice, RejectCount, Severity,
+    Binding, ByteLedger, ChannelHealth, DamagedRange, LogHealth, MapCandidate, Notice, Notices, RejectCount, Severity,
     StampHealth, StampOffset, TopicHealth,
 };
 use maud::{Markup, html};
@@ -19,25 +19,30 @@ const MOST_INNER: usize = 12;
 /// Measured, published, logged.
 const MOST_STAMPS: usize = 3;
 
-/// Channels, topics, bytes and damage.
+/// Channels, topics, bytes and damage of a flight.
 pub(super) fn section(record: &FlightRecord) -> Markup {
     html! {
         h2 id="health" { "Data health" }
         @match &record.log {
-            Some(log) => {
-                p {
-                    "Format: " (shown(&log.format)) ". "
-                    (number::counted(log.messages, "intact message", "intact messages")) ", "
-                    (number::count(log.undecodable)) " that could not be decoded."
-                }
-                @if let Some(binding) = &record.binding { (channels(&binding.channels)) }
-                (ledger(&log.bytes))
-                (damage(log))
-                (topics(log))
-                (extras(&log.extras))
-            }
+            Some(log) => { (log_health(log, record.binding.as_ref())) }
             None => { p { "The log could not be opened, so nothing is known of its data." } }
         }
+    }
+}
+
+/// Channels, topics, bytes and damage of one log.
+pub(super) fn log_health(log: &LogHealth, binding: Option<&Binding>) -> Markup {
+    html! {
+        p {
+            "Format: " (shown(&log.format)) ". "
+            (number::counted(log.messages, "intact message", "intact messages")) ", "
+            (number::count(log.undecodable)) " that could not be decoded."
+        }
+        @if let Some(binding) = binding { (channels(&binding.channels)) }
+        (ledger(&log.bytes))
+        (damage(log))
+        (topics(log))
+        (extras(&log.extras))
     }
 }
 
@@ -86,7 +91,7 @@ fn stamp_source(stamps: &StampHealth) -> Markup {
 }
 
 /// Seconds as milliseconds.
-fn millis(seconds: f64) -> String {
+pub(super) fn millis(seconds: f64) -> String {
     number::significant(seconds * 1e3, 3)
 }
 
@@ -127,7 +132,7 @@ fn channel_rows(channel: &ChannelHealth) -> Markup {
     }
 }
 
-fn rejects(rejected: &[RejectCount]) -> Markup {
+pub(super) fn rejects(rejected: &[RejectCount]) -> Markup {
     html! {
         @if rejected.is_empty() { "0" }
         @for reject in rejected.iter().take(MOST_INNER) {
@@ -239,8 +244,23 @@ fn extras(extras: &[String]) -> Markup {
     }
 }
 
+/// Lost data and the number of notices, for the head of a page.
+pub(super) fn notice_words(notices: &Notices) -> Markup {
+    let number_of = |severity| notices.iter().filter(|n| n.severity == severity).count() as u64;
+    let (losses, warnings) = (number_of(Severity::Loss), number_of(Severity::Warning));
+    html! {
+        @if notices.any_loss() { (data_lost()) }
+        @if losses + warnings > 0 {
+            a href="#notices" {
+                (number::counted(losses, "notice", "notices")) " of loss, "
+                (number::counted(warnings, "warning", "warnings"))
+            }
+        }
+    }
+}
+
 /// All notices, the gravest first.
-pub(super) fn notices_section(record: &FlightRecord) -> Markup {
+pub(super) fn notices_section(notices: &Notices) -> Markup {
     let groups = [
         (Severity::Loss, "▲ Damage"),
         (Severity::Warning, "! Warnings (something was assumed, skipped or repaired)"),
@@ -248,13 +268,13 @@ pub(super) fn notices_section(record: &FlightRecord) -> Markup {
     ];
     html! {
         h2 id="notices" { "Notices" }
-        @if record.notices.is_empty() { p { "None." } }
-        @for (severity, title) in groups { (notice_group(record, severity, title)) }
+        @if notices.is_empty() { p { "None." } }
+        @for (severity, title) in groups { (notice_group(notices, severity, title)) }
     }
 }
 
-fn notice_group(record: &FlightRecord, severity: Severity, title: &str) -> Markup {
-    let group: Vec<&Notice> = record.notices.iter().filter(|n| n.severity == severity).collect();
+fn notice_group(notices: &Notices, severity: Severity, title: &str) -> Markup {
+    let group: Vec<&Notice> = notices.iter().filter(|n| n.severity == severity).collect();
     let events = group.iter().fold(0u64, |sum, n| sum.saturating_add(n.count));
     let row = |notice: &&Notice| {
         html! {
@@ -280,6 +300,14 @@ fn notice_group(record: &FlightRecord, severity: Severity, title: &str) -> Marku
 
 /// Which channel map was taken and why, and what else was considered.
 pub(super) fn binding_section(binding: Option<&Binding>) -> Markup {
+    html! {
+        h2 { "Channel map" }
+        (channel_map(binding))
+    }
+}
+
+/// The map of one log.
+pub(super) fn channel_map(binding: Option<&Binding>) -> Markup {
     let row = |candidate: &MapCandidate| {
         html! {
             tr {
@@ -291,7 +319,6 @@ pub(super) fn binding_section(binding: Option<&Binding>) -> Markup {
     };
     let head = [Text("Map"), Text("Would bind"), Text("Why not")];
     html! {
-        h2 { "Channel map" }
         @match binding {
             Some(binding) => {
                 p { "Taken: " b { (shown(&binding.map)) } ". " (shown(&binding.why)) }

@@ -1,14 +1,45 @@
 //! What the page was made from, and how to make it again.
 
 use super::Head::{Number, Text};
-use super::{FlightPage, command_block, pipeline_details, pipeline_rows, rows, table, versions};
+use super::{FlightPage, command_block, estimate, pipeline_details, pipeline_rows, rows, sensor_name, table, versions};
 use crate::number;
 use crate::text::shown;
+use crate::verdict;
 use maud::{Markup, html};
-use record::InputFile;
+use record::{CardUse, InputFile};
 
 pub(super) fn section(page: &FlightPage) -> Markup {
     let record = page.record;
+    let facts = html! {
+        tr { th scope="row" { "Result key" } td.hash { (shown(&record.key)) } }
+        tr { th scope="row" { "Versions" } td { (versions(record.record_version, record.analysis_version)) } }
+        (pipeline_rows(&record.pipeline))
+        @if let Some(card) = record.replay.as_ref().and_then(|r| r.settings.card.as_ref()) { (card_rows(card)) }
+    };
+    html! {
+        h2 { "Provenance" }
+        (inputs("Input files", &record.inputs))
+        (table("Result", &[Text("Item"), Text("Value")], facts))
+        (pipeline_details(&record.pipeline))
+        h3 { "Make it again" }
+        (command_block(page.command))
+        p.note { "The same logs, settings and versions give the same bytes." }
+    }
+}
+
+/// The sensor card that the delay was taken from.
+fn card_rows(card: &CardUse) -> Markup {
+    html! {
+        tr { th scope="row" { "Sensor card" } td.any {
+            (shown(&card.file)) ": " code { (shown(&card.channel)) } " of " (shown(&sensor_name(&card.sensor))) ", "
+            (estimate(&verdict::in_millis(&card.delay_s))) " ms"
+        } }
+        tr { th scope="row" { "Sensor card BLAKE3" } td.hash { (shown(&card.blake3)) } }
+    }
+}
+
+/// Files with their hashes.
+pub(super) fn inputs(caption: &str, files: &[InputFile]) -> Markup {
     let input = |file: &InputFile| {
         html! {
             tr {
@@ -19,18 +50,5 @@ pub(super) fn section(page: &FlightPage) -> Markup {
         }
     };
     let head = [Text("File"), Number("Bytes"), Text("BLAKE3")];
-    let facts = html! {
-        tr { th scope="row" { "Result key" } td.hash { (shown(&record.key)) } }
-        tr { th scope="row" { "Versions" } td { (versions(record.record_version, record.analysis_version)) } }
-        (pipeline_rows(&record.pipeline))
-    };
-    html! {
-        h2 { "Provenance" }
-        (table("Input files", &head, rows(&record.inputs, 400, head.len(), input)))
-        (table("Result", &[Text("Item"), Text("Value")], facts))
-        (pipeline_details(&record.pipeline))
-        h3 { "Make it again" }
-        (command_block(page.command))
-        p.note { "The same logs, settings and versions give the same bytes." }
-    }
+    table(caption, &head, rows(files, 400, head.len(), input))
 }

@@ -110,6 +110,7 @@ pub fn replay() -> ReplayRecord {
             delay: Delay::from_seconds(TD).unwrap(),
             delay_uncertainty_s: Some(0.0065),
             delay_source: "pipeline, from Park and Lee 2010".into(),
+            card: None,
             start: StartRule::Warm,
             bridge_s: 0.8,
         },

@@ -1,9 +1,13 @@
 //! Records with every text hostile, every option absent, every list long.
 
+use crate::bench_fixture::{card, failed_bench_record, light_bench, light_bench_record, silent_bench_record, study};
 use crate::fixture::{campaign_record, failed_record, flight_record};
 use crate::html::read;
-use record::{CampaignRecord, FlightRecord};
-use report::{FlightPage, Site, campaign_site, flight_site};
+use record::{BenchRecord, CampaignRecord, FlightRecord, MonteCarloRecord, SensorCard};
+use report::{
+    BenchPage, CardPage, CardRecord, FlightPage, Site, bench_site, campaign_site, card_site, flight_site,
+    monte_carlo_site,
+};
 use serde_json::Value;
 
 const PAYLOADS: [&str; 9] = [
@@ -79,6 +83,16 @@ fn site(record: &FlightRecord, text: &str) -> Site {
     flight_site(&FlightPage { name: text, record, index_href: text, command: text })
 }
 
+fn bench(record: &BenchRecord, text: &str) -> Site {
+    bench_site(&BenchPage { name: text, record, command: text, index_href: Some(text) })
+}
+
+fn card_page(card: &SensorCard, records: &[BenchRecord], text: &str) -> Site {
+    let records: Vec<CardRecord> =
+        records.iter().map(|record| CardRecord { name: text, record, href: Some(text) }).collect();
+    card_site(&CardPage { card, records: &records, command: text })
+}
+
 fn is_harmless(site: &Site, payload: &str) {
     for (path, bytes) in &site.files {
         let text = std::str::from_utf8(bytes).unwrap();
@@ -112,6 +126,78 @@ fn no_text_of_a_campaign_record_becomes_markup() {
         let (record, changed) = change_everywhere(&campaign_record(3), &hostile_text(payload));
         assert!(changed > 20, "only {changed} texts were reached");
         is_harmless(&campaign_site(&record), payload);
+    }
+}
+
+#[test]
+fn no_text_of_a_bench_record_becomes_markup() {
+    let light = light_bench_record();
+    for payload in PAYLOADS {
+        let (record, changed) = change_everywhere(&light, &hostile_text(payload));
+        assert!(changed > 100, "only {changed} texts were reached");
+        is_harmless(&bench(&record, payload), payload);
+    }
+}
+
+#[test]
+fn no_text_of_a_bench_record_without_result_becomes_markup() {
+    let records = [light_bench(silent_bench_record()), failed_bench_record()];
+    for payload in PAYLOADS {
+        for record in &records {
+            let (record, _) = change_everywhere(record, &hostile_text(payload));
+            is_harmless(&bench(&record, payload), payload);
+        }
+    }
+}
+
+#[test]
+fn no_text_of_a_card_or_a_study_becomes_markup() {
+    let records = [failed_bench_record(), light_bench_record()];
+    let (sensor_card, _) = card();
+    for payload in PAYLOADS {
+        let (hostile_card, changed) = change_everywhere(&sensor_card, &hostile_text(payload));
+        assert!(changed > 20, "only {changed} texts were reached");
+        is_harmless(&card_page(&hostile_card, &records, payload), payload);
+        let (hostile_study, _) = change_everywhere::<MonteCarloRecord>(&study(), &hostile_text(payload));
+        is_harmless(&monte_carlo_site(&hostile_study), payload);
+    }
+}
+
+#[test]
+fn a_bench_record_of_which_parts_are_absent_or_empty_has_a_page() {
+    let light = light_bench_record();
+    let null = |value: &Value| (!value.is_null()).then_some(Value::Null);
+    let inner = |value: &Value| null(value).filter(|_| !value.is_object() && !value.is_array());
+    let (record, changed) = change_everywhere(&light, &inner);
+    assert!(changed > 20, "{changed}");
+    is_harmless(&bench(&record, "n"), "n");
+    let (record, _) = change_everywhere(&light, &null);
+    assert!(record.findings.is_none());
+    let html = String::from_utf8(bench(&record, "n").files["index.html"].clone()).unwrap();
+    assert!(html.contains("says measured, but holds no findings"));
+    let empty = |value: &Value| value.as_array().filter(|a| !a.is_empty()).map(|_| Value::Array(vec![]));
+    let (record, changed) = change_everywhere(&light, &empty);
+    assert!(changed > 10, "{changed}");
+    is_harmless(&bench(&record, "n"), "n");
+    let (empty_card, _) = change_everywhere(&card().0, &empty);
+    is_harmless(&card_page(&empty_card, &[], "n"), "n");
+    let (empty_study, _) = change_everywhere(&study(), &empty);
+    is_harmless(&monte_carlo_site(&empty_study), "n");
+}
+
+#[test]
+fn bench_numbers_beyond_all_measure_have_a_page() {
+    let light = light_bench_record();
+    let (sensor_card, _) = card();
+    for extreme in [1e300, -1e300, 5e-324, 0.0] {
+        let change = |value: &Value| value.is_f64().then(|| Value::from(extreme));
+        let (record, changed) = change_everywhere(&light, &change);
+        assert!(changed > 200, "{changed}");
+        is_harmless(&bench(&record, "n"), "n");
+        let (extreme_card, _) = change_everywhere(&sensor_card, &change);
+        is_harmless(&card_page(&extreme_card, std::slice::from_ref(&record), "n"), "n");
+        let (extreme_study, _) = change_everywhere(&study(), &change);
+        is_harmless(&monte_carlo_site(&extreme_study), "n");
     }
 }
 

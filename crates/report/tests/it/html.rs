@@ -48,7 +48,8 @@ const TAGS: [&str; 43] = [
     "g",
 ];
 const VOID: [&str; 1] = ["meta"];
-const ATTRIBUTES: [&str; 47] = [
+const ATTRIBUTES: [&str; 48] = [
+    "open",
     "lang",
     "charset",
     "http-equiv",
@@ -190,12 +191,13 @@ fn check(tag: &Tag) {
     }
 }
 
-/// Absolute points of a path of `M`, `l`, `h` and `V` commands.
+/// Absolute points of a path of `M`, `m`, `l`, `h`, `H`, `V` and `z` commands.
 pub fn points(d: &str) -> Vec<(f64, f64)> {
+    let is_command = |c: char| matches!(c, 'M' | 'm' | 'l' | 'h' | 'H' | 'V' | 'v' | 'z');
     let mut spaced = String::new();
     for c in d.chars() {
         match c {
-            'M' | 'l' | 'h' | 'V' => write!(spaced, " {c} ").unwrap(),
+            c if is_command(c) => write!(spaced, " {c} ").unwrap(),
             '-' => spaced.push_str(" -"),
             c => spaced.push(c),
         }
@@ -203,15 +205,18 @@ pub fn points(d: &str) -> Vec<(f64, f64)> {
     let mut words = spaced.split_whitespace().peekable();
     let (mut out, mut at, mut command) = (Vec::new(), (0.0, 0.0), "M");
     while let Some(word) = words.peek() {
-        if matches!(*word, "M" | "l" | "h" | "V") {
+        if word.starts_with(is_command) {
             command = words.next().unwrap();
             continue;
         }
         let first: f64 = words.next().unwrap().parse().unwrap();
+        let mut second = || words.next().unwrap().parse::<f64>().unwrap();
         at = match command {
-            "M" => (first, words.next().unwrap().parse().unwrap()),
-            "l" => (at.0 + first, at.1 + words.next().unwrap().parse::<f64>().unwrap()),
+            "M" => (first, second()),
+            "m" | "l" => (at.0 + first, at.1 + second()),
             "h" => (at.0 + first, at.1),
+            "H" => (first, at.1),
+            "v" => (at.0, at.1 + first),
             _ => (at.0, first),
         };
         out.push(at);

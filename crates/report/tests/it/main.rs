@@ -1,5 +1,7 @@
 //! Pages and figures against the records they are made from.
 
+mod bench;
+mod bench_fixture;
 mod fixture;
 mod hostile;
 mod html;

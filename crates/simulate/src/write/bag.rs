@@ -5,9 +5,9 @@
 //! after it stands an index for each connection in it; at the end all connections and a summary of
 //! each chunk, to which the first record points.
 
-use super::message::{Message, TOPICS, messages, ros_time};
+use super::message::{Message, ros_time};
+use super::{Logbook, Topic};
 use crate::error::SimulateError;
-use crate::simulated::SimulatedFlight;
 use flight::Stamp;
 use std::io::Write;
 
@@ -54,39 +54,40 @@ const OP_CHUNK: u8 = 5;
 const OP_CHUNK_INFO: u8 = 6;
 const OP_CONNECTION: u8 = 7;
 
-pub(super) fn write(flight: &SimulatedFlight, settings: BagSettings) -> Result<Vec<u8>, SimulateError> {
-    let mut bag = Bag { settings, bytes: MAGIC.to_vec(), known: [false; TOPICS.len()], chunks: vec![] };
+pub(super) fn write(log: &Logbook, settings: BagSettings) -> Result<Vec<u8>, SimulateError> {
+    let topics = &log.topics;
+    let mut bag = Bag { settings, topics, bytes: MAGIC.to_vec(), known: vec![false; topics.len()], chunks: vec![] };
     bag.bytes.extend(bag_header(0, 0, 0));
-    let mut chunk = Chunk::default();
-    for message in messages(flight) {
-        bag.add(&mut chunk, &message);
+    let mut chunk = Chunk::of(topics.len());
+    for message in &log.messages {
+        bag.add(&mut chunk, message);
         if chunk.bytes.len() > CHUNK_BYTES {
-            bag.close(std::mem::take(&mut chunk))?;
+            bag.close(std::mem::replace(&mut chunk, Chunk::of(topics.len())))?;
         }
     }
     bag.close(chunk)?;
     Ok(bag.finish())
 }
 
-struct Bag {
+struct Bag<'a> {
     settings: BagSettings,
+    topics: &'a [Topic],
     bytes: Vec<u8>,
-    known: [bool; TOPICS.len()],
+    known: Vec<bool>,
     chunks: Vec<(u64, Chunk)>,
 }
 
-#[derive(Default)]
 struct Chunk {
     bytes: Vec<u8>,
     /// Time and offset of each message, by connection.
-    index: [Vec<(Stamp, u32)>; TOPICS.len()],
+    index: Vec<Vec<(Stamp, u32)>>,
 }
 
-impl Bag {
+impl Bag<'_> {
     /// Appends a message; the first of a topic brings its connection.
     fn add(&mut self, chunk: &mut Chunk, message: &Message) {
         if !std::mem::replace(&mut self.known[message.topic], true) {
-            chunk.bytes.extend(connection(message.topic));
+            chunk.bytes.extend(self.connection(message.topic));
         }
         chunk.index[message.topic].push((message.logged, chunk.bytes.len() as u32));
         let header = [
@@ -117,17 +118,36 @@ impl Bag {
             return self.bytes;
         }
         let index_position = self.bytes.len() as u64;
-        let connections: Vec<usize> = (0..TOPICS.len()).filter(|&topic| self.known[topic]).collect();
-        connections.iter().for_each(|&topic| self.bytes.extend(connection(topic)));
+        let connections: Vec<usize> = (0..self.topics.len()).filter(|&topic| self.known[topic]).collect();
+        let again: Vec<u8> = connections.iter().flat_map(|&topic| self.connection(topic)).collect();
+        self.bytes.extend(again);
         let summaries: Vec<u8> = self.chunks.iter().flat_map(|(position, chunk)| chunk.summary(*position)).collect();
         self.bytes.extend(summaries);
         let first = bag_header(index_position, connections.len() as u32, self.chunks.len() as u32);
         self.bytes[MAGIC.len()..MAGIC.len() + BAG_HEADER_BYTES].copy_from_slice(&first);
         self.bytes
     }
+
+    fn connection(&self, index: usize) -> Vec<u8> {
+        let Topic { name, definition } = &self.topics[index];
+        let header =
+            [("op", &[OP_CONNECTION][..]), ("conn", &(index as u32).to_le_bytes()), ("topic", name.as_bytes())];
+        let (type_name, text) = (definition.ros1_name(), definition.ros1_text());
+        let data = header_bytes(&[
+            ("topic", name.as_bytes()),
+            ("type", type_name.as_bytes()),
+            ("md5sum", definition.md5.as_bytes()),
+            ("message_definition", text.as_bytes()),
+        ]);
+        record(&header, &data)
+    }
 }
 
 impl Chunk {
+    fn of(topics: usize) -> Chunk {
+        Chunk { bytes: vec![], index: vec![vec![]; topics] }
+    }
+
     fn index_records(&self) -> Vec<u8> {
         let index_record = |(topic, entries): (usize, &Vec<(Stamp, u32)>)| {
             let (conn, count) = ((topic as u32).to_le_bytes(), (entries.len() as u32).to_le_bytes());
@@ -200,19 +220,6 @@ fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {
     ]);
     let padding = vec![b' '; BAG_HEADER_BYTES - 8 - fields.len()];
     counted(&fields).chain(counted(&padding)).collect()
-}
-
-fn connection(topic: usize) -> Vec<u8> {
-    let (name, definition) = TOPICS[topic];
-    let header = [("op", &[OP_CONNECTION][..]), ("conn", &(topic as u32).to_le_bytes()), ("topic", name.as_bytes())];
-    let (type_name, text) = (definition.ros1_name(), definition.ros1_text());
-    let data = header_bytes(&[
-        ("topic", name.as_bytes()),
-        ("type", type_name.as_bytes()),
-        ("md5sum", definition.md5.as_bytes()),
-        ("message_definition", text.as_bytes()),
-    ]);
-    record(&header, &data)
 }
 
 fn record(header: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {

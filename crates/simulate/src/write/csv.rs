@@ -1,7 +1,7 @@
 //! Tables. Numbers are written with as many digits as they need to be read back bit for bit.
 
-use super::LogFile;
-use super::message::{Message, TOPICS, csv_header, messages};
+use super::message::Message;
+use super::{LogFile, Logbook};
 use crate::simulated::SimulatedFlight;
 
 /// Columns of the wide table, and their units in the row below.
@@ -34,13 +34,14 @@ fn truth_at(flight: &SimulatedFlight, at_s: f64) -> Option<&[f64; 3]> {
     flight.reference.geodetic_deg.get(row)
 }
 
-/// One table a topic, in the columns of `rostopic echo -p`.
-pub(super) fn folder(flight: &SimulatedFlight, stem: &str) -> Vec<LogFile> {
-    let messages = messages(flight);
-    let table = |(index, (topic, _)): (usize, &(&str, _))| {
-        let rows: String = messages.iter().filter(|m| m.topic == index).map(Message::csv_row).collect();
-        let name = topic.trim_start_matches('/').replace('/', "-");
-        LogFile { path: format!("{stem}/{name}.csv").into(), bytes: (csv_header(index) + &rows).into_bytes() }
+/// One table a topic that has messages, in the columns of `rostopic echo -p`.
+pub(super) fn folder(log: &Logbook, stem: &str) -> Vec<LogFile> {
+    let table = |(index, topic): (usize, &super::Topic)| {
+        let mut messages = log.messages.iter().filter(|m| m.topic == index).peekable();
+        let header = messages.peek()?.csv_header();
+        let rows: String = messages.map(Message::csv_row).collect();
+        let name = topic.name.trim_start_matches('/').replace('/', "-");
+        Some(LogFile { path: format!("{stem}/{name}.csv").into(), bytes: (header + &rows).into_bytes() })
     };
-    TOPICS.iter().enumerate().map(table).collect()
+    log.topics.iter().enumerate().filter_map(table).collect()
 }

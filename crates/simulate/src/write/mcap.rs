@@ -1,8 +1,8 @@
 //! MCAP, by the `mcap` crate: CRCs of chunks, data and summary are written.
 
-use super::message::{Message, TOPICS, messages};
+use super::message::Message;
+use super::{Logbook, Topic};
 use crate::error::SimulateError;
-use crate::simulated::SimulatedFlight;
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
 use std::collections::BTreeMap;
@@ -53,10 +53,10 @@ impl Default for McapSettings {
 /// Uncompressed bytes of a chunk: small, so that short flights have several.
 const CHUNK_BYTES: u64 = 256 << 10;
 
-pub(super) fn write(flight: &SimulatedFlight, settings: McapSettings) -> Result<Vec<u8>, SimulateError> {
+pub(super) fn write(log: &Logbook, settings: McapSettings) -> Result<Vec<u8>, SimulateError> {
     let mut writer = settings.options().create(Cursor::new(vec![]))?;
-    let channels = settings.add_channels(&mut writer)?;
-    for message in messages(flight) {
+    let channels = settings.add_channels(&log.topics, &mut writer)?;
+    for message in &log.messages {
         let time_ns = u64::try_from(message.logged.0).unwrap_or(0);
         let header = MessageHeader {
             channel_id: channels[message.topic],
@@ -65,7 +65,7 @@ pub(super) fn write(flight: &SimulatedFlight, settings: McapSettings) -> Result<
             // As ROS recorders, which know no other time of the message.
             publish_time: time_ns,
         };
-        writer.write_to_known_channel(&header, &settings.encoding.payload(&message)?)?;
+        writer.write_to_known_channel(&header, &settings.encoding.payload(message)?)?;
     }
     writer.finish()?;
     Ok(writer.into_inner().into_inner())
@@ -86,10 +86,10 @@ impl McapSettings {
             .emit_message_indexes(self.summary)
     }
 
-    fn add_channels(self, writer: &mut Writer<Cursor<Vec<u8>>>) -> Result<Vec<u16>, SimulateError> {
+    fn add_channels(self, topics: &[Topic], writer: &mut Writer<Cursor<Vec<u8>>>) -> Result<Vec<u16>, SimulateError> {
         let none = BTreeMap::new();
         let mut channels = vec![];
-        for (topic, definition) in TOPICS {
+        for Topic { name: topic, definition } in topics {
             let (name, encoding, text) = match self.encoding {
                 McapEncoding::Ros1 => (definition.ros1_name(), "ros1msg", definition.ros1_text()),
                 McapEncoding::Cdr => (definition.ros2_name(), "ros2msg", definition.ros2_text()),

@@ -1,171 +1,65 @@
-//! The messages of a flight in the order of their log, and their three encodings.
+//! Messages as trees of named values, and their four encodings.
 
-use super::definition::{Definition, NAV_SAT_FIX, STRING, TWIST_STAMPED};
 use crate::error::SimulateError;
-use crate::simulated::{Samples, SimulatedFlight, topic};
 use flight::{NANOS_PER_SECOND, Stamp};
-use serde::Serialize;
-
-/// The topics, in the order of their connections.
-pub(crate) const TOPICS: [(&str, &Definition); 4] = [
-    (topic::POSITION, &NAV_SAT_FIX),
-    (topic::VELOCITY, &TWIST_STAMPED),
-    (topic::REFERENCE, &NAV_SAT_FIX),
-    (topic::NOTES, &STRING),
-];
-const POSITION: usize = 0;
-const VELOCITY: usize = 1;
-const REFERENCE: usize = 2;
-const NOTES: usize = 3;
-
-/// Variance that stands for "as good as exact" in a covariance, m².
-const EXACT_M2: f64 = 1e-6;
+use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 /// A message before it is encoded.
 #[derive(Debug, Clone)]
 pub(crate) struct Message {
-    /// Index into [`TOPICS`].
+    /// Index into the topics of its [`super::Logbook`].
     pub(crate) topic: usize,
     /// Count of messages of this topic before it.
     pub(crate) sequence: u32,
     /// When the logger had it.
     pub(crate) logged: Stamp,
-    body: Body,
+    /// What it says, in the order of its definition.
+    pub(crate) fields: Fields,
 }
 
-#[derive(Debug, Clone, Serialize)]
-#[serde(untagged)]
-enum Body {
-    Fix(NavSatFix),
-    Velocity(TwistStamped),
-    Note { data: String },
+/// Named values in the order of a definition.
+pub(crate) type Fields = Vec<(&'static str, Value)>;
+
+/// A value of a message.
+#[derive(Debug, Clone)]
+pub(crate) enum Value {
+    F64(f64),
+    I8(i8),
+    U8(u8),
+    U16(u16),
+    I64(i64),
+    Text(String),
+    Time(Stamp),
+    /// `std_msgs/Header`.
+    Header(Header),
+    /// An array of fixed length.
+    Fixed(Vec<f64>),
+    /// An array that says its length.
+    Sequence(Vec<f64>),
+    /// An array of texts that says its length.
+    Texts(Vec<&'static str>),
+    Message(Fields),
 }
 
-/// `sensor_msgs/NavSatFix`.
-#[derive(Debug, Clone, Serialize)]
-pub(crate) struct NavSatFix {
-    header: Header,
-    status: NavSatStatus,
-    latitude: f64,
-    longitude: f64,
-    altitude: f64,
-    position_covariance: [f64; 9],
-    position_covariance_type: u8,
+/// `std_msgs/Header`; only ROS 1 has the sequence number.
+#[derive(Debug, Clone)]
+pub(crate) struct Header {
+    pub(crate) sequence: u32,
+    pub(crate) stamp: Stamp,
+    pub(crate) frame_id: &'static str,
 }
 
-#[derive(Debug, Clone, Serialize)]
-struct NavSatStatus {
-    status: i8,
-    service: u16,
-}
-
-/// `geometry_msgs/TwistStamped`, with x east, y north, z up.
-#[derive(Debug, Clone, Serialize)]
-pub(crate) struct TwistStamped {
-    header: Header,
-    twist: Twist,
-}
-
-#[derive(Debug, Clone, Serialize)]
-struct Twist {
-    linear: Vector3,
-    angular: Vector3,
-}
-
-#[derive(Debug, Clone, Serialize)]
-struct Vector3 {
-    x: f64,
-    y: f64,
-    z: f64,
-}
-
-#[derive(Debug, Clone, Serialize)]
-struct Header {
-    #[serde(skip)]
-    sequence: u32,
-    stamp: Time,
-    frame_id: &'static str,
-}
-
-#[derive(Debug, Clone, Serialize)]
-struct Time {
-    sec: i64,
-    nanosec: i64,
-}
-
-/// All messages in the order in which they were logged.
-pub(crate) fn messages(flight: &SimulatedFlight) -> Vec<Message> {
-    let std = flight.settings.position.white_std;
-    let mut all = fixes(&flight.position, POSITION, (std * std).max(EXACT_M2));
-    all.extend(velocities(&flight.velocity));
-    all.extend(fixes(&flight.reference, REFERENCE, EXACT_M2));
-    all.extend(notes(flight));
-    all.sort_by_key(|message| (message.logged, message.topic, message.sequence));
-    all
-}
-
-fn fixes(samples: &Samples, topic: usize, variance_m2: f64) -> Vec<Message> {
-    let fix = |row: usize, header: Header| {
-        let [latitude, longitude, altitude] = samples.geodetic_deg[row];
-        Body::Fix(NavSatFix {
-            header,
-            status: NavSatStatus { status: 0, service: 1 },
-            latitude,
-            longitude,
-            altitude,
-            position_covariance: [variance_m2, 0.0, 0.0, 0.0, variance_m2, 0.0, 0.0, 0.0, variance_m2],
-            position_covariance_type: 2,
-        })
-    };
-    stamped(samples, topic, "gps", fix)
-}
-
-fn velocities(samples: &Samples) -> Vec<Message> {
-    let velocity = |row: usize, header: Header| {
-        let [north, east, down] = samples.ned[row];
-        let linear = Vector3 { x: east, y: north, z: -down };
-        Body::Velocity(TwistStamped { header, twist: Twist { linear, angular: Vector3 { x: 0.0, y: 0.0, z: 0.0 } } })
-    };
-    stamped(samples, VELOCITY, "map", velocity)
-}
-
-fn stamped(
-    samples: &Samples,
-    topic: usize,
-    frame_id: &'static str,
-    body: impl Fn(usize, Header) -> Body,
-) -> Vec<Message> {
-    let message = |row: usize| {
-        let stamp = Time::of(samples.measured[row]);
-        let header = Header { sequence: row as u32, stamp, frame_id };
-        Message { topic, sequence: row as u32, logged: samples.logged[row], body: body(row, header) }
-    };
-    (0..samples.len()).map(message).collect()
-}
-
-/// One a second: a topic that nobody asks for, so that readers have something to skip.
-fn notes(flight: &SimulatedFlight) -> Vec<Message> {
-    let note = |second: u32| Message {
-        topic: NOTES,
-        sequence: second,
-        logged: flight.settings.start.plus_seconds(f64::from(second) + 0.0005),
-        body: Body::Note { data: format!("second {second}: all well, \"nothing\" to see; 3 < 4 & so on") },
-    };
-    (0..flight.settings.duration_s as u32).map(note).collect()
-}
-
-impl Time {
-    fn of(stamp: Stamp) -> Time {
-        Time { sec: stamp.0.div_euclid(NANOS_PER_SECOND), nanosec: stamp.0.rem_euclid(NANOS_PER_SECOND) }
-    }
+/// The two halves of a ROS time: s and ns.
+fn halves(stamp: Stamp) -> (i64, i64) {
+    (stamp.0.div_euclid(NANOS_PER_SECOND), stamp.0.rem_euclid(NANOS_PER_SECOND))
 }
 
 /// The two 32-bit halves of a ROS time.
 pub(crate) fn ros_time(stamp: Stamp) -> [u8; 8] {
-    let time = Time::of(stamp);
+    let (sec, nanosec) = halves(stamp);
     let mut bytes = [0; 8];
-    bytes[..4].copy_from_slice(&(time.sec as u32).to_le_bytes());
-    bytes[4..].copy_from_slice(&(time.nanosec as u32).to_le_bytes());
+    bytes[..4].copy_from_slice(&(sec as u32).to_le_bytes());
+    bytes[4..].copy_from_slice(&(nanosec as u32).to_le_bytes());
     bytes
 }
 
@@ -173,71 +67,112 @@ impl Message {
     /// ROS 1 serialisation.
     pub(crate) fn ros1(&self) -> Vec<u8> {
         let mut wire = Wire { bytes: Vec::with_capacity(160), cdr: false };
-        wire.body(&self.body);
+        wire.fields(&self.fields);
         wire.bytes
     }
 
     /// CDR, little-endian, with its encapsulation header.
     pub(crate) fn cdr(&self) -> Vec<u8> {
         let mut wire = Wire { bytes: vec![0, 1, 0, 0], cdr: true };
-        wire.body(&self.body);
+        wire.fields(&self.fields);
         wire.bytes
     }
 
     /// JSON with the field names of ROS 2.
     pub(crate) fn json(&self) -> Result<Vec<u8>, SimulateError> {
-        Ok(serde_json::to_vec(&self.body)?)
+        Ok(serde_json::to_vec(&Object(&self.fields))?)
     }
 
     /// The cells of `rostopic echo -p`: log time first.
     pub(crate) fn csv_row(&self) -> String {
-        let logged = self.logged.0;
-        match &self.body {
-            Body::Fix(fix) => {
-                let covariance = fix.position_covariance.map(|value| value.to_string()).join(",");
-                let NavSatStatus { status, service } = fix.status;
-                let (header, kind) = (fix.header.csv_cells(), fix.position_covariance_type);
-                let position = format!("{},{},{}", fix.latitude, fix.longitude, fix.altitude);
-                format!("{logged},{header},{status},{service},{position},{covariance},{kind}\n")
+        let mut cells = vec![self.logged.0.to_string()];
+        self.fields.iter().for_each(|(_, value)| value.cells(&mut cells));
+        cells.join(",") + "\n"
+    }
+
+    /// Names of the cells of [`Message::csv_row`].
+    pub(crate) fn csv_header(&self) -> String {
+        let mut names = vec!["%time".to_owned()];
+        self.fields.iter().for_each(|(name, value)| value.names(&format!("field.{name}"), &mut names));
+        names.join(",") + "\n"
+    }
+}
+
+impl Value {
+    fn cells(&self, cells: &mut Vec<String>) {
+        match self {
+            Value::F64(v) => cells.push(v.to_string()),
+            Value::I8(v) => cells.push(v.to_string()),
+            Value::U8(v) => cells.push(v.to_string()),
+            Value::U16(v) => cells.push(v.to_string()),
+            Value::I64(v) => cells.push(v.to_string()),
+            Value::Text(text) => cells.push(quoted(text)),
+            Value::Time(stamp) => cells.push(stamp.0.to_string()),
+            Value::Header(header) => {
+                cells.extend([header.sequence.to_string(), header.stamp.0.to_string(), header.frame_id.to_owned()]);
             }
-            Body::Velocity(velocity) => {
-                let Twist { linear, angular } = &velocity.twist;
-                format!("{logged},{},{},{}\n", velocity.header.csv_cells(), linear.csv_cells(), angular.csv_cells())
+            Value::Fixed(values) | Value::Sequence(values) => cells.extend(values.iter().map(f64::to_string)),
+            Value::Texts(texts) => cells.extend(texts.iter().map(|text| quoted(text))),
+            Value::Message(fields) => fields.iter().for_each(|(_, value)| value.cells(cells)),
+        }
+    }
+
+    fn names(&self, path: &str, names: &mut Vec<String>) {
+        let numbered = |count: usize| (0..count).map(|i| format!("{path}{i}")).collect::<Vec<_>>();
+        match self {
+            Value::Header(_) => names.extend(["seq", "stamp", "frame_id"].map(|part| format!("{path}.{part}"))),
+            Value::Fixed(values) | Value::Sequence(values) => names.extend(numbered(values.len())),
+            Value::Texts(texts) => names.extend(numbered(texts.len())),
+            Value::Message(fields) => fields.iter().for_each(|(name, v)| v.names(&format!("{path}.{name}"), names)),
+            _ => names.push(path.to_owned()),
+        }
+    }
+}
+
+fn quoted(text: &str) -> String {
+    if text.contains(['"', ',', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
+/// Fields as a JSON object, in their order.
+struct Object<'a>(&'a Fields);
+
+impl Serialize for Object<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        self.0.iter().try_for_each(|(name, value)| map.serialize_entry(name, value))?;
+        map.end()
+    }
+}
+
+impl Serialize for Value {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Value::F64(v) => serializer.serialize_f64(*v),
+            Value::I8(v) => serializer.serialize_i8(*v),
+            Value::U8(v) => serializer.serialize_u8(*v),
+            Value::U16(v) => serializer.serialize_u16(*v),
+            Value::I64(v) => serializer.serialize_i64(*v),
+            Value::Text(text) => serializer.serialize_str(text),
+            Value::Time(stamp) => {
+                let (sec, nanosec) = halves(*stamp);
+                Object(&vec![("sec", Value::I64(sec)), ("nanosec", Value::I64(nanosec))]).serialize(serializer)
             }
-            Body::Note { data } => format!("{logged},\"{}\"\n", data.replace('"', "\"\"")),
+            Value::Header(Header { stamp, frame_id, .. }) => {
+                let fields = vec![("stamp", Value::Time(*stamp)), ("frame_id", Value::Text((*frame_id).to_owned()))];
+                Object(&fields).serialize(serializer)
+            }
+            Value::Fixed(values) | Value::Sequence(values) => {
+                let mut seq = serializer.serialize_seq(Some(values.len()))?;
+                values.iter().try_for_each(|value| seq.serialize_element(value))?;
+                seq.end()
+            }
+            Value::Texts(texts) => {
+                let mut seq = serializer.serialize_seq(Some(texts.len()))?;
+                texts.iter().try_for_each(|text| seq.serialize_element(text))?;
+                seq.end()
+            }
+            Value::Message(fields) => Object(fields).serialize(serializer),
         }
-    }
-}
-
-/// Names of the cells of [`Message::csv_row`].
-pub(crate) fn csv_header(topic: usize) -> String {
-    const STAMPED: &str = "%time,field.header.seq,field.header.stamp,field.header.frame_id";
-    match topic {
-        POSITION | REFERENCE => {
-            let covariance = (0..9).map(|i| format!("field.position_covariance{i}")).collect::<Vec<_>>().join(",");
-            format!(
-                "{STAMPED},field.status.status,field.status.service,field.latitude,field.longitude,field.altitude,\
-                 {covariance},field.position_covariance_type\n"
-            )
-        }
-        VELOCITY => {
-            let part = |name: &str| ["x", "y", "z"].map(|axis| format!("field.twist.{name}.{axis}")).join(",");
-            format!("{STAMPED},{},{}\n", part("linear"), part("angular"))
-        }
-        _ => "%time,field.data\n".to_owned(),
-    }
-}
-
-impl Header {
-    fn csv_cells(&self) -> String {
-        let stamp = self.stamp.sec * NANOS_PER_SECOND + self.stamp.nanosec;
-        format!("{},{stamp},{}", self.sequence, self.frame_id)
-    }
-}
-
-impl Vector3 {
-    fn csv_cells(&self) -> String {
-        format!("{},{},{}", self.x, self.y, self.z)
     }
 }
 
@@ -248,27 +183,30 @@ struct Wire {
 }
 
 impl Wire {
-    fn body(&mut self, body: &Body) {
-        match body {
-            Body::Fix(fix) => self.fix(fix),
-            Body::Velocity(velocity) => self.velocity(velocity),
-            Body::Note { data } => self.text(data),
-        }
+    fn fields(&mut self, fields: &Fields) {
+        fields.iter().for_each(|(_, value)| self.value(value));
     }
 
-    fn fix(&mut self, fix: &NavSatFix) {
-        self.header(&fix.header);
-        self.put(fix.status.status.to_le_bytes());
-        self.put(fix.status.service.to_le_bytes());
-        [fix.latitude, fix.longitude, fix.altitude].iter().for_each(|v| self.put(v.to_le_bytes()));
-        fix.position_covariance.iter().for_each(|v| self.put(v.to_le_bytes()));
-        self.put([fix.position_covariance_type]);
-    }
-
-    fn velocity(&mut self, velocity: &TwistStamped) {
-        self.header(&velocity.header);
-        for vector in [&velocity.twist.linear, &velocity.twist.angular] {
-            [vector.x, vector.y, vector.z].iter().for_each(|v| self.put(v.to_le_bytes()));
+    fn value(&mut self, value: &Value) {
+        match value {
+            Value::F64(v) => self.put(v.to_le_bytes()),
+            Value::I8(v) => self.put(v.to_le_bytes()),
+            Value::U8(v) => self.put(v.to_le_bytes()),
+            Value::U16(v) => self.put(v.to_le_bytes()),
+            Value::I64(v) => self.put(v.to_le_bytes()),
+            Value::Text(text) => self.text(text),
+            Value::Time(stamp) => self.time(*stamp),
+            Value::Header(header) => self.header(header),
+            Value::Fixed(values) => values.iter().for_each(|v| self.put(v.to_le_bytes())),
+            Value::Sequence(values) => {
+                self.put((values.len() as u32).to_le_bytes());
+                values.iter().for_each(|v| self.put(v.to_le_bytes()));
+            }
+            Value::Texts(texts) => {
+                self.put((texts.len() as u32).to_le_bytes());
+                texts.iter().for_each(|text| self.text(text));
+            }
+            Value::Message(fields) => self.fields(fields),
         }
     }
 
@@ -276,9 +214,14 @@ impl Wire {
         if !self.cdr {
             self.put(header.sequence.to_le_bytes());
         }
-        self.put((header.stamp.sec as u32).to_le_bytes());
-        self.put((header.stamp.nanosec as u32).to_le_bytes());
+        self.time(header.stamp);
         self.text(header.frame_id);
+    }
+
+    fn time(&mut self, stamp: Stamp) {
+        let (sec, nanosec) = halves(stamp);
+        self.put((sec as u32).to_le_bytes());
+        self.put((nanosec as u32).to_le_bytes());
     }
 
     /// CDR counts and writes a closing zero, ROS 1 does not.

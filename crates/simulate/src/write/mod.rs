@@ -2,13 +2,17 @@
 
 mod bag;
 mod csv;
-mod definition;
+pub(crate) mod definition;
+mod flight_log;
 mod mcap;
-mod message;
+pub(crate) mod message;
+pub(crate) mod ros;
 
 pub use bag::{BagCompression, BagSettings};
 pub use mcap::{McapCompression, McapEncoding, McapSettings};
 
+use self::definition::Definition;
+use self::message::Message;
 use crate::error::SimulateError;
 use crate::simulated::SimulatedFlight;
 use std::fs;
@@ -28,6 +32,27 @@ pub enum Container {
     Bag(BagSettings),
 }
 
+/// A topic and the type of its messages.
+#[derive(Debug, Clone)]
+pub(crate) struct Topic {
+    pub(crate) name: String,
+    pub(crate) definition: &'static Definition,
+}
+
+/// What a logger writes down: topics in the order of their connections, messages in the order of their arrival.
+#[derive(Debug, Clone)]
+pub(crate) struct Logbook {
+    topics: Vec<Topic>,
+    messages: Vec<Message>,
+}
+
+impl Logbook {
+    pub(crate) fn new(topics: Vec<Topic>, mut messages: Vec<Message>) -> Logbook {
+        messages.sort_by_key(|message| (message.logged, message.topic, message.sequence));
+        Logbook { topics, messages }
+    }
+}
+
 /// A file of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogFile {
@@ -43,12 +68,22 @@ impl Container {
     /// # Errors
     /// [`SimulateError::Mcap`], [`SimulateError::Json`] or [`SimulateError::Compress`] if a writer fails.
     pub fn files(self, flight: &SimulatedFlight, stem: &str) -> Result<Vec<LogFile>, SimulateError> {
+        self.write(stem, || flight_log::logbook(flight), || csv::wide(flight))
+    }
+
+    /// A log of messages, or of one wide table.
+    pub(crate) fn write(
+        self,
+        stem: &str,
+        log: impl FnOnce() -> Logbook,
+        wide: impl FnOnce() -> Vec<u8>,
+    ) -> Result<Vec<LogFile>, SimulateError> {
         let one = |extension: &str, bytes| vec![LogFile { path: format!("{stem}.{extension}").into(), bytes }];
         Ok(match self {
-            Container::CsvWide => one("csv", csv::wide(flight)),
-            Container::CsvFolder => csv::folder(flight, stem),
-            Container::Mcap(settings) => one("mcap", mcap::write(flight, settings)?),
-            Container::Bag(settings) => one("bag", bag::write(flight, settings)?),
+            Container::CsvWide => one("csv", wide()),
+            Container::CsvFolder => csv::folder(&log(), stem),
+            Container::Mcap(settings) => one("mcap", mcap::write(&log(), settings)?),
+            Container::Bag(settings) => one("bag", bag::write(&log(), settings)?),
         })
     }
 

@@ -1,0 +1,70 @@
+//! Which way the encoder counts.
+
+use super::clue::Clue;
+use super::force::ForceFit;
+use crate::rig::Rig;
+use flight::{Notices, Quantity, Severity};
+
+/// A coefficient must be this many standard uncertainties away from zero to have a sign.
+const CLEAR: f64 = 5.0;
+/// No accelerometer is off by more, m/s².
+const MOST_BIAS: f64 = 3.0;
+/// The wrong sign must leave this many times the residual of the right one.
+const CLEAR_RATIO: f64 = 1.5;
+
+/// +1 or −1, and where it comes from. The rig goes first; a channel that contradicts it is told.
+pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, String) {
+    let seen = of_quantity(clues, Quantity::AngularRate, of_rate)
+        .or_else(|| of_quantity(clues, Quantity::SpecificForce, of_force))
+        .or_else(|| of_quantity(clues, Quantity::Attitude, of_attitude));
+    if let Some(stated) = rig.encoder.sign {
+        if let Some((found, how)) = seen.filter(|(s, _)| *s != stated) {
+            let text = format!("the rig says encoder.sign = {stated}, but {how} says {found}; the rig's is used");
+            notices.push(Severity::Warning, "encoder-sign-differs", "", 1, text);
+        }
+        return (stated, "rig file".to_owned());
+    }
+    seen.map(|(sign, how)| (sign, format!("fitted: {how}"))).unwrap_or_else(|| {
+        let text = "no gyro, accelerometer or attitude shows which way the encoder counts: +1 is assumed";
+        notices.push(Severity::Warning, "encoder-sign-assumed", "", 1, text);
+        (1.0, "assumed: no gyro, accelerometer or attitude shows it".to_owned())
+    })
+}
+
+type Found = Option<(f64, String)>;
+
+fn of_quantity(clues: &[Clue], quantity: Quantity, by: impl Fn(&Clue) -> Found) -> Found {
+    clues.iter().filter(|c| c.quantity == quantity).find_map(by)
+}
+
+fn of_rate(clue: &Clue) -> Found {
+    slope(clue, 1)
+        .map(|(sign, z)| (sign, format!("{} y turns with the encoder ({z:.0} standard uncertainties)", clue.name)))
+}
+
+fn of_attitude(clue: &Clue) -> Found {
+    slope(clue, 0)
+        .map(|(sign, z)| (sign, format!("{} swings with the encoder ({z:.0} standard uncertainties)", clue.name)))
+}
+
+/// Sign of the coefficient on the angle or rate, and how clear it is.
+fn slope(clue: &Clue, component: usize) -> Option<(f64, f64)> {
+    let fit = clue.regression(component)?;
+    let z = fit.coefficients.get(1)?.abs() / fit.standard_uncertainty(1);
+    (z > CLEAR).then(|| (fit.coefficients[1].signum(), z))
+}
+
+fn of_force(clue: &Clue) -> Found {
+    let [plus, minus] = clue.force.as_ref()?;
+    let sign_of = |is_plus: bool| if is_plus { 1.0 } else { -1.0 };
+    let bias = |fit: &ForceFit| fit.coefficients[4].abs().max(fit.coefficients[5].abs());
+    let possible = (bias(plus) < MOST_BIAS, bias(minus) < MOST_BIAS);
+    if possible.0 != possible.1 {
+        let other = bias(if possible.0 { minus } else { plus });
+        let how = format!("{} fits with this sign (the other would need a bias of {other:.0} m/s²)", clue.name);
+        return Some((sign_of(possible.0), how));
+    }
+    let ratio = (minus.rest / plus.rest).max(plus.rest / minus.rest);
+    let how = format!("{} fits with this sign ({ratio:.3} times the residual with the other)", clue.name);
+    (ratio > CLEAR_RATIO).then(|| (sign_of(plus.rest <= minus.rest), how))
+}

@@ -1,0 +1,383 @@
+//! One bench record from two flights: the encoder's and the sensor's.
+
+use crate::alignment::{Alignment, align};
+use crate::channel::{Circumstances, SensedChannel, SensedComponent, dynamics};
+use crate::clock::{EncoderRate, Tied, moved, tie};
+use crate::curves::curve;
+use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
+use crate::flexibility::flexibility;
+use crate::gate::{Gate, gate};
+use crate::motion::Motion;
+use crate::mount::mount_finding;
+use crate::references::{ChannelReference, ComponentReference, References};
+use crate::rig::Rig;
+use crate::surroundings::{Surroundings, place_of};
+use flight::{Clock, Flight, Notices, Quantity, Severity, Stamp};
+use jiff::civil::Date;
+use record::{
+    BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, TimeBasis,
+};
+use signal::{DelaySettings, Gain, Measurement, Sign, fit_delay};
+
+/// A bar that turns slower than this many counts a second stands still.
+const STILL_COUNTS_PER_S: f64 = 1.0;
+/// A skew is told aloud beyond so many standard uncertainties.
+const CLEAR_SKEW: f64 = 3.0;
+
+/// What is measured.
+#[derive(Debug, Clone, Copy)]
+pub struct BenchInput<'a> {
+    /// The flight that holds the encoder.
+    pub encoder: &'a Flight,
+    /// The flight that holds the sensor; it may be the same.
+    pub sensor: &'a Flight,
+    /// Whether one logger stamped both.
+    pub one_log: bool,
+}
+
+/// What came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bench {
+    /// What was found.
+    pub findings: BenchFindings,
+    /// UTC day of the record, `yyyy-mm-dd`, if stamps or rig say so.
+    pub date: Option<String>,
+    /// What a reader must know.
+    pub notices: Notices,
+}
+
+/// Why a record cannot be measured.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BenchRefusal {
+    /// The encoder.
+    #[error(transparent)]
+    Encoder(#[from] EncoderError),
+    /// Its angle cannot be smoothed.
+    #[error("encoder {channel}: {source}")]
+    Smooth {
+        /// The channel.
+        channel: String,
+        /// Why.
+        source: signal::SmoothError,
+    },
+    /// Stamps of encoder and sensor cannot be brought together.
+    #[error("{0}")]
+    Clock(String),
+    /// No channel of the sensor moves with the bar.
+    #[error("the sensor has no channel that a bar could move; it has {0}")]
+    NoChannel(String),
+}
+
+/// Measures every channel of the sensor against the encoder.
+///
+/// # Errors
+/// A [`BenchRefusal`] when no channel can be measured, with the reason.
+pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
+    let (encoder_name, encoder) = encoder_channel(input.encoder, rig)?;
+    let series = EncoderSeries::of(encoder_name, encoder, rig)?;
+    let mut notices = series.notices.clone();
+    let counts_source = series.counts_source.clone();
+    let raw = Motion::of(series)
+        .map_err(|source| BenchRefusal::Smooth { channel: encoder_name.to_owned(), source })?;
+    let clock = encoder.series.timeline().clock();
+    let tied = tied(input, &raw, clock, rig)?;
+    notices.extend(tied.notices.clone());
+    let day = day_of(input, rig);
+    let place = place_of(input.sensor);
+    let (around, surroundings_notices) = Surroundings::of(rig, place, day);
+    notices.extend(surroundings_notices);
+
+    let rough = align(&raw, &tied.flight, rig, &around);
+    let turned = raw.clone().oriented(rough.sign, rough.zero_rad.value);
+    let references = References::of(&tied.flight, &turned, rig, &around, &rough);
+    let timing = Timing::of(&references, &tied, rig, &turned);
+    let corrected = timing.correct(&tied, &turned);
+    let sensor = corrected.as_ref().unwrap_or(&tied.flight);
+
+    let alignment = if corrected.is_some() { align(&raw, sensor, rig, &around) } else { rough };
+    let motion = raw.oriented(alignment.sign, alignment.zero_rad.value);
+    let references = References::of(sensor, &motion, rig, &around, &alignment);
+    notices.extend(alignment.notices.clone());
+    notices.extend(references.notices.clone());
+    if references.channels.is_empty() {
+        let held: Vec<&str> = input.sensor.channels.keys().map(String::as_str).collect();
+        return Err(BenchRefusal::NoChannel(held.join(", ")));
+    }
+    let arm = accelerometer_arm(sensor, rig);
+    let Gate { quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
+    let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
+    timing.warn(&tied, &mut notices);
+    let (mount, mount_notices) = mount_finding(sensor, &motion, rig, &around, &alignment);
+    notices.extend(mount_notices);
+    let findings = BenchFindings {
+        origin_ns: motion.origin().0,
+        clock,
+        reference: reference_finding(encoder_name, counts_source, &motion, &alignment, &around, arm),
+        mount,
+        flexibility: bending(&channels, &references, &motion, rig),
+        gate: quality,
+        clocks: timing.finding(&tied),
+        channels,
+    };
+    Ok(Bench { findings, date: day.map(|d| d.to_string()), notices })
+}
+
+fn tied(input: &BenchInput<'_>, raw: &Motion, clock: Clock, rig: &Rig) -> Result<Tied, BenchRefusal> {
+    let (t_s, rate): (Vec<f64>, Vec<f64>) = raw.states().map(|(t, state)| (t, state.rate)).unzip();
+    let encoder = EncoderRate { clock, origin: raw.origin(), t_s: &t_s, rate: &rate };
+    tie(input.sensor, encoder, rig, input.one_log).map_err(BenchRefusal::Clock)
+}
+
+/// UTC day of the first stamp that counts UTC, else that of the rig.
+fn day_of(input: &BenchInput<'_>, rig: &Rig) -> Option<Date> {
+    let of = |flight: &Flight| {
+        let channels = flight.channels.values();
+        let timelines = channels.map(|c| c.series.timeline()).filter(|t| t.clock() == Clock::Unix);
+        timelines.filter_map(|t| t.first()).min()
+    };
+    let first: Option<Stamp> = [input.encoder, input.sensor].into_iter().filter_map(of).min();
+    let utc = |stamp: Stamp| {
+        let instant = jiff::Timestamp::from_nanosecond(i128::from(stamp.0)).ok()?;
+        Some(instant.to_zoned(jiff::tz::TimeZone::UTC).date())
+    };
+    // A simulation that counts from zero claims to be in 1970.
+    first.and_then(utc).filter(|day| day.year() > 1980).or(rig.site.date)
+}
+
+fn accelerometer_arm(sensor: &Flight, rig: &Rig) -> [f64; 3] {
+    let found = sensor.channels.iter().find(|(_, c)| c.quantity == Quantity::SpecificForce);
+    rig.mount_of(found.map_or("specific-force.imu", |(name, _)| name)).lever_arm_m
+}
+
+/// Skew and anchor of the sensor's clock, found by the channels together.
+struct Timing {
+    /// Joint over all channels with a delay (design note 6): what is added to a second of the sensor's clock to give one
+    /// of the encoder's.
+    skew: Finding<Estimate>,
+    /// Lag of the anchor as the logs stand, s.
+    anchor_lag_s: Option<Estimate>,
+    middle_s: f64,
+}
+
+impl Timing {
+    fn of(references: &References, tied: &Tied, rig: &Rig, motion: &Motion) -> Timing {
+        let settings = DelaySettings { search_s: rig.analysis.search_s, skew: true, ..DelaySettings::default() };
+        let (first, last) = motion.span();
+        let middle_s = 0.5 * (first + last);
+        let mut skews = vec![];
+        let mut anchor_lag_s = None;
+        for channel in &references.channels {
+            let Some(channel_of) = tied.flight.channels.get(&channel.name) else { continue };
+            let rows = channel_of.update_rows();
+            let t: Vec<f64> = rows.iter().filter_map(|&row| channel.t_s.get(row).copied()).collect();
+            let columns: Vec<(&ComponentReference, Vec<f64>)> = channel
+                .components
+                .iter()
+                .filter(|c| c.excited.is_ok())
+                .map(|c| (c, rows.iter().filter_map(|&row| c.measured.get(row).copied()).collect()))
+                .collect();
+            let measurements: Vec<Measurement<'_>> = columns
+                .iter()
+                .map(|(c, y)| Measurement {
+                    t: &t,
+                    y,
+                    reference: &c.reference,
+                    gain: Gain::Free { sign: Sign::Positive },
+                    drift: c.drift,
+                })
+                .collect();
+            let Some(fit) = fit_delay(&measurements, &settings).ok().filter(|fit| fit.converged) else { continue };
+            let Some(skew) = fit.skew else { continue };
+            skews.push((skew.value, skew.standard_uncertainty));
+            if matches!(&tied.basis, TimeBasis::Anchor { channel: anchor } if *anchor == channel.name) {
+                // The fit refers its delay to the middle of its own rows.
+                let at_middle = fit.delay_s - skew.value * (middle_s - fit.middle_s);
+                anchor_lag_s =
+                    Some(Estimate { value: at_middle, standard_uncertainty: Some(fit.standard_uncertainty_s) });
+            }
+        }
+        Timing { skew: joint(&skews), anchor_lag_s, middle_s }
+    }
+
+    /// Where two clocks ran, the sensor's stamps are put right by the joint skew and by the anchor's lag.
+    fn correct(&self, tied: &Tied, motion: &Motion) -> Option<Flight> {
+        if !matches!(tied.basis, TimeBasis::Anchor { .. }) {
+            return None;
+        }
+        let skew = self.skew.found().map_or(0.0, |e| e.value);
+        let lag_s = self.anchor_lag_s.map_or(0.0, |e| e.value);
+        Some(moved(&tied.flight, motion.origin(), -lag_s, skew, self.middle_s))
+    }
+
+    /// Seconds that the sensor's clock gains per second: the stamps have to be shortened by as much.
+    fn gained(&self) -> Finding<Estimate> {
+        match &self.skew {
+            Finding::Found(skew) => Finding::Found(Estimate { value: -skew.value, ..*skew }),
+            Finding::CannotTell(why) => Finding::CannotTell(why.clone()),
+        }
+    }
+
+    fn warn(&self, tied: &Tied, notices: &mut Notices) {
+        let Finding::Found(Estimate { value, standard_uncertainty: Some(u) }) = self.gained() else { return };
+        let one_clock = !matches!(tied.basis, TimeBasis::Anchor { .. });
+        if one_clock && value.abs() > CLEAR_SKEW * u && value.abs() > 5e-6 {
+            let text = format!(
+                "all channels drift against the encoder by {:.1} ± {:.1} ppm, though one clock should stamp both: the delays hold \
+                 for the middle of the record",
+                value * 1e6,
+                u * 1e6
+            );
+            notices.push(Severity::Warning, "clock-drift", "", 1, text);
+        }
+    }
+
+    fn finding(&self, tied: &Tied) -> ClockFinding {
+        ClockFinding {
+            basis: tied.basis.clone(),
+            statement: tied.statement.clone(),
+            skew: self.gained(),
+            anchor_lag_s: self.anchor_lag_s,
+            hull: tied.hull.clone(),
+            pps: tied.pps.clone(),
+        }
+    }
+}
+
+/// Inverse-variance mean of the skews of all channels of one clock, widened where they scatter more than they claim.
+fn joint(skews: &[(f64, f64)]) -> Finding<Estimate> {
+    let usable: Vec<(f64, f64)> =
+        skews.iter().filter(|(_, u)| *u > 0.0 && u.is_finite()).map(|(v, u)| (*v, u.powi(-2))).collect();
+    let weight: f64 = usable.iter().map(|(_, w)| w).sum();
+    if usable.is_empty() {
+        return Finding::CannotTell("no channel could be fitted with a skew".to_owned());
+    }
+    let mean = usable.iter().map(|(v, w)| v * w).sum::<f64>() / weight;
+    let chi2: f64 = usable.iter().map(|(v, w)| w * (v - mean).powi(2)).sum();
+    let birge = (chi2 / (usable.len() - 1).max(1) as f64).sqrt().max(1.0);
+    Finding::Found(Estimate { value: mean, standard_uncertainty: Some(birge / weight.sqrt()) })
+}
+
+fn channels(
+    sensor: &Flight,
+    references: &References,
+    tied: &Tied,
+    timing: &Timing,
+    motion: &Motion,
+    rig: &Rig,
+    closed: Option<String>,
+) -> Vec<ChannelDynamics> {
+    let (t, rate): (Vec<f64>, Vec<f64>) = motion.states().map(|(t, state)| (t, state.rate)).unzip();
+    let lsb = std::f64::consts::TAU / motion.encoder().counts_per_rev;
+    let circumstances = Circumstances {
+        basis: &tied.basis,
+        anchor_s: timing.anchor_lag_s.and_then(|e| e.standard_uncertainty).unwrap_or(0.0),
+        search_s: rig.analysis.search_s,
+        margin_s: rig.analysis.margin_s,
+        inject_s: &rig.analysis.inject_s,
+        inject_gain: rig.analysis.inject_gain,
+        t: &t,
+        rate: &rate,
+        still_rate: STILL_COUNTS_PER_S * lsb,
+        closed,
+    };
+    let of = |found: &ChannelReference| {
+        let channel = sensor.channels.get(&found.name)?;
+        let time = tied.times.get(&found.name)?;
+        let components = found.components.iter().map(sensed).collect();
+        let sensed = SensedChannel { name: &found.name, channel, t: found.t_s.clone(), time, components };
+        Some(dynamics(&sensed, &circumstances))
+    };
+    references.channels.iter().filter_map(of).collect()
+}
+
+fn sensed(component: &ComponentReference) -> SensedComponent<'_> {
+    SensedComponent {
+        name: &component.name,
+        unit: &component.unit,
+        values: &component.measured,
+        reference: &component.reference,
+        excited: component.excited.as_ref().map(|()| ()).map_err(String::as_str),
+        drift: component.drift,
+    }
+}
+
+/// Gains of channels that move with the tip against those that turn with it: like with like, for bending grows with the
+/// square of frequency and a rate weighs fast motion more than an angle does.
+fn bending(
+    channels: &[ChannelDynamics],
+    references: &References,
+    motion: &Motion,
+    rig: &Rig,
+) -> Finding<record::Flexibility> {
+    use Quantity::{AngularRate, Attitude, Height, PositionGeodetic, PositionNed, VelocityNed};
+    let by_construction =
+        |name: &str| references.channels.iter().any(|c| c.name == name && c.components.iter().any(|c| c.unit_gain));
+    let gains = |wanted: &[Quantity]| -> Vec<Estimate> {
+        let measured = channels.iter().filter(|c| wanted.contains(&c.quantity) && !by_construction(&c.name));
+        measured.flat_map(|c| c.components.iter().filter_map(|c| c.gain)).collect()
+    };
+    let (angle_hz, rate_hz) = rms_frequencies(motion);
+    let expected = rig.bar.first_mode_hz;
+    let rates = flexibility(&gains(&[VelocityNed]), &gains(&[AngularRate]), rate_hz, expected);
+    let angles =
+        flexibility(&gains(&[PositionGeodetic, PositionNed, Height]), &gains(&[Attitude]), angle_hz, expected);
+    let clearness = |finding: &Finding<record::Flexibility>| match finding.found().map(|f| &f.ratio) {
+        Some(Finding::Found(ratio)) => ratio.standard_uncertainty.unwrap_or(f64::INFINITY),
+        Some(Finding::CannotTell(_)) => f64::MAX,
+        None => f64::INFINITY,
+    };
+    if clearness(&angles) < clearness(&rates) { angles } else { rates }
+}
+
+/// Rms frequency of the bar's angle and of its rate, Hz.
+fn rms_frequencies(motion: &Motion) -> (f64, f64) {
+    const GRID_HZ: f64 = 50.0;
+    let states: Vec<_> = motion.grid(GRID_HZ).iter().filter_map(|&t| motion.at(t)).collect();
+    let of = |y: Vec<f64>| signal::power_spectrum(&y, GRID_HZ).rms_frequency_hz().unwrap_or(0.0);
+    (of(states.iter().map(|s| s.angle).collect()), of(states.iter().map(|s| s.rate).collect()))
+}
+
+fn reference_finding(
+    channel: &str,
+    counts_source: String,
+    motion: &Motion,
+    alignment: &Alignment,
+    around: &Surroundings,
+    arm: [f64; 3],
+) -> ReferenceFinding {
+    let (first, last) = motion.span();
+    let length_m = arm.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let (t, encoder_angle) = motion.encoder_angle();
+    let (smooth_t, states): (Vec<f64>, Vec<_>) = motion.states().unzip();
+    let angle: Vec<f64> = states.iter().map(|s| s.angle).collect();
+    let tangential: Vec<f64> = states.iter().map(|s| length_m * s.acceleration).collect();
+    let (raw_t, raw) = motion.second_central_difference();
+    let raw: Vec<f64> = raw.iter().map(|a| length_m * a).collect();
+    ReferenceFinding {
+        channel: channel.to_owned(),
+        samples: t.len() as u64,
+        rate_hz: motion.rate_hz(),
+        duration_s: last - first,
+        counts_per_rev: motion.encoder().counts_per_rev,
+        counts_source,
+        sign: alignment.sign,
+        sign_source: alignment.sign_source.clone(),
+        zero_rad: alignment.zero_rad,
+        zero_source: alignment.zero_source.clone(),
+        azimuth_rad: alignment.azimuth_rad,
+        azimuth_source: alignment.azimuth_source.clone(),
+        log10_q: motion.log10_q(),
+        residual_rms_counts: motion.residual_rms_counts(),
+        uncertainty: motion.typical_uncertainty(),
+        angle_range_rad: motion.angle_range(),
+        gravity_mps2: around.gravity_mps2,
+        gravity_source: around.gravity_source.clone(),
+        field_t: around.field_t,
+        field_source: around.field_source.clone(),
+        angle: vec![curve("encoder", t, &encoder_angle), curve("smoothed", &smooth_t, &angle)],
+        acceleration: vec![
+            curve("smoothed", &smooth_t, &tangential),
+            curve("second central difference of the encoder", &raw_t, &raw),
+        ],
+    }
+}

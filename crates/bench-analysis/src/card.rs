@@ -1,0 +1,26 @@
+//! Sensor cards: read with checks, written for people, and combined from several records of one sensor.
+
+mod combine;
+#[cfg(test)]
+mod example;
+mod file;
+mod identity;
+mod random_effects;
+
+pub use combine::{CardTerms, Combined, combine};
+pub use file::{card_text, parse_card};
+pub use identity::{identity_conflict, sensor_name};
+
+use std::path::PathBuf;
+
+/// A sensor card is wrong, or records do not make one; and where.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+pub struct CardError {
+    /// The card, or the record.
+    pub file: PathBuf,
+    /// Line, from 1, where there is one.
+    pub line: Option<usize>,
+    /// What is wrong, and what would be right.
+    pub what: String,
+}

@@ -1,0 +1,428 @@
+//! Several records of one sensor make one card.
+
+use super::identity::identity_conflict;
+use super::random_effects::{Mean, Reading, mean_of, outliers};
+use super::{CardError, sensor_name};
+use crate::verdict::Evidence;
+use flight::{Notices, Quantity, Severity, StampKind};
+use jiff::ToSpan;
+use jiff::civil::Date;
+use record::{
+    BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DelayFinding, SensorCard,
+    SensorIdentity, TimeBasis, Verdict,
+};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+const METHOD: &str = "Each channel against the motion of the bar, smoothed from the encoder: generalised least squares \
+                      with fitted noise.";
+const METHOD_OF_SEVERAL: &str = "Over several records: random-effects mean (Paule and Mandel), uncertainty by Hartung, \
+                                 Knapp, Sidik and Jonkman, within and between records.";
+/// Update rates further apart than this are another configuration of the sensor.
+const RATE_TOLERANCE: f64 = 0.2;
+
+/// What a card needs besides the records.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CardTerms<'a> {
+    /// Days that the card is valid for after the newest record; `None` if nobody says.
+    pub valid_days: Option<u32>,
+    /// Version of flightlag that writes the card.
+    pub flightlag_version: &'a str,
+}
+
+/// A card, and what must be said of the records that it was made from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Combined {
+    /// The card.
+    pub card: SensorCard,
+    /// Which record lacks which channel, what was left out, and why.
+    pub notices: Notices,
+}
+
+/// Makes one card of the records of one sensor, each with the name that people know it by.
+///
+/// A channel's delay and gain are random-effects means over the records that measured it: the uncertainty covers the
+/// spread within and between records. What all records share (coarse stamps, the anchor's own delay) is not averaged
+/// away. From four records on, one that does not belong to the others is left out and listed. One record is itself.
+///
+/// # Errors
+/// [`CardError`] naming the record: none is given, they are of different sensors or of different analyses, or nothing
+/// was measured.
+pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Result<Combined, CardError> {
+    let (first_name, first) = records.first().ok_or_else(|| error("", "no record, no card"))?;
+    let sensor = one_sensor(records)?;
+    if let Some((name, other)) = records.iter().find(|(_, r)| r.analysis_version != first.analysis_version) {
+        let (was, is) = (first.analysis_version, other.analysis_version);
+        return Err(error(
+            name,
+            format!("analysis version {is}, but {first_name} has {was}: analyse all of them anew"),
+        ));
+    }
+    let mut notices = Notices::new();
+    let usable: Vec<&(String, BenchRecord)> = records.iter().filter(|r| is_usable(r, &mut notices)).collect();
+    let names: BTreeSet<&str> = usable.iter().flat_map(|(_, r)| channels(r)).map(|c| c.name.as_str()).collect();
+    let mut left_out = vec![];
+    let several: Vec<Several<'_>> =
+        names.into_iter().filter_map(|name| Several::of(name, &usable, &mut left_out)).collect();
+    tell(&left_out, &mut notices);
+    let channels: Vec<CardChannel> = several.iter().filter_map(|s| s.card(&mut notices)).collect();
+    if channels.is_empty() {
+        return Err(error(first_name, format!("nothing was measured of {}: no card", sensor_name(&sensor))));
+    }
+    // A record that no mean is made of does not make the card younger.
+    let behind: BTreeSet<&str> = several.iter().flat_map(|s| s.runs.iter().map(|run| run.record)).collect();
+    let days: Vec<&str> = usable
+        .iter()
+        .filter(|(name, _)| behind.contains(name.as_str()))
+        .filter_map(|(_, r)| r.date.as_deref())
+        .collect();
+    let [measured_on, valid_from, valid_until] = validity(&days, terms, &mut notices);
+    let card = SensorCard {
+        card_version: CARD_VERSION,
+        sensor,
+        rig: titles(&usable),
+        method: if usable.len() > 1 { format!("{METHOD} {METHOD_OF_SEVERAL}") } else { METHOD.to_owned() },
+        flightlag_version: terms.flightlag_version.to_owned(),
+        analysis_version: first.analysis_version,
+        measured_on,
+        valid_from,
+        valid_until,
+        channels,
+        records: usable.iter().map(|(_, r)| source(r)).collect(),
+    };
+    Ok(Combined { card, notices })
+}
+
+fn error(file: &str, what: impl Into<String>) -> CardError {
+    CardError { file: PathBuf::from(file), line: None, what: what.into() }
+}
+
+/// The identity that all records agree on, with every part that any of them names.
+fn one_sensor(records: &[(String, BenchRecord)]) -> Result<SensorIdentity, CardError> {
+    let mut whole = SensorIdentity::default();
+    for (i, (name, record)) in records.iter().enumerate() {
+        let own = &record.sensor;
+        if i == 0 {
+            whole = own.clone();
+        } else if let Some(conflict) = identity_conflict(&whole, own) {
+            return Err(error(name, format!("another sensor than in the records before: {conflict}")));
+        }
+        whole.serial = whole.serial.or_else(|| own.serial.clone());
+        whole.firmware = whole.firmware.or_else(|| own.firmware.clone());
+        whole.baud = whole.baud.or(own.baud);
+        whole.configuration = whole.configuration.or_else(|| own.configuration.clone());
+    }
+    Ok(whole)
+}
+
+fn channels(record: &BenchRecord) -> &[ChannelDynamics] {
+    record.findings.as_ref().map(|f| f.channels.as_slice()).unwrap_or_default()
+}
+
+fn is_usable((name, record): &(String, BenchRecord), notices: &mut Notices) -> bool {
+    let reason = match &record.outcome {
+        BenchOutcome::Measured => return true,
+        BenchOutcome::NotMeasurable { reason } | BenchOutcome::Failed { reason } => reason,
+    };
+    notices.push(Severity::Warning, "record-left-out", name, 1, format!("not on the card: {reason}"));
+    false
+}
+
+/// A channel of a record that is no part of the mean, and why.
+struct LeftOut<'a> {
+    code: &'static str,
+    record: &'a str,
+    channel: &'a str,
+    why: String,
+}
+
+/// One notice for all channels that a record lacks for one reason.
+fn tell(left_out: &[LeftOut<'_>], notices: &mut Notices) {
+    let mut told: Vec<(&str, &str, &str)> = vec![];
+    for LeftOut { code, record, why, .. } in left_out {
+        if told.contains(&(*code, *record, why)) {
+            continue;
+        }
+        told.push((code, record, why));
+        let alike = left_out.iter().filter(|l| (l.code, l.record, &l.why) == (*code, *record, why));
+        let channels: Vec<&str> = alike.map(|l| l.channel).collect();
+        let text = format!("{}: {why}", channels.join(", "));
+        notices.push(Severity::Warning, code, *record, channels.len() as u64, text);
+    }
+}
+
+/// First to last day, as asked for by the rig.
+fn validity(days: &[&str], terms: &CardTerms<'_>, notices: &mut Notices) -> [Option<String>; 3] {
+    let days: Vec<Date> = days.iter().filter_map(|day| day.parse().ok()).collect();
+    let (oldest, newest) = (days.iter().min(), days.iter().max());
+    let until = newest.zip(terms.valid_days).and_then(|(day, n)| day.checked_add(i64::from(n).days()).ok());
+    if newest.is_none() && terms.valid_days.is_some() {
+        let text = "no record says on which day it was made: the card has no days of validity";
+        notices.push(Severity::Warning, "card-without-day", "", 1, text);
+    }
+    let text = |day: Option<&Date>| day.map(ToString::to_string);
+    [text(newest), until.and(text(oldest)), text(until.as_ref())]
+}
+
+fn titles(records: &[&(String, BenchRecord)]) -> String {
+    let titles: BTreeSet<&str> = records.iter().map(|(_, r)| r.rig.title.as_str()).collect();
+    titles.into_iter().collect::<Vec<_>>().join("; ")
+}
+
+fn source(record: &BenchRecord) -> CardSource {
+    let inputs = || record.logs.iter().flat_map(|log| &log.inputs);
+    CardSource {
+        files: inputs().map(|f| f.name.clone()).collect(),
+        blake3: inputs().map(|f| f.blake3.clone()).collect(),
+        date: record.date.clone(),
+        rig_blake3: record.rig.blake3.clone(),
+    }
+}
+
+/// One channel of one record, with everything that a card needs of it.
+#[derive(Clone, Copy)]
+struct Run<'a> {
+    record: &'a str,
+    channel: &'a ChannelDynamics,
+    delay: &'a DelayFinding,
+    gain: Reading,
+}
+
+/// What must be equal for delays to be comparable.
+#[derive(Debug, Clone, PartialEq)]
+struct Kind {
+    quantity: Quantity,
+    stamp_kind: StampKind,
+    /// The anchor that the delay is relative to; `None` if it is absolute.
+    anchor: Option<String>,
+}
+
+impl Kind {
+    fn of(channel: &ChannelDynamics) -> Kind {
+        let anchor = match &channel.basis {
+            TimeBasis::OneClock | TimeBasis::Pps => None,
+            TimeBasis::Anchor { channel } => Some(channel.clone()),
+        };
+        Kind { quantity: channel.quantity, stamp_kind: channel.stamp_kind, anchor }
+    }
+
+    fn words(&self) -> String {
+        let against = match &self.anchor {
+            None => "absolute".to_owned(),
+            Some(anchor) => format!("relative to {anchor}"),
+        };
+        format!("{} stamps, {against}", self.stamp_kind)
+    }
+}
+
+/// Comparable runs of one channel.
+struct Several<'a> {
+    name: &'a str,
+    runs: Vec<Run<'a>>,
+    /// Records left out as outliers.
+    outliers: Vec<String>,
+}
+
+impl<'a> Several<'a> {
+    /// The runs that can be averaged; what is missing or left out is told. `None` if there is none.
+    fn of(
+        name: &'a str,
+        records: &[&'a (String, BenchRecord)],
+        left_out: &mut Vec<LeftOut<'a>>,
+    ) -> Option<Several<'a>> {
+        let mut runs = vec![];
+        for (record, found) in records {
+            match run(record, channels(found).iter().find(|c| c.name == name)) {
+                Ok(run) => runs.push(run),
+                Err(why) => left_out.push(LeftOut { code: "channel-missing", record, channel: name, why }),
+            }
+        }
+        let runs = comparable(name, runs, left_out);
+        let delays: Vec<Reading> = runs.iter().map(Run::random_delay).collect();
+        let (mut kept, mut left) = (vec![], vec![]);
+        for (run, is_outlier) in runs.into_iter().zip(outliers(&delays)) {
+            if is_outlier { left.push(run) } else { kept.push(run) }
+        }
+        for run in &left {
+            let delay_s = run.delay.delay.seconds();
+            let why = format!("{delay_s:.4} s does not belong to the other records and is left out of the mean");
+            left_out.push(LeftOut { code: "outlier", record: run.record, channel: name, why });
+        }
+        let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();
+        (!kept.is_empty()).then_some(Several { name, runs: kept, outliers })
+    }
+
+    fn card(&self, notices: &mut Notices) -> Option<CardChannel> {
+        let first = self.runs.first()?;
+        let readings = |of: fn(&Run<'a>) -> Reading| self.runs.iter().map(of).collect::<Vec<Reading>>();
+        let (mut delay, gain) = (mean_of(&readings(Run::random_delay))?, mean_of(&readings(|r| r.gain))?);
+        let shared = self.runs.iter().map(Run::shared).fold(0.0, f64::max);
+        delay.standard_uncertainty = match self.runs.as_slice() {
+            [only] => only.delay.standard_uncertainty_s,
+            _ => delay.standard_uncertainty.hypot(shared),
+        };
+        let (model, lags_s) = self.model();
+        Some(CardChannel {
+            name: self.name.to_owned(),
+            quantity: first.channel.quantity,
+            verdict: self.verdict(&delay)?,
+            delay_s: delay.value,
+            delay_standard_uncertainty_s: delay.standard_uncertainty,
+            as_seen_delay_s: self.mean_age().map(|age| delay.value + age),
+            lags_s,
+            model,
+            gain: gain.value,
+            gain_standard_uncertainty: gain.standard_uncertainty,
+            update_rate_hz: self.update_rate(notices),
+            stamp_kind: first.channel.stamp_kind,
+            basis: first.channel.basis.clone(),
+            records: self.runs.len() as u64,
+            between_runs_s: delay.between,
+            outliers: self.outliers.clone(),
+        })
+    }
+
+    /// One record keeps its verdict; several are judged by their mean.
+    fn verdict(&self, delay: &Mean) -> Option<Verdict> {
+        if let [only] = self.runs.as_slice() {
+            return Some(only.channel.verdict);
+        }
+        let margin_s = self.runs.iter().map(|r| r.delay.margin_s).fold(0.0, f64::max);
+        let evidence = Evidence {
+            delay_s: delay.value,
+            standard_uncertainty_s: delay.standard_uncertainty,
+            // The uncertainty of a mean is widened already, so that 1.96 of it is the interval.
+            degrees_of_freedom: f64::INFINITY,
+            margin_s,
+            duration_s: 0.0,
+        };
+        Some(evidence.judge().verdict)
+    }
+
+    /// How old a held sample is when a loop reads it, on average over the records that say.
+    fn mean_age(&self) -> Option<f64> {
+        let age = |r: &Run<'_>| r.delay.as_seen_s.map(|seen| seen.value - r.delay.delay.seconds());
+        let ages: Vec<f64> = self.runs.iter().filter_map(age).collect();
+        (!ages.is_empty()).then(|| ages.iter().sum::<f64>() / ages.len() as f64)
+    }
+
+    /// The model that more than half of the records show, with its mean lags; else what they show.
+    fn model(&self) -> (String, Vec<f64>) {
+        let kinds: BTreeSet<&str> = self.runs.iter().map(Run::model).collect();
+        let with = |kind: &str| self.runs.iter().filter(|r| r.model() == kind).collect::<Vec<_>>();
+        let counted: Vec<(&str, Vec<&Run<'_>>)> = kinds.into_iter().map(|kind| (kind, with(kind))).collect();
+        let n = self.runs.len();
+        match counted.iter().find(|(_, runs)| 2 * runs.len() > n) {
+            Some((kind, runs)) => {
+                let words = model_in_words(kind);
+                let text =
+                    if runs.len() < n { format!("{words} ({} of {n} records)", runs.len()) } else { words.into() };
+                (text, mean_lags(runs))
+            }
+            None => {
+                let part = |(kind, runs): &(&str, Vec<&Run<'_>>)| format!("{} ({})", model_in_words(kind), runs.len());
+                let parts: Vec<String> = counted.iter().map(part).collect();
+                (format!("differs between records: {}", parts.join(", ")), vec![])
+            }
+        }
+    }
+
+    fn update_rate(&self, notices: &mut Notices) -> Option<f64> {
+        let mut rates: Vec<f64> = self.runs.iter().filter_map(|r| r.channel.update_rate_hz).collect();
+        let middle = signal::median_in_place(&mut rates)?;
+        let differ = rates.iter().any(|rate| (rate / middle - 1.0).abs() > RATE_TOLERANCE);
+        if differ {
+            let text = format!("{}: the records differ in their update rate; the card gives {middle:.3} Hz", self.name);
+            notices.push(Severity::Warning, "rates-differ", self.name, 1, text);
+        }
+        Some(middle)
+    }
+}
+
+/// What a record says of a channel, or why it does not.
+fn run<'a>(record: &'a str, channel: Option<&'a ChannelDynamics>) -> Result<Run<'a>, String> {
+    let channel = channel.ok_or("the record has no such channel")?;
+    let delay = channel.delay.as_ref().filter(|_| channel.verdict != Verdict::NotMeasurable);
+    let delay = delay.ok_or_else(|| channel.reason.clone())?;
+    let gain = gain(channel).ok_or("no component has a gain")?;
+    Ok(Run { record, channel, delay, gain })
+}
+
+/// Gain of the excited components: their mean, for in a planar swing they share the motion.
+fn gain(channel: &ChannelDynamics) -> Option<Reading> {
+    let reading = |c: &record::ComponentDynamics| {
+        let gain = c.gain.filter(|_| c.excited)?;
+        Some(Reading { value: gain.value, standard_uncertainty: gain.standard_uncertainty? })
+    };
+    let mean = mean_of(&channel.components.iter().filter_map(reading).collect::<Vec<_>>())?;
+    Some(Reading { value: mean.value, standard_uncertainty: mean.standard_uncertainty })
+}
+
+/// Keeps the runs of the most frequent kind, absolute ones before relative ones; tells of the others.
+fn comparable<'a>(name: &'a str, runs: Vec<Run<'a>>, left_out: &mut Vec<LeftOut<'a>>) -> Vec<Run<'a>> {
+    let like = |kind: &Kind| runs.iter().filter(|r| Kind::of(r.channel) == *kind).count();
+    let mut kinds: Vec<Kind> = vec![];
+    for run in &runs {
+        let kind = Kind::of(run.channel);
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    // The first of equals stays first.
+    kinds.sort_by_key(|kind| (kind.anchor.is_some(), std::cmp::Reverse(like(kind))));
+    let Some(best) = kinds.first().cloned() else { return runs };
+    let (kept, others): (Vec<Run<'_>>, Vec<Run<'_>>) = runs.into_iter().partition(|r| Kind::of(r.channel) == best);
+    for run in others {
+        let own = Kind::of(run.channel);
+        let what = if own.quantity == best.quantity { own.words() } else { format!("{:?}", own.quantity) };
+        let why = format!("{what}: not comparable with the others ({}) and left out", best.words());
+        left_out.push(LeftOut { code: "not-comparable", record: run.record, channel: name, why });
+    }
+    kept
+}
+
+impl Run<'_> {
+    /// Uncertainty that other records of the bench share: it does not average away, s.
+    fn shared(&self) -> f64 {
+        self.delay.stamps_s.hypot(self.delay.anchor_s)
+    }
+
+    /// The delay with what differs from record to record.
+    fn random_delay(&self) -> Reading {
+        let whole = self.delay.standard_uncertainty_s;
+        let random = (whole * whole - self.shared().powi(2)).max(0.0).sqrt();
+        Reading { value: self.delay.delay.seconds(), standard_uncertainty: random }
+    }
+
+    /// Name of the model: empty where the record cannot tell.
+    fn model(&self) -> &str {
+        self.channel.model.found().and_then(|m| m.chosen.as_deref()).unwrap_or_default()
+    }
+
+    fn lags(&self) -> Vec<f64> {
+        let model = self.channel.model.found();
+        let chosen = model.and_then(|m| m.candidates.iter().find(|c| Some(&c.name) == m.chosen.as_ref()));
+        chosen.map(|c| c.lags_s.iter().map(|lag| lag.value).collect()).unwrap_or_default()
+    }
+}
+
+fn model_in_words(name: &str) -> &str {
+    match name {
+        "" => "delay or lag: not distinguished",
+        "D" => "delay",
+        "L" => "first-order lag",
+        "DL" => "delay and first-order lag",
+        "DLL" => "delay and two lags",
+        other => other,
+    }
+}
+
+fn mean_lags(runs: &[&Run<'_>]) -> Vec<f64> {
+    let lags: Vec<Vec<f64>> = runs.iter().map(|r| r.lags()).collect();
+    let count = lags.iter().map(Vec::len).min().unwrap_or(0);
+    let mean = |i: usize| lags.iter().filter_map(|l| l.get(i)).sum::<f64>() / lags.len() as f64;
+    (0..count).map(mean).collect()
+}
+
+#[cfg(test)]
+mod tests;

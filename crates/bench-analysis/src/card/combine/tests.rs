@@ -1,0 +1,186 @@
+use super::*;
+use crate::card::example::{channel, record};
+use crate::card::{card_text, example, parse_card};
+use std::path::Path;
+
+const TERMS: CardTerms<'_> = CardTerms { valid_days: Some(365), flightlag_version: "0.1.0" };
+
+fn named(records: Vec<BenchRecord>) -> Vec<(String, BenchRecord)> {
+    records.into_iter().enumerate().map(|(i, r)| (format!("swing-{:02}", i + 1), r)).collect()
+}
+
+/// One record for each delay, in ms, of `position.gps`, each ± 2 ms.
+fn runs(delays_ms: &[f64]) -> Vec<(String, BenchRecord)> {
+    let of = |(i, ms): (usize, &f64)| {
+        record(&format!("2010-10-{:02}", 20 + i), vec![channel("position.gps", ms * 1e-3, 0.002)])
+    };
+    named(delays_ms.iter().enumerate().map(of).collect())
+}
+
+fn told(combined: &Combined) -> Vec<(&str, &str)> {
+    combined.notices.iter().map(|n| (n.code.as_str(), n.place.as_str())).collect()
+}
+
+#[test]
+fn a_card_of_one_record_is_that_record() {
+    let combined = combine(&runs(&[400.0]), &TERMS).unwrap();
+    let card = &combined.card;
+    let [position] = card.channels.as_slice() else { panic!("{card:?}") };
+    assert_eq!((position.delay_s, position.delay_standard_uncertainty_s), (0.4, 0.002));
+    assert_eq!((position.as_seen_delay_s, position.gain), (Some(0.525), 1.0));
+    assert_eq!((position.records, position.between_runs_s, position.verdict), (1, None, Verdict::Delayed));
+    assert_eq!(card.measured_on.as_deref(), Some("2010-10-20"));
+    assert_eq!(card.valid_until.as_deref(), Some("2011-10-20"), "365 days");
+    assert_eq!(card.records[0].blake3, ["hash of 2010-10-20"]);
+    assert!(combined.notices.is_empty());
+    assert_eq!(parse_card(&card_text(card), Path::new("c")).unwrap(), *card);
+}
+
+#[test]
+fn records_that_differ_by_more_than_they_claim_widen_the_uncertainty() {
+    let combined = combine(&runs(&[390.0, 400.0, 410.0]), &TERMS).unwrap();
+    let position = &combined.card.channels[0];
+    assert!((position.delay_s - 0.4).abs() < 1e-9);
+    // s = 10 ms, u = 2 ms: τ² = 100 − 4, and s t/(1.96 √3) with t = 4.3027.
+    assert!((position.between_runs_s.unwrap() - 0.096f64.sqrt() / 31.622_776_601_683_793).abs() < 1e-9);
+    assert!((position.delay_standard_uncertainty_s - 0.01 / 3f64.sqrt() * 4.302_653 / 1.959_964).abs() < 1e-8);
+    assert_eq!(position.verdict, Verdict::Delayed);
+    assert_eq!(combined.card.measured_on.as_deref(), Some("2010-10-22"), "the newest record");
+    assert_eq!(combined.card.valid_from.as_deref(), Some("2010-10-20"), "the oldest");
+}
+
+#[test]
+fn what_all_records_share_is_not_averaged_away() {
+    let mut all = runs(&[400.0; 5]);
+    for (_, record) in &mut all {
+        let delay = record.findings.as_mut().unwrap().channels[0].delay.as_mut().unwrap();
+        delay.stamps_s = 0.0016;
+    }
+    let combined = combine(&all, &TERMS).unwrap();
+    // 2 ms of which 1.6 ms are shared: √(2² − 1.6²) = 1.2 ms are each record's own.
+    let expected = (0.0012f64.powi(2) / 5.0 + 0.0016f64.powi(2)).sqrt();
+    assert!((combined.card.channels[0].delay_standard_uncertainty_s - expected).abs() < 1e-12);
+}
+
+#[test]
+fn a_record_that_is_off_is_left_out_and_named() {
+    let combined = combine(&runs(&[400.0, 401.0, 799.0, 399.0, 400.5]), &TERMS).unwrap();
+    let position = &combined.card.channels[0];
+    assert_eq!((position.outliers.as_slice(), position.records), (["swing-03".to_owned()].as_slice(), 4));
+    assert!((position.delay_s - 0.4).abs() < 0.001);
+    assert_eq!(told(&combined), [("outlier", "swing-03")]);
+}
+
+#[test]
+fn a_record_of_another_sensor_is_refused_with_the_part_that_differs() {
+    let mut all = runs(&[400.0, 400.0]);
+    all[1].1.sensor.serial = Some("00500999".into());
+    let error = combine(&all, &TERMS).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "swing-02: another sensor than in the records before: serial `00500123` and `00500999`"
+    );
+}
+
+#[test]
+fn sensors_are_compared_with_all_records_before_not_only_the_first() {
+    let mut all = runs(&[400.0; 3]);
+    all[0].1.sensor.serial = None;
+    all[2].1.sensor.serial = Some("other".into());
+    assert!(combine(&all, &TERMS).unwrap_err().to_string().starts_with("swing-03"));
+}
+
+#[test]
+fn a_channel_that_a_record_lacks_is_told_with_the_record_and_the_reason() {
+    let mut all = runs(&[400.0, 400.0]);
+    let mut silent = channel("velocity.ins", 0.0, 0.001);
+    silent.quantity = Quantity::VelocityNed;
+    all[0].1.findings.as_mut().unwrap().channels.push(silent.clone());
+    silent.verdict = Verdict::NotMeasurable;
+    silent.reason = "the swing does not move it".into();
+    all[1].1.findings.as_mut().unwrap().channels.push(silent);
+    let combined = combine(&all, &TERMS).unwrap();
+    assert_eq!(told(&combined), [("channel-missing", "swing-02")]);
+    assert_eq!(combined.notices.iter().next().unwrap().text, "velocity.ins: the swing does not move it");
+    let records: Vec<(&str, u64)> = combined.card.channels.iter().map(|c| (c.name.as_str(), c.records)).collect();
+    assert_eq!(records, [("position.gps", 2), ("velocity.ins", 1)]);
+}
+
+#[test]
+fn channels_that_a_record_lacks_for_one_reason_are_told_once() {
+    let mut all = runs(&[400.0, 400.0]);
+    for name in ["position.ins", "position.ekf"] {
+        all[0].1.findings.as_mut().unwrap().channels.push(channel(name, 0.1, 0.001));
+    }
+    let combined = combine(&all, &TERMS).unwrap();
+    let texts: Vec<&str> = combined.notices.iter().map(|n| n.text.as_str()).collect();
+    assert_eq!(texts, ["position.ekf, position.ins: the record has no such channel"]);
+}
+
+#[test]
+fn an_absolute_and_a_relative_delay_are_not_averaged() {
+    let mut all = runs(&[400.0, 700.0]);
+    let relative = &mut all[1].1.findings.as_mut().unwrap().channels[0];
+    relative.basis = TimeBasis::Anchor { channel: "angular-rate.imu".into() };
+    let combined = combine(&all, &TERMS).unwrap();
+    assert_eq!(combined.card.channels[0].delay_s, 0.4);
+    assert_eq!(told(&combined), [("not-comparable", "swing-02")]);
+    assert_eq!(combined.card.measured_on.as_deref(), Some("2010-10-20"), "not the day of the record left out");
+    assert_eq!((combined.card.channels[0].records, combined.card.records.len()), (1, 2), "measured, if not averaged");
+}
+
+#[test]
+fn the_model_is_that_of_most_records_or_said_to_differ() {
+    let with = |models: &[(&str, &[f64])]| {
+        let mut all = runs(&vec![400.0; models.len()]);
+        for ((_, record), (name, lags)) in all.iter_mut().zip(models) {
+            record.findings.as_mut().unwrap().channels[0].model = example::model(name, lags);
+        }
+        let channel = combine(&all, &TERMS).unwrap().card.channels.remove(0);
+        (channel.model, channel.lags_s)
+    };
+    assert_eq!(with(&[("D", &[]), ("D", &[])]), ("delay".into(), vec![]));
+    let (model, lags) = with(&[("L", &[0.1]), ("L", &[0.3]), ("D", &[])]);
+    assert_eq!((model.as_str(), lags), ("first-order lag (2 of 3 records)", vec![0.2]));
+    let (model, lags) = with(&[("L", &[0.1]), ("D", &[])]);
+    assert_eq!((model.as_str(), lags), ("differs between records: delay (1), first-order lag (1)", vec![]));
+}
+
+#[test]
+fn several_records_near_zero_are_judged_by_their_mean() {
+    // Alone, ±4 ms decides nothing within a margin of 5 ms; sixteen that agree do: 4/√16 = 1 ms.
+    let mut all = runs(&[0.0; 16]);
+    for (_, record) in &mut all {
+        let channel = &mut record.findings.as_mut().unwrap().channels[0];
+        channel.verdict = Verdict::Inconclusive;
+        channel.delay.as_mut().unwrap().standard_uncertainty_s = 0.004;
+    }
+    let position = combine(&all, &TERMS).unwrap().card.channels.remove(0);
+    assert!((position.delay_standard_uncertainty_s - 0.001).abs() < 1e-12);
+    assert_eq!(position.verdict, Verdict::EquivalentToZero);
+}
+
+#[test]
+fn a_record_that_failed_is_told_and_a_card_without_any_number_is_refused() {
+    let mut all = runs(&[400.0, 400.0]);
+    all[0].1.outcome = BenchOutcome::Failed { reason: "cut off".into() };
+    all[0].1.findings = None;
+    let combined = combine(&all, &TERMS).unwrap();
+    assert_eq!(told(&combined), [("record-left-out", "swing-01")]);
+    assert_eq!(combined.card.records.len(), 1);
+    let error = combine(&all[..1], &TERMS).unwrap_err();
+    assert!(error.to_string().contains("nothing was measured of Xsens MTi-G 00500123"), "{error}");
+    assert!(combine(&[], &TERMS).is_err());
+}
+
+#[test]
+fn a_card_without_a_day_has_no_validity_and_says_so() {
+    let mut all = runs(&[400.0]);
+    all[0].1.date = None;
+    let combined = combine(&all, &TERMS).unwrap();
+    assert_eq!((combined.card.valid_until, told_codes(&combined.notices)), (None, vec!["card-without-day"]));
+}
+
+fn told_codes(notices: &Notices) -> Vec<&str> {
+    notices.iter().map(|n| n.code.as_str()).collect()
+}

@@ -1,0 +1,380 @@
+//! The card as a file: TOML, first the sensor, then validity, then channels, then records.
+
+use super::CardError;
+use flight::Quantity;
+use jiff::civil::Date;
+use record::{CARD_VERSION, CardChannel, CardSource, SensorCard, Verdict};
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::Path;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Longest delay that is taken for one, s; a larger number is a delay in milliseconds.
+const LONGEST_DELAY_S: f64 = 10.0;
+
+const HEAD: &str = "\
+# Sensor card: what a bench knows of one sensor. Written by `flightlag bench`, read by
+# `flightlag campaign` with `[delay] card = \"...\"` in its pipeline.
+# Times are in seconds. A positive delay is late: measured(t) = truth(t - delay).
+# Uncertainties are standard ones (k = 1).
+";
+const VALIDITY: &str = "\
+# Last day on which something was measured, and the days on which the card may be used.
+";
+const ORIGIN: &str = "\
+# How the numbers were found.
+";
+const CHANNEL: &str = "\
+# One entry for each channel. `verdict` is delayed, early, equivalent-to-zero, inconclusive or not-measurable.
+# `basis` says what the delay is measured against: one clock for all, a pulse per second, or an anchor channel.
+";
+const RECORD: &str = "\
+# The records that were measured for this card; `records` of a channel says how many of them its mean is made of.
+";
+
+const SENSOR_KEYS: [&str; 5] = ["model", "serial", "firmware", "baud", "configuration"];
+const VALIDITY_KEYS: [&str; 3] = ["measured_on", "valid_from", "valid_until"];
+const ORIGIN_KEYS: [&str; 4] = ["rig", "method", "flightlag_version", "analysis_version"];
+const CHANNEL_KEYS: [&str; 16] = [
+    "name",
+    "quantity",
+    "verdict",
+    "delay_s",
+    "delay_standard_uncertainty_s",
+    "as_seen_delay_s",
+    "model",
+    "lags_s",
+    "gain",
+    "gain_standard_uncertainty",
+    "update_rate_hz",
+    "stamp_kind",
+    "basis",
+    "records",
+    "between_runs_s",
+    "outliers",
+];
+const RECORD_KEYS: [&str; 4] = ["files", "blake3", "date", "rig_blake3"];
+
+/// The text of a card: [`parse_card`] gives the card back, bit by bit.
+#[must_use]
+pub fn card_text(card: &SensorCard) -> String {
+    let whole = table_of(card);
+    let sensor = table_of(&card.sensor);
+    let mut text = format!("{HEAD}\ncard_version = {}\n\n", card.card_version);
+    lines(&mut text, "sensor.", &sensor, &SENSOR_KEYS);
+    if VALIDITY_KEYS.iter().any(|key| whole.contains_key(*key)) {
+        let _ = write!(text, "\n{VALIDITY}");
+        lines(&mut text, "", &whole, &VALIDITY_KEYS);
+    }
+    let _ = write!(text, "\n{ORIGIN}");
+    lines(&mut text, "", &whole, &ORIGIN_KEYS);
+    entries(&mut text, "channel", CHANNEL, &card.channels, &CHANNEL_KEYS);
+    entries(&mut text, "record", RECORD, &card.records, &RECORD_KEYS);
+    text
+}
+
+/// A struct as a table; these types have text keys and no way to fail.
+fn table_of(value: &impl Serialize) -> toml::Table {
+    toml::Table::try_from(value).unwrap_or_default()
+}
+
+fn lines(text: &mut String, prefix: &str, table: &toml::Table, keys: &[&str]) {
+    for (key, value) in keys.iter().filter_map(|key| table.get_key_value(*key)) {
+        let _ = writeln!(text, "{prefix}{key} = {value}");
+    }
+}
+
+fn entries(text: &mut String, name: &str, comment: &str, entries: &[impl Serialize], keys: &[&str]) {
+    let _ = write!(text, "\n{comment}");
+    if entries.is_empty() {
+        let _ = writeln!(text, "{name} = []");
+    }
+    for (i, entry) in entries.iter().enumerate() {
+        let _ = writeln!(text, "{}[[{name}]]", if i == 0 { "" } else { "\n" });
+        lines(text, "", &table_of(entry), keys);
+    }
+}
+
+/// Reads a card from `text`; `path` is for errors.
+///
+/// # Errors
+/// [`CardError`] with the line: no TOML, another layout, an unknown key, a number that is not finite, a negative
+/// uncertainty, a delay that must be milliseconds, a day that is none, a validity that ends before it begins, or a
+/// channel that is there twice.
+pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, CardError> {
+    let reader = Reader { text, path };
+    let table = DeTable::parse(text).map_err(|e| reader.complaint(&e))?;
+    let table = table.get_ref();
+    reader.version(table)?;
+    reader.keys(table)?;
+    let card: SensorCard = toml::from_str(text).map_err(|e| reader.complaint(&e))?;
+    reader.whole(table, &card)?;
+    for (place, channel) in items(table, "channel").zip(&card.channels) {
+        reader.channel(place, channel)?;
+    }
+    for (place, record) in items(table, "record").zip(&card.records) {
+        reader.record(place, record)?;
+    }
+    reader.each_channel_once(table, &card)?;
+    Ok(card)
+}
+
+type Place<'a> = Spanned<DeValue<'a>>;
+
+fn get<'a, 'b>(table: &'b DeTable<'a>, key: &str) -> Option<&'b Place<'a>> {
+    table.iter().find(|(k, _)| k.get_ref() == key).map(|(_, value)| value)
+}
+
+/// The entries of an array of tables.
+fn items<'a, 'b>(table: &'b DeTable<'a>, key: &str) -> impl Iterator<Item = &'b Place<'a>> {
+    let array = get(table, key).and_then(|value| value.get_ref().as_array());
+    array.into_iter().flat_map(|array| array.iter())
+}
+
+/// Knows the text, so that every complaint has its line.
+struct Reader<'a> {
+    text: &'a str,
+    path: &'a Path,
+}
+
+impl Reader<'_> {
+    fn version(&self, table: &DeTable<'_>) -> Result<(), CardError> {
+        let Some(place) = get(table, "card_version") else {
+            return Err(self.error(None, "missing key `card_version`: this is no sensor card"));
+        };
+        let version = place.get_ref().as_integer().map(ToString::to_string);
+        if version.as_deref() == Some(CARD_VERSION.to_string().as_str()) {
+            return Ok(());
+        }
+        Err(self.at(place, format!("card_version must be {CARD_VERSION}, the only layout that this flightlag knows")))
+    }
+
+    /// A misspelt key would else be a value that is silently not there.
+    fn keys(&self, table: &DeTable<'_>) -> Result<(), CardError> {
+        let mut whole = vec!["card_version", "sensor", "channel", "record"];
+        whole.extend(VALIDITY_KEYS.iter().chain(&ORIGIN_KEYS));
+        self.known(table, &whole)?;
+        let inner = |place: &Place<'_>, keys: &[&str]| match place.get_ref().as_table() {
+            Some(table) => self.known(table, keys),
+            None => Ok(()),
+        };
+        get(table, "sensor").map_or(Ok(()), |sensor| inner(sensor, &SENSOR_KEYS))?;
+        items(table, "channel").try_for_each(|channel| inner(channel, &CHANNEL_KEYS))?;
+        items(table, "record").try_for_each(|record| inner(record, &RECORD_KEYS))
+    }
+
+    fn known(&self, table: &DeTable<'_>, keys: &[&str]) -> Result<(), CardError> {
+        match table.keys().find(|key| !keys.contains(&key.get_ref().as_ref())) {
+            Some(key) => {
+                let what = format!("unknown key `{}`, expected one of {}", key.get_ref(), keys.join(", "));
+                Err(self.error(Some(key.span().start), what))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn whole(&self, table: &DeTable<'_>, card: &SensorCard) -> Result<(), CardError> {
+        if card.sensor.model.trim().is_empty() {
+            let place = get(table, "sensor").map(|p| p.span().start);
+            return Err(self.error(place, "sensor.model must say which sensor this is"));
+        }
+        let day = |key: &str, day: &Option<String>| self.day(get(table, key), key, day.as_deref());
+        day("measured_on", &card.measured_on)?;
+        let (from, until) = (day("valid_from", &card.valid_from)?, day("valid_until", &card.valid_until)?);
+        match (from, until, get(table, "valid_until")) {
+            (Some(from), Some(until), Some(place)) if until < from => {
+                Err(self.at(place, format!("valid_until = {until} lies before valid_from = {from}")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn day(&self, place: Option<&Place<'_>>, key: &str, day: Option<&str>) -> Result<Option<Date>, CardError> {
+        let Some(text) = day else { return Ok(None) };
+        text.parse::<Date>().map(Some).map_err(|_| {
+            self.error(place.map(|p| p.span().start), format!("{key} = \"{text}\" is no day, as \"2026-05-04\""))
+        })
+    }
+
+    fn channel(&self, place: &Place<'_>, channel: &CardChannel) -> Result<(), CardError> {
+        let at = |key: &str| place.get_ref().as_table().and_then(|t| get(t, key)).unwrap_or(place);
+        let check = |key: &str, value: Option<f64>, fits: fn(f64) -> bool, must: &str| match value {
+            Some(v) if !(v.is_finite() && fits(v)) => {
+                Err(self.at(at(key), format!("channel `{}`: {key} = {v}: must be {must}", channel.name)))
+            }
+            _ => Ok(()),
+        };
+        let delay = "finite, in seconds, and at most 10 either way";
+        let is_delay = |v: f64| v.abs() <= LONGEST_DELAY_S;
+        let (not_negative, is_not_negative) = ("finite and not negative", |v: f64| v >= 0.0);
+        check("delay_s", Some(channel.delay_s), is_delay, delay)?;
+        check("as_seen_delay_s", channel.as_seen_delay_s, is_delay, delay)?;
+        let uncertainty = Some(channel.delay_standard_uncertainty_s);
+        check("delay_standard_uncertainty_s", uncertainty, is_not_negative, not_negative)?;
+        check("gain", Some(channel.gain), |_| true, "finite")?;
+        check("gain_standard_uncertainty", Some(channel.gain_standard_uncertainty), is_not_negative, not_negative)?;
+        check("between_runs_s", channel.between_runs_s, is_not_negative, not_negative)?;
+        check("update_rate_hz", channel.update_rate_hz, |v| v > 0.0, "finite and above zero")?;
+        channel.lags_s.iter().try_for_each(|&lag| check("lags_s", Some(lag), is_not_negative, not_negative))?;
+        if channel.name.trim().is_empty() {
+            return Err(self.at(at("name"), "a channel must have a name, as `position.gps`"));
+        }
+        let contradicts = match channel.verdict {
+            Verdict::Delayed => channel.delay_s <= 0.0,
+            Verdict::Early => channel.delay_s >= 0.0,
+            _ => false,
+        };
+        if contradicts {
+            let what = "the verdict contradicts the sign of delay_s: positive is late";
+            return Err(self.at(at("verdict"), format!("channel `{}`: {what}", channel.name)));
+        }
+        self.quantity(at("quantity"), channel)
+    }
+
+    /// A position must hold a position: replay finds channels by their names.
+    fn quantity(&self, place: &Place<'_>, channel: &CardChannel) -> Result<(), CardError> {
+        let fits = match channel.name.split('.').next() {
+            Some("position") => matches!(channel.quantity, Quantity::PositionGeodetic | Quantity::PositionNed),
+            Some("velocity") => channel.quantity == Quantity::VelocityNed,
+            _ => true,
+        };
+        if fits {
+            return Ok(());
+        }
+        Err(self.at(place, format!("channel `{}` cannot hold this quantity", channel.name)))
+    }
+
+    fn record(&self, place: &Place<'_>, record: &CardSource) -> Result<(), CardError> {
+        if record.files.len() != record.blake3.len() {
+            let (files, hashes) = (record.files.len(), record.blake3.len());
+            return Err(self.at(place, format!("a record with {files} files and {hashes} hashes")));
+        }
+        let at = place.get_ref().as_table().and_then(|t| get(t, "date")).unwrap_or(place);
+        self.day(Some(at), "date", record.date.as_deref()).map(drop)
+    }
+
+    fn each_channel_once(&self, table: &DeTable<'_>, card: &SensorCard) -> Result<(), CardError> {
+        let mut seen = BTreeSet::new();
+        for (place, channel) in items(table, "channel").zip(&card.channels) {
+            if !seen.insert(channel.name.as_str()) {
+                return Err(self.at(place, format!("channel `{}` is there twice", channel.name)));
+            }
+        }
+        Ok(())
+    }
+
+    fn at(&self, place: &Place<'_>, what: impl Into<String>) -> CardError {
+        self.error(Some(place.span().start), what)
+    }
+
+    fn error(&self, byte: Option<usize>, what: impl Into<String>) -> CardError {
+        let line = byte.map(|b| self.text.bytes().take(b).filter(|&c| c == b'\n').count() + 1);
+        CardError { file: self.path.to_owned(), line, what: what.into() }
+    }
+
+    /// The parser's own complaint, in our words and with its line.
+    fn complaint(&self, error: &toml::de::Error) -> CardError {
+        let what = error.message().replace("unknown field", "unknown key").replace("missing field", "missing key");
+        self.error(error.span().map(|s| s.start), what)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::card::example;
+
+    fn refused(text: &str) -> CardError {
+        parse_card(text, Path::new("cards/mtig.card.toml")).unwrap_err()
+    }
+
+    /// The line, from 1, that begins with `start`.
+    fn line_of(text: &str, start: &str) -> usize {
+        text.lines().position(|l| l.starts_with(start)).unwrap() + 1
+    }
+
+    #[test]
+    fn a_card_comes_back_from_its_text_bit_by_bit() {
+        let mut card = example::card();
+        card.channels[0].delay_s = 0.1 + 0.2;
+        card.channels[1].delay_standard_uncertainty_s = f64::MIN_POSITIVE;
+        assert_eq!(parse_card(&card_text(&card), Path::new("c")).unwrap(), card);
+    }
+
+    #[test]
+    fn a_card_reads_from_identity_over_validity_and_channels_to_records() {
+        let text = card_text(&example::card());
+        let starts = ["card_version", "sensor.model", "measured_on", "valid_until", "rig", "[[channel]]", "[[record]]"];
+        let lines: Vec<usize> = starts.iter().map(|s| line_of(&text, s)).collect();
+        assert!(lines.is_sorted(), "{lines:?}\n{text}");
+        assert!(text.contains("basis = { basis = \"one-clock\" }"), "{text}");
+    }
+
+    #[test]
+    fn the_text_knows_every_key_of_a_card() {
+        let card = example::card();
+        let full = CardChannel {
+            as_seen_delay_s: Some(0.5),
+            between_runs_s: Some(0.001),
+            outliers: vec!["r".into()],
+            ..card.channels[0].clone()
+        };
+        let of = |table: toml::Table| table.keys().cloned().collect::<BTreeSet<String>>();
+        let listed = |keys: &[&str]| keys.iter().map(|&k| k.to_owned()).collect::<BTreeSet<String>>();
+        assert_eq!(of(table_of(&full)), listed(&CHANNEL_KEYS));
+        assert_eq!(of(table_of(&card.records[0])), listed(&RECORD_KEYS));
+        let sensor = record::SensorIdentity { configuration: Some("GPS".into()), ..card.sensor.clone() };
+        assert_eq!(of(table_of(&sensor)), listed(&SENSOR_KEYS));
+        let mut whole = listed(&["card_version", "sensor", "channel", "record"]);
+        whole.extend(listed(&VALIDITY_KEYS).into_iter().chain(listed(&ORIGIN_KEYS)));
+        assert_eq!(of(table_of(&card)), whole);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_with_its_line() {
+        let text = card_text(&example::card());
+        for (was, is, line, says) in [
+            ("card_version = 1", "card_version = 2", "card_version", "only layout"),
+            ("delay_s = 0.4\n", "delay_s = nan\n", "delay_s", "finite"),
+            ("delay_s = 0.4\n", "delay_s = 400.0\n", "delay_s", "in seconds"),
+            ("delay_s = 0.4\n", "delay_s = -0.4\n", "verdict", "positive is late"),
+            ("gain = 1.001", "gain = inf", "gain", "finite"),
+            ("_uncertainty_s = 0.002", "_uncertainty_s = -0.002", "delay_standard", "not negative"),
+            ("update_rate_hz = 4.0", "update_rate_hz = 0.0", "update_rate_hz", "above zero"),
+            ("lags_s = []", "lags_s = [-0.1]", "lags_s", "not negative"),
+            ("measured_on = \"2010-10-25\"", "measured_on = \"2010-13-25\"", "measured_on", "is no day"),
+            ("valid_until = \"2011-10-25\"", "valid_until = \"2009-10-25\"", "valid_until", "before valid_from"),
+            ("valid_until", "valid_untill", "valid_until", "unknown key `valid_untill`"),
+            ("sensor.serial", "sensor.seriel", "sensor.serial", "unknown key `seriel`"),
+            ("sensor.model = \"Xsens MTi-G\"", "sensor.model = \" \"", "sensor.model", "which sensor"),
+            ("quantity = \"position-geodetic\"", "quantity = \"scalar\"", "quantity", "cannot hold"),
+            ("date = \"2010-10-25\"", "date = \"soon\"", "date", "is no day"),
+            ("files = [\"a.csv\"]", "files = []", "[[record]]", "hashes"),
+        ] {
+            let changed = text.replacen(was, is, 1);
+            assert_ne!(changed, text, "{was}");
+            let error = refused(&changed);
+            assert_eq!(error.line, Some(line_of(&text, line)), "{was} -> {is}: {error}");
+            assert!(error.what.contains(says), "{was} -> {is}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_channel_that_is_there_twice_is_refused_at_the_second() {
+        let text =
+            card_text(&example::card()).replace("velocity.ins", "position.gps").replace("velocity-ned", "position-ned");
+        let second = text.match_indices("[[channel]]").nth(1).unwrap().0;
+        let line = text[..second].lines().count() + 1;
+        let error = refused(&text);
+        assert_eq!((error.line, error.what.as_str()), (Some(line), "channel `position.gps` is there twice"));
+    }
+
+    #[test]
+    fn an_error_names_the_file_and_the_line() {
+        let error = refused("card_version = 1\nsensor = 3\n");
+        assert!(error.to_string().starts_with("cards/mtig.card.toml:2: "), "{error}");
+        assert!(refused("x = 1\n").to_string().contains("no sensor card"));
+    }
+}

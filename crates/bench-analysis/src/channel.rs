@@ -1,0 +1,533 @@
+//! The dynamics of one channel against the reference motion (design note 3 and 9).
+
+use crate::clock::ChannelTime;
+use crate::curves::component_curves;
+use crate::injection::inject;
+use crate::response::response;
+use crate::verdict::{Evidence, millis};
+use flight::{Channel, Delay, RejectCount};
+use record::{
+    ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, ModelCandidate, ModelFinding,
+    NoiseFinding, ObjectiveCurve, Stationarity, TimeBasis, Verdict,
+};
+use signal::{
+    ComponentFit, DelayFit, DelaySettings, Gain, LagChoice, Measurement, Reference, Sign, Uncertain, autocorrelation,
+    choose_lag_model, delay_by_segment, delay_objective, fit_delay, homogeneity, jitter_from_residuals, kurtosis,
+    ljung_box, resolution, static_deviation, static_segments,
+};
+
+/// Lags of the autocorrelation that are shown and tested.
+const ACF_LAGS: usize = 40;
+/// Windows of the delay over the record, s; half overlapping.
+const WINDOW_S: f64 = 15.0;
+/// Another minimum within this many units of chi-squared is told.
+const SECOND_MINIMUM_EXCESS: f64 = 3.0;
+/// Points of the objective's curves.
+const OBJECTIVE_POINTS: usize = 251;
+/// The objective near its minimum is drawn this many standard uncertainties to either side.
+const NEAR_U: f64 = 5.0;
+
+/// One component of a channel with what it should have measured.
+pub(crate) struct SensedComponent<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) unit: &'a str,
+    /// One for each row of the channel.
+    pub(crate) values: &'a [f64],
+    pub(crate) reference: &'a dyn Reference,
+    /// `Err` with the reason if the swing does not move it enough to count.
+    pub(crate) excited: Result<(), &'a str>,
+    /// Whether its offset may drift.
+    pub(crate) drift: bool,
+}
+
+/// A channel before its analysis.
+pub(crate) struct SensedChannel<'a> {
+    pub(crate) name: &'a str,
+    /// Stamped in the encoder's clock.
+    pub(crate) channel: &'a Channel,
+    /// Its stamps, s after the origin.
+    pub(crate) t: Vec<f64>,
+    pub(crate) time: &'a ChannelTime,
+    pub(crate) components: Vec<SensedComponent<'a>>,
+}
+
+/// What all channels share.
+pub(crate) struct Circumstances<'a> {
+    pub(crate) basis: &'a TimeBasis,
+    /// Standard uncertainty of the anchor's own lag, s; zero where delays are absolute.
+    pub(crate) anchor_s: f64,
+    pub(crate) search_s: (f64, f64),
+    /// Margin of the equivalence test, s, if the rig sets one.
+    pub(crate) margin_s: Option<f64>,
+    pub(crate) inject_s: &'a [f64],
+    pub(crate) inject_gain: f64,
+    /// Encoder stamps, s, and rate of the bar, rad/s.
+    pub(crate) t: &'a [f64],
+    pub(crate) rate: &'a [f64],
+    /// Bar rates below this are standing still, rad/s.
+    pub(crate) still_rate: f64,
+    /// Why no channel gets a verdict, if the gate says so.
+    pub(crate) closed: Option<String>,
+}
+
+impl Circumstances<'_> {
+    pub(crate) fn settings(&self) -> DelaySettings {
+        DelaySettings { search_s: self.search_s, ..DelaySettings::default() }
+    }
+}
+
+/// Everything that the record says of the channel.
+pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -> ChannelDynamics {
+    let updates = Updates::of(channel);
+    let mut found = blank(channel, bench, &updates);
+    if let Some(reason) = &bench.closed {
+        found.reason = format!("no verdict: {reason}");
+        return found;
+    }
+    let measurements = updates.measurements(channel);
+    if measurements.is_empty() {
+        found.reason = "the swing moves none of its components".to_owned();
+        return found;
+    }
+    let settings = bench.settings();
+    let fit = match fit_delay(&measurements, &settings) {
+        Ok(fit) => fit,
+        Err(error) => {
+            found.reason = error.to_string();
+            return found;
+        }
+    };
+    let delay = delay_finding(channel, bench, &updates, &fit);
+    found.predicted_s = Some(fit.crlb_s);
+    (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
+    found.rejected = unused(&updates, &fit);
+    found.components = components(channel, bench, &updates, &fit);
+    found.model = model(&choose_lag_model(&measurements, &fit, &settings));
+    found.reason += &found.model.found().map(beside_the_delay).unwrap_or_default();
+    found.response = response(channel, &updates, &fit, &found.model);
+    found.checks = Some(checks(&measurements, &fit, bench.search_s));
+    found.stationarity = stationarity(&measurements, &fit);
+    found.jitter_s = jitter(&fit);
+    found.injections = inject(&measurements, &settings, bench);
+    found.delay = Some(delay);
+    found
+}
+
+/// Stamps and values of the rows that are updates, held repeats left out.
+pub(crate) struct Updates {
+    pub(crate) t: Vec<f64>,
+    /// One for each component of the channel, excited or not.
+    pub(crate) values: Vec<Vec<f64>>,
+    /// Which components those of the fit are.
+    pub(crate) excited: Vec<usize>,
+    rows: usize,
+    /// Mean age of the held value over all rows, s.
+    mean_age_s: Option<f64>,
+    /// Median step between rows, s.
+    row_step_s: Option<f64>,
+}
+
+impl Updates {
+    fn of(channel: &SensedChannel<'_>) -> Updates {
+        let rows = channel.channel.update_rows();
+        let pick = |values: &[f64]| rows.iter().filter_map(|&row| values.get(row).copied()).collect::<Vec<f64>>();
+        let held = channel.channel.is_held();
+        let excited = channel.components.iter().enumerate().filter(|(_, c)| c.excited.is_ok()).map(|(k, _)| k).collect();
+        Updates {
+            t: pick(&channel.t),
+            values: channel.components.iter().map(|c| pick(c.values)).collect(),
+            excited,
+            rows: channel.t.len(),
+            mean_age_s: held.then(|| mean_age(&channel.t, &rows)).flatten(),
+            row_step_s: median_step(&channel.t),
+        }
+    }
+
+    fn measurements<'m>(&'m self, channel: &'m SensedChannel<'_>) -> Vec<Measurement<'m>> {
+        self.excited.iter().map(|&k| measurement(&channel.components[k], &self.t, &self.values[k])).collect()
+    }
+
+    pub(crate) fn rate_hz(&self) -> Option<f64> {
+        rate_hz(&self.t)
+    }
+}
+
+fn measurement<'m>(component: &SensedComponent<'m>, t: &'m [f64], y: &'m [f64]) -> Measurement<'m> {
+    Measurement {
+        t,
+        y,
+        reference: component.reference,
+        gain: Gain::Free { sign: Sign::Positive },
+        drift: component.drift,
+    }
+}
+
+fn median_step(t: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    signal::median_in_place(&mut steps)
+}
+
+fn rate_hz(t: &[f64]) -> Option<f64> {
+    median_step(t).filter(|step| *step > 0.0).map(|step| 1.0 / step)
+}
+
+/// Mean over all rows of the time since the update that they repeat, s.
+fn mean_age(t: &[f64], updates: &[usize]) -> Option<f64> {
+    let first = *updates.first()?;
+    let mut newest = first;
+    let mut next = updates.iter().copied().peekable();
+    let mut sum = 0.0;
+    for row in first..t.len() {
+        if next.peek() == Some(&row) {
+            newest = row;
+            next.next();
+        }
+        sum += t[row] - t[newest];
+    }
+    Some(sum / (t.len() - first) as f64)
+}
+
+fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates) -> ChannelDynamics {
+    let not_tried = || "the channel could not be measured".to_owned();
+    ChannelDynamics {
+        name: channel.name.to_owned(),
+        quantity: channel.channel.quantity,
+        stamp_kind: channel.time.kind,
+        clock: channel.time.clock,
+        basis: bench.basis.clone(),
+        samples: updates.t.len() as u64,
+        rejected: vec![],
+        rate_hz: rate_hz(&channel.t),
+        update_rate_hz: updates.rate_hz(),
+        held_rows: (updates.rows - updates.t.len()) as u64,
+        verdict: Verdict::NotMeasurable,
+        reason: String::new(),
+        predicted_s: None,
+        delay: None,
+        components: channel.components.iter().map(|c| undetermined(channel, c)).collect(),
+        model: Finding::CannotTell(not_tried()),
+        response: Finding::CannotTell(not_tried()),
+        checks: None,
+        stationarity: Finding::CannotTell(not_tried()),
+        jitter_s: Finding::CannotTell(not_tried()),
+        latency: channel.time.latency.clone(),
+        injections: vec![],
+    }
+}
+
+/// A component of which nothing but its curve is known.
+fn undetermined(channel: &SensedChannel<'_>, component: &SensedComponent<'_>) -> ComponentDynamics {
+    let (curves, zoom) = component_curves(&channel.t, component, None);
+    ComponentDynamics {
+        name: component.name.to_owned(),
+        unit: component.unit.to_owned(),
+        excited: component.excited.is_ok(),
+        why_not: component.excited.err().unwrap_or_default().to_owned(),
+        gain: None,
+        offset: None,
+        drift: None,
+        noise: None,
+        delay_s: None,
+        curves,
+        zoom,
+        residual: None,
+    }
+}
+
+pub(crate) fn estimate(uncertain: Uncertain) -> Estimate {
+    Estimate { value: uncertain.value, standard_uncertainty: Some(uncertain.standard_uncertainty) }
+}
+
+fn delay_finding(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates, fit: &DelayFit) -> DelayFinding {
+    let stamps_s = stamp_uncertainty(channel, updates);
+    let is_anchor = matches!(bench.basis, TimeBasis::Anchor { channel: anchor } if anchor == channel.name);
+    let anchor_s = if is_anchor { 0.0 } else { bench.anchor_s };
+    let standard_uncertainty_s = fit.standard_uncertainty_s.hypot(stamps_s).hypot(anchor_s);
+    let judgement = evidence(bench, updates, fit, standard_uncertainty_s).judge();
+    let as_seen = updates.mean_age_s.map(|age| Estimate {
+        value: fit.delay_s + age,
+        standard_uncertainty: Some(standard_uncertainty_s),
+    });
+    DelayFinding {
+        delay: Delay::from_seconds(fit.delay_s).unwrap_or(Delay::ZERO),
+        standard_uncertainty_s,
+        hessian_s: fit.hessian_s,
+        hac_s: fit.hac_s,
+        stamps_s,
+        anchor_s,
+        interval_95_s: judgement.interval_95_s,
+        degrees_of_freedom: fit.degrees_of_freedom,
+        crlb_s: fit.crlb_s,
+        as_seen_s: as_seen,
+        held_fit_s: held_fit(channel, bench, updates),
+        minimum_detectable_s: judgement.minimum_detectable_s,
+        margin_s: margin(bench, updates),
+        deciding_length_s: judgement.deciding_length_s,
+    }
+}
+
+/// A held value is seen at the first row after it changed: up to one row late, evenly spread.
+fn stamp_uncertainty(channel: &SensedChannel<'_>, updates: &Updates) -> f64 {
+    let row_s = if channel.channel.is_held() { updates.row_step_s.unwrap_or(0.0) } else { 0.0 };
+    row_s / 12f64.sqrt()
+}
+
+/// Half the interval of the channel's updates, or 5 ms, whichever is larger (design note 3.7).
+fn margin(bench: &Circumstances<'_>, updates: &Updates) -> f64 {
+    let half_interval_s = updates.rate_hz().map_or(0.0, |rate| 0.5 / rate);
+    bench.margin_s.unwrap_or_else(|| half_interval_s.max(0.005))
+}
+
+fn evidence(bench: &Circumstances<'_>, updates: &Updates, fit: &DelayFit, standard_uncertainty_s: f64) -> Evidence {
+    Evidence {
+        delay_s: fit.delay_s,
+        standard_uncertainty_s,
+        degrees_of_freedom: fit.degrees_of_freedom,
+        margin_s: margin(bench, updates),
+        duration_s: duration(&updates.t),
+    }
+}
+
+fn duration(t: &[f64]) -> f64 {
+    t.last().zip(t.first()).map_or(0.0, |(last, first)| last - first)
+}
+
+fn held_fit(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates) -> Option<Estimate> {
+    updates.mean_age_s?;
+    let whole: Vec<Measurement<'_>> = updates
+        .excited
+        .iter()
+        .map(|&k| measurement(&channel.components[k], &channel.t, channel.components[k].values))
+        .collect();
+    let fit = fit_delay(&whole, &bench.settings()).ok()?;
+    Some(Estimate { value: fit.delay_s, standard_uncertainty: Some(fit.standard_uncertainty_s) })
+}
+
+fn judge(
+    bench: &Circumstances<'_>,
+    channel: &SensedChannel<'_>,
+    updates: &Updates,
+    fit: &DelayFit,
+    delay: &DelayFinding,
+) -> (Verdict, String) {
+    if let TimeBasis::Anchor { channel: anchor } = bench.basis
+        && anchor == channel.name
+    {
+        let text = "this is the anchor: taken as on time, every other delay is relative to it";
+        return (Verdict::NotMeasurable, text.to_owned());
+    }
+    if !fit.converged {
+        return (Verdict::NotMeasurable, "the fit did not settle on one delay".to_owned());
+    }
+    let judgement = evidence(bench, updates, fit, delay.standard_uncertainty_s).judge();
+    let ambiguous = fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| {
+        format!("; another delay, {} ms, fits nearly as well: the swing is too regular to tell which", millis(m.delay_s))
+    });
+    let relative = match bench.basis {
+        TimeBasis::Anchor { channel } => format!(" (relative to {channel})"),
+        _ => String::new(),
+    };
+    (judgement.verdict, judgement.reason + &relative + &ambiguous.unwrap_or_default())
+}
+
+fn unused(updates: &Updates, fit: &DelayFit) -> Vec<RejectCount> {
+    let used = fit.components.iter().map(|c| c.used_rows.len()).min().unwrap_or(0);
+    let outside = updates.t.len().saturating_sub(used);
+    let first = fit.components.first().and_then(|c| (0..).find(|row| !c.used_rows.contains(row))).unwrap_or(0);
+    (outside > 0)
+        .then(|| RejectCount {
+            reason: "its true instant lies outside the encoder's record".to_owned(),
+            count: outside as u64,
+            first: format!("update {first}"),
+        })
+        .into_iter()
+        .collect()
+}
+
+fn components(
+    channel: &SensedChannel<'_>,
+    bench: &Circumstances<'_>,
+    updates: &Updates,
+    fit: &DelayFit,
+) -> Vec<ComponentDynamics> {
+    let still = still_rows(bench, &channel.t);
+    channel
+        .components
+        .iter()
+        .enumerate()
+        .map(|(k, component)| {
+            let place = updates.excited.iter().position(|&e| e == k);
+            let fitted = place.and_then(|place| fit.components.get(place));
+            let (curves, zoom) = component_curves(&channel.t, component, fitted.map(|f| (fit, f)));
+            let alone = place.filter(|_| updates.excited.len() > 1).and_then(|_| {
+                fit_delay(&[measurement(component, &updates.t, &updates.values[k])], &bench.settings()).ok()
+            });
+            ComponentDynamics {
+                gain: fitted.map(|f| estimate(f.gain)),
+                offset: fitted.map(|f| estimate(f.offset)),
+                drift: fitted.and_then(|f| f.drift).map(estimate),
+                noise: fitted.map(|f| noise(f, component.values, &still)),
+                delay_s: alone.map(|f| Estimate {
+                    value: f.delay_s,
+                    standard_uncertainty: Some(f.standard_uncertainty_s),
+                }),
+                curves,
+                zoom,
+                residual: fitted.map(crate::curves::residual_curve),
+                ..undetermined(channel, component)
+            }
+        })
+        .collect()
+}
+
+/// Rows of the channel during which the bar stands still for five seconds or more.
+fn still_rows(bench: &Circumstances<'_>, t: &[f64]) -> Vec<std::ops::Range<usize>> {
+    const LEAST_S: f64 = 5.0;
+    let of_row = |at: f64| t.partition_point(|&x| x < at);
+    static_segments(bench.t, bench.rate, bench.still_rate, LEAST_S)
+        .into_iter()
+        .filter(|rows| !rows.is_empty())
+        .map(|rows| of_row(bench.t[rows.start])..of_row(bench.t[rows.end - 1]))
+        .filter(|rows| rows.len() > 1)
+        .collect()
+}
+
+fn noise(fit: &ComponentFit, values: &[f64], still: &[std::ops::Range<usize>]) -> NoiseFinding {
+    NoiseFinding {
+        wander_std: fit.noise.wander_std,
+        time_constant_s: fit.noise.time_constant_s,
+        white_std: fit.noise.white_std,
+        static_std: static_deviation(values, still),
+        resolution: resolution(values),
+    }
+}
+
+fn model(choice: &LagChoice) -> Finding<ModelFinding> {
+    let Some(best) = choice.candidates.first() else {
+        return Finding::CannotTell("no model of delay and lag could be fitted".to_owned());
+    };
+    if best.sum_s.value.abs() < 2.0 * best.sum_s.standard_uncertainty {
+        return Finding::CannotTell("the delay does not differ from zero: nothing to split into delay and lag".to_owned());
+    }
+    let candidates = choice
+        .candidates
+        .iter()
+        .map(|c| ModelCandidate {
+            name: c.model.name().to_owned(),
+            delta_bic: c.bic - best.bic,
+            delay_s: c.delay_s.map(estimate),
+            lags_s: c.lags_s.iter().copied().map(estimate).collect(),
+            gain: c.gains.first().map_or(Estimate { value: 1.0, standard_uncertainty: None }, |g| estimate(*g)),
+        })
+        .collect();
+    let words = |name: &str| match name {
+        "D" => "a pure delay",
+        "L" => "a first-order lag",
+        "DL" => "a delay and a first-order lag",
+        _ => "a delay and two lags",
+    };
+    let rival = choice.rival.map(|(model, delta)| (words(model.name()), delta));
+    let text = match (choice.chosen, rival) {
+        (Some(model), Some((rival, delta))) => {
+            format!("{}; {rival} is worse by ΔBIC {delta:.1}", words(model.name()))
+        }
+        (Some(model), None) => words(model.name()).to_owned(),
+        (None, Some((rival, delta))) => {
+            format!("not distinguished: {} or {rival} (ΔBIC {delta:.1}, 6 would decide)", words(best.model.name()))
+        }
+        (None, None) => "not distinguished".to_owned(),
+    };
+    let chosen = choice.chosen.map(|m| m.name().to_owned());
+    Finding::Found(ModelFinding { candidates, chosen, text, sum_s: estimate(best.sum_s) })
+}
+
+/// What the verdict must not leave out where the lateness is not, or not surely, a pure delay.
+fn beside_the_delay(model: &ModelFinding) -> String {
+    match model.chosen.as_deref() {
+        Some("D") => String::new(),
+        _ => format!("; as a model: {}", model.text),
+    }
+}
+
+fn checks(measurements: &[Measurement<'_>], fit: &DelayFit, search_s: (f64, f64)) -> FitChecks {
+    let whitened: Vec<f64> = fit.components.iter().flat_map(|c| c.whitened.iter().copied()).collect();
+    let first = fit.components.first().map_or(&[][..], |c| c.whitened.as_slice());
+    let lags = ACF_LAGS.min(first.len() / 4);
+    let acf = autocorrelation(first, lags);
+    let ljung_box_p = ljung_box(&acf, first.len());
+    FitChecks {
+        autocorrelation_u95: 1.96 / (first.len().max(1) as f64).sqrt(),
+        ljung_box_p,
+        autocorrelation: acf,
+        kurtosis: kurtosis(&whitened).unwrap_or(3.0),
+        downweighted_share: fit.downweighted_share,
+        objective: objective(measurements, fit, search_s),
+        second_minimum_s: fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| m.delay_s),
+    }
+}
+
+fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64, f64)) -> ObjectiveCurve {
+    let half = NEAR_U * fit.standard_uncertainty_s;
+    let grid = |from: f64, to: f64| -> Vec<f64> {
+        (0..OBJECTIVE_POINTS).map(|k| from + (to - from) * k as f64 / (OBJECTIVE_POINTS - 1) as f64).collect()
+    };
+    let above = |delays: &[f64]| {
+        let values = delay_objective(measurements, fit, delays);
+        let least = delay_objective(measurements, fit, &[fit.delay_s]).first().copied().unwrap_or(0.0);
+        values.into_iter().map(|v| v - least).collect()
+    };
+    let delay_s = grid(from, to);
+    let near_delay_s = grid(fit.delay_s - half, fit.delay_s + half);
+    ObjectiveCurve { value: above(&delay_s), near_value: above(&near_delay_s), delay_s, near_delay_s }
+}
+
+fn stationarity(measurements: &[Measurement<'_>], fit: &DelayFit) -> Finding<Stationarity> {
+    let windows = delay_by_segment(measurements, fit, WINDOW_S, 0.5);
+    let apart = delay_by_segment(measurements, fit, WINDOW_S, 0.0);
+    let Some((chi2, constant_p)) = homogeneity(&apart) else {
+        return Finding::CannotTell(format!("fewer than two windows of {WINDOW_S} s with enough motion"));
+    };
+    let slope = slope(&apart);
+    let text = if constant_p < 0.01 {
+        format!("the delay changes over the record: χ² = {chi2:.1} for {} windows, p = {constant_p:.2e}", apart.len())
+    } else {
+        format!("constant as far as this record shows: χ² = {chi2:.1} for {} windows, p = {constant_p:.2}", apart.len())
+    };
+    Finding::Found(Stationarity {
+        window_s: WINDOW_S,
+        t_s: windows.iter().map(|w| w.middle_s).collect(),
+        delay_s: windows
+            .iter()
+            .map(|w| Estimate { value: w.delay_s, standard_uncertainty: Some(w.standard_uncertainty_s) })
+            .collect(),
+        constant_p,
+        slope,
+        text,
+    })
+}
+
+/// Weighted straight line through the delays of windows that do not overlap, s/s.
+fn slope(windows: &[signal::SegmentDelay]) -> Estimate {
+    let weight = |w: &signal::SegmentDelay| w.standard_uncertainty_s.powi(-2);
+    let total: f64 = windows.iter().map(weight).sum();
+    let mean = |f: &dyn Fn(&signal::SegmentDelay) -> f64| windows.iter().map(|w| weight(w) * f(w)).sum::<f64>() / total;
+    let (t, d) = (mean(&|w| w.middle_s), mean(&|w| w.delay_s));
+    let spread = windows.iter().map(|w| weight(w) * (w.middle_s - t).powi(2)).sum::<f64>();
+    let product = windows.iter().map(|w| weight(w) * (w.middle_s - t) * (w.delay_s - d)).sum::<f64>();
+    let known = spread > 0.0;
+    Estimate {
+        value: if known { product / spread } else { 0.0 },
+        standard_uncertainty: known.then(|| spread.sqrt().recip()),
+    }
+}
+
+fn jitter(fit: &DelayFit) -> Finding<Estimate> {
+    let of = |c: &ComponentFit| jitter_from_residuals(&c.residuals, &c.slope);
+    // The component with the steepest signal over its noise shows jitter best.
+    let steepness = |c: &ComponentFit| c.slope.iter().map(|s| s * s).sum::<f64>() / c.noise.std().powi(2);
+    let best = fit.components.iter().max_by(|a, b| steepness(a).total_cmp(&steepness(b)));
+    match best.and_then(of) {
+        Some((std, u)) => Finding::Found(Estimate { value: std, standard_uncertainty: Some(u) }),
+        None => Finding::CannotTell("residuals do not grow with the slope of the signal: no jitter shows".to_owned()),
+    }
+}

@@ -1,0 +1,473 @@
+//! Ties the sensor's stamps to the encoder's clock (design note 6).
+//!
+//! One logger: stamps of the encoder's own clock are taken as they are; stamps of a device's clock are mapped by a
+//! pulse per second, else by the lower hull of the arrivals. Two loggers, or no way across: the recordings are laid
+//! over each other by the bar's rate, and every delay is relative to the anchor channel.
+
+use crate::rig::{Rig, StampChoice};
+use crate::verdict::millis;
+use flight::{
+    Channel, Clock, Distribution, Flight, Notices, Quantity, RejectCount, Series, Severity, Stamp, StampKind, Timeline,
+};
+use record::{HullFinding, LatencyHistogram, PpsFinding, TimeBasis};
+use signal::{CoarseLag, HullLine, PiecewiseClock, coarse_lag, lower_hull, percentile_of_sorted};
+use std::collections::BTreeMap;
+
+/// Fewer pairs of stamps make no hull.
+const LEAST_HULL_STAMPS: usize = 30;
+/// Grid on which two recordings of the bar's rate are laid over each other, Hz.
+const COARSE_RATE_HZ: f64 = 50.0;
+/// A correlation below this is no alignment.
+const LEAST_CORRELATION: f64 = 0.7;
+/// Another alignment nearly as good is told.
+const RIVAL_SHARE: f64 = 0.95;
+/// Bins of a latency histogram, up to the 99th percentile.
+const HISTOGRAM_BINS: usize = 40;
+
+/// The encoder: when, and how fast the bar turned, rad/s.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EncoderRate<'a> {
+    pub(crate) clock: Clock,
+    /// Time zero of `t_s`.
+    pub(crate) origin: Stamp,
+    pub(crate) t_s: &'a [f64],
+    pub(crate) rate: &'a [f64],
+}
+
+/// With which stamps a channel is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ChannelTime {
+    pub(crate) kind: StampKind,
+    /// The clock of these stamps as logged.
+    pub(crate) clock: Clock,
+    /// Arrival less device time, if both are logged.
+    pub(crate) latency: Option<LatencyHistogram>,
+}
+
+/// The sensor's channels in the encoder's clock.
+#[derive(Debug)]
+pub(crate) struct Tied {
+    /// Channels whose stamps were mapped. Those that cannot be tied are missing, with a notice.
+    pub(crate) flight: Flight,
+    pub(crate) times: BTreeMap<String, ChannelTime>,
+    pub(crate) basis: TimeBasis,
+    /// What is absolute and what is relative.
+    pub(crate) statement: String,
+    pub(crate) hull: Option<HullFinding>,
+    pub(crate) pps: Option<PpsFinding>,
+    pub(crate) notices: Notices,
+}
+
+/// Ties every channel of `sensor` to the encoder's clock. `one_log`: one logger stamped both.
+///
+/// # Errors
+/// The recordings cannot be laid over each other, in words.
+pub(crate) fn tie(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig, one_log: bool) -> Result<Tied, String> {
+    let shared = rig.clock.shared.unwrap_or(one_log);
+    let tied = if shared { tie_by_logger(sensor, encoder, rig) } else { None };
+    tied.map_or_else(|| tie_by_anchor(sensor, encoder, rig), Ok)
+}
+
+/// The same channels with stamps moved by `shift_s` plus `skew` times the distance from `middle_s`, all in the encoder's
+/// clock: what the anchor and the joint skew are corrected with.
+pub(crate) fn moved(flight: &Flight, origin: Stamp, shift_s: f64, skew: f64, middle_s: f64) -> Flight {
+    let to = |stamp: Stamp| {
+        let t = stamp.seconds_since(origin);
+        stamp.plus_seconds(shift_s + skew * (t - middle_s))
+    };
+    let mut notices = Notices::new();
+    let channels = flight.channels.iter().filter_map(|(name, channel)| {
+        let stamps = primary(channel);
+        Some((name.clone(), retimed(name, channel, &stamps, stamps.clock, to, &mut notices)?))
+    });
+    Flight { channels: channels.collect(), notices: Notices::new() }
+}
+
+/// One kind of stamp of a channel.
+#[derive(Debug, Clone)]
+struct Stamps<'a> {
+    kind: StampKind,
+    clock: Clock,
+    stamps: &'a [Stamp],
+}
+
+fn primary(channel: &Channel) -> Stamps<'_> {
+    let timeline = channel.series.timeline();
+    Stamps { kind: timeline.kind(), clock: timeline.clock(), stamps: timeline.stamps() }
+}
+
+fn all_stamps(channel: &Channel) -> impl Iterator<Item = Stamps<'_>> {
+    let others = channel.other_stamps.iter().map(|(kind, clock, stamps)| Stamps { kind: *kind, clock: *clock, stamps });
+    std::iter::once(primary(channel)).chain(others)
+}
+
+/// The stamps that the rig asks for: those of a kind, or those that the channel map chose.
+fn asked_for<'a>(channel: &'a Channel, rig: &Rig) -> Option<Stamps<'a>> {
+    let kind = match rig.clock.stamps {
+        StampChoice::Auto => return Some(primary(channel)),
+        StampChoice::Measured => StampKind::Measured,
+        StampChoice::Published => StampKind::Published,
+        StampChoice::Logged => StampKind::Logged,
+    };
+    all_stamps(channel).find(|s| s.kind == kind)
+}
+
+/// Channels that the bar moves.
+fn sensed(flight: &Flight) -> impl Iterator<Item = (&String, &Channel)> {
+    flight.channels.iter().filter(|(_, channel)| {
+        use Quantity::{EncoderAngle, EncoderCount, Pulse, Scalar};
+        !matches!(channel.quantity, EncoderAngle | EncoderCount | Pulse | Scalar)
+    })
+}
+
+/// `None` if no channel can be tied this way.
+fn tie_by_logger(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Option<Tied> {
+    let mut notices = Notices::new();
+    let mut flight = Flight::default();
+    let mut times = BTreeMap::new();
+    let pps = pulse_clock(sensor, encoder, &mut notices);
+    let hulls = if pps.is_none() { hulls(sensor, encoder.clock, &mut notices) } else { BTreeMap::new() };
+    let mut used = Ways::default();
+    for (name, channel) in sensed(sensor) {
+        let Some(stamps) = asked_for(channel, rig) else {
+            let text = format!("channel {name} has no stamps of the kind that the rig asks for; it is left out");
+            notices.push(Severity::Warning, "no-such-stamp", name, channel.series.len() as u64, text);
+            continue;
+        };
+        let hull = hulls.get(&clock_key(stamps.clock));
+        let mapped = match (stamps.clock == encoder.clock, &pps, hull) {
+            (true, _, _) => {
+                used.direct = true;
+                retimed(name, channel, &stamps, encoder.clock, |s| s, &mut notices)
+            }
+            (false, Some((_, clock)), _) => {
+                used.pps = true;
+                let map = |s: Stamp| encoder.origin.plus_seconds(clock.logger_at(s.seconds_since(Stamp(0))));
+                retimed(name, channel, &stamps, encoder.clock, map, &mut notices)
+            }
+            (false, None, Some(hull)) => {
+                used.hull = true;
+                retimed(name, channel, &stamps, encoder.clock, |s| hull.map(s), &mut notices)
+            }
+            (false, None, None) => {
+                let text = format!(
+                    "channel {name}: nothing ties its clock ({}) to the encoder's ({}); it is left out",
+                    stamps.clock, encoder.clock
+                );
+                notices.push(Severity::Warning, "clock-not-tied", name, channel.series.len() as u64, text);
+                None
+            }
+        };
+        if let Some(mapped) = mapped {
+            let latency = latency(channel, hulls.get(&clock_key(channel.series.timeline().clock())));
+            times.insert(name.clone(), ChannelTime { kind: stamps.kind, clock: stamps.clock, latency });
+            flight.channels.insert(name.clone(), mapped);
+        }
+    }
+    let basis = if used.pps { TimeBasis::Pps } else { TimeBasis::OneClock };
+    (!flight.channels.is_empty()).then(|| Tied {
+        flight,
+        times,
+        basis,
+        statement: used.statement(),
+        hull: hulls.into_values().next().map(|hull| hull.finding),
+        pps: pps.map(|(name, clock)| pulse_finding(name, &clock)),
+        notices,
+    })
+}
+
+/// Which ways across were used.
+#[derive(Debug, Default)]
+struct Ways {
+    direct: bool,
+    hull: bool,
+    pps: bool,
+}
+
+impl Ways {
+    fn statement(&self) -> String {
+        let mut parts = vec![];
+        if self.direct {
+            parts.push(
+                "One clock stamped encoder and sensor: delays are absolute, up to what the logger takes to stamp either.",
+            );
+        }
+        if self.pps {
+            parts.push(
+                "A pulse per second ties the device's clock to the encoder's: delays are absolute, transport left out.",
+            );
+        }
+        if self.hull {
+            parts.push(
+                "Device stamps were mapped to the encoder's clock by the fastest arrivals: delays are absolute except for \
+                 the least transport latency, which no log shows.",
+            );
+        }
+        parts.join(" ")
+    }
+}
+
+/// Clocks have no order of their own.
+fn clock_key(clock: Clock) -> u8 {
+    match clock {
+        Clock::Unix => 0,
+        Clock::Gps => 1,
+        Clock::Boot => 2,
+        Clock::Elapsed => 3,
+    }
+}
+
+/// The pulse per second that the encoder's logger stamped, in seconds after the encoder's origin.
+fn pulse_clock<'a>(
+    sensor: &'a Flight,
+    encoder: EncoderRate<'_>,
+    notices: &mut Notices,
+) -> Option<(&'a str, PiecewiseClock)> {
+    let (name, channel) = sensor.channels.iter().find(|(_, c)| c.quantity == Quantity::Pulse)?;
+    let stamps = all_stamps(channel).find(|s| s.clock == encoder.clock)?;
+    let logger_s: Vec<f64> = stamps.stamps.iter().map(|s| s.seconds_since(encoder.origin)).collect();
+    let first_second = channel.series.component(0).first().copied()?;
+    match PiecewiseClock::from_pulses(&logger_s, first_second) {
+        Ok(clock) => Some((name, clock)),
+        Err(error) => {
+            notices.push(Severity::Warning, "pulse-unusable", name, logger_s.len() as u64, error.to_string());
+            None
+        }
+    }
+}
+
+fn pulse_finding(name: &str, clock: &PiecewiseClock) -> PpsFinding {
+    let reject = |reason: &str, count: usize| RejectCount { reason: reason.into(), count: count as u64, first: String::new() };
+    let rejected = [("not on a whole second", clock.off_beat), ("missing between the first and the last", clock.missing)];
+    PpsFinding {
+        channel: name.to_owned(),
+        pulses: clock.device_s.len() as u64,
+        rejected: rejected.into_iter().filter(|(_, n)| *n > 0).map(|(reason, n)| reject(reason, n)).collect(),
+        skew: record::Estimate { value: clock.skew, standard_uncertainty: Some(clock.skew_uncertainty) },
+        residual_rms_s: clock.residual_rms_s,
+    }
+}
+
+/// The lower hull of one device's clock.
+struct Hull {
+    line: HullLine,
+    device_origin: Stamp,
+    arrival_origin: Stamp,
+    finding: HullFinding,
+}
+
+impl Hull {
+    /// Arrival of the fastest message that left at `stamp`.
+    fn map(&self, stamp: Stamp) -> Stamp {
+        let device_s = stamp.seconds_since(self.device_origin);
+        let offset_s = self.line.offset_at_middle_s + self.line.skew * (device_s - self.line.middle_s);
+        self.arrival_origin.plus_seconds(device_s + offset_s)
+    }
+}
+
+/// A hull for each other clock than that of the arrival, over all channels that log both its time and their arrival.
+fn hulls(sensor: &Flight, arrival_clock: Clock, notices: &mut Notices) -> BTreeMap<u8, Hull> {
+    let mut pairs: BTreeMap<u8, Vec<(Stamp, Stamp)>> = BTreeMap::new();
+    let mut names: BTreeMap<u8, (&str, Clock)> = BTreeMap::new();
+    for (name, channel) in sensed(sensor) {
+        let arrival = all_stamps(channel).find(|s| s.clock == arrival_clock);
+        let device = all_stamps(channel).find(|s| s.clock != arrival_clock);
+        if let (Some(arrival), Some(device)) = (arrival, device) {
+            let key = clock_key(device.clock);
+            names.entry(key).or_insert((name, device.clock));
+            pairs.entry(key).or_default().extend(device.stamps.iter().copied().zip(arrival.stamps.iter().copied()));
+        }
+    }
+    let mut hulls = BTreeMap::new();
+    for (key, mut pairs) in pairs {
+        let Some(&(name, device)) = names.get(&key) else { continue };
+        pairs.sort_unstable();
+        pairs.dedup_by_key(|pair| pair.0);
+        match hull_of(&pairs, name, device, arrival_clock) {
+            Some(hull) => {
+                hulls.insert(key, hull);
+            }
+            None => {
+                let text = format!("{} pairs of device time and arrival are too few for a hull", pairs.len());
+                notices.push(Severity::Warning, "no-hull", name, pairs.len() as u64, text);
+            }
+        }
+    }
+    hulls
+}
+
+fn hull_of(pairs: &[(Stamp, Stamp)], name: &str, device: Clock, arrival: Clock) -> Option<Hull> {
+    let &(device_origin, arrival_origin) = pairs.first().filter(|_| pairs.len() >= LEAST_HULL_STAMPS)?;
+    let device_s: Vec<f64> = pairs.iter().map(|(d, _)| d.seconds_since(device_origin)).collect();
+    let arrival_s: Vec<f64> = pairs.iter().map(|(_, a)| a.seconds_since(arrival_origin)).collect();
+    let line = lower_hull(&device_s, &arrival_s)?;
+    let epochs_s = arrival_origin.seconds_since(Stamp(0)) - device_origin.seconds_since(Stamp(0));
+    let finding = HullFinding {
+        channel: name.to_owned(),
+        device,
+        arrival,
+        offset_s: line.offset_at_middle_s + epochs_s,
+        skew: line.skew,
+        latency_s: distribution(&line.latency)?,
+        remark: "the offset holds the least transport latency".to_owned(),
+    };
+    Some(Hull { line, device_origin, arrival_origin, finding })
+}
+
+/// Arrival less device time on the rows of a channel: absolute if one clock counts both, else above the fastest.
+fn latency(channel: &Channel, hull: Option<&Hull>) -> Option<LatencyHistogram> {
+    let device = primary(channel);
+    let arrival = all_stamps(channel).filter(|s| s.kind > device.kind).max_by_key(|s| s.kind)?;
+    let pairs = || device.stamps.iter().zip(arrival.stamps);
+    let (latencies, text): (Vec<f64>, _) = if arrival.clock == device.clock {
+        let text = format!("{} less {} stamp, of one clock: absolute", arrival.kind, device.kind);
+        (pairs().map(|(d, a)| a.seconds_since(*d)).collect(), text)
+    } else {
+        let hull = hull?;
+        let text = format!("{} less {} stamp, above the fastest arrival: the clocks differ", arrival.kind, device.kind);
+        (pairs().map(|(d, a)| a.seconds_since(hull.map(*d))).collect(), text)
+    };
+    let latency_s = distribution(&latencies)?;
+    let (low, high) = (latency_s.min.min(0.0).max(latency_s.p01.min(0.0)), latency_s.p99.max(1e-6));
+    let width = (high - low) / HISTOGRAM_BINS as f64;
+    let mut counts = vec![0; HISTOGRAM_BINS];
+    let mut beyond = 0;
+    for value in &latencies {
+        let bin = ((value - low) / width).floor();
+        match counts.get_mut(bin.max(0.0) as usize) {
+            Some(count) if bin >= 0.0 => *count += 1,
+            _ => beyond += 1,
+        }
+    }
+    let edges_s = (0..=HISTOGRAM_BINS).map(|k| low + k as f64 * width).collect();
+    Some(LatencyHistogram { text, edges_s, counts, beyond, latency_s })
+}
+
+fn distribution(values: &[f64]) -> Option<Distribution> {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let at = |share| percentile_of_sorted(&sorted, share);
+    Some(Distribution { min: at(0.0)?, p01: at(0.01)?, median: at(0.5)?, p99: at(0.99)?, max: at(1.0)? })
+}
+
+/// Lays the recordings over each other by the size of the bar's rate as encoder and anchor saw it.
+fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result<Tied, String> {
+    let (name, anchor) = anchor(sensor, rig)?;
+    let stamps = asked_for(anchor, rig).ok_or_else(|| format!("the anchor {name} has no stamps of the kind that the rig asks for"))?;
+    let device_origin = *stamps.stamps.first().ok_or_else(|| format!("the anchor {name} has no row"))?;
+    let t_s: Vec<f64> = stamps.stamps.iter().map(|s| s.seconds_since(device_origin)).collect();
+    let size = magnitude(anchor);
+    let rate: Vec<f64> = encoder.rate.iter().map(|r| r.abs()).collect();
+    let coarse = coarse_lag(encoder.t_s, &rate, &t_s, &size, COARSE_RATE_HZ)
+        .filter(|lag| lag.correlation >= LEAST_CORRELATION)
+        .ok_or_else(|| {
+            format!(
+                "clocks of encoder and sensor have nothing in common, and {name} does not move as the encoder does at any \
+                 shift that lets half of the shorter recording overlap: are the two logs of one swing?"
+            )
+        })?;
+    let mut notices = Notices::new();
+    warn_of_rival(name, &coarse, &mut notices);
+    let map = |s: Stamp| encoder.origin.plus_seconds(s.seconds_since(device_origin) + coarse.shift_s);
+    // The sensor's own logger may have stamped the arrivals with a third clock.
+    let arrival_clock = all_stamps(anchor).map(|s| s.clock).find(|clock| *clock != stamps.clock);
+    let hulls = arrival_clock.map(|clock| hulls(sensor, clock, &mut notices)).unwrap_or_default();
+    let hull = hulls.get(&clock_key(stamps.clock));
+    let mut flight = Flight::default();
+    let mut times = BTreeMap::new();
+    for (other, channel) in sensed(sensor) {
+        let Some(own) = asked_for(channel, rig).filter(|s| s.clock == stamps.clock) else {
+            let text = format!("channel {other} is not stamped by the clock of the anchor {name}; it is left out");
+            notices.push(Severity::Warning, "clock-not-tied", other, channel.series.len() as u64, text);
+            continue;
+        };
+        times.insert(other.clone(), ChannelTime { kind: own.kind, clock: own.clock, latency: latency(channel, hull) });
+        if let Some(mapped) = retimed(other, channel, &own, encoder.clock, map, &mut notices) {
+            flight.channels.insert(other.clone(), mapped);
+        }
+    }
+    let statement = format!(
+        "Encoder and sensor were stamped by different clocks: all delays are relative to {name}, which is taken as on time. A \
+         delay of {name} itself adds to every one of them."
+    );
+    let basis = TimeBasis::Anchor { channel: name.to_owned() };
+    let hull = hull.map(|hull| hull.finding.clone());
+    Ok(Tied { flight, times, basis, statement, hull, pps: None, notices })
+}
+
+fn anchor<'a>(sensor: &'a Flight, rig: &'a Rig) -> Result<(&'a str, &'a Channel), String> {
+    if let Some(name) = &rig.clock.anchor {
+        let channel = sensor.channels.get(name).ok_or_else(|| {
+            let held: Vec<&str> = sensor.channels.keys().map(String::as_str).collect();
+            format!("the sensor has no channel {name}, which the rig names as anchor; it has {}", held.join(", "))
+        })?;
+        return match channel.quantity {
+            Quantity::AngularRate | Quantity::VelocityNed => Ok((name, channel)),
+            other => Err(format!("the anchor {name} holds {other:?}; it must be an angular rate or a velocity")),
+        };
+    }
+    let of = |quantity| sensor.channels.iter().find(move |(_, c)| c.quantity == quantity);
+    of(Quantity::AngularRate).or_else(|| of(Quantity::VelocityNed)).map(|(name, c)| (name.as_str(), c)).ok_or_else(|| {
+        "clocks of encoder and sensor differ, and the sensor has neither an angular rate nor a velocity to tie them with".into()
+    })
+}
+
+/// Length of a vector, row by row.
+fn magnitude(channel: &Channel) -> Vec<f64> {
+    let components = channel.series.components();
+    (0..channel.series.len()).map(|row| components.iter().map(|c| c[row] * c[row]).sum::<f64>().sqrt()).collect()
+}
+
+fn warn_of_rival(name: &str, lag: &CoarseLag, notices: &mut Notices) {
+    if lag.runner_up > RIVAL_SHARE * lag.correlation {
+        let text = format!(
+            "laid over the encoder with a correlation of {:.3}, but {:.3} at another {} ms: the swing is too regular to be sure",
+            lag.correlation,
+            lag.runner_up,
+            millis(lag.runner_up_s - lag.shift_s)
+        );
+        notices.push(Severity::Warning, "alignment-ambiguous", name, 1, text);
+    }
+}
+
+/// The channel over other stamps. Rows whose new stamps do not rise are dropped and counted.
+fn retimed(
+    name: &str,
+    channel: &Channel,
+    stamps: &Stamps<'_>,
+    clock: Clock,
+    to: impl Fn(Stamp) -> Stamp,
+    notices: &mut Notices,
+) -> Option<Channel> {
+    let mut rows = Vec::with_capacity(stamps.stamps.len());
+    let mut mapped: Vec<Stamp> = Vec::with_capacity(stamps.stamps.len());
+    for (row, stamp) in stamps.stamps.iter().enumerate() {
+        let stamp = to(*stamp);
+        if mapped.last().is_none_or(|last| stamp > *last) {
+            rows.push(row);
+            mapped.push(stamp);
+        }
+    }
+    let dropped = stamps.stamps.len() - rows.len();
+    if dropped > 0 {
+        let text = format!("channel {name}: {} stamps that do not rise; these rows are left out", stamps.kind);
+        notices.push(Severity::Warning, "stamp-not-rising", name, dropped as u64, text);
+    }
+    let columns = channel.series.components().iter().map(|c| rows.iter().map(|&r| c[r]).collect()).collect();
+    let series = Timeline::new(stamps.kind, clock, mapped).and_then(|timeline| Series::new(timeline, columns));
+    match series {
+        Ok(series) => Some(Channel {
+            series,
+            held: rows.iter().map(|&r| channel.held[r]).collect(),
+            other_stamps: vec![],
+            quantity: channel.quantity,
+            present: channel.present.clone(),
+            source: channel.source.clone(),
+        }),
+        // Stamps were made to rise and values were finite; should they ever not fit, say so.
+        Err(error) => {
+            notices.push(Severity::Warning, "not-a-series", name, rows.len() as u64, error.to_string());
+            None
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Curves of a component for the figures: reference, reference delayed as found, measured.
+
+use crate::channel::SensedComponent;
+use record::Curve;
+use signal::{ComponentFit, DelayFit, Reference, min_max};
+
+/// A curve over the whole record keeps at most four rows of each of so many stretches.
+const BINS: usize = 300;
+/// Points of a reference over the whole record.
+const REFERENCE_POINTS: usize = 1200;
+/// Reference rows per second in the zoom.
+const ZOOM_RATE_HZ: f64 = 100.0;
+/// Length of the zoom, s: a few swings.
+const ZOOM_S: f64 = 10.0;
+
+/// Reference at the true time, reference as delayed and scaled by the fit, measured: over the whole record, and over
+/// the liveliest stretch.
+pub(crate) fn component_curves(
+    t: &[f64],
+    component: &SensedComponent<'_>,
+    fit: Option<(&DelayFit, &ComponentFit)>,
+) -> (Vec<Curve>, Vec<Curve>) {
+    let (from, to) = component.reference.span();
+    let whole = curves(t, component, fit, (from, to), (to - from) / REFERENCE_POINTS as f64);
+    let (start, end) = liveliest(component.reference);
+    let zoom = curves(t, component, fit, (start, end), 1.0 / ZOOM_RATE_HZ);
+    (whole, zoom)
+}
+
+/// Measured − fitted over the record.
+pub(crate) fn residual_curve(fit: &ComponentFit) -> Curve {
+    curve("measured − fitted", &fit.t_used, &fit.residuals)
+}
+
+fn curves(
+    t: &[f64],
+    component: &SensedComponent<'_>,
+    fit: Option<(&DelayFit, &ComponentFit)>,
+    (start, end): (f64, f64),
+    step: f64,
+) -> Vec<Curve> {
+    let (from, to) = component.reference.span();
+    let steps = ((end - start) / step).floor().max(0.0) as usize;
+    let grid: Vec<f64> = (0..=steps).map(|k| start + k as f64 * step).filter(|t| (from..=to).contains(t)).collect();
+    let reference: Vec<f64> = grid.iter().map(|&t| component.reference.value_and_rate(t).0).collect();
+    let mut curves = vec![curve("reference", &grid, &reference)];
+    if let Some((fit, component_fit)) = fit {
+        let (late_t, late): (Vec<f64>, Vec<f64>) = grid
+            .iter()
+            .filter(|&&t| (from..=to).contains(&(t - fit.delay_s)))
+            .map(|&t| (t, fitted(t, component.reference, fit, component_fit)))
+            .unzip();
+        curves.push(curve("reference, delayed and scaled as found", &late_t, &late));
+    }
+    let rows = t.partition_point(|&x| x < start)..t.partition_point(|&x| x <= end);
+    curves.push(curve("measured", &t[rows.clone()], &component.values[rows]));
+    curves
+}
+
+fn fitted(t: f64, reference: &dyn Reference, fit: &DelayFit, component: &ComponentFit) -> f64 {
+    let drift = component.drift.map_or(0.0, |d| d.value * (t - fit.middle_s));
+    component.gain.value * reference.value_and_rate(t - fit.delay_s).0 + component.offset.value + drift
+}
+
+/// The stretch in which the reference moves most.
+fn liveliest(reference: &dyn Reference) -> (f64, f64) {
+    const STEP_S: f64 = 0.5;
+    let (from, to) = reference.span();
+    let last = (to - ZOOM_S).max(from);
+    let energy = |start: f64| {
+        let at = |k: usize| reference.value_and_rate((start + k as f64 * 0.1).min(to)).1.powi(2);
+        (0..(ZOOM_S * 10.0) as usize).map(at).sum::<f64>()
+    };
+    let steps = ((last - from) / STEP_S) as usize;
+    let start = (0..=steps).map(|k| from + k as f64 * STEP_S).max_by(|a, b| energy(*a).total_cmp(&energy(*b)));
+    let start = start.unwrap_or(from);
+    (start, (start + ZOOM_S).min(to))
+}
+
+/// A curve of at most four rows of each of 300 stretches, with pen-ups where samples are missing.
+pub(crate) fn curve(name: &str, t: &[f64], y: &[f64]) -> Curve {
+    let kept = min_max(t, y, BINS);
+    Curve {
+        name: name.to_owned(),
+        t_s: kept.rows.iter().map(|&row| t[row]).collect(),
+        y: kept.rows.iter().map(|&row| y[row]).collect(),
+        breaks: breaks(t, &kept.rows),
+        stands_for: kept.stands_for as u64,
+    }
+}
+
+/// Kept rows before which data are missing: the step to the row before is far longer than usual.
+fn breaks(t: &[f64], kept: &[usize]) -> Vec<u32> {
+    const GAP: f64 = 2.5;
+    let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let Some(usual) = signal::median_in_place(&mut steps) else { return vec![] };
+    let is_gap = |row: usize| row > 0 && t[row] - t[row - 1] > GAP * usual;
+    let gaps: Vec<usize> = (0..t.len()).filter(|&row| is_gap(row)).collect();
+    let mut breaks: Vec<u32> =
+        gaps.iter().filter_map(|gap| u32::try_from(kept.partition_point(|row| row < gap)).ok()).collect();
+    breaks.dedup();
+    breaks
+}

@@ -1,0 +1,344 @@
+//! The encoder's channel as an angle: counts per revolution, turns unwrapped, glitches left out.
+
+use crate::rig::Rig;
+use flight::{Channel, Flight, Notices, Quantity, RejectCount, Severity, Stamp};
+use std::f64::consts::TAU;
+
+/// No hand turns a bar faster, rad/s: a step beyond it is a count that turned over, or a glitch.
+const FASTEST_RAD_PER_S: f64 = 30.0;
+/// Steps of this many counts are always possible.
+const LEAST_PLAUSIBLE_COUNTS: f64 = 8.0;
+/// Counters turn over at these powers of two.
+const COUNTER_BITS: [i32; 4] = [16, 20, 24, 32];
+/// Fewest rows that make a record.
+const LEAST_ROWS: usize = 50;
+
+/// The encoder as an angle without sign and zero: counts times the angle of one count.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EncoderSeries {
+    /// Channel it came from.
+    pub channel: String,
+    /// Seconds after the first stamp of the channel.
+    pub t_s: Vec<f64>,
+    /// Angle turned, rad, continuous; the encoder's own sign and zero.
+    pub angle_rad: Vec<f64>,
+    /// Counts per revolution.
+    pub counts_per_rev: f64,
+    /// Where that number comes from, in words.
+    pub counts_source: String,
+    /// The stamp that is time zero.
+    pub origin: Stamp,
+    /// Rows left out, by reason.
+    pub rejected: Vec<RejectCount>,
+    /// What was repaired or assumed.
+    pub notices: Notices,
+}
+
+/// Why an encoder cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EncoderError {
+    /// The rig names a channel that is not there or is no encoder.
+    #[error("the rig's encoder channel `{name}` is not in the log; it holds {}", listed(.there))]
+    NoSuchChannel {
+        /// As the rig says.
+        name: String,
+        /// Encoders of the log.
+        there: Vec<String>,
+    },
+    /// The log holds none.
+    #[error("the log holds no encoder (a channel of encoder-count or encoder-angle)")]
+    NoEncoder,
+    /// The log holds several.
+    #[error("the log holds several encoders ({}); let encoder.channel of the rig say which", listed(.there))]
+    Several {
+        /// Their names.
+        there: Vec<String>,
+    },
+    /// Counts without counts per revolution.
+    #[error("{channel} holds counts: encoder.counts_per_rev of the rig must say how many make a revolution")]
+    CountsPerRevUnknown {
+        /// The channel.
+        channel: String,
+    },
+    /// Too little to smooth.
+    #[error("{channel} has {rows} rows: at least {least} are needed", least = LEAST_ROWS)]
+    TooShort {
+        /// The channel.
+        channel: String,
+        /// Its rows.
+        rows: usize,
+    },
+    /// The bar does not move.
+    #[error("{channel} never changes: the bar was not swung")]
+    Still {
+        /// The channel.
+        channel: String,
+    },
+}
+
+fn listed(names: &[String]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
+/// The encoder's channel of `flight`: the one that the rig names, else the only one.
+///
+/// # Errors
+/// [`EncoderError`]: none, several, or not the one that is named.
+pub fn encoder_channel<'a>(flight: &'a Flight, rig: &Rig) -> Result<(&'a str, &'a Channel), EncoderError> {
+    let is_encoder = |c: &Channel| matches!(c.quantity, Quantity::EncoderCount | Quantity::EncoderAngle);
+    let all: Vec<(&str, &Channel)> =
+        flight.channels.iter().filter(|(_, c)| is_encoder(c)).map(|(n, c)| (n.as_str(), c)).collect();
+    let there = || all.iter().map(|(n, _)| (*n).to_owned()).collect();
+    if let Some(name) = &rig.encoder.channel {
+        let named = all.iter().find(|(n, _)| n == name).copied();
+        return named.ok_or_else(|| EncoderError::NoSuchChannel { name: name.clone(), there: there() });
+    }
+    match all[..] {
+        [] => Err(EncoderError::NoEncoder),
+        [only] => Ok(only),
+        _ => Err(EncoderError::Several { there: there() }),
+    }
+}
+
+impl EncoderSeries {
+    /// The channel `name` as an angle.
+    ///
+    /// # Errors
+    /// [`EncoderError`].
+    pub fn of(name: &str, channel: &Channel, rig: &Rig) -> Result<EncoderSeries, EncoderError> {
+        let rows = channel.series.len();
+        if rows < LEAST_ROWS {
+            return Err(EncoderError::TooShort { channel: name.to_owned(), rows });
+        }
+        let origin = channel.series.timeline().first().unwrap_or(Stamp(0));
+        let t_s = channel.series.timeline().seconds_since(origin);
+        let raw = channel.series.component(0);
+        let mut notices = Notices::new();
+        let scale = scale_of(name, channel.quantity, raw, rig, &mut notices)?;
+        let turned: Vec<f64> = raw.iter().map(|v| v * scale.rad_per_unit).collect();
+        let lsb = TAU / scale.counts_per_rev;
+        let unwrapped = unwrap_turns(&t_s, &turned, lsb, &turnovers(&scale), name, &mut notices);
+        let kept = without_spikes(&t_s, &unwrapped, lsb);
+        let left_out = rows - kept.len();
+        let mut rejected = vec![];
+        if left_out > 0 {
+            let text = format!("{left_out} single samples leap away and back faster than any bar turns: left out");
+            notices.push(Severity::Warning, "encoder-spikes", name, left_out as u64, text);
+            let first = (0..rows).find(|row| kept.binary_search(row).is_err()).unwrap_or(0);
+            rejected.push(RejectCount {
+                reason: "leaps away and back".to_owned(),
+                count: left_out as u64,
+                first: format!("row {first}"),
+            });
+        }
+        if kept.iter().all(|&row| unwrapped[row] == unwrapped[kept[0]]) {
+            return Err(EncoderError::Still { channel: name.to_owned() });
+        }
+        Ok(EncoderSeries {
+            channel: name.to_owned(),
+            t_s: kept.iter().map(|&row| t_s[row]).collect(),
+            angle_rad: kept.iter().map(|&row| unwrapped[row]).collect(),
+            counts_per_rev: scale.counts_per_rev,
+            counts_source: scale.source,
+            origin,
+            rejected,
+            notices,
+        })
+    }
+
+    /// The angle of one count, rad.
+    #[must_use]
+    pub fn lsb_rad(&self) -> f64 {
+        TAU / self.counts_per_rev
+    }
+
+    /// Variance of one reading, rad²: LSB²/12, that of a perfect quantiser.
+    #[must_use]
+    pub fn variance(&self) -> f64 {
+        self.lsb_rad().powi(2) / 12.0
+    }
+}
+
+/// How a reading becomes an angle.
+struct Scale {
+    rad_per_unit: f64,
+    counts_per_rev: f64,
+    source: String,
+    /// Whether the log holds bare counts.
+    is_count: bool,
+}
+
+fn scale_of(
+    name: &str,
+    quantity: Quantity,
+    raw: &[f64],
+    rig: &Rig,
+    notices: &mut Notices,
+) -> Result<Scale, EncoderError> {
+    let is_count = quantity == Quantity::EncoderCount;
+    let stated = rig.encoder.counts_per_rev;
+    let (counts_per_rev, source) = match stated {
+        Some(n) => (n, format!("rig file: {} lines × {}", n / rig.encoder.decoding, rig.encoder.decoding)),
+        None if is_count => return Err(EncoderError::CountsPerRevUnknown { channel: name.to_owned() }),
+        None => inferred_counts(raw).ok_or_else(|| EncoderError::Still { channel: name.to_owned() })?,
+    };
+    if let (Some(stated), false) = (stated, is_count) {
+        tell_of_other_steps(name, stated, raw, notices);
+    }
+    let rad_per_unit = if is_count { TAU / counts_per_rev } else { 1.0 };
+    Ok(Scale { rad_per_unit, counts_per_rev, source, is_count })
+}
+
+/// An angle whose steps are not those of the stated encoder is said aloud (lines for counts, or ×4 forgotten).
+fn tell_of_other_steps(name: &str, stated: f64, raw: &[f64], notices: &mut Notices) {
+    let Some(seen) = lattice_counts(raw) else { return };
+    if (seen / stated - 1.0).abs() > 0.01 {
+        let text = format!("the angle moves in steps of {seen:.0} per revolution where the rig says {stated:.0}");
+        notices.push(Severity::Warning, "counts-per-rev-differ", name, 1, text);
+    }
+}
+
+/// Counts per revolution from the steps of an angle, with how it was found; `None` if nothing moves.
+fn inferred_counts(raw: &[f64]) -> Option<(f64, String)> {
+    if let Some(counts) = lattice_counts(raw) {
+        let source = format!("inferred: the angle moves in steps of {:.4}°", 360.0 / counts);
+        return Some((counts, source));
+    }
+    let noise = Some(second_difference_sigma(raw)).filter(|sigma| *sigma > 0.0)?;
+    let counts = (TAU / (noise * 12f64.sqrt())).round().max(4.0);
+    let source =
+        format!("no steps to be seen: the scatter of {:.4}° is taken as that of {counts} counts", noise.to_degrees());
+    Some((counts, source))
+}
+
+/// The finest whole number of steps per revolution on which the angles lie; `None` if they lie on none.
+///
+/// Angles on a lattice of N steps make `|mean exp(iNx)|` one; text rounding by σ lowers it to exp(−(Nσ)²/2).
+fn lattice_counts(raw: &[f64]) -> Option<f64> {
+    /// Of this many samples, at most; prime strides would be no better.
+    const SAMPLES: usize = 600;
+    const LEAST_CONCENTRATION: f64 = 0.8;
+    let range =
+        raw.iter().copied().fold(f64::NEG_INFINITY, f64::max) - raw.iter().copied().fold(f64::INFINITY, f64::min);
+    let smallest = smallest_step(raw)?;
+    let finest = TAU / smallest;
+    // Fewer than a dozen steps over the whole swing are no lattice that could be told.
+    let coarsest = (12.0 * TAU / range).max(finest / 3.0).max(4.0);
+    if finest * 4.0 < coarsest || finest > 1e6 {
+        return None;
+    }
+    let stride = raw.len().div_ceil(SAMPLES);
+    let some: Vec<f64> = raw.iter().step_by(stride).map(|v| v - raw[0]).collect();
+    let concentration = |n: f64| {
+        let (s, c) = some.iter().fold((0.0, 0.0), |(s, c), x| {
+            let (ds, dc) = (n * x).sin_cos();
+            (s + ds, c + dc)
+        });
+        f64::hypot(s, c) / some.len() as f64
+    };
+    let is_lattice = |n: f64| concentration(n) > LEAST_CONCENTRATION;
+    let guess = finest.round();
+    let (from, to) = (coarsest.ceil() as u64, ((finest * 4.0).ceil() as u64).min(40_000));
+    let first = if is_lattice(guess) && !is_lattice((guess / 2.0).round()) {
+        guess
+    } else {
+        (from..=to).map(|n| n as f64).find(|n| is_lattice(*n))?
+    };
+    Some(top_of_hill(concentration, first))
+}
+
+/// The whole number around `start` at which `height` is largest: an arc does not tell neighbours sharply.
+fn top_of_hill(height: impl Fn(f64) -> f64, start: f64) -> f64 {
+    let climbed = |from: f64, step: f64| {
+        let mut at = from;
+        while height(at + step) > height(at) {
+            at += step;
+        }
+        at
+    };
+    climbed(climbed(start, 1.0), -1.0)
+}
+
+/// The smallest difference between two of the values, rounding aside; `None` if they are all alike.
+fn smallest_step(raw: &[f64]) -> Option<f64> {
+    /// Text with seven decimals of a degree is this fine, rad.
+    const ROUNDING: f64 = 1e-8;
+    let mut sorted = raw.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > ROUNDING).min_by(f64::total_cmp)
+}
+
+/// Scatter of a smooth series from its second differences, robust.
+fn second_difference_sigma(raw: &[f64]) -> f64 {
+    let second: Vec<f64> = raw.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
+    signal::robust_sigma(&second).unwrap_or(0.0) / 6f64.sqrt()
+}
+
+/// Angles at which this reading may turn over, with their names.
+fn turnovers(scale: &Scale) -> Vec<(f64, String)> {
+    let one_turn = (TAU, "one revolution".to_owned());
+    if !scale.is_count {
+        return vec![one_turn];
+    }
+    let counters = COUNTER_BITS.map(|bits| (2f64.powi(bits) * scale.rad_per_unit, format!("2^{bits} counts")));
+    std::iter::once(one_turn).chain(counters).collect()
+}
+
+/// The fastest step that a bar can make in `dt`.
+fn plausible(dt: f64, lsb: f64) -> f64 {
+    FASTEST_RAD_PER_S * dt + LEAST_PLAUSIBLE_COUNTS * lsb
+}
+
+/// The angle without turn-overs. The modulus is the one that explains most of the impossible steps.
+fn unwrap_turns(
+    t: &[f64],
+    angle: &[f64],
+    lsb: f64,
+    moduli: &[(f64, String)],
+    name: &str,
+    notices: &mut Notices,
+) -> Vec<f64> {
+    let range =
+        angle.iter().copied().fold(f64::NEG_INFINITY, f64::max) - angle.iter().copied().fold(f64::INFINITY, f64::min);
+    let explained = |modulus: f64| {
+        let turned_over = |k: usize| {
+            let (step, limit) = (angle[k] - angle[k - 1], plausible(t[k] - t[k - 1], lsb));
+            // Beyond half a turn nothing can be told from the step alone.
+            step.abs() > limit && limit < 0.5 * modulus && (step.abs() - modulus).abs() <= limit
+        };
+        (1..angle.len()).filter(|&k| turned_over(k)).count()
+    };
+    let candidates = moduli.iter().filter(|(modulus, _)| range <= modulus * (1.0 + 1e-9) + lsb);
+    let best = candidates.map(|(modulus, name)| (explained(*modulus), *modulus, name)).max_by_key(|c| c.0);
+    let Some((count @ 1.., modulus, what)) = best else { return angle.to_vec() };
+    let text = format!("the encoder turned over {count} times at {what}: unwrapped");
+    notices.push(Severity::Info, "encoder-unwrapped", name, count as u64, text);
+    let mut turns = 0.0;
+    let mut unwrapped = Vec::with_capacity(angle.len());
+    for (k, value) in angle.iter().enumerate() {
+        if let Some(before) = k.checked_sub(1).map(|b| angle[b]) {
+            turns -= ((value - before) / modulus).round();
+        }
+        unwrapped.push(value + turns * modulus);
+    }
+    unwrapped
+}
+
+/// Rows that do not leap away from both neighbours and back, faster than any bar turns.
+fn without_spikes(t: &[f64], angle: &[f64], lsb: f64) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::with_capacity(angle.len());
+    for row in 0..angle.len() {
+        let leaps = |other: usize| (angle[row] - angle[other]).abs() > plausible((t[row] - t[other]).abs(), lsb);
+        let neighbours_agree = |a: usize, b: usize| (angle[a] - angle[b]).abs() <= plausible(t[b] - t[a], lsb);
+        let is_spike = match (kept.last().copied(), row + 1 < angle.len()) {
+            (Some(before), true) => leaps(before) && leaps(row + 1) && neighbours_agree(before, row + 1),
+            (Some(before), false) => leaps(before),
+            (None, true) => leaps(row + 1) && row + 2 < angle.len() && neighbours_agree(row + 1, row + 2),
+            (None, false) => false,
+        };
+        if !is_spike {
+            kept.push(row);
+        }
+    }
+    kept
+}

@@ -1,0 +1,143 @@
+//! Whether the bar bends, and at which frequency it would ring (design note 1.6).
+
+use crate::alignment::estimate;
+use record::{Estimate, Finding, Flexibility};
+
+/// Modal factor Γ of tip deflection against root rotation, for tip masses from none to any: 1.1377 to 1.
+const GAMMA: (f64, f64) = (1.0, 1.1377);
+/// Slope factor κ over the same range: 1.3765 to 1.5.
+const KAPPA: (f64, f64) = (1.3765, 1.5);
+/// A gain must differ from one by this many standard uncertainties to speak of bending.
+const CLEAR: f64 = 3.0;
+
+/// Response of a bar that bends in its first mode, `1 + Γ r²/(1 − r² + 2iζr)` with `r = f/f_n`: magnitude and argument
+/// (rad). Γ stands for translation of the tip, κΓ for its rotation.
+#[must_use]
+pub fn bending_response(frequency_hz: f64, first_mode_hz: f64, damping: f64, gamma: f64) -> (f64, f64) {
+    let r = frequency_hz / first_mode_hz;
+    let (real, imaginary) = (1.0 - r * r, 2.0 * damping * r);
+    let size2 = real * real + imaginary * imaginary;
+    let (re, im) = (1.0 + gamma * r * r * real / size2, -gamma * r * r * imaginary / size2);
+    (re.hypot(im), im.atan2(re))
+}
+
+/// The first mode that makes a gain above one at `frequency_hz`, well below resonance: `1 + Γ r²/(1 − r²)`. `None`
+/// for gains of one and less.
+#[must_use]
+pub fn first_mode_of_gain(gain: f64, gamma: f64, frequency_hz: f64) -> Option<f64> {
+    let x = (gain - 1.0) / gamma;
+    (x > 0.0).then(|| frequency_hz * ((1.0 + x) / x).sqrt())
+}
+
+/// Compares the gains of channels that translate with the tip (position, velocity, height) with those that turn with it
+/// (attitude, rate, field with a known reference). `frequency_hz` is the rms frequency of the bar's angle.
+#[must_use]
+pub fn flexibility(
+    translation: &[Estimate],
+    rotation: &[Estimate],
+    frequency_hz: f64,
+    expected_hz: Option<f64>,
+) -> Finding<Flexibility> {
+    let (Some(p), Some(r)) = (weighted_mean(translation), weighted_mean(rotation)) else {
+        let text = "bending shows in gains of position or velocity and of attitude or rate side by side; one of the two is missing";
+        return Finding::CannotTell(text.to_owned());
+    };
+    let ratio = ratio(p, r);
+    let first_mode_hz = first_mode(p, r, &ratio, frequency_hz);
+    let text = in_words(p, r, &ratio, &first_mode_hz, expected_hz);
+    Finding::Found(Flexibility { translation_gain: p, rotation_gain: r, ratio, first_mode_hz, expected_hz, text })
+}
+
+fn u(e: &Estimate) -> f64 {
+    e.standard_uncertainty.unwrap_or(f64::INFINITY)
+}
+
+/// Inverse-variance mean; its uncertainty is widened (Birge) where the gains scatter more than they claim.
+fn weighted_mean(gains: &[Estimate]) -> Option<Estimate> {
+    let usable: Vec<(f64, f64)> =
+        gains.iter().filter(|g| u(g).is_finite() && u(g) > 0.0).map(|g| (g.value, u(g).powi(-2))).collect();
+    let weight: f64 = usable.iter().map(|(_, w)| w).sum();
+    if usable.is_empty() {
+        return None;
+    }
+    let mean = usable.iter().map(|(v, w)| v * w).sum::<f64>() / weight;
+    let chi2: f64 = usable.iter().map(|(v, w)| w * (v - mean).powi(2)).sum();
+    let birge = if usable.len() > 1 { (chi2 / (usable.len() - 1) as f64).sqrt().max(1.0) } else { 1.0 };
+    Some(estimate(mean, birge / weight.sqrt()))
+}
+
+fn ratio(translation: Estimate, rotation: Estimate) -> Finding<Estimate> {
+    let (p, r) = (translation.value - 1.0, rotation.value - 1.0);
+    if p.abs() < CLEAR * u(&translation) {
+        let text = format!(
+            "the gain of translation, {:.4} ± {:.4}, does not differ from one",
+            translation.value,
+            u(&translation)
+        );
+        return Finding::CannotTell(text);
+    }
+    let value = r / p;
+    Finding::Found(estimate(value, (u(&rotation) / p).hypot(value * u(&translation) / p)))
+}
+
+/// The ratio is that of a bar, within two standard uncertainties.
+fn bends(ratio: &Finding<Estimate>) -> Option<bool> {
+    ratio.found().map(|e| e.value + 2.0 * u(e) >= KAPPA.0 && e.value - 2.0 * u(e) <= KAPPA.1)
+}
+
+/// Both gains speak of one mode: rotation with κΓ, translation with Γ. Γ and κ are known to a range, taken as uniform.
+fn first_mode(p: Estimate, r: Estimate, ratio: &Finding<Estimate>, frequency_hz: f64) -> Finding<Estimate> {
+    let middle = |(low, high): (f64, f64)| 0.5 * (low + high);
+    let share = |(low, high): (f64, f64)| (high - low) / 12f64.sqrt() / (0.5 * (low + high));
+    let one = |gain: Estimate, factor: f64, factor_share: f64| {
+        let mode = first_mode_of_gain(gain.value, factor, frequency_hz)?;
+        let excess = gain.value - 1.0;
+        (excess > CLEAR * u(&gain)).then(|| estimate(mode, 0.5 * mode * (u(&gain) / excess).hypot(factor_share)))
+    };
+    let by_translation = one(p, middle(GAMMA), share(GAMMA));
+    let by_rotation = one(r, middle(GAMMA) * middle(KAPPA), share(GAMMA).hypot(share(KAPPA)));
+    match (bends(ratio), [by_translation, by_rotation]) {
+        (Some(false), _) => Finding::CannotTell("the gains are not in the ratio of a bending bar".to_owned()),
+        (_, [Some(a), Some(b)]) => Finding::Found(if u(&a) <= u(&b) { a } else { b }),
+        (_, [Some(only), None] | [None, Some(only)]) => Finding::Found(only),
+        (_, [None, None]) => {
+            let least = first_mode_of_gain(1.0 + CLEAR * u(&r), middle(GAMMA) * middle(KAPPA), frequency_hz);
+            let beyond = least.map_or(String::new(), |hz| format!("; a bar below {hz:.1} Hz would have shown"));
+            Finding::CannotTell(format!("no gain is clearly above one{beyond}"))
+        }
+    }
+}
+
+fn in_words(
+    p: Estimate,
+    r: Estimate,
+    ratio: &Finding<Estimate>,
+    mode: &Finding<Estimate>,
+    expected_hz: Option<f64>,
+) -> String {
+    let gains = format!("Gain of translation {:.4} ± {:.4}, of rotation {:.4} ± {:.4}", p.value, u(&p), r.value, u(&r));
+    let expected = expected_hz.map_or(String::new(), |hz| format!(" (the rig expects {hz} Hz)"));
+    match (ratio, bends(ratio), mode) {
+        (Finding::Found(k), Some(true), Finding::Found(hz)) => format!(
+            "{gains}: (rotation − 1)/(translation − 1) = {:.2} ± {:.2}, as of a bar that bends (1.38 to 1.50), with a first mode at \
+             {:.1} ± {:.1} Hz{expected}.",
+            k.value,
+            u(k),
+            hz.value,
+            u(hz)
+        ),
+        (Finding::Found(k), Some(false), _) => format!(
+            "{gains}: (rotation − 1)/(translation − 1) = {:.2} ± {:.2}, not as of a bar that bends (1.38 to 1.50): a scale of \
+             the sensor or the bar's length is off.",
+            k.value,
+            u(k)
+        ),
+        (_, _, Finding::CannotTell(why)) => format!("{gains}: neither bending nor a wrong scale can be told; {why}."),
+        (_, _, Finding::Found(hz)) => format!(
+            "{gains}: rotation alone is clearly above one; if the bar bends, its first mode is at {:.1} ± {:.1} Hz{expected}, but \
+             a scale of the sensor would look the same.",
+            hz.value,
+            u(hz)
+        ),
+    }
+}

@@ -1,0 +1,210 @@
+//! The quality of a record, judged before any verdict (design note 1.6, 3.3).
+
+use crate::kinematics::{BarState, specific_force};
+use crate::motion::Motion;
+use flight::{Channel, Flight, Quantity};
+use record::{GateCheck, QualityGate};
+use signal::power_spectrum;
+
+/// Below this amplitude nothing moves enough, rad.
+const LEAST_AMPLITUDE: f64 = 2.0 * std::f64::consts::PI / 180.0;
+/// An amplitude that shows every channel well, rad.
+const GOOD_AMPLITUDE: f64 = 20.0 * std::f64::consts::PI / 180.0;
+/// Fewer swings cannot tell a delay from a transient.
+const LEAST_SWINGS: u64 = 2;
+const GOOD_SWINGS: u64 = 10;
+/// Encoder samples per period of the rms frequency.
+const GOOD_SAMPLES_PER_SWING: f64 = 20.0;
+/// Residuals of a perfect quantiser are 1/√12 = 0.289 counts.
+const GOOD_RESIDUAL_COUNTS: [f64; 2] = [0.15, 0.6];
+/// Share of rows at the very end of the range that looks like saturation.
+const SATURATED_SHARE: f64 = 0.01;
+/// Tangential specific force below this share of its two parts cancels: the accelerometer's x axis sees nothing.
+const NULL_SHARE: f64 = 0.1;
+/// Grid of the spectrum, Hz.
+const SPECTRUM_RATE_HZ: f64 = 50.0;
+
+/// A gate, and why it is closed for every channel, if it is.
+pub(crate) struct Gate {
+    pub(crate) quality: QualityGate,
+    pub(crate) closed: Option<String>,
+}
+
+/// Judges motion and channels. `arm_m` is the accelerometer's lever arm.
+pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f64) -> Gate {
+    let grid = motion.grid(SPECTRUM_RATE_HZ);
+    let states: Vec<BarState> = grid.iter().filter_map(|&t| motion.at(t)).collect();
+    let (first, last) = motion.span();
+    let rate_hz = (grid.len().saturating_sub(1)) as f64 / (last - first);
+    let angles: Vec<f64> = states.iter().map(|s| s.angle).collect();
+    let rates: Vec<f64> = states.iter().map(|s| s.rate).collect();
+    let spectrum = power_spectrum(&angles, rate_hz);
+    let band = power_spectrum(&rates, rate_hz).band(0.9).unwrap_or([0.0; 2]);
+    let rms_frequency_hz = spectrum.rms_frequency_hz().unwrap_or(0.0);
+    let [low, high] = motion.angle_range();
+    let amplitude = 0.5 * (high - low);
+    let swings = swings(&angles, amplitude);
+    let mut checks = vec![
+        amplitude_check(amplitude, low, high),
+        swings_check(swings, band),
+        encoder_check(motion, rms_frequency_hz),
+        residual_check(motion),
+    ];
+    checks.extend(null_check(&states, sensor, arm_m, gravity));
+    checks.extend(sensor.channels.iter().filter_map(|(name, channel)| saturation_check(name, channel)));
+    let closed = if amplitude < LEAST_AMPLITUDE {
+        Some(format!(
+            "the bar swings by ±{:.2}° only; swing it by ±30° or more, by hand and not too regularly",
+            amplitude.to_degrees()
+        ))
+    } else if swings < LEAST_SWINGS {
+        Some(format!("the record holds {swings} swing; ten or more are needed"))
+    } else {
+        None
+    };
+    let quality = QualityGate { checks, excited_band_hz: band, rms_frequency_hz, swings, not_observable: not_observable() };
+    Gate { quality, closed }
+}
+
+fn check(name: &str, passed: bool, text: String) -> GateCheck {
+    GateCheck { name: name.to_owned(), passed, text }
+}
+
+fn amplitude_check(amplitude: f64, low: f64, high: f64) -> GateCheck {
+    let text = format!(
+        "±{:.1}° (from {:.1}° to {:.1}°); ±{:.0}° or more shows every channel well",
+        amplitude.to_degrees(),
+        low.to_degrees(),
+        high.to_degrees(),
+        GOOD_AMPLITUDE.to_degrees()
+    );
+    check("swing amplitude", amplitude >= GOOD_AMPLITUDE, text)
+}
+
+fn swings_check(swings: u64, [low, high]: [f64; 2]) -> GateCheck {
+    let text = format!("{swings} swings; 90 % of the rate's power lies from {low:.2} to {high:.2} Hz");
+    check("number of swings", swings >= GOOD_SWINGS, text)
+}
+
+fn encoder_check(motion: &Motion, rms_frequency_hz: f64) -> GateCheck {
+    let per_swing = if rms_frequency_hz > 0.0 { motion.rate_hz() / rms_frequency_hz } else { 0.0 };
+    let text = format!(
+        "{:.1} Hz are {per_swing:.0} samples a swing; {GOOD_SAMPLES_PER_SWING:.0} or more are good",
+        motion.rate_hz()
+    );
+    check("encoder rate", per_swing >= GOOD_SAMPLES_PER_SWING, text)
+}
+
+fn residual_check(motion: &Motion) -> GateCheck {
+    let counts = motion.residual_rms_counts();
+    let [low, high] = GOOD_RESIDUAL_COUNTS;
+    let text = match counts {
+        c if c > high => format!(
+            "{c:.2} counts rms about the smoothed motion, a quantiser leaves 0.29: counts are lost or stamps jitter"
+        ),
+        c if c < low => format!(
+            "{c:.2} counts rms about the smoothed motion, a quantiser leaves 0.29: the angle was smoothed before, or the \
+             counts per revolution are wrong"
+        ),
+        c => format!("{c:.2} counts rms about the smoothed motion, as a quantiser leaves (0.29)"),
+    };
+    check("encoder residual", (low..=high).contains(&counts), text)
+}
+
+/// A free hanging pendulum has no tangential specific force at all: `L ξ″ + g sin ξ = 0`.
+fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f64) -> Option<GateCheck> {
+    sensor.channels.values().find(|c| c.quantity == Quantity::SpecificForce)?;
+    let rms = |f: &dyn Fn(&BarState) -> f64| {
+        let mean = states.iter().map(f).sum::<f64>() / states.len() as f64;
+        (states.iter().map(|s| (f(s) - mean).powi(2)).sum::<f64>() / states.len() as f64).sqrt()
+    };
+    let whole = rms(&|s| specific_force(s, arm_m, gravity).value[0]);
+    let weight = rms(&|s| gravity * s.angle.sin());
+    let text = format!("accX would read {whole:.3} m/s² rms, gravity's part alone is {weight:.3} m/s²");
+    let passed = whole > NULL_SHARE * weight;
+    let advice = if passed { "" } else { ": the bar swings freely, so accX sees next to nothing; push it off its own rhythm" };
+    Some(check("accelerometer x not in its null", passed, text + advice))
+}
+
+/// Rows that stand at the very end of a component's range, several in a row.
+fn saturation_check(name: &str, channel: &Channel) -> Option<GateCheck> {
+    let worst = channel.series.components().iter().map(|y| saturated_share(y)).fold(0.0, f64::max);
+    let bound_to_saturate = matches!(channel.quantity, Quantity::SpecificForce | Quantity::AngularRate);
+    (bound_to_saturate || worst > SATURATED_SHARE).then(|| {
+        let text = format!("{:.1} % of the rows of {name} stand at the end of its range", worst * 100.0);
+        check("saturation", worst <= SATURATED_SHARE, text)
+    })
+}
+
+/// Share of rows that belong to runs of three or more equal values at the largest or smallest value.
+fn saturated_share(y: &[f64]) -> f64 {
+    const LEAST_RUN: usize = 3;
+    let ends = y.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)]);
+    if y.len() < LEAST_RUN || ends[0] == ends[1] {
+        return 0.0;
+    }
+    let runs = y.chunk_by(|a, b| a == b).filter(|run| run.len() >= LEAST_RUN && ends.contains(&run[0]));
+    runs.map(<[f64]>::len).sum::<usize>() as f64 / y.len() as f64
+}
+
+/// Pairs of reversals by more than a tenth of the amplitude.
+fn swings(angles: &[f64], amplitude: f64) -> u64 {
+    let threshold = 0.1 * amplitude;
+    let Some(&first) = angles.first().filter(|_| threshold > 0.0) else { return 0 };
+    let (mut extreme, mut rising, mut reversals) = (first, None, 0);
+    for &angle in angles {
+        match rising {
+            None if (angle - extreme).abs() > threshold => {
+                rising = Some(angle > extreme);
+                extreme = angle;
+            }
+            None => {}
+            Some(up) => {
+                let further = if up { angle > extreme } else { angle < extreme };
+                if further {
+                    extreme = angle;
+                } else if (angle - extreme).abs() > threshold {
+                    reversals += 1;
+                    rising = Some(!up);
+                    extreme = angle;
+                }
+            }
+        }
+    }
+    reversals / 2
+}
+
+fn not_observable() -> Vec<String> {
+    [
+        "accelerometer y: a planar swing gives it nothing but gravity's component along the axis",
+        "gyro x and z, and the rotation of the mount about them",
+        "magnetometer y, and hard iron apart from the y column of soft iron, from a single azimuth",
+        "a delay common to encoder stamps and sensor stamps",
+    ]
+    .map(str::to_owned)
+    .to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn swings_are_counted_once_however_noisy() {
+        let angle = |t: f64| (std::f64::consts::TAU * 0.5 * t).sin() + 0.01 * (40.0 * t).sin();
+        let angles: Vec<f64> = (0..1000).map(|k| angle(f64::from(k) * 0.02)).collect();
+        // 20 s at 0.5 Hz: ten periods, twenty reversals less the ends.
+        assert!((9..=10).contains(&swings(&angles, 1.0)));
+        assert_eq!(swings(&[0.3; 50], 0.0), 0);
+    }
+
+    #[test]
+    fn a_clipped_signal_is_saturated_and_a_sine_is_not() {
+        let sine: Vec<f64> = (0..600).map(|k| (f64::from(k) * 0.05).sin()).collect();
+        assert_eq!(saturated_share(&sine), 0.0);
+        let clipped: Vec<f64> = sine.iter().map(|v| v.clamp(-0.9, 0.9)).collect();
+        // |sin| > 0.9 during 28.7 % of a turn.
+        assert!((saturated_share(&clipped) - 0.287).abs() < 0.03, "{}", saturated_share(&clipped));
+        assert_eq!(saturated_share(&[1.0; 20]), 0.0);
+    }
+}

@@ -1,0 +1,73 @@
+//! Known delays and gains put into the data themselves, and found again.
+//!
+//! The first half of the record is left as it is; the second half is handed on later and scaled, as a slow link with
+//! a wrong scale would do. The difference of two independent estimates must be what was put in.
+
+use crate::channel::Circumstances;
+use record::{Estimate, Injection};
+use signal::{DelayFit, DelaySettings, Measurement, fit_delay};
+
+/// Every delay of the rig's list is injected once, with its gain.
+pub(crate) fn inject(
+    measurements: &[Measurement<'_>],
+    settings: &DelaySettings,
+    bench: &Circumstances<'_>,
+) -> Vec<Injection> {
+    let Some(middle) = moving_middle(bench) else { return vec![] };
+    let halves = |later: bool, delay_s: f64, gain: f64| {
+        let parts: Vec<Part> = measurements.iter().map(|m| Part::of(m, middle, later, delay_s, gain)).collect();
+        let whole: Vec<Measurement<'_>> =
+            measurements.iter().zip(&parts).map(|(m, part)| Measurement { t: &part.t, y: &part.y, ..*m }).collect();
+        fit_delay(&whole, settings).ok().filter(|fit| fit.converged)
+    };
+    let Some(before) = halves(false, 0.0, 1.0) else { return vec![] };
+    let gain = bench.inject_gain;
+    bench
+        .inject_s
+        .iter()
+        .filter_map(|&delay_s| Some(compare(&before, &halves(true, delay_s, gain)?, delay_s, gain)))
+        .collect()
+}
+
+/// The instant that halves the squared path of the bar: both halves say as much.
+fn moving_middle(bench: &Circumstances<'_>) -> Option<f64> {
+    let total: f64 = bench.rate.iter().map(|r| r * r).sum();
+    let mut sum = 0.0;
+    let row = bench.rate.iter().position(|r| {
+        sum += r * r;
+        2.0 * sum >= total
+    })?;
+    bench.t.get(row).copied()
+}
+
+/// One half of a component.
+struct Part {
+    t: Vec<f64>,
+    y: Vec<f64>,
+}
+
+impl Part {
+    fn of(whole: &Measurement<'_>, middle: f64, later: bool, delay_s: f64, gain: f64) -> Part {
+        let split = whole.t.partition_point(|&t| t < middle);
+        let rows = if later { split..whole.t.len() } else { 0..split };
+        Part {
+            t: whole.t[rows.clone()].iter().map(|t| t + delay_s).collect(),
+            y: whole.y[rows].iter().map(|y| y * gain).collect(),
+        }
+    }
+}
+
+fn compare(before: &DelayFit, after: &DelayFit, injected_s: f64, injected_gain: f64) -> Injection {
+    let delay_error_s = Estimate {
+        value: after.delay_s - before.delay_s - injected_s,
+        standard_uncertainty: Some(after.standard_uncertainty_s.hypot(before.standard_uncertainty_s)),
+    };
+    let gains = before.components.first().zip(after.components.first()).map(|(b, a)| (b.gain, a.gain));
+    let gain_error = gains.map_or(Estimate { value: 0.0, standard_uncertainty: None }, |(b, a)| Estimate {
+        value: a.value / b.value - injected_gain,
+        standard_uncertainty: Some(
+            (a.value / b.value) * (a.standard_uncertainty / a.value).hypot(b.standard_uncertainty / b.value),
+        ),
+    });
+    Injection { injected_s, injected_gain, delay_error_s, gain_error }
+}

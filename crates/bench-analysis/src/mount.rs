@@ -1,0 +1,185 @@
+//! How the sensor sits on the bar, as the record shows it beside what the rig says (design note 1.6).
+
+mod accelerometer;
+mod circle;
+mod gyro;
+
+use crate::alignment::{Alignment, Clue, estimate};
+use crate::kinematics::wrapped;
+use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
+use crate::motion::Motion;
+use crate::rig::Rig;
+use crate::surroundings::Surroundings;
+use flight::{Flight, Notices, Quantity, Severity};
+use record::{Estimate, Finding, MountCheck, MountFinding};
+
+/// Angles of zero and azimuth agree within this on top of their uncertainties (1°).
+const ANGLE_TOLERANCE_RAD: f64 = 0.0175;
+/// Lengths agree within this share.
+const LENGTH_TOLERANCE: f64 = 0.01;
+/// Lever arms agree within this, m.
+const ARM_TOLERANCE_M: f64 = 0.005;
+/// Scales agree within this.
+const SCALE_TOLERANCE: f64 = 0.01;
+/// Misalignment that needs no remark (1°).
+const MISALIGNMENT_TOLERANCE_RAD: f64 = 0.0175;
+
+/// What each check is made from.
+struct Look<'a> {
+    motion: &'a Motion,
+    rig: &'a Rig,
+    around: &'a Surroundings,
+    alignment: &'a Alignment,
+}
+
+/// Compares mount, lever arms, biases and scales with the rig. `motion` is oriented by `alignment`; stamps of `sensor`
+/// are in the encoder's clock.
+#[must_use]
+pub fn mount_finding(
+    sensor: &Flight,
+    motion: &Motion,
+    rig: &Rig,
+    around: &Surroundings,
+    alignment: &Alignment,
+) -> (MountFinding, Notices) {
+    let look = Look { motion, rig, around, alignment };
+    let detected = detected(&look);
+    let mut checks = angle_checks(&look);
+    for clue in &alignment.clues {
+        checks.extend(look.checks(clue));
+    }
+    let finding = MountFinding {
+        detected: detected.map_or_else(
+            || {
+                let text = "neither accelerometer nor vertical position or velocity shows on which side of the pivot the sensor is";
+                Finding::CannotTell(text.to_owned())
+            },
+            |side| Finding::Found(side.in_words()),
+        ),
+        stated: rig.bar.mount.to_string(),
+        checks,
+        magnetometer: magnetometer(sensor, &look),
+    };
+    let notices = warnings(&finding, detected, rig);
+    (finding, notices)
+}
+
+impl Look<'_> {
+    fn checks(&self, clue: &Clue) -> Vec<MountCheck> {
+        match clue.quantity {
+            Quantity::SpecificForce => accelerometer::checks(self, clue),
+            Quantity::AngularRate => gyro::checks(self, clue),
+            Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::VelocityNed | Quantity::Height => {
+                circle::checks(self, clue)
+            }
+            _ => vec![],
+        }
+    }
+}
+
+/// Where the sensor is and which way up, in the middle of the swing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Side {
+    below: bool,
+    /// Only an accelerometer knows.
+    upside_down: Option<bool>,
+}
+
+impl Side {
+    fn in_words(self) -> String {
+        let side = if self.below { "hanging" } else { "upright" };
+        match self.upside_down {
+            Some(true) => format!("{side}, sensor upside down"),
+            _ => side.to_owned(),
+        }
+    }
+}
+
+fn detected(look: &Look<'_>) -> Option<Side> {
+    let by_force = look.alignment.clues.iter().find_map(|c| accelerometer::side(look, c));
+    by_force.or_else(|| look.alignment.clues.iter().find_map(|c| circle::side(look, c)))
+}
+
+/// A bar on the other side of the pivot than its lever arm says makes every gain negative.
+fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notices {
+    let mut notices = Notices::new();
+    let wrong = finding.checks.iter().filter(|c| c.agrees == Some(false));
+    let names: Vec<&str> = wrong.map(|c| c.name.as_str()).collect();
+    if !names.is_empty() {
+        let text = format!("record and rig file do not agree on {}", names.join(", "));
+        notices.push(Severity::Warning, "mount-differs", "", names.len() as u64, text);
+    }
+    let upright_side = detected.filter(|s| s.upside_down == Some(false));
+    let hangs = rig.bar.mount == crate::rig::MountKind::Hanging;
+    if let Some(side) = upright_side.filter(|s| rig.bar.mount != crate::rig::MountKind::Custom && s.below != hangs) {
+        let text = format!("the record shows a bar that is {}, the rig says {}", side.in_words(), rig.bar.mount);
+        notices.push(Severity::Warning, "mount-side-differs", "", 1, text);
+    }
+    notices
+}
+
+/// Zero and azimuth as each channel shows them, against those in use.
+fn angle_checks(look: &Look<'_>) -> Vec<MountCheck> {
+    let alignment = look.alignment;
+    let zeros = alignment.zeros.iter().map(|(channel, found)| {
+        angle_check(format!("encoder zero by {channel}"), *found, alignment.zero_rad, &alignment.zero_source)
+    });
+    let azimuths = alignment.azimuths.iter().filter_map(|(channel, found)| {
+        let used = alignment.azimuth_rad?;
+        Some(angle_check(format!("azimuth by {channel}"), *found, used, &alignment.azimuth_source))
+    });
+    zeros.chain(azimuths).collect()
+}
+
+fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> MountCheck {
+    // On the same turn as what is in use, so that −179.9° and 180° read as neighbours.
+    let difference = wrapped(found.value - used.value);
+    let value = Estimate { value: used.value + difference, ..found };
+    let agrees =
+        difference.abs() <= 3.0 * u(&found).hypot(used.standard_uncertainty.unwrap_or(0.0)) + ANGLE_TOLERANCE_RAD;
+    MountCheck {
+        name,
+        unit: "rad".to_owned(),
+        text: format!("{:.2}° away from the one in use ({source})", difference.to_degrees()),
+        fitted: Finding::Found(value),
+        stated: Some(used.value),
+        agrees: Some(agrees),
+    }
+}
+
+fn u(e: &Estimate) -> f64 {
+    e.standard_uncertainty.unwrap_or(0.0)
+}
+
+/// A fitted number beside what the rig says.
+fn check(name: String, unit: &str, fitted: Estimate, stated: Option<f64>, tolerance: f64, text: String) -> MountCheck {
+    let agrees = stated.map(|s| (fitted.value - s).abs() <= 3.0 * u(&fitted) + tolerance);
+    MountCheck { name, unit: unit.to_owned(), fitted: Finding::Found(fitted), stated, agrees, text }
+}
+
+/// What cannot be told, and why.
+fn untold(name: String, unit: &str, why: &str) -> MountCheck {
+    MountCheck {
+        name,
+        unit: unit.to_owned(),
+        fitted: Finding::CannotTell(why.to_owned()),
+        stated: None,
+        agrees: None,
+        text: String::new(),
+    }
+}
+
+fn magnetometer(sensor: &Flight, look: &Look<'_>) -> Finding<record::MagnetometerFinding> {
+    let swings: Vec<MagneticSwing> = sensor
+        .channels
+        .iter()
+        .filter_map(|(name, channel)| MagneticSwing::of(name, channel, look.motion, look.rig, look.alignment))
+        .take(1)
+        .collect();
+    calibrate_magnetometer(&swings, look.around)
+}
+
+/// One coefficient of a regression as an estimate.
+fn coefficient(fit: &signal::Regression, k: usize) -> Estimate {
+    estimate(fit.coefficients.get(k).copied().unwrap_or(0.0), fit.standard_uncertainty(k))
+}

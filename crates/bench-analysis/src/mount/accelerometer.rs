@@ -1,0 +1,124 @@
+//! Lever arm, scale, biases and misalignment by the accelerometer.
+
+use super::{ARM_TOLERANCE_M, Look, MISALIGNMENT_TOLERANCE_RAD, SCALE_TOLERANCE, Side, check, coefficient, u, untold};
+use crate::alignment::{Clue, ForceFit, estimate, force_fit};
+use crate::kinematics::specific_force;
+use record::MountCheck;
+use signal::regress;
+
+/// The lever arm must be this many standard uncertainties long to have a side.
+const CLEAR: f64 = 5.0;
+
+/// On which side of the pivot the accelerometer is: its arm against the way gravity points.
+pub(super) fn side(look: &Look<'_>, clue: &Clue) -> Option<Side> {
+    let fit = force_fit(clue, look.alignment.sign).filter(|fit| fit.arm_is_fitted)?;
+    let (z, x) = (fit.estimate(2), fit.estimate(3));
+    let [cos_0, sin_0, ..] = fit.coefficients;
+    let zero = sin_0.atan2(cos_0);
+    let n = clue.fit.states.len().max(1) as f64;
+    let (mut down, mut upward) = (0.0, 0.0);
+    for state in &clue.fit.states {
+        let (s, c) = (look.alignment.sign * state.angle + zero).sin_cos();
+        down += (z.value * c - x.value * s) / n;
+        upward += c / n;
+    }
+    (down.abs() > CLEAR * u(&z).hypot(u(&x))).then_some(Side { below: down > 0.0, upside_down: Some(upward < 0.0) })
+}
+
+pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
+    let mut checks = vec![];
+    if let Some(fit) = force_fit(clue, look.alignment.sign) {
+        checks.extend(in_plane(look, clue, fit));
+    }
+    checks.extend(across(look, clue).unwrap_or_default());
+    checks
+}
+
+fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
+    let name = &clue.name;
+    let [x, _, z] = clue.mount.lever_arm_m;
+    let (fitted_z, fitted_x) = (fit.estimate(2), fit.estimate(3));
+    let pitch = fitted_x.value.atan2(fitted_z.value) - x.atan2(z);
+    let arm = |axis: &str, fitted, stated, text: String| {
+        let label = format!("lever arm {axis} of {name}");
+        let why = "acceleration and gravity swing alike at one frequency: vary the pace, or swing wider";
+        if fit.arm_is_fitted {
+            check(label, "m", fitted, Some(stated), ARM_TOLERANCE_M, text)
+        } else {
+            untold(label, "m", why)
+        }
+    };
+    let [cos_0, sin_0, ..] = fit.coefficients;
+    let size = cos_0.hypot(sin_0);
+    let scale = estimate(size, fit.spread_of_gravity(cos_0 / size, sin_0 / size));
+    let pitched = format!(
+        "off the bar's line by {:.2}°: a lever arm off the axis, or the sensor pitched by as much",
+        crate::kinematics::wrapped(pitch).to_degrees()
+    );
+    let gravity =
+        format!("gravity as measured over {:.5} m/s² ({})", look.around.gravity_mps2, look.around.gravity_source);
+    let bias = |axis: &str, k: usize| {
+        let text = "offset that is left when gravity and motion are taken out";
+        check(format!("bias {axis} of {name}"), "m/s²", fit.estimate(k), None, 0.0, text.to_owned())
+    };
+    vec![
+        arm("z", fitted_z, z, "from the angular acceleration and the square of the rate".to_owned()),
+        arm("x", fitted_x, x, pitched),
+        check(format!("scale of {name}"), "1", scale, Some(1.0), SCALE_TOLERANCE, gravity),
+        bias("x", 4),
+        bias("z", 5),
+    ]
+}
+
+/// The axis across the swing reads `−φ_z f_X + φ_x f_Z + b`, where a level, aligned one reads nothing.
+fn across(look: &Look<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
+    let k = clue.component.iter().position(|c| *c == 1)?;
+    let arm = clue.mount.lever_arm_m;
+    let (sign, zero) = (look.alignment.sign, look.alignment.zero_rad.value);
+    let forces: Vec<[f64; 3]> = clue
+        .fit
+        .states
+        .iter()
+        .map(|raw| {
+            let state = crate::kinematics::BarState {
+                angle: sign * raw.angle + zero,
+                rate: sign * raw.rate,
+                acceleration: sign * raw.acceleration,
+                jerk: sign * raw.jerk,
+            };
+            specific_force(&state, arm, look.around.gravity_mps2).value
+        })
+        .collect();
+    let column = |axis: usize| forces.iter().map(|f| f[axis]).collect::<Vec<f64>>();
+    let y: Vec<f64> = clue.fit.rows.iter().map(|&row| clue.samples.components[k][row]).collect();
+    let (one, x, z) = (vec![1.0; y.len()], column(0), column(2));
+    let fit = regress(&[&one, &x, &z], &["bias", "x", "z"], &y).ok()?;
+    let name = &clue.name;
+    let yaw = estimate(-fit.coefficients[1], fit.standard_uncertainty(1));
+    let misalignment = |axis: &str, value, text: &str| {
+        check(
+            format!("misalignment about {axis} of {name}"),
+            "rad",
+            value,
+            Some(0.0),
+            MISALIGNMENT_TOLERANCE_RAD,
+            text.to_owned(),
+        )
+    };
+    Some(vec![
+        misalignment("z", yaw, "what the x axis leaks into y"),
+        misalignment(
+            "x",
+            coefficient(&fit, 2),
+            "what the z axis leaks into y: a rolled sensor, or an axis of rotation that is not level",
+        ),
+        check(
+            format!("bias y of {name}"),
+            "m/s²",
+            coefficient(&fit, 0),
+            None,
+            0.0,
+            "the swing gives y no signal".to_owned(),
+        ),
+    ])
+}

@@ -1,0 +1,40 @@
+//! Length of the bar by position and velocity.
+
+use super::{LENGTH_TOLERANCE, Look, Side, check};
+use crate::alignment::{Circle, Clue, estimate};
+use record::MountCheck;
+
+/// A length less well known than this share is not told.
+const LEAST_USEFUL_SHARE: f64 = 0.2;
+const CLEAR: f64 = 5.0;
+
+fn circle(look: &Look<'_>, clue: &Clue) -> Option<Circle> {
+    let sign = look.alignment.sign;
+    let azimuth = look.alignment.azimuth_rad.map(|e| e.value);
+    let horizontal = azimuth.and_then(|e| Circle::from_horizontal(clue, sign, e));
+    Circle::combined(Circle::from_down(clue, sign), horizontal)
+}
+
+pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
+    let Some(circle) = circle(look, clue) else { return vec![] };
+    let (radius, u) = circle.radius();
+    if u > LEAST_USEFUL_SHARE * radius {
+        return vec![];
+    }
+    let [x, _, z] = clue.mount.lever_arm_m;
+    let stated = x.hypot(z);
+    let text = "radius of the circle, times the sensor's gain; a bar that bends raises it too".to_owned();
+    let label = format!("distance from the axis by {}", clue.name);
+    vec![check(label, "m", estimate(radius, u), Some(stated), LENGTH_TOLERANCE * stated, text)]
+}
+
+/// Below or above the pivot in the middle of the swing, by the vertical component alone.
+pub(super) fn side(look: &Look<'_>, clue: &Clue) -> Option<Side> {
+    let sign = look.alignment.sign;
+    let circle = Circle::from_down(clue, sign)?;
+    let (radius, u) = circle.radius();
+    let n = clue.fit.states.len().max(1) as f64;
+    let down: f64 =
+        clue.fit.states.iter().map(|raw| (circle.a * raw.angle.cos() - sign * circle.b * raw.angle.sin()) / n).sum();
+    (radius > CLEAR * u && down.abs() > CLEAR * u).then_some(Side { below: down > 0.0, upside_down: None })
+}

@@ -1,0 +1,32 @@
+//! Scale, biases and misalignment by the gyro.
+
+use super::{Look, MISALIGNMENT_TOLERANCE_RAD, SCALE_TOLERANCE, check, coefficient};
+use crate::alignment::{Clue, estimate};
+use record::MountCheck;
+
+/// A turned gyro reads `Rᵀ (0, ξ′, 0)`: about x `φ_z ξ′`, about z `−φ_x ξ′`.
+pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
+    let name = &clue.name;
+    let sign = look.alignment.sign;
+    let mut checks = vec![];
+    if let Some(y) = clue.regression(1) {
+        let scale = estimate(sign * y.coefficients[1], y.standard_uncertainty(1));
+        let text = "rate as measured over that of the encoder; a bar that bends raises it too".to_owned();
+        checks.push(check(format!("scale y of {name}"), "1", scale, Some(1.0), SCALE_TOLERANCE, text));
+    }
+    for (axis, about, factor) in [(0, "z", sign), (2, "x", -sign)] {
+        if let Some(fit) = clue.regression(axis) {
+            let angle = estimate(factor * fit.coefficients[1], fit.standard_uncertainty(1));
+            let text = format!("what the swing's rate leaks into {}", ["x", "y", "z"][axis]);
+            let label = format!("misalignment about {about} of {name}");
+            checks.push(check(label, "rad", angle, Some(0.0), MISALIGNMENT_TOLERANCE_RAD, text));
+        }
+    }
+    for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+        if let Some(fit) = clue.regression(axis) {
+            let text = "rate at rest, the Earth's 15°/h among it".to_owned();
+            checks.push(check(format!("bias {letter} of {name}"), "rad/s", coefficient(fit, 0), None, 0.0, text));
+        }
+    }
+    checks
+}

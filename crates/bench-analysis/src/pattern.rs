@@ -1,0 +1,225 @@
+//! What a channel must look like whatever the rig: combinations of functions of the encoder's angle alone.
+//!
+//! Sign, zero, azimuth, lever arm, bias and scale all enter these combinations as coefficients, so a channel can be
+//! aligned in time, and asked, before any of them is known.
+
+use crate::kinematics::BarState;
+use crate::motion::Motion;
+use nalgebra::{DMatrix, DVector};
+use signal::{Regression, regress};
+
+/// Functions of the bar's motion that a component is a combination of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Pattern {
+    /// 1, sin ξ, cos ξ, t: position and height.
+    CircleWithDrift,
+    /// 1, sin ξ, cos ξ: magnetic field.
+    Circle,
+    /// 1, ξ′ sin ξ, ξ′ cos ξ: velocity.
+    CircleRate,
+    /// 1, ξ: swing angle.
+    Angle,
+    /// 1, ξ′: angular rate.
+    Rate,
+    /// 1, sin ξ, cos ξ, ξ″, ξ′²: specific force.
+    Force,
+}
+
+impl Pattern {
+    pub(crate) fn names(self) -> &'static [&'static str] {
+        match self {
+            Pattern::CircleWithDrift => &["offset", "sine", "cosine", "drift"],
+            Pattern::Circle => &["offset", "sine", "cosine"],
+            Pattern::CircleRate => &["offset", "rate · sine", "rate · cosine"],
+            Pattern::Angle => &["offset", "angle"],
+            Pattern::Rate => &["offset", "rate"],
+            Pattern::Force => &["offset", "sine", "cosine", "acceleration", "rate²"],
+        }
+    }
+
+    /// The functions at one instant. `t` is seconds from the middle of the channel.
+    pub(crate) fn at(self, state: &BarState, t: f64) -> Vec<f64> {
+        let (s, c) = state.angle.sin_cos();
+        match self {
+            Pattern::CircleWithDrift => vec![1.0, s, c, t],
+            Pattern::Circle => vec![1.0, s, c],
+            Pattern::CircleRate => vec![1.0, state.rate * s, state.rate * c],
+            Pattern::Angle => vec![1.0, state.angle],
+            Pattern::Rate => vec![1.0, state.rate],
+            Pattern::Force => vec![1.0, s, c, state.acceleration, state.rate * state.rate],
+        }
+    }
+}
+
+/// Components of a channel at their own stamps.
+#[derive(Debug, Clone)]
+pub(crate) struct Samples {
+    /// s after the encoder's origin.
+    pub(crate) t: Vec<f64>,
+    /// Each as long as `t`.
+    pub(crate) components: Vec<Vec<f64>>,
+}
+
+impl Samples {
+    fn middle(&self) -> f64 {
+        0.5 * (self.t.first().copied().unwrap_or(0.0) + self.t.last().copied().unwrap_or(0.0))
+    }
+}
+
+/// A channel laid over the motion.
+#[derive(Debug, Clone)]
+pub(crate) struct PatternFit {
+    /// Delay at which it fits best, s. Coarse: good to about a millisecond, with no interval.
+    pub(crate) delay_s: f64,
+    /// Rows of the samples that lie inside the motion at this delay.
+    pub(crate) rows: Vec<usize>,
+    /// The motion (without the delay's lateness) at these rows.
+    pub(crate) states: Vec<BarState>,
+    /// One regression for each component.
+    pub(crate) fits: Vec<Regression>,
+    /// For each component, which share of its variance the pattern explains.
+    pub(crate) explained: Vec<f64>,
+}
+
+/// Rows that are looked at on the grid and at the refinement.
+const GRID_SAMPLES: usize = 500;
+const REFINED_SAMPLES: usize = 3000;
+const GRID_STEP_S: f64 = 0.02;
+/// Of all minima whose residual variance is within this factor of the least, and that explain nine tenths of what the
+/// best explains, the one nearest to no delay is taken: a regular swing looks alike after each half period.
+const NEARLY_AS_GOOD: f64 = 1.1;
+const LEAST_SHARE_LOST: f64 = 0.1;
+/// Fewer rows show nothing.
+const LEAST_ROWS: usize = 20;
+
+/// Lays `samples` over the motion: the delay (within `search_s`) and the coefficients at which the pattern fits best.
+/// `None` where too few rows lie inside the motion, or nothing can be fitted.
+pub(crate) fn fit_pattern(
+    motion: &Motion,
+    samples: &Samples,
+    pattern: Pattern,
+    search_s: (f64, f64),
+) -> Option<PatternFit> {
+    let delay_s = best_delay(motion, samples, pattern, search_s)?;
+    fit_at(motion, samples, pattern, delay_s)
+}
+
+/// The coefficients at a given delay.
+pub(crate) fn fit_at(motion: &Motion, samples: &Samples, pattern: Pattern, delay_s: f64) -> Option<PatternFit> {
+    let (rows, states) = inside(motion, samples, delay_s);
+    if rows.len() < LEAST_ROWS {
+        return None;
+    }
+    let middle = samples.middle();
+    let functions: Vec<Vec<f64>> =
+        rows.iter().zip(&states).map(|(&row, state)| pattern.at(state, samples.t[row] - middle)).collect();
+    let columns: Vec<Vec<f64>> = (0..pattern.names().len()).map(|k| functions.iter().map(|f| f[k]).collect()).collect();
+    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let mut fits = vec![];
+    let mut explained = vec![];
+    for component in &samples.components {
+        let y: Vec<f64> = rows.iter().map(|&row| component[row]).collect();
+        let fit = regress(&columns, pattern.names(), &y).ok()?;
+        let rest = fit.residuals.iter().map(|r| r * r).sum::<f64>() / y.len() as f64;
+        let all = variance(&y);
+        explained.push(if all > 0.0 { (1.0 - rest / all).max(0.0) } else { 0.0 });
+        fits.push(fit);
+    }
+    Some(PatternFit { delay_s, rows, states, fits, explained })
+}
+
+fn inside(motion: &Motion, samples: &Samples, delay_s: f64) -> (Vec<usize>, Vec<BarState>) {
+    samples.t.iter().enumerate().filter_map(|(row, t)| Some((row, motion.at(t - delay_s)?))).unzip()
+}
+
+fn variance(y: &[f64]) -> f64 {
+    let mean = y.iter().sum::<f64>() / y.len() as f64;
+    y.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / y.len() as f64
+}
+
+fn best_delay(motion: &Motion, samples: &Samples, pattern: Pattern, (from, to): (f64, f64)) -> Option<f64> {
+    let coarse = thinned(motion, samples, GRID_SAMPLES, (from, to));
+    let steps = ((to - from) / GRID_STEP_S).round().max(1.0) as usize;
+    let delays: Vec<f64> = (0..=steps).map(|k| from + (to - from) * k as f64 / steps as f64).collect();
+    let misfit: Vec<f64> = delays.iter().map(|d| misfit(motion, &coarse, pattern, *d)).collect();
+    let least = misfit.iter().copied().fold(f64::INFINITY, f64::min);
+    if !least.is_finite() {
+        return None;
+    }
+    let is_minimum = |k: usize| {
+        let lower_than = |other: Option<&f64>| other.is_none_or(|o| misfit[k] <= *o);
+        lower_than(k.checked_sub(1).map(|b| &misfit[b])) && lower_than(misfit.get(k + 1))
+    };
+    // The grid is too coarse to say which of two sharp minima is the lower.
+    let step = (to - from) / steps as f64;
+    let minima: Vec<(f64, f64)> = (0..delays.len())
+        .filter(|&k| is_minimum(k))
+        .map(|k| refined(|d| self::misfit(motion, &coarse, pattern, d), delays[k], step))
+        .collect();
+    let least = minima.iter().map(|m| m.1).fold(least, f64::min);
+    let flat = coarse.components.iter().map(|c| variance(c).max(f64::MIN_POSITIVE).ln()).sum::<f64>()
+        / coarse.components.len().max(1) as f64;
+    let limit = least + NEARLY_AS_GOOD.ln().min(LEAST_SHARE_LOST * (flat - least).max(0.0));
+    let near = minima.iter().filter(|m| m.1 <= limit).min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?.0;
+    let fine = thinned(motion, samples, REFINED_SAMPLES, (from, to));
+    Some(refined(|d| self::misfit(motion, &fine, pattern, d), near, 0.25 * step).0)
+}
+
+/// At most `most` rows, evenly spread over those that lie inside the motion at any delay of the search.
+fn thinned(motion: &Motion, samples: &Samples, most: usize, (from, to): (f64, f64)) -> Samples {
+    let (first, last) = motion.span();
+    let always: Vec<usize> =
+        (0..samples.t.len()).filter(|&r| samples.t[r] - to >= first && samples.t[r] - from <= last).collect();
+    let stride = always.len().div_ceil(most).max(1);
+    let rows: Vec<usize> = always.into_iter().step_by(stride).collect();
+    Samples {
+        t: rows.iter().map(|&r| samples.t[r]).collect(),
+        components: samples.components.iter().map(|c| rows.iter().map(|&r| c[r]).collect()).collect(),
+    }
+}
+
+/// Mean over the components of the log of the residual variance: half of −2 log likelihood per row.
+fn misfit(motion: &Motion, samples: &Samples, pattern: Pattern, delay_s: f64) -> f64 {
+    let n = samples.t.len();
+    let width = pattern.names().len();
+    if n < LEAST_ROWS.max(2 * width) {
+        return f64::INFINITY;
+    }
+    let middle = samples.middle();
+    let mut functions = DMatrix::zeros(n, width);
+    for (row, t) in samples.t.iter().enumerate() {
+        let Some(state) = motion.at(t - delay_s) else { return f64::INFINITY };
+        for (k, value) in pattern.at(&state, t - middle).into_iter().enumerate() {
+            functions[(row, k)] = value;
+        }
+    }
+    let orthonormal = functions.qr().q();
+    let log_rest = |component: &Vec<f64>| {
+        let y = DVector::from_column_slice(component);
+        let explained = orthonormal.tr_mul(&y).norm_squared();
+        let all = y.norm_squared();
+        // A channel without noise must not make an infinity of its logarithm.
+        ((all - explained).max(1e-14 * all) / n as f64).max(f64::MIN_POSITIVE).ln()
+    };
+    samples.components.iter().map(log_rest).sum::<f64>() / samples.components.len().max(1) as f64
+}
+
+/// The minimum within one `step` of `start`, to a twentieth of a millisecond (golden section), and the objective there.
+fn refined(objective: impl Fn(f64) -> f64, start: f64, step: f64) -> (f64, f64) {
+    const SHARE: f64 = 0.618_033_988_749_894_9;
+    let (mut low, mut high) = (start - step, start + step);
+    let (mut a, mut b) = (high - SHARE * (high - low), low + SHARE * (high - low));
+    let (mut at_a, mut at_b) = (objective(a), objective(b));
+    while high - low > 5e-5 {
+        if at_a <= at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = high - SHARE * (high - low);
+            at_a = objective(a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = low + SHARE * (high - low);
+            at_b = objective(b);
+        }
+    }
+    if at_a <= at_b { (a, at_a) } else { (b, at_b) }
+}

@@ -1,0 +1,274 @@
+//! What each channel of the sensor should have measured, beside what it measured.
+
+use crate::alignment::Alignment;
+use crate::kinematics::{Sensed, angular_rate, magnetic_field, position, specific_force, velocity};
+use crate::motion::Motion;
+use crate::pattern::{Pattern, fit_at};
+use crate::rig::Rig;
+use crate::sensor_rows::{SensorRows, sensor_rows, update_samples};
+use crate::surroundings::Surroundings;
+use flight::{Channel, Flight, Notices, Quantity, Severity};
+use signal::CubicSpline;
+
+/// References stand on a grid of at least this rate, and of no more than the other, Hz.
+const GRID_HZ: (f64, f64) = (100.0, 250.0);
+/// A component that moves less than this share of the channel's liveliest shows mostly how it leaks into it: a mount
+/// three degrees off gives 5 %.
+const LEAST_SHARE: f64 = 0.05;
+/// A reference must move this many times its own standard uncertainty.
+const LEAST_OVER_UNCERTAINTY: f64 = 5.0;
+
+/// One component of a channel: measured, and as it should have been.
+#[derive(Debug, Clone)]
+pub struct ComponentReference {
+    /// Its name, as `north`, or `swing angle` for an attitude.
+    pub name: String,
+    /// SI unit, as people write it.
+    pub unit: String,
+    /// Measured, SI, one value for each row of the channel (held repeats among them); body vectors in body axes.
+    pub measured: Vec<f64>,
+    /// As it should have been, at the encoder's time.
+    pub reference: CubicSpline,
+    /// Standard uncertainty of the reference from the encoder's smoothing, median over the record, same unit.
+    pub uncertainty: f64,
+    /// Rms of the reference about its mean, same unit.
+    pub reference_rms: f64,
+    /// Whether the swing moves it enough to count in the delay; if not, why, in words.
+    pub excited: Result<(), String>,
+    /// Whether the reference was fitted to the measurement itself, so that its gain is one by construction.
+    pub unit_gain: bool,
+    /// Whether its offset may drift: position, velocity and height, unless the rig forbids it.
+    pub drift: bool,
+}
+
+/// One channel of the sensor.
+#[derive(Debug, Clone)]
+pub struct ChannelReference {
+    /// Its name.
+    pub name: String,
+    /// What it holds.
+    pub quantity: Quantity,
+    /// Stamps of all its rows, s after the encoder's first stamp.
+    pub t_s: Vec<f64>,
+    /// The components that the log holds and the bench knows.
+    pub components: Vec<ComponentReference>,
+}
+
+/// All channels of a sensor for which the bench has a reference.
+#[derive(Debug, Clone)]
+pub struct References {
+    /// In the order of their names.
+    pub channels: Vec<ChannelReference>,
+    /// Channels left out, and why.
+    pub notices: Notices,
+}
+
+impl References {
+    /// References for the channels of `sensor`, whose stamps are in the encoder's clock. `motion` is oriented by
+    /// `alignment`.
+    #[must_use]
+    pub fn of(sensor: &Flight, motion: &Motion, rig: &Rig, around: &Surroundings, alignment: &Alignment) -> References {
+        let mut notices = Notices::new();
+        let maker = Maker::new(motion, rig, around, alignment);
+        let channels =
+            sensor.channels.iter().filter_map(|(name, channel)| maker.channel(name, channel, &mut notices)).collect();
+        References { channels, notices }
+    }
+}
+
+/// Everything a reference is made from.
+struct Maker<'a> {
+    motion: &'a Motion,
+    rig: &'a Rig,
+    around: &'a Surroundings,
+    alignment: &'a Alignment,
+    grid: Vec<f64>,
+}
+
+/// A reference on the grid.
+struct Curve {
+    values: Vec<f64>,
+    uncertainty: f64,
+    unit_gain: bool,
+}
+
+impl<'a> Maker<'a> {
+    fn new(motion: &'a Motion, rig: &'a Rig, around: &'a Surroundings, alignment: &'a Alignment) -> Maker<'a> {
+        let grid = motion.grid(motion.rate_hz().clamp(GRID_HZ.0, GRID_HZ.1));
+        Maker { motion, rig, around, alignment, grid }
+    }
+
+    fn channel(&self, name: &str, channel: &Channel, notices: &mut Notices) -> Option<ChannelReference> {
+        if matches!(
+            channel.quantity,
+            Quantity::EncoderCount | Quantity::EncoderAngle | Quantity::Pulse | Quantity::Scalar
+        ) {
+            return None;
+        }
+        let rows = sensor_rows(name, channel, self.rig).filter(|_| !channel.series.is_empty());
+        let Some(mut rows) = rows else {
+            let text = "the log does not hold all components that the mount turns into each other: no reference";
+            notices.push(Severity::Warning, "channel-incomplete", name, channel.series.len() as u64, text);
+            return None;
+        };
+        let t_s = channel.series.timeline().seconds_since(self.motion.origin());
+        if channel.quantity == Quantity::Attitude {
+            self.onto_the_same_turn(&t_s, &mut rows);
+        }
+        let curves: Vec<Option<Curve>> = match channel.quantity {
+            Quantity::MagneticField | Quantity::MagneticDirection if self.around.field_t.is_none() => {
+                self.fitted_field(name, channel, &rows)
+            }
+            _ => rows.component.iter().map(|&k| self.curve(name, channel.quantity, k)).collect(),
+        };
+        let mut components = vec![];
+        for ((k, curve), measured) in curves.into_iter().enumerate().zip(rows.columns) {
+            let Some(curve) = curve else { continue };
+            let Ok(reference) = CubicSpline::new(&self.grid, &curve.values) else { continue };
+            components.push(ComponentReference {
+                name: rows.names[k].to_owned(),
+                unit: rows.unit.to_owned(),
+                measured,
+                reference,
+                uncertainty: curve.uncertainty,
+                reference_rms: rms_about_mean(&curve.values),
+                excited: Ok(()),
+                unit_gain: curve.unit_gain,
+                drift: self.rig.analysis.drift && may_drift(channel.quantity),
+            });
+        }
+        judge_excitation(channel.quantity, &mut components);
+        if components.is_empty() {
+            let text = "nothing of this channel can be compared with the bar's motion";
+            notices.push(Severity::Warning, "channel-without-reference", name, t_s.len() as u64, text);
+            return None;
+        }
+        Some(ChannelReference { name: name.to_owned(), quantity: channel.quantity, t_s, components })
+    }
+
+    /// A swing angle is known up to whole turns: those that bring it nearest to the bar's.
+    fn onto_the_same_turn(&self, t_s: &[f64], rows: &mut SensorRows) {
+        for column in &mut rows.columns {
+            let mut off: Vec<f64> =
+                t_s.iter().zip(&*column).filter_map(|(t, y)| Some(self.motion.at(*t)?.angle - y)).collect();
+            let turns = (signal::median_in_place(&mut off).unwrap_or(0.0) / std::f64::consts::TAU).round();
+            column.iter_mut().for_each(|y| *y += turns * std::f64::consts::TAU);
+        }
+    }
+
+    /// One kinematic component over the grid; `None` if it needs an azimuth that nobody knows.
+    fn curve(&self, name: &str, quantity: Quantity, component: usize) -> Option<Curve> {
+        let azimuth = self.alignment.azimuth_rad.map(|e| e.value);
+        let needs_azimuth =
+            matches!(quantity, Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::VelocityNed)
+                && component < 2;
+        let field_needs_it = matches!(quantity, Quantity::MagneticField | Quantity::MagneticDirection);
+        if (needs_azimuth || field_needs_it) && azimuth.is_none() {
+            return None;
+        }
+        let azimuth = azimuth.unwrap_or(0.0);
+        let arm = self.rig.mount_of(name).lever_arm_m;
+        let field = self.field(quantity);
+        let sensed = |state: &crate::kinematics::BarState| -> Option<Sensed> {
+            Some(match quantity {
+                Quantity::PositionGeodetic | Quantity::PositionNed => position(state, azimuth, arm),
+                Quantity::Height => up(position(state, azimuth, arm)),
+                Quantity::VelocityNed => velocity(state, azimuth, arm),
+                Quantity::Attitude => Sensed { value: [state.angle; 3], slope: [[1.0, 0.0, 0.0]; 3] },
+                Quantity::AngularRate => angular_rate(state, azimuth, None),
+                Quantity::SpecificForce => specific_force(state, arm, self.around.gravity_mps2),
+                Quantity::MagneticField | Quantity::MagneticDirection => magnetic_field(state, azimuth, field?),
+                Quantity::EncoderCount | Quantity::EncoderAngle | Quantity::Pulse | Quantity::Scalar => return None,
+            })
+        };
+        let mut values = Vec::with_capacity(self.grid.len());
+        let mut spread = Vec::with_capacity(self.grid.len());
+        for t in &self.grid {
+            let reading = sensed(&self.motion.at(*t)?)?;
+            values.push(reading.value[component]);
+            spread.push(reading.standard_deviation(&self.motion.covariance_at(*t)?)[component]);
+        }
+        let uncertainty = signal::median_in_place(&mut spread).unwrap_or(0.0);
+        Some(Curve { values, uncertainty, unit_gain: false })
+    }
+
+    /// The field of the reference; a direction has length one.
+    fn field(&self, quantity: Quantity) -> Option<[f64; 3]> {
+        let field = self.around.field_t?;
+        if quantity != Quantity::MagneticDirection {
+            return Some(field);
+        }
+        let size = field.iter().map(|b| b * b).sum::<f64>().sqrt();
+        (size > 0.0).then(|| field.map(|b| b / size))
+    }
+
+    /// Each axis as the combination of 1, sin ξ and cos ξ that fits it best at its own delay: whatever field, iron
+    /// and mount there are.
+    fn fitted_field(&self, name: &str, channel: &Channel, rows: &SensorRows) -> Vec<Option<Curve>> {
+        let samples = update_samples(channel, rows, self.motion.origin());
+        let delay = self.alignment.coarse_delay_s.get(name).copied().unwrap_or(0.0);
+        let Some(fit) = fit_at(self.motion, &samples, Pattern::Circle, delay) else {
+            return rows.columns.iter().map(|_| None).collect();
+        };
+        let angle_u = self.motion.typical_uncertainty()[0];
+        let curve = |coefficients: &[f64]| -> Option<Curve> {
+            let [offset, sine, cosine] = *coefficients else { return None };
+            let values: Option<Vec<f64>> = self
+                .grid
+                .iter()
+                .map(|t| {
+                    let (s, c) = self.motion.at(*t)?.angle.sin_cos();
+                    Some(offset + sine * s + cosine * c)
+                })
+                .collect();
+            Some(Curve { values: values?, uncertainty: angle_u * sine.hypot(cosine), unit_gain: true })
+        };
+        fit.fits.iter().map(|f| curve(&f.coefficients)).collect()
+    }
+}
+
+fn up(down: Sensed) -> Sensed {
+    Sensed { value: down.value.map(|v| -v), slope: down.slope.map(|row| row.map(|v| -v)) }
+}
+
+fn may_drift(quantity: Quantity) -> bool {
+    matches!(quantity, Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::VelocityNed | Quantity::Height)
+}
+
+fn rms_about_mean(values: &[f64]) -> f64 {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// Says of each component whether the swing moves it.
+fn judge_excitation(quantity: Quantity, components: &mut [ComponentReference]) {
+    let liveliest = components.iter().map(|c| c.reference_rms).fold(0.0, f64::max);
+    for component in components {
+        let (rms, u) = (component.reference_rms, component.uncertainty);
+        let over = |what: f64| rms < what;
+        component.excited = if liveliest == 0.0 || rms == 0.0 {
+            Err("a planar swing does not move it at all".to_owned())
+        } else if over(LEAST_OVER_UNCERTAINTY * u) {
+            Err(format!(
+                "the swing moves it by {rms:.2e} {} rms, its reference is only good to {u:.1e}",
+                component.unit
+            ))
+        } else if over(LEAST_SHARE * liveliest) {
+            Err(weak(quantity, &component.name, rms / liveliest))
+        } else {
+            Ok(())
+        };
+    }
+}
+
+fn weak(quantity: Quantity, component: &str, share: f64) -> String {
+    let percent = 100.0 * share;
+    if quantity == Quantity::SpecificForce && component == "x" {
+        return format!(
+            "its signal is {percent:.1} % of that of the liveliest axis: a freely swinging pendulum has no tangential specific \
+             force; push it off its own frequency"
+        );
+    }
+    format!("its signal is {percent:.1} % of that of the liveliest component: what it shows could leak over from there")
+}

@@ -1,0 +1,699 @@
+//! The rig file as it is meant: every value given and checked, or left open to be fitted.
+//!
+//! What is meant, not what is written, names the results: a comment or a default spelled out changes nothing.
+
+use crate::kinematics::rotation;
+use crate::rig_file::{
+    AnalysisTable, BarTable, CardTable, ClockTable, EncoderTable, MountName, MountTable, RigFile, SiteTable,
+    StampsName, StatedField,
+};
+use nalgebra::{Matrix3, Vector3};
+use record::{RigUse, SensorIdentity};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// The rig that is used when none is given: `pipelines/bench.rig.toml`, compiled in.
+pub const DEFAULT_RIG: &str = include_str!("../../../pipelines/bench.rig.toml");
+
+/// A rig file is wrong, and where.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+pub struct RigError {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, from 1, where there is one.
+    pub line: Option<usize>,
+    /// What is wrong, and what would be right.
+    pub what: String,
+}
+
+/// How the bar carries the sensor at bar angle zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MountKind {
+    /// Above the pivot.
+    Upright,
+    /// Below the pivot, sensor upright.
+    Hanging,
+    /// As the lever arms say.
+    Custom,
+}
+
+impl std::fmt::Display for MountKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            MountKind::Upright => "upright",
+            MountKind::Hanging => "hanging",
+            MountKind::Custom => "custom",
+        })
+    }
+}
+
+/// The bar.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bar {
+    /// Pivot to sensor, m.
+    pub length_m: f64,
+    /// How it carries the sensor.
+    pub mount: MountKind,
+    /// Azimuth of the swing's plane, rad; `None` is to be fitted.
+    pub azimuth_rad: Option<f64>,
+    /// First bending mode that is expected, Hz.
+    pub first_mode_hz: Option<f64>,
+}
+
+/// The encoder.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EncoderRule {
+    /// Its channel; `None` is the only one of the log.
+    pub channel: Option<String>,
+    /// Counts per revolution: lines times decoding; `None` is to be inferred.
+    pub counts_per_rev: Option<f64>,
+    /// Counts per line.
+    pub decoding: f64,
+    /// +1 or −1; `None` is to be fitted.
+    pub sign: Option<f64>,
+    /// Bar angle at count zero, rad; `None` is to be fitted.
+    pub zero_rad: Option<f64>,
+}
+
+/// Where the magnetic field of the reference comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FieldRule {
+    /// Fitted.
+    Fit,
+    /// World Magnetic Model.
+    Wmm,
+    /// North, east, down, T.
+    Stated([f64; 3]),
+}
+
+/// The site.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Site {
+    /// Latitude, rad.
+    pub latitude: Option<f64>,
+    /// Longitude, rad.
+    pub longitude: Option<f64>,
+    /// Height above the ellipsoid, m.
+    pub height_m: f64,
+    /// Day of the record, where the log does not say.
+    pub date: Option<jiff::civil::Date>,
+    /// Gravity, m/s².
+    pub gravity_mps2: Option<f64>,
+    /// Magnetic field.
+    pub field: FieldRule,
+}
+
+/// How stamps belong together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClockRule {
+    /// Whether one clock stamps both logs; `None`: as the logs look.
+    pub shared: Option<bool>,
+    /// Channel taken as on time where clocks differ; `None`: the first angular rate that the sensor logged.
+    pub anchor: Option<String>,
+    /// Which stamps are measured with.
+    pub stamps: StampChoice,
+}
+
+/// Which stamps of the sensor are measured with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StampChoice {
+    /// Those that the channel map chose.
+    Auto,
+    /// When the device says that the value was true.
+    Measured,
+    /// When the driver sent it.
+    Published,
+    /// When the logger received it.
+    Logged,
+}
+
+/// How delays are looked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AnalysisRule {
+    /// From, to, s.
+    pub search_s: (f64, f64),
+    /// Margin of the equivalence test, s; `None`: per channel half the log interval, at least 5 ms.
+    pub margin_s: Option<f64>,
+    /// Whether the offsets of position, velocity and height may drift.
+    pub drift: bool,
+    /// Delays put in and found again, s.
+    pub inject_s: Vec<f64>,
+    /// Gain put in along with them.
+    pub inject_gain: f64,
+}
+
+/// Where a part of the sensor sits and how it is turned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mount {
+    /// From the pivot, body axes, m.
+    pub lever_arm_m: [f64; 3],
+    /// Whether the file gives the lever arm for this part (else it follows from the bar).
+    pub arm_is_stated: bool,
+    /// Rotation vector of the mount, sensor axes (after `axes`) to body axes, rad.
+    pub rotation_rad: [f64; 3],
+    /// Body x, y, z as sensor axes: 0 to 2 and the sign.
+    pub axes: [(usize, f64); 3],
+}
+
+impl Mount {
+    /// The matrix that turns what the sensor reads into body axes: `exp([φ]×)` times the axes map.
+    #[must_use]
+    pub fn body_from_sensor(&self) -> Matrix3<f64> {
+        rotation(self.rotation_rad) * axes_matrix(self.axes)
+    }
+
+    /// A reading in body axes.
+    #[must_use]
+    pub fn to_body(&self, sensor: [f64; 3]) -> [f64; 3] {
+        (self.body_from_sensor() * Vector3::from(sensor)).into()
+    }
+}
+
+fn axes_matrix(axes: [(usize, f64); 3]) -> Matrix3<f64> {
+    let mut matrix = Matrix3::zeros();
+    for (row, (axis, sign)) in axes.into_iter().enumerate() {
+        matrix[(row, axis)] = sign;
+    }
+    matrix
+}
+
+/// A bench as it is meant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rig {
+    /// Name of the bench.
+    pub title: String,
+    /// The sensor on it.
+    pub sensor: SensorIdentity,
+    /// The bar.
+    pub bar: Bar,
+    /// The encoder.
+    pub encoder: EncoderRule,
+    /// The site.
+    pub site: Site,
+    /// Stamps.
+    pub clock: ClockRule,
+    /// Delays.
+    pub analysis: AnalysisRule,
+    /// Days for which a card is valid; `None`: without end.
+    pub card_valid_days: Option<u32>,
+    mounts: Vec<(Vec<String>, Mount)>,
+    meant: Meant,
+}
+
+impl Rig {
+    /// Reads a rig file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no TOML, has an unknown key, or a value makes no sense; with file and line.
+    pub fn read(path: &Path) -> Result<Rig, RigError> {
+        let unreadable = |e: std::io::Error| fault(path, None, format!("cannot be read: {e}"));
+        let text = std::fs::read_to_string(path).map_err(unreadable)?;
+        Rig::parse(&text, path)
+    }
+
+    /// The rig that is used when none is given.
+    ///
+    /// # Errors
+    /// Never in a tested build: the text is compiled in, and a test reads it.
+    pub fn shipped_default() -> Result<Rig, RigError> {
+        Rig::parse(DEFAULT_RIG, Path::new("bench.rig.toml"))
+    }
+
+    /// Reads a rig from `text`; `path` is for errors.
+    ///
+    /// # Errors
+    /// As [`Rig::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Rig, RigError> {
+        let written: RigFile = toml::from_str(text).map_err(|e| from_toml(&e, text, path))?;
+        Checker { text, path }.meaning_of(written)
+    }
+
+    /// Where the part of the sensor that fills `channel` sits: by the first `mount` entry that names the channel,
+    /// else on the bar's axis at its length.
+    #[must_use]
+    pub fn mount_of(&self, channel: &str) -> Mount {
+        let named = |(patterns, _): &&(Vec<String>, Mount)| patterns.iter().any(|p| fits(p, channel));
+        self.mounts.iter().find(named).map_or_else(|| mount_on_bar(&self.bar), |(_, mount)| mount.clone())
+    }
+
+    /// The rig for a record: title, hash and text of what is meant.
+    #[must_use]
+    pub fn as_used(&self) -> RigUse {
+        let toml = toml::to_string(&self.meant).unwrap_or_else(|e| format!("# cannot be written: {e}\n"));
+        RigUse { title: self.title.clone(), blake3: blake3::hash(toml.as_bytes()).to_hex().to_string(), toml }
+    }
+}
+
+/// Whether `name` is `pattern`, or begins as it does before its final `*`.
+fn fits(pattern: &str, name: &str) -> bool {
+    match pattern.strip_suffix('*') {
+        Some(start) => name.starts_with(start),
+        None => name == pattern,
+    }
+}
+
+fn mount_on_bar(bar: &Bar) -> Mount {
+    let z = if bar.mount == MountKind::Hanging { bar.length_m } else { -bar.length_m };
+    Mount {
+        lever_arm_m: [0.0, 0.0, z],
+        arm_is_stated: false,
+        rotation_rad: [0.0; 3],
+        axes: [(0, 1.0), (1, 1.0), (2, 1.0)],
+    }
+}
+
+/// What is meant, in the layout of the file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Meant {
+    schema: u32,
+    title: String,
+    sensor: SensorIdentity,
+    bar: MeantBar,
+    encoder: MeantEncoder,
+    site: MeantSite,
+    clock: MeantClock,
+    analysis: MeantAnalysis,
+    card: MeantCard,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    mount: Vec<MeantMount>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct MeantBar {
+    length_m: f64,
+    mount: MountKind,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    azimuth_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_mode_hz: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct MeantEncoder {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    channel: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    counts_per_rev: Option<u32>,
+    decoding: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sign: Option<i32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    zero_deg: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct MeantSite {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    latitude_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    longitude_deg: Option<f64>,
+    height_m: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    date: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gravity_mps2: Option<f64>,
+    field: MeantField,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum MeantField {
+    Named(&'static str),
+    Stated { north_nt: f64, east_nt: f64, down_nt: f64 },
+}
+
+impl MeantField {
+    fn rule(&self) -> FieldRule {
+        match self {
+            MeantField::Named("wmm") => FieldRule::Wmm,
+            MeantField::Named(_) => FieldRule::Fit,
+            MeantField::Stated { north_nt, east_nt, down_nt } => {
+                FieldRule::Stated([north_nt, east_nt, down_nt].map(|nt| nt * 1e-9))
+            }
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct MeantClock {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shared: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    anchor: Option<String>,
+    stamps: StampChoice,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct MeantAnalysis {
+    search_s: [f64; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    margin_ms: Option<f64>,
+    drift: bool,
+    inject_ms: Vec<f64>,
+    inject_gain: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct MeantCard {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    valid_days: Option<u32>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct MeantMount {
+    channels: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lever_arm_m: Option<[f64; 3]>,
+    rotation_deg: [f64; 3],
+    axes: [String; 3],
+}
+
+/// Knows the text, so that every complaint has its line.
+struct Checker<'a> {
+    text: &'a str,
+    path: &'a Path,
+}
+
+impl Checker<'_> {
+    fn meaning_of(&self, written: RigFile) -> Result<Rig, RigError> {
+        if *written.schema.get_ref() != 1 {
+            return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+        }
+        if written.sensor.model.get_ref().trim().is_empty() {
+            return Err(self.fault(&written.sensor.model, "sensor.model must name the sensor, as `Xsens MTi-G`"));
+        }
+        self.a_custom_bar_has_lever_arms(&written)?;
+        let meant = Meant {
+            schema: 1,
+            title: written.title,
+            sensor: SensorIdentity {
+                model: written.sensor.model.into_inner(),
+                serial: written.sensor.serial,
+                firmware: written.sensor.firmware,
+                baud: written.sensor.baud,
+                configuration: written.sensor.configuration,
+            },
+            bar: self.bar(&written.bar)?,
+            encoder: self.encoder(written.encoder)?,
+            site: self.site(&written.site)?,
+            clock: self.clock(written.clock)?,
+            analysis: self.analysis(&written.analysis)?,
+            card: self.card(&written.card)?,
+            mount: written.mount.into_iter().map(|m| self.mount(m)).collect::<Result<_, _>>()?,
+        };
+        Ok(in_si(meant))
+    }
+
+    /// Without a length along the bar's axis every channel needs a lever arm of its own.
+    fn a_custom_bar_has_lever_arms(&self, written: &RigFile) -> Result<(), RigError> {
+        if *written.bar.mount.get_ref() != MountName::Custom {
+            return Ok(());
+        }
+        if let Some(without) = written.mount.iter().find(|m| m.lever_arm_m.is_none()) {
+            return Err(self.fault(&without.channels, "bar.mount = \"custom\": this mount needs its lever_arm_m"));
+        }
+        let covers_all = |m: &MountTable| m.channels.get_ref().iter().any(|c| c == "*");
+        if written.mount.iter().any(covers_all) {
+            return Ok(());
+        }
+        let what = "bar.mount = \"custom\" needs a last [[mount]] with channels = [\"*\"] and its lever_arm_m";
+        Err(self.fault(&written.bar.mount, what))
+    }
+
+    fn bar(&self, written: &BarTable) -> Result<MeantBar, RigError> {
+        let length_m = self.within(&written.length_m, "bar.length_m", 0.05, 50.0)?;
+        Ok(MeantBar {
+            length_m,
+            mount: match written.mount.get_ref() {
+                MountName::Upright => MountKind::Upright,
+                MountName::Hanging => MountKind::Hanging,
+                MountName::Custom => MountKind::Custom,
+            },
+            azimuth_deg: self.optional(&written.azimuth_deg, "bar.azimuth_deg", -360.0, 360.0)?,
+            first_mode_hz: self.optional(&written.first_mode_hz, "bar.first_mode_hz", 0.1, 1000.0)?,
+        })
+    }
+
+    fn encoder(&self, written: EncoderTable) -> Result<MeantEncoder, RigError> {
+        Ok(MeantEncoder {
+            channel: written.channel,
+            counts_per_rev: written
+                .counts_per_rev
+                .map(|c| {
+                    self.one_of(&c, "encoder.counts_per_rev", (4..=67_108_864).contains(c.get_ref()), "4 to 67108864")
+                })
+                .transpose()?,
+            decoding: written
+                .decoding
+                .map(|d| self.one_of(&d, "encoder.decoding", [1, 2, 4].contains(d.get_ref()), "1, 2 or 4"))
+                .transpose()?
+                .unwrap_or(1),
+            sign: written
+                .sign
+                .map(|s| self.one_of(&s, "encoder.sign", s.get_ref().abs() == 1, "1 or -1"))
+                .transpose()?,
+            zero_deg: self.optional(&written.zero_deg, "encoder.zero_deg", -360.0, 360.0)?,
+        })
+    }
+
+    fn site(&self, written: &SiteTable) -> Result<MeantSite, RigError> {
+        let day = |date: &Spanned<String>| match date.get_ref().parse::<jiff::civil::Date>() {
+            Ok(day) => Ok(day.to_string()),
+            Err(_) => Err(self.fault(date, format!("site.date = {:?}: must be a day as 2010-10-25", date.get_ref()))),
+        };
+        Ok(MeantSite {
+            latitude_deg: self.optional(&written.latitude_deg, "site.latitude_deg", -90.0, 90.0)?,
+            longitude_deg: self.optional(&written.longitude_deg, "site.longitude_deg", -180.0, 360.0)?,
+            height_m: self.optional(&written.height_m, "site.height_m", -1000.0, 10_000.0)?.unwrap_or(0.0),
+            date: written.date.as_ref().map(day).transpose()?,
+            gravity_mps2: self.optional(&written.gravity_mps2, "site.gravity_mps2", 9.7, 9.9)?,
+            field: written.field.as_ref().map(|f| self.field(f)).transpose()?.unwrap_or(MeantField::Named("fit")),
+        })
+    }
+
+    fn field(&self, written: &Spanned<toml::Value>) -> Result<MeantField, RigError> {
+        let right = "must be \"fit\", \"wmm\" or { north_nt = …, east_nt = …, down_nt = … }";
+        match written.get_ref() {
+            toml::Value::String(name) if name == "fit" => Ok(MeantField::Named("fit")),
+            toml::Value::String(name) if name == "wmm" => Ok(MeantField::Named("wmm")),
+            toml::Value::Table(_) => {
+                let stated: StatedField = written.get_ref().clone().try_into().map_err(|e: toml::de::Error| {
+                    self.fault(written, format!("site.field: {}; it {right}", e.message()))
+                })?;
+                let size = stated.north_nt.hypot(stated.east_nt).hypot(stated.down_nt);
+                if !(1_000.0..=1_000_000.0).contains(&size) {
+                    return Err(
+                        self.fault(written, format!("site.field is {size} nT: the Earth's field is 22000 to 67000 nT"))
+                    );
+                }
+                let StatedField { north_nt, east_nt, down_nt } = stated;
+                Ok(MeantField::Stated {
+                    north_nt: plain_zero(north_nt),
+                    east_nt: plain_zero(east_nt),
+                    down_nt: plain_zero(down_nt),
+                })
+            }
+            other => Err(self.fault(written, format!("site.field = {other}: {right}"))),
+        }
+    }
+
+    fn clock(&self, written: ClockTable) -> Result<MeantClock, RigError> {
+        let anchor = match written.anchor {
+            Some(name) if name.get_ref().trim().is_empty() => {
+                return Err(self.fault(&name, "clock.anchor must name a channel, as `angular-rate.imu`"));
+            }
+            name => name.map(Spanned::into_inner),
+        };
+        let stamps = match written.stamps.unwrap_or(StampsName::Auto) {
+            StampsName::Auto => StampChoice::Auto,
+            StampsName::Measured => StampChoice::Measured,
+            StampsName::Published => StampChoice::Published,
+            StampsName::Logged => StampChoice::Logged,
+        };
+        Ok(MeantClock { shared: written.shared, anchor, stamps })
+    }
+
+    fn analysis(&self, written: &AnalysisTable) -> Result<MeantAnalysis, RigError> {
+        let search_s = match &written.search_s {
+            None => [-1.0, 1.5],
+            Some(given) => {
+                let [from, to] = *given.get_ref();
+                if !(from < to && from >= -10.0 && to <= 10.0) {
+                    let what =
+                        format!("analysis.search_s = [{from}, {to}]: must be from, to in seconds, within -10 to 10");
+                    return Err(self.fault(given, what));
+                }
+                [plain_zero(from), plain_zero(to)]
+            }
+        };
+        let inject_ms = match &written.inject_ms {
+            None => vec![5.0, 50.0],
+            Some(given) => {
+                let is_odd = |ms: &&f64| !(-1000.0..=1000.0).contains(*ms);
+                if let Some(odd) = given.get_ref().iter().find(is_odd) {
+                    return Err(
+                        self.fault(given, format!("analysis.inject_ms holds {odd}: must be from -1000 to 1000"))
+                    );
+                }
+                given.get_ref().iter().map(|ms| plain_zero(*ms)).collect()
+            }
+        };
+        Ok(MeantAnalysis {
+            search_s,
+            margin_ms: self.optional(&written.margin_ms, "analysis.margin_ms", 0.01, 1000.0)?,
+            drift: written.drift.unwrap_or(true),
+            inject_ms,
+            inject_gain: self.optional(&written.inject_gain, "analysis.inject_gain", 0.5, 2.0)?.unwrap_or(1.05),
+        })
+    }
+
+    fn card(&self, written: &CardTable) -> Result<MeantCard, RigError> {
+        let days =
+            |d: &Spanned<u32>| self.one_of(d, "card.valid_days", (1..=36_500).contains(d.get_ref()), "1 to 36500");
+        Ok(MeantCard { valid_days: written.valid_days.as_ref().map(days).transpose()? })
+    }
+
+    fn mount(&self, written: MountTable) -> Result<MeantMount, RigError> {
+        let names = written.channels.get_ref();
+        let is_odd = |n: &&String| n.is_empty() || n[..n.len() - 1].contains('*');
+        if names.is_empty() || names.iter().any(|n| is_odd(&n)) {
+            let what = "mount.channels must name channels, as `position.ins`, `position.*` or `*`";
+            return Err(self.fault(&written.channels, what));
+        }
+        let vector = |given: &Option<Spanned<[f64; 3]>>, key: &str, limit: f64| match given {
+            None => Ok(None),
+            Some(v) if v.get_ref().iter().all(|x| x.abs() <= limit) => Ok(Some(v.get_ref().map(plain_zero))),
+            Some(v) => Err(self.fault(v, format!("{key}: three numbers from {} to {limit}", -limit))),
+        };
+        Ok(MeantMount {
+            lever_arm_m: vector(&written.lever_arm_m, "mount.lever_arm_m", 50.0)?,
+            rotation_deg: vector(&written.rotation_deg, "mount.rotation_deg", 360.0)?.unwrap_or([0.0; 3]),
+            axes: self.axes(written.axes.as_ref())?,
+            channels: written.channels.into_inner(),
+        })
+    }
+
+    /// Three different axes that make a right-handed frame.
+    fn axes(&self, written: Option<&Spanned<[String; 3]>>) -> Result<[String; 3], RigError> {
+        let Some(written) = written else { return Ok(["x", "y", "z"].map(str::to_owned)) };
+        let parsed = written.get_ref().clone().map(|a| axis(&a));
+        let [Some(x), Some(y), Some(z)] = parsed else {
+            return Err(self.fault(written, "mount.axes: each must be x, y, z, -x, -y or -z"));
+        };
+        if (axes_matrix([x, y, z]).determinant() - 1.0).abs() > 1e-9 {
+            let what = "mount.axes are not a right-handed frame of three axes: a sensor cannot be mounted so";
+            return Err(self.fault(written, what));
+        }
+        Ok(written.get_ref().clone())
+    }
+
+    fn optional(&self, value: &Option<Spanned<f64>>, key: &str, low: f64, high: f64) -> Result<Option<f64>, RigError> {
+        value.as_ref().map(|v| self.within(v, key, low, high)).transpose()
+    }
+
+    fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, RigError> {
+        let v = *value.get_ref();
+        if (low..=high).contains(&v) {
+            return Ok(plain_zero(v));
+        }
+        Err(self.fault(value, format!("{key} = {v}: must be from {low} to {high}")))
+    }
+
+    fn one_of<T: Copy + std::fmt::Display>(
+        &self,
+        value: &Spanned<T>,
+        key: &str,
+        is_right: bool,
+        right: &str,
+    ) -> Result<T, RigError> {
+        let v = *value.get_ref();
+        if is_right { Ok(v) } else { Err(self.fault(value, format!("{key} = {v}: must be {right}"))) }
+    }
+
+    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> RigError {
+        fault(self.path, Some(line_of(self.text, at.span().start)), what)
+    }
+}
+
+/// From the units of the file to SI and radians.
+fn in_si(meant: Meant) -> Rig {
+    let bar = Bar {
+        length_m: meant.bar.length_m,
+        mount: meant.bar.mount,
+        azimuth_rad: meant.bar.azimuth_deg.map(f64::to_radians),
+        first_mode_hz: meant.bar.first_mode_hz,
+    };
+    let decoding = f64::from(meant.encoder.decoding);
+    Rig {
+        title: meant.title.clone(),
+        sensor: meant.sensor.clone(),
+        encoder: EncoderRule {
+            channel: meant.encoder.channel.clone(),
+            counts_per_rev: meant.encoder.counts_per_rev.map(|lines| f64::from(lines) * decoding),
+            decoding,
+            sign: meant.encoder.sign.map(f64::from),
+            zero_rad: meant.encoder.zero_deg.map(f64::to_radians),
+        },
+        site: Site {
+            latitude: meant.site.latitude_deg.map(f64::to_radians),
+            longitude: meant.site.longitude_deg.map(f64::to_radians),
+            height_m: meant.site.height_m,
+            date: meant.site.date.as_ref().and_then(|d| d.parse().ok()),
+            gravity_mps2: meant.site.gravity_mps2,
+            field: meant.site.field.rule(),
+        },
+        clock: ClockRule { shared: meant.clock.shared, anchor: meant.clock.anchor.clone(), stamps: meant.clock.stamps },
+        analysis: AnalysisRule {
+            search_s: meant.analysis.search_s.into(),
+            margin_s: meant.analysis.margin_ms.map(|ms| ms / 1e3),
+            drift: meant.analysis.drift,
+            inject_s: meant.analysis.inject_ms.iter().map(|ms| ms / 1e3).collect(),
+            inject_gain: meant.analysis.inject_gain,
+        },
+        card_valid_days: meant.card.valid_days,
+        mounts: meant.mount.iter().map(|m| (m.channels.clone(), mount_in_si(m, &bar))).collect(),
+        bar,
+        meant,
+    }
+}
+
+fn mount_in_si(meant: &MeantMount, bar: &Bar) -> Mount {
+    let on_bar = mount_on_bar(bar);
+    let sensor_axis = |k: usize| axis(&meant.axes[k]).unwrap_or((k, 1.0));
+    Mount {
+        lever_arm_m: meant.lever_arm_m.unwrap_or(on_bar.lever_arm_m),
+        arm_is_stated: meant.lever_arm_m.is_some(),
+        rotation_rad: meant.rotation_deg.map(f64::to_radians),
+        axes: [sensor_axis(0), sensor_axis(1), sensor_axis(2)],
+    }
+}
+
+/// `-y` is axis 1 turned round.
+fn axis(name: &str) -> Option<(usize, f64)> {
+    let (sign, letter) = name.strip_prefix('-').map_or((1.0, name), |rest| (-1.0, rest));
+    let index = ["x", "y", "z"].iter().position(|a| *a == letter)?;
+    Some((index, sign))
+}
+
+fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> RigError {
+    RigError { file: path.to_owned(), line, what: what.into() }
+}
+
+/// The parser's own complaint, in our words and with its line.
+fn from_toml(error: &toml::de::Error, text: &str, path: &Path) -> RigError {
+    let what = error.message().replace("unknown field", "unknown key").replace("missing field", "missing key");
+    fault(path, error.span().map(|s| line_of(text, s.start)), what)
+}
+
+fn line_of(text: &str, byte: usize) -> usize {
+    text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
+}
+
+/// Minus zero is zero, and shall not name another result.
+fn plain_zero(v: f64) -> f64 {
+    if v == 0.0 { 0.0 } else { v }
+}

@@ -1,0 +1,94 @@
+//! Gravity and magnetic field at the bench, and where each comes from.
+
+use crate::gravity::{STANDARD_GRAVITY_MPS2, normal_gravity};
+use crate::magnetic::{ModelField, decimal_year, model_field};
+use crate::rig::{FieldRule, Rig};
+use flight::{Flight, Geodetic, Notices, Quantity, Severity};
+use jiff::civil::Date;
+
+/// What the site does to the sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surroundings {
+    /// Gravity, m/s².
+    pub gravity_mps2: f64,
+    /// Where it comes from.
+    pub gravity_source: String,
+    /// Magnetic field north, east, down, T; `None` is to be fitted.
+    pub field_t: Option<[f64; 3]>,
+    /// Where it comes from, with the validity of the model.
+    pub field_source: String,
+    /// What the World Magnetic Model says, where site and date are known; to compare with.
+    pub model: Option<ModelField>,
+}
+
+/// The first fix of the first geodetic position that `flight` holds.
+#[must_use]
+pub fn place_of(flight: &Flight) -> Option<Geodetic> {
+    let channel = flight.channels.values().find(|c| c.quantity == Quantity::PositionGeodetic)?;
+    let first = |k: usize| channel.series.components().get(k).and_then(|c| c.first()).copied();
+    Some(Geodetic { latitude: first(0)?, longitude: first(1)?, height: first(2).unwrap_or(0.0) })
+}
+
+impl Surroundings {
+    /// From the rig, and from the log's own place and day where the rig leaves them out (a day of the log goes before
+    /// the rig's).
+    #[must_use]
+    pub fn of(rig: &Rig, log_place: Option<Geodetic>, log_day: Option<Date>) -> (Surroundings, Notices) {
+        let mut notices = Notices::new();
+        let place = stated_place(rig).or(log_place);
+        let (gravity_mps2, gravity_source) = gravity(rig, place, &mut notices);
+        let model = place.zip(log_day.or(rig.site.date)).map(|(p, day)| model_field(p, decimal_year(day)));
+        let (field_t, field_source) = field(rig, model.as_ref(), &mut notices);
+        (Surroundings { gravity_mps2, gravity_source, field_t, field_source, model }, notices)
+    }
+}
+
+fn stated_place(rig: &Rig) -> Option<Geodetic> {
+    let (latitude, longitude) = rig.site.latitude.zip(rig.site.longitude)?;
+    Some(Geodetic { latitude, longitude, height: rig.site.height_m })
+}
+
+fn gravity(rig: &Rig, place: Option<Geodetic>, notices: &mut Notices) -> (f64, String) {
+    if let Some(stated) = rig.site.gravity_mps2 {
+        return (stated, "rig file".to_owned());
+    }
+    let latitude_only = rig.site.latitude.map(|latitude| (latitude, rig.site.height_m));
+    match latitude_only.or(place.map(|p| (p.latitude, p.height))) {
+        Some((latitude, height)) => {
+            let from = if latitude_only.is_some() { "the rig file" } else { "the log's first fix" };
+            let source = format!("Somigliana at {:.4}°, {height:.0} m ({from})", latitude.to_degrees());
+            (normal_gravity(latitude, height), source)
+        }
+        None => {
+            let text =
+                "neither rig nor log says where the bench is: standard gravity 9.80665 m/s², wrong by up to 0.3 %";
+            notices.push(Severity::Warning, "gravity-assumed", "", 1, text);
+            (STANDARD_GRAVITY_MPS2, "assumed: standard gravity, for the site is not known".to_owned())
+        }
+    }
+}
+
+fn field(rig: &Rig, model: Option<&ModelField>, notices: &mut Notices) -> (Option<[f64; 3]>, String) {
+    match (rig.site.field, model) {
+        (FieldRule::Stated(field), _) => (Some(field), "rig file".to_owned()),
+        (FieldRule::Fit, _) => (None, "fitted to each axis of the magnetometer".to_owned()),
+        (FieldRule::Wmm, Some(model)) => {
+            if !model.is_valid {
+                let text = format!("{}: the field is extrapolated", validity(model));
+                notices.push(Severity::Warning, "field-model-expired", "", 1, text);
+            }
+            (Some(model.ned_t), validity(model))
+        }
+        (FieldRule::Wmm, None) => {
+            let text = "site.field = \"wmm\" needs site and day, and neither rig nor log has both: the field is fitted";
+            notices.push(Severity::Warning, "field-model-without-site", "", 1, text);
+            (None, "fitted: for the model, site or day is not known".to_owned())
+        }
+    }
+}
+
+fn validity(model: &ModelField) -> String {
+    let [from, to] = model.valid_years;
+    let outside = if model.is_valid { "" } else { ", and the day is outside" };
+    format!("{}, made for {from:.0} to {to:.0}{outside}", model.model)
+}

@@ -1,0 +1,154 @@
+//! Delayed, equivalent to zero, or inconclusive (design note 3.7).
+
+use record::Verdict;
+use signal::student_quantile;
+
+/// A test has this power at the minimum detectable delay.
+const POWER_FACTOR: f64 = 2.8;
+/// Probability above the upper end of a two-sided interval of 95 %.
+const TAIL_95: f64 = 0.975;
+/// And of 90 %: two one-sided tests at 5 %.
+const TAIL_90: f64 = 0.95;
+
+/// What is known of a delay before anything is said about it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Evidence {
+    /// Best value, s; positive is late.
+    pub(crate) delay_s: f64,
+    /// Standard uncertainty, s.
+    pub(crate) standard_uncertainty_s: f64,
+    /// Of it.
+    pub(crate) degrees_of_freedom: f64,
+    /// A delay within this is as good as none, s.
+    pub(crate) margin_s: f64,
+    /// Length of the record, s.
+    pub(crate) duration_s: f64,
+}
+
+/// A verdict with the numbers that made it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Judgement {
+    pub(crate) verdict: Verdict,
+    pub(crate) interval_95_s: [f64; 2],
+    /// Smallest delay shown with a power of 80 %, s.
+    pub(crate) minimum_detectable_s: f64,
+    /// Record length that would decide, s.
+    pub(crate) deciding_length_s: Option<f64>,
+    pub(crate) reason: String,
+}
+
+impl Evidence {
+    fn interval(&self, tail: f64) -> [f64; 2] {
+        let half = student_quantile(tail, self.degrees_of_freedom) * self.standard_uncertainty_s;
+        [self.delay_s - half, self.delay_s + half]
+    }
+
+    /// *Delayed* (or *early*) if the interval of 95 % excludes zero and a delay beyond the margin is not excluded;
+    /// *equivalent to zero* if that of 90 % lies within the margin, which is two one-sided tests at 5 %;
+    /// else *inconclusive*.
+    pub(crate) fn judge(&self) -> Judgement {
+        let [low, high] = self.interval(TAIL_95);
+        let [inner_low, inner_high] = self.interval(TAIL_90);
+        let equivalent = inner_low > -self.margin_s && inner_high < self.margin_s;
+        let significant = low > 0.0 || high < 0.0;
+        let minimum_detectable_s = POWER_FACTOR * self.standard_uncertainty_s;
+        let verdict = match (equivalent, significant) {
+            (true, _) => Verdict::EquivalentToZero,
+            (false, true) if self.delay_s > 0.0 => Verdict::Delayed,
+            (false, true) => Verdict::Early,
+            (false, false) => Verdict::Inconclusive,
+        };
+        let deciding_length_s = (verdict == Verdict::Inconclusive)
+            .then(|| self.duration_s * (minimum_detectable_s / self.margin_s).powi(2).max(1.0));
+        let reason = self.reason(verdict, significant, minimum_detectable_s, deciding_length_s);
+        Judgement { verdict, interval_95_s: [low, high], minimum_detectable_s, deciding_length_s, reason }
+    }
+
+    fn reason(&self, verdict: Verdict, significant: bool, detectable_s: f64, length_s: Option<f64>) -> String {
+        let [low, high] = self.interval(TAIL_95).map(millis);
+        let margin = millis(self.margin_s);
+        match verdict {
+            Verdict::Delayed => format!("late: the 95 % interval {low} to {high} ms excludes zero"),
+            Verdict::Early => format!(
+                "early: the 95 % interval {low} to {high} ms excludes zero; the value is stamped before it was true, or \
+                 the reference is late"
+            ),
+            Verdict::EquivalentToZero if significant => format!(
+                "{} ms differs from zero, but two one-sided tests put it within the margin of ±{margin} ms",
+                millis(self.delay_s)
+            ),
+            Verdict::EquivalentToZero => format!(
+                "two one-sided tests put the delay within the margin of ±{margin} ms; delays from {} ms on would have shown",
+                millis(detectable_s)
+            ),
+            Verdict::Inconclusive | Verdict::NotMeasurable => format!(
+                "the 95 % interval {low} to {high} ms holds zero and reaches beyond the margin of ±{margin} ms; this record \
+                 shows delays from {} ms on, {} s of the same swing would decide",
+                millis(detectable_s),
+                length_s.map_or_else(|| "more".to_owned(), |s| format!("{:.0}", s.ceil()))
+            ),
+        }
+    }
+}
+
+/// Milliseconds with as many digits as a delay deserves: three significant ones, at most to the microsecond.
+pub(crate) fn millis(seconds: f64) -> String {
+    let ms = seconds * 1e3;
+    let decimals = match ms.abs() {
+        m if m >= 100.0 => 1,
+        m if m >= 1.0 => 2,
+        _ => 3,
+    };
+    format!("{ms:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn verdict(delay_ms: f64, u_ms: f64, margin_ms: f64) -> Judgement {
+        Evidence {
+            delay_s: delay_ms * 1e-3,
+            standard_uncertainty_s: u_ms * 1e-3,
+            degrees_of_freedom: 1000.0,
+            margin_s: margin_ms * 1e-3,
+            duration_s: 60.0,
+        }
+        .judge()
+    }
+
+    #[test]
+    fn a_late_sensor_is_delayed_and_an_early_one_is_early() {
+        assert_eq!(verdict(400.0, 2.0, 5.0).verdict, Verdict::Delayed);
+        assert_eq!(verdict(-20.0, 2.0, 5.0).verdict, Verdict::Early);
+    }
+
+    #[test]
+    fn a_small_but_certain_delay_within_the_margin_is_equivalent_to_zero() {
+        let small = verdict(1.0, 0.1, 5.0);
+        assert_eq!(small.verdict, Verdict::EquivalentToZero);
+        assert!(small.reason.contains("differs from zero"), "{}", small.reason);
+    }
+
+    #[test]
+    fn the_two_one_sided_tests_turn_where_the_interval_of_90_percent_touches_the_margin() {
+        // 1.6464 is Student's 95 % quantile with 1000 degrees of freedom (tables).
+        assert_eq!(verdict(0.0, 5.0 / 1.6465, 5.0).verdict, Verdict::Inconclusive);
+        assert_eq!(verdict(0.0, 5.0 / 1.6463, 5.0).verdict, Verdict::EquivalentToZero);
+    }
+
+    #[test]
+    fn an_inconclusive_record_says_how_long_it_should_have_been() {
+        let unsure = verdict(1.0, 5.0, 5.0);
+        assert_eq!(unsure.verdict, Verdict::Inconclusive);
+        // T (2.8 se / margin)² = 60 · 2.8².
+        assert!((unsure.deciding_length_s.unwrap() - 60.0 * 2.8 * 2.8).abs() < 1e-9);
+        assert!((unsure.minimum_detectable_s - 0.014).abs() < 1e-12);
+        assert!(unsure.reason.contains("471"), "{}", unsure.reason);
+    }
+
+    #[test]
+    fn the_record_length_that_would_decide_is_never_shorter_than_the_record() {
+        assert!(verdict(3.9, 2.0, 5.0).deciding_length_s.is_none_or(|s| s >= 60.0));
+    }
+}

@@ -1,0 +1,12 @@
+//! Tests of the bench from outside.
+
+mod alignment;
+mod encoder;
+mod kinematics;
+mod magnetic;
+mod magnetometer;
+mod mount;
+mod probe;
+mod references;
+mod rig;
+mod support;

@@ -1,0 +1,164 @@
+//! Side of the pivot, lever arm, misalignment, scales and biases from the record.
+
+use crate::support::{LENGTH, Sensor, Swing, encoder_channel, everything, motion, rig};
+use bench_analysis::{Rig, Surroundings, align, flexibility, mount_finding};
+use flight::{Flight, Notices, Series};
+use record::{Estimate, Finding, MountCheck, MountFinding};
+use std::f64::consts::PI;
+
+fn found(swing: &Swing, sensor: &Flight, rig: &Rig) -> (MountFinding, Notices) {
+    let raw = motion(&encoder_channel(swing, 100.0, 2000.0, 1.0, 0.3), rig);
+    let (around, _) = Surroundings::of(rig, None, None);
+    let alignment = align(&raw, sensor, rig, &around);
+    let motion = raw.oriented(alignment.sign, alignment.zero_rad.value);
+    mount_finding(sensor, &motion, rig, &around, &alignment)
+}
+
+fn check<'a>(finding: &'a MountFinding, name: &str) -> &'a MountCheck {
+    let names: Vec<&str> = finding.checks.iter().map(|c| c.name.as_str()).collect();
+    finding.checks.iter().find(|c| c.name == name).unwrap_or_else(|| panic!("{name} is not in {names:?}"))
+}
+
+fn value(finding: &MountFinding, name: &str) -> Estimate {
+    *check(finding, name).fitted.found().unwrap()
+}
+
+/// Within four standard uncertainties, and these no larger than `most`.
+fn is(finding: &MountFinding, name: &str, truth: f64, most: f64) {
+    let e = value(finding, name);
+    let u = e.standard_uncertainty.unwrap();
+    assert!((e.value - truth).abs() < 4.0 * u && u < most, "{name}: {} ± {u}, true {truth}", e.value);
+}
+
+#[test]
+fn upright_hanging_and_upside_down_are_told_apart() {
+    let cases = [
+        (0.05, -LENGTH, "upright", "upright"),
+        (0.05, LENGTH, "hanging", "hanging"),
+        (PI + 0.05, -LENGTH, "upright", "hanging, sensor upside down"),
+    ];
+    for (middle, z, stated, expected) in cases {
+        let swing = Swing::by_hand(middle);
+        let sensor = everything(&swing, &Sensor { arm: [0.0, 0.0, z], ..Sensor::upright(0.5) });
+        let (finding, notices) = found(&swing, &sensor, &rig(&format!("mount = \"{stated}\""), "", ""));
+        assert_eq!(finding.detected, Finding::Found(expected.to_owned()));
+        assert_eq!(finding.stated, stated);
+        assert!(notices.is_empty(), "{notices:?}");
+    }
+}
+
+#[test]
+fn velocity_alone_tells_the_side_and_a_magnetometer_does_not() {
+    let swing = Swing::by_hand(0.05);
+    let mut sensor = everything(&swing, &Sensor { arm: [0.0, 0.0, LENGTH], ..Sensor::upright(0.5) });
+    sensor.channels.remove("specific-force.imu");
+    let (finding, _) = found(&swing, &sensor, &rig("mount = \"hanging\"", "", ""));
+    assert_eq!(finding.detected, Finding::Found("hanging".to_owned()));
+    sensor.channels.retain(|name, _| name.starts_with("magnetic"));
+    let (finding, _) = found(&swing, &sensor, &rig("mount = \"hanging\"", "", ""));
+    assert!(matches!(finding.detected, Finding::CannotTell(_)));
+}
+
+#[test]
+fn a_rig_that_has_the_sensor_on_the_wrong_side_is_told() {
+    let swing = Swing::by_hand(0.05);
+    let sensor = everything(&swing, &Sensor { arm: [0.0, 0.0, LENGTH], ..Sensor::upright(0.5) });
+    let (finding, notices) = found(&swing, &sensor, &rig("mount = \"upright\"", "", ""));
+    assert_eq!(finding.detected, Finding::Found("hanging".to_owned()));
+    assert_eq!(check(&finding, "lever arm z of specific-force.imu").agrees, Some(false));
+    let codes: Vec<&str> = notices.iter().map(|n| n.code.as_str()).collect();
+    assert!(codes.contains(&"mount-side-differs") && codes.contains(&"mount-differs"), "{codes:?}");
+}
+
+#[test]
+fn a_well_mounted_sensor_agrees_with_its_rig_in_every_check() {
+    let swing = Swing::by_hand(0.05);
+    let (finding, notices) = found(&swing, &everything(&swing, &Sensor::upright(0.5)), &rig("", "", ""));
+    for check in &finding.checks {
+        assert_ne!(check.agrees, Some(false), "{check:?}");
+    }
+    assert!(notices.is_empty(), "{notices:?}");
+    // Design note 1.6: sigma_f/(rms(ξ″) √N) = 0.05/(6 √4000) = 0.13 mm.
+    is(&finding, "lever arm z of specific-force.imu", -LENGTH, 2e-3);
+    is(&finding, "lever arm x of specific-force.imu", 0.0, 2e-3);
+    is(&finding, "scale of specific-force.imu", 1.0, 2e-3);
+    is(&finding, "scale y of angular-rate.imu", 1.0, 1e-3);
+    is(&finding, "distance from the axis by velocity.ins", LENGTH, 5e-3);
+}
+
+/// Lever arm off the axis, misalignment about all axes, biases and a scale.
+#[test]
+fn what_is_wrong_with_a_sensor_is_found_with_its_size() {
+    let swing = Swing::by_hand(0.05);
+    let (roll, yaw) = (0.03, -0.05);
+    let sensor = Sensor { arm: [0.06, 0.0, -1.25], turned: [roll, 0.0, yaw], ..Sensor::upright(0.5) };
+    let mut flight = everything(&swing, &sensor);
+    let change = |flight: &mut Flight, name: &str, by: &dyn Fn(usize, f64) -> f64| {
+        let channel = flight.channels.get_mut(name).unwrap();
+        let changed = (channel.series.components().iter().enumerate())
+            .map(|(k, c)| c.iter().map(|v| by(k, *v)).collect())
+            .collect();
+        channel.series = Series::new(channel.series.timeline().clone(), changed).unwrap();
+    };
+    let bias = [0.2, -0.1, 0.15];
+    change(&mut flight, "specific-force.imu", &|k, v| v + bias[k]);
+    change(&mut flight, "angular-rate.imu", &|k, v| 1.02 * v + [0.01, -0.02, 0.005][k]);
+    let (finding, notices) = found(&swing, &flight, &rig("", "", ""));
+    // Small angles: second-order terms of 0.03 · 0.05 and cos of each are 2 mrad and 2 ‰.
+    let near = |name: &str, truth: f64, tolerance: f64| {
+        let e = value(&finding, name);
+        assert!((e.value - truth).abs() < tolerance, "{name}: {e:?}, true {truth}");
+    };
+    near("lever arm x of specific-force.imu", 0.06, 5e-3);
+    near("lever arm z of specific-force.imu", -1.25, 5e-3);
+    near("misalignment about z of angular-rate.imu", 1.02 * yaw, 3e-3);
+    near("misalignment about x of angular-rate.imu", 1.02 * roll, 3e-3);
+    near("misalignment about z of specific-force.imu", yaw, 4e-3);
+    near("misalignment about x of specific-force.imu", roll, 4e-3);
+    near("scale y of angular-rate.imu", 1.02, 3e-3);
+    near("bias x of angular-rate.imu", 0.01, 1e-3);
+    near("bias y of angular-rate.imu", -0.02, 1e-3);
+    near("bias x of specific-force.imu", 0.2, 0.03);
+    near("bias z of specific-force.imu", 0.15, 0.03);
+    let told = notices.iter().find(|n| n.code == "mount-differs").unwrap();
+    for name in ["lever arm x", "lever arm z", "misalignment about z"] {
+        assert!(told.text.contains(name), "{}", told.text);
+    }
+}
+
+fn gain(value: f64, u: f64) -> Estimate {
+    Estimate { value, standard_uncertainty: Some(u) }
+}
+
+#[test]
+fn gains_of_a_bending_bar_give_its_first_mode() {
+    // 4 Hz bar at 0.55 Hz with a light tip: Γ = 1.06, κ = 1.45.
+    let (p, _) = bench_analysis::bending_response(0.55, 4.0, 0.02, 1.06);
+    let (r, _) = bench_analysis::bending_response(0.55, 4.0, 0.02, 1.06 * 1.45);
+    let found = flexibility(&[gain(p, 4e-4), gain(p, 6e-4)], &[gain(r, 3e-4)], 0.55, Some(4.0));
+    let found = found.found().unwrap();
+    let mode = found.first_mode_hz.found().unwrap();
+    assert!((mode.value - 4.0).abs() < 2.0 * mode.standard_uncertainty.unwrap(), "{mode:?}");
+    assert!(mode.standard_uncertainty.unwrap() < 0.15, "{mode:?}");
+    let ratio = found.ratio.found().unwrap();
+    assert!((ratio.value - 1.45).abs() < 0.01 && found.text.contains("bends"), "{found:?}");
+}
+
+#[test]
+fn a_scale_error_is_not_taken_for_bending() {
+    let found = flexibility(&[gain(1.02, 5e-4)], &[gain(1.02, 5e-4)], 0.55, None);
+    let found = found.found().unwrap();
+    assert!(found.text.contains("scale"), "{}", found.text);
+    assert!(matches!(found.first_mode_hz, Finding::CannotTell(_)));
+}
+
+#[test]
+fn a_stiff_bar_says_which_bars_it_can_exclude() {
+    let found = flexibility(&[gain(1.0002, 5e-4)], &[gain(0.9998, 3e-4)], 0.55, None);
+    let found = found.found().unwrap();
+    assert!(matches!(&found.ratio, Finding::CannotTell(_)));
+    // Three standard uncertainties of 3e-4 against κΓ (0.55/f)²: f = 0.55 √(1.54/9e-4) = 22.7 Hz.
+    let Finding::CannotTell(why) = &found.first_mode_hz else { panic!("{found:?}") };
+    assert!(why.contains("22.7 Hz") || why.contains("22.8 Hz"), "{why}");
+    assert!(matches!(flexibility(&[], &[gain(1.0, 1e-3)], 0.55, None), Finding::CannotTell(_)));
+}

@@ -1,0 +1,204 @@
+//! The bench: records of a swing in, a sensor card and pages out.
+//!
+//! [`bench_run`] reads every log once, finds out by what binds which log holds the encoder and which the sensor, lets
+//! `bench_analysis` measure each record, and combines them into one card. It is quick enough to be done anew each
+//! time, so that nothing of an earlier run is used.
+
+mod logs;
+mod output;
+mod pair;
+mod rigs;
+mod study;
+
+use crate::error::{CampaignError, Exit};
+use crate::event::Event;
+use crate::lock::OutputLock;
+use crate::logs::Library;
+use crate::manifest::FLIGHTLAG_VERSION;
+use crate::plan::{Desk, check_out, refuse_other_kind};
+use crate::store::Store;
+use crate::task::caught;
+use crate::work::Workers;
+use bench_analysis::{CardTerms, Rig, combine, identity_conflict};
+use flight::{Notices, Severity};
+use logs::ReadLog;
+use pair::Swing;
+use record::{BenchOutcome, BenchRecord, CardChannel, SensorCard};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
+pub const BENCH_ANALYSIS_VERSION: u32 = 1;
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BenchOrder {
+    /// Logs, and folders of logs: encoder and sensor in one, or in two that lie together.
+    pub records: Vec<PathBuf>,
+    /// Log of the encoder, if `records` is one log without it.
+    pub encoder: Option<PathBuf>,
+    /// Rig file for all records; without it, the one beside each record.
+    pub rig: Option<PathBuf>,
+    /// Output folder.
+    pub out: PathBuf,
+    /// Name of the channel map that every log is read with.
+    pub forced_map: Option<String>,
+    /// Folder with further channel maps.
+    pub maps_folder: Option<PathBuf>,
+    /// Where the card is written besides.
+    pub card: Option<PathBuf>,
+    /// Command that makes the report again, with names instead of paths, for the pages.
+    pub command: String,
+}
+
+/// What became of one record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BenchRow {
+    /// The name people know.
+    pub name: String,
+    /// What came of it.
+    pub outcome: BenchOutcome,
+    /// Bytes or messages were lost.
+    pub lossy: bool,
+}
+
+/// How a bench run ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BenchVerdict {
+    /// Every record, in the order of the pages.
+    pub rows: Vec<BenchRow>,
+    /// The card; `None` if nothing was measured.
+    pub card: Option<SensorCard>,
+    /// Its file, below the output folder.
+    pub card_file: Option<PathBuf>,
+    /// What must be said of the records behind the card.
+    pub notices: Notices,
+    /// The page to open.
+    pub page: PathBuf,
+}
+
+impl BenchVerdict {
+    /// 0 if every record was read whole and measured, 3 if some failed or lost data.
+    #[must_use]
+    pub fn exit(&self) -> Exit {
+        let whole = |row: &BenchRow| row.outcome == BenchOutcome::Measured && !row.lossy;
+        if self.card.is_some() && self.rows.iter().all(whole) { Exit::Well } else { Exit::Incomplete }
+    }
+
+    /// The channels of the card.
+    #[must_use]
+    pub fn channels(&self) -> &[CardChannel] {
+        self.card.as_ref().map(|card| card.channels.as_slice()).unwrap_or_default()
+    }
+}
+
+/// A record with its name and the folder of its page.
+struct Measured {
+    name: String,
+    slug: String,
+    record: BenchRecord,
+}
+
+/// Measures records of one sensor and writes card and pages. The bytes do not depend on the number of threads.
+///
+/// # Errors
+/// See [`CampaignError`]: no log where one should be, a wrong rig file, records of different sensors, an output that
+/// cannot be written. A record that cannot be read or measured is none: it is a row of the table.
+pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
+    let clock = (jiff::Timestamp::now(), Instant::now());
+    for input in order.records.iter().chain(&order.encoder) {
+        check_out(input, &order.out)?;
+    }
+    refuse_other_kind(&order.out, ".flightlag/state.json", "a campaign")?;
+    let library = Library::open(order.maps_folder.as_deref(), order.forced_map.as_deref())?;
+    let sources = logs::find(order, &library)?;
+    let shared_rig = order.rig.as_deref().map(Rig::read).transpose()?;
+
+    let store = Store::open(&order.out)?;
+    let _lock = OutputLock::take(&store, desk.events)?;
+    store.clean();
+    let logs = logs::read(&sources, &library, order.forced_map.as_deref(), desk)?;
+    let swings = pair::pair(&logs, order.encoder.is_some());
+    let rigs = rigs::of(&swings, &logs, shared_rig)?;
+    one_sensor(&swings, &rigs)?;
+    let measured = measure(&swings, &rigs, &logs, desk)?;
+    let valid_days = rigs.iter().filter_map(|rig| rig.card_valid_days).min();
+    let verdict = carded(order, measured, valid_days, &store)?;
+    output::write_run(&store, desk, clock, &verdict)?;
+    desk.tell(Event::Carded {
+        sensor: rigs.first().map(|rig| bench_analysis::sensor_name(&rig.sensor)).unwrap_or_default(),
+        card: verdict.card_file.as_ref().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned())),
+        channels: verdict.channels().to_vec(),
+    });
+    Ok(verdict)
+}
+
+/// A card is of one sensor; that the rig files are of two is known before anything is measured.
+fn one_sensor(swings: &[Swing], rigs: &[Rig]) -> Result<(), CampaignError> {
+    for (i, (swing, rig)) in swings.iter().zip(rigs).enumerate() {
+        let before = swings.iter().zip(rigs).take(i);
+        let conflict = before.filter_map(|(s, r)| Some((s, identity_conflict(&r.sensor, &rig.sensor)?))).next();
+        if let Some((other, conflict)) = conflict {
+            let (other, this) = (&other.name, &swing.name);
+            let what = format!("{other} and {this} are of different sensors by their rig files: {conflict}");
+            return Err(CampaignError::Asked(format!("{what}; give the records of one sensor")));
+        }
+    }
+    Ok(())
+}
+
+fn measure(swings: &[Swing], rigs: &[Rig], logs: &[ReadLog], desk: &Desk<'_>) -> Result<Vec<Measured>, CampaignError> {
+    let slugs = crate::slug::slugs(swings.iter().map(|s| s.name.as_str()));
+    desk.tell(Event::Measuring { records: swings.len() });
+    let work: Vec<(&Swing, &Rig)> = swings.iter().zip(rigs).collect();
+    let one = |(): &mut (), (swing, rig): &(&Swing, &Rig)| {
+        let record = caught(|| study::record_of(swing, rig, logs))
+            .unwrap_or_else(|panic| study::defect(swing, rig, logs, &panic));
+        desk.tell(Event::Measured {
+            record: swing.name.clone(),
+            outcome: study::outcome_name(&record.outcome),
+            reason: study::outcome_reason(&record.outcome),
+            lossy: record.notices.any_loss(),
+        });
+        let slug = slugs.get(&swing.name).cloned().unwrap_or_default();
+        Measured { name: swing.name.clone(), slug, record }
+    };
+    let measured = Workers::start(desk.threads)?.each(&work, desk.cancel, || (), one);
+    desk.stopped()?;
+    Ok(measured.into_iter().flatten().collect())
+}
+
+/// Combines the records, and writes everything.
+fn carded(
+    order: &BenchOrder,
+    measured: Vec<Measured>,
+    valid_days: Option<u32>,
+    store: &Store,
+) -> Result<BenchVerdict, CampaignError> {
+    let named: Vec<(String, BenchRecord)> = measured.iter().map(|m| (m.name.clone(), m.record.clone())).collect();
+    let is_measured = |(_, record): &(String, BenchRecord)| record.outcome == BenchOutcome::Measured;
+    let terms = CardTerms { valid_days, flightlag_version: FLIGHTLAG_VERSION };
+    let mut notices = Notices::new();
+    let card = match named.iter().any(is_measured).then(|| combine(&named, &terms)) {
+        Some(Ok(combined)) => {
+            notices = combined.notices;
+            Some(combined.card)
+        }
+        Some(Err(why)) => {
+            notices.push(Severity::Warning, "no-card", "", 1, why.to_string());
+            None
+        }
+        None => None,
+    };
+    let card_file = output::write(store, order, &measured, card.as_ref(), &notices)?;
+    let row = |m: &Measured| BenchRow {
+        name: m.name.clone(),
+        outcome: m.record.outcome.clone(),
+        lossy: m.record.notices.any_loss(),
+    };
+    let page = store.root().join("index.html");
+    Ok(BenchVerdict { rows: measured.iter().map(row).collect(), card, card_file, notices, page })
+}
+
+#[cfg(test)]
+mod tests;

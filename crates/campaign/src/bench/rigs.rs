@@ -1,0 +1,46 @@
+//! The rig of each record: one for all, or the file beside it.
+
+use super::logs::ReadLog;
+use super::pair::Swing;
+use crate::error::CampaignError;
+use bench_analysis::Rig;
+use std::path::{Path, PathBuf};
+
+const ENDING: &str = ".rig.toml";
+
+/// The rig of every record.
+pub(super) fn of(swings: &[Swing], logs: &[ReadLog], shared: Option<Rig>) -> Result<Vec<Rig>, CampaignError> {
+    match shared {
+        Some(rig) => Ok(vec![rig; swings.len()]),
+        None => swings.iter().map(|swing| Ok(Rig::read(&beside(swing, logs)?)?)).collect(),
+    }
+}
+
+/// The rig file beside a record: called like the record, like a log of it, or alone in the folder.
+fn beside(swing: &Swing, logs: &[ReadLog]) -> Result<PathBuf, CampaignError> {
+    let mut tried = vec![];
+    for log in swing.logs().into_iter().filter_map(|i| logs.get(i)) {
+        let folder = log.source.folder();
+        let stems = [log.source.stem(), swing.stem.clone()];
+        tried.extend(stems.iter().map(|stem| folder.join(format!("{stem}{ENDING}"))));
+        // A folder that is a record may have its rig file beside it.
+        if let (Some(parent), Some(name)) = (folder.parent(), folder.file_name()) {
+            tried.push(parent.join(format!("{}{ENDING}", name.to_string_lossy())));
+        }
+        tried.extend(only_one(&folder));
+    }
+    if let Some(found) = tried.iter().find(|path| path.is_file()) {
+        return Ok(found.clone());
+    }
+    let looked_for = tried.first().map(|p| p.display().to_string()).unwrap_or_default();
+    let what = format!("{}: no rig file: give --rig FILE, or put one beside it ({looked_for})", swing.name);
+    Err(CampaignError::Asked(what))
+}
+
+/// The rig file of a folder that holds just one.
+fn only_one(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).ok()?.flatten().map(|e| e.path());
+    let is_rig = |p: &PathBuf| p.file_name().is_some_and(|n| n.to_string_lossy().ends_with(ENDING));
+    let rigs: Vec<PathBuf> = entries.filter(is_rig).collect();
+    if let [only] = rigs.as_slice() { Some(only.clone()) } else { None }
+}

@@ -1,0 +1,271 @@
+use super::*;
+use crate::bench::logs::Source;
+use crate::bench::pair::MadeOf;
+use flight::{Binding, Channel, ChannelSource, Clock, Flight, LogHealth, Quantity, Series, Stamp, StampKind, Timeline};
+use ingest::{FlightUnit, Loaded, LogKind};
+use record::Verdict;
+use simulate::{
+    BenchChannel, BenchSettings, Container, LogFile, McapSettings, RigText, SimulatedBench, simulate_bench,
+};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+const MCAP: fn() -> Container = || Container::Mcap(McapSettings::default());
+
+// --- which logs make a record ---
+
+/// A log of this name that holds channels of these quantities; none if it could not be read.
+fn log(id: &str, folder: &str, quantities: Option<&[Quantity]>) -> ReadLog {
+    let unit = FlightUnit { id: id.into(), files: vec![Path::new(folder).join(id)], kind: LogKind::Mcap };
+    let source = Source { unit, neighbourhood: folder.into(), is_stated_encoder: false };
+    let loaded = quantities.ok_or_else(|| "cut off".to_owned()).map(|quantities| Loaded {
+        flight: flight(quantities),
+        health: LogHealth::default(),
+        binding: Ok(Binding { map: "m".into(), why: String::new(), channels: vec![], others: vec![] }),
+    });
+    ReadLog { source, inputs: vec![], loaded }
+}
+
+fn flight(quantities: &[Quantity]) -> Flight {
+    let channel = |quantity: Quantity| {
+        let timeline = Timeline::new(StampKind::Measured, Clock::Unix, vec![Stamp(0), Stamp(1)]).unwrap();
+        let columns = quantity.components().iter().map(|_| vec![0.0, 1.0]).collect();
+        Channel {
+            quantity,
+            series: Series::new(timeline, columns).unwrap(),
+            present: quantity.components().iter().map(|_| true).collect(),
+            other_stamps: vec![],
+            held: vec![false; 2],
+            source: ChannelSource { topic: "t".into(), type_name: String::new(), fields: vec![] },
+        }
+    };
+    let channels = quantities.iter().enumerate().map(|(i, &q)| (format!("c{i}"), channel(q)));
+    Flight { channels: channels.collect(), notices: Notices::new() }
+}
+
+const ENCODER: Option<&[Quantity]> = Some(&[Quantity::EncoderCount, Quantity::Pulse]);
+const SENSOR: Option<&[Quantity]> = Some(&[Quantity::VelocityNed]);
+const BOTH: Option<&[Quantity]> = Some(&[Quantity::EncoderAngle, Quantity::VelocityNed]);
+
+fn paired(logs: &[ReadLog]) -> Vec<(String, MadeOf)> {
+    pair::pair(logs, false).into_iter().map(|s| (s.name, s.made_of)).collect()
+}
+
+#[test]
+fn an_encoder_and_a_sensor_in_one_folder_are_a_record_and_a_log_with_both_is_one_alone() {
+    let logs = [log("a.mcap", "d", BOTH), log("x.csv", "d", SENSOR), log("y.csv", "d", ENCODER)];
+    assert_eq!(
+        paired(&logs),
+        [("a.mcap".to_owned(), MadeOf::One(0)), ("y.csv + x.csv".to_owned(), MadeOf::Two { encoder: 2, sensor: 1 }),]
+    );
+}
+
+#[test]
+fn of_several_pairs_those_belong_together_whose_names_begin_alike_or_whose_folder_is_one() {
+    let logs = [
+        log("run-1-encoder.csv", "d", ENCODER),
+        log("run-1-imu.mcap", "d", SENSOR),
+        log("run-2-encoder.csv", "d", ENCODER),
+        log("run-2-imu.mcap", "d", SENSOR),
+        log("s3/enc.csv", "d/s3", ENCODER),
+        log("s3/imu.mcap", "d/s3", SENSOR),
+    ];
+    let two = |encoder, sensor| MadeOf::Two { encoder, sensor };
+    let expected = [("run-1", two(0, 1)), ("run-2", two(2, 3)), ("s3", two(4, 5))];
+    assert_eq!(paired(&logs), expected.map(|(name, made_of)| (name.to_owned(), made_of)));
+}
+
+#[test]
+fn logs_that_cannot_be_paired_are_named_and_none_is_guessed() {
+    let logs = [log("a.csv", "d", ENCODER), log("b.csv", "d", ENCODER), log("c.mcap", "d", SENSOR)];
+    let found = paired(&logs);
+    assert_eq!(found.len(), 3);
+    for (_, made_of) in found {
+        let MadeOf::Nothing { reason, .. } = made_of else { panic!("{made_of:?}") };
+        assert!(reason.contains("2 logs of encoders and 1 of sensors"), "{reason}");
+    }
+    let alone = paired(&[log("c.mcap", "d", SENSOR)]);
+    assert!(matches!(&alone[0].1, MadeOf::Nothing { reason, .. } if reason.contains("give --encoder")), "{alone:?}");
+}
+
+#[test]
+fn an_encoder_whose_only_companion_cannot_be_read_is_part_of_that_failure() {
+    let found = paired(&[log("enc.csv", "d", ENCODER), log("imu.mcap", "d", None)]);
+    assert_eq!(
+        found,
+        [("enc.csv + imu.mcap".to_owned(), MadeOf::Nothing { logs: vec![0, 1], reason: "cut off".into() })]
+    );
+}
+
+#[test]
+fn records_of_different_folders_with_one_name_are_told_apart() {
+    let names: Vec<String> =
+        paired(&[log("a.mcap", "d1", BOTH), log("a.mcap", "d2", BOTH)]).into_iter().map(|p| p.0).collect();
+    assert_eq!(names, ["a.mcap", "a.mcap~2"]);
+}
+
+// --- the whole, on simulated records ---
+
+/// Velocity 20 ms late, 12 s of swing.
+fn simulated(seed: u64) -> SimulatedBench {
+    let velocity = BenchSettings::default().sensor[&BenchChannel::VelocityIns].clone().late(0.02);
+    let settings = BenchSettings { seed, swing_s: 12.0, rest_s: [2.0, 2.0], ..BenchSettings::default() };
+    simulate_bench(&settings.only(&[BenchChannel::VelocityIns]).with(BenchChannel::VelocityIns, velocity)).unwrap()
+}
+
+fn put(folder: &Path, files: Vec<LogFile>) {
+    for file in files {
+        let path = folder.join(file.path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, file.bytes).unwrap();
+    }
+}
+
+fn rig(bench: &SimulatedBench, serial: &str) -> String {
+    bench.rig_text(&RigText { model: "M".into(), serial: serial.into(), to_be_fitted: false })
+}
+
+/// A folder with one record in one log and one in two, and a rig for both.
+fn bench() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, two) = (simulated(1), simulated(2));
+    put(&folder.path().join("logs"), one.files(MCAP(), "one").unwrap());
+    put(&folder.path().join("logs/pair"), two.encoder_files(Container::CsvWide, "enc").unwrap());
+    put(&folder.path().join("logs/pair"), two.sensor_files(MCAP(), "imu").unwrap());
+    std::fs::write(folder.path().join("m.rig.toml"), rig(&one, "1")).unwrap();
+    folder
+}
+
+fn order(folder: &Path, records: &[&str], out: &str) -> BenchOrder {
+    BenchOrder {
+        records: records.iter().map(|r| folder.join(r)).collect(),
+        encoder: None,
+        rig: Some(folder.join("m.rig.toml")),
+        out: folder.join(out),
+        forced_map: None,
+        maps_folder: None,
+        card: None,
+        command: "flightlag bench logs --out REPORT".into(),
+    }
+}
+
+fn go(order: &BenchOrder, threads: usize) -> Result<BenchVerdict, CampaignError> {
+    let quiet = |_: &Event| {};
+    bench_run(order, &Desk { threads, cancel: &AtomicBool::new(false), events: &quiet })
+}
+
+/// Every file below a folder but `run.json` and what is ours alone.
+fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(path) = open.pop() {
+        for entry in std::fs::read_dir(path).unwrap().map(|e| e.unwrap().path()) {
+            let name = entry.strip_prefix(folder).unwrap().to_string_lossy().into_owned();
+            match entry.is_dir() {
+                true if name != ".flightlag" => open.push(entry),
+                false if name != "run.json" => drop(found.insert(name, std::fs::read(&entry).unwrap())),
+                _ => {}
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn two_records_make_a_card_with_the_simulated_delay_and_the_same_bytes_with_any_number_of_threads() {
+    let folder = bench();
+    let verdict = go(&order(folder.path(), &["logs"], "out-1"), 1).unwrap();
+    let names: Vec<&str> = verdict.rows.iter().map(|r| r.name.as_str()).collect();
+    assert_eq!(names, ["one.mcap", "pair"]);
+    assert_eq!(verdict.exit(), Exit::Well, "{:?}", verdict.rows);
+    let [velocity] = verdict.channels() else { panic!("{:?}", verdict.card) };
+    assert_eq!((velocity.name.as_str(), velocity.verdict), ("velocity.ins", Verdict::Delayed));
+    // 99.99 % of a Gaussian: this is about the way of the number, not about its quality.
+    let off = (velocity.delay_s - 0.02).abs() / velocity.delay_standard_uncertainty_s;
+    assert!(off < 4.0, "{velocity:?}");
+
+    let card_file = verdict.card_file.unwrap();
+    assert_eq!(card_file.file_name().unwrap(), "m-1.card.toml");
+    let text = std::fs::read_to_string(&card_file).unwrap();
+    assert_eq!(bench_analysis::parse_card(&text, &card_file).unwrap(), verdict.card.unwrap());
+
+    go(&order(folder.path(), &["logs"], "out-2"), 2).unwrap();
+    let (a, b) = (content(&folder.path().join("out-1")), content(&folder.path().join("out-2")));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    assert!(a == b, "bytes differ");
+    assert!(a.contains_key("index.html") && a.contains_key("records/pair/record.json"), "{:?}", a.keys());
+}
+
+#[test]
+fn a_record_without_a_number_is_a_row_of_its_own_and_no_card_is_made_of_nothing() {
+    let folder = bench();
+    let mut asked = order(folder.path(), &["logs/pair/imu.mcap"], "out");
+    asked.card = Some(folder.path().join("copy.card.toml"));
+    let verdict = go(&asked, 1).unwrap();
+    assert!(matches!(&verdict.rows[0].outcome, BenchOutcome::Failed { reason } if reason.contains("--encoder")));
+    assert_eq!((verdict.exit(), verdict.card_file), (Exit::Incomplete, None));
+    assert!(verdict.page.exists() && !folder.path().join("copy.card.toml").exists());
+
+    asked.encoder = Some(folder.path().join("logs/pair/enc.csv"));
+    let verdict = go(&asked, 1).unwrap();
+    assert_eq!(verdict.exit(), Exit::Well, "{:?}", verdict.rows);
+    let copy = std::fs::read(folder.path().join("copy.card.toml")).unwrap();
+    assert_eq!(copy, std::fs::read(verdict.card_file.unwrap()).unwrap());
+}
+
+#[test]
+fn what_an_earlier_run_left_goes_and_what_is_not_ours_stays() {
+    let folder = bench();
+    go(&order(folder.path(), &["logs/one.mcap"], "out"), 1).unwrap();
+    let out = folder.path().join("out");
+    std::fs::write(out.join("records/one.mcap/notes.txt"), "mine").unwrap();
+    std::fs::write(out.join("records/one.mcap/figures/old.svg"), "an earlier figure").unwrap();
+    std::fs::write(folder.path().join("m.rig.toml"), rig(&simulated(1), "2")).unwrap();
+    go(&order(folder.path(), &["logs/pair"], "out"), 1).unwrap();
+    let names: Vec<String> = content(&out).into_keys().filter(|n| !n.contains("figures/")).collect();
+    let pages = ["records/one.mcap/notes.txt", "records/pair/index.html", "records/pair/record.json"];
+    assert_eq!(names[..2], ["index.html", "m-2.card.toml"]);
+    assert_eq!(names[2..], pages);
+    assert!(!out.join("records/one.mcap/figures").exists());
+}
+
+#[test]
+fn what_cannot_be_asked_for_is_refused_before_anything_is_measured() {
+    let folder = bench();
+    let path = folder.path();
+    let refused = |order: &BenchOrder, says: &str| {
+        let error = go(order, 1).unwrap_err();
+        assert_eq!(error.exit(), Exit::Wrong, "{error}");
+        assert!(error.to_string().contains(says), "{error}");
+    };
+    refused(&BenchOrder { rig: None, ..order(path, &["logs"], "out") }, "no rig file");
+    std::fs::write(path.join("logs/one.rig.toml"), rig(&simulated(1), "1")).unwrap();
+    std::fs::write(path.join("logs/pair/any.rig.toml"), rig(&simulated(1), "2")).unwrap();
+    refused(
+        &BenchOrder { rig: None, ..order(path, &["logs"], "out") },
+        "different sensors by their rig files: serial `1` and `2`",
+    );
+    std::fs::write(path.join("bad.rig.toml"), "schema = 1\ncolour = 2\n").unwrap();
+    refused(&BenchOrder { rig: Some(path.join("bad.rig.toml")), ..order(path, &["logs"], "out") }, "bad.rig.toml:");
+    refused(&order(path, &["logs"], "logs/out"), "must not hold one another");
+    refused(&order(path, &["nothing"], "out"), "nothing");
+    let two = BenchOrder { encoder: Some(path.join("logs/pair/enc.csv")), ..order(path, &["logs"], "out") };
+    refused(&two, "--encoder is for one log");
+    std::fs::create_dir_all(path.join("old/.flightlag")).unwrap();
+    std::fs::write(path.join("old/.flightlag/lock"), "").unwrap();
+    std::fs::write(path.join("old/.flightlag/state.json"), "{}").unwrap();
+    refused(&order(path, &["logs"], "old"), "holds the report of a campaign");
+}
+
+#[test]
+fn each_record_takes_the_rig_file_beside_it() {
+    let folder = bench();
+    let path = folder.path();
+    std::fs::write(path.join("logs/one.rig.toml"), rig(&simulated(1), "1")).unwrap();
+    std::fs::write(path.join("logs/pair.rig.toml"), rig(&simulated(1), "1").replace("Simulated bench", "Another"))
+        .unwrap();
+    let verdict = go(&BenchOrder { rig: None, ..order(path, &["logs"], "out") }, 2).unwrap();
+    assert_eq!(verdict.exit(), Exit::Well, "{:?}", verdict.rows);
+    assert_eq!(verdict.card.unwrap().rig, "Another; Simulated bench");
+}

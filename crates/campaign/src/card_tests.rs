@@ -1,0 +1,141 @@
+//! A simulated flight whose delay comes from a sensor card.
+
+use crate::config::Pipeline;
+use crate::event::Event;
+use crate::manifest::Why;
+use crate::plan::{Desk, Order};
+use crate::run::run;
+use bench_analysis::{card_text, parse_card};
+use record::{CampaignRecord, FlightRecord, Outcome, SensorCard, Verdict};
+use simulate::{Container, FlightSettings, McapSettings};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+
+/// A folder with a flight of 2026-05-04, its position 0.4 s late at 5 Hz, and a pipeline beside a card.
+struct Case {
+    folder: tempfile::TempDir,
+}
+
+impl Case {
+    fn new(change: impl FnOnce(&mut SensorCard)) -> Case {
+        let folder = tempfile::tempdir().unwrap();
+        let flight = simulate::simulate(&FlightSettings { duration_s: 60.0, ..FlightSettings::default() }).unwrap();
+        let case = Case { folder };
+        std::fs::create_dir(case.path("flights")).unwrap();
+        for file in Container::Mcap(McapSettings::default()).files(&flight, "f").unwrap() {
+            std::fs::write(case.path("flights").join(file.path), file.bytes).unwrap();
+        }
+        std::fs::write(case.path("p.toml"), "schema = 1\n[delay]\ncard = \"m.card.toml\"\n").unwrap();
+        case.write_card(change);
+        case
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write_card(&self, change: impl FnOnce(&mut SensorCard)) {
+        let mut card = parse_card(&crate::delay::tests::example_card("1", "2026-02-03"), Path::new("c")).unwrap();
+        card.channels[0].update_rate_hz = Some(5.0);
+        card.channels[1].name = "velocity.gps".into();
+        change(&mut card);
+        std::fs::write(self.path("m.card.toml"), card_text(&card)).unwrap();
+    }
+
+    /// Runs the campaign; gives its record and that of the flight, and why it was read, if it was.
+    fn run(&self) -> (CampaignRecord, FlightRecord, Vec<Why>) {
+        let why = Mutex::new(vec![]);
+        let listener = |event: &Event| {
+            if let Event::Started { why: reasons, .. } = event {
+                why.lock().unwrap().extend(reasons.clone());
+            }
+        };
+        let order = Order {
+            flights: self.path("flights"),
+            out: self.path("out"),
+            pipeline: Pipeline::read(&self.path("p.toml")).unwrap(),
+            verify: false,
+            command: "c".into(),
+        };
+        run(&order, &Desk { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
+        let read = |name: &str| std::fs::read(self.path("out").join(name)).unwrap();
+        let flight = serde_json::from_slice(&read("flights/f.mcap/record.json")).unwrap();
+        (serde_json::from_slice(&read("campaign.json")).unwrap(), flight, why.into_inner().unwrap())
+    }
+}
+
+fn codes(record: &FlightRecord) -> Vec<&str> {
+    record.notices.iter().map(|n| n.code.as_str()).filter(|code| code.starts_with("card")).collect()
+}
+
+#[test]
+fn a_flight_is_compensated_by_the_delay_of_its_card_and_the_record_names_it() {
+    let case = Case::new(|_| {});
+    let (campaign, flight, _) = case.run();
+    assert_eq!(flight.outcome, Outcome::Compensated);
+    let settings = flight.replay.as_ref().unwrap().settings.clone();
+    assert_eq!((settings.delay.seconds(), settings.delay_uncertainty_s), (0.4, Some(0.003)));
+    assert!(settings.delay_source.starts_with("sensor card m.card.toml of M 1"), "{}", settings.delay_source);
+    let card = settings.card.unwrap();
+    assert_eq!(card.blake3, blake3::hash(&std::fs::read(case.path("m.card.toml")).unwrap()).to_hex().to_string());
+    assert_eq!((card.channel.as_str(), codes(&flight)), ("position.gps", vec![]));
+    assert!(campaign.flights[0].attention.is_empty(), "{:?}", campaign.flights[0].attention);
+    // The simulated truth: with the card's delay the error all but goes.
+    let row = &campaign.flights[0];
+    let (raw, exact) = (row.raw_error_rms_m.unwrap().value, row.exact_error_rms_m.unwrap().value);
+    assert!(exact < 0.05 * raw, "{exact} against {raw}");
+}
+
+#[test]
+fn a_card_with_another_content_makes_the_result_anew_and_says_so() {
+    let case = Case::new(|_| {});
+    case.run();
+    assert_eq!(case.run().2, [], "nothing changed");
+    case.write_card(|card| card.channels[0].delay_s = 0.35);
+    let (_, flight, why) = case.run();
+    assert!(matches!(&why[..], [Why::SettingsChanged { settings }] if settings[0].starts_with("delay.pin")), "{why:?}");
+    assert_eq!(flight.replay.unwrap().settings.delay.seconds(), 0.35);
+}
+
+#[test]
+fn an_expired_card_is_used_and_its_flight_wants_attention() {
+    let case = Case::new(|card| card.valid_until = Some("2026-05-03".into()));
+    let (campaign, flight, _) = case.run();
+    assert_eq!((flight.outcome.clone(), codes(&flight)), (Outcome::Compensated, vec!["card-expired"]));
+    assert!(campaign.flights[0].attention[0].contains("expired on 2026-05-03"), "{:?}", campaign.flights[0].attention);
+    let page = std::fs::read_to_string(case.path("out/flights/f.mcap/index.html")).unwrap();
+    assert!(page.contains("EXPIRED on 2026-05-03"), "the source on the page says it");
+}
+
+#[test]
+fn a_card_that_does_not_know_the_position_of_a_flight_leaves_it_uncompensated_with_the_reason() {
+    let case = Case::new(|card| card.channels[0].name = "position.ins".into());
+    let (_, flight, _) = case.run();
+    let Outcome::NotMeasurable { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
+    assert!(reason.contains("no channel position.gps, which this flight replays; it has position.ins"), "{reason}");
+    case.write_card(|card| card.channels[0].verdict = Verdict::Inconclusive);
+    let (_, flight, _) = case.run();
+    let Outcome::NotMeasurable { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
+    assert!(reason.contains("inconclusive"), "{reason}");
+}
+
+#[test]
+fn shards_of_a_cluster_need_the_manifest_and_no_card() {
+    let case = Case::new(|_| {});
+    let quiet = |_: &Event| {};
+    let desk = Desk { threads: 1, cancel: &AtomicBool::new(false), events: &quiet };
+    let order = Order {
+        flights: case.path("flights"),
+        out: case.path("out"),
+        pipeline: Pipeline::read(&case.path("p.toml")).unwrap(),
+        verify: false,
+        command: "c".into(),
+    };
+    let manifest = crate::plan_shards(&order, &desk, 4).unwrap();
+    manifest.write(&case.path("m.json")).unwrap();
+    std::fs::remove_file(case.path("m.card.toml")).unwrap();
+    let manifest = crate::Manifest::read(&case.path("m.json")).unwrap();
+    assert_eq!(crate::task(&manifest, 0, &desk).unwrap().made, 1);
+    assert_eq!(crate::reduce(&manifest, &desk).unwrap().totals.compensated, 1);
+}

@@ -1,0 +1,296 @@
+use super::*;
+use crate::cards::CardFile;
+use flight::{ChannelHealth, ChannelSource, Held, Quantity, Series, StampKind, Timeline};
+use record::{CARD_VERSION, CardSource, SensorIdentity};
+
+const DAY_NS: i64 = 86_400 * flight::NANOS_PER_SECOND;
+/// 2026-05-04 12:00 UTC.
+const NOON: i64 = 20_577 * DAY_NS + DAY_NS / 2;
+
+fn on_card(name: &str, quantity: Quantity, verdict: Verdict, delay_s: f64, u_s: f64) -> CardChannel {
+    CardChannel {
+        name: name.into(),
+        quantity,
+        verdict,
+        delay_s,
+        delay_standard_uncertainty_s: u_s,
+        as_seen_delay_s: None,
+        lags_s: vec![],
+        model: "delay".into(),
+        gain: 1.0,
+        gain_standard_uncertainty: 0.01,
+        update_rate_hz: Some(4.0),
+        stamp_kind: StampKind::Measured,
+        basis: TimeBasis::OneClock,
+        records: 3,
+        between_runs_s: Some(0.001),
+        outliers: vec![],
+    }
+}
+
+fn card(serial: &str, measured_on: &str) -> SensorCard {
+    let velocity = on_card("velocity.ins", Quantity::VelocityNed, Verdict::EquivalentToZero, 0.0002, 0.001);
+    SensorCard {
+        card_version: CARD_VERSION,
+        sensor: SensorIdentity { model: "M".into(), serial: Some(serial.into()), ..SensorIdentity::default() },
+        rig: "bench".into(),
+        method: "swung".into(),
+        flightlag_version: "0.1.0".into(),
+        analysis_version: 1,
+        measured_on: Some(measured_on.into()),
+        valid_from: Some("2026-01-01".into()),
+        valid_until: Some("2026-12-31".into()),
+        channels: vec![
+            on_card("position.gps", Quantity::PositionGeodetic, Verdict::Delayed, 0.4, 0.003),
+            CardChannel { update_rate_hz: Some(100.0), ..velocity },
+        ],
+        records: vec![CardSource { files: vec![], blake3: vec![], date: None, rig_blake3: "r".into() }],
+    }
+}
+
+/// The text of a card of sensor `M` with this serial number.
+pub(crate) fn example_card(serial: &str, measured_on: &str) -> String {
+    bench_analysis::card_text(&card(serial, measured_on))
+}
+
+fn used(file: &str, card: &SensorCard) -> UsedCard {
+    let text = bench_analysis::card_text(card);
+    UsedCard::parse(serde_json::from_value::<CardFile>(serde_json::json!({"file": file, "text": text})).unwrap())
+        .unwrap()
+}
+
+fn channel(quantity: Quantity, kind: StampKind, clock: Clock, first: i64, rows: i64, step_s: f64) -> Channel {
+    let step = (step_s * 1e9) as i64;
+    let stamps: Vec<Stamp> = (0..rows).map(|i| Stamp(first + i * step)).collect();
+    let columns = quantity.components().iter().map(|_| vec![0.5; stamps.len()]).collect();
+    Channel {
+        quantity,
+        held: vec![false; stamps.len()],
+        present: vec![true; 3],
+        series: Series::new(Timeline::new(kind, clock, stamps).unwrap(), columns).unwrap(),
+        other_stamps: vec![],
+        source: ChannelSource { topic: "t".into(), type_name: String::new(), fields: vec![] },
+    }
+}
+
+/// A flight of ten seconds whose position is updated at 4 Hz.
+struct Flown {
+    flight: Flight,
+    binding: Binding,
+}
+
+impl Flown {
+    fn at(first: i64, clock: Clock, kind: StampKind) -> Flown {
+        let mut flight = Flight::default();
+        let position = channel(Quantity::PositionGeodetic, kind, clock, first, 40, 0.25);
+        flight.channels.insert("position.gps".into(), position);
+        let velocity = channel(Quantity::VelocityNed, kind, clock, first, 1000, 0.01);
+        flight.channels.insert("velocity.ins".into(), velocity);
+        let channels = vec![health("position.gps", 0.25), health("velocity.ins", 0.01)];
+        let binding = Binding { map: "m".into(), why: String::new(), channels, others: vec![] };
+        Flown { flight, binding }
+    }
+
+    fn delay(&self, cards: &[UsedCard]) -> Result<FoundDelay, String> {
+        let pick = |name: &'static str| (name, &self.flight.channels[name]);
+        let (position, velocity) = (pick("position.gps"), pick("velocity.ins"));
+        let case = Case { flight: &self.flight, binding: &self.binding, position, velocity };
+        DelayRule::Cards(cards.to_vec()).of(&case)
+    }
+
+    fn with(&self, card: &SensorCard) -> Result<FoundDelay, String> {
+        self.delay(&[used("m.card.toml", card)])
+    }
+}
+
+fn health(name: &str, interval_s: f64) -> ChannelHealth {
+    ChannelHealth {
+        name: name.into(),
+        quantity: Quantity::Scalar,
+        source: ChannelSource { topic: "t".into(), type_name: String::new(), fields: vec![] },
+        absent: vec![],
+        rows: 0,
+        used: 0,
+        rejected: vec![],
+        stamps: None,
+        offsets: vec![],
+        held: Some(Held { repeats: 1, modal_run: 2, update_interval_s: interval_s }),
+    }
+}
+
+fn usual() -> Flown {
+    Flown::at(NOON, Clock::Unix, StampKind::Measured)
+}
+
+fn codes(found: &FoundDelay) -> Vec<(Severity, &str)> {
+    found.notices.iter().map(|n| (n.severity, n.code.as_str())).collect()
+}
+
+#[test]
+fn a_valid_card_gives_its_delay_and_says_where_it_comes_from() {
+    let found = usual().with(&card("1", "2026-02-03")).unwrap();
+    assert_eq!((found.delay.seconds(), found.standard_uncertainty_s), (0.4, Some(0.003)));
+    assert_eq!(
+        found.source,
+        "sensor card m.card.toml of M 1, measured on 2026-02-03, 3 records: position.gps 400.0 ± 3.0 ms; velocity.ins is on \
+         time within its margin (0.2 ± 1.0 ms)"
+    );
+    assert_eq!(codes(&found), []);
+    let use_of = found.card.unwrap();
+    assert_eq!((use_of.channel.as_str(), use_of.delay_s.value), ("position.gps", 0.4));
+    assert_eq!(use_of.blake3, blake3::hash(example_card("1", "2026-02-03").as_bytes()).to_hex().to_string());
+}
+
+#[test]
+fn a_late_velocity_is_taken_off_with_its_uncertainty() {
+    let mut card = card("1", "2026-02-03");
+    card.channels[1] = CardChannel {
+        verdict: Verdict::Delayed,
+        delay_s: 0.05,
+        delay_standard_uncertainty_s: 0.004,
+        ..card.channels[1].clone()
+    };
+    let found = usual().with(&card).unwrap();
+    assert!((found.delay.seconds() - 0.35).abs() < 1e-15);
+    assert!((found.standard_uncertainty_s.unwrap() - 0.005).abs() < 1e-15, "√(3² + 4²) ms");
+    assert!(
+        found.source.ends_with("position.gps 400.0 ± 3.0 ms, less that of velocity.ins: 50.0 ± 4.0 ms"),
+        "{}",
+        found.source
+    );
+    assert_eq!(found.card.unwrap().delay_s.value, 0.4, "the card's own number");
+}
+
+#[test]
+fn an_early_velocity_makes_position_later_still() {
+    let mut card = card("1", "2026-02-03");
+    card.channels[1] = CardChannel { verdict: Verdict::Early, delay_s: -0.05, ..card.channels[1].clone() };
+    assert!((usual().with(&card).unwrap().delay.seconds() - 0.45).abs() < 1e-15);
+}
+
+#[test]
+fn a_velocity_that_nobody_knows_is_taken_as_on_time_and_that_is_said() {
+    let mut card = card("1", "2026-02-03");
+    card.channels[1].verdict = Verdict::Inconclusive;
+    let found = usual().with(&card).unwrap();
+    assert_eq!(codes(&found), [(Severity::Warning, "card-velocity")]);
+    assert_eq!(found.delay.seconds(), 0.4);
+    card.channels.truncate(1);
+    let found = usual().with(&card).unwrap();
+    assert_eq!(codes(&found), [(Severity::Info, "card-velocity")]);
+    assert!(found.source.ends_with("; velocity.ins, not on the card, taken as on time"), "{}", found.source);
+}
+
+#[test]
+fn a_card_without_the_channel_that_is_replayed_is_refused_with_what_it_has() {
+    let mut card = card("1", "2026-02-03");
+    card.channels[0].name = "position.ins".into();
+    assert_eq!(
+        usual().with(&card).unwrap_err(),
+        "m.card.toml: the card has no channel position.gps, which this flight replays; it has position.ins, velocity.ins"
+    );
+}
+
+#[test]
+fn a_delay_that_is_none_or_that_nobody_knows_is_not_removed() {
+    for (verdict, delay_s, says) in [
+        (Verdict::EquivalentToZero, 0.0002, "equivalent to zero: there is nothing to remove"),
+        (Verdict::Inconclusive, 0.01, "inconclusive"),
+        (Verdict::NotMeasurable, 0.01, "not measurable"),
+        (Verdict::Early, -0.1, "early"),
+    ] {
+        let mut card = card("1", "2026-02-03");
+        card.channels[0].verdict = verdict;
+        card.channels[0].delay_s = delay_s;
+        let reason = usual().with(&card).unwrap_err();
+        assert!(reason.contains(says), "{reason}");
+    }
+    let mut card = card("1", "2026-02-03");
+    card.channels[1].verdict = Verdict::Delayed;
+    card.channels[1].delay_s = 0.5;
+    assert!(usual().with(&card).unwrap_err().contains("not later than velocity"));
+}
+
+#[test]
+fn an_expired_card_is_used_and_said_loudly() {
+    let mut card = card("1", "2025-02-03");
+    card.valid_until = Some("2026-05-03".into());
+    let found = usual().with(&card).unwrap();
+    assert_eq!(found.delay.seconds(), 0.4);
+    assert_eq!(codes(&found), [(Severity::Warning, "card-expired")]);
+    assert!(found.source.ends_with("; EXPIRED on 2026-05-03"), "{}", found.source);
+    card.valid_until = Some("2026-05-04".into());
+    assert_eq!(codes(&usual().with(&card).unwrap()), [], "the last day counts");
+    card.valid_from = Some("2026-05-05".into());
+    card.valid_until = None;
+    assert_eq!(codes(&usual().with(&card).unwrap()), [(Severity::Warning, "card-not-yet-valid")]);
+}
+
+#[test]
+fn the_day_comes_from_any_clock_that_counts_days_and_else_is_said_to_be_unknown() {
+    // The same noon in GPS time, which is 18 s ahead of UTC and counts from 1980-01-06.
+    let gps = NOON - (315_964_800 - 18) * flight::NANOS_PER_SECOND;
+    let mut card = card("1", "2026-02-03");
+    card.valid_until = Some("2026-05-03".into());
+    let found = Flown::at(gps, Clock::Gps, StampKind::Measured).with(&card).unwrap();
+    assert_eq!(codes(&found), [(Severity::Warning, "card-expired")]);
+    let boot = Flown::at(0, Clock::Boot, StampKind::Measured);
+    assert_eq!(codes(&boot.with(&card).unwrap()), [(Severity::Warning, "card-day-unknown")]);
+    let mut other = Flown::at(0, Clock::Boot, StampKind::Measured);
+    let stamps = (0..1000).map(|i| Stamp(NOON + i)).collect();
+    let velocity = other.flight.channels.get_mut("velocity.ins").unwrap();
+    velocity.other_stamps = vec![(StampKind::Logged, Clock::Unix, stamps)];
+    assert_eq!(
+        codes(&other.with(&card).unwrap()),
+        [(Severity::Warning, "card-expired")],
+        "another channel knows the day"
+    );
+    (card.valid_from, card.valid_until) = (None, None);
+    assert_eq!(codes(&boot.with(&card).unwrap()), [], "without end no day is needed");
+}
+
+#[test]
+fn of_several_cards_each_flight_takes_the_one_that_is_valid_on_its_day() {
+    let mut old = card("1", "2025-12-01");
+    (old.valid_from, old.valid_until) = (Some("2025-12-01".into()), Some("2026-06-30".into()));
+    let mut new = card("1", "2026-06-01");
+    (new.valid_from, new.valid_until) = (Some("2026-06-01".into()), Some("2027-05-31".into()));
+    let cards = [used("a-new.card.toml", &new), used("b-old.card.toml", &old)];
+    let on = |noon: i64| {
+        let found = Flown::at(noon, Clock::Unix, StampKind::Measured).delay(&cards).unwrap();
+        (found.card.unwrap().file, found.notices.len())
+    };
+    assert_eq!(on(NOON), ("b-old.card.toml".to_owned(), 0), "2026-05-04");
+    assert_eq!(on(NOON + 40 * DAY_NS), ("a-new.card.toml".to_owned(), 0), "both are valid: the newer one");
+    assert_eq!(on(NOON + 600 * DAY_NS), ("a-new.card.toml".to_owned(), 1), "none is: the newest, with a warning");
+}
+
+#[test]
+fn stamps_and_rates_that_differ_from_the_bench_are_told() {
+    let card = card("1", "2026-02-03");
+    let logged = Flown::at(NOON, Clock::Unix, StampKind::Logged).with(&card).unwrap();
+    assert_eq!(codes(&logged), [(Severity::Warning, "card-stamp-kind")]);
+    let mut fast = usual();
+    fast.binding.channels[0].held.as_mut().unwrap().update_interval_s = 0.1;
+    assert_eq!(codes(&fast.with(&card).unwrap()), [(Severity::Warning, "card-rate")]);
+    fast.binding.channels[0].held.as_mut().unwrap().update_interval_s = 1.0 / 4.7;
+    assert_eq!(codes(&fast.with(&card).unwrap()), [], "17.5 % are within 20 %");
+}
+
+#[test]
+fn a_delay_against_an_anchor_is_told_unless_the_difference_to_velocity_is_free_of_it() {
+    let anchor = TimeBasis::Anchor { channel: "angular-rate.imu".into() };
+    let mut card = card("1", "2026-02-03");
+    card.channels.iter_mut().for_each(|c| c.basis = anchor.clone());
+    assert_eq!(codes(&usual().with(&card).unwrap()), [], "velocity is on time against the same anchor");
+    card.channels[1].verdict = Verdict::Delayed;
+    card.channels[1].delay_s = 0.05;
+    assert_eq!(codes(&usual().with(&card).unwrap()), [], "the anchor's own delay cancels");
+    card.channels[1].basis = TimeBasis::OneClock;
+    let found = usual().with(&card).unwrap();
+    assert_eq!(codes(&found), [(Severity::Warning, "card-velocity"), (Severity::Warning, "card-relative")]);
+    assert_eq!(found.delay.seconds(), 0.4, "delays against different clocks are not subtracted");
+    card.channels.truncate(1);
+    let found = usual().with(&card).unwrap();
+    assert_eq!(codes(&found), [(Severity::Info, "card-velocity"), (Severity::Warning, "card-relative")]);
+}

@@ -1,0 +1,75 @@
+//! How late the channels of a flight are against each other, found from the flight itself.
+//!
+//! A position is the integral of its velocity: `p(t) = c + d·(t − t_m) + ∫v(t − δ) + noise`, north and east with one δ.
+//! The same holds for a velocity and the acceleration, and without the integral for two tracks. Only differences of
+//! delays can be seen that way: δ = Tp − Tv and so on (design note 4). The estimator is [`signal::fit_delay`].
+
+mod disturbance;
+mod gate;
+mod injection;
+mod local;
+mod measure;
+mod over_time;
+mod pairs;
+mod pieces;
+mod reference;
+mod split;
+
+use flight::{Flight, Notices};
+use record::FlightDelays;
+
+/// How delays are looked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightDelaySettings {
+    /// Delays that are looked at, s.
+    pub search_s: (f64, f64),
+    /// A delay known less well than this is not measurable, s (standard uncertainty).
+    pub worst_sigma_s: f64,
+    /// Least Σ‖P⊥v‖²/Σ‖v‖²: below, the flight is too straight and steady.
+    pub least_moving_share: f64,
+    /// A flight that is never faster is static, m/s (99th percentile of the ground speed).
+    pub least_speed_mps: f64,
+    /// Longest gap of the second channel that is bridged by a straight line, s. `None`: 2.5 usual intervals, and
+    /// never less than half a second.
+    pub bridge_s: Option<f64>,
+    /// Standard uncertainty that a window of the delay over time aims at, s.
+    pub window_sigma_s: f64,
+    /// Delays that are put into the second half and found again, s.
+    pub inject_s: Vec<f64>,
+    /// Probability by chance below which a changing delay raises an alarm.
+    pub alarm_p: f64,
+    /// Sources (behind the dot of a channel's name) that are on time by definition.
+    pub references: Vec<String>,
+    /// Most samples of a channel that take part; of more, every second, third, … does.
+    pub most_samples: usize,
+}
+
+impl Default for FlightDelaySettings {
+    fn default() -> FlightDelaySettings {
+        let references = ["truth", "mocap", "vicon", "rtk", "reference"];
+        FlightDelaySettings {
+            search_s: (-1.0, 1.5),
+            worst_sigma_s: 0.05,
+            least_moving_share: 0.05,
+            least_speed_mps: 1.0,
+            bridge_s: None,
+            window_sigma_s: 0.01,
+            inject_s: vec![0.1],
+            alarm_p: 1e-3,
+            references: references.map(str::to_owned).to_vec(),
+            most_samples: 40_000,
+        }
+    }
+}
+
+/// Every delay that the channels of the flight can give, and for every pair that gives none the reason and what would
+/// help. Notices say what was masked, cut and left out.
+///
+/// Measured on simulated flights: see the example `flight_delay_study`.
+#[must_use]
+pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (FlightDelays, Notices) {
+    let mut notices = Notices::new();
+    let pairs = pairs::pairs_of(flight, settings);
+    let pairs = pairs.iter().map(|pair| measure::measure(flight, pair, settings, &mut notices)).collect();
+    (FlightDelays { pairs }, notices)
+}

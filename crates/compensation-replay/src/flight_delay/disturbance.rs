@@ -1,0 +1,141 @@
+//! Samples that are no part of the motion: glitches, and resets after which everything is elsewhere.
+
+/// Samples on either side that say where a sample should be.
+const NEIGHBOURS: usize = 5;
+/// Samples of the stretch whose scatter a sample is judged by.
+const STRETCH: usize = 200;
+/// A glitch or reset is this many local robust deviations large. A Student's t with 3 degrees of freedom, which is what
+/// fixes among buildings look like, is beyond it in one sample of 5000.
+const LARGE: f64 = 15.0;
+/// And this many times what one sample in a hundred reaches in this flight: heavy tails are noise, not events.
+const ABOVE_TAIL: f64 = 3.0;
+/// The step into a reset is this many times every other step around it: a manoeuvre takes several.
+const SUDDEN: f64 = 3.0;
+
+/// What `values` (residuals: slow, but for noise) show beside noise.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Disturbances {
+    /// Rows that jump away and back.
+    pub(crate) glitches: Vec<usize>,
+    /// Rows from which on everything is elsewhere.
+    pub(crate) resets: Vec<usize>,
+}
+
+/// Glitches of at least `least`, and resets by at least `least`, in samples in order of time.
+pub(crate) fn disturbances(values: &[f64], least: f64) -> Disturbances {
+    let glitches = glitches(values, least);
+    let kept: Vec<usize> = (0..values.len()).filter(|k| glitches.binary_search(k).is_err()).collect();
+    let calm: Vec<f64> = kept.iter().map(|&k| values[k]).collect();
+    let resets = resets(&calm, least).into_iter().map(|k| kept[k]).collect();
+    Disturbances { glitches, resets }
+}
+
+/// Rows far from the median of their neighbours, where the neighbours before and after agree.
+fn glitches(values: &[f64], least: f64) -> Vec<usize> {
+    let n = values.len();
+    let median = |range: std::ops::Range<usize>| signal::median_in_place(&mut values[range].to_vec());
+    let away: Vec<(f64, f64)> = (0..n)
+        .map(|k| {
+            let before = median(k.saturating_sub(NEIGHBOURS)..k);
+            let after = median((k + 1).min(n)..(k + 1 + NEIGHBOURS).min(n));
+            match (before, after) {
+                (Some(b), Some(a)) => (values[k] - 0.5 * (a + b), (a - b).abs()),
+                _ => (0.0, 0.0),
+            }
+        })
+        .collect();
+    let size: Vec<f64> = away.iter().map(|a| a.0).collect();
+    let bar = bars(&size, least);
+    (0..n).filter(|&k| size[k].abs() > bar(k) && away[k].1 < 0.3 * size[k].abs()).collect()
+}
+
+/// Rows where the median of what follows differs from that of what was, by one sudden step.
+fn resets(values: &[f64], least: f64) -> Vec<usize> {
+    let n = values.len();
+    if n < 2 * NEIGHBOURS {
+        return vec![];
+    }
+    let median = |range: std::ops::Range<usize>| signal::median_in_place(&mut values[range].to_vec()).unwrap_or(0.0);
+    let shift = |k: usize| median(k..(k + NEIGHBOURS).min(n)) - median(k.saturating_sub(NEIGHBOURS)..k);
+    let shifts: Vec<f64> = (0..n).map(|k| if k < 3 || k + 3 > n { 0.0 } else { shift(k) }).collect();
+    let step = |k: usize| values[k] - values[k - 1];
+    let sudden = |k: usize| {
+        let around = (k.saturating_sub(NEIGHBOURS).max(1)..(k + NEIGHBOURS).min(n)).filter(|j| *j != k);
+        let other = around.map(|j| step(j).abs()).fold(0.0, f64::max);
+        step(k).abs() > SUDDEN * other && (step(k) - shifts[k]).abs() < 0.5 * shifts[k].abs()
+    };
+    let bar = bars(&shifts, least);
+    (1..n).filter(|&k| shifts[k].abs() > bar(k) && sudden(k)).collect()
+}
+
+/// What each of `values` must exceed.
+fn bars(values: &[f64], least: f64) -> impl Fn(usize) -> f64 {
+    let mut sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
+    sizes.sort_unstable_by(f64::total_cmp);
+    let tail = signal::percentile_of_sorted(&sizes, 0.99).unwrap_or(0.0);
+    let stretches = values.len().div_ceil(STRETCH).max(1);
+    let around = |s: usize| s.saturating_sub(1) * STRETCH..((s + 2) * STRETCH).min(values.len());
+    let scatter: Vec<f64> =
+        (0..stretches).map(|s| signal::robust_sigma(&values[around(s)]).unwrap_or(0.0)).collect();
+    move |k| least.max(LARGE * scatter[k / STRETCH]).max(ABOVE_TAIL * tail)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_distr::{Distribution, StudentT};
+    use rand_pcg::Pcg64;
+
+    /// Student's t with 3 degrees of freedom, scale 0.5 m: the tail of fixes among buildings.
+    fn heavy(n: usize, seed: u64) -> Vec<f64> {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let t = StudentT::new(3.0).unwrap();
+        (0..n).map(|_| 0.5 * t.sample(&mut rng)).collect()
+    }
+
+    #[test]
+    fn heavy_tails_are_not_called_resets() {
+        for seed in 0..5 {
+            let found = disturbances(&heavy(5000, seed), 0.5);
+            assert_eq!(found.resets, [0; 0]);
+            // One in 5000 is expected beyond the bar.
+            assert!(found.glitches.len() <= 8, "{:?}", found.glitches.len());
+        }
+    }
+
+    #[test]
+    fn a_reset_is_found_at_its_row_and_only_there() {
+        let mut values = heavy(2000, 7);
+        values.iter_mut().skip(812).for_each(|v| *v += 60.0);
+        assert_eq!(disturbances(&values, 0.5).resets, [812]);
+    }
+
+    #[test]
+    fn a_fix_that_jumps_away_and_back_is_a_glitch() {
+        let mut values = heavy(2000, 8);
+        values[500] += 400.0;
+        let found = disturbances(&values, 0.5);
+        assert!(found.glitches.contains(&500) && found.resets.is_empty(), "{found:?}");
+    }
+
+    /// What is left of a hard turn at a wrong delay: metres within a second, but in several steps.
+    #[test]
+    fn a_manoeuvre_is_neither() {
+        let mut rng = Pcg64::seed_from_u64(1);
+        let values: Vec<f64> = (0..3000)
+            .map(|k| {
+                let u = f64::from(k - 1500) / 10.0;
+                4.0 * (u.tanh() + 0.5 * (3.0 * u).sin() * (-u * u).exp()) + 1e-3 * (rng.next_u32() as f64 / 4.3e9)
+            })
+            .collect();
+        assert_eq!(disturbances(&values, 0.5), Disturbances::default());
+    }
+
+    #[test]
+    fn nothing_is_found_in_nothing() {
+        for n in 0..12 {
+            assert_eq!(disturbances(&vec![1.0; n], 0.5), Disturbances::default());
+        }
+    }
+}

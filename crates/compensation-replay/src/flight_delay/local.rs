@@ -1,0 +1,270 @@
+//! The two channels of a pair in seconds and metres: north and east of one place, held rows left out.
+
+use super::pairs::{Pair, Second};
+use crate::input::Horizontal;
+use flight::{Channel, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
+use record::DelayOrigin;
+
+/// Fixes farther than this from the median fix are no part of the flight, m.
+const FARTHEST_M: f64 = 1e6;
+/// With fewer samples of either channel nothing is tried.
+pub(crate) const LEAST_SAMPLES: usize = 20;
+
+/// A pair ready to be cut into pieces.
+pub(crate) struct Prepared {
+    pub(crate) origin: DelayOrigin,
+    /// What is measured.
+    pub(crate) first: Horizontal,
+    /// A rate to be integrated, or a track.
+    pub(crate) second: Horizontal,
+    /// Whether the second is a rate.
+    pub(crate) integrate: bool,
+    /// Ground speed over time, m/s, if a velocity or a track tells it.
+    pub(crate) speed: (Vec<f64>, Vec<f64>),
+}
+
+/// Reads the channels of `pair`; says in words why that cannot be.
+pub(crate) fn prepare(
+    flight: &Flight,
+    pair: &Pair,
+    most_samples: usize,
+    notices: &mut Notices,
+) -> Result<Prepared, String> {
+    let channel = |name: &str| flight.channels.get(name).ok_or_else(|| format!("no channel {name}"));
+    let first = channel(&pair.first)?;
+    let names: Vec<&String> = match &pair.second {
+        Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => vec![name],
+        Second::Acceleration { attitude, specific_force } => vec![specific_force, attitude],
+    };
+    let second = channel(names[0])?;
+    let clock = first.series.timeline().clock();
+    for name in std::iter::once(&pair.first).chain(names.iter().copied()) {
+        let channel = channel(name)?;
+        if channel.series.timeline().clock() != clock {
+            let other = channel.series.timeline().clock();
+            return Err(format!(
+                "{} is stamped by the clock {clock}, {name} by {other}: nobody has related them; log both with one clock",
+                pair.first
+            ));
+        }
+        let rows = channel.update_rows().len();
+        if rows < LEAST_SAMPLES {
+            return Err(format!("{name} has {rows} measurements; at least {LEAST_SAMPLES} are needed: log a longer flight"));
+        }
+        if channel.quantity != Quantity::Attitude && channel.present.iter().take(2).any(|present| !present) {
+            return Err(format!("{name} lacks one of its first two components"));
+        }
+    }
+    let stamp = |c: &Channel| c.series.timeline().first().unwrap_or(Stamp(0));
+    let origin = stamp(first).min(stamp(second));
+    let place = match (first.quantity, second.quantity) {
+        (Quantity::PositionGeodetic, _) => Some(first),
+        (_, Quantity::PositionGeodetic) => Some(second),
+        _ => None,
+    };
+    let frame = place.map(|p| LocalFrame::new(median_fix(p)));
+    let located = |channel: &Channel, name: &str, notices: &mut Notices| match channel.quantity {
+        Quantity::PositionGeodetic | Quantity::PositionNed => track(channel, name, origin, frame.as_ref(), notices),
+        _ => components(channel, &channel.update_rows(), origin),
+    };
+    let first_local = thinned(located(first, &pair.first, notices), most_samples, &pair.first, notices);
+    let (second_local, integrate) = match &pair.second {
+        Second::Position(name) => (located(second, name, notices), false),
+        Second::Rate(_) => (components(second, &second.update_rows(), origin), false),
+        Second::Velocity(_) => (turned(second, first, origin, frame.as_ref()), true),
+        Second::Acceleration { attitude, .. } => (rotated(second, channel(attitude)?, origin), true),
+    };
+    let speed = speed_of(pair, &first_local, &second_local);
+    Ok(Prepared {
+        origin: DelayOrigin { origin_ns: origin.0, clock },
+        first: first_local,
+        second: second_local,
+        integrate,
+        speed,
+    })
+}
+
+/// The fix whose latitude is the median: a real one, wherever the others went.
+fn median_fix(channel: &Channel) -> Geodetic {
+    let mut rows = channel.update_rows();
+    let latitude = channel.series.component(0);
+    rows.sort_by(|a, b| latitude[*a].total_cmp(&latitude[*b]));
+    geodetic(channel, rows[rows.len() / 2])
+}
+
+fn geodetic(channel: &Channel, row: usize) -> Geodetic {
+    let at = |k: usize| channel.series.component(k)[row];
+    Geodetic { latitude: at(0), longitude: at(1), height: if channel.present[2] { at(2) } else { 0.0 } }
+}
+
+/// North and east of a position, m.
+fn track(
+    channel: &Channel,
+    name: &str,
+    origin: Stamp,
+    frame: Option<&LocalFrame>,
+    notices: &mut Notices,
+) -> Horizontal {
+    let rows = channel.update_rows();
+    let Some(frame) = frame.filter(|_| channel.quantity == Quantity::PositionGeodetic) else {
+        return components(channel, &rows, origin);
+    };
+    let stamps = channel.series.timeline().stamps();
+    let mut out = Horizontal::default();
+    let mut far = 0;
+    for row in rows {
+        let ned = frame.to_ned(geodetic(channel, row));
+        if ned.iter().any(|x| x.abs() > FARTHEST_M) {
+            far += 1;
+            continue;
+        }
+        out.t.push(stamps[row].seconds_since(origin));
+        (0..2).for_each(|k| out.axes[k].push(ned[k]));
+    }
+    if far > 0 {
+        let text = format!("{far} fix(es) more than {:.0} km from the median fix left out", FARTHEST_M / 1e3);
+        notices.push(Severity::Warning, "fix-far-away", name, far, text);
+    }
+    out
+}
+
+fn components(channel: &Channel, rows: &[usize], origin: Stamp) -> Horizontal {
+    let stamps = channel.series.timeline().stamps();
+    let column = |k: usize| rows.iter().map(|&r| channel.series.component(k)[r]).collect();
+    Horizontal { t: rows.iter().map(|&r| stamps[r].seconds_since(origin)).collect(), axes: [column(0), column(1)] }
+}
+
+/// A velocity in the axes of the frame, so that its integral is a difference of local positions. It is turned at the
+/// newest fix of `position` that is part of the flight.
+fn turned(velocity: &Channel, position: &Channel, origin: Stamp, frame: Option<&LocalFrame>) -> Horizontal {
+    let rows = velocity.update_rows();
+    let Some(frame) = frame.filter(|_| position.quantity == Quantity::PositionGeodetic) else {
+        return components(velocity, &rows, origin);
+    };
+    let places: Vec<(Stamp, Geodetic)> = position
+        .update_rows()
+        .into_iter()
+        .map(|row| (position.series.timeline().stamps()[row], geodetic(position, row)))
+        .filter(|(_, place)| frame.to_ned(*place).iter().all(|x| x.abs() <= FARTHEST_M))
+        .collect();
+    let stamps = velocity.series.timeline().stamps();
+    let mut out = Horizontal::default();
+    let mut newest = 0;
+    for row in rows {
+        while newest + 1 < places.len() && places[newest + 1].0 <= stamps[row] {
+            newest += 1;
+        }
+        let own = [0, 1, 2].map(|k| velocity.series.component(k)[row]);
+        let ned = places.get(newest).map_or(own, |(_, place)| frame.from_local_ned(*place, own));
+        out.t.push(stamps[row].seconds_since(origin));
+        (0..2).for_each(|k| out.axes[k].push(ned[k]));
+    }
+    out
+}
+
+/// Specific force in north and east: gravity has no part there. Attitude is interpolated between its samples; where
+/// there is none, no acceleration.
+fn rotated(force: &Channel, attitude: &Channel, origin: Stamp) -> Horizontal {
+    let known = attitude.update_rows();
+    let turns = attitude.series.timeline().stamps();
+    let stamps = force.series.timeline().stamps();
+    let mut out = Horizontal::default();
+    let mut next = 0;
+    for row in force.update_rows() {
+        while next < known.len() && turns[known[next]] <= stamps[row] {
+            next += 1;
+        }
+        let (Some(before), Some(&after)) = (next.checked_sub(1).map(|k| known[k]), known.get(next)) else { continue };
+        let share = stamps[row].seconds_since(turns[before]) / turns[after].seconds_since(turns[before]);
+        let Some(q) = between(quaternion(attitude, before), quaternion(attitude, after), share) else { continue };
+        let ned = turn(q, [0, 1, 2].map(|k| force.series.component(k)[row]));
+        out.t.push(stamps[row].seconds_since(origin));
+        (0..2).for_each(|k| out.axes[k].push(ned[k]));
+    }
+    out
+}
+
+type Quaternion = [f64; 4];
+
+fn quaternion(channel: &Channel, row: usize) -> Quaternion {
+    [0, 1, 2, 3].map(|k| channel.series.component(k)[row])
+}
+
+/// On the short way from `a` to `b`; `None` if that is no rotation.
+fn between(a: Quaternion, b: Quaternion, share: f64) -> Option<Quaternion> {
+    let sign = if (0..4).map(|k| a[k] * b[k]).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+    let q: Quaternion = std::array::from_fn(|k| (1.0 - share) * a[k] + share * sign * b[k]);
+    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (length > 1e-6).then(|| q.map(|x| x / length))
+}
+
+/// v + 2 q × (q × v + w v).
+fn turn([w, x, y, z]: Quaternion, v: [f64; 3]) -> [f64; 3] {
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let q = [x, y, z];
+    let inner = cross(q, v);
+    let outer = cross(q, [0, 1, 2].map(|k| inner[k] + w * v[k]));
+    [0, 1, 2].map(|k| v[k] + 2.0 * outer[k])
+}
+
+/// Every n-th sample, so that no more than `most` are left; said.
+fn thinned(all: Horizontal, most: usize, name: &str, notices: &mut Notices) -> Horizontal {
+    let every = all.t.len().div_ceil(most.max(1)).max(1);
+    if every == 1 {
+        return all;
+    }
+    let text = format!("{name}: one sample in {every} is used for the delay, {} of {}", all.t.len() / every, all.t.len());
+    notices.push(Severity::Info, "delay-samples-thinned", name, (all.t.len() - all.t.len() / every) as u64, text);
+    let thin = |x: &[f64]| x.iter().step_by(every).copied().collect();
+    Horizontal { t: thin(&all.t), axes: [thin(&all.axes[0]), thin(&all.axes[1])] }
+}
+
+/// Ground speed by whichever channel tells it: a velocity, or the track's steps.
+fn speed_of(pair: &Pair, first: &Horizontal, second: &Horizontal) -> (Vec<f64>, Vec<f64>) {
+    let of = |v: &Horizontal| (v.t.clone(), v.axes[0].iter().zip(&v.axes[1]).map(|(n, e)| n.hypot(*e)).collect());
+    match &pair.second {
+        Second::Velocity(_) | Second::Rate(_) => of(second),
+        Second::Acceleration { .. } => of(first),
+        Second::Position(_) => steps(second),
+    }
+}
+
+/// Speed over at least two seconds, so that noise does not pass for motion.
+fn steps(track: &Horizontal) -> (Vec<f64>, Vec<f64>) {
+    const BASE_S: f64 = 2.0;
+    let mut before = 0;
+    let mut out = (vec![], vec![]);
+    for now in 1..track.t.len() {
+        while before + 1 < now && track.t[now] - track.t[before + 1] >= BASE_S {
+            before += 1;
+        }
+        let h = track.t[now] - track.t[before];
+        if h >= BASE_S {
+            let moved = (track.axes[0][now] - track.axes[0][before]).hypot(track.axes[1][now] - track.axes[1][before]);
+            out.0.push(track.t[now]);
+            out.1.push(moved / h);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quarter_turn_to_the_right_takes_forward_to_east() {
+        let half = std::f64::consts::FRAC_PI_4;
+        let east = turn([half.cos(), 0.0, 0.0, half.sin()], [2.0, 0.0, 0.0]);
+        assert!(east[0].abs() < 1e-15 && (east[1] - 2.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_quaternion_and_its_negative_are_the_same_attitude() {
+        let q = [0.8, 0.0, 0.6, 0.0];
+        let middle = between(q, q.map(|x| -x), 0.5).unwrap();
+        assert!((0..4).all(|k| (middle[k] - q[k]).abs() < 1e-15));
+    }
+}

@@ -1,0 +1,220 @@
+//! One pair of channels, from the flight to the finding.
+
+use super::gate::{self, SEARCH_STEP_S};
+use super::local::{Prepared, prepare};
+use super::pairs::Pair;
+use super::pieces::{self, Names, Piece, Stretch};
+use super::{FlightDelaySettings, injection, over_time, split};
+use crate::input::{AXES, Horizontal};
+use flight::{Flight, Notices};
+use record::{
+    DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay,
+};
+use signal::{ComponentFit, DelayFit, DelaySettings, Gain, Measurement, NoiseRule, fit_delay};
+
+/// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
+const DETECTABLE: f64 = 2.8;
+
+/// What the pair says, with everything that was left out on the way.
+pub(crate) fn measure(
+    flight: &Flight,
+    pair: &Pair,
+    settings: &FlightDelaySettings,
+    notices: &mut Notices,
+) -> PairDelay {
+    let (first, second) = pair.names();
+    let mut finding = PairDelay {
+        kind: pair.kind,
+        first,
+        second,
+        meaning: pair.meaning(),
+        origin: None,
+        excitation: None,
+        delay: Finding::CannotTell(String::new()),
+    };
+    finding.delay = match delay_of(flight, pair, settings, notices, &mut finding) {
+        Ok(delay) => Finding::Found(delay),
+        Err(reason) => Finding::CannotTell(reason),
+    };
+    finding
+}
+
+fn delay_of(
+    flight: &Flight,
+    pair: &Pair,
+    settings: &FlightDelaySettings,
+    notices: &mut Notices,
+    finding: &mut PairDelay,
+) -> Result<MeasuredDelay, String> {
+    let prepared = prepare(flight, pair, settings.most_samples, notices)?;
+    finding.origin = Some(prepared.origin);
+    let (fit_first, fit_second) =
+        if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
+    let names = Names { first: fit_first, second: fit_second };
+    let despiked = if prepared.integrate {
+        pieces::without_spikes(&prepared.second, names.second, notices)
+    } else {
+        None
+    };
+    let second = despiked.as_ref().unwrap_or(&prepared.second);
+    let ranges = pieces::stretches(&second.t, pieces::longest_gap(&second.t, settings));
+    let stretches = pieces::references(second, &ranges, prepared.integrate);
+    let coarse = pieces::coarse_delay(&prepared.first, &stretches, settings.search_s).ok_or_else(|| {
+        format!(
+            "{} and {} do not overlap for long enough at any delay searched: log both through the flight",
+            names.first, names.second
+        )
+    })?;
+    let cut = pieces::pieces(&prepared, &stretches, coarse, &names, notices);
+    let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse, &prepared.speed.1);
+    finding.excitation = Some(offer.clone());
+    if let Some(reason) = gate::refuse_motion(&offer, &prepared.speed.1, settings) {
+        return Err(reason);
+    }
+    let record = Record::of(&prepared, &cut, &stretches);
+    let delay_settings = DelaySettings {
+        search_s: settings.search_s,
+        search_step_s: SEARCH_STEP_S,
+        noise: NoiseRule::WanderAndWhite,
+        skew: false,
+        robust: true,
+    };
+    let fit = fit_delay(&record.measurements(), &delay_settings).map_err(|e| e.to_string())?;
+    offer.predicted_s = Some(fit.crlb_s);
+    offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
+    finding.excitation = Some(offer.clone());
+    if let Some(reason) = gate::refuse_fit(&fit, &offer, settings, [names.first, names.second]) {
+        return Err(reason);
+    }
+    let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
+    let measured = view.finding(&delay_settings);
+    Ok(if pair.reversed { turned_round(measured) } else { measured })
+}
+
+/// The pieces as the estimator takes them: north and east of each, one after the other.
+pub(crate) struct Record<'a> {
+    pub(crate) components: Vec<Component<'a>>,
+    drift: bool,
+}
+
+/// North or east of a piece.
+pub(crate) struct Component<'a> {
+    pub(crate) t: Vec<f64>,
+    /// Less its mean, which the offset takes up.
+    pub(crate) y: Vec<f64>,
+    reference: &'a dyn signal::Reference,
+}
+
+impl<'a> Record<'a> {
+    fn of(prepared: &Prepared, pieces: &[Piece], stretches: &'a [Stretch<'_>]) -> Record<'a> {
+        let component = |piece: &Piece, axis: usize| {
+            let first: &Horizontal = &prepared.first;
+            let of = |x: &[f64]| piece.rows.iter().map(|&k| x[k]).collect::<Vec<f64>>();
+            let mut y = of(&first.axes[axis]);
+            let mean = y.iter().sum::<f64>() / y.len().max(1) as f64;
+            y.iter_mut().for_each(|y| *y -= mean);
+            Component { t: of(&first.t), y, reference: &*stretches[piece.stretch][axis] }
+        };
+        let components = pieces.iter().flat_map(|p| AXES.map(|axis| component(p, axis))).collect();
+        Record { components, drift: prepared.integrate }
+    }
+
+    pub(crate) fn measurements(&self) -> Vec<Measurement<'_>> {
+        self.components.iter().map(|c| Measurement {
+            t: &c.t,
+            y: &c.y,
+            reference: c.reference,
+            gain: Gain::Fixed(1.0),
+            drift: self.drift,
+        }).collect()
+    }
+}
+
+/// A fit with everything that was fitted.
+pub(crate) struct View<'a> {
+    pub(crate) flight: &'a Flight,
+    pub(crate) prepared: &'a Prepared,
+    pub(crate) pieces: &'a [Piece],
+    pub(crate) record: &'a Record<'a>,
+    pub(crate) fit: &'a DelayFit,
+    pub(crate) settings: &'a FlightDelaySettings,
+}
+
+impl View<'_> {
+    fn finding(&self, delay_settings: &DelaySettings) -> MeasuredDelay {
+        let fit = self.fit;
+        let over = over_time::over_time(self);
+        MeasuredDelay {
+            delay_s: estimate(fit.delay_s, fit.standard_uncertainty_s),
+            interval_95_s: fit.interval(0.95),
+            hessian_s: fit.hessian_s,
+            hac_s: fit.hac_s,
+            crlb_s: fit.crlb_s,
+            smallest_detectable_s: DETECTABLE * fit.standard_uncertainty_s,
+            samples: fit.components.iter().map(|c| c.t_used.len() as u64).sum(),
+            downweighted_share: fit.downweighted_share,
+            rival_s: self.rival(),
+            pieces: self.pieces.iter().zip(fit.components.chunks_exact(2)).map(piece).collect(),
+            over_time: over.windows,
+            homogeneity: over.homogeneity,
+            alarm: over.alarm,
+            splits: split::splits(self),
+            injections: injection::injections(self, delay_settings),
+        }
+    }
+
+    /// Another minimum within three units of chi-squared, of which the noise has as many as the larger uncertainty says.
+    fn rival(&self) -> Option<f64> {
+        let noise = (self.fit.standard_uncertainty_s / self.fit.hessian_s).powi(2);
+        self.fit.second_minimum.filter(|m| m.excess < 3.0 * noise).map(|m| m.delay_s)
+    }
+}
+
+fn piece((piece, fits): (&Piece, &[ComponentFit])) -> DelayPiece {
+    let of = |fit: &ComponentFit| {
+        let m = fit.noise;
+        let wanders = m.wander_std > 0.0;
+        DelayNoise {
+            wander_std: wanders.then_some(m.wander_std),
+            time_constant_s: wanders.then_some(m.time_constant_s),
+            white_std: m.white_std,
+        }
+    };
+    let drift = |fit: &ComponentFit| match fit.drift {
+        Some(d) => estimate(d.value, d.standard_uncertainty),
+        None => estimate(0.0, 0.0),
+    };
+    let t = &fits[0].t_used;
+    DelayPiece {
+        start_s: t.first().copied().unwrap_or(0.0),
+        end_s: t.last().copied().unwrap_or(0.0),
+        begun_by: piece.begun_by.clone(),
+        drift: [drift(&fits[0]), drift(&fits[1])],
+        noise: [of(&fits[0]), of(&fits[1])],
+    }
+}
+
+pub(crate) fn estimate(value: f64, standard_uncertainty: f64) -> Estimate {
+    Estimate { value, standard_uncertainty: Some(standard_uncertainty) }
+}
+
+/// The finding of the fit the other way round: all delays change sign.
+fn turned_round(mut m: MeasuredDelay) -> MeasuredDelay {
+    let turn = |e: &mut Estimate| e.value = -e.value;
+    let turn_interval = |i: &mut [f64; 2]| *i = [-i[1], -i[0]];
+    turn(&mut m.delay_s);
+    turn_interval(&mut m.interval_95_s);
+    m.rival_s = m.rival_s.map(|r| -r);
+    m.over_time.iter_mut().for_each(|w| turn(&mut w.delay_s));
+    if let Some(h) = &mut m.homogeneity {
+        turn(&mut h.largest_step.before_s);
+        turn(&mut h.largest_step.after_s);
+    }
+    m.splits.iter_mut().flat_map(|s| &mut s.groups).for_each(|g| turn(&mut g.delay_s));
+    for injection in &mut m.injections {
+        turn(&mut injection.error_s);
+        turn_interval(&mut injection.interval_95_s);
+        injection.injected_s = -injection.injected_s;
+    }
+    m
+}

@@ -1,0 +1,241 @@
+//! The record cut where an offset ends: at gaps of the second channel, and at resets.
+
+use super::FlightDelaySettings;
+use super::disturbance::disturbances;
+use super::local::Prepared;
+use super::reference::{Integral, Interpolated};
+use crate::input::{AXES, Horizontal};
+use flight::{Notices, Severity};
+use signal::Reference;
+use std::ops::Range;
+
+/// Fewest samples of a piece that is worth an offset of its own.
+const LEAST_ROWS: usize = 20;
+/// Pieces that are fitted together; more would cost an offset and a noise each and add little.
+const MOST_PIECES: usize = 12;
+/// Smallest reset or glitch that is looked for, m or m/s.
+const LEAST_RESET: f64 = 0.3;
+
+/// A stretch with one offset.
+#[derive(Debug, Clone)]
+pub(crate) struct Piece {
+    /// Rows of the first channel.
+    pub(crate) rows: Vec<usize>,
+    /// Which stretch of the second channel it is compared with.
+    pub(crate) stretch: usize,
+    /// What began it; empty for the first.
+    pub(crate) begun_by: String,
+}
+
+/// The second channel as a reference, north and east, over one stretch without gaps.
+pub(crate) type Stretch<'a> = [Box<dyn Reference + 'a>; 2];
+
+/// Names for notices.
+pub(crate) struct Names<'a> {
+    pub(crate) first: &'a str,
+    pub(crate) second: &'a str,
+}
+
+/// Leaves out single samples of a rate that no vehicle can follow: away and back by more than 100 m/s² (or 20 robust
+/// deviations of what its second difference usually is, whichever is more). Each would shift its integral for good.
+pub(crate) fn without_spikes(rate: &Horizontal, name: &str, notices: &mut Notices) -> Option<Horizontal> {
+    const HARDEST: f64 = 100.0;
+    let n = rate.t.len();
+    let bend = |y: &[f64], k: usize| y[k] - 0.5 * (y[k - 1] + y[k + 1]);
+    let mut spike = vec![false; n];
+    for axis in AXES {
+        let y = &rate.axes[axis];
+        let bends: Vec<f64> = (1..n.saturating_sub(1)).map(|k| bend(y, k)).collect();
+        let usual = signal::robust_sigma(&bends).unwrap_or(0.0);
+        for k in 1..n.saturating_sub(1) {
+            let (before, after) = (y[k] - y[k - 1], y[k + 1] - y[k]);
+            let hard = before.abs().min(after.abs()) > HARDEST * (rate.t[k + 1] - rate.t[k - 1]).max(0.02);
+            spike[k] |= before * after < 0.0 && hard && bend(y, k).abs() > 20.0 * usual;
+        }
+    }
+    let count = spike.iter().filter(|s| **s).count();
+    if count == 0 {
+        return None;
+    }
+    let text = format!("{name}: {count} sample(s) that jump away and back by more than {HARDEST} m/s² left out");
+    notices.push(Severity::Warning, "velocity-spike", name, count as u64, text);
+    let keep = |x: &[f64]| x.iter().zip(&spike).filter(|(_, s)| !**s).map(|(x, _)| *x).collect();
+    Some(Horizontal { t: keep(&rate.t), axes: [keep(&rate.axes[0]), keep(&rate.axes[1])] })
+}
+
+/// Rows between which the second channel has no gap longer than `gap_s`.
+pub(crate) fn stretches(t: &[f64], gap_s: f64) -> Vec<Range<usize>> {
+    let mut out: Vec<Range<usize>> = vec![];
+    for k in 0..t.len() {
+        match out.last_mut() {
+            Some(stretch) if t[k] - t[k - 1] <= gap_s => stretch.end = k + 1,
+            _ => out.push(k..k + 1),
+        }
+    }
+    out.retain(|s| s.len() > 2);
+    out
+}
+
+/// The longest gap that is bridged: 2.5 usual intervals, and half a second.
+pub(crate) fn longest_gap(t: &[f64], settings: &FlightDelaySettings) -> f64 {
+    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+    let usual = signal::median_in_place(&mut steps).unwrap_or(0.0);
+    settings.bridge_s.unwrap_or((2.5 * usual).max(0.5))
+}
+
+/// References over the stretches.
+pub(crate) fn references<'a>(
+    second: &'a Horizontal,
+    stretches: &[Range<usize>],
+    integrate: bool,
+) -> Vec<Stretch<'a>> {
+    let of = |s: &Range<usize>, axis: usize| -> Box<dyn Reference + 'a> {
+        let (t, y) = (&second.t[s.clone()], &second.axes[axis][s.clone()]);
+        if integrate { Box::new(Integral::new(t, y)) } else { Box::new(Interpolated::new(t, y)) }
+    };
+    stretches.iter().map(|s| AXES.map(|axis| of(s, axis))).collect()
+}
+
+/// Which stretch holds each row of the first channel at the delay `delay_s`.
+fn stretch_of(first: &Horizontal, stretches: &[Stretch], delay_s: f64) -> Vec<Option<usize>> {
+    let mut s = 0;
+    first
+        .t
+        .iter()
+        .map(|t| {
+            while s < stretches.len() && t - delay_s > stretches[s][0].span().1 {
+                s += 1;
+            }
+            (s < stretches.len() && t - delay_s >= stretches[s][0].span().0).then_some(s)
+        })
+        .collect()
+}
+
+/// A first delay that offsets, resets and outliers do not mislead: the one at which displacements over three seconds
+/// agree best in the mean of their absolute differences. `None` if there are none.
+pub(crate) fn coarse_delay(first: &Horizontal, stretches: &[Stretch], search_s: (f64, f64)) -> Option<f64> {
+    const BASE_S: f64 = 3.0;
+    const ENOUGH: usize = 400;
+    let mut ends: Vec<(usize, usize)> = vec![];
+    let mut after = 0;
+    for before in 0..first.t.len() {
+        while after < first.t.len() && first.t[after] - first.t[before] < BASE_S {
+            after += 1;
+        }
+        if after < first.t.len() && first.t[after] - first.t[before] < 3.0 * BASE_S {
+            ends.push((before, after));
+        }
+    }
+    let every = ends.len().div_ceil(ENOUGH).max(1);
+    let ends: Vec<(usize, usize)> = ends.into_iter().step_by(every).collect();
+    let misfit = |delay_s: f64| -> f64 {
+        let (mut sum, mut count) = (0.0, 0_usize);
+        let holds = |s: &Stretch, t: f64| t - delay_s >= s[0].span().0 && t - delay_s <= s[0].span().1;
+        for &(a, b) in &ends {
+            let k = stretches.partition_point(|s| s[0].span().1 < first.t[a] - delay_s);
+            let Some(s) = stretches.get(k).filter(|s| holds(s, first.t[a]) && holds(s, first.t[b])) else { continue };
+            count += 1;
+            for axis in AXES {
+                let moved = first.axes[axis][b] - first.axes[axis][a];
+                let at = |row: usize| s[axis].value_and_rate(first.t[row] - delay_s).0;
+                sum += (moved - (at(b) - at(a))).abs();
+            }
+        }
+        if count >= 5 && 2 * count >= ends.len().min(ENOUGH) / 2 { sum / count as f64 } else { f64::INFINITY }
+    };
+    let lowest = |from: f64, to: f64, step: f64| {
+        let steps = ((to - from) / step).round() as usize;
+        let points = (0..=steps).map(|k| from + step * k as f64).map(|d| (d, misfit(d)));
+        points.filter(|p| p.1.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1)).map(|p| p.0)
+    };
+    let near = lowest(search_s.0, search_s.1, 0.05)?;
+    lowest(near - 0.05, near + 0.05, 0.01)
+}
+
+/// Cuts the first channel into pieces about the delay `delay_s`; every cut and every sample left out is said.
+pub(crate) fn pieces(
+    prepared: &Prepared,
+    stretches: &[Stretch],
+    delay_s: f64,
+    names: &Names,
+    notices: &mut Notices,
+) -> Vec<Piece> {
+    let first = &prepared.first;
+    let home = stretch_of(first, stretches, delay_s);
+    let mut out: Vec<Piece> = vec![];
+    let (mut glitches, mut resets) = (0_u64, 0_u64);
+    for (stretch, references) in stretches.iter().enumerate() {
+        let rows: Vec<usize> = (0..first.t.len()).filter(|&k| home[k] == Some(stretch)).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        let (mut away, mut resets_here) = (vec![false; rows.len()], vec![]);
+        for axis in AXES {
+            let residual = |&k: &usize| {
+                first.axes[axis][k] - references[axis].value_and_rate(first.t[k] - delay_s).0
+            };
+            let residuals: Vec<f64> = rows.iter().map(residual).collect();
+            let found = disturbances(&residuals, LEAST_RESET);
+            found.glitches.iter().for_each(|&k| away[k] = true);
+            resets_here.extend(found.resets);
+        }
+        resets_here.sort_unstable();
+        resets_here.dedup();
+        glitches += away.iter().filter(|a| **a).count() as u64;
+        resets += resets_here.len() as u64;
+        let mut cuts = vec![0];
+        cuts.extend(&resets_here);
+        cuts.push(rows.len());
+        for (k, cut) in cuts.windows(2).enumerate() {
+            let kept: Vec<usize> = (cut[0]..cut[1]).filter(|&r| !away[r]).map(|r| rows[r]).collect();
+            let begun_by = match (k, stretch) {
+                (0, 0) => String::new(),
+                (0, s) => {
+                    let gap = references[0].span().0 - stretches[s - 1][0].span().1;
+                    format!("a gap of {gap:.3} s in {} (or a jump of its clock)", names.second)
+                }
+                _ => format!("a reset of {}", names.first),
+            };
+            out.push(Piece { rows: kept, stretch, begun_by });
+        }
+    }
+    if glitches > 0 {
+        let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
+        notices.push(Severity::Warning, "glitch-masked", names.first, glitches, text);
+    }
+    if resets > 0 {
+        let text = format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
+        notices.push(Severity::Warning, "reset-split", names.first, resets, text);
+    }
+    if stretches.len() > 1 {
+        let cuts = stretches.len() as u64 - 1;
+        let text = format!(
+            "{}: {cuts} gap(s) or clock jump(s): the record is cut there, each part has its own offset",
+            names.second
+        );
+        notices.push(Severity::Warning, "gap-split", names.second, cuts, text);
+    }
+    keep_the_best(out, first, names, notices)
+}
+
+fn keep_the_best(mut all: Vec<Piece>, first: &Horizontal, names: &Names, notices: &mut Notices) -> Vec<Piece> {
+    let rows = |pieces: &[Piece]| pieces.iter().map(|p| p.rows.len() as u64).sum::<u64>();
+    let before = (all.len(), rows(&all));
+    all.retain(|p| p.rows.len() >= LEAST_ROWS);
+    let length = |p: &Piece| first.t[p.rows[p.rows.len() - 1]] - first.t[p.rows[0]];
+    if all.len() > MOST_PIECES {
+        all.sort_by(|a, b| length(b).total_cmp(&length(a)));
+        all.truncate(MOST_PIECES);
+        all.sort_by_key(|p| p.rows[0]);
+    }
+    let lost = before.1 - rows(&all);
+    if lost > 0 {
+        let text = format!(
+            "{}: {lost} sample(s) in {} piece(s) that are too short (or not among the {MOST_PIECES} longest) take no part",
+            names.first,
+            before.0 - all.len()
+        );
+        notices.push(Severity::Info, "short-pieces", names.first, lost, text);
+    }
+    all
+}

@@ -1,0 +1,166 @@
+//! The delay by operating point: by speed, and by the quality that the receiver reported.
+
+use super::measure::{View, estimate};
+use flight::{Channel, Quantity, Stamp};
+use nalgebra::{DMatrix, DVector};
+use record::{DelayGroup, DelaySplit};
+
+/// A group with less of the whole information than this says nothing.
+const LEAST_INFORMATION: f64 = 1e-3;
+/// Groups of a split.
+const MOST_GROUPS: usize = 4;
+/// Speeds that differ by less than this ratio (95th to 5th percentile) are one operating point.
+const LEAST_RANGE: f64 = 1.3;
+/// Beginnings of the names of scalar channels that tell how good a fix is.
+const QUALITY: [&str; 6] = ["satellites", "fix", "hdop", "horizontal-accuracy", "position-accuracy", "quality"];
+
+/// A split by speed, and one for each quality channel.
+pub(crate) fn splits(view: &View) -> Vec<DelaySplit> {
+    let (t, speed) = &view.prepared.speed;
+    let mut out: Vec<DelaySplit> = by_quantiles(view, t, speed).into_iter().collect();
+    for (name, channel) in &view.flight.channels {
+        if channel.quantity == Quantity::Scalar && QUALITY.iter().any(|q| name.starts_with(q)) {
+            out.extend(by_value(view, name, channel));
+        }
+    }
+    out
+}
+
+/// Three groups of equally many samples by speed.
+fn by_quantiles(view: &View, t: &[f64], speed: &[f64]) -> Option<DelaySplit> {
+    let of_rows = at_rows(view, t, speed);
+    let mut sorted: Vec<f64> = of_rows.iter().flatten().copied().collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let at = |share| signal::percentile_of_sorted(&sorted, share).unwrap_or(0.0);
+    if at(0.95) < LEAST_RANGE * at(0.05).max(0.5) {
+        return None;
+    }
+    let borders = [at(1.0 / 3.0), at(2.0 / 3.0)];
+    split(view, "ground speed, m/s".to_owned(), &of_rows, &|v| borders.iter().filter(|b| v > **b).count(), 3)
+}
+
+/// A group for each value, or for each quarter of the samples if there are many.
+fn by_value(view: &View, name: &str, channel: &Channel) -> Option<DelaySplit> {
+    if channel.series.timeline().clock() != view.prepared.origin.clock || channel.series.is_empty() {
+        return None;
+    }
+    let t = channel.series.timeline().seconds_since(Stamp(view.prepared.origin.origin_ns));
+    let of_rows = at_rows(view, &t, channel.series.component(0));
+    let mut values: Vec<f64> = of_rows.iter().flatten().copied().collect();
+    values.sort_unstable_by(f64::total_cmp);
+    let quarters = [0.25, 0.5, 0.75].map(|q| signal::percentile_of_sorted(&values, q).unwrap_or(0.0));
+    values.dedup();
+    let groups = values.len().min(MOST_GROUPS);
+    if groups < 2 {
+        return None;
+    }
+    let few = values.len() <= MOST_GROUPS;
+    let group = |v: f64| {
+        if few { values.partition_point(|x| *x < v) } else { quarters.iter().filter(|q| v > **q).count() }
+    };
+    split(view, name.to_owned(), &of_rows, &group, groups)
+}
+
+/// The newest value at each row of each component, the first one before all.
+fn at_rows(view: &View, t: &[f64], values: &[f64]) -> Vec<Vec<f64>> {
+    let newest = |at: &f64| values[t.partition_point(|x| x <= at).saturating_sub(1)];
+    if values.is_empty() {
+        return vec![];
+    }
+    view.fit.components.iter().map(|c| c.t_used.iter().map(newest).collect()).collect()
+}
+
+/// One delay for each group, offsets, drifts and noise in common: one Gauss–Newton step from the delay of all, with the
+/// rows made white. The step errs by half the acceleration times its square.
+fn split(
+    view: &View,
+    by: String,
+    values: &[Vec<f64>],
+    group: &dyn Fn(f64) -> usize,
+    groups: usize,
+) -> Option<DelaySplit> {
+    let mut information = DMatrix::<f64>::zeros(groups, groups);
+    let mut right = DVector::<f64>::zeros(groups);
+    let mut found: Vec<DelayGroup> = (0..groups)
+        .map(|_| DelayGroup {
+            range: [f64::INFINITY, f64::NEG_INFINITY],
+            samples: 0,
+            delay_s: estimate(0.0, 0.0),
+        })
+        .collect();
+    for (fit, values) in view.fit.components.iter().zip(values) {
+        let labels: Vec<usize> = values.iter().map(|v| group(*v).min(groups - 1)).collect();
+        for (label, v) in labels.iter().zip(values) {
+            let g = &mut found[*label];
+            g.range = [g.range[0].min(*v), g.range[1].max(*v)];
+            g.samples += 1;
+        }
+        let middle = 0.5 * (fit.t_used.first()? + fit.t_used.last()?);
+        let mut columns = vec![vec![1.0; fit.t_used.len()]];
+        if fit.drift.is_some() {
+            columns.push(fit.t_used.iter().map(|t| t - middle).collect());
+        }
+        let nuisances = columns.len();
+        columns.push(fit.residuals.clone());
+        for g in 0..groups {
+            let of_group = |(slope, label): (&f64, &usize)| if *label == g { -slope } else { 0.0 };
+            columns.push(fit.slope.iter().zip(&labels).map(of_group).collect());
+        }
+        let mut slices: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
+        signal::whiten(&fit.t_used, &mut slices, &fit.noise);
+        columns.iter_mut().for_each(|c| c.iter_mut().zip(&fit.weights).for_each(|(x, w)| *x *= w.sqrt()));
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        for n in 0..nuisances {
+            let (before, rest) = columns.split_at_mut(n + 1);
+            let q = &before[n];
+            let length2 = dot(q, q);
+            for column in rest {
+                let share = dot(q, column) / length2;
+                column.iter_mut().zip(q).for_each(|(x, q)| *x -= share * q);
+            }
+        }
+        let residual = &columns[nuisances];
+        for g in 0..groups {
+            let a = &columns[nuisances + 1 + g];
+            right[g] += dot(a, residual);
+            (0..groups).for_each(|h| information[(g, h)] += dot(a, &columns[nuisances + 1 + h]));
+        }
+    }
+    let inflation = view.fit.standard_uncertainty_s / view.fit.hessian_s;
+    finish(view, by, found, information, right, inflation)
+}
+
+/// Solves for the groups that say something.
+fn finish(
+    view: &View,
+    by: String,
+    found: Vec<DelayGroup>,
+    information: DMatrix<f64>,
+    right: DVector<f64>,
+    inflation: f64,
+) -> Option<DelaySplit> {
+    let total: f64 = information.diagonal().sum();
+    let kept: Vec<usize> = (0..found.len()).filter(|&g| information[(g, g)] > LEAST_INFORMATION * total).collect();
+    if kept.len() < 2 {
+        return None;
+    }
+    let a = DMatrix::from_fn(kept.len(), kept.len(), |i, j| information[(kept[i], kept[j])]);
+    let b = DVector::from_fn(kept.len(), |i, _| right[kept[i]]);
+    let covariance = a.clone().cholesky()?.inverse();
+    let step = &covariance * b;
+    // Chi-squared of the differences: what one step for all leaves over.
+    let ones = DVector::from_element(kept.len(), 1.0);
+    let common = (&a * &step).sum() / (&a * &ones).sum();
+    let apart = step.map(|x| x - common);
+    let chi2 = (apart.transpose() * &a * &apart)[0] / (inflation * inflation);
+    let mut groups: Vec<DelayGroup> = kept
+        .iter()
+        .enumerate()
+        .map(|(i, &g)| DelayGroup {
+            delay_s: estimate(view.fit.delay_s + step[i], covariance[(i, i)].sqrt() * inflation),
+            ..found[g].clone()
+        })
+        .collect();
+    groups.sort_by(|x, y| x.range[0].total_cmp(&y.range[0]));
+    Some(DelaySplit { by, groups, p: Some(signal::chi_squared_tail(chi2, kept.len() as f64 - 1.0)) })
+}

@@ -1,0 +1,170 @@
+//! `flightlag bench`: records of a swing bench in, a sensor card and pages out.
+
+use crate::arguments::{BenchArguments, DeskArguments};
+use crate::campaign_command::{desk, name_for_shell, quoted, say};
+use crate::failure::{End, Failure};
+use crate::listen::listener;
+use crate::show::{Table, count, visible};
+use crate::stop::Stop;
+use campaign::{BenchOrder, BenchVerdict, bench_run};
+use flight::Severity;
+use record::{BenchOutcome, CardChannel, TimeBasis, Verdict};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Half an interval of 95 % in standard uncertainties, as it is shown.
+const COVERAGE: f64 = 2.0;
+
+pub(crate) fn run(arguments: &BenchArguments, stop: &Stop) -> Result<End, Failure> {
+    let order = BenchOrder {
+        records: arguments.records.clone(),
+        encoder: arguments.encoder.clone(),
+        rig: arguments.rig.clone(),
+        out: out_of(arguments),
+        forced_map: arguments.map.clone(),
+        maps_folder: arguments.maps.clone(),
+        card: arguments.card.clone(),
+        command: command_of(arguments),
+    };
+    let verdict = run_order(&order, &arguments.desk, stop)?;
+    Ok(verdict.exit().into())
+}
+
+/// Runs a bench and says what came of it.
+pub(crate) fn run_order(order: &BenchOrder, arguments: &DeskArguments, stop: &Stop) -> Result<BenchVerdict, Failure> {
+    let events = listener(arguments);
+    let verdict = bench_run(order, &desk(arguments, stop, events.as_ref()))?;
+    if !arguments.json && !arguments.quiet {
+        write_all(&summary(&verdict))?;
+    }
+    let measured = verdict.rows.iter().filter(|r| r.outcome == BenchOutcome::Measured).count();
+    let mut parts = vec![format!("{measured} measured")];
+    let failed = verdict.rows.len() - measured;
+    let lossy = verdict.rows.iter().filter(|r| r.lossy).count();
+    let others = [(failed, "without a number"), (lossy, "with damaged logs")];
+    parts.extend(others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
+    say(arguments, &format!("{}: {}", count(verdict.rows.len() as u64, "record"), parts.join(", ")))?;
+    match &verdict.card_file {
+        Some(card) => say(arguments, &format!("sensor card {}", card.display()))?,
+        None => say(arguments, "no sensor card: nothing was measured")?,
+    }
+    say(arguments, &format!("open {}", verdict.page.display()))?;
+    Ok(verdict)
+}
+
+/// Text whose lines were made visible already.
+fn write_all(text: &str) -> Result<(), Failure> {
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(e.into()),
+        _ => Ok(()),
+    }
+}
+
+/// The card as a table, what its delays are measured against, and what must be said of the records.
+fn summary(verdict: &BenchVerdict) -> String {
+    let mut text = String::new();
+    for row in &verdict.rows {
+        let reason = match &row.outcome {
+            BenchOutcome::Measured => continue,
+            BenchOutcome::NotMeasurable { reason } => format!("not measurable: {reason}"),
+            BenchOutcome::Failed { reason } => format!("failed: {reason}"),
+        };
+        text += &format!("{}: {}\n", visible(&row.name), visible(&reason));
+    }
+    let mut table =
+        Table::new(&["channel", "verdict", "delay ms|", "± U (k = 2)|", "as seen ms|", "gain|", "± U|", "records|"]);
+    verdict.channels().iter().for_each(|channel| table.row(cells(channel)));
+    if !table.is_empty() {
+        text += &table.text();
+    }
+    for line in anchors(verdict.channels()) {
+        text += &format!("  {}\n", visible(&line));
+    }
+    for notice in verdict.notices.iter().filter(|n| n.severity != Severity::Info) {
+        let place = if notice.place.is_empty() { String::new() } else { format!("{}: ", notice.place) };
+        text += &format!("  {}{}\n", visible(&place), visible(&notice.text));
+    }
+    text
+}
+
+fn cells(channel: &CardChannel) -> Vec<String> {
+    let (u_ms, u_gain) =
+        (COVERAGE * channel.delay_standard_uncertainty_s * 1e3, COVERAGE * channel.gain_standard_uncertainty);
+    let (digits, gain_digits) = (digits(u_ms), digits(u_gain));
+    vec![
+        channel.name.clone(),
+        verdict_word(channel.verdict).to_owned(),
+        format!("{:.digits$}", channel.delay_s * 1e3),
+        format!("{u_ms:.digits$}"),
+        channel.as_seen_delay_s.map_or_else(|| "-".to_owned(), |s| format!("{:.digits$}", s * 1e3)),
+        format!("{:.gain_digits$}", channel.gain),
+        format!("{u_gain:.gain_digits$}"),
+        channel.records.to_string(),
+    ]
+}
+
+/// Digits behind the point that show two figures of an uncertainty, at most four.
+fn digits(uncertainty: f64) -> usize {
+    let limits = [10.0, 1.0, 0.1, 0.01];
+    limits.iter().position(|limit| uncertainty >= *limit).unwrap_or(limits.len())
+}
+
+fn verdict_word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Delayed => "delayed",
+        Verdict::Early => "early",
+        Verdict::EquivalentToZero => "equivalent to zero",
+        Verdict::Inconclusive => "inconclusive",
+        Verdict::NotMeasurable => "not measurable",
+    }
+}
+
+/// What is relative, and to what.
+fn anchors(channels: &[CardChannel]) -> Vec<String> {
+    let anchor = |c: &CardChannel| match &c.basis {
+        TimeBasis::OneClock | TimeBasis::Pps => None,
+        TimeBasis::Anchor { channel } => Some(channel.clone()),
+    };
+    let names: std::collections::BTreeSet<String> = channels.iter().filter_map(anchor).collect();
+    let line = |name: String| format!("delays are relative to {name}, which is taken as on time: the clocks differ");
+    names.into_iter().map(line).collect()
+}
+
+/// The folder of the report; `reports/bench-NAME` below the working folder if none is given.
+fn out_of(arguments: &BenchArguments) -> PathBuf {
+    let usual = || {
+        let first = arguments.records.first().cloned().unwrap_or_default();
+        let first = first.canonicalize().unwrap_or(first);
+        let name = first.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Path::new("reports").join(format!("bench-{name}"))
+    };
+    arguments.out.clone().unwrap_or_else(usual)
+}
+
+/// The command that makes the report again, with names instead of paths: the same on every machine.
+fn command_of(arguments: &BenchArguments) -> String {
+    let mut command = "flightlag bench".to_owned();
+    for record in &arguments.records {
+        command += &format!(" {}", name_for_shell(record));
+    }
+    let options = [("--rig", &arguments.rig), ("--encoder", &arguments.encoder), ("--maps", &arguments.maps)];
+    for (option, path) in options {
+        if let Some(path) = path {
+            command += &format!(" {option} {}", name_for_shell(path));
+        }
+    }
+    if let Some(map) = &arguments.map {
+        command += &format!(" --map {}", quoted(map));
+    }
+    command + " --out REPORT"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_uncertainty_is_shown_with_two_figures_and_its_value_with_as_many() {
+        assert_eq!([34.2, 3.42, 0.342, 0.0342, 0.00342, 0.0].map(digits), [0, 1, 2, 3, 4, 4]);
+    }
+}

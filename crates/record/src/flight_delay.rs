@@ -1,0 +1,210 @@
+//! How late the channels of a flight are against each other, found from the flight itself.
+
+use crate::bench::Finding;
+use crate::replay::Estimate;
+use flight::Clock;
+use serde::{Deserialize, Serialize};
+
+/// What a pair of channels compares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DelayPairKind {
+    /// Position against the integral of velocity: δ = Tp − Tv.
+    PositionAgainstVelocity,
+    /// Velocity against the integral of acceleration (specific force turned by attitude, less gravity): δ = Tv − Ta.
+    VelocityAgainstAcceleration,
+    /// Position against a reference position, which is on time by definition: δ = Tp.
+    PositionAgainstReference,
+    /// Velocity against a reference position, which is on time by definition: δ = Tv.
+    VelocityAgainstReference,
+    /// Two receivers: δ is the difference of their position delays.
+    BetweenReceivers,
+}
+
+/// All delays that one flight can give. Every pair that was tried is here, measured or not.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlightDelays {
+    /// Pairs, in the order of [`DelayPairKind`], then of their names.
+    pub pairs: Vec<PairDelay>,
+}
+
+/// What was found about one pair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PairDelay {
+    /// Which comparison this is.
+    pub kind: DelayPairKind,
+    /// Channel whose lateness is measured, such as `position.gps`. Positive δ: this one is late against the second.
+    pub first: String,
+    /// What it is compared with: a channel, or two as `attitude.ins + specific-force.imu`.
+    pub second: String,
+    /// What δ means, and what cannot be seen from this pair, in words.
+    pub meaning: String,
+    /// Time zero of the pair's seconds; `None` if it has no samples.
+    pub origin: Option<DelayOrigin>,
+    /// What the flight offers for measuring it; `None` if it did not come so far.
+    pub excitation: Option<DelayExcitation>,
+    /// The delay, or why there is none and which manoeuvre would give one.
+    pub delay: Finding<MeasuredDelay>,
+}
+
+/// What the flown path says about a delay, whatever the noise (design note 4).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelayExcitation {
+    /// Samples of the first channel that could be compared.
+    pub samples: u64,
+    /// Seconds that they cover, gaps left out.
+    pub duration_s: f64,
+    /// Pieces with an offset of their own: the integral is unknown across gaps, the position across resets.
+    pub pieces: u64,
+    /// 95th percentile of the ground speed, m/s.
+    pub speed_p95_mps: f64,
+    /// Σ‖P⊥v‖²/Σ‖v‖² with offset and drift of every piece projected out: 0 in straight and steady flight. (For
+    /// velocity against acceleration: of the acceleration.)
+    pub moving_share: f64,
+    /// Share of the displacement over some seconds (rms) that the second channel does not explain, 0 if all.
+    pub unexplained_share: Option<f64>,
+    /// Standard uncertainty of the delay that this motion and the noise found permit, s; `None` if nothing was fitted.
+    pub predicted_s: Option<f64>,
+}
+
+/// A delay measured from a flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredDelay {
+    /// δ, s: positive means that the first channel is late against the second.
+    pub delay_s: Estimate,
+    /// 95 % interval, s.
+    pub interval_95_s: [f64; 2],
+    /// Standard uncertainty from the curvature alone, s.
+    pub hessian_s: f64,
+    /// Standard uncertainty from the sandwich that allows for autocorrelation, s.
+    pub hac_s: f64,
+    /// Cramér–Rao bound at the fitted noise, s.
+    pub crlb_s: f64,
+    /// 2.8 standard uncertainties, s: a change of the delay that a test at 5 % finds with 80 % probability.
+    pub smallest_detectable_s: f64,
+    /// Samples of both axes used.
+    pub samples: u64,
+    /// Share of the samples that were held back as outliers, 0 to 1.
+    pub downweighted_share: f64,
+    /// Another delay that explains the data almost as well (within three units of chi-squared times the noise), s.
+    pub rival_s: Option<f64>,
+    /// Pieces with an offset of their own.
+    pub pieces: Vec<DelayPiece>,
+    /// Delay over time, in windows that do not overlap and say about equally much.
+    pub over_time: Vec<WindowDelay>,
+    /// Whether all windows agree; `None` with fewer than two.
+    pub homogeneity: Option<DelayHomogeneity>,
+    /// What a reader must be told of a delay that does not stay the same; `None` if it does.
+    pub alarm: Option<String>,
+    /// Delay by operating point: speed, and quality channels where logged.
+    pub splits: Vec<DelaySplit>,
+    /// Known delays put into the second half of the flight and found again.
+    pub injections: Vec<FlightInjection>,
+}
+
+/// A stretch with an offset and drift of its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelayPiece {
+    /// First sample, s after the origin.
+    pub start_s: f64,
+    /// Last sample.
+    pub end_s: f64,
+    /// What began it, in words; empty for the first.
+    pub begun_by: String,
+    /// Drift north and east, m/s (m/s² for velocity against acceleration): the bias of the second channel.
+    pub drift: [Estimate; 2],
+    /// Noise north and east, m or m/s.
+    pub noise: [DelayNoise; 2],
+}
+
+/// Noise about the fit: an Ornstein–Uhlenbeck wander plus white noise.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DelayNoise {
+    /// Standard deviation of the wander; `None` if there is none.
+    pub wander_std: Option<f64>,
+    /// Correlation time of the wander, s.
+    pub time_constant_s: Option<f64>,
+    /// Standard deviation of the white part.
+    pub white_std: f64,
+}
+
+/// The delay in one window of time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WindowDelay {
+    /// Begin, s after the origin.
+    pub start_s: f64,
+    /// End.
+    pub end_s: f64,
+    /// Delay, s.
+    pub delay_s: Estimate,
+}
+
+/// A test of one delay for all windows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DelayHomogeneity {
+    /// Chi-squared.
+    pub chi2: f64,
+    /// Degrees of freedom.
+    pub degrees_of_freedom: u64,
+    /// Probability of a chi-squared as large by chance.
+    pub p: f64,
+    /// The split of the flight in two whose delays differ most.
+    pub largest_step: DelayStep,
+}
+
+/// A step of the delay.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DelayStep {
+    /// When, s after the origin: the border of two windows.
+    pub at_s: f64,
+    /// Mean delay before, s.
+    pub before_s: Estimate,
+    /// Mean delay after, s.
+    pub after_s: Estimate,
+    /// Probability of a step as large by chance, corrected for the number of places where one was looked for.
+    pub p: f64,
+}
+
+/// The delay by operating point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelaySplit {
+    /// What it is split by: `ground speed, m/s`, or the name of a channel.
+    pub by: String,
+    /// Groups, rising.
+    pub groups: Vec<DelayGroup>,
+    /// Probability of differences as large by chance; `None` with fewer than two groups.
+    pub p: Option<f64>,
+}
+
+/// One operating point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelayGroup {
+    /// Least and largest value in the group.
+    pub range: [f64; 2],
+    /// Samples of both axes.
+    pub samples: u64,
+    /// Delay, s.
+    pub delay_s: Estimate,
+}
+
+/// A known delay that was put into the second half of the flight (half of what the flight says, not of its time).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FlightInjection {
+    /// What was put in, s.
+    pub injected_s: f64,
+    /// Delay of the second half less that of the first, less what was put in, s: zero within its uncertainty.
+    pub error_s: Estimate,
+    /// 95 % interval of the error, s.
+    pub interval_95_s: [f64; 2],
+    /// Border of the halves, s after the origin.
+    pub split_s: f64,
+}
+
+/// Time zero of a pair's seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DelayOrigin {
+    /// Stamp, ns.
+    pub origin_ns: i64,
+    /// Its clock.
+    pub clock: Clock,
+}

@@ -1,0 +1,134 @@
+//! The figures of a bench: Fig. 4 of the paper, the reference motion, and what each channel does.
+
+mod channel;
+mod paper;
+mod reference;
+
+pub(crate) use channel::ChannelFigures;
+
+use super::Figure;
+use record::{BenchFindings, ChannelDynamics, ComponentDynamics, Curve};
+use std::collections::BTreeSet;
+
+/// All figures of a bench record that have something to show, numbered in the order of the page.
+#[derive(Debug, Default)]
+pub(crate) struct BenchFigures {
+    /// Fig. 4 over a few swings.
+    pub(crate) zoom: Option<Figure>,
+    /// Fig. 4 over the whole record.
+    pub(crate) whole: Option<Figure>,
+    /// In the order of the channels of the record, one for each.
+    pub(crate) channels: Vec<ChannelFigures>,
+    /// Bar angle.
+    pub(crate) angle: Option<Figure>,
+    /// Tangential acceleration, smoothed and as the paper has it.
+    pub(crate) acceleration: Option<Figure>,
+}
+
+impl BenchFigures {
+    /// Figures of what was found.
+    pub(crate) fn of(findings: &BenchFindings) -> BenchFigures {
+        let channels = &findings.channels;
+        let anchors = anchors(channels.iter().map(|c| c.name.as_str()));
+        let mut figures = BenchFigures {
+            zoom: paper::zoom(channels),
+            whole: paper::whole(channels),
+            channels: channels.iter().zip(anchors).map(|(c, anchor)| ChannelFigures::of(c, anchor)).collect(),
+            angle: reference::angle(&findings.reference),
+            acceleration: reference::acceleration(&findings.reference),
+        };
+        for (number, figure) in (1..).zip(figures.slots_mut().into_iter().flatten()) {
+            figure.number = number;
+        }
+        figures
+    }
+
+    /// From the first to the last.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Figure> {
+        let channels = self.channels.iter().flat_map(ChannelFigures::slots);
+        [&self.zoom, &self.whole].into_iter().chain(channels).chain([&self.angle, &self.acceleration]).flatten()
+    }
+
+    fn slots_mut(&mut self) -> Vec<&mut Option<Figure>> {
+        let channels = self.channels.iter_mut().flat_map(ChannelFigures::slots_mut);
+        [&mut self.zoom, &mut self.whole]
+            .into_iter()
+            .chain(channels)
+            .chain([&mut self.angle, &mut self.acceleration])
+            .collect()
+    }
+}
+
+/// The component that says most of the delay: of the excited ones that with the smallest uncertainty, else the first.
+pub(crate) fn main_component(channel: &ChannelDynamics) -> Option<&ComponentDynamics> {
+    let uncertainty = |c: &ComponentDynamics| c.delay_s.and_then(|d| d.standard_uncertainty).unwrap_or(f64::INFINITY);
+    let excited = || channel.components.iter().filter(|c| c.excited);
+    excited().min_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b))).or(channel.components.first())
+}
+
+/// What a curve of a component stands for, by its place: the reference first, the measured values last, between them
+/// the reference delayed as found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Reference,
+    Delayed,
+    Measured,
+}
+
+fn roles(curves: &[Curve]) -> impl Iterator<Item = (Role, &Curve)> {
+    let last = curves.len().saturating_sub(1);
+    curves.iter().enumerate().map(move |(i, curve)| {
+        let role = match i {
+            _ if i == last => Role::Measured,
+            0 => Role::Reference,
+            _ => Role::Delayed,
+        };
+        (role, curve)
+    })
+}
+
+/// A name for each channel that can be part of an `id`, no two alike.
+pub(crate) fn anchors<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let free = |name| {
+        let slug = slug(name);
+        let mut anchor = slug.clone();
+        let mut copy = 2;
+        while !taken.insert(anchor.clone()) {
+            anchor = format!("{slug}-{copy}");
+            copy += 1;
+        }
+        anchor
+    };
+    names.map(free).collect()
+}
+
+/// Small letters and digits of a name, everything else as one dash.
+fn slug(name: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' };
+    let dashed: String = name.chars().take(60).map(plain).collect();
+    let words: Vec<&str> = dashed.split('-').filter(|word| !word.is_empty()).collect();
+    if words.is_empty() { "unnamed".to_owned() } else { words.join("-") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn anchors_are_plain_and_no_two_are_alike() {
+        let names = ["position.ins", "position ins", "<b>", "\u{202e}", "", "position-ins-2"];
+        let expected = ["position-ins", "position-ins-2", "b", "unnamed", "unnamed-2", "position-ins-2-2"];
+        assert_eq!(anchors(names.into_iter()), expected);
+    }
+
+    #[test]
+    fn curves_are_known_by_their_place() {
+        let curve = || Curve { name: String::new(), t_s: vec![], y: vec![], breaks: vec![], stands_for: 0 };
+        let of = |n| roles(&vec![curve(); n]).map(|(role, _)| role).collect::<Vec<_>>();
+        assert_eq!(of(3), [Role::Reference, Role::Delayed, Role::Measured]);
+        assert_eq!(of(2), [Role::Reference, Role::Measured]);
+        assert_eq!(of(1), [Role::Measured]);
+        assert_eq!(of(0), []);
+    }
+}

@@ -1,0 +1,239 @@
+//! The page of one bench record.
+
+mod channel;
+mod clocks;
+mod method;
+mod mount;
+mod overview;
+mod provenance;
+mod reference;
+
+use super::{badge, contents, document, estimate, health, sensor_name, verdict_badge};
+use crate::draw;
+use crate::figure::BenchFigures;
+use crate::number;
+use crate::site::Site;
+use crate::text::{href, shown, shown_block};
+use crate::verdict;
+use maud::{Markup, html};
+use record::{BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, TimeBasis, Verdict};
+
+/// What the page of a bench record needs besides the record.
+#[derive(Debug, Clone, Copy)]
+pub struct BenchPage<'a> {
+    /// Title: the name people know.
+    pub name: &'a str,
+    /// What was found.
+    pub record: &'a BenchRecord,
+    /// Command that makes this page again.
+    pub command: &'a str,
+    /// Path of a page above this one, if there is one; not encoded yet.
+    pub index_href: Option<&'a str>,
+}
+
+/// The page of a bench record: `index.html` with its figures inside, and each figure again
+/// as a file under `figures/` (`fig-4`, `fig-4-whole`, `angle`, `acceleration`, and for each
+/// channel its name followed by `-components`, `-response`, `-residuals`, `-autocorrelation`,
+/// `-objective`, `-minimum`, `-stationarity`, `-latency`; those that the record has curves for).
+#[must_use]
+pub fn bench_site(page: &BenchPage) -> Site {
+    let figures = page.record.findings.as_ref().map(BenchFigures::of).unwrap_or_default();
+    let mut site = Site::default();
+    for figure in figures.iter() {
+        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
+    }
+    site.add("index.html", document(&format!("{} — flightlag bench", page.name), false, body(page, &figures)));
+    site
+}
+
+fn body(page: &BenchPage, figures: &BenchFigures) -> Markup {
+    let record = page.record;
+    html! {
+        @if let Some(index) = page.index_href {
+            nav aria-label="Above this page" { a href=(href(index)) { "← All records" } }
+        }
+        (contents(parts(record)))
+        main {
+            h1 { (shown(page.name)) }
+            p.note {
+                (shown(&sensor_name(&record.sensor))) " on the rig “" (shown(&record.rig.title)) "”"
+                @if let Some(date) = &record.date { ", " (shown(date)) } "."
+            }
+            (strip(record))
+            (first_words(record))
+            @if let Some(findings) = &record.findings { (found(findings, figures)) }
+            (logs(record))
+            (health::notices_section(&record.notices))
+            @if let Some(findings) = &record.findings { (method::section(findings)) }
+            (provenance::section(page))
+        }
+    }
+}
+
+fn parts(record: &BenchRecord) -> &'static [(&'static str, &'static str)] {
+    const ALL: [(&str, &str); 10] = [
+        ("results", "Results"),
+        ("gate", "Quality gate"),
+        ("channels", "Channels"),
+        ("clocks", "Clocks"),
+        ("reference", "Reference"),
+        ("mount", "Mount"),
+        ("method", "Method"),
+        ("health", "Data health"),
+        ("notices", "Notices"),
+        ("provenance", "Provenance"),
+    ];
+    if record.findings.is_some() { &ALL } else { &ALL[7..] }
+}
+
+fn found(findings: &BenchFindings, figures: &BenchFigures) -> Markup {
+    html! {
+        (overview::section(findings, figures))
+        (overview::gate(&findings.gate))
+        (channel::section(&findings.channels, &figures.channels))
+        (clocks::section(&findings.clocks))
+        (reference::section(findings, figures))
+        (mount::section(&findings.mount, &findings.flexibility))
+    }
+}
+
+/// How often each verdict was given, and what happened to the data.
+fn strip(record: &BenchRecord) -> Markup {
+    const ALL: [Verdict; 5] =
+        [Verdict::Delayed, Verdict::Early, Verdict::Inconclusive, Verdict::EquivalentToZero, Verdict::NotMeasurable];
+    let channels = record.findings.iter().flat_map(|f| &f.channels);
+    let count = |verdict| channels.clone().filter(|c| c.verdict == verdict).count() as u64;
+    html! {
+        div.strip role="status" {
+            @match &record.outcome {
+                BenchOutcome::Measured => { (badge("ok", "✓", "Measured")) }
+                BenchOutcome::NotMeasurable { .. } => { (badge("unsure", "○", "Not measurable")) }
+                BenchOutcome::Failed { .. } => { (badge("bad", "✗", "Failed")) }
+            }
+            @for verdict in ALL {
+                @if count(verdict) > 0 { span { (verdict_badge(verdict)) " " (number::counted(count(verdict), "channel", "channels")) } }
+            }
+            (health::notice_words(&record.notices))
+        }
+    }
+}
+
+/// The reason if there is no result, else the answer.
+fn first_words(record: &BenchRecord) -> Markup {
+    html! {
+        @match &record.outcome {
+            BenchOutcome::Measured => {}
+            BenchOutcome::NotMeasurable { reason } => { p.why.unsure { (shown_block(reason)) } }
+            BenchOutcome::Failed { reason } => { p.why { (shown_block(reason)) } }
+        }
+        @match &record.findings {
+            Some(findings) => { (answer(findings)) }
+            None if record.outcome == BenchOutcome::Measured => {
+                p.why { "The record says measured, but holds no findings." }
+            }
+            None => {}
+        }
+        @if record.notices.any_loss() {
+            p { "Data that a logger wrote could not be read. The numbers below are of what could be read; what was lost \
+             stands under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
+        }
+    }
+}
+
+/// What was asked, answered channel by channel: the displaced ones first, each in a sentence.
+fn answer(findings: &BenchFindings) -> Markup {
+    let of = |verdict| findings.channels.iter().filter(move |c| c.verdict == verdict);
+    let failed = findings.gate.checks.iter().filter(|c| !c.passed).count() as u64;
+    html! {
+        @for channel in of(Verdict::Delayed).chain(of(Verdict::Early)) { (displaced(channel)) }
+        (group("On time, each within its margin: ", of(Verdict::EquivalentToZero).collect(), on_time))
+        (group("Not decided: ", of(Verdict::Inconclusive).collect(), undecided))
+        (group("Not measurable: ", of(Verdict::NotMeasurable).collect(), |c| html! { " (" (shown(c.reason.trim_end_matches('.'))) ")" }))
+        @if findings.channels.is_empty() { p.answer { "No channel could be measured." } }
+        p.answer { (shown(&findings.clocks.statement)) }
+        @if failed > 0 {
+            p.answer {
+                (badge("unsure", "!", "Quality gate")) " " (number::counted(failed, "check", "checks")) " not passed: see " a href="#gate" { "Quality gate" } "."
+            }
+        }
+    }
+}
+
+fn displaced(channel: &ChannelDynamics) -> Markup {
+    let (word, sign) = if channel.verdict == Verdict::Early { ("early", -1.0) } else { ("late", 1.0) };
+    html! {
+        p.answer {
+            b { code { (shown(&channel.name)) } " is " (word) }
+            @match &channel.delay {
+                Some(found) => {
+                    b { " by " (size(found, sign)) "\u{a0}ms" } " (k = 2), 95 % interval of the delay "
+                    (number::interval(found.interval_95_s.map(|s| s * 1e3), found.standard_uncertainty_s * 1e3)) " ms"
+                    @if let TimeBasis::Anchor { channel } = &channel.basis { ", relative to " code { (shown(channel)) } }
+                    "."
+                    @if let Some(seen) = &found.as_seen_s {
+                        " A loop that reads the held value sees " (estimate(&verdict::in_millis(seen))) " ms."
+                    }
+                }
+                None => { "; the record holds no number." }
+            }
+        }
+    }
+}
+
+fn size(found: &DelayFinding, sign: f64) -> Markup {
+    estimate(&number::scaled(&verdict::delay(found), sign * 1e3))
+}
+
+fn group(title: &str, channels: Vec<&ChannelDynamics>, say: fn(&ChannelDynamics) -> Markup) -> Markup {
+    html! {
+        @if !channels.is_empty() {
+            p.answer {
+                b { (title) }
+                @for (i, channel) in channels.iter().enumerate() {
+                    @if i > 0 { "; " }
+                    code { (shown(&channel.name)) } (say(channel))
+                }
+                "."
+            }
+        }
+    }
+}
+
+fn on_time(channel: &ChannelDynamics) -> Markup {
+    html! {
+        @if let Some(found) = &channel.delay {
+            " " (size(found, 1.0)) "\u{a0}ms within ±" (number::exact(found.margin_s * 1e3)) "\u{a0}ms"
+        }
+    }
+}
+
+fn undecided(channel: &ChannelDynamics) -> Markup {
+    html! {
+        @if let Some(found) = &channel.delay {
+            " " (size(found, 1.0)) " ms; smallest delay that it could show "
+            (number::significant(found.minimum_detectable_s * 1e3, 2)) "\u{a0}ms, margin ±" (number::exact(found.margin_s * 1e3)) "\u{a0}ms"
+            @if let Some(length) = found.deciding_length_s { ", " (duration(length)) " of record would decide" }
+        }
+    }
+}
+
+/// A length of a record for people.
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 180.0 => format!("{} s", number::significant(s, 2)),
+        s if s < 7200.0 => format!("{} min", number::significant(s / 60.0, 2)),
+        s => format!("{} h", number::significant(s / 3600.0, 2)),
+    }
+}
+
+fn logs(record: &BenchRecord) -> Markup {
+    html! {
+        h2 id="health" { "Data health" }
+        @if record.logs.is_empty() { p { "No log could be opened, so nothing is known of its data." } }
+        @for log in &record.logs {
+            h3 { "Log of " (shown(&log.role)) }
+            (health::channel_map(log.binding.as_ref()))
+            (health::log_health(&log.health, log.binding.as_ref()))
+        }
+    }
+}

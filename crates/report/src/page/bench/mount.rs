@@ -1,0 +1,87 @@
+//! Mount and calibration: what the data say beside what the rig file says.
+
+use super::super::Head::{Number, Text};
+use super::super::{badge, estimate, exact, fact, finding, met_badge, or_why, plain, rows, table};
+use crate::number;
+use crate::text::shown;
+use maud::{Markup, html};
+use record::{Finding, Flexibility, MagnetometerFinding, MountCheck, MountFinding};
+
+pub(super) fn section(mount: &MountFinding, flexibility: &Finding<Flexibility>) -> Markup {
+    html! {
+        h2 id="mount" { "Mount and calibration" }
+        p {
+            "The data say that the sensor is mounted: " b { (finding(&mount.detected, |word| html! { (shown(word)) })) }
+            ". The rig file says: " b { (shown(&mount.stated)) } "."
+        }
+        (checks(&mount.checks))
+        h3 { "Flexibility of the bar" }
+        (finding(flexibility, bar))
+        h3 { "Magnetometer" }
+        (finding(&mount.magnetometer, magnetometer))
+    }
+}
+
+fn checks(checks: &[MountCheck]) -> Markup {
+    let row = |check: &MountCheck| {
+        html! {
+            tr {
+                th scope="row" { (shown(&check.name)) }
+                td.n { (finding(&check.fitted, estimate)) }
+                td.n { (or_why(check.stated, "not stated", exact)) }
+                td { (shown(&check.unit)) }
+                td { (check.agrees.map_or_else(|| badge("off", "○", "not told"), met_badge)) }
+                td.any { (shown(&check.text)) }
+            }
+        }
+    };
+    let head =
+        [Text("What"), Number("From the data ± U"), Number("Rig file"), Text("Unit"), Text("Agree"), Text("In words")];
+    html! {
+        @if checks.is_empty() { p { "Nothing was compared." } }
+        @else {
+            (table("From the data beside the rig file; they agree within three standard uncertainties and a tolerance",
+                &head, rows(checks, 80, head.len(), row)))
+        }
+    }
+}
+
+fn bar(found: &Flexibility) -> Markup {
+    let hertz = |e| html! { (estimate(e)) " Hz" };
+    let facts = html! {
+        (fact("Gain of position and velocity", estimate(&found.translation_gain)))
+        (fact("Gain of attitude, rate and magnetic field", estimate(&found.rotation_gain)))
+        (fact("(rotation − 1)/(translation − 1)", html! {
+            (finding(&found.ratio, estimate)) "; 1.38 to 1.50 for a bar that bends"
+        }))
+        (fact("First mode", finding(&found.first_mode_hz, hertz)))
+        (fact("First mode that the rig file expects",
+            or_why(found.expected_hz, "not stated", |hz| html! { (exact(hz)) " Hz" })))
+    };
+    html! {
+        p { (shown(&found.text)) }
+        (table("Whether the bar bends; ± is U with k = 2", &[Text("Item"), Text("Value")], facts))
+    }
+}
+
+fn magnetometer(found: &MagnetometerFinding) -> Markup {
+    let degrees = |e| html! { (estimate(&number::scaled(e, 1f64.to_degrees()))) "°" };
+    let facts = html! {
+        (fact("Fit", html! { (shown(&found.kind)) ", from " (number::counted(found.azimuths, "azimuth", "azimuths")) }))
+        @for (axis, iron) in ["x", "y", "z"].into_iter().zip(&found.hard_iron) {
+            (fact(&format!("Hard iron {axis}, in the channel's unit"), finding(iron, estimate)))
+        }
+        (fact("Soft iron and scale, row by row", html! {
+            @for row in found.soft_iron.iter().take(3) {
+                div { @for (i, v) in row.iter().enumerate() { @if i > 0 { ", " } (number::fixed(*v, 4)) } }
+            }
+        }))
+        (fact("Rms of what is left, in the channel's unit", plain(found.residual_rms, 3)))
+        (fact("Size of the field over the model's", or_why(found.magnitude_ratio.as_ref(), "no model was used", estimate)))
+        (fact("Dip less the model's", or_why(found.dip_error_rad.as_ref(), "no model was used", degrees)))
+    };
+    html! {
+        p { (shown(&found.text)) }
+        (table("Hard and soft iron; ± is U with k = 2", &[Text("Item"), Text("Value")], facts))
+    }
+}

@@ -1,0 +1,157 @@
+//! All channels in one table, Fig. 4, and whether the swing can show anything at all.
+
+use super::super::Head::{self, Number, Text};
+use super::super::{basis, estimate, figure, finding, met_badge, or_why, plain, rows, table, verdict_badge};
+use crate::figure::{BenchFigures, ChannelFigures, main_component};
+use crate::number;
+use crate::text::shown;
+use crate::verdict;
+use maud::{Markup, html};
+use record::{
+    BenchFindings, ChannelDynamics, ComponentDynamics, DelayFinding, GateCheck, ModelFinding, NoiseFinding,
+    QualityGate, TimeBasis,
+};
+
+/// Most channels of a table; the record holds all.
+pub(super) const MOST_CHANNELS: usize = 60;
+
+pub(super) fn section(findings: &BenchFindings, figures: &BenchFigures) -> Markup {
+    html! {
+        h2 id="results" { "Results" }
+        (channels(findings, &figures.channels))
+        p.note {
+            "A positive delay is late: measured(t) = truth(t − delay). ± is U with k = 2; the interval is that of \
+             Student with 95 %. As seen: by a loop that reads the held values, delay and mean age together. Smallest \
+             detectable: shown with a power of 80 %. Gain and noise are those of the component that says most of the \
+             delay. — is a number that the record does not hold, with the reason."
+        }
+        @for shown in [&figures.zoom, &figures.whole].into_iter().flatten() { (figure(shown)) }
+        @if figures.zoom.is_none() && figures.whole.is_none() {
+            p { "The record holds no curve of a channel, so there is no Fig. 4." }
+        }
+    }
+}
+
+fn channels(findings: &BenchFindings, figures: &[ChannelFigures]) -> Markup {
+    let head = [
+        Text("Channel"),
+        Text("Verdict"),
+        Number("Delay ± U, 95 % interval (ms)"),
+        Number("Smallest detectable (ms)"),
+        Text("Delay or lag"),
+        Number("Gain ± U"),
+        Text("Noise, one sigma"),
+        Text("Updates, stamps, measured against"),
+    ];
+    let both: Vec<_> = findings.channels.iter().zip(figures).collect();
+    html! { div.compact { (channel_table(&both, &head)) } }
+}
+
+fn channel_table(both: &[(&ChannelDynamics, &ChannelFigures)], head: &[Head]) -> Markup {
+    table("All channels", head, rows(both, MOST_CHANNELS, head.len(), |(channel, figures)| row(channel, figures)))
+}
+
+const NO_DELAY: &str = "not fitted";
+
+fn row(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
+    let delay = channel.delay.as_ref();
+    let main = main_component(channel);
+    html! {
+        tr {
+            th scope="row" {
+                a href={ "#" (figures.anchor) "-channel" } { (shown(&channel.name)) }
+            }
+            td { (verdict_badge(channel.verdict)) }
+            td.n { (or_why(delay, NO_DELAY, delay_cell)) }
+            td.n { (or_why(delay, NO_DELAY, |d| plain(d.minimum_detectable_s * 1e3, 2))) }
+            td.any { (finding(&channel.model, model_word)) }
+            td.n { (or_why(main.and_then(|c| c.gain.as_ref()), "not fitted", estimate)) }
+            td.any { (or_why(main.and_then(|c| Some((c, c.noise.as_ref()?))), "not fitted", noise)) }
+            td.any {
+                (or_why(channel.update_rate_hz, "rate not known", |hz| html! { (plain(hz, 4)) " Hz" })) ", "
+                (channel.stamp_kind) ", " (against(channel))
+            }
+        }
+    }
+}
+
+/// The delay, its interval, and what a loop sees that reads held values.
+fn delay_cell(found: &DelayFinding) -> Markup {
+    html! {
+        (estimate(&verdict::in_millis(&verdict::delay(found))))
+        div { (interval_ms(found)) }
+        @if let Some(seen) = &found.as_seen_s { div { "as seen " (estimate(&verdict::in_millis(seen))) } }
+    }
+}
+
+/// Ends of the interval of a delay, ms.
+pub(super) fn interval_ms(found: &DelayFinding) -> String {
+    number::interval(found.interval_95_s.map(|s| s * 1e3), found.standard_uncertainty_s * 1e3)
+}
+
+fn model_word(model: &ModelFinding) -> Markup {
+    html! {
+        @match &model.chosen {
+            Some(name) => { (kind(name)) }
+            None => { "not distinguished" }
+        }
+    }
+}
+
+/// The name of a candidate in words.
+pub(super) fn kind(name: &str) -> Markup {
+    let words = match name {
+        "D" => "delay",
+        "L" => "lag",
+        "DL" => "delay and lag",
+        "DLL" => "delay and two lags",
+        _ => "",
+    };
+    html! { (shown(name)) @if !words.is_empty() { ", " (words) } }
+}
+
+fn noise((component, noise): (&ComponentDynamics, &NoiseFinding)) -> Markup {
+    let with_unit = |value| html! { (number::significant(value, 2)) "\u{a0}" (shown(&component.unit)) };
+    html! {
+        "white " (with_unit(noise.white_std))
+        @if noise.wander_std > 0.0 {
+            ", wanders " (with_unit(noise.wander_std)) " in " (number::significant(noise.time_constant_s, 2)) "\u{a0}s"
+        }
+    }
+}
+
+/// What the delay of a channel is measured against; the anchor is its own measure.
+fn against(channel: &ChannelDynamics) -> Markup {
+    match &channel.basis {
+        TimeBasis::Anchor { channel: anchor } if *anchor == channel.name => html! { "the anchor itself" },
+        other => basis(other),
+    }
+}
+
+/// What was asked before any verdict.
+pub(super) fn gate(gate: &QualityGate) -> Markup {
+    let check = |check: &GateCheck| {
+        html! {
+            tr {
+                th scope="row" { (shown(&check.name)) }
+                td { (met_badge(check.passed)) }
+                td.any { (shown(&check.text)) }
+            }
+        }
+    };
+    let head = [Text("Asked"), Text("As it should be"), Text("Number, limit, what follows")];
+    html! {
+        h2 id="gate" { "Quality gate" }
+        p {
+            (number::counted(gate.swings, "full swing", "full swings")) "; nine tenths of the power of the bar's rate lie \
+             between " (plain(gate.excited_band_hz[0], 2)) " and " (plain(gate.excited_band_hz[1], 2)) " Hz, its angle has \
+             an rms frequency of " (plain(gate.rms_frequency_hz, 3)) " Hz."
+        }
+        @if gate.checks.is_empty() { p { "Nothing was asked." } }
+        @else { (table("Asked before any verdict", &head, rows(&gate.checks, 60, head.len(), check))) }
+        @if !gate.not_observable.is_empty() {
+            h3 { "What this swing cannot show, whatever the sensor" }
+            ul.plain { @for text in gate.not_observable.iter().take(30) { li { (shown(text)) } } }
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Verdicts in words: the same on every page and figure.
+
+use crate::number;
+use record::{ChannelDynamics, DelayFinding, Estimate, Verdict};
+
+/// A verdict as one or two words.
+pub(crate) fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Delayed => "Late",
+        Verdict::Early => "Early",
+        Verdict::EquivalentToZero => "On time",
+        Verdict::Inconclusive => "Not decided",
+        Verdict::NotMeasurable => "Not measurable",
+    }
+}
+
+/// The same with its number, as `late by 400.3 ± 1.6 ms`.
+pub(crate) fn phrase(channel: &ChannelDynamics) -> String {
+    let Some(found) = &channel.delay else { return word(channel.verdict).to_lowercase() };
+    let value = in_millis(&delay(found));
+    let size = |sign: f64| number::with_uncertainty(&Estimate { value: sign * value.value, ..value });
+    match channel.verdict {
+        Verdict::Delayed => format!("late by {} ms", size(1.0)),
+        Verdict::Early => format!("early by {} ms", size(-1.0)),
+        Verdict::EquivalentToZero => format!("on time ({} ms)", size(1.0)),
+        Verdict::Inconclusive => format!("not decided ({} ms)", size(1.0)),
+        Verdict::NotMeasurable => format!("not measurable ({} ms, not to be relied on)", size(1.0)),
+    }
+}
+
+/// The delay with its standard uncertainty, s.
+pub(crate) fn delay(found: &DelayFinding) -> Estimate {
+    Estimate { value: found.delay.seconds(), standard_uncertainty: Some(found.standard_uncertainty_s) }
+}
+
+/// Seconds as milliseconds.
+pub(crate) fn in_millis(seconds: &Estimate) -> Estimate {
+    number::scaled(seconds, 1e3)
+}

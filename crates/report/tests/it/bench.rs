@@ -1,0 +1,371 @@
+//! What the pages of a bench, a card and a study say is what their records hold.
+
+use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
+use crate::html::{Tag, points, read};
+use record::{BenchRecord, Estimate, Finding, Verdict};
+use report::{BenchPage, CardPage, CardRecord, Site, bench_site, card_site, monte_carlo_site};
+
+fn site(record: &BenchRecord) -> Site {
+    let command = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig bench.rig.toml";
+    bench_site(&BenchPage { name: "swing 07", record, command, index_href: Some("../index.html") })
+}
+
+fn text(site: &Site, path: &str) -> String {
+    String::from_utf8(site.files[path].clone()).unwrap()
+}
+
+fn page(record: &BenchRecord) -> String {
+    text(&site(record), "index.html")
+}
+
+fn the_card() -> Site {
+    let (card, records) = card();
+    let names = ["swing-07", "swing-08", "swing-09", "swing-10"];
+    let of = |(name, record)| CardRecord { name, record, href: Some("../swing/index.html") };
+    let records: Vec<CardRecord> = names.into_iter().zip(&records).map(of).collect();
+    card_site(&CardPage { card: &card, records: &records, command: "flightlag bench records" })
+}
+
+fn all_sites() -> Vec<Site> {
+    let records = [bench_record(), silent_bench_record(), failed_bench_record()];
+    let mut sites: Vec<Site> = records.iter().map(site).collect();
+    sites.extend([the_card(), monte_carlo_site(&study())]);
+    sites
+}
+
+/// What a person reads: the page without its tags.
+fn words(html: &str) -> String {
+    let after_tags = html.split('<').map(|part| part.split_once('>').map_or(part, |(_, text)| text));
+    after_tags.collect()
+}
+
+/// Bits and words of every number in the markup.
+fn data(html: &str) -> Vec<(f64, String)> {
+    let tags = read(html);
+    let with_bits = tags.iter().filter(|t| t.name == "data").filter_map(|t| Some((t.get("value")?, &t.text)));
+    with_bits.map(|(value, text)| (value.parse().unwrap(), text.clone())).collect()
+}
+
+/// The number that a text shows.
+fn shown(text: &str) -> f64 {
+    let first = text.split("\u{a0}±").next().unwrap();
+    first.replace('\u{2212}', "-").replace('\u{202f}', "").parse().unwrap()
+}
+
+#[test]
+fn every_number_with_its_bits_on_a_bench_page_is_rounded_from_them() {
+    for html in all_sites().iter().map(|site| text(site, "index.html")) {
+        for (value, text) in data(&html) {
+            let first = text.split("\u{a0}±").next().unwrap();
+            let decimals = first.split_once('.').map_or(0, |(_, d)| d.len()) as i32;
+            let digits = first.trim_start_matches('\u{2212}');
+            let hidden = if decimals > 0 { 0 } else { (digits.len() - digits.trim_end_matches('0').len()) as i32 };
+            let half = 0.5 * 10f64.powi(hidden - decimals);
+            assert!((shown(&text) - value).abs() <= half * 1.000_001, "{value} is shown as {text}");
+        }
+    }
+}
+
+#[test]
+fn the_estimates_of_every_channel_are_on_the_page() {
+    let record = bench_record();
+    let data = data(&page(&record));
+    let mut expected: Vec<f64> = Vec::new();
+    let in_ms = |e: &Estimate| e.value * 1e3;
+    for c in &record.findings.as_ref().unwrap().channels {
+        let Some(delay) = &c.delay else { continue };
+        expected
+            .extend([delay.delay.seconds(), delay.minimum_detectable_s, delay.crlb_s, delay.margin_s].map(|s| s * 1e3));
+        expected.extend([&delay.as_seen_s, &delay.held_fit_s].into_iter().flatten().map(in_ms));
+        for component in &c.components {
+            expected.extend([component.gain, component.offset, component.drift].into_iter().flatten().map(|e| e.value));
+            expected.extend(component.delay_s.iter().map(in_ms));
+            expected.extend(component.noise.iter().map(|n| n.white_std));
+        }
+        expected.extend(c.injections.iter().map(|i| in_ms(&i.delay_error_s)));
+        expected.extend(c.model.found().map(|m| in_ms(&m.sum_s)));
+        expected.extend(c.jitter_s.found().map(in_ms));
+    }
+    assert!(expected.len() > 100, "{}", expected.len());
+    for value in expected {
+        assert!(data.iter().any(|(bits, _)| *bits == value), "{value}");
+    }
+}
+
+#[test]
+fn the_answer_comes_first_with_its_interval_and_what_it_is_relative_to() {
+    let html = page(&bench_record());
+    let words = words(&html);
+    // u = 0.8 ms; Student with 1.97.
+    let value = words.find("400.3\u{a0}±\u{a0}1.6").unwrap();
+    let answer = &words[value..value + 200];
+    assert!(answer.contains("398.7\u{a0}to\u{a0}401.9") && answer.contains("relative to angular-rate.imu"), "{answer}");
+    assert!(html.find("class=\"answer\"") < html.find("id=\"results\""));
+    // An early channel is early by a positive number.
+    assert!(words.contains("is early by 0.60\u{a0}±\u{a0}0.22"));
+}
+
+#[test]
+fn every_verdict_is_a_word_in_the_strip_and_in_the_row_of_its_channel() {
+    let record = bench_record();
+    let html = page(&record);
+    let words = [
+        (Verdict::Delayed, "Late"),
+        (Verdict::Early, "Early"),
+        (Verdict::EquivalentToZero, "On time"),
+        (Verdict::Inconclusive, "Not decided"),
+        (Verdict::NotMeasurable, "Not measurable"),
+    ];
+    let strip = html.split("class=\"strip\"").nth(1).unwrap().split("</div>").next().unwrap();
+    let table = html.split("id=\"results\"").nth(1).unwrap().split("</table>").next().unwrap();
+    for (verdict, word) in words {
+        assert!(strip.contains(&format!("</span>{word}</span>")), "{word}");
+        for c in record.findings.as_ref().unwrap().channels.iter().filter(|c| c.verdict == verdict) {
+            let row = table.split(&format!(">{}</a>", c.name)).nth(1).unwrap().split("</tr>").next().unwrap();
+            assert!(row.contains(&format!("</span>{word}</span>")), "{}: {row}", c.name);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_told_is_said_with_its_reason() {
+    let record = bench_record();
+    let html = page(&record);
+    for c in &record.findings.as_ref().unwrap().channels {
+        if let Finding::CannotTell(why) = &c.response {
+            assert!(html.contains(&format!("— {why}")), "{why}");
+        }
+    }
+    let silent = page(&silent_bench_record());
+    assert!(silent.matches("— the bar stands still").count() >= 4);
+    for absent in ["NaN", ">null<", ">None<", "not finite"] {
+        assert!(!html.contains(absent) && !silent.contains(absent), "{absent}");
+    }
+}
+
+#[test]
+fn a_record_without_result_begins_with_its_reason_and_keeps_its_provenance() {
+    for (record, reason) in [
+        (silent_bench_record(), "The bar moves by 0.4°"),
+        (failed_bench_record(), "swing-09.csv: line 3: column &quot;count&quot;"),
+    ] {
+        let html = page(&record);
+        let places = [reason, "id=\"health\"", "id=\"notices\"", "id=\"provenance\"", &record.rig.blake3];
+        let places = places.map(|text| html.find(text).unwrap());
+        assert!(places.is_sorted(), "{places:?}");
+    }
+}
+
+/// Coordinates of the curves of this name, over all panels.
+fn curves(svg: &str, name: &str) -> Vec<Vec<(f64, f64)>> {
+    let tags = read(svg);
+    let is_named = |pair: &&[Tag]| pair[0].name == "path" && pair[1].name == "title" && pair[1].text == name;
+    tags.windows(2).filter(is_named).map(|pair| points(pair[0].get("d").unwrap())).collect()
+}
+
+#[test]
+fn fig_4_has_six_panels_in_the_order_of_the_paper() {
+    let site = site(&bench_record());
+    for path in ["figures/fig-4.svg", "figures/fig-4-whole.svg"] {
+        let svg = text(&site, path);
+        let names = [
+            "position.ins",
+            "velocity.ins",
+            "specific-force.imu",
+            "attitude.ins",
+            "magnetic-field.imu",
+            "angular-rate.imu",
+        ];
+        let places: Vec<usize> = names.iter().map(|name| svg.find(&format!(">{name}, ")).unwrap()).collect();
+        assert!(places.is_sorted(), "{path}: {places:?}");
+        for name in ["reference at the true time", "measured"] {
+            assert_eq!(curves(&svg, name).len(), 6, "{path}: {name}");
+        }
+    }
+}
+
+#[test]
+fn the_drawn_delay_is_as_long_as_the_delay() {
+    let svg = text(&site(&bench_record()), "figures/fig-4.svg");
+    let dimension: Vec<(f64, f64)> = read(&svg)
+        .iter()
+        .filter(|t| t.name == "path" && t.get("stroke") == Some("#b42318"))
+        .flat_map(|t| points(t.get("d").unwrap()))
+        .collect();
+    let (from, to) = (
+        dimension.iter().map(|p| p.0).fold(f64::INFINITY, f64::min),
+        dimension.iter().map(|p| p.0).fold(0.0, f64::max),
+    );
+    // Seven seconds across the panel, 860 pixels of two units each.
+    let seconds = (to - from) / (860.0 * 2.0) * 7.0;
+    assert!((seconds - 0.4003).abs() < 7.0 / 860.0, "{seconds}");
+    // And the late reference lies that much to the right of the true one: compare where each is highest.
+    let highest = |name: &str| curves(&svg, name)[0].iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    let late = (highest("reference, late as found").0 - highest("reference at the true time").0) / 1720.0 * 7.0;
+    assert!((late - 0.4003).abs() < 0.05, "{late}");
+}
+
+#[test]
+fn every_figure_of_every_page_is_named_described_numbered_and_in_the_page() {
+    for site in all_sites() {
+        let html = text(&site, "index.html");
+        let tags = read(&html);
+        let figures = site.files.keys().filter(|path| path.starts_with("figures/")).count();
+        assert_eq!(tags.iter().filter(|t| t.name == "figure").count(), figures);
+        for path in site.files.keys().filter(|path| path.ends_with(".svg")) {
+            let svg = text(&site, path);
+            let drawn = read(&svg);
+            assert_eq!(
+                (drawn[0].get("role"), drawn[1].name.as_str(), drawn[2].name.as_str()),
+                (Some("img"), "title", "desc")
+            );
+            assert!(drawn[1].text.len() > 5 && drawn[2].text.len() > 40, "{path}");
+            assert!(
+                !svg.contains(">not drawn:")
+                    && html.contains(&svg.replace(" xmlns=\"http://www.w3.org/2000/svg\"", "")),
+                "{path}"
+            );
+        }
+        let numbers: Vec<String> = (1..=figures).map(|n| format!("<b>Figure {n}. ")).collect();
+        let places: Vec<usize> = numbers.iter().map(|n| html.find(n).unwrap_or_else(|| panic!("{n}"))).collect();
+        assert!(places.is_sorted(), "figures are numbered in the order of the page");
+        assert_eq!(html.matches("How to read it.").count(), figures);
+    }
+}
+
+#[test]
+fn anchors_resolve_ids_are_unique_and_nothing_is_fetched() {
+    for site in all_sites() {
+        let html = text(&site, "index.html");
+        let tags = read(&html);
+        assert!(tags.iter().filter(|t| t.name == "th").all(|t| t.get("scope").is_some()));
+        let mut ids: Vec<&str> = tags.iter().filter_map(|t| t.get("id")).collect();
+        for link in tags.iter().filter_map(|t| t.get("href")?.strip_prefix('#')) {
+            assert!(ids.contains(&link), "{link}");
+        }
+        let count = ids.len();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), count);
+        for (path, bytes) in &site.files {
+            let text = std::str::from_utf8(bytes).unwrap().replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+            for word in ["http:", "https:", "url(", "@import", " src=", "<link", "<img", "<script"] {
+                assert!(!text.contains(word), "{path}: {word}");
+            }
+        }
+        assert!(html.contains("default-src 'none'"));
+    }
+}
+
+#[test]
+fn channels_whose_names_differ_in_signs_alone_have_their_own_sections() {
+    let mut record = bench_record();
+    let channels = &mut record.findings.as_mut().unwrap().channels;
+    channels[0].name = "position-ins".into();
+    channels[1].name = "Position INS".into();
+    let tags = read(&page(&record));
+    let ids: Vec<&str> = tags.iter().filter_map(|t| t.get("id")).collect();
+    for id in ["position-ins-channel", "position-ins-2-channel", "position-ins-3-channel"] {
+        assert_eq!(ids.iter().filter(|i| **i == id).count(), 1, "{id}");
+    }
+}
+
+#[test]
+fn the_method_is_written_from_the_options_that_were_used() {
+    let with = page(&bench_record());
+    for text in [
+        "Ornstein–Uhlenbeck process and white noise together",
+        "Huber weights",
+        "is taken as on time",
+        "lower convex hull",
+        "windows of <data value=\"15\">15</data> s",
+    ] {
+        assert!(with.contains(text), "{text}");
+    }
+    let mut record = bench_record();
+    let findings = record.findings.as_mut().unwrap();
+    findings.clocks.basis = record::TimeBasis::OneClock;
+    findings.clocks.hull = None;
+    for c in &mut findings.channels {
+        c.held_rows = 0;
+        if let Some(checks) = &mut c.checks {
+            checks.downweighted_share = 0.0;
+        }
+        for noise in c.components.iter_mut().filter_map(|c| c.noise.as_mut()) {
+            noise.wander_std = 0.0;
+        }
+    }
+    let without = page(&record);
+    assert!(without.contains("Noise was found white in every channel") && without.contains("stamped by one clock"));
+    let method = without.split("id=\"method\"").nth(1).unwrap().split("id=\"provenance\"").next().unwrap();
+    for text in ["Huber weights", "lower convex hull", "Repeats of held values"] {
+        assert!(!method.contains(text), "{text}");
+    }
+}
+
+#[test]
+fn what_was_read_and_with_which_rig_stands_under_provenance() {
+    let record = bench_record();
+    let html = page(&record);
+    let provenance = html.split("id=\"provenance\"").nth(1).unwrap();
+    for log in &record.logs {
+        for input in &log.inputs {
+            assert!(provenance.contains(&input.name) && provenance.contains(&input.blake3));
+        }
+    }
+    assert!(provenance.contains("counts_per_rev = 2000") && provenance.contains("--rig bench.rig.toml"));
+    assert!(provenance.contains(&record.rig.blake3));
+}
+
+#[test]
+fn an_outlier_of_a_card_is_named_and_drawn_apart() {
+    let site = the_card();
+    let html = text(&site, "index.html");
+    assert!(html.contains("as outliers of <code>position.ins</code>: <code>swing-09-mtig.csv</code>"));
+    let svg = text(&site, "figures/position-ins-forest.svg");
+    let (kept, out) = (curves(&svg, "record, ± U (k = 2)"), curves(&svg, "left out"));
+    // Each dot is a move and a line of no length.
+    assert_eq!((kept[0].len() / 2, out[0].len() / 2), (3, 1));
+    // Third of four rows, and far to the right: 14 u late.
+    let rows = |dots: &[(f64, f64)]| dots.iter().step_by(2).map(|p| p.1).collect::<Vec<_>>();
+    let (kept_rows, out_row) = (rows(&kept[0]), rows(&out[0])[0]);
+    assert!(kept_rows[1] < out_row && out_row < kept_rows[2], "{kept_rows:?} {out_row}");
+    assert!(kept[0].iter().all(|p| p.0 < out[0][0].0));
+}
+
+#[test]
+fn a_goal_that_is_not_met_stands_at_the_head_of_the_study() {
+    let html = text(&monte_carlo_site(&study()), "index.html");
+    assert!(html.contains("23 of 24 goals</b>") || html.contains("23 of 24 goals met</b>"));
+    let head = html.split("id=\"group-1\"").next().unwrap();
+    assert!(head.contains("10 Hz, white, regular: rms/CRLB"));
+    assert!(html.contains("≤ 1.05") && html.contains("— not asked"));
+}
+
+#[test]
+fn a_bench_page_stays_small_and_the_same_record_gives_the_same_bytes() {
+    let record = bench_record();
+    let size = page(&record).len();
+    assert!(size < 1_500_000, "{size}");
+    assert_eq!(site(&record), site(&record));
+    assert_eq!(the_card(), the_card());
+}
+
+#[test]
+fn numbers_that_a_json_file_kept_give_the_same_page() {
+    let record = bench_record();
+    let json = serde_json::to_string(&record).unwrap();
+    assert_eq!(page(&serde_json::from_str(&json).unwrap()), page(&record));
+}
+
+#[test]
+fn a_swing_of_pure_noise_at_a_kilohertz_does_not_swell_the_page() {
+    let mut record = bench_record();
+    for c in record.findings.as_mut().unwrap().channels.iter_mut().flat_map(|c| &mut c.components) {
+        for curve in c.zoom.iter_mut().take(3).skip(2) {
+            *curve = bench_fixture::noise_curve(7000);
+        }
+    }
+    let size = page(&record).len();
+    assert!(size < 3_000_000, "{size}");
+}

@@ -1,0 +1,102 @@
+//! From a first delay to the best one, by Gauss–Newton steps with the linear parameters projected out
+//! (Golub and Pereyra 1973, in Kaufman's form).
+
+use super::Measurement;
+use super::block::{Block, MOST_CURVED, Normal};
+
+/// The parameters that are not linear.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lateness {
+    pub(crate) delay_s: f64,
+    pub(crate) skew: f64,
+}
+
+impl Lateness {
+    /// The instant that a sample stamped `t` shows.
+    pub(crate) fn true_instant(&self, t: f64, middle_s: f64) -> f64 {
+        t - self.delay_s + self.skew * (t - middle_s)
+    }
+}
+
+/// All components on their rows.
+pub(crate) struct Alignment<'a> {
+    pub(crate) measurements: &'a [Measurement<'a>],
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) middle_s: f64,
+}
+
+/// Largest step of the delay, s, and of the skew.
+const LONGEST_STEP: [f64; 2] = [0.15, 0.02];
+const MOST_STEPS: usize = 30;
+
+/// Where the descent ended.
+#[derive(Debug, Clone)]
+pub(crate) struct Descent {
+    pub(crate) at: Lateness,
+    pub(crate) normal: Normal,
+    pub(crate) steps: usize,
+    pub(crate) converged: bool,
+    /// From the curvature alone, s.
+    pub(crate) hessian_s: f64,
+}
+
+impl Alignment<'_> {
+    /// The normal equations at `at`: evaluates the references and solves for everything linear.
+    pub(crate) fn normal(&mut self, at: &Lateness) -> Normal {
+        for (block, measurement) in self.blocks.iter_mut().zip(self.measurements) {
+            let (first, last) = measurement.reference.span();
+            for (k, t) in block.t.iter().enumerate() {
+                let instant = at.true_instant(*t, self.middle_s).clamp(first, last);
+                let (value, rate) = measurement.reference.value_and_rate(instant);
+                block.columns[0][k] = value;
+                if let Some(column) = block.columns.get_mut(1) {
+                    column[k] = -rate;
+                }
+                if let Some(column) = block.columns.get_mut(2) {
+                    column[k] = rate * (t - self.middle_s);
+                }
+            }
+        }
+        Normal::of(&mut self.blocks)
+    }
+
+    /// Walks down from `from` until a step is below `enough` standard uncertainties; `None` if the delay has no
+    /// influence there.
+    pub(crate) fn descend(&mut self, from: Lateness, enough: f64) -> Option<Descent> {
+        let (mut at, mut normal) = (from, self.normal(&from));
+        for steps in 1..=MOST_STEPS {
+            let step = normal.step(0.0, [true; MOST_CURVED])?;
+            let hessian_s = self.curvature_s(&normal);
+            let (next, next_normal) = self.shorter_until_lower(&at, &normal, step);
+            let moved = (next.delay_s - at.delay_s).abs();
+            (at, normal) = (next, next_normal);
+            if moved <= (enough * hessian_s).max(1e-12) {
+                return Some(Descent { at, normal, steps, converged: true, hessian_s });
+            }
+        }
+        let hessian_s = self.curvature_s(&normal);
+        Some(Descent { at, normal, steps: MOST_STEPS, converged: false, hessian_s })
+    }
+
+    fn curvature_s(&self, normal: &Normal) -> f64 {
+        let unit = Normal { gradient: [1.0, 0.0, 0.0], ..normal.clone() };
+        unit.step(0.0, [true; MOST_CURVED]).map_or(f64::INFINITY, |s| s[0].max(0.0).sqrt())
+    }
+
+    /// Takes the step, or half of it, and so on, until the sum of squares does not rise.
+    fn shorter_until_lower(&mut self, at: &Lateness, normal: &Normal, step: [f64; MOST_CURVED]) -> (Lateness, Normal) {
+        let longest = (0..2).map(|i| step[i].abs() / LONGEST_STEP[i]).fold(1.0, f64::max);
+        let mut share = 1.0 / longest;
+        for _ in 0..12 {
+            let skew = if normal.parameters > 1 { at.skew + share * step[1] } else { at.skew };
+            let next = Lateness { delay_s: at.delay_s + share * step[0], skew };
+            let there = self.normal(&next);
+            if there.rss <= normal.rss * (1.0 + 1e-12) && (there.follows() || !normal.follows()) {
+                return (next, there);
+            }
+            share *= 0.5;
+        }
+        let here = self.normal(at);
+        (*at, here)
+    }
+}

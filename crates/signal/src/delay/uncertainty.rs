@@ -1,0 +1,248 @@
+//! How well the parameters are known: from the curvature, and from the scores whatever the noise.
+
+use super::Gain;
+use super::block::{Projection, nuisance_columns};
+use super::descent::{Alignment, Lateness};
+use nalgebra::DMatrix;
+
+/// Standard uncertainties of all parameters: those that are not linear first, then gain (if free), offset and drift
+/// (if any) of each component.
+pub(crate) struct Uncertainties {
+    /// From the curvature.
+    pub(crate) hessian: Vec<f64>,
+    /// From the sandwich.
+    pub(crate) hac: Vec<f64>,
+    /// Lag of the Bartlett window, samples.
+    pub(crate) lags: usize,
+    /// Samples less parameters; of the sandwich of the delay where that is the larger, which is known less well.
+    pub(crate) degrees_of_freedom: f64,
+    /// Of the delay, if the noise is as in the model.
+    pub(crate) crlb: f64,
+    /// Place of the first linear parameter of each component.
+    pub(crate) first_linear: Vec<usize>,
+}
+
+impl Uncertainties {
+    /// The larger of the two.
+    pub(crate) fn of(&self, parameter: usize) -> f64 {
+        self.hessian[parameter].max(self.hac[parameter])
+    }
+}
+
+/// How the scale of the noise is treated, and whether rows are weighted.
+pub(crate) struct Conditions<'a> {
+    /// Huber weights for each component, if any row is held back.
+    pub(crate) weights: Option<&'a [Vec<f64>]>,
+    /// The noise was given: its scale is not taken from the residuals.
+    pub(crate) known_scale: bool,
+    /// The sandwich of the textbooks: this lag of the Bartlett window instead of Andrews' rule, and the factor
+    /// n/(n − p) instead of the leverage of each row.
+    pub(crate) textbook_lags: Option<usize>,
+}
+
+/// Whitened derivatives of one component by its own and the common parameters.
+struct Jacobian {
+    /// Column and the place of its parameter.
+    columns: Vec<(usize, Vec<f64>)>,
+}
+
+/// Uncertainties at `at`, where the residuals of the blocks are those of the fit.
+///
+/// Curvature: s² (JᵀJ)⁻¹ with s² = eᵀe/(n − p); with Huber weights ψ the asymptotic form
+/// s²_ψ H⁻¹ (JᵀJ) H⁻¹, H = Jᵀ diag(ψ′) J (Huber 1981). Sandwich: Newey and West (1987), Bartlett window, lag by Andrews
+/// (1991) from an AR(1) of the score of the delay; each residual over √(1 − its leverage), which makes it unbiased in
+/// small samples (HC2, MacKinnon and White 1985), and degrees of freedom by Satterthwaite as Bell and McCaffrey (2002).
+/// Scores of components with the same stamp are added first, so that what they have in common counts. `None` if the
+/// parameters cannot be told apart.
+///
+/// With 240 samples and a latency that jitters by 20 ms the sandwich with factor n/(n − p) and n − p degrees of
+/// freedom covered 91.8 % instead of 95 %.
+pub(crate) fn uncertainties(
+    alignment: &Alignment,
+    at: &Lateness,
+    projections: &[Projection],
+    conditions: &Conditions,
+) -> Option<Uncertainties> {
+    let curved = alignment.blocks.first()?.columns.len() - 1;
+    let mut first_linear = vec![];
+    let mut parameters = curved;
+    for block in &alignment.blocks {
+        first_linear.push(parameters);
+        parameters += block.linear_parameters();
+    }
+    let jacobians: Vec<Jacobian> = (0..alignment.blocks.len())
+        .map(|c| jacobian(alignment, c, at, projections[c].gain, curved, first_linear[c]))
+        .collect();
+    let n: usize = alignment.blocks.iter().map(|b| b.t.len()).sum();
+    let degrees_of_freedom = n.checked_sub(parameters).filter(|d| *d > 0)? as f64;
+    let (information, bread) = matrices(&jacobians, parameters, conditions.weights);
+    let inverse = inverse_of(&bread)?;
+    let rss: f64 = alignment.blocks.iter().map(|b| b.residuals.iter().map(|e| e * e).sum::<f64>()).sum();
+    let scale = if conditions.known_scale { 1.0 } else { score_power(alignment, conditions, rss) / degrees_of_freedom };
+    let covariance = &inverse * &information * &inverse * scale;
+    let crlb = inverse_of(&information)?[(0, 0)].sqrt();
+
+    let leverages: Vec<Vec<f64>> = match conditions.textbook_lags {
+        Some(_) => alignment.blocks.iter().map(|b| vec![0.0; b.t.len()]).collect(),
+        None => jacobians.iter().map(|j| leverages(j, &inverse)).collect(),
+    };
+    let correction = conditions.textbook_lags.map_or(1.0, |_| n as f64 / degrees_of_freedom);
+    let series = |parameter: usize| influence(alignment, &jacobians, &leverages, &inverse, parameter);
+    let delay_series = series(0);
+    let lags = conditions.textbook_lags.unwrap_or_else(|| andrews_lags(&delay_series));
+    let sandwich = |s: &[f64]| (bartlett_sum(s, lags) * correction).max(0.0).sqrt();
+    let hac: Vec<f64> =
+        (0..parameters).map(|p| if p == 0 { sandwich(&delay_series) } else { sandwich(&series(p)) }).collect();
+    let hessian: Vec<f64> = (0..parameters).map(|p| covariance[(p, p)].max(0.0).sqrt()).collect();
+    let of_sandwich = bartlett_degrees_of_freedom(&delay_series, lags);
+    let degrees_of_freedom = if hac[0] > hessian[0] { degrees_of_freedom.min(of_sandwich) } else { degrees_of_freedom };
+    Some(Uncertainties { hessian, hac, lags, degrees_of_freedom, crlb, first_linear })
+}
+
+/// Cramér–Rao bound of the delay at `at` and `gain`, in the unit of the blocks' time.
+pub(crate) fn information_of_delay(alignment: &Alignment, at: &Lateness, gain: f64) -> Option<f64> {
+    let parameters = 1 + alignment.blocks.first()?.linear_parameters();
+    let jacobian = jacobian(alignment, 0, at, gain, 1, 1);
+    let (information, _) = matrices(&[jacobian], parameters, None);
+    Some(inverse_of(&information)?[(0, 0)].sqrt())
+}
+
+/// Sum of ψ²: weighted residuals are e = √w z with ψ = w z.
+fn score_power(alignment: &Alignment, conditions: &Conditions, rss: f64) -> f64 {
+    let Some(weights) = conditions.weights else { return rss };
+    let power = |(block, w): (&super::block::Block, &Vec<f64>)| -> f64 {
+        block.residuals.iter().zip(w).map(|(e, w)| e * e * w).sum()
+    };
+    alignment.blocks.iter().zip(weights).map(power).sum()
+}
+
+fn jacobian(alignment: &Alignment, c: usize, at: &Lateness, gain: f64, curved: usize, first: usize) -> Jacobian {
+    let (block, measurement) = (&alignment.blocks[c], &alignment.measurements[c]);
+    let (start, end) = measurement.reference.span();
+    let shape: Vec<(f64, f64)> = block
+        .t
+        .iter()
+        .map(|t| measurement.reference.value_and_rate(at.true_instant(*t, alignment.middle_s).clamp(start, end)))
+        .collect();
+    let mut columns = vec![(0, shape.iter().map(|(_, rate)| -gain * rate).collect::<Vec<f64>>())];
+    if curved > 1 {
+        let by_skew = shape.iter().zip(&block.t).map(|((_, rate), t)| gain * rate * (t - alignment.middle_s));
+        columns.push((1, by_skew.collect()));
+    }
+    let mut linear: Vec<Vec<f64>> = vec![];
+    if let Gain::Free { .. } = block.gain {
+        linear.push(shape.iter().map(|(value, _)| *value).collect());
+    }
+    linear.extend(nuisance_columns(&block.t, measurement.drift, alignment.middle_s));
+    columns.extend(linear.into_iter().enumerate().map(|(k, column)| (first + k, column)));
+    for (_, column) in &mut columns {
+        block.filter.apply([column]);
+    }
+    Jacobian { columns }
+}
+
+/// JᵀJ, and Jᵀ diag(ψ′) J. Rows are √w times the whitened ones: held-back rows are freed of that in the first and
+/// have no part in the second.
+fn matrices(jacobians: &[Jacobian], parameters: usize, weights: Option<&[Vec<f64>]>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let mut information = DMatrix::zeros(parameters, parameters);
+    let mut bread = DMatrix::zeros(parameters, parameters);
+    for (c, jacobian) in jacobians.iter().enumerate() {
+        for (i, a) in &jacobian.columns {
+            for (j, b) in &jacobian.columns {
+                let products = a.iter().zip(b).map(|(a, b)| a * b);
+                match weights.map(|w| &w[c]) {
+                    None => information[(*i, *j)] += products.sum::<f64>(),
+                    Some(w) => {
+                        information[(*i, *j)] += products.clone().zip(w).map(|(p, w)| p / w).sum::<f64>();
+                        bread[(*i, *j)] += products.zip(w).filter(|(_, w)| **w == 1.0).map(|(p, _)| p).sum::<f64>();
+                    }
+                }
+            }
+        }
+    }
+    if weights.is_none() {
+        bread.copy_from(&information);
+    }
+    (information, bread)
+}
+
+/// Inverse of a symmetric matrix whose rows may have very different units.
+fn inverse_of(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let n = matrix.nrows();
+    let scale: Vec<f64> = (0..n).map(|i| matrix[(i, i)].sqrt()).collect();
+    if !scale.iter().all(|s| *s > 0.0 && s.is_finite()) {
+        return None;
+    }
+    let balanced = DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (scale[i] * scale[j]));
+    let inverse = balanced.cholesky()?.inverse();
+    Some(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / (scale[i] * scale[j])))
+}
+
+/// How much of each row the fit takes: the diagonal of J H⁻¹ Jᵀ, kept below 1.
+fn leverages(jacobian: &Jacobian, inverse: &DMatrix<f64>) -> Vec<f64> {
+    let mut leverages = vec![0.0; jacobian.columns.first().map_or(0, |c| c.1.len())];
+    for (i, a) in &jacobian.columns {
+        for (j, b) in &jacobian.columns {
+            let share = inverse[(*i, *j)];
+            leverages.iter_mut().zip(a.iter().zip(b)).for_each(|(l, (a, b))| *l += share * a * b);
+        }
+    }
+    leverages.iter_mut().for_each(|l| *l = l.clamp(0.0, 0.9));
+    leverages
+}
+
+/// What each instant contributes to the error of `parameter`: its row of H⁻¹ Jᵀψ, summed over samples of one instant.
+fn influence(
+    alignment: &Alignment,
+    jacobians: &[Jacobian],
+    leverages: &[Vec<f64>],
+    inverse: &DMatrix<f64>,
+    parameter: usize,
+) -> Vec<f64> {
+    let of_component = |c: usize| -> Vec<f64> {
+        let residuals = &alignment.blocks[c].residuals;
+        let mut sums = vec![0.0; residuals.len()];
+        for (i, column) in &jacobians[c].columns {
+            let share = inverse[(parameter, *i)];
+            for (sum, x) in sums.iter_mut().zip(column) {
+                *sum += share * x;
+            }
+        }
+        sums.iter_mut().zip(residuals.iter().zip(&leverages[c])).for_each(|(s, (e, l))| *s *= e / (1.0 - l).sqrt());
+        sums
+    };
+    if jacobians.len() == 1 {
+        return of_component(0);
+    }
+    let mut all: Vec<(f64, f64)> =
+        (0..jacobians.len()).flat_map(|c| alignment.blocks[c].t.iter().copied().zip(of_component(c))).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.chunk_by(|a, b| a.0 == b.0).map(|same| same.iter().map(|s| s.1).sum()).collect()
+}
+
+/// Σ s² + 2 Σ_l (1 − l/(lags + 1)) Σ s_k s_{k−l}: the variance of the sum of a series (Newey and West 1987).
+pub(crate) fn bartlett_sum(series: &[f64], lags: usize) -> f64 {
+    let at = |lag: usize| -> f64 { crate::noise::dot(&series[lag..], &series[..series.len() - lag]) };
+    let lags_here = lags.min(series.len().saturating_sub(1));
+    at(0) + (1..=lags_here).map(|l| 2.0 * (1.0 - l as f64 / (lags + 1) as f64) * at(l)).sum::<f64>()
+}
+
+/// Degrees of freedom of [`bartlett_sum`] by Satterthwaite, for independent Gaussian terms of unequal size:
+/// 2 V²/var V with var V = ⅔ Σ s⁴ + 4 Σ_l w_l² Σ s_k² s_{k−l}².
+fn bartlett_degrees_of_freedom(series: &[f64], lags: usize) -> f64 {
+    let squares: Vec<f64> = series.iter().map(|s| s * s).collect();
+    let total: f64 = squares.iter().sum();
+    let at = |lag: usize| -> f64 { crate::noise::dot(&squares[lag..], &squares[..squares.len() - lag]) };
+    let weight = |l: usize| 1.0 - l as f64 / (lags + 1) as f64;
+    let last = lags.min(series.len().saturating_sub(1));
+    let variance = at(0) * 2.0 / 3.0 + (1..=last).map(|l| 4.0 * weight(l).powi(2) * at(l)).sum::<f64>();
+    if variance > 0.0 { (2.0 * total * total / variance).max(3.0) } else { f64::INFINITY }
+}
+
+/// Lag of the Bartlett window by Andrews (1991): 1.1447 (α n)^⅓ with α of an AR(1), at least 1, at most n/4.
+pub(crate) fn andrews_lags(series: &[f64]) -> usize {
+    let n = series.len() as f64;
+    let rho = crate::autocorrelation(series, 1).first().copied().unwrap_or(0.0).clamp(-0.97, 0.97);
+    let alpha = 4.0 * rho * rho / ((1.0 - rho) * (1.0 + rho)).powi(2);
+    ((1.1447 * (alpha * n).cbrt()).ceil() as usize).clamp(1, (series.len() / 4).max(1))
+}

@@ -1,0 +1,300 @@
+//! The fit of one way to be late.
+
+use super::lagged::LaggedReference;
+use super::{LagCandidate, LagModel};
+use crate::delay::block::{Block, MOST_CURVED, Normal, nuisance_columns};
+use crate::delay::{DelayFit, DelaySettings, Gain, Measurement, Uncertain};
+use crate::noise::{BestNoise, NoiseProblem, NoiseRule};
+use crate::whiten::NoiseModel;
+
+/// Grid of the lagged references, s.
+const GRID_S: f64 = 0.01;
+/// Longest lag that is looked for, s.
+const LONGEST_LAG_S: f64 = 3.0;
+const MOST_STEPS: usize = 40;
+const LEAST_ROWS: usize = 20;
+/// One-sided 95 %.
+const ONE_SIDED: f64 = 1.645;
+
+/// All that the candidates share.
+pub(super) struct Trial<'a> {
+    components: &'a [Measurement<'a>],
+    references: Vec<LaggedReference>,
+    rows: Vec<Vec<usize>>,
+    weights: Option<Vec<Vec<f64>>>,
+    noise: Vec<NoiseModel>,
+    rule: NoiseRule,
+    delay_s: f64,
+}
+
+/// Delay plus lags (s) and the squares of the lags (s²): near no lag at all the likelihood is smooth in the square,
+/// not in the lag.
+type Point = [f64; MOST_CURVED];
+
+/// A candidate at its best point.
+#[derive(Clone)]
+struct Best {
+    at: Point,
+    normal: Normal,
+}
+
+impl<'a> Trial<'a> {
+    pub(super) fn new(
+        components: &'a [Measurement<'a>],
+        fit: &DelayFit,
+        settings: &DelaySettings,
+    ) -> Option<Trial<'a>> {
+        let delay_s = fit.delay_s;
+        let mut references = vec![];
+        let mut rows = vec![];
+        let mut weights = vec![];
+        for (m, f) in components.iter().zip(&fit.components) {
+            let (first, last) = m.reference.span();
+            let lead = (6.0 * delay_s.abs() + 0.2).min(0.2 * (last - first));
+            let (from, to) = (first + lead + delay_s.max(0.0), last + delay_s.min(0.0));
+            let kept: Vec<usize> = (0..f.t_used.len()).filter(|&k| f.t_used[k] >= from && f.t_used[k] <= to).collect();
+            if kept.len() < LEAST_ROWS {
+                return None;
+            }
+            rows.push(kept.iter().map(|&k| f.used_rows[k]).collect());
+            weights.push(kept.iter().map(|&k| f.weights[k]).collect::<Vec<f64>>());
+            references.push(LaggedReference::sampled(m.reference, GRID_S)?);
+        }
+        let held_back = weights.iter().flatten().any(|w| *w < 1.0);
+        let noise = fit.components.iter().map(|c| c.noise).collect();
+        let weights = held_back.then_some(weights);
+        Some(Trial { components, references, rows, weights, noise, rule: settings.noise, delay_s })
+    }
+
+    pub(super) fn candidates(&mut self) -> Vec<LagCandidate> {
+        let delay = self.delay_s;
+        let guess = delay.abs().max(0.02);
+        let only_delay = self.best(LagModel::D, &[[delay, 0.0, 0.0]]);
+        let only_lag = self.best(LagModel::L, &[[1.3 * guess, 0.0, 0.0], [3.0 * guess, 0.0, 0.0]]);
+        let lag = only_lag.as_ref().map_or(guess, |b| b.0.at[0]);
+        let both = self.best(LagModel::DL, &[[1.05 * delay, 0.05 * guess * guess, 0.0], [lag, 0.8 * lag * lag, 0.0]]);
+        let [sum, square, _] = both.as_ref().map_or([lag, 0.25 * lag * lag, 0.0], |b| b.0.at);
+        let two = (0.5 * sum).powi(2);
+        let starts = [[sum, 0.7 * square + 1e-4, 0.2 * square], [sum, 1.1 * two, 0.8 * two]];
+        let two_lags = self.best(LagModel::DLL, &starts);
+        let fitted =
+            [(LagModel::D, only_delay), (LagModel::L, only_lag), (LagModel::DL, both), (LagModel::DLL, two_lags)];
+        fitted.into_iter().filter_map(|(model, best)| self.candidate(model, best?)).collect()
+    }
+
+    /// The best point of `model` under the noise that fits it best, and its Bayesian information criterion.
+    fn best(&self, model: LagModel, starts: &[Point]) -> Option<(Best, f64)> {
+        let mut noise = self.noise.clone();
+        let mut blocks = self.blocks(model, &noise);
+        let first = starts
+            .iter()
+            .filter_map(|s| self.descend(model, &mut blocks, *s))
+            .min_by(|a, b| a.normal.rss.total_cmp(&b.normal.rss))?;
+        self.refine_noise(model, &first, &mut noise, &self.rule)?;
+        blocks = self.blocks(model, &noise);
+        let best = self.descend(model, &mut blocks, first.at)?;
+        // The residuals hardly change: noise that was white stays so.
+        let white = noise.iter().all(|n| n.wander_std == 0.0) && self.rule == NoiseRule::WanderAndWhite;
+        let rule = if white { NoiseRule::White } else { self.rule };
+        let bic = self.refine_noise(model, &best, &mut noise, &rule)?;
+        blocks = self.blocks(model, &noise);
+        Some((Best { normal: self.normal(model, &mut blocks, &best.at), ..best }, bic))
+    }
+
+    fn blocks(&self, model: LagModel, noise: &[NoiseModel]) -> Vec<Block> {
+        let block = |c: usize| {
+            let weights = self.weights.as_ref().map(|w| w[c].as_slice());
+            Block::new(&self.components[c], self.rows[c].clone(), &noise[c], weights, parameters(model))
+        };
+        (0..self.components.len()).map(block).collect()
+    }
+
+    /// Fills the columns of all blocks at `at` and solves for what is linear.
+    fn normal(&self, model: LagModel, blocks: &mut [Block], at: &Point) -> Normal {
+        let (delay, lags) = delay_and_lags(model, at);
+        for (block, reference) in blocks.iter_mut().zip(&self.references) {
+            let shape = lags.iter().fold(reference.clone(), |r, lag| r.after(*lag));
+            let once_more: Vec<LaggedReference> = lags.iter().map(|lag| shape.after(*lag)).collect();
+            let curvatures: Vec<Vec<f64>> = once_more.iter().map(LaggedReference::curvatures).collect();
+            for (k, t) in block.t.iter().enumerate() {
+                let place = shape.place(t - delay);
+                let (value, rate) = shape.value_and_rate_at(place);
+                block.columns[0][k] = value;
+                block.columns[1][k] = match model {
+                    LagModel::L => -once_more[0].value_and_rate_at(place).1,
+                    _ => -rate,
+                };
+                for (column, curvature) in block.columns[2..].iter_mut().zip(&curvatures) {
+                    let (i, x) = place;
+                    column[k] = 0.5 * (curvature[i] + x * (curvature[i + 1] - curvature[i]));
+                }
+            }
+        }
+        Normal::of(blocks)
+    }
+
+    /// Levenberg and Marquardt's descent, with squares of lags that stay positive.
+    fn descend(&self, model: LagModel, blocks: &mut [Block], start: Point) -> Option<Best> {
+        let mut at = bounded(model, start);
+        let mut normal = self.normal(model, blocks, &at);
+        let mut damping = 1e-3;
+        for _ in 0..MOST_STEPS {
+            let step = normal.step(damping, free(model, &at, &normal))?;
+            let next = bounded(model, std::array::from_fn(|i| at[i] + step[i].clamp(-0.3, 0.3)));
+            let there = self.normal(model, blocks, &next);
+            let gained = normal.rss - there.rss;
+            if gained >= 0.0 && (there.follows() || !normal.follows()) {
+                (at, normal) = (next, there);
+                damping = (damping * 0.1).max(1e-9);
+                if gained < 1e-4 {
+                    break;
+                }
+            } else {
+                damping = damping.max(1e-4) * 10.0;
+                if damping > 1e6 {
+                    break;
+                }
+            }
+        }
+        normal.follows().then_some(Best { at, normal })
+    }
+
+    /// Fits the noise to the residuals of `best`; gives the Bayesian information criterion with the noise's parameters
+    /// counted. `None` if there is no likelihood.
+    fn refine_noise(&self, model: LagModel, best: &Best, noise: &mut [NoiseModel], rule: &NoiseRule) -> Option<f64> {
+        let rows: usize = self.rows.iter().map(Vec::len).sum();
+        let mut minus_twice_log = 0.0;
+        let mut counted = parameters(model);
+        for (c, model_of_noise) in noise.iter_mut().enumerate() {
+            let residuals = self.residuals(model, c, best);
+            let m = &self.components[c];
+            let t: Vec<f64> = self.rows[c].iter().map(|&k| m.t[k]).collect();
+            let weights = self.weights.as_ref().map(|w| (w[c].as_slice(), crate::delay::KEPT_POWER));
+            let regressors = nuisance_columns(&t, m.drift, 0.0);
+            counted += regressors.len() + usize::from(matches!(m.gain, Gain::Free { .. }));
+            let found: BestNoise =
+                NoiseProblem::new(&t, &regressors, &residuals, weights).best_by_bic(rule, rows, model_of_noise)?;
+            minus_twice_log += found.minus_twice_log;
+            counted += found.parameters;
+            *model_of_noise = found.model;
+        }
+        Some(minus_twice_log + counted as f64 * (rows as f64).ln())
+    }
+
+    /// Values less gain times lagged and delayed reference.
+    fn residuals(&self, model: LagModel, c: usize, best: &Best) -> Vec<f64> {
+        let (delay, lags) = delay_and_lags(model, &best.at);
+        let shape = lags.iter().fold(self.references[c].clone(), |r, lag| r.after(*lag));
+        let (m, gain) = (&self.components[c], best.normal.projections[c].gain);
+        let value = |t: f64| shape.value_and_rate_at(shape.place(t - delay)).0;
+        self.rows[c].iter().map(|&k| m.y[k] - gain * value(m.t[k])).collect()
+    }
+
+    fn candidate(&self, model: LagModel, (best, bic): (Best, f64)) -> Option<LagCandidate> {
+        let covariance = covariance(&best.normal);
+        let (delay, lags) = delay_and_lags(model, &best.at);
+        let sum = best.at[0];
+        let sum_s = Uncertain { value: sum, standard_uncertainty: covariance[0][0].sqrt() };
+        let squares = if model == LagModel::L { 0 } else { parameters(model) - 1 };
+        let mut lags_s: Vec<Uncertain> =
+            (0..squares).map(|i| lag_of(best.at[i + 1], covariance[i + 1][i + 1])).collect();
+        if model == LagModel::L {
+            lags_s.push(sum_s);
+        }
+        lags_s.sort_by(|a, b| b.value.total_cmp(&a.value));
+        // What varies is the sum of the squares; the sum itself is known far better.
+        let total: f64 = best.at[1..=squares].iter().sum();
+        let variance: f64 =
+            (1..=squares).flat_map(|i| (1..=squares).map(move |j| (i, j))).map(|(i, j)| covariance[i][j]).sum();
+        let of_lags = lag_of(total, variance).standard_uncertainty;
+        let delay_s = Uncertain { value: delay, standard_uncertainty: sum_s.standard_uncertainty.hypot(of_lags) };
+        let delay_s = match delay_and_lag_error(&best.at, &covariance) {
+            Some(error) if squares == 1 => Uncertain { standard_uncertainty: error, ..delay_s },
+            _ => delay_s,
+        };
+        let spread = ONE_SIDED * variance.max(0.0).sqrt();
+        let all: f64 = lags.iter().sum();
+        let open =
+            |square: f64| if total > 0.0 { all * (square.max(0.0) / total).sqrt() } else { square.max(0.0).sqrt() };
+        let delay_range_s = match model {
+            LagModel::L => [0.0, 0.0],
+            _ => [sum - open(total + spread), sum - open(total - spread)],
+        };
+        let gains = self.gains(&best);
+        let finite = bic.is_finite() && sum_s.standard_uncertainty.is_finite();
+        finite.then_some(LagCandidate {
+            model,
+            bic,
+            delay_s: (model != LagModel::L).then_some(delay_s),
+            lags_s,
+            gains,
+            sum_s,
+            delay_range_s,
+        })
+    }
+
+    /// Gains with the uncertainty that they have if the lateness is known; exact ones have none.
+    fn gains(&self, best: &Best) -> Vec<Uncertain> {
+        let of = |(m, p): (&Measurement, &crate::delay::block::Projection)| match m.gain {
+            Gain::Fixed(value) => Uncertain { value, standard_uncertainty: 0.0 },
+            Gain::Free { .. } => Uncertain { value: p.gain, standard_uncertainty: 1.0 / p.power.sqrt() },
+        };
+        self.components.iter().zip(&best.normal.projections).map(of).collect()
+    }
+}
+
+/// Parameters that are not linear.
+fn parameters(model: LagModel) -> usize {
+    match model {
+        LagModel::D | LagModel::L => 1,
+        LagModel::DL => 2,
+        LagModel::DLL => 3,
+    }
+}
+
+fn delay_and_lags(model: LagModel, at: &Point) -> (f64, Vec<f64>) {
+    match model {
+        LagModel::L => (0.0, vec![at[0]]),
+        _ => {
+            let lags: Vec<f64> = at[1..parameters(model)].iter().map(|v| v.sqrt()).collect();
+            (at[0] - lags.iter().sum::<f64>(), lags)
+        }
+    }
+}
+
+fn bounded(model: LagModel, at: Point) -> Point {
+    let longest = LONGEST_LAG_S * LONGEST_LAG_S;
+    let sum = if model == LagModel::L { at[0].clamp(1e-4, LONGEST_LAG_S) } else { at[0] };
+    [sum, at[1].clamp(0.0, longest), at[2].clamp(0.0, longest)]
+}
+
+/// A square at zero that wants to be negative stays there.
+fn free(model: LagModel, at: &Point, normal: &Normal) -> [bool; MOST_CURVED] {
+    let held = |i: usize| i > 0 && model != LagModel::L && at[i] <= 0.0 && normal.gradient[i] <= 0.0;
+    std::array::from_fn(|i| !held(i))
+}
+
+/// Inverse of the normal equations, slightly damped: two equal lags cannot be told apart, their sum can.
+fn covariance(normal: &Normal) -> [[f64; MOST_CURVED]; MOST_CURVED] {
+    std::array::from_fn(|i| {
+        let mut unit = normal.clone();
+        unit.gradient = std::array::from_fn(|j| f64::from(u8::from(i == j)));
+        unit.step(1e-7, [true; MOST_CURVED]).unwrap_or([f64::INFINITY; MOST_CURVED])
+    })
+}
+
+/// A lag and its uncertainty from its square.
+fn lag_of(square: f64, variance: f64) -> Uncertain {
+    let error = variance.max(0.0).sqrt();
+    let half = 0.5 * ((square + error).sqrt() - (square - error).max(0.0).sqrt());
+    Uncertain { value: square.sqrt(), standard_uncertainty: half }
+}
+
+/// Standard uncertainty of delay = sum − lag, by the delta method; `None` where the lag is too short for it.
+fn delay_and_lag_error(at: &Point, covariance: &[[f64; MOST_CURVED]; MOST_CURVED]) -> Option<f64> {
+    let lag = at[1].sqrt();
+    let far_from_none = at[1] > 2.0 * covariance[1][1].max(0.0).sqrt();
+    let slope = -0.5 / lag;
+    let variance = covariance[0][0] + 2.0 * slope * covariance[0][1] + slope * slope * covariance[1][1];
+    (far_from_none && variance >= 0.0).then(|| variance.sqrt())
+}

@@ -1,0 +1,95 @@
+//! The lowest point of a function without derivatives.
+
+/// When a search is good enough.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tolerance<const N: usize> {
+    /// Size of the simplex along each axis.
+    pub(crate) x: [f64; N],
+    /// Difference of its values.
+    pub(crate) f: f64,
+    /// Evaluations at most.
+    pub(crate) evaluations: usize,
+}
+
+/// The best point found.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lowest<const N: usize> {
+    pub(crate) at: [f64; N],
+    pub(crate) value: f64,
+}
+
+/// Simplex search of Nelder and Mead (1965) with the usual coefficients (1, 2, ½, ½), from `start` and the points
+/// `step` away from it along each axis. Infinite values are walls.
+pub(crate) fn nelder_mead<const N: usize>(
+    mut f: impl FnMut(&[f64; N]) -> f64,
+    start: [f64; N],
+    step: [f64; N],
+    tolerance: &Tolerance<N>,
+) -> Lowest<N> {
+    let mut evaluations = 0;
+    let mut evaluate = |at: [f64; N]| {
+        evaluations += 1;
+        let value = f(&at);
+        (Lowest { at, value: if value.is_nan() { f64::INFINITY } else { value } }, evaluations)
+    };
+    let mut simplex = vec![evaluate(start).0];
+    for axis in 0..N {
+        let mut at = start;
+        at[axis] += step[axis];
+        simplex.push(evaluate(at).0);
+    }
+    loop {
+        simplex.sort_by(|a, b| a.value.total_cmp(&b.value));
+        let (best, worst, second) = (simplex[0], simplex[N], simplex[N - 1]);
+        let wide = (0..N).any(|i| simplex.iter().any(|p| (p.at[i] - best.at[i]).abs() > tolerance.x[i]));
+        if (!wide && worst.value - best.value <= tolerance.f) || !best.value.is_finite() {
+            return best;
+        }
+        let centre: [f64; N] = std::array::from_fn(|i| simplex[..N].iter().map(|p| p.at[i]).sum::<f64>() / N as f64);
+        let along = |s: f64| -> [f64; N] { std::array::from_fn(|i| centre[i] + s * (worst.at[i] - centre[i])) };
+        let (reflected, used) = evaluate(along(-1.0));
+        if used >= tolerance.evaluations {
+            return if reflected.value < best.value { reflected } else { best };
+        }
+        if reflected.value < best.value {
+            let (expanded, _) = evaluate(along(-2.0));
+            simplex[N] = if expanded.value < reflected.value { expanded } else { reflected };
+        } else if reflected.value < second.value {
+            simplex[N] = reflected;
+        } else {
+            let (contracted, _) = evaluate(along(if reflected.value < worst.value { -0.5 } else { 0.5 }));
+            if contracted.value < worst.value.min(reflected.value) {
+                simplex[N] = contracted;
+            } else {
+                for point in &mut simplex[1..] {
+                    *point = evaluate(std::array::from_fn(|i| 0.5 * (best.at[i] + point.at[i]))).0;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bottom_of_rosenbrocks_valley_is_found() {
+        let valley = |p: &[f64; 2]| (1.0 - p[0]).powi(2) + 100.0 * (p[1] - p[0] * p[0]).powi(2);
+        let tolerance = Tolerance { x: [1e-7; 2], f: 1e-14, evaluations: 500 };
+        let lowest = nelder_mead(valley, [-1.2, 1.0], [0.5, 0.5], &tolerance);
+        assert!((lowest.at[0] - 1.0).abs() < 1e-6 && (lowest.at[1] - 1.0).abs() < 1e-6, "{lowest:?}");
+    }
+
+    #[test]
+    fn a_wall_is_not_crossed_and_the_budget_is_kept() {
+        let mut calls = 0;
+        let hill = |p: &[f64; 1]| {
+            calls += 1;
+            if p[0] > 2.0 { f64::INFINITY } else { -p[0] }
+        };
+        let lowest = nelder_mead(hill, [0.0], [1.0], &Tolerance { x: [1e-9], f: 1e-9, evaluations: 60 });
+        assert!(lowest.at[0] <= 2.0 && lowest.at[0] > 1.999, "{lowest:?}");
+        assert!(calls <= 63, "{calls}");
+    }
+}

@@ -1,0 +1,212 @@
+//! What a series shows while nothing moves: noise, resolution, held samples.
+
+use crate::statistics::{median_in_place, robust_sigma};
+use std::ops::Range;
+
+/// Rows of stretches in which |rate| stays at or below `threshold` (unit of the rate) for at least
+/// `least_s` seconds. A hole of half that length ends a stretch. Values that are not finite are motion.
+#[must_use]
+pub fn static_segments(t: &[f64], rate: &[f64], threshold: f64, least_s: f64) -> Vec<Range<usize>> {
+    let rows = t.len().min(rate.len());
+    let still = |row: usize| rate[row].abs() <= threshold;
+    let mut segments = vec![];
+    let mut first = 0;
+    while first < rows {
+        if !still(first) {
+            first += 1;
+            continue;
+        }
+        let mut end = first + 1;
+        while end < rows && still(end) && t[end] - t[end - 1] <= 0.5 * least_s {
+            end += 1;
+        }
+        if t[end - 1] - t[first] >= least_s {
+            segments.push(first..end);
+        }
+        first = end;
+    }
+    segments
+}
+
+/// Standard deviation of `y` over stretches of rows, each about its own median: robust
+/// (1.4826 · MAD) unless most values are the same one, as in coarse records; then the plain one.
+/// `None` without rows; rows outside `y` are left out.
+#[must_use]
+pub fn static_deviation(y: &[f64], segments: &[Range<usize>]) -> Option<f64> {
+    let mut residuals = vec![];
+    for segment in segments {
+        let Some(values) = y.get(segment.clone()) else { continue };
+        let Some(middle) = median_in_place(&mut values.to_vec()) else { continue };
+        residuals.extend(values.iter().map(|v| v - middle));
+    }
+    let robust = robust_sigma(&residuals)?;
+    if robust > 0.0 {
+        return Some(robust);
+    }
+    let n = residuals.len() as f64;
+    let mean = residuals.iter().sum::<f64>() / n;
+    Some((residuals.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt())
+}
+
+/// Steps farther apart than this many resolutions do not show the grid.
+const NEAR: f64 = 50.0;
+
+/// The step of the grid on which all values lie; `None` if nothing changes or there is no grid.
+///
+/// The candidate is the least distance between different values (to rounding, 10⁻¹³ of the largest);
+/// it is a grid if 95 % of the distances between neighbouring values are whole multiples of it, to a
+/// tenth. The step returned is their mean.
+#[must_use]
+pub fn resolution(y: &[f64]) -> Option<f64> {
+    let mut values: Vec<f64> = y.iter().copied().filter(|v| v.is_finite()).collect();
+    values.sort_unstable_by(f64::total_cmp);
+    let rounding = 1e-13 * values.first()?.abs().max(values.last()?.abs());
+    let steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).filter(|&d| d > rounding).collect();
+    let least = steps.iter().copied().fold(f64::INFINITY, f64::min);
+    let near: Vec<f64> = steps.iter().copied().filter(|d| *d <= NEAR * least).collect();
+    let on_grid = |d: &&f64| (**d / least - (**d / least).round()).abs() <= 0.1;
+    let fitting: Vec<f64> = near.iter().filter(on_grid).copied().collect();
+    let grid = !near.is_empty() && 20 * fitting.len() >= 19 * near.len() && 2 * near.len() >= steps.len();
+    let multiples: f64 = fitting.iter().map(|d| (d / least).round()).sum();
+    grid.then(|| fitting.iter().sum::<f64>() / multiples)
+}
+
+/// The most frequent number of consecutive rows with the same value, the shorter of two as frequent;
+/// runs at the ends, which are cut, do not count. `None` without a whole run.
+#[must_use]
+pub fn modal_repeat_length(y: &[f64]) -> Option<usize> {
+    let mut lengths: Vec<usize> = y.chunk_by(|a, b| a == b).map(<[f64]>::len).collect();
+    lengths.pop();
+    let whole = lengths.get_mut(1..)?;
+    whole.sort_unstable();
+    whole.chunk_by(|a, b| a == b).rev().max_by_key(|same| same.len()).map(|same| same[0])
+}
+
+/// One point of an Allan deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AllanPoint {
+    /// Averaging time, s.
+    pub tau_s: f64,
+    /// Overlapping Allan deviation, unit of the series.
+    pub deviation: f64,
+    /// Differences that went into it.
+    pub differences: usize,
+}
+
+/// Overlapping Allan deviation of a series sampled every `step_s`, at averaging times doubling from one
+/// step to a ninth of the record: σ²(mτ₀) = ½⟨(ȳₖ₊ₘ − ȳₖ)²⟩ (IEEE 952; NIST SP 1065, eq. 11).
+/// Empty for fewer than nine rows.
+#[must_use]
+pub fn allan_deviation(y: &[f64], step_s: f64) -> Vec<AllanPoint> {
+    let longest = y.len() / 9;
+    let mut sums = Vec::with_capacity(y.len() + 1);
+    let mut total = 0.0;
+    sums.push(total);
+    for value in y {
+        total += value;
+        sums.push(total);
+    }
+    std::iter::successors(Some(1), |m| Some(2 * m))
+        .take_while(|&m| m <= longest)
+        .map(|m| allan_point(&sums, m, step_s))
+        .collect()
+}
+
+/// From running sums, averages over `m` rows.
+fn allan_point(sums: &[f64], m: usize, step_s: f64) -> AllanPoint {
+    let differences = sums.len() - 2 * m;
+    let squares: f64 = sums.windows(2 * m + 1).map(|s| ((s[2 * m] - 2.0 * s[m] + s[0]) / m as f64).powi(2)).sum();
+    AllanPoint { tau_s: m as f64 * step_s, deviation: (0.5 * squares / differences as f64).sqrt(), differences }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+
+    fn noise(n: usize, seed: u64) -> Vec<f64> {
+        let mut random = Pcg64::seed_from_u64(seed);
+        (0..n).map(|_| StandardNormal.sample(&mut random)).collect()
+    }
+
+    #[test]
+    fn stretches_of_rest_are_found_and_short_ones_and_holes_are_not() {
+        let t: Vec<f64> = (0..3000).map(|k| 0.01 * f64::from(k) + if k < 2500 { 0.0 } else { 100.0 }).collect();
+        let rate: Vec<f64> =
+            (0..3000).map(|k| if (700..1000).contains(&k) || k == 1800 { 1.0 } else { 0.01 }).collect();
+        assert_eq!(static_segments(&t, &rate, 0.02, 5.0), [0..700, 1000..1800, 1801..2500]);
+        assert_eq!(static_segments(&t, &rate, 0.001, 5.0), [0..0; 0]);
+        assert_eq!(static_segments(&[], &[], 1.0, 1.0), [0..0; 0]);
+    }
+
+    /// σ known to 1.17/√(2n) · √2.7: 0.8 % here; gate at 4 σ. Offsets between stretches do not count.
+    #[test]
+    fn the_deviation_at_rest_is_that_of_the_noise() {
+        let mut y: Vec<f64> = noise(20_000, 5).iter().map(|v| 0.3 * v).collect();
+        y.iter_mut().skip(10_000).for_each(|v| *v += 50.0);
+        y[77] = 1e6;
+        let found = static_deviation(&y, &[0..10_000, 10_000..20_000]).unwrap();
+        assert!((found / 0.3 - 1.0).abs() < 0.04, "{found}");
+        assert_eq!(static_deviation(&y, &[]), None);
+        assert_eq!(static_deviation(&y, &[19_000..30_000, 40_000..50_000]), None);
+    }
+
+    #[test]
+    fn a_coarse_record_at_rest_has_a_deviation_too() {
+        let y: Vec<f64> = (0..1000).map(|k| if k % 10 == 0 { 1.0 } else { 0.0 }).collect();
+        assert!((static_deviation(&y, &[0..500, 500..1000]).unwrap() - 0.3).abs() < 1e-12);
+        assert_eq!(static_deviation(&[2.0; 50], &[0..20, 20..50]), Some(0.0));
+    }
+
+    #[test]
+    fn the_resolution_is_the_grid_and_noise_has_none() {
+        let lsb = std::f64::consts::TAU / 2000.0;
+        let swing: Vec<f64> = (0..3000).map(|k| (f64::from(k) * 0.031).sin()).collect();
+        let coarse: Vec<f64> = swing.iter().map(|x| (x / lsb).round() * lsb + 0.123).collect();
+        assert!((resolution(&coarse).unwrap() / lsb - 1.0).abs() < 1e-9);
+        let few: Vec<f64> = swing.iter().step_by(10).map(|x| (x / lsb).round() * lsb).collect();
+        assert!((resolution(&few).unwrap() / lsb - 1.0).abs() < 1e-9);
+        assert_eq!(resolution(&noise(3000, 8)), None);
+        assert_eq!(resolution(&swing), None);
+        assert_eq!(resolution(&[4.0; 30]), None);
+        assert_eq!(resolution(&[]), None);
+        assert_eq!(resolution(&[1.0, 3.0, 1.0, f64::NAN]), Some(2.0));
+    }
+
+    #[test]
+    fn the_usual_length_of_a_run_is_how_often_a_value_is_repeated() {
+        let held: Vec<f64> = (0..1003).map(|k| f64::from(k / 25)).collect();
+        assert_eq!(modal_repeat_length(&held), Some(25));
+        assert_eq!(modal_repeat_length(&noise(100, 1)), Some(1));
+        assert_eq!(modal_repeat_length(&[1.0; 100]), None);
+        assert_eq!(modal_repeat_length(&[1.0, 2.0]), None);
+        assert_eq!(modal_repeat_length(&[]), None);
+    }
+
+    /// The test suite of NIST SP 1065, table 31: 1000 numbers of a multiplicative generator. The
+    /// deviation at 1 s (0.2922319) is printed there; those at 2 and 64 s are by the definition.
+    #[test]
+    fn the_allan_deviation_equals_that_of_the_standard_test_suite() {
+        let mut state = 1_234_567_890_u64;
+        let y: Vec<f64> = (0..1000)
+            .map(|_| {
+                let value = state as f64 / 2_147_483_647.0;
+                state = 16_807 * state % 2_147_483_647;
+                value
+            })
+            .collect();
+        let points = allan_deviation(&y, 1.0);
+        assert_eq!(points.len(), 7);
+        assert!((points[0].deviation - 0.292_231_9).abs() < 1e-7, "{}", points[0].deviation);
+        for m in [2_usize, 64] {
+            let mean = |k: usize| y[k..k + m].iter().sum::<f64>() / m as f64;
+            let count = 1000 - 2 * m + 1;
+            let squares: f64 = (0..count).map(|k| (mean(k + m) - mean(k)).powi(2)).sum();
+            let point = points.iter().find(|p| p.tau_s == m as f64).unwrap();
+            assert!((point.deviation - (0.5 * squares / count as f64).sqrt()).abs() < 1e-12);
+            assert_eq!(point.differences, count);
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! A swing bench whose truth is known: a bar turned by hand, an encoder on its axis, a sensor at its end.
+//!
+//! One true time runs behind it all: seconds after the start. [`BenchSettings::rest_s`] of it the bar rests,
+//! then it swings, then it rests again. The encoder's clock shows true time; the sensor's clock and the
+//! clock of the logger may be off ([`BenchClocks`]).
+
+mod bar;
+mod demo;
+mod lag;
+mod logbook;
+mod motion;
+mod observe;
+mod quantity;
+mod rig;
+mod samples;
+mod settings;
+mod swing;
+#[cfg(test)]
+mod tests;
+mod wide;
+
+pub use bar::{Bar, FlexibleBar, Mount};
+pub use demo::{BenchDemo, BenchDemoRecord, write_bench_demo};
+pub use motion::{BarMotion, BenchTruth};
+pub use quantity::BenchChannel;
+pub use rig::RigText;
+pub use samples::{BenchSamples, EncoderSamples, PulseSamples, SimulatedBench};
+pub use settings::{
+    BenchClocks, BenchSensor, BenchSettings, ClockError, Encoder, EncoderOutput, Outliers, Pulses, Site,
+};
+pub use swing::Swing;
+
+use crate::error::SimulateError;
+
+/// Swings the bar and lets the encoder and the sensor look.
+///
+/// # Errors
+/// [`SimulateError::Setting`] with the first setting that makes no sense.
+pub fn simulate_bench(settings: &BenchSettings) -> Result<SimulatedBench, SimulateError> {
+    settings.check()?;
+    let truth = BenchTruth::new(settings)?;
+    observe::observe(settings, truth)
+}

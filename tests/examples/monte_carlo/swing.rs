@@ -1,0 +1,44 @@
+//! Swings whose truth is known, with the reference that a 2000-count encoder gives.
+
+use bench_analysis::{EncoderSeries, Motion, Rig, encoder_channel, position};
+use signal::CubicSpline;
+use simulate::{BenchChannel, BenchSettings, BenchTruth, simulate_bench};
+
+/// Seconds of swing that are measured.
+pub const SWING_S: f64 = 60.0;
+/// Before and after the measured part the bar already swings: nobody starts at rest here.
+pub const MARGIN_S: f64 = 4.0;
+
+/// A swing as it was and as the encoder saw it.
+pub struct TrueSwing {
+    truth: BenchTruth,
+    /// North position of the sensor from the smoothed encoder.
+    pub reference: CubicSpline,
+}
+
+impl TrueSwing {
+    /// North position of the sensor, m.
+    pub fn north(&self, t: f64) -> f64 {
+        self.truth.value(BenchChannel::PositionIns, t)[0]
+    }
+}
+
+/// Hand-driven swings of ±60° at the paper's bench.
+pub fn swings(number: u64) -> Vec<TrueSwing> {
+    (0..number).map(|seed| swing(crate::SEED.wrapping_add(seed))).collect()
+}
+
+fn swing(seed: u64) -> TrueSwing {
+    let settings = BenchSettings { seed, swing_s: SWING_S + 2.0 * MARGIN_S, rest_s: [0.0; 2], ..BenchSettings::ins() };
+    let settings = settings.only(&[BenchChannel::PositionIns]);
+    let bench = simulate_bench(&settings).unwrap();
+    let flight = bench.to_flight().unwrap();
+    let rig = Rig::shipped_default().unwrap();
+    let (name, channel) = encoder_channel(&flight, &rig).unwrap();
+    let motion = Motion::of(EncoderSeries::of(name, channel, &rig).unwrap()).unwrap();
+    let grid = motion.grid(100.0);
+    let arm = settings.lever_arm_m(BenchChannel::PositionIns);
+    let azimuth = settings.bar.azimuth_rad;
+    let north: Vec<f64> = grid.iter().map(|&t| position(&motion.at(t).unwrap(), azimuth, arm).value[0]).collect();
+    TrueSwing { truth: bench.truth, reference: CubicSpline::new(&grid, &north).unwrap() }
+}

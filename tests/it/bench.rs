@@ -1,0 +1,139 @@
+//! The bench as a whole: records whose truth is known, through files, command and card.
+
+use crate::agreement::{channels, containers, read_back};
+use crate::program::run;
+use bench_analysis::{BenchInput, Rig, bench};
+use record::{Finding, SensorCard, TimeBasis, Verdict};
+use simulate::{BenchChannel, BenchDemo, BenchSensor, BenchSettings, RigText, SimulatedBench, simulate_bench};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+/// A short swing with every kind of channel, noisy enough that no two values are alike.
+fn short() -> SimulatedBench {
+    let settings = BenchSettings { swing_s: 20.0, rest_s: [2.0, 2.0], ..BenchSettings::ins() };
+    simulate_bench(&settings.with(BenchChannel::PositionGps, BenchSensor::noisy(4.0, 0.1).late(0.4))).unwrap()
+}
+
+fn rig_of(simulated: &SimulatedBench) -> Rig {
+    let text = RigText { model: "Simulated".into(), serial: "1".into(), to_be_fitted: true };
+    Rig::parse(&simulated.rig_text(&text), Path::new("simulated.rig.toml")).unwrap()
+}
+
+#[test]
+fn one_swing_in_every_container_is_one_bench_record() {
+    let simulated = short();
+    let perfect = simulated.to_flight().unwrap();
+    let rig = rig_of(&simulated);
+    let of = |flight: &flight::Flight| {
+        let input = BenchInput { encoder: flight, sensor: flight, one_log: true };
+        serde_json::to_string(&bench(&input, &rig).unwrap().findings).unwrap()
+    };
+    let found = of(&perfect);
+    for (index, container) in containers().into_iter().enumerate() {
+        let loaded = read_back(&simulated.files(container, "swing").unwrap(), &format!("{container:?}"));
+        assert!(channels(&loaded.flight) == channels(&perfect), "{container:?}: {:?}", loaded.binding);
+        // Equal channels give equal findings: one container of each family shows that nothing else is looked at.
+        if index % 8 == 0 {
+            assert!(of(&loaded.flight) == found, "{container:?}");
+        }
+    }
+}
+
+/// Delay errors of 0.4 s late positions and of channels on time, with every channel's interval of 99.99 %.
+#[test]
+fn the_delays_of_a_simulated_sensor_are_found_within_what_is_claimed() {
+    for (settings, late) in
+        [(BenchSettings::default(), BenchChannel::PositionGps), (BenchSettings::ins(), BenchChannel::PositionIns)]
+    {
+        let simulated = simulate_bench(&BenchSettings { seed: 5, ..settings }).unwrap();
+        let flight = simulated.to_flight().unwrap();
+        let input = BenchInput { encoder: &flight, sensor: &flight, one_log: true };
+        let found = bench(&input, &rig_of(&simulated)).unwrap().findings;
+        assert_eq!(found.clocks.basis, TimeBasis::OneClock);
+        for channel in &found.channels {
+            let truth = if channel.name == late.name() { 0.4 } else { 0.0 };
+            let delay = channel.delay.as_ref().unwrap();
+            let error = delay.delay.seconds() - truth;
+            assert!(error.abs() < 4.0 * delay.standard_uncertainty_s, "{}: {error} s, {delay:?}", channel.name);
+            let expected = if truth > 0.0 { Verdict::Delayed } else { Verdict::EquivalentToZero };
+            assert!(channel.verdict == expected || channel.name == "height.baro", "{}: {}", channel.name, channel.reason);
+        }
+        let position = found.channels.iter().find(|c| c.name == late.name()).unwrap();
+        match &position.delay.as_ref().unwrap().as_seen_s {
+            // Held for 25 rows of 10 ms: 0.12 s old on average (design note 3.8).
+            Some(as_seen) => assert!((as_seen.value - 0.52).abs() < 0.02 && late == BenchChannel::PositionGps),
+            None => assert_eq!(late, BenchChannel::PositionIns),
+        }
+    }
+}
+
+/// The demo's records through the command: one card for each sensor.
+#[test]
+fn the_command_makes_a_card_that_holds_the_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let demo: BenchDemo = simulate::write_bench_demo(folder.path(), 1).unwrap();
+    for serial in demo.records.iter().map(|r| r.serial.clone()).collect::<BTreeSet<_>>() {
+        let of_sensor: Vec<_> = demo.records.iter().filter(|r| r.serial == serial).collect();
+        let logs: BTreeSet<&str> = of_sensor.iter().flat_map(|r| [r.sensor.as_str(), r.encoder.as_str()]).collect();
+        let out = folder.path().join(format!("report-{serial}"));
+        let mut arguments = vec!["bench".to_owned()];
+        arguments.extend(logs.iter().map(|log| folder.path().join(log).display().to_string()));
+        arguments.extend(["--out".to_owned(), out.display().to_string(), "--quiet".to_owned()]);
+        run(&arguments, 0);
+        let card = card_in(&out);
+        assert_eq!(card.sensor.serial.as_deref(), Some(serial.as_str()));
+        assert_eq!(card.records.len(), of_sensor.len());
+        for channel in &card.channels {
+            let truths: BTreeSet<String> =
+                of_sensor.iter().filter_map(|r| Some(r.channels.get(&channel.name)?.sampling.delay_s.to_string())).collect();
+            assert_eq!(truths.len(), 1, "{}: {truths:?}", channel.name);
+            let truth: f64 = truths.first().unwrap().parse().unwrap();
+            let error = channel.delay_s - truth;
+            assert!(error.abs() < 4.0 * channel.delay_standard_uncertainty_s, "{serial} {}: {error} s", channel.name);
+        }
+        let page = fs::read_to_string(out.join("index.html")).unwrap();
+        assert!(page.contains(&serial) && !page.contains("src=\"http"));
+    }
+}
+
+fn card_in(out: &Path) -> SensorCard {
+    let entries = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
+    let file = entries.into_iter().find(|p| p.to_string_lossy().ends_with(".card.toml")).unwrap();
+    bench_analysis::parse_card(&fs::read_to_string(&file).unwrap(), &file).unwrap()
+}
+
+#[test]
+fn a_skew_between_two_clocks_is_found_by_all_channels_together() {
+    let mut settings = BenchSettings { seed: 9, ..BenchSettings::ins() };
+    settings.clocks.device = Some(simulate::ClockError { offset_s: 12_345.6, skew: 80e-6 });
+    let simulated = simulate_bench(&settings).unwrap();
+    let (encoder, sensor) = simulated.to_flights().unwrap();
+    let input = BenchInput { encoder: &encoder, sensor: &sensor, one_log: false };
+    let found = bench(&input, &rig_of(&simulated)).unwrap().findings;
+    assert_eq!(found.clocks.basis, TimeBasis::Anchor { channel: "angular-rate.imu".into() });
+    let Finding::Found(skew) = &found.clocks.skew else { panic!("{:?}", found.clocks.skew) };
+    let error = skew.value - 80e-6;
+    assert!(error.abs() < 4.0 * skew.standard_uncertainty.unwrap() + 1e-8, "{skew:?}");
+    let position = found.channels.iter().find(|c| c.name == "position.ins").unwrap();
+    let delay = position.delay.as_ref().unwrap();
+    assert!((delay.delay.seconds() - 0.4).abs() < 4.0 * delay.standard_uncertainty_s, "{delay:?}");
+    assert!(position.reason.contains("relative to angular-rate.imu"), "{}", position.reason);
+}
+
+#[test]
+fn a_bar_at_rest_gives_no_delay_but_a_reason() {
+    let settings = BenchSettings { swing: simulate::Swing::Still, ..BenchSettings::ins() };
+    let simulated = simulate_bench(&settings).unwrap();
+    let flight = simulated.to_flight().unwrap();
+    let input = BenchInput { encoder: &flight, sensor: &flight, one_log: true };
+    match bench(&input, &rig_of(&simulated)) {
+        Ok(found) => {
+            for channel in &found.findings.channels {
+                assert_eq!(channel.verdict, Verdict::NotMeasurable, "{}", channel.name);
+                assert!(!channel.reason.is_empty());
+            }
+        }
+        Err(refusal) => assert!(!refusal.to_string().is_empty()),
+    }
+}
