@@ -3,7 +3,7 @@
 use crate::alignment::{Alignment, align};
 use crate::channel::{Circumstances, SensedChannel, SensedComponent, dynamics};
 use crate::clock::{EncoderRate, Tied, moved, tie};
-use crate::curves::curve;
+use crate::curves::{curve, liveliest};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 use crate::flexibility::flexibility;
 use crate::gate::{Gate, gate};
@@ -277,6 +277,7 @@ fn channels(
         inject_gain: rig.analysis.inject_gain,
         t: &t,
         rate: &rate,
+        zoom: liveliest(&t, &rate),
         still_rate: STILL_COUNTS_PER_S * lsb,
         closed,
     };
@@ -296,7 +297,7 @@ fn sensed(component: &ComponentReference) -> SensedComponent<'_> {
         unit: &component.unit,
         values: &component.measured,
         reference: &component.reference,
-        excited: component.excited.as_ref().map(|()| ()).map_err(String::as_str),
+        excited: component.excited.as_ref().copied().map_err(String::as_str),
         drift: component.drift,
     }
 }

@@ -21,7 +21,7 @@ const ACF_LAGS: usize = 40;
 /// Windows of the delay over the record, s; half overlapping.
 const WINDOW_S: f64 = 15.0;
 /// Another minimum within this many units of chi-squared is told.
-const SECOND_MINIMUM_EXCESS: f64 = 3.0;
+const SECOND_MINIMUM_EXCESS: f64 = 9.0;
 /// Points of the objective's curves.
 const OBJECTIVE_POINTS: usize = 251;
 /// The objective near its minimum is drawn this many standard uncertainties to either side.
@@ -64,6 +64,8 @@ pub(crate) struct Circumstances<'a> {
     /// Encoder stamps, s, and rate of the bar, rad/s.
     pub(crate) t: &'a [f64],
     pub(crate) rate: &'a [f64],
+    /// Stretch that is drawn large, s.
+    pub(crate) zoom: (f64, f64),
     /// Bar rates below this are standing still, rad/s.
     pub(crate) still_rate: f64,
     /// Why no channel gets a verdict, if the gate says so.
@@ -204,7 +206,7 @@ fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updat
         reason: String::new(),
         predicted_s: None,
         delay: None,
-        components: channel.components.iter().map(|c| undetermined(channel, c)).collect(),
+        components: channel.components.iter().map(|c| undetermined(channel, c, bench)).collect(),
         model: Finding::CannotTell(not_tried()),
         response: Finding::CannotTell(not_tried()),
         checks: None,
@@ -216,8 +218,12 @@ fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updat
 }
 
 /// A component of which nothing but its curve is known.
-fn undetermined(channel: &SensedChannel<'_>, component: &SensedComponent<'_>) -> ComponentDynamics {
-    let (curves, zoom) = component_curves(&channel.t, component, None);
+fn undetermined(
+    channel: &SensedChannel<'_>,
+    component: &SensedComponent<'_>,
+    bench: &Circumstances<'_>,
+) -> ComponentDynamics {
+    let (curves, zoom) = component_curves(&channel.t, component, None, bench.zoom);
     ComponentDynamics {
         name: component.name.to_owned(),
         unit: component.unit.to_owned(),
@@ -358,7 +364,7 @@ fn components(
         .map(|(k, component)| {
             let place = updates.excited.iter().position(|&e| e == k);
             let fitted = place.and_then(|place| fit.components.get(place));
-            let (curves, zoom) = component_curves(&channel.t, component, fitted.map(|f| (fit, f)));
+            let (curves, zoom) = component_curves(&channel.t, component, fitted.map(|f| (fit, f)), bench.zoom);
             let alone = place.filter(|_| updates.excited.len() > 1).and_then(|_| {
                 fit_delay(&[measurement(component, &updates.t, &updates.values[k])], &bench.settings()).ok()
             });
@@ -374,7 +380,7 @@ fn components(
                 curves,
                 zoom,
                 residual: fitted.map(crate::curves::residual_curve),
-                ..undetermined(channel, component)
+                ..undetermined(channel, component, bench)
             }
         })
         .collect()

@@ -12,18 +12,20 @@ const REFERENCE_POINTS: usize = 1200;
 const ZOOM_RATE_HZ: f64 = 100.0;
 /// Length of the zoom, s: a few swings.
 const ZOOM_S: f64 = 10.0;
+/// The zoom is moved in steps of this, s.
+const ZOOM_STEP_S: f64 = 0.5;
 
 /// Reference at the true time, reference as delayed and scaled by the fit, measured: over the whole record, and over
-/// the liveliest stretch.
+/// the stretch `zoom`.
 pub(crate) fn component_curves(
     t: &[f64],
     component: &SensedComponent<'_>,
     fit: Option<(&DelayFit, &ComponentFit)>,
+    zoom: (f64, f64),
 ) -> (Vec<Curve>, Vec<Curve>) {
     let (from, to) = component.reference.span();
     let whole = curves(t, component, fit, (from, to), (to - from) / REFERENCE_POINTS as f64);
-    let (start, end) = liveliest(component.reference);
-    let zoom = curves(t, component, fit, (start, end), 1.0 / ZOOM_RATE_HZ);
+    let zoom = curves(t, component, fit, zoom, 1.0 / ZOOM_RATE_HZ);
     (whole, zoom)
 }
 
@@ -62,18 +64,16 @@ fn fitted(t: f64, reference: &dyn Reference, fit: &DelayFit, component: &Compone
     component.gain.value * reference.value_and_rate(t - fit.delay_s).0 + component.offset.value + drift
 }
 
-/// The stretch in which the reference moves most.
-fn liveliest(reference: &dyn Reference) -> (f64, f64) {
-    const STEP_S: f64 = 0.5;
-    let (from, to) = reference.span();
+/// The stretch in which the bar moves most: one for all channels, so that they can be compared.
+pub(crate) fn liveliest(t: &[f64], rate: &[f64]) -> (f64, f64) {
+    let (Some(&from), Some(&to)) = (t.first(), t.last()) else { return (0.0, 0.0) };
+    let square: Vec<f64> = rate.iter().map(|r| r * r).collect();
+    let energy = signal::CumulativeIntegral::new(t, &square);
     let last = (to - ZOOM_S).max(from);
-    let energy = |start: f64| {
-        let at = |k: usize| reference.value_and_rate((start + k as f64 * 0.1).min(to)).1.powi(2);
-        (0..(ZOOM_S * 10.0) as usize).map(at).sum::<f64>()
-    };
-    let steps = ((last - from) / STEP_S) as usize;
-    let start = (0..=steps).map(|k| from + k as f64 * STEP_S).max_by(|a, b| energy(*a).total_cmp(&energy(*b)));
-    let start = start.unwrap_or(from);
+    let steps = ((last - from) / ZOOM_STEP_S) as usize;
+    let starts = (0..=steps).map(|k| from + k as f64 * ZOOM_STEP_S);
+    let of = |start: &f64| energy.between(*start, (start + ZOOM_S).min(to));
+    let start = starts.max_by(|a, b| of(a).total_cmp(&of(b))).unwrap_or(from);
     (start, (start + ZOOM_S).min(to))
 }
 

@@ -5,7 +5,6 @@
 
 use crate::kinematics::BarState;
 use crate::motion::Motion;
-use nalgebra::{DMatrix, DVector};
 use signal::{Regression, regress};
 
 /// Functions of the bar's motion that a component is a combination of.
@@ -37,19 +36,22 @@ impl Pattern {
         }
     }
 
-    /// The functions at one instant. `t` is seconds from the middle of the channel.
-    pub(crate) fn at(self, state: &BarState, t: f64) -> Vec<f64> {
+    /// The functions at one instant, as many as there are names. `t` is seconds from the middle of the channel.
+    pub(crate) fn at(self, state: &BarState, t: f64) -> [f64; MOST_FUNCTIONS] {
         let (s, c) = state.angle.sin_cos();
         match self {
-            Pattern::CircleWithDrift => vec![1.0, s, c, t],
-            Pattern::Circle => vec![1.0, s, c],
-            Pattern::CircleRate => vec![1.0, state.rate * s, state.rate * c],
-            Pattern::Angle => vec![1.0, state.angle],
-            Pattern::Rate => vec![1.0, state.rate],
-            Pattern::Force => vec![1.0, s, c, state.acceleration, state.rate * state.rate],
+            Pattern::CircleWithDrift => [1.0, s, c, t, 0.0],
+            Pattern::Circle => [1.0, s, c, 0.0, 0.0],
+            Pattern::CircleRate => [1.0, state.rate * s, state.rate * c, 0.0, 0.0],
+            Pattern::Angle => [1.0, state.angle, 0.0, 0.0, 0.0],
+            Pattern::Rate => [1.0, state.rate, 0.0, 0.0, 0.0],
+            Pattern::Force => [1.0, s, c, state.acceleration, state.rate * state.rate],
         }
     }
 }
+
+/// The most functions that a pattern has.
+const MOST_FUNCTIONS: usize = 5;
 
 /// Components of a channel at their own stamps.
 #[derive(Debug, Clone)]
@@ -82,8 +84,8 @@ pub(crate) struct PatternFit {
 }
 
 /// Rows that are looked at on the grid and at the refinement.
-const GRID_SAMPLES: usize = 500;
-const REFINED_SAMPLES: usize = 3000;
+const GRID_SAMPLES: usize = 400;
+const REFINED_SAMPLES: usize = 2000;
 const GRID_STEP_S: f64 = 0.02;
 /// Of all minima whose residual variance is within this factor of the least, and that explain nine tenths of what the
 /// best explains, the one nearest to no delay is taken: a regular swing looks alike after each half period.
@@ -111,7 +113,7 @@ pub(crate) fn fit_at(motion: &Motion, samples: &Samples, pattern: Pattern, delay
         return None;
     }
     let middle = samples.middle();
-    let functions: Vec<Vec<f64>> =
+    let functions: Vec<[f64; MOST_FUNCTIONS]> =
         rows.iter().zip(&states).map(|(&row, state)| pattern.at(state, samples.t[row] - middle)).collect();
     let columns: Vec<Vec<f64>> = (0..pattern.names().len()).map(|k| functions.iter().map(|f| f[k]).collect()).collect();
     let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
@@ -186,22 +188,44 @@ fn misfit(motion: &Motion, samples: &Samples, pattern: Pattern, delay_s: f64) ->
         return f64::INFINITY;
     }
     let middle = samples.middle();
-    let mut functions = DMatrix::zeros(n, width);
-    for (row, t) in samples.t.iter().enumerate() {
+    let mut columns = vec![Vec::with_capacity(n); width];
+    for t in &samples.t {
         let Some(state) = motion.at(t - delay_s) else { return f64::INFINITY };
-        for (k, value) in pattern.at(&state, t - middle).into_iter().enumerate() {
-            functions[(row, k)] = value;
+        for (column, value) in columns.iter_mut().zip(pattern.at(&state, t - middle)) {
+            column.push(value);
         }
     }
-    let orthonormal = functions.qr().q();
+    let basis = orthonormal(columns);
     let log_rest = |component: &Vec<f64>| {
-        let y = DVector::from_column_slice(component);
-        let explained = orthonormal.tr_mul(&y).norm_squared();
-        let all = y.norm_squared();
+        let all = dot(component, component);
+        let explained: f64 = basis.iter().map(|q| dot(q, component).powi(2)).sum();
         // A channel without noise must not make an infinity of its logarithm.
         ((all - explained).max(1e-14 * all) / n as f64).max(f64::MIN_POSITIVE).ln()
     };
     samples.components.iter().map(log_rest).sum::<f64>() / samples.components.len().max(1) as f64
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Modified Gram–Schmidt; a column that the others already span is left out.
+fn orthonormal(columns: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    const SPANNED: f64 = 1e-7;
+    let mut basis: Vec<Vec<f64>> = vec![];
+    for mut column in columns {
+        let before = dot(&column, &column).sqrt();
+        for q in &basis {
+            let along = dot(q, &column);
+            column.iter_mut().zip(q).for_each(|(c, q)| *c -= along * q);
+        }
+        let after = dot(&column, &column).sqrt();
+        if after > SPANNED * before {
+            column.iter_mut().for_each(|c| *c /= after);
+            basis.push(column);
+        }
+    }
+    basis
 }
 
 /// The minimum within one `step` of `start`, to a twentieth of a millisecond (golden section), and the objective there.

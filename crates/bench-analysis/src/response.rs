@@ -124,8 +124,9 @@ mod tests {
     fn the_response_of_a_delay_and_a_lag_is_the_acceptance_vector() {
         let model = model(Some(0.4), &[0.05], 1.02);
         for (f, gain, phase) in [
-            (0.1, 1.019_497_222_459_139_3, -0.282_733_009_513_603_6),
-            (0.3, 1.015_499_809_677_265_8, -0.847_952_437_863_252_8),
+            (0.1, 1.019_497_022_459_139_3, -0.282_733_009_513_603_6),
+            (0.5, 1.007_644_435_958_584_8, -1.412_443_561_405_459),
+            (2.0, 0.863_667_676_284_127_1, -5.587_530_361_852_293),
         ] {
             let (g, p) = gain_and_phase(&model, f);
             assert!((g - gain).abs() < 1e-12 && (p - phase).abs() < 1e-12, "{g} {p}");
@@ -134,6 +135,7 @@ mod tests {
 
     #[test]
     fn one_lag_has_its_half_power_where_omega_t_is_one_and_two_equal_lags_earlier() {
+        assert!((bandwidth(&model(None, &[0.05], 1.0)).unwrap() - 3.183_098_861_837_907).abs() < 1e-12);
         assert!((bandwidth(&model(None, &[0.5], 1.0)).unwrap() - 1.0 / (0.5 * TAU)).abs() < 1e-12);
         // (1 + x²)² = 2.
         let x = (2f64.sqrt() - 1.0).sqrt();

@@ -133,8 +133,8 @@ mod tests {
     #[test]
     fn the_two_one_sided_tests_turn_where_the_interval_of_90_percent_touches_the_margin() {
         // 1.6464 is Student's 95 % quantile with 1000 degrees of freedom (tables).
-        assert_eq!(verdict(0.0, 5.0 / 1.6465, 5.0).verdict, Verdict::Inconclusive);
-        assert_eq!(verdict(0.0, 5.0 / 1.6463, 5.0).verdict, Verdict::EquivalentToZero);
+        assert_eq!(verdict(0.0, 5.0 / 1.6465, 5.0).verdict, Verdict::EquivalentToZero);
+        assert_eq!(verdict(0.0, 5.0 / 1.6463, 5.0).verdict, Verdict::Inconclusive);
     }
 
     #[test]

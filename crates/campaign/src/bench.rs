@@ -129,6 +129,7 @@ pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Ca
         sensor: rigs.first().map(|rig| bench_analysis::sensor_name(&rig.sensor)).unwrap_or_default(),
         card: verdict.card_file.as_ref().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned())),
         channels: verdict.channels().to_vec(),
+        notices: verdict.notices.clone(),
     });
     Ok(verdict)
 }

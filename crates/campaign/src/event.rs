@@ -122,6 +122,8 @@ pub enum Event {
         card: Option<String>,
         /// What is on the card.
         channels: Vec<record::CardChannel>,
+        /// What must be said of the records behind it.
+        notices: flight::Notices,
     },
     /// The end.
     Done {

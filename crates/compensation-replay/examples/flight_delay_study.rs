@@ -224,7 +224,9 @@ fn found(flight: &Flight, settings: &FlightDelaySettings) -> Option<MeasuredDela
 }
 
 fn circuits(trials: usize, part: &str) {
-    println!("| case | bound ms | rms ms | rms/bound | bias ms | u/rms | 95 % covers | injected covers | speed p<5 % | windows p<5 % | alarms % | refused |");
+    println!(
+        "| case | bound ms | rms ms | rms/bound | bias ms | u/rms | 95 % covers | injected covers | speed p<5 % | windows p<5 % | alarms % | refused |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     for case in cases().iter().filter(|c| c.name.contains(part)) {
         let bound = Bound::of(case);
@@ -285,7 +287,10 @@ fn with_accelerometers(seed: u64) -> (Flight, SimulatedFlight) {
         let v = at(0.0);
         let heading = v[1].atan2(v[0]);
         let (sin, cos) = heading.sin_cos();
-        let mut normal = |std: f64| -> f64 { let z: f64 = StandardNormal.sample(&mut rng); std * z };
+        let mut normal = |std: f64| -> f64 {
+            let z: f64 = StandardNormal.sample(&mut rng);
+            std * z
+        };
         let (n, e, d) = (a[0] + 0.1 + normal(0.3), a[1] - 0.08 + normal(0.3), a[2] - 9.81 + normal(0.3));
         for (column, x) in force.iter_mut().zip([cos * n + sin * e, -sin * n + cos * e, d]) {
             column.push(x);
@@ -363,7 +368,11 @@ fn against_practice(trials: usize) {
     println!("| velocity against acceleration, same data | rms error ms | bias ms | 95 % covers |");
     println!("|---|---|---|---|");
     let mean = |x: &[f64]| 1e3 * x.iter().sum::<f64>() / x.len() as f64;
-    println!("| integer shifts, mean absolute difference | {:.2} | {:+.2} | no interval |", 1e3 * Tally::rms(&theirs), mean(&theirs));
+    println!(
+        "| integer shifts, mean absolute difference | {:.2} | {:+.2} | no interval |",
+        1e3 * Tally::rms(&theirs),
+        mean(&theirs)
+    );
     println!(
         "| this estimator | {:.2} | {:+.2} | {:.1} % ({} refused) |",
         1e3 * Tally::rms(&ours.errors),

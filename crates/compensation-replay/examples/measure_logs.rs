@@ -60,11 +60,20 @@ fn print_pair(pair: &PairDelay) {
                 1e3 * d.smallest_detectable_s
             );
             if let Some(h) = &d.homogeneity {
-                println!("    {} windows, p = {:.2e}{}", d.over_time.len(), h.p, d.alarm.as_ref().map_or(String::new(), |a| format!(": {a}")));
+                println!(
+                    "    {} windows, p = {:.2e}{}",
+                    d.over_time.len(),
+                    h.p,
+                    d.alarm.as_ref().map_or(String::new(), |a| format!(": {a}"))
+                );
             }
             for i in &d.injections {
                 let [a, b] = i.interval_95_s.map(|x| 1e3 * x);
-                println!("    injected {:.0} ms: error {:.1} ({a:.1} to {b:.1}) ms", 1e3 * i.injected_s, 1e3 * i.error_s.value);
+                println!(
+                    "    injected {:.0} ms: error {:.1} ({a:.1} to {b:.1}) ms",
+                    1e3 * i.injected_s,
+                    1e3 * i.error_s.value
+                );
             }
             for s in &d.splits {
                 let groups: Vec<String> = s

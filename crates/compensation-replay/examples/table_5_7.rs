@@ -39,21 +39,9 @@ fn table() -> Vec<(Row, &'static str, [Option<f64>; 6])> {
             "pade-1-1-tustin, held inputs",
             note([0.0371, 0.1462, 2.880, 0.958, 2.479, 2.513]),
         ),
-        (
-            Row::Streaming("pade-1-1-foh", UpToNow),
-            "pade-1-1-foh",
-            note([0.0371, 0.1462, 2.880, 0.959, 2.487, 2.521]),
-        ),
-        (
-            Row::Streaming("pade-1-2-foh", UpToNow),
-            "pade-1-2-foh",
-            note([0.0057, 0.1414, 2.863, 0.941, 2.470, 2.503]),
-        ),
-        (
-            Row::Streaming("pade-2-2-foh", UpToNow),
-            "pade-2-2-foh",
-            note([0.00145, 0.1414, 2.863, 0.941, 2.470, 2.503]),
-        ),
+        (Row::Streaming("pade-1-1-foh", UpToNow), "pade-1-1-foh", note([0.0371, 0.1462, 2.880, 0.959, 2.487, 2.521])),
+        (Row::Streaming("pade-1-2-foh", UpToNow), "pade-1-2-foh", note([0.0057, 0.1414, 2.863, 0.941, 2.470, 2.503])),
+        (Row::Streaming("pade-2-2-foh", UpToNow), "pade-2-2-foh", note([0.00145, 0.1414, 2.863, 0.941, 2.470, 2.503])),
         (Row::Streaming("pade-3-3-foh", UpToNow), "pade-3-3-foh", high(1.5e-4)),
         (Row::Streaming("pade-4-4-foh", UpToNow), "pade-4-4-foh", high(3e-5)),
         (Row::Streaming("pade-0-1-foh", UpToNow), "pade-0-1-foh", [None; 6]),
@@ -73,11 +61,7 @@ fn table() -> Vec<(Row, &'static str, [Option<f64>; 6])> {
             note([2e-5, 0.1414, 1.425, 0.0315, 0.0197, 0.429]),
         ),
         (Row::Streaming("exact-async", UpToNow), "exact-async, causal", [None; 6]),
-        (
-            Row::Streaming("offline-shift", UpToNow),
-            "offline-shift",
-            note([0.0, 0.1411, 1.331, 0.0263, 0.0004, 0.398]),
-        ),
+        (Row::Streaming("offline-shift", UpToNow), "offline-shift", note([0.0, 0.1411, 1.331, 0.0263, 0.0004, 0.398])),
         (Row::Streaming("kalman", UpToNow), "kalman, q = 60", note([0.0, 0.0170, 0.127, 0.0196, 0.0131, 0.134])),
         (Row::Fitted("kalman"), "kalman, maximum likelihood", [None; 6]),
         (
@@ -125,7 +109,11 @@ fn main() {
             }
         }
     }
-    println!("\n2-D rms error, m: found (note)\n{:31}{}", "", "ABCDEF".chars().map(|c| format!("{c:>20}")).collect::<String>());
+    println!(
+        "\n2-D rms error, m: found (note)\n{:31}{}",
+        "",
+        "ABCDEF".chars().map(|c| format!("{c:>20}")).collect::<String>()
+    );
     for ((_, title, note), squares) in table.iter().zip(&squares) {
         let cells = squares.iter().zip(note).map(|(square, note)| {
             let note = note.map_or(String::new(), |n| format!("({})", figure(n)));

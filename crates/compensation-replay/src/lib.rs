@@ -15,6 +15,7 @@ mod compensator;
 mod curves;
 mod estimate;
 mod exact;
+mod export;
 mod flight_delay;
 mod input;
 mod pade;
@@ -32,10 +33,14 @@ pub use compensator::{
     rts_smooth,
 };
 pub use exact::ExactAsync;
+pub use export::{
+    AutopilotAdvice, AutopilotParameter, CExport, CFloat, CSource, ExportError, MeasuredAgainst, ParameterFit,
+    autopilot_advice, export_c,
+};
 pub use flight_delay::{FlightDelaySettings, measure_delays};
 pub use input::{Picked, Refusal, pick_pair};
 pub use pade::PadeTustin;
 pub use replay::{Replay, replay};
 pub use settings::Settings;
 pub use track::{RowState, Track, TrackColumn};
-pub use validity::{DelayModel, Delays, MotionShare, ValidityBand, error_at};
+pub use validity::{DelayModel, Delays, MotionShare, ValidityBand, compensation_error};

@@ -60,7 +60,8 @@ impl ValidityBand {
     pub fn of(model: DelayModel<'_>, delays: Delays, factor: f64) -> Option<ValidityBand> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         let sound = positive(delays.position_s) && positive(delays.compensator_s) && delays.velocity_s.is_finite();
-        if !sound || !(factor > 0.0 && factor < 1.0) {
+        let share = 0.0 < factor && factor < 1.0;
+        if !(sound && share) {
             return None;
         }
         let below = |share: f64| match crossing(model, delays, share) {
@@ -73,12 +74,7 @@ impl ValidityBand {
             Crossing::FromTheStart => Some(0.0),
             Crossing::Never => None,
         };
-        Some(ValidityBand {
-            factor,
-            helps_below_hz: below(factor),
-            halves_below_hz: below(0.5),
-            worse_above_hz: worse,
-        })
+        Some(ValidityBand { factor, helps_below_hz: below(factor), halves_below_hz: below(0.5), worse_above_hz: worse })
     }
 
     /// How the motion of a flight is spread over the band, from its velocity (m/s, one slice for each axis) at
@@ -91,7 +87,8 @@ impl ValidityBand {
         if !(total > 0.0 && total.is_finite()) {
             return None;
         }
-        let share = |keep: &dyn Fn(f64) -> bool| lines().filter(|(f, _)| keep(**f)).map(|(_, p)| p).sum::<f64>() / total;
+        let share =
+            |keep: &dyn Fn(f64) -> bool| lines().filter(|(f, _)| keep(**f)).map(|(_, p)| p).sum::<f64>() / total;
         let low = self.helps_below_hz.unwrap_or(0.0);
         let high = self.worse_above_hz.unwrap_or(f64::INFINITY).max(low);
         Some(MotionShare {
@@ -115,7 +112,7 @@ pub struct MotionShare {
 
 /// Error of the compensated and of the raw position at a frequency, share of the amplitude.
 #[must_use]
-pub fn error_at(model: DelayModel<'_>, delays: Delays, hz: f64) -> (f64, f64) {
+pub fn compensation_error(model: DelayModel<'_>, delays: Delays, hz: f64) -> (f64, f64) {
     let late = |s: f64| Complex::from_polar(1.0, -TAU * hz * s);
     let stand_in = match model {
         DelayModel::Pade(form) => form.delay_at(hz * delays.compensator_s),
@@ -142,7 +139,7 @@ const GRID: u32 = 2000;
 fn crossing(model: DelayModel<'_>, delays: Delays, share: f64) -> Crossing {
     let last = 1.0 / delays.position_s;
     let exceeds = |hz: f64| {
-        let (error, raw) = error_at(model, delays, hz);
+        let (error, raw) = compensation_error(model, delays, hz);
         error > share * raw
     };
     // At 1/Tp itself the raw error is zero: the last grid point lies before it.
@@ -187,7 +184,7 @@ mod tests {
     #[test]
     fn a_late_velocity_leaves_its_own_delay_and_no_more() {
         let delays = Delays { position_s: 0.5, velocity_s: 0.1, compensator_s: 0.4 };
-        let (error, _) = error_at(DelayModel::Exact, delays, 0.3);
+        let (error, _) = compensation_error(DelayModel::Exact, delays, 0.3);
         assert!((error - 2.0 * (std::f64::consts::PI * 0.3 * 0.1).sin()).abs() < 1e-12);
         // A fifth of the delay is left at best: a tenth cannot be reached, a half can.
         let band = ValidityBand::of(DelayModel::Exact, delays, 0.1).unwrap();

@@ -12,6 +12,32 @@ Exit codes:
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
 
+const CAMPAIGN: &str = "\
+A folder of flight logs in, a report out: tables, records, pages.
+
+Every log below FLIGHTS is a flight; so is a folder that holds one CSV file for each topic. A flight is \
+read once. Its result is kept in OUT under a name made from log, settings and analysis, so that a second \
+run does only what is new, and says why. A run that was stopped or killed goes on where it was.
+
+In OUT: index.html (open this), flights/NAME/ (page, record.json, track.parquet of each flight), \
+flights.csv and flights.parquet (one row for each flight), campaign.json, and run.json, the only file \
+that holds the time of day. The rest depends on logs, settings and build alone.
+
+The steps plan, task, reduce and status do the same work on a cluster, shard by shard.";
+
+const BENCH: &str = "\
+Records of a swing bench in, a sensor card and pages out.
+
+A RECORD is a log that holds the bar's encoder and the sensor, or a folder with one log of the encoder and one \
+of the sensor (found by what channel maps bind), or a folder of such records. All must be of one sensor: they are \
+combined into one card, with the spread between them.
+
+The rig file says what hangs on the bench: sensor, bar, lever arms, encoder, site. Without --rig, the one beside each \
+record is taken: NAME.rig.toml, or the only one in its folder.
+
+In OUT: index.html (the card's page, open this), SENSOR.card.toml (for `flightlag campaign`: [delay] card = ...), \
+records/NAME/ (page, record.json), and run.json, the only file that holds the time of day.";
+
 /// Measures how late each channel of a sensor is on a swing bench, and replays delay compensators over logs of flights
 /// whose position comes late.
 #[derive(Debug, Parser)]
@@ -24,10 +50,10 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// A folder of flight logs in, a report out: tables, records, pages.
-    #[command(after_help = EXIT_CODES)]
+    #[command(long_about = CAMPAIGN, after_help = EXIT_CODES)]
     Campaign(Box<CampaignArguments>),
     /// Records of a swing bench in, a sensor card and pages out.
-    #[command(after_help = EXIT_CODES)]
+    #[command(long_about = BENCH, after_help = EXIT_CODES)]
     Bench(Box<BenchArguments>),
     /// Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
     #[command(after_help = EXIT_CODES)]
@@ -40,22 +66,7 @@ pub(crate) enum Command {
 }
 
 #[derive(Debug, Args)]
-#[command(
-    args_conflicts_with_subcommands = true,
-    subcommand_negates_reqs = true,
-    long_about = "\
-A folder of flight logs in, a report out: tables, records, pages.
-
-Every log below FLIGHTS is a flight; so is a folder that holds one CSV file for each topic. A flight is
-read once. Its result is kept in OUT under a name made from log, settings and analysis, so that a second
-run does only what is new, and says why. A run that was stopped or killed goes on where it was.
-
-In OUT: index.html (open this), flights/NAME/ (page, record.json, track.parquet of each flight),
-flights.csv and flights.parquet (one row for each flight), campaign.json, and run.json, the only file
-that holds the time of day. The rest depends on logs, settings and build alone.
-
-The steps plan, task, reduce and status do the same work on a cluster, shard by shard."
-)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct CampaignArguments {
     #[command(subcommand)]
     pub(crate) step: Option<Step>,
@@ -151,18 +162,6 @@ pub(crate) enum Step {
 }
 
 #[derive(Debug, Args)]
-#[command(long_about = "\
-Records of a swing bench in, a sensor card and pages out.
-
-A RECORD is a log that holds the bar's encoder and the sensor, or a folder with one log of the encoder and one
-of the sensor (found by what channel maps bind), or a folder of such records. All must be of one sensor: they are
-combined into one card, with the spread between them.
-
-The rig file says what hangs on the bench: sensor, bar, lever arms, encoder, site. Without --rig, the one beside each
-record is taken: NAME.rig.toml, or the only one in its folder.
-
-In OUT: index.html (the card's page, open this), SENSOR.card.toml (for `flightlag campaign`: [delay] card = ...),
-records/NAME/ (page, record.json), and run.json, the only file that holds the time of day.")]
 pub(crate) struct BenchArguments {
     /// Logs or folders of logs; they are only read.
     #[arg(value_name = "RECORD", required = true)]

@@ -40,23 +40,23 @@ pub use delay::{
     delay_by_segment, delay_crlb, delay_objective, fit_delay, homogeneity,
 };
 pub use distributions::{chi_squared_tail, normal_quantile, student_quantile};
-pub use lag::{LagCandidate, LagChoice, LagModel, LaggedReference, choose_lag_model};
-pub use noise::NoiseRule;
-pub use residuals::{autocorrelation, jitter_from_residuals, kurtosis, ljung_box};
-pub use spline::{CubicSpline, SplineError};
-pub use whiten::{NoiseModel, whiten};
 pub use frequency_response::{FrequencyPoint, FrequencyResponse, ResponseError, frequency_response};
 pub use hermite::septic_hermite;
 pub use hull::{HullLine, lower_hull};
 pub use integral::CumulativeIntegral;
+pub use lag::{LagCandidate, LagChoice, LagModel, LaggedReference, choose_lag_model};
+pub use noise::NoiseRule;
 pub use path::thin_path;
 pub use piecewise::{PiecewiseClock, PulseError};
 pub use reference::Reference;
 pub use regression::{Regression, RegressionError, regress};
+pub use residuals::{autocorrelation, jitter_from_residuals, kurtosis, ljung_box};
 pub use smooth::{SmoothError, SmoothedMotion, Smoother, smooth, smooth_by_gcv};
 pub use spectrum::{Spectrum, power_spectrum};
+pub use spline::{CubicSpline, SplineError};
 pub use static_noise::{
     AllanPoint, allan_deviation, modal_repeat_length, resolution, static_deviation, static_segments,
 };
 pub use statistics::{RmsEstimate, block_jackknife_rms, median_in_place, percentile_of_sorted, robust_sigma};
+pub use whiten::{NoiseModel, whiten};
 pub use window::{Window, largest_sum};

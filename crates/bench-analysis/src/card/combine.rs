@@ -81,7 +81,7 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
         card_version: CARD_VERSION,
         sensor,
         rig: titles(&usable),
-        method: if usable.len() > 1 { format!("{METHOD} {METHOD_OF_SEVERAL}") } else { METHOD.to_owned() },
+        method: method(usable.len(), &notices),
         flightlag_version: terms.flightlag_version.to_owned(),
         analysis_version: first.analysis_version,
         measured_on,
@@ -91,6 +91,19 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
         records: usable.iter().map(|(_, r)| source(r)).collect(),
     };
     Ok(Combined { card, notices })
+}
+
+/// How the numbers were found, with what they leave out.
+fn method(records: usize, notices: &Notices) -> String {
+    let mut text = METHOD.to_owned();
+    if records > 1 {
+        text += " ";
+        text += METHOD_OF_SEVERAL;
+    }
+    for notice in notices.iter().filter(|n| n.code == "not-comparable") {
+        text += &format!(" {}: {}.", notice.place, notice.text);
+    }
+    text
 }
 
 fn error(file: &str, what: impl Into<String>) -> CardError {

@@ -27,7 +27,7 @@ fn counts_become_the_angles_of_the_acceptance_vector() {
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     // A ramp there and back keeps the steps plausible.
     let values: Vec<f64> =
-        (0..60).map(|k| (number(&example["count"]) * f64::from(30 - (30 - k as i32).abs()) / 30.0).round()).collect();
+        (0..60i32).map(|k| (number(&example["count"]) * f64::from(30 - (30 - k).abs()) / 30.0).round()).collect();
     let encoder = channel(Quantity::EncoderCount, &grid(100.0, 0.6), vec![values]);
     let series = EncoderSeries::of("encoder.bar", &encoder, &rig("", "", "")).unwrap();
     close(&[number(&case["lsb_rad"])], &[series.lsb_rad()], 1e-15);

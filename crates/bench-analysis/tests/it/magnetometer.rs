@@ -76,10 +76,10 @@ fn four_azimuths_give_all_of_hard_and_soft_iron_with_and_without_a_model() {
     for with_model in [true, false] {
         let found = calibrated(&swings, with_model);
         assert_eq!((found.kind.as_str(), found.azimuths), ("full", 4));
-        for axis in 0..3 {
-            let e = found.hard_iron[axis].found().unwrap();
+        for (hard, truth) in found.hard_iron.iter().zip(HARD) {
+            let e = hard.found().unwrap();
             let u = e.standard_uncertainty.unwrap();
-            assert!((e.value - HARD[axis]).abs() < 4.5 * u && u < 2e-7, "{axis}: {e:?}, true {}", HARD[axis]);
+            assert!((e.value - truth).abs() < 4.5 * u && u < 2e-7, "{e:?}, true {truth}");
         }
         let scale = soft().determinant().cbrt();
         for row in 0..3 {

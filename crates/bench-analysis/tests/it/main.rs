@@ -6,7 +6,6 @@ mod kinematics;
 mod magnetic;
 mod magnetometer;
 mod mount;
-mod probe;
 mod references;
 mod rig;
 mod support;

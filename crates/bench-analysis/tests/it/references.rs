@@ -6,7 +6,7 @@ use bench_analysis::{
     specific_force, velocity,
 };
 use flight::{Flight, Quantity};
-use signal::Reference;
+use signal::{DelaySettings, Gain, Measurement, Reference, Sign, fit_delay};
 
 fn references(swing: &Swing, sensor: &Flight, rig: &Rig) -> (References, Motion) {
     let raw = motion(&encoder_channel(swing, 100.0, 2000.0, -1.0, 0.4), rig);
@@ -140,6 +140,33 @@ fn a_fitted_field_has_gain_one_by_construction_and_follows_an_iron_ridden_magnet
     });
     // 1e-7 T of noise in 4000 rows: a few nT, and 0.25 mrad of 50 µT is 12 nT.
     assert!(off < 1e-7, "{off}");
+}
+
+/// The noise that the fitted reference takes along does not pull the delay: it is the one that the true field gives.
+#[test]
+fn a_fitted_field_gives_the_delay_that_the_true_field_gives() {
+    let swing = Swing::by_hand(0.05);
+    let channel = sensed(&swing, &Sensor::upright(AZIMUTH), Quantity::MagneticField, 100.0, 0.012, 2e-7);
+    let flight = flight_of(vec![("magnetic-field.imu", channel)]);
+    let delay = |rig: &Rig| {
+        let (found, _) = references(&swing, &flight, rig);
+        let channel = &found.channels[0];
+        let excited = channel.components.iter().filter(|c| c.excited.is_ok());
+        let measurements: Vec<Measurement> = excited
+            .map(|c| Measurement {
+                t: &channel.t_s,
+                y: &c.measured,
+                reference: &c.reference,
+                gain: Gain::Free { sign: Sign::Positive },
+                drift: false,
+            })
+            .collect();
+        fit_delay(&measurements, &DelaySettings::default()).unwrap()
+    };
+    let (fitted, stated) = (delay(&stated_rig_with_fit()), delay(&stated_rig()));
+    let u = stated.standard_uncertainty_s;
+    assert!((fitted.delay_s - stated.delay_s).abs() < 0.2 * u, "{} {} ± {u}", fitted.delay_s, stated.delay_s);
+    assert!((stated.delay_s - 0.012).abs() < 4.0 * u && u < 1e-4, "{} ± {u}", stated.delay_s);
 }
 
 fn stated_rig_with_fit() -> Rig {

@@ -6,7 +6,7 @@ use bench_analysis::{
 use flight::{
     Channel, ChannelSource, Clock, Flight, Geodetic, LocalFrame, Quantity, Series, Stamp, StampKind, Timeline,
 };
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde_json::Value;
@@ -92,10 +92,6 @@ impl Noise {
         let x: f64 = StandardNormal.sample(&mut self.rng);
         sigma * x
     }
-
-    pub fn uniform(&mut self) -> f64 {
-        self.rng.random()
-    }
 }
 
 pub fn channel(quantity: Quantity, t: &[f64], components: Vec<Vec<f64>>) -> Channel {
@@ -162,7 +158,7 @@ pub fn sensed(swing: &Swing, sensor: &Sensor, quantity: Quantity, rate: f64, del
                 Quantity::SpecificForce => noisy(body(specific_force(&state, arm, GRAVITY).value)),
                 Quantity::AngularRate => noisy(body(angular_rate(&state, azimuth, None).value)),
                 Quantity::MagneticField => noisy(body(magnetic_field(&state, azimuth, FIELD).value)),
-                Quantity::Height => vec![noisy(position(&state, azimuth, arm).value)[2] * -1.0],
+                Quantity::Height => vec![-noisy(position(&state, azimuth, arm).value)[2]],
                 Quantity::Attitude => {
                     let tilt = noisy([state.angle, 0.0, 0.0])[0];
                     attitude(tilt, azimuth).to_vec()

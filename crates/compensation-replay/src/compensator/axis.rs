@@ -84,11 +84,11 @@ pub fn replay_axis(
                 _ => break,
             }
         }
-        if ahead && velocities[next_velocity - 1].0 < row {
-            if let Some(&(t, value)) = velocities.get(next_velocity) {
-                out.note(compensator.velocity(t, value));
-                next_velocity += 1;
-            }
+        if let Some(&(t, value)) =
+            velocities.get(next_velocity).filter(|_| ahead && velocities[next_velocity - 1].0 < row)
+        {
+            out.note(compensator.velocity(t, value));
+            next_velocity += 1;
         }
         out.output.push(if row < first { None } else { compensator.output(row) });
     }

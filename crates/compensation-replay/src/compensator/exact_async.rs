@@ -21,7 +21,9 @@ struct Anchor {
 ///
 /// With velocity fed up to the first sample at or after `t` it gives the bits of [`ExactAsync`](crate::ExactAsync),
 /// which looks that far ahead (test `streaming_and_whole_record_agree_to_the_bit`). Without, velocity is held after its
-/// newest sample: with 4 Hz velocity in a turn of 10 m/s² that costs up to 0.3 m just before the next sample.
+/// newest sample, which is what an aircraft has: on circuits with clean 4 Hz position and velocity 0.113 m rms is left
+/// instead of 0.020 m, with 10 Hz of an RTK receiver 0.036 m instead of 0.032 m, with 100 Hz velocity no difference
+/// (example `table_5_7`).
 #[derive(Debug, Clone)]
 pub struct StreamingAsync {
     delay_s: f64,

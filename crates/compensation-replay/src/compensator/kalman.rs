@@ -9,7 +9,9 @@ use std::collections::VecDeque;
 /// filtered up to the instant at which the newest position was true with both, from there on with velocity alone, then
 /// predicted to the instant asked for.
 ///
-/// The best that a causal compensator can do under its model; it smooths, so a jump of the position is taken over
+/// The best that a causal compensator can do under its model: on circuits 0.127 m where the exact asynchronous form has
+/// 1.43 m (4 Hz position of 1 m), 0.0166 m where it has 0.142 m (INS at 100 Hz), 0.0131 m where it has 0.113 m (clean
+/// 4 Hz; example `table_5_7`). It smooths, so a jump of the position is taken over
 /// slowly, and its output is as good as its settings ([`fit_kalman`](crate::fit_kalman)). A new position costs one
 /// filter step for each velocity of the last Td. Cold and warm starts are the same: it begins at the first position,
 /// with wide beliefs. After `max_gap_s` without a position, velocities that old are final.

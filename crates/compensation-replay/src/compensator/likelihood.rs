@@ -27,6 +27,10 @@ const START: [f64; 3] = [1.0, -0.5, -1.0];
 /// Jerk density and white noise of position and velocity by maximum likelihood of the innovations, the same for all axes
 /// (compass search over the logarithms, from 1 decade down to 2 %).
 ///
+/// Noise that was put in is found within its sampling error (test
+/// `maximum_likelihood_finds_the_noise_that_was_put_in`), and the filter is then as good as a tuned one, within 4 %
+/// (example `table_5_7`). Without noise the search ends at its lower bounds, 1e-4 m and 1e-4 m/s.
+///
 /// The model knows white noise only: a position that wanders is taken for noisier motion. `None` if no axis has more than
 /// 10 samples after its first position.
 #[must_use]

@@ -225,11 +225,14 @@ pub(crate) fn step_gains(rule: Discretisation, lambda: Complex<f64>, h: f64) -> 
 const SERIES_BELOW: f64 = 0.1;
 
 /// Ratio of each term of `Σ x^k/(k+2)!` to the one before, over x; what follows these is below 1e-19.
-const RATIOS: [f64; 10] =
-    [1.0 / 3.0, 0.25, 0.2, 1.0 / 6.0, 1.0 / 7.0, 0.125, 1.0 / 9.0, 0.1, 1.0 / 11.0, 1.0 / 12.0];
+const RATIOS: [f64; 10] = [1.0 / 3.0, 0.25, 0.2, 1.0 / 6.0, 1.0 / 7.0, 0.125, 1.0 / 9.0, 0.1, 1.0 / 11.0, 1.0 / 12.0];
 
 /// `e^x`, `(e^x − 1)/x` and `(e^x − 1 − x)/x²`, without cancellation where x is small.
 fn exponentials(x: Complex<f64>) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
+    if x.im == 0.0 {
+        let (decay, mean, ramp) = real_exponentials(x.re);
+        return (decay.into(), mean.into(), ramp.into());
+    }
     if x.norm_sqr() < SERIES_BELOW * SERIES_BELOW {
         let ramp = RATIOS.iter().rev().fold(Complex::new(0.0, 0.0), |sum, ratio| sum * x * ratio + 1.0) * 0.5;
         let mean = x * ramp + 1.0;
@@ -238,6 +241,18 @@ fn exponentials(x: Complex<f64>) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
     let decay = x.exp();
     let mean = (decay - 1.0) / x;
     (decay, mean, (mean - 1.0) / x)
+}
+
+/// The same of a real pole.
+fn real_exponentials(x: f64) -> (f64, f64, f64) {
+    if x.abs() < SERIES_BELOW {
+        let ramp = RATIOS.iter().rev().fold(0.0, |sum, ratio| sum * x * ratio + 1.0) * 0.5;
+        let mean = x * ramp + 1.0;
+        return (x * mean + 1.0, mean, ramp);
+    }
+    let less_one = x.exp_m1();
+    let mean = less_one / x;
+    (less_one + 1.0, mean, (mean - 1.0) / x)
 }
 
 fn both((gains, share): (StepGains, Complex<f64>)) -> Vec<(StepGains, Complex<f64>)> {
@@ -265,10 +280,18 @@ mod tests {
     #[test]
     fn the_factors_do_not_jump_where_series_and_formula_meet() {
         for angle in [2.0, 2.5, std::f64::consts::PI] {
-            let [inside, outside] = [SERIES_BELOW - 1e-13, SERIES_BELOW + 1e-13].map(|r| exponentials(Complex::from_polar(r, angle)));
+            let [inside, outside] =
+                [SERIES_BELOW - 1e-13, SERIES_BELOW + 1e-13].map(|r| exponentials(Complex::from_polar(r, angle)));
             assert!((inside.0 - outside.0).norm() < 1e-12);
             assert!((inside.1 - outside.1).norm() < 1e-12);
             assert!((inside.2 - outside.2).norm() < 2e-12);
+        }
+        // A real pole takes its own way: the same as a pole hardly beside it.
+        for x in [-0.05, -0.099, -0.2, -3.0] {
+            let (real, beside) = (exponentials(x.into()), exponentials(Complex::new(x, 1e-13)));
+            assert!((real.0 - beside.0).norm() < 1e-12);
+            assert!((real.1 - beside.1).norm() < 1e-12);
+            assert!((real.2 - beside.2).norm() < 1e-12);
         }
     }
 }

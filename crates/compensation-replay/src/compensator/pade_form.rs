@@ -252,9 +252,8 @@ fn roots(rising: &[f64]) -> Vec<Complex<f64>> {
     let degree = rising.len() - 1;
     let slope = derivative(rising);
     let radius = (rising[0] / rising[degree]).abs().powf(1.0 / degree as f64);
-    let mut roots: Vec<Complex<f64>> = (0..degree)
-        .map(|k| Complex::from_polar(radius, 2.0 * PI * k as f64 / degree as f64 + 0.4))
-        .collect();
+    let mut roots: Vec<Complex<f64>> =
+        (0..degree).map(|k| Complex::from_polar(radius, 2.0 * PI * k as f64 / degree as f64 + 0.4)).collect();
     for _ in 0..200 {
         let mut moved: f64 = 0.0;
         for k in 0..degree {

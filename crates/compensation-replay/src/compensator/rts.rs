@@ -1,7 +1,7 @@
 //! The smoother on shifted data: what is possible at all.
 
-use crate::compensator::white_jerk::{Belief, KalmanSettings, transition};
 use crate::compensator::AxisSamples;
+use crate::compensator::white_jerk::{Belief, KalmanSettings, transition};
 use nalgebra::{Matrix3, Vector3};
 
 /// Position of the smoother at one row.

@@ -65,7 +65,7 @@ impl VelocityIntegral {
             return Some(last.integral + (t - last.t) * last.v);
         }
         if t < first.t {
-            return self.whole.then(|| self.before * (t - first.t));
+            return self.whole.then_some(self.before * (t - first.t));
         }
         // Even steps are hit at once, uneven ones by walking.
         let share = (t - first.t) / (last.t - first.t);

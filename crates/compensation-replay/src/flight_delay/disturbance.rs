@@ -45,7 +45,8 @@ fn glitches(values: &[f64], least: f64) -> Vec<usize> {
         })
         .collect();
     let size: Vec<f64> = away.iter().map(|a| a.0).collect();
-    let bar = bars(&size, least);
+    let (scatter, tail) = (local_scatter(&size), tail_of(&size));
+    let bar = |k: usize| least.max(LARGE * scatter(k)).max(ABOVE_TAIL * tail);
     (0..n).filter(|&k| size[k].abs() > bar(k) && away[k].1 < 0.3 * size[k].abs()).collect()
 }
 
@@ -57,27 +58,39 @@ fn resets(values: &[f64], least: f64) -> Vec<usize> {
     }
     let median = |range: std::ops::Range<usize>| signal::median_in_place(&mut values[range].to_vec()).unwrap_or(0.0);
     let shift = |k: usize| median(k..(k + NEIGHBOURS).min(n)) - median(k.saturating_sub(NEIGHBOURS)..k);
-    let shifts: Vec<f64> = (0..n).map(|k| if k < 3 || k + 3 > n { 0.0 } else { shift(k) }).collect();
+    let shifts: Vec<f64> = (0..n).map(|k| if k == 0 { 0.0 } else { shift(k) }).collect();
     let step = |k: usize| values[k] - values[k - 1];
     let sudden = |k: usize| {
         let around = (k.saturating_sub(NEIGHBOURS).max(1)..(k + NEIGHBOURS).min(n)).filter(|j| *j != k);
         let other = around.map(|j| step(j).abs()).fold(0.0, f64::max);
         step(k).abs() > SUDDEN * other && (step(k) - shifts[k]).abs() < 0.5 * shifts[k].abs()
     };
-    let bar = bars(&shifts, least);
-    (1..n).filter(|&k| shifts[k].abs() > bar(k) && sudden(k)).collect()
+    let scatter = local_scatter(&shifts);
+    let candidates: Vec<usize> =
+        (1..n).filter(|&k| shifts[k].abs() > least.max(LARGE * scatter(k)) && sudden(k)).collect();
+    // What candidates make of their neighbourhood is not the usual tail.
+    let near = |k: usize| {
+        let next = candidates.partition_point(|c| c + NEIGHBOURS < k);
+        candidates.get(next).is_some_and(|c| *c <= k + NEIGHBOURS)
+    };
+    let usual: Vec<f64> = (0..n).filter(|&k| !near(k)).map(|k| shifts[k]).collect();
+    let bar = ABOVE_TAIL * tail_of(&usual);
+    candidates.iter().copied().filter(|&k| shifts[k].abs() > bar).collect()
 }
 
-/// What each of `values` must exceed.
-fn bars(values: &[f64], least: f64) -> impl Fn(usize) -> f64 {
+/// What one in a hundred of `values` reaches.
+fn tail_of(values: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
     sizes.sort_unstable_by(f64::total_cmp);
-    let tail = signal::percentile_of_sorted(&sizes, 0.99).unwrap_or(0.0);
+    signal::percentile_of_sorted(&sizes, 0.99).unwrap_or(0.0)
+}
+
+/// Robust standard deviation of the stretch about a row.
+fn local_scatter(values: &[f64]) -> impl Fn(usize) -> f64 {
     let stretches = values.len().div_ceil(STRETCH).max(1);
     let around = |s: usize| s.saturating_sub(1) * STRETCH..((s + 2) * STRETCH).min(values.len());
-    let scatter: Vec<f64> =
-        (0..stretches).map(|s| signal::robust_sigma(&values[around(s)]).unwrap_or(0.0)).collect();
-    move |k| least.max(LARGE * scatter[k / STRETCH]).max(ABOVE_TAIL * tail)
+    let scatter: Vec<f64> = (0..stretches).map(|s| signal::robust_sigma(&values[around(s)]).unwrap_or(0.0)).collect();
+    move |k| scatter[k / STRETCH]
 }
 
 #[cfg(test)]
@@ -109,6 +122,14 @@ mod tests {
         let mut values = heavy(2000, 7);
         values.iter_mut().skip(812).for_each(|v| *v += 60.0);
         assert_eq!(disturbances(&values, 0.5).resets, [812]);
+    }
+
+    /// The first two solutions of a receiver that has just started.
+    #[test]
+    fn a_wild_beginning_is_cut_off() {
+        let mut values = heavy(2000, 9);
+        values.iter_mut().take(2).for_each(|v| *v -= 280.0);
+        assert_eq!(disturbances(&values, 0.5).resets, [2]);
     }
 
     #[test]

@@ -65,11 +65,7 @@ pub(crate) fn beside_a_line(t: &[f64], y: &[f64]) -> f64 {
 }
 
 /// Why this motion cannot show a delay, and what would.
-pub(crate) fn refuse_motion(
-    offer: &DelayExcitation,
-    speed: &[f64],
-    settings: &FlightDelaySettings,
-) -> Option<String> {
+pub(crate) fn refuse_motion(offer: &DelayExcitation, speed: &[f64], settings: &FlightDelaySettings) -> Option<String> {
     if offer.duration_s < SHORTEST_S {
         return Some(format!(
             "only {:.1} s can be compared; at least {SHORTEST_S} s are needed, better a minute with turns",

@@ -1,7 +1,8 @@
 //! Known delays put into the flight itself, and found again.
 //!
 //! The first half is left as it is, the second half is handed on later. The two are fitted apart, so that their
-//! difference must be what was put in.
+//! difference must be what was put in. A half that shows no delay on its own gives no finding; a delay that is not the
+//! same in both halves shows here as well.
 
 use super::measure::{View, estimate};
 use record::FlightInjection;
@@ -25,9 +26,9 @@ pub(crate) fn injections(view: &View, settings: &DelaySettings) -> Vec<FlightInj
                     .then(|| (c, m.t[rows.clone()].iter().map(|t| t + delay_s).collect(), &m.y[rows]))
             })
             .collect();
-        let measurements: Vec<Measurement> =
-            parts.iter().map(|(c, t, y)| Measurement { t, y, ..whole[*c] }).collect();
-        fit_delay(&measurements, settings).ok().filter(|fit| fit.converged)
+        let measurements: Vec<Measurement> = parts.iter().map(|(c, t, y)| Measurement { t, y, ..whole[*c] }).collect();
+        let known = |fit: &DelayFit| fit.converged && fit.standard_uncertainty_s <= view.settings.worst_sigma_s;
+        fit_delay(&measurements, settings).ok().filter(known)
     };
     let Some(before) = half(false, 0.0) else { return vec![] };
     let one = |&injected_s: &f64| {

@@ -49,7 +49,9 @@ pub(crate) fn prepare(
         }
         let rows = channel.update_rows().len();
         if rows < LEAST_SAMPLES {
-            return Err(format!("{name} has {rows} measurements; at least {LEAST_SAMPLES} are needed: log a longer flight"));
+            return Err(format!(
+                "{name} has {rows} measurements; at least {LEAST_SAMPLES} are needed: log a longer flight"
+            ));
         }
         if channel.quantity != Quantity::Attitude && channel.present.iter().take(2).any(|present| !present) {
             return Err(format!("{name} lacks one of its first two components"));
@@ -200,9 +202,8 @@ fn between(a: Quaternion, b: Quaternion, share: f64) -> Option<Quaternion> {
 
 /// v + 2 q × (q × v + w v).
 fn turn([w, x, y, z]: Quaternion, v: [f64; 3]) -> [f64; 3] {
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let q = [x, y, z];
     let inner = cross(q, v);
     let outer = cross(q, [0, 1, 2].map(|k| inner[k] + w * v[k]));
@@ -215,7 +216,8 @@ fn thinned(all: Horizontal, most: usize, name: &str, notices: &mut Notices) -> H
     if every == 1 {
         return all;
     }
-    let text = format!("{name}: one sample in {every} is used for the delay, {} of {}", all.t.len() / every, all.t.len());
+    let text =
+        format!("{name}: one sample in {every} is used for the delay, {} of {}", all.t.len() / every, all.t.len());
     notices.push(Severity::Info, "delay-samples-thinned", name, (all.t.len() - all.t.len() / every) as u64, text);
     let thin = |x: &[f64]| x.iter().step_by(every).copied().collect();
     Horizontal { t: thin(&all.t), axes: [thin(&all.axes[0]), thin(&all.axes[1])] }

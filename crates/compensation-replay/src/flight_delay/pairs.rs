@@ -58,9 +58,9 @@ impl Pair {
                 "δ = Tv: how late {first} is against {second}, which is taken to be on time; its own delay would count \
                  against it"
             ),
-            DelayPairKind::BetweenReceivers => format!(
-                "δ = T₁ − T₂: how much later {first} is than {second}. A delay that both share cannot be seen"
-            ),
+            DelayPairKind::BetweenReceivers => {
+                format!("δ = T₁ − T₂: how much later {first} is than {second}. A delay that both share cannot be seen")
+            }
         }
     }
 }

@@ -84,11 +84,7 @@ pub(crate) fn longest_gap(t: &[f64], settings: &FlightDelaySettings) -> f64 {
 }
 
 /// References over the stretches.
-pub(crate) fn references<'a>(
-    second: &'a Horizontal,
-    stretches: &[Range<usize>],
-    integrate: bool,
-) -> Vec<Stretch<'a>> {
+pub(crate) fn references<'a>(second: &'a Horizontal, stretches: &[Range<usize>], integrate: bool) -> Vec<Stretch<'a>> {
     let of = |s: &Range<usize>, axis: usize| -> Box<dyn Reference + 'a> {
         let (t, y) = (&second.t[s.clone()], &second.axes[axis][s.clone()]);
         if integrate { Box::new(Integral::new(t, y)) } else { Box::new(Interpolated::new(t, y)) }
@@ -161,9 +157,17 @@ pub(crate) fn pieces(
     notices: &mut Notices,
 ) -> Vec<Piece> {
     let first = &prepared.first;
-    let home = stretch_of(first, stretches, delay_s);
+    let mut home = stretch_of(first, stretches, delay_s);
+    let (from, to) = moving_part(&prepared.speed);
+    let at_rest = |t: f64| t < from - REST_KEPT_S || t > to + REST_KEPT_S;
+    let rest =
+        home.iter_mut().zip(&first.t).filter(|(h, t)| h.is_some() && at_rest(**t)).map(|(h, _)| *h = None).count();
+    if rest > 0 {
+        let text = format!("{}: {rest} sample(s) at rest before or after the motion take no part", names.first);
+        notices.push(Severity::Info, "rest-left-out", names.first, rest as u64, text);
+    }
     let mut out: Vec<Piece> = vec![];
-    let (mut glitches, mut resets) = (0_u64, 0_u64);
+    let (mut glitches, mut resets, mut wild) = (0_u64, 0_u64, 0_u64);
     for (stretch, references) in stretches.iter().enumerate() {
         let rows: Vec<usize> = (0..first.t.len()).filter(|&k| home[k] == Some(stretch)).collect();
         if rows.is_empty() {
@@ -171,17 +175,19 @@ pub(crate) fn pieces(
         }
         let (mut away, mut resets_here) = (vec![false; rows.len()], vec![]);
         for axis in AXES {
-            let residual = |&k: &usize| {
-                first.axes[axis][k] - references[axis].value_and_rate(first.t[k] - delay_s).0
-            };
+            let residual = |&k: &usize| first.axes[axis][k] - references[axis].value_and_rate(first.t[k] - delay_s).0;
             let residuals: Vec<f64> = rows.iter().map(residual).collect();
             let found = disturbances(&residuals, LEAST_RESET);
             found.glitches.iter().for_each(|&k| away[k] = true);
             resets_here.extend(found.resets);
         }
+        let wild_here = disturbed(first, references, &rows, delay_s, &prepared.speed);
+        wild += wild_here.iter().filter(|w| **w).count() as u64;
+        away.iter_mut().zip(&wild_here).for_each(|(a, w)| *a |= w);
+        resets_here.retain(|&k| !wild_here[k] && !wild_here[k - 1]);
         resets_here.sort_unstable();
         resets_here.dedup();
-        glitches += away.iter().filter(|a| **a).count() as u64;
+        glitches += away.iter().zip(&wild_here).filter(|(a, w)| **a && !**w).count() as u64;
         resets += resets_here.len() as u64;
         let mut cuts = vec![0];
         cuts.extend(&resets_here);
@@ -203,6 +209,14 @@ pub(crate) fn pieces(
         let text = format!("{}: {glitches} sample(s) that jump away from their neighbours left out", names.first);
         notices.push(Severity::Warning, "glitch-masked", names.first, glitches, text);
     }
+    if wild > 0 {
+        let text = format!(
+            "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver has \
+             settled: left out",
+            names.first, names.second
+        );
+        notices.push(Severity::Warning, "disturbed-stretch", names.first, wild, text);
+    }
     if resets > 0 {
         let text = format!("{}: {resets} reset(s): the record is cut there, each part has its own offset", names.first);
         notices.push(Severity::Warning, "reset-split", names.first, resets, text);
@@ -216,6 +230,67 @@ pub(crate) fn pieces(
         notices.push(Severity::Warning, "gap-split", names.second, cuts, text);
     }
     keep_the_best(out, first, names, notices)
+}
+
+/// Rest that is kept before and after the motion, s.
+const REST_KEPT_S: f64 = 10.0;
+
+/// First and last instant in motion: the ends of the first and last five seconds whose median speed is above 1 m/s.
+/// Standing still says nothing of a delay, but its noise is another than that in flight.
+fn moving_part((t, speed): &(Vec<f64>, Vec<f64>)) -> (f64, f64) {
+    const LOOK_S: f64 = 5.0;
+    const MOVES_MPS: f64 = 1.0;
+    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    let mut a = 0;
+    let mut first = true;
+    while a < t.len() {
+        let b = t.partition_point(|x| *x < t[a] + LOOK_S).max(a + 1);
+        if signal::median_in_place(&mut speed[a..b].to_vec()).is_some_and(|v| v > MOVES_MPS) {
+            if first {
+                (from, first) = (t[a], false);
+            }
+            to = t[b - 1];
+        }
+        a = b;
+    }
+    if first { (f64::NEG_INFINITY, f64::INFINITY) } else { (from, to) }
+}
+
+/// Samples in which the scatter of a stretch is taken.
+const BLOCK: usize = 50;
+/// A block that scatters so many times as much as the middle one in motion is no measurement of this flight.
+const WILD: f64 = 8.0;
+/// And by at least this from sample to sample, m or m/s.
+const LEAST_WILD: f64 = 1.0;
+
+/// Rows of blocks that scatter wildly from sample to sample.
+fn disturbed(
+    first: &Horizontal,
+    references: &Stretch,
+    rows: &[usize],
+    delay_s: f64,
+    (speed_t, speed): &(Vec<f64>, Vec<f64>),
+) -> Vec<bool> {
+    let scatter = |block: &[usize]| -> f64 {
+        let of = |axis: usize| {
+            let left = |k: usize| first.axes[axis][k] - references[axis].value_and_rate(first.t[k] - delay_s).0;
+            let steps: Vec<f64> = block.windows(2).map(|w| left(w[1]) - left(w[0])).collect();
+            signal::robust_sigma(&steps).unwrap_or(0.0)
+        };
+        of(0).max(of(1))
+    };
+    let moves = |block: &[usize]| {
+        let at = |k: &usize| speed.get(speed_t.partition_point(|t| *t <= first.t[*k]).saturating_sub(1));
+        at(&block[block.len() / 2]).is_some_and(|v| *v > 1.0)
+    };
+    let blocks: Vec<(f64, bool)> = rows.chunks(BLOCK).map(|b| (scatter(b), moves(b))).collect();
+    let mut usual: Vec<f64> = blocks.iter().filter(|b| b.1).map(|b| b.0).collect();
+    if usual.len() < 10 {
+        return vec![false; rows.len()];
+    }
+    let usual = signal::median_in_place(&mut usual).unwrap_or(0.0);
+    let bar = (WILD * usual).max(LEAST_WILD);
+    (0..rows.len()).map(|k| blocks[k / BLOCK].0 > bar).collect()
 }
 
 fn keep_the_best(mut all: Vec<Piece>, first: &Horizontal, names: &Names, notices: &mut Notices) -> Vec<Piece> {

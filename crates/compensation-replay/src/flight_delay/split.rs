@@ -4,6 +4,7 @@ use super::measure::{View, estimate};
 use flight::{Channel, Quantity, Stamp};
 use nalgebra::{DMatrix, DVector};
 use record::{DelayGroup, DelaySplit};
+use signal::ComponentFit;
 
 /// A group with less of the whole information than this says nothing.
 const LEAST_INFORMATION: f64 = 1e-3;
@@ -70,8 +71,17 @@ fn at_rows(view: &View, t: &[f64], values: &[f64]) -> Vec<Vec<f64>> {
     view.fit.components.iter().map(|c| c.t_used.iter().map(newest).collect()).collect()
 }
 
-/// One delay for each group, offsets, drifts and noise in common: one Gauss–Newton step from the delay of all, with the
-/// rows made white. The step errs by half the acceleration times its square.
+/// Whitened residuals of the fit and their derivatives by the delay of each group, offsets and drifts taken out.
+struct Rows {
+    residual: Vec<f64>,
+    /// Group by group, as long as the residual.
+    derivatives: Vec<Vec<f64>>,
+}
+
+/// One delay for each group, offsets, drifts and noise in common: one Gauss–Newton step from the delay of all, on rows
+/// made white, with Huber weights of its own. The step errs by half the acceleration times its square. Only differences
+/// between groups are taken from it. A delay that changes smoothly with the value looks like wander in part: groups then
+/// come out closer to each other than they are (of 60 ms between slow and fast 25 ms were seen).
 fn split(
     view: &View,
     by: String,
@@ -79,15 +89,9 @@ fn split(
     group: &dyn Fn(f64) -> usize,
     groups: usize,
 ) -> Option<DelaySplit> {
-    let mut information = DMatrix::<f64>::zeros(groups, groups);
-    let mut right = DVector::<f64>::zeros(groups);
-    let mut found: Vec<DelayGroup> = (0..groups)
-        .map(|_| DelayGroup {
-            range: [f64::INFINITY, f64::NEG_INFINITY],
-            samples: 0,
-            delay_s: estimate(0.0, 0.0),
-        })
-        .collect();
+    let empty = DelayGroup { range: [f64::INFINITY, f64::NEG_INFINITY], samples: 0, delay_s: estimate(0.0, 0.0) };
+    let mut found = vec![empty; groups];
+    let mut rows = Rows { residual: vec![], derivatives: vec![vec![]; groups] };
     for (fit, values) in view.fit.components.iter().zip(values) {
         let labels: Vec<usize> = values.iter().map(|v| group(*v).min(groups - 1)).collect();
         for (label, v) in labels.iter().zip(values) {
@@ -95,6 +99,13 @@ fn split(
             g.range = [g.range[0].min(*v), g.range[1].max(*v)];
             g.samples += 1;
         }
+        rows.extend(fit, &labels)?;
+    }
+    finish(view, by, &found, &rows)
+}
+
+impl Rows {
+    fn extend(&mut self, fit: &ComponentFit, labels: &[usize]) -> Option<()> {
         let middle = 0.5 * (fit.t_used.first()? + fit.t_used.last()?);
         let mut columns = vec![vec![1.0; fit.t_used.len()]];
         if fit.drift.is_some() {
@@ -102,13 +113,12 @@ fn split(
         }
         let nuisances = columns.len();
         columns.push(fit.residuals.clone());
-        for g in 0..groups {
+        for g in 0..self.derivatives.len() {
             let of_group = |(slope, label): (&f64, &usize)| if *label == g { -slope } else { 0.0 };
-            columns.push(fit.slope.iter().zip(&labels).map(of_group).collect());
+            columns.push(fit.slope.iter().zip(labels).map(of_group).collect());
         }
         let mut slices: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
         signal::whiten(&fit.t_used, &mut slices, &fit.noise);
-        columns.iter_mut().for_each(|c| c.iter_mut().zip(&fit.weights).for_each(|(x, w)| *x *= w.sqrt()));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         for n in 0..nuisances {
             let (before, rest) = columns.split_at_mut(n + 1);
@@ -119,48 +129,58 @@ fn split(
                 column.iter_mut().zip(q).for_each(|(x, q)| *x -= share * q);
             }
         }
-        let residual = &columns[nuisances];
-        for g in 0..groups {
-            let a = &columns[nuisances + 1 + g];
-            right[g] += dot(a, residual);
-            (0..groups).for_each(|h| information[(g, h)] += dot(a, &columns[nuisances + 1 + h]));
-        }
+        let mut columns = columns.into_iter().skip(nuisances);
+        self.residual.extend(columns.next()?);
+        self.derivatives.iter_mut().zip(columns).for_each(|(all, part)| all.extend(part));
+        Some(())
     }
-    let inflation = view.fit.standard_uncertainty_s / view.fit.hessian_s;
-    finish(view, by, found, information, right, inflation)
+
+    /// The groups of `kept`: information, and the step from the delay of all; the scale of the whitened residuals.
+    fn solve(&self, kept: &[usize]) -> Option<(DMatrix<f64>, DVector<f64>, f64)> {
+        const HUBER: f64 = 1.345;
+        const ROUNDS: usize = 8;
+        let mut weights = vec![1.0; self.residual.len()];
+        let mut last = None;
+        for _ in 0..ROUNDS {
+            let product =
+                |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).zip(&weights).map(|((a, b), w)| a * b * w).sum() };
+            let of = |k: usize| &self.derivatives[kept[k]];
+            let a = DMatrix::from_fn(kept.len(), kept.len(), |i, j| product(of(i), of(j)));
+            let b = DVector::from_fn(kept.len(), |i, _| product(of(i), &self.residual));
+            let step = a.clone().cholesky()?.solve(&b);
+            let mut left = self.residual.clone();
+            for (k, share) in step.iter().enumerate() {
+                left.iter_mut().zip(of(k)).for_each(|(e, d)| *e -= share * d);
+            }
+            let scale = signal::robust_sigma(&left)?.max(f64::MIN_POSITIVE);
+            weights = left.iter().map(|e| (HUBER * scale / e.abs().max(f64::MIN_POSITIVE)).min(1.0)).collect();
+            last = Some((a, step, scale));
+        }
+        last
+    }
 }
 
 /// Solves for the groups that say something.
-fn finish(
-    view: &View,
-    by: String,
-    found: Vec<DelayGroup>,
-    information: DMatrix<f64>,
-    right: DVector<f64>,
-    inflation: f64,
-) -> Option<DelaySplit> {
-    let total: f64 = information.diagonal().sum();
-    let kept: Vec<usize> = (0..found.len()).filter(|&g| information[(g, g)] > LEAST_INFORMATION * total).collect();
+fn finish(view: &View, by: String, found: &[DelayGroup], rows: &Rows) -> Option<DelaySplit> {
+    let information = |g: usize| rows.derivatives[g].iter().map(|d| d * d).sum::<f64>();
+    let total: f64 = (0..found.len()).map(information).sum();
+    let kept: Vec<usize> = (0..found.len()).filter(|&g| information(g) > LEAST_INFORMATION * total).collect();
     if kept.len() < 2 {
         return None;
     }
-    let a = DMatrix::from_fn(kept.len(), kept.len(), |i, j| information[(kept[i], kept[j])]);
-    let b = DVector::from_fn(kept.len(), |i, _| right[kept[i]]);
+    let (a, step, scale) = rows.solve(&kept)?;
+    let inflation = scale * view.fit.standard_uncertainty_s / view.fit.hessian_s;
     let covariance = a.clone().cholesky()?.inverse();
-    let step = &covariance * b;
     // Chi-squared of the differences: what one step for all leaves over.
     let ones = DVector::from_element(kept.len(), 1.0);
     let common = (&a * &step).sum() / (&a * &ones).sum();
     let apart = step.map(|x| x - common);
     let chi2 = (apart.transpose() * &a * &apart)[0] / (inflation * inflation);
-    let mut groups: Vec<DelayGroup> = kept
-        .iter()
-        .enumerate()
-        .map(|(i, &g)| DelayGroup {
-            delay_s: estimate(view.fit.delay_s + step[i], covariance[(i, i)].sqrt() * inflation),
-            ..found[g].clone()
-        })
-        .collect();
+    let group = |(i, &g): (usize, &usize)| DelayGroup {
+        delay_s: estimate(view.fit.delay_s + apart[i], covariance[(i, i)].sqrt() * inflation),
+        ..found[g].clone()
+    };
+    let mut groups: Vec<DelayGroup> = kept.iter().enumerate().map(group).collect();
     groups.sort_by(|x, y| x.range[0].total_cmp(&y.range[0]));
     Some(DelaySplit { by, groups, p: Some(signal::chi_squared_tail(chi2, kept.len() as f64 - 1.0)) })
 }

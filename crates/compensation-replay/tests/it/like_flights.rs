@@ -36,7 +36,9 @@ impl LikeFlight {
     fn fly(settings: &FlightSettings) -> LikeFlight {
         let flight = simulate(settings).unwrap();
         let quiet = SensorSettings { white_std: 0.0, ..settings.velocity.clone() };
-        let clean = simulate(&FlightSettings { velocity: quiet, ..settings.clone() }).unwrap();
+        let noisy = settings.velocity.white_std > 0.0;
+        let clean = noisy.then(|| simulate(&FlightSettings { velocity: quiet, ..settings.clone() }).unwrap());
+        let clean = clean.as_ref().unwrap_or(&flight);
         let rows: Vec<f64> = (100..(settings.duration_s * 100.0) as usize - 100).map(|k| k as f64 * 0.01).collect();
         let axis = |samples: &Samples, k: usize| samples.ned.iter().map(|ned| ned[k]).collect::<Vec<f64>>();
         // In the origin's frame instead of the aircraft's own, so that nothing but compensators makes an error.

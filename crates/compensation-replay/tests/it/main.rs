@@ -4,6 +4,8 @@
 
 mod compensators;
 mod edges;
+mod flight_delay;
+mod export;
 mod flights;
 mod like_cases;
 mod like_flights;

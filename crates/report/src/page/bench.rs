@@ -37,6 +37,8 @@ pub struct BenchPage<'a> {
 /// `-objective`, `-minimum`, `-stationarity`, `-latency`; those that the record has curves for).
 #[must_use]
 pub fn bench_site(page: &BenchPage) -> Site {
+    let record = in_readable_units(page.record);
+    let page = &BenchPage { record: &record, ..*page };
     let figures = page.record.findings.as_ref().map(BenchFigures::of).unwrap_or_default();
     let mut site = Site::default();
     for figure in figures.iter() {
@@ -44,6 +46,29 @@ pub fn bench_site(page: &BenchPage) -> Site {
     }
     site.add("index.html", document(&format!("{} — flightlag bench", page.name), false, body(page, &figures)));
     site
+}
+
+/// The record with fields in microtesla: nobody reads 0.00000020 T.
+fn in_readable_units(record: &BenchRecord) -> BenchRecord {
+    const MICRO: f64 = 1e6;
+    let mut record = record.clone();
+    let channels = record.findings.iter_mut().flat_map(|f| &mut f.channels);
+    for component in channels.flat_map(|c| &mut c.components).filter(|c| c.unit == "T") {
+        component.unit = "µT".to_owned();
+        let curves = component.curves.iter_mut().chain(&mut component.zoom).chain(&mut component.residual);
+        curves.flat_map(|c| &mut c.y).for_each(|y| *y *= MICRO);
+        for estimate in [&mut component.offset, &mut component.drift].into_iter().flatten() {
+            estimate.value *= MICRO;
+            estimate.standard_uncertainty = estimate.standard_uncertainty.map(|u| u * MICRO);
+        }
+        if let Some(noise) = &mut component.noise {
+            noise.wander_std *= MICRO;
+            noise.white_std *= MICRO;
+            noise.static_std = noise.static_std.map(|s| s * MICRO);
+            noise.resolution = noise.resolution.map(|s| s * MICRO);
+        }
+    }
+    record
 }
 
 fn body(page: &BenchPage, figures: &BenchFigures) -> Markup {

@@ -59,7 +59,8 @@ fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
     let row = |(number, record): (usize, &CardRecord)| {
         let channels = record.record.findings.iter().flat_map(|f| &f.channels);
         let found = channels.filter(|c| c.name == channel.name).find_map(|c| c.delay.as_ref());
-        let is_outlier = files(record.record).any(|file| channel.outliers.contains(&file.name));
+        let is_outlier = channel.outliers.iter().any(|name| name == record.name)
+            || files(record.record).any(|file| channel.outliers.contains(&file.name));
         Forest { number, delay_s: found.map(verdict::delay), is_outlier }
     };
     (1..).zip(records).map(row).collect()

@@ -171,7 +171,7 @@ fn twenty_seconds_are_enough_to_reach_the_bound() {
 
 #[test]
 fn intervals_hold_where_the_noise_is_held_steps_and_a_random_walk() {
-    Case { rate_hz: 50.0, length_s: 60.0, irregular: false, noise: Noise::HeldAndWalk(0.1, 0.05), trials: 40 }
+    Case { rate_hz: 25.0, length_s: 60.0, irregular: false, noise: Noise::HeldAndWalk(0.1, 0.05), trials: 40 }
         .run(5)
         .keeps_its_promise(0.92);
 }

@@ -125,6 +125,9 @@ fn an_absolute_and_a_relative_delay_are_not_averaged() {
     let combined = combine(&all, &TERMS).unwrap();
     assert_eq!(combined.card.channels[0].delay_s, 0.4);
     assert_eq!(told(&combined), [("not-comparable", "swing-02")]);
+    assert!(
+        combined.card.method.contains("swing-02: position.gps: measured stamps, relative to angular-rate.imu: not")
+    );
     assert_eq!(combined.card.measured_on.as_deref(), Some("2010-10-20"), "not the day of the record left out");
     assert_eq!((combined.card.channels[0].records, combined.card.records.len()), (1, 2), "measured, if not averaged");
 }

@@ -1,0 +1,9 @@
+//! What goes back to the aircraft: the compensator as C, and the autopilot's own delay parameters.
+
+mod autopilot;
+mod c_float;
+mod c_source;
+
+pub use autopilot::{AutopilotAdvice, AutopilotParameter, MeasuredAgainst, ParameterFit, autopilot_advice};
+pub use c_float::CFloat;
+pub use c_source::{CExport, CSource, ExportError, export_c};

@@ -1,0 +1,221 @@
+//! The autopilot's own parameters for a measured delay.
+
+use flight::Delay;
+use std::fmt::Write;
+
+/// Against what the position's delay was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MeasuredAgainst {
+    /// The autopilot's inertial sensors or a clock of its own: what the parameters mean.
+    Inertial,
+    /// A velocity that is itself late by an unknown time: only the difference is known.
+    UnknownVelocity,
+    /// A velocity that is itself late by this much, s.
+    Velocity(Delay),
+}
+
+/// Whether a parameter can hold the value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ParameterFit {
+    /// The value and its interval are inside the parameter's range.
+    Fits,
+    /// The value is inside, its interval reaches out.
+    AtTheEdge,
+    /// The value is outside; the parameter cannot remove the delay.
+    OutOfRange,
+    /// It rounds to zero, which this parameter takes as "automatic".
+    RoundsToAutomatic,
+}
+
+/// A parameter with the value to set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AutopilotParameter {
+    /// PX4 or ArduPilot, with the versions that know the name.
+    pub firmware: &'static str,
+    /// Its name there.
+    pub name: &'static str,
+    /// Value to set, whole milliseconds, ties to even; not clipped to the range.
+    pub value_ms: i64,
+    /// Interval of ±2 standard uncertainties, ms, rounded outwards; `None` without an uncertainty.
+    pub interval_ms: Option<[i64; 2]>,
+    /// Lowest and highest value that the firmware takes, ms.
+    pub range_ms: [i64; 2],
+    /// Whether the value fits.
+    pub fit: ParameterFit,
+}
+
+/// What to set, and what to beware of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AutopilotAdvice {
+    /// The delay that the values stand for: of the receiver behind the inertial sensors, s.
+    pub delay: Delay,
+    /// Parameters by firmware.
+    pub parameters: Vec<AutopilotParameter>,
+    /// Sentences, the most important first.
+    pub warnings: Vec<String>,
+}
+
+/// Firmware, name, range in ms, whether zero means automatic, as the firmware's sources declare them: PX4
+/// `ekf2_params.c`, then `vehicle_gps_position/module.yaml` (renamed twice in 2026), ArduPilot `AP_GPS_Params.cpp`
+/// (4.6) and `AP_GPS.cpp` (before).
+const KNOWN: [(&str, &str, [i64; 2], bool); 5] = [
+    ("PX4", "EKF2_GPS_DELAY", [0, 300], false),
+    ("PX4 main from March 2026", "SENS_GPS0_DELAY", [0, 300], false),
+    ("PX4 main of later in 2026", "SENS_GNSS0_DELAY", [0, 300], false),
+    ("ArduPilot from 4.6", "GPS1_DELAY_MS", [0, 250], true),
+    ("ArduPilot before 4.6", "GPS_DELAY_MS", [0, 250], true),
+];
+
+/// Above this EKF2 needs a longer buffer, ms.
+const EKF2_DELAY_MAX_DEFAULT_MS: i64 = 200;
+
+/// Parameters for a delay with its standard uncertainty (s, k = 1).
+///
+/// These parameters shift the whole fix, position and velocity together, against the inertial sensors. A delay measured
+/// against the receiver's own velocity is the difference of the two and becomes a parameter only with the velocity's
+/// own delay added.
+#[must_use]
+pub fn autopilot_advice(delay: Delay, uncertainty_s: Option<f64>, against: MeasuredAgainst) -> AutopilotAdvice {
+    let total = match against {
+        MeasuredAgainst::Velocity(own) => delay.seconds() + own.seconds(),
+        MeasuredAgainst::Inertial | MeasuredAgainst::UnknownVelocity => delay.seconds(),
+    };
+    let uncertainty_s = uncertainty_s.filter(|u| u.is_finite() && *u >= 0.0);
+    let parameters: Vec<AutopilotParameter> =
+        KNOWN.iter().map(|&known| parameter(known, total * 1e3, uncertainty_s.map(|u| u * 1e3))).collect();
+    let warnings = warnings(total * 1e3, against, &parameters);
+    AutopilotAdvice { delay: Delay::from_seconds(total).unwrap_or(delay), parameters, warnings }
+}
+
+fn parameter(
+    (firmware, name, range_ms, automatic): (&'static str, &'static str, [i64; 2], bool),
+    ms: f64,
+    uncertainty_ms: Option<f64>,
+) -> AutopilotParameter {
+    let value_ms = ms.round_ties_even() as i64;
+    let interval_ms = uncertainty_ms.map(|u| [(ms - 2.0 * u).floor() as i64, (ms + 2.0 * u).ceil() as i64]);
+    let inside = |x: i64| (range_ms[0]..=range_ms[1]).contains(&x);
+    let fit = match interval_ms {
+        _ if !inside(value_ms) => ParameterFit::OutOfRange,
+        _ if automatic && value_ms == 0 => ParameterFit::RoundsToAutomatic,
+        Some(ends) if !ends.into_iter().all(inside) => ParameterFit::AtTheEdge,
+        _ => ParameterFit::Fits,
+    };
+    AutopilotParameter { firmware, name, value_ms, interval_ms, range_ms, fit }
+}
+
+fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]) -> Vec<String> {
+    let mut out = vec![
+        "Do not compensate twice: set the parameter or run the compensator, never both. If the position in this log \
+         is the EKF's, the parameter of the flight has already been applied, and what was measured is what it left."
+            .to_owned(),
+    ];
+    match against {
+        MeasuredAgainst::Inertial => {}
+        MeasuredAgainst::UnknownVelocity => out.push(
+            "This is the delay of the position behind its velocity. The parameters delay both together, so a value is \
+             right only if that velocity is on time; measure the velocity against the inertial sensors first."
+                .to_owned(),
+        ),
+        MeasuredAgainst::Velocity(own) => out.push(format!(
+            "The velocity's own delay of {:.1} ms is added. The parameters shift position and velocity together: after \
+             setting them the velocity is advanced too far by the difference of the two delays.",
+            own.millis()
+        )),
+    }
+    if parameters.iter().any(|p| p.fit == ParameterFit::OutOfRange) {
+        let names: Vec<String> = parameters
+            .iter()
+            .filter(|p| p.fit == ParameterFit::OutOfRange)
+            .map(|p| format!("{} takes {} to {} ms", p.name, p.range_ms[0], p.range_ms[1]))
+            .collect();
+        out.push(format!("{:.0} ms is out of range: {}.", ms, names.join(", ")));
+    }
+    if parameters.iter().any(|p| p.fit == ParameterFit::RoundsToAutomatic) {
+        out.push("ArduPilot takes 0 as \"the default of the receiver's driver\", not as no delay.".to_owned());
+    }
+    if ms > EKF2_DELAY_MAX_DEFAULT_MS as f64 {
+        out.push(format!(
+            "Where PX4 has EKF2_DELAY_MAX (default {EKF2_DELAY_MAX_DEFAULT_MS} ms), it must not be below the largest delay."
+        ));
+    }
+    out.push(
+        "The parameters take effect after a reboot. PX4 of 2026 ignores its own where the receiver's driver stamps the \
+         fix itself."
+            .to_owned(),
+    );
+    out
+}
+
+impl AutopilotAdvice {
+    /// Plain text, a line for each parameter and each warning.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        for p in &self.parameters {
+            let interval = p.interval_ms.map_or(String::new(), |[low, high]| format!(" ({low} to {high})"));
+            let fit = match p.fit {
+                ParameterFit::Fits => "",
+                ParameterFit::AtTheEdge => ", the interval leaves the range",
+                ParameterFit::OutOfRange => ", out of range: cannot be set",
+                ParameterFit::RoundsToAutomatic => ", which means automatic: cannot be set",
+            };
+            let _ = writeln!(text, "{}: {} = {} ms{interval}{fit}", p.firmware, p.name, p.value_ms);
+        }
+        for warning in &self.warnings {
+            let _ = writeln!(text, "{warning}");
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn advice(ms: f64, uncertainty_ms: f64) -> AutopilotAdvice {
+        let delay = Delay::from_seconds(ms * 1e-3).unwrap();
+        autopilot_advice(delay, Some(uncertainty_ms * 1e-3), MeasuredAgainst::Inertial)
+    }
+
+    fn named<'a>(advice: &'a AutopilotAdvice, name: &str) -> &'a AutopilotParameter {
+        advice.parameters.iter().find(|p| p.name == name).unwrap()
+    }
+
+    #[test]
+    fn a_delay_becomes_whole_milliseconds_with_its_interval_rounded_outwards() {
+        let advice = advice(118.4, 3.1);
+        for name in ["EKF2_GPS_DELAY", "SENS_GPS0_DELAY", "SENS_GNSS0_DELAY", "GPS1_DELAY_MS", "GPS_DELAY_MS"] {
+            let parameter = named(&advice, name);
+            assert_eq!((parameter.value_ms, parameter.interval_ms), (118, Some([112, 125])), "{name}");
+            assert_eq!(parameter.fit, ParameterFit::Fits);
+        }
+        assert!(advice.text().contains("EKF2_GPS_DELAY = 118 ms (112 to 125)"), "{}", advice.text());
+        assert!(advice.warnings[0].contains("twice"));
+    }
+
+    #[test]
+    fn what_a_parameter_cannot_hold_is_said_and_not_clipped() {
+        let late = advice(400.0, 2.0);
+        assert!(late.parameters.iter().all(|p| p.fit == ParameterFit::OutOfRange && p.value_ms == 400));
+        assert!(late.text().contains("GPS1_DELAY_MS takes 0 to 250 ms") && late.text().contains("EKF2_DELAY_MAX"));
+        let between = advice(249.0, 4.0);
+        assert_eq!(named(&between, "GPS1_DELAY_MS").fit, ParameterFit::AtTheEdge);
+        assert_eq!(named(&between, "EKF2_GPS_DELAY").fit, ParameterFit::Fits);
+        let none = advice(0.2, 0.05);
+        assert_eq!(named(&none, "GPS1_DELAY_MS").fit, ParameterFit::RoundsToAutomatic);
+        assert_eq!(named(&none, "EKF2_GPS_DELAY").fit, ParameterFit::Fits);
+        assert_eq!(named(&advice(-20.0, 1.0), "EKF2_GPS_DELAY").fit, ParameterFit::OutOfRange);
+    }
+
+    #[test]
+    fn a_difference_of_two_delays_needs_the_velocitys_own() {
+        let delay = Delay::from_seconds(0.1).unwrap();
+        let known = MeasuredAgainst::Velocity(Delay::from_seconds(0.05).unwrap());
+        let advice = autopilot_advice(delay, None, known);
+        assert_eq!((named(&advice, "EKF2_GPS_DELAY").value_ms, advice.delay.millis().round()), (150, 150.0));
+        assert_eq!(advice.parameters[0].interval_ms, None);
+        let unknown = autopilot_advice(delay, None, MeasuredAgainst::UnknownVelocity);
+        assert!(unknown.text().contains("behind its velocity"));
+    }
+}
