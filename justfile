@@ -27,7 +27,7 @@ bench-demo folder="reports/demo":
 
 # How well the bench's estimators do over simulated benches: rms against the bound, coverage, false verdicts
 monte-carlo *options:
-    cargo run --release -p whole --example monte_carlo -- "$@"
+    cargo run --release -p bench-analysis --example monte_carlo -- "$@"
 
 # What a log holds, and how good its time stamps are
 [no-exit-message]

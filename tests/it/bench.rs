@@ -57,7 +57,12 @@ fn the_delays_of_a_simulated_sensor_are_found_within_what_is_claimed() {
             let error = delay.delay.seconds() - truth;
             assert!(error.abs() < 4.0 * delay.standard_uncertainty_s, "{}: {error} s, {delay:?}", channel.name);
             let expected = if truth > 0.0 { Verdict::Delayed } else { Verdict::EquivalentToZero };
-            assert!(channel.verdict == expected || channel.name == "height.baro", "{}: {}", channel.name, channel.reason);
+            assert!(
+                channel.verdict == expected || channel.name == "height.baro",
+                "{}: {}",
+                channel.name,
+                channel.reason
+            );
         }
         let position = found.channels.iter().find(|c| c.name == late.name()).unwrap();
         match &position.delay.as_ref().unwrap().as_seen_s {
@@ -87,8 +92,10 @@ fn the_command_makes_a_card_that_holds_the_truth() {
         // A lag is no delay: what the card says of the barometer depends on the swing.
         let delays = card.channels.iter().filter(|c| of_sensor.iter().all(|r| r.channels[&c.name].lags_s.is_empty()));
         for channel in delays {
-            let truths: BTreeSet<String> =
-                of_sensor.iter().filter_map(|r| Some(r.channels.get(&channel.name)?.sampling.delay_s.to_string())).collect();
+            let truths: BTreeSet<String> = of_sensor
+                .iter()
+                .filter_map(|r| Some(r.channels.get(&channel.name)?.sampling.delay_s.to_string()))
+                .collect();
             assert_eq!(truths.len(), 1, "{}: {truths:?}", channel.name);
             let truth: f64 = truths.first().unwrap().parse().unwrap();
             let error = channel.delay_s - truth;

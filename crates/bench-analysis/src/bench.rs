@@ -14,9 +14,7 @@ use crate::rig::Rig;
 use crate::surroundings::{Surroundings, place_of};
 use flight::{Clock, Flight, Notices, Quantity, Severity, Stamp};
 use jiff::civil::Date;
-use record::{
-    BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, TimeBasis,
-};
+use record::{BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, TimeBasis};
 use signal::{DelaySettings, Gain, Measurement, Sign, fit_delay};
 
 /// A bar that turns slower than this many counts a second stands still.
@@ -77,8 +75,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let series = EncoderSeries::of(encoder_name, encoder, rig)?;
     let mut notices = series.notices.clone();
     let counts_source = series.counts_source.clone();
-    let raw = Motion::of(series)
-        .map_err(|source| BenchRefusal::Smooth { channel: encoder_name.to_owned(), source })?;
+    let raw = Motion::of(series).map_err(|source| BenchRefusal::Smooth { channel: encoder_name.to_owned(), source })?;
     let clock = encoder.series.timeline().clock();
     let tied = tied(input, &raw, clock, rig)?;
     notices.extend(tied.notices.clone());
@@ -320,8 +317,7 @@ fn bending(
     let (angle_hz, rate_hz) = rms_frequencies(motion);
     let expected = rig.bar.first_mode_hz;
     let rates = flexibility(&gains(&[VelocityNed]), &gains(&[AngularRate]), rate_hz, expected);
-    let angles =
-        flexibility(&gains(&[PositionGeodetic, PositionNed, Height]), &gains(&[Attitude]), angle_hz, expected);
+    let angles = flexibility(&gains(&[PositionGeodetic, PositionNed, Height]), &gains(&[Attitude]), angle_hz, expected);
     let clearness = |finding: &Finding<record::Flexibility>| match finding.found().map(|f| &f.ratio) {
         Some(Finding::Found(ratio)) => ratio.standard_uncertainty.unwrap_or(f64::INFINITY),
         Some(Finding::CannotTell(_)) => f64::MAX,

@@ -134,7 +134,8 @@ impl Updates {
         let rows = channel.channel.update_rows();
         let pick = |values: &[f64]| rows.iter().filter_map(|&row| values.get(row).copied()).collect::<Vec<f64>>();
         let held = channel.channel.is_held();
-        let excited = channel.components.iter().enumerate().filter(|(_, c)| c.excited.is_ok()).map(|(k, _)| k).collect();
+        let excited =
+            channel.components.iter().enumerate().filter(|(_, c)| c.excited.is_ok()).map(|(k, _)| k).collect();
         Updates {
             t: pick(&channel.t),
             values: channel.components.iter().map(|c| pick(c.values)).collect(),
@@ -244,16 +245,20 @@ pub(crate) fn estimate(uncertain: Uncertain) -> Estimate {
     Estimate { value: uncertain.value, standard_uncertainty: Some(uncertain.standard_uncertainty) }
 }
 
-fn delay_finding(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates, fit: &DelayFit) -> DelayFinding {
+fn delay_finding(
+    channel: &SensedChannel<'_>,
+    bench: &Circumstances<'_>,
+    updates: &Updates,
+    fit: &DelayFit,
+) -> DelayFinding {
     let stamps_s = stamp_uncertainty(channel, updates);
     let is_anchor = matches!(bench.basis, TimeBasis::Anchor { channel: anchor } if anchor == channel.name);
     let anchor_s = if is_anchor { 0.0 } else { bench.anchor_s };
     let standard_uncertainty_s = fit.standard_uncertainty_s.hypot(stamps_s).hypot(anchor_s);
     let judgement = evidence(bench, updates, fit, standard_uncertainty_s).judge();
-    let as_seen = updates.mean_age_s.map(|age| Estimate {
-        value: fit.delay_s + age,
-        standard_uncertainty: Some(standard_uncertainty_s),
-    });
+    let as_seen = updates
+        .mean_age_s
+        .map(|age| Estimate { value: fit.delay_s + age, standard_uncertainty: Some(standard_uncertainty_s) });
     DelayFinding {
         delay: Delay::from_seconds(fit.delay_s).unwrap_or(Delay::ZERO),
         standard_uncertainty_s,
@@ -327,7 +332,10 @@ fn judge(
     }
     let judgement = evidence(bench, updates, fit, delay.standard_uncertainty_s).judge();
     let ambiguous = fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| {
-        format!("; another delay, {} ms, fits nearly as well: the swing is too regular to tell which", millis(m.delay_s))
+        format!(
+            "; another delay, {} ms, fits nearly as well: the swing is too regular to tell which",
+            millis(m.delay_s)
+        )
     });
     let relative = match bench.basis {
         TimeBasis::Anchor { channel } => format!(" (relative to {channel})"),
@@ -373,10 +381,8 @@ fn components(
                 offset: fitted.map(|f| estimate(f.offset)),
                 drift: fitted.and_then(|f| f.drift).map(estimate),
                 noise: fitted.map(|f| noise(f, component.values, &still)),
-                delay_s: alone.map(|f| Estimate {
-                    value: f.delay_s,
-                    standard_uncertainty: Some(f.standard_uncertainty_s),
-                }),
+                delay_s: alone
+                    .map(|f| Estimate { value: f.delay_s, standard_uncertainty: Some(f.standard_uncertainty_s) }),
                 curves,
                 zoom,
                 residual: fitted.map(crate::curves::residual_curve),
@@ -413,7 +419,9 @@ fn model(choice: &LagChoice) -> Finding<ModelFinding> {
         return Finding::CannotTell("no model of delay and lag could be fitted".to_owned());
     };
     if best.sum_s.value.abs() < 2.0 * best.sum_s.standard_uncertainty {
-        return Finding::CannotTell("the delay does not differ from zero: nothing to split into delay and lag".to_owned());
+        return Finding::CannotTell(
+            "the delay does not differ from zero: nothing to split into delay and lag".to_owned(),
+        );
     }
     let candidates = choice
         .candidates

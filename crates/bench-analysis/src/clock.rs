@@ -237,8 +237,10 @@ fn pulse_clock<'a>(
 }
 
 fn pulse_finding(name: &str, clock: &PiecewiseClock) -> PpsFinding {
-    let reject = |reason: &str, count: usize| RejectCount { reason: reason.into(), count: count as u64, first: String::new() };
-    let rejected = [("not on a whole second", clock.off_beat), ("missing between the first and the last", clock.missing)];
+    let reject =
+        |reason: &str, count: usize| RejectCount { reason: reason.into(), count: count as u64, first: String::new() };
+    let rejected =
+        [("not on a whole second", clock.off_beat), ("missing between the first and the last", clock.missing)];
     PpsFinding {
         channel: name.to_owned(),
         pulses: clock.device_s.len() as u64,
@@ -353,7 +355,8 @@ fn distribution(values: &[f64]) -> Option<Distribution> {
 /// Lays the recordings over each other by the size of the bar's rate as encoder and anchor saw it.
 fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result<Tied, String> {
     let (name, anchor) = anchor(sensor, rig)?;
-    let stamps = asked_for(anchor, rig).ok_or_else(|| format!("the anchor {name} has no stamps of the kind that the rig asks for"))?;
+    let stamps = asked_for(anchor, rig)
+        .ok_or_else(|| format!("the anchor {name} has no stamps of the kind that the rig asks for"))?;
     let device_origin = *stamps.stamps.first().ok_or_else(|| format!("the anchor {name} has no row"))?;
     let t_s: Vec<f64> = stamps.stamps.iter().map(|s| s.seconds_since(device_origin)).collect();
     let size = magnitude(anchor);

@@ -62,7 +62,8 @@ pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f
     } else {
         None
     };
-    let quality = QualityGate { checks, excited_band_hz: band, rms_frequency_hz, swings, not_observable: not_observable() };
+    let quality =
+        QualityGate { checks, excited_band_hz: band, rms_frequency_hz, swings, not_observable: not_observable() };
     Gate { quality, closed }
 }
 
@@ -122,7 +123,8 @@ fn null_check(states: &[BarState], sensor: &Flight, arm_m: [f64; 3], gravity: f6
     let weight = rms(&|s| gravity * s.angle.sin());
     let text = format!("accX would read {whole:.3} m/s² rms, gravity's part alone is {weight:.3} m/s²");
     let passed = whole > NULL_SHARE * weight;
-    let advice = if passed { "" } else { ": the bar swings freely, so accX sees next to nothing; push it off its own rhythm" };
+    let advice =
+        if passed { "" } else { ": the bar swings freely, so accX sees next to nothing; push it off its own rhythm" };
     Some(check("accelerometer x not in its null", passed, text + advice))
 }
 

@@ -1,17 +1,16 @@
 //! From encoder counts to the delay and the dynamics of each channel of a sensor.
 
-mod card;
+mod alignment;
 mod bench;
+mod card;
 mod channel;
 mod clock;
 mod curves;
-mod gate;
-mod injection;
-mod response;
-mod alignment;
 mod encoder;
 mod flexibility;
+mod gate;
 mod gravity;
+mod injection;
 mod kinematics;
 mod magnetic;
 mod magnetometer;
@@ -19,15 +18,16 @@ mod motion;
 mod mount;
 mod pattern;
 mod references;
+mod response;
 mod rig;
 mod rig_file;
 mod sensor_rows;
 mod surroundings;
 mod verdict;
 
+pub use crate::alignment::{Alignment, align};
 pub use crate::bench::{Bench, BenchInput, BenchRefusal, bench};
 pub use crate::card::{CardError, CardTerms, Combined, card_text, combine, identity_conflict, parse_card, sensor_name};
-pub use crate::alignment::{Alignment, align};
 pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 pub use crate::flexibility::{bending_response, first_mode_of_gain, flexibility};
 pub use crate::gravity::{STANDARD_GRAVITY_MPS2, normal_gravity};

@@ -412,6 +412,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         velocity,
         speed_median_mps: replay.map(|r| r.speed_mps.median),
         delay_s: replay.map(|r| r.settings.delay.seconds()),
+        measured_delay_s: measured_delay(record),
         correction_rms_m: result("exact-async").map(|c| c.raw_minus_this_rms_m).and_then(known),
         raw_error_rms_m: error("raw").and_then(known),
         pade_error_rms_m: error("pade-1-1").and_then(known),
@@ -421,6 +422,14 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         warnings: count(Severity::Warning),
         losses: count(Severity::Loss),
     }
+}
+
+/// What the flight itself says of the pair that was replayed, s.
+fn measured_delay(record: &FlightRecord) -> Option<Estimate> {
+    let pair = &record.replay.as_ref()?.pair;
+    let pairs = &record.delays.as_ref()?.pairs;
+    let found = pairs.iter().find(|p| p.first == pair.position && p.second == pair.velocity)?;
+    found.delay.found().map(|d| d.delay_s)
 }
 
 fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {

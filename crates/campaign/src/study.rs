@@ -6,7 +6,7 @@ use crate::event::Event;
 use crate::logs::Library;
 use crate::manifest::{Manifest, Planned};
 use crate::plan::Desk;
-use compensation_replay::{Track, replay};
+use compensation_replay::{FlightDelaySettings, Track, measure_delays, replay};
 use flight::{Binding, Flight, LogHealth, Notices};
 use ingest::{IngestError, Limits, ReadContext};
 use record::{FlightRecord, Outcome};
@@ -56,7 +56,10 @@ impl Replaying {
             notices.extend(of_delay);
             replay(&flight, &settings).map_err(|refusal| refusal.to_string())
         });
-        let mut draft = FlightRecord { log: Some(health), binding: Some(binding), notices, ..draft };
+        let (delays, of_delays) = measure_delays(&flight, &FlightDelaySettings::default());
+        notices.extend(of_delays);
+        let mut draft =
+            FlightRecord { log: Some(health), binding: Some(binding), delays: Some(delays), notices, ..draft };
         match done {
             Ok(done) => {
                 draft.notices.extend(done.notices);
@@ -105,6 +108,7 @@ pub(crate) fn failed_record(planned: &Planned, manifest: &Manifest, reason: Stri
         log: None,
         binding: None,
         replay: None,
+        delays: None,
         notices: Notices::new(),
     }
 }

@@ -342,10 +342,9 @@ fn integer_shift(flight: &Flight) -> f64 {
                 continue;
             }
             let scale = (tv[k] - tv[k - 1]) / ((to - from) as f64 * step);
-            for axis in 0..2 {
+            for (axis, gained) in sums.iter().enumerate() {
                 let v = velocity.series.component(axis);
-                let gained = (sums[axis][to as usize] - sums[axis][from as usize]) * scale;
-                sum += (v[k] - v[k - 1] - gained).abs();
+                sum += (v[k] - v[k - 1] - (gained[to as usize] - gained[from as usize]) * scale).abs();
                 count += 1.0;
             }
         }

@@ -65,7 +65,11 @@ impl Default for FlightDelaySettings {
 /// Every delay that the channels of the flight can give, and for every pair that gives none the reason and what would
 /// help. Notices say what was masked, cut and left out.
 ///
-/// Measured on simulated flights: see the example `flight_delay_study`.
+/// How good it is (example `flight_delay_study`, nine kinds of receiver, 400 circuits each; the bound counts the noise of
+/// the position and what the velocity's noise integrates to): rms error 0.97 to 1.05 of the bound, 95 % intervals that
+/// hold the truth in 93.8 to 97.0 % (92.8 % for records of 30 s), alarms where nothing changes in up to 0.5 %, straight
+/// and still flights always refused. Velocity against acceleration errs 7 times less than integer shifts (what is done
+/// today) on the same data. One hour at 10 and 100 Hz takes about a second.
 #[must_use]
 pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (FlightDelays, Notices) {
     let mut notices = Notices::new();

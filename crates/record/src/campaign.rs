@@ -37,6 +37,9 @@ pub struct FlightRow {
     pub speed_median_mps: Option<f64>,
     /// Delay removed, s.
     pub delay_s: Option<f64>,
+    /// Delay of the position against the velocity, measured from the flight itself, s.
+    #[serde(default)]
+    pub measured_delay_s: Option<Estimate>,
     /// Raw − exact compensation, 2-D rms, m.
     pub correction_rms_m: Option<Estimate>,
     /// Error against a reference, raw, 2-D rms, m.

@@ -1,6 +1,6 @@
 //! The record of one flight.
 
-use crate::ReplayRecord;
+use crate::{FlightDelays, ReplayRecord};
 use flight::{Binding, LogHealth, Notices};
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +67,9 @@ pub struct FlightRecord {
     pub binding: Option<Binding>,
     /// The replay.
     pub replay: Option<ReplayRecord>,
+    /// Delays measured from the flight itself; `None` if no channel was bound.
+    #[serde(default)]
+    pub delays: Option<FlightDelays>,
     /// All notices, in the order in which they were raised.
     pub notices: Notices,
 }

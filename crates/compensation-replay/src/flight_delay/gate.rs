@@ -116,7 +116,7 @@ pub(crate) fn refuse_fit(
         ));
     }
     let known = fit.standard_uncertainty_s.max(fit.crlb_s);
-    if !(known <= settings.worst_sigma_s) || !fit.converged {
+    if known.is_nan() || known > settings.worst_sigma_s || !fit.converged {
         let more = (known / settings.worst_sigma_s).powi(2) * offer.duration_s / 60.0;
         return Some(format!(
             "the delay would be known to ±{:.0} ms (standard uncertainty, limit {:.0} ms) only. Faster and tighter turns \

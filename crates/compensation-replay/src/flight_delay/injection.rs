@@ -4,9 +4,9 @@
 //! difference must be what was put in. A half that shows no delay on its own gives no finding; a delay that is not the
 //! same in both halves shows here as well.
 
-use super::measure::{View, estimate};
+use super::measure::{View, estimate, fit_shared};
 use record::FlightInjection;
-use signal::{DelayFit, DelaySettings, Measurement, fit_delay, student_quantile};
+use signal::{DelayFit, DelaySettings, Measurement, student_quantile};
 
 /// Fewest samples of a component that take part in a half.
 const LEAST_ROWS: usize = 20;
@@ -28,7 +28,7 @@ pub(crate) fn injections(view: &View, settings: &DelaySettings) -> Vec<FlightInj
             .collect();
         let measurements: Vec<Measurement> = parts.iter().map(|(c, t, y)| Measurement { t, y, ..whole[*c] }).collect();
         let known = |fit: &DelayFit| fit.converged && fit.standard_uncertainty_s <= view.settings.worst_sigma_s;
-        fit_delay(&measurements, settings).ok().filter(known)
+        fit_shared(&measurements, settings).ok().filter(known)
     };
     let Some(before) = half(false, 0.0) else { return vec![] };
     let one = |&injected_s: &f64| {

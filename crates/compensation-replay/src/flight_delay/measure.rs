@@ -8,7 +8,7 @@ use super::{FlightDelaySettings, injection, over_time, split};
 use crate::input::{AXES, Horizontal};
 use flight::{Flight, Notices};
 use record::{DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
-use signal::{ComponentFit, DelayFit, DelaySettings, Gain, Measurement, NoiseRule, fit_delay};
+use signal::{ComponentFit, DelayError, DelayFit, DelaySettings, Gain, Measurement, NoiseRule, fit_delay};
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
 const DETECTABLE: f64 = 2.8;
@@ -75,14 +75,7 @@ fn delay_of(
         robust: true,
     };
     let measurements = record.measurements();
-    let fit = fit_delay(&measurements, &delay_settings).map_err(|e| e.to_string())?;
-    let fit = match pooled(&fit) {
-        Some(noise) => {
-            let known = DelaySettings { noise: NoiseRule::Known(noise), ..delay_settings };
-            fit_delay(&measurements, &known).map_err(|e| e.to_string())?
-        }
-        None => fit,
-    };
+    let fit = fit_shared(&measurements, &delay_settings).map_err(|e| e.to_string())?;
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
@@ -92,6 +85,15 @@ fn delay_of(
     let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
     let measured = view.finding(&delay_settings);
     Ok(if pair.reversed { turned_round(measured) } else { measured })
+}
+
+/// [`fit_delay`], once more with the noise that all components share, if theirs are alike.
+pub(crate) fn fit_shared(measurements: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
+    let fit = fit_delay(measurements, settings)?;
+    match pooled(&fit) {
+        Some(noise) => fit_delay(measurements, &DelaySettings { noise: NoiseRule::Known(noise), ..*settings }),
+        None => Ok(fit),
+    }
 }
 
 /// The noise that all components share, if theirs are alike: one from twice the data is known better than two. On the

@@ -300,6 +300,7 @@ pub fn flight_record() -> FlightRecord {
         log: Some(log()),
         binding: Some(binding()),
         replay: Some(replay()),
+        delays: None,
         notices: notices(),
     }
 }
@@ -358,6 +359,7 @@ pub fn row(i: usize) -> FlightRow {
         velocity_rate_hz: Some(100.0),
         speed_median_mps: some(speed),
         delay_s: some(TD),
+        measured_delay_s: None,
         correction_rms_m: done.then(|| estimate(speed * TD * (1.02 + 0.02 * (x * 1.3).cos()), 0.05)),
         raw_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(7.0, 0.1)),
         pade_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0371, 0.002)),

@@ -2,7 +2,8 @@
 
 use bench_analysis::{EncoderSeries, Motion, Rig, encoder_channel, position};
 use signal::CubicSpline;
-use simulate::{BenchChannel, BenchSettings, BenchTruth, simulate_bench};
+use simulate::{BenchChannel, BenchSettings, BenchTruth, RigText, SimulatedBench, simulate_bench};
+use std::path::Path;
 
 /// Seconds of swing that are measured.
 pub const SWING_S: f64 = 60.0;
@@ -33,7 +34,7 @@ fn swing(seed: u64) -> TrueSwing {
     let settings = settings.only(&[BenchChannel::PositionIns]);
     let bench = simulate_bench(&settings).unwrap();
     let flight = bench.to_flight().unwrap();
-    let rig = Rig::shipped_default().unwrap();
+    let rig = rig(&bench);
     let (name, channel) = encoder_channel(&flight, &rig).unwrap();
     let motion = Motion::of(EncoderSeries::of(name, channel, &rig).unwrap()).unwrap();
     let grid = motion.grid(100.0);
@@ -41,4 +42,10 @@ fn swing(seed: u64) -> TrueSwing {
     let azimuth = settings.bar.azimuth_rad;
     let north: Vec<f64> = grid.iter().map(|&t| position(&motion.at(t).unwrap(), azimuth, arm).value[0]).collect();
     TrueSwing { truth: bench.truth, reference: CubicSpline::new(&grid, &north).unwrap() }
+}
+
+/// The rig file that belongs to a simulated bench.
+pub fn rig(bench: &SimulatedBench) -> Rig {
+    let text = RigText { model: "simulated".into(), serial: "1".into(), to_be_fitted: false };
+    Rig::parse(&bench.rig_text(&text), Path::new("simulated.rig.toml")).unwrap()
 }

@@ -12,13 +12,8 @@ const STEP_S: f64 = 1e-3;
 
 /// Right, not distinguished, wrong; for five truths at three accuracies.
 pub fn choices(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
-    let truths: [(&str, f64, &[f64]); 5] = [
-        ("D", 0.4, &[]),
-        ("L", 0.0, &[0.4]),
-        ("DL", 0.3, &[0.1]),
-        ("DL", 0.2, &[0.2]),
-        ("DLL", 0.0, &[0.2, 0.2]),
-    ];
+    let truths: [(&str, f64, &[f64]); 5] =
+        [("D", 0.4, &[]), ("L", 0.0, &[0.4]), ("DL", 0.3, &[0.1]), ("DL", 0.2, &[0.2]), ("DLL", 0.0, &[0.2, 0.2])];
     let mut cases = vec![];
     for (rate_hz, sigma, clear) in [(4.0, 0.1, false), (4.0, 0.02, false), (100.0, 0.1, true)] {
         for (right, delay_s, lags) in truths {

@@ -1,7 +1,7 @@
 //! The reference motion: what is left of the encoder's steps.
 
 use crate::{known, rms};
-use bench_analysis::{EncoderSeries, Motion, Rig, encoder_channel};
+use bench_analysis::{EncoderSeries, Motion, encoder_channel};
 use rayon::prelude::*;
 use record::{MonteCarloCase, MonteCarloGroup};
 use simulate::{BenchSettings, SensorSettings, Swing, simulate_bench};
@@ -32,7 +32,8 @@ pub fn accuracy() -> MonteCarloGroup {
     };
     MonteCarloGroup {
         title: "Reference motion from the encoder".to_owned(),
-        text: "60 s of swing to ±60°, bar of 1.3 m; rms errors against the truth, one second cut off at both ends.".to_owned(),
+        text: "60 s of swing to ±60°, bar of 1.3 m; rms errors against the truth, one second cut off at both ends."
+            .to_owned(),
         columns: ["velocity (mm/s)", "tangential acceleration (m/s²)"].map(str::to_owned).to_vec(),
         goals: ["", "≤ 0.12 at 2000 counts and 100 Hz; ≤ 0.05 at 8000"].map(str::to_owned).to_vec(),
         cases: cases.into_iter().map(case).collect(),
@@ -45,7 +46,11 @@ fn errors(seed: u64, swing: Swing, lines: u32, rate_hz: f64) -> [f64; 2] {
     settings.encoder.sampling = SensorSettings::clean(rate_hz);
     let bench = simulate_bench(&settings.only(&[])).unwrap();
     let flight = bench.to_flight().unwrap();
-    let rig = Rig::parse(&bench_analysis::DEFAULT_RIG.replace("counts_per_rev = 2000", &format!("counts_per_rev = {lines}")), std::path::Path::new("monte-carlo.rig.toml")).unwrap();
+    let rig = crate::swing::rig(&bench);
+        &bench_analysis::DEFAULT_RIG.replace("counts_per_rev = 2000", &format!("counts_per_rev = {lines}")),
+        std::path::Path::new("monte-carlo.rig.toml"),
+    )
+    .unwrap();
     let (name, channel) = encoder_channel(&flight, &rig).unwrap();
     let motion = Motion::of(EncoderSeries::of(name, channel, &rig).unwrap()).unwrap();
     let (first, last) = motion.span();

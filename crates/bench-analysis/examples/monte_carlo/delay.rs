@@ -141,7 +141,8 @@ pub fn misspecified(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     };
     MonteCarloGroup {
         title: "The same with noise outside the model".to_owned(),
-        text: "The estimator takes the noise for an Ornstein–Uhlenbeck process plus white noise; here it is neither.".to_owned(),
+        text: "The estimator takes the noise for an Ornstein–Uhlenbeck process plus white noise; here it is neither."
+            .to_owned(),
         columns: ["rms error (ms)", "coverage of 95 % (%)"].map(str::to_owned).to_vec(),
         goals: ["", "≥ 92"].map(str::to_owned).to_vec(),
         cases: cases.into_iter().map(case).collect(),
@@ -185,7 +186,9 @@ pub fn held(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     };
     MonteCarloGroup {
         title: "Held samples".to_owned(),
-        text: "The true delay is 400 ms. A fit of all rows sees half an update interval more: 520 ms (design note 3.8).".to_owned(),
+        text:
+            "The true delay is 400 ms. A fit of all rows sees half an update interval more: 520 ms (design note 3.8)."
+                .to_owned(),
         columns: ["fit at updates (ms)", "coverage of 95 % (%)", "fit of all rows (ms)"].map(str::to_owned).to_vec(),
         goals: vec![String::new(); 3],
         cases: vec![case],
