@@ -6,6 +6,7 @@ mod campaign;
 mod card;
 mod curve;
 mod flight;
+mod flight_delay;
 mod monte_carlo;
 
 pub(crate) use axis::Axis;
@@ -13,6 +14,7 @@ pub(crate) use bench::{BenchFigures, ChannelFigures, anchors, main_component};
 pub(crate) use campaign::overview;
 pub(crate) use card::{Forest, card_figures};
 pub(crate) use flight::flight_figures;
+pub(crate) use flight_delay::delay_over_time;
 pub(crate) use monte_carlo::group_figure;
 
 /// Panels one above the other with one legend.

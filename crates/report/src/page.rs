@@ -4,6 +4,7 @@ mod bench;
 mod campaign;
 mod card;
 mod flight;
+mod flight_delay;
 mod health;
 mod method;
 mod monte_carlo;

@@ -37,7 +37,10 @@ fn main() {
         record_version: RECORD_VERSION,
         title: "The bench, measured by simulation".to_owned(),
         seed: SEED,
-        command: format!("cargo run --release -p bench-analysis --example monte_carlo -- {} {trials}", folder.display()),
+        command: format!(
+            "cargo run --release -p bench-analysis --example monte_carlo -- {} {trials}",
+            folder.display()
+        ),
         groups,
     };
     let mut site = report::monte_carlo_site(&record).files;

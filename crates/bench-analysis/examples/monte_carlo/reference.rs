@@ -47,10 +47,6 @@ fn errors(seed: u64, swing: Swing, lines: u32, rate_hz: f64) -> [f64; 2] {
     let bench = simulate_bench(&settings.only(&[])).unwrap();
     let flight = bench.to_flight().unwrap();
     let rig = crate::swing::rig(&bench);
-        &bench_analysis::DEFAULT_RIG.replace("counts_per_rev = 2000", &format!("counts_per_rev = {lines}")),
-        std::path::Path::new("monte-carlo.rig.toml"),
-    )
-    .unwrap();
     let (name, channel) = encoder_channel(&flight, &rig).unwrap();
     let motion = Motion::of(EncoderSeries::of(name, channel, &rig).unwrap()).unwrap();
     let (first, last) = motion.span();

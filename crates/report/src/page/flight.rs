@@ -2,7 +2,8 @@
 
 use super::Head::{Number, Text};
 use super::{
-    document, estimate, figure, health, maybe, maybe_estimate, method, outcome_word, provenance, reason, rows, table,
+    document, estimate, figure, flight_delay, health, maybe, maybe_estimate, method, outcome_word, provenance, reason,
+    rows, table,
 };
 use crate::draw;
 use crate::figure::{Figure, flight_figures};
@@ -28,27 +29,34 @@ pub struct FlightPage<'a> {
 
 /// The page of one flight: `index.html` with its figures inside, and each figure again as a
 /// file under `figures/` (`fig-7`, `zoom`, `zoom-difference`, `difference`,
-/// `track`; those that the record has curves for).
+/// `track`, `delay-over-time`; those that the record has curves for).
 #[must_use]
 pub fn flight_site(page: &FlightPage) -> Site {
     let figures = page.record.replay.as_ref().map(flight_figures).unwrap_or_default();
+    let delays = flight_delay::of(page.record);
+    let over_time = delays.as_ref().and_then(|delays| delays.figure(figures.len() as u32 + 1));
     let mut site = Site::default();
-    for figure in &figures {
+    for figure in figures.iter().chain(&over_time) {
         site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
-    site.add("index.html", document(&format!("{} — flightlag", page.name), false, body(page, &figures)));
+    site.add(
+        "index.html",
+        document(&format!("{} — flightlag", page.name), false, body(page, &figures, over_time.as_ref())),
+    );
     site
 }
 
-fn body(page: &FlightPage, figures: &[Figure]) -> Markup {
+fn body(page: &FlightPage, figures: &[Figure], over_time: Option<&Figure>) -> Markup {
     let record = page.record;
+    let delays = flight_delay::of(record);
     html! {
         nav aria-label="Campaign" { a href=(href(page.index_href)) { "← All flights of the campaign" } }
         main {
             h1 { (shown(page.name)) }
             (verdict(record))
-            (first_words(record))
+            (first_words(record, delays.as_ref()))
             @if let Some(replay) = &record.replay { (results(replay, figures)) }
+            @if let Some(delays) = &delays { (flight_delay::section(delays, over_time)) }
             (health::section(record))
             (health::notices_section(&record.notices))
             @if let Some(replay) = &record.replay { (method::section(replay)) }
@@ -68,12 +76,12 @@ fn verdict(record: &FlightRecord) -> Markup {
 }
 
 /// The reason if there is no result, else the answer.
-fn first_words(record: &FlightRecord) -> Markup {
+fn first_words(record: &FlightRecord, delays: Option<&flight_delay::Shown>) -> Markup {
     let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
     html! {
         @if let Some(reason) = reason(&record.outcome) { p class=(class) { (shown_block(reason)) } }
         @match (&record.replay, &record.outcome) {
-            (Some(replay), _) => { (answer(replay)) }
+            (Some(replay), _) => { (answer(replay, delays.is_some_and(|d| d.tests_the_replay()))) }
             (None, Outcome::Compensated) => { p.why { "The record says compensated, but holds no replay." } }
             (None, _) => {}
         }
@@ -84,7 +92,7 @@ fn first_words(record: &FlightRecord) -> Markup {
     }
 }
 
-fn answer(replay: &ReplayRecord) -> Markup {
+fn answer(replay: &ReplayRecord, is_tested: bool) -> Markup {
     let main = best(replay);
     html! {
         p.answer {
@@ -99,7 +107,9 @@ fn answer(replay: &ReplayRecord) -> Markup {
             " (" (shown(&replay.settings.delay_source)) ")."
             @if let Some(sentence) = against_reference(replay, main) { " " (sentence) }
         }
-        @if replay.pair.reference.is_none() {
+        @if is_tested {
+            p.answer { "What the flight itself says of Td stands under " a href="#delay" { "Delay from the flight" } "." }
+        } @else if replay.pair.reference.is_none() {
             p.answer { "Nothing in this log says whether Td is right: it holds no independent reference." }
         }
     }

@@ -1,0 +1,355 @@
+//! Delays that the flight itself shows: the main pair first, then all.
+
+use super::Head::{Number, Text};
+use super::{badge, estimate, exact, figure, maybe, maybe_estimate, no_number, plain, rows, table};
+use crate::figure::{Figure, delay_over_time};
+use crate::number::{self, COVERAGE_FACTOR};
+use crate::text::{shown, shown_block};
+use crate::verdict::in_millis;
+use maud::{Markup, html};
+use record::{
+    DelayGroup, DelayNoise, DelayPairKind, DelayPiece, DelaySplit, Estimate, Finding, FlightDelays, FlightInjection,
+    FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
+};
+
+/// Most rows of each table; the record holds all.
+const MOST: usize = 40;
+
+/// What the section shows: all pairs, and the one that is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shown<'a> {
+    delays: &'a FlightDelays,
+    replay: Option<&'a ReplayRecord>,
+    main: Option<&'a PairDelay>,
+}
+
+/// `None` if the record looked for no delays.
+pub(super) fn of(record: &FlightRecord) -> Option<Shown<'_>> {
+    let delays = record.delays.as_ref()?;
+    let replay = record.replay.as_ref();
+    let first_measured = || delays.pairs.iter().find(|p| p.delay.found().is_some());
+    let main = replay.and_then(|r| replayed(delays, r)).or_else(first_measured);
+    Some(Shown { delays, replay, main })
+}
+
+/// The pair that the replay compensates.
+fn replayed<'a>(delays: &'a FlightDelays, replay: &ReplayRecord) -> Option<&'a PairDelay> {
+    delays.pairs.iter().find(|p| is_replayed(p, replay))
+}
+
+fn is_replayed(pair: &PairDelay, replay: &ReplayRecord) -> bool {
+    pair.kind == DelayPairKind::PositionAgainstVelocity
+        && pair.first == replay.pair.position
+        && pair.second == replay.pair.velocity
+}
+
+impl<'a> Shown<'a> {
+    /// The main pair with its delay, if it has one.
+    fn measured(&self) -> Option<(&'a PairDelay, &'a MeasuredDelay)> {
+        self.main.and_then(|pair| pair.delay.found().map(|found| (pair, found)))
+    }
+
+    /// Whether the flight itself says something about the delay that the replay removed.
+    pub(super) fn tests_the_replay(&self) -> bool {
+        self.measured().is_some_and(|(pair, _)| self.replay.is_some_and(|replay| is_replayed(pair, replay)))
+    }
+
+    /// The delay of the main pair over the flight.
+    pub(super) fn figure(&self, number: u32) -> Option<Figure> {
+        self.measured().and_then(|(pair, found)| delay_over_time(pair, found, number))
+    }
+}
+
+pub(super) fn section(shown: &Shown, over_time: Option<&Figure>) -> Markup {
+    html! {
+        h2 id="delay" { "Delay from the flight" }
+        @match (shown.main, shown.measured()) {
+            (_, Some((pair, found))) => { (answer(shown, pair, found)) }
+            (Some(pair), None) => { (no_answer(pair)) }
+            (None, None) if shown.delays.pairs.is_empty() => {
+                p { "No two channels of this flight can be compared: a position and a velocity would do, or two positions." }
+            }
+            (None, None) => { p { "No pair of channels gives a delay; the table says why." } }
+        }
+        @if !shown.delays.pairs.is_empty() { (pairs(&shown.delays.pairs)) }
+        @if let Some((pair, found)) = shown.measured() { (details(pair, found, over_time)) }
+    }
+}
+
+// The main pair in a sentence
+
+fn answer(shown: &Shown, pair: &PairDelay, found: &MeasuredDelay) -> Markup {
+    let replay = shown.replay.filter(|replay| is_replayed(pair, replay));
+    html! {
+        p.answer { (sentence(pair, found)) @if let Some(replay) = replay { " " (against_removed(replay, &found.delay_s)) } }
+        @if shown.replay.is_some() && replay.is_none() {
+            p { "The replay's own pair was not tried, so nothing here tests the delay that was removed." }
+        }
+        @if let Some(alarm) = &found.alarm { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(alarm)) } }
+        @if let Some(rival) = found.rival_s {
+            p.why.unsure {
+                (badge("unsure", "!", "Warning")) " Another delay explains the data almost as well: " (plain(rival * 1e3, 4)) "\u{a0}ms."
+            }
+        }
+    }
+}
+
+fn sentence(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
+    let (word, sign) = if found.delay_s.value < 0.0 { ("early", -1e3) } else { ("late", 1e3) };
+    let [low, high] = found.interval_95_s;
+    html! {
+        code { (shown(&pair.first)) } " is " (word) " against " code { (shown(&pair.second)) } " by "
+        b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" }
+        @if found.delay_s.standard_uncertainty.is_some() { " (k = 2)" } @else { " (no uncertainty given)" }
+        @if low <= 0.0 && 0.0 <= high { "; its 95 % interval holds zero" }
+        "."
+    }
+}
+
+fn no_answer(pair: &PairDelay) -> Markup {
+    html! {
+        p.answer {
+            "How late " code { (shown(&pair.first)) } " is against " code { (shown(&pair.second))}
+            " cannot be told from this flight."
+        }
+        @if let Finding::CannotTell(why) = &pair.delay { p.why.unsure { (shown_block(why)) } }
+    }
+}
+
+/// The delay that was removed, and whether both are the same as far as can be told.
+fn against_removed(replay: &ReplayRecord, found: &Estimate) -> Markup {
+    let stated = replay.settings.delay_uncertainty_s;
+    let removed = Estimate { value: replay.settings.delay.seconds(), standard_uncertainty: stated };
+    html! {
+        "Removed was Td = " b { (estimate(&in_millis(&removed))) "\u{a0}ms" } " (" (shown(&replay.settings.delay_source)) "): "
+        @match normalised_difference(found, &removed) {
+            Some(e_n) => {
+                (agreement(e_n)) ", E_n = " (plain(e_n, 2))
+                @if stated.is_some() { ", the difference divided by √(U_δ² + U_Td²)." }
+                @else { ", the difference divided by U_δ alone, for no uncertainty of Td is stated." }
+            }
+            None => { "without an uncertainty of the delay found, the two cannot be compared." }
+        }
+    }
+}
+
+fn agreement(e_n: f64) -> Markup {
+    if e_n.abs() <= 1.0 { badge("ok", "✓", "agrees") } else { badge("bad", "✗", "differs") }
+}
+
+/// E_n = (δ − Td)/√(U_δ² + U_Td²) with U = 2u (ISO 13528); an uncertainty of Td that is not stated counts as none.
+/// `None` if that of δ is not known.
+fn normalised_difference(found: &Estimate, removed: &Estimate) -> Option<f64> {
+    let u = found.standard_uncertainty.filter(|u| *u > 0.0)?;
+    let both = COVERAGE_FACTOR * u.hypot(removed.standard_uncertainty.unwrap_or(0.0));
+    Some((found.value - removed.value) / both).filter(|e_n| e_n.is_finite())
+}
+
+// All pairs
+
+fn pairs(pairs: &[PairDelay]) -> Markup {
+    let head = [
+        Text("First"),
+        Text("Second"),
+        Number("δ ± U (ms)"),
+        Number("95 % interval (ms)"),
+        Number("Smallest detectable change (ms)"),
+        Number("Samples"),
+        Text("What it means, or why there is none"),
+    ];
+    html! {
+        (table("All pairs that were tried; positive: the first is late against the second; U with k = 2", &head,
+            rows(pairs, MOST, head.len(), pair_row)))
+    }
+}
+
+fn pair_row(pair: &PairDelay) -> Markup {
+    let found = pair.delay.found();
+    html! {
+        tr {
+            th scope="row" { code { (shown(&pair.first)) } }
+            td.any { code { (shown(&pair.second)) } }
+            td.n { (maybe_estimate(found.map(|f| in_millis(&f.delay_s)).as_ref())) }
+            td.n { (maybe(found, |f| interval_ms(f.interval_95_s, &f.delay_s))) }
+            td.n { (maybe(found, |f| plain(f.smallest_detectable_s * 1e3, 2))) }
+            td.n { (maybe(found, |f| html! { (number::count(f.samples)) })) }
+            td.any {
+                @match &pair.delay {
+                    Finding::Found(_) => { (shown(&pair.meaning)) }
+                    Finding::CannotTell(why) => { (no_number(why)) }
+                }
+            }
+        }
+    }
+}
+
+/// Rounded as the value is.
+fn interval_ms(interval_s: [f64; 2], of: &Estimate) -> Markup {
+    let [low, high] = interval_s.map(|s| s * 1e3);
+    match of.standard_uncertainty {
+        Some(u) => html! { (number::interval([low, high], u * 1e3)) },
+        None => html! { (number::significant(low, 3)) "\u{a0}to\u{a0}" (number::significant(high, 3)) },
+    }
+}
+
+// More about the main pair
+
+fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) -> Markup {
+    html! {
+        @match over_time {
+            Some(over_time) => { (figure(over_time)) }
+            None => { p { (no_number("the record holds no window of the delay over time")) } }
+        }
+        (constancy(found))
+        h3 { code { (shown(&pair.first)) } " against " code { (shown(&pair.second)) } }
+        (uncertainty(found))
+        (operating_points(found))
+        (injections(&found.injections))
+        (pieces(pair, &found.pieces))
+    }
+}
+
+fn constancy(found: &MeasuredDelay) -> Markup {
+    html! {
+        @if let Some(h) = &found.homogeneity {
+            p {
+                "One delay for all windows: χ² = " (plain(h.chi2, 3)) " with "
+                (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, p = " (plain(h.p, 2))
+                ". Largest step: from " (estimate(&in_millis(&h.largest_step.before_s))) " to "
+                (estimate(&in_millis(&h.largest_step.after_s))) " ms at " (number::clock(h.largest_step.at_s, 0))
+                " after the pair's origin, p = " (plain(h.largest_step.p, 2)) "."
+            }
+        }
+    }
+}
+
+fn uncertainty(found: &MeasuredDelay) -> Markup {
+    let ms = |seconds: f64| html! { (plain(seconds * 1e3, 2)) "\u{a0}ms" };
+    html! {
+        p.note {
+            "The position is fitted by the integral of the velocity (or the one track by the other), shifted by δ, with an \
+             offset and a drift for each piece. Standard uncertainty from the curvature alone " (ms(found.hessian_s))
+            ", with autocorrelation allowed for (sandwich, HAC) " (ms(found.hac_s)) "; Cramér–Rao bound at the fitted noise "
+            (ms(found.crlb_s)) ". Samples held back as outliers: " (number::percent(found.downweighted_share)) "\u{a0}%."
+        }
+    }
+}
+
+/// A group with what it is split by, and the test of its split in the first row.
+struct OperatingPoint<'a> {
+    by: &'a str,
+    group: &'a DelayGroup,
+    p: Option<f64>,
+}
+
+fn points_of(split: &DelaySplit) -> impl Iterator<Item = OperatingPoint<'_>> {
+    let point = |(i, group)| OperatingPoint { by: &split.by, group, p: split.p.filter(|_| i == 0) };
+    split.groups.iter().enumerate().map(point)
+}
+
+fn operating_points(found: &MeasuredDelay) -> Markup {
+    let points: Vec<OperatingPoint> = found.splits.iter().flat_map(points_of).collect();
+    let row = |point: &OperatingPoint| {
+        let [low, high] = point.group.range.map(|v| number::significant(v, 3));
+        html! {
+            tr {
+                th scope="row" { (shown(point.by)) }
+                td.n { (low) "\u{a0}to\u{a0}" (high) }
+                td.n { (number::count(point.group.samples)) }
+                td.n { (estimate(&in_millis(&point.group.delay_s))) }
+                td.n { @if let Some(p) = point.p { (plain(p, 2)) } }
+            }
+        }
+    };
+    let head = [Text("Split by"), Number("Range"), Number("Samples"), Number("δ ± U (ms)"), Number("p of one delay")];
+    html! {
+        @if points.is_empty() { p { "By operating point: " (no_number("the flight holds no two that could be told apart")) } }
+        @else { (table("By operating point; U with k = 2", &head, rows(&points, MOST, head.len(), row))) }
+    }
+}
+
+fn injections(injections: &[FlightInjection]) -> Markup {
+    let row = |i: &FlightInjection| {
+        html! {
+            tr {
+                td.n { (exact(i.injected_s * 1e3)) }
+                td.n { (estimate(&in_millis(&i.error_s))) }
+                td.n { (interval_ms(i.interval_95_s, &i.error_s)) }
+                td.n { (number::clock(i.split_s, 0)) }
+            }
+        }
+    };
+    let head = [
+        Number("Delay added (ms)"),
+        Number("Recovered − added ± U (ms)"),
+        Number("95 % interval (ms)"),
+        Number("Second half begins (h:mm:ss)"),
+    ];
+    html! {
+        @if injections.is_empty() { p { "Injection and recovery: " (no_number("nothing was injected")) } }
+        @else {
+            (table("Known delays put into the second half of the flight and found again; U with k = 2", &head,
+                rows(injections, MOST, head.len(), row)))
+            p.note { "Good: nineteen intervals of twenty hold zero. The halves say equally much; they are not equally long." }
+        }
+    }
+}
+
+fn pieces(pair: &PairDelay, pieces: &[DelayPiece]) -> Markup {
+    let (drift, noise) = match pair.kind {
+        DelayPairKind::VelocityAgainstAcceleration => ("m/s²", "m/s"),
+        _ => ("m/s", "m"),
+    };
+    let row = |piece: &DelayPiece| {
+        html! {
+            tr {
+                td.n { (number::clock(piece.start_s, 1)) }
+                td.n { (number::clock(piece.end_s, 1)) }
+                td.any { @if piece.begun_by.is_empty() { "the record begins" } @else { (shown(&piece.begun_by)) } }
+                @for drift in &piece.drift { td.n { (estimate(drift)) } }
+                @for noise in &piece.noise { td.any { (noise_words(noise)) } }
+            }
+        }
+    };
+    let head = [
+        Number("From (h:mm:ss)"),
+        Number("To (h:mm:ss)"),
+        Text("Begun by"),
+        Number("Drift north"),
+        Number("Drift east"),
+        Text("Noise north"),
+        Text("Noise east"),
+    ];
+    let caption =
+        format!("Pieces with an offset and a drift of their own; drift in {drift} (± U, k = 2), noise (σ) in {noise}");
+    html! {
+        @if pieces.is_empty() { p { "Pieces: " (no_number("the record holds none")) } }
+        @else { (table(&caption, &head, rows(pieces, MOST, head.len(), row))) }
+    }
+}
+
+fn noise_words(noise: &DelayNoise) -> Markup {
+    html! {
+        "white " (plain(noise.white_std, 2))
+        @if let Some(wander) = noise.wander_std {
+            ", wander " (plain(wander, 2))
+            @if let Some(s) = noise.time_constant_s { " over " (plain(s, 2)) " s" }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_normalised_difference_is_that_of_iso_13528() {
+        let estimate = |value, standard_uncertainty| Estimate { value, standard_uncertainty };
+        let found = estimate(0.412, Some(0.0015));
+        // 12 ms over √(3² + 4²) ms, over 3 ms, and over nothing.
+        let e_n = |removed| normalised_difference(&found, &removed);
+        assert!((e_n(estimate(0.4, Some(0.002))).unwrap() - 2.4).abs() < 1e-12);
+        assert!((e_n(estimate(0.4, None)).unwrap() - 4.0).abs() < 1e-12);
+        assert_eq!(normalised_difference(&estimate(0.4, None), &estimate(0.4, Some(0.002))), None);
+    }
+}
