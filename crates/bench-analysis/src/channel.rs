@@ -11,9 +11,9 @@ use record::{
     NoiseFinding, ObjectiveCurve, Stationarity, TimeBasis, Verdict,
 };
 use signal::{
-    ComponentFit, DelayFit, DelaySettings, Gain, LagChoice, Measurement, Reference, Sign, Uncertain, autocorrelation,
-    choose_lag_model, delay_by_segment, delay_objective, fit_delay, homogeneity, jitter_from_residuals, kurtosis,
-    ljung_box, resolution, static_deviation, static_segments,
+    ComponentFit, DelayFit, DelaySettings, Gain, LagChoice, Measurement, NoiseRule, Reference, Sign, Uncertain,
+    autocorrelation, choose_lag_model, delay_by_segment, delay_objective, fit_delay, homogeneity,
+    jitter_from_residuals, kurtosis, ljung_box, resolution, static_deviation, static_segments,
 };
 
 /// Lags of the autocorrelation that are shown and tested.
@@ -310,7 +310,9 @@ fn held_fit(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Up
         .iter()
         .map(|&k| measurement(&channel.components[k], &channel.t, channel.components[k].values))
         .collect();
-    let fit = fit_delay(&whole, &bench.settings()).ok()?;
+    // As a loop sees it, row by row: no row is less worth for repeating the one before.
+    let settings = DelaySettings { noise: NoiseRule::White, robust: false, ..bench.settings() };
+    let fit = fit_delay(&whole, &settings).ok()?;
     Some(Estimate { value: fit.delay_s, standard_uncertainty: Some(fit.standard_uncertainty_s) })
 }
 

@@ -6,11 +6,11 @@
 
 use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::delay::{Case, DelayRule};
-use compensation_replay::{Settings, pick_pair};
+use compensation_replay::{CompensatorKind, Settings, pick_pair};
 use flight::{Binding, Delay, Flight, Notices};
 use record::{PipelineUse, SensorIdentity, StartRule};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
@@ -141,6 +141,12 @@ struct WrittenReplay {
     /// Rows at this rate instead of one for each velocity sample, Hz.
     #[schemars(with = "Option<f64>")]
     output_rate_hz: Option<Spanned<f64>>,
+    /// Compensators beside those that always run (raw, pade-1-1-tustin, the same told of the age of held fixes,
+    /// exact-async): pade-M-N-tustin, pade-M-N-foh, pade-M-N-zoh, exact-fir, kalman, and for a bound the offline-shift
+    /// and rts-smoother, which are not causal. All are in the tables and the track, the first two in the figures.
+    /// Default: none.
+    #[schemars(with = "Option<Vec<String>>")]
+    compensators: Option<Vec<Spanned<String>>>,
 }
 
 /// What a compensator assumes before its first sample.
@@ -224,6 +230,13 @@ struct MeantReplay {
     zoom_s: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     output_rate_hz: Option<f64>,
+    /// Without those that run anyway: to name them changes nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty", serialize_with = "by_name")]
+    compensators: Vec<CompensatorKind>,
+}
+
+fn by_name<S: Serializer>(kinds: &[CompensatorKind], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(kinds.iter().map(ToString::to_string))
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -345,7 +358,8 @@ impl Pipeline {
         let case =
             Case { flight: case.flight, binding: case.binding, position: position_picked, velocity: velocity_picked };
         let found = self.delay.of(&case)?;
-        let MeantReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz } = self.meant.replay.clone();
+        let MeantReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz, compensators } =
+            self.meant.replay.clone();
         let settings = Settings {
             delay: found.delay,
             delay_uncertainty_s: found.standard_uncertainty_s,
@@ -356,6 +370,7 @@ impl Pipeline {
             min_speed_mps,
             zoom_s,
             output_rate_hz,
+            compensators,
             position,
             velocity,
             reference,
@@ -606,7 +621,23 @@ impl Checker<'_> {
             min_speed_mps: value(&written.min_speed_mps, "replay.min_speed_mps", 0.0, 1000.0)?.unwrap_or(2.0),
             zoom_s: value(&written.zoom_s, "replay.zoom_s", 1.0, 3600.0)?.unwrap_or(20.0),
             output_rate_hz: value(&written.output_rate_hz, "replay.output_rate_hz", 1.0, 10_000.0)?,
+            compensators: self.compensators(written.compensators.as_deref().unwrap_or_default())?,
         })
+    }
+
+    /// What runs beside the compensators that always do; a name that is unknown or comes twice is refused with its line.
+    fn compensators(&self, written: &[Spanned<String>]) -> Result<Vec<CompensatorKind>, PipelineError> {
+        let mut all: Vec<CompensatorKind> = vec![];
+        for name in written {
+            let kind: Result<CompensatorKind, _> = name.get_ref().parse();
+            let kind = kind.map_err(|e| self.fault(name, format!("replay.compensators: {e}")))?;
+            if all.contains(&kind) {
+                return Err(self.fault(name, format!("replay.compensators names {kind} twice")));
+            }
+            all.push(kind);
+        }
+        all.retain(|kind| !Settings::always_runs(*kind));
+        Ok(all)
     }
 
     fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, PipelineError> {
@@ -715,6 +746,54 @@ mod tests {
     fn what_is_meant_is_itself_a_pipeline_with_the_same_meaning() {
         let meant = parse(SMALL).unwrap().with_forced_map(Some("mavros".into())).as_used();
         assert_eq!(parse(&meant.toml).unwrap().as_used(), meant);
+    }
+
+    #[test]
+    fn an_unknown_compensator_is_refused_with_its_own_line_and_the_known_names() {
+        let list = |name: &str| {
+            format!(
+                "{SMALL}[replay]\ncompensators = [\n  \"pade-1-1-tustin\",\n  \"pade-2-2-foh\",\n  \"{name}\",\n]\n"
+            )
+        };
+        for (name, says) in [
+            ("wishful", "no compensator is called \"wishful\"; known are pade-"),
+            ("pade-0-5-foh", "unstable"),
+            ("pade-2-2", "names pade-2-2-foh twice"),
+        ] {
+            let error = parse(&list(name)).unwrap_err();
+            assert!(error.to_string().starts_with("settings/p.toml:9: replay.compensators"), "{error}");
+            assert!(error.what.contains(says), "{error}");
+        }
+        parse(&list("kalman")).unwrap();
+    }
+
+    #[test]
+    fn compensators_beside_those_that_always_run_are_part_of_the_meaning_and_the_latter_are_not() {
+        let with = |list: &str| parse(&format!("{SMALL}[replay]\ncompensators = {list}\n")).unwrap();
+        assert_eq!(with("[\"exact-async\", \"pade-1-1\"]").as_used(), parse(SMALL).unwrap().as_used());
+        let pipeline = with("[\"pade-2-2\", \"exact-async\", \"kalman\"]");
+        let used = pipeline.as_used();
+        assert!(used.toml.contains("compensators = [\"pade-2-2-foh\", \"kalman\"]"), "{}", used.toml);
+        assert_eq!(parse(&used.toml).unwrap().as_used(), used);
+        assert_ne!(used.blake3, parse(SMALL).unwrap().as_used().blake3);
+    }
+
+    #[test]
+    fn a_pipeline_with_a_better_compensator_scores_better_on_a_flight_whose_truth_is_known() {
+        let simulated = simulate::simulate(&simulate::LikeCase::A.settings(1)).unwrap();
+        let flight = simulated.to_flight().unwrap();
+        let binding = Binding { map: String::new(), why: String::new(), others: vec![], channels: vec![] };
+        let text =
+            format!("{SMALL}[replay]\ncompensators = [\"pade-1-1-tustin\", \"exact-async\", \"pade-2-2-foh\"]\n");
+        let case = FlightCase { flight: &flight, binding: &binding };
+        let (settings, _) = parse(&text).unwrap().settings_for(&case).unwrap();
+        let record = compensation_replay::replay(&flight, &settings).unwrap().record;
+        let error = |name: &str| {
+            record.compensators.iter().find(|c| c.name == name).and_then(|c| c.error_rms_m).map(|e| e.value).unwrap()
+        };
+        // The design note, table 5.7: 0.0371 m with [1/1].
+        let (paper, better) = (error("pade-1-1"), error("pade-2-2-foh"));
+        assert!(better < 0.1 * paper && paper < 0.05, "[2/2] {better} m, the paper's {paper} m");
     }
 
     #[test]

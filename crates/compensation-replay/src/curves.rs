@@ -18,7 +18,17 @@ pub(crate) struct Curves {
     pub(crate) track: Vec<PathCurve>,
 }
 
+/// Compensators that are drawn beside those that always run; more would hide each other.
+const FURTHER_DRAWN: usize = 2;
+
+/// Those that always run and the first two of the others; the rest has its numbers in the tables and its track.
+fn drawn(estimates: &[Positions]) -> Vec<&Positions> {
+    let always = estimates.iter().filter(|e| e.further.is_none());
+    always.chain(estimates.iter().filter(|e| e.further.is_some()).take(FURTHER_DRAWN)).collect()
+}
+
 pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &[Positions]) -> Curves {
+    let estimates = &drawn(estimates);
     let whole = (rows.t[0], rows.t[rows.t.len() - 1]);
     Curves {
         axes: axes(input, rows, estimates, whole),
@@ -32,13 +42,13 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
     }
 }
 
-fn axes(input: &Input, rows: &Rows, estimates: &[Positions], window: (f64, f64)) -> Vec<AxisCurves> {
+fn axes(input: &Input, rows: &Rows, estimates: &[&Positions], window: (f64, f64)) -> Vec<AxisCurves> {
     let axis = |(k, name): (usize, &str)| {
         let raw = &estimates[0].axes[k];
         let difference = |e: &Positions| raw.iter().zip(&e.axes[k]).map(|(r, c)| r - c).collect::<Vec<f64>>();
         let predicted: Vec<f64> = rows.predicted[k].iter().map(|p| -p).collect();
         let mut position_m: Vec<Curve> =
-            estimates.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], e.name == "raw", window)).collect();
+            estimates.iter().map(|e| curve(e.title.clone(), rows, &e.axes[k], |r| e.shown(rows, r), window)).collect();
         position_m.extend(
             input
                 .reference
@@ -47,13 +57,13 @@ fn axes(input: &Input, rows: &Rows, estimates: &[Positions], window: (f64, f64))
         );
         let mut difference_m: Vec<Curve> = estimates[1..]
             .iter()
-            .map(|e| curve(format!("raw − {}", e.title), rows, &difference(e), false, window))
+            .map(|e| curve(format!("raw − {}", e.title), rows, &difference(e), |r| e.shown(rows, r), window))
             .collect();
         difference_m.push(curve(
             "−v · (Td + age of the fix), v at half that time".to_owned(),
             rows,
             &predicted,
-            false,
+            |r| rows.has_output(r),
             window,
         ));
         AxisCurves { axis: name.to_owned(), position_m, difference_m }
@@ -61,8 +71,8 @@ fn axes(input: &Input, rows: &Rows, estimates: &[Positions], window: (f64, f64))
     ["north", "east"].into_iter().enumerate().map(axis).collect()
 }
 
-fn curve(name: String, rows: &Rows, y: &[f64], always: bool, window: (f64, f64)) -> Curve {
-    pen(name, &rows.t, y, |row| always || rows.has_output(row), rows.gap_s, window)
+fn curve(name: String, rows: &Rows, y: &[f64], shown: impl Fn(usize) -> bool, window: (f64, f64)) -> Curve {
+    pen(name, &rows.t, y, shown, rows.gap_s, window)
 }
 
 /// Draws the rows of a window that are shown, in strokes without gaps longer than `gap`.
@@ -109,8 +119,7 @@ fn path(rows: &Rows, estimate: &Positions) -> PathCurve {
     let mut out =
         PathCurve { name: estimate.title.clone(), east_m: vec![], north_m: vec![], breaks: vec![], stands_for: 0 };
     let window = (rows.t[0], rows.t[rows.t.len() - 1]);
-    let always = estimate.name == "raw";
-    for stroke in strokes(&rows.t, |r| always || rows.has_output(r), rows.gap_s, window) {
+    for stroke in strokes(&rows.t, |r| estimate.shown(rows, r), rows.gap_s, window) {
         let [north, east] = [&north[stroke.clone()], &east[stroke.clone()]];
         let kept = signal::thin_path(east, north, tolerance);
         if !out.east_m.is_empty() {

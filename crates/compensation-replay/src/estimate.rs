@@ -1,51 +1,83 @@
 //! The compensators over all rows of a flight.
 
+mod further;
+
+use crate::compensator::CompensatorKind;
 use crate::exact::ExactAsync;
 use crate::input::{AXES, Input};
 use crate::pade::PadeTustin;
 use crate::rows::Rows;
 use crate::settings::Settings;
-use flight::Delay;
+use flight::{Delay, Notices};
 use record::StartRule;
 use std::ops::Range;
 
-/// A compensator's position at every row; where the row's state gives none, the raw one stands in and is not shown.
+/// A compensator's position at every row; where the row's state gives none, or the compensator is silent, the raw one
+/// stands in and is not shown.
 #[derive(Debug)]
 pub(crate) struct Positions {
-    pub(crate) name: &'static str,
+    pub(crate) name: String,
     pub(crate) title: String,
     /// Delay it was given.
     pub(crate) delay: Delay,
     /// North, then east.
     pub(crate) axes: [Vec<f64>; 2],
+    /// Which one, if the pipeline asks for it beside those that always run.
+    pub(crate) further: Option<CompensatorKind>,
+    /// Whether it has nothing to say at a row, for every row; empty: never.
+    silent: Vec<bool>,
 }
 
-/// Raw first, then the paper's compensator as it is, the same told of the age of held fixes, and the exact form.
-pub(crate) fn estimates(input: &Input, settings: &Settings, segments: &[Range<usize>], rows: &Rows) -> Vec<Positions> {
+impl Positions {
+    fn always(name: &str, title: &str, delay: Delay, axes: [Vec<f64>; 2]) -> Positions {
+        Positions { name: name.to_owned(), title: title.to_owned(), delay, axes, further: None, silent: vec![] }
+    }
+
+    pub(crate) fn is_raw(&self) -> bool {
+        self.name == "raw"
+    }
+
+    /// Whether the compensator itself says something at a row, whatever the row's state.
+    pub(crate) fn speaks(&self, row: usize) -> bool {
+        self.silent.get(row) != Some(&true)
+    }
+
+    /// Whether the position of a row is given out; the raw one always is.
+    pub(crate) fn shown(&self, rows: &Rows, row: usize) -> bool {
+        self.is_raw() || (rows.has_output(row) && self.speaks(row))
+    }
+}
+
+/// Raw first, then the paper's compensator as it is, the same told of the age of held fixes, and the exact form; after
+/// them what the pipeline asks for beside.
+pub(crate) fn estimates(
+    input: &Input,
+    settings: &Settings,
+    segments: &[Range<usize>],
+    rows: &Rows,
+    notices: &mut Notices,
+) -> Vec<Positions> {
     let td = settings.delay;
     let raw = AXES.map(|k| rows.fix.iter().map(|&j| input.position.axes[k][j]).collect::<Vec<f64>>());
-    let pade = |name, title: &str, delay: Delay| Positions {
-        name,
-        title: title.to_owned(),
-        delay,
-        axes: AXES.map(|k| pade_axis(rows, settings.start, delay, &raw[k], k)),
+    let pade = |name, title, delay| {
+        Positions::always(name, title, delay, AXES.map(|k| pade_axis(rows, settings.start, delay, &raw[k], k)))
     };
     let mut out = vec![
-        Positions { name: "raw", title: "raw, newest fix held".to_owned(), delay: Delay::ZERO, axes: raw.clone() },
+        Positions::always("raw", "raw, newest fix held", Delay::ZERO, raw.clone()),
         pade("pade-1-1", "Padé [1/1], Tustin (the paper)", td),
     ];
     let age = rows.mean_age_s();
     if let Some(as_seen) = Delay::from_seconds(td.seconds() + age).filter(|_| age >= 1e-3) {
         out.push(pade("pade-1-1-as-seen", "Padé [1/1], Tustin, Td + mean age of the held fix", as_seen));
     }
-    out.push(Positions {
-        name: "exact-async",
-        title: "exact asynchronous, p + ∫v".to_owned(),
-        delay: td,
-        axes: AXES.map(|k| exact_axis(input, settings, segments, rows, k)),
-    });
+    let exact = AXES.map(|k| exact_axis(input, settings, segments, rows, k));
+    out.push(Positions::always(EXACT_ASYNC, "exact asynchronous, p + ∫v", td, exact));
+    out.extend(further::further(input, settings, segments, rows, &raw, notices));
     out
 }
+
+/// Name of the exact asynchronous form that always runs.
+pub(crate) const EXACT_ASYNC: &str = "exact-async";
 
 /// Raw plus the filter's displacement; the filter starts anew in every segment.
 fn pade_axis(rows: &Rows, start: StartRule, delay: Delay, raw: &[f64], axis: usize) -> Vec<f64> {

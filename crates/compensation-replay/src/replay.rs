@@ -1,7 +1,7 @@
 //! One flight through all compensators.
 
 use crate::curves::{Curves, draw};
-use crate::estimate::{Positions, estimates};
+use crate::estimate::{EXACT_ASYNC, Positions, estimates};
 use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
 use crate::score;
@@ -37,7 +37,7 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
         let record::PairUse { position, velocity, .. } = input.names;
         return Err(Refusal::NothingValid { position, velocity, delay_s: settings.delay.seconds() });
     }
-    let estimates = estimates(&input, settings, &segments, &rows);
+    let estimates = estimates(&input, settings, &segments, &rows, &mut notices);
     let innovations = score::innovations(&input, settings, &segments);
     score::warn_of_contradiction(&input, settings, &segments, &mut notices);
     let resets = score::resets(&innovations, &mut notices);
@@ -86,24 +86,22 @@ fn ground_speed(input: &Input, settings: &Settings) -> Result<Distribution, Refu
 
 fn table(input: &Input, rows: &Rows, estimates: &[Positions]) -> Track {
     let stamps = rows.t.iter().map(|&t| input.origin.plus_seconds(t).0).collect();
-    let shown = |values: &[f64], always: bool| {
-        TrackColumn::F64(
-            values.iter().enumerate().map(|(row, &v)| (always || rows.has_output(row)).then_some(v)).collect(),
-        )
+    let shown = |values: &[f64], shown: &dyn Fn(usize) -> bool| {
+        TrackColumn::F64(values.iter().enumerate().map(|(row, &v)| shown(row).then_some(v)).collect())
     };
     let mut columns = vec![
         ("stamp_ns".to_owned(), TrackColumn::I64(stamps)),
-        ("t_s".to_owned(), shown(&rows.t, true)),
+        ("t_s".to_owned(), shown(&rows.t, &|_| true)),
         ("state".to_owned(), TrackColumn::Text(rows.state.iter().map(|s| s.name()).collect())),
-        ("fix_age_s".to_owned(), shown(&rows.age, true)),
+        ("fix_age_s".to_owned(), shown(&rows.age, &|_| true)),
     ];
     for estimate in estimates {
         let prefix = estimate.name.replace('-', "_");
         for (axis, values) in ["north", "east"].into_iter().zip(&estimate.axes) {
-            columns.push((format!("{prefix}_{axis}_m"), shown(values, estimate.name == "raw")));
+            columns.push((format!("{prefix}_{axis}_m"), shown(values, &|row| estimate.shown(rows, row))));
         }
     }
-    if let (Some(frame), Some(exact)) = (&input.frame, estimates.last()) {
+    if let (Some(frame), Some(exact)) = (&input.frame, estimates.iter().find(|e| e.name == EXACT_ASYNC)) {
         let points = (0..rows.t.len()).map(|row| rows.has_output(row).then(|| point(frame, input, rows, exact, row)));
         let (latitude, longitude) =
             points.map(|p| (p.map(|p| p.latitude.to_degrees()), p.map(|p| p.longitude.to_degrees()))).unzip();

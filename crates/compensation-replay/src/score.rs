@@ -1,6 +1,7 @@
 //! What the compensators are worth, with and without an independent reference.
 
-use crate::estimate::{Positions, of_segments};
+use crate::compensator::CompensatorKind;
+use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
 use crate::input::{AXES, Horizontal, Input};
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
@@ -151,25 +152,35 @@ pub(crate) fn compensators(
         .map(|track| {
             let difference: Vec<f64> = valid
                 .iter()
+                .filter(|&&r| track.speaks(r))
                 .map(|&r| AXES.map(|k| (tracks[0].axes[k][r] - track.axes[k][r]).powi(2)).iter().sum())
                 .collect();
             let errors = reference.as_ref().map(|r| r.squared_errors(track));
             CompensatorResult {
-                name: track.name.to_owned(),
+                name: track.name.clone(),
                 title: track.title.clone(),
                 delay: track.delay,
-                raw_minus_this_rms_m: if track.name == "raw" {
+                raw_minus_this_rms_m: if track.is_raw() {
                     Estimate { value: 0.0, standard_uncertainty: Some(0.0) }
                 } else {
                     with_delay_uncertainty(rms(&difference), rows, settings)
                 },
-                // The Padé output is continuous, so its position steps at a fix as the raw one does.
-                step_at_fix_rms_m: rms(if track.name == "exact-async" { &exact2 } else { &innovations.raw2 }),
+                step_at_fix_rms_m: steps_at_fix(track, &innovations.raw2, &exact2).and_then(rms),
                 error_rms_m: errors.as_deref().and_then(rms),
                 error_p95_m: errors.as_deref().and_then(percentile_95),
             }
         })
         .collect()
+}
+
+/// Squared steps of the output at the fixes, m². A filter's displacement is continuous, so its position steps at a fix as
+/// the raw one does; what smooths takes a fix over slowly or knew it before, and has no such step.
+fn steps_at_fix<'a>(track: &Positions, raw2: &'a [f64], exact2: &'a [f64]) -> Option<&'a [f64]> {
+    match track.further {
+        Some(CompensatorKind::Kalman | CompensatorKind::OfflineShift | CompensatorKind::RtsSmoother) => None,
+        _ if track.name == EXACT_ASYNC => Some(exact2),
+        _ => Some(raw2),
+    }
 }
 
 /// The 95th percentile of the error, with the spread of its ten consecutive parts as standard error.
@@ -222,6 +233,7 @@ impl Reference {
 
     fn squared_errors(&self, track: &Positions) -> Vec<f64> {
         let error = |i: usize, k: usize| track.axes[k][self.row[i]] - self.axes[k][i];
-        (0..self.row.len()).map(|i| AXES.map(|k| error(i, k).powi(2)).iter().sum()).collect()
+        let said = (0..self.row.len()).filter(|&i| track.speaks(self.row[i]));
+        said.map(|i| AXES.map(|k| error(i, k).powi(2)).iter().sum()).collect()
     }
 }

@@ -1,5 +1,6 @@
 //! What the pipeline decides about a replay.
 
+use crate::compensator::{CompensatorKind, Discretisation};
 use flight::Delay;
 use record::{CardUse, StartRule};
 
@@ -26,6 +27,9 @@ pub struct Settings {
     /// Rows at this rate instead of one for each velocity sample, Hz. The paper's compensator
     /// then sees the velocity held between its samples, as a faster loop would.
     pub output_rate_hz: Option<f64>,
+    /// Compensators beside those that always run (raw, `pade-1-1`, `pade-1-1-as-seen`, `exact-async`), in the order of
+    /// the tables. They see each velocity when it comes, also with `output_rate_hz`; what always runs is not run twice.
+    pub compensators: Vec<CompensatorKind>,
     /// Position channels in order of preference.
     pub position: Vec<String>,
     /// Velocity channels in order of preference.
@@ -49,9 +53,17 @@ impl Settings {
             min_speed_mps: 2.0,
             zoom_s: 20.0,
             output_rate_hz: None,
+            compensators: vec![],
             position: names(&["position.gps", "position.ins", "position.ekf"]),
             velocity: names(&["velocity.ekf", "velocity.ins", "velocity.gps"]),
             reference: names(&["position.truth"]),
         }
+    }
+
+    /// Whether a compensator runs without being asked for: the paper's and the exact asynchronous form.
+    #[must_use]
+    pub fn always_runs(kind: CompensatorKind) -> bool {
+        let paper = CompensatorKind::Pade { m: 1, n: 1, rule: Discretisation::Tustin };
+        kind == paper || kind == CompensatorKind::ExactAsync
     }
 }

@@ -6,7 +6,7 @@ use crate::{known, rms, share};
 use rand::RngExt;
 use rayon::prelude::*;
 use record::{MonteCarloCase, MonteCarloGroup};
-use signal::{DelayFit, DelaySettings, Gain, Measurement, NoiseModel, Sign, delay_crlb, fit_delay};
+use signal::{DelayFit, DelaySettings, Gain, Measurement, NoiseModel, NoiseRule, Sign, delay_crlb, fit_delay};
 
 const TRUE_DELAY_S: f64 = 0.4;
 const GAIN: f64 = 1.02;
@@ -20,9 +20,13 @@ struct Trial {
 
 /// Draws a position that is `delay_s` late, and fits it.
 fn fit(swing: &TrueSwing, t: &[f64], y: &[f64]) -> DelayFit {
+    fit_with(swing, t, y, &DelaySettings::default())
+}
+
+fn fit_with(swing: &TrueSwing, t: &[f64], y: &[f64], settings: &DelaySettings) -> DelayFit {
     let gain = Gain::Free { sign: Sign::Positive };
     let measurement = Measurement { t, y, reference: &swing.reference, gain, drift: false };
-    fit_delay(&[measurement], &DelaySettings::default()).unwrap()
+    fit_delay(&[measurement], settings).unwrap()
 }
 
 fn measured(swing: &TrueSwing, t: &[f64], delay_s: f64, noise: Vec<f64>) -> Vec<f64> {
@@ -164,7 +168,8 @@ pub fn held(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
             let at_updates = fit(swing, &updates, &y);
             let [low, high] = at_updates.interval(0.95);
             let covered = (low..=high).contains(&TRUE_DELAY_S);
-            (at_updates.delay_s, covered, fit(swing, &rows, &held).delay_s)
+            let as_rows = DelaySettings { noise: NoiseRule::White, robust: false, ..DelaySettings::default() };
+            (at_updates.delay_s, covered, fit_with(swing, &rows, &held, &as_rows).delay_s)
         })
         .collect();
     let mean = |f: &dyn Fn(&(f64, bool, f64)) -> f64| fits.iter().map(f).sum::<f64>() / fits.len() as f64;

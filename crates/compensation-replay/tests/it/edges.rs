@@ -3,6 +3,8 @@
 use crate::flights::{along_a_parallel, channel, circle, late};
 use compensation_replay::{Refusal, RowState, Settings, Track, TrackColumn, replay};
 use flight::{Channel, Flight, Quantity, Severity};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
 use record::StartRule;
 
 fn settings() -> Settings {
@@ -231,4 +233,96 @@ fn a_logger_that_writes_whole_seconds_cannot_show_a_shorter_delay() {
         old.series = flight::Series::new(logged, old.series.components().to_vec()).unwrap();
     }
     assert!(coarse(&flight));
+}
+
+fn with_further(names: &[&str]) -> Settings {
+    Settings { compensators: names.iter().map(|n| n.parse().unwrap()).collect(), ..settings() }
+}
+
+/// The circle with ten seconds without velocity: two segments.
+fn interrupted_circle() -> Flight {
+    let mut flight = circle(0.4, 60.0, 100.0, 100.0);
+    edit(&mut flight, "velocity.gps", |rows| rows.retain(|(t, _)| !(20.0..30.0).contains(t)));
+    flight
+}
+
+#[test]
+fn a_further_compensator_starts_anew_in_every_segment_under_every_start_rule() {
+    // With a fix at every velocity the FIR form is the asynchronous one; cold, its first step is a ramp: h v / 2.
+    for (start, tolerance) in [(StartRule::Warm, 1e-9), (StartRule::InvalidUntilTd, 1e-9), (StartRule::Cold, 1e-9)] {
+        let settings = Settings { start, ..with_further(&["exact-fir", "pade-2-2-foh"]) };
+        let found = replay(&interrupted_circle(), &settings).unwrap();
+        assert_eq!(found.record.coverage.restarts, 1);
+        for axis in ["north", "east"] {
+            let column = |name: &str| numbers(&found.track, &format!("{name}_{axis}_m"));
+            for (row, (fir, exact)) in column("exact_fir").iter().zip(column("exact_async")).enumerate() {
+                let apart = fir.zip(*exact).map_or(0.0, |(fir, exact)| (fir - exact).abs());
+                assert_eq!(fir.is_some(), exact.is_some(), "{start:?}: row {row}");
+                assert!(apart <= tolerance, "{start:?}: row {row} is {apart} m apart");
+            }
+        }
+        assert!(start == StartRule::Cold || error(&found, "pade-2-2-foh") < 0.1 * error(&found, "pade-1-1"));
+    }
+}
+
+#[test]
+fn what_always_runs_has_the_same_bits_with_further_compensators_and_is_not_run_twice() {
+    let flight = interrupted_circle();
+    let alone = replay(&flight, &settings()).unwrap();
+    let names = ["pade-1-1-tustin", "pade-3-3-foh", "exact-async", "pade-2-2-foh", "exact-fir", "pade-3-3-foh"];
+    let more = replay(&flight, &with_further(&names)).unwrap();
+    let compensators = &more.record.compensators;
+    let before = alone.record.compensators.len();
+    assert_eq!(compensators[..before], alone.record.compensators);
+    let further: Vec<&str> = compensators[before..].iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(further, ["pade-3-3-foh", "pade-2-2-foh", "exact-fir"]);
+    for (name, column) in &alone.track.columns {
+        assert_eq!(more.track.column(name), Some(column), "{name}");
+    }
+    // In the figures, the first two of the further ones and no more.
+    assert_eq!(more.record.track.len(), before + 2);
+    assert_eq!(more.record.track[..before], alone.record.track);
+    let (drawn, usual) = (&more.record.axes[0], &alone.record.axes[0]);
+    assert_eq!(drawn.position_m.len(), usual.position_m.len() + 2);
+    assert_eq!(drawn.difference_m.len(), usual.difference_m.len() + 2);
+    assert_eq!(more.notices, alone.notices);
+}
+
+#[test]
+fn what_no_aircraft_could_run_says_so_and_is_silent_where_the_fixes_end() {
+    let found = replay(&circle(0.4, 30.0, 10.0, 100.0), &with_further(&["offline-shift", "rts-smoother"])).unwrap();
+    let further = &found.record.compensators[4..];
+    assert_eq!(further.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["offline-shift", "rts-smoother"]);
+    for c in further {
+        assert!(c.title.ends_with("(not causal: bound)"), "{}", c.title);
+        assert_eq!(c.step_at_fix_rms_m, None);
+        assert!(c.error_rms_m.unwrap().value < 1e-3, "{c:?}");
+    }
+    // The last 0.4 s of the rows have no fix that comes 0.4 s later.
+    let east = numbers(&found.track, "offline_shift_east_m");
+    let silent = east.iter().rev().take_while(|x| x.is_none()).count();
+    assert!((39..=41).contains(&silent), "{silent}");
+    let notice = found.notices.iter().find(|n| n.code == "compensator-without-output").unwrap();
+    assert_eq!((notice.count, notice.severity), (silent as u64, Severity::Info));
+    assert!(notice.text.contains("offline-shift"), "{notice:?}");
+    assert!(found.notices.iter().any(|n| n.code == "kalman-noise-fitted"));
+}
+
+#[test]
+fn the_kalman_filter_with_noise_fitted_to_the_flight_is_better_than_what_passes_noise_on() {
+    let mut flight = circle(0.4, 60.0, 10.0, 50.0);
+    let mut generator = rand_pcg::Pcg64::seed_from_u64(7);
+    let noise = Normal::new(0.0, 0.5).unwrap();
+    let draws: Vec<[f64; 2]> = (0..=600).map(|_| [0, 1].map(|_| noise.sample(&mut generator))).collect();
+    edit(&mut flight, "position.gps", |rows| {
+        for ((_, ned), draw) in rows.iter_mut().zip(&draws) {
+            ned[0] += draw[0];
+            ned[1] += draw[1];
+        }
+    });
+    let found = replay(&flight, &with_further(&["kalman", "rts-smoother"])).unwrap();
+    let [exact, kalman, bound] = ["exact-async", "kalman", "rts-smoother"].map(|name| error(&found, name));
+    // The exact form passes the noise of 600 fixes on with gain 1: 0.5 √2 m, known to 3 %.
+    assert!((exact / (0.5 * 2f64.sqrt()) - 1.0).abs() < 0.12, "{exact}");
+    assert!(kalman < 0.5 * exact && bound < kalman, "Kalman {kalman}, bound {bound}, exact {exact}");
 }

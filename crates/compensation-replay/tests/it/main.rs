@@ -4,8 +4,8 @@
 
 mod compensators;
 mod edges;
-mod flight_delay;
 mod export;
+mod flight_delay;
 mod flights;
 mod like_cases;
 mod like_flights;

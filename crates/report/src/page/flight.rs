@@ -76,7 +76,7 @@ fn verdict(record: &FlightRecord) -> Markup {
 }
 
 /// The reason if there is no result, else the answer.
-fn first_words(record: &FlightRecord, delays: Option<&flight_delay::Shown>) -> Markup {
+fn first_words(record: &FlightRecord, delays: Option<&flight_delay::DelaySection>) -> Markup {
     let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
     html! {
         @if let Some(reason) = reason(&record.outcome) { p class=(class) { (shown_block(reason)) } }

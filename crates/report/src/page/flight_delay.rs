@@ -17,19 +17,19 @@ const MOST: usize = 40;
 
 /// What the section shows: all pairs, and the one that is asked for.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Shown<'a> {
+pub(super) struct DelaySection<'a> {
     delays: &'a FlightDelays,
     replay: Option<&'a ReplayRecord>,
     main: Option<&'a PairDelay>,
 }
 
 /// `None` if the record looked for no delays.
-pub(super) fn of(record: &FlightRecord) -> Option<Shown<'_>> {
+pub(super) fn of(record: &FlightRecord) -> Option<DelaySection<'_>> {
     let delays = record.delays.as_ref()?;
     let replay = record.replay.as_ref();
     let first_measured = || delays.pairs.iter().find(|p| p.delay.found().is_some());
     let main = replay.and_then(|r| replayed(delays, r)).or_else(first_measured);
-    Some(Shown { delays, replay, main })
+    Some(DelaySection { delays, replay, main })
 }
 
 /// The pair that the replay compensates.
@@ -43,7 +43,7 @@ fn is_replayed(pair: &PairDelay, replay: &ReplayRecord) -> bool {
         && pair.second == replay.pair.velocity
 }
 
-impl<'a> Shown<'a> {
+impl<'a> DelaySection<'a> {
     /// The main pair with its delay, if it has one.
     fn measured(&self) -> Option<(&'a PairDelay, &'a MeasuredDelay)> {
         self.main.and_then(|pair| pair.delay.found().map(|found| (pair, found)))
@@ -60,29 +60,29 @@ impl<'a> Shown<'a> {
     }
 }
 
-pub(super) fn section(shown: &Shown, over_time: Option<&Figure>) -> Markup {
+pub(super) fn section(all: &DelaySection, over_time: Option<&Figure>) -> Markup {
     html! {
         h2 id="delay" { "Delay from the flight" }
-        @match (shown.main, shown.measured()) {
-            (_, Some((pair, found))) => { (answer(shown, pair, found)) }
+        @match (all.main, all.measured()) {
+            (_, Some((pair, found))) => { (answer(all, pair, found)) }
             (Some(pair), None) => { (no_answer(pair)) }
-            (None, None) if shown.delays.pairs.is_empty() => {
+            (None, None) if all.delays.pairs.is_empty() => {
                 p { "No two channels of this flight can be compared: a position and a velocity would do, or two positions." }
             }
             (None, None) => { p { "No pair of channels gives a delay; the table says why." } }
         }
-        @if !shown.delays.pairs.is_empty() { (pairs(&shown.delays.pairs)) }
-        @if let Some((pair, found)) = shown.measured() { (details(pair, found, over_time)) }
+        @if !all.delays.pairs.is_empty() { (pairs(&all.delays.pairs)) }
+        @if let Some((pair, found)) = all.measured() { (details(pair, found, over_time)) }
     }
 }
 
 // The main pair in a sentence
 
-fn answer(shown: &Shown, pair: &PairDelay, found: &MeasuredDelay) -> Markup {
-    let replay = shown.replay.filter(|replay| is_replayed(pair, replay));
+fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay) -> Markup {
+    let replay = all.replay.filter(|replay| is_replayed(pair, replay));
     html! {
         p.answer { (sentence(pair, found)) @if let Some(replay) = replay { " " (against_removed(replay, &found.delay_s)) } }
-        @if shown.replay.is_some() && replay.is_none() {
+        @if all.replay.is_some() && replay.is_none() {
             p { "The replay's own pair was not tried, so nothing here tests the delay that was removed." }
         }
         @if let Some(alarm) = &found.alarm { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(alarm)) } }
@@ -202,7 +202,7 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
         }
         (constancy(found))
         h3 { code { (shown(&pair.first)) } " against " code { (shown(&pair.second)) } }
-        (uncertainty(found))
+        (uncertainty(pair, found))
         (operating_points(found))
         (injections(&found.injections))
         (pieces(pair, &found.pieces))
@@ -223,7 +223,7 @@ fn constancy(found: &MeasuredDelay) -> Markup {
     }
 }
 
-fn uncertainty(found: &MeasuredDelay) -> Markup {
+fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
     let ms = |seconds: f64| html! { (plain(seconds * 1e3, 2)) "\u{a0}ms" };
     html! {
         p.note {
@@ -231,6 +231,7 @@ fn uncertainty(found: &MeasuredDelay) -> Markup {
              offset and a drift for each piece. Standard uncertainty from the curvature alone " (ms(found.hessian_s))
             ", with autocorrelation allowed for (sandwich, HAC) " (ms(found.hac_s)) "; Cramér–Rao bound at the fitted noise "
             (ms(found.crlb_s)) ". Samples held back as outliers: " (number::percent(found.downweighted_share)) "\u{a0}%."
+            @if let Some(origin) = &pair.origin { " The pair's origin is " (origin.origin_ns) "\u{a0}ns, clock " (origin.clock) "." }
         }
     }
 }
@@ -250,11 +251,10 @@ fn points_of(split: &DelaySplit) -> impl Iterator<Item = OperatingPoint<'_>> {
 fn operating_points(found: &MeasuredDelay) -> Markup {
     let points: Vec<OperatingPoint> = found.splits.iter().flat_map(points_of).collect();
     let row = |point: &OperatingPoint| {
-        let [low, high] = point.group.range.map(|v| number::significant(v, 3));
         html! {
             tr {
                 th scope="row" { (shown(point.by)) }
-                td.n { (low) "\u{a0}to\u{a0}" (high) }
+                td.n { (range(point.group.range)) }
                 td.n { (number::count(point.group.samples)) }
                 td.n { (estimate(&in_millis(&point.group.delay_s))) }
                 td.n { @if let Some(p) = point.p { (plain(p, 2)) } }
@@ -266,6 +266,14 @@ fn operating_points(found: &MeasuredDelay) -> Markup {
         @if points.is_empty() { p { "By operating point: " (no_number("the flight holds no two that could be told apart")) } }
         @else { (table("By operating point; U with k = 2", &head, rows(&points, MOST, head.len(), row))) }
     }
+}
+
+/// One number where both ends are the same, as of a count of satellites.
+fn range([low, high]: [f64; 2]) -> String {
+    if low == high {
+        return number::exact(low);
+    }
+    format!("{}\u{a0}to\u{a0}{}", number::significant(low, 3), number::significant(high, 3))
 }
 
 fn injections(injections: &[FlightInjection]) -> Markup {

@@ -10,9 +10,10 @@ use flight::{
     TopicHealth,
 };
 use record::{
-    AxisCurves, CampaignRecord, CampaignTotals, CompensatorResult, Coverage, Curve, Estimate, FlightRecord, FlightRow,
-    IgnoredInput, InputFile, Outcome, PairUse, PathCurve, PipelineUse, RECORD_VERSION, ReplayRecord, ReplaySettings,
-    StartRule, Zoom,
+    AxisCurves, CampaignRecord, CampaignTotals, CompensatorResult, Coverage, Curve, DelayExcitation, DelayGroup,
+    DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit, DelayStep, Estimate, Finding,
+    FlightDelays, FlightInjection, FlightRecord, FlightRow, IgnoredInput, InputFile, MeasuredDelay, Outcome, PairDelay,
+    PairUse, PathCurve, PipelineUse, RECORD_VERSION, ReplayRecord, ReplaySettings, StartRule, WindowDelay, Zoom,
 };
 
 /// Delay of the fixture, s.
@@ -152,6 +153,119 @@ pub fn replay() -> ReplayRecord {
             axes: axes((232.0, 262.0), 0.02),
         }),
         track: vec![path(RAW), path(PADE), path(EXACT)],
+    }
+}
+
+/// Three pairs: the replay's own, one that gives nothing, one against the reference.
+pub fn delays() -> FlightDelays {
+    let against_truth = PairDelay {
+        kind: DelayPairKind::PositionAgainstReference,
+        second: "position.truth".into(),
+        meaning: "δ = Tp: how late position.gps is against position.truth, which is taken to be on time".into(),
+        delay: Finding::Found(MeasuredDelay { alarm: None, ..measured_delay(0.398_2, 0.000_9) }),
+        ..replayed_pair()
+    };
+    FlightDelays { pairs: vec![replayed_pair(), still_pair(), against_truth] }
+}
+
+/// 9.3 ms above what was removed, with U = 4.2 ms: E_n = 9.3/√(13² + 4.2²).
+fn replayed_pair() -> PairDelay {
+    PairDelay {
+        kind: DelayPairKind::PositionAgainstVelocity,
+        first: "position.gps".into(),
+        second: "velocity.ekf".into(),
+        meaning:
+            "δ = Tp − Tv: how much later position.gps is than velocity.ekf. A delay that both share cannot be seen"
+                .into(),
+        origin: Some(DelayOrigin { origin_ns: 1_700_000_000_123_456_789, clock: Clock::Unix }),
+        excitation: Some(DelayExcitation {
+            samples: 2890,
+            duration_s: 714.0,
+            pieces: 2,
+            speed_p95_mps: 21.3,
+            moving_share: 0.93,
+            unexplained_share: Some(0.004),
+            predicted_s: Some(0.0018),
+        }),
+        delay: Finding::Found(measured_delay(TD + 0.0093, 0.0021)),
+    }
+}
+
+/// A pair that was tried and says nothing.
+fn still_pair() -> PairDelay {
+    PairDelay {
+        kind: DelayPairKind::VelocityAgainstAcceleration,
+        first: "velocity.ekf".into(),
+        second: "attitude.ins + specific-force.imu".into(),
+        meaning: "δ = Tv − Ta".into(),
+        origin: None,
+        excitation: None,
+        delay: Finding::CannotTell("the log holds no attitude on this clock: log it beside the specific force".into()),
+    }
+}
+
+fn measured_delay(delay_s: f64, u: f64) -> MeasuredDelay {
+    let windows = [0.6, -0.9, 0.2, 1.1, -1.3, 0.4];
+    let piece = |start_s: f64, end_s: f64, begun_by: &str| DelayPiece {
+        start_s,
+        end_s,
+        begun_by: begun_by.into(),
+        drift: [estimate(0.031, 0.004), estimate(-0.018, 0.004)],
+        noise: [
+            DelayNoise { wander_std: Some(0.61), time_constant_s: Some(41.0), white_std: 0.052 },
+            DelayNoise { wander_std: None, time_constant_s: None, white_std: 0.049 },
+        ],
+    };
+    let group =
+        |range: [f64; 2], off: f64| DelayGroup { range, samples: 1926, delay_s: estimate(delay_s + off, 2.0 * u) };
+    MeasuredDelay {
+        delay_s: estimate(delay_s, u),
+        interval_95_s: [delay_s - 1.96 * u, delay_s + 1.96 * u],
+        hessian_s: 0.8 * u,
+        hac_s: u,
+        crlb_s: 0.7 * u,
+        smallest_detectable_s: 2.8 * u,
+        samples: 5780,
+        downweighted_share: 0.004,
+        rival_s: None,
+        pieces: vec![
+            piece(0.0, 399.8, ""),
+            piece(410.0, DURATION, "a gap of 10.200 s in velocity.ekf (or a jump of its clock)"),
+        ],
+        over_time: (0..)
+            .zip(windows)
+            .map(|(i, z): (i32, f64)| WindowDelay {
+                start_s: 120.0 * f64::from(i),
+                end_s: 120.0 * f64::from(i) + 119.0,
+                delay_s: estimate(delay_s + 2.4 * z * u, 2.4 * u),
+            })
+            .collect(),
+        homogeneity: Some(DelayHomogeneity {
+            chi2: 4.67,
+            degrees_of_freedom: 5,
+            p: 0.46,
+            largest_step: DelayStep {
+                at_s: 479.5,
+                before_s: estimate(delay_s + 0.6 * u, 1.2 * u),
+                after_s: estimate(delay_s - 1.1 * u, 1.7 * u),
+                p: 1.0,
+            },
+        }),
+        alarm: None,
+        splits: vec![
+            DelaySplit {
+                by: "ground speed, m/s".into(),
+                groups: vec![group([0.2, 15.1], 0.001), group([15.1, 18.9], -0.002), group([18.9, 23.0], 0.0005)],
+                p: Some(0.71),
+            },
+            DelaySplit { by: "satellites.gps".into(), groups: vec![group([9.0, 9.0], 0.0004)], p: None },
+        ],
+        injections: vec![FlightInjection {
+            injected_s: 0.1,
+            error_s: estimate(-0.0016, 0.0042),
+            interval_95_s: [-0.0098, 0.0066],
+            split_s: 351.0,
+        }],
     }
 }
 
@@ -300,7 +414,7 @@ pub fn flight_record() -> FlightRecord {
         log: Some(log()),
         binding: Some(binding()),
         replay: Some(replay()),
-        delays: None,
+        delays: Some(delays()),
         notices: notices(),
     }
 }
@@ -314,6 +428,7 @@ pub fn failed_record() -> FlightRecord {
         log: None,
         binding: None,
         replay: None,
+        delays: None,
         notices: Notices::new(),
         ..flight_record()
     }
@@ -326,6 +441,7 @@ pub fn parked_record() -> FlightRecord {
             reason: "95 % of the ground speed is below 0.11 m/s, at least 3 m/s is needed: fly a circuit".into(),
         },
         replay: None,
+        delays: Some(FlightDelays { pairs: vec![still_pair()] }),
         ..flight_record()
     }
 }

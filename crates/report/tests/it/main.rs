@@ -3,6 +3,7 @@
 mod bench;
 mod bench_fixture;
 mod fixture;
+mod flight_delay;
 mod hostile;
 mod html;
 mod pages;

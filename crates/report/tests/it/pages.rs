@@ -74,6 +74,7 @@ fn the_answer_comes_first_with_twice_the_standard_uncertainty() {
 #[test]
 fn without_a_reference_the_page_says_what_it_cannot_show() {
     let mut record = flight_record();
+    record.delays = None;
     let replay = record.replay.as_mut().unwrap();
     replay.pair.reference = None;
     for c in &mut replay.compensators {
@@ -174,7 +175,7 @@ fn the_pen_is_lifted_where_the_record_says() {
 fn every_figure_is_named_described_and_in_the_page() {
     let site = site(&flight_record());
     let html = text(&site, "index.html");
-    for name in ["fig-7", "zoom", "zoom-difference", "difference", "track"] {
+    for name in ["fig-7", "zoom", "zoom-difference", "difference", "track", "delay-over-time"] {
         let svg = text(&site, &format!("figures/{name}.svg"));
         let tags = read(&svg);
         assert_eq!((tags[0].get("role"), tags[1].name.as_str(), tags[2].name.as_str()), (Some("img"), "title", "desc"));

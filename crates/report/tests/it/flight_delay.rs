@@ -1,0 +1,166 @@
+//! What a flight's page says of the delays that the flight itself shows.
+
+use crate::fixture::{failed_record, flight_record, parked_record};
+use crate::html::read;
+use record::{Finding, FlightRecord, MeasuredDelay};
+use report::{FlightPage, flight_site};
+
+fn page(record: &FlightRecord) -> String {
+    let site = flight_site(&FlightPage { name: "n", record, index_href: "index.html", command: "c" });
+    String::from_utf8(site.files["index.html"].clone()).unwrap()
+}
+
+/// From the section's head to that of the next.
+fn section(record: &FlightRecord) -> String {
+    let html = page(record);
+    let section = html.split("<h2 id=\"delay\">").nth(1).unwrap();
+    section.split("<h2").next().unwrap().to_owned()
+}
+
+/// Without markup.
+fn words(html: &str) -> String {
+    let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
+    text.replace('\u{a0}', " ")
+}
+
+fn main_delay(record: &mut FlightRecord) -> &mut MeasuredDelay {
+    match &mut record.delays.as_mut().unwrap().pairs[0].delay {
+        Finding::Found(found) => found,
+        Finding::CannotTell(why) => panic!("{why}"),
+    }
+}
+
+#[test]
+fn the_replays_pair_comes_first_with_what_was_removed_and_whether_they_agree() {
+    let text = words(&section(&flight_record()));
+    // 409.3 ms, U = 2 × 2.1 ms; Td = 400 ms, U = 2 × 6.5 ms; E_n = 9.3/√(4.2² + 13²) = 0.681.
+    assert!(text.contains("position.gps is late against velocity.ekf by 409.3 ± 4.2 ms (k = 2)."), "{text}");
+    assert!(
+        text.contains("Removed was Td = 400 ± 13 ms (pipeline, from Park and Lee 2010): ✓ agrees, E_n = 0.68"),
+        "{text}"
+    );
+    let html = page(&flight_record());
+    let places = [">Raw and compensated<", "<h2 id=\"delay\">", ">Data health</h2>"].map(|t| html.find(t).unwrap());
+    assert!(places.is_sorted(), "{places:?}");
+}
+
+#[test]
+fn a_removed_delay_without_uncertainty_is_held_against_that_of_the_flight_alone() {
+    let mut record = flight_record();
+    record.replay.as_mut().unwrap().settings.delay_uncertainty_s = None;
+    // 9.3/4.2 = 2.21.
+    let text = words(&section(&record));
+    assert!(text.contains("✗ differs, E_n = 2.2, the difference divided by U_δ alone"), "{text}");
+    main_delay(&mut record).delay_s.standard_uncertainty = None;
+    assert!(words(&section(&record)).contains("the two cannot be compared"));
+}
+
+#[test]
+fn a_channel_that_is_early_is_said_to_be_early_by_a_positive_time() {
+    let mut record = flight_record();
+    main_delay(&mut record).delay_s.value = -0.0123;
+    assert!(words(&section(&record)).contains("position.gps is early against velocity.ekf by 12.3 ± 4.2 ms"));
+}
+
+#[test]
+fn every_pair_has_a_row_with_its_numbers_or_its_reason() {
+    let record = flight_record();
+    let text = words(&section(&record));
+    for pair in &record.delays.as_ref().unwrap().pairs {
+        let said = match &pair.delay {
+            Finding::Found(_) => &pair.meaning,
+            Finding::CannotTell(why) => why,
+        };
+        assert!(text.contains(said.as_str()), "{said}");
+    }
+    // 1.96 × 2.1 ms to either side, 2.8 × 2.1 ms, and both axes.
+    assert!(text.contains("405.2 to 413.4") && text.contains("5.9") && text.contains("5\u{202f}780"), "{text}");
+}
+
+#[test]
+fn operating_points_injections_and_pieces_of_the_main_pair_are_in_tables() {
+    let text = words(&section(&flight_record()));
+    for wanted in [
+        "ground speed, m/s",
+        "15.1 to 18.9",
+        "satellites.gps9",
+        "1700000000123456789 ns, clock UTC",
+        "\u{2212}1.6 ± 8.4",
+        "a gap of 10.200 s in velocity.ekf",
+        "0.0310 ± 0.0080",
+    ] {
+        assert!(text.contains(wanted), "{wanted}: {text}");
+    }
+}
+
+#[test]
+fn an_alarm_and_a_rival_are_warnings_and_the_step_is_drawn() {
+    let calm = section(&flight_record());
+    assert!(!calm.contains("Warning") && !calm.contains("largest step<"));
+    let mut record = flight_record();
+    let found = main_delay(&mut record);
+    found.alarm = Some("the delay changes during the flight".into());
+    found.rival_s = Some(0.873);
+    let html = section(&record);
+    let text = words(&html);
+    assert!(text.contains("Warning the delay changes during the flight"), "{text}");
+    assert!(text.contains("explains the data almost as well: 873") && html.contains("largest step<"));
+}
+
+#[test]
+fn a_pair_of_the_replay_that_gives_no_delay_leads_with_its_reason() {
+    let mut record = flight_record();
+    let reason = "the flight is too straight: fly two circles";
+    record.delays.as_mut().unwrap().pairs[0].delay = Finding::CannotTell(reason.into());
+    let text = words(&section(&record));
+    assert!(text.contains("How late position.gps is against velocity.ekf cannot be told from this flight."), "{text}");
+    assert!(text.matches(reason).count() == 2 && !text.contains("How to read it"), "{text}");
+    // Nobody tests Td then, if there is no reference either.
+    record.replay.as_mut().unwrap().pair.reference = None;
+    assert!(page(&record).contains("Nothing in this log says whether Td is right"));
+}
+
+#[test]
+fn without_a_replay_the_first_pair_that_was_measured_leads() {
+    let mut record = flight_record();
+    record.replay = None;
+    record.delays.as_mut().unwrap().pairs.swap(0, 2);
+    record.delays.as_mut().unwrap().pairs.swap(0, 1);
+    let text = words(&section(&record));
+    assert!(text.contains("position.gps is late against position.truth by 398.2 ± 1.8 ms"), "{text}");
+    assert!(!text.contains("Removed was") && text.contains("Figure 1. The delay over the flight"), "{text}");
+}
+
+#[test]
+fn no_pair_and_no_search_are_told_apart() {
+    assert!(words(&section(&parked_record())).contains("No pair of channels gives a delay; the table says why."));
+    let mut record = flight_record();
+    record.delays.as_mut().unwrap().pairs.clear();
+    assert!(words(&section(&record)).contains("No two channels of this flight can be compared"));
+    assert!(!page(&failed_record()).contains("Delay from the flight"));
+}
+
+/// Thousands of everything, and names without end.
+#[test]
+fn a_flood_of_pairs_windows_and_pieces_stays_within_the_page_and_is_counted() {
+    let mut record = flight_record();
+    let found = main_delay(&mut record);
+    found.over_time = vec![found.over_time[1]; 5_000];
+    found.pieces = vec![found.pieces[1].clone(); 5_000];
+    found.injections = vec![found.injections[0]; 5_000];
+    found.splits[0].by = "<b>".repeat(10_000);
+    found.splits = vec![found.splits[0].clone(); 5_000];
+    found.over_time[3].delay_s.value = f64::NAN;
+    found.alarm = Some("<script>".into());
+    let pairs = &mut record.delays.as_mut().unwrap().pairs;
+    pairs[1].delay = Finding::CannotTell("x".repeat(10_000));
+    let more = vec![pairs[1].clone(); 5_000];
+    pairs.extend(more);
+    let html = page(&record);
+    read(&html);
+    assert!(html.len() < 700_000, "{}", html.len());
+    // 40 rows of 5003 pairs, of 5000 pieces and injections, of 15000 groups; 299 windows of 5000.
+    assert_eq!(html.matches("and 4\u{202f}960 more").count(), 2);
+    assert!(html.contains("and 4\u{202f}963 more") && html.contains("and 14\u{202f}960 more"));
+    assert!(html.contains("Not drawn, but in the record: 4\u{202f}701."));
+}
