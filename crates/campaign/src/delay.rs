@@ -326,7 +326,7 @@ impl<'a> Reading<'a> {
         let records =
             if position.records == 1 { "1 record".to_owned() } else { format!("{} records", position.records) };
         let shown = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
-        format!("sensor card {} of {sensor}{day}, {records}: {} {shown} ms", self.used.name(), position.name)
+        format!("sensor card {} of {sensor}{day}, {records}: {} {shown} ms (k = 2)", self.used.name(), position.name)
     }
 }
 
@@ -339,9 +339,9 @@ fn is_comparable(a: &CardChannel, b: &CardChannel) -> bool {
     anchor(a) == anchor(b)
 }
 
-/// `400.0 ± 2.1`: as many digits as the uncertainty bears.
-fn milliseconds(seconds: f64, uncertainty_s: f64) -> String {
-    let (value, uncertainty) = (seconds * 1e3, uncertainty_s * 1e3);
+/// `400.0 ± 2.1`, the expanded uncertainty with k = 2: as many digits as it bears.
+fn milliseconds(seconds: f64, standard_uncertainty_s: f64) -> String {
+    let (value, uncertainty) = (seconds * 1e3, 2.0 * standard_uncertainty_s * 1e3);
     let digits = match uncertainty {
         u if u >= 10.0 => 0,
         u if u >= 1.0 => 1,

@@ -132,8 +132,8 @@ fn a_valid_card_gives_its_delay_and_says_where_it_comes_from() {
     assert_eq!((found.delay.seconds(), found.standard_uncertainty_s), (0.4, Some(0.003)));
     assert_eq!(
         found.source,
-        "sensor card m.card.toml of M 1, measured on 2026-02-03, 3 records: position.gps 400.0 ± 3.0 ms; velocity.ins is on \
-         time within its margin (0.2 ± 1.0 ms)"
+        "sensor card m.card.toml of M 1, measured on 2026-02-03, 3 records: position.gps 400.0 ± 6.0 ms (k = 2); velocity.ins is on \
+         time within its margin (0.2 ± 2.0 ms)"
     );
     assert_eq!(codes(&found), []);
     let use_of = found.card.unwrap();
@@ -154,7 +154,7 @@ fn a_late_velocity_is_taken_off_with_its_uncertainty() {
     assert!((found.delay.seconds() - 0.35).abs() < 1e-15);
     assert!((found.standard_uncertainty_s.unwrap() - 0.005).abs() < 1e-15, "√(3² + 4²) ms");
     assert!(
-        found.source.ends_with("position.gps 400.0 ± 3.0 ms, less that of velocity.ins: 50.0 ± 4.0 ms"),
+        found.source.ends_with("position.gps 400.0 ± 6.0 ms (k = 2), less that of velocity.ins: 50.0 ± 8.0 ms"),
         "{}",
         found.source
     );
