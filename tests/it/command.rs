@@ -153,3 +153,19 @@ fn help_is_there_for_every_command() {
         assert!(help.contains("Usage: flightlag"), "{arguments:?}: {help}");
     }
 }
+
+#[test]
+fn a_compensator_is_written_as_c_and_an_unstable_one_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let of = |name: &'static str, delay: &'static str| {
+        ["compensator", name, "--delay-s", delay, "--step-s", "0.01", "--out", out].map(str::to_owned)
+    };
+    let told = run(of("pade-2-2-foh", "0.4"), 0);
+    let source = std::fs::read_to_string(folder.path().join("position_delay.c")).unwrap();
+    let header = std::fs::read_to_string(folder.path().join("position_delay.h")).unwrap();
+    assert!(source.contains("Td     0.400000 s") && header.contains("position_delay_step"), "{source}");
+    assert!(text(&told.stdout).contains("Do not compensate twice"));
+    assert!(text(&run(of("pade-0-5-foh", "0.4"), 2).stderr).contains("unstable"));
+    assert!(text(&run(of("pade-1-1-tustin", "-0.1"), 2).stderr).contains("positive delay"));
+}

@@ -61,6 +61,9 @@ pub(crate) enum Command {
     /// Writes simulated flights and bench records whose truth is known.
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
+    /// Writes a compensator as C for the aircraft, says where it helps, and what an autopilot could be told instead.
+    #[command(after_help = EXIT_CODES)]
+    Compensator(CompensatorArguments),
     /// Lists the channel maps that come with flightlag, or prints one.
     Maps(MapsArguments),
 }
@@ -220,6 +223,34 @@ pub(crate) struct DemoArguments {
     pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) desk: DeskArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompensatorArguments {
+    /// Which, as in a pipeline: pade-1-1-tustin (the paper's), pade-2-2-foh, ...
+    #[arg(value_name = "NAME")]
+    pub(crate) name: String,
+    /// Delay of the position against the velocity, s; positive is late.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) delay_s: f64,
+    /// Its standard uncertainty (k = 1), s.
+    #[arg(long, value_name = "S")]
+    pub(crate) uncertainty_s: Option<f64>,
+    /// Where the delay comes from; a comment of the source says it.
+    #[arg(long, value_name = "TEXT", default_value = "given on the command line")]
+    pub(crate) source: String,
+    /// Step of the loop that it runs in, s.
+    #[arg(long, value_name = "S")]
+    pub(crate) step_s: f64,
+    /// Single precision; double without it.
+    #[arg(long)]
+    pub(crate) float: bool,
+    /// What all names in the source begin with, and the files too.
+    #[arg(long, value_name = "NAME", default_value = "position_delay")]
+    pub(crate) prefix: String,
+    /// Folder for the two files.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub(crate) out: PathBuf,
 }
 
 #[derive(Debug, Args)]

@@ -3,6 +3,7 @@
 mod arguments;
 mod bench_command;
 mod campaign_command;
+mod compensator;
 mod demo;
 mod failure;
 mod inspect;
@@ -32,6 +33,7 @@ fn run(command: Command) -> Result<failure::End, Failure> {
         Command::Bench(arguments) => bench_command::run(&arguments, &stop),
         Command::Inspect(arguments) => inspect::run(&arguments, &stop),
         Command::Demo(arguments) => demo::run(&arguments, &stop),
+        Command::Compensator(arguments) => compensator::run(&arguments),
         Command::Maps(arguments) => maps::run(&arguments),
     }
 }

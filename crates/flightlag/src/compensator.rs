@@ -1,0 +1,63 @@
+//! `flightlag compensator`: one compensator as C, where it helps, and what to set in an autopilot instead.
+
+use crate::arguments::CompensatorArguments;
+use crate::failure::{End, Failure};
+use campaign::Exit;
+use compensation_replay::{
+    CExport, CFloat, CompensatorKind, DelayModel, Delays, MeasuredAgainst, PadeForm, ValidityBand, autopilot_advice,
+    export_c,
+};
+use flight::Delay;
+use std::io::Write;
+
+/// Share of the raw error that still counts as help.
+const HELP: f64 = 0.1;
+
+pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
+    let asked = |e: &dyn std::fmt::Display| Failure::new(Exit::Wrong, e.to_string());
+    let kind: CompensatorKind = arguments.name.parse().map_err(|e| asked(&e))?;
+    let delay = Delay::from_seconds(arguments.delay_s)
+        .filter(|delay| delay.seconds() > 0.0)
+        .ok_or_else(|| asked(&format!("--delay-s {}: a compensator removes a positive delay", arguments.delay_s)))?;
+    let export = CExport {
+        kind,
+        prefix: arguments.prefix.clone(),
+        delay_s: arguments.delay_s,
+        delay_uncertainty_s: arguments.uncertainty_s,
+        delay_source: arguments.source.clone(),
+        step_s: arguments.step_s,
+        real: if arguments.float { CFloat::Float } else { CFloat::Double },
+    };
+    let source = export_c(&export).map_err(|e| asked(&e))?;
+    let failed =
+        |path: &std::path::Path, e: std::io::Error| Failure::new(Exit::Failed, format!("{}: {e}", path.display()));
+    std::fs::create_dir_all(&arguments.out).map_err(|e| failed(&arguments.out, e))?;
+    let mut out = std::io::stdout().lock();
+    for (name, text) in [(&source.header_name, &source.header), (&source.source_name, &source.source)] {
+        let path = arguments.out.join(name);
+        std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
+        writeln!(out, "wrote {}", path.display())?;
+    }
+    writeln!(out, "{}", band(kind, arguments.delay_s))?;
+    let advice = autopilot_advice(delay, arguments.uncertainty_s, MeasuredAgainst::UnknownVelocity);
+    writeln!(out, "\nInstead of a compensator, an autopilot can be told the delay:\n{}", advice.text())?;
+    Ok(Exit::Well.into())
+}
+
+/// Up to which frequency of motion it helps, and from where on it harms.
+fn band(kind: CompensatorKind, delay_s: f64) -> String {
+    let CompensatorKind::Pade { m, n, .. } = kind else { return String::new() };
+    let Ok(form) = PadeForm::new(m, n) else { return String::new() };
+    let Some(band) = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(delay_s), HELP) else {
+        return String::new();
+    };
+    let up_to = |hz: Option<f64>| hz.map_or("nowhere".to_owned(), |hz| format!("up to {hz:.2} Hz"));
+    let worse = band
+        .worse_above_hz
+        .map_or("never worse than raw below 1/Td".to_owned(), |hz| format!("worse than raw from {hz:.2} Hz on"));
+    format!(
+        "removes nine tenths of the error {}, half of it {}, {worse} (velocity on time, position not held)",
+        up_to(band.helps_below_hz),
+        up_to(band.halves_below_hz)
+    )
+}
