@@ -1,11 +1,11 @@
 //! One bench record from two flights: the encoder's and the sensor's.
 
 use crate::alignment::{Alignment, align};
-use crate::channel::{Circumstances, SensedChannel, SensedComponent, dynamics};
+use crate::channel::{Circumstances, SensedChannel, SensedComponent, dynamics, estimate};
 use crate::clock::{EncoderRate, Tied, moved, tie};
 use crate::curves::{curve, liveliest};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
-use crate::flexibility::flexibility;
+use crate::flexibility::{flexibility, weighted_mean};
 use crate::gate::{Gate, gate};
 use crate::motion::Motion;
 use crate::mount::mount_finding;
@@ -185,7 +185,7 @@ impl Timing {
                 .collect();
             let Some(fit) = fit_delay(&measurements, &settings).ok().filter(|fit| fit.converged) else { continue };
             let Some(skew) = fit.skew else { continue };
-            skews.push((skew.value, skew.standard_uncertainty));
+            skews.push(estimate(skew));
             if matches!(&tied.basis, TimeBasis::Anchor { channel: anchor } if *anchor == channel.name) {
                 // The fit refers its delay to the middle of its own rows.
                 let at_middle = fit.delay_s - skew.value * (middle_s - fit.middle_s);
@@ -193,7 +193,10 @@ impl Timing {
                     Some(Estimate { value: at_middle, standard_uncertainty: Some(fit.standard_uncertainty_s) });
             }
         }
-        Timing { skew: joint(&skews), anchor_lag_s, middle_s }
+        // One clock has one skew: all its channels say the same.
+        let skew = weighted_mean(&skews)
+            .map_or_else(|| Finding::CannotTell("no channel could be fitted with a skew".to_owned()), Finding::Found);
+        Timing { skew, anchor_lag_s, middle_s }
     }
 
     /// Where two clocks ran, the sensor's stamps are put right by the joint skew and by the anchor's lag.
@@ -238,20 +241,6 @@ impl Timing {
             pps: tied.pps.clone(),
         }
     }
-}
-
-/// Inverse-variance mean of the skews of all channels of one clock, widened where they scatter more than they claim.
-fn joint(skews: &[(f64, f64)]) -> Finding<Estimate> {
-    let usable: Vec<(f64, f64)> =
-        skews.iter().filter(|(_, u)| *u > 0.0 && u.is_finite()).map(|(v, u)| (*v, u.powi(-2))).collect();
-    let weight: f64 = usable.iter().map(|(_, w)| w).sum();
-    if usable.is_empty() {
-        return Finding::CannotTell("no channel could be fitted with a skew".to_owned());
-    }
-    let mean = usable.iter().map(|(v, w)| v * w).sum::<f64>() / weight;
-    let chi2: f64 = usable.iter().map(|(v, w)| w * (v - mean).powi(2)).sum();
-    let birge = (chi2 / (usable.len() - 1).max(1) as f64).sqrt().max(1.0);
-    Finding::Found(Estimate { value: mean, standard_uncertainty: Some(birge / weight.sqrt()) })
 }
 
 fn channels(

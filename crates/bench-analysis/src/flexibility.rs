@@ -52,10 +52,10 @@ fn u(e: &Estimate) -> f64 {
     e.standard_uncertainty.unwrap_or(f64::INFINITY)
 }
 
-/// Inverse-variance mean; its uncertainty is widened (Birge) where the gains scatter more than they claim.
-fn weighted_mean(gains: &[Estimate]) -> Option<Estimate> {
+/// Inverse-variance mean; its uncertainty is widened (Birge) where the values scatter more than they claim.
+pub(crate) fn weighted_mean(values: &[Estimate]) -> Option<Estimate> {
     let usable: Vec<(f64, f64)> =
-        gains.iter().filter(|g| u(g).is_finite() && u(g) > 0.0).map(|g| (g.value, u(g).powi(-2))).collect();
+        values.iter().filter(|g| u(g).is_finite() && u(g) > 0.0).map(|g| (g.value, u(g).powi(-2))).collect();
     let weight: f64 = usable.iter().map(|(_, w)| w).sum();
     if usable.is_empty() {
         return None;
