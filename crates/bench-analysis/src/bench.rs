@@ -89,6 +89,9 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let references = References::of(&tied.flight, &turned, rig, &around, &rough);
     let timing = Timing::of(&references, &tied, rig, &turned);
     let corrected = timing.correct(&tied, &turned);
+    if let Some(flight) = &corrected {
+        notices.extend(flight.notices.clone());
+    }
     let sensor = corrected.as_ref().unwrap_or(&tied.flight);
 
     let alignment = if corrected.is_some() { align(&raw, sensor, rig, &around) } else { rough };

@@ -70,6 +70,7 @@ pub(crate) fn tie(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig, one_log:
 
 /// The same channels with stamps moved by `shift_s` plus `skew` times the distance from `middle_s`, all in the encoder's
 /// clock: what the anchor and the joint skew are corrected with.
+/// Rows that no longer rise are dropped, with a notice of the flight.
 pub(crate) fn moved(flight: &Flight, origin: Stamp, shift_s: f64, skew: f64, middle_s: f64) -> Flight {
     let to = |stamp: Stamp| {
         let t = stamp.seconds_since(origin);
@@ -80,7 +81,8 @@ pub(crate) fn moved(flight: &Flight, origin: Stamp, shift_s: f64, skew: f64, mid
         let stamps = primary(channel);
         Some((name.clone(), retimed(name, channel, &stamps, stamps.clock, to, &mut notices)?))
     });
-    Flight { channels: channels.collect(), notices: Notices::new() }
+    let channels = channels.collect();
+    Flight { channels, notices }
 }
 
 /// One kind of stamp of a channel.
