@@ -1,5 +1,6 @@
 //! What was read, what was not, and how good the time stamps are.
 
+use crate::about::About;
 use crate::channel::{ChannelSource, Quantity};
 use crate::time::{Clock, StampKind};
 use serde::{Deserialize, Serialize};
@@ -51,6 +52,9 @@ pub struct LogHealth {
     pub topics: Vec<TopicHealth>,
     /// Attachments, metadata and the like, by name: listed, not read.
     pub extras: Vec<String>,
+    /// What the log says of the vehicle and its settings.
+    #[serde(default, skip_serializing_if = "About::is_empty")]
+    pub about: About,
 }
 
 /// One topic of the log, read or not.

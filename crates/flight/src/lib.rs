@@ -14,6 +14,7 @@
 //! # Ok::<(), flight::SeriesError>(())
 //! ```
 
+mod about;
 mod channel;
 mod geodesy;
 mod health;
@@ -22,6 +23,7 @@ mod series;
 mod time;
 mod unit;
 
+pub use about::{About, ConfiguredDelay, ModeStart};
 pub use channel::{Channel, ChannelSource, Flight, Quantity};
 pub use geodesy::{Ecef, Geodetic, LocalFrame, WGS84_A, WGS84_E2, WGS84_F};
 pub use health::{

@@ -46,6 +46,18 @@ pub enum LogKind {
     Mcap,
     /// ROS 1 bag.
     Bag,
+    /// PX4 ULog.
+    Ulog,
+    /// ArduPilot DataFlash, binary or text.
+    DataFlash,
+    /// MAVLink telemetry log.
+    Tlog,
+    /// ROS 2 bag in SQLite.
+    Db3,
+    /// NMEA 0183 sentences.
+    Nmea,
+    /// u-blox binary.
+    Ubx,
 }
 
 /// Looks through `root`, a folder or a single file. Files are recognised by their content; tables in
@@ -199,8 +211,7 @@ impl Search<'_> {
         let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
         match sniff::content_of(path, &head, &context) {
             Content::Other(reason) => self.ignore(id, reason),
-            Content::Mcap => self.unit(id, vec![path.to_owned()], LogKind::Mcap),
-            Content::Bag => self.unit(id, vec![path.to_owned()], LogKind::Bag),
+            Content::Log(kind) => self.unit(id, vec![path.to_owned()], kind),
             Content::Table { flysight2 } => {
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 tables.push(TableFile { path: path.to_owned(), id: id.to_owned(), stem, flysight2 });

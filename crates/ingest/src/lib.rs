@@ -25,7 +25,9 @@ mod table;
 pub use bind::bind;
 pub use discover::{Discovery, FlightUnit, LogKind, discover};
 pub use error::IngestError;
-pub use format::{BagReader, CsvReader, McapReader};
+pub use format::{
+    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
+};
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
 pub use load::{Loaded, load, open};

@@ -3,7 +3,9 @@
 use crate::bind::bind;
 use crate::discover::{FlightUnit, LogKind};
 use crate::error::IngestError;
-use crate::format::{BagReader, CsvReader, McapReader};
+use crate::format::{
+    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
+};
 use crate::map::MapLibrary;
 use crate::reader::{Log, LogReader, ReadContext};
 use flight::{Binding, Flight, LogHealth};
@@ -29,6 +31,12 @@ pub fn open(unit: &FlightUnit) -> Box<dyn LogReader> {
         LogKind::Csv => Box::new(CsvReader::new(files)),
         LogKind::Mcap => Box::new(McapReader::new(files)),
         LogKind::Bag => Box::new(BagReader::new(files)),
+        LogKind::Ulog => Box::new(UlogReader::new(files)),
+        LogKind::DataFlash => Box::new(DataFlashReader::new(files)),
+        LogKind::Tlog => Box::new(TlogReader::new(files)),
+        LogKind::Db3 => Box::new(Db3Reader::new(files)),
+        LogKind::Nmea => Box::new(NmeaReader::new(files)),
+        LogKind::Ubx => Box::new(UbxReader::new(files)),
     }
 }
 

@@ -2,14 +2,26 @@
 
 mod bag;
 mod csv;
+mod dataflash;
+mod db3;
 mod file;
 mod inflate;
 mod mcap;
+mod nmea;
+mod tlog;
+mod ubx;
+mod ulog;
 
 pub use bag::BagReader;
 pub use csv::CsvReader;
 pub(crate) use csv::looks_like as looks_like_table;
+pub use dataflash::DataFlashReader;
+pub use db3::Db3Reader;
 pub use mcap::{McapReader, mcap_indexed_records, mcap_records};
+pub use nmea::NmeaReader;
+pub use tlog::TlogReader;
+pub use ubx::UbxReader;
+pub use ulog::UlogReader;
 
 use crate::decode::Topics;
 use crate::error::IngestError;

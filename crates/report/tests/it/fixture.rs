@@ -354,6 +354,7 @@ fn log() -> LogHealth {
         damage_count: 1,
         topics: (0..18).map(topic).collect(),
         extras: vec!["params.yaml (attachment, 8231 bytes)".into()],
+        about: flight::About::default(),
     }
 }
 
