@@ -29,6 +29,18 @@ bench-demo folder="reports/demo":
 monte-carlo *options:
     cargo run --release -p bench-analysis --example monte_carlo -- "$@"
 
+# Table 5.7 of the design note: every compensator on six kinds of data, found beside noted
+table-5-7:
+    cargo run --release -p compensation-replay --example table_5_7
+
+# How good the delay from a flight is over simulated circuits, and beside integer shifts of velocity differences
+delay-study *options:
+    cargo run --release -p compensation-replay --example flight_delay_study -- "$@"
+
+# Samples per second and core of every compensator, one hour at 100 Hz
+perf-compensators:
+    cargo run --release -p compensation-replay --example compensator_speed
+
 # What a log holds, and how good its time stamps are
 [no-exit-message]
 inspect log *options:
