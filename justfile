@@ -73,3 +73,13 @@ perf-campaign flights="200":
     cargo build --release -p flightlag
     cargo build --release -p simulate --example campaign
     tests/perf/campaign.sh "$1"
+
+# What is good of a damaged log, as MCAP
+[no-exit-message]
+recover log out *options:
+    @cargo run --release --quiet -p flightlag -- recover "$@"
+
+# The channels of a log as tables: just export LOG --to parquet|csv|mcap [--topics] [--out PATH]
+[no-exit-message]
+export log *options:
+    @cargo run --release --quiet -p flightlag -- export "$@"

@@ -3,7 +3,7 @@
 use crate::agreement::{channels, containers, read_back};
 use crate::program::run;
 use bench_analysis::{BenchInput, Rig, bench};
-use record::{Finding, SensorCard, TimeBasis, Verdict};
+use record::{Finding, IronCalibration, SensorCard, TimeBasis, Verdict};
 use simulate::{BenchChannel, BenchDemo, BenchSensor, BenchSettings, RigText, SimulatedBench, simulate_bench};
 use std::collections::BTreeSet;
 use std::fs;
@@ -103,6 +103,34 @@ fn the_command_makes_a_card_that_holds_the_truth() {
         }
         let page = fs::read_to_string(out.join("index.html")).unwrap();
         assert!(page.contains(&serial) && !page.contains("src=\"http"));
+        let magnetometer = card.magnetometer.unwrap();
+        assert_eq!(magnetometer.azimuths_rad.len(), of_sensor.len());
+        match &magnetometer.iron {
+            Finding::Found(iron) => {
+                assert!(of_sensor.len() > 2 && page.contains("Soft iron, row by row"));
+                holds_the_truth(iron, &of_sensor[0].channels[&magnetometer.channel]);
+            }
+            Finding::CannotTell(why) => {
+                assert!(of_sensor.len() == 1 && why.contains("swing at 2 more, as 150° and 270°"), "{why}");
+                assert!(page.contains(why.as_str()));
+            }
+        }
+    }
+}
+
+/// Hard iron, and soft iron scaled to determinant one, within 4.5 standard uncertainties: 12 numbers.
+fn holds_the_truth(iron: &IronCalibration, truth: &BenchSensor) {
+    let soft = truth.soft_iron.unwrap();
+    let [[a, b, c], [d, e, f], [g, h, i]] = soft;
+    let scale = (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)).cbrt();
+    for axis in 0..3 {
+        let (off, u) = (iron.hard_iron[axis] - truth.sampling.bias[axis], iron.hard_iron_standard_uncertainty[axis]);
+        assert!(off.abs() < 4.5 * u && u < 0.5e-6, "{axis}: {off} ± {u} T");
+        for column in 0..3 {
+            let off = iron.soft_iron[axis][column] - soft[axis][column] / scale;
+            let u = iron.soft_iron_standard_uncertainty[axis][column];
+            assert!(off.abs() < 4.5 * u && u < 0.02, "{axis} {column}: {off} ± {u}");
+        }
     }
 }
 

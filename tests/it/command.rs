@@ -147,6 +147,7 @@ fn help_is_there_for_every_command() {
         vec!["campaign", "status", "--help"],
         vec!["inspect", "--help"],
         vec!["demo", "--help"],
+        vec!["criteria", "--help"],
         vec!["maps", "--help"],
     ] {
         let help = text(&run(&arguments, 0).stdout);
@@ -168,4 +169,126 @@ fn a_compensator_is_written_as_c_and_an_unstable_one_refused() {
     assert!(text(&told.stdout).contains("Do not compensate twice"));
     assert!(text(&run(of("pade-0-5-foh", "0.4"), 2).stderr).contains("unstable"));
     assert!(text(&run(of("pade-1-1-tustin", "-0.1"), 2).stderr).contains("positive delay"));
+}
+
+/// Runs a campaign of one simulated flight, 5 Hz and 0.4 s late, judged by these criteria.
+struct Judging {
+    folder: tempfile::TempDir,
+}
+
+impl Judging {
+    fn new() -> Judging {
+        let folder = tempfile::tempdir().unwrap();
+        simulate::write_campaign(&folder.path().join("flights"), 1, 60.0, 1).unwrap();
+        Judging { folder }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    /// Limits of the rate and of the longest gap.
+    fn criteria(&self, rate: &str, gap: &str) -> String {
+        let criterion = |id: &str, metric: &str, limit: &str| {
+            format!("[[criterion]]\nid = \"{id}\"\ntitle = \"t\"\nmetric = \"{metric}\"\n{limit}\nrationale = \"r\"\n")
+        };
+        let rate = criterion("rate", "position-rate", &format!("at_least = \"{rate}\""));
+        let gap = criterion("gap", "longest-position-gap", &format!("at_most = \"{gap}\""));
+        let file = self.path("c.toml");
+        fs::write(&file, format!("schema = 1\n{rate}{gap}")).unwrap();
+        file
+    }
+
+    fn run(&self, added: &[&str], exit: i32) -> String {
+        let (flights, out) = (self.path("flights"), self.path("out"));
+        let ran = run(["campaign", &flights, "--out", &out].iter().chain(added), exit);
+        text(&ran.stdout) + &text(&ran.stderr)
+    }
+
+    fn page(&self) -> String {
+        fs::read_to_string(self.folder.path().join("out/flights/flight-0001.mcap/index.html")).unwrap()
+    }
+
+    fn record(&self) -> serde_json::Value {
+        let file = self.folder.path().join("out/flights/flight-0001.mcap/record.json");
+        serde_json::from_slice(&fs::read(file).unwrap()).unwrap()
+    }
+}
+
+#[test]
+fn a_criterion_that_is_not_met_ends_with_4_and_another_limit_reads_no_log() {
+    let campaign = Judging::new();
+    let missed = campaign.criteria("10 Hz", "2 s");
+    let said = campaign.run(&["--criteria", &missed], 4);
+    assert!(said.contains("criteria, flights by gravest verdict: 1 FAIL"), "{said}");
+    assert!(said.contains("FAIL rate (position-rate ≥ 10 Hz): flight-0001.mcap"), "{said}");
+    assert!(campaign.page().contains("criterion ≥ 10\u{a0}Hz: FAIL"));
+    let finding = &campaign.record()["criteria"]["findings"][0];
+    assert_eq!((&finding["verdict"], &finding["limit"]), (&"fail".into(), &serde_json::json!({ "at-least": 10.0 })));
+    let again = campaign.run(&["--criteria", &missed], 4);
+    assert!(again.contains("nothing changed") && again.contains("1 FAIL"), "{again}");
+
+    let met = campaign.criteria("4 Hz", "2 s");
+    let said = campaign.run(&["--criteria", &met], 0);
+    assert!(said.contains("0 results to make") && said.contains("1 page made"), "{said}");
+    assert!(said.contains("gravest verdict: 1 PASS") && !said.contains("FAIL"), "{said}");
+    assert!(campaign.page().contains("criterion ≥ 4\u{a0}Hz: PASS"));
+    let judged: serde_json::Value =
+        serde_json::from_slice(&fs::read(campaign.folder.path().join("out/campaign.json")).unwrap()).unwrap();
+    assert_eq!(judged["criteria"]["flights"]["pass"], 1);
+
+    campaign.run(&[], 0);
+    assert!(!campaign.page().contains("criterion") && campaign.record().get("criteria").is_none());
+}
+
+#[test]
+fn a_missed_criterion_outweighs_a_damaged_log() {
+    let campaign = Judging::new();
+    let log = campaign.folder.path().join("flights/flight-0001.mcap");
+    let bytes = fs::read(&log).unwrap();
+    fs::write(&log, &bytes[..bytes.len() * 7 / 10]).unwrap();
+    campaign.run(&["--criteria", &campaign.criteria("4 Hz", "2 s")], 3);
+    campaign.run(&["--criteria", &campaign.criteria("10 Hz", "2 s")], 4);
+}
+
+#[test]
+fn criteria_can_be_named_by_the_pipeline_and_are_overruled_by_the_command() {
+    let campaign = Judging::new();
+    campaign.criteria("10 Hz", "2 s");
+    let text = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"s\"\n[criteria]\nfile = \"c.toml\"\n";
+    let pipeline = campaign.path("p.toml");
+    fs::write(&pipeline, text).unwrap();
+    campaign.run(&["--pipeline", &pipeline], 4);
+    let other = campaign.path("other.toml");
+    fs::write(&other, fs::read_to_string(campaign.path("c.toml")).unwrap().replace("10 Hz", "4 Hz")).unwrap();
+    campaign.run(&["--pipeline", &pipeline, "--criteria", &other], 0);
+    fs::write(&other, "schema = 1\n[[criterion]]\nid = \"a\"\n").unwrap();
+    let wrong = campaign.run(&["--criteria", &other], 2);
+    assert!(wrong.contains("other.toml:2: missing key `title`"), "{wrong}");
+    fs::write(campaign.path("c.toml"), "schema = 2\n").unwrap();
+    let wrong = campaign.run(&["--pipeline", &pipeline], 2);
+    assert!(wrong.contains("p.toml:6: criteria.file: ") && wrong.contains("c.toml:1: schema must be 1"), "{wrong}");
+}
+
+#[test]
+fn a_cluster_judges_by_the_criteria_of_the_plan() {
+    let campaign = Judging::new();
+    let (flights, out) = (campaign.path("flights"), campaign.path("out"));
+    let criteria = campaign.criteria("10 Hz", "2 s");
+    run(["campaign", "plan", &flights, "--out", &out, "--criteria", &criteria], 0);
+    fs::remove_file(&criteria).unwrap();
+    let manifest = campaign.path("out/manifest.json");
+    run(["campaign", "task", "--manifest", &manifest, "--shard", "0"], 0);
+    run(["campaign", "reduce", "--manifest", &manifest], 4);
+}
+
+#[test]
+fn what_criteria_can_ask_is_listed_and_a_file_is_checked() {
+    let listed = text(&run(["criteria"], 0).stdout);
+    assert!(listed.contains("error-rms") && listed.contains("needs compensator"), "{listed}");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    fs::write(&file, run(["criteria", "--example"], 0).stdout).unwrap();
+    let meant = text(&run(["criteria".as_ref(), file.as_os_str()], 0).stdout);
+    assert!(meant.starts_with("# mine.toml is right; criteria: ") && meant.contains("metric = \"delay\""), "{meant}");
 }

@@ -1,12 +1,14 @@
 //! One bench record from two flights: the encoder's and the sensor's.
 
 use crate::alignment::{Alignment, align};
+use crate::card::MagneticEvidence;
 use crate::channel::{Circumstances, SensedChannel, SensedComponent, dynamics, estimate};
 use crate::clock::{EncoderRate, Tied, moved, tie};
 use crate::curves::{curve, liveliest};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 use crate::flexibility::{flexibility, weighted_mean};
 use crate::gate::{Gate, gate};
+use crate::magnetometer::magnetic_swings;
 use crate::motion::Motion;
 use crate::mount::mount_finding;
 use crate::references::{ChannelReference, ComponentReference, References};
@@ -38,6 +40,8 @@ pub struct BenchInput<'a> {
 pub struct Bench {
     /// What was found.
     pub findings: BenchFindings,
+    /// What it shows of its magnetometer, for a card of several records.
+    pub magnetic: MagneticEvidence,
     /// UTC day of the record, `yyyy-mm-dd`, if stamps or rig say so.
     pub date: Option<String>,
     /// What a reader must know.
@@ -107,7 +111,9 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let Gate { quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
     let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
     timing.warn(&tied, &mut notices);
-    let (mount, mount_notices) = mount_finding(sensor, &motion, rig, &around, &alignment);
+    let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);
+    notices.extend(turn_notices);
+    let (mount, mount_notices) = mount_finding(rig, &around, &alignment, &swings);
     notices.extend(mount_notices);
     let findings = BenchFindings {
         origin_ns: motion.origin().0,
@@ -119,7 +125,8 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
         clocks: timing.finding(&tied),
         channels,
     };
-    Ok(Bench { findings, date: day.map(|d| d.to_string()), notices })
+    let magnetic = MagneticEvidence { swings, around };
+    Ok(Bench { findings, magnetic, date: day.map(|d| d.to_string()), notices })
 }
 
 fn tied(input: &BenchInput<'_>, raw: &Motion, clock: Clock, rig: &Rig) -> Result<Tied, BenchRefusal> {

@@ -5,11 +5,14 @@ mod combine;
 mod example;
 mod file;
 mod identity;
+mod iron;
 mod random_effects;
 
 pub use combine::{CardTerms, Combined, combine};
 pub use file::{card_text, parse_card};
 pub use identity::{identity_conflict, sensor_name};
+pub use random_effects::{Mean, Reading, mean_of};
+pub use iron::{MagneticEvidence, card_magnetometer};
 
 use std::path::PathBuf;
 

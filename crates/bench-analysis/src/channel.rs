@@ -2,7 +2,7 @@
 
 use crate::clock::ChannelTime;
 use crate::curves::component_curves;
-use crate::injection::inject;
+use crate::injection::{inject, not_injected};
 use crate::response::response;
 use crate::verdict::{Evidence, millis};
 use flight::{Channel, Delay, RejectCount};
@@ -26,6 +26,9 @@ const SECOND_MINIMUM_EXCESS: f64 = 9.0;
 const OBJECTIVE_POINTS: usize = 251;
 /// The objective near its minimum is drawn this many standard uncertainties to either side.
 const NEAR_U: f64 = 5.0;
+
+/// Why a channel without a fit has no more to show.
+const NOT_TRIED: &str = "the channel could not be measured";
 
 /// One component of a channel with what it should have measured.
 pub(crate) struct SensedComponent<'a> {
@@ -191,7 +194,7 @@ fn mean_age(t: &[f64], updates: &[usize]) -> Option<f64> {
 }
 
 fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates) -> ChannelDynamics {
-    let not_tried = || "the channel could not be measured".to_owned();
+    let not_tried = || NOT_TRIED.to_owned();
     ChannelDynamics {
         name: channel.name.to_owned(),
         quantity: channel.channel.quantity,
@@ -214,7 +217,7 @@ fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updat
         stationarity: Finding::CannotTell(not_tried()),
         jitter_s: Finding::CannotTell(not_tried()),
         latency: channel.time.latency.clone(),
-        injections: vec![],
+        injections: not_injected(bench, NOT_TRIED),
     }
 }
 

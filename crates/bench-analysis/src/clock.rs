@@ -9,7 +9,7 @@ use crate::verdict::millis;
 use flight::{
     Channel, Clock, Distribution, Flight, Notices, Quantity, RejectCount, Series, Severity, Stamp, StampKind, Timeline,
 };
-use record::{HullFinding, LatencyHistogram, PpsFinding, TimeBasis};
+use record::{Finding, HullFinding, LatencyHistogram, PpsFinding, TimeBasis};
 use signal::{CoarseLag, HullLine, PiecewiseClock, coarse_lag, lower_hull, percentile_of_sorted};
 use std::collections::BTreeMap;
 
@@ -41,7 +41,7 @@ pub(crate) struct ChannelTime {
     /// The clock of these stamps as logged.
     pub(crate) clock: Clock,
     /// Arrival less device time, if both are logged.
-    pub(crate) latency: Option<LatencyHistogram>,
+    pub(crate) latency: Finding<LatencyHistogram>,
 }
 
 /// The sensor's channels in the encoder's clock.
@@ -82,7 +82,7 @@ pub(crate) fn moved(flight: &Flight, origin: Stamp, shift_s: f64, skew: f64, mid
         Some((name.clone(), retimed(name, channel, &stamps, stamps.clock, to, &mut notices)?))
     });
     let channels = channels.collect();
-    Flight { channels, notices }
+    Flight { channels, notices, utc: flight.utc.clone() }
 }
 
 /// One kind of stamp of a channel.
@@ -319,9 +319,18 @@ fn hull_of(pairs: &[(Stamp, Stamp)], name: &str, device: Clock, arrival: Clock) 
 }
 
 /// Arrival less device time on the rows of a channel: absolute if one clock counts both, else above the fastest.
-fn latency(channel: &Channel, hull: Option<&Hull>) -> Option<LatencyHistogram> {
+fn latency(channel: &Channel, hull: Option<&Hull>) -> Finding<LatencyHistogram> {
     let device = primary(channel);
-    let arrival = all_stamps(channel).filter(|s| s.kind > device.kind).max_by_key(|s| s.kind)?;
+    let Some(arrival) = all_stamps(channel).filter(|s| s.kind > device.kind).max_by_key(|s| s.kind) else {
+        return Finding::CannotTell(format!("the log holds no later stamp than the {} one", device.kind));
+    };
+    let untied = "the clocks of device and arrival differ and could not be tied to each other";
+    let found = histogram(&device, &arrival, hull).ok_or_else(|| untied.to_owned());
+    found.map_or_else(Finding::CannotTell, Finding::Found)
+}
+
+/// `None` if two clocks count and nothing ties them.
+fn histogram(device: &Stamps<'_>, arrival: &Stamps<'_>, hull: Option<&Hull>) -> Option<LatencyHistogram> {
     let pairs = || device.stamps.iter().zip(arrival.stamps);
     let (latencies, text): (Vec<f64>, _) = if arrival.clock == device.clock {
         let text = format!("{} less {} stamp, of one clock: absolute", arrival.kind, device.kind);

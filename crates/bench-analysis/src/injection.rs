@@ -4,7 +4,7 @@
 //! a wrong scale would do. The difference of two independent estimates must be what was put in.
 
 use crate::channel::Circumstances;
-use record::{Estimate, Injection};
+use record::{Estimate, Finding, Injection, Recovery};
 use signal::{DelayFit, DelaySettings, Measurement, fit_delay};
 
 /// Every delay of the rig's list is injected once, with its gain.
@@ -13,20 +13,33 @@ pub(crate) fn inject(
     settings: &DelaySettings,
     bench: &Circumstances<'_>,
 ) -> Vec<Injection> {
-    let Some(middle) = moving_middle(bench) else { return vec![] };
-    let halves = |later: bool, delay_s: f64, gain: f64| {
+    let half = |later: bool, delay_s: f64, gain: f64| {
+        let middle = moving_middle(bench).ok_or("the bar does not move")?;
         let parts: Vec<Part> = measurements.iter().map(|m| Part::of(m, middle, later, delay_s, gain)).collect();
         let whole: Vec<Measurement<'_>> =
             measurements.iter().zip(&parts).map(|(m, part)| Measurement { t: &part.t, y: &part.y, ..*m }).collect();
-        fit_delay(&whole, settings).ok().filter(|fit| fit.converged)
+        let fit = fit_delay(&whole, settings).map_err(|error| error.to_string())?;
+        if fit.converged { Ok(fit) } else { Err("the fit does not settle on one delay".to_owned()) }
     };
-    let Some(before) = halves(false, 0.0, 1.0) else { return vec![] };
+    let before = half(false, 0.0, 1.0);
     let gain = bench.inject_gain;
-    bench
-        .inject_s
-        .iter()
-        .filter_map(|&delay_s| Some(compare(&before, &halves(true, delay_s, gain)?, delay_s, gain)))
-        .collect()
+    let recovered = |delay_s: f64| {
+        let before = before.as_ref().map_err(|why| format!("the first half alone cannot be fitted: {why}"))?;
+        let after = half(true, delay_s, gain)
+            .map_err(|why| format!("the second half with what was injected cannot be fitted: {why}"))?;
+        Ok(compare(before, &after, delay_s, gain))
+    };
+    let one = |delay_s: f64| injection(delay_s, gain, recovered(delay_s));
+    bench.inject_s.iter().copied().map(one).collect()
+}
+
+/// The same list for a channel into which nothing can be put.
+pub(crate) fn not_injected(bench: &Circumstances<'_>, why: &str) -> Vec<Injection> {
+    bench.inject_s.iter().map(|&delay_s| injection(delay_s, bench.inject_gain, Err(why.to_owned()))).collect()
+}
+
+fn injection(injected_s: f64, injected_gain: f64, recovered: Result<Recovery, String>) -> Injection {
+    Injection { injected_s, injected_gain, recovered: recovered.map_or_else(Finding::CannotTell, Finding::Found) }
 }
 
 /// The instant that halves the squared path of the bar: both halves say as much.
@@ -57,7 +70,7 @@ impl Part {
     }
 }
 
-fn compare(before: &DelayFit, after: &DelayFit, injected_s: f64, injected_gain: f64) -> Injection {
+fn compare(before: &DelayFit, after: &DelayFit, injected_s: f64, injected_gain: f64) -> Recovery {
     let delay_error_s = Estimate {
         value: after.delay_s - before.delay_s - injected_s,
         standard_uncertainty: Some(after.standard_uncertainty_s.hypot(before.standard_uncertainty_s)),
@@ -69,5 +82,5 @@ fn compare(before: &DelayFit, after: &DelayFit, injected_s: f64, injected_gain: 
             (a.value / b.value) * (a.standard_uncertainty / a.value).hypot(b.standard_uncertainty / b.value),
         ),
     });
-    Injection { injected_s, injected_gain, delay_error_s, gain_error }
+    Recovery { delay_error_s, gain_error }
 }

@@ -7,10 +7,9 @@ mod gyro;
 use crate::alignment::{Alignment, Clue, estimate};
 use crate::kinematics::wrapped;
 use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
-use crate::motion::Motion;
 use crate::rig::Rig;
 use crate::surroundings::Surroundings;
-use flight::{Flight, Notices, Quantity, Severity};
+use flight::{Notices, Quantity, Severity};
 use record::{Estimate, Finding, MountCheck, MountFinding};
 
 /// Angles of zero and azimuth agree within this on top of their uncertainties (1°).
@@ -26,23 +25,19 @@ const MISALIGNMENT_TOLERANCE_RAD: f64 = 0.0175;
 
 /// What each check is made from.
 struct Look<'a> {
-    motion: &'a Motion,
-    rig: &'a Rig,
     around: &'a Surroundings,
     alignment: &'a Alignment,
 }
 
-/// Compares mount, lever arms, biases and scales with the rig. `motion` is oriented by `alignment`; stamps of `sensor`
-/// are in the encoder's clock.
+/// Compares mount, lever arms, biases and scales with the rig, and calibrates the magnetometer on its `swings`.
 #[must_use]
 pub fn mount_finding(
-    sensor: &Flight,
-    motion: &Motion,
     rig: &Rig,
     around: &Surroundings,
     alignment: &Alignment,
+    swings: &[MagneticSwing],
 ) -> (MountFinding, Notices) {
-    let look = Look { motion, rig, around, alignment };
+    let look = Look { around, alignment };
     let detected = detected(&look);
     let mut checks = angle_checks(&look);
     for clue in &alignment.clues {
@@ -58,7 +53,7 @@ pub fn mount_finding(
         ),
         stated: rig.bar.mount.to_string(),
         checks,
-        magnetometer: magnetometer(sensor, &look),
+        magnetometer: calibrate_magnetometer(swings, around),
     };
     let notices = warnings(&finding, detected, rig);
     (finding, notices)
@@ -167,16 +162,6 @@ fn untold(name: String, unit: &str, why: &str) -> MountCheck {
         agrees: None,
         text: String::new(),
     }
-}
-
-fn magnetometer(sensor: &Flight, look: &Look<'_>) -> Finding<record::MagnetometerFinding> {
-    let swings: Vec<MagneticSwing> = sensor
-        .channels
-        .iter()
-        .filter_map(|(name, channel)| MagneticSwing::of(name, channel, look.motion, look.rig, look.alignment))
-        .take(1)
-        .collect();
-    calibrate_magnetometer(&swings, look.around)
 }
 
 /// One coefficient of a regression as an estimate.

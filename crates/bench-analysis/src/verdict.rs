@@ -46,6 +46,11 @@ impl Evidence {
     /// *Delayed* (or *early*) if the interval of 95 % excludes zero and a delay beyond the margin is not excluded;
     /// *equivalent to zero* if that of 90 % lies within the margin, which is two one-sided tests at 5 %;
     /// else *inconclusive*.
+    ///
+    /// How often the interval excludes zero where nothing is late (examples/monte_carlo): in 4.7 ± 0.1 % of 24 000 records at
+    /// 10 Hz with jittered stamps and coloured noise, 4.4 to 5.5 % (each ± 0.3) under seven other kinds of noise in the
+    /// model, 1.2 to 6.5 % outside it. Tried and left: the curvature alone (5.1 %) or the sandwich only where the whitened
+    /// residuals are not white (5.1 %), which are nearer to 5 % but say "late" 12 to 18 % of the time where stamps miss.
     pub(crate) fn judge(&self) -> Judgement {
         let [low, high] = self.interval(TAIL_95);
         let [inner_low, inner_high] = self.interval(TAIL_90);

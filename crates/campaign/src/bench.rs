@@ -19,7 +19,7 @@ use crate::plan::{Desk, check_out, refuse_other_kind};
 use crate::store::Store;
 use crate::task::caught;
 use crate::work::Workers;
-use bench_analysis::{CardTerms, Rig, combine, identity_conflict};
+use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combine, identity_conflict};
 use flight::{Notices, Severity};
 use logs::ReadLog;
 use pair::Swing;
@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
-pub const BENCH_ANALYSIS_VERSION: u32 = 1;
+pub const BENCH_ANALYSIS_VERSION: u32 = 2;
 
 /// What is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,6 +97,8 @@ struct Measured {
     name: String,
     slug: String,
     record: BenchRecord,
+    /// What its magnetometer shows, if the record was measured.
+    magnetic: Option<MagneticEvidence>,
 }
 
 /// Measures records of one sensor and writes card and pages. The bytes do not depend on the number of threads.
@@ -153,8 +155,8 @@ fn measure(swings: &[Swing], rigs: &[Rig], logs: &[ReadLog], desk: &Desk<'_>) ->
     desk.tell(Event::Measuring { records: swings.len() });
     let work: Vec<(&Swing, &Rig)> = swings.iter().zip(rigs).collect();
     let one = |(): &mut (), (swing, rig): &(&Swing, &Rig)| {
-        let record = caught(|| study::record_of(swing, rig, logs))
-            .unwrap_or_else(|panic| study::defect(swing, rig, logs, &panic));
+        let (record, magnetic) = caught(|| study::record_of(swing, rig, logs))
+            .unwrap_or_else(|panic| (study::defect(swing, rig, logs, &panic), None));
         desk.tell(Event::Measured {
             record: swing.name.clone(),
             outcome: study::outcome_name(&record.outcome),
@@ -162,7 +164,7 @@ fn measure(swings: &[Swing], rigs: &[Rig], logs: &[ReadLog], desk: &Desk<'_>) ->
             lossy: record.notices.any_loss(),
         });
         let slug = slugs.get(&swing.name).cloned().unwrap_or_default();
-        Measured { name: swing.name.clone(), slug, record }
+        Measured { name: swing.name.clone(), slug, record, magnetic }
     };
     let measured = Workers::start(desk.threads)?.each(&work, desk.cancel, || (), one);
     desk.stopped()?;
@@ -183,7 +185,8 @@ fn carded(
     let card = match named.iter().any(is_measured).then(|| combine(&named, &terms)) {
         Some(Ok(combined)) => {
             notices = combined.notices;
-            Some(combined.card)
+            let magnetic: Vec<&MagneticEvidence> = measured.iter().filter_map(|m| m.magnetic.as_ref()).collect();
+            Some(SensorCard { magnetometer: card_magnetometer(&magnetic), ..combined.card })
         }
         Some(Err(why)) => {
             notices.push(Severity::Warning, "no-card", "", 1, why.to_string());

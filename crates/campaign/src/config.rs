@@ -5,10 +5,11 @@
 //! changes nothing.
 
 use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
-use crate::delay::{Case, DelayRule};
-use compensation_replay::{CompensatorKind, Settings, pick_pair};
-use flight::{Binding, Delay, Flight, Notices};
-use record::{PipelineUse, SensorIdentity, StartRule};
+use crate::criteria::Criteria;
+use crate::delay::{Case, Decided, DelayRule, FixedDelay, measured_pair};
+use compensation_replay::{CompensatorKind, Settings, Sweeper, pick_pair};
+use flight::{Binding, Delay, Flight};
+use record::{DelaySource, Finding, FlightDelays, PipelineUse, SensorIdentity, StartRule};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
@@ -22,6 +23,9 @@ pub const DEMO_PIPELINE: &str = include_str!("../../../pipelines/demo.toml");
 
 /// Longest delay that is taken for one, s; a larger number is a delay in milliseconds.
 const LONGEST_DELAY_S: f64 = 10.0;
+
+/// A delay for what is read before the delay is known, s: gaps of velocity are bridged as for the paper's receiver.
+const PROVISIONAL_S: f64 = 0.4;
 
 /// A pipeline file is wrong, and where.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -46,7 +50,7 @@ struct Written {
     /// Name of this kind of campaign, for the pages.
     #[serde(default = "default_title")]
     title: String,
-    /// The delay that is removed: `position_s`, `card` or `cards`.
+    /// The delay that is removed: `position_s`, `card` or `cards`, or as `from` says.
     #[schemars(with = "WrittenDelay")]
     delay: Spanned<WrittenDelay>,
     /// The sensor of these flights, to find its card by.
@@ -61,11 +65,25 @@ struct Written {
     /// Where channel maps come from.
     #[serde(default)]
     maps: WrittenMaps,
+    /// What flights are judged by.
+    criteria: Option<WrittenCriteria>,
+}
+
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct WrittenCriteria {
+    /// Criteria file, relative to this file; as `--criteria`, which overrules it.
+    #[schemars(with = "PathBuf")]
+    file: Spanned<PathBuf>,
 }
 
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WrittenDelay {
+    /// Which delay is removed. Default: fixed with `position_s`, card with `card` or `cards`. Where a flight has no delay
+    /// of its own, the card stands in if one is given, then `position_s`.
+    #[schemars(with = "Option<WrittenFrom>")]
+    from: Option<Spanned<WrittenFrom>>,
     /// How late position is against velocity, s; positive means late.
     #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 10.0))]
     position_s: Option<Spanned<f64>>,
@@ -85,6 +103,31 @@ struct WrittenDelay {
     /// Cards that must be found, each with this content and no other.
     #[schemars(with = "Option<Vec<Pin>>")]
     pin: Option<Spanned<Vec<Pin>>>,
+}
+
+/// Which delay is removed.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+enum WrittenFrom {
+    /// `position_s`.
+    Fixed,
+    /// The sensor card.
+    Card,
+    /// What each flight shows itself: its position against the integral of its velocity.
+    Flight,
+    /// The optimum of each flight's delay sweep: the least error against its reference, if it has one.
+    Sweep,
+}
+
+impl From<WrittenFrom> for DelaySource {
+    fn from(written: WrittenFrom) -> DelaySource {
+        match written {
+            WrittenFrom::Fixed => DelaySource::Fixed,
+            WrittenFrom::Card => DelaySource::Card,
+            WrittenFrom::Flight => DelaySource::Flight,
+            WrittenFrom::Sweep => DelaySource::Sweep,
+        }
+    }
 }
 
 /// Which sensor; what is left out is not compared.
@@ -122,6 +165,9 @@ struct WrittenChannels {
     /// Independent position to score against. Default: position.truth.
     #[schemars(with = "Option<Vec<String>>")]
     reference: Option<Spanned<Vec<String>>>,
+    /// Compensated position that the aircraft computed in flight. Default: position.compensated.
+    #[schemars(with = "Option<Vec<String>>")]
+    onboard: Option<Spanned<Vec<String>>>,
 }
 
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -199,6 +245,9 @@ struct Meant {
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 struct MeantDelay {
+    /// Not given where it goes without saying.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    from: Option<DelaySource>,
     #[serde(skip_serializing_if = "Option::is_none")]
     position_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -219,6 +268,7 @@ struct MeantChannels {
     position: Vec<String>,
     velocity: Vec<String>,
     reference: Vec<String>,
+    onboard: Vec<String>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -251,6 +301,7 @@ pub struct Pipeline {
     meant: Meant,
     delay: DelayRule,
     maps_folder: Option<PathBuf>,
+    criteria: Option<Criteria>,
     file_name: String,
 }
 
@@ -306,6 +357,19 @@ impl Pipeline {
         self
     }
 
+    /// The same pipeline with other criteria.
+    #[must_use]
+    pub fn with_criteria(mut self, criteria: Option<Criteria>) -> Pipeline {
+        self.criteria = criteria.or(self.criteria);
+        self
+    }
+
+    /// What flights are judged by. Not part of the meaning: another limit changes no result.
+    #[must_use]
+    pub fn criteria(&self) -> Option<&Criteria> {
+        self.criteria.as_ref()
+    }
+
     /// Folder with further channel maps. Not part of the meaning: the content of the maps is.
     #[must_use]
     pub fn maps_folder(&self) -> Option<&Path> {
@@ -337,34 +401,54 @@ impl Pipeline {
 
     /// The sensor cards that delays are taken from.
     pub(crate) fn card_files(&self) -> Vec<CardFile> {
-        self.delay.cards().iter().map(UsedCard::file).collect()
+        self.delay.cards.iter().map(UsedCard::file).collect()
     }
 
     /// Names of all channels that are asked for.
     pub(crate) fn channel_names(&self) -> impl Iterator<Item = &str> {
-        let MeantChannels { position, velocity, reference } = &self.meant.channels;
-        position.iter().chain(velocity).chain(reference).map(String::as_str)
+        let MeantChannels { position, velocity, reference, onboard } = &self.meant.channels;
+        position.iter().chain(velocity).chain(reference).chain(onboard).map(String::as_str)
     }
 
-    /// The settings of the replay of one flight. With sensor cards the delay depends on its channels and its day;
-    /// what is doubtful about that is in the notices.
+    /// The settings of the replay of one flight, with the delay that was decided on. Notices say what is doubtful about it.
     ///
     /// # Errors
     /// Why this flight has no delay to remove, in words.
-    pub(crate) fn settings_for(&self, case: &FlightCase<'_>) -> Result<(Settings, Notices), String> {
-        let MeantChannels { position, velocity, reference } = self.meant.channels.clone();
-        let [position_picked, velocity_picked] =
-            pick_pair(case.flight, &position, &velocity).map_err(|refusal| refusal.to_string())?;
-        let case =
-            Case { flight: case.flight, binding: case.binding, position: position_picked, velocity: velocity_picked };
-        let found = self.delay.of(&case)?;
+    pub(crate) fn settings_for(&self, case: &FlightCase<'_>) -> Result<(Settings, Decided), String> {
+        let MeantChannels { position, velocity, .. } = &self.meant.channels;
+        let [position, velocity] = pick_pair(case.flight, position, velocity).map_err(|refusal| refusal.to_string())?;
+        let measured = measured_pair(case.delays, position.0, velocity.0);
+        let best = || {
+            let provisional = self.settings(Delay::from_seconds(PROVISIONAL_S).unwrap_or(Delay::ZERO));
+            match Sweeper::of(case.flight, &provisional) {
+                Ok(sweeper) => sweeper.best(&measured),
+                Err(refusal) => Finding::CannotTell(refusal.to_string()),
+            }
+        };
+        let decided = self.delay.decide(
+            &Case { flight: case.flight, binding: case.binding, position, velocity },
+            &measured,
+            best,
+        )?;
+        let settings = Settings {
+            delay_uncertainty_s: decided.found.standard_uncertainty_s,
+            delay_source: decided.found.source.clone(),
+            card: decided.found.card.clone(),
+            ..self.settings(decided.found.delay)
+        };
+        Ok((settings, decided))
+    }
+
+    /// The settings with this delay, of which nothing is said.
+    fn settings(&self, delay: Delay) -> Settings {
+        let MeantChannels { position, velocity, reference, onboard } = self.meant.channels.clone();
         let MeantReplay { start, bridge_s, min_speed_mps, zoom_s, output_rate_hz, compensators } =
             self.meant.replay.clone();
-        let settings = Settings {
-            delay: found.delay,
-            delay_uncertainty_s: found.standard_uncertainty_s,
-            delay_source: found.source,
-            card: found.card,
+        Settings {
+            delay,
+            delay_uncertainty_s: None,
+            delay_source: String::new(),
+            card: None,
             start,
             bridge_s,
             min_speed_mps,
@@ -374,8 +458,8 @@ impl Pipeline {
             position,
             velocity,
             reference,
-        };
-        Ok((settings, found.notices))
+            onboard,
+        }
     }
 }
 
@@ -383,6 +467,8 @@ impl Pipeline {
 pub(crate) struct FlightCase<'a> {
     pub(crate) flight: &'a Flight,
     pub(crate) binding: &'a Binding,
+    /// What it says of delays.
+    pub(crate) delays: &'a FlightDelays,
 }
 
 /// The JSON schema of a pipeline file, as text.
@@ -443,7 +529,12 @@ impl Checker<'_> {
         };
         let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let maps_folder = written.maps.folder.map(|f| self.beside(&f));
-        Ok(Pipeline { meant, delay: rule, maps_folder, file_name })
+        let criteria = written.criteria.map(|c| self.criteria(&c.file)).transpose()?;
+        Ok(Pipeline { meant, delay: rule, maps_folder, criteria, file_name })
+    }
+
+    fn criteria(&self, file: &Spanned<PathBuf>) -> Result<Criteria, PipelineError> {
+        Criteria::read(&self.beside(file.get_ref())).map_err(|e| self.fault(file, format!("criteria.file: {e}")))
     }
 
     /// A path relative to the pipeline file.
@@ -459,39 +550,87 @@ impl Checker<'_> {
         Ok(Spanned::new(span, written.into_inner().into()))
     }
 
-    /// Exactly one of the three ways to give a delay.
+    /// What is removed, and what stands in.
     fn delay(
         &self,
         written: &Spanned<WrittenDelay>,
         sensor: Option<&Spanned<SensorIdentity>>,
     ) -> Result<(DelayRule, MeantDelay), PipelineError> {
         let delay = written.get_ref();
-        match (&delay.position_s, &delay.card, &delay.cards) {
-            (Some(seconds), None, None) => self.stated(seconds, written, sensor),
-            (None, Some(card), None) => self.of_card(card, delay, sensor),
-            (None, None, Some(folder)) => self.of_folder(folder, delay, sensor),
-            (None, None, None) => {
-                let what = "[delay] must say which delay is removed: `position_s` (a number), `card` (a sensor card) or \
-                            `cards` (a folder of sensor cards)";
-                Err(self.fault(written, what))
+        let with_card = delay.card.is_some() || delay.cards.is_some();
+        let from = self.from(written, with_card)?;
+        let (cards, of_cards) = match (&delay.card, &delay.cards) {
+            (Some(card), None) => self.of_card(card, delay, sensor)?,
+            (None, Some(folder)) => self.of_folder(folder, delay, sensor)?,
+            (Some(_), Some(_)) => {
+                return Err(self.fault(written, "[delay] must give one of `card` and `cards`, and no more"));
             }
-            _ => Err(self.fault(written, "[delay] must give one of `position_s`, `card` and `cards`, and no more")),
+            (None, None) => self.without_card(delay, sensor)?,
+        };
+        let fixed = delay.position_s.as_ref().map(|seconds| self.stated(seconds, written)).transpose()?;
+        let goes_without_saying = match from {
+            DelaySource::Fixed => !with_card,
+            DelaySource::Card => fixed.is_none(),
+            DelaySource::Flight | DelaySource::Sweep => false,
+        };
+        let meant = MeantDelay {
+            from: Some(from).filter(|_| !goes_without_saying),
+            position_s: fixed.as_ref().map(|f| plain_zero(f.delay.seconds())),
+            standard_uncertainty_s: fixed.as_ref().and_then(|f| f.standard_uncertainty_s),
+            source: fixed.as_ref().map(|f| f.source.clone()),
+            ..of_cards
+        };
+        Ok((DelayRule { from, fixed, cards }, meant))
+    }
+
+    /// Which delay is asked for, said or understood; what that needs must be given.
+    fn from(&self, written: &Spanned<WrittenDelay>, with_card: bool) -> Result<DelaySource, PipelineError> {
+        let delay = written.get_ref();
+        let with_number = delay.position_s.is_some();
+        let Some(from) = &delay.from else {
+            return match (with_number, with_card) {
+                (true, false) => Ok(DelaySource::Fixed),
+                (false, true) => Ok(DelaySource::Card),
+                (false, false) => {
+                    let what = "[delay] must say which delay is removed: `position_s` (a number), `card` (a sensor card), \
+                                `cards` (a folder of sensor cards), or `from` = \"flight\" or \"sweep\"";
+                    Err(self.fault(written, what))
+                }
+                (true, true) => {
+                    let what = "[delay] must say with `from` whether the number or the card is removed, or give one of \
+                                `position_s`, `card` and `cards`, and no more";
+                    Err(self.fault(written, what))
+                }
+            };
+        };
+        let source = DelaySource::from(*from.get_ref());
+        match source {
+            DelaySource::Fixed if !with_number => Err(self.fault(from, "delay.from = \"fixed\" needs `position_s`")),
+            DelaySource::Card if !with_card => Err(self.fault(from, "delay.from = \"card\" needs `card` or `cards`")),
+            _ => Ok(source),
         }
     }
 
-    fn stated(
+    /// What goes with a card or a number must not stand without it.
+    fn without_card(
         &self,
-        position_s: &Spanned<f64>,
-        written: &Spanned<WrittenDelay>,
+        delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
-        let WrittenDelay { standard_uncertainty_s, source, pin, .. } = written.get_ref();
+    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
         if let Some(sensor) = sensor {
             return Err(self.fault(sensor, "[sensor] looks for a card: it stands beside delay.card or delay.cards"));
         }
-        if let Some(pin) = pin {
+        if let Some(pin) = &delay.pin {
             return Err(self.fault(pin, "delay.pin is for sensor cards, not beside position_s"));
         }
+        if delay.position_s.is_none() {
+            self.no_words_without_number(delay, "goes with position_s: leave it out")?;
+        }
+        Ok((vec![], MeantDelay::default()))
+    }
+
+    fn stated(&self, position_s: &Spanned<f64>, written: &Spanned<WrittenDelay>) -> Result<FixedDelay, PipelineError> {
+        let WrittenDelay { standard_uncertainty_s, source, .. } = written.get_ref();
         let seconds = *position_s.get_ref();
         let can_be_removed = seconds > 0.0 && seconds <= LONGEST_DELAY_S;
         let delay = Delay::from_seconds(seconds).filter(|_| can_be_removed).ok_or_else(|| {
@@ -504,19 +643,11 @@ impl Checker<'_> {
         }
         let within = |u| self.within(u, "delay.standard_uncertainty_s", 0.0, LONGEST_DELAY_S);
         let standard_uncertainty_s = standard_uncertainty_s.as_ref().map(within).transpose()?;
-        let source = source.get_ref().clone();
-        let meant = MeantDelay {
-            position_s: Some(plain_zero(seconds)),
-            standard_uncertainty_s,
-            source: Some(source.clone()),
-            ..MeantDelay::default()
-        };
-        Ok((DelayRule::Stated { delay, standard_uncertainty_s, source }, meant))
+        Ok(FixedDelay { delay, standard_uncertainty_s, source: source.get_ref().clone() })
     }
 
-    /// A number beside a card would leave open which of the two holds.
-    fn no_number_beside_card(&self, delay: &WrittenDelay) -> Result<(), PipelineError> {
-        let what = "comes from the sensor card: leave it out";
+    /// Words about a number that is not there would leave open what holds.
+    fn no_words_without_number(&self, delay: &WrittenDelay, what: &str) -> Result<(), PipelineError> {
         if let Some(given) = &delay.standard_uncertainty_s {
             return Err(self.fault(given, format!("delay.standard_uncertainty_s {what}")));
         }
@@ -526,12 +657,19 @@ impl Checker<'_> {
         }
     }
 
+    fn no_number_beside_card(&self, delay: &WrittenDelay) -> Result<(), PipelineError> {
+        match &delay.position_s {
+            Some(_) => Ok(()),
+            None => self.no_words_without_number(delay, "comes from the sensor card: leave it out"),
+        }
+    }
+
     fn of_card(
         &self,
         card: &Spanned<PathBuf>,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
         self.no_number_beside_card(delay)?;
         let found = self.shelf.card(&self.beside(card.get_ref()));
         let found = found.map_err(|what| self.fault(card, format!("delay.card: {what}")))?;
@@ -548,7 +686,7 @@ impl Checker<'_> {
         folder: &Spanned<PathBuf>,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
         self.no_number_beside_card(delay)?;
         let Some(sensor) = sensor else {
             return Err(
@@ -570,14 +708,14 @@ impl Checker<'_> {
         cards: Vec<UsedCard>,
         delay: &WrittenDelay,
         meant: MeantDelay,
-    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
         let pin: Vec<Pin> = cards.iter().map(UsedCard::pin).collect();
         match &delay.pin {
             Some(stated) if !crate::cards::same_pins(stated.get_ref(), &pin) => {
                 let found: Vec<String> = pin.iter().map(|p| format!("{} with {}", p.file, p.blake3)).collect();
                 Err(self.fault(stated, format!("delay.pin names other cards than were found: {}", found.join(", "))))
             }
-            _ => Ok((DelayRule::Cards(cards), MeantDelay { pin, ..meant })),
+            _ => Ok((cards, MeantDelay { pin, ..meant })),
         }
     }
 
@@ -588,6 +726,7 @@ impl Checker<'_> {
             position: self.names(written.position, "position", &position)?,
             velocity: self.names(written.velocity, "velocity", &velocity)?,
             reference: self.names(written.reference, "position", &["position.truth"])?,
+            onboard: self.names(written.onboard, "position", &["position.compensated"])?,
         })
     }
 
@@ -689,14 +828,18 @@ mod tests {
         let files = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
         let is_pipeline = |p: &PathBuf| {
             let name = p.file_name().unwrap().to_string_lossy().into_owned();
-            name.ends_with(".toml") && !name.ends_with(".rig.toml") && !name.ends_with(".card.toml")
+            name.ends_with(".toml")
+                && !name.ends_with(".rig.toml")
+                && !name.ends_with(".card.toml")
+                && !name.ends_with("criteria.toml")
         };
         let pipelines: Vec<PathBuf> = files.filter(is_pipeline).collect();
         assert!(pipelines.len() >= 3, "{pipelines:?}");
         for path in pipelines {
-            match Pipeline::read(&path).unwrap().delay {
-                DelayRule::Stated { source, .. } => assert!(!source.is_empty(), "{}", path.display()),
-                DelayRule::Cards(cards) => assert!(!cards.is_empty(), "{}", path.display()),
+            let rule = Pipeline::read(&path).unwrap().delay;
+            match rule.fixed {
+                Some(fixed) => assert!(!fixed.source.is_empty(), "{}", path.display()),
+                None => assert!(rule.from != DelaySource::Card || !rule.cards.is_empty(), "{}", path.display()),
             }
         }
     }
@@ -785,7 +928,8 @@ mod tests {
         let binding = Binding { map: String::new(), why: String::new(), others: vec![], channels: vec![] };
         let text =
             format!("{SMALL}[replay]\ncompensators = [\"pade-1-1-tustin\", \"exact-async\", \"pade-2-2-foh\"]\n");
-        let case = FlightCase { flight: &flight, binding: &binding };
+        let delays = FlightDelays::default();
+        let case = FlightCase { flight: &flight, binding: &binding, delays: &delays };
         let (settings, _) = parse(&text).unwrap().settings_for(&case).unwrap();
         let record = compensation_replay::replay(&flight, &settings).unwrap().record;
         let error = |name: &str| {
@@ -834,6 +978,71 @@ mod tests {
     }
 
     #[test]
+    fn the_pipeline_says_where_the_delay_comes_from_and_what_stands_in() {
+        let (_folder, path) = cards();
+        let number = "position_s = 0.4\nsource = \"s\"\n";
+        let card = "card = \"shelf/a.card.toml\"\n";
+        let rule = |delay: String| {
+            let text = format!("schema = 1\n[delay]\n{delay}");
+            Pipeline::parse(&text, &path).map(|p| (p.delay.from, p.delay.fixed.is_some(), p.delay.cards.len()))
+        };
+        for (delay, from, fixed, cards) in [
+            ("from = \"flight\"\n".to_owned(), DelaySource::Flight, false, 0),
+            (format!("from = \"flight\"\n{card}"), DelaySource::Flight, false, 1),
+            (format!("from = \"sweep\"\n{number}{card}"), DelaySource::Sweep, true, 1),
+            (format!("from = \"fixed\"\n{number}{card}"), DelaySource::Fixed, true, 1),
+            (format!("from = \"card\"\n{number}{card}"), DelaySource::Card, true, 1),
+            (number.to_owned(), DelaySource::Fixed, true, 0),
+            (card.to_owned(), DelaySource::Card, false, 1),
+        ] {
+            assert_eq!(rule(delay.clone()).unwrap(), (from, fixed, cards), "{delay}");
+        }
+        for (delay, says) in [
+            (format!("from = \"fixed\"\n{card}"), "needs `position_s`"),
+            (format!("from = \"card\"\n{number}"), "needs `card` or `cards`"),
+            ("from = \"flight\"\nsource = \"s\"\n".to_owned(), "goes with position_s"),
+            ("from = \"moon\"\n".to_owned(), "unknown variant `moon`"),
+        ] {
+            let error = rule(delay).unwrap_err();
+            assert!(error.what.contains(says) && error.line.is_some(), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_source_that_goes_without_saying_means_the_same_said_and_another_does_not() {
+        let said = SMALL.replace("[delay]\n", "[delay]\nfrom = \"fixed\"\n");
+        assert_eq!(parse(&said).unwrap().as_used(), parse(SMALL).unwrap().as_used());
+        let flight = parse(&said.replace("fixed", "flight")).unwrap().as_used();
+        assert_ne!(flight.blake3, parse(SMALL).unwrap().as_used().blake3);
+        assert_eq!(parse(&flight.toml).unwrap().as_used(), flight, "what is meant is itself a pipeline");
+    }
+
+    /// Simulated circuits of a minute that are 0.25 s late under a pipeline that states 0.4 s: the flight's own delay is
+    /// within four of its standard uncertainties of the truth, and so is the optimum against the truth.
+    #[test]
+    fn a_pipeline_that_asks_for_the_flights_delay_finds_the_truth_whatever_number_it_states() {
+        for (from, seed) in [("flight", 1), ("flight", 2), ("sweep", 3), ("sweep", 4)] {
+            let usual = simulate::LikeCase::D.settings(seed);
+            let position = simulate::SensorSettings { delay_s: 0.25, ..usual.position.clone() };
+            let settings = simulate::FlightSettings { duration_s: 60.0, position, ..usual };
+            let flight = simulate::simulate(&settings).unwrap().to_flight().unwrap();
+            let binding = Binding { map: String::new(), why: String::new(), others: vec![], channels: vec![] };
+            let (delays, _) =
+                compensation_replay::measure_delays(&flight, &compensation_replay::FlightDelaySettings::default());
+            let text = SMALL.replace("[delay]\n", &format!("[delay]\nfrom = \"{from}\"\n"));
+            let case = FlightCase { flight: &flight, binding: &binding, delays: &delays };
+            let (settings, decided) = parse(&text).unwrap().settings_for(&case).unwrap();
+            let (found, u) = (settings.delay.seconds(), settings.delay_uncertainty_s.unwrap());
+            assert!((found - 0.25).abs() < 4.0 * u && u < 0.01, "{from}: {found} ± {u}");
+            assert_eq!(decided.choice.used, decided.choice.asked);
+            assert!(
+                decided.found.notices.iter().any(|n| n.code == "delay-contradicted"),
+                "the stated 0.4 s is not what the flight shows"
+            );
+        }
+    }
+
+    #[test]
     fn a_card_that_is_not_there_or_wrong_is_an_error_of_the_pipeline_with_its_line() {
         let (folder, path) = cards();
         std::fs::write(folder.path().join("bad.card.toml"), "card_version = 1\ncolour = 3\n").unwrap();
@@ -863,7 +1072,7 @@ mod tests {
             Pipeline::parse(&text, &path)
         };
         let found = with("serial = \"2\"").unwrap();
-        assert_eq!(found.delay.cards().iter().map(UsedCard::name).collect::<Vec<_>>(), ["b.card.toml"]);
+        assert_eq!(found.delay.cards.iter().map(UsedCard::name).collect::<Vec<_>>(), ["b.card.toml"]);
         let both = with("").unwrap_err();
         assert!(both.what.contains("different sensors (serial"), "{both}");
         let none = with("serial = \"3\"").unwrap_err();

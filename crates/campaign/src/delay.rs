@@ -1,34 +1,41 @@
-//! The delay of one flight: as the pipeline states it, or as a sensor card has it for the flight's channels and day.
+//! The delay of one flight: which of a stated number, a sensor card, the flight's own delay and the optimum of its sweep
+//! is removed, and why.
+
+mod card;
+mod over_flights;
+
+pub(crate) use card::instant;
+pub(crate) use over_flights::campaign_delay;
 
 use crate::cards::UsedCard;
-use crate::rate::rate_of;
-use bench_analysis::sensor_name;
-use flight::{Binding, Channel, Clock, Delay, Flight, Notices, Severity, Stamp};
-use jiff::civil::Date;
-use jiff::tz::TimeZone;
-use record::{CardChannel, CardUse, Estimate, SensorCard, TimeBasis, Verdict};
+use flight::{Binding, Channel, Delay, Flight, Notices, Severity};
+use record::{
+    CardUse, DelayCandidate, DelayChoice, DelayPairKind, DelaySource, Estimate, Finding, FlightDelays, MeasuredDelay,
+    SweepMethod, SweepOptimum,
+};
 
-/// A flight that is updated faster or slower than on the bench by more than this runs in another configuration.
-const RATE_TOLERANCE: f64 = 0.2;
-/// 1980-01-06 as Unix counts, s.
-const GPS_EPOCH_S: i64 = 315_964_800;
-/// Leap seconds that GPS time is ahead of UTC since 2017, s; for a day, a second more or less does not matter.
-const GPS_LEAP_S: i64 = 18;
+/// Two delays that are farther apart than so many standard uncertainties of their difference contradict each other.
+const CONTRADICTS: f64 = 3.0;
 
 /// Where delays come from.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum DelayRule {
-    /// The pipeline states a number for all flights.
-    Stated {
-        /// The number.
-        delay: Delay,
-        /// Its standard uncertainty, s, if known.
-        standard_uncertainty_s: Option<f64>,
-        /// Where it comes from, in words.
-        source: String,
-    },
-    /// Cards of one sensor; at least one.
-    Cards(Vec<UsedCard>),
+pub(crate) struct DelayRule {
+    /// What is removed. Where a flight has no such delay, the card stands in, then the stated number, if there are any.
+    pub(crate) from: DelaySource,
+    /// The number that the pipeline states for all flights.
+    pub(crate) fixed: Option<FixedDelay>,
+    /// Cards of one sensor.
+    pub(crate) cards: Vec<UsedCard>,
+}
+
+/// A delay that somebody states.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FixedDelay {
+    pub(crate) delay: Delay,
+    /// Its standard uncertainty, s, if known.
+    pub(crate) standard_uncertainty_s: Option<f64>,
+    /// Where it comes from, in words.
+    pub(crate) source: String,
 }
 
 /// A flight whose delay is wanted: what is replayed, and what is known of it.
@@ -51,292 +58,216 @@ pub(crate) struct FoundDelay {
     pub(crate) notices: Notices,
 }
 
+impl FoundDelay {
+    fn estimate(&self) -> Estimate {
+        Estimate { value: self.delay.seconds(), standard_uncertainty: self.standard_uncertainty_s }
+    }
+}
+
+/// What was decided for a flight.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Decided {
+    /// The delay that is removed. Its notices also say what contradicts it.
+    pub(crate) found: FoundDelay,
+    pub(crate) choice: DelayChoice,
+    /// The optimum of the sweep, if it was asked for.
+    pub(crate) optimum: Option<Finding<SweepOptimum>>,
+}
+
+/// A source and the delay it has for the flight, or why it has none.
+type Candidate = (DelaySource, Result<FoundDelay, String>);
+
 impl DelayRule {
-    /// The cards; none for a stated number.
-    pub(crate) fn cards(&self) -> &[UsedCard] {
-        match self {
-            DelayRule::Stated { .. } => &[],
-            DelayRule::Cards(cards) => cards,
+    /// The delay of a flight, or why there is none to remove. `measured` is what the flight itself says of the pair;
+    /// `best` the optimum of its sweep, called only if that is asked for.
+    pub(crate) fn decide(
+        &self,
+        case: &Case<'_>,
+        measured: &Finding<MeasuredDelay>,
+        best: impl FnOnce() -> Finding<SweepOptimum>,
+    ) -> Result<Decided, String> {
+        let optimum = (self.from == DelaySource::Sweep).then(best);
+        let mut candidates: Vec<Candidate> = vec![];
+        if let Some(optimum) = &optimum {
+            candidates.push((DelaySource::Sweep, of_sweep(case, optimum)));
         }
-    }
-
-    /// The delay of a flight, or why there is none to remove.
-    pub(crate) fn of(&self, case: &Case<'_>) -> Result<FoundDelay, String> {
-        match self {
-            DelayRule::Stated { delay, standard_uncertainty_s, source } => Ok(FoundDelay {
-                delay: *delay,
-                standard_uncertainty_s: *standard_uncertainty_s,
-                source: source.clone(),
-                card: None,
-                notices: Notices::new(),
-            }),
-            DelayRule::Cards(cards) => {
-                let days = case.days();
-                let used = best(cards, days).ok_or("there is no sensor card")?;
-                Reading { used, card: used.card(), case, days, notices: Notices::new() }.delay()
-            }
+        if !self.cards.is_empty() {
+            candidates.push((DelaySource::Card, card::delay_of(&self.cards, case)));
         }
-    }
-}
-
-/// First and last UTC day of a flight.
-type Days = (Date, Date);
-
-impl Case<'_> {
-    /// The days of the flight: by its position's stamps, else by those of any channel that knows the time of day.
-    fn days(&self) -> Option<Days> {
-        let others = self.flight.channels.values();
-        std::iter::once(self.position.1).chain(others).find_map(days_of)
-    }
-}
-
-fn days_of(channel: &Channel) -> Option<Days> {
-    let timeline = channel.series.timeline();
-    let primary = (timeline.clock(), timeline.stamps());
-    let others = channel.other_stamps.iter().map(|(_, clock, stamps)| (*clock, stamps.as_slice()));
-    std::iter::once(primary).chain(others).find_map(|(clock, stamps)| {
-        let least = stamps.iter().min()?;
-        Some((day(clock, *least)?, day(clock, *stamps.iter().max()?)?))
-    })
-}
-
-fn day(clock: Clock, stamp: Stamp) -> Option<Date> {
-    let ahead_s = match clock {
-        Clock::Unix => 0,
-        Clock::Gps => GPS_EPOCH_S - GPS_LEAP_S,
-        Clock::Boot | Clock::Elapsed => return None,
-    };
-    let nanos = i128::from(stamp.0) + i128::from(ahead_s) * i128::from(flight::NANOS_PER_SECOND);
-    Some(jiff::Timestamp::from_nanosecond(nanos).ok()?.to_zoned(TimeZone::UTC).date())
-}
-
-/// The day of a card's text, which was checked when the card was read.
-fn date(text: Option<&String>) -> Option<Date> {
-    text.and_then(|t| t.parse().ok())
-}
-
-/// Whether a card holds on the days of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Validity {
-    Valid,
-    /// The card says nothing of days.
-    Unlimited,
-    /// The flight says nothing of days.
-    DayUnknown,
-    Expired(Date),
-    NotYet(Date),
-}
-
-impl Validity {
-    fn of(card: &SensorCard, days: Option<Days>) -> Validity {
-        let (from, until) = (date(card.valid_from.as_ref()), date(card.valid_until.as_ref()));
-        match (from, until, days) {
-            (None, None, _) => Validity::Unlimited,
-            (_, _, None) => Validity::DayUnknown,
-            (_, Some(until), Some((_, last))) if last > until => Validity::Expired(until),
-            (Some(from), _, Some((first, _))) if first < from => Validity::NotYet(from),
-            _ => Validity::Valid,
+        if let Some(fixed) = &self.fixed {
+            candidates.push((DelaySource::Fixed, Ok(fixed.found())));
         }
-    }
-
-    fn is_doubtful(self) -> bool {
-        matches!(self, Validity::Expired(_) | Validity::NotYet(_))
-    }
-}
-
-/// Of several cards of a sensor: one that is valid on the flight's days before one that is not, then the newest.
-fn best(cards: &[UsedCard], days: Option<Days>) -> Option<&UsedCard> {
-    let rank = |used: &&UsedCard| {
-        let card = used.card();
-        (!Validity::of(card, days).is_doubtful(), date(card.measured_on.as_ref()), used.name().to_owned())
-    };
-    cards.iter().max_by_key(rank)
-}
-
-/// A card that is read for a flight.
-struct Reading<'a> {
-    used: &'a UsedCard,
-    card: &'a SensorCard,
-    case: &'a Case<'a>,
-    days: Option<Days>,
-    notices: Notices,
-}
-
-/// What velocity is late by, and what is said of it.
-struct OfVelocity {
-    /// Delay and standard uncertainty, s; `None` if velocity is taken as on time.
-    subtracted: Option<(f64, f64)>,
-    words: String,
-}
-
-impl<'a> Reading<'a> {
-    fn delay(mut self) -> Result<FoundDelay, String> {
-        let position = self.position()?;
-        let velocity = self.velocity(position);
-        let (seconds, uncertainty_s) = match velocity.subtracted {
-            Some((v, u)) => (position.delay_s - v, position.delay_standard_uncertainty_s.hypot(u)),
-            None => (position.delay_s, position.delay_standard_uncertainty_s),
+        candidates.push((DelaySource::Flight, of_flight(case, measured)));
+        candidates.sort_by_key(|(source, _)| *source != self.from);
+        let used = self.used(&candidates)?;
+        let (source, found) = match candidates.get(used) {
+            Some((source, Ok(found))) => (*source, found.clone()),
+            _ => return Err("there is no delay".to_owned()),
         };
-        let nothing =
-            || format!("{}: {} is not later than velocity: nothing to remove", self.used.name(), position.name);
-        let delay = Delay::from_seconds(seconds).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
-        self.warn_of_configuration(position, self.case.position);
-        if position.lags_s.iter().any(|lag| *lag > 0.0) {
-            let text =
-                format!("{} shows {}: removed as the pure delay that fits it best", position.name, position.model);
-            self.tell(Severity::Info, "card-lag", text);
-        }
-        let validity = self.validity();
-        let source = format!("{}{}{validity}", self.origin(position), velocity.words);
-        let estimate =
-            Estimate { value: position.delay_s, standard_uncertainty: Some(position.delay_standard_uncertainty_s) };
-        let card = CardUse {
-            file: self.used.name().to_owned(),
-            blake3: self.used.blake3().to_owned(),
-            sensor: self.card.sensor.clone(),
-            channel: position.name.clone(),
-            delay_s: estimate,
+        let mut decided = Decided {
+            choice: DelayChoice {
+                asked: self.from,
+                used: source,
+                why: self.why(source, &candidates),
+                circular: matches!(source, DelaySource::Flight | DelaySource::Sweep),
+                candidates: vec![],
+            },
+            found,
+            optimum,
         };
-        Ok(FoundDelay {
-            delay,
-            standard_uncertainty_s: Some(uncertainty_s),
-            source,
-            card: Some(card),
-            notices: self.notices,
+        contradiction(&candidates, measured, case, &mut decided.found.notices);
+        if source != self.from {
+            let why = decided.choice.why.clone();
+            decided.found.notices.push(Severity::Warning, "delay-fallback", case.position.0, 1, why);
+        }
+        candidates.swap(0, used);
+        decided.choice.candidates = candidates.into_iter().map(listed).collect();
+        Ok(decided)
+    }
+
+    /// Which candidate is used: the first is what is asked for; the flight's own delay never stands in unasked.
+    fn used(&self, candidates: &[Candidate]) -> Result<usize, String> {
+        let may = |source: DelaySource| source == self.from || source != DelaySource::Flight;
+        let usable = |(source, delay): &Candidate| delay.is_ok() && may(*source);
+        candidates.iter().position(usable).ok_or_else(|| {
+            let asked: Vec<&str> =
+                candidates.iter().filter(|c| may(c.0)).filter_map(|c| c.1.as_ref().err()).map(String::as_str).collect();
+            let none = match self.from {
+                DelaySource::Flight | DelaySource::Sweep if asked.len() == 1 => {
+                    "; and the pipeline names no card and no number to fall back on"
+                }
+                _ => "",
+            };
+            format!("{}{none}", asked.join("; and "))
         })
     }
 
-    fn tell(&mut self, severity: Severity, code: &str, text: String) {
-        self.notices.push(severity, code, self.used.name(), 1, text);
-    }
-
-    /// The card's word on the position that is replayed.
-    fn position(&self) -> Result<&'a CardChannel, String> {
-        let name = self.case.position.0;
-        let file = self.used.name();
-        let position = self.card.channels.iter().find(|c| c.name == name).ok_or_else(|| {
-            let held: Vec<&str> = self.card.channels.iter().map(|c| c.name.as_str()).collect();
-            format!("{file}: the card has no channel {name}, which this flight replays; it has {}", held.join(", "))
-        })?;
-        let delay = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
-        let nothing = match position.verdict {
-            Verdict::Delayed => return Ok(position),
-            Verdict::Early => "early: only a late position can be compensated",
-            Verdict::EquivalentToZero => "equivalent to zero: there is nothing to remove",
-            Verdict::Inconclusive => "inconclusive: nobody knows whether there is something to remove",
-            Verdict::NotMeasurable => "not measurable: nobody knows whether there is something to remove",
+    fn why(&self, used: DelaySource, candidates: &[Candidate]) -> String {
+        let asks = match self.from {
+            DelaySource::Fixed => "the pipeline states it",
+            DelaySource::Card => "the pipeline asks for the sensor card",
+            DelaySource::Flight => "the pipeline asks for the delay that each flight shows itself",
+            DelaySource::Sweep => "the pipeline asks for the optimum of each flight's delay sweep",
         };
-        Err(format!("{file}: the delay of {name}, {delay} ms, is {nothing}"))
-    }
-
-    /// What velocity is late by: the compensators remove the difference (design note 5.6).
-    fn velocity(&mut self, position: &CardChannel) -> OfVelocity {
-        let name = self.case.velocity.0;
-        let card = self.card;
-        let Some(velocity) = card.channels.iter().find(|c| c.name == name) else {
-            self.tell(
-                Severity::Info,
-                "card-velocity",
-                format!("the card has no channel {name}: it is taken as on time"),
-            );
-            self.warn_of_anchor(position);
-            return OfVelocity { subtracted: None, words: format!("; {name}, not on the card, taken as on time") };
-        };
-        let shown = milliseconds(velocity.delay_s, velocity.delay_standard_uncertainty_s);
-        let on_time = |words: String| OfVelocity { subtracted: None, words };
-        match velocity.verdict {
-            Verdict::EquivalentToZero => on_time(format!("; {name} is on time within its margin ({shown} ms)")),
-            Verdict::Inconclusive | Verdict::NotMeasurable => {
-                let text = format!("{name}: {shown} ms, which does not decide whether it is late: taken as on time");
-                self.tell(Severity::Warning, "card-velocity", text);
-                self.warn_of_anchor(position);
-                on_time(format!("; {name}, undecided at {shown} ms, taken as on time"))
-            }
-            Verdict::Delayed | Verdict::Early if is_comparable(position, velocity) => {
-                self.warn_of_configuration(velocity, self.case.velocity);
-                let subtracted = Some((velocity.delay_s, velocity.delay_standard_uncertainty_s));
-                OfVelocity { subtracted, words: format!(", less that of {name}: {shown} ms") }
-            }
-            Verdict::Delayed | Verdict::Early => {
-                let text = format!(
-                    "{name}: {shown} ms, measured against another clock than {}: not taken off, taken as on time",
-                    position.name
-                );
-                self.tell(Severity::Warning, "card-velocity", text);
-                self.warn_of_anchor(position);
-                on_time(format!("; {name}, not comparable, taken as on time"))
-            }
+        if used == self.from {
+            return asks.to_owned();
         }
-    }
-
-    /// A delay against an anchor is only as good as the anchor; the difference of two such delays is free of it.
-    fn warn_of_anchor(&mut self, position: &CardChannel) {
-        if let TimeBasis::Anchor { channel } = &position.basis {
-            let text = format!(
-                "{}: the delay is relative to {channel}, which the bench took as on time: whatever {channel} is late \
-                 is missing in it",
-                position.name
-            );
-            self.tell(Severity::Warning, "card-relative", text);
-        }
-    }
-
-    /// Stamps and update rate of the flight against those on the bench.
-    fn warn_of_configuration(&mut self, on_card: &CardChannel, (name, channel): (&str, &Channel)) {
-        let (kind, bench) = (channel.series.timeline().kind(), on_card.stamp_kind);
-        if kind != bench {
-            let text = format!("{name}: this flight has {kind} stamps, the bench measured the delay of {bench} ones");
-            self.tell(Severity::Warning, "card-stamp-kind", text);
-        }
-        let rates = rate_of(&self.case.binding.channels, name).zip(on_card.update_rate_hz);
-        if let Some((rate, bench)) = rates.filter(|(rate, bench)| (rate / bench - 1.0).abs() > RATE_TOLERANCE) {
-            let text = format!("{name}: updated at {rate:.2} Hz in this flight, at {bench:.2} Hz on the bench");
-            self.tell(Severity::Warning, "card-rate", text);
-        }
-    }
-
-    /// Says whether the card holds on this day; the words end the sentence of the source.
-    fn validity(&mut self) -> String {
-        let flown = |(first, last): Days| if first == last { first.to_string() } else { format!("{first} to {last}") };
-        let flown = self.days.map(flown).unwrap_or_default();
-        match Validity::of(self.card, self.days) {
-            Validity::Valid | Validity::Unlimited => String::new(),
-            Validity::DayUnknown => {
-                let text = "no stamp of this flight tells the day: whether the card is valid is not known";
-                self.tell(Severity::Warning, "card-day-unknown", text.to_owned());
-                "; the day of the flight is not known".to_owned()
-            }
-            Validity::Expired(until) => {
-                let text = format!("flown on {flown}, but the card expired on {until}: its delay is used all the same");
-                self.tell(Severity::Warning, "card-expired", text);
-                format!("; EXPIRED on {until}")
-            }
-            Validity::NotYet(from) => {
-                let text =
-                    format!("flown on {flown}, before the card begins on {from}: its delay is used all the same");
-                self.tell(Severity::Warning, "card-not-yet-valid", text);
-                format!("; NOT YET VALID, from {from} on")
-            }
-        }
-    }
-
-    fn origin(&self, position: &CardChannel) -> String {
-        let sensor = sensor_name(&self.card.sensor);
-        let day = self.card.measured_on.as_ref().map(|day| format!(", measured on {day}")).unwrap_or_default();
-        let records =
-            if position.records == 1 { "1 record".to_owned() } else { format!("{} records", position.records) };
-        let shown = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
-        format!("sensor card {} of {sensor}{day}, {records}: {} {shown} ms (k = 2)", self.used.name(), position.name)
+        let because = candidates.first().and_then(|c| c.1.as_ref().err()).map(String::as_str).unwrap_or_default();
+        let stand_in =
+            if used == DelaySource::Card { "the sensor card" } else { "the number that the pipeline states" };
+        format!("{asks}, but {because}: {stand_in} stands in")
     }
 }
 
-/// Whether two delays are measured against the same thing.
-fn is_comparable(a: &CardChannel, b: &CardChannel) -> bool {
-    let anchor = |c: &CardChannel| match &c.basis {
-        TimeBasis::OneClock | TimeBasis::Pps => None,
-        TimeBasis::Anchor { channel } => Some(channel.clone()),
+impl FixedDelay {
+    fn found(&self) -> FoundDelay {
+        FoundDelay {
+            delay: self.delay,
+            standard_uncertainty_s: self.standard_uncertainty_s,
+            source: self.source.clone(),
+            card: None,
+            notices: Notices::new(),
+        }
+    }
+}
+
+fn listed((source, delay): Candidate) -> DelayCandidate {
+    match delay {
+        Ok(found) => DelayCandidate { source, delay_s: Finding::Found(found.estimate()), words: found.source },
+        Err(why) => DelayCandidate { source, delay_s: Finding::CannotTell(why), words: String::new() },
+    }
+}
+
+/// What a flight says of the pair that is replayed.
+pub(crate) fn measured_pair(delays: &FlightDelays, position: &str, velocity: &str) -> Finding<MeasuredDelay> {
+    let is_pair = |kind, first: &str, second: &str| {
+        kind == DelayPairKind::PositionAgainstVelocity && first == position && second == velocity
     };
-    anchor(a) == anchor(b)
+    let pair = delays.pairs.iter().find(|p| is_pair(p.kind, &p.first, &p.second));
+    pair.map_or_else(
+        || Finding::CannotTell(format!("{position} against {velocity} was not tried")),
+        |pair| pair.delay.clone(),
+    )
+}
+
+fn of_flight(case: &Case<'_>, measured: &Finding<MeasuredDelay>) -> Result<FoundDelay, String> {
+    let (position, velocity) = (case.position.0, case.velocity.0);
+    let measured = match measured {
+        Finding::Found(measured) => measured,
+        Finding::CannotTell(why) => return Err(format!("the flight does not show its delay: {why}")),
+    };
+    if let Some(rival) = measured.rival_s {
+        return Err(format!(
+            "the flight does not show its delay: {} and {} ms explain it almost equally well",
+            shown(&measured.delay_s),
+            (1e3 * rival).round()
+        ));
+    }
+    let source =
+        format!("measured in this flight: {position} against {velocity}, {} ms (k = 2)", shown(&measured.delay_s));
+    let mut found = late(case, measured.delay_s, source)?;
+    if let Some(alarm) = &measured.alarm {
+        found.notices.push(Severity::Warning, "flight-delay-changes", position, 1, alarm.clone());
+    }
+    Ok(found)
+}
+
+fn of_sweep(case: &Case<'_>, optimum: &Finding<SweepOptimum>) -> Result<FoundDelay, String> {
+    let optimum = match optimum {
+        Finding::Found(optimum) => optimum,
+        Finding::CannotTell(why) => return Err(format!("the delay sweep has no optimum: {why}")),
+    };
+    let how = match optimum.method {
+        SweepMethod::Jackknife => "least error against the reference",
+        SweepMethod::Estimator => "without a reference, the optimum of the delay estimator",
+    };
+    let source = format!("optimum of this flight's delay sweep ({how}): {} ms (k = 2)", shown(&optimum.delay_s));
+    late(case, optimum.delay_s, source)
+}
+
+/// Only what is late can be compensated.
+fn late(case: &Case<'_>, delay_s: Estimate, source: String) -> Result<FoundDelay, String> {
+    let nothing = || {
+        format!("{} is not later than {} ({} ms): nothing to remove", case.position.0, case.velocity.0, shown(&delay_s))
+    };
+    let delay = Delay::from_seconds(delay_s.value).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
+    Ok(FoundDelay {
+        delay,
+        standard_uncertainty_s: delay_s.standard_uncertainty,
+        source,
+        card: None,
+        notices: Notices::new(),
+    })
+}
+
+/// Says if the flight shows another delay than the card has or the pipeline states.
+fn contradiction(candidates: &[Candidate], measured: &Finding<MeasuredDelay>, case: &Case<'_>, notices: &mut Notices) {
+    let of = |wanted: DelaySource| {
+        candidates.iter().find(|c| c.0 == wanted).and_then(|c| c.1.as_ref().ok()).map(FoundDelay::estimate)
+    };
+    let Some(flight) = measured.found().filter(|m| m.rival_s.is_none()).map(|m| m.delay_s) else { return };
+    for (source, name) in [(DelaySource::Card, "the sensor card"), (DelaySource::Fixed, "the pipeline")] {
+        let Some(stated) = of(source) else { continue };
+        let u = flight.standard_uncertainty.unwrap_or(0.0).hypot(stated.standard_uncertainty.unwrap_or(0.0));
+        let apart = (flight.value - stated.value).abs();
+        if apart > CONTRADICTS * u {
+            let text = format!(
+                "the flight shows a delay of {} ms, {name} has {} ms: {:.1} ms apart, where {:.1} ms are explained (three                  standard uncertainties)",
+                shown(&flight),
+                shown(&stated),
+                1e3 * apart,
+                1e3 * CONTRADICTS * u
+            );
+            notices.push(Severity::Warning, "delay-contradicted", case.position.0, 1, text);
+        }
+    }
+}
+
+fn shown(delay_s: &Estimate) -> String {
+    match delay_s.standard_uncertainty {
+        Some(u) => milliseconds(delay_s.value, u),
+        None => format!("{:.1}", 1e3 * delay_s.value),
+    }
 }
 
 /// `400.0 ± 2.1`, the expanded uncertainty with k = 2: as many digits as it bears.

@@ -8,6 +8,9 @@ pub enum CampaignError {
     /// The pipeline file is wrong.
     #[error(transparent)]
     Pipeline(#[from] crate::config::PipelineError),
+    /// The criteria file is wrong.
+    #[error(transparent)]
+    Criteria(#[from] crate::criteria::CriteriaError),
     /// A rig file is wrong.
     #[error(transparent)]
     Rig(#[from] bench_analysis::RigError),
@@ -71,6 +74,9 @@ pub enum Exit {
     Wrong = 2,
     /// Finished, but some flights failed or lost data.
     Incomplete = 3,
+    /// Finished, and a criterion is not met. It outweighs [`Exit::Incomplete`]: a failed criterion must not hide behind
+    /// a damaged log.
+    CriterionFailed = 4,
     /// Not now: try again.
     TryAgain = 75,
     /// Stopped by the user.
@@ -82,7 +88,10 @@ impl CampaignError {
     #[must_use]
     pub fn exit(&self) -> Exit {
         match self {
-            CampaignError::Pipeline(_) | CampaignError::Rig(_) | CampaignError::Asked(_) => Exit::Wrong,
+            CampaignError::Pipeline(_)
+            | CampaignError::Criteria(_)
+            | CampaignError::Rig(_)
+            | CampaignError::Asked(_) => Exit::Wrong,
             CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
             CampaignError::TryAgain(_) => Exit::TryAgain,
             CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,

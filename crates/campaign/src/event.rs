@@ -1,7 +1,7 @@
 //! What happens while a campaign runs. The engine prints nothing: listeners do.
 
 use crate::manifest::Why;
-use record::CampaignTotals;
+use record::{CampaignTotals, VerdictTally};
 use serde::Serialize;
 
 /// One thing that happened.
@@ -130,6 +130,9 @@ pub enum Event {
         /// Counts over all flights.
         #[serde(flatten)]
         totals: CampaignTotals,
+        /// Flights by their gravest verdict; `None` where no criteria were given.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        verdicts: Option<VerdictTally>,
     },
 }
 

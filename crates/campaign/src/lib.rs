@@ -23,6 +23,7 @@ mod bench;
 mod card_tests;
 mod cards;
 mod config;
+mod criteria;
 mod delay;
 #[cfg(test)]
 mod engine_tests;
@@ -48,6 +49,9 @@ mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_run};
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};
+pub use criteria::{
+    Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes, criteria_schema,
+};
 pub use error::{CampaignError, Exit};
 pub use event::{Event, EventSink};
 pub use manifest::{Manifest, Why};
@@ -60,4 +64,4 @@ pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
-pub const ANALYSIS_VERSION: u32 = 2;
+pub const ANALYSIS_VERSION: u32 = 3;

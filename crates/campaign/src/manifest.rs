@@ -9,13 +9,13 @@ use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::store::{Keep, Store};
 use ingest::{FlightUnit, LogKind};
-use record::{IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
+use record::{CriteriaUse, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-const MANIFEST_VERSION: u32 = 2;
+const MANIFEST_VERSION: u32 = 3;
 
 /// Version of this flightlag.
 pub(crate) const FLIGHTLAG_VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -34,6 +34,8 @@ pub struct Manifest {
     /// Output folder, absolute.
     pub(crate) out: PathBuf,
     pub(crate) pipeline: PipelineUse,
+    /// What flights are judged by; no part of a result's key.
+    pub(crate) criteria: Option<CriteriaUse>,
     /// Sensor cards that delays are taken from; their hashes are part of the pipeline.
     pub(crate) cards: Vec<CardFile>,
     pub(crate) maps_folder: Option<PathBuf>,
@@ -218,6 +220,7 @@ impl Manifest {
             root,
             out,
             pipeline,
+            criteria: None,
             cards,
             maps_folder,
             maps_blake3,
@@ -226,6 +229,11 @@ impl Manifest {
             flights: vec![],
             ignored,
         }
+    }
+
+    /// What pages are made from besides results: file name and meaning of the criteria.
+    pub(crate) fn criteria_parts(&self) -> [&str; 2] {
+        self.criteria.as_ref().map_or(["", ""], |c| [c.file.as_str(), c.blake3.as_str()])
     }
 
     /// Output folder, absolute.

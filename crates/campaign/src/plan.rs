@@ -1,6 +1,7 @@
 //! Finds the flights, learns their contents, and decides which results are to be made.
 
 use crate::config::Pipeline;
+use crate::criteria::Criteria;
 use crate::error::CampaignError;
 use crate::event::{Event, EventSink};
 use crate::logs::{self, Library};
@@ -74,6 +75,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
         order.command.clone(),
         found.ignored,
     );
+    manifest.criteria = order.pipeline.criteria().map(Criteria::as_used);
     if found.units.is_empty() && found.unreadable.is_empty() {
         return Err(CampaignError::NoFlights { path: root, ignored: manifest.ignored.len() });
     }

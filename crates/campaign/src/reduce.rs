@@ -1,6 +1,8 @@
 //! All results become one table, one record, and pages. Safe to run again at any time: a page or
 //! a row that was made from the same things stands.
 
+use crate::criteria::{Criteria, row_verdicts};
+use crate::delay::{campaign_delay, instant};
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
 use crate::lock::OutputLock;
@@ -15,8 +17,11 @@ use crate::study::failed_record;
 use crate::table;
 use crate::task::caught;
 use crate::work::Workers;
-use flight::{Notice, Severity};
-use record::{CampaignRecord, CampaignTotals, CompensatorResult, Estimate, FlightRecord, FlightRow, Outcome};
+use flight::{Notice, Severity, Stamp};
+use record::{
+    CampaignCriteria, CampaignRecord, CampaignTotals, CompensatorResult, CriterionVerdict, DelaySource, Estimate,
+    FlightRecord, FlightRow, Outcome,
+};
 use report::{FlightPage, REPORT_VERSION, Site};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -28,6 +33,8 @@ const RECORD: &str = "campaign.json";
 pub struct Verdict {
     /// Counts over all flights.
     pub totals: CampaignTotals,
+    /// What the criteria say; `None` where none were given.
+    pub criteria: Option<CampaignCriteria>,
     /// Flights without a lasting result; they are among the failed ones.
     pub troubled: u64,
     /// The page to open.
@@ -37,9 +44,12 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// 0 if every flight was read whole, 3 if some failed or lost data.
+    /// 4 if a flight fails a criterion, else 3 if some failed or lost data, else 0.
     #[must_use]
     pub fn exit(&self) -> Exit {
+        if self.criteria.as_ref().is_some_and(|c| c.flights.fail > 0) {
+            return Exit::CriterionFailed;
+        }
         let whole = self.totals.failed == 0 && self.totals.lossy == 0 && self.troubled == 0;
         if whole { Exit::Well } else { Exit::Incomplete }
     }
@@ -82,11 +92,12 @@ pub(crate) fn reduce_locked(
     if let Some(whole) = state.whole.as_ref().filter(|w| w.made_from == made_from && everything_stands(store, state, w))
     {
         desk.tell(Event::NothingChanged);
-        let verdict = verdict(store, whole.totals.clone(), whole.troubled, true);
-        desk.tell(Event::Done { totals: whole.totals.clone() });
+        let verdict = verdict(store, whole, true);
+        desk.tell(done(&verdict));
         return Ok(Reduction::Finished(verdict));
     }
-    let reducer = Reducer { manifest, desk, store, rows: old_rows(store, state) };
+    let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
+    let reducer = Reducer { manifest, criteria, desk, store, rows: old_rows(store, state) };
     reducer.reduce(&lines, made_from, state)
 }
 
@@ -133,13 +144,16 @@ fn page_hash(manifest: &Manifest, planned: &Planned, slug: &str, source: &Source
         Source::Without(record) => format!("without {}", table::outcome_reason(&record.outcome).unwrap_or_default()),
     };
     let version = REPORT_VERSION.to_string();
-    hash_of_parts(&[&planned.flight, slug, &from, &version, &manifest.command, &manifest.flightlag_version])
+    let criteria = manifest.criteria_parts();
+    let parts = [&planned.flight, slug, &from, &version, &manifest.command, &manifest.flightlag_version];
+    hash_of_parts(&[parts.as_slice(), &criteria].concat())
 }
 
 fn whole_hash(manifest: &Manifest, lines: &[Line<'_>]) -> String {
     let mut parts = vec![manifest.name.as_str(), &manifest.pipeline.blake3, &manifest.command];
     parts.extend(manifest.ignored.iter().flat_map(|i| [i.path.as_str(), i.reason.as_str()]));
     parts.extend(lines.iter().map(|l| l.made_from.as_str()));
+    parts.extend(manifest.criteria_parts());
     hash_of_parts(&parts)
 }
 
@@ -162,6 +176,7 @@ fn old_rows(store: &Store, state: &State) -> BTreeMap<String, FlightRow> {
 
 struct Reducer<'a> {
     manifest: &'a Manifest,
+    criteria: Option<Criteria>,
     desk: &'a Desk<'a>,
     store: &'a Store,
     rows: BTreeMap<String, FlightRow>,
@@ -236,13 +251,14 @@ impl Reducer<'_> {
 
     /// Page and row of a line; `None` if its result turns out not to be whole.
     fn made(&self, line: &Line<'_>) -> Result<Option<Reduced>, CampaignError> {
-        let (record, result) = match &line.source {
+        let (mut record, result) = match &line.source {
             Source::Without(record) => ((**record).clone(), None),
             Source::Result(key) => match results::read(self.store, key)? {
                 Some(record) => (record, Some((key.clone(), results::sizes(self.store, key)))),
                 None => return Ok(None),
             },
         };
+        record.criteria = self.criteria.as_ref().map(|c| c.judge(&line.planned.flight, &record));
         let row = row_of(line, &record);
         let page = PageState { made_from: line.made_from.clone(), files: self.write_page(line, &record)? };
         Ok(Some(Reduced { row, page, result, fresh: true }))
@@ -265,14 +281,20 @@ impl Reducer<'_> {
         Ok(files)
     }
 
-    /// Puts record and track beside the page, where a person looks for them.
+    /// Puts record and track beside the page, where a person looks for them; the record with its verdicts, if there
+    /// are any.
     fn place_results(&self, folder: &str, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
         let beside =
             [("record.json", results::record_name(&record.key)), ("track.parquet", results::track_name(&record.key))];
         let mut files = Sizes::new();
         for (base, from) in beside {
             let name = format!("{folder}/{base}");
-            if let (Source::Result(_), Some(bytes)) = (&line.source, self.store.size(&from)) {
+            let (Source::Result(_), Some(bytes)) = (&line.source, self.store.size(&from)) else { continue };
+            if base == "record.json" && record.criteria.is_some() {
+                let text = results::text_of(record);
+                self.store.write(&name, &text, Keep::Renewable)?;
+                files.insert(name, text.len() as u64);
+            } else {
                 self.store.link(&from, &name)?;
                 files.insert(name, bytes);
             }
@@ -309,12 +331,14 @@ impl Reducer<'_> {
         self.remove_other_pages(state)?;
         let record = self.campaign_record(rows);
         let (files, record_blake3) = self.write_whole(&record)?;
-        let totals = record.totals.clone();
-        state.whole = Some(WholeState { made_from, files, record_blake3, totals: totals.clone(), troubled });
+        let (totals, criteria) = (record.totals.clone(), record.criteria.clone());
+        let whole = WholeState { made_from, files, record_blake3, totals, criteria, troubled };
+        let verdict = verdict(self.store, &whole, false);
+        state.whole = Some(whole);
         state.learn(self.manifest);
         state.save(self.store)?;
-        self.desk.tell(Event::Done { totals: totals.clone() });
-        Ok(Reduction::Finished(verdict(self.store, totals, troubled, false)))
+        self.desk.tell(done(&verdict));
+        Ok(Reduction::Finished(verdict))
     }
 
     /// Pages of flights that are gone go too; files that we did not write stay.
@@ -362,7 +386,9 @@ impl Reducer<'_> {
             name: self.manifest.name.clone(),
             pipeline: self.manifest.pipeline.clone(),
             command: self.manifest.command.clone(),
+            criteria: self.criteria.as_ref().map(|c| c.summary(&flights)),
             totals: totals_of(&flights),
+            delay: campaign_delay(&flights),
             flights,
             ignored: self.manifest.ignored.clone(),
         }
@@ -383,8 +409,14 @@ fn is_ours(name: &str) -> bool {
     }
 }
 
-fn verdict(store: &Store, totals: CampaignTotals, troubled: u64, nothing_changed: bool) -> Verdict {
-    Verdict { totals, troubled, page: store.root().join("index.html"), nothing_changed }
+fn verdict(store: &Store, whole: &WholeState, nothing_changed: bool) -> Verdict {
+    let WholeState { totals, criteria, troubled, .. } = whole.clone();
+    Verdict { totals, criteria, troubled, page: store.root().join("index.html"), nothing_changed }
+}
+
+fn done(verdict: &Verdict) -> Event {
+    let Verdict { totals, criteria, .. } = verdict.clone();
+    Event::Done { totals, verdicts: criteria.map(|c| c.flights) }
 }
 
 /// The line of the table that a record gives.
@@ -413,11 +445,16 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         speed_median_mps: replay.map(|r| r.speed_mps.median),
         delay_s: replay.map(|r| r.settings.delay.seconds()),
         measured_delay_s: measured_delay(record),
+        delay_from: replay.and_then(|r| r.choice.as_ref()).map(|choice| choice.used),
+        card_delay_s: card_delay(record),
+        flown_at: replay.and_then(|r| Some(instant(r.clock, Stamp(r.origin_ns))?.to_string())),
+        sweep: replay.and_then(|r| r.sweep.clone()),
         correction_rms_m: result("exact-async").map(|c| c.raw_minus_this_rms_m).and_then(known),
         raw_error_rms_m: error("raw").and_then(known),
         pade_error_rms_m: error("pade-1-1").and_then(known),
         exact_error_rms_m: error("exact-async").and_then(known),
         valid_share: replay.and_then(valid_share),
+        criteria: record.criteria.as_ref().map(row_verdicts),
         attention: attention(record),
         warnings: count(Severity::Warning),
         losses: count(Severity::Loss),
@@ -432,13 +469,21 @@ fn measured_delay(record: &FlightRecord) -> Option<Estimate> {
     found.delay.found().map(|d| d.delay_s)
 }
 
+/// What the sensor card says of the delay of the pair that was replayed, s.
+fn card_delay(record: &FlightRecord) -> Option<Estimate> {
+    let candidates = &record.replay.as_ref()?.choice.as_ref()?.candidates;
+    candidates.iter().find(|c| c.source == DelaySource::Card)?.delay_s.found().copied()
+}
+
 fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
     let coverage = &replay.coverage;
     (coverage.duration_s > 0.0).then(|| coverage.valid_s / coverage.duration_s)
 }
 
 /// Warnings that make the numbers of a flight doubtful.
-const GRAVE: [&str; 6] = [
+const GRAVE: [&str; 8] = [
+    "delay-contradicted",
+    "delay-fallback",
     "velocity-contradicts-position",
     "stamps-coarser-than-delay",
     "card-expired",
@@ -454,6 +499,8 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     let told = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
     let mut reasons: Vec<String> =
         record.notices.iter().filter(|n| GRAVE.contains(&n.code.as_str())).map(|n| n.text.clone()).collect();
+    let findings = record.criteria.iter().flat_map(|c| &c.findings);
+    reasons.extend(findings.filter(|f| f.verdict == CriterionVerdict::Fail).map(report::criterion_sentence));
     if let Some(damage) = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0) {
         reasons.push(format!("{damage} bytes of the log are damaged"));
     }

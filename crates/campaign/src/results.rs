@@ -81,7 +81,8 @@ pub(crate) fn read(store: &Store, key: &str) -> Result<Option<FlightRecord>, Cam
     }
 }
 
-fn text_of(record: &FlightRecord) -> Vec<u8> {
+/// The record as it is written.
+pub(crate) fn text_of(record: &FlightRecord) -> Vec<u8> {
     // The record's types have text keys and no way to fail.
     let mut text = serde_json::to_vec(record).unwrap_or_default();
     text.push(b'\n');

@@ -6,7 +6,7 @@
 use crate::error::CampaignError;
 use crate::manifest::{Manifest, Planned, Why};
 use crate::store::{Keep, Store};
-use record::CampaignTotals;
+use record::{CampaignCriteria, CampaignTotals};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -60,6 +60,9 @@ pub(crate) struct WholeState {
     pub(crate) record_blake3: String,
     /// Counts, for the exit code.
     pub(crate) totals: CampaignTotals,
+    /// What the criteria say, for the exit code too.
+    #[serde(default)]
+    pub(crate) criteria: Option<CampaignCriteria>,
     /// Flights without a lasting result.
     pub(crate) troubled: u64,
 }

@@ -1,12 +1,13 @@
 //! One flight: log in, record and track out.
 
 use crate::config::{FlightCase, Pipeline};
+use crate::delay::measured_pair;
 use crate::error::CampaignError;
 use crate::event::Event;
 use crate::logs::Library;
 use crate::manifest::{Manifest, Planned};
 use crate::plan::Desk;
-use compensation_replay::{FlightDelaySettings, Track, measure_delays, replay};
+use compensation_replay::{FlightDelaySettings, Replay, Sweeper, Track, measure_delays, replay};
 use flight::{Binding, Flight, LogHealth, Notices};
 use ingest::{IngestError, Limits, ReadContext};
 use record::{FlightRecord, Outcome};
@@ -50,14 +51,10 @@ impl Replaying {
     }
 
     fn replayed(&self, flight: Flight, health: LogHealth, binding: Binding, draft: FlightRecord) -> Studied {
-        let settings = self.pipeline.settings_for(&FlightCase { flight: &flight, binding: &binding });
         let mut notices = flight.notices.clone();
-        let done = settings.and_then(|(settings, of_delay)| {
-            notices.extend(of_delay);
-            replay(&flight, &settings).map_err(|refusal| refusal.to_string())
-        });
         let (delays, of_delays) = measure_delays(&flight, &FlightDelaySettings::default());
         notices.extend(of_delays);
+        let done = self.compensated(&FlightCase { flight: &flight, binding: &binding, delays: &delays }, &mut notices);
         let mut draft =
             FlightRecord { log: Some(health), binding: Some(binding), delays: Some(delays), notices, ..draft };
         match done {
@@ -71,6 +68,22 @@ impl Replaying {
                 Studied { record: FlightRecord { outcome, ..draft }, track: None }
             }
         }
+    }
+
+    /// Decides which delay is removed, removes it, and says what others would have done.
+    fn compensated(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<Replay, String> {
+        let (settings, decided) = self.pipeline.settings_for(case)?;
+        notices.extend(decided.found.notices);
+        let mut done = replay(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
+        done.record.sweep = Sweeper::of(case.flight, &settings).ok().and_then(|sweeper| {
+            let pair = &done.record.pair;
+            let measured = measured_pair(case.delays, &pair.position, &pair.velocity);
+            let candidates = decided.choice.candidates.iter();
+            let found: Vec<_> = candidates.filter_map(|c| Some((c.source, *c.delay_s.found()?))).collect();
+            sweeper.sweep(&found, decided.optimum.unwrap_or_else(|| sweeper.best(&measured)))
+        });
+        done.record.choice = Some(decided.choice);
+        Ok(done)
     }
 }
 
@@ -109,6 +122,7 @@ pub(crate) fn failed_record(planned: &Planned, manifest: &Manifest, reason: Stri
         binding: None,
         replay: None,
         delays: None,
+        criteria: None,
         notices: Notices::new(),
     }
 }

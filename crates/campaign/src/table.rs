@@ -7,7 +7,7 @@ use compensation_replay::{Track, TrackColumn};
 use polars::prelude::{
     Column, CsvWriter, DataFrame, IntoColumn, NamedFrom, ParquetWriter, PolarsResult, SerWriter, Series,
 };
-use record::{Estimate, FlightRow, Outcome};
+use record::{CriterionVerdict, DelaySource, Estimate, FlightRow, Outcome, RowVerdicts};
 use std::borrow::Cow;
 use std::io;
 
@@ -62,8 +62,14 @@ fn flight_columns(rows: &[FlightRow], cell: impl Fn(&str) -> String) -> Vec<Colu
         number("velocity_rate_hz", &|r| r.velocity_rate_hz),
         number("speed_median_mps", &|r| r.speed_median_mps),
         number("delay_s", &|r| r.delay_s),
+        text("delay_from", &|r| r.delay_from.map(|from| source_name(from).to_owned())),
         number("measured_delay_s", &|r| value(&r.measured_delay_s)),
         number("measured_delay_standard_uncertainty_s", &|r| spread(&r.measured_delay_s)),
+        number("card_delay_s", &|r| value(&r.card_delay_s)),
+        number("card_delay_standard_uncertainty_s", &|r| spread(&r.card_delay_s)),
+        number("sweep_optimum_s", &|r| value(&optimum(r))),
+        number("sweep_optimum_standard_uncertainty_s", &|r| spread(&optimum(r))),
+        text("flown_at", &|r| r.flown_at.clone()),
         number("correction_rms_m", &|r| value(&r.correction_rms_m)),
         number("correction_rms_standard_uncertainty_m", &|r| spread(&r.correction_rms_m)),
         number("raw_error_rms_m", &|r| value(&r.raw_error_rms_m)),
@@ -73,11 +79,45 @@ fn flight_columns(rows: &[FlightRow], cell: impl Fn(&str) -> String) -> Vec<Colu
         number("exact_error_rms_m", &|r| value(&r.exact_error_rms_m)),
         number("exact_error_rms_standard_uncertainty_m", &|r| spread(&r.exact_error_rms_m)),
         number("valid_share", &|r| r.valid_share),
+        text("criteria", &|r| r.criteria.as_ref().map(|c| verdict_name(c.overall).to_owned())),
+        text("criteria_failed", &|r| r.criteria.as_ref().map(failed_criteria)),
         count("warnings", &|r| r.warnings),
         count("losses", &|r| r.losses),
         text("key", &|r| Some(r.key.clone())),
         text("page", &|r| Some(r.page.clone())),
     ]
+}
+
+/// The best delay of the flight's sweep.
+fn optimum(row: &FlightRow) -> Option<Estimate> {
+    Some(row.sweep.as_ref()?.optimum.found()?.delay_s)
+}
+
+/// Where a delay comes from, as the pipeline calls it.
+fn source_name(source: DelaySource) -> &'static str {
+    match source {
+        DelaySource::Fixed => "fixed",
+        DelaySource::Card => "card",
+        DelaySource::Flight => "flight",
+        DelaySource::Sweep => "sweep",
+    }
+}
+
+/// A verdict as records name it.
+fn verdict_name(verdict: CriterionVerdict) -> &'static str {
+    match verdict {
+        CriterionVerdict::Fail => "fail",
+        CriterionVerdict::Inconclusive => "inconclusive",
+        CriterionVerdict::NotEvaluated => "not-evaluated",
+        CriterionVerdict::Pass => "pass",
+        CriterionVerdict::NotApplicable => "not-applicable",
+    }
+}
+
+/// Their names with spaces between.
+fn failed_criteria(verdicts: &RowVerdicts) -> String {
+    let failed = verdicts.each.iter().filter(|v| v.verdict == CriterionVerdict::Fail);
+    failed.map(|v| v.id.as_str()).collect::<Vec<_>>().join(" ")
 }
 
 /// The outcome in a word.
@@ -148,11 +188,16 @@ mod tests {
             speed_median_mps: Some(-1.5),
             delay_s: Some(0.4),
             measured_delay_s: None,
+            delay_from: None,
+            card_delay_s: None,
+            flown_at: None,
+            sweep: None,
             correction_rms_m: Some(Estimate { value: 6.983_999_999_999_999, standard_uncertainty: None }),
             raw_error_rms_m: None,
             pade_error_rms_m: None,
             exact_error_rms_m: None,
             valid_share: Some(1.0),
+            criteria: None,
             attention: vec![],
             warnings: 3,
             losses: 0,
@@ -231,7 +276,7 @@ mod tests {
         write_flights(&store, &[row(name)]).unwrap();
         let text = std::fs::read_to_string(folder.path().join("flights.csv")).unwrap();
         assert!(text.contains("\"'=HYPERLINK(\"\"http://x\"\",\"\"y\"\"),\n2\",compensated"), "{text}");
-        assert!(text.contains(",-1.5,0.4,,,6.983999999999999,"), "{text}");
+        assert!(text.contains(",-1.5,0.4,,,,,,,,,6.983999999999999,"), "{text}");
     }
 
     #[test]

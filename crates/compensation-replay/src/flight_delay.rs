@@ -13,6 +13,7 @@ mod over_time;
 mod pairs;
 mod pieces;
 mod reference;
+pub(crate) mod residual;
 mod split;
 
 use flight::{Flight, Notices};
@@ -40,7 +41,11 @@ pub struct FlightDelaySettings {
     pub alarm_p: f64,
     /// Sources (behind the dot of a channel's name) that are on time by definition.
     pub references: Vec<String>,
-    /// Most samples of a channel that take part; of more, every second, third, … does.
+    /// A channel with more samples is measured with every second, third, … of them first.
+    pub first_look_samples: usize,
+    /// A first look that knows the delay as well as this is enough, s (standard uncertainty).
+    pub enough_s: f64,
+    /// Most samples of a channel that take part in the second look.
     pub most_samples: usize,
 }
 
@@ -57,6 +62,8 @@ impl Default for FlightDelaySettings {
             inject_s: vec![0.1],
             alarm_p: 1e-3,
             references: references.map(str::to_owned).to_vec(),
+            first_look_samples: 8_000,
+            enough_s: 1e-4,
             most_samples: 40_000,
         }
     }

@@ -279,7 +279,7 @@ fn geodetic(channel: &Channel, row: usize) -> Geodetic {
 }
 
 /// North and east of a position channel in metres, and down beside them.
-fn local(
+pub(crate) fn local(
     name: &str,
     channel: &Channel,
     rows: &[usize],

@@ -23,6 +23,7 @@ mod replay;
 mod rows;
 mod score;
 mod settings;
+mod sweep;
 mod track;
 mod validity;
 
@@ -42,5 +43,6 @@ pub use input::{Picked, Refusal, pick_pair};
 pub use pade::PadeTustin;
 pub use replay::{Replay, replay};
 pub use settings::Settings;
+pub use sweep::Sweeper;
 pub use track::{RowState, Track, TrackColumn};
 pub use validity::{DelayModel, Delays, MotionShare, ValidityBand, compensation_error};

@@ -43,6 +43,17 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
     let resets = score::resets(&innovations, &mut notices);
     let coverage = rows.coverage(&input, bridge_s, &segments, resets);
     let compensators = score::compensators(&input, settings, &rows, &estimates, &innovations);
+    let predicted_rms_m = score::predicted(&rows, settings);
+    let scores = score::scores(&score::Played {
+        input: &input,
+        settings,
+        segments: &segments,
+        rows: &rows,
+        tracks: &estimates,
+        innovations: &innovations,
+        way_m: predicted_rms_m.value,
+    });
+    let onboard = score::onboard(flight, settings, &input, &rows, &estimates, &mut notices);
     let Curves { axes, zoom, track } = draw(&input, settings, &rows, &estimates);
     let record = ReplayRecord {
         settings: ReplaySettings {
@@ -59,11 +70,15 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
         origin: input.frame.map(|f| f.origin()),
         coverage,
         speed_mps: speed,
-        predicted_rms_m: score::predicted(&rows, settings),
+        predicted_rms_m,
         compensators,
+        scores: Some(scores),
+        onboard,
         axes,
         zoom,
         track,
+        choice: None,
+        sweep: None,
     };
     let track = table(&input, &rows, &estimates);
     Ok(Replay { record, track, notices })

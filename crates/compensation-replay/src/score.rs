@@ -1,5 +1,17 @@
 //! What the compensators are worth, with and without an independent reference.
 
+mod all;
+mod budget;
+mod jackknife;
+mod motion;
+mod onboard;
+mod reference;
+mod truthless;
+mod updates;
+
+pub(crate) use all::{Played, scores};
+pub(crate) use onboard::onboard;
+
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
 use crate::input::{AXES, Horizontal, Input};
@@ -18,6 +30,8 @@ pub(crate) struct Innovations {
     raw2: Vec<f64>,
     /// The fix less the dead-reckoned fix before, m: north and east.
     exact: [Vec<f64>; 2],
+    /// What velocity flew between the two, m: north and east.
+    flown: [Vec<f64>; 2],
 }
 
 /// Innovations of all fixes whose flight since the fix before was seen whole by the velocity.
@@ -32,7 +46,9 @@ pub(crate) fn innovations(input: &Input, settings: &Settings, segments: &[Range<
         out.t.push(input.position.t[j]);
         out.raw2.push(step[0] * step[0] + step[1] * step[1]);
         for k in AXES {
-            out.exact[k].push(step[k] - flown[k][s].flown(from, to));
+            let way = flown[k][s].flown(from, to);
+            out.exact[k].push(step[k] - way);
+            out.flown[k].push(way);
         }
     }
     out
@@ -202,14 +218,14 @@ fn percentile_95(squares: &[f64]) -> Option<Estimate> {
 }
 
 /// The reference at those valid rows that it covers without a gap.
-struct Reference {
-    row: Vec<usize>,
-    axes: [Vec<f64>; 2],
+pub(crate) struct Reference {
+    pub(crate) row: Vec<usize>,
+    pub(crate) axes: [Vec<f64>; 2],
 }
 
 impl Reference {
     /// Linear between reference samples (errs by at most a h²/8), never across a gap of more than 2.5 steps.
-    fn at(reference: &Horizontal, rows: &Rows, valid: &[usize]) -> Reference {
+    pub(crate) fn at(reference: &Horizontal, rows: &Rows, valid: &[usize]) -> Reference {
         let t = &reference.t;
         let longest = 2.5 * median_step(t);
         let mut out = Reference { row: vec![], axes: [vec![], vec![]] };

@@ -36,6 +36,8 @@ pub struct Settings {
     pub velocity: Vec<String>,
     /// Reference position channels in order of preference; none is fine.
     pub reference: Vec<String>,
+    /// Channels with the compensated position that the aircraft computed in flight, in order of preference; none is fine.
+    pub onboard: Vec<String>,
 }
 
 impl Settings {
@@ -57,6 +59,7 @@ impl Settings {
             position: names(&["position.gps", "position.ins", "position.ekf"]),
             velocity: names(&["velocity.ekf", "velocity.ins", "velocity.gps"]),
             reference: names(&["position.truth"]),
+            onboard: names(&["position.compensated"]),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::compensator::PadeForm;
 use nalgebra::Complex;
-use signal::power_spectrum;
+use signal::{Spectrum, power_spectrum};
 use std::f64::consts::TAU;
 
 /// What stands in for the delay: a Padé form, or the exact one.
@@ -82,6 +82,11 @@ impl ValidityBand {
     #[must_use]
     pub fn share_of(&self, velocity: &[&[f64]], rate_hz: f64) -> Option<MotionShare> {
         let spectra: Vec<_> = velocity.iter().map(|v| power_spectrum(v, rate_hz)).collect();
+        self.share_of_spectra(&spectra)
+    }
+
+    /// The same from spectra of the axes.
+    pub(crate) fn share_of_spectra(&self, spectra: &[Spectrum]) -> Option<MotionShare> {
         let lines = || spectra.iter().flat_map(|s| s.frequency_hz.iter().zip(&s.power));
         let total: f64 = lines().map(|(_, p)| p).sum();
         if !(total > 0.0 && total.is_finite()) {

@@ -1,5 +1,6 @@
 //! A flight: channels of checked samples with their origin.
 
+use crate::health::UtcTie;
 use crate::notice::Notices;
 use crate::series::Series;
 use crate::time::{Clock, Stamp, StampKind};
@@ -113,6 +114,8 @@ pub struct Flight {
     pub channels: BTreeMap<String, Channel>,
     /// What was lost, assumed or repaired on the way here.
     pub notices: Notices,
+    /// UTC of the clock since boot, where the log ties the two.
+    pub utc: Option<UtcTie>,
 }
 
 impl Flight {
@@ -120,6 +123,14 @@ impl Flight {
     #[must_use]
     pub fn first_of<'a>(&'a self, names: &'a [String]) -> Option<(&'a str, &'a Channel)> {
         names.iter().find_map(|name| self.channels.get(name).map(|c| (name.as_str(), c)))
+    }
+
+    /// UTC, as Unix counts, of a stamp; that of a clock since boot is as good as [`UtcTie::spread_s`]. `None` for a
+    /// clock that nothing ties to UTC.
+    #[must_use]
+    pub fn unix(&self, clock: Clock, stamp: Stamp) -> Option<Stamp> {
+        let tied = || self.utc.as_ref().filter(|tie| tie.clock == clock)?.unix(stamp);
+        clock.unix(stamp).or_else(tied)
     }
 }
 

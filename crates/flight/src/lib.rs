@@ -18,6 +18,7 @@ mod about;
 mod channel;
 mod geodesy;
 mod health;
+mod leap;
 mod notice;
 mod series;
 mod time;
@@ -28,7 +29,11 @@ pub use channel::{Channel, ChannelSource, Flight, Quantity};
 pub use geodesy::{Ecef, Geodetic, LocalFrame, WGS84_A, WGS84_E2, WGS84_F};
 pub use health::{
     Binding, ByteLedger, ChannelHealth, DamagedRange, Distribution, Gap, Held, LogHealth, MapCandidate, RejectCount,
-    StampHealth, StampOffset, TopicHealth,
+    StampHealth, StampOffset, TopicHealth, UtcTie,
+};
+pub use leap::{
+    GPS_EPOCH_UNIX_S, LEAPS_KNOWN_UNTIL, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s, gps_of_unix, leaps_are_known_at,
+    unix_of_gps,
 };
 pub use notice::{Notice, Notices, Severity};
 pub use series::{Series, SeriesError, Timeline};

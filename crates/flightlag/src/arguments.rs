@@ -7,8 +7,9 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0    all well
   1    failed
-  2    wrong command, pipeline, rig file, sensor card or channel map
+  2    wrong command, pipeline, criteria, rig file, sensor card or channel map
   3    finished, but some flights or records failed or lost data
+  4    finished, but a flight fails a criterion (whether or not 3 holds too)
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
 
@@ -58,12 +59,21 @@ pub(crate) enum Command {
     /// Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
     #[command(after_help = EXIT_CODES)]
     Inspect(InspectArguments),
+    /// Writes everything that is good of a damaged log as MCAP, reads it again and reports the counts.
+    #[command(after_help = EXIT_CODES)]
+    Recover(RecoverArguments),
+    /// Writes the channels of a log, or its topics as they stand, as Parquet, CSV or MCAP.
+    #[command(after_help = EXIT_CODES)]
+    Export(ExportArguments),
     /// Writes simulated flights and bench records whose truth is known.
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
     /// Writes a compensator as C for the aircraft, says where it helps, and what an autopilot could be told instead.
     #[command(after_help = EXIT_CODES)]
     Compensator(CompensatorArguments),
+    /// Lists what criteria can ask of a flight, or checks a criteria file.
+    #[command(after_help = EXIT_CODES)]
+    Criteria(CriteriaArguments),
     /// Lists the channel maps that come with flightlag, or prints one.
     Maps(MapsArguments),
 }
@@ -94,6 +104,10 @@ pub(crate) struct OrderArguments {
     /// Settings (TOML). Without it those of `pipelines/default.toml` hold, which assume a delay.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
+    /// What flights are judged by (TOML), instead of the file that the pipeline names, if any. `flightlag criteria` lists
+    /// what can be asked.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) criteria: Option<PathBuf>,
     /// Read every flight with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
@@ -209,12 +223,62 @@ pub(crate) struct InspectArguments {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct RecoverArguments {
+    /// A log; it is only read.
+    #[arg(value_name = "IN")]
+    pub(crate) log: PathBuf,
+    /// The MCAP to write. It is there whole or not at all.
+    #[arg(value_name = "OUT")]
+    pub(crate) out: PathBuf,
+    /// Writes over an OUT that is there.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExportArguments {
+    /// A log, or a folder that holds one CSV file for each topic of a flight.
+    #[arg(value_name = "LOG")]
+    pub(crate) log: PathBuf,
+    /// As what.
+    #[arg(long, value_enum, value_name = "KIND", default_value = "parquet")]
+    pub(crate) to: ExportKind,
+    /// Folder of the tables, or the MCAP. Without it: the log's name with `.parquet` or `.csv.d` (folders) or
+    /// `.export.mcap` behind it, here.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) out: Option<PathBuf>,
+    /// All topics with all fields as they stand in the log, instead of the channels that a map binds.
+    #[arg(long)]
+    pub(crate) topics: bool,
+    /// Writes into a folder, or over a file, that is there.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Bind with this channel map.
+    #[arg(long, value_name = "NAME", conflicts_with = "topics")]
+    pub(crate) map: Option<String>,
+    /// Folder with further channel maps.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) maps: Option<PathBuf>,
+}
+
+/// A format that is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum ExportKind {
+    /// One Parquet file for each channel or topic.
+    Parquet,
+    /// One CSV file for each.
+    Csv,
+    /// One MCAP with a typed topic for each.
+    Mcap,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct DemoArguments {
     /// Where the flights go, into DIR/flights, the records of a bench, into DIR/bench, and the reports, into DIR/report
     /// and DIR/bench-report.
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
-    /// Also run bench and campaign on them, and say which pages to open. That one log is cut off on purpose does not count
+    /// Also run bench and campaign on them, and say which pages to open. That one log is cut off and some criteria are missed on purpose does not count
     /// for the exit code.
     #[arg(long)]
     pub(crate) run: bool,
@@ -251,6 +315,16 @@ pub(crate) struct CompensatorArguments {
     /// Folder for the two files.
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CriteriaArguments {
+    /// Checks this file and says what it means.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: Option<PathBuf>,
+    /// Prints the commented example, as a start for one of your own.
+    #[arg(long, conflicts_with = "file")]
+    pub(crate) example: bool,
 }
 
 #[derive(Debug, Args)]

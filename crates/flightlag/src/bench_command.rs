@@ -8,7 +8,7 @@ use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::{BenchOrder, BenchVerdict, bench_run};
 use flight::Severity;
-use record::{BenchOutcome, CardChannel, TimeBasis, Verdict};
+use record::{BenchOutcome, CardChannel, CardMagnetometer, Finding, TimeBasis, Verdict};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -80,6 +80,9 @@ fn summary(verdict: &BenchVerdict) -> String {
     for line in anchors(verdict.channels()) {
         text += &format!("  {}\n", visible(&line));
     }
+    if let Some(magnetometer) = verdict.card.as_ref().and_then(|card| card.magnetometer.as_ref()) {
+        text += &format!("  {}\n", visible(&iron(magnetometer)));
+    }
     for notice in verdict.notices.iter().filter(|n| n.severity != Severity::Info) {
         let place = if notice.place.is_empty() { String::new() } else { format!("{}: ", notice.place) };
         text += &format!("  {}{}\n", visible(&place), visible(&notice.text));
@@ -107,6 +110,25 @@ fn cells(channel: &CardChannel) -> Vec<String> {
 fn digits(uncertainty: f64) -> usize {
     let limits = [10.0, 1.0, 0.1, 0.01];
     limits.iter().position(|limit| uncertainty >= *limit).unwrap_or(limits.len())
+}
+
+/// Hard and soft iron in a line; the numbers of the soft iron stand on the page.
+fn iron(magnetometer: &CardMagnetometer) -> String {
+    let name = &magnetometer.channel;
+    let found = match &magnetometer.iron {
+        Finding::Found(found) => found,
+        Finding::CannotTell(why) => return format!("hard and soft iron of {name} cannot be told: {why}"),
+    };
+    let (factor, unit) = if magnetometer.unit == "T" { (1e6, " µT") } else { (1.0, "") };
+    let axis = |(value, u): (&f64, &f64)| {
+        let u = COVERAGE * u * factor;
+        let digits = digits(u);
+        format!("{:.digits$} ± {u:.digits$}", value * factor)
+    };
+    let axes = found.hard_iron.iter().zip(&found.hard_iron_standard_uncertainty);
+    let axes: Vec<String> = axes.map(axis).collect();
+    let swings = magnetometer.azimuths_rad.len();
+    format!("{name}: hard iron {}{unit} (k = 2), soft iron on the card, from {swings} swings", axes.join(", "))
 }
 
 fn verdict_word(verdict: Verdict) -> &'static str {

@@ -5,7 +5,8 @@ use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{count, visible};
 use crate::stop::Stop;
-use campaign::{Desk, EventSink, Exit, Manifest, Order, Pipeline, Status, TaskReport, Verdict};
+use campaign::{Criteria, Desk, EventSink, Exit, Manifest, Order, Pipeline, Status, TaskReport, Verdict};
+use record::{CampaignCriteria, CriterionSummary, VerdictTally};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -110,7 +111,41 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
     parts.extend(others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
     let nothing = if verdict.nothing_changed { "nothing changed: " } else { "" };
     say(arguments, &format!("{nothing}{}: {}", count(totals.flights, "flight"), parts.join(", ")))?;
+    if let Some(criteria) = &verdict.criteria {
+        say_criteria(criteria, arguments)?;
+    }
     say(arguments, &format!("open {}", out.join("index.html").display()))
+}
+
+/// Most names of failing flights in a line; the page has all.
+const MOST_NAMES: usize = 3;
+
+/// A line for all flights, and one for each criterion that a flight fails.
+fn say_criteria(criteria: &CampaignCriteria, arguments: &DeskArguments) -> Result<(), Failure> {
+    say(arguments, &format!("criteria, flights by gravest verdict: {}", tally(&criteria.flights)))?;
+    for failed in criteria.each.iter().filter(|each| each.tally.fail > 0) {
+        let names: Vec<&str> = failed.failed.iter().take(MOST_NAMES).map(String::as_str).collect();
+        let more = match failed.failed.len().saturating_sub(MOST_NAMES) {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        let CriterionSummary { id, metric, limit, .. } = failed;
+        say(arguments, &format!("  FAIL {id} ({metric} {limit}): {}{more}", names.join(", ")))?;
+    }
+    Ok(())
+}
+
+/// `2 FAIL, 9 PASS`.
+fn tally(tally: &VerdictTally) -> String {
+    let VerdictTally { fail, inconclusive, not_evaluated, pass, not_applicable } = *tally;
+    let all = [
+        (fail, "FAIL"),
+        (inconclusive, "INCONCLUSIVE"),
+        (not_evaluated, "NOT EVALUATED"),
+        (pass, "PASS"),
+        (not_applicable, "NOT APPLICABLE"),
+    ];
+    all.iter().filter(|(n, _)| *n > 0).map(|(n, word)| format!("{n} {word}")).collect::<Vec<_>>().join(", ")
 }
 
 /// Tells a person on standard output how it went; machines have their events.
@@ -141,6 +176,8 @@ fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
         Some(path) => Pipeline::read(path).map_err(campaign::CampaignError::from)?,
         None => Pipeline::shipped_default().map_err(campaign::CampaignError::from)?,
     };
+    let criteria = arguments.criteria.as_deref().map(Criteria::read).transpose();
+    let pipeline = pipeline.with_criteria(criteria.map_err(campaign::CampaignError::from)?);
     let pipeline = pipeline.with_forced_map(arguments.map.clone()).with_maps_folder(arguments.maps.clone());
     Ok(Order {
         flights: arguments.flights.clone(),
@@ -163,7 +200,8 @@ fn out_of(arguments: &OrderArguments) -> PathBuf {
 /// The command that makes the report again, with names instead of paths: the same on every machine.
 fn command_of(arguments: &OrderArguments) -> String {
     let mut command = format!("flightlag campaign {}", name_for_shell(&arguments.flights));
-    for (option, path) in [("--pipeline", &arguments.pipeline), ("--maps", &arguments.maps)] {
+    let files = [("--pipeline", &arguments.pipeline), ("--criteria", &arguments.criteria), ("--maps", &arguments.maps)];
+    for (option, path) in files {
         if let Some(path) = path {
             command += &format!(" {option} {}", name_for_shell(path));
         }

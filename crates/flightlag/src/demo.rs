@@ -6,7 +6,7 @@ use crate::failure::{End, Failure};
 use crate::show::count;
 use crate::stop::Stop;
 use crate::{bench_command, campaign_command::name_for_shell};
-use campaign::{BenchOrder, DEMO_PIPELINE, Exit, Order, Pipeline, Verdict};
+use campaign::{BenchOrder, Criteria, DEMO_CRITERIA, DEMO_PIPELINE, Exit, Order, Pipeline, Verdict};
 use simulate::{BenchDemo, SimulateError};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -79,15 +79,18 @@ fn benches(arguments: &DemoArguments, folder: &Path, demo: &BenchDemo) -> Vec<Be
 /// The flights are compensated by the number that was simulated, not by a card: their receiver never hung on the bench.
 fn run_flights(arguments: &DemoArguments, flights: PathBuf, stop: &Stop) -> Result<Verdict, Failure> {
     let pipeline = Pipeline::parse(DEMO_PIPELINE, Path::new("demo.toml")).map_err(campaign::CampaignError::from)?;
+    let criteria =
+        Criteria::parse(DEMO_CRITERIA, Path::new("demo.criteria.toml")).map_err(campaign::CampaignError::from)?;
+    let pipeline = pipeline.with_criteria(Some(criteria));
     let command = format!("flightlag demo DIR --run --seed {}", arguments.seed);
     let order = Order { flights, out: report(arguments), pipeline, verify: false, command };
     run_order(&order, &arguments.desk, stop)
 }
 
-/// The demo holds a truncated flight on purpose: that its loss is found is no fault of the demo.
+/// The demo holds a truncated flight and missed criteria on purpose: that they are found is no fault of the demo.
 fn exit_of_flights(verdict: &Verdict) -> Exit {
     let only_lossy = verdict.totals.failed == 0 && verdict.troubled == 0;
-    if only_lossy { Exit::Well } else { verdict.exit() }
+    if only_lossy { Exit::Well } else { Exit::Incomplete }
 }
 
 fn worse(a: Exit, b: Exit) -> Exit {

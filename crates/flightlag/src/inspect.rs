@@ -23,7 +23,7 @@ pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Fail
 }
 
 /// The flight that a path stands for: a file, or a folder that holds one flight.
-fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failure> {
+pub(crate) fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failure> {
     let wrong = |what: String| Failure::new(Exit::Wrong, format!("{}: {what}", path.display()));
     std::fs::metadata(path).map_err(|e| wrong(e.to_string()))?;
     let mut found = discover(path, library)?;
@@ -161,7 +161,7 @@ fn stamp_cells(stamp: &StampHealth) -> Vec<String> {
     ]
 }
 
-fn damage(health: &LogHealth) -> String {
+pub(crate) fn damage(health: &LogHealth) -> String {
     let mut table = Table::new(&["file", "first byte|", "bytes|", "why"]);
     for range in &health.damage {
         table.row(vec![range.file.clone(), range.offset.to_string(), range.length.to_string(), range.reason.clone()]);
@@ -236,7 +236,7 @@ fn channel_remarks(channels: &[ChannelHealth]) -> String {
     lines.into_iter().map(|l| l + "\n").collect()
 }
 
-fn notices(notices: &Notices) -> String {
+pub(crate) fn notices(notices: &Notices) -> String {
     let mut table = Table::new(&["notice", "where", "count|", "what"]);
     for notice in notices.iter() {
         let severity = match notice.severity {

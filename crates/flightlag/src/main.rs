@@ -4,11 +4,14 @@ mod arguments;
 mod bench_command;
 mod campaign_command;
 mod compensator;
+mod criteria;
 mod demo;
+mod export;
 mod failure;
 mod inspect;
 mod listen;
 mod maps;
+mod recover;
 mod show;
 mod stop;
 
@@ -32,8 +35,11 @@ fn run(command: Command) -> Result<failure::End, Failure> {
         Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
         Command::Bench(arguments) => bench_command::run(&arguments, &stop),
         Command::Inspect(arguments) => inspect::run(&arguments, &stop),
+        Command::Recover(arguments) => recover::run(&arguments, &stop),
+        Command::Export(arguments) => export::run(&arguments, &stop),
         Command::Demo(arguments) => demo::run(&arguments, &stop),
         Command::Compensator(arguments) => compensator::run(&arguments),
+        Command::Criteria(arguments) => criteria::run(&arguments),
         Command::Maps(arguments) => maps::run(&arguments),
     }
 }

@@ -4,7 +4,7 @@
 //! CPU time is that of the whole process (Linux).
 #![allow(clippy::print_stdout)]
 
-use ingest::{BagReader, FieldRequest, Limits, LogReader, McapReader, ReadContext, Selection, TopicInfo, ValueKind};
+use ingest::{FieldRequest, Limits, MapLibrary, ReadContext, Selection, TopicInfo, ValueKind};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -20,10 +20,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let cancel = AtomicBool::new(false);
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
-    let is_bag = path.extension().is_some_and(|e| e == "bag");
-    let mut reader: Box<dyn LogReader> =
-        if is_bag { Box::new(BagReader::new(vec![path])) } else { Box::new(McapReader::new(vec![path])) };
-    let log = reader.read(&want, &context)?;
+    let found = ingest::discover(&path, &MapLibrary::shipped()?)?;
+    let unit = found.units.first().ok_or_else(|| format!("no log: {:?}", found.ignored))?;
+    let log = ingest::open(unit).read(&want, &context)?;
     println!("{}: {:?}", log.health.format, log.health.bytes);
     println!("{} messages, {} undecodable", log.health.messages, log.health.undecodable);
     for topic in &log.health.topics {

@@ -2,14 +2,20 @@
 
 mod attitude;
 mod rows;
+mod stamps;
+mod stated;
 mod trial;
 
 use self::rows::bind_rows;
+use self::stamps::tie_of;
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
 use crate::map::{BENCH_ALONE, MapLibrary};
 use crate::reader::Log;
-use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
+use flight::{
+    Binding, ChannelHealth, Clock, Flight, LEAPS_KNOWN_UNTIL, MapCandidate, Notices, Quantity, Severity,
+    leaps_are_known_at,
+};
 
 /// Finds the channel map that fits `log` and makes its flight. The notices of the log come first.
 ///
@@ -39,6 +45,7 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Fli
     for plan in &best.plans {
         let bound = bind_rows(plan);
         flight.notices.extend(bound.notices);
+        stated::compare(plan, &log.units, &mut flight.notices);
         match bound.channel {
             Some(channel) => {
                 flight.channels.insert(plan.rule.name.clone(), channel);
@@ -48,9 +55,37 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Fli
         channels.push(bound.health);
     }
     channels.sort_by(|a, b| a.name.cmp(&b.name));
+    flight.utc = tie_of(&best.map.ties, log);
+    note_utc(&mut flight);
     let others = trials.iter().skip(1).filter(|t| !t.plans.is_empty()).map(|t| candidate(t, best)).collect();
     let why = if forced { "asked for by name".to_owned() } else { best.why() };
     (flight, Binding { map: best.map.name.clone(), why, others, channels })
+}
+
+/// What was found out about UTC: the tie of the clock since boot, and whether the leap seconds of the day are known.
+fn note_utc(flight: &mut Flight) {
+    if let Some(tie) = &flight.utc {
+        let text = format!(
+            "the clock {} is dated by {}: {} pairs within {:.3} s; samples keep their stamps",
+            tie.clock,
+            tie.source,
+            tie.pairs,
+            tie.spread_s.p99 - tie.spread_s.p01
+        );
+        flight.notices.push(Severity::Info, "utc-tie", "", tie.pairs, text);
+        if tie.outliers > 0 {
+            let text = "messages that date the clock are more than a second off the others and are not used";
+            flight.notices.push(Severity::Warning, "utc-outlier", &tie.source, tie.outliers, text);
+        }
+    }
+    let of_gps = flight.channels.values().map(|c| c.series.timeline()).filter(|t| t.clock() == Clock::Gps);
+    let last = of_gps.filter_map(|t| t.clock().unix(*t.stamps().last()?));
+    if last.max().is_some_and(|last| !leaps_are_known_at(last)) {
+        let text = format!(
+            "GPS time is turned to UTC with the leap seconds known until {LEAPS_KNOWN_UNTIL}; the flight is later"
+        );
+        flight.notices.push(Severity::Warning, "leap-seconds", "", 1, text);
+    }
 }
 
 fn no_rows(health: &ChannelHealth, notices: &mut Notices) {

@@ -8,6 +8,8 @@ use jiff::tz::Offset;
 pub(crate) enum Tick {
     Seconds,
     Millis,
+    /// 100 µs.
+    TenthMillis,
     Micros,
     Nanos,
 }
@@ -18,6 +20,7 @@ impl Tick {
         match self {
             Tick::Seconds => 1_000_000_000,
             Tick::Millis => 1_000_000,
+            Tick::TenthMillis => 100_000,
             Tick::Micros => 1_000,
             Tick::Nanos => 1,
         }
@@ -76,12 +79,25 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
 /// `2024-05-10 17:27:44.3+02:00`, or without a zone, which then means UTC.
 pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
     let text = text.trim();
+    if text.get(8..9).is_some_and(|t| t.eq_ignore_ascii_case("T")) {
+        return basic_to_unix_ns(text);
+    }
     let date = text.get(..10)?;
     let rest = text.get(10..)?;
     let rest = rest.strip_prefix(['T', 't', ' '])?;
     let zone_at = rest.find(['Z', 'z', '+', '-']).unwrap_or(rest.len());
     let (time, zone) = rest.split_at_checked(zone_at)?;
     unix_ns(iso_date(date)?, time, if zone.is_empty() { "Z" } else { zone })
+}
+
+/// The basic format, `20240510T172744.30Z`.
+fn basic_to_unix_ns(text: &str) -> Option<i64> {
+    let rest = text.get(9..)?;
+    let zone_at = rest.find(['Z', 'z', '+', '-']).unwrap_or(rest.len());
+    let (time, zone) = rest.split_at_checked(zone_at)?;
+    let (hour, minute, second) = (time.get(..2)?, time.get(2..4)?, time.get(4..)?);
+    let time = format!("{hour}:{minute}:{second}");
+    unix_ns(plain_date(text.get(..8)?)?, &time, if zone.is_empty() { "Z" } else { zone })
 }
 
 /// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]` and an offset `+hh:mm` or `Z`.
@@ -92,10 +108,22 @@ pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
     seconds.as_second().checked_mul(1_000_000_000)?.checked_add(nanos)
 }
 
+/// Nanoseconds since 1970 of year, month, day, hour, minute, second and nanosecond, UTC.
+pub(crate) fn calendar_to_unix_ns(parts: [i64; 6], nanos: i64) -> Option<i64> {
+    let [year, month, day, hour, minute, second] = parts;
+    let small = |v: i64| i8::try_from(v).ok();
+    let (second, leap) = if second == 60 { (59, 1) } else { (second, 0) };
+    let date = Date::new(i16::try_from(year).ok()?, small(month)?, small(day)?).ok()?;
+    let time = Time::new(small(hour)?, small(minute)?, small(second)?, 0).ok()?;
+    let instant = Offset::UTC.to_timestamp(DateTime::from_parts(date, time)).ok()?;
+    instant.as_second().checked_add(leap)?.checked_mul(1_000_000_000)?.checked_add(nanos)
+}
+
 /// The whole second, and the fraction in ns. A leap second counts as the second after, as Unix has it.
 fn time_of_day(text: &str) -> Option<(Time, i64)> {
     let mut parts = text.split(':');
-    let hour = two_digits(parts.next()?)?;
+    let hour = parts.next()?;
+    let hour = if hour.len() == 1 { i8::try_from(unsigned(hour)?).ok()? } else { two_digits(hour)? };
     let minute = two_digits(parts.next()?)?;
     let (second, fraction) = parts.next().map_or(("00", ""), |s| s.split_once('.').unwrap_or((s, "")));
     if parts.next().is_some() {
@@ -123,6 +151,22 @@ fn offset_seconds(text: &str) -> Option<i32> {
     let hours = two_digits(digits.get(..2)?)?;
     let minutes = if digits.len() == 2 { 0 } else { two_digits(digits.get(2..)?)? };
     (minutes < 60).then_some(sign * (i32::from(hours) * 3600 + i32::from(minutes) * 60))
+}
+
+/// A date whose order is certain: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, or `dd.mm.yyyy`, for points stand only
+/// behind a day that comes first.
+pub(crate) fn plain_date(text: &str) -> Option<Date> {
+    if text.len() == 8 && text.bytes().all(|b| b.is_ascii_digit()) {
+        let (year, rest) = text.split_at_checked(4)?;
+        let (month, day) = rest.split_at_checked(2)?;
+        return iso_date(&format!("{year}-{month}-{day}"));
+    }
+    if let Some((day, rest)) = text.split_once('.') {
+        let (month, year) = rest.split_once('.')?;
+        let two = |part: &str| if part.len() == 1 { format!("0{part}") } else { part.to_owned() };
+        return iso_date(&format!("{year}-{}-{}", two(month), two(day)));
+    }
+    iso_date(text).or_else(|| iso_date(&text.replace('/', "-")))
 }
 
 /// `yyyy-mm-dd`.
@@ -231,6 +275,28 @@ mod tests {
         assert_eq!(SlashDate::of(["05/06/2021"].into_iter()), None);
         assert_eq!(SlashDate::of(["05/16/2021", "23/06/2021"].into_iter()), None);
         assert_eq!(SlashDate::DayFirst.date("23/06/2021"), iso_date("2021-06-23"));
+    }
+
+    #[test]
+    fn a_date_whose_order_is_certain_is_read_in_every_way_to_write_it() {
+        for text in ["2021-06-05", "2021/06/05", "20210605", "05.06.2021", "5.6.2021"] {
+            assert_eq!(plain_date(text), iso_date("2021-06-05"), "{text}");
+        }
+        for text in ["05/06/2021", "5-6-2021", "2021.06.05", "210605", "2021-6-5", "05.06.21", "２０２1"] {
+            assert_eq!(plain_date(text), None, "{text}");
+        }
+        assert_eq!(iso_to_unix_ns("20240510T172744.30Z"), Some(1_715_362_064_300_000_000));
+        assert_eq!(iso_to_unix_ns("20240510T172744.30"), Some(1_715_362_064_300_000_000));
+        assert_eq!(iso_to_unix_ns("20240510T17:27:44"), None);
+    }
+
+    #[test]
+    fn calendar_numbers_are_the_instant_that_their_text_is() {
+        assert_eq!(calendar_to_unix_ns([2024, 5, 10, 17, 27, 44], 300_000_000), Some(1_715_362_064_300_000_000));
+        assert_eq!(calendar_to_unix_ns([2016, 12, 31, 23, 59, 60], 0), Some(1_483_228_800_000_000_000));
+        for parts in [[0, 0, 0, 0, 0, 0], [2024, 13, 1, 0, 0, 0], [2024, 5, 10, 24, 0, 0], [2024, 5, 10, 0, 0, 61]] {
+            assert_eq!(calendar_to_unix_ns(parts, 0), None, "{parts:?}");
+        }
     }
 
     #[test]

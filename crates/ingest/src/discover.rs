@@ -1,6 +1,8 @@
 //! Finds the flights below a folder.
 
 use crate::error::IngestError;
+use crate::format::bag_folder::{self, Metadata};
+use crate::format::{Packing, members};
 use crate::map::MapLibrary;
 use crate::reader::{Limits, ReadContext};
 use crate::sniff::{self, Content};
@@ -30,7 +32,7 @@ pub struct FlightUnit {
     /// Path below the root with `/` between folders. Of several files that make one flight: their
     /// folder and the beginning that their names share.
     pub id: String,
-    /// Its files, sorted.
+    /// Its files in the order in which they are read: sorted, or as the recording goes on.
     pub files: Vec<PathBuf>,
     /// How they are read.
     pub kind: LogKind,
@@ -118,6 +120,21 @@ struct TableFile {
     id: String,
     stem: String,
     flysight2: bool,
+    /// A header names its columns; else the name of the file alone says what it holds.
+    named: bool,
+}
+
+fn table_file(path: &Path, id: &str, flysight2: bool, named: bool) -> TableFile {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    TableFile { path: path.to_owned(), id: id.to_owned(), stem, flysight2, named }
+}
+
+/// What a packed file holds.
+enum Inside {
+    /// One log, or the tables of one flight.
+    Log(LogKind),
+    /// One table, which may be one of several of its flight.
+    Table(TableFile),
 }
 
 struct Search<'a> {
@@ -145,21 +162,70 @@ impl Search<'_> {
             }
         }
         paths.sort();
-        let mut tables = vec![];
-        for path in paths {
+        let (mut tables, first) = (vec![], self.found.units.len());
+        for path in &paths {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let id = if below.is_empty() { name.clone() } else { format!("{below}/{name}") };
             if name.starts_with('.') {
                 self.ignore(&id, "hidden");
                 continue;
             }
-            match fs::metadata(&path) {
+            match fs::metadata(path) {
                 Err(error) => self.unreadable(&id, "read", &error),
-                Ok(about) if about.is_dir() => self.enter(&path, &id, &name, above),
-                Ok(about) => self.file(&path, &id, about.file_type(), &mut tables),
+                Ok(about) if about.is_dir() => self.enter(path, &id, &name, above),
+                Ok(about) => self.file(path, &id, about.file_type(), &mut tables),
             }
         }
         self.group(tables, below, name);
+        self.join_recording(&paths, first, below, name);
+    }
+
+    /// Makes one flight of the files of a ROS 2 bag: those that its `metadata.yaml` names, or where the recorder was
+    /// killed before it wrote that, those that bear the folder's name and a number.
+    fn join_recording(&mut self, paths: &[PathBuf], first: usize, below: &str, folder: &str) {
+        let described = paths.iter().find(|path| path.file_name().is_some_and(|name| name == bag_folder::NAME));
+        let metadata = described.and_then(|path| Some((path, Metadata::read(path).ok()??)));
+        let names = match &metadata {
+            Some((_, metadata)) => metadata.files.clone(),
+            None => self.numbered(paths, folder),
+        };
+        let mut parts = vec![];
+        for name in names {
+            let here = |unit: &FlightUnit| unit.files.first().is_some_and(|f| paths.contains(f) && f.ends_with(&name));
+            let found = (first..self.found.units.len()).find(|&i| self.found.units.get(i).is_some_and(here));
+            if let Some(index) = found {
+                let is_bag = |unit: &FlightUnit| matches!(unit.kind, LogKind::Db3 | LogKind::Mcap);
+                let kind = parts.first().map(|part: &FlightUnit| part.kind);
+                let fits = |unit: &FlightUnit| is_bag(unit) && kind.is_none_or(|kind| kind == unit.kind);
+                if self.found.units.get(index).is_some_and(fits) {
+                    parts.push(self.found.units.remove(index));
+                }
+            }
+        }
+        let Some(one) = parts.first() else { return };
+        let id = if parts.len() == 1 { one.id.clone() } else { folder_id(below, folder) };
+        let kind = one.kind;
+        let mut files: Vec<PathBuf> = parts.into_iter().flat_map(|part| part.files).collect();
+        if let Some((path, _)) = metadata {
+            let own = join(below, bag_folder::NAME);
+            self.found.ignored.retain(|(id, _)| *id != own);
+            files.push(path.clone());
+        }
+        self.found.units.push(FlightUnit { id, files, kind });
+    }
+
+    /// Files named `FOLDER_0.mcap`, `FOLDER_1.mcap`, ... if there are several.
+    fn numbered(&self, paths: &[PathBuf], folder: &str) -> Vec<String> {
+        let number = |name: &str| {
+            let (number, ending) = name.strip_prefix(folder)?.strip_prefix('_')?.split_once('.')?;
+            let bag = ["db3", "mcap", "db3.zstd", "mcap.zstd"].contains(&ending);
+            number.parse::<u32>().ok().filter(|_| bag)
+        };
+        let name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
+        let mut found: Vec<(u32, String)> =
+            paths.iter().filter_map(name).filter_map(|name| Some((number(&name)?, name))).collect();
+        found.sort();
+        if found.len() < 2 { vec![] } else { found.into_iter().map(|(_, name)| name).collect() }
     }
 
     fn enter(&mut self, path: &Path, id: &str, name: &str, above: &mut Vec<Identity>) {
@@ -200,6 +266,12 @@ impl Search<'_> {
         if !file_type.is_file() {
             return self.ignore(id, "no regular file; not opened");
         }
+        if self.found.units.iter().any(|unit| unit.files.iter().skip(1).any(|file| file == path)) {
+            return;
+        }
+        if is_beside_database(path) {
+            return self.ignore(id, "belongs to the database beside it, which is read without it");
+        }
         if let Some(first) = self.first_name(path, id) {
             return self.ignore(id, format!("same file as {first}"));
         }
@@ -207,19 +279,69 @@ impl Search<'_> {
             Ok(head) => head,
             Err(error) => return self.unreadable(id, "read", &error),
         };
-        let cancel = AtomicBool::new(false);
-        let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
-        match sniff::content_of(path, &head, &context) {
+        match content_of(path, &head) {
             Content::Other(reason) => self.ignore(id, reason),
             Content::Log(kind) => self.unit(id, vec![path.to_owned()], kind),
-            Content::Table { flysight2 } => {
-                let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                tables.push(TableFile { path: path.to_owned(), id: id.to_owned(), stem, flysight2 });
+            Content::Packed(packing) => match self.inside(path, packing) {
+                Ok(Inside::Log(kind)) => self.unit(id, vec![path.to_owned()], kind),
+                // Tables of several packed files may be one flight, as those of several files.
+                Ok(Inside::Table(table)) => {
+                    tables.push(TableFile { path: path.to_owned(), id: id.to_owned(), ..table })
+                }
+                Err(reason) => self.ignore(id, reason),
+            },
+            Content::Table { flysight2, named } if named || self.is_topic(path) => {
+                tables.push(table_file(path, id, flysight2, named));
+            }
+            Content::Table { .. } => {
+                self.ignore(id, "a table of numbers without a header, under a name that no map knows")
             }
         }
     }
 
-    fn unit(&mut self, id: &str, files: Vec<PathBuf>, kind: LogKind) {
+    /// Whether a channel map names a topic like the file.
+    fn is_topic(&self, path: &Path) -> bool {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        self.library.flight_prefix(&stem, true).is_some()
+    }
+
+    /// What kind of log a packed file holds; the reason if it is not one flight.
+    fn inside(&self, path: &Path, packing: Packing) -> Result<Inside, String> {
+        let (mut logs, mut tables, mut others) = (vec![], vec![], vec![]);
+        for member in members(path, packing)? {
+            let name = member.name.display().to_string();
+            match content_of(&member.name, &member.head) {
+                Content::Log(kind) => logs.push((name, kind)),
+                Content::Table { flysight2, named } if named || self.is_topic(&member.name) => {
+                    tables.push(table_file(&member.name, &name, flysight2, named));
+                }
+                Content::Table { .. } => others.push(format!("{name} is a table without a header")),
+                Content::Packed(_) => others.push(format!("{name} is packed again; unpack it first")),
+                Content::Other(reason) => others.push(format!("{name} is {reason}")),
+            }
+        }
+        let several = |names: Vec<&str>| Err(format!("archive of several logs, {}; unpack it first", names.join(", ")));
+        match logs.as_slice() {
+            [(_, kind)] => return Ok(Inside::Log(*kind)),
+            [] if packing != Packing::Zip && tables.len() == 1 => {
+                return tables.pop().map(Inside::Table).ok_or_else(String::new);
+            }
+            [] => {}
+            several_logs => return several(several_logs.iter().map(|(name, _)| name.as_str()).collect()),
+        }
+        let mut inner = Search { library: self.library, found: Discovery::default(), seen: HashMap::new() };
+        inner.group(tables, "", "flight");
+        match inner.found.units.as_slice() {
+            [_] => Ok(Inside::Log(LogKind::Csv)),
+            [] => Err(others.first().map_or("archive without a file".to_owned(), |other| format!("packed: {other}"))),
+            units => several(units.iter().map(|u| u.id.as_str()).collect()),
+        }
+    }
+
+    fn unit(&mut self, id: &str, mut files: Vec<PathBuf>, kind: LogKind) {
+        if let (LogKind::Db3, [database]) = (kind, files.as_slice()) {
+            files.extend(write_ahead_log(database));
+        }
         self.found.units.push(FlightUnit { id: id.to_owned(), files, kind });
     }
 
@@ -255,7 +377,9 @@ impl Search<'_> {
         };
         let found = Some(of(false)).filter(|found| !found.is_empty()).unwrap_or_else(|| of(true));
         let bare = found.iter().filter(|p| p.is_empty()).count();
-        found.iter().filter(|p| !p.is_empty() || bare > 1).map(|p| (*p).to_owned()).collect()
+        // A table without a header was known by its name.
+        let together = bare > 1 || tables.iter().any(|t| !t.named);
+        found.iter().filter(|p| !p.is_empty() || together).map(|p| (*p).to_owned()).collect()
     }
 }
 
@@ -270,6 +394,27 @@ fn folder_id(below: &str, folder: &str) -> String {
 
 fn join(below: &str, name: &str) -> String {
     if below.is_empty() { name.to_owned() } else { format!("{below}/{name}") }
+}
+
+/// The write-ahead log of a database that was not closed.
+fn write_ahead_log(database: &Path) -> Option<PathBuf> {
+    let mut path = database.as_os_str().to_owned();
+    path.push("-wal");
+    let path = PathBuf::from(path);
+    fs::metadata(&path).is_ok_and(|about| about.is_file() && about.len() > 0).then_some(path)
+}
+
+/// A write-ahead log, its index, or a journal, as SQLite leaves them.
+fn is_beside_database(path: &Path) -> bool {
+    let name = path.to_string_lossy();
+    let database = ["-wal", "-shm", "-journal"].iter().find_map(|end| name.strip_suffix(end));
+    database.is_some_and(|database| database.ends_with(".db3") && Path::new(database).is_file())
+}
+
+fn content_of(path: &Path, head: &[u8]) -> Content {
+    let cancel = AtomicBool::new(false);
+    let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
+    sniff::content_of(path, head, &context)
 }
 
 fn head_of(path: &Path) -> std::io::Result<Vec<u8>> {

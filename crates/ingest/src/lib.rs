@@ -21,6 +21,7 @@ mod reader;
 mod sniff;
 pub mod stamps;
 mod table;
+mod time;
 
 pub use bind::bind;
 pub use discover::{Discovery, FlightUnit, LogKind, discover};
@@ -33,5 +34,8 @@ pub use format::{mcap_indexed_records, mcap_records};
 pub use load::{Loaded, load, open};
 pub use map::{ChannelMap, MapLibrary, MapSelect};
 pub use map_schema::channel_map_schema;
-pub use reader::{FieldRequest, Limits, Log, LogReader, ReadContext, Select, Selection, ValueKind};
+pub use reader::{
+    FieldRequest, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Select, Selection, StatedUnit,
+    ValueKind,
+};
 pub use table::{Column, ColumnData, Table, TopicInfo};

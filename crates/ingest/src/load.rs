@@ -5,6 +5,7 @@ use crate::discover::{FlightUnit, LogKind};
 use crate::error::IngestError;
 use crate::format::{
     BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
+    UnpackingReader,
 };
 use crate::map::MapLibrary;
 use crate::reader::{Log, LogReader, ReadContext};
@@ -23,11 +24,15 @@ pub struct Loaded {
     pub binding: Result<Binding, String>,
 }
 
-/// A reader for the files of a flight.
+/// A reader for the files of a flight, packed or not. The ledger of a packed log counts unpacked bytes.
 #[must_use]
 pub fn open(unit: &FlightUnit) -> Box<dyn LogReader> {
-    let files = unit.files.clone();
-    match unit.kind {
+    Box::new(UnpackingReader::new(unit.clone()))
+}
+
+/// A reader for files that are not packed.
+pub(crate) fn reader_of(kind: LogKind, files: Vec<PathBuf>) -> Box<dyn LogReader> {
+    match kind {
         LogKind::Csv => Box::new(CsvReader::new(files)),
         LogKind::Mcap => Box::new(McapReader::new(files)),
         LogKind::Bag => Box::new(BagReader::new(files)),
@@ -62,6 +67,7 @@ pub fn load(
     let (flight, binding) = match bind(&log, library, forced) {
         Ok((flight, binding)) => {
             note_stamps(&mut log, &binding);
+            log.health.utc = flight.utc.clone();
             (flight, Ok(binding))
         }
         Err(IngestError::Map(reason)) => (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason)),

@@ -4,7 +4,7 @@ use crate::civil::Tick;
 use crate::error::IngestError;
 use crate::map_schema::{
     self, ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
-    QuantityName, RequireEntry, TickName, TimeEntry, TimeTable,
+    QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, UtcEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// The maps that come with flightlag.
 const SHIPPED: &[(&str, &str)] = &[
+    ("ardupilot.toml", include_str!("../../../pipelines/channel-maps/ardupilot.toml")),
     ("bench-wide-csv.toml", include_str!("../../../pipelines/channel-maps/bench-wide-csv.toml")),
     ("encoder-csv.toml", include_str!("../../../pipelines/channel-maps/encoder-csv.toml")),
     ("encoder-ros.toml", include_str!("../../../pipelines/channel-maps/encoder-ros.toml")),
@@ -24,10 +25,16 @@ const SHIPPED: &[(&str, &str)] = &[
     ("flysight-1.toml", include_str!("../../../pipelines/channel-maps/flysight-1.toml")),
     ("flysight-2.toml", include_str!("../../../pipelines/channel-maps/flysight-2.toml")),
     ("garmin-g1000.toml", include_str!("../../../pipelines/channel-maps/garmin-g1000.toml")),
+    ("inertial-nav-gps.toml", include_str!("../../../pipelines/channel-maps/inertial-nav-gps.toml")),
+    ("inertial-nav.toml", include_str!("../../../pipelines/channel-maps/inertial-nav.toml")),
     ("mavros.toml", include_str!("../../../pipelines/channel-maps/mavros.toml")),
     ("navsatfix-twist.toml", include_str!("../../../pipelines/channel-maps/navsatfix-twist.toml")),
-    ("px4-ulog2csv.toml", include_str!("../../../pipelines/channel-maps/px4-ulog2csv.toml")),
+    ("novatel-ascii.toml", include_str!("../../../pipelines/channel-maps/novatel-ascii.toml")),
+    ("oxts-csv.toml", include_str!("../../../pipelines/channel-maps/oxts-csv.toml")),
+    ("px4-ecl-replay.toml", include_str!("../../../pipelines/channel-maps/px4-ecl-replay.toml")),
+    ("px4-ulog.toml", include_str!("../../../pipelines/channel-maps/px4-ulog.toml")),
     ("wide-csv.toml", include_str!("../../../pipelines/channel-maps/wide-csv.toml")),
+    ("xsens-mt-manager.toml", include_str!("../../../pipelines/channel-maps/xsens-mt-manager.toml")),
     ("xsens-mti.toml", include_str!("../../../pipelines/channel-maps/xsens-mti.toml")),
     ("xsens-mtig.toml", include_str!("../../../pipelines/channel-maps/xsens-mtig.toml")),
 ];
@@ -43,13 +50,17 @@ pub struct ChannelMap {
     /// One line for people.
     pub title: String,
     pub(crate) rules: Vec<ChannelRule>,
+    pub(crate) ties: Vec<TieRule>,
     text: String,
 }
 
 impl fmt::Debug for ChannelMap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ChannelMap { name, title, rules, text: _ } = self;
-        f.debug_struct("ChannelMap").field("name", name).field("title", title).field("rules", rules).finish()
+        let ChannelMap { name, title, rules, ties, text: _ } = self;
+        let mut debug = f.debug_struct("ChannelMap");
+        debug.field("name", name).field("title", title).field("rules", rules);
+        // As without the field where there is none, so that other maps keep their keys.
+        if ties.is_empty() { debug.finish() } else { debug.field("ties", ties).finish() }
     }
 }
 
@@ -146,9 +157,52 @@ pub(crate) enum AttitudeFrame {
 pub(crate) enum TimeSource {
     ContainerLogged,
     ContainerPublished,
-    Number { field: String, tick: Tick, clock: Clock },
-    Iso { field: String },
-    Civil { date: String, time: String, offset: Option<String> },
+    Number {
+        field: String,
+        tick: Tick,
+        clock: Clock,
+    },
+    GpsWeek {
+        week: String,
+        field: String,
+        tick: Tick,
+    },
+    Iso {
+        field: String,
+    },
+    Civil {
+        date: String,
+        time: String,
+        offset: Option<String>,
+    },
+    /// Year, month, day, hour, minute, second, and perhaps nanoseconds.
+    Calendar {
+        fields: Vec<String>,
+    },
+}
+
+/// What ties the clock since boot to UTC.
+#[derive(Debug, Clone)]
+pub(crate) struct TieRule {
+    pub(crate) topics: Vec<String>,
+    pub(crate) types: Vec<String>,
+    pub(crate) clock: Clock,
+    pub(crate) stamp: TimeSource,
+    pub(crate) utc: TimeSource,
+    pub(crate) require: Vec<RequireEntry>,
+}
+
+impl TieRule {
+    /// How closely `topic` meets this rule; `None` if it does not.
+    pub(crate) fn meets(&self, topic: &TopicInfo) -> Option<Closeness> {
+        closeness(&self.topics, &self.types, topic)
+    }
+
+    /// What is to be decoded for it.
+    fn requests(&self) -> impl Iterator<Item = FieldRequest> {
+        let require = self.require.iter().map(|r| FieldRequest { path: r.field.clone(), kind: ValueKind::Number });
+        [&self.stamp, &self.utc].into_iter().flat_map(TimeSource::requests).chain(require)
+    }
 }
 
 /// How closely a topic meets a rule; smaller is better.
@@ -172,29 +226,12 @@ pub(crate) enum Specificity {
 
 impl ChannelRule {
     pub(crate) fn specificity(&self) -> Specificity {
-        match (self.topics.is_empty(), self.types.is_empty()) {
-            (false, _) => Specificity::ByName,
-            (true, false) => Specificity::ByType,
-            (true, true) => Specificity::AnyTable,
-        }
+        specificity(&self.topics, &self.types)
     }
 
     /// How closely `topic` meets this rule; `None` if it does not.
     pub(crate) fn meets(&self, topic: &TopicInfo) -> Option<Closeness> {
-        let text = topic.encoding == "csv";
-        let type_choice = self.types.iter().position(|t| plain_type(&topic.type_name) == *t);
-        match self.specificity() {
-            Specificity::AnyTable => text.then_some(Closeness { choice: 0, distance: 0, instance: 0 }),
-            Specificity::ByType => type_choice.map(|choice| Closeness { choice, distance: 0, instance: 0 }),
-            Specificity::ByName if type_choice.is_none() && !self.types.is_empty() && !topic.type_name.is_empty() => {
-                None
-            }
-            Specificity::ByName => self.topics.iter().enumerate().find_map(|(choice, pattern)| {
-                let (distance, instance, _) =
-                    if text { stem_matches(&topic.name, pattern)? } else { topic_matches(&topic.name, pattern)? };
-                Some(Closeness { choice, distance, instance })
-            }),
-        }
+        closeness(&self.topics, &self.types, topic)
     }
 
     /// What is to be decoded for it.
@@ -207,11 +244,39 @@ impl ChannelRule {
     }
 }
 
+fn specificity(topics: &[String], types: &[String]) -> Specificity {
+    match (topics.is_empty(), types.is_empty()) {
+        (false, _) => Specificity::ByName,
+        (true, false) => Specificity::ByType,
+        (true, true) => Specificity::AnyTable,
+    }
+}
+
+/// How closely a topic meets the names and types of a rule.
+fn closeness(topics: &[String], types: &[String], topic: &TopicInfo) -> Option<Closeness> {
+    let text = topic.encoding == "csv";
+    let type_choice = types.iter().position(|t| plain_type(&topic.type_name) == *t);
+    match specificity(topics, types) {
+        Specificity::AnyTable => text.then_some(Closeness { choice: 0, distance: 0, instance: 0 }),
+        Specificity::ByType => type_choice.map(|choice| Closeness { choice, distance: 0, instance: 0 }),
+        Specificity::ByName if type_choice.is_none() && !types.is_empty() && !topic.type_name.is_empty() => None,
+        Specificity::ByName => topics.iter().enumerate().find_map(|(choice, pattern)| {
+            let (distance, instance, _) = match topic.encoding.as_str() {
+                "csv" => stem_matches(&topic.name, pattern)?,
+                "ulog" => instance_matches(topic, pattern)?,
+                _ => topic_matches(&topic.name, pattern)?,
+            };
+            Some(Closeness { choice, distance, instance })
+        }),
+    }
+}
+
 impl TimeSource {
     /// The clock that it counts.
     pub(crate) fn clock(&self) -> Clock {
         match self {
             TimeSource::Number { clock, .. } => *clock,
+            TimeSource::GpsWeek { .. } => Clock::Gps,
             _ => Clock::Unix,
         }
     }
@@ -222,7 +287,9 @@ impl TimeSource {
             TimeSource::ContainerLogged => "log".into(),
             TimeSource::ContainerPublished => "publish".into(),
             TimeSource::Number { field, .. } | TimeSource::Iso { field } => field.clone(),
+            TimeSource::GpsWeek { week, field, .. } => format!("{week}, {field}"),
             TimeSource::Civil { date, time, .. } => format!("{date}, {time}"),
+            TimeSource::Calendar { fields } => fields.join(", "),
         }
     }
 
@@ -233,6 +300,11 @@ impl TimeSource {
             // Text keeps every digit of a decimal fraction.
             TimeSource::Number { field, tick: Tick::Seconds | Tick::Millis, .. } => vec![ask(field, ValueKind::Text)],
             TimeSource::Number { field, .. } => vec![ask(field, ValueKind::Number)],
+            TimeSource::GpsWeek { week, field, tick } => {
+                let kind = if *tick == Tick::Seconds { ValueKind::Text } else { ValueKind::Number };
+                vec![ask(week, ValueKind::Number), ask(field, kind)]
+            }
+            TimeSource::Calendar { fields } => fields.iter().map(|f| ask(f, ValueKind::Number)).collect(),
             TimeSource::Iso { field } => vec![ask(field, ValueKind::Text)],
             TimeSource::Civil { date, time, offset } => [Some(date), Some(time), offset.as_ref()]
                 .into_iter()
@@ -257,13 +329,23 @@ fn topic_matches(name: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     (name.ends_with(pattern) && at_boundary).then_some((u8::from(front > 0), 0, front))
 }
 
+/// A topic of ULog is named after its type, with the instance behind if it is not the first.
+fn instance_matches(topic: &TopicInfo, pattern: &str) -> Option<(u8, u32, usize)> {
+    if topic.name == pattern {
+        return Some((0, 0, 0));
+    }
+    let instance = topic.name.strip_prefix(pattern)?.strip_prefix('_')?.parse().ok()?;
+    (topic.type_name == pattern).then_some((0, instance, 0))
+}
+
 /// A file stem is a topic's name with `/` written as `-` or `_`, a prefix before it and perhaps an instance behind it.
 fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     let plain = |text: &str| text.replace(['/', '-'], "_");
     let pattern = plain(pattern.trim_start_matches('/'));
     let whole = plain(stem);
     let (bare, instance) = match whole.rsplit_once('_') {
-        Some((bare, digits)) if bare.ends_with(&pattern) => match digits.parse() {
+        // One word with a number behind it, as gps_105, is as good a name for anything.
+        Some((bare, digits)) if bare.ends_with(&pattern) && pattern.contains('_') => match digits.parse() {
             Ok(instance) => (bare, instance),
             Err(_) => (whole.as_str(), 0),
         },
@@ -368,8 +450,10 @@ pub struct MapSelect<'a> {
 impl Select for MapSelect<'_> {
     fn select(&self, topic: &TopicInfo) -> Selection {
         let rules = self.maps.iter().flat_map(|m| &m.rules);
+        let ties = self.maps.iter().flat_map(|m| &m.ties);
         let mut fields: Vec<FieldRequest> =
             rules.filter(|r| r.meets(topic).is_some()).flat_map(ChannelRule::requests).collect();
+        fields.extend(ties.filter(|t| t.meets(topic).is_some()).flat_map(TieRule::requests));
         fields.sort();
         fields.dedup();
         if fields.is_empty() { Selection::Skip } else { Selection::Fields(fields) }
@@ -400,7 +484,9 @@ impl ChannelMap {
             }
             rules.push(rule);
         }
-        Ok(ChannelMap { name: file.name, title: file.title, rules, text: text.to_owned() })
+        let ties =
+            file.utc.iter().map(tie_rule).collect::<Result<_, _>>().map_err(|what| bad(1, format!("utc: {what}")))?;
+        Ok(ChannelMap { name: file.name, title: file.title, rules, ties, text: text.to_owned() })
     }
 
     /// Names of the channels that it can bind, such as `position.gps`.
@@ -646,6 +732,19 @@ fn times_of(table: &TimeTable) -> Result<[(StampKind, Vec<TimeSource>); 3], Stri
     ])
 }
 
+fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
+    let (stamp, utc) = (time_source(&entry.stamp)?, time_source(&entry.utc)?);
+    let clock = stamp.clock();
+    if !matches!(clock, Clock::Boot | Clock::Elapsed) {
+        return Err("the stamp that is tied counts boot or elapsed".into());
+    }
+    if !matches!(utc.clock(), Clock::Unix | Clock::Gps) {
+        return Err("utc counts unix or gps".into());
+    }
+    let types = entry.types.iter().map(|t| plain_type(t)).collect();
+    Ok(TieRule { topics: entry.topic.clone(), types, clock, stamp, utc, require: entry.require.clone() })
+}
+
 fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
     let clock = entry.clock.map(|c| match c {
         ClockName::Unix => Clock::Unix,
@@ -653,62 +752,42 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         ClockName::Boot => Clock::Boot,
         ClockName::Elapsed => Clock::Elapsed,
     });
-    match entry.clone() {
-        TimeEntry {
-            container: Some(container),
-            field: None,
-            unit: None,
-            text: None,
-            date: None,
-            time: None,
-            offset: None,
-            clock: None,
-        } => Ok(match container {
+    let TimeEntry { container, field, unit, text, week, calendar, date, time, offset, clock: _ } = entry.clone();
+    let of_utc = matches!(clock, None | Some(Clock::Unix));
+    match (container, field, unit, text, week, calendar, date, time, offset) {
+        (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => Ok(match container {
             ContainerStamp::Logged => TimeSource::ContainerLogged,
             ContainerStamp::Published => TimeSource::ContainerPublished,
         }),
-        TimeEntry {
-            container: None,
-            field: Some(field),
-            unit: Some(unit),
-            text: None,
-            date: None,
-            time: None,
-            offset: None,
-            ..
-        } => {
-            let tick = match unit {
-                TickName::S => Tick::Seconds,
-                TickName::Ms => Tick::Millis,
-                TickName::Us => Tick::Micros,
-                TickName::Ns => Tick::Nanos,
-            };
+        (None, Some(field), Some(unit), None, None, None, None, None, None) => {
             let clock = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
-            Ok(TimeSource::Number { field, tick, clock })
+            Ok(TimeSource::Number { field, tick: tick_of(unit), clock })
         }
-        TimeEntry {
-            container: None,
-            field: Some(field),
-            unit: None,
-            text: Some(_),
-            date: None,
-            time: None,
-            offset: None,
-            clock: None | Some(ClockName::Unix),
-        } => Ok(TimeSource::Iso { field }),
-        TimeEntry {
-            container: None,
-            field: None,
-            unit: None,
-            text: None,
-            date: Some(date),
-            time: Some(time),
-            offset,
-            clock: None | Some(ClockName::Unix),
-        } => Ok(TimeSource::Civil { date, time, offset }),
-        _ => Err(
-            "a stamp is a container, or a field with a unit and a clock, or a field with text, or a date and a time"
-                .into(),
-        ),
+        (None, Some(field), Some(unit), None, Some(week), None, None, None, None)
+            if matches!(clock, None | Some(Clock::Gps)) =>
+        {
+            Ok(TimeSource::GpsWeek { week, field, tick: tick_of(unit) })
+        }
+        (None, Some(field), None, Some(_), None, None, None, None, None) if of_utc => Ok(TimeSource::Iso { field }),
+        (None, None, None, None, None, None, Some(date), Some(time), offset) if of_utc => {
+            Ok(TimeSource::Civil { date, time, offset })
+        }
+        (None, None, None, None, None, Some(fields), None, None, None) if of_utc => match fields.len() {
+            6 | 7 => Ok(TimeSource::Calendar { fields }),
+            _ => Err("a calendar is year, month, day, hour, minute, second, and perhaps nanoseconds".into()),
+        },
+        _ => Err("a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \
+                  field and a unit, or a date and a time, or a calendar"
+            .into()),
+    }
+}
+
+fn tick_of(unit: TickName) -> Tick {
+    match unit {
+        TickName::S => Tick::Seconds,
+        TickName::Ms => Tick::Millis,
+        TickName::TenthMs => Tick::TenthMillis,
+        TickName::Us => Tick::Micros,
+        TickName::Ns => Tick::Nanos,
     }
 }

@@ -18,6 +18,9 @@ pub(crate) struct MapFile {
     /// Where stamps are found, for all channels that do not say otherwise.
     #[serde(default)]
     pub(crate) time: TimeTable,
+    /// What ties the clock since boot to UTC. Of several the first that the log holds is taken.
+    #[serde(default)]
+    pub(crate) utc: Vec<UtcEntry>,
     /// The channels.
     #[schemars(with = "Vec<ChannelEntry>")]
     pub(crate) channel: Vec<Spanned<ChannelEntry>>,
@@ -35,7 +38,28 @@ pub(crate) struct TimeTable {
     pub(crate) logged: Vec<TimeEntry>,
 }
 
-/// One source of stamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and `offset`.
+/// A topic whose messages say both the time since boot and UTC, as those of a receiver do. It dates the flight; the
+/// samples keep their stamps.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct UtcEntry {
+    /// As in a channel.
+    #[serde(default)]
+    pub(crate) topic: Vec<String>,
+    /// As in a channel.
+    #[serde(default, rename = "type")]
+    pub(crate) types: Vec<String>,
+    /// The clock that is tied: a field with a unit and the clock `boot` or `elapsed`.
+    pub(crate) stamp: TimeEntry,
+    /// UTC or GPS time in the same message.
+    pub(crate) utc: TimeEntry,
+    /// What a message must fulfil, such as a fix.
+    #[serde(default)]
+    pub(crate) require: Vec<RequireEntry>,
+}
+
+/// One source of stamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and `offset`,
+/// or `week` with `field` and `unit`, or `calendar`.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct TimeEntry {
@@ -47,7 +71,13 @@ pub(crate) struct TimeEntry {
     pub(crate) unit: Option<TickName>,
     /// How its text is written.
     pub(crate) text: Option<TimeText>,
-    /// Column of a date, `yyyy-mm-dd`, or with slashes where the column shows the order.
+    /// The GPS week; `field` is then the time in the week. Weeks that are all below 1024 are taken as a counter
+    /// of ten bits and brought to the 1024 weeks that end about a year after this release; week 0 means no fix.
+    pub(crate) week: Option<String>,
+    /// Columns of year, month, day, hour, minute and second (UTC), and perhaps one of the nanoseconds.
+    pub(crate) calendar: Option<Vec<String>>,
+    /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd` or `dd.mm.yyyy`; or day and month with slashes where
+    /// the column shows the order.
     pub(crate) date: Option<String>,
     /// Column of a time of day, `hh:mm:ss`.
     pub(crate) time: Option<String>,
@@ -75,6 +105,9 @@ pub(crate) enum TickName {
     S,
     /// Milliseconds.
     Ms,
+    /// 100 microseconds.
+    #[serde(rename = "100us")]
+    TenthMs,
     /// Microseconds.
     Us,
     /// Nanoseconds.
@@ -300,6 +333,13 @@ pub(crate) struct RequireEntry {
     pub(crate) min: Option<f64>,
     /// Its largest value.
     pub(crate) max: Option<f64>,
+}
+
+impl RequireEntry {
+    /// Whether a value fulfils the condition; a NaN does not.
+    pub(crate) fn met_by(&self, value: f64) -> bool {
+        self.min.is_none_or(|min| value >= min) && self.max.is_none_or(|max| value <= max)
+    }
 }
 
 /// Reads the text of a map file.

@@ -2,7 +2,7 @@
 
 use crate::error::IngestError;
 use crate::table::{Table, TopicInfo};
-use flight::{LogHealth, Notices};
+use flight::{Dimension, LogHealth, Notices};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A log of any format, opened and recognised.
@@ -26,12 +26,57 @@ pub struct Log {
     pub tables: Vec<Table>,
     /// What happened on the way.
     pub notices: Notices,
+    /// Units that the log itself states of its fields.
+    pub units: Vec<StatedUnit>,
+}
+
+/// The unit of a field as the log states it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StatedUnit {
+    /// Message type.
+    pub type_name: String,
+    /// Dotted path of the field.
+    pub path: String,
+    /// As the log writes it.
+    pub text: String,
+    /// What it measures.
+    pub dimension: Dimension,
+    /// One of it in SI units and radians.
+    pub si: f64,
 }
 
 /// Decides which topics and fields are decoded.
 pub trait Select {
     /// What is wanted of `topic`.
     fn select(&self, topic: &TopicInfo) -> Selection;
+
+    /// Who takes the messages of topics selected as [`Selection::Raw`].
+    fn sink(&self) -> Option<&dyn MessageSink> {
+        None
+    }
+}
+
+/// Takes messages as they stand in the log.
+pub trait MessageSink {
+    /// An intact message, in file order.
+    fn message(&self, message: &RawMessage<'_>);
+}
+
+/// A message as it stands in the log.
+#[derive(Debug, Clone, Copy)]
+pub struct RawMessage<'m> {
+    /// Its topic.
+    pub topic: &'m TopicInfo,
+    /// Encoding of the definition, as `ros2msg`; empty if the log has none.
+    pub schema_encoding: &'m str,
+    /// Definition of the type.
+    pub schema: &'m [u8],
+    /// When the log says that it was logged, ns.
+    pub logged_ns: i64,
+    /// When the log says that it was published, ns.
+    pub published_ns: Option<i64>,
+    /// Its bytes.
+    pub payload: &'m [u8],
 }
 
 impl<F: Fn(&TopicInfo) -> Selection> Select for F {
@@ -49,6 +94,9 @@ pub enum Selection {
     Fields(Vec<FieldRequest>),
     /// Every field: numbers as numbers, text as text.
     All,
+    /// The messages themselves go to [`Select::sink`] and make no table. Formats whose messages mean nothing
+    /// outside of their file (ULog, DataFlash, tables) are read as with [`Selection::All`] instead.
+    Raw,
 }
 
 /// A field and how it is wanted.
@@ -76,6 +124,8 @@ pub struct Limits {
     pub record_bytes: u64,
     /// Largest decompressed chunk, bytes.
     pub chunk_bytes: u64,
+    /// Largest log that is unpacked onto the disk, bytes, whatever its packed size.
+    pub unpacked_bytes: u64,
     /// Most topics in one log.
     pub topics: usize,
     /// Damaged ranges that are listed; the rest is counted.
@@ -89,6 +139,7 @@ impl Default for Limits {
         Limits {
             record_bytes: 256 << 20,
             chunk_bytes: 256 << 20,
+            unpacked_bytes: 64 << 30,
             topics: 65_536,
             listed_damage: 100,
             line_bytes: 1 << 20,

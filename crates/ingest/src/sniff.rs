@@ -1,7 +1,7 @@
 //! What a file is, by its first bytes; the name only helps where they do not decide.
 
 use crate::discover::LogKind;
-use crate::format::looks_like_table;
+use crate::format::{Packing, looks_like_dataflash, looks_like_table, named_text};
 use crate::reader::ReadContext;
 use std::path::Path;
 
@@ -13,8 +13,10 @@ pub(crate) const HEAD: usize = 64 << 10;
 pub(crate) enum Content {
     /// A format that keeps its topics apart.
     Log(LogKind),
-    /// A text table; `flysight2` if it names its topics itself.
-    Table { flysight2: bool },
+    /// A text table; `flysight2` if it names its topics itself, `named` if a header names its columns.
+    Table { flysight2: bool, named: bool },
+    /// Packed: what is inside decides.
+    Packed(Packing),
     /// Why it is no flight.
     Other(String),
 }
@@ -24,7 +26,7 @@ const LOGS: &[(&[u8], LogKind)] = &[
     (b"\x89MCAP0\r\n", LogKind::Mcap),
     (b"#ROSBAG V", LogKind::Bag),
     (b"ULog\x01\x12\x35", LogKind::Ulog),
-    (b"\xa3\x95\x80", LogKind::DataFlash),
+    (b"\xa3\x95", LogKind::DataFlash),
     (b"FMT, 128, 89, FMT", LogKind::DataFlash),
     (b"SQLite format 3\0", LogKind::Db3),
     (b"\xb5\x62", LogKind::Ubx),
@@ -45,11 +47,9 @@ const ENDINGS: &[(&str, LogKind)] = &[
 
 /// First bytes, and what they mean for us.
 const MAGIC: &[(&[u8], &str)] = &[
-    (b"PK\x03\x04", "ZIP archive; unpack it first"),
-    (b"\x1f\x8b", "gzip file; unpack it first"),
-    (b"\x28\xb5\x2f\xfd", "Zstandard file; unpack it first"),
-    (b"BZh", "bzip2 file; unpack it first"),
     (b"\xfd7zXZ\0", "xz file; unpack it first"),
+    (b"7z\xbc\xaf\x27\x1c", "7-Zip archive; unpack it first"),
+    (b"\x93NUMPY", "NumPy array; a log of several such files is not read"),
     (b"version https://git-lfs", "Git-LFS pointer, not the log itself; fetch it with git lfs pull"),
     (b"<!DOCTYPE html", "HTML page, not a log"),
     (b"<html", "HTML page, not a log"),
@@ -73,16 +73,23 @@ pub(crate) fn content_of(path: &Path, head: &[u8], context: &ReadContext<'_>) ->
     if let Some((_, what)) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)) {
         return Content::Other((*what).to_owned());
     }
+    if head.get(257..).is_some_and(|rest| rest.starts_with(b"ustar")) {
+        return Content::Other("tar archive; unpack it first".to_owned());
+    }
+    if let Some(packing) = Packing::of(head, named_text(path)) {
+        return Content::Packed(packing);
+    }
     if let Some((_, kind)) = ENDINGS.iter().find(|(e, _)| *e == ending) {
         return Content::Log(*kind);
     }
     match ending.as_str() {
-        "csv" => Content::Table { flysight2: head.starts_with(b"$FLYS") },
+        "csv" => Content::Table { flysight2: head.starts_with(b"$FLYS"), named: true },
         _ if NO_LOG.contains(&ending.as_str()) => Content::Other(format!("a .{ending} file, not a log")),
+        _ if looks_like_dataflash(head) => Content::Log(LogKind::DataFlash),
         _ if head.is_empty() => Content::Other("empty file".into()),
         _ if memchr::memchr(0, head).is_some() => Content::Other("binary file of an unknown format".into()),
         _ => match looks_like_table(head, context) {
-            Ok(()) => Content::Table { flysight2: head.starts_with(b"$FLYS") },
+            Ok(named) => Content::Table { flysight2: head.starts_with(b"$FLYS"), named },
             Err(what) => Content::Other(format!("text, but {what}")),
         },
     }

@@ -483,12 +483,19 @@ pub struct LatencyHistogram {
 
 /// One extra delay and gain put into the second half of the real data, and found again against the first half:
 /// two estimates whose noise has nothing in common, so that the interval is put to the test.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Injection {
     /// Delay added, s.
     pub injected_s: f64,
     /// Gain multiplied.
     pub injected_gain: f64,
+    /// What was found again, or why nothing was.
+    pub recovered: Finding<Recovery>,
+}
+
+/// How well an injected delay and gain were found again.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Recovery {
     /// Recovered − injected, s.
     pub delay_error_s: Estimate,
     /// Recovered − injected.
@@ -539,8 +546,8 @@ pub struct ChannelDynamics {
     /// Jitter of the latency from residuals against slope (design note 3.9), s.
     pub jitter_s: Finding<Estimate>,
     /// Latency where device time and arrival are logged.
-    pub latency: Option<LatencyHistogram>,
-    /// Injection and recovery.
+    pub latency: Finding<LatencyHistogram>,
+    /// Injection and recovery: one for each delay of the rig's list.
     pub injections: Vec<Injection>,
 }
 
@@ -579,12 +586,19 @@ pub struct MountFinding {
 pub struct MagnetometerFinding {
     /// `planar` (one azimuth) or `full` (three or more).
     pub kind: String,
-    /// Azimuths that were swung in.
+    /// Azimuths that were swung in, no two within 10°.
     pub azimuths: u64,
     /// Hard iron, in the channel's unit, body x, y, z.
     pub hard_iron: [Finding<Estimate>; 3],
     /// Soft iron and scale, row by row, body; identity for a perfect sensor.
     pub soft_iron: Vec<[f64; 3]>,
+    /// Standard uncertainty of each of these; empty for a planar fit, which assumes some of them.
+    #[serde(default)]
+    pub soft_iron_standard_uncertainty: Vec<[f64; 3]>,
+    /// Condition number of the fit, columns scaled to unit length: how many times worse its least known combination
+    /// is than if every column stood alone. `None` for a planar fit.
+    #[serde(default)]
+    pub condition: Option<f64>,
     /// Rms of what is left, in the channel's unit.
     pub residual_rms: f64,
     /// Size of the field found over the model's; `None` without a model.

@@ -1,6 +1,6 @@
 //! The record of one campaign.
 
-use crate::{Estimate, Outcome};
+use crate::{CampaignCriteria, CampaignDelay, DelaySource, DelaySweep, Estimate, Outcome, RowVerdicts};
 use serde::{Deserialize, Serialize};
 
 /// One line of the table of flights.
@@ -40,6 +40,18 @@ pub struct FlightRow {
     /// Delay of the position against the velocity, measured from the flight itself, s.
     #[serde(default)]
     pub measured_delay_s: Option<Estimate>,
+    /// Where the removed delay comes from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay_from: Option<DelaySource>,
+    /// What the sensor card says of it, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub card_delay_s: Option<Estimate>,
+    /// UTC instant at which the record begins, if its clock knows the day.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flown_at: Option<String>,
+    /// What other delays would have done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<DelaySweep>,
     /// Raw − exact compensation, 2-D rms, m.
     pub correction_rms_m: Option<Estimate>,
     /// Error against a reference, raw, 2-D rms, m.
@@ -50,6 +62,9 @@ pub struct FlightRow {
     pub exact_error_rms_m: Option<Estimate>,
     /// Share of the time covered that has a valid compensated position, 0 to 1.
     pub valid_share: Option<f64>,
+    /// What the criteria say; `None` where none were given.
+    #[serde(default)]
+    pub criteria: Option<RowVerdicts>,
     /// Why somebody should look at this flight, in words: damage, contradictions, restarts.
     pub attention: Vec<String>,
     /// Notices of severity warning.
@@ -101,10 +116,16 @@ pub struct CampaignRecord {
     pub pipeline: crate::PipelineUse,
     /// Command that makes this again.
     pub command: String,
+    /// What the criteria say over all flights; `None` where none were given.
+    #[serde(default)]
+    pub criteria: Option<CampaignCriteria>,
     /// Flights, sorted by name.
     pub flights: Vec<FlightRow>,
     /// Other files, sorted by path.
     pub ignored: Vec<IgnoredInput>,
     /// Counts.
     pub totals: CampaignTotals,
+    /// Delays over all flights; `None` if no flight has a sweep or a measured delay.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay: Option<CampaignDelay>,
 }

@@ -1,6 +1,6 @@
 //! The sensor card: what a bench knows of one sensor, for people to read and for replay to use.
 
-use crate::bench::{TimeBasis, Verdict};
+use crate::bench::{Finding, TimeBasis, Verdict};
 use crate::replay::Estimate;
 use flight::{Quantity, StampKind};
 use serde::{Deserialize, Serialize};
@@ -69,6 +69,45 @@ pub struct CardChannel {
     pub outliers: Vec<String>,
 }
 
+/// Hard and soft iron of a magnetometer: `read = soft_iron · field + hard_iron`, in body axes forward, right, down.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct IronCalibration {
+    /// Hard iron x, y, z, in the unit of [`CardMagnetometer`].
+    pub hard_iron: [f64; 3],
+    /// Their standard uncertainties.
+    pub hard_iron_standard_uncertainty: [f64; 3],
+    /// Soft iron, row by row, of determinant one: the scale is apart.
+    pub soft_iron: [[f64; 3]; 3],
+    /// Their standard uncertainties.
+    pub soft_iron_standard_uncertainty: [[f64; 3]; 3],
+    /// Size of the field read over that of the model of the Earth's field; `None` without a model, or where the sensor
+    /// has a scale of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// Its standard uncertainty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_standard_uncertainty: Option<f64>,
+    /// Rms of what is left, in the unit of [`CardMagnetometer`].
+    pub residual_rms: f64,
+    /// Condition number of the fit, columns scaled to unit length.
+    pub condition: f64,
+    /// In words.
+    pub text: String,
+}
+
+/// What all records together say of the magnetometer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CardMagnetometer {
+    /// Channel, as `magnetic-field.imu`.
+    pub channel: String,
+    /// `T`, or `1` for a scale of the sensor's own.
+    pub unit: String,
+    /// Azimuth of each swing from north over east, rad, in the order of the records.
+    pub azimuths_rad: Vec<f64>,
+    /// Hard and soft iron, or why they cannot be told and which swings would show them.
+    pub iron: Finding<IronCalibration>,
+}
+
 /// One record behind a card.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CardSource {
@@ -107,6 +146,9 @@ pub struct SensorCard {
     /// Last day on which the card may be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub valid_until: Option<String>,
+    /// Magnetometer, if a record has one whose swing's azimuth is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub magnetometer: Option<CardMagnetometer>,
     /// Channels, in the order of their names.
     #[serde(rename = "channel")]
     pub channels: Vec<CardChannel>,

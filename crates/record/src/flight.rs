@@ -1,6 +1,6 @@
 //! The record of one flight.
 
-use crate::{FlightDelays, ReplayRecord};
+use crate::{FlightCriteria, FlightDelays, ReplayRecord};
 use flight::{Binding, LogHealth, Notices};
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +70,10 @@ pub struct FlightRecord {
     /// Delays measured from the flight itself; `None` if no channel was bound.
     #[serde(default)]
     pub delays: Option<FlightDelays>,
+    /// What the criteria say; `None` where none were given. Not part of the result under its key: it is judged anew
+    /// whenever pages are made, so that another limit recomputes no flight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub criteria: Option<FlightCriteria>,
     /// All notices, in the order in which they were raised.
     pub notices: Notices,
 }

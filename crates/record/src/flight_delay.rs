@@ -1,6 +1,6 @@
 //! How late the channels of a flight are against each other, found from the flight itself.
 
-use crate::bench::Finding;
+use crate::bench::{Finding, ObjectiveCurve};
 use crate::replay::Estimate;
 use flight::Clock;
 use serde::{Deserialize, Serialize};
@@ -88,6 +88,9 @@ pub struct MeasuredDelay {
     pub downweighted_share: f64,
     /// Another delay that explains the data almost as well (within three units of chi-squared times the noise), s.
     pub rival_s: Option<f64>,
+    /// The objective that was minimised.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub objective: Option<ObjectiveCurve>,
     /// Pieces with an offset of their own.
     pub pieces: Vec<DelayPiece>,
     /// Delay over time, in windows that do not overlap and say about equally much.

@@ -16,19 +16,28 @@
 mod bench;
 mod campaign;
 mod card;
+mod criteria;
 mod flight;
 mod flight_delay;
 mod monte_carlo;
 mod replay;
+mod score;
+mod sweep;
 
 pub use crate::bench::{
     BenchFindings, BenchLog, BenchOutcome, BenchRecord, ChannelDynamics, ClockFinding, ComponentDynamics, DelayFinding,
     Finding, FitChecks, Flexibility, GateCheck, HullFinding, Injection, LatencyHistogram, MagnetometerFinding,
     ModelCandidate, ModelFinding, MountCheck, MountFinding, NoiseFinding, ObjectiveCurve, PpsFinding, QualityGate,
-    ReferenceFinding, ResponseFinding, ResponsePoint, RigUse, Stationarity, TimeBasis, Verdict,
+    Recovery, ReferenceFinding, ResponseFinding, ResponsePoint, RigUse, Stationarity, TimeBasis, Verdict,
 };
 pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
-pub use crate::card::{CARD_VERSION, CardChannel, CardSource, CardUse, SensorCard, SensorIdentity};
+pub use crate::card::{
+    CARD_VERSION, CardChannel, CardMagnetometer, CardSource, CardUse, IronCalibration, SensorCard, SensorIdentity,
+};
+pub use crate::criteria::{
+    CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionUnit, CriterionVerdict, DecisionRule,
+    FlightCriteria, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,
+};
 pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
 pub use crate::flight_delay::{
     DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit,
@@ -38,6 +47,14 @@ pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::replay::{
     AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, PathCurve, ReplayRecord, ReplaySettings,
     StartRule, Zoom,
+};
+pub use crate::score::{
+    BudgetTerm, CompensatorScore, ErrorBudget, HelpfulBand, Hysteresis, MotionSpectrum, OnboardAgainst,
+    OnboardComparison, OppositePasses, ReferenceScore, ReplayScores, ResidualDelay, StraightLegs, StraightScore,
+};
+pub use crate::sweep::{
+    CampaignDelay, ControlPoint, DelayCandidate, DelayChoice, DelayOverFlights, DelaySource, DelaySweep,
+    FlightHomogeneity, PooledSweep, SweepMethod, SweepOptimum, SweepPoint, SweepScore,
 };
 
 /// Version of the shape of these records: raised when a field changes its meaning.

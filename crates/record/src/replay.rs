@@ -1,6 +1,6 @@
 //! What the compensators made of a flight.
 
-use crate::CardUse;
+use crate::{CardUse, DelayChoice, DelaySweep, Finding, OnboardComparison, ReplayScores};
 use flight::Delay;
 use serde::{Deserialize, Serialize};
 
@@ -174,10 +174,22 @@ pub struct ReplayRecord {
     pub predicted_rms_m: Estimate,
     /// Raw first, then the compensators.
     pub compensators: Vec<CompensatorResult>,
+    /// What they are worth, with a reference and without; `None` in records from before this was looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scores: Option<ReplayScores>,
+    /// The compensated position that the aircraft computed in flight beside these; `None` if the log holds none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub onboard: Option<Finding<OnboardComparison>>,
     /// Whole flight, north then east.
     pub axes: Vec<AxisCurves>,
     /// The hardest manoeuvre.
     pub zoom: Option<Zoom>,
     /// Ground track, raw first, then the compensators.
     pub track: Vec<PathCurve>,
+    /// Which delay was removed, and why this one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub choice: Option<DelayChoice>,
+    /// What other delays would have done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<DelaySweep>,
 }

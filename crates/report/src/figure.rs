@@ -8,14 +8,18 @@ mod curve;
 mod flight;
 mod flight_delay;
 mod monte_carlo;
+mod score;
+mod sweep;
 
 pub(crate) use axis::Axis;
 pub(crate) use bench::{BenchFigures, ChannelFigures, anchors, main_component};
-pub(crate) use campaign::overview;
-pub(crate) use card::{Forest, card_figures};
+pub(crate) use campaign::{control_chart, overview, pooled_sweep};
+pub(crate) use card::{Forest, LeftOut, card_figures};
 pub(crate) use flight::flight_figures;
 pub(crate) use flight_delay::delay_over_time;
 pub(crate) use monte_carlo::group_figure;
+pub(crate) use score::bands_figure;
+pub(crate) use sweep::{objective_figure, sweep_figure};
 
 /// Panels one above the other with one legend.
 #[derive(Debug, Clone, PartialEq)]

@@ -17,6 +17,8 @@
 //!     name: "Goheung, <autumn>".into(),
 //!     pipeline: PipelineUse { title: "replay".into(), blake3: "00".into(), toml: String::new() },
 //!     command: "flightlag campaign flights".into(),
+//!     criteria: None,
+//!     delay: None,
 //!     flights: vec![],
 //!     ignored: vec![],
 //!     totals: CampaignTotals::default(),
@@ -26,6 +28,7 @@
 //! assert!(page.contains("Goheung, &lt;autumn&gt;"));
 //! ```
 
+mod criterion;
 mod draw;
 mod figure;
 mod number;
@@ -34,10 +37,11 @@ mod site;
 mod text;
 mod verdict;
 
+pub use criterion::criterion_sentence;
 pub use page::{
     BenchPage, CardPage, CardRecord, FlightPage, bench_site, campaign_site, card_site, flight_site, monte_carlo_site,
 };
 pub use site::Site;
 
 /// Version of the pages: raised by hand when the same record gives other bytes.
-pub const REPORT_VERSION: u32 = 3;
+pub const REPORT_VERSION: u32 = 4;

@@ -50,6 +50,11 @@ pub(crate) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 { "0".to_owned() } else { rounded(value, leading_digit(value, digits) - digits + 1) }
 }
 
+/// The number that so many significant digits say.
+pub(crate) fn to_significant(value: f64, digits: i32) -> f64 {
+    format!("{:.*e}", usize::try_from(digits - 1).unwrap_or(0), value).parse().unwrap_or(value)
+}
+
 /// A number that somebody set: up to seven digits, and no zeros that say nothing.
 pub(crate) fn exact(value: f64) -> String {
     let text = significant(value, 7);

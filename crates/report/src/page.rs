@@ -3,13 +3,16 @@
 mod bench;
 mod campaign;
 mod card;
+mod criteria;
 mod flight;
 mod flight_delay;
 mod health;
 mod method;
 mod monte_carlo;
 mod provenance;
+mod score;
 mod style;
+mod sweep;
 
 pub use bench::{BenchPage, bench_site};
 pub use campaign::campaign_site;

@@ -1,7 +1,7 @@
 //! Verdicts in words: the same on every page and figure.
 
 use crate::number;
-use record::{ChannelDynamics, DelayFinding, Estimate, Verdict};
+use record::{ChannelDynamics, DelayFinding, DelaySource, Estimate, Verdict};
 
 /// A verdict as one or two words.
 pub(crate) fn word(verdict: Verdict) -> &'static str {
@@ -36,4 +36,14 @@ pub(crate) fn delay(found: &DelayFinding) -> Estimate {
 /// Seconds as milliseconds.
 pub(crate) fn in_millis(seconds: &Estimate) -> Estimate {
     number::scaled(seconds, 1e3)
+}
+
+/// Where a delay comes from, in few words.
+pub(crate) fn source_phrase(source: DelaySource) -> &'static str {
+    match source {
+        DelaySource::Fixed => "stated in the pipeline",
+        DelaySource::Card => "sensor card",
+        DelaySource::Flight => "measured in this flight",
+        DelaySource::Sweep => "best of the sweep",
+    }
 }

@@ -49,6 +49,9 @@ pub struct DemoFlight {
     pub velocity: SensorSettings,
     /// Share of the file that is left, if it was cut off.
     pub kept_share: Option<f64>,
+    /// Delay, s, that the aircraft compensated for in flight, if it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub onboard_delay_s: Option<f64>,
     /// What is wrong with the flight, for people.
     pub faults: Vec<String>,
 }
@@ -57,7 +60,7 @@ pub struct DemoFlight {
 /// [`TRUTH_FILE`] beside them. The same seed gives the same bytes.
 ///
 /// Positions are 0.4 s late at 4, 5, 10 or 100 Hz; velocities are on time at 100 Hz (10 Hz in one
-/// flight). One flight has gaps, one is cut off, one never moves, one is a wide table that
+/// flight). One flight logs the compensated position that the aircraft computed, one has gaps, one is cut off, one never moves, one is a wide table that
 /// holds its positions. Nothing else in `folder` is touched.
 ///
 /// # Errors
@@ -106,6 +109,7 @@ struct Plan {
     position: SensorSettings,
     velocity: SensorSettings,
     cut: bool,
+    onboard: bool,
     faults: &'static [&'static str],
 }
 
@@ -118,6 +122,7 @@ impl Plan {
             start: take_off(number),
             position: self.position.clone(),
             velocity: self.velocity.clone(),
+            onboard_delay_s: self.onboard.then_some(DELAY_S),
             ..FlightSettings::default()
         };
         let mut files = self.container.files(&simulate(&settings)?, self.stem)?;
@@ -137,6 +142,7 @@ impl Plan {
             position: self.position.clone(),
             velocity: self.velocity.clone(),
             kept_share: self.cut.then_some(KEPT_SHARE),
+            onboard_delay_s: self.onboard.then_some(DELAY_S),
             faults: self.faults.iter().map(|fault| (*fault).to_owned()).collect(),
         }
     }
@@ -180,6 +186,7 @@ fn plan(stem: &'static str, container: Container, format: &'static str, minutes:
         position: late(5.0, 0.3),
         velocity: on_time(100.0, 0.1),
         cut: false,
+        onboard: false,
         faults: &[],
     }
 }
@@ -197,6 +204,7 @@ fn first_day() -> [Plan; 4] {
         Plan {
             position: late(10.0, 0.02),
             velocity: on_time(100.0, 0.05),
+            onboard: true,
             ..plan("2026-05-04/flight-02", ros1, "MCAP, ROS 1, LZ4", 3.0)
         },
         plan("2026-05-04/flight-03", bag(BagCompression::Lz4Linked), "ROS 1 bag, LZ4", 5.0),

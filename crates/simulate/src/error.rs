@@ -34,9 +34,15 @@ pub enum SimulateError {
     /// The MCAP writer failed.
     #[error("MCAP writer: {0}")]
     Mcap(#[from] mcap::McapError),
+    /// SQLite failed.
+    #[error("SQLite: {0}")]
+    Sqlite(#[from] rusqlite::Error),
     /// A record cannot be written as JSON.
     #[error("JSON: {0}")]
     Json(#[from] serde_json::Error),
+    /// What is no flight has no such form.
+    #[error("only flights are written as {0}")]
+    OnlyFlights(&'static str),
     /// Samples that make no series: a fault of the simulation itself.
     #[error("simulated samples: {0}")]
     Series(#[from] flight::SeriesError),

@@ -25,6 +25,7 @@ mod bench;
 mod damage;
 mod demo;
 mod error;
+mod onboard;
 mod presets;
 mod sensor;
 mod simulated;
@@ -43,4 +44,7 @@ pub use presets::LikeCase;
 pub use sensor::{Interval, SensorSettings, Wander};
 pub use simulated::{FlightSettings, PathKind, Samples, SimulatedFlight, simulate};
 pub use trajectory::{Motion, Trajectory};
-pub use write::{BagCompression, BagSettings, Container, LogFile, McapCompression, McapEncoding, McapSettings};
+pub use write::{
+    BagCompression, BagSettings, Container, Db3Compression, Db3Layout, Db3Settings, LogFile, McapCompression,
+    McapEncoding, McapSettings,
+};

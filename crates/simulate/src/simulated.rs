@@ -1,6 +1,7 @@
 //! A flight as it was flown and as its sensors saw it.
 
 use crate::error::{SimulateError, within};
+use crate::onboard::computed;
 use crate::sensor::{SensorSettings, generator};
 use crate::trajectory::{Motion, Trajectory};
 use flight::{
@@ -44,6 +45,9 @@ pub struct FlightSettings {
     pub velocity: SensorSettings,
     /// Rate of the true position beside them, Hz; `None` takes the velocity's instants.
     pub truth_rate_hz: Option<f64>,
+    /// Delay, s, for which the aircraft compensates its position in flight and logs that too (Padé \[1/1\], Tustin);
+    /// `None`: it does not.
+    pub onboard_delay_s: Option<f64>,
 }
 
 impl Default for FlightSettings {
@@ -60,6 +64,7 @@ impl Default for FlightSettings {
             position: SensorSettings { delay_s: 0.4, ..SensorSettings::clean(5.0) },
             velocity: SensorSettings::clean(100.0),
             truth_rate_hz: None,
+            onboard_delay_s: None,
         }
     }
 }
@@ -107,6 +112,8 @@ pub struct SimulatedFlight {
     pub velocity: Samples,
     /// The true position: no delay and no noise, at the velocity's instants or at its own rate.
     pub reference: Samples,
+    /// The compensated position that the aircraft computed; empty if it computes none.
+    pub onboard: Samples,
 }
 
 /// Flies it and lets the sensors look.
@@ -116,19 +123,27 @@ pub struct SimulatedFlight {
 pub fn simulate(settings: &FlightSettings) -> Result<SimulatedFlight, SimulateError> {
     settings.position.check()?;
     settings.velocity.check()?;
+    if let Some(delay_s) = settings.onboard_delay_s {
+        within("onboard_delay_s", delay_s, 1e-3, 10.0, "between 0.001 and 10 s")?;
+    }
     let truth = settings.trajectory()?;
     let frame = LocalFrame::new(settings.origin);
     let position = settings.observe(&settings.position, "position", |t| truth.at(t).position);
     let velocity = settings.observe(&settings.velocity, "velocity", |t| velocity_of_aircraft(&frame, truth.at(t)));
     let exact = settings.reference_sensor()?;
     let reference = settings.observe(&exact, "reference", |t| truth.at(t).position);
-    Ok(SimulatedFlight {
+    let mut flight = SimulatedFlight {
         position: with_geodetic(position, &frame),
         reference: with_geodetic(settings.thinned(reference, &velocity), &frame),
+        onboard: Samples::default(),
         velocity,
         truth,
         settings: settings.clone(),
-    })
+    };
+    if let Some(delay_s) = settings.onboard_delay_s {
+        flight.onboard = computed(delay_s, &flight.velocity, &flight.position, &flight.held_rows(), &frame);
+    }
+    Ok(flight)
 }
 
 impl FlightSettings {
@@ -208,13 +223,15 @@ pub(crate) mod topic {
     pub(crate) const VELOCITY: &str = "/gps/vel";
     /// True position.
     pub(crate) const REFERENCE: &str = "/truth/fix";
+    /// What the aircraft computed.
+    pub(crate) const ONBOARD: &str = "/compensated/fix";
     /// Nothing that anybody wants.
     pub(crate) const NOTES: &str = "/operator/notes";
 }
 
 impl SimulatedFlight {
-    /// The flight as a perfect reader would hand it over: `position.gps`, `velocity.gps` and
-    /// `position.truth`, bit for bit the values that the containers hold.
+    /// The flight as a perfect reader would hand it over: `position.gps`, `velocity.gps`,
+    /// `position.truth` and, if the aircraft computes it, `position.compensated`, bit for bit the values that the containers hold.
     ///
     /// # Errors
     /// [`SimulateError::Series`] if the samples make no series.
@@ -226,6 +243,10 @@ impl SimulatedFlight {
             ("position.truth", position_channel(&self.reference, topic::REFERENCE)?),
         ];
         flight.channels.extend(channels.map(|(name, channel)| (name.to_owned(), channel)));
+        if !self.onboard.is_empty() {
+            let channel = position_channel(&self.onboard, topic::ONBOARD)?;
+            flight.channels.insert("position.compensated".to_owned(), channel);
+        }
         Ok(flight)
     }
 

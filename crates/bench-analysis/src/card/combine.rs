@@ -43,7 +43,7 @@ pub struct Combined {
 ///
 /// A channel's delay and gain are random-effects means over the records that measured it: the uncertainty covers the
 /// spread within and between records. What all records share (coarse stamps, the anchor's own delay) is not averaged
-/// away. From four records on, one that does not belong to the others is left out and listed. One record is itself.
+/// away. The magnetometer is left to [`crate::card_magnetometer`]. From four records on, one that does not belong to the others is left out and listed. One record is itself.
 ///
 /// # Errors
 /// [`CardError`] naming the record: none is given, they are of different sensors or of different analyses, or nothing
@@ -87,6 +87,7 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
         measured_on,
         valid_from,
         valid_until,
+        magnetometer: None,
         channels,
         records: usable.iter().map(|(_, r)| source(r)).collect(),
     };

@@ -2,9 +2,10 @@
 
 use flight::{Clock, Delay, Notices, Quantity, StampKind};
 use record::{
-    BenchFindings, BenchLog, BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics,
-    ClockFinding, ComponentDynamics, DelayFinding, Estimate, Finding, InputFile, ModelCandidate, ModelFinding,
-    MountFinding, QualityGate, ReferenceFinding, RigUse, SensorCard, SensorIdentity, TimeBasis, Verdict,
+    BenchFindings, BenchLog, BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardMagnetometer, CardSource,
+    ChannelDynamics, ClockFinding, ComponentDynamics, DelayFinding, Estimate, Finding, InputFile, IronCalibration,
+    ModelCandidate, ModelFinding, MountFinding, QualityGate, ReferenceFinding, RigUse, SensorCard, SensorIdentity,
+    TimeBasis, Verdict,
 };
 
 pub(crate) fn sensor() -> SensorIdentity {
@@ -57,6 +58,22 @@ pub(crate) fn card() -> SensorCard {
         measured_on: Some("2010-10-25".into()),
         valid_from: Some("2010-10-25".into()),
         valid_until: Some("2011-10-25".into()),
+        magnetometer: Some(CardMagnetometer {
+            channel: "magnetic-field.imu".into(),
+            unit: "T".into(),
+            azimuths_rad: vec![0.5, 2.6, -1.6],
+            iron: Finding::Found(IronCalibration {
+                hard_iron: [1.2e-5, -7e-6, 2e-5],
+                hard_iron_standard_uncertainty: [1e-7, 2e-7, 1e-7],
+                soft_iron: [[1.04, 0.02, -0.03], [0.01, 0.96, 0.04], [-0.02, 0.03, 1.0]],
+                soft_iron_standard_uncertainty: [[0.002; 3]; 3],
+                scale: Some(1.01),
+                scale_standard_uncertainty: Some(0.001),
+                residual_rms: 2e-7,
+                condition: 6.5,
+                text: "From 3 swings".into(),
+            }),
+        }),
         channels: vec![position, velocity],
         records: vec![CardSource {
             files: vec!["a.csv".into()],
@@ -119,7 +136,7 @@ pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
         checks: None,
         stationarity: Finding::CannotTell(String::new()),
         jitter_s: Finding::CannotTell(String::new()),
-        latency: None,
+        latency: Finding::CannotTell(String::new()),
         injections: vec![],
     }
 }

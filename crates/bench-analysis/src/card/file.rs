@@ -1,9 +1,9 @@
-//! The card as a file: TOML, first the sensor, then validity, then channels, then records.
+//! The card as a file: TOML, first the sensor, then validity, then channels, then records, then the magnetometer.
 
 use super::CardError;
 use flight::Quantity;
 use jiff::civil::Date;
-use record::{CARD_VERSION, CardChannel, CardSource, SensorCard, Verdict};
+use record::{CARD_VERSION, CardChannel, CardMagnetometer, CardSource, Finding, SensorCard, Verdict};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -33,6 +33,10 @@ const CHANNEL: &str = "\
 const RECORD: &str = "\
 # The records that were measured for this card; `records` of a channel says how many of them its mean is made of.
 ";
+const MAGNETOMETER: &str = "\
+# Hard and soft iron: read = scale * soft_iron * field + hard_iron, in body axes forward, right, down. `cannot-tell` says why
+# there is none, and in which azimuths to swing.
+";
 
 const SENSOR_KEYS: [&str; 5] = ["model", "serial", "firmware", "baud", "configuration"];
 const VALIDITY_KEYS: [&str; 3] = ["measured_on", "valid_from", "valid_until"];
@@ -56,6 +60,19 @@ const CHANNEL_KEYS: [&str; 16] = [
     "outliers",
 ];
 const RECORD_KEYS: [&str; 4] = ["files", "blake3", "date", "rig_blake3"];
+const MAGNETOMETER_KEYS: [&str; 4] = ["channel", "unit", "azimuths_rad", "iron"];
+const FINDING_KEYS: [&str; 2] = ["found", "cannot-tell"];
+const IRON_KEYS: [&str; 9] = [
+    "hard_iron",
+    "hard_iron_standard_uncertainty",
+    "soft_iron",
+    "soft_iron_standard_uncertainty",
+    "scale",
+    "scale_standard_uncertainty",
+    "residual_rms",
+    "condition",
+    "text",
+];
 
 /// The text of a card: [`parse_card`] gives the card back, bit by bit.
 #[must_use]
@@ -72,6 +89,14 @@ pub fn card_text(card: &SensorCard) -> String {
     lines(&mut text, "", &whole, &ORIGIN_KEYS);
     entries(&mut text, "channel", CHANNEL, &card.channels, &CHANNEL_KEYS);
     entries(&mut text, "record", RECORD, &card.records, &RECORD_KEYS);
+    if let Some(magnetometer) = &card.magnetometer {
+        let _ = write!(text, "\n{MAGNETOMETER}[magnetometer]\n");
+        lines(&mut text, "", &table_of(magnetometer), &["channel", "unit", "azimuths_rad"]);
+        match &magnetometer.iron {
+            Finding::Found(iron) => lines(&mut text, "iron.found.", &table_of(iron), &IRON_KEYS),
+            Finding::CannotTell(_) => lines(&mut text, "iron.", &table_of(&magnetometer.iron), &FINDING_KEYS),
+        }
+    }
     text
 }
 
@@ -117,6 +142,9 @@ pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, CardError> {
     for (place, record) in items(table, "record").zip(&card.records) {
         reader.record(place, record)?;
     }
+    if let (Some(place), Some(magnetometer)) = (get(table, "magnetometer"), &card.magnetometer) {
+        reader.magnetometer(place, magnetometer)?;
+    }
     reader.each_channel_once(table, &card)?;
     Ok(card)
 }
@@ -153,7 +181,7 @@ impl Reader<'_> {
 
     /// A misspelt key would else be a value that is silently not there.
     fn keys(&self, table: &DeTable<'_>) -> Result<(), CardError> {
-        let mut whole = vec!["card_version", "sensor", "channel", "record"];
+        let mut whole = vec!["card_version", "sensor", "channel", "record", "magnetometer"];
         whole.extend(VALIDITY_KEYS.iter().chain(&ORIGIN_KEYS));
         self.known(table, &whole)?;
         let inner = |place: &Place<'_>, keys: &[&str]| match place.get_ref().as_table() {
@@ -162,7 +190,13 @@ impl Reader<'_> {
         };
         get(table, "sensor").map_or(Ok(()), |sensor| inner(sensor, &SENSOR_KEYS))?;
         items(table, "channel").try_for_each(|channel| inner(channel, &CHANNEL_KEYS))?;
-        items(table, "record").try_for_each(|record| inner(record, &RECORD_KEYS))
+        items(table, "record").try_for_each(|record| inner(record, &RECORD_KEYS))?;
+        let magnetometer = get(table, "magnetometer");
+        let iron = magnetometer.and_then(|m| get(m.get_ref().as_table()?, "iron"));
+        let found = iron.and_then(|i| get(i.get_ref().as_table()?, "found"));
+        let nested: [(_, &[&str]); 3] =
+            [(magnetometer, &MAGNETOMETER_KEYS), (iron, &FINDING_KEYS), (found, &IRON_KEYS)];
+        nested.into_iter().try_for_each(|(place, keys)| place.map_or(Ok(()), |place| inner(place, keys)))
     }
 
     fn known(&self, table: &DeTable<'_>, keys: &[&str]) -> Result<(), CardError> {
@@ -255,6 +289,19 @@ impl Reader<'_> {
         self.day(Some(at), "date", record.date.as_deref()).map(drop)
     }
 
+    /// Numbers are finite, uncertainties not negative.
+    fn magnetometer(&self, place: &Place<'_>, magnetometer: &CardMagnetometer) -> Result<(), CardError> {
+        let Finding::Found(iron) = &magnetometer.iron else { return Ok(()) };
+        let values = iron.soft_iron.iter().flatten().chain(&iron.hard_iron).chain(&iron.scale);
+        let sizes = iron.soft_iron_standard_uncertainty.iter().flatten().chain(&iron.hard_iron_standard_uncertainty);
+        let sizes = sizes.chain(&iron.scale_standard_uncertainty).chain([&iron.residual_rms, &iron.condition]);
+        let azimuths = magnetometer.azimuths_rad.iter();
+        if values.chain(azimuths).all(|v| v.is_finite()) && sizes.into_iter().all(|v| v.is_finite() && *v >= 0.0) {
+            return Ok(());
+        }
+        Err(self.at(place, "magnetometer: every number must be finite, and no uncertainty negative"))
+    }
+
     fn each_channel_once(&self, table: &DeTable<'_>, card: &SensorCard) -> Result<(), CardError> {
         let mut seen = BTreeSet::new();
         for (place, channel) in items(table, "channel").zip(&card.channels) {
@@ -300,7 +347,14 @@ mod tests {
         let mut card = example::card();
         card.channels[0].delay_s = 0.1 + 0.2;
         card.channels[1].delay_standard_uncertainty_s = f64::MIN_POSITIVE;
-        assert_eq!(parse_card(&card_text(&card), Path::new("c")).unwrap(), card);
+        let cannot_tell = CardMagnetometer {
+            iron: Finding::CannotTell("swing at two more".into()),
+            ..card.magnetometer.clone().unwrap()
+        };
+        for magnetometer in [card.magnetometer.clone(), Some(cannot_tell), None] {
+            let card = SensorCard { magnetometer, ..card.clone() };
+            assert_eq!(parse_card(&card_text(&card), Path::new("c")).unwrap(), card);
+        }
     }
 
     #[test]
@@ -327,7 +381,10 @@ mod tests {
         assert_eq!(of(table_of(&card.records[0])), listed(&RECORD_KEYS));
         let sensor = record::SensorIdentity { configuration: Some("GPS".into()), ..card.sensor.clone() };
         assert_eq!(of(table_of(&sensor)), listed(&SENSOR_KEYS));
-        let mut whole = listed(&["card_version", "sensor", "channel", "record"]);
+        let magnetometer = card.magnetometer.clone().unwrap();
+        assert_eq!(of(table_of(&magnetometer)), listed(&MAGNETOMETER_KEYS));
+        assert_eq!(of(table_of(magnetometer.iron.found().unwrap())), listed(&IRON_KEYS));
+        let mut whole = listed(&["card_version", "sensor", "channel", "record", "magnetometer"]);
         whole.extend(listed(&VALIDITY_KEYS).into_iter().chain(listed(&ORIGIN_KEYS)));
         assert_eq!(of(table_of(&card)), whole);
     }
@@ -352,6 +409,8 @@ mod tests {
             ("quantity = \"position-geodetic\"", "quantity = \"scalar\"", "quantity", "cannot hold"),
             ("date = \"2010-10-25\"", "date = \"soon\"", "date", "is no day"),
             ("files = [\"a.csv\"]", "files = []", "[[record]]", "hashes"),
+            ("iron.found.scale = 1.01", "iron.found.scales = 1.01", "iron.found.scale", "unknown key `scales`"),
+            ("residual_rms = 0.0000002", "residual_rms = -0.1", "[magnetometer]", "negative"),
         ] {
             let changed = text.replacen(was, is, 1);
             assert_ne!(changed, text, "{was}");

@@ -15,22 +15,25 @@ const FALSE_OUTLIER: f64 = 0.001;
 
 /// A number and its standard uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Reading {
-    pub(crate) value: f64,
-    pub(crate) standard_uncertainty: f64,
+pub struct Reading {
+    /// The number.
+    pub value: f64,
+    /// Its standard uncertainty, same unit.
+    pub standard_uncertainty: f64,
 }
 
 /// The mean of several readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Mean {
-    pub(crate) value: f64,
+pub struct Mean {
+    /// The random-effects mean.
+    pub value: f64,
     /// So that ±1.96 of it holds the truth in at least 95 % of cases.
-    pub(crate) standard_uncertainty: f64,
+    pub standard_uncertainty: f64,
     /// Standard deviation between runs beyond what the readings' own uncertainties explain; `None` for one reading.
-    pub(crate) between: Option<f64>,
+    pub between: Option<f64>,
 }
 
-/// Random-effects mean. Weights are 1/(uᵢ² + τ²) with τ² by Paule and Mandel (1982): the value for which the weighted
+/// Random-effects mean; `None` without readings. Weights are 1/(uᵢ² + τ²) with τ² by Paule and Mandel (1982): the value for which the weighted
 /// sum of squares equals its expectation, n − 1. The uncertainty is that of Hartung and Knapp (2001) and Sidik and
 /// Jonkman (2002) with Student's t of n − 1 degrees of freedom, given as the standard uncertainty whose 1.96-fold is
 /// that interval, and never less than 1/√Σw.
@@ -39,7 +42,8 @@ pub(crate) struct Mean {
 /// and τ from 0 to 10 times uᵢ, where 1/√Σw alone falls to 71 % (2 readings), 85 % (4) and 92 % (10), as DerSimonian
 /// and Laird's does. Two readings hardly say how far runs differ: the interval is then wide. Test:
 /// `the_uncertainty_of_a_mean_covers_the_truth_in_95_of_100_cases_at_least`.
-pub(crate) fn mean_of(readings: &[Reading]) -> Option<Mean> {
+#[must_use]
+pub fn mean_of(readings: &[Reading]) -> Option<Mean> {
     let (first, n) = (readings.first()?, readings.len());
     if n == 1 {
         return Some(Mean { value: first.value, standard_uncertainty: first.standard_uncertainty, between: None });

@@ -3,7 +3,7 @@
 use crate::support::{FIELD, Noise, Swing};
 use bench_analysis::{BarState, FieldRule, MagneticSwing, Rig, Surroundings, calibrate_magnetometer, magnetic_field};
 use nalgebra::{Matrix3, Vector3};
-use record::{Finding, MagnetometerFinding};
+use record::{Estimate, Finding, MagnetometerFinding};
 
 const HARD: [f64; 3] = [12e-6, -7e-6, 20e-6];
 
@@ -16,11 +16,21 @@ fn soft() -> Matrix3<f64> {
     )
 }
 
+/// An azimuth without error.
+fn known(azimuth_rad: f64) -> Estimate {
+    Estimate { value: azimuth_rad, standard_uncertainty: Some(0.0) }
+}
+
 fn swing(azimuth: f64, soft: Matrix3<f64>, hard: [f64; 3], sigma: f64, seed: u64) -> MagneticSwing {
     let motion = Swing::by_hand(0.1);
     let mut noise = Noise::seeded(seed);
-    let mut found =
-        MagneticSwing { azimuth_rad: azimuth, angle_rad: vec![], field: Default::default(), is_tesla: true };
+    let mut found = MagneticSwing {
+        channel: "magnetic-field.imu".into(),
+        azimuth: known(azimuth),
+        angle_rad: vec![],
+        field: Default::default(),
+        is_tesla: true,
+    };
     for k in 0..2000 {
         let state = BarState { angle: motion.at(f64::from(k) * 0.02).angle, ..BarState::default() };
         let read = soft * Vector3::from(magnetic_field(&state, azimuth, FIELD).value) + Vector3::from(hard);

@@ -2,6 +2,7 @@
 
 mod alignment;
 mod encoder;
+mod iron;
 mod kinematics;
 mod magnetic;
 mod magnetometer;

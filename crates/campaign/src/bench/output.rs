@@ -145,6 +145,7 @@ fn empty_card(measured: &[Measured]) -> SensorCard {
         measured_on: None,
         valid_from: None,
         valid_until: None,
+        magnetometer: None,
         channels: vec![],
         records: vec![],
     }

@@ -3,15 +3,15 @@
 use super::BENCH_ANALYSIS_VERSION;
 use super::logs::{ReadLog, Role};
 use super::pair::{MadeOf, Swing};
-use bench_analysis::{BenchInput, Rig, bench};
+use bench_analysis::{BenchInput, MagneticEvidence, Rig, bench};
 use flight::{Flight, LogHealth, Notices};
 use record::{BenchLog, BenchOutcome, BenchRecord, ChannelDynamics, RECORD_VERSION};
 
-/// Measures a record.
-pub(super) fn record_of(swing: &Swing, rig: &Rig, logs: &[ReadLog]) -> BenchRecord {
+/// Measures a record; and what it shows of its magnetometer, for several records together.
+pub(super) fn record_of(swing: &Swing, rig: &Rig, logs: &[ReadLog]) -> (BenchRecord, Option<MagneticEvidence>) {
     let draft = draft(swing, rig, logs);
     match input(swing, logs) {
-        Err(reason) => BenchRecord { outcome: BenchOutcome::Failed { reason }, ..draft },
+        Err(reason) => (BenchRecord { outcome: BenchOutcome::Failed { reason }, ..draft }, None),
         Ok(input) => measured(&input, rig, draft),
     }
 }
@@ -41,14 +41,18 @@ fn input<'a>(swing: &Swing, logs: &'a [ReadLog]) -> Result<BenchInput<'a>, Strin
     }
 }
 
-fn measured(input: &BenchInput<'_>, rig: &Rig, mut draft: BenchRecord) -> BenchRecord {
+fn measured(input: &BenchInput<'_>, rig: &Rig, mut draft: BenchRecord) -> (BenchRecord, Option<MagneticEvidence>) {
     match bench(input, rig) {
         Ok(found) => {
             draft.notices.extend(found.notices);
             let outcome = outcome(&found.findings.channels);
-            BenchRecord { outcome, date: found.date, findings: Some(found.findings), ..draft }
+            let record = BenchRecord { outcome, date: found.date, findings: Some(found.findings), ..draft };
+            (record, Some(found.magnetic))
         }
-        Err(refusal) => BenchRecord { outcome: BenchOutcome::NotMeasurable { reason: refusal.to_string() }, ..draft },
+        Err(refusal) => {
+            let outcome = BenchOutcome::NotMeasurable { reason: refusal.to_string() };
+            (BenchRecord { outcome, ..draft }, None)
+        }
     }
 }
 

@@ -41,7 +41,7 @@ fn flight(quantities: &[Quantity]) -> Flight {
         }
     };
     let channels = quantities.iter().enumerate().map(|(i, &q)| (format!("c{i}"), channel(q)));
-    Flight { channels: channels.collect(), notices: Notices::new() }
+    Flight { channels: channels.collect(), ..Flight::default() }
 }
 
 const ENCODER: Option<&[Quantity]> = Some(&[Quantity::EncoderCount, Quantity::Pulse]);

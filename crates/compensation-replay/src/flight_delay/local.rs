@@ -21,6 +21,8 @@ pub(crate) struct Prepared {
     pub(crate) integrate: bool,
     /// Ground speed over time, m/s, if a velocity or a track tells it.
     pub(crate) speed: (Vec<f64>, Vec<f64>),
+    /// One sample of the first in so many takes part.
+    pub(crate) one_in: usize,
 }
 
 /// Reads the channels of `pair`; says in words why that cannot be.
@@ -69,7 +71,7 @@ pub(crate) fn prepare(
         Quantity::PositionGeodetic | Quantity::PositionNed => track(channel, name, origin, frame.as_ref(), notices),
         _ => components(channel, &channel.update_rows(), origin),
     };
-    let first_local = thinned(located(first, &pair.first, notices), most_samples, &pair.first, notices);
+    let (first_local, one_in) = thinned(located(first, &pair.first, notices), most_samples, &pair.first, notices);
     let (second_local, integrate) = match &pair.second {
         Second::Position(name) => (located(second, name, notices), false),
         Second::Rate(_) => (components(second, &second.update_rows(), origin), false),
@@ -83,6 +85,7 @@ pub(crate) fn prepare(
         second: second_local,
         integrate,
         speed,
+        one_in,
     })
 }
 
@@ -210,17 +213,17 @@ fn turn([w, x, y, z]: Quaternion, v: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| v[k] + 2.0 * outer[k])
 }
 
-/// Every n-th sample, so that no more than `most` are left; said.
-fn thinned(all: Horizontal, most: usize, name: &str, notices: &mut Notices) -> Horizontal {
+/// Every n-th sample, so that no more than `most` are left, and n; said.
+fn thinned(all: Horizontal, most: usize, name: &str, notices: &mut Notices) -> (Horizontal, usize) {
     let every = all.t.len().div_ceil(most.max(1)).max(1);
     if every == 1 {
-        return all;
+        return (all, 1);
     }
     let text =
         format!("{name}: one sample in {every} is used for the delay, {} of {}", all.t.len() / every, all.t.len());
     notices.push(Severity::Info, "delay-samples-thinned", name, (all.t.len() - all.t.len() / every) as u64, text);
     let thin = |x: &[f64]| x.iter().step_by(every).copied().collect();
-    Horizontal { t: thin(&all.t), axes: [thin(&all.axes[0]), thin(&all.axes[1])] }
+    (Horizontal { t: thin(&all.t), axes: [thin(&all.axes[0]), thin(&all.axes[1])] }, every)
 }
 
 /// Ground speed by whichever channel tells it: a velocity, or the track's steps.

@@ -30,21 +30,55 @@ pub(crate) fn measure(
         excitation: None,
         delay: Finding::CannotTell(String::new()),
     };
-    finding.delay = match delay_of(flight, pair, settings, notices, &mut finding) {
+    let first_look = Look { most_samples: settings.first_look_samples, enough_s: settings.enough_s };
+    let second_look = Look { most_samples: settings.most_samples, enough_s: f64::INFINITY };
+    let mut found = Err(NoDelay::MoreSamples);
+    for look in [first_look, second_look] {
+        let mut said = Notices::new();
+        found = delay_of(flight, pair, look, settings, &mut said, &mut finding);
+        if !matches!(found, Err(NoDelay::MoreSamples)) {
+            notices.extend(said);
+            break;
+        }
+    }
+    finding.delay = match found {
         Ok(delay) => Finding::Found(delay),
-        Err(reason) => Finding::CannotTell(reason),
+        Err(NoDelay::Because(reason)) => Finding::CannotTell(reason),
+        Err(NoDelay::MoreSamples) => Finding::CannotTell("the delay is not known well enough".to_owned()),
     };
     finding
+}
+
+/// How closely a pair is looked at.
+#[derive(Clone, Copy)]
+struct Look {
+    most_samples: usize,
+    /// A delay known less well is measured again with more samples, if there are more, s.
+    enough_s: f64,
+}
+
+/// Why a look gave no delay.
+enum NoDelay {
+    /// A closer look may.
+    MoreSamples,
+    Because(String),
+}
+
+impl From<String> for NoDelay {
+    fn from(reason: String) -> NoDelay {
+        NoDelay::Because(reason)
+    }
 }
 
 fn delay_of(
     flight: &Flight,
     pair: &Pair,
+    look: Look,
     settings: &FlightDelaySettings,
     notices: &mut Notices,
     finding: &mut PairDelay,
-) -> Result<MeasuredDelay, String> {
-    let prepared = prepare(flight, pair, settings.most_samples, notices)?;
+) -> Result<MeasuredDelay, NoDelay> {
+    let prepared = prepare(flight, pair, look.most_samples, notices)?;
     finding.origin = Some(prepared.origin);
     let (fit_first, fit_second) =
         if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
@@ -64,7 +98,7 @@ fn delay_of(
     let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse, &prepared.speed.1);
     finding.excitation = Some(offer.clone());
     if let Some(reason) = gate::refuse_motion(&offer, &prepared.speed.1, settings) {
-        return Err(reason);
+        return Err(reason.into());
     }
     let record = Record::of(&prepared, &cut, &stretches);
     let delay_settings = DelaySettings {
@@ -75,12 +109,17 @@ fn delay_of(
         robust: true,
     };
     let measurements = record.measurements();
-    let fit = fit_shared(&measurements, &delay_settings).map_err(|e| e.to_string())?;
+    let fit = fit_shared(&measurements, &delay_settings).map_err(|e| e.to_string());
+    let knows = |fit: &DelayFit| fit.standard_uncertainty_s <= look.enough_s;
+    if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
+        return Err(NoDelay::MoreSamples);
+    }
+    let fit = fit?;
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
     if let Some(reason) = gate::refuse_fit(&fit, &offer, settings, [names.first, names.second]) {
-        return Err(reason);
+        return Err(reason.into());
     }
     let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
     let measured = view.finding(&delay_settings);
@@ -185,6 +224,7 @@ impl View<'_> {
             samples: fit.components.iter().map(|c| c.t_used.len() as u64).sum(),
             downweighted_share: fit.downweighted_share,
             rival_s: self.rival(),
+            objective: Some(crate::sweep::objective(&self.record.measurements(), fit, self.settings.search_s)),
             pieces: self.pieces.iter().zip(fit.components.chunks_exact(2)).map(piece).collect(),
             over_time: over.windows,
             homogeneity: over.homogeneity,
@@ -237,6 +277,7 @@ fn turned_round(mut m: MeasuredDelay) -> MeasuredDelay {
     turn_interval(&mut m.interval_95_s);
     m.rival_s = m.rival_s.map(|r| -r);
     m.over_time.iter_mut().for_each(|w| turn(&mut w.delay_s));
+    m.objective.iter_mut().flat_map(|o| o.delay_s.iter_mut().chain(&mut o.near_delay_s)).for_each(|d| *d = -*d);
     if let Some(h) = &mut m.homogeneity {
         turn(&mut h.largest_step.before_s);
         turn(&mut h.largest_step.after_s);

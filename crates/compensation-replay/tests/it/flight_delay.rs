@@ -308,6 +308,25 @@ fn a_delay_that_is_put_in_is_found_again() {
 /// 60 ms later whenever the receiver has eight satellites, which is every other 20 s: the split by satellites says so
 /// and by how much; the speed has nothing to do with it.
 #[test]
+fn more_samples_are_taken_where_a_first_look_does_not_know_enough() {
+    let mut flight = receiver(5);
+    flight.position = SensorSettings { delay_s: 0.4, white_std: 0.5, ..SensorSettings::clean(25.0) };
+    let flight = flown(&flight);
+    let look = |enough_s| FlightDelaySettings { first_look_samples: 1000, enough_s, ..quick() };
+    let (thin, notices) = only(&flight, &look(0.1));
+    let (all, _) = only(&flight, &look(1e-6));
+    let (thin, all) = (found(&thin), found(&all));
+    assert_eq!((thin.samples, all.samples), (2000, 6000));
+    assert!(notices.iter().any(|n| n.code == "delay-samples-thinned" && n.count == 2000), "{notices:?}");
+    // A third of the samples, white noise: the uncertainty is that of the part, and the truth is within both.
+    let of = |m: &MeasuredDelay| m.delay_s.standard_uncertainty.unwrap();
+    assert!((of(thin) / of(all) / 3.0_f64.sqrt() - 1.0).abs() < 0.15, "{} {}", of(thin), of(all));
+    for m in [thin, all] {
+        assert!((m.delay_s.value - 0.4).abs() < 4.0 * of(m), "{:?}", m.delay_s);
+    }
+}
+
+#[test]
 fn the_delay_is_split_by_what_the_receiver_reports() {
     let mut settings = receiver(10);
     settings.duration_s = 300.0;

@@ -9,4 +9,6 @@ mod flight_delay;
 mod flights;
 mod like_cases;
 mod like_flights;
+mod scores;
+mod sweep;
 mod vectors;

@@ -1,10 +1,12 @@
 //! From the rows of a table to the samples of a channel: what is used, what is not and why.
 
 use super::attitude::{from_euler, from_quaternion, rotate};
-use super::trial::{Found, Plan, Stamps, numbers};
+use super::stamps::Stamps;
+use super::trial::{Found, Plan, numbers};
 use crate::map::{BENCH_ALONE, ChannelRule, Combine, Presence};
 use crate::map_schema::HeightAbove;
 use crate::stamps::{StampStats, distribution};
+use crate::time::suspicion;
 use flight::{
     Channel, ChannelHealth, ChannelSource, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount, Series, Severity,
     Stamp, StampKind, StampOffset, Timeline,
@@ -142,8 +144,7 @@ fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, 
     let stamp = primary.nanos.get(row).copied().flatten().ok_or("no stamp")?;
     for require in &plan.rule.require {
         let Some(value) = numbers(plan.table, &require.field).and_then(|c| c.number(row)) else { continue };
-        // Written so that a NaN fails.
-        if !(require.min.is_none_or(|min| value >= min) && require.max.is_none_or(|max| value <= max)) {
+        if !require.met_by(value) {
             return Err(requirement_text(require));
         }
     }
@@ -271,6 +272,12 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     for remark in &plan.remarks {
         notices.push(Severity::Warning, "stamp-kind", topic, rows, format!("channel {name}: {remark}"));
     }
+    for stamps in &plan.stamps {
+        for repair in &stamps.repairs {
+            let text = format!("channel {name}, {} stamps in {}: {}", stamps.kind, stamps.label, repair.text);
+            notices.push(Severity::Warning, repair.code, topic, repair.count, text);
+        }
+    }
     if let Some(note) = &plan.rule.note {
         notices.push(Severity::Warning, "assumption", topic, rows, format!("channel {name}: {note}"));
     }
@@ -344,29 +351,38 @@ fn offsets(plan: &Plan<'_>, samples: &[Sample], notices: &mut Notices) -> Vec<St
     ];
     let mut offsets: Vec<StampOffset> = pairs.into_iter().filter_map(|pair| offset(plan, samples, pair)).collect();
     offsets.retain(|o| {
+        let (name, topic) = (&plan.rule.name, plan.table.topic.name.as_str());
+        let which = format!("channel {name}, {} and {} stamps", o.of, o.against);
+        if let Some(what) = first_unix(plan, samples).and_then(|at| suspicion(&o.offset_s, at)) {
+            notices.push(Severity::Warning, "clock-suspect", topic, samples.len() as u64, format!("{which}: {what}"));
+        }
         let near = o.offset_s.median.abs() <= FAR_NS as f64 / NANOS_PER_SECOND as f64;
         if !near {
-            let text = format!(
-                "channel {}: the {} and {} stamps are more than a day apart, so they count different clocks",
-                plan.rule.name, o.of, o.against
-            );
-            notices.push(Severity::Warning, "clock-differs", &plan.table.topic.name, samples.len() as u64, text);
+            let text = format!("{which}: more than a day apart, so they count different clocks");
+            notices.push(Severity::Warning, "clock-differs", topic, samples.len() as u64, text);
         }
         near
     });
     offsets
 }
 
+/// When the first sample was, by any of its stamps that knows.
+fn first_unix(plan: &Plan<'_>, samples: &[Sample]) -> Option<Stamp> {
+    let row = samples.first()?.row;
+    plan.stamps.iter().find_map(|s| s.clock.unix(Stamp(s.nanos.get(row).copied().flatten()?)))
+}
+
 fn offset(plan: &Plan<'_>, samples: &[Sample], (of, against): (StampKind, StampKind)) -> Option<StampOffset> {
     let of_kind = |kind| plan.stamps.iter().find(|s| s.kind == kind);
     let (later, earlier) = (of_kind(of)?, of_kind(against)?);
-    let on_row = |s: &Sample| {
-        let stamp = |stamps: &Stamps| stamps.nanos.get(s.row).copied().flatten();
-        Some(Stamp(stamp(later)?).seconds_since(Stamp(stamp(earlier)?)))
+    // GPS time and UTC are compared as UTC; clocks of unknown begin only with their own kind.
+    let on_axis = |stamps: &Stamps, row: usize| {
+        let stamp = Stamp(stamps.nanos.get(row).copied().flatten()?);
+        if later.clock == earlier.clock { Some(stamp) } else { stamps.clock.unix(stamp) }
     };
+    let on_row = |s: &Sample| Some(on_axis(later, s.row)?.seconds_since(on_axis(earlier, s.row)?));
     let differences: Vec<f64> = samples.iter().filter_map(on_row).collect();
-    let offset_s = distribution(&differences).filter(|_| later.clock == earlier.clock)?;
-    Some(StampOffset { of, against, offset_s })
+    Some(StampOffset { of, against, offset_s: distribution(&differences)? })
 }
 
 /// How many components must stand still for a row to repeat the one before; `None` where a value that stands

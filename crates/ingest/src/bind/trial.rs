@@ -1,11 +1,11 @@
 //! Tries a channel map on a log: which tables and columns its rules find.
 
 use super::binds;
-use crate::civil::{SlashDate, iso_date, iso_to_unix_ns, unix_ns};
+use super::stamps::{Stamps, is_constant, read_stamps};
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table};
-use flight::{Quantity, StampKind, Unit};
+use flight::{Quantity, Unit};
 
 /// What a map would make of a log.
 pub(super) struct Trial<'a> {
@@ -52,14 +52,6 @@ pub(super) struct Plan<'a> {
 pub(super) struct Found<'a> {
     pub(super) column: &'a Column,
     pub(super) unit: Unit,
-}
-
-/// The stamps of one kind for all rows.
-pub(super) struct Stamps {
-    pub(super) kind: StampKind,
-    pub(super) clock: flight::Clock,
-    pub(super) label: String,
-    pub(super) nanos: Vec<Option<i64>>,
 }
 
 enum Miss {
@@ -247,7 +239,7 @@ pub(super) fn numbers<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
     table.columns.iter().find(|c| c.path == path && !matches!(c.data, ColumnData::Text(_)))
 }
 
-fn texts<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
+pub(super) fn texts<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
     table.columns.iter().find(|c| c.path == path && matches!(c.data, ColumnData::Text(_)))
 }
 
@@ -258,12 +250,12 @@ fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<Stri
     let mut found: Vec<Stamps> = vec![];
     for (kind, sources) in &rule.times {
         for source in sources {
-            let Some(nanos) = read_stamps(source, table) else { continue };
-            if is_constant(&nanos) {
+            let Some(stamps) = read_stamps(*kind, source, table) else { continue };
+            if is_constant(&stamps.nanos) {
                 remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
                 continue;
             }
-            found.push(Stamps { kind: *kind, clock: source.clock(), label: source.label(), nanos });
+            found.push(stamps);
             break;
         }
     }
@@ -276,48 +268,4 @@ fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<Stri
         remarks.push(format!("no {} stamps: the {} ones ({}) stand in", rule.timeline, first.kind, first.label));
     }
     Ok((found, remarks))
-}
-
-/// A stamp that was never filled in is no stamp.
-fn is_constant(nanos: &[Option<i64>]) -> bool {
-    let mut values = nanos.iter().flatten();
-    let first = values.next();
-    nanos.len() > 1 && values.all(|v| Some(v) == first)
-}
-
-/// One stamp for each row; `None` if the table has no such source or nothing in it.
-fn read_stamps(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
-    let rows = 0..table.rows;
-    let stamps: Vec<Option<i64>> = match source {
-        TimeSource::ContainerLogged => table.logged_ns.as_ref()?.iter().copied().map(Some).collect(),
-        // Writers that know no publish time repeat the log time there.
-        TimeSource::ContainerPublished if table.published_ns == table.logged_ns => return None,
-        TimeSource::ContainerPublished => table.published_ns.as_ref()?.iter().copied().map(Some).collect(),
-        TimeSource::Number { field, tick, .. } => match (texts(table, field), numbers(table, field)) {
-            (Some(text), _) => rows.map(|row| tick.of_text(text.text(row)?)).collect(),
-            (None, Some(number)) => rows
-                .map(|row| match number.integer(row) {
-                    Some(integer) => tick.of_integer(integer),
-                    None => tick.of_float(number.number(row)?),
-                })
-                .collect(),
-            (None, None) => return None,
-        },
-        TimeSource::Iso { field } => {
-            let column = texts(table, field)?;
-            rows.map(|row| iso_to_unix_ns(column.text(row)?)).collect()
-        }
-        TimeSource::Civil { date, time, offset } => {
-            let (date, time) = (texts(table, date)?, texts(table, time)?);
-            let offset = offset.as_ref().and_then(|o| texts(table, o));
-            let slash = SlashDate::of(rows.clone().filter_map(|row| date.text(row)));
-            let date_of = |text: &str| iso_date(text).or_else(|| slash?.date(text));
-            rows.map(|row| {
-                let offset = offset.map_or(Some("Z"), |o| o.text(row))?;
-                unix_ns(date_of(date.text(row)?)?, time.text(row)?, offset)
-            })
-            .collect()
-        }
-    };
-    stamps.iter().any(Option::is_some).then_some(stamps)
 }

@@ -1,12 +1,19 @@
 //! Messages of any encoding to columns, and what is known of every topic.
 
+pub(crate) mod cells;
+mod common;
+mod idl;
 mod json;
+pub(crate) mod packed;
+mod protobuf;
 mod ros;
-mod rows;
-mod schema;
+pub(crate) mod rows;
+pub(crate) mod schema;
+
+pub(crate) use common::{COMMON, common_definition};
 
 use crate::ledger::Fate;
-use crate::reader::{Log, Select, Selection};
+use crate::reader::{Log, RawMessage, Select, Selection};
 use crate::stamps::StampStats;
 use crate::table::{Table, TopicInfo};
 use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
@@ -37,7 +44,7 @@ impl Wanted {
     fn of(selection: &Selection) -> Option<Wanted> {
         match selection {
             Selection::Skip => None,
-            Selection::All => Some(Wanted::All),
+            Selection::All | Selection::Raw => Some(Wanted::All),
             Selection::Fields(fields) => Some(Wanted::of_paths(fields.iter().map(|f| f.path.as_str()))),
         }
     }
@@ -119,6 +126,8 @@ pub(crate) struct Topics<'w> {
     most_value_bytes: u64,
     topics: Vec<Topic>,
     by_info: HashMap<TopicInfo, u32>,
+    /// That the container's stamps count.
+    clock: Clock,
     definition_bytes: usize,
     value_bytes: u64,
 }
@@ -126,6 +135,8 @@ pub(crate) struct Topics<'w> {
 struct Topic {
     info: TopicInfo,
     wanted: Option<Wanted>,
+    /// Its messages are wanted as they stand.
+    raw: bool,
     refusal: Option<String>,
     decoders: Vec<Decoder>,
     rows: Rows,
@@ -163,8 +174,15 @@ struct Decoder {
 }
 
 enum How {
+    /// Not at all: it goes to the sink.
+    Raw,
     Ros(ros::Plan),
+    /// By a definition that is not the log's own: every byte must fit.
+    Common(ros::Plan),
+    Protobuf(protobuf::Plan),
     Json,
+    Packed(packed::Plan),
+    Cells(cells::Plan),
 }
 
 impl<'w> Topics<'w> {
@@ -178,17 +196,66 @@ impl<'w> Topics<'w> {
             most_value_bytes,
             topics: vec![],
             by_info: HashMap::new(),
+            clock: Clock::Unix,
             definition_bytes: 0,
             value_bytes: 0,
         }
     }
 
+    /// The clock of the container's stamps, where it is not UTC.
+    pub(crate) fn count_by(&mut self, clock: Clock) {
+        self.clock = clock;
+    }
+
     /// Where messages of this topic and definition go. Fails if there are too many topics.
     pub(crate) fn route(&mut self, info: TopicInfo, definition: Option<Definition<'_>>) -> Result<Route, String> {
+        let Definition { encoding, text } = definition.unwrap_or(Definition { encoding: "", text: &[] });
+        let topic = self.topic(info.clone())?;
+        let raw = self.topics.get(topic as usize).is_some_and(|t| t.raw);
+        self.route_by(info, Definition { encoding, text }, |info, wanted, rows| {
+            if raw {
+                return Ok(How::Raw);
+            }
+            How::of(info, Definition { encoding, text }, wanted, rows)
+        })
+    }
+
+    /// Where records of a fixed layout go. `definition` is what tells one layout from another, such as the text
+    /// that the log defines it by; `layout` is asked for if something of the topic is wanted, and if it is new.
+    /// Fails if there are too many topics.
+    pub(crate) fn packed_route(
+        &mut self,
+        info: TopicInfo,
+        definition: &[u8],
+        layout: impl FnOnce(&Wanted) -> Result<packed::Layout, String>,
+    ) -> Result<Route, String> {
+        let definition = Definition { encoding: "packed", text: definition };
+        self.route_by(info, definition, |_, wanted, rows| {
+            Ok(How::Packed(packed::Plan::new(&layout(wanted)?, wanted, rows)))
+        })
+    }
+
+    /// As [`Topics::packed_route`], for lines of values between commas.
+    pub(crate) fn cells_route(
+        &mut self,
+        info: TopicInfo,
+        definition: &[u8],
+        layout: impl FnOnce() -> Result<cells::CellLayout, String>,
+    ) -> Result<Route, String> {
+        let definition = Definition { encoding: "cells", text: definition };
+        self.route_by(info, definition, |_, wanted, rows| Ok(How::Cells(cells::Plan::new(&layout()?, wanted, rows))))
+    }
+
+    fn route_by(
+        &mut self,
+        info: TopicInfo,
+        definition: Definition<'_>,
+        how: impl FnOnce(&TopicInfo, &Wanted, &mut Rows) -> Result<How, String>,
+    ) -> Result<Route, String> {
         let topic = self.topic(info)?;
         let Some(entry) = self.topics.get_mut(topic as usize) else { return Ok(Route { topic, decoder: None }) };
         let before = entry.definition_bytes();
-        let decoder = match entry.decoder(definition, MOST_DEFINITIONS.saturating_sub(self.definition_bytes)) {
+        let decoder = match entry.decoder(definition, MOST_DEFINITIONS.saturating_sub(self.definition_bytes), how) {
             Ok(decoder) => decoder,
             Err(reason) => {
                 entry.refusal.get_or_insert(reason);
@@ -211,7 +278,7 @@ impl<'w> Topics<'w> {
         }
         let topic = self.topics.len() as u32;
         let described = self.topics.len() < MOST_DESCRIBED;
-        self.topics.push(Topic::new(info.clone(), Wanted::of(&self.want.select(&info)), described));
+        self.topics.push(Topic::new(info.clone(), &self.want.select(&info), described));
         self.by_info.insert(info, topic);
         Ok(topic)
     }
@@ -221,6 +288,10 @@ impl<'w> Topics<'w> {
         let Some(topic) = self.topics.get_mut(route.topic as usize) else { return Fate::Skipped };
         topic.count(times, payload.len() as u64);
         let Some(decoder) = route.decoder else { return Fate::Skipped };
+        if let (Some(message), Some(sink)) = (topic.as_it_stands(decoder, times, payload), self.want.sink()) {
+            sink.message(&message);
+            return Fate::Decoded;
+        }
         if self.value_bytes > self.most_value_bytes {
             topic.beyond_memory += 1;
             return Fate::Skipped;
@@ -258,7 +329,7 @@ impl<'w> Topics<'w> {
                 refused.entry(refusal.clone()).or_insert((0, topic.info.name.clone())).0 += 1;
             }
             topic.raise(&mut notices);
-            topic.finish(log);
+            topic.finish(log, self.clock);
         }
         for (refusal, (topics, first)) in refused {
             let text = format!("wanted topics cannot be decoded: {refusal}; the first: {first}");
@@ -269,11 +340,12 @@ impl<'w> Topics<'w> {
 }
 
 impl Topic {
-    fn new(info: TopicInfo, wanted: Option<Wanted>, described: bool) -> Topic {
+    fn new(info: TopicInfo, selection: &Selection, described: bool) -> Topic {
         let stats = || if described { StampStats::new() } else { StampStats::counts_only() };
         Topic {
             info,
-            wanted,
+            wanted: Wanted::of(selection),
+            raw: *selection == Selection::Raw,
             refusal: None,
             decoders: vec![],
             rows: Rows::default(),
@@ -293,9 +365,13 @@ impl Topic {
     }
 
     /// The decoder for this definition, made if there is none; `None` if nothing is wanted.
-    fn decoder(&mut self, definition: Option<Definition<'_>>, budget: usize) -> Result<Option<u32>, String> {
+    fn decoder(
+        &mut self,
+        Definition { encoding, text }: Definition<'_>,
+        budget: usize,
+        how: impl FnOnce(&TopicInfo, &Wanted, &mut Rows) -> Result<How, String>,
+    ) -> Result<Option<u32>, String> {
         let Some(wanted) = &self.wanted else { return Ok(None) };
-        let Definition { encoding, text } = definition.unwrap_or(Definition { encoding: "", text: &[] });
         let same = |d: &Decoder| d.schema_encoding == encoding && d.definition == text;
         if let Some(decoder) = self.decoders.iter().position(same) {
             return Ok(Some(decoder as u32));
@@ -303,14 +379,7 @@ impl Topic {
         if text.len() > LONGEST_DEFINITION.min(budget) {
             return Err(format!("its definition of {} bytes is too long", text.len()));
         }
-        let how = match dialect(&self.info.encoding, encoding)? {
-            None => How::Json,
-            Some(dialect) => {
-                let text = String::from_utf8_lossy(text);
-                let schema = Schema::parse(&self.info.type_name, &text, dialect)?;
-                How::Ros(ros::Plan::new(&schema, wanted, &mut self.rows))
-            }
-        };
+        let how = how(&self.info, wanted, &mut self.rows)?;
         self.decoders.push(Decoder { schema_encoding: encoding.to_owned(), definition: text.to_vec(), how });
         Ok(Some(self.decoders.len() as u32 - 1))
     }
@@ -322,6 +391,19 @@ impl Topic {
         if let Some(published) = times.published_ns {
             self.published.push(published);
         }
+    }
+
+    /// A message that is wanted raw.
+    fn as_it_stands<'m>(&'m self, decoder: u32, times: Times, payload: &'m [u8]) -> Option<RawMessage<'m>> {
+        let decoder = self.decoders.get(decoder as usize)?;
+        matches!(decoder.how, How::Raw).then_some(RawMessage {
+            topic: &self.info,
+            schema_encoding: &decoder.schema_encoding,
+            schema: &decoder.definition,
+            logged_ns: times.logged_ns,
+            published_ns: times.published_ns,
+            payload,
+        })
     }
 
     fn decode(&mut self, decoder: u32, times: Times, payload: &[u8]) -> Fate {
@@ -345,10 +427,10 @@ impl Topic {
         }
     }
 
-    fn finish(self, log: &mut Log) {
+    fn finish(self, log: &mut Log, clock: Clock) {
         log.health.messages += self.messages;
         log.health.undecodable += self.undecodable.count;
-        log.health.topics.push(self.health());
+        log.health.topics.push(self.health(clock));
         log.tables.extend(self.table());
     }
 
@@ -381,7 +463,7 @@ impl Topic {
         }
     }
 
-    fn health(&self) -> TopicHealth {
+    fn health(&self, clock: Clock) -> TopicHealth {
         let decoded = self.rows.len() > 0;
         TopicHealth {
             name: self.info.name.clone(),
@@ -389,7 +471,7 @@ impl Topic {
             encoding: self.info.encoding.clone(),
             messages: self.messages,
             payload_bytes: self.payload_bytes,
-            stamps: self.stamps(),
+            stamps: self.stamps(clock),
             decoded,
             reason: if decoded { String::new() } else { self.why_not() },
         }
@@ -398,17 +480,17 @@ impl Topic {
     fn why_not(&self) -> String {
         match (&self.refusal, self.undecodable.count) {
             (Some(refusal), _) => refusal.clone(),
-            (None, 0) if self.wanted.is_some() => "there are no messages".to_owned(),
+            (None, 0) if self.wanted.is_some() && !self.raw => "there are no messages".to_owned(),
             (None, 0) => String::new(),
             (None, _) => self.undecodable.first.clone(),
         }
     }
 
-    fn stamps(&self) -> Vec<StampHealth> {
-        let logged = self.logged.clone().finish(StampKind::Logged, Clock::Unix, "log");
+    fn stamps(&self, clock: Clock) -> Vec<StampHealth> {
+        let logged = self.logged.clone().finish(StampKind::Logged, clock, "log");
         // Of messages that only an index told of, the time of publishing is not known.
         let published = (self.only_indexed == 0)
-            .then(|| self.published.clone().finish(StampKind::Published, Clock::Unix, "publish"))
+            .then(|| self.published.clone().finish(StampKind::Published, clock, "publish"))
             .flatten();
         logged.into_iter().chain(published).collect()
     }
@@ -421,8 +503,11 @@ impl Topic {
 impl Decoder {
     fn weight(&self) -> usize {
         let plan = match &self.how {
-            How::Ros(plan) => plan.weight(),
-            How::Json => 0,
+            How::Ros(plan) | How::Common(plan) => plan.weight(),
+            How::Protobuf(plan) => plan.weight(),
+            How::Packed(plan) => plan.weight(),
+            How::Cells(plan) => plan.weight(),
+            How::Json | How::Raw => 0,
         };
         plan + self.definition.len()
     }
@@ -430,7 +515,15 @@ impl Decoder {
     fn decode(&self, payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<usize, String> {
         match &self.how {
             How::Ros(plan) => plan.decode(payload, rows),
+            How::Common(plan) => match plan.decode(payload, rows)? {
+                0 => Ok(0),
+                _ => Err("it is longer than the common definition of its type".to_owned()),
+            },
+            How::Protobuf(plan) => plan.decode(payload, rows).map(|()| 0),
+            How::Packed(plan) => plan.decode(payload, rows),
+            How::Cells(plan) => plan.decode(payload, rows).map(|()| 0),
             How::Json => json::decode(payload, wanted, rows).map(|()| 0),
+            How::Raw => Ok(0),
         }
     }
 }
@@ -450,16 +543,30 @@ fn list(notices: Notices, to: &mut Notices) {
     }
 }
 
-/// The ROS dialect of messages in `encoding` with a definition in `schema`; `None` for JSON.
-fn dialect(encoding: &str, schema: &str) -> Result<Option<Dialect>, String> {
-    match (encoding, schema) {
-        ("json", _) => Ok(None),
-        ("ros1", "ros1msg") => Ok(Some(Dialect::Ros1)),
-        ("cdr", "ros2msg") => Ok(Some(Dialect::Ros2)),
-        ("ros1" | "cdr", "") => Err("there is no message definition".to_owned()),
-        ("ros1" | "cdr", other) => Err(format!("definitions in {other} are not read yet")),
-        ("", _) => Err("the encoding of its messages is not named".to_owned()),
-        (other, _) => Err(format!("{other} is not read yet")),
+impl How {
+    /// By the encoding of the messages and of their definition.
+    fn of(
+        info: &TopicInfo,
+        Definition { encoding, text }: Definition<'_>,
+        wanted: &Wanted,
+        rows: &mut Rows,
+    ) -> Result<How, String> {
+        let read = String::from_utf8_lossy;
+        let mut plan = |schema: Result<Schema, String>| Ok(ros::Plan::new(&schema?, wanted, rows));
+        let msg = |dialect| Schema::parse(&info.type_name, &read(text), dialect);
+        match (info.encoding.as_str(), encoding) {
+            ("json", _) => Ok(How::Json),
+            ("ros1", "ros1msg") => plan(msg(Dialect::Ros1)).map(How::Ros),
+            ("cdr", "ros2msg") => plan(msg(Dialect::Ros2)).map(How::Ros),
+            ("cdr", COMMON) => plan(msg(Dialect::Ros2)).map(How::Common),
+            ("cdr", "ros2idl" | "omgidl") => plan(Schema::parse_idl(&info.type_name, &read(text))).map(How::Ros),
+            ("protobuf", "protobuf") => protobuf::Plan::new(&info.type_name, text, wanted, rows).map(How::Protobuf),
+            ("ros1" | "cdr" | "protobuf", "") => Err("there is no message definition".to_owned()),
+            ("ros1" | "cdr" | "protobuf", other) => Err(format!("definitions in {other} are not read yet")),
+            ("flatbuffer", _) => Err("FlatBuffers are not read: no kept crate decodes them by their schema".to_owned()),
+            ("", _) => Err("the encoding of its messages is not named".to_owned()),
+            (other, _) => Err(format!("{other} is not read yet")),
+        }
     }
 }
 

@@ -31,6 +31,8 @@ pub(crate) struct Plan {
     /// For each message type of the schema: how to step over one.
     over: Vec<Vec<Step>>,
     places: Vec<String>,
+    /// There is text of wide characters somewhere.
+    wide: bool,
 }
 
 #[derive(Debug)]
@@ -46,6 +48,7 @@ enum What {
     Number { column: usize, number: Number },
     Time { column: usize, signed_seconds: bool },
     Text { column: usize },
+    WideText { column: usize },
     OverMany { count: Option<u32>, element: Element },
     Array { count: Option<u32>, wanted: Vec<(u32, Vec<Step>)>, element: Element },
 }
@@ -67,12 +70,27 @@ impl Plan {
         let over = (0..schema.messages.len()).map(|index| compiler.steps_over(index)).collect();
         let mut steps = vec![];
         compiler.message(0, "", wanted, rows, &mut steps);
-        Plan { dialect: schema.dialect, steps: merged(steps), over, places: compiler.places }
+        let wide = schema.messages.iter().flat_map(|m| &m.fields).any(|f| f.kind == Kind::WideText);
+        Plan { dialect: schema.dialect, steps: merged(steps), over, places: compiler.places, wide }
     }
 
     /// Sets the wanted values of the open row. Returns how many bytes the message has beyond its definition.
     pub(crate) fn decode(&self, payload: &[u8], rows: &mut Rows) -> Result<usize, String> {
-        let mut walk = Walk::begin(self.dialect, payload)?;
+        if !self.wide {
+            return self.decode_as(payload, 2, rows);
+        }
+        // Wide characters take two bytes with some middlewares and four with others: the message must fit to the end.
+        for unit in [2, 4] {
+            if self.decode_as(payload, unit, rows) == Ok(0) {
+                return Ok(0);
+            }
+            rows.roll_back();
+        }
+        self.decode_as(payload, 2, rows)
+    }
+
+    fn decode_as(&self, payload: &[u8], wide_unit: u64, rows: &mut Rows) -> Result<usize, String> {
+        let mut walk = Walk { wide_unit, ..Walk::begin(self.dialect, payload)? };
         walk.steps(&self.steps, &self.over, rows).map_err(|fault| self.explain(fault))?;
         let left = walk.data.len() - walk.at;
         Ok(if self.dialect == Dialect::Ros2 && left <= CDR_PADDING { 0 } else { left })
@@ -231,7 +249,8 @@ impl<'s> Compiler<'s> {
                 What::Time { column: rows.column(path, ValueType::Integer)?, signed_seconds }
             }
             Kind::Text => What::Text { column: rows.column(path, ValueType::Text)? },
-            Kind::WideText | Kind::Message(_) => return None,
+            Kind::WideText => What::WideText { column: rows.column(path, ValueType::Text)? },
+            Kind::Message(_) => return None,
         })
     }
 
@@ -332,18 +351,20 @@ struct Walk<'p> {
     at: usize,
     aligned: bool,
     big_endian: bool,
+    /// Bytes of a wide character.
+    wide_unit: u64,
 }
 
 impl<'p> Walk<'p> {
     fn begin(dialect: Dialect, payload: &'p [u8]) -> Result<Walk<'p>, String> {
         if dialect == Dialect::Ros1 {
-            return Ok(Walk { data: payload, at: 0, aligned: false, big_endian: false });
+            return Ok(Walk { data: payload, at: 0, aligned: false, big_endian: false, wide_unit: 2 });
         }
         let (head, data) =
             payload.split_first_chunk::<4>().ok_or("the message is shorter than its encapsulation header")?;
         match *head {
-            [0, 0, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: true }),
-            [0, 1, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: false }),
+            [0, 0, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: true, wide_unit: 2 }),
+            [0, 1, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: false, wide_unit: 2 }),
             [0, 2 | 3, ..] => Err("CDR parameter lists are not read".to_owned()),
             [0, kind @ 6..=11, ..] => Err(format!("XCDR2 (encapsulation 0x{kind:04x}) is not read yet")),
             [high, low, ..] => Err(format!("encapsulation 0x{high:02x}{low:02x} is not CDR")),
@@ -373,6 +394,11 @@ impl<'p> Walk<'p> {
             }
             What::Text { column } => {
                 let text = self.text(step.place)?;
+                rows.set(*column, Value::Text(&text));
+                Ok(())
+            }
+            What::WideText { column } => {
+                let text = self.wide_text(step.place)?;
                 rows.set(*column, Value::Text(&text));
                 Ok(())
             }
@@ -424,7 +450,7 @@ impl<'p> Walk<'p> {
                 walk.forward(size).ok_or(too_many)
             }),
             Element::Text => self.each(count, |walk| walk.prefixed(1, place).map(|_| ())),
-            Element::WideText => self.each(count, |walk| walk.prefixed(2, place).map(|_| ())),
+            Element::WideText => self.each(count, |walk| walk.prefixed(walk.wide_unit, place).map(|_| ())),
             Element::Message(index) => {
                 let steps = over.get(index).map_or(&[][..], Vec::as_slice);
                 self.each(count, |walk| walk.steps_over(steps, over))
@@ -446,7 +472,11 @@ impl<'p> Walk<'p> {
                     self.over(count, *element, over, step.place)?;
                 }
                 // Nothing is read on the way over.
-                What::Number { .. } | What::Time { .. } | What::Text { .. } | What::Array { .. } => {}
+                What::Number { .. }
+                | What::Time { .. }
+                | What::Text { .. }
+                | What::WideText { .. }
+                | What::Array { .. } => {}
             }
         }
         Ok(())
@@ -530,6 +560,21 @@ impl<'p> Walk<'p> {
         // CDR counts the zero at the end, ROS 1 has none.
         let bytes = if self.aligned { bytes.strip_suffix(&[0]).unwrap_or(bytes) } else { bytes };
         Ok(String::from_utf8_lossy(bytes))
+    }
+
+    /// UTF-16, each unit in as many bytes as the writer took.
+    fn wide_text(&mut self, place: u32) -> Result<String, Fault> {
+        let bytes = self.prefixed(self.wide_unit, place)?;
+        let number = |unit: &[u8]| {
+            let digit = |sum: u32, byte: &u8| sum << 8 | u32::from(*byte);
+            if self.big_endian { unit.iter().fold(0, digit) } else { unit.iter().rev().fold(0, digit) }
+        };
+        let units = bytes.chunks(self.wide_unit as usize).map(|unit| u16::try_from(number(unit)).unwrap_or(0xfffd));
+        let mut units: Vec<u16> = units.collect();
+        if units.last() == Some(&0) {
+            units.pop();
+        }
+        Ok(String::from_utf16_lossy(&units))
     }
 }
 
@@ -807,5 +852,19 @@ mod tests {
         assert_eq!(table.column("a[63]").unwrap().number(0), Some(63.0));
         let (table, _) = decode("float64[100] a", Dialect::Ros1, &Wanted::of_paths(["a[99]"]), &bytes).unwrap();
         assert_eq!(table.column("a[99]").unwrap().number(0), Some(99.0));
+    }
+
+    #[test]
+    fn wide_text_is_read_whether_a_character_takes_two_bytes_or_four() {
+        for (unit, big_endian) in [(2, false), (4, false), (2, true), (4, true)] {
+            let mut writer = Writer::cdr(big_endian).u8(1).u32(3);
+            for character in "a\u{e9}\u{4e2d}".encode_utf16() {
+                writer = if unit == 2 { writer.raw(character.to_le_bytes()) } else { writer.u32(character.into()) };
+            }
+            let bytes = writer.f64(2.5).bytes;
+            let (table, beyond) = decode("uint8 a\nwstring w\nfloat64 x", Dialect::Ros2, &Wanted::All, &bytes).unwrap();
+            assert_eq!(table.column("w").unwrap().text(0), Some("a\u{e9}\u{4e2d}"), "{unit} {big_endian}");
+            assert_eq!((table.column("x").unwrap().number(0), beyond), (Some(2.5), 0));
+        }
     }
 }

@@ -4,10 +4,11 @@ mod columns;
 mod fields;
 mod layout;
 mod lines;
+mod novatel;
 
 use self::columns::Topic;
 use self::fields::Fields;
-use self::layout::{Layout, TableLayout};
+use self::layout::{Layout, TableLayout, comment_mark};
 use self::lines::{Extent, Lines, Next};
 use crate::error::IngestError;
 use crate::ledger::{Fate, Ledger};
@@ -62,14 +63,16 @@ impl LogReader for CsvReader {
 }
 
 /// Says whether the first bytes of a file look like a log in a table of text, and if not, why. Stricter than
-/// the reader, for many a text has the same number of commas in most of its lines.
+/// the reader, for many a text has the same number of commas in most of its lines. `false` if the table is one of
+/// numbers without a header: then only the name of the file can tell what it is.
 ///
 /// # Errors
 /// What it is instead.
-pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<(), String> {
+pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<bool, String> {
     match layout::find(without_bom(head), context)? {
+        Layout::Table(table) if table.bare => Ok(false),
         Layout::Table(table) if !table.regular => Err("its first lines are no table of numbers below a header".into()),
-        Layout::Table(_) | Layout::FlySight2 => Ok(()),
+        Layout::Table(_) | Layout::FlySight2 | Layout::Novatel | Layout::Tagged => Ok(true),
     }
 }
 
@@ -152,6 +155,8 @@ impl Reading<'_> {
         match layout {
             Layout::Table(table) => self.table(&mut open, &table, stem)?,
             Layout::FlySight2 => self.flysight2(&mut open, &stem)?,
+            Layout::Novatel => self.novatel(&mut open)?,
+            Layout::Tagged => self.tagged(&mut open)?,
         }
         // Only a file that shrank while it was read leaves something over here.
         let missing = size - open.lines.offset;
@@ -165,14 +170,14 @@ impl Reading<'_> {
         self.formats.push(format!("CSV, {}", table.describe()));
         if table.header_line.is_none() {
             self.books.notices.push(
-                Severity::Warning,
+                if table.bare { Severity::Info } else { Severity::Warning },
                 "no-header",
                 open.name,
                 1,
                 "no header row: columns are called column_1, column_2, ...",
             );
         }
-        if table.renamed > 0 {
+        if table.renamed > 0 && table.header_line.is_some() {
             let text = "columns without a name of their own were given one";
             self.books.notices.push(Severity::Info, "column-renamed", open.name, table.renamed as u64, text);
         }
@@ -180,18 +185,27 @@ impl Reading<'_> {
             TopicInfo { name: self.free_name(stem, open.name), type_name: String::new(), encoding: "csv".into() };
         let selection = self.want.select(&info);
         let mut topic = Topic::new(info, table.names.clone(), &selection);
-        let mut preamble = 0;
+        topic.decimal = table.decimal;
+        let (mut preamble, mut header, mut repeated) = (0, vec![], 0);
         while let Some((extent, line)) = self.books.next_record(open, table.delimiter)? {
             let text = open.lines.text(extent).trim_ascii();
-            if line < table.first_row_line || text.is_empty() || text.starts_with(b"#") {
+            if table.header_line == Some(line) {
+                header = text.to_vec();
+            }
+            let plain = !text.is_empty() && comment_mark(text) == 0;
+            let again = plain && line >= table.first_row_line && text == header;
+            if !plain || again || line < table.first_row_line {
                 let said = [table.header_line, table.units_line].contains(&Some(line));
-                preamble +=
-                    u64::from(line < table.first_row_line && !said && !text.is_empty() && !text.starts_with(b"#"));
-                self.books.ledger.count(Fate::Structure, extent.whole as u64);
-                open.lines.pass(extent);
+                preamble += u64::from(plain && !again && !said);
+                repeated += u64::from(again);
+                self.books.structure(open, extent);
                 continue;
             }
             self.books.row(open, extent, &mut topic, 0, table.delimiter);
+        }
+        if repeated > 0 {
+            let text = "the header stands again between the rows";
+            self.books.notices.push(Severity::Info, "header-repeated", open.name, repeated, text);
         }
         if preamble > 0 {
             self.books.notices.push(
@@ -235,9 +249,105 @@ impl Reading<'_> {
                 },
             }
         }
+        self.report(first, open.name);
+        Ok(())
+    }
+
+    /// What happened to the cells of the topics from `first` on.
+    fn report(&mut self, first: usize, file: &str) {
         for topic in self.topics.get_mut(first..).unwrap_or_default() {
-            topic.report(open.name, self.context.limits.listed_damage, &mut self.books.notices);
+            topic.report(file, self.context.limits.listed_damage, &mut self.books.notices);
         }
+    }
+
+    /// The topic of a name that rows carry, begun with `columns` and of the type `kind/name` where it is new; `None` if
+    /// there are too many.
+    fn named_topic(
+        &mut self,
+        name: &[u8],
+        kind: &str,
+        columns: impl FnOnce() -> Vec<String>,
+        file: &str,
+        by_name: &mut HashMap<Vec<u8>, usize>,
+    ) -> Option<usize> {
+        if let Some(known) = by_name.get(name) {
+            return Some(*known);
+        }
+        if self.topics.len() >= self.context.limits.topics {
+            return None;
+        }
+        let plain = fields::text_of(name);
+        let type_name = format!("{kind}/{plain}");
+        let info = TopicInfo { name: self.free_name(plain, file), type_name, encoding: "csv".into() };
+        let selection = self.want.select(&info);
+        by_name.insert(name.to_vec(), self.topics.len());
+        self.topics.push(Topic::new(info, columns(), &selection));
+        Some(self.topics.len() - 1)
+    }
+
+    /// Rows that begin with a stamp and the name of their table, as PX4 ECL replays its sensors: the columns have numbers.
+    fn tagged(&mut self, open: &mut Open<'_>) -> Result<(), IngestError> {
+        self.formats.push("CSV, ',' delimited, no header, tables named by the second field".into());
+        let first = self.topics.len();
+        let mut by_name = HashMap::new();
+        while let Some((extent, line)) = self.books.next_record(open, b',')? {
+            if open.lines.text(extent).trim_ascii().is_empty() {
+                self.books.structure(open, extent);
+                continue;
+            }
+            open.fields.split(open.lines.text(extent), b',');
+            let name = open.fields.get(1).to_vec();
+            let width = open.fields.len();
+            // A row that the log's end has cut says nothing of the width of its table.
+            let whole = extent.ended && name.iter().any(u8::is_ascii_alphabetic);
+            let columns = || (1..=width).map(|i| format!("column_{i}")).collect();
+            let known = by_name.get(&name).copied();
+            let topic = if whole { self.named_topic(&name, "tagged", columns, open.name, &mut by_name) } else { known };
+            match topic.and_then(|i| self.topics.get_mut(i)) {
+                Some(topic) => self.books.row(open, extent, topic, 0, b','),
+                None => self.books.reject(open, extent, format!("line {line}: the second field names no table")),
+            }
+        }
+        self.report(first, open.name);
+        Ok(())
+    }
+
+    /// NovAtel messages; other lines between them, such as answers of the receiver, are passed and counted.
+    fn novatel(&mut self, open: &mut Open<'_>) -> Result<(), IngestError> {
+        self.formats.push("NovAtel ASCII".into());
+        let first = self.topics.len();
+        let mut by_name = HashMap::new();
+        let mut others = 0;
+        while let Some((extent, line)) = self.books.next_record(open, b',')? {
+            let text = open.lines.text(extent).trim_ascii();
+            if !text.starts_with(b"#") && !text.starts_with(b"%") {
+                others += u64::from(!text.is_empty());
+                self.books.structure(open, extent);
+                continue;
+            }
+            let message = match novatel::parse(text) {
+                Ok(message) => message,
+                Err(what) => {
+                    self.books.reject(open, extent, format!("line {line}: {what}"));
+                    continue;
+                }
+            };
+            let columns = || message.columns();
+            let Some(topic) = self.named_topic(message.name.as_bytes(), "novatel", columns, open.name, &mut by_name)
+            else {
+                self.books.reject(open, extent, format!("line {line}: one topic too many"));
+                continue;
+            };
+            open.fields.split(message.row.as_bytes(), b',');
+            if let Some(topic) = self.topics.get_mut(topic) {
+                self.books.message(open, extent, topic, line);
+            }
+        }
+        if others > 0 {
+            let text = "lines that are no NovAtel messages are not read";
+            self.books.notices.push(Severity::Info, "preamble", open.name, others, text);
+        }
+        self.report(first, open.name);
         Ok(())
     }
 
@@ -280,7 +390,7 @@ impl Reading<'_> {
         self.books.health.messages = self.topics.iter().map(|t| t.rows).sum();
         self.books.ledger.finish(&mut self.books.health, &mut self.books.notices);
         let tables = self.topics.into_iter().filter_map(Topic::into_table).collect();
-        Ok(Log { health: self.books.health, tables, notices: self.books.notices })
+        Ok(Log { health: self.books.health, tables, notices: self.books.notices, ..Log::default() })
     }
 }
 
@@ -335,6 +445,26 @@ impl Books {
         let expected = topic.names.len();
         let cut = if extent.ended { "" } else { ", and no line end: the log was cut here" };
         self.reject(open, extent, format!("line {line}: {width} fields where the header has {expected}{cut}"));
+    }
+
+    /// A message whose fields have been split.
+    fn message(&mut self, open: &mut Open<'_>, extent: Extent, topic: &mut Topic, line: u64) {
+        if !topic.decoded {
+            topic.count(extent);
+            self.ledger.count(Fate::Skipped, extent.whole as u64);
+        } else if topic.fits(open.fields.len(), false) {
+            // Its checksum is right, so nothing of it is cut.
+            topic.push(&open.fields, 0, line, Extent { ended: true, ..extent });
+            self.ledger.count(Fate::Decoded, extent.whole as u64);
+        } else {
+            let (width, expected) = (open.fields.len(), topic.names.len());
+            return self.reject(
+                open,
+                extent,
+                format!("line {line}: {width} fields where its first one has {expected}"),
+            );
+        }
+        open.lines.pass(extent);
     }
 
     fn structure(&mut self, open: &mut Open<'_>, extent: Extent) {

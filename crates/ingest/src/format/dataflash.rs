@@ -1,10 +1,27 @@
-//! ArduPilot DataFlash.
+//! ArduPilot DataFlash, binary and text (<https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html>).
+//!
+//! A log describes itself: an `FMT` record names the fields of a type and their format characters. Values are as
+//! pymavlink gives them: `c`, `C`, `e`, `E` count hundredths and `L` counts 1e-7 degrees, everything else is as it
+//! stands. A topic is named after its type; of a type with instances the second is `GPS_1`.
 
+mod binary;
+mod book;
+mod modes;
+mod record;
+mod text;
+mod units;
+mod vehicle;
+
+use self::book::Book;
 use crate::error::IngestError;
+use crate::format::Reading;
+use crate::format::file::LogFile;
 use crate::reader::{Log, LogReader, ReadContext, Select};
+use flight::Clock;
+use memchr::memmem;
 use std::path::PathBuf;
 
-/// Reads ArduPilot DataFlash.
+/// Reads one DataFlash log, binary or text, or several that make up one flight.
 #[derive(Debug, Clone)]
 pub struct DataFlashReader {
     files: Vec<PathBuf>,
@@ -19,8 +36,49 @@ impl DataFlashReader {
 }
 
 impl LogReader for DataFlashReader {
-    fn read(&mut self, _want: &dyn Select, _context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let file = self.files.first().map(|f| f.display().to_string()).unwrap_or_default();
-        Err(IngestError::NotALog { file, what: "ArduPilot DataFlash, a format that is not read yet".to_owned() })
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
+        topics.count_by(Clock::Boot);
+        let mut log = Log::default();
+        let mut book = Book::new(&mut topics);
+        for file in &mut files {
+            let text = is_text(file)?;
+            log.health.format = if text { "ArduPilot DataFlash (text)" } else { "ArduPilot DataFlash" }.to_owned();
+            book.begin_file(file.name());
+            if text {
+                text::Walk::new(file, context, &mut ledger, &mut notices, &mut book).run()?;
+            } else {
+                super::refuse_foreign(file, binary::NO_RECORD, context)?;
+                binary::Walk::new(file, context, &mut ledger, &mut notices, &mut book).run()?;
+            }
+        }
+        book.finish(&mut log, &mut notices);
+        Reading { files, ledger, notices, topics }.conclude(log)
     }
+}
+
+/// The first definition in a text log, and how all of them begin.
+const TEXT_STARTS: [&str; 2] = ["FMT, 128, 89, FMT", "FMT,128,89,FMT"];
+const TEXT_DEFINITION: &str = "FMT,";
+
+fn is_text(file: &mut LogFile) -> Result<bool, IngestError> {
+    let head = file.up_to(0, crate::sniff::HEAD)?;
+    Ok(!head.starts_with(&record::SYNC) && text_begins(head))
+}
+
+/// Whether a text log begins in these first bytes of a file: with the first definition, or with others if that one is
+/// damaged.
+fn text_begins(head: &[u8]) -> bool {
+    let starts = |line: &[u8], text: &str| line.starts_with(text.as_bytes());
+    let mut lines = head.split(|b| *b == b'\n');
+    let definitions = head.split(|b| *b == b'\n').filter(|line| starts(line, TEXT_DEFINITION));
+    lines.any(|line| TEXT_STARTS.iter().any(|text| starts(line, text))) || definitions.take(2).count() == 2
+}
+
+/// Whether these first bytes of a file are those of a DataFlash log, whatever stands in front of its first record.
+/// Two records of the type `FMT`, one behind the other, do not come about by chance.
+pub(crate) fn looks_like(head: &[u8]) -> bool {
+    let definitions = memmem::find_iter(head, &[record::SYNC[0], record::SYNC[1], record::FMT_ID]);
+    let mut pairs = definitions.filter_map(|at| head.get(at + record::FMT_LENGTH..));
+    pairs.any(|next| next.starts_with(&[record::SYNC[0], record::SYNC[1], record::FMT_ID])) || text_begins(head)
 }

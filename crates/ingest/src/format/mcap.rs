@@ -19,6 +19,7 @@ use crate::bytes::Bytes;
 use crate::decode::{Definition, Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
+use crate::format::bag_folder::{self, Metadata};
 use crate::ledger::Fate;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
@@ -52,7 +53,10 @@ impl McapReader {
 
 impl LogReader for McapReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let (metadata, rest) = Metadata::split_off(&self.files)?;
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
+        files.retain(|file| metadata.is_none() || file.name() != bag_folder::NAME);
+        ledger.count(Fate::Structure, metadata.as_ref().map_or(0, |metadata| metadata.bytes));
         let mut log = Log::default();
         let mut headers = vec![];
         let mut extras = Extras::default();
@@ -67,7 +71,11 @@ impl LogReader for McapReader {
         }
         log.health.format = format_name(&headers);
         log.health.extras = extras.finish();
-        Reading { files, ledger, notices, topics }.conclude(log)
+        let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+        if let Some(metadata) = metadata {
+            metadata.compare(&rest, &mut log);
+        }
+        Ok(log)
     }
 }
 

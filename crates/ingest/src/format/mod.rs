@@ -1,6 +1,7 @@
 //! One format, one file.
 
 mod bag;
+pub(crate) mod bag_folder;
 mod csv;
 mod dataflash;
 mod db3;
@@ -11,17 +12,20 @@ mod nmea;
 mod tlog;
 mod ubx;
 mod ulog;
+mod unpack;
 
 pub use bag::BagReader;
 pub use csv::CsvReader;
 pub(crate) use csv::looks_like as looks_like_table;
 pub use dataflash::DataFlashReader;
+pub(crate) use dataflash::looks_like as looks_like_dataflash;
 pub use db3::Db3Reader;
 pub use mcap::{McapReader, mcap_indexed_records, mcap_records};
 pub use nmea::NmeaReader;
 pub use tlog::TlogReader;
 pub use ubx::UbxReader;
 pub use ulog::UlogReader;
+pub(crate) use unpack::{Packing, UnpackingReader, members, named_text};
 
 use crate::decode::Topics;
 use crate::error::IngestError;

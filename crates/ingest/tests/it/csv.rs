@@ -76,14 +76,39 @@ fn the_layout_that_was_found_is_stated() {
 }
 
 #[test]
-fn a_semicolon_table_with_decimal_commas_is_refused_cell_by_cell_and_never_misread() {
+fn a_decimal_comma_is_read_where_it_is_certain_and_the_layout_says_so() {
+    for text in ["t;x\n1;0,5\n2;-1,5e-3\n", "t\tx\n1\t0,5\n2\t-1,5E-03\n", "t;x;\n1,0;0,5;\n2,0;-0,0015;\n"] {
+        assert_plain(text, text);
+        assert!(read(text).health.format.contains("decimal comma"), "{}", read(text).health.format);
+    }
+    // Quoted in a table with commas between, it stays text.
+    let log = read("t,x\n1,\"0,5\"\n2,\"1,5\"\n");
+    assert_eq!(log.tables[0].column("x").unwrap().text(0), Some("0,5"));
+    // Times with a comma are the same times.
+    let log = read("date;time;x\n23.06.2021;17:27:44,3;0,5\n23.06.2021;17:27:44,4;0,5\n");
+    assert_eq!(log.tables[0].column("time").unwrap().text(0), Some("17:27:44.3"));
+}
+
+/// Cells of `x` as they were refused: the notice names line and column.
+fn assert_refused(text: &str, cell: &str, lines: &str) {
     let fields = vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }];
-    let text = b"t;x\n1;0,5\n2;1,5\n";
-    let log = read_limited(text, &Selection::Fields(fields), Limits::default()).unwrap();
-    assert_eq!(numbers(&log, "x"), [None, None]);
-    let notice = log.notices.iter().find(|n| n.code == "bad-number").unwrap();
-    assert_eq!((notice.count, notice.place.as_str()), (2, "t.csv, line 2"));
-    assert!(notice.text.contains("\"0,5\"") && notice.text.contains("lines 2, 3"), "{}", notice.text);
+    let log = read_limited(text.as_bytes(), &Selection::Fields(fields), Limits::default()).unwrap();
+    let notice = log.notices.iter().find(|n| n.code == "bad-number").unwrap_or_else(|| panic!("{text}"));
+    assert!(notice.text.contains("column x") && notice.text.contains(cell), "{}", notice.text);
+    assert!(notice.text.ends_with(&format!("lines {lines}")), "{}", notice.text);
+}
+
+#[test]
+fn separators_of_thousands_are_refused_with_line_and_column_and_never_misread() {
+    // Nobody can know whether these are decimals.
+    assert_refused("t;x\n1;1,250\n2;12,500\n", "\"1,250\"", "2, 3");
+    // With decimals beside them they are none.
+    assert_refused("t;x\n1;1,250.5\n2;7.5\n", "\"1,250.5\"", "2");
+    assert_refused("t;x\n1;1.250,5\n2;7,5\n", "\"1.250,5\"", "2");
+    assert_refused("t,x\n1,\"1,250\"\n2,7.5\n", "\"1,250\"", "2");
+    // A point in a table with decimal commas may be one of thousands.
+    assert_refused("t;x\n1;0,5\n2;7.500\n", "\"7.500\"", "3");
+    assert_refused("t,x\n1,1 250\n2,0x1f\n3,5\n", "\"1 250\"", "2, 3");
 }
 
 #[test]
@@ -204,9 +229,9 @@ fn what_is_no_table_is_refused_with_the_reason() {
 }
 
 #[test]
-fn bytes_that_are_no_utf8_hurt_only_their_cell() {
+fn bytes_that_are_no_utf8_hurt_only_their_cell_and_are_latin_1_in_a_name() {
     let log = read_limited(b"t,x\xe9\n1,2\n\xff,3\n", &Selection::All, Limits::default()).unwrap();
-    assert_eq!(numbers(&log, "x\u{fffd}"), [Some(2.0), Some(3.0)]);
+    assert_eq!(numbers(&log, "x\u{e9}"), [Some(2.0), Some(3.0)]);
 }
 
 #[test]
@@ -332,4 +357,45 @@ fn real_garmin_file_that_ends_inside_a_row_loses_that_row_only() {
     assert_eq!((loaded.health.messages, loaded.health.undecodable), (2841, 1));
     assert_eq!(loaded.health.damage[0].length, 47);
     assert!(lossy(&loaded));
+}
+
+#[test]
+fn a_header_that_stands_again_between_the_rows_is_no_row() {
+    let log = read("t,x\n1,2\nt,x\n3,4\n\nt,x\n5,6\n");
+    assert_eq!(numbers(&log, "t"), [Some(1.0), Some(3.0), Some(5.0)]);
+    let notice = log.notices.iter().find(|n| n.code == "header-repeated").unwrap();
+    assert_eq!((notice.count, log.health.messages), (2, 3));
+}
+
+#[test]
+fn lines_behind_two_slashes_are_comments_and_blanks_are_a_delimiter() {
+    assert_plain("// Start Time: Unknown\n// Update Rate: 100.0Hz, \"x\nt\tx\n1\t0.5\n2\t-1.5e-3\n", "slashes");
+    assert_plain("t x\n  1   0.5\n  2  -1.5e-3\n", "blanks");
+    let log = read("   1.0e+00   5.0e-01\r\n   2.0e+00  -1.5e-03\r\n 3 4\r\n 5 6\r\n");
+    assert_eq!(numbers(&log, "column_2"), [Some(0.5), Some(-1.5e-3), Some(4.0), Some(6.0)]);
+    assert_eq!(log.health.format, "CSV, blank delimited, no header");
+}
+
+#[test]
+fn rows_that_name_their_table_go_to_it_and_keep_its_width() {
+    let whole = "10,imu,1,2,3\n12,baro,487.5\n14,imu,4,5,6\n16,baro,487.6\n".repeat(2);
+    let log = read(&format!("{whole}18,imu,7,8\n20,baro,48"));
+    let table = |name: &str| log.tables.iter().find(|t| t.topic.name == name).unwrap();
+    assert_eq!((table("imu").rows, table("baro").rows), (4, 5));
+    assert_eq!(table("imu").column("column_5").unwrap().number(1), Some(6.0));
+    // The row that is cut at the end has lost its value, and the short one is told.
+    assert_eq!(table("baro").column("column_3").unwrap().number(4), None);
+    assert_eq!(log.health.damage[0].reason, "line 9: 4 fields where the header has 5");
+}
+
+const NOVATEL: &str = "#INSPVAA,COM1,0,31.0,FINESTEERING,1264,144088.000,00040000,5615,1541;1264,144088.002284950,51.116827527,-114.037738908,401.191547167,354.846489850,108.429407241,-10.837482850,1.116219952,-3.476059035,7.372686190,INS_ALIGNMENT_COMPLETE*af719fd9\r\n";
+
+#[test]
+fn novatel_messages_become_tables_and_a_wrong_checksum_costs_its_line() {
+    let log = read(&format!("{NOVATEL}<OK\r\n{}{NOVATEL}", NOVATEL.replace("51.116", "52.116")));
+    assert_eq!(log.tables[0].topic.name, "INSPVA");
+    assert_eq!(numbers(&log, "lat"), [Some(51.116_827_527), Some(51.116_827_527)]);
+    assert_eq!(numbers(&log, "header.seconds"), [Some(144_088.0), Some(144_088.0)]);
+    assert_eq!(log.health.damage[0].reason, "line 3: the CRC-32 is wrong");
+    assert_eq!((log.health.messages, log.health.undecodable), (2, 1));
 }

@@ -61,15 +61,15 @@ fn logs_are_known_by_their_content_and_the_rest_is_listed_with_a_reason() {
         ("a/three", LogKind::Mcap, 1),
         ("b/one.csv", LogKind::Csv, 1),
         ("b/two.txt", LogKind::Csv, 1),
+        ("x.BIN", LogKind::DataFlash, 1),
+        ("x.db3", LogKind::Db3, 1),
+        ("x.ulg", LogKind::Ulog, 1),
     ];
     assert_eq!(ids(&found), expected);
     for (path, text) in [
         ("README.md", ".md"),
         ("LICENSE", "text, but"),
-        ("x.ulg", "not read yet"),
-        ("x.BIN", "not read yet"),
-        ("x.db3", "not read yet"),
-        ("x.zip", "unpack"),
+        ("x.zip", "without a file"),
         ("lfs.mcap", "Git-LFS"),
         ("page.bag", "HTML"),
         ("noise", "binary"),

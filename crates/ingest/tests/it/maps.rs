@@ -187,7 +187,7 @@ fn the_px4_map_agrees_with_itself() {
     assert_ledger(&loaded);
     for velocity in ["velocity.gps", "velocity.ekf"] {
         for position in ["position.gps", "position.ekf"] {
-            assert_agrees(&loaded, "px4-ulog2csv", (position, velocity), 0.015, 1.5);
+            assert_agrees(&loaded, "px4-ulog", (position, velocity), 0.015, 1.5);
         }
     }
     let channels = &loaded.flight.channels;

@@ -334,14 +334,18 @@ fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
         let proto = writer.add_schema("a.B", "protobuf", b"x").unwrap();
         let channel = writer.add_channel(proto, "/proto", "protobuf", &Default::default()).unwrap();
         writer.write_to_known_channel(&MessageHeader { channel_id: channel, ..header }, &[1]).unwrap();
+        let flat = writer.add_schema("a.C", "flatbuffer", b"x").unwrap();
+        let channel = writer.add_channel(flat, "/flat", "flatbuffer", &Default::default()).unwrap();
+        writer.write_to_known_channel(&MessageHeader { channel_id: channel, ..header }, &[1]).unwrap();
     });
     let log = OnDisk::new(&content, false).read_where(|_| Selection::All).unwrap();
     let reason = |name: &str| log.health.topics.iter().find(|t| t.name == name).unwrap().reason.clone();
     assert_eq!(reason("/bare"), "there is no message definition");
-    assert_eq!(reason("/proto"), "protobuf is not read yet");
+    assert_eq!(reason("/proto"), "its descriptor is cut or damaged");
+    assert!(reason("/flat").starts_with("FlatBuffers are not read"));
     let bare = log.health.topics.iter().find(|t| t.name == "/bare").unwrap();
     assert_eq!(bare.stamps[0].first_ns, i64::MAX);
-    assert_eq!(notice(&log, "stamp-out-of-range").count, 2);
+    assert_eq!(notice(&log, "stamp-out-of-range").count, 3);
     assert!(!lost(&log));
     // The channel record made unreadable takes its messages along.
     let unchunked = Layout { summary: false, data_crc: false, ..Layout::UNCHUNKED };

@@ -5,6 +5,7 @@ mod paper;
 mod reference;
 
 pub(crate) use channel::ChannelFigures;
+pub(super) use channel::objective_panel;
 
 use super::Figure;
 use record::{BenchFindings, ChannelDynamics, ComponentDynamics, Curve};

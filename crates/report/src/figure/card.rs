@@ -13,8 +13,17 @@ pub(crate) struct Forest {
     pub(crate) number: usize,
     /// Its delay, s; `None` if the record has none.
     pub(crate) delay_s: Option<Estimate>,
-    /// Whether it was left out of the combination.
-    pub(crate) is_outlier: bool,
+    /// Why it was left out of the combination, if it was.
+    pub(crate) left_out: Option<LeftOut>,
+}
+
+/// Why a delay is no part of the combined one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LeftOut {
+    /// It does not belong to the others.
+    Outlier,
+    /// It was measured with other stamps or against another clock, or without a verdict.
+    NotComparable,
 }
 
 /// A forest plot for each channel of a card, numbered. `forests` has one list for each channel.
@@ -37,7 +46,8 @@ fn forest(channel: &CardChannel, id: &str, rows: &[Forest]) -> Option<Figure> {
         let (value, y) = (delay.value * 1e3, row.number as f64);
         (is_drawable(value) && is_drawable(half)).then(|| vec![(value, y), (value - half, y), (value + half, y)])
     };
-    let of = |outlier| rows.iter().filter(move |r| r.is_outlier == outlier).filter_map(row).collect::<Vec<_>>();
+    let of =
+        |left_out| rows.iter().filter(move |r| r.left_out.is_some() == left_out).filter_map(row).collect::<Vec<_>>();
     let mut lines = vec![
         Line { name: "record, ± U (k = 2)".to_owned(), pen: Pen::Points, pieces: of(false) },
         Line { name: "left out".to_owned(), pen: Pen::DoubtfulPoints, pieces: of(true) },

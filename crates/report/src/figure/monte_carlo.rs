@@ -21,7 +21,8 @@ pub(crate) fn group_figure(group: &MonteCarloGroup, number: u32) -> Option<Figur
         how_to_read: "Good: blue, wherever it stands. Red and hollow does not meet the goal of its column; the error of \
                       the study is the bar.",
         panels,
-        panel_size: (760, 100),
+        // High enough for the longest label of a column, which stands upright.
+        panel_size: (760, 150),
         fine: false,
     })
 }

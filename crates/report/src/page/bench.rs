@@ -8,6 +8,8 @@ mod overview;
 mod provenance;
 mod reference;
 
+pub(super) use mount::soft_iron;
+
 use super::{badge, contents, document, estimate, health, sensor_name, verdict_badge};
 use crate::draw;
 use crate::figure::BenchFigures;

@@ -1,21 +1,25 @@
 //! The page of a campaign: all flights, the troubled ones first.
 
 use super::Head::{self, Number, Text};
+use super::flight_delay::normalised_difference;
 use super::{
-    badge, command_block, data_lost, document, figure, maybe, outcome_word, pipeline_details, pipeline_rows, reason,
-    table, versions,
+    badge, command_block, criteria, data_lost, document, estimate, figure, finding, maybe, more, no_number,
+    outcome_word, pipeline_details, pipeline_rows, plain, reason, table, versions,
 };
 use crate::draw;
-use crate::figure::{Figure, overview};
+use crate::figure::{Figure, control_chart, overview, pooled_sweep};
 use crate::number;
 use crate::site::Site;
 use crate::text::{href, label, shown};
+use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
-use record::{CampaignRecord, Estimate, FlightRow, Outcome};
+use record::{CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, Estimate, Finding, FlightRow, Outcome};
 use std::collections::BTreeMap;
 
 /// Most paths listed under one reason; the record holds all.
 const MOST_PATHS: usize = 500;
+/// Most flights named as outside their limits.
+const MOST_OUTSIDE: usize = 20;
 
 /// The page of a campaign: `index.html`, and its figure again as `figures/overview.svg` if
 /// any flight has a correction. [`FlightRow::page`] is a path relative to this page, not yet
@@ -24,19 +28,30 @@ const MOST_PATHS: usize = 500;
 pub fn campaign_site(record: &CampaignRecord) -> Site {
     let mut site = Site::default();
     let figure = overview(record);
-    if let Some(figure) = &figure {
-        site.add("figures/overview.svg", draw::svg_file(figure));
+    let of_delay = delay_figures(record, 1 + u32::from(figure.is_some()));
+    for figure in figure.iter().chain(&of_delay) {
+        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
     let title = format!("{} — flightlag campaign", record.name);
-    site.add("index.html", document(&title, true, body(record, figure.as_ref())));
+    site.add("index.html", document(&title, true, body(record, figure.as_ref(), &of_delay)));
     site
 }
 
-fn body(record: &CampaignRecord, overview: Option<&Figure>) -> Markup {
+/// The chart of the delay from flight to flight, and the score over one delay for all.
+fn delay_figures(record: &CampaignRecord, number: u32) -> Vec<Figure> {
+    let Some(delay) = &record.delay else { return vec![] };
+    let chart = control_chart(delay, number);
+    let pooled = pooled_sweep(delay, number + u32::from(chart.is_some()));
+    chart.into_iter().chain(pooled).collect()
+}
+
+fn body(record: &CampaignRecord, overview: Option<&Figure>, of_delay: &[Figure]) -> Markup {
     html! {
         nav aria-label="On this page" {
-            a href="#attention" { "Needs attention" } a href="#all" { "All flights" }
+            a href="#attention" { "Needs attention" }
+            @if record.criteria.is_some() { a href="#criteria" { "Criteria" } } a href="#all" { "All flights" }
             @if let Some(overview) = overview { a href={ "#" (overview.id) } { "Figure" } }
+            @if record.delay.is_some() { a href="#delay" { "Delay" } }
             a href="#ignored" { "Inputs not processed" } a href="#provenance" { "Provenance" }
         }
         main {
@@ -45,8 +60,10 @@ fn body(record: &CampaignRecord, overview: Option<&Figure>) -> Markup {
             (answer(record))
             (stats(record))
             (attention(&record.flights))
+            @if let Some(of) = &record.criteria { (criteria::campaign_section(of)) }
             (flights(&record.flights))
             @if let Some(overview) = overview { (figure(overview)) }
+            @if let Some(delay) = &record.delay { (delay_section(delay, of_delay)) }
             (ignored(record))
             (provenance(record))
         }
@@ -127,19 +144,20 @@ fn flights(flights: &[FlightRow]) -> Markup {
     let scored = flights
         .iter()
         .any(|r| [&r.raw_error_rms_m, &r.pade_error_rms_m, &r.exact_error_rms_m].iter().any(|e| e.is_some()));
+    let judged = flights.iter().any(|r| r.criteria.is_some());
     html! {
         h2 #all { "All flights" }
         div.scroll tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
                 caption { "One row for each flight; ± is U with k = 2. — is a number that the record does not hold." }
-                thead { tr { @for column in head(scored) { (column) } } }
-                tbody { @for row in flights { (flight_row(row, scored)) } }
+                thead { tr { @for column in head(scored, judged) { (column) } } }
+                tbody { @for row in flights { (flight_row(row, scored, judged)) } }
             }
         }
     }
 }
 
-fn head(scored: bool) -> Vec<Head> {
+fn head(scored: bool, judged: bool) -> Vec<Head> {
     let mut head = vec![
         Text("Flight"),
         Text("Outcome"),
@@ -148,8 +166,13 @@ fn head(scored: bool) -> Vec<Head> {
         Number("Warnings"),
         Number("Duration (h:mm:ss)"),
         Number("Td (ms)"),
+        Text("Td from"),
+        Number("Delay the flight shows (ms)"),
         Number("Correction, 2‑D rms (m)"),
     ];
+    if judged {
+        head.insert(2, Text("Criteria"));
+    }
     if scored {
         head.extend([Number("Error raw, 2‑D rms (m)"), Number("Error Padé (m)"), Number("Error exact (m)")]);
     }
@@ -158,16 +181,19 @@ fn head(scored: bool) -> Vec<Head> {
     head
 }
 
-fn flight_row(row: &FlightRow, scored: bool) -> Markup {
+fn flight_row(row: &FlightRow, scored: bool, judged: bool) -> Markup {
     html! {
         tr {
             th scope="row" { (link(row)) }
             td { (outcome_word(&row.outcome)) }
+            @if judged { (criteria::cell(row)) }
             td { (data_word(row)) }
             (share_cell(row.valid_share))
             td.n { (number::count(row.warnings)) }
             (cell(row.duration_s, |s| number::clock(s, 0)))
             (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
+            td { (maybe(row.delay_from, |from| html! { (source_phrase(from)) })) }
+            (estimate_cell(row.measured_delay_s.as_ref().map(in_millis).as_ref()))
             (estimate_cell(row.correction_rms_m.as_ref()))
             @if scored {
                 (estimate_cell(row.raw_error_rms_m.as_ref()))
@@ -223,6 +249,65 @@ fn share_cell(share: Option<f64>) -> Markup {
             html! { td.n.share style=(width) data-v=(share) { (number::percent(share)) } }
         }
         None => html! { td.n { "—" } },
+    }
+}
+
+/// What the flights say of the delay, together.
+fn delay_section(delay: &CampaignDelay, figures: &[Figure]) -> Markup {
+    let outside: Vec<&ControlPoint> = delay.control.iter().filter(|p| p.is_outside).collect();
+    html! {
+        h2 #delay { "Delay over the flights" }
+        p.answer {
+            "Measured in the flights: "
+            (finding(&delay.measured, |found| over_flights(found, delay.card_s.as_ref()))) "."
+        }
+        (homogeneity(delay.measured.found()))
+        @if delay.measured != delay.swept {
+            p { "Best delays of the flights' sweeps: " (finding(&delay.swept, |found| over_flights(found, delay.card_s.as_ref()))) "." }
+        }
+        @if !outside.is_empty() {
+            p.why.unsure {
+                (badge("unsure", "!", "Outside")) " Outside three standard uncertainties of the difference: "
+                @for (i, point) in outside.iter().take(MOST_OUTSIDE).enumerate() {
+                    @if i > 0 { ", " } (shown(&point.flight)) " (" (estimate(&in_millis(&point.delay_s))) "\u{a0}ms)"
+                }
+                @if outside.len() > MOST_OUTSIDE { ", " (more(outside.len() - MOST_OUTSIDE)) }
+                "."
+            }
+        }
+        @for f in figures { (figure(f)) }
+        @if let Finding::CannotTell(why) = &delay.curve { p { "One delay for all flights: " (no_number(why)) } }
+        p.note {
+            "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik and Jonkman. \
+             A flight counts as what it shows of position against velocity, whichever delay was removed from it."
+        }
+    }
+}
+
+fn over_flights(found: &DelayOverFlights, card: Option<&Estimate>) -> Markup {
+    let e_n = card.and_then(|card| normalised_difference(&found.delay_s, card));
+    html! {
+        b { (estimate(&in_millis(&found.delay_s))) "\u{a0}ms" } " over " (number::counted(found.flights, "flight", "flights"))
+        @if let Some(between) = found.between_s {
+            ", spread between flights beyond their own uncertainties " (plain(between * 1e3, 2)) "\u{a0}ms"
+        }
+        @if let (Some(card), Some(e_n)) = (card, e_n) {
+            "; the sensor card has " (estimate(&in_millis(card))) "\u{a0}ms: "
+            @if e_n.abs() <= 1.0 { (badge("ok", "✓", "agrees")) } @else { (badge("bad", "✗", "differs")) }
+            ", E_n = " (plain(e_n, 2))
+        }
+    }
+}
+
+fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
+    html! {
+        @if let Some(h) = found.and_then(|f| f.homogeneity) {
+            p {
+                "One delay for all flights: χ² = " (plain(h.chi2, 3)) " with "
+                (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, p = " (plain(h.p, 2)) ": "
+                @if h.p < 0.01 { "the flights are not equally late." } @else { "nothing speaks against it." }
+            }
+        }
     }
 }
 

@@ -1,18 +1,22 @@
 //! The page of a sensor card: each record's delay beside the combined one.
 
 use super::Head::{Number, Text};
+use super::bench::soft_iron;
 use super::{
-    badge, basis, command_block, contents, document, estimate, fact, figure, no_number, or_why, plain, provenance,
-    rows, sensor_name, table, verdict_badge,
+    badge, basis, command_block, contents, document, estimate, fact, figure, finding, no_number, or_why, plain,
+    provenance, rows, sensor_name, table, verdict_badge,
 };
 use crate::draw;
-use crate::figure::{Figure, Forest, anchors, card_figures};
+use crate::figure::{Figure, Forest, LeftOut, anchors, card_figures};
 use crate::number;
 use crate::site::Site;
-use crate::text::{href, shown};
+use crate::text::{href, shown, shown_block};
 use crate::verdict;
 use maud::{Markup, html};
-use record::{BenchOutcome, BenchRecord, CardChannel, Estimate, InputFile, SensorCard, Verdict};
+use record::{
+    BenchOutcome, BenchRecord, CardChannel, CardMagnetometer, ChannelDynamics, Estimate, InputFile, IronCalibration,
+    SensorCard, TimeBasis, Verdict,
+};
 
 /// What the page of a sensor card needs besides the card.
 #[derive(Debug, Clone, Copy)]
@@ -58,12 +62,29 @@ pub fn card_site(page: &CardPage) -> Site {
 fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
     let row = |(number, record): (usize, &CardRecord)| {
         let channels = record.record.findings.iter().flat_map(|f| &f.channels);
-        let found = channels.filter(|c| c.name == channel.name).find_map(|c| c.delay.as_ref());
+        let found = channels.filter(|c| c.name == channel.name).find_map(|c| Some((c, c.delay.as_ref()?)));
         let is_outlier = channel.outliers.iter().any(|name| name == record.name)
             || files(record.record).any(|file| channel.outliers.contains(&file.name));
-        Forest { number, delay_s: found.map(verdict::delay), is_outlier }
+        let left_out = match found {
+            _ if is_outlier => Some(LeftOut::Outlier),
+            Some((measured, _)) if !is_comparable(measured, channel) => Some(LeftOut::NotComparable),
+            _ => None,
+        };
+        Forest { number, delay_s: found.map(|(_, delay)| verdict::delay(delay)), left_out }
     };
     (1..).zip(records).map(row).collect()
+}
+
+/// Whether the card's mean could be made of it: the same kind of stamps against the same clock.
+fn is_comparable(measured: &ChannelDynamics, card: &CardChannel) -> bool {
+    let anchor = |basis: &TimeBasis| match basis {
+        TimeBasis::OneClock | TimeBasis::Pps => None,
+        TimeBasis::Anchor { channel } => Some(channel.clone()),
+    };
+    measured.verdict != Verdict::NotMeasurable
+        && measured.quantity == card.quantity
+        && measured.stamp_kind == card.stamp_kind
+        && anchor(&measured.basis) == anchor(&card.basis)
 }
 
 fn files(record: &BenchRecord) -> impl Iterator<Item = &InputFile> {
@@ -73,7 +94,7 @@ fn files(record: &BenchRecord) -> impl Iterator<Item = &InputFile> {
 fn body(page: &CardPage, forests: &[Vec<Forest>], figures: &[Option<Figure>]) -> Markup {
     let card = page.card;
     html! {
-        (contents(&[("channels", "Channels"), ("records", "Records"), ("method", "Method"), ("provenance", "Provenance")]))
+        (contents(&[("channels", "Channels"), ("magnetometer", "Magnetometer"), ("records", "Records"), ("method", "Method"), ("provenance", "Provenance")]))
         main {
             h1 { "Sensor card: " (shown(&sensor_name(&card.sensor))) }
             (answer(card))
@@ -84,10 +105,12 @@ fn body(page: &CardPage, forests: &[Vec<Forest>], figures: &[Option<Figure>]) ->
                     div { (one_channel(channel, rows, figure.as_ref())) }
                 }
             }
+            h2 id="magnetometer" { "Magnetometer" }
+            (or_why(card.magnetometer.as_ref(), "no record shows a magnetometer at a known azimuth", magnetometer))
             h2 id="records" { "Records" }
             (records(page))
             h2 id="method" { "Method" }
-            p { (shown(&card.method)) }
+            p { (shown_block(&card.method)) }
             h2 id="provenance" { "Provenance" }
             (facts(card))
             @for (number, record) in (1..).zip(page.records).take(40) { (inputs(number, record)) }
@@ -184,7 +207,11 @@ fn channel_row(channel: &CardChannel) -> Markup {
 }
 
 fn one_channel(channel: &CardChannel, rows: &[Forest], forest: Option<&Figure>) -> Markup {
-    let silent: Vec<String> = rows.iter().filter(|r| r.delay_s.is_none()).map(|r| r.number.to_string()).collect();
+    let numbers = |wanted: &dyn Fn(&Forest) -> bool| {
+        rows.iter().filter(|r| wanted(r)).map(|r| r.number.to_string()).collect::<Vec<_>>().join(", ")
+    };
+    let silent = numbers(&|r| r.delay_s.is_none());
+    let not_comparable = numbers(&|r| r.left_out == Some(LeftOut::NotComparable));
     html! {
         @match forest {
             Some(forest) => { (figure(forest)) }
@@ -197,9 +224,52 @@ fn one_channel(channel: &CardChannel, rows: &[Forest], forest: Option<&Figure>) 
                 @if channel.outliers.len() > 20 { " and " (channel.outliers.len() - 20) " more" } "."
             }
         }
-        @if forest.is_some() && !silent.is_empty() {
-            p.note { "Without a delay of this channel: record " (shown(&silent.join(", "))) "." }
+        @if !not_comparable.is_empty() {
+            p.note {
+                "Left out, for its delay is of another kind (stamps, clock, or no verdict): record "
+                (shown(&not_comparable)) "."
+            }
         }
+        @if forest.is_some() && !silent.is_empty() {
+            p.note { "Without a delay of this channel: record " (shown(&silent)) "." }
+        }
+    }
+}
+
+fn magnetometer(found: &CardMagnetometer) -> Markup {
+    let azimuths: Vec<f64> = found.azimuths_rad.iter().map(|a| a.to_degrees()).collect();
+    html! {
+        p {
+            "Hard and soft iron of " code { (shown(&found.channel)) } " from "
+            (number::counted(azimuths.len() as u64, "swing", "swings")) " at azimuths of "
+            @for (i, azimuth) in azimuths.iter().take(40).enumerate() { @if i > 0 { ", " } (number::fixed(*azimuth, 1)) "°" }
+            "."
+        }
+        (finding(&found.iron, |iron| calibration(iron, &found.unit)))
+    }
+}
+
+fn calibration(iron: &IronCalibration, unit: &str) -> Markup {
+    // People think of fields in microtesla.
+    let (factor, unit) = if unit == "T" { (1e6, "µT") } else { (1.0, "the sensor's own unit") };
+    let hard = |axis: usize| {
+        let (value, u) = (iron.hard_iron[axis], iron.hard_iron_standard_uncertainty[axis]);
+        estimate(&number::scaled(&Estimate { value, standard_uncertainty: Some(u) }, factor))
+    };
+    let scale = iron.scale.map(|value| Estimate { value, standard_uncertainty: iron.scale_standard_uncertainty });
+    let facts = html! {
+        @for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            (fact(&format!("Hard iron {name} ({unit})"), hard(axis)))
+        }
+        (fact("Soft iron, row by row", soft_iron(&iron.soft_iron, &iron.soft_iron_standard_uncertainty)))
+        (fact("Size of the field over the model's", or_why(scale.as_ref(), "no model, or a scale of the sensor's own", estimate)))
+        (fact(&format!("Rms of what is left ({unit})"), plain(iron.residual_rms * factor, 3)))
+        (fact("Condition number of the fit", plain(iron.condition, 2)))
+    };
+    html! {
+        (table("What the sensor reads: scale · soft iron · field + hard iron, body axes; ± is U with k = 2",
+            &[Text("Item"), Text("Value")], facts))
+        p.note { (shown_block(&iron.text)) }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::Head::{Number, Text};
 use super::{
-    document, estimate, figure, flight_delay, health, maybe, maybe_estimate, method, outcome_word, provenance, reason,
-    rows, table,
+    criteria, document, estimate, figure, flight_delay, health, maybe, maybe_estimate, method, outcome_word,
+    provenance, reason, rows, score, sweep, table,
 };
 use crate::draw;
 use crate::figure::{Figure, flight_figures};
@@ -29,24 +29,33 @@ pub struct FlightPage<'a> {
 
 /// The page of one flight: `index.html` with its figures inside, and each figure again as a
 /// file under `figures/` (`fig-7`, `zoom`, `zoom-difference`, `difference`,
-/// `track`, `delay-over-time`; those that the record has curves for).
+/// `track`, `delay-over-time`, `bands`; those that the record has curves for).
 #[must_use]
 pub fn flight_site(page: &FlightPage) -> Site {
     let figures = page.record.replay.as_ref().map(flight_figures).unwrap_or_default();
     let delays = flight_delay::of(page.record);
     let over_time = delays.as_ref().and_then(|delays| delays.figure(figures.len() as u32 + 1));
     let mut site = Site::default();
-    for figure in figures.iter().chain(&over_time) {
+    let of_sweep = sweep::figures(page.record, figures.len() as u32 + 1 + u32::from(over_time.is_some()));
+    let taken = figures.len() + usize::from(over_time.is_some()) + of_sweep.len();
+    let of_bands = score::bands(page.record.replay.as_ref(), taken as u32 + 1);
+    for figure in figures.iter().chain(&over_time).chain(&of_sweep).chain(&of_bands) {
         site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
     site.add(
         "index.html",
-        document(&format!("{} — flightlag", page.name), false, body(page, &figures, over_time.as_ref())),
+        document(&format!("{} — flightlag", page.name), false, body(page, &figures, over_time.as_ref(), &of_sweep, of_bands.as_ref())),
     );
     site
 }
 
-fn body(page: &FlightPage, figures: &[Figure], over_time: Option<&Figure>) -> Markup {
+fn body(
+    page: &FlightPage,
+    figures: &[Figure],
+    over_time: Option<&Figure>,
+    of_sweep: &[Figure],
+    of_bands: Option<&Figure>,
+) -> Markup {
     let record = page.record;
     let delays = flight_delay::of(record);
     html! {
@@ -54,9 +63,13 @@ fn body(page: &FlightPage, figures: &[Figure], over_time: Option<&Figure>) -> Ma
         main {
             h1 { (shown(page.name)) }
             (verdict(record))
+            @if let Some(criteria) = &record.criteria { (criteria::strip(criteria)) }
             (first_words(record, delays.as_ref()))
+            @if let Some(criteria) = &record.criteria { (criteria::section(criteria)) }
             @if let Some(replay) = &record.replay { (results(replay, figures)) }
             @if let Some(delays) = &delays { (flight_delay::section(delays, over_time)) }
+            @if let Some(replay) = &record.replay { (sweep::section(replay, of_sweep)) }
+            @if let Some(replay) = &record.replay { (score::section(replay, of_bands)) }
             (health::section(record))
             (health::notices_section(&record.notices))
             @if let Some(replay) = &record.replay { (method::section(replay)) }

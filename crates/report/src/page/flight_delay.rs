@@ -118,6 +118,11 @@ fn no_answer(pair: &PairDelay) -> Markup {
 
 /// The delay that was removed, and whether both are the same as far as can be told.
 fn against_removed(replay: &ReplayRecord, found: &Estimate) -> Markup {
+    if replay.settings.delay.seconds() == found.value {
+        return html! {
+            "This very delay was removed: what the same data then say of a residual delay is zero by construction."
+        };
+    }
     let stated = replay.settings.delay_uncertainty_s;
     let removed = Estimate { value: replay.settings.delay.seconds(), standard_uncertainty: stated };
     html! {
@@ -139,7 +144,7 @@ fn agreement(e_n: f64) -> Markup {
 
 /// E_n = (δ − Td)/√(U_δ² + U_Td²) with U = 2u (ISO 13528); an uncertainty of Td that is not stated counts as none.
 /// `None` if that of δ is not known.
-fn normalised_difference(found: &Estimate, removed: &Estimate) -> Option<f64> {
+pub(super) fn normalised_difference(found: &Estimate, removed: &Estimate) -> Option<f64> {
     let u = found.standard_uncertainty.filter(|u| *u > 0.0)?;
     let both = COVERAGE_FACTOR * u.hypot(removed.standard_uncertainty.unwrap_or(0.0));
     Some((found.value - removed.value) / both).filter(|e_n| e_n.is_finite())

@@ -2,7 +2,7 @@
 
 use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
 use crate::html::{Tag, points, read};
-use record::{BenchRecord, Estimate, Finding, Verdict};
+use record::{BenchRecord, Estimate, Finding, SensorCard, Verdict};
 use report::{BenchPage, CardPage, CardRecord, Site, bench_site, card_site, monte_carlo_site};
 
 fn site(record: &BenchRecord) -> Site {
@@ -20,10 +20,14 @@ fn page(record: &BenchRecord) -> String {
 
 fn the_card() -> Site {
     let (card, records) = card();
+    card_of(&card, &records)
+}
+
+fn card_of(card: &SensorCard, records: &[BenchRecord]) -> Site {
     let names = ["swing-07", "swing-08", "swing-09", "swing-10"];
     let of = |(name, record)| CardRecord { name, record, href: Some("../swing/index.html") };
-    let records: Vec<CardRecord> = names.into_iter().zip(&records).map(of).collect();
-    card_site(&CardPage { card: &card, records: &records, command: "flightlag bench records" })
+    let records: Vec<CardRecord> = names.into_iter().zip(records).map(of).collect();
+    card_site(&CardPage { card, records: &records, command: "flightlag bench records" })
 }
 
 fn all_sites() -> Vec<Site> {
@@ -82,7 +86,7 @@ fn the_estimates_of_every_channel_are_on_the_page() {
             expected.extend(component.delay_s.iter().map(in_ms));
             expected.extend(component.noise.iter().map(|n| n.white_std));
         }
-        expected.extend(c.injections.iter().map(|i| in_ms(&i.delay_error_s)));
+        expected.extend(c.injections.iter().filter_map(|i| Some(in_ms(&i.recovered.found()?.delay_error_s))));
         expected.extend(c.model.found().map(|m| in_ms(&m.sum_s)));
         expected.extend(c.jitter_s.found().map(in_ms));
     }
@@ -368,4 +372,39 @@ fn a_swing_of_pure_noise_at_a_kilohertz_does_not_swell_the_page() {
     }
     let size = page(&record).len();
     assert!(size < 3_000_000, "{size}");
+}
+
+#[test]
+fn a_record_whose_stamps_are_of_another_kind_is_drawn_apart_and_said() {
+    let (card, mut records) = card();
+    for channel in &mut records[1].findings.as_mut().unwrap().channels {
+        channel.stamp_kind = flight::StampKind::Measured;
+    }
+    let site = card_of(&card, &records);
+    let html = text(&site, "index.html");
+    assert!(html.contains("Left out, for its delay is of another kind (stamps, clock, or no verdict): record 2."));
+    let svg = text(&site, "figures/position-ins-forest.svg");
+    let dots = |name: &str| curves(&svg, name)[0].len() / 2;
+    assert_eq!((dots("record, ± U (k = 2)"), dots("left out")), (2, 2));
+}
+
+#[test]
+fn the_iron_of_a_card_is_a_table_in_microtesla_or_the_reason_why_there_is_none() {
+    let (mut card, records) = card();
+    let data = data(&text(&card_of(&card, &records), "index.html"));
+    for value in [1.21e-5 * 1e6, 1.041, 1.009, 6.52] {
+        assert!(data.iter().any(|(bits, _)| *bits == value), "{value}");
+    }
+    let why = "all swings are at one azimuth, 30°; swing at 2 more, as 150° and 270°";
+    card.magnetometer.as_mut().unwrap().iron = Finding::CannotTell(why.into());
+    assert!(text(&card_of(&card, &records), "index.html").contains(why));
+    card.magnetometer = None;
+    assert!(text(&card_of(&card, &records), "index.html").contains("no record shows a magnetometer"));
+}
+
+#[test]
+fn an_injection_without_a_result_and_a_latency_that_is_not_logged_have_their_reasons_on_the_page() {
+    let html = page(&bench_record());
+    assert!(html.contains("the first half alone cannot be fitted: the reference rests"));
+    assert!(html.contains("the log holds no later stamp than the logged one"));
 }

@@ -262,7 +262,7 @@ fn latency() -> LatencyHistogram {
     let edges_s: Vec<f64> = (0..=24).map(|i| 0.001 * f64::from(i)).collect();
     let counts = (0..24).map(|i| (2600.0 * (-f64::from(i) / 4.0).exp()) as u64).collect();
     LatencyHistogram {
-        text: "Logged less measured stamps, above the fastest: the least transport latency is not in it.".into(),
+        text: "Logged less measured stamps, above the fastest: the least transport latency is not in it".into(),
         edges_s,
         counts,
         beyond: 14,
@@ -307,16 +307,26 @@ fn channel(kind: &Kind) -> ChannelDynamics {
         } else {
             Finding::CannotTell("too few residuals where the swing is fast".into())
         },
-        latency: kind.name.ends_with("imu").then(latency),
+        latency: if kind.name.ends_with("imu") {
+            Finding::Found(latency())
+        } else {
+            Finding::CannotTell("the log holds no later stamp than the logged one".into())
+        },
         injections: if kind.verdict == Verdict::Inconclusive {
-            vec![]
+            vec![Injection {
+                injected_s: 0.005,
+                injected_gain: 1.0,
+                recovered: Finding::CannotTell("the first half alone cannot be fitted: the reference rests".into()),
+            }]
         } else {
             [(0.005, 1.0), (0.05, 1.05)]
                 .map(|(injected_s, injected_gain)| Injection {
                     injected_s,
                     injected_gain,
-                    delay_error_s: estimate(kind.u_s * 0.2, kind.u_s),
-                    gain_error: estimate(-0.0004, 0.0011),
+                    recovered: Finding::Found(Recovery {
+                        delay_error_s: estimate(kind.u_s * 0.2, kind.u_s),
+                        gain_error: estimate(-0.0004, 0.0011),
+                    }),
                 })
                 .into()
         },
@@ -341,7 +351,7 @@ fn silent_channel() -> ChannelDynamics {
         checks: None,
         stationarity: Finding::CannotTell(cannot()),
         jitter_s: Finding::CannotTell(cannot()),
-        latency: None,
+        latency: Finding::CannotTell(cannot()),
         injections: vec![],
         ..channel(&KINDS[7])
     }
@@ -489,6 +499,8 @@ fn mount() -> MountFinding {
                 Finding::Found(estimate(-0.42, 0.05)),
             ],
             soft_iron: vec![[1.018, 0.0, 0.004], [0.0, 1.0, 0.0], [-0.003, 0.0, 1.021]],
+            soft_iron_standard_uncertainty: vec![],
+            condition: None,
             residual_rms: 0.41,
             magnitude_ratio: Some(estimate(1.011, 0.002)),
             dip_error_rad: Some(estimate(0.0051, 0.0012)),
@@ -621,7 +633,7 @@ pub fn light_bench(mut record: BenchRecord) -> BenchRecord {
             let lists = [&mut o.delay_s, &mut o.value, &mut o.near_delay_s, &mut o.near_value];
             lists.into_iter().chain([&mut checks.autocorrelation]).for_each(|list| list.truncate(5));
         }
-        c.latency = Some(latency());
+        c.latency = Finding::Found(latency());
     }
     let components = findings.channels.iter_mut().flat_map(|c| &mut c.components);
     let curves = components.flat_map(|c| c.curves.iter_mut().chain(&mut c.zoom).chain(&mut c.residual));
@@ -710,6 +722,22 @@ pub fn card() -> (SensorCard, Vec<BenchRecord>) {
         measured_on: Some("2010-10-25".into()),
         valid_from: Some("2010-10-25".into()),
         valid_until: Some("2011-10-25".into()),
+        magnetometer: Some(CardMagnetometer {
+            channel: "magnetic-field.imu".into(),
+            unit: "T".into(),
+            azimuths_rad: vec![0.5, 2.6, -1.5],
+            iron: Finding::Found(IronCalibration {
+                hard_iron: [1.21e-5, -6.9e-6, 2.02e-5],
+                hard_iron_standard_uncertainty: [1.1e-7, 2.1e-7, 0.9e-7],
+                soft_iron: [[1.041, 0.02, -0.03], [0.01, 0.962, 0.04], [-0.02, 0.03, 1.001]],
+                soft_iron_standard_uncertainty: [[0.0021, 0.0042, 0.0017]; 3],
+                scale: Some(1.009),
+                scale_standard_uncertainty: Some(0.0012),
+                residual_rms: 2.03e-7,
+                condition: 6.52,
+                text: "From 3 swings at 3 azimuths.".into(),
+            }),
+        }),
         channels: KINDS.iter().map(channel).collect(),
         records: records.iter().map(source).collect(),
     };

@@ -10,11 +10,16 @@ use flight::{
     TopicHealth,
 };
 use record::{
-    AxisCurves, CampaignRecord, CampaignTotals, CompensatorResult, Coverage, Curve, DelayExcitation, DelayGroup,
-    DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit, DelayStep, Estimate, Finding,
-    FlightDelays, FlightInjection, FlightRecord, FlightRow, IgnoredInput, InputFile, MeasuredDelay, Outcome, PairDelay,
-    PairUse, PathCurve, PipelineUse, RECORD_VERSION, ReplayRecord, ReplaySettings, StartRule, WindowDelay, Zoom,
+    AxisCurves, BudgetTerm, CampaignRecord, CampaignTotals, CompensatorResult, CompensatorScore, Coverage, Curve,
+    DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySource,
+    DelaySplit, DelayStep, ErrorBudget, Estimate, Finding, FlightDelays, FlightInjection, FlightRecord, FlightRow,
+    HelpfulBand, Hysteresis, IgnoredInput, InputFile, MeasuredDelay, MotionSpectrum, OnboardAgainst, OnboardComparison,
+    OppositePasses, Outcome, PairDelay, PairUse, PathCurve, PipelineUse, RECORD_VERSION, ReferenceScore, ReplayRecord,
+    ReplayScores, ReplaySettings, ResidualDelay, StartRule, StraightLegs, StraightScore, WindowDelay, Zoom,
 };
+
+#[path = "sweep_fixture.rs"]
+pub mod sweep;
 
 /// Delay of the fixture, s.
 pub const TD: f64 = 0.4;
@@ -145,6 +150,8 @@ pub fn replay() -> ReplayRecord {
             compensator("pade-1-1", PADE, correction_rms() - 0.031, 0.0371),
             compensator("exact-async", EXACT, correction_rms(), 0.0197),
         ],
+        scores: Some(scores()),
+        onboard: Some(Finding::Found(onboard())),
         axes: axes((0.0, DURATION), 0.25),
         zoom: Some(Zoom {
             start_s: 232.0,
@@ -153,6 +160,142 @@ pub fn replay() -> ReplayRecord {
             axes: axes((232.0, 262.0), 0.02),
         }),
         track: vec![path(RAW), path(PADE), path(EXACT)],
+        choice: Some(sweep::choice()),
+        sweep: Some(sweep::swept()),
+    }
+}
+
+/// Scores of the three: raw without lead, the paper's with a residual delay that is its truncation.
+pub fn scores() -> ReplayScores {
+    let compensator = |name: &str, left_s: f64, expected_s: f64, error: f64| {
+        let is_raw = name == "raw";
+        let none = |why: &str| why.to_owned();
+        CompensatorScore {
+            name: name.into(),
+            residual_delay: Finding::Found(ResidualDelay {
+                delay_s: estimate(left_s, 0.0006),
+                interval_95_s: [left_s - 0.0012, left_s + 0.0012],
+                samples: 5780,
+                expected_s,
+            }),
+            lead_s: if is_raw {
+                Finding::CannotTell(none("the lead is that over raw"))
+            } else {
+                Finding::Found(estimate(TD - expected_s, 0.0004))
+            },
+            expected_lead_s: if is_raw { 0.0 } else { TD },
+            step_correlation: Finding::Found(estimate(if name == "exact-async" { 0.004 } else { 0.998 }, 0.003)),
+            hysteresis: Finding::Found(Hysteresis {
+                along_m: estimate(if is_raw { 13.94 } else { 0.021 }, 0.03),
+                across_m: estimate(-0.012, 0.025),
+                expected_along_m: if is_raw { 14.0 } else { 0.0 },
+            }),
+            raw_minus_this_axes_rms_m: [estimate(if is_raw { 0.0 } else { 4.94 }, 0.02); 2],
+            straight: if is_raw {
+                Finding::CannotTell(none("it is raw itself"))
+            } else {
+                Finding::Found(StraightScore {
+                    along_excess_m: estimate(0.0021, 0.0013),
+                    across_rms_m: estimate(0.028, 0.001),
+                    noise_ratio: estimate(1.003, 0.004),
+                })
+            },
+            reference: Finding::Found(ReferenceScore {
+                rows: 71_402,
+                rms_m: estimate(error, error * 0.021),
+                percentiles_m: [0.9, 1.05, 1.6, 2.1].map(|k| k * error),
+                max_m: 2.7 * error,
+                along_m: [estimate(-0.9 * error, 0.01), estimate(0.95 * error, 0.01)],
+                across_m: [estimate(0.001, 0.01), estimate(0.31 * error, 0.01)],
+                north_m: [estimate(0.002, 0.01), estimate(0.7 * error, 0.01)],
+                east_m: [estimate(-0.001, 0.01), estimate(0.714 * error, 0.01)],
+                by_speed: vec![Some(estimate(0.9 * error, 0.02)), None],
+                bands_rms_m: Finding::Found(vec![0.4 * error, 0.9 * error, 0.05 * error]),
+                residual_delay_s: Finding::Found(estimate(left_s + 0.0002, 0.0009)),
+            }),
+            budget: ErrorBudget {
+                terms: vec![
+                    BudgetTerm {
+                        name: "delay set wrongly, U·δTd".into(),
+                        size_m: Finding::Found(0.0105),
+                        source: "U times the standard uncertainty of Td as stated".into(),
+                    },
+                    BudgetTerm {
+                        name: "bias of the velocity, Td·b".into(),
+                        size_m: Finding::CannotTell("velocity bias not known: <the flight is too straight>".into()),
+                        source: String::new(),
+                    },
+                ],
+                total_m: 0.98 * error,
+                measured_m: Some(estimate(error, error * 0.021)),
+            },
+            band: if is_raw {
+                Finding::CannotTell(none("raw is what the others are compared with"))
+            } else {
+                Finding::Found(HelpfulBand {
+                    factor: 0.1,
+                    helps_below_hz: Some(if name == "pade-1-1" { 0.424 } else { 1.0 / TD }),
+                    halves_below_hz: Some(1.2),
+                    worse_above_hz: (name == "pade-1-1").then_some(1.7),
+                    delays_s: [TD, 0.0, TD],
+                    motion_share: Some([0.962, 0.031, 0.007]),
+                })
+            },
+        }
+    };
+    let edges_hz: Vec<f64> = (-24..=12).map(|k| 10f64.powf(f64::from(k) / 12.0)).collect();
+    let share = |f: f64| (-((f / 0.0928).ln() / 0.5).powi(2)).exp() + 2e-3 * f;
+    let total: f64 = edges_hz[1..].iter().map(|f| share(*f)).sum();
+    ReplayScores {
+        compensators: vec![
+            compensator("raw", TD, TD, 7.25),
+            compensator("pade-1-1", 0.0018, 0.0013, 0.0371),
+            compensator("exact-async", 0.0031, 0.0, 0.0197),
+        ],
+        predicted_axes_rms_m: [5.1, 5.14],
+        straight_legs: Finding::Found(StraightLegs { legs: 17, duration_s: 38.2, lateral_limit_mps2: 0.5 }),
+        opposite_passes: Finding::Found(OppositePasses {
+            pairs: 5,
+            fixes: 212,
+            within_m: 15.0,
+            closing_speed_mps: 35.0,
+        }),
+        velocity_delay_s: Finding::Found(estimate(0.0002, 0.0011)),
+        motion: Finding::Found(MotionSpectrum {
+            share: edges_hz[1..].iter().map(|f| share(*f) / total).collect(),
+            edges_hz,
+            duration_s: 400.0,
+            noise_floor: [2e-4; 2],
+        }),
+        bands_hz: vec![[0.0, 0.05], [0.05, 0.1], [0.1, 5.0]],
+        speeds_mps: vec![[0.2, 17.5], [17.5, 23.0]],
+    }
+}
+
+/// The paper's filter, found again.
+pub fn onboard() -> OnboardComparison {
+    let against = |name: &str, rms_m: f64, delay_s: f64| OnboardAgainst {
+        name: name.into(),
+        rms_m,
+        p95_m: 1.9 * rms_m,
+        max_m: 2.4 * rms_m,
+        start_max_m: (name != "raw").then_some(0.31),
+        delay_s: Finding::Found(estimate(delay_s, 2e-5)),
+    };
+    OnboardComparison {
+        channel: "position.compensated".into(),
+        samples: 72_501,
+        compared: 71_402,
+        same_stamps: true,
+        tolerance_m: 0.0142,
+        tolerance_source: "one step of its values on each axis (0.0111 m north, 0.0088 m east)".into(),
+        start_s: 3.2,
+        reproduced_by: Finding::Found("pade-1-1".into()),
+        against: vec![
+            against("raw", 7.0, -0.4),
+            against("pade-1-1", 0.0041, 0.0),
+            against("exact-async", 0.035, 0.002),
+        ],
     }
 }
 
@@ -228,6 +371,7 @@ fn measured_delay(delay_s: f64, u: f64) -> MeasuredDelay {
         samples: 5780,
         downweighted_share: 0.004,
         rival_s: None,
+        objective: Some(sweep::objective(delay_s, u)),
         pieces: vec![
             piece(0.0, 399.8, ""),
             piece(410.0, DURATION, "a gap of 10.200 s in velocity.ekf (or a jump of its clock)"),
@@ -355,6 +499,7 @@ fn log() -> LogHealth {
         topics: (0..18).map(topic).collect(),
         extras: vec!["params.yaml (attachment, 8231 bytes)".into()],
         about: flight::About::default(),
+        utc: None,
     }
 }
 
@@ -416,6 +561,7 @@ pub fn flight_record() -> FlightRecord {
         binding: Some(binding()),
         replay: Some(replay()),
         delays: Some(delays()),
+        criteria: None,
         notices: notices(),
     }
 }
@@ -476,11 +622,16 @@ pub fn row(i: usize) -> FlightRow {
         velocity_rate_hz: Some(100.0),
         speed_median_mps: some(speed),
         delay_s: some(TD),
-        measured_delay_s: None,
+        measured_delay_s: done.then(|| estimate(TD + 0.001 * (x * 1.7).sin(), 0.002)),
+        delay_from: done.then_some(DelaySource::Fixed),
+        card_delay_s: None,
+        flown_at: None,
+        sweep: None,
         correction_rms_m: done.then(|| estimate(speed * TD * (1.02 + 0.02 * (x * 1.3).cos()), 0.05)),
         raw_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(7.0, 0.1)),
         pade_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0371, 0.002)),
         exact_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0197, 0.001)),
+        criteria: None,
         valid_share: some(1.0 - 0.3 * (x * 0.37).sin().abs()),
         warnings: i as u64 % 4,
         losses: u64::from(i % 7 == 6),
@@ -499,6 +650,8 @@ pub fn campaign_record(flights: usize) -> CampaignRecord {
         name: "Goheung autumn campaign".into(),
         pipeline: pipeline(),
         command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung".into(),
+        criteria: None,
+        delay: None,
         ignored: (0..5)
             .map(|i| IgnoredInput { path: format!("notes/{i}.txt"), reason: "no reader knows this format".into() })
             .chain([IgnoredInput { path: "empty.csv".into(), reason: "the file is empty".into() }])

@@ -2,8 +2,11 @@
 
 mod bench;
 mod bench_fixture;
+mod criteria;
 mod fixture;
 mod flight_delay;
 mod hostile;
 mod html;
 mod pages;
+mod sweep;
+mod score;

@@ -70,7 +70,8 @@ pub struct BenchDemoRecord {
 ///
 /// Three records of one sensor on three days: a 4 Hz position, 0.4 s late and held in 100 Hz rows, as MCAP, as bag
 /// and as one wide table. A second sensor with a 100 Hz position, 0.4 s late, its encoder in a log and a clock of
-/// their own, on a bar that bends. The first sensor once more, under a pushed, hanging bar.
+/// their own, on a bar that bends. The first sensor once more, under a pushed, hanging bar. The bench stands at another
+/// azimuth for each record of the first sensor, whose magnetometer has hard and soft iron; of the second there is one.
 ///
 /// # Errors
 /// [`SimulateError::Write`] with the first file that cannot be written.
@@ -164,6 +165,10 @@ impl Plan {
     }
 }
 
+/// A battery beside the magnetometer, and a steel screw.
+const HARD_IRON_T: [f64; 3] = [12e-6, -7e-6, 20e-6];
+const SOFT_IRON: [[f64; 3]; 3] = [[1.05, 0.02, -0.03], [0.01, 0.97, 0.04], [-0.02, 0.03, 1.01]];
+
 const MODEL: &str = "Simulated MTi-G";
 const FIRST: &str = "SIM-0001";
 const SECOND: &str = "SIM-0002";
@@ -181,7 +186,7 @@ fn plans() -> [Plan; 5] {
     [
         plan("gps-1", Logs::One(MCAP), "MCAP, CDR, zstd"),
         Plan {
-            settings: lossy(placed(BenchSettings::default())),
+            settings: lossy(at_azimuth(165.0, placed(BenchSettings::default()))),
             faults: &["2 % of the rows are missing, stamps of the encoder jitter by 0.2 ms"],
             ..plan("gps-2", Logs::One(Container::Bag(BagSettings::default())), "ROS 1 bag, not compressed")
         },
@@ -198,7 +203,7 @@ fn plans() -> [Plan; 5] {
             ..plan("ins", Logs::Two { encoder: Container::CsvWide, sensor: MCAP }, "CSV and MCAP, CDR, zstd")
         },
         Plan {
-            settings: hanging(BenchSettings::default()),
+            settings: hanging(at_azimuth(75.0, BenchSettings::default())),
             faults: &["a free pendulum: hardly any signal along the sensor's first accelerometer axis"],
             ..plan("hanging", Logs::One(MCAP), "MCAP, CDR, zstd")
         },
@@ -213,11 +218,20 @@ fn placed(mut settings: BenchSettings) -> BenchSettings {
         let gps = matches!(channel, BenchChannel::PositionGps | BenchChannel::PositionIns);
         sensor.lever_arm_m = (!gps).then_some(inner);
         match channel {
-            BenchChannel::MagneticField => sensor.sampling.delay_s = 0.012,
+            BenchChannel::MagneticField => {
+                sensor.sampling.delay_s = 0.012;
+                sensor.sampling.bias = HARD_IRON_T;
+                sensor.soft_iron = Some(SOFT_IRON);
+            }
             BenchChannel::Height => sensor.lags_s = vec![0.15],
             _ => {}
         }
     }
+    settings
+}
+
+fn at_azimuth(azimuth_deg: f64, mut settings: BenchSettings) -> BenchSettings {
+    settings.bar.azimuth_rad = azimuth_deg.to_radians();
     settings
 }
 

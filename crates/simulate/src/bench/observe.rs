@@ -129,12 +129,19 @@ impl<'a> Seen<'a> {
     fn value(&self, t_s: f64, error: [f64; 3]) -> Vec<f64> {
         let t = t_s - self.sensor.sampling.delay_s;
         let core = self.lagged.as_ref().map_or_else(|| self.truth.core(self.which, t), |lagged| lagged.at(t));
-        let scaled = core.map(|value| self.sensor.gain * value);
+        let scaled = self.mixed(core.map(|value| self.sensor.gain * value));
         if self.which == BenchChannel::Attitude {
             return self.truth.quaternion(scaled[0], error).to_vec();
         }
         let width = self.which.quantity().components().len();
         (0..width).map(|k| scaled[k] + error[k]).collect()
+    }
+
+    /// What soft iron makes of a magnetometer's three axes.
+    fn mixed(&self, field: [f64; 3]) -> [f64; 3] {
+        let is_magnetometer = matches!(self.which, BenchChannel::MagneticField | BenchChannel::MagneticDirection);
+        let soft_iron = self.sensor.soft_iron.filter(|_| is_magnetometer);
+        soft_iron.map_or(field, |rows| rows.map(|row| (0..3).map(|k| row[k] * field[k]).sum()))
     }
 }
 

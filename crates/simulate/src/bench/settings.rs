@@ -92,7 +92,7 @@ pub struct Outliers {
 }
 
 /// One channel of the sensor. A row sent at the instant t says
-/// `gain · lagged truth(u − delay) + bias + wander + white`, with u = t, or where the value is held the
+/// `soft iron · gain · lagged truth(u − delay) + bias + wander + white`, with u = t, or where the value is held the
 /// instant of its last update.
 ///
 /// Position counts from the pivot for the gain; the errors of an attitude are small rotations about the
@@ -107,6 +107,9 @@ pub struct BenchSensor {
     pub lags_s: Vec<f64>,
     /// Factor on the truth.
     pub gain: f64,
+    /// What mixes the axes of a magnetometer, row by row, in its own axes; the hard iron is the bias. `None`: nothing
+    /// does. Other channels do not look at it.
+    pub soft_iron: Option<[[f64; 3]; 3]>,
     /// From the pivot, forward, right, down of the bar, m; `None`: that of the bar.
     pub lever_arm_m: Option<[f64; 3]>,
     /// Rotation vector R that turns sensor axes to body axes, rad: the sensor reads `exp(R)ᵀ u_body`.
@@ -124,6 +127,7 @@ impl BenchSensor {
             update_hz: None,
             lags_s: vec![],
             gain: 1.0,
+            soft_iron: None,
             lever_arm_m: None,
             rotation_rad: [0.0; 3],
             outliers: None,
@@ -163,6 +167,8 @@ impl BenchSensor {
             .iter()
             .try_for_each(|&f| within("update_hz", f, 0.01, 10_000.0, "between 0.01 and 10 000 Hz"))?;
         self.lags_s.iter().try_for_each(|&lag| within("lags_s", lag, 1e-4, 2.0, "between 0.1 ms and 2 s"))?;
+        let soft_iron = self.soft_iron.iter().flatten().flatten();
+        soft_iron.into_iter().try_for_each(|&s| within("soft_iron", s, -10.0, 10.0, "within ten"))?;
         within("gain", self.gain, -1e3, 1e3, "within a thousand")?;
         let arm = self.lever_arm_m.unwrap_or_default();
         arm.iter().try_for_each(|&r| within("lever_arm_m", r, -100.0, 100.0, "within 100 m"))?;

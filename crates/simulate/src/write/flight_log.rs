@@ -9,13 +9,15 @@ const POSITION: usize = 0;
 const VELOCITY: usize = 1;
 const REFERENCE: usize = 2;
 const NOTES: usize = 3;
+/// Only if the aircraft computes something.
+const ONBOARD: usize = 4;
 
 /// Variance that stands for "as good as exact" in a covariance, m².
 const EXACT_M2: f64 = 1e-6;
 
 /// All topics and messages of a flight.
 pub(super) fn logbook(flight: &SimulatedFlight) -> Logbook {
-    let topics = vec![
+    let mut topics = vec![
         Topic { name: topic::POSITION.to_owned(), definition: &NAV_SAT_FIX },
         Topic { name: topic::VELOCITY.to_owned(), definition: &TWIST_STAMPED },
         Topic { name: topic::REFERENCE.to_owned(), definition: &NAV_SAT_FIX },
@@ -28,6 +30,10 @@ pub(super) fn logbook(flight: &SimulatedFlight) -> Logbook {
     }));
     all.extend(fixes(&flight.reference, REFERENCE, EXACT_M2));
     all.extend(notes(flight));
+    if !flight.onboard.is_empty() {
+        topics.push(Topic { name: topic::ONBOARD.to_owned(), definition: &NAV_SAT_FIX });
+        all.extend(fixes(&flight.onboard, ONBOARD, EXACT_M2));
+    }
     Logbook::new(topics, all)
 }
 

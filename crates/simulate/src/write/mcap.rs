@@ -1,7 +1,7 @@
 //! MCAP, by the `mcap` crate: CRCs of chunks, data and summary are written.
 
 use super::message::Message;
-use super::{Logbook, Topic};
+use super::{Logbook, Topic, idl, protobuf};
 use crate::error::SimulateError;
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
@@ -26,8 +26,12 @@ pub enum McapEncoding {
     Ros1,
     /// ROS 2: messages `cdr`, schemas `ros2msg`.
     Cdr,
+    /// ROS 2: messages `cdr`, schemas `ros2idl`.
+    Idl,
     /// Messages `json`, schemas `jsonschema`.
     Json,
+    /// Messages and schemas `protobuf`.
+    Protobuf,
 }
 
 /// How messages are packed.
@@ -55,7 +59,7 @@ const CHUNK_BYTES: u64 = 256 << 10;
 
 pub(super) fn write(log: &Logbook, settings: McapSettings) -> Result<Vec<u8>, SimulateError> {
     let mut writer = settings.options().create(Cursor::new(vec![]))?;
-    let channels = settings.add_channels(&log.topics, &mut writer)?;
+    let channels = settings.add_channels(log, &mut writer)?;
     for message in &log.messages {
         let time_ns = u64::try_from(message.logged.0).unwrap_or(0);
         let header = MessageHeader {
@@ -86,16 +90,22 @@ impl McapSettings {
             .emit_message_indexes(self.summary)
     }
 
-    fn add_channels(self, topics: &[Topic], writer: &mut Writer<Cursor<Vec<u8>>>) -> Result<Vec<u16>, SimulateError> {
+    fn add_channels(self, log: &Logbook, writer: &mut Writer<Cursor<Vec<u8>>>) -> Result<Vec<u16>, SimulateError> {
         let none = BTreeMap::new();
         let mut channels = vec![];
-        for Topic { name: topic, definition } in topics {
+        for (index, Topic { name: topic, definition }) in log.topics.iter().enumerate() {
+            let example = log.messages.iter().find(|message| message.topic == index);
             let (name, encoding, text) = match self.encoding {
-                McapEncoding::Ros1 => (definition.ros1_name(), "ros1msg", definition.ros1_text()),
-                McapEncoding::Cdr => (definition.ros2_name(), "ros2msg", definition.ros2_text()),
-                McapEncoding::Json => (definition.ros1_name(), "jsonschema", r#"{"type":"object"}"#.to_owned()),
+                McapEncoding::Ros1 => (definition.ros1_name(), "ros1msg", definition.ros1_text().into_bytes()),
+                McapEncoding::Cdr => (definition.ros2_name(), "ros2msg", definition.ros2_text().into_bytes()),
+                McapEncoding::Idl => (definition.ros2_name(), "ros2idl", idl::text(definition).into_bytes()),
+                McapEncoding::Json => (definition.ros1_name(), "jsonschema", br#"{"type":"object"}"#.to_vec()),
+                McapEncoding::Protobuf => {
+                    let set = protobuf::descriptor(definition, example);
+                    (protobuf::type_name(definition), "protobuf", set)
+                }
             };
-            let schema = writer.add_schema(&name, encoding, text.as_bytes())?;
+            let schema = writer.add_schema(&name, encoding, &text)?;
             channels.push(writer.add_channel(schema, topic, self.encoding.name(), &none)?);
         }
         Ok(channels)
@@ -106,24 +116,26 @@ impl McapEncoding {
     fn name(self) -> &'static str {
         match self {
             McapEncoding::Ros1 => "ros1",
-            McapEncoding::Cdr => "cdr",
+            McapEncoding::Cdr | McapEncoding::Idl => "cdr",
             McapEncoding::Json => "json",
+            McapEncoding::Protobuf => "protobuf",
         }
     }
 
     fn profile(self) -> &'static str {
         match self {
             McapEncoding::Ros1 => "ros1",
-            McapEncoding::Cdr => "ros2",
-            McapEncoding::Json => "",
+            McapEncoding::Cdr | McapEncoding::Idl => "ros2",
+            McapEncoding::Json | McapEncoding::Protobuf => "",
         }
     }
 
     fn payload(self, message: &Message) -> Result<Vec<u8>, SimulateError> {
         match self {
             McapEncoding::Ros1 => Ok(message.ros1()),
-            McapEncoding::Cdr => Ok(message.cdr()),
+            McapEncoding::Cdr | McapEncoding::Idl => Ok(message.cdr()),
             McapEncoding::Json => message.json(),
+            McapEncoding::Protobuf => Ok(protobuf::payload(message)),
         }
     }
 }

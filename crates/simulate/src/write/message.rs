@@ -50,7 +50,7 @@ pub(crate) struct Header {
 }
 
 /// The two halves of a ROS time: s and ns.
-fn halves(stamp: Stamp) -> (i64, i64) {
+pub(super) fn halves(stamp: Stamp) -> (i64, i64) {
     (stamp.0.div_euclid(NANOS_PER_SECOND), stamp.0.rem_euclid(NANOS_PER_SECOND))
 }
 

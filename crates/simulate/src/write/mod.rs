@@ -2,13 +2,19 @@
 
 mod bag;
 mod csv;
+mod dataflash;
+mod db3;
 pub(crate) mod definition;
 mod flight_log;
+mod idl;
 mod mcap;
 pub(crate) mod message;
+mod protobuf;
 pub(crate) mod ros;
+mod ulog;
 
 pub use bag::{BagCompression, BagSettings};
+pub use db3::{Db3Compression, Db3Layout, Db3Settings};
 pub use mcap::{McapCompression, McapEncoding, McapSettings};
 
 use self::definition::Definition;
@@ -30,6 +36,15 @@ pub enum Container {
     Mcap(McapSettings),
     /// ROS 1 bag 2.0.
     Bag(BagSettings),
+    /// PX4 ULog: topics as PX4 has them, stamps in whole µs since the autopilot was switched on, velocities,
+    /// attitudes and vectors as 32-bit floats. What PX4 has no topic for is left out.
+    Ulog,
+    /// ArduPilot DataFlash. Only a flight has this form.
+    DataFlash,
+    /// ArduPilot DataFlash as text. Only a flight has this form.
+    DataFlashText,
+    /// ROS 2 bag in SQLite.
+    Db3(Db3Settings),
 }
 
 /// A topic and the type of its messages.
@@ -68,7 +83,12 @@ impl Container {
     /// # Errors
     /// [`SimulateError::Mcap`], [`SimulateError::Json`] or [`SimulateError::Compress`] if a writer fails.
     pub fn files(self, flight: &SimulatedFlight, stem: &str) -> Result<Vec<LogFile>, SimulateError> {
-        self.write(stem, || flight_log::logbook(flight), || csv::wide(flight))
+        let one = |bytes| Ok(vec![LogFile { path: self.path(stem), bytes }]);
+        match self {
+            Container::DataFlash => one(dataflash::binary(flight)),
+            Container::DataFlashText => one(dataflash::text(flight)),
+            _ => self.write(stem, || flight_log::logbook(flight), || csv::wide(flight)),
+        }
     }
 
     /// A log of messages, or of one wide table.
@@ -84,6 +104,9 @@ impl Container {
             Container::CsvFolder => csv::folder(&log(), stem),
             Container::Mcap(settings) => one("mcap", mcap::write(&log(), settings)?),
             Container::Bag(settings) => one("bag", bag::write(&log(), settings)?),
+            Container::Ulog => one("ulg", ulog::write(&log())),
+            Container::DataFlash | Container::DataFlashText => return Err(SimulateError::OnlyFlights("DataFlash")),
+            Container::Db3(settings) => db3::write(&log(), stem, settings)?,
         })
     }
 
@@ -95,6 +118,13 @@ impl Container {
             Container::CsvFolder => stem.into(),
             Container::Mcap(_) => format!("{stem}.mcap").into(),
             Container::Bag(_) => format!("{stem}.bag").into(),
+            Container::Ulog => format!("{stem}.ulg").into(),
+            Container::DataFlash => format!("{stem}.bin").into(),
+            Container::DataFlashText => format!("{stem}.log").into(),
+            Container::Db3(settings) => match settings.paths(stem).as_slice() {
+                [only] => only.into(),
+                _ => stem.into(),
+            },
         }
     }
 }
@@ -128,7 +158,7 @@ mod tests {
 
     fn containers() -> Vec<Container> {
         use {BagCompression as B, McapCompression as C, McapEncoding as E};
-        let mcaps = [E::Ros1, E::Cdr, E::Json].into_iter().flat_map(|encoding| {
+        let mcaps = [E::Ros1, E::Cdr, E::Idl, E::Json, E::Protobuf].into_iter().flat_map(|encoding| {
             [C::None, C::Lz4, C::Zstd, C::Unchunked].into_iter().flat_map(move |compression| {
                 [true, false].map(|summary| Container::Mcap(McapSettings { encoding, compression, summary }))
             })
@@ -136,7 +166,14 @@ mod tests {
         let bags = [B::None, B::Bz2, B::Lz4Independent, B::Lz4Linked]
             .into_iter()
             .flat_map(|compression| [true, false].map(|indexed| Container::Bag(BagSettings { compression, indexed })));
-        [Container::CsvWide, Container::CsvFolder].into_iter().chain(mcaps).chain(bags).collect()
+        let db3s = [Db3Compression::None, Db3Compression::ZstdMessages, Db3Compression::ZstdFile].into_iter().flat_map(
+            |compression| {
+                [Db3Layout::Bare, Db3Layout::Folder(1), Db3Layout::Folder(3)]
+                    .map(|layout| Container::Db3(Db3Settings { compression, layout, definitions: true }))
+            },
+        );
+        let others = [Container::CsvWide, Container::CsvFolder, Container::Ulog];
+        others.into_iter().chain(mcaps).chain(bags).chain(db3s).collect()
     }
 
     fn only(container: Container, flight: &SimulatedFlight) -> Vec<u8> {
@@ -293,6 +330,32 @@ mod tests {
             let frame = bytes.windows(4).position(|w| w == 0x184D_2204_u32.to_le_bytes()).unwrap();
             assert_eq!(bytes[frame + 4] >> 5 & 1, independent, "{compression:?}");
         }
+    }
+
+    #[test]
+    fn sqlite_reads_every_message_of_a_bag_in_order() {
+        use rusqlite::{Connection, MAIN_DB};
+        let flight = short_flight();
+        let layout = Db3Layout::Folder(2);
+        let files = Container::Db3(Db3Settings { layout, ..Db3Settings::default() }).files(&flight, "f").unwrap();
+        let (mut counts, mut logged) = (BTreeMap::new(), vec![]);
+        for file in files.iter().filter(|file| file.path.extension().is_some_and(|e| e == "db3")) {
+            let mut connection = Connection::open_in_memory().unwrap();
+            connection.deserialize_read_exact(MAIN_DB, &file.bytes[..], file.bytes.len(), true).unwrap();
+            let sql =
+                "SELECT name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id ORDER BY messages.id";
+            let mut statement = connection.prepare(sql).unwrap();
+            let mut rows = statement.query([]).unwrap();
+            while let Some(row) = rows.next().unwrap() {
+                let (topic, data): (String, Vec<u8>) = (row.get(0).unwrap(), row.get(2).unwrap());
+                assert_eq!(data[..4], [0, 1, 0, 0]);
+                *counts.entry(topic).or_default() += 1;
+                logged.push(row.get::<_, i64>(1).unwrap());
+            }
+        }
+        assert_eq!(counts, expected_counts());
+        assert!(logged.is_sorted());
+        assert!(files[2].bytes.windows(19).any(|w| w == b"message_count: 6183"));
     }
 
     #[test]

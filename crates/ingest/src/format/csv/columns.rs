@@ -1,6 +1,6 @@
 //! Rows of one topic into columns.
 
-use super::fields::{Cell, Fields, number};
+use super::fields::{Cell, Decimal, Fields};
 use super::lines::Extent;
 use crate::reader::{FieldRequest, Selection, ValueKind};
 use crate::table::{Column, ColumnData, Table, TopicInfo};
@@ -15,6 +15,8 @@ pub(super) struct Topic {
     pub(super) info: TopicInfo,
     /// Columns of the header.
     pub(super) names: Vec<String>,
+    /// What stands before decimals.
+    pub(super) decimal: Decimal,
     /// Whether a wanted field exists.
     pub(super) decoded: bool,
     /// Intact rows.
@@ -56,7 +58,9 @@ impl Topic {
         let index_of = |path: &str| names.iter().position(|n| n == path);
         let columns: Vec<Building> = match selection {
             Selection::Skip => vec![],
-            Selection::All => names.iter().enumerate().map(|(i, n)| Building::new(n, i, Cells::undecided())).collect(),
+            Selection::All | Selection::Raw => {
+                names.iter().enumerate().map(|(i, n)| Building::new(n, i, Cells::undecided())).collect()
+            }
             Selection::Fields(requests) => {
                 requests.iter().filter_map(|r| Some(Building::asked(r, index_of(&r.path)?))).collect()
             }
@@ -90,7 +94,7 @@ impl Topic {
             let at = column.index + skip;
             // Without a line end the last value of the file may have lost digits.
             let cell = if at == last && !extent.ended { b"" } else { fields.get(at) };
-            column.push(cell, line);
+            column.push(cell, self.decimal, line);
         }
     }
 
@@ -177,15 +181,15 @@ impl Building {
         Building::new(&request.path, index, cells)
     }
 
-    fn push(&mut self, cell: &[u8], line: u64) {
+    fn push(&mut self, cell: &[u8], decimal: Decimal, line: u64) {
         let valid = match &mut self.cells {
             Cells::Text(texts) => {
-                texts.push(String::from_utf8_lossy(cell).into_owned());
+                texts.push(decimal.text(cell));
                 !cell.is_empty()
             }
-            Cells::Undecided(..) => self.cells.push_undecided(cell),
+            Cells::Undecided(..) => self.cells.push_undecided(cell, decimal),
             Cells::Integers(_) | Cells::Floats(_) => {
-                let value = number(cell);
+                let value = decimal.number(cell);
                 self.note(value, cell, line);
                 self.cells.push_number(value)
             }
@@ -256,10 +260,10 @@ impl Cells {
         matches!(value, Cell::Integer(_) | Cell::Float(_))
     }
 
-    fn push_undecided(&mut self, cell: &[u8]) -> bool {
+    fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> bool {
         let Cells::Undecided(numbers, texts) = self else { return false };
-        let value = number(cell);
-        texts.push(String::from_utf8_lossy(cell).into_owned());
+        let value = decimal.number(cell);
+        texts.push(decimal.text(cell));
         let valid = numbers.push_number(value);
         if value == Cell::Bad {
             *self = Cells::Text(std::mem::take(texts));

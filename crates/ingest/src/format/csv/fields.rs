@@ -1,5 +1,8 @@
 //! Splits a record into fields and reads numbers from them.
 
+/// Stands for a delimiter that is any run of spaces and TABs.
+pub(super) const BLANKS: u8 = b' ';
+
 /// The fields of one record, unquoted and without padding. Reused from record to record.
 #[derive(Debug, Default)]
 pub(super) struct Fields {
@@ -12,7 +15,9 @@ impl Fields {
     pub(super) fn split(&mut self, record: &[u8], delimiter: u8) {
         self.text.clear();
         self.spans.clear();
-        if memchr::memchr(b'"', record).is_some() {
+        if delimiter == BLANKS {
+            self.split_blanks(record);
+        } else if memchr::memchr(b'"', record).is_some() {
             self.split_quoted(record, delimiter);
         } else {
             self.split_plain(record, delimiter);
@@ -27,6 +32,22 @@ impl Fields {
             from = at + 1;
         }
         self.spans.push((from, record.len()));
+    }
+
+    /// Any run of blanks is one delimiter.
+    fn split_blanks(&mut self, record: &[u8]) {
+        self.text.extend_from_slice(record);
+        let mut from = None;
+        for (at, byte) in record.iter().chain(b" ").enumerate() {
+            match (byte.is_ascii_whitespace(), from) {
+                (true, Some(start)) => {
+                    self.spans.push((start, at));
+                    from = None;
+                }
+                (false, None) => from = Some(at),
+                _ => {}
+            }
+        }
     }
 
     /// The `csv` crate knows the rules of quoting.
@@ -56,10 +77,85 @@ impl Fields {
         self.text.get(span.0..span.1).unwrap_or_default().trim_ascii()
     }
 
-    /// All of them as text; bytes that are no UTF-8 become replacement characters.
+    /// All of them as text.
     pub(super) fn texts(&self) -> Vec<String> {
-        (0..self.len()).map(|i| String::from_utf8_lossy(self.get(i)).into_owned()).collect()
+        (0..self.len()).map(|i| text_of(self.get(i))).collect()
     }
+}
+
+/// UTF-8, or where it is none Latin-1, in which every byte is a character.
+pub(super) fn text_of(cell: &[u8]) -> String {
+    match std::str::from_utf8(cell) {
+        Ok(text) => text.to_owned(),
+        Err(_) => cell.iter().map(|&byte| char::from(byte)).collect(),
+    }
+}
+
+/// What stands before the decimals of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Decimal {
+    #[default]
+    Point,
+    /// Then a point is no part of a number: it would separate thousands.
+    Comma,
+}
+
+impl Decimal {
+    /// Reads a trimmed cell as a number.
+    pub(super) fn number(self, cell: &[u8]) -> Cell {
+        match self {
+            Decimal::Point => number(cell),
+            Decimal::Comma if memchr::memchr(b'.', cell).is_some() => Cell::Bad,
+            Decimal::Comma => match memchr::memchr(b',', cell) {
+                Some(at) => number_with_point(cell, at),
+                None => number(cell),
+            },
+        }
+    }
+
+    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`.
+    pub(super) fn text(self, cell: &[u8]) -> String {
+        let text = text_of(cell);
+        let one_comma = || text.bytes().filter(|b| *b == b',').count() == 1;
+        let of_number = |b: u8| b.is_ascii_digit() || b"+-:,eETZ ".contains(&b);
+        if self == Decimal::Comma && one_comma() && text.bytes().all(of_number) { text.replace(',', ".") } else { text }
+    }
+}
+
+/// A number whose decimals stand behind a comma at `at`.
+fn number_with_point(cell: &[u8], at: usize) -> Cell {
+    const LONGEST: usize = 64;
+    let mut plain = [0; LONGEST];
+    let Some(space) = plain.get_mut(..cell.len()) else { return Cell::Bad };
+    space.copy_from_slice(cell);
+    if let Some(comma) = space.get_mut(at) {
+        *comma = b'.';
+    }
+    number(space)
+}
+
+/// How a cell of digits and commas may be meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CommaCell {
+    /// `1,25`: nothing but decimals.
+    Decimals,
+    /// `1,250` or `1,250,000`: decimals or thousands.
+    Either,
+}
+
+/// What a comma in a cell means; `None` if the cell is no number with a comma.
+pub(super) fn comma_cell(cell: &str) -> Option<CommaCell> {
+    let digits = cell.trim_start_matches(['+', '-']);
+    let digits = digits.split(['e', 'E']).next().unwrap_or_default();
+    let mut groups = digits.split(',');
+    let whole = groups.next()?;
+    let rest: Vec<&str> = groups.collect();
+    let all_digits = |group: &str| group.bytes().all(|b| b.is_ascii_digit());
+    if rest.is_empty() || !all_digits(whole) || !rest.iter().all(|g| all_digits(g) && !g.is_empty()) {
+        return None;
+    }
+    let thousands = rest.iter().all(|g| g.len() == 3) && (1..=3).contains(&whole.len()) && whole != "0";
+    if thousands { Some(CommaCell::Either) } else { (rest.len() == 1).then_some(CommaCell::Decimals) }
 }
 
 /// A cell that was asked for as a number.
@@ -115,6 +211,38 @@ mod tests {
     #[test]
     fn quotes_hide_delimiters_line_ends_and_doubled_quotes() {
         assert_eq!(split("\"a,b\",\"c\nd\",\"e\"\"f\",g", b','), ["a,b", "c\nd", "e\"f", "g"]);
+    }
+
+    #[test]
+    fn runs_of_blanks_are_one_delimiter() {
+        assert_eq!(split("   1.0e+00  -2\t3  ", BLANKS), ["1.0e+00", "-2", "3"]);
+        assert_eq!(split("   ", BLANKS), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_comma_before_decimals_is_read_and_a_point_beside_it_refused() {
+        let comma = |cell: &str| Decimal::Comma.number(cell.as_bytes());
+        assert_eq!(comma("-1,5e-3"), Cell::Float(-1.5e-3));
+        assert_eq!((comma("7"), comma(""), comma("nan")), (Cell::Integer(7), Cell::Empty, Cell::NotFinite));
+        for bad in ["1.5", "1.234,5", "1,234,5", ",", "a,b"] {
+            assert_eq!(comma(bad), Cell::Bad, "{bad}");
+        }
+        assert_eq!(Decimal::Comma.text(b"17:27:44,3"), "17:27:44.3");
+        assert_eq!(Decimal::Comma.text(b"a, b"), "a, b");
+        assert_eq!(Decimal::Point.text(b"1,5"), "1,5");
+    }
+
+    #[test]
+    fn commas_of_thousands_are_told_from_those_of_decimals_where_that_is_possible() {
+        for cell in ["1,5", "0,125", "-12,25e3", "1234,567", ",5"] {
+            assert_eq!(comma_cell(cell), Some(CommaCell::Decimals), "{cell}");
+        }
+        for cell in ["1,250", "-12,345", "1,250,000"] {
+            assert_eq!(comma_cell(cell), Some(CommaCell::Either), "{cell}");
+        }
+        for cell in ["", "1", "1.5", "1,5,25", "a,5", "1,", "x"] {
+            assert_eq!(comma_cell(cell), None, "{cell}");
+        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Finds the delimiter, the header and the units of a table from its first lines.
 
-use super::fields::{Cell, Fields, number};
+use super::fields::{BLANKS, Cell, CommaCell, Decimal, Fields, comma_cell};
 use super::lines::{Lines, Next};
+use super::novatel;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
 use std::sync::atomic::AtomicBool;
@@ -9,7 +10,11 @@ use std::sync::atomic::AtomicBool;
 /// Records that are looked at.
 const SAMPLE: usize = 64;
 /// In order of preference where two fit equally.
-const DELIMITERS: [u8; 3] = *b",;\t";
+const DELIMITERS: [u8; 4] = [b',', b';', b'\t', BLANKS];
+/// Words that name tables in the first lines of a tagged file; with more they are values.
+const MOST_TAGS: usize = 16;
+/// As few rows of bare numbers say nothing.
+const FEWEST_BARE: usize = 4;
 
 /// How a text file is laid out.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,6 +23,10 @@ pub(super) enum Layout {
     Table(TableLayout),
     /// FlySight 2: several tables, each row named.
     FlySight2,
+    /// NovAtel ASCII: a message in each line, named, with a checksum.
+    Novatel,
+    /// Comma delimited without a header; the second field of each row names its table, whose width is its own.
+    Tagged,
 }
 
 /// Where things stand in a table.
@@ -25,6 +34,8 @@ pub(super) enum Layout {
 pub(super) struct TableLayout {
     /// Between fields.
     pub(super) delimiter: u8,
+    /// What stands before decimals.
+    pub(super) decimal: Decimal,
     /// Column names, unique.
     pub(super) names: Vec<String>,
     /// Names that were empty or repeated and were changed.
@@ -37,6 +48,8 @@ pub(super) struct TableLayout {
     pub(super) first_row_line: u64,
     /// There is a header, a row with a number, and all rows looked at have the same number of fields.
     pub(super) regular: bool,
+    /// There is no header, and every cell of all rows looked at, which have the same number of fields, is a number.
+    pub(super) bare: bool,
 }
 
 impl TableLayout {
@@ -44,11 +57,13 @@ impl TableLayout {
     pub(super) fn describe(&self) -> String {
         let delimiter = match self.delimiter {
             b'\t' => "TAB".to_owned(),
+            BLANKS => "blank".to_owned(),
             other => format!("'{}'", char::from(other)),
         };
         let header = self.header_line.map_or("no header".to_owned(), |line| format!("header in line {line}"));
         let units = self.units_line.map_or(String::new(), |line| format!(", units in line {line}"));
-        format!("{delimiter} delimited, {header}{units}")
+        let decimal = if self.decimal == Decimal::Comma { ", decimal comma" } else { "" };
+        format!("{delimiter} delimited{decimal}, {header}{units}")
     }
 }
 
@@ -59,13 +74,17 @@ struct Sampled {
 }
 
 impl Sampled {
-    fn has_number(&self) -> bool {
-        self.fields.iter().any(|f| !matches!(number(f.as_bytes()), Cell::Empty | Cell::Bad))
+    fn has_number(&self, decimal: Decimal) -> bool {
+        self.fields.iter().any(|f| !matches!(decimal.number(f.as_bytes()), Cell::Empty | Cell::Bad))
     }
 
-    fn names_columns(&self) -> bool {
+    fn is_all_numbers(&self, decimal: Decimal) -> bool {
+        self.fields.iter().all(|f| decimal.number(f.as_bytes()) != Cell::Bad) && self.has_number(decimal)
+    }
+
+    fn names_columns(&self, decimal: Decimal) -> bool {
         let filled = self.fields.iter().filter(|f| !f.is_empty()).count();
-        !self.has_number() && 2 * filled >= self.fields.len() && !self.states_units()
+        !self.has_number(decimal) && 2 * filled >= self.fields.len() && !self.states_units()
     }
 
     /// `(deg)`, `[m/s]` or a plain unit in every cell that is not empty, and at least one such cell.
@@ -91,23 +110,61 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
     if head.starts_with(b"$FLYS") {
         return Ok(Layout::FlySight2);
     }
+    if novatel::looks_like(head) {
+        return Ok(Layout::Novatel);
+    }
     // These bytes are read again by the reader, which reports them and hears a wish to stop.
     let never = AtomicBool::new(false);
     let quiet = ReadContext { limits: context.limits, cancel: &never, on_bytes: &|_| () };
-    let mut best: Option<(usize, usize, TableLayout)> = None;
+    let mut best: Option<(Rank, TableLayout)> = None;
     for delimiter in DELIMITERS {
+        // Blanks stand in padding too, so they count only where nothing else fits.
+        if delimiter == BLANKS && best.is_some() {
+            continue;
+        }
         let sample = sample(head, delimiter, &quiet).map_err(|e| e.to_string())?;
+        if delimiter == b',' && is_tagged(&sample) {
+            return Ok(Layout::Tagged);
+        }
         if let Some((agree, layout)) = lay_out(&sample, delimiter) {
-            let width = layout.names.len();
-            if best.as_ref().is_none_or(|(a, w, _)| (agree, width) > (*a, *w)) {
-                best = Some((agree, width, layout));
+            let rank = (layout.regular, agree, layout.names.len());
+            if best.as_ref().is_none_or(|(known, _)| rank > *known) {
+                best = Some((rank, layout));
             }
         }
     }
-    best.map(|(_, _, layout)| Layout::Table(layout)).ok_or_else(|| {
-        "no table: no delimiter (comma, semicolon or TAB) gives most of the first lines the same number of fields"
-            .into()
-    })
+    best.filter(|(_, layout)| layout.delimiter != BLANKS || layout.regular || layout.bare)
+        .map(|(_, layout)| Layout::Table(layout))
+        .ok_or_else(|| {
+            "no table: no delimiter (comma, semicolon, TAB or blanks) gives most of the first lines the same number of \
+             fields"
+                .into()
+        })
+}
+
+/// Whether the layout is regular, the records that agree with it, its width: the larger is the better.
+type Rank = (bool, usize, usize);
+
+/// A stamp and one of a few words before the values of every row, and a width for each word. No header, so that it is
+/// the word that says what a row holds.
+fn is_tagged(sample: &[Sampled]) -> bool {
+    let mut widths: Vec<(&str, usize)> = vec![];
+    let mut odd = 0;
+    for row in sample {
+        let [stamp, word, _, ..] = row.fields.as_slice() else { return false };
+        let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_';
+        let named = word.starts_with(|c: char| c.is_ascii_alphabetic()) && word.bytes().all(plain);
+        let timed = matches!(Decimal::Point.number(stamp.as_bytes()), Cell::Integer(_) | Cell::Float(_));
+        if !named || !timed {
+            return false;
+        }
+        match widths.iter().find(|(known, _)| known == word) {
+            Some((_, width)) => odd += usize::from(*width != row.fields.len()),
+            None => widths.push((word, row.fields.len())),
+        }
+    }
+    // A damaged row here and there changes nothing.
+    8 * odd <= sample.len() && widths.len() <= MOST_TAGS && sample.len() >= FEWEST_BARE
 }
 
 fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<Sampled>, IngestError> {
@@ -118,16 +175,35 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
         && let Next::Record(extent) = lines.next(Some(delimiter))?
     {
         let text = lines.text(extent).trim_ascii();
-        let comment = text.starts_with(b"#");
+        let comment = comment_mark(text);
         // A record without its line end may be cut anywhere, so it says nothing of the layout.
         if !text.is_empty() && extent.ended {
-            let row = if comment { text.get(1..).unwrap_or_default() } else { lines.text(extent) };
+            let row = if comment > 0 { text.get(comment..).unwrap_or_default() } else { lines.text(extent) };
             fields.split(row, delimiter);
-            sampled.push(Sampled { line: lines.number, comment, fields: fields.texts() });
+            sampled.push(Sampled { line: lines.number, comment: comment > 0, fields: fields.texts() });
         }
         lines.pass(extent);
     }
     Ok(sampled)
+}
+
+/// Length of the mark that makes a line a comment, `#` or `//`; 0 if there is none.
+pub(super) fn comment_mark(line: &[u8]) -> usize {
+    let marks: [&[u8]; 2] = [b"#", b"//"];
+    marks.iter().find(|mark| line.starts_with(mark)).map_or(0, |mark| mark.len())
+}
+
+/// What stands before decimals. A comma does if some cell says so beyond doubt and none has decimals behind a point;
+/// where all cells with commas may be thousands too, nobody can know, and they are no numbers.
+fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
+    let cells = || rows.iter().flat_map(|r| &r.fields);
+    let of_thousands = |cell: &str| comma_cell(&cell.replace('.', ",")) == Some(CommaCell::Either);
+    let pointed = |cell: &String| {
+        let number = matches!(Decimal::Point.number(cell.as_bytes()), Cell::Float(_));
+        number && cell.contains('.') && !of_thousands(cell)
+    };
+    let certain = cells().any(|cell| comma_cell(cell) == Some(CommaCell::Decimals));
+    if delimiter != b',' && certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
 }
 
 /// The layout with one delimiter, and how many records agree with it. `None` if it makes no table.
@@ -137,12 +213,13 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     if width < 2 || 2 * agree < rows.len() {
         return None;
     }
-    let data_at = rows.iter().position(|r| r.fields.len() == width && !r.names_columns() && !r.states_units());
+    let decimal = decimal_of(&rows, delimiter);
+    let data_at = rows.iter().position(|r| r.fields.len() == width && !r.names_columns(decimal) && !r.states_units());
     let before_data = rows.get(..data_at.unwrap_or(rows.len()))?;
-    let header = before_data.iter().find(|r| fits_width(&r.fields, width, &rows) && r.names_columns());
+    let header = before_data.iter().find(|r| fits_width(&r.fields, width, &rows) && r.names_columns(decimal));
     let data_line = data_at.and_then(|i| rows.get(i)).map_or(u64::MAX, |r| r.line);
     let comments = || sample.iter().filter(|s| s.comment && s.line < data_line && s.fields.len() == width);
-    let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns()));
+    let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns(decimal)));
     let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
     let units = units.or_else(|| comments().rfind(|c| header.is_some_and(|h| h.line != c.line)));
     let last_before = [header, units].into_iter().flatten().map(|s| s.line).max().unwrap_or(0);
@@ -156,17 +233,22 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     let rows_looked_at = rows.iter().filter(|r| r.line > last_before);
     let regular = header.is_some()
         && rows_looked_at.clone().all(|r| r.fields.len() == width)
-        && rows_looked_at.clone().any(|r| r.has_number());
+        && rows_looked_at.clone().any(|r| r.has_number(decimal));
+    let bare = header.is_none()
+        && rows.len() >= FEWEST_BARE
+        && rows.iter().all(|r| r.fields.len() == width && r.is_all_numbers(decimal));
     Some((
         agree,
         TableLayout {
             delimiter,
+            decimal,
             names,
             renamed,
             header_line: header.map(|h| h.line),
             units_line: units.map(|u| u.line),
             first_row_line: if header.is_none() { 1 } else { last_before + 1 },
             regular,
+            bare,
         },
     ))
 }

@@ -1,5 +1,6 @@
 //! Cuts a text file into lines and quoted records without losing count of a byte.
 
+use super::layout::comment_mark;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
 use memchr::{memchr, memchr2};
@@ -179,7 +180,7 @@ fn find(data: &[u8], delimiter: Option<u8>, several_lines: bool, ended: bool) ->
     let line = find_line(data, ended)?;
     let text = data.get(..line.text)?;
     match delimiter {
-        Some(delimiter) if memchr(b'"', text).is_some() && !text.trim_ascii_start().starts_with(b"#") => {
+        Some(delimiter) if memchr(b'"', text).is_some() && comment_mark(text.trim_ascii_start()) == 0 => {
             // A line on its own ends where it ends.
             let (data, ended) = if several_lines { (data, ended) } else { (data.get(..line.whole)?, true) };
             match find_quoted(data, delimiter, ended) {

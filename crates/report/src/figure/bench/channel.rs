@@ -50,7 +50,7 @@ impl ChannelFigures {
             objective: checks.and_then(|c| objective(&named, c, delay)),
             minimum: checks.and_then(|c| minimum(&named, c, delay)),
             stationarity: channel.stationarity.found().and_then(|s| stationarity(&named, s, delay)),
-            latency: channel.latency.as_ref().and_then(|l| latency(&named, l)),
+            latency: channel.latency.found().and_then(|l| latency(&named, l)),
             anchor,
         }
     }
@@ -254,7 +254,7 @@ fn autocorrelation(named: &Named, checks: &FitChecks) -> Option<Figure> {
 
 fn objective(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) -> Option<Figure> {
     let curve = &checks.objective;
-    let mut panel = objective_panel(&curve.delay_s, &curve.value, delay)?;
+    let mut panel = objective_panel(&curve.delay_s, &curve.value, delay.map(found))?;
     if let Some(second) = checks.second_minimum_s.filter(|s| is_drawable(*s)) {
         let at = millis(second);
         panel.lines.push(stroke("another minimum", Pen::Dotted, vec![(at, panel.y.low), (at, panel.y.high)]));
@@ -271,7 +271,7 @@ fn minimum(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) -> O
     /// 95 % of chi-squared with one degree of freedom.
     const LIMIT: f64 = 3.841;
     let curve = &checks.objective;
-    let mut panel = objective_panel(&curve.near_delay_s, &curve.near_value, delay)?;
+    let mut panel = objective_panel(&curve.near_delay_s, &curve.near_value, delay.map(found))?;
     panel.lines.push(stroke("3.84, 95 % of χ²", Pen::Dotted, vec![(panel.x.low, LIMIT), (panel.x.high, LIMIT)]));
     let caption = "The same near its least. The band is the 95 % interval (Student) that the record states.".to_owned();
     let how = "Good: a round valley whose width at 3.84 is the band. A band that is wider is right too: then the residuals \
@@ -279,8 +279,16 @@ fn minimum(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) -> O
     Some(named.figure("minimum", "objective near its minimum", caption, how, vec![panel]))
 }
 
-/// An objective over ms, with the delay and its interval.
-fn objective_panel(delay_s: &[f64], value: &[f64], delay: Option<&DelayFinding>) -> Option<Panel> {
+fn found(delay: &DelayFinding) -> (f64, [f64; 2]) {
+    (delay.delay.seconds(), delay.interval_95_s)
+}
+
+/// An objective over ms, with the delay and its interval (s).
+pub(in crate::figure) fn objective_panel(
+    delay_s: &[f64],
+    value: &[f64],
+    found: Option<(f64, [f64; 2])>,
+) -> Option<Panel> {
     let delay_ms: Vec<f64> = delay_s.iter().copied().map(millis).collect();
     let (mut pieces, _) = pieces(&delay_ms, value, &[]);
     // An axis has room for five digits.
@@ -295,14 +303,14 @@ fn objective_panel(delay_s: &[f64], value: &[f64], delay: Option<&DelayFinding>)
     let x = Axis::linear("delay (ms)", extent(&lines, |p| p.0)?, 6);
     let (low, high) = range(&lines);
     let y = Axis::linear(label, (low.min(0.0), high), 5);
-    if let Some(delay) = delay {
-        let [from, to] = delay.interval_95_s.map(millis);
+    if let Some((delay_s, interval_95_s)) = found {
+        let [from, to] = interval_95_s.map(millis);
         if is_drawable(from) && is_drawable(to) {
             let pieces = vec![outline((from, y.low), (to, y.high))];
             lines.push(Line { name: "95 % interval".to_owned(), pen: Pen::Uncertainty, pieces });
         }
-        if is_drawable(delay.delay.millis()) {
-            let at = delay.delay.millis();
+        if is_drawable(millis(delay_s)) {
+            let at = millis(delay_s);
             lines.push(stroke("delay as found", Pen::Rule, vec![(at, y.low), (at, y.high)]));
         }
     }

@@ -13,8 +13,8 @@ use crate::text::shown;
 use crate::verdict;
 use maud::{Markup, html};
 use record::{
-    ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, FitChecks, Injection, LatencyHistogram, ModelCandidate,
-    ModelFinding, ResponseFinding, Stationarity, Verdict,
+    ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, Injection, LatencyHistogram,
+    ModelCandidate, ModelFinding, ResponseFinding, Stationarity, Verdict,
 };
 
 /// Most rows of each table of a channel; the record holds all.
@@ -50,9 +50,7 @@ fn details(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
                     (optional(figures.objective.as_ref()))
                     (optional(figures.minimum.as_ref()))
                     div { (optional(figures.stationarity.as_ref())) (finding(&channel.stationarity, constancy)) }
-                    @if let Some(found) = &channel.latency {
-                        div { (optional(figures.latency.as_ref())) (latency(found)) }
-                    }
+                    div { (optional(figures.latency.as_ref())) p { "Latency: " (finding(&channel.latency, latency)) } }
                 }
                 h3 { "Injection and recovery" }
                 (injections(&channel.injections))
@@ -248,10 +246,8 @@ fn constancy(found: &Stationarity) -> Markup {
 fn latency(found: &LatencyHistogram) -> Markup {
     let d = &found.latency_s;
     html! {
-        p {
-            (shown(&found.text)) " Median " (health::millis(d.median)) " ms, 1st to 99th percentile "
-            (health::millis(d.p01)) " to " (health::millis(d.p99)) " ms, largest " (health::millis(d.max)) " ms."
-        }
+        (shown(&found.text)) ". Median " (health::millis(d.median)) " ms, 1st to 99th percentile "
+        (health::millis(d.p01)) " to " (health::millis(d.p99)) " ms, largest " (health::millis(d.max)) " ms."
     }
 }
 
@@ -260,24 +256,29 @@ fn injections(injections: &[Injection]) -> Markup {
         html! {
             tr {
                 td.n { (exact(i.injected_s * 1e3)) }
-                td.n { (estimate(&verdict::in_millis(&i.delay_error_s))) }
-                td.n { (expanded_interval(&verdict::in_millis(&i.delay_error_s))) }
                 td.n { (exact(i.injected_gain)) }
-                td.n { (estimate(&i.gain_error)) }
-                td.n { (expanded_interval(&i.gain_error)) }
+                @match &i.recovered {
+                    Finding::Found(found) => {
+                        td.n { (estimate(&verdict::in_millis(&found.delay_error_s))) }
+                        td.n { (expanded_interval(&verdict::in_millis(&found.delay_error_s))) }
+                        td.n { (estimate(&found.gain_error)) }
+                        td.n { (expanded_interval(&found.gain_error)) }
+                    }
+                    Finding::CannotTell(why) => { td.any colspan="4" { (no_number(why)) } }
+                }
             }
         }
     };
     let head = [
         Number("Delay added (ms)"),
+        Number("Gain multiplied by"),
         Number("Recovered − added ± U (ms)"),
         Number("from, to (ms)"),
-        Number("Gain multiplied by"),
         Number("Recovered − injected ± U"),
         Number("from, to"),
     ];
     html! {
-        @if injections.is_empty() { p { (no_number("nothing was injected")) } }
+        @if injections.is_empty() { p { (no_number("the rig file asks for no injection")) } }
         @else {
             (table("Known delays and gains put into the data and found again; U with k = 2", &head,
                 rows(injections, MOST, head.len(), row)))

@@ -3,9 +3,9 @@
 use super::super::Head::{Number, Text};
 use super::super::{badge, estimate, exact, fact, finding, met_badge, or_why, plain, rows, table};
 use crate::number;
-use crate::text::shown;
+use crate::text::{shown, shown_block};
 use maud::{Markup, html};
-use record::{Finding, Flexibility, MagnetometerFinding, MountCheck, MountFinding};
+use record::{Estimate, Finding, Flexibility, MagnetometerFinding, MountCheck, MountFinding};
 
 pub(super) fn section(mount: &MountFinding, flexibility: &Finding<Flexibility>) -> Markup {
     html! {
@@ -64,6 +64,19 @@ fn bar(found: &Flexibility) -> Markup {
     }
 }
 
+/// A matrix, row by row, with its uncertainties where they are known.
+pub(in crate::page) fn soft_iron(rows: &[[f64; 3]], uncertainties: &[[f64; 3]]) -> Markup {
+    let cell = |row: usize, column: usize, value: f64| match uncertainties.get(row) {
+        Some(u) => estimate(&Estimate { value, standard_uncertainty: Some(u[column]) }),
+        None => html! { (number::fixed(value, 4)) },
+    };
+    html! {
+        @for (r, row) in rows.iter().enumerate().take(3) {
+            div { @for (c, v) in row.iter().enumerate() { @if c > 0 { ", " } (cell(r, c, *v)) } }
+        }
+    }
+}
+
 fn magnetometer(found: &MagnetometerFinding) -> Markup {
     let degrees = |e| html! { (estimate(&number::scaled(e, 1f64.to_degrees()))) "°" };
     let facts = html! {
@@ -71,17 +84,14 @@ fn magnetometer(found: &MagnetometerFinding) -> Markup {
         @for (axis, iron) in ["x", "y", "z"].into_iter().zip(&found.hard_iron) {
             (fact(&format!("Hard iron {axis}, in the channel's unit"), finding(iron, estimate)))
         }
-        (fact("Soft iron and scale, row by row", html! {
-            @for row in found.soft_iron.iter().take(3) {
-                div { @for (i, v) in row.iter().enumerate() { @if i > 0 { ", " } (number::fixed(*v, 4)) } }
-            }
-        }))
+        (fact("Soft iron, row by row", soft_iron(&found.soft_iron, &found.soft_iron_standard_uncertainty)))
+        (fact("Condition number of the fit", or_why(found.condition, "a planar fit has no common one", |c| plain(c, 2))))
         (fact("Rms of what is left, in the channel's unit", plain(found.residual_rms, 3)))
         (fact("Size of the field over the model's", or_why(found.magnitude_ratio.as_ref(), "no model was used", estimate)))
         (fact("Dip less the model's", or_why(found.dip_error_rad.as_ref(), "no model was used", degrees)))
     };
     html! {
-        p { (shown(&found.text)) }
+        p { (shown_block(&found.text)) }
         (table("Hard and soft iron; ± is U with k = 2", &[Text("Item"), Text("Value")], facts))
     }
 }

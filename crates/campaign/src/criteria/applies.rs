@@ -1,0 +1,143 @@
+//! Which flights a criterion is meant for.
+
+use super::measure::Subject;
+use serde::Serialize;
+
+/// All that is given must hold; `*` in a name stands for anything.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub(super) struct AppliesTo {
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) flights: Vec<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) maps: Vec<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) channels: Vec<String>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub(super) reference: bool,
+    #[serde(rename = "duration_at_least", skip_serializing_if = "Option::is_none", serialize_with = "in_seconds")]
+    pub(super) duration_at_least_s: Option<f64>,
+}
+
+fn in_seconds<S: serde::Serializer>(seconds: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{} s", seconds.unwrap_or_default()))
+}
+
+/// Whether a criterion is meant for a flight.
+pub(super) enum Applying {
+    Yes,
+    /// And why not.
+    No(String),
+    /// And why.
+    CannotTell(String),
+}
+
+impl AppliesTo {
+    pub(super) fn is_everything(&self) -> bool {
+        *self == AppliesTo::default()
+    }
+
+    /// The first condition that does not hold decides; one that cannot be told comes after those that do not hold.
+    pub(super) fn applies(&self, flight: &str, subject: &Subject<'_>) -> Applying {
+        let all = [self.flight(flight), self.map(subject), self.channels(subject), self.replay(subject)];
+        let mut unsure = None;
+        for one in all {
+            match one {
+                Applying::Yes => {}
+                Applying::No(why) => return Applying::No(why),
+                Applying::CannotTell(why) => unsure = unsure.or(Some(why)),
+            }
+        }
+        unsure.map_or(Applying::Yes, Applying::CannotTell)
+    }
+
+    fn flight(&self, flight: &str) -> Applying {
+        match self.flights.is_empty() || any_matches(&self.flights, flight) {
+            true => Applying::Yes,
+            false => Applying::No(format!("meant for flights called {}", self.flights.join(", "))),
+        }
+    }
+
+    fn map(&self, subject: &Subject<'_>) -> Applying {
+        match &subject.record.binding {
+            _ if self.maps.is_empty() => Applying::Yes,
+            None => Applying::CannotTell("no channel map was found for this log".to_owned()),
+            Some(binding) if any_matches(&self.maps, &binding.map) => Applying::Yes,
+            Some(binding) => {
+                let maps = self.maps.join(", ");
+                Applying::No(format!("meant for logs read with the map {maps}; this one is read with {}", binding.map))
+            }
+        }
+    }
+
+    fn channels(&self, subject: &Subject<'_>) -> Applying {
+        let Some(binding) = &subject.record.binding else {
+            let unknown = || Applying::CannotTell("no channel of this log is known".to_owned());
+            return if self.channels.is_empty() { Applying::Yes } else { unknown() };
+        };
+        let holds = |wanted: &&String| binding.channels.iter().any(|c| matches(wanted, &c.name));
+        match self.channels.iter().find(|wanted| !holds(wanted)) {
+            None => Applying::Yes,
+            Some(missing) => Applying::No(format!("meant for flights with {missing}")),
+        }
+    }
+
+    /// What only the replay knows.
+    fn replay(&self, subject: &Subject<'_>) -> Applying {
+        if !self.reference && self.duration_at_least_s.is_none() {
+            return Applying::Yes;
+        }
+        let replay = match subject.replay() {
+            Ok(replay) => replay,
+            Err(why) => return Applying::CannotTell(why),
+        };
+        match self.duration_at_least_s {
+            _ if self.reference && replay.pair.reference.is_none() => {
+                Applying::No("meant for flights with a reference to score against".to_owned())
+            }
+            Some(least) if replay.coverage.duration_s < least => {
+                Applying::No(format!("meant for flights of at least {least} s"))
+            }
+            _ => Applying::Yes,
+        }
+    }
+}
+
+fn any_matches(patterns: &[String], name: &str) -> bool {
+    patterns.iter().any(|p| matches(p, name))
+}
+
+/// Whether a name fits a pattern in which every `*` stands for any text.
+fn matches(pattern: &str, name: &str) -> bool {
+    let Some((first, rest)) = pattern.split_once('*') else { return pattern == name };
+    let Some(mut name) = name.strip_prefix(first) else { return false };
+    let mut parts: Vec<&str> = rest.split('*').collect();
+    let last = parts.pop().unwrap_or_default();
+    for part in parts {
+        match name.find(part) {
+            Some(at) => name = name.get(at + part.len()..).unwrap_or_default(),
+            None => return false,
+        }
+    }
+    name.ends_with(last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::matches;
+
+    #[test]
+    fn a_star_stands_for_any_text_and_nothing_else_does() {
+        for (pattern, name, fits) in [
+            ("a", "a", true),
+            ("a", "ab", false),
+            ("*", "", true),
+            ("2026-*/x*.mcap", "2026-05/x-1.mcap", true),
+            ("2026-*/x*.mcap", "2026-05/y.mcap", false),
+            ("ab*ba", "aba", false),
+            ("*a*a", "a", false),
+            ("é*é", "éaé", true),
+        ] {
+            assert_eq!(matches(pattern, name), fits, "{pattern} {name}");
+        }
+    }
+}

@@ -1,0 +1,372 @@
+//! The numbers of a record that criteria ask for.
+
+use super::judge::Reading;
+use super::metric::Metric;
+use crate::rate::rate_of;
+use flight::{ChannelHealth, LogHealth, Severity};
+use record::{
+    CompensatorResult, CompensatorScore, DelayPairKind, DelaySource, DelaySweep, Estimate, Finding, FlightRecord,
+    MeasuredDelay, Outcome, PairDelay, ReferenceScore, ReplayRecord, SweepScore,
+};
+
+/// A record, and the part of it that a criterion asks for.
+pub(super) struct Subject<'a> {
+    pub(super) record: &'a FlightRecord,
+    pub(super) compensator: Option<&'a str>,
+    pub(super) channel: Option<&'a str>,
+    pub(super) against: Option<&'a str>,
+}
+
+/// The number of a metric, or why there is none.
+pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, String> {
+    use DelayPairKind::{
+        PositionAgainstReference, PositionAgainstVelocity, VelocityAgainstAcceleration, VelocityAgainstReference,
+    };
+    let plain = |value: f64| Ok(Reading::plain(value));
+    let own = || of.delay(PositionAgainstVelocity);
+    let reading = match metric {
+        Metric::Delay => own().map(delay),
+        Metric::VelocityDelay => of.delay(VelocityAgainstAcceleration).map(delay),
+        Metric::DelayAgainstReference => of.delay(PositionAgainstReference).map(delay),
+        Metric::VelocityDelayAgainstReference => of.delay(VelocityAgainstReference).map(delay),
+        Metric::DelayDifference => of.difference(),
+        Metric::DelayNormalisedDifference => of.normalised_difference(),
+        Metric::DelayChange => own().and_then(change),
+        Metric::DelayExpandedUncertainty => own().and_then(expanded_uncertainty),
+        Metric::SmallestDetectableDelayChange => own().map(|found| Reading::plain(found.smallest_detectable_s)),
+        Metric::InjectionError => own().and_then(worst_injection),
+        Metric::MovingShare => of.moving_share(),
+        Metric::ErrorRms => of.error(|c| c.error_rms_m),
+        Metric::ErrorP95 => of.error(|c| c.error_p95_m),
+        Metric::ErrorRatio => of.error_ratio(),
+        Metric::CorrectionRms => of.compensator().map(|c| Reading::uncertain(c.raw_minus_this_rms_m)),
+        Metric::StepAtFixRms => of.step_at_fix(),
+        Metric::ErrorMax => of.against_reference().map(|r| Reading::plain(r.max_m)),
+        Metric::AlongTrackRms => of.against_reference().map(|r| rms(r.along_m)),
+        Metric::AcrossTrackRms => of.against_reference().map(|r| rms(r.across_m)),
+        Metric::ResidualDelay => of.residual_delay(),
+        Metric::ResidualDelayAgainstReference => {
+            of.against_reference().and_then(|r| told(&r.residual_delay_s)).map(|e| Reading::uncertain(*e))
+        }
+        Metric::LeadError => of.score().and_then(lead_error),
+        Metric::StepCorrelation => of.score().and_then(|s| told(&s.step_correlation)).map(|e| Reading::uncertain(*e)),
+        Metric::Hysteresis => of.score().and_then(|s| told(&s.hysteresis)).map(|h| Reading::uncertain(h.along_m)),
+        Metric::StraightAcrossRms => {
+            of.score().and_then(|s| told(&s.straight)).map(|s| Reading::uncertain(s.across_rms_m))
+        }
+        Metric::StraightNoiseRatio => {
+            of.score().and_then(|s| told(&s.straight)).map(|s| Reading::uncertain(s.noise_ratio))
+        }
+        Metric::MotionHelpedShare => of.motion_share().map(|[helped, ..]| Reading::plain(helped)),
+        Metric::MotionHarmedShare => of.motion_share().map(|[.., harmed]| Reading::plain(harmed)),
+        Metric::OnboardDifferenceRms => of.onboard(),
+        Metric::ErrorAtBenchValue => of.at_bench_value(true),
+        Metric::StepAtBenchValue => of.at_bench_value(false),
+        Metric::DelayOfLeastError => {
+            of.sweep().and_then(|s| told(&s.optimum)).map(|o| Reading::within(o.delay_s, o.interval_95_s))
+        }
+        Metric::ValidShare => of.replay().and_then(valid_share),
+        Metric::Duration => of.replay().map(|r| Reading::plain(r.coverage.duration_s)),
+        Metric::SpeedMedian => of.replay().map(|r| Reading::plain(r.speed_mps.median)),
+        Metric::LongestPositionGap => of.replay().map(|r| Reading::plain(r.coverage.longest_position_gap_s)),
+        Metric::PositionResets => of.count(|r| r.coverage.position_resets),
+        Metric::BridgedGaps => of.count(|r| r.coverage.bridged_gaps),
+        Metric::Restarts => of.count(|r| r.coverage.restarts),
+        Metric::PositionRate => of.replay().and_then(|r| of.rate(&r.pair.position)),
+        Metric::VelocityRate => of.replay().and_then(|r| of.rate(&r.pair.velocity)),
+        Metric::ChannelRate => of.channel().and_then(|c| of.rate(&c.name)),
+        Metric::ChannelLongestStep => of.channel().and_then(longest_step),
+        Metric::ChannelUsedShare => of.channel().and_then(used_share),
+        Metric::BytesDamaged => of.log().and_then(|log| plain(log.bytes.damaged as f64)),
+        Metric::DamagedShare => of.log().and_then(damaged_share),
+        Metric::MessagesUndecodable => of.log().and_then(|log| plain(log.undecodable as f64)),
+        Metric::Losses => of.notices(Severity::Loss),
+        Metric::Warnings => of.notices(Severity::Warning),
+    };
+    reading?.finite()
+}
+
+/// Whatever stands in the way of a replay, in words.
+fn no_replay(record: &FlightRecord) -> String {
+    match &record.outcome {
+        Outcome::Compensated => "the record holds no replay".to_owned(),
+        Outcome::NotMeasurable { reason } => format!("the flight was not compensated: {reason}"),
+        Outcome::Failed { reason } => format!("the log could not be used: {reason}"),
+    }
+}
+
+impl<'a> Subject<'a> {
+    pub(super) fn replay(&self) -> Result<&'a ReplayRecord, String> {
+        self.record.replay.as_ref().ok_or_else(|| no_replay(self.record))
+    }
+
+    fn log(&self) -> Result<&'a LogHealth, String> {
+        self.record.log.as_ref().ok_or_else(|| no_replay(self.record))
+    }
+
+    fn count(&self, of: impl FnOnce(&ReplayRecord) -> u64) -> Result<Reading, String> {
+        self.replay().map(|r| Reading::plain(of(r) as f64))
+    }
+
+    /// A log that could not be opened has no notices of what is in it.
+    fn notices(&self, severity: Severity) -> Result<Reading, String> {
+        self.log()?;
+        Ok(Reading::plain(self.record.notices.iter().filter(|n| n.severity == severity).count() as f64))
+    }
+
+    fn channel(&self) -> Result<&'a ChannelHealth, String> {
+        let name = self.channel.unwrap_or_default();
+        let binding = self.record.binding.as_ref().ok_or_else(|| no_replay(self.record))?;
+        let found = binding.channels.iter().find(|c| c.name == name);
+        found.ok_or_else(|| format!("this flight has no channel {name}"))
+    }
+
+    fn rate(&self, channel: &str) -> Result<Reading, String> {
+        let channels = self.record.binding.as_ref().map(|b| b.channels.as_slice()).unwrap_or_default();
+        let rate = rate_of(channels, channel).ok_or_else(|| format!("{channel} has too few stamps for a rate"))?;
+        Ok(Reading::plain(rate))
+    }
+
+    fn compensator_called(&self, name: &str) -> Result<&'a CompensatorResult, String> {
+        let all = &self.replay()?.compensators;
+        all.iter().find(|c| c.name == name).ok_or_else(|| {
+            let ran: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
+            format!("{name} did not run on this flight; those that did: {}", ran.join(", "))
+        })
+    }
+
+    fn compensator(&self) -> Result<&'a CompensatorResult, String> {
+        self.compensator_called(self.compensator.unwrap_or_default())
+    }
+
+    fn scored(&self, name: &str, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Result<Estimate, String> {
+        let no_error = match self.replay()?.pair.reference {
+            None => "the log holds no reference to score against",
+            Some(_) => "the record holds no such error",
+        };
+        of(self.compensator_called(name)?).ok_or_else(|| no_error.to_owned())
+    }
+
+    fn error(&self, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Result<Reading, String> {
+        self.scored(self.compensator.unwrap_or_default(), of).map(Reading::uncertain)
+    }
+
+    /// Relative uncertainties add, for both errors are of the same flight: no correlation makes it worse.
+    fn error_ratio(&self) -> Result<Reading, String> {
+        let after = self.scored(self.compensator.unwrap_or_default(), |c| c.error_rms_m)?;
+        let raw = self.scored("raw", |c| c.error_rms_m)?;
+        if raw.value <= 0.0 {
+            return Err("the raw error is zero".to_owned());
+        }
+        let ratio = after.value / raw.value;
+        let both = after.standard_uncertainty.zip(raw.standard_uncertainty);
+        let standard_uncertainty = both.map(|(u, u_raw)| (u + ratio * u_raw) / raw.value);
+        Ok(Reading::uncertain(Estimate { value: ratio, standard_uncertainty }))
+    }
+
+    fn step_at_fix(&self) -> Result<Reading, String> {
+        let step = self.compensator()?.step_at_fix_rms_m;
+        step.map(Reading::uncertain).ok_or_else(|| "the record holds no step at a fix".to_owned())
+    }
+
+    /// The pair of this kind that is asked for: as named, else the replayed one, else the only one.
+    fn pair(&self, kind: DelayPairKind) -> Result<&'a PairDelay, String> {
+        let record = self.record;
+        let all = record.delays.as_ref().map(|d| d.pairs.as_slice()).unwrap_or_default();
+        let named = |name: Option<&str>, is: &str| name.is_none_or(|n| n == is);
+        let fits = |p: &&PairDelay| p.kind == kind && named(self.channel, &p.first) && named(self.against, &p.second);
+        let fitting: Vec<&PairDelay> = all.iter().filter(fits).collect();
+        let replayed = |p: &&&PairDelay| record.replay.as_ref().is_some_and(|r| is_of_replay(p, r));
+        let mut of_replay = fitting.iter().filter(replayed);
+        match (fitting.as_slice(), of_replay.next(), of_replay.next()) {
+            ([], ..) if record.binding.is_none() => Err(no_replay(record)),
+            ([], ..) => Err("this flight has no such pair of channels".to_owned()),
+            ([only], ..) | (_, Some(only), None) => Ok(only),
+            (several, ..) => {
+                let names: Vec<String> = several.iter().map(|p| format!("{} against {}", p.first, p.second)).collect();
+                Err(format!("several pairs fit, name one with channel and against: {}", names.join("; ")))
+            }
+        }
+    }
+
+    fn delay(&self, kind: DelayPairKind) -> Result<&'a MeasuredDelay, String> {
+        let pair = self.pair(kind)?;
+        told(&pair.delay)
+    }
+
+    fn score(&self) -> Result<&'a CompensatorScore, String> {
+        // Says which did run, if this one did not.
+        let name = &self.compensator()?.name;
+        let scores = self.replay()?.scores.as_ref().ok_or("the record holds no scores")?;
+        scores.compensators.iter().find(|c| c.name == *name).ok_or_else(|| format!("{name} was not scored"))
+    }
+
+    fn against_reference(&self) -> Result<&'a ReferenceScore, String> {
+        told(&self.score()?.reference)
+    }
+
+    fn residual_delay(&self) -> Result<Reading, String> {
+        if self.replay()?.choice.as_ref().is_some_and(|choice| choice.circular) {
+            let why = "the removed delay was found in this very flight: what is left of it is zero by construction";
+            return Err(why.to_owned());
+        }
+        told(&self.score()?.residual_delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
+    }
+
+    fn motion_share(&self) -> Result<[f64; 3], String> {
+        let band = told(&self.score()?.band)?;
+        band.motion_share.ok_or_else(|| "how the motion is spread over frequency is not known".to_owned())
+    }
+
+    fn onboard(&self) -> Result<Reading, String> {
+        let name = &self.compensator()?.name;
+        let onboard = self.replay()?.onboard.as_ref();
+        let onboard = told(onboard.ok_or("the log holds no position that was compensated in flight")?)?;
+        let against = onboard.against.iter().find(|a| a.name == *name);
+        Ok(Reading::plain(against.ok_or_else(|| format!("{name} was not compared with it"))?.rms_m))
+    }
+
+    fn sweep(&self) -> Result<&'a DelaySweep, String> {
+        self.replay()?.sweep.as_ref().ok_or_else(|| "no other delays were tried on this flight".to_owned())
+    }
+
+    fn at_bench_value(&self, as_error: bool) -> Result<Reading, String> {
+        let sweep = self.sweep()?;
+        if as_error != matches!(sweep.score, SweepScore::ErrorAgainst(_)) {
+            let why = if as_error {
+                "the log holds no reference to score against"
+            } else {
+                "the log holds a reference: take error-at-bench-value"
+            };
+            return Err(why.to_owned());
+        }
+        let point = sweep.score_at(DelaySource::Card).ok_or("no sensor card gives a delay for this flight")?;
+        Ok(Reading::uncertain(point.rms_m))
+    }
+
+    fn moving_share(&self) -> Result<Reading, String> {
+        let pair = self.pair(DelayPairKind::PositionAgainstVelocity)?;
+        let excitation = pair.excitation.as_ref().ok_or("the pair has no samples to compare")?;
+        Ok(Reading::plain(excitation.moving_share))
+    }
+
+    /// Delay of the flight, of the pair that was replayed, and that of the bench.
+    fn found_and_bench(&self) -> Result<(Estimate, Estimate), String> {
+        let (replay, pair) = (self.replay()?, self.pair(DelayPairKind::PositionAgainstVelocity)?);
+        if !is_of_replay(pair, replay) {
+            return Err("the delay of the replayed pair was not measured".to_owned());
+        }
+        Ok((told(&pair.delay)?.delay_s, bench_delay(replay)?))
+    }
+
+    fn difference(&self) -> Result<Reading, String> {
+        let (found, bench) = self.found_and_bench()?;
+        let both = found.standard_uncertainty.zip(bench.standard_uncertainty);
+        let standard_uncertainty = both.map(|(u, v)| u.hypot(v));
+        Ok(Reading::uncertain(Estimate { value: found.value - bench.value, standard_uncertainty }))
+    }
+
+    fn normalised_difference(&self) -> Result<Reading, String> {
+        let (found, bench) = self.found_and_bench()?;
+        let unknown = |what| format!("no uncertainty of the delay {what} is known, so that E_n is not defined");
+        let u = found.standard_uncertainty.ok_or_else(|| unknown("of the flight"))?;
+        let v = bench.standard_uncertainty.ok_or_else(|| unknown("of the bench"))?;
+        Ok(Reading::plain((found.value - bench.value).abs() / (2.0 * u.hypot(v))))
+    }
+}
+
+/// Whether a pair is that of the replay, or measures one of its channels against something else.
+fn is_of_replay(pair: &PairDelay, replay: &ReplayRecord) -> bool {
+    let record::PairUse { position, velocity, reference } = &replay.pair;
+    let scored = |channel: &str| pair.first == channel && reference.as_ref() == Some(&pair.second);
+    match pair.kind {
+        DelayPairKind::PositionAgainstVelocity => pair.first == *position && pair.second == *velocity,
+        DelayPairKind::VelocityAgainstAcceleration => pair.first == *velocity,
+        DelayPairKind::PositionAgainstReference => scored(position),
+        DelayPairKind::VelocityAgainstReference => scored(velocity),
+        DelayPairKind::BetweenReceivers => false,
+    }
+}
+
+/// What was found, or why it cannot be told.
+fn told<T>(finding: &Finding<T>) -> Result<&T, String> {
+    match finding {
+        Finding::Found(found) => Ok(found),
+        Finding::CannotTell(why) => Err(why.clone()),
+    }
+}
+
+/// The delay that is known from elsewhere than this flight: the card's, else the pipeline's.
+fn bench_delay(replay: &ReplayRecord) -> Result<Estimate, String> {
+    let Some(choice) = &replay.choice else {
+        let settings = &replay.settings;
+        return Ok(Estimate { value: settings.delay.seconds(), standard_uncertainty: settings.delay_uncertainty_s });
+    };
+    let of = |source| choice.candidates.iter().find(|c| c.source == source).and_then(|c| c.delay_s.found().copied());
+    let bench = of(DelaySource::Card).or_else(|| of(DelaySource::Fixed));
+    bench.ok_or_else(|| "neither a sensor card nor the pipeline states a delay".to_owned())
+}
+
+fn lead_error(score: &CompensatorScore) -> Result<Reading, String> {
+    let lead = told(&score.lead_s)?;
+    let value = lead.value - score.expected_lead_s;
+    Ok(Reading::uncertain(Estimate { value, ..*lead }))
+}
+
+/// Of mean and rms.
+fn rms([_, rms]: [Estimate; 2]) -> Reading {
+    Reading::uncertain(rms)
+}
+
+fn delay(found: &MeasuredDelay) -> Reading {
+    Reading::within(found.delay_s, found.interval_95_s)
+}
+
+fn expanded_uncertainty(found: &MeasuredDelay) -> Result<Reading, String> {
+    let u = found.delay_s.standard_uncertainty.ok_or("the record gives no uncertainty of the delay")?;
+    Ok(Reading::plain(2.0 * u))
+}
+
+/// The largest step between two parts of the flight. It was looked for at every border of two windows, so that
+/// its 95 % interval is that of all of them together (Bonferroni).
+fn change(found: &MeasuredDelay) -> Result<Reading, String> {
+    let windows = found.over_time.len();
+    let test = found.homogeneity.filter(|_| windows > 1);
+    let test = test.ok_or("this flight gives fewer than two windows of time with a delay of their own")?;
+    let step = test.largest_step;
+    let value = (step.after_s.value - step.before_s.value).abs();
+    let both = step.before_s.standard_uncertainty.zip(step.after_s.standard_uncertainty);
+    let Some(u) = both.map(|(before, after)| before.hypot(after)) else {
+        return Ok(Reading::uncertain(Estimate { value, standard_uncertainty: None }));
+    };
+    let wide = u * signal::normal_quantile(1.0 - 0.025 / (windows - 1) as f64).max(2.0);
+    let estimate = Estimate { value, standard_uncertainty: Some(u) };
+    Ok(Reading::within(estimate, [(value - wide).max(0.0), value + wide]))
+}
+
+fn worst_injection(found: &MeasuredDelay) -> Result<Reading, String> {
+    let worst = found.injections.iter().max_by(|a, b| a.error_s.value.abs().total_cmp(&b.error_s.value.abs()));
+    let worst = worst.ok_or("no known delay could be put into this flight and found again")?;
+    Ok(Reading::within(worst.error_s, worst.interval_95_s))
+}
+
+fn valid_share(replay: &ReplayRecord) -> Result<Reading, String> {
+    share(replay.coverage.valid_s, replay.coverage.duration_s, "the replay covers no time")
+}
+
+fn damaged_share(log: &LogHealth) -> Result<Reading, String> {
+    share(log.bytes.damaged as f64, log.bytes.size as f64, "the log is empty")
+}
+
+fn used_share(channel: &ChannelHealth) -> Result<Reading, String> {
+    share(channel.used as f64, channel.rows as f64, "the channel has no rows")
+}
+
+fn share(part: f64, whole: f64, without: &str) -> Result<Reading, String> {
+    if whole > 0.0 { Ok(Reading::plain(part / whole)) } else { Err(without.to_owned()) }
+}
+
+fn longest_step(channel: &ChannelHealth) -> Result<Reading, String> {
+    let steps = channel.stamps.as_ref().and_then(|s| s.steps_s);
+    Ok(Reading::plain(steps.ok_or("the channel has fewer than two stamps")?.max))
+}

@@ -1,0 +1,646 @@
+//! What can be asked of a flight: the vocabulary of criteria files.
+
+use super::unit::Dimension;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use std::borrow::Cow;
+
+/// A number that the record of a flight holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Metric {
+    Delay,
+    VelocityDelay,
+    DelayAgainstReference,
+    VelocityDelayAgainstReference,
+    DelayDifference,
+    DelayNormalisedDifference,
+    DelayChange,
+    DelayExpandedUncertainty,
+    SmallestDetectableDelayChange,
+    InjectionError,
+    MovingShare,
+    ErrorRms,
+    ErrorP95,
+    ErrorRatio,
+    CorrectionRms,
+    StepAtFixRms,
+    ErrorMax,
+    AlongTrackRms,
+    AcrossTrackRms,
+    ResidualDelay,
+    ResidualDelayAgainstReference,
+    LeadError,
+    StepCorrelation,
+    Hysteresis,
+    StraightAcrossRms,
+    StraightNoiseRatio,
+    MotionHelpedShare,
+    MotionHarmedShare,
+    OnboardDifferenceRms,
+    ErrorAtBenchValue,
+    StepAtBenchValue,
+    DelayOfLeastError,
+    ValidShare,
+    Duration,
+    SpeedMedian,
+    LongestPositionGap,
+    PositionResets,
+    BridgedGaps,
+    Restarts,
+    PositionRate,
+    VelocityRate,
+    ChannelRate,
+    ChannelLongestStep,
+    ChannelUsedShare,
+    BytesDamaged,
+    DamagedShare,
+    MessagesUndecodable,
+    Losses,
+    Warnings,
+}
+
+/// Which further key a criterion gives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Takes {
+    /// None.
+    Nothing,
+    /// `compensator`, which must be given.
+    Compensator,
+    /// `channel`, which must be given.
+    Channel,
+    /// `channel` and `against`, which may be given; without them, the replayed pair.
+    Pair,
+}
+
+/// Which values there can be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Range {
+    Signed,
+    Positive,
+    Share,
+}
+
+/// What is known of a metric.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MetricEntry {
+    pub(crate) metric: Metric,
+    /// Its name in the file.
+    pub name: &'static str,
+    /// Its name on a page.
+    pub symbol: &'static str,
+    /// What it is a number of.
+    pub dimension: Dimension,
+    /// Whether it has an uncertainty, so that its interval decides.
+    pub uncertain: bool,
+    /// Further keys.
+    pub takes: Takes,
+    pub(crate) range: Range,
+    /// What it is, in words.
+    pub about: &'static str,
+}
+
+/// Has an uncertainty.
+const UNSURE: bool = true;
+/// Has none of its own.
+const PLAIN: bool = false;
+
+/// Every metric, as `flightlag criteria` lists them.
+pub const METRICS: &[MetricEntry] = {
+    use Dimension::{Bytes, Count, Length, Rate, Ratio, Share, Speed, Time};
+    use Range::{Positive, Signed};
+    use Takes::{Channel, Compensator, Nothing, Pair};
+    &[
+        entry(
+            Metric::Delay,
+            "delay",
+            "Td(position)",
+            Time,
+            UNSURE,
+            Pair,
+            Signed,
+            "How late position is against velocity, measured from the flight itself; positive is late.",
+        ),
+        entry(
+            Metric::VelocityDelay,
+            "velocity-delay",
+            "Td(velocity)",
+            Time,
+            UNSURE,
+            Pair,
+            Signed,
+            "How late velocity is against integrated acceleration, measured from the flight itself.",
+        ),
+        entry(
+            Metric::DelayAgainstReference,
+            "delay-against-reference",
+            "Td(position against reference)",
+            Time,
+            UNSURE,
+            Pair,
+            Signed,
+            "How late position is against the reference position, measured from the flight itself.",
+        ),
+        entry(
+            Metric::VelocityDelayAgainstReference,
+            "velocity-delay-against-reference",
+            "Td(velocity against reference)",
+            Time,
+            UNSURE,
+            Pair,
+            Signed,
+            "How late velocity is against the reference position, measured from the flight itself.",
+        ),
+        entry(
+            Metric::DelayDifference,
+            "delay-difference",
+            "Td(flight) − Td(bench)",
+            Time,
+            UNSURE,
+            Nothing,
+            Signed,
+            "Delay measured from the flight less that of the sensor card, or without one less that which the pipeline states, whichever was removed. Needs an uncertainty of both.",
+        ),
+        entry(
+            Metric::DelayNormalisedDifference,
+            "delay-normalised-difference",
+            "|E_n| of flight and bench delay",
+            Ratio,
+            PLAIN,
+            Nothing,
+            Positive,
+            "|E_n|: that difference, without its sign, over √(U² + U²), both with k = 2 (ISO 13528). At most 1 means that both agree. Needs an uncertainty of both.",
+        ),
+        entry(
+            Metric::DelayChange,
+            "delay-change",
+            "Change of Td over the flight",
+            Time,
+            UNSURE,
+            Pair,
+            Positive,
+            "Step of the delay, without its sign, at that split of the flight in two where the delays before and after differ most. The interval is widened for the number of places where one was looked for.",
+        ),
+        entry(
+            Metric::DelayExpandedUncertainty,
+            "delay-expanded-uncertainty",
+            "U of Td(position)",
+            Time,
+            PLAIN,
+            Pair,
+            Positive,
+            "Expanded uncertainty (k = 2) of the delay measured from the flight: how much this flight can say.",
+        ),
+        entry(
+            Metric::SmallestDetectableDelayChange,
+            "smallest-detectable-delay-change",
+            "Smallest detectable change of Td",
+            Time,
+            PLAIN,
+            Pair,
+            Positive,
+            "A change of the delay that this flight would show with 80 % probability in a test at 5 %.",
+        ),
+        entry(
+            Metric::InjectionError,
+            "injection-error",
+            "Error of recovering an injected delay",
+            Time,
+            UNSURE,
+            Pair,
+            Signed,
+            "A known delay was put into half of the flight and found again: the worst error of that.",
+        ),
+        entry(
+            Metric::MovingShare,
+            "moving-share",
+            "Share of motion that shows a delay",
+            Share,
+            PLAIN,
+            Pair,
+            Range::Share,
+            "Share of the motion that is left once offset and drift are taken out: 0 in straight and steady flight.",
+        ),
+        entry(
+            Metric::ErrorRms,
+            "error-rms",
+            "Error against the reference, 2‑D rms",
+            Length,
+            UNSURE,
+            Compensator,
+            Positive,
+            "2-D rms error of a compensator (or `raw`) against the reference position.",
+        ),
+        entry(
+            Metric::ErrorP95,
+            "error-p95",
+            "Error against the reference, 2‑D 95th percentile",
+            Length,
+            UNSURE,
+            Compensator,
+            Positive,
+            "2-D 95th percentile of the error of a compensator (or `raw`) against the reference position.",
+        ),
+        entry(
+            Metric::ErrorRatio,
+            "error-ratio",
+            "Error rms over raw error rms",
+            Ratio,
+            UNSURE,
+            Compensator,
+            Positive,
+            "2-D rms error of a compensator over that of the raw position: below 1 it helps. The uncertainty is the largest that any correlation of the two permits.",
+        ),
+        entry(
+            Metric::CorrectionRms,
+            "correction-rms",
+            "Raw − compensated, 2‑D rms",
+            Length,
+            UNSURE,
+            Compensator,
+            Positive,
+            "How far a compensator moves the raw position, 2-D rms.",
+        ),
+        entry(
+            Metric::StepAtFixRms,
+            "step-at-fix-rms",
+            "Step at a fix, 2‑D rms",
+            Length,
+            UNSURE,
+            Compensator,
+            Positive,
+            "How far the output of a compensator (or `raw`) jumps when the next fix arrives, 2-D rms.",
+        ),
+        entry(
+            Metric::ErrorMax,
+            "error-max",
+            "Largest error against the reference, 2‑D",
+            Length,
+            PLAIN,
+            Compensator,
+            Positive,
+            "Largest 2-D error of a compensator (or `raw`) against the reference position.",
+        ),
+        entry(
+            Metric::AlongTrackRms,
+            "along-track-rms",
+            "Error along the track, rms",
+            Length,
+            UNSURE,
+            Compensator,
+            Positive,
+            "Error of a compensator (or `raw`) against the reference along the track, rms: where a delay shows.",
+        ),
+        entry(
+            Metric::AcrossTrackRms,
+            "across-track-rms",
+            "Error across the track, rms",
+            Length,
+            UNSURE,
+            Compensator,
+            Positive,
+            "Error of a compensator (or `raw`) against the reference across the track, rms.",
+        ),
+        entry(
+            Metric::ResidualDelay,
+            "residual-delay",
+            "Residual delay",
+            Time,
+            UNSURE,
+            Compensator,
+            Signed,
+            "How late the output of a compensator still is against integrated velocity: nothing, if all was removed. Not evaluated where the removed delay was found in the very flight, for then it is zero by construction.",
+        ),
+        entry(
+            Metric::ResidualDelayAgainstReference,
+            "residual-delay-against-reference",
+            "Residual delay against the reference",
+            Time,
+            UNSURE,
+            Compensator,
+            Signed,
+            "How late the output of a compensator still is against the reference.",
+        ),
+        entry(
+            Metric::LeadError,
+            "lead-error",
+            "Lead less the delay given",
+            Time,
+            UNSURE,
+            Compensator,
+            Signed,
+            "Way that the output stands before raw along the track over the way flown in a second, less the delay that the compensator was given.",
+        ),
+        entry(
+            Metric::StepCorrelation,
+            "step-correlation",
+            "Correlation of steps at fixes with the way flown",
+            Ratio,
+            UNSURE,
+            Compensator,
+            Signed,
+            "Correlation of the output's steps at the fixes with the way flown between them: 1 for raw, 0 after compensation.",
+        ),
+        entry(
+            Metric::Hysteresis,
+            "hysteresis",
+            "Offset between opposite passes, along the track",
+            Length,
+            UNSURE,
+            Compensator,
+            Signed,
+            "Offset along the track between passes over the same place in opposite directions: positive if each stands behind, as a late position does.",
+        ),
+        entry(
+            Metric::StraightAcrossRms,
+            "straight-across-rms",
+            "Correction across straight legs, rms",
+            Length,
+            UNSURE,
+            Compensator,
+            Positive,
+            "How far a compensator moves the position sideways on straight legs, rms, where there is nothing to move.",
+        ),
+        entry(
+            Metric::StraightNoiseRatio,
+            "straight-noise-ratio",
+            "Noise over raw noise on straight legs",
+            Ratio,
+            UNSURE,
+            Compensator,
+            Positive,
+            "Noise of a compensator's output over that of raw on straight legs: above 1 it adds noise.",
+        ),
+        entry(
+            Metric::MotionHelpedShare,
+            "motion-helped-share",
+            "Share of the motion that is helped",
+            Share,
+            PLAIN,
+            Compensator,
+            Range::Share,
+            "Share of the power of the flight's velocity at frequencies at which the compensator helps.",
+        ),
+        entry(
+            Metric::MotionHarmedShare,
+            "motion-harmed-share",
+            "Share of the motion that is made worse",
+            Share,
+            PLAIN,
+            Compensator,
+            Range::Share,
+            "Share of the power of the flight's velocity at frequencies at which the compensator is worse than raw.",
+        ),
+        entry(
+            Metric::OnboardDifferenceRms,
+            "onboard-difference-rms",
+            "On-board position less replay, 2‑D rms",
+            Length,
+            PLAIN,
+            Compensator,
+            Positive,
+            "Compensated position that the aircraft computed in flight less what the replay of a compensator gives, 2-D rms after the start.",
+        ),
+        entry(
+            Metric::ErrorAtBenchValue,
+            "error-at-bench-value",
+            "Error rms at the bench value of Td",
+            Length,
+            UNSURE,
+            Nothing,
+            Positive,
+            "2-D rms error against the reference of the exact form with the delay of the sensor card, whichever delay was removed: would this flight have met the limit at the bench value?",
+        ),
+        entry(
+            Metric::StepAtBenchValue,
+            "step-at-bench-value",
+            "Step at a fix at the bench value of Td",
+            Length,
+            UNSURE,
+            Nothing,
+            Positive,
+            "2-D rms step at the fixes of the exact form with the delay of the sensor card, for flights without a reference.",
+        ),
+        entry(
+            Metric::DelayOfLeastError,
+            "delay-of-least-error",
+            "Td of least error",
+            Time,
+            UNSURE,
+            Nothing,
+            Signed,
+            "The delay whose removal fits the flight best: the optimum of its delay sweep.",
+        ),
+        entry(
+            Metric::ValidShare,
+            "valid-share",
+            "Time with a valid compensated position",
+            Share,
+            PLAIN,
+            Nothing,
+            Range::Share,
+            "Share of the time covered that has a valid compensated position.",
+        ),
+        entry(
+            Metric::Duration,
+            "duration",
+            "Time covered",
+            Time,
+            PLAIN,
+            Nothing,
+            Positive,
+            "From the first to the last output row.",
+        ),
+        entry(
+            Metric::SpeedMedian,
+            "speed-median",
+            "Ground speed, median",
+            Speed,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Median ground speed.",
+        ),
+        entry(
+            Metric::LongestPositionGap,
+            "longest-position-gap",
+            "Longest time without a position fix",
+            Time,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Longest time without a position fix.",
+        ),
+        entry(
+            Metric::PositionResets,
+            "position-resets",
+            "Position resets",
+            Count,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Fixes that jump against integrated velocity by more than five sigma of the fixes around.",
+        ),
+        entry(
+            Metric::BridgedGaps,
+            "bridged-gaps",
+            "Velocity gaps bridged",
+            Count,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Velocity gaps that were short enough to be bridged.",
+        ),
+        entry(
+            Metric::Restarts,
+            "restarts",
+            "Restarts after velocity gaps",
+            Count,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Velocity gaps too long to be bridged: the compensators started anew.",
+        ),
+        entry(
+            Metric::PositionRate,
+            "position-rate",
+            "Rate of the position",
+            Rate,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Updates per second of the position that was replayed, outside gaps.",
+        ),
+        entry(
+            Metric::VelocityRate,
+            "velocity-rate",
+            "Rate of the velocity",
+            Rate,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Updates per second of the velocity that was replayed, outside gaps.",
+        ),
+        entry(
+            Metric::ChannelRate,
+            "channel-rate",
+            "Rate",
+            Rate,
+            PLAIN,
+            Channel,
+            Positive,
+            "Updates per second of a channel, outside gaps.",
+        ),
+        entry(
+            Metric::ChannelLongestStep,
+            "channel-longest-step",
+            "Longest step between stamps",
+            Time,
+            PLAIN,
+            Channel,
+            Positive,
+            "Longest time between two stamps of a channel.",
+        ),
+        entry(
+            Metric::ChannelUsedShare,
+            "channel-used-share",
+            "Rows used",
+            Share,
+            PLAIN,
+            Channel,
+            Range::Share,
+            "Share of the rows of a channel that could be used.",
+        ),
+        entry(
+            Metric::BytesDamaged,
+            "bytes-damaged",
+            "Bytes damaged",
+            Bytes,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Bytes of the log that could not be read or failed a checksum.",
+        ),
+        entry(
+            Metric::DamagedShare,
+            "damaged-share",
+            "Share of the log that is damaged",
+            Share,
+            PLAIN,
+            Nothing,
+            Range::Share,
+            "The same as a share of the log.",
+        ),
+        entry(
+            Metric::MessagesUndecodable,
+            "messages-undecodable",
+            "Messages that could not be decoded",
+            Count,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Messages or rows that were found and could not be decoded.",
+        ),
+        entry(
+            Metric::Losses,
+            "losses",
+            "Notices of lost data",
+            Count,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Notices of severity loss.",
+        ),
+        entry(
+            Metric::Warnings,
+            "warnings",
+            "Warnings",
+            Count,
+            PLAIN,
+            Nothing,
+            Positive,
+            "Notices of severity warning.",
+        ),
+    ]
+};
+
+#[expect(clippy::too_many_arguments, reason = "a row of the table above")]
+const fn entry(
+    metric: Metric,
+    name: &'static str,
+    symbol: &'static str,
+    dimension: Dimension,
+    uncertain: bool,
+    takes: Takes,
+    range: Range,
+    about: &'static str,
+) -> MetricEntry {
+    MetricEntry { metric, name, symbol, dimension, uncertain, takes, range, about }
+}
+
+impl MetricEntry {
+    /// The metric of a name; else the names that come near, or all.
+    pub(crate) fn of(name: &str) -> Result<&'static MetricEntry, String> {
+        METRICS.iter().find(|m| m.name == name).ok_or_else(|| {
+            let near = |m: &&MetricEntry| name.split('-').any(|word| word.len() > 2 && m.name.contains(word));
+            let mut names: Vec<&str> = METRICS.iter().filter(near).map(|m| m.name).collect();
+            if names.is_empty() {
+                names = METRICS.iter().map(|m| m.name).collect();
+            }
+            format!("no metric is called `{name}`; known are {} (all: flightlag criteria)", names.join(", "))
+        })
+    }
+}
+
+/// The names of all metrics, for the schema.
+pub(crate) struct MetricName;
+
+impl JsonSchema for MetricName {
+    fn schema_name() -> Cow<'static, str> {
+        "Metric".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let one = |m: &MetricEntry| json_schema!({ "const": m.name, "description": m.about });
+        let all: Vec<Schema> = METRICS.iter().map(one).collect();
+        json_schema!({ "description": "What is measured.", "oneOf": all })
+    }
+}

@@ -1,0 +1,317 @@
+//! From what the user wrote to what is meant; every complaint has its line.
+
+use super::applies::AppliesTo;
+use super::file::{AppliesTable, CriteriaFile, CriterionTable};
+use super::metric::{MetricEntry, Range, Takes};
+use super::unit::{Dimension, Quantity, read};
+use super::{Criteria, Criterion, MeantCriterion};
+use compensation_replay::CompensatorKind;
+use record::{DecisionRule, Limit};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// A criteria file is wrong, and where.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+pub struct CriteriaError {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, from 1, where there is one.
+    pub line: Option<usize>,
+    /// What is wrong, and what would be right.
+    pub what: String,
+}
+
+/// Names under which a record holds what always runs, beside those that a pipeline can ask for.
+const ALWAYS: [&str; 4] = ["raw", "pade-1-1", "pade-1-1-as-seen", "exact-async"];
+
+pub(super) fn from_disk(path: &Path) -> Result<Criteria, CriteriaError> {
+    let unreadable = |e: std::io::Error| fault(path, None, format!("cannot be read: {e}"));
+    parse(&std::fs::read_to_string(path).map_err(unreadable)?, path)
+}
+
+pub(super) fn parse(text: &str, path: &Path) -> Result<Criteria, CriteriaError> {
+    let written: CriteriaFile = toml::from_str(text).map_err(|e| from_toml(&e, text, path))?;
+    Checker { text, path }.meaning_of(written)
+}
+
+fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> CriteriaError {
+    CriteriaError { file: path.to_owned(), line, what: what.into() }
+}
+
+/// The parser's own complaint, in our words and with its line.
+fn from_toml(error: &toml::de::Error, text: &str, path: &Path) -> CriteriaError {
+    let what = error.message().replace("unknown field", "unknown key").replace("missing field", "missing key");
+    fault(path, error.span().map(|s| line_of(text, s.start)), what)
+}
+
+fn line_of(text: &str, byte: usize) -> usize {
+    text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
+}
+
+/// Knows the text, so that every complaint has its line.
+struct Checker<'a> {
+    text: &'a str,
+    path: &'a Path,
+}
+
+impl Checker<'_> {
+    fn meaning_of(&self, written: CriteriaFile) -> Result<Criteria, CriteriaError> {
+        if *written.schema.get_ref() != 1 {
+            return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+        }
+        if written.criterion.is_empty() {
+            return Err(fault(self.path, None, "holds no [[criterion]]: a flight could not be judged by it"));
+        }
+        self.no_id_twice(&written.criterion)?;
+        let criteria: Result<_, _> = written.criterion.into_iter().map(|c| self.criterion(c)).collect();
+        let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Criteria { title: written.title, file_name, criteria: criteria? })
+    }
+
+    fn no_id_twice(&self, criteria: &[Spanned<CriterionTable>]) -> Result<(), CriteriaError> {
+        let mut lines: BTreeMap<&str, usize> = BTreeMap::new();
+        for id in criteria.iter().map(|c| &c.get_ref().id) {
+            if let Some(line) = lines.insert(id.get_ref(), line_of(self.text, id.span().start)) {
+                let what = format!("id \"{}\" is that of the criterion on line {line} too", id.get_ref());
+                return Err(self.fault(id, what));
+            }
+        }
+        Ok(())
+    }
+
+    fn criterion(&self, written: Spanned<CriterionTable>) -> Result<Criterion, CriteriaError> {
+        let whole = Spanned::new(written.span(), ());
+        let table = written.into_inner();
+        self.id(&table.id)?;
+        self.says_something(&table.title, "title must say what is asked")?;
+        self.says_something(&table.rationale, "rationale must say why the limit is what it is")?;
+        let entry = MetricEntry::of(table.metric.get_ref()).map_err(|what| self.fault(&table.metric, what))?;
+        let compensator = self.compensator(&table, entry, &whole)?;
+        self.channels(&table, entry, &whole)?;
+        let (limit, quantity) = self.limit(&table, entry, &whole)?;
+        let rule = self.rule(table.decision.as_ref(), entry)?;
+        let applies_to = table.applies_to.as_ref().map(|a| self.applies_to(a)).transpose()?.unwrap_or_default();
+        let text = |value: &Option<Spanned<toml::Value>>| {
+            value.as_ref().and_then(|v| read(v.get_ref(), entry.dimension).ok()).map(|q| in_toml(&q, entry.dimension))
+        };
+        let between = table.between.as_ref().and_then(|pair| {
+            let [low, high] = pair.get_ref().as_slice() else { return None };
+            let one = |v| read(v, entry.dimension).ok().map(|q| in_toml(&q, entry.dimension));
+            Some([one(low)?, one(high)?])
+        });
+        let name = |name: Option<Spanned<String>>| name.map(Spanned::into_inner);
+        let written = MeantCriterion {
+            metric: entry.name.to_owned(),
+            at_most: text(&table.at_most),
+            at_least: text(&table.at_least),
+            between,
+            compensator,
+            channel: name(table.channel),
+            against: name(table.against),
+            decision: (rule == DecisionRule::Value).then_some("value"),
+            id: table.id.into_inner(),
+            title: table.title.into_inner(),
+            rationale: table.rationale.into_inner(),
+            applies_to: applies_to.clone(),
+        };
+        Ok(Criterion { entry, limit, unit: quantity.unit, rule, applies_to, written })
+    }
+
+    fn id(&self, id: &Spanned<String>) -> Result<(), CriteriaError> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        match !id.get_ref().is_empty() && id.get_ref().chars().all(plain) {
+            true => Ok(()),
+            false => Err(self.fault(id, format!("id {:?} must be letters, digits, -, _ and . alone", id.get_ref()))),
+        }
+    }
+
+    fn says_something(&self, text: &Spanned<String>, what: &str) -> Result<(), CriteriaError> {
+        if text.get_ref().trim().is_empty() { Err(self.fault(text, what)) } else { Ok(()) }
+    }
+
+    /// The compensator as records name it.
+    fn compensator(
+        &self,
+        table: &CriterionTable,
+        entry: &MetricEntry,
+        whole: &Spanned<()>,
+    ) -> Result<Option<String>, CriteriaError> {
+        match (&table.compensator, entry.takes) {
+            (None, Takes::Compensator) => {
+                let what = format!("missing key `compensator`: whose {}? As raw, pade-1-1 or exact-async", entry.name);
+                Err(self.fault(whole, what))
+            }
+            (Some(given), takes) if takes != Takes::Compensator => {
+                Err(self.fault(given, format!("compensator has no meaning for {}: leave it out", entry.name)))
+            }
+            (Some(given), _) => {
+                let name = recorded_name(given.get_ref()).map_err(|what| self.fault(given, what))?;
+                let of_raw = ["correction-rms", "error-ratio"].contains(&entry.name);
+                match of_raw && name == "raw" {
+                    true => Err(self.fault(given, format!("{} compares with raw: name a compensator", entry.name))),
+                    false => Ok(Some(name)),
+                }
+            }
+            (None, _) => Ok(None),
+        }
+    }
+
+    fn channels(&self, table: &CriterionTable, entry: &MetricEntry, whole: &Spanned<()>) -> Result<(), CriteriaError> {
+        let given = |name: &Option<Spanned<String>>, key: &str, allowed: bool| match name {
+            Some(name) if !allowed => {
+                Err(self.fault(name, format!("{key} has no meaning for {}: leave it out", entry.name)))
+            }
+            Some(name) => self.is_channel(name, name.get_ref()),
+            None => Ok(()),
+        };
+        if entry.takes == Takes::Channel && table.channel.is_none() {
+            let what = format!("missing key `channel`: the {} of which, as \"position.gps\"?", entry.name);
+            return Err(self.fault(whole, what));
+        }
+        given(&table.channel, "channel", matches!(entry.takes, Takes::Channel | Takes::Pair))?;
+        given(&table.against, "against", entry.takes == Takes::Pair)
+    }
+
+    fn is_channel<T>(&self, at: &Spanned<T>, name: &str) -> Result<(), CriteriaError> {
+        match name.split_once('.').is_some_and(|(quantity, source)| !quantity.is_empty() && !source.is_empty()) {
+            true => Ok(()),
+            false => Err(self.fault(at, format!("`{name}` is no channel: they are called as `position.gps`"))),
+        }
+    }
+
+    /// The one limit that is given.
+    fn limit(
+        &self,
+        table: &CriterionTable,
+        entry: &MetricEntry,
+        whole: &Spanned<()>,
+    ) -> Result<(Limit, Quantity), CriteriaError> {
+        let of = |value: &toml::Value, at: &dyn Fn(String) -> CriteriaError| {
+            read(value, entry.dimension).map_err(|what| at(format!("{}: {what}", entry.name)))
+        };
+        match (&table.at_most, &table.at_least, &table.between) {
+            (Some(most), None, None) => {
+                let quantity = of(most.get_ref(), &|what| self.fault(most, what))?;
+                self.keeps_something(most, entry, Limit::AtMost(quantity.si))?;
+                Ok((Limit::AtMost(quantity.si), quantity))
+            }
+            (None, Some(least), None) => {
+                let quantity = of(least.get_ref(), &|what| self.fault(least, what))?;
+                self.keeps_something(least, entry, Limit::AtLeast(quantity.si))?;
+                Ok((Limit::AtLeast(quantity.si), quantity))
+            }
+            (None, None, Some(pair)) => {
+                let [low, high] = pair.get_ref().as_slice() else {
+                    return Err(self.fault(pair, "between takes two numbers, the lower first"));
+                };
+                let low = of(low, &|what| self.fault(pair, what))?;
+                let high = of(high, &|what| self.fault(pair, what))?;
+                if low.si >= high.si {
+                    let what = format!("between: {} is not below {}", low.text(), high.text());
+                    return Err(self.fault(pair, what));
+                }
+                self.keeps_something(pair, entry, Limit::Between([low.si, high.si]))?;
+                Ok((Limit::Between([low.si, high.si]), high))
+            }
+            (None, None, None) => Err(self.fault(whole, "a criterion needs a limit: at_most, at_least or between")),
+            _ => Err(self.fault(whole, "a criterion has one limit: at_most, at_least or between, and no more")),
+        }
+    }
+
+    /// A limit that every number keeps, or none, is a slip of the pen.
+    fn keeps_something<T>(&self, at: &Spanned<T>, entry: &MetricEntry, limit: Limit) -> Result<(), CriteriaError> {
+        let (least, most) = match entry.range {
+            Range::Signed => return Ok(()),
+            Range::Positive => (0.0, f64::INFINITY),
+            Range::Share => (0.0, 1.0),
+        };
+        let (never, always) = match limit {
+            Limit::AtMost(x) => (x < least, x >= most),
+            Limit::AtLeast(x) => (x > most, x <= least),
+            Limit::Between([low, high]) => (high < least || low > most, low <= least && high >= most),
+        };
+        let bounds = if most.is_finite() { "from 0 to 100 %" } else { "never below zero" };
+        match (never, always) {
+            (true, _) => Err(self.fault(at, format!("no flight can keep this limit: {} is {bounds}", entry.name))),
+            (_, true) => Err(self.fault(at, format!("every flight keeps this limit: {} is {bounds}", entry.name))),
+            _ => Ok(()),
+        }
+    }
+
+    fn rule(&self, decision: Option<&Spanned<String>>, entry: &MetricEntry) -> Result<DecisionRule, CriteriaError> {
+        match (decision, entry.uncertain) {
+            (None, true) => Ok(DecisionRule::Interval),
+            (None, false) => Ok(DecisionRule::Plain),
+            (Some(given), false) => {
+                let what = format!("decision has no meaning for {}: it has no uncertainty of its own", entry.name);
+                Err(self.fault(given, what))
+            }
+            (Some(given), true) => match given.get_ref().as_str() {
+                "interval" => Ok(DecisionRule::Interval),
+                "value" => Ok(DecisionRule::Value),
+                other => Err(self.fault(given, format!("decision is \"interval\" or \"value\", not {other:?}"))),
+            },
+        }
+    }
+
+    fn applies_to(&self, written: &Spanned<AppliesTable>) -> Result<AppliesTo, CriteriaError> {
+        let AppliesTable { flights, maps, channels, reference, duration_at_least } = written.get_ref();
+        if let Some(channels) = channels {
+            let odd = channels.get_ref().iter().filter(|name| !name.contains('*'));
+            odd.into_iter().try_for_each(|name| self.is_channel(channels, name))?;
+        }
+        if let Some(reference) = reference.as_ref().filter(|r| !r.get_ref()) {
+            return Err(self.fault(reference, "applies_to.reference is true or left out"));
+        }
+        let meant = AppliesTo {
+            flights: self.names(flights, "flights")?,
+            maps: self.names(maps, "maps")?,
+            channels: self.names(channels, "channels")?,
+            reference: reference.is_some(),
+            duration_at_least_s: duration_at_least.as_ref().map(|d| self.duration(d)).transpose()?,
+        };
+        match meant.is_everything() {
+            true => Err(self.fault(written, "applies_to is empty: leave it out for all flights")),
+            false => Ok(meant),
+        }
+    }
+
+    fn duration(&self, written: &Spanned<toml::Value>) -> Result<f64, CriteriaError> {
+        let wrong = |what: String| self.fault(written, format!("applies_to.duration_at_least: {what}"));
+        let seconds = read(written.get_ref(), Dimension::Time).map_err(wrong)?.si;
+        if seconds > 0.0 { Ok(seconds) } else { Err(wrong("must be above zero".to_owned())) }
+    }
+
+    fn names(&self, written: &Option<Spanned<Vec<String>>>, key: &str) -> Result<Vec<String>, CriteriaError> {
+        let Some(list) = written else { return Ok(vec![]) };
+        match list.get_ref().is_empty() || list.get_ref().iter().any(|name| name.trim().is_empty()) {
+            true => Err(self.fault(list, format!("applies_to.{key} needs a name at least, and no empty one"))),
+            false => Ok(list.get_ref().clone()),
+        }
+    }
+
+    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> CriteriaError {
+        fault(self.path, Some(line_of(self.text, at.span().start)), what)
+    }
+}
+
+/// The name under which a record holds a compensator.
+fn recorded_name(name: &str) -> Result<String, String> {
+    if ALWAYS.contains(&name) {
+        return Ok(name.to_owned());
+    }
+    let kind: CompensatorKind = name.parse().map_err(|e| format!("{e}; and {}", ALWAYS.join(", ")))?;
+    let name = kind.to_string();
+    Ok(if name == "pade-1-1-tustin" { "pade-1-1".to_owned() } else { name })
+}
+
+/// As a criteria file has it.
+fn in_toml(quantity: &Quantity, dimension: Dimension) -> toml::Value {
+    match dimension {
+        Dimension::Count => toml::Value::Integer(quantity.written as i64),
+        Dimension::Ratio => toml::Value::Float(quantity.written),
+        _ => toml::Value::String(quantity.text()),
+    }
+}

@@ -1,0 +1,289 @@
+//! The delay of one flight as a sensor card has it, for the flight's channels and day.
+
+use super::{Case, FoundDelay, milliseconds};
+use crate::cards::UsedCard;
+use crate::rate::rate_of;
+use bench_analysis::sensor_name;
+use flight::{Channel, Clock, Delay, Notices, Severity, Stamp};
+use jiff::civil::Date;
+use jiff::tz::TimeZone;
+use record::{CardChannel, CardUse, Estimate, SensorCard, TimeBasis, Verdict};
+
+/// A flight that is updated faster or slower than on the bench by more than this runs in another configuration.
+const RATE_TOLERANCE: f64 = 0.2;
+/// 1980-01-06 as Unix counts, s.
+const GPS_EPOCH_S: i64 = 315_964_800;
+/// Leap seconds that GPS time is ahead of UTC since 2017, s; for a day, a second more or less does not matter.
+const GPS_LEAP_S: i64 = 18;
+
+/// The delay of a flight by the best of these cards, or why there is none to remove.
+pub(super) fn delay_of(cards: &[UsedCard], case: &Case<'_>) -> Result<FoundDelay, String> {
+    let days = case.days();
+    let used = best(cards, days).ok_or("there is no sensor card")?;
+    Reading { used, card: used.card(), case, days, notices: Notices::new() }.delay()
+}
+
+/// The UTC instant of a stamp; `None` for a clock that does not know the day.
+pub(crate) fn instant(clock: Clock, stamp: Stamp) -> Option<jiff::Timestamp> {
+    let ahead_s = match clock {
+        Clock::Unix => 0,
+        Clock::Gps => GPS_EPOCH_S - GPS_LEAP_S,
+        Clock::Boot | Clock::Elapsed => return None,
+    };
+    let nanos = i128::from(stamp.0) + i128::from(ahead_s) * i128::from(flight::NANOS_PER_SECOND);
+    jiff::Timestamp::from_nanosecond(nanos).ok()
+}
+
+/// First and last UTC day of a flight.
+type Days = (Date, Date);
+
+impl Case<'_> {
+    /// The days of the flight: by its position's stamps, else by those of any channel that knows the time of day.
+    fn days(&self) -> Option<Days> {
+        let others = self.flight.channels.values();
+        std::iter::once(self.position.1).chain(others).find_map(days_of)
+    }
+}
+
+fn days_of(channel: &Channel) -> Option<Days> {
+    let timeline = channel.series.timeline();
+    let primary = (timeline.clock(), timeline.stamps());
+    let others = channel.other_stamps.iter().map(|(_, clock, stamps)| (*clock, stamps.as_slice()));
+    std::iter::once(primary).chain(others).find_map(|(clock, stamps)| {
+        let least = stamps.iter().min()?;
+        Some((day(clock, *least)?, day(clock, *stamps.iter().max()?)?))
+    })
+}
+
+fn day(clock: Clock, stamp: Stamp) -> Option<Date> {
+    instant(clock, stamp).map(|instant| instant.to_zoned(TimeZone::UTC).date())
+}
+
+/// The day of a card's text, which was checked when the card was read.
+fn date(text: Option<&String>) -> Option<Date> {
+    text.and_then(|t| t.parse().ok())
+}
+
+/// Whether a card holds on the days of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Validity {
+    Valid,
+    /// The card says nothing of days.
+    Unlimited,
+    /// The flight says nothing of days.
+    DayUnknown,
+    Expired(Date),
+    NotYet(Date),
+}
+
+impl Validity {
+    fn of(card: &SensorCard, days: Option<Days>) -> Validity {
+        let (from, until) = (date(card.valid_from.as_ref()), date(card.valid_until.as_ref()));
+        match (from, until, days) {
+            (None, None, _) => Validity::Unlimited,
+            (_, _, None) => Validity::DayUnknown,
+            (_, Some(until), Some((_, last))) if last > until => Validity::Expired(until),
+            (Some(from), _, Some((first, _))) if first < from => Validity::NotYet(from),
+            _ => Validity::Valid,
+        }
+    }
+
+    fn is_doubtful(self) -> bool {
+        matches!(self, Validity::Expired(_) | Validity::NotYet(_))
+    }
+}
+
+/// Of several cards of a sensor: one that is valid on the flight's days before one that is not, then the newest.
+fn best(cards: &[UsedCard], days: Option<Days>) -> Option<&UsedCard> {
+    let rank = |used: &&UsedCard| {
+        let card = used.card();
+        (!Validity::of(card, days).is_doubtful(), date(card.measured_on.as_ref()), used.name().to_owned())
+    };
+    cards.iter().max_by_key(rank)
+}
+
+/// A card that is read for a flight.
+struct Reading<'a> {
+    used: &'a UsedCard,
+    card: &'a SensorCard,
+    case: &'a Case<'a>,
+    days: Option<Days>,
+    notices: Notices,
+}
+
+/// What velocity is late by, and what is said of it.
+struct OfVelocity {
+    /// Delay and standard uncertainty, s; `None` if velocity is taken as on time.
+    subtracted: Option<(f64, f64)>,
+    words: String,
+}
+
+impl<'a> Reading<'a> {
+    fn delay(mut self) -> Result<FoundDelay, String> {
+        let position = self.position()?;
+        let velocity = self.velocity(position);
+        let (seconds, uncertainty_s) = match velocity.subtracted {
+            Some((v, u)) => (position.delay_s - v, position.delay_standard_uncertainty_s.hypot(u)),
+            None => (position.delay_s, position.delay_standard_uncertainty_s),
+        };
+        let nothing =
+            || format!("{}: {} is not later than velocity: nothing to remove", self.used.name(), position.name);
+        let delay = Delay::from_seconds(seconds).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
+        self.warn_of_configuration(position, self.case.position);
+        if position.lags_s.iter().any(|lag| *lag > 0.0) {
+            let text =
+                format!("{} shows {}: removed as the pure delay that fits it best", position.name, position.model);
+            self.tell(Severity::Info, "card-lag", text);
+        }
+        let validity = self.validity();
+        let source = format!("{}{}{validity}", self.origin(position), velocity.words);
+        let estimate =
+            Estimate { value: position.delay_s, standard_uncertainty: Some(position.delay_standard_uncertainty_s) };
+        let card = CardUse {
+            file: self.used.name().to_owned(),
+            blake3: self.used.blake3().to_owned(),
+            sensor: self.card.sensor.clone(),
+            channel: position.name.clone(),
+            delay_s: estimate,
+        };
+        Ok(FoundDelay {
+            delay,
+            standard_uncertainty_s: Some(uncertainty_s),
+            source,
+            card: Some(card),
+            notices: self.notices,
+        })
+    }
+
+    fn tell(&mut self, severity: Severity, code: &str, text: String) {
+        self.notices.push(severity, code, self.used.name(), 1, text);
+    }
+
+    /// The card's word on the position that is replayed.
+    fn position(&self) -> Result<&'a CardChannel, String> {
+        let name = self.case.position.0;
+        let file = self.used.name();
+        let position = self.card.channels.iter().find(|c| c.name == name).ok_or_else(|| {
+            let held: Vec<&str> = self.card.channels.iter().map(|c| c.name.as_str()).collect();
+            format!("{file}: the card has no channel {name}, which this flight replays; it has {}", held.join(", "))
+        })?;
+        let delay = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
+        let nothing = match position.verdict {
+            Verdict::Delayed => return Ok(position),
+            Verdict::Early => "early: only a late position can be compensated",
+            Verdict::EquivalentToZero => "equivalent to zero: there is nothing to remove",
+            Verdict::Inconclusive => "inconclusive: nobody knows whether there is something to remove",
+            Verdict::NotMeasurable => "not measurable: nobody knows whether there is something to remove",
+        };
+        Err(format!("{file}: the delay of {name}, {delay} ms, is {nothing}"))
+    }
+
+    /// What velocity is late by: the compensators remove the difference (design note 5.6).
+    fn velocity(&mut self, position: &CardChannel) -> OfVelocity {
+        let name = self.case.velocity.0;
+        let card = self.card;
+        let Some(velocity) = card.channels.iter().find(|c| c.name == name) else {
+            self.tell(
+                Severity::Info,
+                "card-velocity",
+                format!("the card has no channel {name}: it is taken as on time"),
+            );
+            self.warn_of_anchor(position);
+            return OfVelocity { subtracted: None, words: format!("; {name}, not on the card, taken as on time") };
+        };
+        let shown = milliseconds(velocity.delay_s, velocity.delay_standard_uncertainty_s);
+        let on_time = |words: String| OfVelocity { subtracted: None, words };
+        match velocity.verdict {
+            Verdict::EquivalentToZero => on_time(format!("; {name} is on time within its margin ({shown} ms)")),
+            Verdict::Inconclusive | Verdict::NotMeasurable => {
+                let text = format!("{name}: {shown} ms, which does not decide whether it is late: taken as on time");
+                self.tell(Severity::Warning, "card-velocity", text);
+                self.warn_of_anchor(position);
+                on_time(format!("; {name}, undecided at {shown} ms, taken as on time"))
+            }
+            Verdict::Delayed | Verdict::Early if is_comparable(position, velocity) => {
+                self.warn_of_configuration(velocity, self.case.velocity);
+                let subtracted = Some((velocity.delay_s, velocity.delay_standard_uncertainty_s));
+                OfVelocity { subtracted, words: format!(", less that of {name}: {shown} ms") }
+            }
+            Verdict::Delayed | Verdict::Early => {
+                let text = format!(
+                    "{name}: {shown} ms, measured against another clock than {}: not taken off, taken as on time",
+                    position.name
+                );
+                self.tell(Severity::Warning, "card-velocity", text);
+                self.warn_of_anchor(position);
+                on_time(format!("; {name}, not comparable, taken as on time"))
+            }
+        }
+    }
+
+    /// A delay against an anchor is only as good as the anchor; the difference of two such delays is free of it.
+    fn warn_of_anchor(&mut self, position: &CardChannel) {
+        if let TimeBasis::Anchor { channel } = &position.basis {
+            let text = format!(
+                "{}: the delay is relative to {channel}, which the bench took as on time: whatever {channel} is late \
+                 is missing in it",
+                position.name
+            );
+            self.tell(Severity::Warning, "card-relative", text);
+        }
+    }
+
+    /// Stamps and update rate of the flight against those on the bench.
+    fn warn_of_configuration(&mut self, on_card: &CardChannel, (name, channel): (&str, &Channel)) {
+        let (kind, bench) = (channel.series.timeline().kind(), on_card.stamp_kind);
+        if kind != bench {
+            let text = format!("{name}: this flight has {kind} stamps, the bench measured the delay of {bench} ones");
+            self.tell(Severity::Warning, "card-stamp-kind", text);
+        }
+        let rates = rate_of(&self.case.binding.channels, name).zip(on_card.update_rate_hz);
+        if let Some((rate, bench)) = rates.filter(|(rate, bench)| (rate / bench - 1.0).abs() > RATE_TOLERANCE) {
+            let text = format!("{name}: updated at {rate:.2} Hz in this flight, at {bench:.2} Hz on the bench");
+            self.tell(Severity::Warning, "card-rate", text);
+        }
+    }
+
+    /// Says whether the card holds on this day; the words end the sentence of the source.
+    fn validity(&mut self) -> String {
+        let flown = |(first, last): Days| if first == last { first.to_string() } else { format!("{first} to {last}") };
+        let flown = self.days.map(flown).unwrap_or_default();
+        match Validity::of(self.card, self.days) {
+            Validity::Valid | Validity::Unlimited => String::new(),
+            Validity::DayUnknown => {
+                let text = "no stamp of this flight tells the day: whether the card is valid is not known";
+                self.tell(Severity::Warning, "card-day-unknown", text.to_owned());
+                "; the day of the flight is not known".to_owned()
+            }
+            Validity::Expired(until) => {
+                let text = format!("flown on {flown}, but the card expired on {until}: its delay is used all the same");
+                self.tell(Severity::Warning, "card-expired", text);
+                format!("; EXPIRED on {until}")
+            }
+            Validity::NotYet(from) => {
+                let text =
+                    format!("flown on {flown}, before the card begins on {from}: its delay is used all the same");
+                self.tell(Severity::Warning, "card-not-yet-valid", text);
+                format!("; NOT YET VALID, from {from} on")
+            }
+        }
+    }
+
+    fn origin(&self, position: &CardChannel) -> String {
+        let sensor = sensor_name(&self.card.sensor);
+        let day = self.card.measured_on.as_ref().map(|day| format!(", measured on {day}")).unwrap_or_default();
+        let records =
+            if position.records == 1 { "1 record".to_owned() } else { format!("{} records", position.records) };
+        let shown = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
+        format!("sensor card {} of {sensor}{day}, {records}: {} {shown} ms (k = 2)", self.used.name(), position.name)
+    }
+}
+
+/// Whether two delays are measured against the same thing.
+fn is_comparable(a: &CardChannel, b: &CardChannel) -> bool {
+    let anchor = |c: &CardChannel| match &c.basis {
+        TimeBasis::OneClock | TimeBasis::Pps => None,
+        TimeBasis::Anchor { channel } => Some(channel.clone()),
+    };
+    anchor(a) == anchor(b)
+}

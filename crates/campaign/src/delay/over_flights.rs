@@ -1,0 +1,237 @@
+//! Delays over the flights of a campaign: one mean, one test, one chart, one curve.
+
+use bench_analysis::{Reading, mean_of};
+use record::{
+    CampaignDelay, ControlPoint, DelayOverFlights, DelaySweep, Estimate, Finding, FlightHomogeneity, FlightRow,
+    PooledSweep, SweepScore,
+};
+use signal::{CubicSpline, SegmentDelay, homogeneity};
+
+/// Limits of the control chart, in standard uncertainties.
+const LIMIT: f64 = 3.0;
+/// Points of the pooled curve.
+const POINTS: usize = 41;
+/// Sweeps that share less than this have no common curve, s.
+const LEAST_SHARED_S: f64 = 0.01;
+
+/// What the flights' delays say together; `None` if no flight has one.
+pub(crate) fn campaign_delay(rows: &[FlightRow]) -> Option<CampaignDelay> {
+    let of = |row: &FlightRow| reading(&row.measured_delay_s?);
+    let optimum = |row: &FlightRow| reading(&row.sweep.as_ref()?.optimum.found()?.delay_s);
+    let (measured, swept) = (over_flights(rows, of), over_flights(rows, optimum));
+    let (control, in_time_order) = control(rows, measured.found());
+    if control.is_empty() && rows.iter().all(|row| row.sweep.is_none()) {
+        return None;
+    }
+    Some(CampaignDelay { card_s: card(rows), curve: pooled(rows), measured, swept, control, in_time_order })
+}
+
+fn reading(delay_s: &Estimate) -> Option<Reading> {
+    let standard_uncertainty = delay_s.standard_uncertainty.filter(|u| *u > 0.0 && u.is_finite())?;
+    Some(Reading { value: delay_s.value, standard_uncertainty }).filter(|r| r.value.is_finite())
+}
+
+fn over_flights(rows: &[FlightRow], of: impl Fn(&FlightRow) -> Option<Reading>) -> Finding<DelayOverFlights> {
+    let readings: Vec<Reading> = rows.iter().filter_map(of).collect();
+    let Some(mean) = mean_of(&readings) else {
+        return Finding::CannotTell("no flight tells its delay with an uncertainty".to_owned());
+    };
+    let segments: Vec<SegmentDelay> = readings
+        .iter()
+        .map(|r| SegmentDelay { middle_s: 0.0, delay_s: r.value, standard_uncertainty_s: r.standard_uncertainty })
+        .collect();
+    let homogeneity = homogeneity(&segments).map(|(chi2, p)| FlightHomogeneity {
+        chi2,
+        degrees_of_freedom: readings.len() as u64 - 1,
+        p,
+    });
+    Finding::Found(DelayOverFlights {
+        flights: readings.len() as u64,
+        delay_s: Estimate { value: mean.value, standard_uncertainty: Some(mean.standard_uncertainty) },
+        between_s: mean.between,
+        homogeneity,
+    })
+}
+
+/// The card's word, if it is the same for all flights that have one.
+fn card(rows: &[FlightRow]) -> Option<Estimate> {
+    let mut all = rows.iter().filter_map(|row| row.card_delay_s);
+    let first = all.next()?;
+    all.all(|other| other == first).then_some(first)
+}
+
+/// The measured delays in the order of time (if every one is known) or of names. Each should be what its card says; where
+/// there is no card, the mean over the flights.
+fn control(rows: &[FlightRow], mean: Option<&DelayOverFlights>) -> (Vec<ControlPoint>, bool) {
+    let point = |row: &FlightRow| {
+        let measured = reading(&row.measured_delay_s?)?;
+        let (centre_s, u) = match (row.card_delay_s, mean) {
+            (Some(card), _) => (card.value, card.standard_uncertainty.unwrap_or(0.0)),
+            (None, Some(mean)) => (mean.delay_s.value, mean.between_s.unwrap_or(0.0)),
+            (None, None) => return None,
+        };
+        let limit_s = LIMIT * measured.standard_uncertainty.hypot(u);
+        Some(ControlPoint {
+            flight: row.flight.clone(),
+            flown_at: row.flown_at.clone(),
+            delay_s: row.measured_delay_s?,
+            centre_s,
+            limit_s,
+            is_outside: (measured.value - centre_s).abs() > limit_s,
+        })
+    };
+    let mut points: Vec<ControlPoint> = rows.iter().filter_map(point).collect();
+    let in_time_order = !points.is_empty() && points.iter().all(|p| p.flown_at.is_some());
+    if in_time_order {
+        points.sort_by(|a, b| (&a.flown_at, &a.flight).cmp(&(&b.flown_at, &b.flight)));
+    }
+    (points, in_time_order)
+}
+
+/// Mean squares of the flights' sweeps over the delays that all of them have: weighted by seconds flown where errors are
+/// pooled, by fixes where steps are.
+fn pooled(rows: &[FlightRow]) -> Finding<PooledSweep> {
+    let swept = |against| rows.iter().filter_map(|row| weighted(row, against)).collect::<Vec<_>>();
+    let with_reference = swept(true);
+    let against_reference = !with_reference.is_empty();
+    let all = if against_reference { with_reference } else { swept(false) };
+    if all.is_empty() {
+        return Finding::CannotTell("no flight has a delay sweep".to_owned());
+    }
+    let low = all.iter().filter_map(|(s, _)| s.delay_s.first()).copied().fold(f64::NEG_INFINITY, f64::max);
+    let high = all.iter().filter_map(|(s, _)| s.delay_s.last()).copied().fold(f64::INFINITY, f64::min);
+    if high - low < LEAST_SHARED_S {
+        return Finding::CannotTell("the flights were swept over delays that they do not share".to_owned());
+    }
+    let delay_s: Vec<f64> = (0..POINTS).map(|k| low + (high - low) * k as f64 / (POINTS - 1) as f64).collect();
+    let (mut squares, mut weights, mut flights, mut samples) = (vec![0.0; POINTS], 0.0, 0, 0);
+    for (sweep, weight) in all {
+        let Some(curve) = mean_squares(sweep) else { continue };
+        delay_s.iter().zip(&mut squares).for_each(|(d, sum)| *sum += weight * curve.value(*d).max(0.0));
+        weights += weight;
+        flights += 1;
+        samples += sweep.samples;
+    }
+    let rms_m = squares.iter().map(|s| (s / weights).sqrt()).collect();
+    Finding::Found(PooledSweep { against_reference, flights, samples, delay_s, rms_m })
+}
+
+/// The sweep of a flight and its weight, if it scores errors (`against_reference`) or steps.
+fn weighted(row: &FlightRow, against_reference: bool) -> Option<(&DelaySweep, f64)> {
+    let sweep = row.sweep.as_ref()?;
+    match (&sweep.score, against_reference) {
+        (SweepScore::ErrorAgainst(_), true) => Some((sweep, row.duration_s?)),
+        (SweepScore::StepAtFixes, false) => Some((sweep, sweep.samples as f64)),
+        _ => None,
+    }
+}
+
+/// The mean square of a sweep over its delay. Marked delays may lie next to those of the grid: of two that are close, one
+/// is enough.
+fn mean_squares(sweep: &DelaySweep) -> Option<CubicSpline> {
+    let (first, last) = (sweep.delay_s.first()?, sweep.delay_s.last()?);
+    let close = 0.4 * (last - first) / sweep.delay_s.len() as f64;
+    let (mut t, mut y): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
+    for (delay, rms) in sweep.delay_s.iter().zip(&sweep.rms_m) {
+        if t.last().is_none_or(|before| delay - before > close) {
+            t.push(*delay);
+            y.push(rms * rms);
+        }
+    }
+    CubicSpline::new(&t, &y).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::{Outcome, SweepMethod, SweepOptimum};
+
+    fn row(flight: &str, delay_s: f64, u: f64) -> FlightRow {
+        let json = serde_json::json!({
+            "flight": flight, "key": "", "page": "", "outcome": "compensated", "lossy": false, "format": "",
+            "bytes": 0, "duration_s": 100.0, "attention": [], "warnings": 0, "losses": 0,
+        });
+        let row: FlightRow = serde_json::from_value(json).unwrap();
+        assert_eq!(row.outcome, Outcome::Compensated);
+        FlightRow { measured_delay_s: Some(Estimate { value: delay_s, standard_uncertainty: Some(u) }), ..row }
+    }
+
+    /// rms² = floor² + speed² (Td − best)², on multiples of 5 ms and at the best delay itself.
+    fn sweep(best: f64, speed: f64, (from, to): (i32, i32)) -> DelaySweep {
+        let mut delay_s: Vec<f64> = (from..=to).map(|k| f64::from(k) * 0.005).collect();
+        delay_s.push(best);
+        delay_s.sort_by(f64::total_cmp);
+        let rms_m = delay_s.iter().map(|d| 0.3_f64.hypot(speed * (d - best))).collect();
+        DelaySweep {
+            score: SweepScore::ErrorAgainst("position.truth".into()),
+            samples: 1000,
+            delay_s,
+            rms_m,
+            at: vec![],
+            optimum: Finding::Found(SweepOptimum {
+                delay_s: Estimate { value: best, standard_uncertainty: Some(0.001) },
+                interval_95_s: [best - 0.002, best + 0.002],
+                method: SweepMethod::Jackknife,
+            }),
+        }
+    }
+
+    #[test]
+    fn flights_that_agree_have_one_delay_and_one_that_is_off_is_outside_its_limits() {
+        let mut rows: Vec<FlightRow> = [0.401, 0.399, 0.4, 0.4005].iter().map(|d| row("a", *d, 0.001)).collect();
+        let together = campaign_delay(&rows).unwrap();
+        let found = *together.measured.found().unwrap();
+        assert!((found.delay_s.value - 0.400_125).abs() < 1e-12, "equal weights: the plain mean");
+        assert_eq!(found.between_s, Some(0.0));
+        // Σ (x − mean)²/u², by hand: 0.875² + 1.125² + 0.125² + 0.375².
+        let h = found.homogeneity.unwrap();
+        assert!((h.chi2 - 2.187_5).abs() < 1e-9 && h.degrees_of_freedom == 3);
+        rows.push(row("late", 0.43, 0.001));
+        rows.iter_mut().for_each(|r| r.card_delay_s = Some(Estimate { value: 0.4, standard_uncertainty: Some(0.002) }));
+        let together = campaign_delay(&rows).unwrap();
+        let outside: Vec<&str> = together.control.iter().filter(|p| p.is_outside).map(|p| p.flight.as_str()).collect();
+        assert_eq!(outside, ["late"]);
+        assert!((together.control[0].limit_s - 3.0 * 5f64.sqrt() * 1e-3).abs() < 1e-12, "3 √(1² + 2²) ms");
+        assert!(together.measured.found().unwrap().homogeneity.unwrap().p < 1e-6);
+        assert_eq!(together.card_s.map(|c| c.value), Some(0.4));
+    }
+
+    #[test]
+    fn flights_stand_in_the_order_of_time_if_all_know_it() {
+        let mut rows = vec![row("b", 0.4, 0.001), row("a", 0.4, 0.001)];
+        let names = |rows: &[FlightRow]| {
+            let all = campaign_delay(rows).unwrap();
+            (all.control.iter().map(|p| p.flight.clone()).collect::<Vec<_>>().concat(), all.in_time_order)
+        };
+        assert_eq!(names(&rows), ("ba".to_owned(), false), "the order of the rows");
+        rows[0].flown_at = Some("2026-05-04T12:00:00Z".into());
+        rows[1].flown_at = Some("2026-05-03T12:00:00Z".into());
+        assert_eq!(names(&rows), ("ab".to_owned(), true));
+    }
+
+    /// Weights 100 s and 300 s: mean squares about 0.40 and 0.42 s at 20 and 10 m/s.
+    #[test]
+    fn the_pooled_curve_is_the_mean_of_the_squares_weighted_by_time() {
+        let mut rows = vec![row("a", 0.4, 0.001), row("b", 0.42, 0.001)];
+        rows[0].sweep = Some(sweep(0.4, 20.0, (60, 100)));
+        rows[1].sweep = Some(sweep(0.4213, 10.0, (64, 104)));
+        rows[1].duration_s = Some(300.0);
+        let all = campaign_delay(&rows).unwrap();
+        let pooled = all.curve.found().unwrap();
+        assert_eq!((pooled.flights, pooled.samples, pooled.against_reference), (2, 2000, true));
+        assert!((pooled.delay_s[0] - 0.32).abs() < 1e-12 && (pooled.delay_s[POINTS - 1] - 0.5).abs() < 1e-12);
+        for (d, rms) in pooled.delay_s.iter().zip(&pooled.rms_m) {
+            let squares = 0.09 + 0.25 * (20.0 * (d - 0.4)).powi(2) + 0.75 * (10.0 * (d - 0.4213)).powi(2);
+            assert!((rms - squares.sqrt()).abs() < 1e-9, "{d}: {rms} and {}", squares.sqrt());
+        }
+        rows[1].sweep = Some(sweep(0.9, 10.0, (160, 200)));
+        assert!(campaign_delay(&rows).unwrap().curve.found().is_none(), "no delay is in both");
+    }
+
+    #[test]
+    fn without_any_delay_there_is_nothing_to_say() {
+        let mut only = row("a", 0.4, 0.001);
+        only.measured_delay_s = None;
+        assert_eq!(campaign_delay(&[only]), None);
+    }
+}

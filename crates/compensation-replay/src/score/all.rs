@@ -1,0 +1,190 @@
+//! All scores of a replay.
+
+use super::budget::{Ground, StandIn};
+use super::motion::{self, Motion};
+use super::reference::Judge;
+use super::truthless::{self, Legs, Passes};
+use super::updates::Updates;
+use super::{Innovations, Reference, jackknife};
+use crate::estimate::{EXACT_ASYNC, Positions};
+use crate::flight_delay::residual::{TrackFit, TrackFitter};
+use crate::input::{AXES, Input};
+use crate::rows::{Rows, median_step};
+use crate::settings::Settings;
+use crate::validity::{DelayModel, Delays, ValidityBand};
+use record::{CompensatorScore, Estimate, Finding, HelpfulBand, ReplayScores, ResidualDelay};
+use std::ops::Range;
+
+/// Share of the raw error that still counts as help.
+const HELP: f64 = 0.1;
+
+/// What is known of a replay when it is scored.
+pub(crate) struct Played<'a> {
+    pub(crate) input: &'a Input,
+    pub(crate) settings: &'a Settings,
+    pub(crate) segments: &'a [Range<usize>],
+    pub(crate) rows: &'a Rows,
+    /// Raw first.
+    pub(crate) tracks: &'a [Positions],
+    pub(crate) innovations: &'a Innovations,
+    /// Predicted way, 2-D rms, m.
+    pub(crate) way_m: f64,
+}
+
+type Fit = Result<TrackFit, String>;
+
+/// Everything of [`ReplayScores`].
+pub(crate) fn scores(played: &Played) -> ReplayScores {
+    let Played { input, settings, segments, rows, tracks, .. } = *played;
+    let updates = Updates::of(input, rows, segments);
+    let raw = &tracks[0];
+    let td = settings.delay.seconds();
+    let fits = fits(played, &updates);
+    let legs = Legs::of(&updates, td);
+    let passes = Passes::of(&updates, raw);
+    let motion = Motion::of(&input.velocity, segments, td);
+    let valid: Vec<usize> = rows.valid().collect();
+    let reference = input.reference.as_ref().map(|r| Reference::at(r, rows, &valid));
+    let judge = reference.as_ref().map(|r| Judge::of(r, rows, &input.velocity));
+    let no_reference = "the log holds no independent position";
+    let mean_age = rows.mean_age_s();
+    let against_reference: Vec<_> = tracks
+        .iter()
+        .map(|track| match &judge {
+            Some(judge) => judge.score(track, if track.is_raw() { td + mean_age } else { 0.0 }),
+            None => Finding::CannotTell(no_reference.to_owned()),
+        })
+        .collect();
+    let exact = tracks.iter().position(|t| t.name == EXACT_ASYNC);
+    let velocity_delay_s = match exact {
+        Some(k) => velocity_delay(&fits[k], &against_reference[k]),
+        None => Finding::CannotTell(no_reference.to_owned()),
+    };
+    let left_s = residual(&fits[0]).map(|e| Estimate { value: e.value - td, ..e });
+    let band_delay = band_delays(left_s, &velocity_delay_s);
+    let age2 = valid.iter().map(|&r| rows.age[r].powi(2)).sum::<f64>() / valid.len().max(1) as f64;
+    let speed2 = valid.iter().map(|&r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum::<f64>()).sum::<f64>();
+    let ground = Ground {
+        speed_mps: (speed2 / valid.len().max(1) as f64).sqrt(),
+        delay_s: td,
+        delay_u_s: settings.delay_uncertainty_s,
+        age_s: (mean_age, age2),
+        way_m: played.way_m,
+        raw_fit: fits[0].as_ref().map_err(String::as_str),
+        motion: motion.as_ref().map_err(String::as_str),
+        left_s,
+        velocity_delay_s: &velocity_delay_s,
+        row_step_s: median_step(&rows.t),
+    };
+    let score = |(k, track): (usize, &Positions)| CompensatorScore {
+        name: track.name.clone(),
+        residual_delay: residual_finding(&fits[k], if track.is_raw() { td } else { ground.truncation_delay_s(track) }),
+        lead_s: truthless::lead(&updates, raw, track),
+        expected_lead_s: track.delay.seconds(),
+        step_correlation: truthless::step_correlation(played.innovations, track),
+        hysteresis: passes.hysteresis(&updates, track, if track.is_raw() { td } else { 0.0 }),
+        raw_minus_this_axes_rms_m: AXES.map(|axis| difference(raw, track, &valid, axis)),
+        straight: legs.score(&updates, raw, track),
+        budget: ground.budget(track, against_reference[k].found().map(|score| score.rms_m)),
+        reference: against_reference[k].clone(),
+        band: band(track, band_delay, &motion),
+    };
+    ReplayScores {
+        compensators: tracks.iter().enumerate().map(score).collect(),
+        predicted_axes_rms_m: AXES.map(|k| {
+            (valid.iter().map(|&r| rows.predicted[k][r].powi(2)).sum::<f64>() / valid.len().max(1) as f64).sqrt()
+        }),
+        straight_legs: legs.finding(),
+        opposite_passes: passes.finding(),
+        velocity_delay_s,
+        motion: motion::finding(&motion),
+        bands_hz: judge.as_ref().map(|j| j.bands_hz.clone()).unwrap_or_default(),
+        speeds_mps: judge.as_ref().map(|j| j.speeds_mps.clone()).unwrap_or_default(),
+    }
+}
+
+/// Delays of the tracks against the integral of velocity. The paper's filter that is told of the mean age is late by less
+/// than nothing at a fresh fix, on purpose, so it is left out.
+fn fits(played: &Played, updates: &Updates) -> Vec<Fit> {
+    let mut fitter = TrackFitter::new(&played.input.velocity);
+    let fit = |track: &Positions| {
+        if track.further.is_none() && track.delay.seconds() > played.settings.delay.seconds() {
+            return Err("set to be right on the mean between two fixes; only fresh fixes are looked at".to_owned());
+        }
+        let expected_s = if track.is_raw() { played.settings.delay.seconds() } else { 0.0 };
+        fitter.fit(updates.horizontal(track), expected_s)
+    };
+    played.tracks.iter().map(fit).collect()
+}
+
+fn residual(fit: &Fit) -> Option<Estimate> {
+    fit.as_ref().ok().map(|f| Estimate { value: f.delay_s, standard_uncertainty: Some(f.standard_uncertainty_s) })
+}
+
+fn residual_finding(fit: &Fit, expected_s: f64) -> Finding<ResidualDelay> {
+    match fit {
+        Ok(f) => Finding::Found(ResidualDelay {
+            delay_s: Estimate { value: f.delay_s, standard_uncertainty: Some(f.standard_uncertainty_s) },
+            interval_95_s: f.interval_95_s,
+            samples: f.samples,
+            expected_s,
+        }),
+        Err(why) => Finding::CannotTell(why.clone()),
+    }
+}
+
+/// What the exact form is late against the reference beyond what it is late against the velocity.
+fn velocity_delay(fit: &Fit, score: &Finding<record::ReferenceScore>) -> Finding<Estimate> {
+    let against_reference = match score {
+        Finding::Found(score) => &score.residual_delay_s,
+        Finding::CannotTell(why) => return Finding::CannotTell(why.clone()),
+    };
+    match (residual(fit), against_reference) {
+        (Some(a), Finding::Found(b)) => Finding::Found(Estimate {
+            value: b.value - a.value,
+            standard_uncertainty: a.standard_uncertainty.zip(b.standard_uncertainty).map(|(a, b)| a.hypot(b)),
+        }),
+        (_, Finding::CannotTell(why)) => Finding::CannotTell(why.clone()),
+        (None, _) => Finding::CannotTell(fit.as_ref().err().cloned().unwrap_or_default()),
+    }
+}
+
+/// What of the residual delay and the velocity's own one is seen to differ from zero, s.
+fn band_delays(residual: Option<Estimate>, velocity: &Finding<Estimate>) -> (f64, f64) {
+    let seen =
+        |e: &Estimate| if e.standard_uncertainty.is_some_and(|u| e.value.abs() > 2.0 * u) { e.value } else { 0.0 };
+    (residual.as_ref().map_or(0.0, seen), velocity.found().map_or(0.0, seen))
+}
+
+fn band(track: &Positions, (left_s, velocity_s): (f64, f64), motion: &Result<Motion, String>) -> Finding<HelpfulBand> {
+    let stand_in = StandIn::of(track);
+    let model = match &stand_in {
+        StandIn::Pade(form) => DelayModel::Pade(form),
+        StandIn::Exact => DelayModel::Exact,
+        StandIn::Nothing => return Finding::CannotTell("raw is what the others are compared with".to_owned()),
+        StandIn::Adaptive => {
+            return Finding::CannotTell(
+                "it weighs position and velocity as their noise asks: no fixed band".to_owned(),
+            );
+        }
+    };
+    let compensator_s = track.delay.seconds();
+    let delays = Delays { position_s: compensator_s + left_s + velocity_s, velocity_s, compensator_s };
+    let Some(band) = ValidityBand::of(model, delays, HELP) else {
+        return Finding::CannotTell("the position is not late".to_owned());
+    };
+    let share = motion.as_ref().ok().and_then(|m| band.share_of_spectra(&m.spectra));
+    Finding::Found(HelpfulBand {
+        factor: band.factor,
+        helps_below_hz: band.helps_below_hz,
+        halves_below_hz: band.halves_below_hz,
+        worse_above_hz: band.worse_above_hz,
+        delays_s: [delays.position_s, delays.velocity_s, delays.compensator_s],
+        motion_share: share.map(|s| [s.helped, s.between, s.worse]),
+    })
+}
+
+fn difference(raw: &Positions, track: &Positions, valid: &[usize], axis: usize) -> Estimate {
+    let rows = valid.iter().filter(|&&r| track.speaks(r)).map(|&r| raw.axes[axis][r] - track.axes[axis][r]);
+    jackknife::rms(rows).unwrap_or(Estimate { value: 0.0, standard_uncertainty: None })
+}

@@ -1,0 +1,272 @@
+//! What the error of a compensator should be, term by term (design note 5.6).
+
+use super::motion::Motion;
+use super::updates::knows_age;
+use crate::compensator::{CompensatorKind, Discretisation, PadeForm};
+use crate::estimate::Positions;
+use crate::flight_delay::residual::TrackFit;
+use nalgebra::Complex;
+use record::{BudgetTerm, ErrorBudget, Estimate, Finding};
+use std::f64::consts::{PI, TAU};
+
+/// What stands in for the delay in a compensator, if that can be told.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum StandIn {
+    /// Nothing: raw.
+    Nothing,
+    Pade(PadeForm),
+    Exact,
+    /// It follows the data: no fixed transfer function.
+    Adaptive,
+}
+
+impl StandIn {
+    pub(crate) fn of(track: &Positions) -> StandIn {
+        let pade = |m, n| PadeForm::new(m, n).map_or(StandIn::Adaptive, StandIn::Pade);
+        match track.further {
+            Some(CompensatorKind::Pade { m, n, .. }) => pade(m, n),
+            Some(CompensatorKind::ExactFir | CompensatorKind::ExactAsync | CompensatorKind::OfflineShift) => {
+                StandIn::Exact
+            }
+            Some(CompensatorKind::Kalman | CompensatorKind::RtsSmoother) => StandIn::Adaptive,
+            None if track.is_raw() => StandIn::Nothing,
+            None if track.name == crate::estimate::EXACT_ASYNC => StandIn::Exact,
+            None => pade(1, 1),
+        }
+    }
+}
+
+/// What the terms are made of; everything in SI, 2-D rms where it is a length.
+pub(crate) struct Ground<'a> {
+    /// Ground speed, rms.
+    pub(crate) speed_mps: f64,
+    /// Delay set.
+    pub(crate) delay_s: f64,
+    /// Its standard uncertainty as stated.
+    pub(crate) delay_u_s: Option<f64>,
+    /// Age of the fix over the rows: mean, and mean of its square.
+    pub(crate) age_s: (f64, f64),
+    /// What velocity predicts for the way in delay and age.
+    pub(crate) way_m: f64,
+    /// Raw against the integral of velocity.
+    pub(crate) raw_fit: Result<&'a TrackFit, &'a str>,
+    pub(crate) motion: Result<&'a Motion, &'a str>,
+    /// Delay of raw in this flight less the one that is set. (What an output shows itself is that times the cosine of
+    /// what the track turns in Td, for the way missed was flown then and not now.)
+    pub(crate) left_s: Option<Estimate>,
+    /// Of the velocity itself.
+    pub(crate) velocity_delay_s: &'a Finding<Estimate>,
+    /// Rows are made of held velocities at this step, s.
+    pub(crate) row_step_s: f64,
+}
+
+impl Ground<'_> {
+    pub(crate) fn budget(&self, track: &Positions, measured_m: Option<Estimate>) -> ErrorBudget {
+        let stand_in = StandIn::of(track);
+        let mut terms = vec![];
+        match &stand_in {
+            StandIn::Nothing => terms.push(term(
+                "delay, not removed",
+                Finding::Found(self.way_m),
+                "way flown in Td and the age of the fix, from velocity",
+            )),
+            _ => {
+                terms.push(self.mismatch());
+                terms.push(self.velocity_delay());
+                terms.push(self.velocity_bias());
+            }
+        }
+        match &stand_in {
+            StandIn::Pade(form) => {
+                terms.push(self.truncation(form, track));
+                terms.push(self.velocity_noise(form.noise_gain(), track));
+            }
+            StandIn::Exact if track.further != Some(CompensatorKind::OfflineShift) => {
+                terms.push(self.velocity_noise(1.0, track));
+            }
+            StandIn::Adaptive => {
+                let why = "it weighs position and velocity as their noise asks: no formula".to_owned();
+                terms.push(term("noise let through", Finding::CannotTell(why), ""));
+            }
+            StandIn::Nothing | StandIn::Exact => {}
+        }
+        if matches!(stand_in, StandIn::Pade(_) | StandIn::Exact) {
+            terms.push(self.between_samples());
+        }
+        if stand_in != StandIn::Adaptive {
+            terms.push(self.position_noise());
+        }
+        if !track.is_raw() && !knows_age(track) {
+            terms.push(self.hold(track));
+        }
+        let total2: f64 = terms.iter().filter_map(|t| t.size_m.found()).map(|m| m * m).sum();
+        ErrorBudget { terms, total_m: total2.sqrt(), measured_m }
+    }
+
+    /// U·δTd: as found in this flight if it is there, else as the source of Td states it.
+    fn mismatch(&self) -> BudgetTerm {
+        let name = "delay set wrongly, U·δTd";
+        let seen = self.left_s.filter(|r| r.standard_uncertainty.is_some_and(|u| r.value.abs() > 2.0 * u));
+        let own_u = self.left_s.and_then(|r| r.standard_uncertainty);
+        match (seen, self.delay_u_s, own_u) {
+            (Some(seen), _, _) => term(
+                name,
+                Finding::Found(self.speed_mps * seen.value.abs()),
+                "U times the delay of raw in this flight less the one set, which differ by more than two standard uncertainties",
+            ),
+            (None, Some(stated), Some(own)) if own < stated => term(name, Finding::Found(self.speed_mps * own), OWN),
+            (None, Some(stated), _) => {
+                term(name, Finding::Found(self.speed_mps * stated), "U times the standard uncertainty of Td as stated")
+            }
+            (None, None, Some(own)) => term(name, Finding::Found(self.speed_mps * own), OWN),
+            (None, None, None) => {
+                let why = "no uncertainty of Td is stated, and this flight does not show what is left of the delay";
+                term(name, Finding::CannotTell(why.to_owned()), "")
+            }
+        }
+    }
+
+    fn velocity_delay(&self) -> BudgetTerm {
+        let name = "delay of the velocity itself, U·Tv";
+        match self.velocity_delay_s {
+            Finding::Found(tv) => {
+                let seen = tv.standard_uncertainty.is_some_and(|u| tv.value.abs() > 2.0 * u);
+                let size = if seen { tv.value.abs() } else { tv.standard_uncertainty.unwrap_or(tv.value.abs()) };
+                let source = if seen {
+                    "U times what is late against the reference beyond what is late against the velocity"
+                } else {
+                    "U times the standard uncertainty of Tv, which is not seen to differ from zero"
+                };
+                term(name, Finding::Found(self.speed_mps * size), source)
+            }
+            Finding::CannotTell(why) => {
+                term(name, Finding::CannotTell(why.clone()), "compensation removes Tp − Tv only")
+            }
+        }
+    }
+
+    fn velocity_bias(&self) -> BudgetTerm {
+        let size = |fit: &TrackFit| self.delay_s * fit.drift[0].0.hypot(fit.drift[1].0);
+        let source = "Td times the drift of the fixes against the integrated velocity";
+        match self.raw_fit {
+            Ok(fit) => term("bias of the velocity, Td·b", Finding::Found(size(fit)), source),
+            Err(why) => {
+                term("bias of the velocity, Td·b", Finding::CannotTell(format!("velocity bias not known: {why}")), "")
+            }
+        }
+    }
+
+    /// `√Σ S_v(f)/ω² |e^{−jωTd} − R(jωTd)|²` over the motion of this flight.
+    fn truncation(&self, form: &PadeForm, track: &Positions) -> BudgetTerm {
+        let (m, n) = form.degrees();
+        let left = Left::of(form, track, self.row_step_s);
+        let size = |motion: &Motion| motion.weighted(|hz| (left.at(hz).norm() / (TAU * hz)).powi(2)).sqrt();
+        let source = "spectrum of this flight's velocity less its noise, times |e^(−jωTd) − R|/ω";
+        self.from_motion(&format!("truncation of [{m}/{n}]"), size, source)
+    }
+
+    /// The delay that truncation looks like in the motion of this flight, s: the δ for which `jωδ` is nearest to what is
+    /// left, by power. None for raw and the exact forms.
+    pub(crate) fn truncation_delay_s(&self, track: &Positions) -> f64 {
+        match (StandIn::of(track), self.motion) {
+            (StandIn::Pade(form), Ok(motion)) => {
+                let left = Left::of(&form, track, self.row_step_s);
+                let power = motion.weighted(|_| 1.0);
+                // Early or late: the sum may have either sign.
+                let [late, early] = [-1.0, 1.0].map(|sign| motion.weighted(|hz| sign * left.at(hz).im / (TAU * hz)));
+                if power > 0.0 { (late - early) / power } else { 0.0 }
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// `√(T·g·S_v)` over both axes, T the time that velocity is integrated over.
+    fn velocity_noise(&self, gain: f64, track: &Positions) -> BudgetTerm {
+        let over_s = track.delay.seconds() * gain + if knows_age(track) { self.age_s.0 } else { 0.0 };
+        let size = |motion: &Motion| {
+            let [north, east] = motion.noise_density();
+            (0.5 * over_s * (north + east)).sqrt()
+        };
+        let source = "√(T·S_v): T the time that velocity is integrated over, S_v the floor of its spectrum (two-sided)";
+        self.from_motion("noise of the velocity", size, source)
+    }
+
+    /// `T h²/12 · rms |v″|`.
+    fn between_samples(&self) -> BudgetTerm {
+        let over_s = self.delay_s + self.age_s.0;
+        let size = |motion: &Motion| over_s * motion.step_s().powi(2) / 12.0 * motion.bend2().sqrt();
+        let source =
+            "T h²/12 times the rms of the velocity's second derivative: what a straight line between samples misses";
+        self.from_motion("velocity between its samples", size, source)
+    }
+
+    fn from_motion(&self, name: &str, size: impl Fn(&Motion) -> f64, source: &str) -> BudgetTerm {
+        match self.motion {
+            Ok(motion) => term(name, Finding::Found(size(motion)), source),
+            Err(why) => term(name, Finding::CannotTell(why.to_owned()), source),
+        }
+    }
+
+    /// White noise and wander of the fixes, unless velocity's own noise explains the wander.
+    fn position_noise(&self) -> BudgetTerm {
+        let name = "noise of the position";
+        let fit = match self.raw_fit {
+            Ok(fit) => fit,
+            Err(why) => return term(name, Finding::CannotTell(format!("not known: {why}")), "passes with gain 1"),
+        };
+        let density = self.motion.map_or([0.0; 2], Motion::noise_density);
+        let variance = |k: usize| {
+            let m = fit.noise[k];
+            // Twice the variance over the time constant is the rate of a random walk; integrated white noise has S_v.
+            let walk = 2.0 * m.wander_std * m.wander_std / m.time_constant_s;
+            let own = walk > 4.0 * 0.5 * density[k];
+            m.white_std * m.white_std + if own { m.wander_std * m.wander_std } else { 0.0 }
+        };
+        let source = "scatter of the fixes about the integrated velocity, white and wandering (a wander that the noise of \
+                      the velocity explains is left out); passes with gain 1";
+        term(name, Finding::Found((variance(0) + variance(1)).sqrt()), source)
+    }
+
+    /// U·rms(age), less the mean that the compensator was told of.
+    fn hold(&self, track: &Positions) -> BudgetTerm {
+        let told = track.delay.seconds() - self.delay_s;
+        let left2 = self.age_s.1 - 2.0 * told * self.age_s.0 + told * told;
+        let source = "U times the rms of the age of the held fix, which the compensator does not know";
+        term("position held between fixes", Finding::Found(self.speed_mps * left2.max(0.0).sqrt()), source)
+    }
+}
+
+/// What a Padé filter leaves of a motion, share of its amplitude: `e^{−jωTd} + jω G − 1`.
+struct Left<'a> {
+    form: &'a PadeForm,
+    delay_s: f64,
+    /// Tustin at step h sees ω as 2/h·tan(ωh/2); `None` for other rules, which are taken as continuous.
+    tustin_step_s: Option<f64>,
+}
+
+impl<'a> Left<'a> {
+    fn of(form: &'a PadeForm, track: &Positions, step_s: f64) -> Left<'a> {
+        let tustin = match track.further {
+            None => true,
+            Some(CompensatorKind::Pade { rule, .. }) => rule == Discretisation::Tustin,
+            Some(_) => false,
+        };
+        Left { form, delay_s: track.delay.seconds(), tustin_step_s: tustin.then_some(step_s) }
+    }
+
+    fn at(&self, hz: f64) -> Complex<f64> {
+        let warped = match self.tustin_step_s {
+            Some(h) if hz * h < 0.45 => (PI * hz * h).tan() / (PI * h),
+            _ => hz,
+        };
+        let one = Complex::new(1.0, 0.0);
+        let late = Complex::from_polar(1.0, -TAU * hz * self.delay_s);
+        late + (one - self.form.delay_at(warped * self.delay_s)) * (hz / warped) - one
+    }
+}
+
+const OWN: &str = "U times the standard uncertainty of the delay of raw in this flight, which agrees with the one set";
+
+fn term(name: &str, size_m: Finding<f64>, source: &str) -> BudgetTerm {
+    BudgetTerm { name: name.to_owned(), size_m, source: source.to_owned() }
+}

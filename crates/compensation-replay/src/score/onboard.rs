@@ -1,0 +1,207 @@
+//! The compensated position that the aircraft computed in flight, beside what the replay computes.
+
+use super::jackknife::jackknife;
+use super::truthless::found;
+use super::updates::{dot, length};
+use crate::estimate::Positions;
+use crate::input::{AXES, Horizontal, Input, local};
+use crate::rows::{Rows, median_step};
+use crate::settings::Settings;
+use flight::{Channel, Flight, Notices, Quantity, Severity, WGS84_A};
+use record::{Finding, OnboardAgainst, OnboardComparison};
+
+/// Delays after which a filter of first order has forgotten its start to 10⁻⁶ and better: e^(−2·8).
+const FORGOTTEN: f64 = 8.0;
+/// Stamps that are this near to a row's are the row's, s.
+const SAME_S: f64 = 1e-6;
+/// Single precision of a position in metres, and of degrees.
+const SINGLE: f64 = 6e-8;
+
+/// `None` if the log holds no such channel.
+pub(crate) fn onboard(
+    flight: &Flight,
+    settings: &Settings,
+    input: &Input,
+    rows: &Rows,
+    tracks: &[Positions],
+    notices: &mut Notices,
+) -> Option<Finding<OnboardComparison>> {
+    let (name, channel) = flight.first_of(&settings.onboard)?;
+    let finding = compare(name, channel, settings, input, rows, tracks);
+    Some(finding.map_or_else(
+        |why| {
+            notices.push(Severity::Warning, "onboard-not-compared", name, channel.series.len() as u64, why.clone());
+            Finding::CannotTell(why)
+        },
+        Finding::Found,
+    ))
+}
+
+fn compare(
+    name: &str,
+    channel: &Channel,
+    settings: &Settings,
+    input: &Input,
+    rows: &Rows,
+    tracks: &[Positions],
+) -> Result<OnboardComparison, String> {
+    let geodetic = match channel.quantity {
+        Quantity::PositionGeodetic => true,
+        Quantity::PositionNed => false,
+        other => return Err(format!("{name} holds {other:?}, which is no position")),
+    };
+    if geodetic != input.frame.is_some() {
+        return Err(format!("{name} and {} are not in the same coordinates", input.names.position));
+    }
+    if channel.series.timeline().clock() != input.clock {
+        let clock = channel.series.timeline().clock();
+        return Err(format!("{name} is stamped by the clock {clock}, {} by {}", input.names.position, input.clock));
+    }
+    let used = channel.update_rows();
+    let onboard = local(name, channel, &used, input.origin, input.frame.as_ref()).map_err(|e| e.to_string())?.0;
+    let pairs = pairs(&onboard, rows);
+    if pairs.is_empty() {
+        return Err(format!("no sample of {name} lies within the replay"));
+    }
+    let same_stamps = pairs.iter().all(|p| p.share == 0.0);
+    let (tolerance_m, tolerance_source) = tolerance(channel, &used, &onboard, geodetic);
+    let start_s = FORGOTTEN * settings.delay.seconds();
+    let against: Vec<OnboardAgainst> =
+        tracks.iter().filter_map(|track| against(track, &onboard, &pairs, rows, input, start_s)).collect();
+    Ok(OnboardComparison {
+        channel: name.to_owned(),
+        samples: used.len() as u64,
+        compared: pairs.len() as u64,
+        same_stamps,
+        tolerance_m,
+        tolerance_source,
+        start_s,
+        reproduced_by: reproduced(&against, tolerance_m),
+        against,
+    })
+}
+
+/// A sample and where in the rows it lies.
+struct Pair {
+    sample: usize,
+    row: usize,
+    /// Of the way to the next row.
+    share: f64,
+}
+
+/// Samples within the valid rows; between two rows only where both hold the same fix.
+fn pairs(onboard: &Horizontal, rows: &Rows) -> Vec<Pair> {
+    let mut out = vec![];
+    let mut next = 0;
+    let is_valid = |row: usize| rows.has_output(row);
+    for (sample, &t) in onboard.t.iter().enumerate() {
+        while next < rows.t.len() && rows.t[next] <= t + SAME_S {
+            next += 1;
+        }
+        let Some(row) = next.checked_sub(1) else { continue };
+        let beyond = t - rows.t[row];
+        if beyond.abs() <= SAME_S {
+            if is_valid(row) {
+                out.push(Pair { sample, row, share: 0.0 });
+            }
+        } else if next < rows.t.len() && is_valid(row) && is_valid(next) && rows.fix[row] == rows.fix[next] {
+            let step = rows.t[next] - rows.t[row];
+            if step <= rows.gap_s {
+                out.push(Pair { sample, row, share: beyond / step });
+            }
+        }
+    }
+    out
+}
+
+fn against(
+    track: &Positions,
+    onboard: &Horizontal,
+    pairs: &[Pair],
+    rows: &Rows,
+    input: &Input,
+    start_s: f64,
+) -> Option<OnboardAgainst> {
+    let said = |p: &&Pair| track.speaks(p.row) && (p.share == 0.0 || track.speaks(p.row + 1));
+    let difference = |p: &Pair| {
+        AXES.map(|k| {
+            let y = &track.axes[k];
+            let here = if p.share == 0.0 { y[p.row] } else { y[p.row] + p.share * (y[p.row + 1] - y[p.row]) };
+            onboard.axes[k][p.sample] - here
+        })
+    };
+    let starts = starts(pairs, rows, input);
+    let is_start = |p: &Pair| {
+        let last = starts.partition_point(|s| *s <= rows.t[p.row]).checked_sub(1);
+        last.is_some_and(|k| rows.t[p.row] - starts[k] < start_s)
+    };
+    let (start, after): (Vec<&Pair>, Vec<&Pair>) = pairs.iter().filter(said).partition(|p| is_start(p));
+    let mut sizes: Vec<f64> = after.iter().map(|p| length(difference(p))).collect();
+    if sizes.is_empty() {
+        return None;
+    }
+    let rms_m = (sizes.iter().map(|d| d * d).sum::<f64>() / sizes.len() as f64).sqrt();
+    sizes.sort_unstable_by(f64::total_cmp);
+    let at = |share| signal::percentile_of_sorted(&sizes, share).unwrap_or(0.0);
+    let every = after.len().div_ceil(3_000).max(1);
+    let delay: Vec<[f64; 2]> = after
+        .iter()
+        .step_by(every)
+        .map(|p| {
+            let v = AXES.map(|k| rows.velocity[k][p.row]);
+            [dot(difference(p), v), dot(v, v)]
+        })
+        .collect();
+    Some(OnboardAgainst {
+        name: track.name.clone(),
+        rms_m,
+        p95_m: at(0.95),
+        max_m: at(1.0),
+        start_max_m: start.iter().map(|p| length(difference(p))).reduce(f64::max),
+        delay_s: found(jackknife(&delay, |[dv, vv]| -dv / vv), "the flight does not move"),
+    })
+}
+
+/// When filters start: with the first sample, and after every gap of the velocity, s.
+fn starts(pairs: &[Pair], rows: &Rows, input: &Input) -> Vec<f64> {
+    let longest = 2.5 * median_step(&input.velocity.t);
+    let mut out = vec![rows.t[pairs[0].row]];
+    out.extend(pairs.windows(2).filter(|w| rows.t[w[1].row] - rows.t[w[0].row] > longest).map(|w| rows.t[w[1].row]));
+    out
+}
+
+/// Half a quantum on each axis and the digits that single precision keeps.
+fn tolerance(channel: &Channel, used: &[usize], onboard: &Horizontal, geodetic: bool) -> (f64, String) {
+    let metres = |k: usize| match (geodetic, k) {
+        (false, _) => 1.0,
+        (true, 0) => WGS84_A,
+        (true, _) => WGS84_A * channel.series.component(0)[used[0]].cos(),
+    };
+    let quantum = AXES.map(|k| {
+        let values: Vec<f64> = used.iter().map(|&r| channel.series.component(k)[r]).collect();
+        signal::resolution(&values).map_or(0.0, |step| step * metres(k))
+    });
+    let extent = onboard.axes.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let rounding = SINGLE * extent.max(1.0) * 4.0;
+    // One quantum on each axis: half of it from rounding, half from what is rounded lying at the edge.
+    let tolerance_m = length(quantum) + rounding;
+    let text = format!(
+        "one step of its values on each axis ({:.4} m north, {:.4} m east) and single precision at {extent:.0} m from the \
+         origin",
+        quantum[0], quantum[1]
+    );
+    (tolerance_m, text)
+}
+
+fn reproduced(against: &[OnboardAgainst], tolerance_m: f64) -> Finding<String> {
+    let closest = against.iter().min_by(|a, b| a.rms_m.total_cmp(&b.rms_m));
+    match closest {
+        Some(a) if a.max_m <= tolerance_m => Finding::Found(a.name.clone()),
+        Some(a) => Finding::CannotTell(format!(
+            "the closest, {}, differs by {:.3} m rms and up to {:.3} m, more than the {tolerance_m:.4} m that rounding \
+             allows",
+            a.name, a.rms_m, a.max_m
+        )),
+        None => Finding::CannotTell("no compensator has an output after the start".to_owned()),
+    }
+}

@@ -1,0 +1,193 @@
+//! Scores against an independent reference.
+
+use super::Reference;
+use super::jackknife::{jackknife, mean, rms};
+use super::truthless::found;
+use super::updates::{both_at, dot, length, to_the_right};
+use crate::estimate::Positions;
+use crate::input::{AXES, Horizontal};
+use crate::rows::{Rows, median_step};
+use record::{Estimate, Finding, ReferenceScore};
+
+/// Edges of the frequency bands, Hz.
+const BANDS_HZ: [f64; 10] = [0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 25.0];
+/// Errors are averaged down to this rate for their spectrum, Hz.
+const SPECTRUM_HZ: f64 = 10.0;
+/// Shortest stretch with a spectrum, s.
+const SHORTEST_S: f64 = 20.0;
+/// Speeds that differ by less than this ratio (95th to 5th percentile) are one.
+const LEAST_RANGE: f64 = 1.3;
+/// Rows that the delay against the reference is told from at most.
+const DELAY_ROWS: usize = 3_000;
+
+/// Everything that is scored against one reference.
+pub(crate) struct Judge<'a> {
+    reference: &'a Reference,
+    rows: &'a Rows,
+    velocity: &'a Horizontal,
+    /// Ground speeds, m/s, from and to; empty if all are alike.
+    pub(crate) speeds_mps: Vec<[f64; 2]>,
+    /// Hz, from and to.
+    pub(crate) bands_hz: Vec<[f64; 2]>,
+    /// Which rows of the reference the spectrum is of, and how many make a mean.
+    stretch: Result<(std::ops::Range<usize>, usize), String>,
+}
+
+impl<'a> Judge<'a> {
+    pub(crate) fn of(reference: &'a Reference, rows: &'a Rows, velocity: &'a Horizontal) -> Judge<'a> {
+        let stretch = stretch(reference, rows);
+        let rate_hz = stretch.as_ref().map_or(0.0, |(_, block)| rate_hz(rows, *block));
+        let bands = BANDS_HZ.windows(2).map(|w| [w[0], w[1].min(0.5 * rate_hz)]).filter(|b| b[0] < b[1]);
+        Judge { reference, rows, velocity, speeds_mps: speeds(reference, rows), bands_hz: bands.collect(), stretch }
+    }
+
+    fn velocity_at(&self, row: usize) -> [f64; 2] {
+        AXES.map(|k| self.rows.velocity[k][row])
+    }
+
+    /// `late_s`: about how late the track is.
+    pub(crate) fn score(&self, track: &Positions, late_s: f64) -> Finding<ReferenceScore> {
+        let said: Vec<usize> = (0..self.reference.row.len()).filter(|&i| track.speaks(self.reference.row[i])).collect();
+        let errors: Vec<[f64; 2]> = said
+            .iter()
+            .map(|&i| AXES.map(|k| track.axes[k][self.reference.row[i]] - self.reference.axes[k][i]))
+            .collect();
+        let velocities: Vec<[f64; 2]> = said.iter().map(|&i| self.velocity_at(self.reference.row[i])).collect();
+        let score = self.score_of(&errors, &velocities, track, &said, late_s);
+        found(score, "no valid row has a reference beside it")
+    }
+
+    fn score_of(
+        &self,
+        errors: &[[f64; 2]],
+        velocities: &[[f64; 2]],
+        track: &Positions,
+        said: &[usize],
+        late_s: f64,
+    ) -> Option<ReferenceScore> {
+        let mut sizes: Vec<f64> = errors.iter().map(|e| length(*e)).collect();
+        let rms_m = rms(sizes.iter().copied())?;
+        let by_speed = self.by_speed(&sizes, velocities);
+        sizes.sort_unstable_by(f64::total_cmp);
+        let at = |share| signal::percentile_of_sorted(&sizes, share).unwrap_or(0.0);
+        // Where it stands still there is no track to be along.
+        let moving = || errors.iter().zip(velocities).filter(|(_, v)| length(**v) > 0.1);
+        let both = |values: Vec<f64>| Some([mean(values.iter().copied())?, rms(values.into_iter())?]);
+        Some(ReferenceScore {
+            rows: errors.len() as u64,
+            rms_m,
+            percentiles_m: [0.5, 0.68, 0.95, 0.99].map(at),
+            max_m: at(1.0),
+            along_m: both(moving().map(|(e, v)| dot(*e, *v) / length(*v)).collect())?,
+            across_m: both(moving().map(|(e, v)| to_the_right(*v, *e) / length(*v)).collect())?,
+            north_m: both(errors.iter().map(|e| e[0]).collect())?,
+            east_m: both(errors.iter().map(|e| e[1]).collect())?,
+            by_speed,
+            bands_rms_m: self.bands(track),
+            residual_delay_s: found(
+                self.delay(track, said, late_s),
+                "the flight has too little motion to tell a delay",
+            ),
+        })
+    }
+
+    fn by_speed(&self, sizes: &[f64], velocities: &[[f64; 2]]) -> Vec<Option<Estimate>> {
+        let inside = |[from, to]: [f64; 2]| {
+            let of_bin = sizes.iter().zip(velocities).filter(move |(_, v)| (from..to).contains(&length(**v)));
+            rms(of_bin.map(|(e, _)| *e))
+        };
+        self.speeds_mps.iter().map(|bin| inside(*bin)).collect()
+    }
+
+    /// Rms in each band, both axes together, over the longest stretch without a gap.
+    fn bands(&self, track: &Positions) -> Finding<Vec<f64>> {
+        let (range, block) = match &self.stretch {
+            Ok((range, block)) => (range.clone(), *block),
+            Err(why) => return Finding::CannotTell(why.clone()),
+        };
+        if range.clone().any(|i| !track.speaks(self.reference.row[i])) {
+            return Finding::CannotTell("it has no output at some rows of the stretch".to_owned());
+        }
+        let spectra = AXES.map(|k| {
+            let errors: Vec<f64> =
+                range.clone().map(|i| track.axes[k][self.reference.row[i]] - self.reference.axes[k][i]).collect();
+            let means: Vec<f64> = errors.chunks_exact(block).map(|c| c.iter().sum::<f64>() / block as f64).collect();
+            signal::power_spectrum(&means, rate_hz(self.rows, block))
+        });
+        let lines = || spectra.iter().flat_map(|s| s.frequency_hz.iter().zip(&s.power));
+        let inside =
+            |[from, to]: &[f64; 2]| lines().filter(|(f, _)| (*from..*to).contains(*f)).map(|(_, p)| p).sum::<f64>();
+        Finding::Found(self.bands_hz.iter().map(|band| inside(band).sqrt()).collect())
+    }
+
+    /// `e = −δ v̄` with the mean velocity v̄ of the last δ (Simpson's rule), offsets taken out: least squares, with the
+    /// jackknife's uncertainty.
+    fn delay(&self, track: &Positions, said: &[usize], late_s: f64) -> Option<Estimate> {
+        let every = said.len().div_ceil(DELAY_ROWS).max(1);
+        let rows: Vec<usize> = said.iter().copied().step_by(every).collect();
+        let round = |about_s: f64| {
+            let row = |&i: &usize| {
+                let row = self.reference.row[i];
+                let v = self.mean_velocity(row, about_s);
+                let e = AXES.map(|k| track.axes[k][row] - self.reference.axes[k][i]);
+                [1.0, v[0], v[1], e[0], e[1], dot(v, v), dot(e, v)]
+            };
+            let sums: Vec<[f64; 7]> = rows.iter().map(row).collect();
+            jackknife(&sums, |[n, vn, ve, en, ee, vv, ev]| {
+                -(ev - (en * vn + ee * ve) / n) / (vv - (vn * vn + ve * ve) / n)
+            })
+        };
+        let first = round(late_s)?;
+        // A mean over another time changes what it is by the square of the error only.
+        if (first.value - late_s).abs() > 0.02 { round(first.value) } else { Some(first) }
+    }
+
+    fn mean_velocity(&self, row: usize, over_s: f64) -> [f64; 2] {
+        let now = self.velocity_at(row);
+        if over_s.abs() < 1e-9 {
+            return now;
+        }
+        let t = self.rows.t[row];
+        let [middle, first] = [0.5, 1.0].map(|share| both_at(self.velocity, t - share * over_s));
+        AXES.map(|k| (first[k] + 4.0 * middle[k] + now[k]) / 6.0)
+    }
+}
+
+fn rate_hz(rows: &Rows, block: usize) -> f64 {
+    1.0 / (median_step(&rows.t) * block as f64)
+}
+
+/// The longest run of rows without a missing one, and how many make a tenth of a second.
+fn stretch(reference: &Reference, rows: &Rows) -> Result<(std::ops::Range<usize>, usize), String> {
+    let mut longest = 0..0;
+    let mut first = 0;
+    for i in 0..reference.row.len() {
+        let [row, before] = [i, i.saturating_sub(1)].map(|i| reference.row[i]);
+        if i > 0 && (row != before + 1 || rows.t[row] - rows.t[before] > rows.gap_s) {
+            first = i;
+        }
+        if i + 1 - first > longest.len() {
+            longest = first..i + 1;
+        }
+    }
+    let step_s = median_step(&rows.t);
+    let length_s = longest.len() as f64 * step_s;
+    if length_s < SHORTEST_S {
+        return Err(format!(
+            "the longest stretch with a reference and without a gap lasts {length_s:.1} s; at least {SHORTEST_S} s are needed"
+        ));
+    }
+    Ok((longest, (1.0 / (SPECTRUM_HZ * step_s)).round().max(1.0) as usize))
+}
+
+/// Three bins with as many rows each; none if speed hardly changes.
+fn speeds(reference: &Reference, rows: &Rows) -> Vec<[f64; 2]> {
+    let mut all: Vec<f64> = reference.row.iter().map(|&r| rows.velocity[0][r].hypot(rows.velocity[1][r])).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    let at = |share| signal::percentile_of_sorted(&all, share).unwrap_or(0.0);
+    if all.len() < 60 || at(0.95) < LEAST_RANGE * at(0.05).max(0.5) {
+        return vec![];
+    }
+    let edges = [at(0.0), at(1.0 / 3.0), at(2.0 / 3.0), at(1.0).next_up()];
+    edges.windows(2).map(|w| [w[0], w[1]]).collect()
+}

@@ -1,0 +1,208 @@
+//! What is scored: the rows of each fix against a reference, or the step at each fix.
+
+use super::Sweeper;
+use crate::input::AXES;
+use crate::score::Reference;
+use std::ops::Range;
+
+/// ∫ y from the first sample on, linear between samples.
+pub(super) fn integral(t: &[f64], y: &[f64]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let steps = t.windows(2).zip(y.windows(2)).map(|(t, y)| 0.5 * (y[0] + y[1]) * (t[1] - t[0]));
+    std::iter::once(0.0)
+        .chain(steps.map(|step| {
+            sum += step;
+            sum
+        }))
+        .collect()
+}
+
+/// The rows of one fix, or the step from the fix before.
+#[derive(Debug, Clone)]
+struct Item {
+    /// The fix before, if its step is scored: place in the stamps.
+    before: Option<usize>,
+    /// The fix: place in the stamps.
+    at: usize,
+    /// Rows of it.
+    rows: Range<usize>,
+    /// Mean over the rows of what the integral should be, north and east, m.
+    mean: [f64; 2],
+    /// Σ of the squared distances to that mean, m².
+    scatter: f64,
+}
+
+/// What is scored with every delay.
+#[derive(Debug, Clone)]
+pub(super) struct Items {
+    /// Whether errors are scored, or steps.
+    pub(super) against_reference: bool,
+    /// Stamps of the fixes that take part, rising, s.
+    stamps: Vec<f64>,
+    items: Vec<Item>,
+    /// What the integral should be at each row, m.
+    rows: Vec<[f64; 2]>,
+}
+
+impl Items {
+    pub(super) fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    /// Rows or fixes.
+    pub(super) fn samples(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn add(&mut self, before: Option<usize>, at: usize, targets: &[[f64; 2]]) {
+        let n = targets.len() as f64;
+        let mean = AXES.map(|k| targets.iter().map(|a| a[k]).sum::<f64>() / n);
+        let scatter = targets.iter().map(|a| AXES.map(|k| (a[k] - mean[k]).powi(2)).iter().sum::<f64>()).sum();
+        let from = self.rows.len();
+        self.rows.extend_from_slice(targets);
+        self.items.push(Item { before, at, rows: from..self.rows.len(), mean, scatter });
+    }
+
+    /// Every n-th, so that about `most` are left.
+    pub(super) fn thinned(&self, most: usize) -> Items {
+        let every = self.items.len().div_ceil(most.max(1)).max(1);
+        let mut out = Items { stamps: vec![], items: vec![], rows: vec![], ..*self };
+        for item in self.items.iter().step_by(every) {
+            let before = item.before.map(|b| out.stamp(self.stamps[b]));
+            let at = out.stamp(self.stamps[item.at]);
+            out.add(before, at, &self.rows[item.rows.clone()]);
+        }
+        out
+    }
+
+    /// Place of a stamp that is not before the last one.
+    fn stamp(&mut self, t: f64) -> usize {
+        if self.stamps.last() != Some(&t) {
+            self.stamps.push(t);
+        }
+        self.stamps.len() - 1
+    }
+}
+
+/// How far the integral is from what it should be in one item, and how fast that changes with the delay.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Miss {
+    /// Rows.
+    pub(super) rows: f64,
+    /// Mean over the rows, north and east, m.
+    pub(super) error: [f64; 2],
+    /// Its derivative by the delay, m/s.
+    pub(super) rate: [f64; 2],
+}
+
+impl Sweeper {
+    /// Rows of each fix that the reference covers, for delays from `low` to `high`; `None` without a reference.
+    pub(super) fn errors(&self, (low, high): (f64, f64)) -> Option<Items> {
+        let rows = &self.rows;
+        let inside = |&row: &usize| {
+            let t = self.input.position.t[rows.fix[row]];
+            rows.segment[row].is_some_and(|s| rows.age[row] >= 0.0 && self.holds(s, t - high, t - low))
+        };
+        let usable: Vec<usize> = (0..rows.t.len()).filter(inside).collect();
+        let reference = Reference::at(self.input.reference.as_ref()?, rows, &usable);
+        let flown = self.flown_by(reference.row.iter().map(|&row| rows.t[row]));
+        let mut items = Items { against_reference: true, stamps: vec![], items: vec![], rows: vec![] };
+        let targets: Vec<[f64; 2]> = reference
+            .row
+            .iter()
+            .zip(flown)
+            .enumerate()
+            .map(|(i, (&row, flown))| {
+                AXES.map(|k| self.input.position.axes[k][rows.fix[row]] + flown.0[k] - reference.axes[k][i])
+            })
+            .collect();
+        let group = |row: usize| (rows.fix[row], rows.segment[row]);
+        let mut from = 0;
+        for of_fix in reference.row.chunk_by(|a, b| group(*a) == group(*b)) {
+            let at = items.stamp(self.input.position.t[rows.fix[of_fix[0]]]);
+            items.add(None, at, &targets[from..from + of_fix.len()]);
+            from += of_fix.len();
+        }
+        Some(items)
+    }
+
+    /// Steps at the fixes whose flight since the fix before the velocity has seen whole, for delays from `low` to `high`.
+    pub(super) fn steps(&self, (low, high): (f64, f64)) -> Items {
+        let position = &self.input.position;
+        let mut items = Items { against_reference: false, stamps: vec![], items: vec![], rows: vec![] };
+        let mut s = 0;
+        for j in 1..position.t.len() {
+            let (from, to) = (position.t[j - 1] - high, position.t[j] - low);
+            while s + 1 < self.segments.len() && self.end(s) < to {
+                s += 1;
+            }
+            if self.holds(s, from, to) {
+                let step = AXES.map(|k| position.axes[k][j] - position.axes[k][j - 1]);
+                let before = items.stamp(position.t[j - 1]);
+                let at = items.stamp(position.t[j]);
+                items.add(Some(before), at, &[step]);
+            }
+        }
+        items
+    }
+
+    fn end(&self, segment: usize) -> f64 {
+        self.input.velocity.t[self.segments[segment].end - 1]
+    }
+
+    fn holds(&self, segment: usize, from: f64, to: f64) -> bool {
+        let range = &self.segments[segment];
+        self.input.velocity.t[range.start] <= from && to <= self.end(segment)
+    }
+
+    /// Integral and velocity at rising instants inside the segments: one walk over the velocity.
+    fn flown_by(&self, instants: impl Iterator<Item = f64>) -> Vec<([f64; 2], [f64; 2])> {
+        let (t, v) = (&self.input.velocity.t, &self.input.velocity.axes);
+        let mut at = 0;
+        instants
+            .map(|instant| {
+                while at + 2 < t.len() && t[at + 1] <= instant {
+                    at += 1;
+                }
+                let (since, step) = (instant - t[at], t[at + 1] - t[at]);
+                let slope = AXES.map(|k| (v[k][at + 1] - v[k][at]) / step);
+                let velocity = AXES.map(|k| v[k][at] + slope[k] * since);
+                (AXES.map(|k| self.flown[k][at] + 0.5 * since * (v[k][at] + velocity[k])), velocity)
+            })
+            .collect()
+    }
+
+    /// What every item misses with this delay.
+    pub(super) fn misses(&self, items: &Items, delay_s: f64) -> Vec<Miss> {
+        let flown = self.flown_by(items.stamps.iter().map(|t| t - delay_s));
+        let miss = |item: &Item| {
+            let (mut integral, mut rate) = flown[item.at];
+            if let Some((before, rate_before)) = item.before.map(|b| flown[b]) {
+                AXES.into_iter().for_each(|k| integral[k] -= before[k]);
+                AXES.into_iter().for_each(|k| rate[k] -= rate_before[k]);
+            }
+            Miss { rows: item.rows.len() as f64, error: AXES.map(|k| item.mean[k] - integral[k]), rate }
+        };
+        items.items.iter().map(miss).collect()
+    }
+
+    /// Mean of the squared 2-D score over all rows, m².
+    pub(super) fn mean_square(&self, items: &Items, delay_s: f64) -> f64 {
+        let of_means = self.misses(items, delay_s).iter().map(|m| m.rows * square(m.error)).sum::<f64>();
+        (of_means + items.items.iter().map(|i| i.scatter).sum::<f64>()) / items.rows.len() as f64
+    }
+
+    /// Squared 2-D score of every row, m².
+    pub(super) fn squares(&self, items: &Items, delay_s: f64) -> Vec<f64> {
+        let missed = self.misses(items, delay_s);
+        let of = |(item, missed): (&Item, Miss)| {
+            let mean = item.mean;
+            items.rows[item.rows.clone()].iter().map(move |a| square(AXES.map(|k| missed.error[k] + a[k] - mean[k])))
+        };
+        items.items.iter().zip(missed).flat_map(of).collect()
+    }
+}
+
+fn square([north, east]: [f64; 2]) -> f64 {
+    north * north + east * east
+}

@@ -1,0 +1,41 @@
+//! Why a conversion was not made.
+
+use ingest::IngestError;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// No output was written.
+#[derive(Debug, thiserror::Error)]
+pub enum ConvertError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Log(#[from] IngestError),
+    /// The output cannot be written.
+    #[error("{}: cannot {doing}: {source}", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried.
+        doing: &'static str,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// There is nothing that could be written.
+    #[error("{0}")]
+    Nothing(String),
+    /// What was read back is not what was written; the output is not kept.
+    #[error("{}: what was written reads back differently and is not kept: {what}", path.display())]
+    ReadsBackDifferently {
+        /// The output.
+        path: PathBuf,
+        /// What differs.
+        what: String,
+    },
+}
+
+impl ConvertError {
+    pub(crate) fn write(path: &Path, doing: &'static str) -> impl FnOnce(io::Error) -> ConvertError {
+        let path = path.to_owned();
+        move |source| ConvertError::Write { path, doing, source }
+    }
+}

@@ -1,0 +1,18 @@
+//! Logs in, other files out.
+//!
+//! [`recover`] writes what is good of a damaged log as MCAP, message by message as it stood in the log.
+//! [`export`] writes bound channels, or every topic, as Parquet, CSV or MCAP. Both write to a temporary name and rename:
+//! an output is absent, the old one, or the new one, whole. What was recovered is read again before it is called done.
+
+mod error;
+mod export;
+mod message_type;
+mod output;
+mod recording;
+mod recover;
+mod sheet;
+
+pub use error::ConvertError;
+pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};
+pub use recover::{How, Recovered, RecoveredTopic, recover};
+pub use sheet::{Cells, Sheet, SheetColumn, inert, write_csv, write_parquet};

@@ -1,0 +1,267 @@
+//! What is good of a log, as MCAP.
+
+use crate::error::ConvertError;
+use crate::message_type::MessageType;
+use crate::output::Output;
+use crate::recording::{Entry, Recording, Tally};
+use flight::{LogHealth, Notices, Severity};
+use ingest::{
+    FlightUnit, LogKind, LogReader, McapReader, MessageSink, RawMessage, ReadContext, Select, Selection, Table,
+    TopicInfo,
+};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A log that was recovered.
+#[derive(Debug)]
+pub struct Recovered {
+    /// How its messages were written.
+    pub how: How,
+    /// Topics in the order of their names.
+    pub topics: Vec<RecoveredTopic>,
+    /// How the reading of the log went: what was damaged stands here.
+    pub health: LogHealth,
+    /// What was lost or assumed on the way.
+    pub notices: Notices,
+    /// Size of what was written, bytes.
+    pub bytes: u64,
+}
+
+/// How messages were written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum How {
+    /// As they stood in the log, byte for byte.
+    Copied,
+    /// As tables of numbers and texts (CDR), for the log's own messages mean nothing outside of it.
+    Rewritten,
+}
+
+/// One topic.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecoveredTopic {
+    /// Name.
+    pub name: String,
+    /// Intact messages in the log.
+    pub found: u64,
+    /// Messages written, and found again when the output was read.
+    pub written: u64,
+}
+
+impl Recovered {
+    /// Whether the log held something that is not in the output.
+    #[must_use]
+    pub fn any_loss(&self) -> bool {
+        self.notices.any_loss()
+    }
+}
+
+/// Writes every intact message of a log to `out`, reads it again and compares counts and bytes.
+///
+/// MCAP, ROS 1 and ROS 2 bags are copied message by message with their definitions; ULog, DataFlash and the like
+/// become one typed topic each. Damage of the log is no error. Attachments are listed and not carried over.
+///
+/// # Errors
+/// [`ConvertError::Log`] if nothing of the log can be used, [`ConvertError::Nothing`] for tables of text and for a log
+/// without a message, [`ConvertError::Write`], [`ConvertError::ReadsBackDifferently`]. Nothing is left at `out` then,
+/// or what was there before.
+pub fn recover(unit: &FlightUnit, out: &Path, context: &ReadContext<'_>) -> Result<Recovered, ConvertError> {
+    if matches!(unit.kind, LogKind::Csv | LogKind::Nmea) {
+        let text = "text needs no recovery: bad lines are left out one by one, and `flightlag inspect` lists them";
+        return Err(ConvertError::Nothing(format!("{}: {text}. `flightlag export` writes the good ones", unit.id)));
+    }
+    refuse_input(unit, out)?;
+    let output = Output::begin(out)?;
+    let taker = Taker::new(Recording::begin(out, output.file()?, profile(unit.kind))?);
+    let mut log = ingest::open(unit).read(&taker, context)?;
+    let mut recording = taker.into_recording()?;
+    let how = if log.tables.is_empty() { How::Copied } else { How::Rewritten };
+    let mut notices = log.notices;
+    write_tables(&log.tables, &mut recording, &mut notices)?;
+    log.tables.clear();
+    let before_epoch = recording.before_epoch;
+    let written = recording.end()?;
+    if written.is_empty() {
+        return Err(ConvertError::Nothing(format!("{}: no intact message in it", unit.id)));
+    }
+    check(output.written(), out, &written, context)?;
+    let topics = topics(&log.health, &written, &mut notices);
+    note_rest(&log.health, before_epoch, &mut notices);
+    let bytes = std::fs::metadata(output.written()).map_err(ConvertError::write(out, "look at"))?.len();
+    output.keep()?;
+    Ok(Recovered { how, topics, health: log.health, notices, bytes })
+}
+
+/// The log itself is never written over.
+fn refuse_input(unit: &FlightUnit, out: &Path) -> Result<(), ConvertError> {
+    let same = |file: &Path| out.canonicalize().is_ok_and(|o| file.canonicalize().is_ok_and(|f| f == o));
+    if unit.files.iter().any(|f| same(f)) {
+        return Err(ConvertError::Nothing(format!("{} is the log itself; name another output", out.display())));
+    }
+    Ok(())
+}
+
+fn profile(kind: LogKind) -> &'static str {
+    match kind {
+        LogKind::Bag => "ros1",
+        LogKind::Db3 => "ros2",
+        _ => "",
+    }
+}
+
+/// Puts messages into the recording as they come.
+struct Taker {
+    recording: RefCell<Recording>,
+    failure: RefCell<Option<ConvertError>>,
+}
+
+impl Taker {
+    fn new(recording: Recording) -> Taker {
+        Taker { recording: RefCell::new(recording), failure: RefCell::new(None) }
+    }
+
+    fn into_recording(self) -> Result<Recording, ConvertError> {
+        match self.failure.into_inner() {
+            Some(failure) => Err(failure),
+            None => Ok(self.recording.into_inner()),
+        }
+    }
+}
+
+impl Select for Taker {
+    fn select(&self, _: &TopicInfo) -> Selection {
+        Selection::Raw
+    }
+
+    fn sink(&self) -> Option<&dyn MessageSink> {
+        Some(self)
+    }
+}
+
+impl MessageSink for Taker {
+    fn message(&self, message: &RawMessage<'_>) {
+        let mut failure = self.failure.borrow_mut();
+        if failure.is_some() {
+            return;
+        }
+        let entry = Entry {
+            topic: message.topic,
+            encoding: &message.topic.encoding,
+            schema_encoding: message.schema_encoding,
+            schema: message.schema,
+            logged_ns: message.logged_ns,
+            published_ns: message.published_ns,
+            payload: message.payload,
+        };
+        *failure = self.recording.borrow_mut().write(&entry).err();
+    }
+}
+
+/// Writes the rows of all tables in the order of their time.
+fn write_tables(tables: &[Table], recording: &mut Recording, notices: &mut Notices) -> Result<(), ConvertError> {
+    let types: Vec<MessageType<'_>> = tables.iter().map(MessageType::of).collect();
+    let mut order: Vec<(i64, u32, u32)> = vec![];
+    for (number, (table, kind)) in (0_u32..).zip(tables.iter().zip(&types)) {
+        let Some(logged) = &table.logged_ns else { continue };
+        order.extend(logged.iter().zip(0_u32..).map(|(&t, row)| (t, number, row)));
+        if kind.absent > 0 {
+            let text = "values that the log does not have were written as NaN, 0 or empty text";
+            notices.push(Severity::Info, "absent-values", format!("topic {}", table.topic.name), kind.absent, text);
+        }
+    }
+    order.sort_unstable();
+    let mut payload = vec![];
+    for (logged_ns, number, row) in order {
+        let (Some(table), Some(kind)) = (tables.get(number as usize), types.get(number as usize)) else { continue };
+        kind.payload(row as usize, &mut payload);
+        recording.write(&Entry {
+            topic: &table.topic,
+            encoding: "cdr",
+            schema_encoding: "ros2msg",
+            schema: kind.definition(),
+            logged_ns,
+            published_ns: None,
+            payload: &payload,
+        })?;
+    }
+    Ok(())
+}
+
+/// Reads the output from its first byte to its last, and compares.
+fn check(
+    written: &Path,
+    out: &Path,
+    expected: &BTreeMap<String, Tally>,
+    context: &ReadContext<'_>,
+) -> Result<(), ConvertError> {
+    let differs = |what: String| ConvertError::ReadsBackDifferently { path: out.to_owned(), what };
+    let counter = Counter::default();
+    let log = McapReader::new(vec![written.to_owned()]).read(&counter, context)?;
+    if let Some(damage) = log.health.damage.first() {
+        return Err(differs(format!("{} at byte {}", damage.reason, damage.offset)));
+    }
+    let found = counter.tallies.into_inner();
+    for (topic, tally) in expected {
+        let again = found.get(topic).copied().unwrap_or_default();
+        if again != *tally {
+            return Err(differs(format!(
+                "topic {topic}: {} messages, {} were written",
+                again.messages, tally.messages
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Counts messages and sums their bytes.
+#[derive(Default)]
+struct Counter {
+    tallies: RefCell<BTreeMap<String, Tally>>,
+}
+
+impl Select for Counter {
+    fn select(&self, _: &TopicInfo) -> Selection {
+        Selection::Raw
+    }
+
+    fn sink(&self) -> Option<&dyn MessageSink> {
+        Some(self)
+    }
+}
+
+impl MessageSink for Counter {
+    fn message(&self, message: &RawMessage<'_>) {
+        let mut tallies = self.tallies.borrow_mut();
+        let logged = u64::try_from(message.logged_ns).unwrap_or_default();
+        match tallies.get_mut(&message.topic.name) {
+            Some(tally) => tally.add(logged, message.payload),
+            None => tallies.entry(message.topic.name.clone()).or_default().add(logged, message.payload),
+        }
+    }
+}
+
+/// Counts by topic; what was found and not written is a loss.
+fn topics(health: &LogHealth, written: &BTreeMap<String, Tally>, notices: &mut Notices) -> Vec<RecoveredTopic> {
+    let mut found: BTreeMap<&str, u64> = BTreeMap::new();
+    health.topics.iter().for_each(|t| *found.entry(&t.name).or_default() += t.messages);
+    let topic = |(name, found): (&str, u64)| {
+        let written = written.get(name).map_or(0, |t| t.messages);
+        if written < found {
+            let text = "messages that were found and could not be written";
+            notices.push(Severity::Loss, "not-written", format!("topic {name}"), found - written, text);
+        }
+        RecoveredTopic { name: name.to_owned(), found, written }
+    };
+    found.into_iter().map(topic).collect()
+}
+
+fn note_rest(health: &LogHealth, before_epoch: u64, notices: &mut Notices) {
+    if before_epoch > 0 {
+        let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
+        notices.push(Severity::Warning, "before-1970", "", before_epoch, text);
+    }
+    if !health.extras.is_empty() {
+        let text = format!("attachments and metadata are not carried over; the first: {}", health.extras[0]);
+        notices.push(Severity::Warning, "not-carried-over", "", health.extras.len() as u64, text);
+    }
+}

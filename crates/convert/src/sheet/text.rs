@@ -1,0 +1,90 @@
+//! Sheets as CSV that a spreadsheet opens without running anything.
+
+use super::{Cells, Sheet};
+use std::borrow::Cow;
+use std::io::{self, Write};
+
+/// Writes a sheet: a header, then rows, comma, LF. Numbers are the shortest text that reads back to the same bits; absent
+/// cells are empty, and texts are made [`inert`].
+///
+/// # Errors
+/// What the writer says, and columns of unequal length.
+pub fn write_csv(sheet: &Sheet, file: impl Write) -> io::Result<()> {
+    let mut writer = csv::WriterBuilder::new().from_writer(file);
+    writer.write_record(sheet.columns.iter().map(|c| inert(&c.name).into_owned()))?;
+    let mut cell = String::new();
+    for row in 0..sheet.rows() {
+        for column in &sheet.columns {
+            cell.clear();
+            write_cell(&column.cells, row, &mut cell)?;
+            writer.write_field(&cell)?;
+        }
+        writer.write_record(None::<&[u8]>)?;
+    }
+    writer.flush()
+}
+
+fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
+    use std::fmt::Write;
+    let short = || io::Error::other("columns of unequal length");
+    let written = match cells {
+        Cells::I64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x}")),
+        Cells::F64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x:?}")),
+        Cells::Text(v) => {
+            out.push_str(&inert(v.get(row).ok_or_else(short)?.as_deref().unwrap_or_default()));
+            Ok(())
+        }
+    };
+    written.map_err(io::Error::other)
+}
+
+/// A text that no spreadsheet takes for a formula: one that could begin a formula gets a leading apostrophe, and so does
+/// one that begins with an apostrophe. Taking one leading apostrophe away gives the text back.
+#[must_use]
+pub fn inert(text: &str) -> Cow<'_, str> {
+    const BEGINS: [char; 13] = ['=', '+', '-', '@', '\t', '\r', '\n', '\0', '\'', '＝', '＋', '－', '＠'];
+    // A spreadsheet that trims spaces would see the formula behind them.
+    match text.trim_start_matches([' ', '\u{a0}', '\u{feff}']).starts_with(BEGINS) {
+        true => Cow::Owned(format!("'{text}")),
+        false => Cow::Borrowed(text),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_text_cell_begins_a_formula_and_every_name_can_be_restored() {
+        let begins = ["=", "+", "-", "@", "\t", "\r", "\n", "\0", "'", "＝", "＋", "－", "＠", " =", "\u{feff}="];
+        for begin in begins {
+            let name = format!("{begin}cmd|' /C calc'!A0");
+            let cell = inert(&name);
+            assert!(cell.starts_with('\''), "{cell}");
+            assert_eq!(cell.strip_prefix('\'').unwrap(), name);
+        }
+        for plain in ["swing-07.mcap", "a=b", "", "7"] {
+            assert_eq!(inert(plain), plain);
+        }
+    }
+
+    #[test]
+    fn numbers_read_back_to_the_same_bits_and_absent_cells_are_empty() {
+        let values = [0.1 + 0.2, -0.0, f64::MIN_POSITIVE, 1e308, f64::NAN, f64::INFINITY];
+        let mut sheet = Sheet::default();
+        sheet.push("x_m", Cells::F64(values.iter().map(|x| Some(*x)).chain([None]).collect()));
+        sheet.push("=n", Cells::I64(vec![Some(i64::MIN); 7]));
+        sheet.push("t", Cells::Text(vec![Some("=a,\"b\"".into()); 7]));
+        let mut bytes = vec![];
+        write_csv(&sheet, &mut bytes).unwrap();
+        let mut reader = csv::Reader::from_reader(bytes.as_slice());
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), ["x_m", "'=n", "t"]);
+        let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+        for (row, value) in rows.iter().zip(values) {
+            let read: f64 = row[0].parse().unwrap();
+            assert!(read.to_bits() == value.to_bits() || (read.is_nan() && value.is_nan()), "{} {value}", &row[0]);
+            assert_eq!((&row[1], &row[2]), ("-9223372036854775808", "'=a,\"b\""));
+        }
+        assert_eq!(&rows[6][0], "");
+    }
+}

@@ -1,0 +1,5 @@
+//! Conversions of simulated flights, read back.
+
+mod export;
+mod flight;
+mod recover;

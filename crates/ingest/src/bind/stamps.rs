@@ -1,0 +1,165 @@
+//! The stamps of a table: read from their source, and put right where a clock is known to go wrong.
+
+use super::trial::{numbers, texts};
+use crate::civil::{SlashDate, Tick, calendar_to_unix_ns, iso_to_unix_ns, plain_date, unix_ns};
+use crate::map::{TieRule, TimeSource};
+use crate::reader::Log;
+use crate::table::{Column, Table};
+use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
+use flight::{Clock, NANOS_PER_SECOND, Stamp, StampKind, UtcTie, WEEK_S};
+use std::ops::Range;
+
+/// Receivers without a fix count from 1970, 1980 or the year of their firmware; no log that ties is from before 2000.
+const NO_UTC_BEFORE_NS: i64 = 946_684_800 * NANOS_PER_SECOND;
+
+/// The stamps of one kind for all rows.
+pub(super) struct Stamps {
+    pub(super) kind: StampKind,
+    pub(super) clock: Clock,
+    pub(super) label: String,
+    pub(super) nanos: Vec<Option<i64>>,
+    pub(super) repairs: Vec<Repair>,
+}
+
+/// Stamps that were put right.
+pub(super) struct Repair {
+    pub(super) code: &'static str,
+    pub(super) count: u64,
+    pub(super) text: &'static str,
+}
+
+/// A stamp that was never filled in is no stamp.
+pub(super) fn is_constant(nanos: &[Option<i64>]) -> bool {
+    let mut values = nanos.iter().flatten();
+    let first = values.next();
+    nanos.len() > 1 && values.all(|v| Some(v) == first)
+}
+
+/// One stamp for each row; `None` if the table has no such source or nothing in it.
+pub(super) fn read_stamps(kind: StampKind, source: &TimeSource, table: &Table) -> Option<Stamps> {
+    let (mut nanos, ten_bit) = match source {
+        TimeSource::GpsWeek { week, field, tick } => gps_weeks(numbers(table, week)?, field, *tick, table)?,
+        _ => (nanos_of(source, table)?, 0),
+    };
+    let mut repairs = vec![];
+    let mut note = |code, count, text| {
+        if count > 0 {
+            repairs.push(Repair { code, count, text });
+        }
+    };
+    note(
+        "week-rollover",
+        ten_bit,
+        "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to this release",
+    );
+    match source {
+        TimeSource::Number { tick: tick @ (Tick::Millis | Tick::TenthMillis | Tick::Micros), clock, .. }
+            if matches!(clock, Clock::Boot | Clock::Elapsed) =>
+        {
+            note(
+                "stamp-wrap",
+                unwrap(&mut nanos, tick.nanos()),
+                "the counter of 32 bits began anew; the stamps run on",
+            );
+        }
+        TimeSource::Number { .. } | TimeSource::GpsWeek { .. } => {
+            note("week-glitch", redate_weeks(&mut nanos), "stamps a week off their neighbours were put back");
+        }
+        _ => {}
+    }
+    let any = nanos.iter().any(Option::is_some);
+    any.then(|| Stamps { kind, clock: source.clock(), label: source.label(), nanos, repairs })
+}
+
+fn nanos_of(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
+    let rows = 0..table.rows;
+    Some(match source {
+        TimeSource::ContainerLogged => table.logged_ns.as_ref()?.iter().copied().map(Some).collect(),
+        // Writers that know no publish time repeat the log time there.
+        TimeSource::ContainerPublished if table.published_ns == table.logged_ns => return None,
+        TimeSource::ContainerPublished => table.published_ns.as_ref()?.iter().copied().map(Some).collect(),
+        TimeSource::Number { field, tick, .. } => ticks(field, *tick, table, rows)?,
+        TimeSource::Iso { field } => {
+            let column = texts(table, field)?;
+            rows.map(|row| iso_to_unix_ns(column.text(row)?)).collect()
+        }
+        TimeSource::Civil { date, time, offset } => {
+            let (date, time) = (texts(table, date)?, texts(table, time)?);
+            let offset = offset.as_ref().and_then(|o| texts(table, o));
+            let slash = SlashDate::of(rows.clone().filter_map(|row| date.text(row)));
+            let date_of = |text: &str| plain_date(text).or_else(|| slash?.date(text));
+            rows.map(|row| {
+                let offset = offset.map_or(Some("Z"), |o| o.text(row))?;
+                unix_ns(date_of(date.text(row)?)?, time.text(row)?, offset)
+            })
+            .collect()
+        }
+        TimeSource::Calendar { fields } => {
+            let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
+            rows.map(|row| calendar(&columns, row)).collect()
+        }
+        TimeSource::GpsWeek { week, field, tick } => gps_weeks(numbers(table, week)?, field, *tick, table)?.0,
+    })
+}
+
+/// A number of ticks for each row.
+fn ticks(field: &str, tick: Tick, table: &Table, rows: Range<usize>) -> Option<Vec<Option<i64>>> {
+    match (texts(table, field), numbers(table, field)) {
+        (Some(text), _) => Some(rows.map(|row| tick.of_text(text.text(row)?)).collect()),
+        (None, Some(number)) => {
+            let nanos = |row| match number.integer(row) {
+                Some(integer) => tick.of_integer(integer),
+                None => tick.of_float(number.number(row)?),
+            };
+            Some(rows.map(nanos).collect())
+        }
+        (None, None) => None,
+    }
+}
+
+/// GPS time from a week and the time in it, and how many weeks were counters of ten bits.
+fn gps_weeks(week: &Column, field: &str, tick: Tick, table: &Table) -> Option<(Vec<Option<i64>>, u64)> {
+    let in_week = ticks(field, tick, table, 0..table.rows)?;
+    let count = WeekCount::of((0..table.rows).filter_map(|row| week.integer(row)));
+    let mut ten_bit = 0;
+    let nanos = in_week.into_iter().enumerate().map(|(row, in_week)| {
+        let in_week = in_week.filter(|ns| (0..WEEK_S * NANOS_PER_SECOND).contains(ns))?;
+        let week = count.week(week.integer(row)?)?;
+        ten_bit += u64::from(matches!(week, Week::TenBit(_)));
+        Some(week.start_ns() + in_week)
+    });
+    let nanos = nanos.collect();
+    Some((nanos, ten_bit))
+}
+
+fn calendar(columns: &[&Column], row: usize) -> Option<i64> {
+    let mut parts = [0; 7];
+    for (part, column) in parts.iter_mut().zip(columns) {
+        *part = column.integer(row)?;
+    }
+    let [year, month, day, hour, minute, second, nanos] = parts;
+    calendar_to_unix_ns([year, month, day, hour, minute, second], nanos)
+}
+
+/// The first of the rules that ties a clock to UTC in this log.
+pub(super) fn tie_of(rules: &[TieRule], log: &Log) -> Option<UtcTie> {
+    rules.iter().find_map(|rule| {
+        let mut tables: Vec<_> = log.tables.iter().filter_map(|t| Some((rule.meets(&t.topic)?, t))).collect();
+        tables.sort_by_key(|(closeness, _)| *closeness);
+        tables.into_iter().find_map(|(_, table)| tie_in(rule, table))
+    })
+}
+
+fn tie_in(rule: &TieRule, table: &Table) -> Option<UtcTie> {
+    let stamps = read_stamps(StampKind::Logged, &rule.stamp, table)?;
+    let utc = read_stamps(StampKind::Measured, &rule.utc, table)?;
+    let meets = |row: usize| {
+        rule.require.iter().all(|r| numbers(table, &r.field).and_then(|c| c.number(row)).is_none_or(|v| r.met_by(v)))
+    };
+    let pair = |row: usize| {
+        let unix = utc.clock.unix(Stamp(utc.nanos.get(row).copied().flatten()?))?.0;
+        Some((stamps.nanos.get(row).copied().flatten()?, unix)).filter(|_| unix > NO_UTC_BEFORE_NS && meets(row))
+    };
+    let pairs: Vec<(i64, i64)> = (0..table.rows).filter_map(pair).collect();
+    tie(rule.clock, format!("{}: {} and {}", table.topic.name, stamps.label, utc.label), &pairs)
+}

@@ -1,0 +1,291 @@
+//! Records of a fixed layout straight into columns: little-endian numbers and text, each at its own offset.
+//!
+//! ULog and DataFlash name the fields of a record once; from then on a record is bytes in that order.
+
+use crate::decode::Wanted;
+use crate::decode::rows::{Rows, Value, ValueType};
+use crate::decode::schema::Number;
+use std::borrow::Cow;
+
+/// Where everything lies in a record.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Layout {
+    /// In any order.
+    pub(crate) fields: Vec<PackedField>,
+    /// A record of fewer bytes cannot be decoded.
+    pub(crate) shortest: usize,
+    /// Bytes beyond this are counted as longer than defined.
+    pub(crate) longest: usize,
+}
+
+/// A value in a record.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct PackedField {
+    /// Dotted path; elements of arrays as `q[0]`.
+    pub(crate) path: String,
+    /// Bytes before it.
+    pub(crate) offset: usize,
+    pub(crate) kind: PackedKind,
+    /// Of a number; `None` keeps it as it is, and 64-bit integers exact.
+    pub(crate) scale: Option<Scale>,
+}
+
+/// What lies there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PackedKind {
+    Number(Number),
+    /// IEEE 754 binary16.
+    Half,
+    /// Text in so many bytes, or up to the first zero among them. What is no UTF-8 shows as U+FFFD.
+    Text(usize),
+}
+
+/// `value · factor / divisor`. Two numbers, so that a decimal scale divides by an exact power of ten.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Scale {
+    pub(crate) factor: f64,
+    pub(crate) divisor: f64,
+}
+
+impl PackedKind {
+    /// Bytes.
+    pub(crate) fn size(self) -> usize {
+        match self {
+            PackedKind::Number(number) => number.size() as usize,
+            PackedKind::Half => 2,
+            PackedKind::Text(length) => length,
+        }
+    }
+
+    fn value_type(self, scale: Option<Scale>) -> ValueType {
+        match self {
+            PackedKind::Text(_) => ValueType::Text,
+            PackedKind::Number(Number::I64 | Number::U64) if scale.is_none() => ValueType::Integer,
+            PackedKind::Number(_) | PackedKind::Half => ValueType::Float,
+        }
+    }
+}
+
+/// How to read the wanted fields of one layout.
+#[derive(Debug)]
+pub(crate) struct Plan {
+    steps: Vec<Step>,
+    shortest: usize,
+    longest: usize,
+}
+
+#[derive(Debug)]
+struct Step {
+    column: usize,
+    offset: usize,
+    kind: PackedKind,
+    scale: Option<Scale>,
+}
+
+impl Plan {
+    /// Takes the wanted fields; columns are made in `rows`.
+    pub(crate) fn new(layout: &Layout, wanted: &Wanted, rows: &mut Rows) -> Plan {
+        let mut step = |field: &PackedField| {
+            let PackedField { path, offset, kind, scale } = field;
+            let column = wanted.has(path).then(|| rows.column(path, kind.value_type(*scale))).flatten()?;
+            Some(Step { column, offset: *offset, kind: *kind, scale: *scale })
+        };
+        let steps: Vec<Step> = layout.fields.iter().filter_map(&mut step).collect();
+        let end = steps.iter().map(|s| s.offset.saturating_add(s.kind.size())).max().unwrap_or_default();
+        let shortest = layout.shortest.max(end);
+        Plan { steps, shortest, longest: layout.longest.max(shortest) }
+    }
+
+    /// Sets the wanted values of the open row. Returns how many bytes the record has beyond its layout.
+    pub(crate) fn decode(&self, payload: &[u8], rows: &mut Rows) -> Result<usize, String> {
+        if payload.len() < self.shortest {
+            return Err(format!("{} bytes where its format has {}", payload.len(), self.shortest));
+        }
+        for step in &self.steps {
+            step.read(payload, rows);
+        }
+        Ok(payload.len().saturating_sub(self.longest))
+    }
+
+    /// Memory that the plan takes, bytes, roughly.
+    pub(crate) fn weight(&self) -> usize {
+        self.steps.len() * size_of::<Step>()
+    }
+}
+
+impl Step {
+    /// The plan has made sure that the payload is long enough.
+    fn read(&self, payload: &[u8], rows: &mut Rows) {
+        let rest = payload.get(self.offset..).unwrap_or_default();
+        let value = match self.kind {
+            PackedKind::Text(length) => {
+                let text = text_of(rest.get(..length).unwrap_or_default());
+                return rows.set(self.column, Value::Text(&text));
+            }
+            PackedKind::Half => half(rest).map(Value::Float),
+            PackedKind::Number(number) => number_of(number, rest),
+        };
+        if let Some(value) = value {
+            rows.set(self.column, self.scale.map_or(value, |scale| scale.apply(value)));
+        }
+    }
+}
+
+impl Scale {
+    fn apply(self, value: Value<'_>) -> Value<'_> {
+        match value {
+            Value::Float(x) => Value::Float(x * self.factor / self.divisor),
+            Value::Integer(x) => Value::Float(x as f64 * self.factor / self.divisor),
+            Value::Text(_) => value,
+        }
+    }
+}
+
+/// Up to the first zero.
+pub(crate) fn text_of(bytes: &[u8]) -> Cow<'_, str> {
+    let end = memchr::memchr(0, bytes).unwrap_or(bytes.len());
+    String::from_utf8_lossy(bytes.get(..end).unwrap_or_default())
+}
+
+/// The number that the bytes begin with; `None` for a whole number beyond `i64`.
+#[inline]
+pub(crate) fn number_of(number: Number, bytes: &[u8]) -> Option<Value<'static>> {
+    Some(match number {
+        Number::Bool => Value::Float(f64::from(u8::from(*bytes.first()? != 0))),
+        Number::U8 => Value::Float((*bytes.first()?).into()),
+        Number::I8 => Value::Float((*bytes.first()? as i8).into()),
+        Number::U16 => Value::Float(u16::from_le_bytes(*bytes.first_chunk()?).into()),
+        Number::I16 => Value::Float(i16::from_le_bytes(*bytes.first_chunk()?).into()),
+        Number::U32 => Value::Float(u32::from_le_bytes(*bytes.first_chunk()?).into()),
+        Number::I32 => Value::Float(i32::from_le_bytes(*bytes.first_chunk()?).into()),
+        Number::U64 => Value::Integer(i64::try_from(u64::from_le_bytes(*bytes.first_chunk()?)).ok()?),
+        Number::I64 => Value::Integer(i64::from_le_bytes(*bytes.first_chunk()?)),
+        Number::F32 => Value::Float(f32::from_le_bytes(*bytes.first_chunk()?).into()),
+        Number::F64 => Value::Float(f64::from_le_bytes(*bytes.first_chunk()?)),
+    })
+}
+
+/// As [`number_of`], rounded to a double.
+pub(crate) fn float_of(number: Number, bytes: &[u8]) -> Option<f64> {
+    match number_of(number, bytes)? {
+        Value::Float(x) => Some(x),
+        Value::Integer(x) => Some(x as f64),
+        Value::Text(_) => None,
+    }
+}
+
+/// IEEE 754 binary16: one sign bit, five of exponent, ten of fraction.
+fn half(bytes: &[u8]) -> Option<f64> {
+    let bits = u16::from_le_bytes(*bytes.first_chunk()?);
+    let fraction = f64::from(bits & 0x3ff) / 1024.0;
+    let exponent = i32::from(bits >> 10 & 0x1f);
+    let magnitude = match exponent {
+        0 => fraction * 2f64.powi(-14),
+        31 if fraction > 0.0 => f64::NAN,
+        31 => f64::INFINITY,
+        _ => (1.0 + fraction) * 2f64.powi(exponent - 15),
+    };
+    Some(if bits >> 15 == 0 { magnitude } else { -magnitude })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::{Table, TopicInfo};
+
+    fn field(path: &str, offset: usize, kind: PackedKind) -> PackedField {
+        PackedField { path: path.to_owned(), offset, kind, scale: None }
+    }
+
+    fn layout(fields: Vec<PackedField>) -> Layout {
+        let size = fields.iter().map(|f| f.offset + f.kind.size()).max().unwrap_or_default();
+        Layout { fields, shortest: size, longest: size }
+    }
+
+    fn decoded(layout: &Layout, wanted: &Wanted, records: &[&[u8]]) -> Table {
+        let mut rows = Rows::default();
+        let plan = Plan::new(layout, wanted, &mut rows);
+        for (i, record) in records.iter().enumerate() {
+            plan.decode(record, &mut rows).unwrap();
+            rows.close(0, None, i as u64 + 1);
+        }
+        rows.into_table(TopicInfo::default())
+    }
+
+    #[test]
+    fn values_of_every_kind_are_read_where_they_lie() {
+        use Number::{Bool, F32, F64, I8, I16, I32, I64, U8, U16, U32, U64};
+        let kinds = [Bool, U8, I8, U16, I16, U32, I32, U64, I64, F32, F64];
+        let mut offset = 0;
+        let mut fields = vec![];
+        for (i, kind) in kinds.into_iter().enumerate() {
+            fields.push(field(&format!("f[{i}]"), offset, PackedKind::Number(kind)));
+            offset += kind.size() as usize;
+        }
+        fields.push(field("half", offset, PackedKind::Half));
+        fields.push(field("text", offset + 2, PackedKind::Text(6)));
+        let record = [
+            &[7][..],
+            &[250],
+            &(-3_i8).to_le_bytes(),
+            &60_000_u16.to_le_bytes(),
+            &(-300_i16).to_le_bytes(),
+            &4_000_000_000_u32.to_le_bytes(),
+            &(-2_000_000_000_i32).to_le_bytes(),
+            &(i64::MAX as u64).to_le_bytes(),
+            &i64::MIN.to_le_bytes(),
+            &1.5_f32.to_le_bytes(),
+            &0.1_f64.to_le_bytes(),
+            &0xc500_u16.to_le_bytes(),
+            b"ab\0cde",
+        ]
+        .concat();
+        let table = decoded(&layout(fields), &Wanted::All, &[&record]);
+        let numbers: Vec<f64> =
+            [0, 1, 2, 3, 4, 5, 6, 9, 10].map(|i| table.column(&format!("f[{i}]")).unwrap().number(0).unwrap()).into();
+        assert_eq!(numbers, [1.0, 250.0, -3.0, 60_000.0, -300.0, 4e9, -2e9, 1.5, 0.1]);
+        assert_eq!(table.column("f[7]").unwrap().integer(0), Some(i64::MAX));
+        assert_eq!(table.column("f[8]").unwrap().integer(0), Some(i64::MIN));
+        assert_eq!(table.column("half").unwrap().number(0), Some(-5.0));
+        assert_eq!(table.column("text").unwrap().text(0), Some("ab"));
+    }
+
+    #[test]
+    fn a_decimal_scale_gives_the_bits_of_the_decimal_text() {
+        let scaled = PackedField {
+            scale: Some(Scale { factor: 1.0, divisor: 1e7 }),
+            ..field("lat", 0, PackedKind::Number(Number::I32))
+        };
+        let table = decoded(&layout(vec![scaled]), &Wanted::All, &[&423_585_499_i32.to_le_bytes()]);
+        assert_eq!(table.column("lat").unwrap().number(0), Some(42.358_549_9));
+    }
+
+    #[test]
+    fn only_wanted_fields_become_columns_and_one_beyond_i64_is_absent() {
+        let number = |path: &str, offset| field(path, offset, PackedKind::Number(Number::U64));
+        let layout = layout(vec![number("a", 0), number("b", 8)]);
+        let record = [5_u64.to_le_bytes(), u64::MAX.to_le_bytes()].concat();
+        let table = decoded(&layout, &Wanted::of_paths(["b", "gone"]), &[&record, &[0; 16]]);
+        assert_eq!(table.columns.len(), 1);
+        assert_eq!((table.columns[0].integer(0), table.columns[0].integer(1)), (None, Some(0)));
+    }
+
+    #[test]
+    fn a_record_that_is_too_short_is_refused_and_one_that_is_too_long_says_by_how_much() {
+        let layout = Layout { longest: 3, ..layout(vec![field("a", 0, PackedKind::Number(Number::U16))]) };
+        let mut rows = Rows::default();
+        let plan = Plan::new(&layout, &Wanted::All, &mut rows);
+        assert!(plan.decode(&[1], &mut rows).is_err());
+        assert_eq!([&[0; 2][..], &[0; 3], &[0; 5]].map(|r| plan.decode(r, &mut rows).unwrap()), [0, 0, 2]);
+    }
+
+    #[test]
+    fn halves_of_all_kinds_are_what_ieee_says() {
+        let of = |bits: u16| half(&bits.to_le_bytes()).unwrap();
+        assert_eq!(
+            [0x3c00, 0x8000, 0x0001, 0x7bff, 0x3555].map(of),
+            [1.0, -0.0, 2f64.powi(-24), 65_504.0, 1365.0 / 4096.0]
+        );
+        assert!(of(0x7c00) == f64::INFINITY && of(0xfc00) == f64::NEG_INFINITY && of(0x7e01).is_nan());
+    }
+}

@@ -1,0 +1,217 @@
+//! The walk over a binary log, record by record.
+//!
+//! Nothing in it vouches for a record but what stands behind it: a record counts if another begins where it ends.
+
+use super::book::Book;
+use super::record::{Format, HEADER, LONGEST_RECORD, SYNC};
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::ReadContext;
+use flight::{Notices, Severity};
+use memchr::memmem;
+
+/// Said where no record begins.
+pub(super) const NO_RECORD: &str = "what stands here is no record";
+/// Bytes searched in one go.
+const BLOCK: usize = 256 << 10;
+/// Fetched with a record: it, and the start of the next.
+const TOGETHER: usize = LONGEST_RECORD + SYNC.len();
+
+/// A walk in progress.
+pub(super) struct Walk<'w, 'c, 't, 's> {
+    file: &'w mut LogFile,
+    name: String,
+    context: &'w ReadContext<'c>,
+    ledger: &'w mut Ledger,
+    notices: &'w mut Notices,
+    book: &'w mut Book<'t, 's>,
+    sync: memmem::Finder<'static>,
+    at: u64,
+    /// Where the filling at the end begins.
+    padding_from: u64,
+}
+
+impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
+    pub(super) fn new(
+        file: &'w mut LogFile,
+        context: &'w ReadContext<'c>,
+        ledger: &'w mut Ledger,
+        notices: &'w mut Notices,
+        book: &'w mut Book<'t, 's>,
+    ) -> Walk<'w, 'c, 't, 's> {
+        let name = file.name().to_owned();
+        Walk { file, name, context, ledger, notices, book, sync: memmem::Finder::new(&SYNC), at: 0, padding_from: 0 }
+    }
+
+    /// From the first byte to the last.
+    pub(super) fn run(mut self) -> Result<(), IngestError> {
+        self.padding_from = padding_from(self.file)?;
+        while self.at < self.file.size() {
+            match self.record_at(self.at)? {
+                Some(length) => self.take(length)?,
+                None if self.is_padding(self.at) => self.padding(),
+                None => self.lost()?,
+            }
+            self.file.progress(self.at, self.context)?;
+        }
+        Ok(())
+    }
+
+    /// Length of the record that begins here: of the lengths that its type may have the first that leads on.
+    fn record_at(&mut self, at: u64) -> Result<Option<usize>, IngestError> {
+        let window = self.file.up_to(at, TOGETHER)?;
+        let Some((&[first, second, id], _)) = window.split_first_chunk() else { return Ok(None) };
+        if [first, second] != SYNC {
+            return Ok(None);
+        }
+        let lengths = self.book.format(id).map(Format::lengths).unwrap_or_default();
+        // Nearly always the next record follows, and nothing within this one looks like a third.
+        if let [Some(length), _] = lengths
+            && window.get(length..).is_some_and(|next| next.starts_with(&SYNC))
+            && window.get(HEADER..length).is_some_and(|inner| self.sync.find(inner).is_none())
+        {
+            return Ok(Some(length));
+        }
+        for length in lengths.into_iter().flatten() {
+            if self.may_begin(at + length as u64)? && !self.swallows(at, length)? {
+                return Ok(Some(length));
+            }
+        }
+        Ok(None)
+    }
+
+    fn type_at(&mut self, at: u64) -> Result<Option<u8>, IngestError> {
+        Ok(match self.file.bytes(at, HEADER)? {
+            Some(&[first, second, id]) if [first, second] == SYNC => Some(id),
+            _ => None,
+        })
+    }
+
+    /// Whether a record, the padding or the end may be here. One wrong bit in the sync bytes is the next record's
+    /// damage, not that of the one before.
+    fn may_begin(&mut self, at: u64) -> Result<bool, IngestError> {
+        if at > self.file.size() {
+            return Ok(false);
+        }
+        let wrong = match self.file.up_to(at, SYNC.len())? {
+            &[first, second] => (first ^ SYNC[0]).count_ones() + (second ^ SYNC[1]).count_ones(),
+            &[first] => (first ^ SYNC[0]).count_ones(),
+            _ => 0,
+        };
+        Ok(wrong <= 1 || self.is_padding(at))
+    }
+
+    /// Whether records within this one lead to its very end: then its type, and so its length, is wrong.
+    fn swallows(&mut self, at: u64, length: usize) -> Result<bool, IngestError> {
+        let bytes = self.file.bytes(at, length)?.unwrap_or_default();
+        // From behind, so that it takes one step for each byte: whether records lead from here to the end.
+        let mut leads = vec![false; length];
+        for place in (HEADER..length).rev() {
+            let Some(&[first, second, id]) = bytes.get(place..place + HEADER) else { continue };
+            let inner = self.book.format(id).and_then(|f| f.lengths().into_iter().flatten().next());
+            let Some(end) = inner.filter(|_| [first, second] == SYNC).map(|inner| place + inner) else { continue };
+            let reaches = end == length || leads.get(end) == Some(&true);
+            if let Some(lead) = leads.get_mut(place) {
+                *lead = reaches;
+            }
+        }
+        Ok(leads.contains(&true))
+    }
+
+    /// Whether nothing but the filling at the end of the file follows.
+    fn is_padding(&self, at: u64) -> bool {
+        (self.padding_from..self.file.size()).contains(&at)
+    }
+
+    fn padding(&mut self) {
+        let length = self.file.size() - self.at;
+        self.notices.push(
+            Severity::Info,
+            "padding",
+            self.name.as_str(),
+            length,
+            "filling bytes behind the last record",
+        );
+        self.ledger.count(Fate::Structure, length);
+        self.at += length;
+    }
+
+    fn take(&mut self, length: usize) -> Result<(), IngestError> {
+        let bytes = self.file.bytes(self.at, length)?.unwrap_or_default();
+        let id = bytes.get(HEADER - 1).copied().unwrap_or_default();
+        match self.book.packed(id, bytes, HEADER) {
+            Ok(fate) => self.ledger.count(fate, length as u64),
+            Err(reason) => self.ledger.damaged(&self.name, self.at, length as u64, reason),
+        }
+        self.at += length as u64;
+        Ok(())
+    }
+
+    /// Nothing can be made of what stands here: goes on where the next record begins.
+    fn lost(&mut self) -> Result<(), IngestError> {
+        let next = self.search(self.at + 1)?;
+        let reason = match self.type_at(self.at)? {
+            Some(id) if self.book.format(id).is_none() => format!("records of type {id}, which is not defined"),
+            Some(_) if next == self.file.size() => "the log ends inside a record".to_owned(),
+            Some(_) => "a record that leads nowhere".to_owned(),
+            None => NO_RECORD.to_owned(),
+        };
+        self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        self.at = next;
+        Ok(())
+    }
+
+    /// The next record beyond doubt; the filling or the end if there is none.
+    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
+        let size = self.file.size();
+        let mut at = from;
+        while at < size {
+            let block = self.file.up_to(at, BLOCK)?;
+            let length = block.len();
+            let hit = self.sync.find(block);
+            match hit {
+                Some(hit) => {
+                    let place = at + hit as u64;
+                    if self.is_plain(place)? {
+                        return Ok(place);
+                    }
+                    at = place + 1;
+                }
+                // Sync bytes that straddle two blocks are found in the second.
+                None if length < BLOCK => break,
+                None => at += length as u64 - 1,
+            }
+            self.file.progress(at, self.context)?;
+        }
+        // Filling that is longer than any record is that; less may be the rest of a record that was cut.
+        let filled = self.padding_from >= from && size - self.padding_from > LONGEST_RECORD as u64;
+        Ok(if filled { self.padding_from } else { size })
+    }
+
+    /// Whether a record that was searched for is one: of a known type, and followed by another or the end.
+    fn is_plain(&mut self, at: u64) -> Result<bool, IngestError> {
+        let Some(length) = self.record_at(at)? else { return Ok(false) };
+        let next = at + length as u64;
+        Ok(next == self.file.size() || self.type_at(next)?.is_some() || self.is_padding(next))
+    }
+}
+
+/// Where the zeros or ones begin that a file ends in: a preallocated file has the first, flash memory the second.
+fn padding_from(file: &mut LogFile) -> Result<u64, IngestError> {
+    let mut end = file.size();
+    let mut filling = None;
+    while end > 0 {
+        let start = end.saturating_sub(BLOCK as u64);
+        let block = file.up_to(start, (end - start) as usize)?;
+        let filling = *filling.get_or_insert(block.last().copied().unwrap_or_default());
+        if !matches!(filling, 0 | 0xff) {
+            return Ok(end);
+        }
+        if let Some(other) = block.iter().rposition(|&b| b != filling) {
+            return Ok(start + other as u64 + 1);
+        }
+        end = start;
+    }
+    Ok(end)
+}

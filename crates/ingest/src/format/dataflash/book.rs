@@ -1,0 +1,447 @@
+//! What a log says of its own records, and the way of each record to its topic.
+
+use super::record::{Body, FMT_ID, FMT_LENGTH, Format, TimeField};
+use super::units::Units;
+use super::vehicle::Vehicle;
+use crate::decode::{Route, Tally, Times, Topics};
+use crate::ledger::Fate;
+use crate::reader::Log;
+use crate::table::TopicInfo;
+use flight::{NANOS_PER_SECOND, Notices, Severity};
+use std::collections::HashMap;
+
+/// Definitions in one log, those that take the place of others among them.
+const MOST_TYPES: usize = 4096;
+/// What lies between two logs in one file once the second is moved behind the first, ns.
+const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
+/// A step back of the clock that is longer than this is no mere disorder, ns.
+const STEP_BACK_NS: i64 = NANOS_PER_SECOND;
+
+/// The types of a log; gives its records to the topics.
+pub(super) struct Book<'t, 'w> {
+    topics: &'t mut Topics<'w>,
+    types: Vec<Type>,
+    by_id: Vec<Option<usize>>,
+    by_name: HashMap<String, usize>,
+    file: String,
+    units: Units,
+    vehicle: Vehicle,
+    clock: BootClock,
+    moved: Vec<u8>,
+    redefined: Tally,
+    unplaced: Tally,
+    misfits: Tally,
+    late_instances: Tally,
+}
+
+/// A type of records.
+struct Type {
+    format: Format,
+    role: Role,
+    /// The field of the instance.
+    instance: Option<usize>,
+    /// Units and multipliers of its fields, as its `FMTU` has them.
+    unit_ids: Option<[String; 2]>,
+    /// Of a type without instances the first alone.
+    ways: Vec<Option<Route>>,
+    /// Of instances whose number is not small.
+    more_ways: HashMap<Instance, Option<Route>>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum Instance {
+    Number(i64),
+    Text(String),
+}
+
+/// What a record tells of the log itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Samples,
+    Formats,
+    FieldUnits,
+    Unit,
+    Multiplier,
+    Parameter,
+    Message,
+    Mode,
+    Version,
+}
+
+impl Role {
+    fn of(name: &str) -> Role {
+        match name {
+            "FMT" => Role::Formats,
+            "FMTU" => Role::FieldUnits,
+            "UNIT" => Role::Unit,
+            "MULT" => Role::Multiplier,
+            "PARM" => Role::Parameter,
+            "MSG" => Role::Message,
+            "MODE" => Role::Mode,
+            "VER" => Role::Version,
+            _ => Role::Samples,
+        }
+    }
+
+    fn is_structure(self) -> bool {
+        matches!(self, Role::Formats | Role::FieldUnits | Role::Unit | Role::Multiplier)
+    }
+}
+
+impl Type {
+    fn new(format: Format) -> Type {
+        let instance = format.usual_instance();
+        let role = Role::of(&format.name);
+        Type { format, role, instance, unit_ids: None, ways: vec![], more_ways: HashMap::new() }
+    }
+
+    fn is_used(&self) -> bool {
+        !self.ways.is_empty() || !self.more_ways.is_empty()
+    }
+
+    /// Where this record goes; `None` if there are too many topics.
+    fn way(&mut self, body: Body<'_>, topics: &mut Topics<'_>) -> Option<Route> {
+        let number = match self.instance {
+            None => Some(0),
+            Some(field) => body.byte(&self.format, field),
+        };
+        let Some(number) = number else { return self.distant_way(body, topics) };
+        if let Some(Some(way)) = self.ways.get(usize::from(number)) {
+            return Some(*way);
+        }
+        let way = self.open(self.topic_name(&Instance::Number(number.into())), body, topics);
+        if self.ways.len() <= usize::from(number) {
+            self.ways.resize(usize::from(number) + 1, None);
+        }
+        if let Some(place) = self.ways.get_mut(usize::from(number)) {
+            *place = way;
+        }
+        way
+    }
+
+    /// As [`Type::way`], where the instance is no byte.
+    fn distant_way(&mut self, body: Body<'_>, topics: &mut Topics<'_>) -> Option<Route> {
+        let field = self.instance?;
+        let instance = match (body.integer(&self.format, field), body.text(&self.format, field)) {
+            (Some(number), _) => Instance::Number(number),
+            (None, text) => Instance::Text(text.unwrap_or_default().into_owned()),
+        };
+        if let Some(way) = self.more_ways.get(&instance) {
+            return *way;
+        }
+        let way = self.open(self.topic_name(&instance), body, topics);
+        self.more_ways.insert(instance, way);
+        way
+    }
+
+    fn topic_name(&self, instance: &Instance) -> String {
+        let name = &self.format.name;
+        match instance {
+            Instance::Number(0) => name.clone(),
+            Instance::Number(number) => format!("{name}_{number}"),
+            Instance::Text(text) => format!("{name}_{text}"),
+        }
+    }
+
+    fn open(&self, name: String, body: Body<'_>, topics: &mut Topics<'_>) -> Option<Route> {
+        let info = TopicInfo { name, type_name: self.format.name.clone(), encoding: "dataflash".to_owned() };
+        let definition = self.format.definition.as_bytes();
+        let route = match body {
+            Body::Packed(_) => topics.packed_route(info, definition, |wanted| self.format.packed_layout(wanted)),
+            Body::Line(_) => topics.cells_route(info, definition, || self.format.cell_layout()),
+        };
+        route.ok()
+    }
+}
+
+impl<'t, 'w> Book<'t, 'w> {
+    pub(super) fn new(topics: &'t mut Topics<'w>) -> Book<'t, 'w> {
+        Book {
+            topics,
+            types: vec![],
+            by_id: vec![None; 256],
+            by_name: HashMap::new(),
+            file: String::new(),
+            units: Units::default(),
+            vehicle: Vehicle::default(),
+            clock: BootClock::default(),
+            moved: vec![],
+            redefined: Tally::default(),
+            unplaced: Tally::default(),
+            misfits: Tally::default(),
+            late_instances: Tally::default(),
+        }
+    }
+
+    /// Definitions hold for one file.
+    pub(super) fn begin_file(&mut self, name: &str) {
+        self.file = name.to_owned();
+        self.by_id.fill(None);
+        self.by_name.clear();
+        self.clock.restarts();
+        self.learn(FMT_ID, Format::of_formats());
+    }
+
+    fn learn(&mut self, id: u8, format: Format) {
+        self.by_name.insert(format.name.clone(), self.types.len());
+        if let Some(place) = self.by_id.get_mut(usize::from(id)) {
+            *place = Some(self.types.len());
+        }
+        self.types.push(Type::new(format));
+    }
+
+    fn known(&self, id: u8) -> Option<usize> {
+        self.by_id.get(usize::from(id)).copied().flatten()
+    }
+
+    /// The format of a type.
+    pub(super) fn format(&self, id: u8) -> Option<&Format> {
+        self.types.get(self.known(id)?).map(|t| &t.format)
+    }
+
+    /// A binary record of a known type; `bytes` with its header. Fails if it is damaged.
+    pub(super) fn packed(&mut self, id: u8, bytes: &[u8], header: usize) -> Result<Fate, String> {
+        let Some(index) = self.known(id) else { return Err(format!("a record of type {id}, which is not defined")) };
+        let Some(kind) = self.types.get(index) else { return Ok(Fate::Skipped) };
+        if kind.format.fault.is_none() && !kind.format.describes(bytes.len()) {
+            let name = &kind.format.name;
+            self.misfits.add(|| format!("a {name} of {} bytes", bytes.len()));
+            return Ok(Fate::Skipped);
+        }
+        self.record(index, Body::Packed(bytes.get(header..).unwrap_or_default()))
+    }
+
+    /// A line of text: name and what follows its comma. Fails if it is damaged.
+    pub(super) fn line(&mut self, name: &str, values: &str) -> Result<Fate, String> {
+        let Some(&index) = self.by_name.get(name) else {
+            return Err("a line of a type that is not defined".to_owned());
+        };
+        if let Some(kind) = self.types.get(index).filter(|t| t.format.fault.is_none()) {
+            let (needed, given) = (kind.format.fields.len(), values.split(',').count());
+            if given < needed || (given > needed && !kind.format.ends_in_text()) {
+                let name = &kind.format.name;
+                return Err(format!("a line of type {name} with {given} values where its format has {needed}"));
+            }
+        }
+        self.record(index, Body::Line(values))
+    }
+
+    fn record(&mut self, index: usize, body: Body<'_>) -> Result<Fate, String> {
+        let Some(kind) = self.types.get_mut(index) else { return Ok(Fate::Skipped) };
+        let role = kind.role;
+        let raw_ns = kind.format.time.and_then(|time| time.read(&kind.format, body));
+        let logged_ns = self.clock.stamp(raw_ns, &self.file);
+        if role != Role::Samples {
+            self.tell(role, index, body, logged_ns)?;
+        }
+        let Some(kind) = self.types.get_mut(index) else { return Ok(Fate::Skipped) };
+        let Some(route) = kind.way(body, self.topics) else {
+            self.unplaced.add(|| kind.format.name.clone());
+            return Ok(Fate::Skipped);
+        };
+        let times = Times { logged_ns, published_ns: None };
+        let payload = match (kind.format.time, self.clock.offset_ns) {
+            (Some(time), offset_ns @ 1..) if route.is_wanted() => time.moved(body, offset_ns, &mut self.moved),
+            _ => body.payload(),
+        };
+        match self.topics.message(route, times, payload) {
+            Fate::Skipped if role.is_structure() => Ok(Fate::Structure),
+            fate => Ok(fate),
+        }
+    }
+
+    /// Takes in what a record tells of the log.
+    fn tell(&mut self, role: Role, index: usize, body: Body<'_>, at_ns: i64) -> Result<(), String> {
+        let Some(format) = self.types.get(index).map(|t| &t.format) else { return Ok(()) };
+        let integer = |name: &str| format.field(name).and_then(|field| body.integer(format, field));
+        let number = |name: &str| format.field(name).and_then(|field| body.number(format, field));
+        let text = |name: &str| format.field(name).and_then(|field| body.text(format, field));
+        match role {
+            Role::Samples => {}
+            Role::Formats => {
+                let (Some(id), Some(length)) = (integer("Type"), integer("Length")) else {
+                    return Err("a definition without a type".to_owned());
+                };
+                let (Ok(id), Ok(length)) = (u8::try_from(id), u8::try_from(length)) else {
+                    return Err("a definition whose type or length is no byte".to_owned());
+                };
+                let [name, codes, columns] = ["Name", "Format", "Columns"].map(|n| text(n).unwrap_or_default());
+                return self.define(id, length, &name, &codes, &columns);
+            }
+            Role::FieldUnits => {
+                let ids = ["UnitIds", "MultIds"].map(|name| text(name).unwrap_or_default().into_owned());
+                if let Some(id) = integer("FmtType").and_then(|id| u8::try_from(id).ok()) {
+                    self.set_units(id, ids);
+                }
+            }
+            Role::Unit => self.units.unit(integer("Id"), text("Label")),
+            Role::Multiplier => self.units.multiplier(integer("Id"), number("Mult")),
+            Role::Parameter => {
+                if let (Some(name), Some(value)) = (text("Name"), number("Value")) {
+                    self.vehicle.parameter(&name, value);
+                }
+            }
+            Role::Message => {
+                if let Some(text) = text("Message") {
+                    self.vehicle.message(at_ns, &text);
+                }
+            }
+            Role::Mode => {
+                let number = integer("Mode").or_else(|| integer("ModeNum"));
+                self.vehicle.mode(at_ns, number, text("Mode").as_deref());
+            }
+            Role::Version => self.vehicle.version(text("FWS").as_deref(), integer("APJ")),
+        }
+        Ok(())
+    }
+
+    fn define(&mut self, id: u8, length: u8, name: &str, codes: &str, columns: &str) -> Result<(), String> {
+        if id == FMT_ID {
+            // The first record of every log. It says nothing new, but that a log begins.
+            self.clock.restarts();
+            let usual = usize::from(length) == FMT_LENGTH && name == "FMT";
+            return if usual {
+                Ok(())
+            } else {
+                Err("a definition of the definitions that is not the usual one".into())
+            };
+        }
+        let format = Format::new(length, name, codes, columns)?;
+        let known = self.known(id).and_then(|index| self.types.get(index));
+        if known.is_some_and(|known| known.format == format) {
+            return Ok(());
+        }
+        if self.types.len() >= MOST_TYPES {
+            return Err(format!("there are more than {MOST_TYPES} definitions"));
+        }
+        if let Some(known) = known {
+            self.redefined.add(|| format!("{name} in the place of {} (type {id})", known.format.name));
+        }
+        self.learn(id, format);
+        Ok(())
+    }
+
+    fn set_units(&mut self, id: u8, ids: [String; 2]) {
+        let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else { return };
+        let instance = ids[0].bytes().position(|b| b == b'#').filter(|&field| field < kind.format.fields.len());
+        if instance != kind.instance && kind.is_used() {
+            self.late_instances.add(|| kind.format.name.clone());
+        }
+        kind.instance = instance;
+        kind.unit_ids = Some(ids);
+    }
+
+    /// Writes what the log says of itself, and what was wrong with it.
+    pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
+        let file = self.file.as_str();
+        let mut say = |severity, code: &str, tally: &Tally, text: &str| {
+            if tally.count > 0 {
+                notices.push(severity, code, file, tally.count, format!("{text}; the first: {}", tally.first));
+            }
+        };
+        say(
+            Severity::Loss,
+            "redefined",
+            &self.redefined,
+            "types were defined anew; what follows is read by the new one",
+        );
+        say(Severity::Loss, "undecodable", &self.misfits, "records are not as long as their definition says");
+        say(Severity::Loss, "unknown-channel", &self.unplaced, "records found no topic, for there are too many");
+        let text = "the field that tells instances apart was named after the first records, which are in one topic";
+        say(Severity::Warning, "late-instance", &self.late_instances, text);
+        let text = "the clock begins anew within the file; what follows is stamped as if it came ten seconds later";
+        say(Severity::Warning, "clock-restart", &self.clock.moved, text);
+        say(Severity::Warning, "clock-jump", &self.clock.back, "the clock steps back by more than a second");
+        log.health.undecodable += self.misfits.count;
+        log.health.messages += self.misfits.count;
+        log.health.about = self.vehicle.finish();
+        for kind in self.types.iter().filter(|t| t.is_used()) {
+            let Some([units, multipliers]) = &kind.unit_ids else { continue };
+            log.units.extend(self.units.of(&kind.format, units.as_bytes(), multipliers.as_bytes()));
+        }
+    }
+}
+
+impl TimeField {
+    /// Nanoseconds; `None` beyond what fits.
+    fn read(self, format: &Format, body: Body<'_>) -> Option<i64> {
+        let ticks = match body {
+            Body::Packed(bytes) => {
+                let place = bytes.get(self.offset..).unwrap_or_default();
+                if self.wide {
+                    i64::try_from(u64::from_le_bytes(*place.first_chunk()?)).ok()?
+                } else {
+                    u32::from_le_bytes(*place.first_chunk()?).into()
+                }
+            }
+            Body::Line(_) => body.integer(format, self.field)?,
+        };
+        ticks.checked_mul(self.tick_ns)
+    }
+
+    /// The record with its time moved. One that does not fit stays as it is.
+    fn moved<'m>(self, body: Body<'m>, offset_ns: i64, space: &'m mut Vec<u8>) -> &'m [u8] {
+        let ticks = offset_ns / self.tick_ns;
+        space.clear();
+        match body {
+            Body::Packed(bytes) => {
+                space.extend_from_slice(bytes);
+                let place = space.get_mut(self.offset..).unwrap_or_default();
+                if self.wide {
+                    if let Some(place) = place.first_chunk_mut() {
+                        *place = u64::from_le_bytes(*place).wrapping_add_signed(ticks).to_le_bytes();
+                    }
+                } else if let Some(place) = place.first_chunk_mut()
+                    && let Ok(time) = u32::try_from(i64::from(u32::from_le_bytes(*place)) + ticks)
+                {
+                    *place = time.to_le_bytes();
+                }
+            }
+            Body::Line(line) => {
+                let cells = line.split(',').enumerate().map(|(cell, text)| match text.trim().parse::<i64>() {
+                    Ok(time) if cell == self.field => time.saturating_add(ticks).to_string(),
+                    _ => text.to_owned(),
+                });
+                space.extend_from_slice(cells.collect::<Vec<_>>().join(",").as_bytes());
+            }
+        }
+        space
+    }
+}
+
+/// The time since boot, from record to record.
+#[derive(Debug, Default)]
+struct BootClock {
+    last_ns: Option<i64>,
+    /// Added to what the log says since it began anew: a multiple of a second.
+    offset_ns: i64,
+    begins: bool,
+    moved: Tally,
+    back: Tally,
+}
+
+impl BootClock {
+    /// The next stamp may be of another boot.
+    fn restarts(&mut self) {
+        self.begins = true;
+    }
+
+    /// The stamp of a record. One without a time of its own has that of the record before.
+    fn stamp(&mut self, raw_ns: Option<i64>, file: &str) -> i64 {
+        let Some(raw_ns) = raw_ns else { return self.last_ns.unwrap_or_default() };
+        let last_ns = self.last_ns.unwrap_or(i64::MIN);
+        let seconds = |ns: i64| ns as f64 / NANOS_PER_SECOND as f64;
+        if std::mem::take(&mut self.begins) && raw_ns.saturating_add(self.offset_ns) < last_ns {
+            let second = NANOS_PER_SECOND;
+            let gap_ns = last_ns.saturating_sub(raw_ns).saturating_add(BETWEEN_BOOTS_NS);
+            self.offset_ns = gap_ns.div_euclid(second).saturating_mul(second);
+            self.moved.add(|| format!("{file}, from {:.3} s to {:.3} s", seconds(last_ns), seconds(raw_ns)));
+        }
+        let stamp = raw_ns.saturating_add(self.offset_ns);
+        if stamp.saturating_add(STEP_BACK_NS) < last_ns {
+            self.back.add(|| format!("{file}, from {:.3} s to {:.3} s", seconds(last_ns), seconds(stamp)));
+        }
+        self.last_ns = Some(stamp);
+        stamp
+    }
+}

@@ -1,0 +1,313 @@
+//! What a record looks like: its header, its definition by `FMT`, and single values out of it.
+
+use crate::decode::cells::{CellField, CellKind, CellLayout};
+use crate::decode::packed::{self, Layout, PackedField, PackedKind, Scale};
+use crate::decode::rows::Value;
+use crate::decode::schema::Number;
+use crate::decode::{Wanted, cells};
+use std::borrow::Cow;
+
+/// The first two bytes of every binary record.
+pub(super) const SYNC: [u8; 2] = [0xa3, 0x95];
+/// Sync bytes and the type.
+pub(super) const HEADER: usize = 3;
+/// The type of `FMT` records, and their length: the only ones that are known from the start.
+pub(super) const FMT_ID: u8 = 128;
+pub(super) const FMT_LENGTH: usize = 89;
+/// A length is one byte.
+pub(super) const LONGEST_RECORD: usize = 255;
+/// Characters of a text of type `Z`: names in `Columns` may be cut there.
+const LONGEST_TEXT: usize = 64;
+/// Numbers in an array of type `a`.
+const ARRAY: u32 = 32;
+
+/// A type of records, as an `FMT` describes it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Format {
+    pub(super) name: String,
+    /// As written: format characters, a line feed, names of the fields.
+    pub(super) definition: String,
+    /// Length that the `FMT` states, header included.
+    stated: usize,
+    /// What the format characters add up to, header included; `None` if one of them is not known.
+    described: Option<usize>,
+    pub(super) fields: Vec<Field>,
+    /// Why its records cannot be decoded.
+    pub(super) fault: Option<String>,
+    pub(super) time: Option<TimeField>,
+}
+
+/// A field of a record.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Field {
+    pub(super) name: String,
+    /// Its format character.
+    pub(super) code: u8,
+    /// Bytes before it, behind the header.
+    offset: usize,
+}
+
+/// Where a record says when it was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TimeField {
+    pub(super) field: usize,
+    /// Bytes before it, behind the header.
+    pub(super) offset: usize,
+    /// Of 64 bits; else of 32.
+    pub(super) wide: bool,
+    /// Nanoseconds in its unit.
+    pub(super) tick_ns: i64,
+}
+
+impl Format {
+    /// From the contents of an `FMT`. Fails if they make no sense.
+    pub(super) fn new(length: u8, name: &str, codes: &str, columns: &str) -> Result<Format, String> {
+        if name.is_empty() || !name.bytes().all(|b| b.is_ascii_graphic()) {
+            return Err("a definition of a type without a proper name".to_owned());
+        }
+        let mut offset = 0;
+        let mut names = columns.split(',').map(str::trim).filter(|n| !n.is_empty());
+        let mut fields = vec![];
+        let mut fault = None;
+        for code in codes.bytes() {
+            let Some(size) = size_of(code) else {
+                fault = Some(format!("its format has the character {:?}, which is not known", char::from(code)));
+                break;
+            };
+            if let Some(name) = names.next() {
+                fields.push(Field { name: name.to_owned(), code, offset });
+            }
+            offset += size;
+        }
+        if fault.is_none() && HEADER + offset > LONGEST_RECORD {
+            fault = Some(format!(
+                "its format adds up to {} bytes, and a record has at most {LONGEST_RECORD}",
+                HEADER + offset
+            ));
+        }
+        let described = fault.is_none().then_some(HEADER + offset);
+        let missing = codes.len().saturating_sub(fields.len());
+        if fault.is_none() && (names.next().is_some() || (missing > 0 && columns.len() < LONGEST_TEXT)) {
+            fault = Some(format!("it has {} values and not as many names ({columns})", codes.len()));
+        }
+        let time = time_field(name, &fields);
+        let definition = format!("{codes}\n{columns}");
+        Ok(Format { name: name.to_owned(), definition, stated: length.into(), described, fields, fault, time })
+    }
+
+    /// The definition of definitions.
+    pub(super) fn of_formats() -> Format {
+        let columns = "Type,Length,Name,Format,Columns";
+        let fields = [(b'B', 0), (b'B', 1), (b'n', 2), (b'N', 6), (b'Z', 22)];
+        let fields = columns.split(',').zip(fields);
+        Format {
+            name: "FMT".to_owned(),
+            definition: format!("BBnNZ\n{columns}"),
+            stated: FMT_LENGTH,
+            described: Some(FMT_LENGTH),
+            fields: fields.map(|(name, (code, offset))| Field { name: name.to_owned(), code, offset }).collect(),
+            fault: None,
+            time: None,
+        }
+    }
+
+    /// Lengths that a record may have, header included: what the format characters add up to, and what the `FMT`
+    /// states where that is something else. Then one of the two is damaged.
+    pub(super) fn lengths(&self) -> [Option<usize>; 2] {
+        [self.described, (self.stated >= HEADER && self.described != Some(self.stated)).then_some(self.stated)]
+    }
+
+    /// Whether records of this length are what the format characters describe.
+    pub(super) fn describes(&self, length: usize) -> bool {
+        self.described == Some(length)
+    }
+
+    pub(super) fn field(&self, name: &str) -> Option<usize> {
+        self.fields.iter().position(|f| f.name == name)
+    }
+
+    /// The field of the instance where no `FMTU` tells: as ArduPilot calls it.
+    pub(super) fn usual_instance(&self) -> Option<usize> {
+        let estimator = ["XK", "NK"].iter().any(|start| self.name.starts_with(start));
+        self.fields.iter().position(|f| {
+            b"BbHhiI".contains(&f.code) && (matches!(f.name.as_str(), "I" | "Instance") || (estimator && f.name == "C"))
+        })
+    }
+
+    /// Where the values lie in a binary record.
+    pub(super) fn packed_layout(&self, wanted: &Wanted) -> Result<Layout, String> {
+        self.decodable()?;
+        let size = self.described.unwrap_or(HEADER) - HEADER;
+        let fields = self.fields.iter().flat_map(|field| field.packed(wanted)).collect();
+        Ok(Layout { fields, shortest: size, longest: size })
+    }
+
+    /// Which cells of a line are the values.
+    pub(super) fn cell_layout(&self) -> Result<CellLayout, String> {
+        self.decodable()?;
+        let field = |(cell, f): (usize, &Field)| CellField { path: f.name.clone(), cell, kind: f.cell_kind() };
+        let fields = self.fields.iter().enumerate().map(field).collect();
+        Ok(CellLayout { fields, cells: self.fields.len() })
+    }
+
+    fn decodable(&self) -> Result<(), String> {
+        self.fault.as_ref().map_or(Ok(()), |fault| Err(fault.clone()))
+    }
+
+    /// Whether the last value of a line is text, which may hold commas.
+    pub(super) fn ends_in_text(&self) -> bool {
+        self.fields.last().is_some_and(|f| f.cell_kind() == CellKind::Text)
+    }
+}
+
+impl Field {
+    fn packed(&self, wanted: &Wanted) -> Vec<PackedField> {
+        let one = |path: String, offset, kind, scale| PackedField { path, offset, kind, scale };
+        if self.code == b'a' {
+            let element = |i: u32| {
+                one(format!("{}[{i}]", self.name), self.offset + 2 * i as usize, PackedKind::Number(Number::I16), None)
+            };
+            return wanted.elements(&self.name, ARRAY).into_iter().filter(|i| *i < ARRAY).map(element).collect();
+        }
+        let Some((kind, divisor)) = kind_of(self.code) else { return vec![] };
+        let scale = divisor.map(|divisor| Scale { factor: 1.0, divisor });
+        vec![one(self.name.clone(), self.offset, kind, scale)]
+    }
+
+    fn cell_kind(&self) -> CellKind {
+        match self.code {
+            b'n' | b'N' | b'Z' | b'M' | b'a' => CellKind::Text,
+            b'q' | b'Q' => CellKind::Whole,
+            _ => CellKind::Number,
+        }
+    }
+
+    /// Whether its format character has a scale of its own, which is applied.
+    pub(super) fn is_scaled(&self) -> bool {
+        kind_of(self.code).is_some_and(|(_, divisor)| divisor.is_some())
+    }
+}
+
+/// What lies in a record for a format character, and what the number is divided by.
+fn kind_of(code: u8) -> Option<(PackedKind, Option<f64>)> {
+    let number = |number, divisor| Some((PackedKind::Number(number), divisor));
+    match code {
+        b'b' => number(Number::I8, None),
+        b'B' | b'M' => number(Number::U8, None),
+        b'h' => number(Number::I16, None),
+        b'H' => number(Number::U16, None),
+        b'i' => number(Number::I32, None),
+        b'I' => number(Number::U32, None),
+        b'q' => number(Number::I64, None),
+        b'Q' => number(Number::U64, None),
+        b'f' => number(Number::F32, None),
+        b'd' => number(Number::F64, None),
+        b'c' => number(Number::I16, Some(1e2)),
+        b'C' => number(Number::U16, Some(1e2)),
+        b'e' => number(Number::I32, Some(1e2)),
+        b'E' => number(Number::U32, Some(1e2)),
+        b'L' => number(Number::I32, Some(1e7)),
+        b'g' => Some((PackedKind::Half, None)),
+        b'n' => Some((PackedKind::Text(4), None)),
+        b'N' => Some((PackedKind::Text(16), None)),
+        b'Z' => Some((PackedKind::Text(LONGEST_TEXT), None)),
+        _ => None,
+    }
+}
+
+fn size_of(code: u8) -> Option<usize> {
+    match code {
+        b'a' => Some(2 * ARRAY as usize),
+        _ => kind_of(code).map(|(kind, _)| kind.size()),
+    }
+}
+
+/// `TimeUS` since 2014, milliseconds before. The `TimeMS` of an old GPS record is the receiver's time of week; when the
+/// autopilot had it is its `T`.
+fn time_field(name: &str, fields: &[Field]) -> Option<TimeField> {
+    let old = if name.starts_with("GPS") { "T" } else { "TimeMS" };
+    [("TimeUS", b'Q', 1000), (old, b'I', 1_000_000)].into_iter().find_map(|(wanted, code, tick_ns)| {
+        let field = fields.iter().position(|f| f.name == wanted && f.code == code)?;
+        let offset = fields.get(field)?.offset;
+        Some(TimeField { field, offset, wide: code == b'Q', tick_ns })
+    })
+}
+
+/// The values of one record.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Body<'r> {
+    /// Bytes behind the header.
+    Packed(&'r [u8]),
+    /// What follows the name and its comma on the line.
+    Line(&'r str),
+}
+
+impl<'r> Body<'r> {
+    /// The bytes that are decoded.
+    pub(super) fn payload(self) -> &'r [u8] {
+        match self {
+            Body::Packed(bytes) => bytes,
+            Body::Line(line) => line.as_bytes(),
+        }
+    }
+
+    /// A whole number of one byte.
+    pub(super) fn byte(self, format: &Format, field: usize) -> Option<u8> {
+        match (self, format.fields.get(field)?) {
+            (Body::Packed(bytes), Field { code: b'B', offset, .. }) => bytes.get(*offset).copied(),
+            _ => self.integer(format, field).and_then(|number| u8::try_from(number).ok()),
+        }
+    }
+
+    /// A whole number.
+    pub(super) fn integer(self, format: &Format, field: usize) -> Option<i64> {
+        match self.value(format, field)? {
+            Cell::Number(Value::Integer(x)) => Some(x),
+            Cell::Number(Value::Float(x)) if x.fract() == 0.0 && x.abs() < 9e15 => Some(x as i64),
+            Cell::Text(text) => text.parse().ok(),
+            Cell::Number(_) => None,
+        }
+    }
+
+    /// A number as it stands in the record, not scaled.
+    pub(super) fn number(self, format: &Format, field: usize) -> Option<f64> {
+        match self.value(format, field)? {
+            Cell::Number(Value::Integer(x)) => Some(x as f64),
+            Cell::Number(Value::Float(x)) => Some(x),
+            Cell::Text(text) => cells::number(&text),
+            Cell::Number(Value::Text(_)) => None,
+        }
+    }
+
+    /// Text; `None` for a number in a binary record.
+    pub(super) fn text(self, format: &Format, field: usize) -> Option<Cow<'r, str>> {
+        match self.value(format, field)? {
+            Cell::Text(text) => Some(text),
+            Cell::Number(_) => None,
+        }
+    }
+
+    fn value(self, format: &Format, field: usize) -> Option<Cell<'r>> {
+        let place = format.fields.get(field)?;
+        match self {
+            Body::Line(line) => {
+                let last = field + 1 == format.fields.len() && format.ends_in_text();
+                cells::cell(line, field, last).map(|text| Cell::Text(Cow::Borrowed(text)))
+            }
+            Body::Packed(bytes) => match kind_of(place.code)?.0 {
+                PackedKind::Number(number) => {
+                    bytes.get(place.offset..).and_then(|b| packed::number_of(number, b)).map(Cell::Number)
+                }
+                PackedKind::Text(length) => {
+                    bytes.get(place.offset..place.offset + length).map(packed::text_of).map(Cell::Text)
+                }
+                PackedKind::Half => None,
+            },
+        }
+    }
+}
+
+enum Cell<'r> {
+    Number(Value<'static>),
+    Text(Cow<'r, str>),
+}

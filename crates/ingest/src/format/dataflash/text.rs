@@ -1,0 +1,122 @@
+//! The walk over a text log, line by line: name and values between commas.
+
+use super::book::Book;
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::ReadContext;
+use flight::{Notices, Severity};
+
+/// Bytes looked through for lines in one go.
+const BLOCK: usize = 256 << 10;
+
+/// A walk in progress.
+pub(super) struct Walk<'w, 'c, 't, 's> {
+    file: &'w mut LogFile,
+    name: String,
+    context: &'w ReadContext<'c>,
+    ledger: &'w mut Ledger,
+    notices: &'w mut Notices,
+    book: &'w mut Book<'t, 's>,
+    at: u64,
+    /// Bytes of lines in front of the first record: what the console of old autopilots prints.
+    preamble: u64,
+    begun: bool,
+}
+
+impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
+    pub(super) fn new(
+        file: &'w mut LogFile,
+        context: &'w ReadContext<'c>,
+        ledger: &'w mut Ledger,
+        notices: &'w mut Notices,
+        book: &'w mut Book<'t, 's>,
+    ) -> Walk<'w, 'c, 't, 's> {
+        let name = file.name().to_owned();
+        Walk { file, name, context, ledger, notices, book, at: 0, preamble: 0, begun: false }
+    }
+
+    /// From the first byte to the last.
+    pub(super) fn run(mut self) -> Result<(), IngestError> {
+        while self.at < self.file.size() {
+            if !self.lines()? {
+                self.long_line()?;
+            }
+            self.file.progress(self.at, self.context)?;
+        }
+        if self.preamble > 0 {
+            let text = "bytes of text in front of the first record";
+            self.notices.push(Severity::Info, "preamble", self.name.as_str(), self.preamble, text);
+        }
+        Ok(())
+    }
+
+    /// The whole lines of the next block; `false` if it holds none.
+    fn lines(&mut self) -> Result<bool, IngestError> {
+        let longest = self.context.limits.line_bytes.max(1);
+        let mut block = self.file.up_to(self.at, BLOCK.min(longest))?;
+        if memchr::memchr(b'\n', block).is_none() {
+            block = self.file.up_to(self.at, longest)?;
+        }
+        let mut taken = 0;
+        for end in memchr::memchr_iter(b'\n', block) {
+            let line = block.get(taken..end).unwrap_or_default();
+            let length = (end + 1 - taken) as u64;
+            match fate_of(line, self.book) {
+                Ok(fate) => {
+                    self.begun |= fate.is_some();
+                    self.ledger.count(fate.unwrap_or(Fate::Structure), length);
+                }
+                Err(_) if !self.begun && is_plain(line) => {
+                    self.preamble += length;
+                    self.ledger.count(Fate::Structure, length);
+                }
+                Err(reason) => self.ledger.damaged(&self.name, self.at + taken as u64, length, reason),
+            }
+            taken = end + 1;
+        }
+        self.at += taken as u64;
+        Ok(taken > 0)
+    }
+
+    /// A line that is longer than the limit, or the last one without its end: its last value may be cut.
+    fn long_line(&mut self) -> Result<(), IngestError> {
+        let start = self.at;
+        let mut reason = "the log ends inside a line";
+        loop {
+            let block = self.file.up_to(self.at, BLOCK)?;
+            let length = block.len() as u64;
+            match memchr::memchr(b'\n', block) {
+                Some(end) => {
+                    reason = "a line that is longer than the limit";
+                    self.at += end as u64 + 1;
+                    break;
+                }
+                None => self.at += length,
+            }
+            if self.at >= self.file.size() {
+                break;
+            }
+            self.file.progress(self.at, self.context)?;
+        }
+        self.ledger.damaged(&self.name, start, self.at - start, reason);
+        Ok(())
+    }
+}
+
+/// What becomes of a line; `None` for an empty one.
+fn fate_of(line: &[u8], book: &mut Book<'_, '_>) -> Result<Option<Fate>, String> {
+    let text = std::str::from_utf8(line).map_err(|_| "a line that is no text".to_owned())?.trim_end();
+    if text.bytes().any(|b| b < b' ' && b != b'\t') {
+        return Err("a line with control characters".to_owned());
+    }
+    if text.is_empty() {
+        return Ok(None);
+    }
+    let (name, values) = text.split_once(',').unwrap_or((text, ""));
+    book.line(name.trim(), values).map(Some)
+}
+
+fn is_plain(line: &[u8]) -> bool {
+    std::str::from_utf8(line).is_ok_and(|text| text.bytes().all(|b| b >= b' ' || b"\t\r".contains(&b)))
+}

@@ -1,0 +1,260 @@
+//! What a log says of its vehicle: firmware, board, receivers, parameters, modes, texts.
+
+use super::modes;
+use flight::{About, Clock, ConfiguredDelay, ModeStart, NANOS_PER_SECOND};
+use std::collections::BTreeMap;
+
+/// Parameters that are remembered.
+const MOST_PARAMETERS: usize = 20_000;
+/// Changes of parameters that are listed.
+const MOST_CHANGES: usize = 100;
+/// Parameters in which the autopilot keeps its own statistics: flights, seconds in the air.
+const COUNTER: &str = "STAT_";
+/// Modes that are listed.
+const MOST_MODES: usize = 1000;
+/// Texts that are listed.
+const MOST_TEXTS: usize = 100;
+/// Receivers that are listed.
+const MOST_RECEIVERS: usize = 20;
+
+/// What the records have told so far.
+#[derive(Debug, Default)]
+pub(super) struct Vehicle {
+    /// First and latest value.
+    parameters: BTreeMap<String, [f64; 2]>,
+    changes: Vec<String>,
+    unlisted_changes: u64,
+    modes: Vec<(i64, Mode)>,
+    texts: Vec<String>,
+    system: Option<String>,
+    firmware: Option<String>,
+    board: Option<String>,
+    board_id: Option<i64>,
+    serial: Option<String>,
+    receivers: Vec<String>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Mode {
+    Number(i64),
+    Name(String),
+}
+
+impl Vehicle {
+    pub(super) fn parameter(&mut self, name: &str, value: f64) {
+        let full = self.parameters.len() >= MOST_PARAMETERS;
+        match self.parameters.get_mut(name) {
+            Some([_, latest]) if latest.to_bits() != value.to_bits() => {
+                if name.starts_with(COUNTER) {
+                    // Counts up all the time, and nobody set it.
+                } else if self.changes.len() < MOST_CHANGES {
+                    self.changes.push(format!("{name}: {latest} to {value}"));
+                } else {
+                    self.unlisted_changes += 1;
+                }
+                *latest = value;
+            }
+            Some(_) => {}
+            None if full => {}
+            None => drop(self.parameters.insert(name.to_owned(), [value; 2])),
+        }
+    }
+
+    pub(super) fn message(&mut self, at_ns: i64, text: &str) {
+        let text = text.trim();
+        if self.texts.len() < MOST_TEXTS {
+            self.texts.push(format!("{:.3} s: {text}", at_ns as f64 / NANOS_PER_SECOND as f64));
+        }
+        if let Some((system, firmware)) = firmware(text) {
+            self.system = Some(system.to_owned());
+            self.firmware = Some(firmware.to_owned());
+        }
+        if let Some((board, serial)) = board(text) {
+            self.board = Some(board.to_owned());
+            self.serial = Some(serial.to_owned());
+        }
+        if is_receiver(text) && self.receivers.len() < MOST_RECEIVERS && !self.receivers.iter().any(|r| r == text) {
+            self.receivers.push(text.to_owned());
+        }
+    }
+
+    pub(super) fn mode(&mut self, at_ns: i64, number: Option<i64>, name: Option<&str>) {
+        let mode = match (number, name) {
+            (Some(number), _) => Mode::Number(number),
+            (None, Some(name)) => Mode::Name(name.trim().to_owned()),
+            (None, None) => return,
+        };
+        if self.modes.len() < MOST_MODES && self.modes.last().is_none_or(|(_, last)| *last != mode) {
+            self.modes.push((at_ns, mode));
+        }
+    }
+
+    /// A `VER` record, from ArduPilot 4.3 on.
+    pub(super) fn version(&mut self, firmware_text: Option<&str>, board_id: Option<i64>) {
+        if let Some((system, firmware)) = firmware_text.and_then(firmware) {
+            self.system = Some(system.to_owned());
+            self.firmware = Some(firmware.to_owned());
+        }
+        self.board_id = board_id.or(self.board_id);
+    }
+
+    pub(super) fn finish(self) -> About {
+        let configured_delays = self.delays();
+        let mut parameter_changes = self.changes;
+        if self.unlisted_changes > 0 {
+            parameter_changes.push(format!("and {} more", self.unlisted_changes));
+        }
+        let system = self.system;
+        let name_of = |mode: Mode| match mode {
+            Mode::Name(name) => name,
+            Mode::Number(number) => modes::name(system.as_deref(), number),
+        };
+        let started = |(at_ns, mode)| ModeStart { at_ns, clock: Clock::Boot, mode: name_of(mode) };
+        About {
+            modes: self.modes.into_iter().map(started).collect(),
+            firmware: self.firmware,
+            hardware: self.board.or_else(|| self.board_id.map(|id| format!("board {id} of ArduPilot's list"))),
+            vehicle: self.serial,
+            receivers: self.receivers,
+            configured_delays,
+            parameters: self.parameters.len() as u64,
+            parameter_changes,
+            texts: self.texts,
+            system,
+        }
+    }
+
+    fn delays(&self) -> Vec<ConfiguredDelay> {
+        let first = |name: &str| self.parameters.get(name).map(|[first, _]| *first);
+        let delay = |&(parameter, unit, meaning): &(&str, DelayUnit, &str)| {
+            let value = first(parameter)?;
+            let value_s = match unit {
+                DelayUnit::Milliseconds => value / 1e3,
+                DelayUnit::Periods(rate) => value / first(rate).filter(|hz| *hz > 0.0)?,
+            };
+            Some(ConfiguredDelay { parameter: parameter.to_owned(), value_s, meaning: meaning.to_owned() })
+        };
+        DELAYS.iter().filter_map(delay).collect()
+    }
+}
+
+/// What a parameter of a delay counts.
+#[derive(Debug, Clone, Copy)]
+enum DelayUnit {
+    Milliseconds,
+    /// Periods of a receiver whose rate in Hz is this parameter.
+    Periods(&'static str),
+}
+
+const FIRST: &str = "delay of the first receiver that the autopilot assumes; 0 stands for that of its type";
+const SECOND: &str = "delay of the second receiver that the autopilot assumes; 0 stands for that of its type";
+const POSITION: &str = "delay of position that the estimator assumes";
+const VELOCITY: &str = "delay of velocity that the estimator assumes";
+const GPS: &str = "delay of the receiver that the estimator assumes";
+const HEIGHT: &str = "delay of height that the estimator assumes";
+const FLOW: &str = "delay of optical flow that the estimator assumes";
+const BEACON: &str = "delay of range beacons that the estimator assumes";
+const VISION: &str = "delay of visual odometry that the autopilot assumes";
+const SIMULATED: &str = "delay of the simulated receiver";
+
+/// Parameters of ArduPilot 3.2 to 4.7 that set a delay of a measurement.
+const DELAYS: &[(&str, DelayUnit, &str)] = &[
+    ("GPS_DELAY_MS", DelayUnit::Milliseconds, FIRST),
+    ("GPS1_DELAY_MS", DelayUnit::Milliseconds, FIRST),
+    ("GPS_DELAY_MS2", DelayUnit::Milliseconds, SECOND),
+    ("GPS2_DELAY_MS", DelayUnit::Milliseconds, SECOND),
+    ("EKF_POS_DELAY", DelayUnit::Milliseconds, POSITION),
+    ("EKF_VEL_DELAY", DelayUnit::Milliseconds, VELOCITY),
+    ("EK2_GPS_DELAY", DelayUnit::Milliseconds, GPS),
+    ("EK2_HGT_DELAY", DelayUnit::Milliseconds, HEIGHT),
+    ("EK2_FLOW_DELAY", DelayUnit::Milliseconds, FLOW),
+    ("EK2_BCN_DELAY", DelayUnit::Milliseconds, BEACON),
+    ("EK3_HGT_DELAY", DelayUnit::Milliseconds, HEIGHT),
+    ("EK3_FLOW_DELAY", DelayUnit::Milliseconds, FLOW),
+    ("EK3_BCN_DELAY", DelayUnit::Milliseconds, BEACON),
+    ("VISO_DELAY_MS", DelayUnit::Milliseconds, VISION),
+    ("SIM_GPS_DELAY", DelayUnit::Periods("SIM_GPS_HZ"), SIMULATED),
+    ("SIM_GPS2_DELAY", DelayUnit::Periods("SIM_GPS2_HZ"), SIMULATED),
+    ("SIM_GPS_LAG_MS", DelayUnit::Milliseconds, SIMULATED),
+    ("SIM_GPS1_LAG_MS", DelayUnit::Milliseconds, SIMULATED),
+    ("SIM_GPS2_LAG_MS", DelayUnit::Milliseconds, SIMULATED),
+];
+
+/// Names under which a firmware presents itself, and the name of today.
+const SYSTEMS: &[(&str, &str)] = &[
+    ("ArduCopter", "ArduCopter"),
+    ("APM:Copter", "ArduCopter"),
+    ("ArduPlane", "ArduPlane"),
+    ("APM:Plane", "ArduPlane"),
+    ("ArduRover", "ArduRover"),
+    ("APM:Rover", "ArduRover"),
+    ("Rover", "ArduRover"),
+    ("ArduSub", "ArduSub"),
+    ("AntennaTracker", "AntennaTracker"),
+    ("Blimp", "Blimp"),
+];
+
+/// `ArduCopter V4.1.0 (0b517cfc)`.
+fn firmware(text: &str) -> Option<(&'static str, &str)> {
+    let (name, version) = text.split_once(' ')?;
+    let (_, system) = SYSTEMS.iter().find(|(known, _)| *known == name)?;
+    let numbered = version.strip_prefix('V').is_some_and(|v| v.starts_with(|c: char| c.is_ascii_digit()));
+    numbered.then_some((*system, version))
+}
+
+/// `fmuv3 003A0025 3136510A 31353532`: board, and the number of its processor.
+fn board(text: &str) -> Option<(&str, &str)> {
+    let (board, serial) = text.split_once(' ')?;
+    let words: Vec<&str> = serial.split(' ').collect();
+    let hexadecimal = |word: &&str| word.len() == 8 && word.bytes().all(|b| b.is_ascii_hexdigit());
+    (words.len() == 3 && words.iter().all(hexadecimal)).then_some((board, serial))
+}
+
+fn is_receiver(text: &str) -> bool {
+    (text.starts_with("GPS") && text.contains(" detected ")) || (text.starts_with("u-blox ") && text.contains("HW:"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_tell_firmware_board_and_receiver() {
+        let mut vehicle = Vehicle::default();
+        for text in [
+            "ArduPlane V3.8.2-dev (8178ab40)",
+            "PX4: 0384802e NuttX: 1bcae90b",
+            "PX4v4 00360029 30365103 31323731",
+            "GPS 1: detected as u-blox at 115200 baud",
+            "u-blox 1 HW: 00040007 SW: 7.03 (45970)",
+            "u-blox 1 HW: 00040007 SW: 7.03 (45970)",
+            "Rover is not a version",
+        ] {
+            vehicle.message(1_500_000_000, text);
+        }
+        vehicle.mode(2, Some(10), None);
+        let about = vehicle.finish();
+        assert_eq!(about.system.as_deref(), Some("ArduPlane"));
+        assert_eq!(about.firmware.as_deref(), Some("V3.8.2-dev (8178ab40)"));
+        assert_eq!(about.hardware.as_deref(), Some("PX4v4"));
+        assert_eq!(about.vehicle.as_deref(), Some("00360029 30365103 31323731"));
+        assert_eq!(about.receivers.len(), 2);
+        assert_eq!(about.texts[0], "1.500 s: ArduPlane V3.8.2-dev (8178ab40)");
+        assert_eq!(about.modes[0].mode, "AUTO");
+    }
+
+    #[test]
+    fn a_parameter_that_changes_is_told_and_its_first_value_is_the_configured_delay() {
+        let mut vehicle = Vehicle::default();
+        for (name, value) in [("SIM_GPS_HZ", 5.0), ("SIM_GPS_DELAY", 1.0), ("GPS_DELAY_MS", 110.0)] {
+            vehicle.parameter(name, value);
+            vehicle.parameter(name, value);
+        }
+        vehicle.parameter("GPS_DELAY_MS", 50.0);
+        let about = vehicle.finish();
+        assert_eq!((about.parameters, about.parameter_changes), (3, vec!["GPS_DELAY_MS: 110 to 50".to_owned()]));
+        let delays: Vec<(&str, f64)> =
+            about.configured_delays.iter().map(|d| (d.parameter.as_str(), d.value_s)).collect();
+        assert_eq!(delays, [("GPS_DELAY_MS", 0.11), ("SIM_GPS_DELAY", 0.2)]);
+    }
+}

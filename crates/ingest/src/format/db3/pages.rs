@@ -1,0 +1,241 @@
+//! The pages of a SQLite database, those in its write-ahead log first
+//! (<https://www.sqlite.org/fileformat2.html>, sections 1.2, 1.3 and 4).
+//!
+//! Nothing is opened but for reading, and nothing is executed: a database on read-only media, one
+//! whose log was never copied back, and a hostile one are all the same to us.
+
+use super::wal::Wal;
+use crate::error::IngestError;
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+
+/// Pages read in one go when they are read in order, bytes.
+const READ_AHEAD: u32 = 256 << 10;
+/// What a database begins with.
+pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
+/// Bytes of the header on the first page.
+pub(super) const HEADER_BYTES: usize = 100;
+/// Page size of recorders that do not choose one.
+const USUAL_PAGE_BYTES: u32 = 4096;
+
+/// What the first hundred bytes say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Header {
+    /// Bytes of a page, a power of two from 512 to 65536.
+    pub(super) page_bytes: u32,
+    /// Bytes of a page that hold content.
+    pub(super) usable: u32,
+    /// Pages of the database, `None` where the header is older than the file.
+    pub(super) pages: Option<u32>,
+    /// First page of the list of unused ones, and how many there are.
+    pub(super) free: (u32, u32),
+    /// Whether there are pages that say who points where.
+    pub(super) pointer_maps: bool,
+    /// Text is UTF-16, big-endian if the inner value is true.
+    pub(super) utf16: Option<bool>,
+}
+
+impl Header {
+    /// `None` if this is no database, or its header is damaged.
+    pub(super) fn parse(head: &[u8]) -> Option<Header> {
+        let u16_at = |at: usize| head.get(at..)?.first_chunk().map(|b| u16::from_be_bytes(*b));
+        let u32_at = |at: usize| head.get(at..)?.first_chunk().map(|b| u32::from_be_bytes(*b));
+        let page_bytes = match u16_at(16)? {
+            1 => 65_536,
+            bytes => u32::from(bytes),
+        };
+        let sound = head.starts_with(MAGIC) && head.len() >= HEADER_BYTES && page_bytes.is_power_of_two();
+        let usable = page_bytes.checked_sub(u32::from(*head.get(20)?))?;
+        if !sound || page_bytes < 512 || usable < 480 {
+            return None;
+        }
+        let current = u32_at(24)? == u32_at(92)?;
+        Some(Header {
+            page_bytes,
+            usable,
+            pages: u32_at(28).filter(|&pages| current && pages > 0),
+            free: (u32_at(32)?, u32_at(36)?),
+            pointer_maps: u32_at(52)? != 0,
+            utf16: match u32_at(56)? {
+                2 => Some(false),
+                3 => Some(true),
+                _ => None,
+            },
+        })
+    }
+
+    /// What is assumed where the header is damaged.
+    fn assumed(page_bytes: u32) -> Header {
+        Header { page_bytes, usable: page_bytes, pages: None, free: (0, 0), pointer_maps: false, utf16: None }
+    }
+
+    /// Pages that hold no content by their place, up to `last`: the one with the lock byte, and pointer maps.
+    pub(super) fn special_pages(&self, last: u32) -> Vec<u32> {
+        let lock = (1 << 30) / self.page_bytes + 1;
+        let mut pages = vec![];
+        if self.pointer_maps {
+            pages.extend((2..=last).step_by(self.usable as usize / 5 + 1));
+        }
+        pages.extend(Some(lock).filter(|&page| page <= last));
+        pages
+    }
+}
+
+/// The pages of one database.
+#[derive(Debug)]
+pub(super) struct Pages {
+    file: File,
+    name: String,
+    /// Bytes of the file.
+    size: u64,
+    pub(super) header: Header,
+    wal: Option<Wal>,
+    window: Vec<u8>,
+    window_at: u64,
+}
+
+impl Pages {
+    /// The pages of a file of `size` bytes, whose header is read from the newest first page.
+    pub(super) fn open(file: File, name: String, size: u64, wal: Option<Wal>) -> Result<(Pages, bool), IngestError> {
+        let page_bytes = wal.as_ref().map_or(USUAL_PAGE_BYTES, |wal| wal.page_bytes);
+        let header = Header::assumed(page_bytes);
+        let mut pages = Pages { file, name, size, header, wal, window: vec![], window_at: 0 };
+        let mut head = [0; HEADER_BYTES];
+        let found = if pages.start(1, &mut head)? { Header::parse(&head) } else { None };
+        pages.header = found.unwrap_or(header);
+        Ok((pages, found.is_some()))
+    }
+
+    /// Pages that the database has by its own account, or by its length where it does not say.
+    pub(super) fn stated(&self) -> u32 {
+        let by_size = u32::try_from(self.size / u64::from(self.header.page_bytes)).unwrap_or(u32::MAX - 1);
+        self.wal.as_ref().map(|wal| wal.pages).or(self.header.pages).unwrap_or(by_size)
+    }
+
+    /// Pages that are in the file whole.
+    fn in_file(&self) -> u32 {
+        u32::try_from(self.size / u64::from(self.header.page_bytes)).unwrap_or(u32::MAX - 1)
+    }
+
+    /// The last page of which there is something.
+    pub(super) fn last(&self) -> u32 {
+        self.in_file().max(self.wal.as_ref().map_or(0, Wal::last_page))
+    }
+
+    /// Where a page begins in the file of the database.
+    fn offset(&self, page: u32) -> u64 {
+        u64::from(page.saturating_sub(1)) * u64::from(self.header.page_bytes)
+    }
+
+    /// The bytes behind the last whole page: where they begin, and how many.
+    pub(super) fn tail(&self) -> (u64, u64) {
+        let whole = u64::from(self.in_file()) * u64::from(self.header.page_bytes);
+        (whole, self.size - whole)
+    }
+
+    /// The file that holds the content of a page, and where in it.
+    pub(super) fn place(&self, page: u32) -> (&str, u64) {
+        let newer = self.wal.as_ref().and_then(|wal| Some((wal.name.as_str(), wal.place(page)?)));
+        newer.unwrap_or((&self.name, self.offset(page)))
+    }
+
+    /// Whether the write-ahead log holds the content of a page.
+    pub(super) fn is_in_wal(&self, page: u32) -> bool {
+        self.wal.as_ref().is_some_and(|wal| wal.place(page).is_some())
+    }
+
+    /// Reads the pages from `first` to `last` in one go, unless the first is held already.
+    pub(super) fn ahead(&mut self, first: u32, last: u32) -> Result<(), IngestError> {
+        let most = (READ_AHEAD / self.header.page_bytes).max(1);
+        let last = last.min(first.saturating_add(most - 1)).min(self.in_file());
+        if first == 0 || last < first || self.held(first).is_some() {
+            return Ok(());
+        }
+        self.window.resize((last - first + 1) as usize * self.header.page_bytes as usize, 0);
+        self.window_at = self.offset(first);
+        read(&self.file, &self.name, &mut self.window, self.window_at)
+    }
+
+    /// Where the window holds a page.
+    fn held(&self, page: u32) -> Option<std::ops::Range<usize>> {
+        let at = usize::try_from(self.offset(page).checked_sub(self.window_at)?).ok()?;
+        let end = at.checked_add(self.header.page_bytes as usize)?;
+        (page > 0 && end <= self.window.len()).then_some(at..end)
+    }
+
+    /// Copies a page. False if there is no such page.
+    pub(super) fn look(&mut self, page: u32, into: &mut Vec<u8>) -> Result<bool, IngestError> {
+        if let Some(held) = self.held(page).filter(|_| !self.is_in_wal(page)) {
+            into.clear();
+            into.extend_from_slice(self.window.get(held).unwrap_or_default());
+            return Ok(true);
+        }
+        into.resize(self.header.page_bytes as usize, 0);
+        self.start(page, into)
+    }
+
+    /// The first bytes of a page.
+    fn start(&self, page: u32, into: &mut [u8]) -> Result<bool, IngestError> {
+        if let Some((wal, at)) = self.wal.as_ref().and_then(|wal| Some((wal, wal.place(page)?))) {
+            return read(&wal.file, &wal.name, into, at).map(|()| true);
+        }
+        if page == 0 || page > self.in_file() {
+            return Ok(false);
+        }
+        if let Some(held) = self.held(page).and_then(|held| self.window.get(held)?.get(..into.len())) {
+            into.copy_from_slice(held);
+            return Ok(true);
+        }
+        read(&self.file, &self.name, into, self.offset(page)).map(|()| true)
+    }
+
+    /// The four bytes with which an overflow page names the next one.
+    pub(super) fn link(&self, page: u32) -> Result<Option<u32>, IngestError> {
+        let mut bytes = [0; 4];
+        Ok(self.start(page, &mut bytes)?.then(|| u32::from_be_bytes(bytes)))
+    }
+}
+
+/// Fills `space` from a place in the file.
+pub(super) fn read(file: &File, name: &str, space: &mut [u8], from: u64) -> Result<(), IngestError> {
+    file.read_exact_at(space, from).map_err(|source| match source.kind() {
+        io::ErrorKind::UnexpectedEof => IngestError::Changed { file: name.to_owned() },
+        _ => IngestError::Io { file: name.to_owned(), offset: from, source },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn head(change: &[(usize, &[u8])]) -> Vec<u8> {
+        let mut head = vec![0; HEADER_BYTES];
+        head[..16].copy_from_slice(MAGIC);
+        head[16..18].copy_from_slice(&4096_u16.to_be_bytes());
+        head[28..32].copy_from_slice(&7_u32.to_be_bytes());
+        for (at, bytes) in change {
+            head[*at..at + bytes.len()].copy_from_slice(bytes);
+        }
+        head
+    }
+
+    #[test]
+    fn a_page_of_65536_bytes_is_written_as_one() {
+        assert_eq!(Header::parse(&head(&[(16, &[0, 1])])).unwrap().page_bytes, 65_536);
+    }
+
+    #[test]
+    fn a_header_that_cannot_be_is_none() {
+        for change in [(16, &[0, 0][..]), (16, &[0, 3]), (16, &[1, 0]), (0, b"X"), (16, &[2, 0, 0, 0, 200])] {
+            assert_eq!(Header::parse(&head(&[change])), None, "{change:?}");
+        }
+        assert_eq!(Header::parse(&head(&[])[..99]), None);
+    }
+
+    #[test]
+    fn the_number_of_pages_counts_only_if_the_last_writer_wrote_it() {
+        assert_eq!(Header::parse(&head(&[])).unwrap().pages, Some(7));
+        assert_eq!(Header::parse(&head(&[(24, &[1])])).unwrap().pages, None);
+    }
+}

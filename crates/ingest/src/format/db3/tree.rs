@@ -1,0 +1,266 @@
+//! B-tree pages and the rows on them (<https://www.sqlite.org/fileformat2.html>, sections 1.6 and 2.1).
+
+use super::pages::HEADER_BYTES;
+
+/// Columns of a row that are looked at.
+const MOST_COLUMNS: usize = 16;
+
+/// What a b-tree page is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Rows.
+    TableLeaf,
+    /// Pages of rows.
+    TableInterior,
+    IndexLeaf,
+    IndexInterior,
+}
+
+/// A b-tree page, its own header read.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node<'p> {
+    pub(super) kind: Kind,
+    bytes: &'p [u8],
+    usable: usize,
+    cells: usize,
+    /// Where the pointers to the cells begin.
+    pointers: usize,
+    /// The last child of an interior page.
+    right: u32,
+}
+
+/// A row as far as it is on its page.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cell<'p> {
+    pub(super) rowid: i64,
+    /// Bytes of the whole row.
+    pub(super) length: u64,
+    /// Its beginning.
+    pub(super) local: &'p [u8],
+    /// The page with the next bytes; 0 if there are none.
+    pub(super) overflow: u32,
+}
+
+impl<'p> Node<'p> {
+    /// `None` if the page is no b-tree page.
+    pub(super) fn parse(page: u32, bytes: &'p [u8], usable: u32) -> Option<Node<'p>> {
+        let start = if page == 1 { HEADER_BYTES } else { 0 };
+        let head = bytes.get(start..start + 12)?;
+        let kind = match head.first()? {
+            0x0d => Kind::TableLeaf,
+            0x05 => Kind::TableInterior,
+            0x0a => Kind::IndexLeaf,
+            0x02 => Kind::IndexInterior,
+            _ => return None,
+        };
+        let interior = matches!(kind, Kind::TableInterior | Kind::IndexInterior);
+        let pointers = start + if interior { 12 } else { 8 };
+        let cells = usize::from(u16_at(head, 3)?);
+        let usable = (usable as usize).min(bytes.len());
+        let right = head.get(8..)?.first_chunk().map_or(0, |b| u32::from_be_bytes(*b));
+        let fits = pointers + 2 * cells <= usable;
+        fits.then_some(Node { kind, bytes, usable, cells, pointers, right: if interior { right } else { 0 } })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.cells
+    }
+
+    fn at(&self, cell: usize) -> Option<usize> {
+        let at = usize::from(u16_at(self.bytes, self.pointers + 2 * cell)?);
+        (at >= self.pointers + 2 * self.cells && at < self.usable).then_some(at)
+    }
+
+    /// The pages below an interior page, in order; `None` for a pointer that cannot be.
+    pub(super) fn children(&self) -> impl Iterator<Item = Option<u32>> + use<'p> {
+        let node = *self;
+        let left = (0..node.cells).map(move |cell| {
+            let at = node.at(cell)?;
+            node.bytes.get(at..)?.first_chunk().map(|b| u32::from_be_bytes(*b))
+        });
+        left.chain(std::iter::once(Some(node.right)))
+    }
+
+    /// A row; `None` if it cannot be one.
+    pub(super) fn row(&self, cell: usize) -> Option<Cell<'p>> {
+        let at = self.at(cell)?;
+        let mut rest = self.bytes.get(at..self.usable)?;
+        let length = varint(&mut rest)?;
+        let rowid = varint(&mut rest)? as i64;
+        self.cell(rowid, length, rest, self.usable - 35)
+    }
+
+    /// What an index holds.
+    pub(super) fn entry(&self, cell: usize) -> Option<Cell<'p>> {
+        let at = self.at(cell)? + if self.kind == Kind::IndexInterior { 4 } else { 0 };
+        let mut rest = self.bytes.get(at..self.usable)?;
+        let length = varint(&mut rest)?;
+        self.cell(0, length, rest, (self.usable - 12) * 64 / 255 - 23)
+    }
+
+    /// `most` bytes stay on a page; of longer ones so many that the last overflow page is filled well.
+    fn cell(&self, rowid: i64, length: u64, rest: &'p [u8], most: usize) -> Option<Cell<'p>> {
+        if length <= most as u64 {
+            return Some(Cell { rowid, length, local: rest.get(..length as usize)?, overflow: 0 });
+        }
+        let least = (self.usable - 12) * 32 / 255 - 23;
+        let wished = least as u64 + (length - least as u64) % (self.usable as u64 - 4);
+        let local = if wished <= most as u64 { wished as usize } else { least };
+        let (local, after) = rest.split_at_checked(local)?;
+        let overflow = after.first_chunk().map(|b| u32::from_be_bytes(*b)).filter(|&page| page > 0)?;
+        Some(Cell { rowid, length, local, overflow })
+    }
+}
+
+impl Cell<'_> {
+    /// Overflow pages of the row.
+    pub(super) fn overflow_pages(&self, usable: u32) -> u64 {
+        (self.length - self.local.len() as u64).div_ceil(u64::from(usable) - 4)
+    }
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
+    bytes.get(at..)?.first_chunk().map(|b| u16::from_be_bytes(*b))
+}
+
+/// Seven bits a byte, high ones first; the ninth byte has eight.
+fn varint(rest: &mut &[u8]) -> Option<u64> {
+    let mut value = 0;
+    for index in 0..9 {
+        let (&byte, after) = rest.split_first()?;
+        *rest = after;
+        if index == 8 {
+            return Some(value << 8 | u64::from(byte));
+        }
+        value = value << 7 | u64::from(byte & 0x7f);
+        if byte < 0x80 {
+            break;
+        }
+    }
+    Some(value)
+}
+
+/// A value of a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Value<'p> {
+    Null,
+    Integer(i64),
+    Real,
+    Text(&'p [u8]),
+    Blob(&'p [u8]),
+}
+
+/// What stands where in a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    columns: [(u64, u64); MOST_COLUMNS],
+    count: usize,
+}
+
+impl Row {
+    /// From the beginning of a row; `None` if that is none.
+    pub(super) fn parse(cell: &Cell<'_>) -> Option<Row> {
+        let mut rest = cell.local;
+        let header = usize::try_from(varint(&mut rest)?).ok()?;
+        let mut types = rest.get(..header.checked_sub(cell.local.len() - rest.len())?)?;
+        let mut row = Row { columns: [(0, 0); MOST_COLUMNS], count: 0 };
+        let mut at = header as u64;
+        while !types.is_empty() {
+            let column = varint(&mut types)?;
+            if let Some(place) = row.columns.get_mut(row.count) {
+                *place = (column, at);
+                row.count += 1;
+            }
+            at = at.checked_add(size(column)?)?;
+        }
+        (at == cell.length).then_some(row)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Where the bytes of a blob or text stand in the row.
+    pub(super) fn place(&self, column: usize) -> Option<std::ops::Range<u64>> {
+        let (kind, at) = *self.columns.get(..self.count)?.get(column)?;
+        (kind >= 12).then(|| at..at + size(kind).unwrap_or_default())
+    }
+
+    /// The value, from as much of the row as there is. `None` if there is no such column, or too little.
+    pub(super) fn value<'p>(&self, column: usize, row: &'p [u8]) -> Option<Value<'p>> {
+        let (kind, at) = *self.columns.get(..self.count)?.get(column)?;
+        let bytes = row.get(usize::try_from(at).ok()?..)?.get(..usize::try_from(size(kind)?).ok()?)?;
+        Some(match kind {
+            0 => Value::Null,
+            1..=6 => Value::Integer(signed(bytes)),
+            7 => Value::Real,
+            8 | 9 => Value::Integer(kind as i64 - 8),
+            _ if kind % 2 == 0 => Value::Blob(bytes),
+            _ => Value::Text(bytes),
+        })
+    }
+
+    /// A whole number; `None` if it is none.
+    pub(super) fn integer(&self, column: usize, row: &[u8]) -> Option<i64> {
+        match self.value(column, row)? {
+            Value::Integer(number) => Some(number),
+            _ => None,
+        }
+    }
+}
+
+/// Bytes of a value by its type; `None` for types that are reserved.
+fn size(kind: u64) -> Option<u64> {
+    Some(match kind {
+        0 | 8 | 9 => 0,
+        1..=4 => kind,
+        5 => 6,
+        6 | 7 => 8,
+        10 | 11 => return None,
+        blob => (blob - 12) / 2,
+    })
+}
+
+fn signed(bytes: &[u8]) -> i64 {
+    let negative = bytes.first().is_some_and(|b| *b >= 0x80);
+    bytes.iter().fold(if negative { -1 } else { 0 }, |number, &byte| number << 8 | i64::from(byte))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_varint_has_up_to_nine_bytes() {
+        for (bytes, value) in [
+            (&[0x05][..], 5),
+            (&[0x81, 0x00], 128),
+            (&[0xff; 9], u64::MAX),
+            (&[0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x01], 1),
+        ] {
+            let mut rest = bytes;
+            assert_eq!((varint(&mut rest), rest.len()), (Some(value), 0));
+        }
+        assert_eq!(varint(&mut &[0x81][..]), None);
+    }
+
+    #[test]
+    fn whole_numbers_have_one_to_eight_bytes_and_a_sign() {
+        assert_eq!(signed(&[0xff, 0xfe]), -2);
+        assert_eq!(signed(&[0x01, 0x00, 0x00]), 65_536);
+        assert_eq!(signed(&i64::MIN.to_be_bytes()), i64::MIN);
+    }
+
+    #[test]
+    fn a_row_whose_types_do_not_add_up_to_its_length_is_none() {
+        // Header of three bytes: NULL, one byte; then the byte.
+        let cell = |local: &'static [u8], length| Cell { rowid: 1, length, local, overflow: 0 };
+        let row = Row::parse(&cell(&[3, 0, 1, 42], 4)).unwrap();
+        assert_eq!(row.value(0, &[3, 0, 1, 42]), Some(Value::Null));
+        assert_eq!((row.integer(1, &[3, 0, 1, 42]), row.value(2, &[])), (Some(42), None));
+        assert!(Row::parse(&cell(&[3, 0, 1, 42], 5)).is_none());
+        assert!(Row::parse(&cell(&[3, 0, 10, 42], 4)).is_none());
+        assert!(Row::parse(&cell(&[9, 0, 1, 42], 4)).is_none());
+        assert!(Row::parse(&cell(&[0, 0, 1, 42], 4)).is_none());
+    }
+}

@@ -1,0 +1,146 @@
+//! The write-ahead log beside a database: pages that were committed and not yet copied back
+//! (<https://www.sqlite.org/fileformat2.html#the_write_ahead_log>).
+
+use super::pages::read;
+use crate::error::IngestError;
+use std::collections::HashMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+const HEADER_BYTES: usize = 32;
+const FRAME_HEAD_BYTES: usize = 24;
+/// The last bit says in which byte order the checksums are taken.
+const MAGIC: u32 = 0x377f_0682;
+
+/// The committed pages of a log.
+#[derive(Debug)]
+pub(super) struct Wal {
+    pub(super) file: File,
+    pub(super) name: String,
+    /// Bytes of the file.
+    pub(super) size: u64,
+    pub(super) page_bytes: u32,
+    /// Pages of the database after the last commit.
+    pub(super) pages: u32,
+    /// Where the newest content of each page begins.
+    places: HashMap<u32, u64>,
+    /// Frames whose transaction has no end, or whose checksum is wrong where the log is still the same one.
+    pub(super) unfinished: u64,
+}
+
+/// What stands beside a database.
+pub(super) enum Beside {
+    Nothing,
+    Wal(Wal),
+    /// A log of which nothing can be used; its bytes and why.
+    Useless(u64, String),
+}
+
+/// The path of the log that belongs to a database.
+pub(super) fn path_of(database: &Path) -> PathBuf {
+    let mut path = database.as_os_str().to_owned();
+    path.push("-wal");
+    path.into()
+}
+
+/// Sums 32-bit words in pairs, section 4.2 of the format.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Sum {
+    big_endian: bool,
+    value: (u32, u32),
+}
+
+impl Sum {
+    fn add(&mut self, bytes: &[u8]) {
+        let word = |b: &[u8]| {
+            let word = b.first_chunk().copied().unwrap_or_default();
+            if self.big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
+        };
+        let (mut a, mut b) = self.value;
+        for pair in bytes.chunks_exact(8) {
+            a = a.wrapping_add(word(pair)).wrapping_add(b);
+            b = b.wrapping_add(word(pair.get(4..).unwrap_or_default())).wrapping_add(a);
+        }
+        self.value = (a, b);
+    }
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    bytes.get(at..).and_then(|b| b.first_chunk()).map_or(0, |b| u32::from_be_bytes(*b))
+}
+
+impl Wal {
+    /// The log beside `database`, whose pages have `page_bytes` bytes if its header can be read.
+    pub(super) fn beside(database: &Path, page_bytes: Option<u32>) -> Result<Beside, IngestError> {
+        let path = path_of(database);
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        // Looked at before it is opened: opening a pipe would wait for its writer.
+        let size = match std::fs::metadata(&path) {
+            Ok(about) if about.is_file() && about.len() > 0 => about.len(),
+            _ => return Ok(Beside::Nothing),
+        };
+        let failed = |source| IngestError::Io { file: name.clone(), offset: 0, source };
+        let file = File::open(&path).map_err(failed)?;
+        let mut head = [0; HEADER_BYTES];
+        if size < HEADER_BYTES as u64 {
+            return Ok(Beside::Useless(size, "it is shorter than its own header".to_owned()));
+        }
+        read(&file, &name, &mut head, 0)?;
+        let magic = u32_at(&head, 0);
+        let mut sum = Sum { big_endian: magic & 1 == 1, value: (0, 0) };
+        sum.add(head.get(..24).unwrap_or_default());
+        if magic & !1 != MAGIC || sum.value != (u32_at(&head, 24), u32_at(&head, 28)) {
+            return Ok(Beside::Useless(size, "its header is damaged".to_owned()));
+        }
+        let own = u32_at(&head, 8);
+        if page_bytes.unwrap_or(own) != own || !own.is_power_of_two() || !(512..=65_536).contains(&own) {
+            return Ok(Beside::Useless(size, "its pages are not as large as those of the database".to_owned()));
+        }
+        let mut wal = Wal { file, name, size, page_bytes: own, pages: 0, places: HashMap::new(), unfinished: 0 };
+        wal.walk(&head, sum)?;
+        Ok(match wal.places.len() {
+            0 if wal.unfinished > 0 => Beside::Useless(size, "no transaction in it is whole".to_owned()),
+            _ => Beside::Wal(wal),
+        })
+    }
+
+    fn walk(&mut self, head: &[u8], mut sum: Sum) -> Result<(), IngestError> {
+        let salt = head.get(16..24).unwrap_or_default();
+        let frame_bytes = FRAME_HEAD_BYTES as u64 + u64::from(self.page_bytes);
+        let mut frame = vec![0; frame_bytes as usize];
+        let mut open: Vec<(u32, u64)> = vec![];
+        let mut at = HEADER_BYTES as u64;
+        while at + frame_bytes <= self.size {
+            read(&self.file, &self.name, &mut frame, at)?;
+            // A log is written again from its start: frames with another salt are of an earlier round.
+            if frame.get(8..16) != Some(salt) {
+                break;
+            }
+            sum.add(frame.get(..8).unwrap_or_default());
+            sum.add(frame.get(FRAME_HEAD_BYTES..).unwrap_or_default());
+            let (page, commit) = (u32_at(&frame, 0), u32_at(&frame, 4));
+            if sum.value != (u32_at(&frame, 16), u32_at(&frame, 20)) || page == 0 {
+                self.unfinished += (self.size - at) / frame_bytes;
+                break;
+            }
+            open.push((page, at + FRAME_HEAD_BYTES as u64));
+            if commit > 0 {
+                self.places.extend(open.drain(..));
+                self.pages = commit;
+            }
+            at += frame_bytes;
+        }
+        self.unfinished += open.len() as u64;
+        Ok(())
+    }
+
+    /// Where the newest content of a page begins in the log.
+    pub(super) fn place(&self, page: u32) -> Option<u64> {
+        if page > self.pages { None } else { self.places.get(&page).copied() }
+    }
+
+    /// The last page of which the log holds something.
+    pub(super) fn last_page(&self) -> u32 {
+        self.places.keys().copied().filter(|&page| page <= self.pages).max().unwrap_or(0)
+    }
+}

@@ -1,0 +1,294 @@
+//! What a ULog says of the vehicle: information, parameters, modes and texts.
+
+use super::record::Entry;
+use flight::{About, Clock, ConfiguredDelay, ModeStart};
+use std::collections::BTreeMap;
+
+/// Different keys of information, and parameters, that are kept.
+const MOST_NAMES: usize = 16_384;
+/// Changes of parameters, and of modes, that are listed.
+const MOST_CHANGES: usize = 1000;
+/// Texts that are kept.
+const MOST_TEXTS: usize = 100;
+/// Longest text that is kept, characters.
+const LONGEST_TEXT: usize = 1000;
+
+/// Collects it while the log is read.
+#[derive(Debug, Default)]
+pub(super) struct Gathered {
+    /// By key; `None` for what is neither a text nor a number.
+    information: BTreeMap<String, Option<String>>,
+    /// Parts of long information by key.
+    parts: BTreeMap<String, u64>,
+    /// At the start.
+    parameters: BTreeMap<String, f64>,
+    current: BTreeMap<String, f64>,
+    defaults: BTreeMap<String, f64>,
+    changes: Vec<String>,
+    modes: Vec<ModeStart>,
+    mode: Option<u8>,
+    texts: Vec<String>,
+    text_count: u64,
+    /// Names and changes that were too many to be kept.
+    pub(super) not_kept: u64,
+}
+
+impl Gathered {
+    pub(super) fn information(&mut self, entry: &Entry<'_>) {
+        let whole = |x: f64| if x.fract() == 0.0 { format!("{x:.0}") } else { x.to_string() };
+        let value = entry.text().map(cut).or_else(|| entry.number().map(whole));
+        if self.has_room(self.information.len(), self.information.contains_key(entry.name)) {
+            self.information.insert(entry.name.to_owned(), value);
+        }
+    }
+
+    pub(super) fn part(&mut self, entry: &Entry<'_>) {
+        if self.has_room(self.parts.len(), self.parts.contains_key(entry.name)) {
+            *self.parts.entry(entry.name.to_owned()).or_default() += 1;
+        }
+    }
+
+    /// `at_us` is `None` before the first message.
+    pub(super) fn parameter(&mut self, entry: &Entry<'_>, at_us: Option<u64>) {
+        let Some(value) = entry.number() else { return };
+        if !self.has_room(self.current.len(), self.current.contains_key(entry.name)) {
+            return;
+        }
+        let before = self.current.insert(entry.name.to_owned(), value);
+        let Some(at_us) = at_us else {
+            self.parameters.insert(entry.name.to_owned(), value);
+            return;
+        };
+        if before != Some(value) && self.has_room_for_change(self.changes.len()) {
+            let from = before.map_or("not logged".to_owned(), |before| before.to_string());
+            self.changes.push(format!("{} at {}: {from} → {value}", entry.name, seconds(at_us)));
+        }
+    }
+
+    pub(super) fn default_parameter(&mut self, entry: &Entry<'_>) {
+        let Some(value) = entry.number() else { return };
+        if self.has_room(self.defaults.len(), self.defaults.contains_key(entry.name)) {
+            self.defaults.insert(entry.name.to_owned(), value);
+        }
+    }
+
+    pub(super) fn mode(&mut self, state: u8, at_ns: i64) {
+        if self.mode.replace(state) != Some(state) && self.has_room_for_change(self.modes.len()) {
+            self.modes.push(ModeStart { at_ns, clock: Clock::Boot, mode: mode_name(state) });
+        }
+    }
+
+    pub(super) fn text(&mut self, level: u8, tag: Option<u16>, at_us: u64, text: &str) {
+        self.text_count += 1;
+        if self.texts.len() < MOST_TEXTS {
+            let tag = tag.map_or(String::new(), |tag| format!(" [{tag}]"));
+            self.texts.push(format!("{} {}{tag}: {}", seconds(at_us), level_name(level), cut(text.to_owned())));
+        }
+    }
+
+    /// Texts that were more than are kept.
+    pub(super) fn texts_not_kept(&self) -> u64 {
+        self.text_count - self.texts.len() as u64
+    }
+
+    fn has_room(&mut self, taken: usize, known: bool) -> bool {
+        let room = known || taken < MOST_NAMES;
+        self.not_kept += u64::from(!room);
+        room
+    }
+
+    fn has_room_for_change(&mut self, taken: usize) -> bool {
+        let room = taken < MOST_CHANGES;
+        self.not_kept += u64::from(!room);
+        room
+    }
+
+    fn known(&self, key: &str) -> Option<&str> {
+        self.information.get(key)?.as_deref().filter(|value| !value.is_empty())
+    }
+
+    fn firmware(&self) -> Option<String> {
+        let release = self.known("ver_sw_release").and_then(|text| text.parse().ok()).map(release);
+        let branch = self.known("ver_sw_branch").map(|branch| format!("branch {branch}"));
+        let commit = self.known("ver_sw").map(|commit| format!("git {commit}"));
+        let parts: Vec<String> = [release, branch, commit].into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| parts.join(", "))
+    }
+
+    fn hardware(&self) -> Option<String> {
+        let parts: Vec<&str> = ["ver_hw", "ver_hw_subtype"].iter().filter_map(|key| self.known(key)).collect();
+        (!parts.is_empty()).then(|| parts.join(" "))
+    }
+
+    /// What the log holds beside its messages, by name.
+    pub(super) fn extras(&self) -> Vec<String> {
+        let information = self.information.iter().map(|(key, value)| match value {
+            Some(value) => format!("{key}: {value}"),
+            None => key.clone(),
+        });
+        let parts = self.parts.iter().map(|(key, parts)| format!("{key} ({parts} parts)"));
+        let defaults = (!self.defaults.is_empty()).then(|| format!("{} default parameters", self.defaults.len()));
+        information.chain(parts).chain(defaults).collect()
+    }
+
+    pub(super) fn about(self) -> About {
+        About {
+            system: self.known("sys_name").map(str::to_owned),
+            firmware: self.firmware(),
+            hardware: self.hardware(),
+            vehicle: self.known("sys_uuid").map(str::to_owned),
+            receivers: vec![],
+            configured_delays: self.parameters.iter().filter_map(|(name, value)| configured(name, *value)).collect(),
+            parameters: self.parameters.len() as u64,
+            parameter_changes: self.changes,
+            modes: self.modes,
+            texts: self.texts,
+        }
+    }
+}
+
+fn cut(text: String) -> String {
+    if text.len() > LONGEST_TEXT { text.chars().take(LONGEST_TEXT).collect() } else { text }
+}
+
+fn seconds(at_us: u64) -> String {
+    format!("{}.{:03} s", at_us / 1_000_000, at_us / 1000 % 1000)
+}
+
+/// `0xAABBCCTT`: major, minor, patch and the kind of release (PX4, `src/lib/version`).
+fn release(version: u32) -> String {
+    let [major, minor, patch, kind] = version.to_be_bytes();
+    let kind = match kind {
+        0..64 => "development",
+        64..128 => "alpha",
+        128..192 => "beta",
+        192..255 => "release candidate",
+        255 => "release",
+    };
+    format!("{major}.{minor}.{patch} {kind}")
+}
+
+/// Parameters that set a delay: name, unit in s, what they delay.
+const DELAYS: &[(&str, f64, &str)] = &[
+    ("EKF2_GPS_DELAY", 1e-3, "GPS behind the IMU"),
+    ("EKF2_MAG_DELAY", 1e-3, "magnetometer behind the IMU"),
+    ("EKF2_BARO_DELAY", 1e-3, "barometer behind the IMU"),
+    ("EKF2_ASP_DELAY", 1e-3, "airspeed behind the IMU"),
+    ("EKF2_EV_DELAY", 1e-3, "external vision behind the IMU"),
+    ("EKF2_OF_DELAY", 1e-3, "optical flow behind the IMU"),
+    ("EKF2_RNG_DELAY", 1e-3, "range finder behind the IMU"),
+    ("EKF2_AVEL_DELAY", 1e-3, "auxiliary velocity behind the IMU"),
+    ("EKF2_DELAY_MAX", 1e-3, "longest delay that the estimator allows for"),
+    ("SENS_GPS0_DELAY", 1e-3, "GPS 0 behind the IMU"),
+    ("SENS_GPS1_DELAY", 1e-3, "GPS 1 behind the IMU"),
+    ("PE_POS_DELAY_MS", 1e-3, "GPS position behind the IMU"),
+    ("PE_VEL_DELAY_MS", 1e-3, "GPS velocity behind the IMU"),
+    ("PE_HGT_DELAY_MS", 1e-3, "barometric height behind the IMU"),
+    ("PE_TAS_DELAY_MS", 1e-3, "airspeed behind the IMU"),
+    ("LPE_GPS_DELAY", 1.0, "GPS behind the local estimator"),
+    ("LPE_VIS_DELAY", 1.0, "vision behind the local estimator"),
+    ("INAV_DELAY_GPS", 1.0, "GPS behind the inertial estimator"),
+];
+
+fn configured(name: &str, value: f64) -> Option<ConfiguredDelay> {
+    let (parameter, unit_s, meaning) = DELAYS.iter().find(|(parameter, ..)| *parameter == name)?;
+    let value_s = value * unit_s;
+    value_s.is_finite().then(|| ConfiguredDelay {
+        parameter: (*parameter).to_owned(),
+        value_s,
+        meaning: (*meaning).to_owned(),
+    })
+}
+
+/// `nav_state` of `vehicle_status`. Numbers that PX4 gave another meaning in the course of time keep their number.
+fn mode_name(state: u8) -> String {
+    let name = match state {
+        0 => "Manual",
+        1 => "Altitude",
+        2 => "Position",
+        3 => "Mission",
+        4 => "Hold",
+        5 => "Return",
+        10 => "Acro",
+        12 => "Descend",
+        13 => "Termination",
+        14 => "Offboard",
+        15 => "Stabilized",
+        17 => "Takeoff",
+        18 => "Land",
+        19 => "Follow target",
+        20 => "Precision land",
+        21 => "Orbit",
+        22 => "VTOL takeoff",
+        23..=30 => return format!("External {}", state - 22),
+        _ => return format!("nav_state {state}"),
+    };
+    name.to_owned()
+}
+
+/// Levels of the Linux kernel, as digits.
+fn level_name(level: u8) -> &'static str {
+    match level & 0xf {
+        0 => "EMERGENCY",
+        1 => "ALERT",
+        2 => "CRITICAL",
+        3 => "ERROR",
+        4 => "WARNING",
+        5 => "NOTICE",
+        6 => "INFO",
+        _ => "DEBUG",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn number(name: &str, value: f32) -> (String, Vec<u8>) {
+        (name.to_owned(), value.to_le_bytes().into())
+    }
+
+    fn with(gathered: &mut Gathered, (name, value): (String, Vec<u8>), at_us: Option<u64>) {
+        gathered.parameter(&Entry { kind: "float", name: &name, value: &value }, at_us);
+    }
+
+    #[test]
+    fn a_parameter_that_changes_is_told_and_its_delay_is_that_of_the_start() {
+        let mut gathered = Gathered::default();
+        with(&mut gathered, number("EKF2_GPS_DELAY", 110.0), None);
+        with(&mut gathered, number("EKF2_GPS_DELAY", 110.0), Some(1));
+        with(&mut gathered, number("EKF2_GPS_DELAY", 150.0), Some(12_345_678));
+        with(&mut gathered, number("NEW", 1.5), Some(13_000_000));
+        let about = gathered.about();
+        assert_eq!(about.parameters, 1);
+        assert_eq!(about.configured_delays[0].value_s, 0.11);
+        assert_eq!(
+            about.parameter_changes,
+            ["EKF2_GPS_DELAY at 12.345 s: 110 → 150", "NEW at 13.000 s: not logged → 1.5"]
+        );
+    }
+
+    #[test]
+    fn a_version_reads_as_px4_writes_it() {
+        assert_eq!(release(0x010d_00ff), "1.13.0 release");
+        assert_eq!(release(0x010e_0040), "1.14.0 alpha");
+    }
+
+    #[test]
+    fn what_is_kept_has_a_bound_and_the_rest_is_counted() {
+        let mut gathered = Gathered::default();
+        for i in 0..MOST_NAMES + 7 {
+            with(&mut gathered, number(&format!("P{i}"), 1.0), None);
+        }
+        for i in 0..2 * MOST_TEXTS {
+            gathered.text(b'6', None, 0, &format!("{i} {}", "x".repeat(5000)));
+        }
+        for i in 0..2 * MOST_CHANGES {
+            gathered.mode((i % 2) as u8, 0);
+        }
+        assert_eq!((gathered.not_kept, gathered.texts_not_kept()), (7 + 1000, 100));
+        let about = gathered.about();
+        assert_eq!((about.texts.len(), about.modes.len()), (MOST_TEXTS, MOST_CHANGES));
+        assert!(about.texts.iter().all(|text| text.len() < 1100));
+    }
+}

@@ -1,0 +1,314 @@
+//! The messages of a ULog, and how far their bytes vouch for themselves.
+//!
+//! Nothing in a ULog has a checksum. What stands for one: lengths that follow from a definition, names that
+//! were defined, a magic number, and that one message leads to the next.
+
+use crate::bytes::Bytes;
+use crate::decode::packed;
+use crate::decode::schema::Number;
+
+/// Length and type in front of every message.
+pub(super) const HEAD: usize = 3;
+/// Head and the longest message.
+pub(super) const LONGEST: usize = HEAD + u16::MAX as usize;
+/// What a sync message says.
+pub(super) const SYNC: [u8; 8] = [0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12];
+/// Bytes of the flag bits: compatible ones, incompatible ones, three offsets.
+pub(super) const FLAG_BITS: usize = 40;
+/// Longest name that PX4 could give a format or a topic.
+const LONGEST_NAME: usize = 128;
+
+/// What a message is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    FlagBits,
+    Format,
+    Info,
+    InfoPart,
+    Parameter,
+    DefaultParameter,
+    Subscribe,
+    Unsubscribe,
+    Data,
+    Text,
+    TaggedText,
+    Sync,
+    Dropout,
+}
+
+impl Kind {
+    #[inline]
+    pub(super) fn of(letter: u8) -> Option<Kind> {
+        Some(match letter {
+            b'B' => Kind::FlagBits,
+            b'F' => Kind::Format,
+            b'I' => Kind::Info,
+            b'M' => Kind::InfoPart,
+            b'P' => Kind::Parameter,
+            b'Q' => Kind::DefaultParameter,
+            b'A' => Kind::Subscribe,
+            b'R' => Kind::Unsubscribe,
+            b'D' => Kind::Data,
+            b'L' => Kind::Text,
+            b'C' => Kind::TaggedText,
+            b'S' => Kind::Sync,
+            b'O' => Kind::Dropout,
+            _ => return None,
+        })
+    }
+}
+
+/// How far a message vouches for itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Trust {
+    /// Content and length agree with what is known.
+    Sure,
+    /// The content is right as far as it can be told; nothing vouches for the length.
+    Fits,
+    /// It may be a message.
+    Weak,
+    /// It is none, or a damaged one.
+    Wrong(&'static str),
+}
+
+/// Judges a message that the definitions do not help with. Of long ones the first `most` bytes are looked at.
+pub(super) fn judge(kind: Kind, body: &[u8], most: usize) -> Trust {
+    match kind {
+        Kind::FlagBits => Trust::Wrong("flag bits that are not the first message"),
+        Kind::Sync if body == SYNC => Trust::Sure,
+        Kind::Sync => Trust::Wrong("a sync message with a wrong magic number"),
+        Kind::Dropout | Kind::Unsubscribe if body.len() == 2 => Trust::Weak,
+        Kind::Dropout => Trust::Wrong("a dropout of a wrong length"),
+        Kind::Unsubscribe => Trust::Wrong("an unsubscription of a wrong length"),
+        Kind::Format => format_trust(body, most),
+        Kind::Info => Entry::parse(body).map_or(Trust::Wrong("an information that is damaged"), Entry::trust),
+        Kind::InfoPart | Kind::DefaultParameter => {
+            let entry = body.get(1..).and_then(Entry::parse);
+            entry.map_or(Trust::Wrong("an information or default that is damaged"), Entry::trust)
+        }
+        Kind::Parameter => Entry::parse(body).map_or(Trust::Wrong("a parameter that is damaged"), Entry::trust),
+        Kind::Subscribe => match Subscription::parse(body) {
+            Some(subscription) if is_name(subscription.name) => Trust::Fits,
+            _ => Trust::Wrong("a subscription without a name"),
+        },
+        Kind::Text => text_trust(body, 9, most),
+        Kind::TaggedText => text_trust(body, 11, most),
+        Kind::Data if body.len() >= 2 => Trust::Weak,
+        Kind::Data => Trust::Wrong("a message too short for its number"),
+    }
+}
+
+/// Looked at as a whole, a format vouches for its length too: it ends with a field.
+fn format_trust(body: &[u8], most: usize) -> Trust {
+    const DAMAGED: Trust = Trust::Wrong("a format that is damaged");
+    let head = body.get(..body.len().min(LONGEST_NAME)).unwrap_or_default();
+    let Some(end) = memchr::memchr(b':', head).filter(|&end| head.get(..end).is_some_and(is_name)) else {
+        return DAMAGED;
+    };
+    if !body.iter().take(most).all(|b| (b' '..=b'~').contains(b)) {
+        return DAMAGED;
+    }
+    let fields = body.get(end + 1..).unwrap_or_default();
+    match fields.last() {
+        Some(b';') | None if body.len() <= most && fields.split(|&b| b == b';').all(is_field) => Trust::Sure,
+        Some(b';') => Trust::Fits,
+        // Some writers leave the last semicolon out.
+        Some(last) if *last == b'_' || last.is_ascii_alphanumeric() => Trust::Fits,
+        _ => DAMAGED,
+    }
+}
+
+/// A type and a name, or nothing.
+fn is_field(field: &[u8]) -> bool {
+    let words: Vec<&[u8]> = field.split(|&b| b == b' ').filter(|word| !word.is_empty()).collect();
+    matches!(words.as_slice(), [] | [_, _])
+}
+
+/// A text behind its level, perhaps a tag, and a stamp of less than two thousand years.
+fn text_trust(body: &[u8], head: usize, most: usize) -> Trust {
+    let Some((head, text)) = body.split_at_checked(head) else { return Trust::Wrong("a text that is too short") };
+    let level = head.first().is_some_and(|level| matches!(level, b'0'..=b'7'));
+    // Some loggers write the zero behind a text.
+    let text = text.strip_suffix(&[0]).unwrap_or(text);
+    let control = |b: &u8| *b < b' ' && !b"\t\n\r\x1b".contains(b);
+    match level && head.last() == Some(&0) && !text.iter().take(most).any(control) {
+        true => Trust::Fits,
+        false => Trust::Wrong("a logged text that is damaged"),
+    }
+}
+
+/// Names of formats and topics.
+fn is_name(name: &[u8]) -> bool {
+    let inner = |b: &u8| b.is_ascii_alphanumeric() || b"_-/".contains(b);
+    name.len() <= LONGEST_NAME && name.first().is_some_and(u8::is_ascii_alphanumeric) && name.iter().all(inner)
+}
+
+/// A key with its type, and the value: information, parameters, defaults.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Entry<'m> {
+    pub(super) kind: &'m str,
+    pub(super) name: &'m str,
+    pub(super) value: &'m [u8],
+}
+
+impl<'m> Entry<'m> {
+    pub(super) fn parse(body: &'m [u8]) -> Option<Entry<'m>> {
+        let mut rest = Bytes(body);
+        let length = rest.u8()?;
+        let key = rest.take(length.into())?;
+        if !key.iter().all(|b| (b' '..=b'~').contains(b)) {
+            return None;
+        }
+        let (kind, name) = std::str::from_utf8(key).ok()?.split_once(' ')?;
+        let known = basic(kind).is_some() || array(kind).is_some();
+        (known && !name.is_empty()).then_some(Entry { kind, name, value: rest.0 })
+    }
+
+    fn trust(self) -> Trust {
+        let size = match array(self.kind) {
+            Some((element, count)) => basic(element).map_or(0, Basic::size).saturating_mul(count as usize),
+            None => basic(self.kind).map_or(0, Basic::size),
+        };
+        if size == self.value.len() { Trust::Sure } else { Trust::Weak }
+    }
+
+    /// As a number, if it is a single one.
+    pub(super) fn number(&self) -> Option<f64> {
+        let Basic::Number(number) = basic(self.kind)? else { return None };
+        packed::float_of(number, self.value)
+    }
+
+    /// As text, if it is that.
+    pub(super) fn text(&self) -> Option<String> {
+        let is_text = array(self.kind).is_some_and(|(element, _)| element == "char");
+        is_text.then(|| packed::text_of(self.value).into_owned())
+    }
+}
+
+/// A topic with the number that its messages carry.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Subscription<'m> {
+    pub(super) instance: u8,
+    pub(super) number: u16,
+    pub(super) name: &'m [u8],
+}
+
+impl<'m> Subscription<'m> {
+    pub(super) fn parse(body: &'m [u8]) -> Option<Subscription<'m>> {
+        let mut rest = Bytes(body);
+        Some(Subscription { instance: rest.u8()?, number: rest.u16()?, name: rest.0 })
+    }
+}
+
+/// What the first message says of the file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct FlagBits {
+    pub(super) incompatible: [u8; 8],
+    /// Where data were appended; zero for nowhere.
+    pub(super) offsets: [u64; 3],
+}
+
+impl FlagBits {
+    pub(super) fn parse(body: &[u8]) -> Option<FlagBits> {
+        let mut rest = Bytes(body);
+        rest.take(8)?;
+        let incompatible = rest.take(8)?.try_into().ok()?;
+        Some(FlagBits { incompatible, offsets: [rest.u64()?, rest.u64()?, rest.u64()?] })
+    }
+
+    /// Flags that nobody knows yet. The first one says that data were appended.
+    pub(super) fn unknown(&self) -> bool {
+        let [first, rest @ ..] = self.incompatible;
+        first & !1 != 0 || rest.iter().any(|&flags| flags != 0)
+    }
+}
+
+/// A type that needs no definition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Basic {
+    Number(Number),
+    Char,
+}
+
+impl Basic {
+    pub(super) fn size(self) -> usize {
+        match self {
+            Basic::Number(number) => number.size() as usize,
+            Basic::Char => 1,
+        }
+    }
+}
+
+pub(super) fn basic(name: &str) -> Option<Basic> {
+    Some(Basic::Number(match name {
+        "char" => return Some(Basic::Char),
+        "bool" => Number::Bool,
+        "int8_t" => Number::I8,
+        "uint8_t" => Number::U8,
+        "int16_t" => Number::I16,
+        "uint16_t" => Number::U16,
+        "int32_t" => Number::I32,
+        "uint32_t" => Number::U32,
+        "int64_t" => Number::I64,
+        "uint64_t" => Number::U64,
+        "float" => Number::F32,
+        "double" => Number::F64,
+        _ => return None,
+    }))
+}
+
+/// Element and count of `float[3]`.
+pub(super) fn array(name: &str) -> Option<(&str, u32)> {
+    let (element, count) = name.strip_suffix(']')?.split_once('[')?;
+    Some((element, count.parse().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(key: &str, value: &[u8]) -> Vec<u8> {
+        [&[key.len() as u8][..], key.as_bytes(), value].concat()
+    }
+
+    #[test]
+    fn a_parameter_vouches_for_itself_by_its_type_and_length() {
+        let whole = entry("float EKF2_GPS_DELAY", &110_f32.to_le_bytes());
+        assert_eq!(judge(Kind::Parameter, &whole, 64), Trust::Sure);
+        assert_eq!(Entry::parse(&whole).unwrap().number(), Some(110.0));
+        assert_eq!(judge(Kind::Parameter, &whole[..whole.len() - 1], 64), Trust::Weak);
+        assert!(matches!(judge(Kind::Parameter, &entry("flaot A", &[0; 4]), 64), Trust::Wrong(_)));
+    }
+
+    #[test]
+    fn what_is_no_format_no_text_and_no_sync_is_told() {
+        assert_eq!(judge(Kind::Format, b"a:float x;", 64), Trust::Sure);
+        assert_eq!(judge(Kind::Format, b"a:float x", 64), Trust::Fits);
+        assert_eq!(judge(Kind::Text, b"6\0\0\0\0\0\0\0\0hello", 64), Trust::Fits);
+        assert_eq!(judge(Kind::Sync, &SYNC, 64), Trust::Sure);
+        for (kind, body) in [
+            (Kind::Format, &b"a:float "[..]),
+            (Kind::Format, b"a:fl\0at x;"),
+            (Kind::Format, b":float x;"),
+            (Kind::Text, b"9\0\0\0\0\0\0\0\0hello"),
+            (Kind::Text, b"6\0\0\0\0\0\0\0\x01hello"),
+            (Kind::Text, b"6\0\0\0\0\0\0\0\0he\x02lo"),
+            (Kind::Sync, &SYNC[1..]),
+            (Kind::Subscribe, b"\0\0\0"),
+        ] {
+            assert!(matches!(judge(kind, body, 64), Trust::Wrong(_)), "{kind:?} {body:?}");
+        }
+    }
+
+    #[test]
+    fn flags_that_nobody_knows_are_seen() {
+        let mut body = [0; FLAG_BITS];
+        body[8] = 1;
+        body[16] = 99;
+        let bits = FlagBits::parse(&body).unwrap();
+        assert_eq!((bits.unknown(), bits.offsets), (false, [99, 0, 0]));
+        body[10] = 4;
+        assert!(FlagBits::parse(&body).unwrap().unknown());
+        assert_eq!(FlagBits::parse(&body[1..]), None);
+    }
+}

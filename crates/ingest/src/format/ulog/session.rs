@@ -1,0 +1,287 @@
+//! What is known of a log while it is read; gives its messages to the topics.
+
+use super::about::Gathered;
+use super::formats::{Extent, Formats, Stamp};
+use super::record::{Entry, FlagBits, Kind, Subscription, Trust, judge};
+use crate::bytes::Bytes;
+use crate::decode::packed::float_of;
+use crate::decode::schema::Number;
+use crate::decode::{Route, Tally, Times, Topics};
+use crate::ledger::Fate;
+use crate::table::TopicInfo;
+use flight::{Notices, Severity};
+
+/// The topic that tells flight modes, and its field.
+const STATUS: (&str, &str) = ("vehicle_status", "nav_state");
+
+/// The state of one log.
+pub(super) struct Session<'t, 'w> {
+    topics: &'t mut Topics<'w>,
+    formats: Formats,
+    /// By the number of their messages.
+    known: Vec<Option<Known>>,
+    pub(super) gathered: Gathered,
+    pub(super) flags: FlagBits,
+    /// Stamp of the last message.
+    latest_us: Option<u64>,
+    /// Whether the definitions are over.
+    began: bool,
+    dropouts: Dropouts,
+    pub(super) unplaced: Tally,
+    bad_formats: Tally,
+    redefined: Tally,
+    unknown: Tally,
+    back_jumps: Tally,
+    without_stamp: Tally,
+}
+
+/// A topic that is subscribed to.
+struct Known {
+    name: String,
+    instance: u8,
+    route: Route,
+    /// What is wrong with the format, if it cannot be used.
+    extent: Result<Extent, String>,
+    /// Where [`STATUS`] lies.
+    mode: Option<usize>,
+    last_us: u64,
+}
+
+#[derive(Debug, Default)]
+struct Dropouts {
+    count: u64,
+    total_ms: u64,
+    longest_ms: u16,
+}
+
+impl<'t, 'w> Session<'t, 'w> {
+    pub(super) fn new(topics: &'t mut Topics<'w>) -> Session<'t, 'w> {
+        Session {
+            topics,
+            formats: Formats::default(),
+            known: vec![],
+            gathered: Gathered::default(),
+            flags: FlagBits::default(),
+            latest_us: None,
+            began: false,
+            dropouts: Dropouts::default(),
+            unplaced: Tally::default(),
+            bad_formats: Tally::default(),
+            redefined: Tally::default(),
+            unknown: Tally::default(),
+            back_jumps: Tally::default(),
+            without_stamp: Tally::default(),
+        }
+    }
+
+    /// How far a message vouches for itself. Of long ones the first `most` bytes are looked at.
+    pub(super) fn judge(&self, kind: Kind, body: &[u8], most: usize) -> Trust {
+        match kind {
+            Kind::Data => match self.known_of(body).map(|known| &known.extent) {
+                Some(Ok(extent)) if (extent.shortest..=extent.full).contains(&body.len().saturating_sub(2)) => {
+                    Trust::Sure
+                }
+                Some(Ok(_)) => Trust::Wrong("a message whose length does not fit its format"),
+                Some(Err(_)) | None => judge(kind, body, most),
+            },
+            Kind::Subscribe => match Subscription::parse(body).and_then(|s| std::str::from_utf8(s.name).ok()) {
+                Some(name) if self.formats.has(name) => Trust::Sure,
+                _ => judge(kind, body, most),
+            },
+            _ => judge(kind, body, most),
+        }
+    }
+
+    fn known_of(&self, body: &[u8]) -> Option<&Known> {
+        self.known.get(usize::from(Bytes(body).u16()?))?.as_ref()
+    }
+
+    /// Takes a message. What is wrong with it is returned.
+    pub(super) fn take(&mut self, kind: Kind, body: &[u8]) -> Result<Fate, String> {
+        self.began |= matches!(kind, Kind::Subscribe | Kind::Data | Kind::Text | Kind::TaggedText);
+        match kind {
+            Kind::Data => return Ok(self.data(body)),
+            Kind::Format => self.formats.add(body)?,
+            Kind::Subscribe => self.subscribe(body)?,
+            Kind::Info => Entry::parse(body).iter().for_each(|entry| self.gathered.information(entry)),
+            Kind::InfoPart => behind_flag(body).iter().for_each(|entry| self.gathered.part(entry)),
+            Kind::DefaultParameter => {
+                behind_flag(body).iter().for_each(|entry| self.gathered.default_parameter(entry));
+            }
+            Kind::Parameter => {
+                let at_us = self.began.then(|| self.latest_us.unwrap_or_default());
+                Entry::parse(body).iter().for_each(|entry| self.gathered.parameter(entry, at_us));
+            }
+            Kind::Text => self.text(body, false).unwrap_or_default(),
+            Kind::TaggedText => self.text(body, true).unwrap_or_default(),
+            Kind::Dropout => self.dropouts.add(Bytes(body).u16().unwrap_or_default()),
+            Kind::FlagBits => self.flags = FlagBits::parse(body).unwrap_or_default(),
+            // A message that follows all the same is still the topic's.
+            Kind::Unsubscribe | Kind::Sync => {}
+        }
+        Ok(Fate::Structure)
+    }
+
+    /// A message of a type that nobody knows.
+    pub(super) fn take_unknown(&mut self, letter: u8, length: usize) -> Fate {
+        self.unknown.add(|| format!("type {:?}, {length} bytes", char::from(letter)));
+        Fate::Skipped
+    }
+
+    fn text(&mut self, body: &[u8], tagged: bool) -> Option<()> {
+        let mut rest = Bytes(body);
+        let level = rest.u8()?;
+        let tag = if tagged { Some(rest.u16()?) } else { None };
+        let at_us = rest.u64()?;
+        self.gathered.text(level, tag, at_us, &String::from_utf8_lossy(rest.0));
+        Some(())
+    }
+
+    fn subscribe(&mut self, body: &[u8]) -> Result<(), String> {
+        let Subscription { instance, number, name } = Subscription::parse(body).ok_or("a subscription that is cut")?;
+        let name = std::str::from_utf8(name).map_err(|_| "a subscription to no name")?;
+        let place = usize::from(number);
+        if self.known.len() <= place {
+            self.known.resize_with(place + 1, || None);
+        }
+        let before = self.known.get_mut(place).and_then(Option::take);
+        if before.is_some_and(|known| known.name != name || known.instance != instance) {
+            self.redefined.add(|| format!("{number}, now {name:.128}"));
+        }
+        let known = self.route(name, instance)?;
+        if let Some(slot) = self.known.get_mut(place) {
+            *slot = Some(known);
+        }
+        Ok(())
+    }
+
+    fn route(&mut self, name: &str, instance: u8) -> Result<Known, String> {
+        let topic = if instance == 0 { name.to_owned() } else { format!("{name}_{instance}") };
+        let info = TopicInfo { name: topic, type_name: name.to_owned(), encoding: "ulog".to_owned() };
+        let extent = self.formats.extent(name);
+        let formats = &self.formats;
+        let layout = |wanted: &_| extent.clone().and_then(|_| formats.layout(name, wanted));
+        let route = self.topics.packed_route(info, formats.identity(name).as_bytes(), layout)?;
+        let mode = if (name, instance) == (STATUS.0, 0) { formats.byte_field(name, STATUS.1) } else { None };
+        Ok(Known { name: name.to_owned(), instance, route, extent, mode, last_us: 0 })
+    }
+
+    #[inline]
+    fn data(&mut self, body: &[u8]) -> Fate {
+        let mut rest = Bytes(body);
+        let number = rest.u16().unwrap_or_default();
+        let payload = rest.0;
+        let Some(known) = self.known.get_mut(usize::from(number)).and_then(Option::as_mut) else {
+            self.unplaced.add(|| format!("number {number}"));
+            return Fate::Skipped;
+        };
+        match &known.extent {
+            Ok(Extent { stamp: Some(_), .. }) => {}
+            Ok(_) => self.without_stamp.add(|| format!("topic {}", known.name)),
+            Err(reason) => self.bad_formats.add(|| reason.clone()),
+        }
+        let stamp = known.extent.as_ref().ok().and_then(|extent| extent.stamp);
+        let at_us = stamp.and_then(|s| s.read(payload, self.latest_us)).or(self.latest_us).unwrap_or_default();
+        if at_us < known.last_us {
+            self.back_jumps.add(|| format!("topic {} at {} µs", known.name, known.last_us));
+        }
+        known.last_us = at_us;
+        self.latest_us = Some(at_us);
+        let logged_ns = i64::try_from(at_us.saturating_mul(1000)).unwrap_or(i64::MAX);
+        if let Some(&state) = known.mode.and_then(|offset| payload.get(offset)) {
+            self.gathered.mode(state, logged_ns);
+        }
+        self.topics.message(known.route, Times { logged_ns, published_ns: None }, payload)
+    }
+
+    /// Says what happened, but for the damage.
+    pub(super) fn conclude(&self, file: &str, notices: &mut Notices) {
+        let mut raise = |severity, code: &str, count: u64, text: String| {
+            if count > 0 {
+                notices.push(severity, code, file, count, text);
+            }
+        };
+        let first = |tally: &Tally, what: &str| format!("{what}; the first: {}", tally.first);
+        let Dropouts { count, total_ms, longest_ms } = self.dropouts;
+        let text = format!(
+            "the logger could not keep up: dropouts of {:.3} s in all, the longest {longest_ms} ms; what was published then was never written",
+            total_ms as f64 * 1e-3
+        );
+        raise(Severity::Warning, "dropout", count, text);
+        let text = first(&self.unplaced, "messages that belong to no known topic");
+        raise(Severity::Loss, "unknown-channel", self.unplaced.count, text);
+        let text = first(&self.bad_formats, "messages whose format cannot be used");
+        raise(Severity::Loss, "bad-format", self.bad_formats.count, text);
+        let text = first(&self.unknown, "messages of a type that is not known");
+        raise(Severity::Loss, "unknown-record", self.unknown.count, text);
+        if self.flags.unknown() {
+            let text = "the log says that it uses features that are not known: what was read may be wrong";
+            raise(Severity::Loss, "unknown-flags", 1, text.to_owned());
+        }
+        let text = first(&self.redefined, "numbers of topics were given to others");
+        raise(Severity::Warning, "redefined", self.redefined.count, text);
+        let text = "formats were replaced by others of their name; each topic is read by the one before it".to_owned();
+        raise(Severity::Warning, "redefined-format", self.formats.replaced, text);
+        let text = first(&self.back_jumps, "messages whose stamp lies before that of the message before");
+        raise(Severity::Warning, "back-jump", self.back_jumps.count, text);
+        let text = first(&self.without_stamp, "messages without a stamp: that of the message before stands in");
+        raise(Severity::Warning, "no-stamp", self.without_stamp.count, text);
+        let text = "names, or changes of parameters and modes, that are too many to be listed".to_owned();
+        raise(Severity::Info, "not-listed", self.gathered.not_kept, text);
+        let more = self.gathered.texts_not_kept();
+        raise(Severity::Info, "more-texts", more, "more logged texts, counted and not listed".to_owned());
+    }
+}
+
+/// Information and parameters behind a byte of flags.
+fn behind_flag(body: &[u8]) -> Option<Entry<'_>> {
+    Entry::parse(body.get(1..)?)
+}
+
+impl Dropouts {
+    fn add(&mut self, ms: u16) {
+        self.count += 1;
+        self.total_ms += u64::from(ms);
+        self.longest_ms = self.longest_ms.max(ms);
+    }
+}
+
+impl Stamp {
+    /// In µs. Stamps of fewer than 64 bits turn over: of the possible ones that nearest to `latest_us` is meant.
+    #[inline]
+    fn read(self, payload: &[u8], latest_us: Option<u64>) -> Option<u64> {
+        let bytes = payload.get(self.offset..)?;
+        if self.number == Number::U64 {
+            return bytes.first_chunk().copied().map(u64::from_le_bytes);
+        }
+        // Of 8 bits, ms.
+        let unit_us = if self.number.size() == 1 { 1000 } else { 1 };
+        let stamp = float_of(self.number, bytes).filter(|x| *x >= 0.0)? as u64 * unit_us;
+        let turn = (1_u64 << (8 * self.number.size()).min(63)) * unit_us;
+        Some(latest_us.map_or(stamp, |latest| nearest(stamp, turn, latest)))
+    }
+}
+
+/// Of `stamp`, `stamp + turn`, ... that nearest to `to`.
+fn nearest(stamp: u64, turn: u64, to: u64) -> u64 {
+    let turns = to.saturating_sub(stamp).saturating_add(turn / 2) / turn;
+    stamp.saturating_add(turns.saturating_mul(turn))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stamp_of_few_bits_is_taken_to_the_turn_nearest_to_the_log() {
+        let turn = 1_u64 << 16;
+        for truth in [0_u64, 5, 40_000, 65_535, 65_536, 1_000_000, 123_456_789] {
+            for latest in [truth, truth + 30_000, truth.saturating_sub(30_000)] {
+                assert_eq!(nearest(truth % turn, turn, latest), truth, "{latest}");
+            }
+        }
+        let stamp = Stamp { offset: 1, number: Number::U8 };
+        assert_eq!(stamp.read(&[0, 20], Some(256_000)), Some(276_000));
+        assert_eq!(stamp.read(&[0, 20], None), Some(20_000));
+    }
+}

@@ -1,0 +1,284 @@
+//! The walk over the messages of a ULog, one after the other, whole or damaged.
+//!
+//! A message that does not vouch for itself must lead to one that does, or at least have none inside that does.
+//! Where neither holds, the walk goes on at the next byte from which it can be sure again.
+
+use super::record::{FLAG_BITS, HEAD, Kind, LONGEST, Trust};
+use super::session::Session;
+use crate::decode::Tally;
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
+use crate::reader::ReadContext;
+use flight::{Notices, Severity};
+
+/// Said of a file that does not begin as a ULog does.
+pub(super) const WRONG_START: &str = "the bytes that begin the file are wrong";
+/// Magic, version and time in front of the first message.
+pub(super) const START: u64 = 16;
+/// Messages that are looked at to see where one leads.
+const HOPS: usize = 4;
+/// Bytes that are looked at ahead of where the walk stands.
+const MARGIN: usize = (HOPS + 2) * LONGEST;
+/// Bytes held at a time.
+const BLOCK: usize = 1 << 20;
+/// Bytes of a message that are looked at from afar.
+const GLANCE: usize = 32;
+/// A search ends after this many zero bytes: a sparse file has nothing more.
+const MOST_ZEROS: u64 = 16 << 20;
+/// As many zero bytes at the end of a search have a reason of their own.
+const TELLING_ZEROS: usize = 512;
+const ZEROS: &str = "zero bytes where messages should stand";
+const ENDS_INSIDE: &str = "the log ends inside a message";
+
+/// A walk in progress.
+pub(super) struct Walk<'w> {
+    /// File name for the ledger.
+    name: &'w str,
+    ledger: &'w mut Ledger,
+    at: u64,
+    /// Why the walk is searching, if it is.
+    lost: Option<String>,
+    /// Zero bytes passed in the search.
+    zeros: u64,
+    /// Where data were appended, falling.
+    joints: Vec<u64>,
+    wrong_joints: Tally,
+}
+
+/// Bytes of the file that begin where a block begins.
+#[derive(Clone, Copy)]
+struct View<'v> {
+    bytes: &'v [u8],
+    start: u64,
+    /// Whether they reach the end of the file.
+    whole: bool,
+}
+
+/// A message within a view.
+struct Message<'v> {
+    letter: u8,
+    body: &'v [u8],
+    end: usize,
+}
+
+impl<'v> View<'v> {
+    /// The message at `at`; `None` if it reaches beyond the view.
+    #[inline]
+    fn message(self, at: usize) -> Option<Message<'v>> {
+        let &[low, high, letter] = self.bytes.get(at..)?.first_chunk()?;
+        let end = at + HEAD + usize::from(u16::from_le_bytes([low, high]));
+        Some(Message { letter, body: self.bytes.get(at + HEAD..end)?, end })
+    }
+}
+
+impl<'w> Walk<'w> {
+    pub(super) fn new(name: &'w str, ledger: &'w mut Ledger) -> Walk<'w> {
+        Walk { name, ledger, at: 0, lost: None, zeros: 0, joints: vec![], wrong_joints: Tally::default() }
+    }
+
+    /// Takes the first bytes of the file.
+    pub(super) fn begin(&mut self, size: u64, intact: bool) {
+        let end = START.min(size);
+        match (intact, end == START) {
+            (true, true) => self.ledger.count(Fate::Structure, end),
+            (true, false) => self.ledger.damaged(self.name, 0, end, "the log ends inside its header"),
+            (false, _) => self.ledger.damaged(self.name, 0, end, WRONG_START),
+        }
+        self.at = end;
+    }
+
+    /// From where the walk stands to the end of the file.
+    pub(super) fn run(
+        &mut self,
+        file: &mut LogFile,
+        context: &ReadContext<'_>,
+        session: &mut Session<'_, '_>,
+    ) -> Result<(), IngestError> {
+        let size = file.size();
+        while self.at < size {
+            let start = self.at;
+            let there = (size - start).min(BLOCK as u64) as usize;
+            let bytes = file.bytes(start, there)?.unwrap_or_default();
+            self.block(View { bytes, start, whole: start + there as u64 == size }, session);
+            if self.at == start || self.zeros > MOST_ZEROS {
+                let reason = self.lost.take().unwrap_or_else(|| ENDS_INSIDE.to_owned());
+                self.ledger.damaged(self.name, self.at, size - self.at, reason);
+                self.at = size;
+            }
+            file.progress(self.at, context)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn conclude(&self, notices: &mut Notices) {
+        let Tally { count, first } = &self.wrong_joints;
+        if *count > 0 {
+            let text = format!("places where data should have been appended and were not; the first: {first}");
+            notices.push(Severity::Warning, "bad-offset", self.name, *count, text);
+        }
+    }
+
+    /// Walks until so little is left of the view that one cannot look ahead, or to the end of the file.
+    fn block(&mut self, view: View<'_>, session: &mut Session<'_, '_>) {
+        let stop = if view.whole { view.bytes.len() } else { view.bytes.len().saturating_sub(MARGIN) };
+        let mut at = 0;
+        if let Some(reason) = self.lost.take() {
+            at = self.go_on(view, (0, 0), stop, reason, session);
+        }
+        while at < stop {
+            at = self.step(view, at, stop, session);
+        }
+        self.at = view.start + at as u64;
+    }
+
+    /// One message, or what stands in its place; where the next one may be.
+    fn step(&mut self, view: View<'_>, at: usize, stop: usize, session: &mut Session<'_, '_>) -> usize {
+        let Some(message) = view.message(at) else {
+            return self.go_on(view, (at, at + 1), stop, ENDS_INSIDE.to_owned(), session);
+        };
+        let Message { letter, body, end } = message;
+        if !self.joints.is_empty()
+            && let Some(joint) = self.joint(view, at, end, session)
+        {
+            self.damage(view, at, joint, "a message was cut where data were appended later");
+            return joint;
+        }
+        let kind = Kind::of(letter);
+        let trust = match kind {
+            Some(Kind::FlagBits) if view.start + at as u64 == START && body.len() >= FLAG_BITS => Trust::Sure,
+            Some(kind) => session.judge(kind, body, usize::MAX),
+            None => Trust::Weak,
+        };
+        let undisputed = || !(at + 1..end).any(|inside| is_certain(view, inside, session));
+        let stands = match trust {
+            Trust::Sure => true,
+            Trust::Fits => leads(view, end, session) || undisputed(),
+            Trust::Weak | Trust::Wrong(_) => leads(view, end, session) && undisputed(),
+        };
+        match (trust, stands) {
+            (Trust::Wrong(reason), true) => self.damage(view, at, end, reason),
+            (_, true) => self.take(view, at, &message, kind, session),
+            (Trust::Wrong(reason), false) => {
+                return self.go_on(view, (at, at + 1), stop, reason.to_owned(), session);
+            }
+            (_, false) => {
+                let reason = "what stands here is no message, or one whose length leads nowhere";
+                return self.go_on(view, (at, at + 1), stop, reason.to_owned(), session);
+            }
+        }
+        end
+    }
+
+    #[inline]
+    fn take(
+        &mut self,
+        view: View<'_>,
+        at: usize,
+        message: &Message<'_>,
+        kind: Option<Kind>,
+        session: &mut Session<'_, '_>,
+    ) {
+        let taken = match kind {
+            Some(kind) => session.take(kind, message.body),
+            None => Ok(session.take_unknown(message.letter, message.body.len())),
+        };
+        match taken {
+            Ok(fate) => self.ledger.count(fate, (message.end - at) as u64),
+            Err(reason) => self.damage(view, at, message.end, &reason),
+        }
+        if kind == Some(Kind::FlagBits) {
+            self.take_joints(session);
+        }
+    }
+
+    fn take_joints(&mut self, session: &Session<'_, '_>) {
+        self.joints = session.flags.offsets.iter().copied().filter(|&offset| offset > 0).collect();
+        self.joints.sort_unstable_by(|a, b| b.cmp(a));
+        self.joints.dedup();
+    }
+
+    /// Where, inside of `at..end`, data were appended. That the file says so is not enough.
+    fn joint(&mut self, view: View<'_>, at: usize, end: usize, session: &Session<'_, '_>) -> Option<usize> {
+        let place = |at: usize| view.start + at as u64;
+        while let Some(&joint) = self.joints.last().filter(|&&joint| joint < place(end)) {
+            self.joints.pop();
+            if joint <= place(at) {
+                continue;
+            }
+            let within = (joint - view.start) as usize;
+            if leads(view, within, session) {
+                return Some(within);
+            }
+            self.wrong_joints.add(|| format!("byte {joint}"));
+        }
+        None
+    }
+
+    /// Nothing can be made of the bytes at `at`: goes on at the first certain message at or behind `from`.
+    fn go_on(
+        &mut self,
+        view: View<'_>,
+        (at, from): (usize, usize),
+        stop: usize,
+        reason: String,
+        session: &Session<'_, '_>,
+    ) -> usize {
+        let empty = is_zero(view.bytes.get(at..).unwrap_or_default());
+        let found = if empty { None } else { (from..stop).find(|&place| is_certain(view, place, session)) };
+        let next = found.unwrap_or(stop).max(at);
+        let passed = view.bytes.get(at..next).unwrap_or_default();
+        let zeros = if empty { next - at } else { passed.iter().rev().take_while(|&&b| b == 0).count() };
+        self.zeros = if zeros == passed.len() { self.zeros + zeros as u64 } else { 0 };
+        let zeros_from = if zeros < TELLING_ZEROS { next } else { next - zeros };
+        self.damage(view, at, zeros_from, &reason);
+        self.damage(view, zeros_from, next, ZEROS);
+        self.lost = found.is_none().then(|| if zeros_from < next { ZEROS.to_owned() } else { reason });
+        next
+    }
+
+    fn damage(&mut self, view: View<'_>, from: usize, to: usize, reason: &str) {
+        if to > from {
+            self.ledger.damaged(self.name, view.start + from as u64, (to - from) as u64, reason);
+        }
+    }
+}
+
+fn is_zero(bytes: &[u8]) -> bool {
+    const ZEROS: [u8; 4096] = [0; 4096];
+    bytes.chunks(ZEROS.len()).all(|chunk| ZEROS.starts_with(chunk))
+}
+
+/// Whether a message begins at `at` beyond doubt: one that vouches for itself, at least by its content, and leads on.
+fn is_certain(view: View<'_>, at: usize, session: &Session<'_, '_>) -> bool {
+    let Some(kind) = view.bytes.get(at + 2).and_then(|&letter| Kind::of(letter)) else { return false };
+    let Some(message) = view.message(at) else { return false };
+    let trust = session.judge(kind, message.body, GLANCE);
+    match (kind, trust) {
+        (Kind::Sync, Trust::Sure) => true,
+        (_, Trust::Sure | Trust::Fits) => leads(view, message.end, session),
+        (_, Trust::Weak | Trust::Wrong(_)) => false,
+    }
+}
+
+/// Whether messages begin at `at`: within a few, one vouches for itself or the file ends, or all have a right content.
+fn leads(view: View<'_>, mut at: usize, session: &Session<'_, '_>) -> bool {
+    let mut fit = true;
+    for _ in 0..HOPS {
+        if at == view.bytes.len() {
+            return view.whole;
+        }
+        let Some(message) = view.message(at) else {
+            // Cut by the end of the file.
+            let letter = view.bytes.get(at + 2);
+            return view.whole && letter.is_none_or(|&letter| Kind::of(letter).is_some());
+        };
+        match Kind::of(message.letter).map(|kind| session.judge(kind, message.body, GLANCE)) {
+            Some(Trust::Sure) => return true,
+            Some(Trust::Wrong(_)) => return false,
+            Some(Trust::Fits) => at = message.end,
+            Some(Trust::Weak) | None => (at, fit) = (message.end, false),
+        }
+    }
+    fit
+}

@@ -1,0 +1,326 @@
+//! Packed logs: gzip, Zstandard, bzip2, LZ4, ZIP with one log, and text in UTF-16. They are unpacked into a
+//! temporary folder, which goes with the reading, and read there as any file.
+//!
+//! The ledger of such a log counts the unpacked bytes: it is exact for what was unpacked. Bytes of the packed file that
+//! could not be unpacked are a notice of severity loss with their place.
+
+mod utf16;
+mod zip;
+
+use crate::discover::{FlightUnit, LogKind};
+use crate::error::IngestError;
+use crate::load::reader_of;
+use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::sniff::{self, Content};
+use flight::{Notices, Severity};
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Unpacked in one go; between two the user may stop.
+const STEP: usize = 256 << 10;
+/// Members of an archive that are looked into.
+const MOST_MEMBERS: usize = 1000;
+/// Window of a Zstandard frame, as a power of two: 128 MiB, the largest that `zstd` itself reads unasked.
+const WINDOW_LOG: u32 = 27;
+
+/// How a file is packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Packing {
+    Gzip,
+    Zstd,
+    Bzip2,
+    Lz4,
+    Zip,
+    Utf16 { big: bool },
+}
+
+impl Packing {
+    /// By the first bytes of a file; `text` says that its name is that of a text.
+    pub(crate) fn of(head: &[u8], text: bool) -> Option<Packing> {
+        const MAGIC: [(&[u8], Packing); 8] = [
+            (b"\x1f\x8b\x08", Packing::Gzip),
+            (b"\x28\xb5\x2f\xfd", Packing::Zstd),
+            (b"BZh", Packing::Bzip2),
+            (b"\x04\x22\x4d\x18", Packing::Lz4),
+            (b"PK\x03\x04", Packing::Zip),
+            (b"PK\x05\x06", Packing::Zip),
+            (b"\xff\xfe", Packing::Utf16 { big: false }),
+            (b"\xfe\xff", Packing::Utf16 { big: true }),
+        ];
+        let known = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, packing)| *packing);
+        known.or_else(|| utf16::without_mark(head).filter(|_| text))
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Packing::Gzip => "gzip",
+            Packing::Zstd => "Zstandard",
+            Packing::Bzip2 => "bzip2",
+            Packing::Lz4 => "LZ4",
+            Packing::Zip => "ZIP",
+            Packing::Utf16 { big: false } => "UTF-16 (little-endian)",
+            Packing::Utf16 { big: true } => "UTF-16 (big-endian)",
+        }
+    }
+}
+
+/// A file in a packed one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Member {
+    /// Its name, without folders.
+    pub(crate) name: PathBuf,
+    /// Its first bytes.
+    pub(crate) head: Vec<u8>,
+    entry: Option<zip::Entry>,
+}
+
+/// The files in a packed file, with their first bytes.
+///
+/// # Errors
+/// Why it cannot be looked into.
+pub(crate) fn members(path: &Path, packing: Packing) -> Result<Vec<Member>, String> {
+    let mut file = File::open(path).map_err(|e| e.to_string())?;
+    if packing != Packing::Zip {
+        let head = head_of(decoder(packing, BufReader::new(file), &Cell::new(0)));
+        return Ok(vec![Member { name: inner_name(path, packing), head, entry: None }]);
+    }
+    let entries = zip::entries(&mut file, MOST_MEMBERS)?;
+    let member = |entry: zip::Entry| {
+        let head = match zip::open(&mut file, &entry) {
+            Ok(packed) => head_of(zip::decoder(&entry, packed)),
+            Err(_) => vec![],
+        };
+        Member { name: entry.file_name(), head, entry: Some(entry) }
+    };
+    Ok(entries.into_iter().map(member).collect())
+}
+
+/// As many of the first bytes as can be unpacked.
+fn head_of(decoder: Result<Box<dyn Read + '_>, String>) -> Vec<u8> {
+    let mut head = vec![];
+    if let Ok(decoder) = decoder {
+        // What was unpacked before an error stays in the vector.
+        let _ = decoder.take(sniff::HEAD as u64).read_to_end(&mut head);
+    }
+    head
+}
+
+/// The name without the ending of its packing.
+fn inner_name(path: &Path, packing: Packing) -> PathBuf {
+    let name = PathBuf::from(path.file_name().unwrap_or(path.as_os_str()));
+    let ending = name.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let own: &[&str] = match packing {
+        Packing::Gzip => &["gz", "gzip"],
+        Packing::Zstd => &["zst", "zstd"],
+        Packing::Bzip2 => &["bz2"],
+        Packing::Lz4 => &["lz4"],
+        Packing::Zip | Packing::Utf16 { .. } => &[],
+    };
+    match ending.as_str() {
+        "tgz" => name.with_extension("tar"),
+        ending if own.contains(&ending) => name.with_extension(""),
+        _ => name,
+    }
+}
+
+fn decoder<'r>(
+    packing: Packing,
+    packed: impl std::io::BufRead + 'r,
+    bad: &'r Cell<u64>,
+) -> Result<Box<dyn Read + 'r>, String> {
+    Ok(match packing {
+        Packing::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(packed)),
+        Packing::Zstd => {
+            let mut decoder = zstd::stream::read::Decoder::with_buffer(packed).map_err(|e| e.to_string())?;
+            decoder.window_log_max(WINDOW_LOG).map_err(|e| e.to_string())?;
+            Box::new(decoder)
+        }
+        Packing::Bzip2 => Box::new(bzip2::bufread::MultiBzDecoder::new(packed)),
+        Packing::Lz4 => Box::new(lz4::Decoder::new(packed).map_err(|e| e.to_string())?),
+        Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, bad)),
+        Packing::Zip => return Err("a ZIP archive in a packed file".to_owned()),
+    })
+}
+
+/// Reads a unit, unpacking its files first where they are packed.
+pub(crate) struct UnpackingReader {
+    unit: FlightUnit,
+}
+
+impl UnpackingReader {
+    /// A reader of the unit's files. Nothing is opened yet.
+    pub(crate) fn new(unit: FlightUnit) -> UnpackingReader {
+        UnpackingReader { unit }
+    }
+}
+
+impl LogReader for UnpackingReader {
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let packings = self.unit.files.iter().map(|path| packing_of(path)).collect::<Result<Vec<_>, _>>()?;
+        let Some(first) = packings.iter().flatten().next().copied() else {
+            return reader_of(self.unit.kind, self.unit.files.clone()).read(want, context);
+        };
+        let mut unpacking = Unpacking::new(self.unit.kind, context)?;
+        for (path, packing) in self.unit.files.iter().zip(&packings) {
+            match packing {
+                None => unpacking.files.push(path.clone()),
+                Some(packing) => unpacking.file(path, *packing)?,
+            }
+        }
+        // The progress is that of the packed bytes, which have been read.
+        let plain = packings.iter().all(Option::is_some);
+        let quiet = ReadContext { limits: context.limits, cancel: context.cancel, on_bytes: &|_| () };
+        let mut log = reader_of(self.unit.kind, unpacking.files).read(want, if plain { &quiet } else { context })?;
+        log.health.format = format!("{}, in {}", log.health.format, first.name());
+        let mut notices = unpacking.notices;
+        notices.extend(log.notices);
+        log.notices = notices;
+        Ok(log)
+    }
+}
+
+/// How a file is packed, by its first bytes.
+fn packing_of(path: &Path) -> Result<Option<Packing>, IngestError> {
+    let mut head = vec![];
+    let file = File::open(path).map_err(|e| io_error(path, e))?;
+    file.take(utf16::TELLING as u64).read_to_end(&mut head).map_err(|e| io_error(path, e))?;
+    Ok(Packing::of(&head, named_text(path)))
+}
+
+/// Whether the name is that of a text.
+pub(crate) fn named_text(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    ["csv", "txt", "tsv", "log"].contains(&ending.as_str())
+}
+
+fn io_error(path: &Path, source: std::io::Error) -> IngestError {
+    IngestError::Io { file: file_name(path), offset: 0, source }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// The unpacked files of one unit, and what was lost on the way.
+struct Unpacking<'c> {
+    kind: LogKind,
+    context: &'c ReadContext<'c>,
+    folder: tempfile::TempDir,
+    files: Vec<PathBuf>,
+    /// Bytes written so far.
+    written: u64,
+    notices: Notices,
+}
+
+impl<'c> Unpacking<'c> {
+    fn new(kind: LogKind, context: &'c ReadContext<'c>) -> Result<Unpacking<'c>, IngestError> {
+        let folder = tempfile::Builder::new().prefix("flightlag-").tempdir();
+        let folder = folder.map_err(|e| io_error(&std::env::temp_dir(), e))?;
+        Ok(Unpacking { kind, context, folder, files: vec![], written: 0, notices: Notices::new() })
+    }
+
+    fn file(&mut self, path: &Path, packing: Packing) -> Result<(), IngestError> {
+        let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
+        let mut file = File::open(path).map_err(|e| io_error(path, e))?;
+        let size = file.metadata().map_err(|e| io_error(path, e))?.len();
+        if packing != Packing::Zip {
+            let (read, bad) = (Cell::new(0), Cell::new(0));
+            let packed = BufReader::with_capacity(STEP, Counted { inner: file, read: &read });
+            let decoder = decoder(packing, packed, &bad).map_err(unusable)?;
+            self.copy(path, packing, &inner_name(path, packing), decoder, (&read, 0, size))?;
+            if bad.get() > 0 {
+                let text = "characters of UTF-16 that are none became replacement characters";
+                self.notices.push(Severity::Loss, "bad-utf16", file_name(path), bad.get(), text);
+            }
+            return Ok(());
+        }
+        for member in members(path, packing).map_err(unusable)? {
+            let wanted = match sniff::content_of(&member.name, &member.head, self.context) {
+                Content::Log(kind) => kind == self.kind,
+                Content::Table { .. } => self.kind == LogKind::Csv,
+                Content::Packed(_) | Content::Other(_) => false,
+            };
+            let Some(entry) = member.entry.filter(|_| wanted) else { continue };
+            let read = Cell::new(0);
+            let packed = zip::open(&mut file, &entry).map_err(|e| io_error(path, e))?;
+            let start = packed.start;
+            let packed = zip::Packed { inner: Counted { inner: packed.inner, read: &read }, start, end: packed.end };
+            let decoder = zip::decoder(&entry, packed).map_err(unusable)?;
+            self.copy(path, packing, &member.name, decoder, (&read, start, start + entry.packed_bytes))?;
+        }
+        if self.files.is_empty() {
+            return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
+        }
+        Ok(())
+    }
+
+    /// Unpacks one file; `(read, start, end)` count its packed bytes.
+    fn copy(
+        &mut self,
+        path: &Path,
+        packing: Packing,
+        name: &Path,
+        mut decoder: Box<dyn Read + '_>,
+        (read, start, end): (&Cell<u64>, u64, u64),
+    ) -> Result<(), IngestError> {
+        // A folder each, for two may have one name.
+        let folder = self.folder.path().join(self.files.len().to_string());
+        let target = folder.join(name);
+        let mut out =
+            std::fs::create_dir(&folder).and_then(|()| File::create(&target)).map_err(|e| io_error(&target, e))?;
+        let mut buffer = vec![0; STEP];
+        let (mut told, mut bytes) = (0, 0_u64);
+        let fault = loop {
+            let got = match decoder.read(&mut buffer) {
+                Ok(0) => break None,
+                Ok(got) => got,
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(error) => break Some(error.to_string()),
+            };
+            bytes += got as u64;
+            self.written += got as u64;
+            if self.written > self.context.limits.unpacked_bytes {
+                let limit = self.context.limits.unpacked_bytes;
+                let what = format!("{}: the unpacked log is larger than the limit of {limit} bytes", packing.name());
+                return Err(IngestError::Unusable { file: file_name(path), what });
+            }
+            out.write_all(buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(&target, e))?;
+            self.context.advance(read.get() - told)?;
+            told = read.get();
+        };
+        if let Some(fault) = fault {
+            // Decoders read ahead, so that the damage is before this place.
+            let at = (start + read.get()).min(end);
+            let what = format!("{}: {fault}; {bytes} bytes could be unpacked", packing.name());
+            if bytes == 0 {
+                return Err(IngestError::Unusable { file: file_name(path), what });
+            }
+            let place = format!("{}, before byte {at}", file_name(path));
+            self.notices.push(Severity::Loss, "packed-damage", place, end - at + 1, what);
+        }
+        self.files.push(target);
+        Ok(())
+    }
+}
+
+/// Counts the bytes that are read.
+struct Counted<'r, R> {
+    inner: R,
+    read: &'r Cell<u64>,
+}
+
+impl<R: Read> Read for Counted<'_, R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let got = self.inner.read(buffer)?;
+        self.read.set(self.read.get() + got as u64);
+        Ok(got)
+    }
+}
+
+impl<R: Seek> Seek for Counted<'_, R> {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.inner.seek(to)
+    }
+}

@@ -1,0 +1,259 @@
+//! ZIP archives (PKWARE APPNOTE 6.3): the list of files at the end, or where it is lost, the headers one after another.
+
+use crate::bytes::Bytes;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::PathBuf;
+
+/// The end record has a comment of at most 64 KiB behind it.
+const END_BYTES: u64 = 22;
+const MOST_COMMENT: u64 = 65_535;
+/// The list of files may take this much memory.
+const MOST_LIST: u64 = 64 << 20;
+/// Stands where the 64-bit field holds the number.
+const IN_EXTRA: u64 = 0xffff_ffff;
+
+/// A file in the archive.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Entry {
+    name: String,
+    method: u16,
+    encrypted: bool,
+    /// CRC-32 of the content, where a header says it before the content.
+    crc: Option<u32>,
+    /// Bytes as packed.
+    pub(super) packed_bytes: u64,
+    header_at: u64,
+}
+
+impl Entry {
+    /// Its name without folders.
+    pub(super) fn file_name(&self) -> PathBuf {
+        let name = self.name.rsplit(['/', '\\']).next().filter(|n| !n.is_empty() && *n != "." && *n != "..");
+        PathBuf::from(name.unwrap_or("file").replace('\0', ""))
+    }
+
+    fn is_file(&self) -> bool {
+        let hidden = self.name.split('/').any(|part| part.starts_with('.') || part == "__MACOSX");
+        !self.name.ends_with('/') && !hidden
+    }
+}
+
+/// The packed bytes of an entry.
+pub(super) struct Packed<R> {
+    pub(super) inner: R,
+    /// Where they begin and end in the archive.
+    pub(super) start: u64,
+    pub(super) end: u64,
+}
+
+/// The files of an archive in the order of its list.
+///
+/// # Errors
+/// What is wrong with it.
+pub(super) fn entries(file: &mut File, most: usize) -> Result<Vec<Entry>, String> {
+    let size = file.metadata().map_err(|e| e.to_string())?.len();
+    let listed = list_at_end(file, size).map_err(|e| e.to_string())?;
+    let mut entries = match listed {
+        Some(entries) => entries,
+        None => headers(file, size, most).map_err(|e| e.to_string())?,
+    };
+    entries.retain(Entry::is_file);
+    if entries.len() > most {
+        return Err(format!("ZIP archive of {} files; more than {most} are not looked into", entries.len()));
+    }
+    Ok(entries)
+}
+
+fn read_at(file: &mut File, offset: u64, length: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = vec![];
+    file.seek(SeekFrom::Start(offset))?;
+    file.take(length).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The list of files; `None` if there is none or it does not hold together.
+fn list_at_end(file: &mut File, size: u64) -> io::Result<Option<Vec<Entry>>> {
+    let tail_at = size.saturating_sub(END_BYTES + MOST_COMMENT);
+    let tail = read_at(file, tail_at, size - tail_at)?;
+    let Some(found) = memchr::memmem::rfind(&tail, b"PK\x05\x06") else { return Ok(None) };
+    let end_at = tail_at + found as u64;
+    let Some((mut list_at, mut list_bytes)) = end_record(tail.get(found..).unwrap_or_default()) else {
+        return Ok(None);
+    };
+    if (list_at == IN_EXTRA || list_bytes == IN_EXTRA)
+        && let Some(end) = end_record_64(file, end_at)?
+    {
+        (list_at, list_bytes) = end;
+    }
+    if list_bytes > MOST_LIST || list_at.checked_add(list_bytes).is_none_or(|end| end > end_at) {
+        return Ok(None);
+    }
+    let list = read_at(file, list_at, list_bytes)?;
+    let mut bytes = Bytes(&list);
+    let mut entries = vec![];
+    while !bytes.0.is_empty() {
+        match listed(&mut bytes) {
+            Some(entry) if entry.header_at < size => entries.push(entry),
+            _ => return Ok(None),
+        }
+    }
+    Ok(Some(entries))
+}
+
+fn end_record(record: &[u8]) -> Option<(u64, u64)> {
+    let mut bytes = Bytes(record.get(12..)?);
+    let list_bytes = u64::from(bytes.u32()?);
+    Some((u64::from(bytes.u32()?), list_bytes))
+}
+
+/// Of an archive over 4 GiB: a locator stands before the end record, and says where the longer one is.
+fn end_record_64(file: &mut File, end_at: u64) -> io::Result<Option<(u64, u64)>> {
+    let Some(locator_at) = end_at.checked_sub(20) else { return Ok(None) };
+    let locator = read_at(file, locator_at, 20)?;
+    let record_at = locator.strip_prefix(b"PK\x06\x07").and_then(|rest| Bytes(rest.get(4..)?).u64());
+    let Some(record_at) = record_at.filter(|at| *at < end_at) else { return Ok(None) };
+    let record = read_at(file, record_at, 56)?;
+    let found = record.strip_prefix(b"PK\x06\x06").and_then(|rest| {
+        let mut bytes = Bytes(rest.get(36..)?);
+        let list_bytes = bytes.u64()?;
+        Some((bytes.u64()?, list_bytes))
+    });
+    Ok(found)
+}
+
+/// One entry of the list.
+fn listed(bytes: &mut Bytes<'_>) -> Option<Entry> {
+    if bytes.take(4)? != b"PK\x01\x02" {
+        return None;
+    }
+    bytes.take(4)?;
+    let (flags, method) = (bytes.u16()?, bytes.u16()?);
+    bytes.take(4)?;
+    let crc = bytes.u32()?;
+    let (packed, plain) = (u64::from(bytes.u32()?), u64::from(bytes.u32()?));
+    let [name, extra, comment] = [bytes.u16()?, bytes.u16()?, bytes.u16()?].map(usize::from);
+    bytes.take(8)?;
+    let header_at = u64::from(bytes.u32()?);
+    let name = String::from_utf8_lossy(bytes.take(name)?).into_owned();
+    let extra = bytes.take(extra)?;
+    bytes.take(comment)?;
+    let mut wide = wide_numbers(extra);
+    let mut full = |number: u64| if number == IN_EXTRA { wide.u64() } else { Some(number) };
+    let _plain = full(plain)?;
+    let packed_bytes = full(packed)?;
+    let header_at = full(header_at)?;
+    Some(Entry { name, method, encrypted: flags & 1 == 1, crc: Some(crc), packed_bytes, header_at })
+}
+
+/// The field 1 of an extra: 64-bit numbers in place of those that do not fit.
+fn wide_numbers(extra: &[u8]) -> Bytes<'_> {
+    let mut bytes = Bytes(extra);
+    while let (Some(id), Some(length)) = (bytes.u16(), bytes.u16()) {
+        match bytes.take(usize::from(length)) {
+            Some(content) if id == 1 => return Bytes(content),
+            Some(_) => {}
+            None => break,
+        }
+    }
+    Bytes(&[])
+}
+
+/// The entries of an archive whose list is lost, by their headers. One that does not say how long it is ends the search
+/// and may reach to the end.
+fn headers(file: &mut File, size: u64, most: usize) -> io::Result<Vec<Entry>> {
+    let mut entries = vec![];
+    let mut at = 0;
+    while at < size && entries.len() <= most {
+        let head = read_at(file, at, 30 + 2 * MOST_COMMENT)?;
+        let Some((mut entry, content_at)) = header(&head, at) else { break };
+        let rest = size.saturating_sub(content_at);
+        let open = entry.crc.is_none();
+        if open || entry.packed_bytes > rest {
+            entry.packed_bytes = rest;
+        }
+        at = content_at + entry.packed_bytes;
+        entries.push(entry);
+        if open {
+            break;
+        }
+    }
+    Ok(entries)
+}
+
+/// A header in front of a content, and where the content begins.
+fn header(head: &[u8], at: u64) -> Option<(Entry, u64)> {
+    let mut bytes = Bytes(head);
+    if bytes.take(4)? != b"PK\x03\x04" {
+        return None;
+    }
+    bytes.take(2)?;
+    let (flags, method) = (bytes.u16()?, bytes.u16()?);
+    bytes.take(4)?;
+    let crc = bytes.u32()?;
+    let (packed, plain) = (u64::from(bytes.u32()?), u64::from(bytes.u32()?));
+    let (name, extra) = (bytes.u16()?, bytes.u16()?);
+    let content_at = at + 30 + u64::from(name) + u64::from(extra);
+    let name = String::from_utf8_lossy(bytes.take(usize::from(name))?).into_owned();
+    let mut wide = wide_numbers(bytes.take(usize::from(extra)).unwrap_or_default());
+    let mut full = |number: u64| if number == IN_EXTRA { wide.u64() } else { Some(number) };
+    let _plain = full(plain)?;
+    let packed_bytes = full(packed)?;
+    // With bit 3 the numbers stand behind the content.
+    let crc = (flags & 8 == 0).then_some(crc);
+    Some((Entry { name, method, encrypted: flags & 1 == 1, crc, packed_bytes, header_at: at }, content_at))
+}
+
+/// Goes to the packed bytes of an entry.
+pub(super) fn open<'f>(file: &'f mut File, entry: &Entry) -> io::Result<Packed<&'f mut File>> {
+    let head = read_at(file, entry.header_at, 30 + 2 * MOST_COMMENT)?;
+    let broken = || io::Error::new(io::ErrorKind::InvalidData, "the list points to no header");
+    let (_, start) = header(&head, entry.header_at).ok_or_else(broken)?;
+    file.seek(SeekFrom::Start(start))?;
+    Ok(Packed { inner: file, start, end: start.saturating_add(entry.packed_bytes) })
+}
+
+/// The content of an entry; an error where it ends if its CRC is wrong.
+///
+/// # Errors
+/// Why it cannot be unpacked.
+pub(super) fn decoder<'r>(entry: &Entry, packed: Packed<impl Read + 'r>) -> Result<Box<dyn Read + 'r>, String> {
+    if entry.encrypted {
+        return Err("the ZIP archive is encrypted".to_owned());
+    }
+    let bounded = BufReader::with_capacity(super::STEP, packed.inner.take(packed.end - packed.start));
+    let content = unpacked(entry.method, bounded)?;
+    Ok(Box::new(Checked { inner: content, crc: crc32fast::Hasher::new(), expected: entry.crc }))
+}
+
+fn unpacked<'r>(method: u16, packed: impl BufRead + 'r) -> Result<Box<dyn Read + 'r>, String> {
+    Ok(match method {
+        0 => Box::new(packed),
+        8 => Box::new(flate2::bufread::DeflateDecoder::new(packed)),
+        12 => Box::new(bzip2::bufread::BzDecoder::new(packed)),
+        93 => Box::new(zstd::stream::read::Decoder::with_buffer(packed).map_err(|e| e.to_string())?),
+        other => return Err(format!("the ZIP archive is packed in a way that is not read (method {other})")),
+    })
+}
+
+/// Compares the CRC-32 at the end.
+struct Checked<R> {
+    inner: R,
+    crc: crc32fast::Hasher,
+    expected: Option<u32>,
+}
+
+impl<R: Read> Read for Checked<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let got = self.inner.read(buffer)?;
+        self.crc.update(buffer.get(..got).unwrap_or_default());
+        let wrong = got == 0
+            && !buffer.is_empty()
+            && self.expected.take().is_some_and(|expected| self.crc.clone().finalize() != expected);
+        if wrong {
+            Err(io::Error::new(io::ErrorKind::InvalidData, "the CRC-32 of the content is wrong"))
+        } else {
+            Ok(got)
+        }
+    }
+}

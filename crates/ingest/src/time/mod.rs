@@ -1,0 +1,11 @@
+//! What the clocks of a log do wrong, and what ties them to UTC.
+
+mod suspect;
+mod tie;
+mod week;
+mod wrap;
+
+pub(crate) use suspect::suspicion;
+pub(crate) use tie::tie;
+pub(crate) use week::{Week, WeekCount, redate_weeks};
+pub(crate) use wrap::unwrap;

@@ -1,0 +1,79 @@
+//! Two clocks that should agree and are off by a telling amount.
+
+use flight::{Distribution, Stamp, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s};
+
+/// A whole number of seconds with a driver's delay on top.
+const SLACK_S: f64 = 0.5;
+/// One or two seconds are told from a delay only if they are this exact.
+const EXACT_S: f64 = 0.1;
+/// Time zones differ by whole quarters of an hour, and at most by this much, s.
+const QUARTER_S: f64 = 900.0;
+const FARTHEST_ZONE_S: f64 = 14.0 * 3600.0;
+
+/// What an offset between two clocks that both claim UTC looks like, if it looks like a known mistake. `at` is when.
+pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
+    let leaps = gps_ahead_of_utc_s(at);
+    let size = offset.median.abs();
+    let near = |whole: i64, slack: f64| whole != 0 && (size - whole as f64).abs() <= slack;
+    let steady = offset.p99 - offset.p01 <= 2.0 * EXACT_S;
+    let quarters = (size / QUARTER_S).round();
+    let text = if near(leaps, SLACK_S) {
+        format!("one of them seems to count GPS time: leap seconds ({leaps}) left out or applied twice")
+    } else if near(2 * leaps, SLACK_S) {
+        format!("the {leaps} leap seconds seem to be applied twice, and the wrong way")
+    } else if near(leaps + TAI_LESS_GPS_S, SLACK_S) || near(TAI_LESS_GPS_S, SLACK_S) {
+        "one of them seems to count atomic time (TAI)".to_owned()
+    } else if steady && (near(1, EXACT_S) || near(2, EXACT_S)) {
+        "one of them may have an outdated number of leap seconds".to_owned()
+    } else if near(WEEK_S, QUARTER_S) || near(1024 * WEEK_S, QUARTER_S) {
+        "one of them seems to have a wrong GPS week".to_owned()
+    } else if quarters >= 1.0 && size <= FARTHEST_ZONE_S + QUARTER_S && (size - quarters * QUARTER_S).abs() <= SLACK_S {
+        format!("one of them seems to be local time, {} h away", quarters / 4.0)
+    } else {
+        return None;
+    };
+    Some(format!("the clocks differ by {:.3} s: {text}", offset.median))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(offset_s: f64) -> Option<String> {
+        let d = Distribution {
+            min: offset_s - 0.03,
+            p01: offset_s - 0.02,
+            median: offset_s,
+            p99: offset_s + 0.02,
+            max: offset_s + 0.03,
+        };
+        // 2024-05-10: 18 leap seconds.
+        suspicion(&d, Stamp(1_715_362_064_000_000_000))
+    }
+
+    #[test]
+    fn telling_offsets_are_named() {
+        for (offset, word) in [
+            (18.05, "GPS time"),
+            (-17.9, "GPS time"),
+            (36.0, "twice"),
+            (37.1, "TAI"),
+            (19.0, "TAI"),
+            (-7200.02, "local time, 2 h"),
+            (-19_800.0, "local time, 5.5 h"),
+            (1.01, "outdated"),
+            (604_800.2, "GPS week"),
+            (-619_315_200.0, "GPS week"),
+        ] {
+            let text = told(offset).unwrap_or_default();
+            assert!(text.contains(word), "{offset}: {text}");
+        }
+    }
+
+    #[test]
+    fn a_delay_of_a_driver_is_no_suspicion() {
+        for offset in [0.0, 0.2, 0.85, -0.4, 1.4, 3.0, 60.0, 500.0, 100_000.0] {
+            assert_eq!(told(offset), None, "{offset}");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! GPS weeks: counters of ten bits, and epochs a week off.
+
+use flight::{NANOS_PER_SECOND, WEEK_S};
+
+/// A ten-bit counter of weeks begins anew after so many.
+const ROLLOVER: i64 = 1024;
+/// The last week that a ten-bit counter can mean: about a year after this release, which was made in week 2445
+/// (November 2026). A fixed number, so that a log means the same tomorrow.
+const LATEST: i64 = 2497;
+/// Epochs this close to a week off are a receiver's glitch, ns.
+const NEAR_NS: u64 = 3600 * NANOS_PER_SECOND as u64;
+const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
+
+/// A GPS week as the log has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Week {
+    /// As it stands.
+    Full(i64),
+    /// Counted in ten bits; brought to the 1024 weeks that end with [`LATEST`].
+    TenBit(i64),
+}
+
+impl Week {
+    /// Nanoseconds of GPS time at its begin.
+    pub(crate) fn start_ns(self) -> i64 {
+        let (Week::Full(week) | Week::TenBit(week)) = self;
+        week * WEEK_NS
+    }
+}
+
+/// How the weeks of a log are counted, as all of them together show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct WeekCount {
+    /// None is above 1023.
+    ten_bit: bool,
+    /// One is 1023, so that 0 may follow.
+    ends: bool,
+}
+
+impl WeekCount {
+    /// Weeks that are all below 1024 are a counter of ten bits, for no log that we read is from before 1999.
+    pub(crate) fn of(weeks: impl Iterator<Item = i64>) -> WeekCount {
+        let mut count = WeekCount { ten_bit: true, ends: false };
+        for week in weeks {
+            count.ten_bit &= week < ROLLOVER;
+            count.ends |= week == ROLLOVER - 1;
+        }
+        count
+    }
+
+    /// What a week means: of those that a counter of ten bits can mean, the one among the 1024 that end about a year
+    /// after this release.
+    ///
+    /// Week 0 is how a receiver without a fix leaves the field. It is the begin of a ten-bit count only where the log
+    /// has week 1023 as well. `None` for that and for what is no week.
+    pub(crate) fn week(self, week: i64) -> Option<Week> {
+        match week {
+            0 if !(self.ten_bit && self.ends) => None,
+            0..=65_535 if self.ten_bit => Some(Week::TenBit(LATEST - (LATEST - week).rem_euclid(ROLLOVER))),
+            0..=65_535 => Some(Week::Full(week)),
+            _ => None,
+        }
+    }
+}
+
+/// Puts epochs that are a week off back to their place, and says how many. At midnight from Saturday to Sunday a
+/// receiver may give the new time of week with the old week, or the other way round, for some epochs
+/// (ArduPilot#31914). The week that most epochs agree on is the right one; of two equally frequent the later.
+pub(crate) fn redate_weeks(stamps: &mut [Option<i64>]) -> u64 {
+    // Whole weeks to add to each stamp so that none steps by a week from the one before.
+    let mut weeks = Vec::with_capacity(stamps.len());
+    let (mut shift, mut before) = (0_i64, None);
+    for stamp in stamps.iter().flatten() {
+        let step = before.map_or(0, |before: i64| stamp.saturating_sub(before));
+        if step.saturating_add(WEEK_NS).unsigned_abs() <= NEAR_NS {
+            shift += 1;
+        } else if step.saturating_sub(WEEK_NS).unsigned_abs() <= NEAR_NS {
+            shift -= 1;
+        }
+        before = Some(*stamp);
+        weeks.push(shift);
+    }
+    let Some(right) = most_frequent(&weeks) else { return 0 };
+    let mut moved = 0;
+    for (stamp, weeks) in stamps.iter_mut().flatten().zip(weeks) {
+        if weeks != right {
+            moved += 1;
+            *stamp = stamp.saturating_add((weeks - right).saturating_mul(WEEK_NS));
+        }
+    }
+    moved
+}
+
+/// Of equally frequent ones the smallest: the fewest weeks added, so the latest time.
+fn most_frequent(values: &[i64]) -> Option<i64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable();
+    let runs = sorted.chunk_by(|a, b| a == b);
+    runs.max_by_key(|run| (run.len(), run.first().map(|v| -v))).and_then(|run| run.first().copied())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ten_bit_week_means_the_one_near_this_release_and_a_full_one_itself() {
+        let alone = |week| WeekCount::of([week].into_iter()).week(week);
+        for (week, meant) in [(1023, 2047), (1, 2049), (395, 2443), (449, 2497), (450, 1474)] {
+            assert_eq!(alone(week), Some(Week::TenBit(meant)));
+        }
+        for full in [1024, 2047, 2048, 3071, 3072] {
+            assert_eq!(alone(full), Some(Week::Full(full)));
+        }
+        for none in [-1, 0, 65_536] {
+            assert_eq!(alone(none), None);
+        }
+    }
+
+    #[test]
+    fn time_runs_on_where_a_count_ends() {
+        for (before, after) in [(1023, 0), (1023, 1024), (2047, 2048)] {
+            let count = WeekCount::of([before, after].into_iter());
+            let start = |week| count.week(week).unwrap().start_ns();
+            assert_eq!(start(after) - start(before), WEEK_NS, "{before} {after}");
+        }
+    }
+
+    #[test]
+    fn epochs_a_week_early_or_late_are_put_back_and_counted() {
+        let good: Vec<Option<i64>> = (0..50).map(|i| Some(2400 * WEEK_NS + i * 200_000_000)).collect();
+        for glitch in [0..5, 20..21, 20..25, 45..50] {
+            for weeks in [-1, 1] {
+                let mut stamps = good.clone();
+                stamps[glitch.clone()].iter_mut().flatten().for_each(|s| *s += weeks * WEEK_NS);
+                assert_eq!(redate_weeks(&mut stamps), glitch.len() as u64, "{glitch:?} {weeks}");
+                assert_eq!(stamps, good, "{glitch:?} {weeks}");
+            }
+        }
+        let mut untouched = good.clone();
+        assert_eq!(redate_weeks(&mut untouched), 0);
+        assert_eq!(untouched, good);
+        assert_eq!(redate_weeks(&mut []), 0);
+    }
+
+    #[test]
+    fn other_jumps_and_missing_stamps_stay_as_they_are() {
+        let jumps = [Some(0), Some(WEEK_NS / 2), None, Some(-2 * WEEK_NS), Some(i64::MAX), Some(i64::MIN)];
+        let mut stamps = jumps;
+        assert_eq!(redate_weeks(&mut stamps), 0);
+        assert_eq!(stamps, jumps);
+    }
+}

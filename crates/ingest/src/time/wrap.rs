@@ -1,0 +1,80 @@
+//! Counters of 32 bits that begin anew: microseconds after 71.6 minutes, milliseconds after 49.7 days.
+
+use flight::NANOS_PER_SECOND;
+
+/// Across the end of the count, stamps follow one another within this time; a longer step is a new start of the
+/// device, which cannot be told from a wrap with a hole.
+const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
+
+/// Makes the stamps of a counter of 32 bits run on where it begins anew, and says how often it did. `tick_ns` is one
+/// count, ns; stamps in the order of the log.
+///
+/// The log must show the wrap: a step back by nearly the whole range. One that stays below is taken as it stands.
+pub(crate) fn unwrap(stamps: &mut [Option<i64>], tick_ns: i64) -> u64 {
+    let Some(range) = tick_ns.checked_mul(1 << 32) else { return 0 };
+    if stamps.iter().flatten().any(|s| !(0..range).contains(s)) {
+        return 0;
+    }
+    let (mut wraps, mut most, mut before) = (0_i64, 0, None);
+    for stamp in stamps.iter_mut().flatten() {
+        let raw = *stamp;
+        // Forward across the end, or back again for a row that came late.
+        let step = before.map_or(0, |before: i64| raw - before);
+        if step + range <= CLOSE_NS {
+            wraps += 1;
+        } else if wraps > 0 && range - step <= CLOSE_NS {
+            wraps -= 1;
+        }
+        most = most.max(wraps);
+        before = Some(raw);
+        *stamp = raw.saturating_add(wraps.saturating_mul(range));
+    }
+    u64::try_from(most).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MICRO: i64 = 1000;
+    const MILLI: i64 = 1_000_000;
+
+    fn wrapped(start: u64, step: u64, count: u64, tick: i64) -> (Vec<Option<i64>>, Vec<Option<i64>>) {
+        let truth = |i: u64| (start + i * step) as i64;
+        let whole = (0..count).map(|i| Some(truth(i) * tick)).collect();
+        (whole, (0..count).map(|i| Some((truth(i) & 0xffff_ffff) * tick)).collect())
+    }
+
+    #[test]
+    fn microseconds_and_milliseconds_run_on_across_the_end_of_32_bits() {
+        for (tick, step) in [(MICRO, 200_000), (MILLI, 200)] {
+            let (truth, mut stamps) = wrapped((1 << 32) - 10 * step, step, 50, tick);
+            assert_eq!(unwrap(&mut stamps, tick), 1);
+            assert_eq!(stamps, truth);
+        }
+    }
+
+    #[test]
+    fn every_wrap_of_a_long_log_is_counted_and_a_late_row_across_one_is_in_its_place() {
+        let (truth, mut stamps) = wrapped(0, 20_000_000, 1000, MICRO);
+        assert_eq!(unwrap(&mut stamps, MICRO), 4);
+        assert_eq!(stamps, truth);
+        let (mut truth, mut stamps) = wrapped((1 << 32) - 3, 1, 10, MICRO);
+        truth.swap(2, 3);
+        stamps.swap(2, 3);
+        assert_eq!(unwrap(&mut stamps, MICRO), 1);
+        assert_eq!(stamps, truth);
+    }
+
+    #[test]
+    fn a_device_that_starts_anew_and_a_wider_counter_are_left_alone() {
+        let restart = [Some(3_000_000_000 * MICRO), Some(10 * MICRO)];
+        let wide = [Some((1 << 33) * MICRO), Some(0)];
+        for stamps in [restart, wide] {
+            let mut same = stamps;
+            assert_eq!(unwrap(&mut same, MICRO), 0);
+            assert_eq!(same, stamps);
+        }
+        assert_eq!(unwrap(&mut [Some(-1), None], MICRO), 0);
+    }
+}

@@ -1,0 +1,225 @@
+//! What clocks do wrong in real logs, and that no number is wrong for it.
+
+use crate::support::*;
+use flight::{Clock, Stamp};
+use ingest::{ChannelMap, IngestError, Loaded, MapLibrary};
+use std::path::Path;
+
+const S: i64 = 1_000_000_000;
+const WEEK: i64 = 604_800;
+/// 1980-01-06, s.
+const GPS_EPOCH: i64 = 315_964_800;
+
+/// A map of a wide table with `lat`, `lon` and these stamps.
+fn library(time: &str, more: &str) -> MapLibrary {
+    let text = format!(
+        "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\n{time}\n{more}\n[[channel]]\nname = \"position.gps\"\n\
+         quantity = \"position-geodetic\"\ntimeline = \"measured\"\nrequire = [{{ field = \"fix\", min = 3 }}]\n\
+         [channel.fields]\nlatitude = {{ field = \"lat\", unit = \"deg\" }}\nlongitude = {{ field = \"lon\", unit = \"deg\" }}\n"
+    );
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), &text).unwrap());
+    library
+}
+
+fn read(library: &MapLibrary, text: &str) -> Result<Loaded, IngestError> {
+    let (_folder, path) = file("t.csv", text.as_bytes());
+    let loaded = in_context(|context| ingest::load(&tables(&[path]), library, Some("t"), context))?;
+    assert_ledger(&loaded);
+    Ok(loaded)
+}
+
+fn stamps(loaded: &Loaded) -> Vec<i64> {
+    loaded.flight.channels["position.gps"].series.timeline().stamps().iter().map(|s| s.0).collect()
+}
+
+const WEEKS: &str = "measured = [{ week = \"GWk\", field = \"GMS\", unit = \"ms\" }]";
+
+/// Rows of GPS weeks and milliseconds with their fix.
+fn weeks(rows: &[(i64, i64, i64)]) -> String {
+    let mut text = "GWk,GMS,fix,lat,lon\n".to_owned();
+    for (i, (week, ms, fix)) in rows.iter().enumerate() {
+        text += &format!("{week},{ms},{fix},47.{i:04},8.5\n");
+    }
+    text
+}
+
+#[test]
+fn gps_weeks_and_milliseconds_are_gps_time_to_the_millisecond() {
+    let rows: Vec<_> = (0..10).map(|i| (2313, 500_000_000 + 200 * i, 3)).collect();
+    let loaded = read(&library(WEEKS, ""), &weeks(&rows)).unwrap();
+    let expected: Vec<i64> = (0..10).map(|i| (2313 * WEEK + 500_000) * S + 200_000_000 * i).collect();
+    assert_eq!(stamps(&loaded), expected);
+    assert_eq!(loaded.flight.channels["position.gps"].series.timeline().clock(), Clock::Gps);
+    // date -u -d '1980-01-06 UTC + 2313 weeks + 500000 seconds - 18 seconds' +%s
+    assert_eq!(loaded.flight.unix(Clock::Gps, Stamp(expected[0])), Some(Stamp(1_715_367_182 * S)));
+}
+
+#[test]
+fn the_end_of_a_week_of_ten_bits_and_of_eleven_is_no_step() {
+    for (before, after, start) in [(1023, 0, 2047), (1023, 1024, 1023), (2047, 2048, 2047), (3071, 3072, 3071)] {
+        let rows: Vec<_> = (0..20)
+            .map(|i| if i < 10 { (before, 604_798_000 + 200 * i, 3) } else { (after, 200 * (i - 10), 3) })
+            .collect();
+        let loaded = read(&library(WEEKS, ""), &weeks(&rows)).unwrap();
+        let stamps = stamps(&loaded);
+        let expected: Vec<i64> = (0..20).map(|i| (start * WEEK + 604_798) * S + 200_000_000 * i).collect();
+        assert_eq!(stamps, expected, "{before} {after}");
+        assert_eq!(count_of(&loaded, "week-rollover"), if after == 0 { 20 } else { 0 });
+    }
+}
+
+#[test]
+fn epochs_of_the_old_week_after_sunday_midnight_are_put_back_and_counted() {
+    // ArduPilot#31914: the time of week begins anew, the week comes late by some epochs.
+    for late in 1..=5 {
+        let rows: Vec<_> = (0..40)
+            .map(|i| match i {
+                0..20 => (2313, 604_796_000 + 200 * i, 3),
+                _ if i < 20 + late => (2313, 200 * (i - 20), 3),
+                _ => (2314, 200 * (i - 20), 3),
+            })
+            .collect();
+        let loaded = read(&library(WEEKS, ""), &weeks(&rows)).unwrap();
+        let expected: Vec<i64> = (0..40).map(|i| (2313 * WEEK + 604_796) * S + 200_000_000 * i).collect();
+        assert_eq!(stamps(&loaded), expected, "{late}");
+        assert_eq!(count_of(&loaded, "week-glitch"), late as u64);
+    }
+}
+
+#[test]
+fn rows_without_a_fix_or_a_week_are_never_used() {
+    let mut rows = vec![(0, 0, 0), (0, 200, 3), (1024, 0, 1)];
+    rows.extend((0..10).map(|i| (2313, 1000 + 200 * i, 3)));
+    let loaded = read(&library(WEEKS, ""), &weeks(&rows)).unwrap();
+    assert_eq!(stamps(&loaded).len(), 10);
+    assert_eq!(stamps(&loaded)[0], (2313 * WEEK + 1) * S);
+}
+
+#[test]
+fn counters_of_32_bits_run_on_where_they_begin_anew() {
+    for (unit, tick) in [("us", 1000), ("ms", 1_000_000), ("100us", 100_000)] {
+        let time = format!("measured = [{{ field = \"t\", unit = \"{unit}\", clock = \"boot\" }}]");
+        let step = 100_000_000 / tick;
+        let count = |i: i64| (1 << 32) - 5 * step + i * step;
+        let mut text = "t,fix,lat,lon\n".to_owned();
+        for i in 0..10 {
+            text += &format!("{},3,47.{i:04},8.5\n", count(i) % (1 << 32));
+        }
+        let loaded = read(&library(&time, ""), &text).unwrap();
+        assert_eq!(stamps(&loaded), (0..10).map(|i| count(i) * tick).collect::<Vec<_>>(), "{unit}");
+        assert_eq!(count_of(&loaded, "stamp-wrap"), 1);
+    }
+}
+
+#[test]
+fn numbers_of_a_calendar_and_dates_of_every_order_are_the_same_instants() {
+    // date -u -d '2024-05-10T17:27:44Z' +%s
+    let expected: Vec<i64> = (0..3).map(|i| 1_715_362_064 * S + 100_000_000 * i).collect();
+    let calendar = "measured = [{ calendar = [\"y\", \"mo\", \"d\", \"h\", \"mi\", \"s\", \"ns\"] }]";
+    let mut text = "y,mo,d,h,mi,s,ns,fix,lat,lon\n".to_owned();
+    (0..3).for_each(|i| text += &format!("2024,5,10,17,27,44,{},3,47.{i:04},8.5\n", 100_000_000 * i));
+    assert_eq!(stamps(&read(&library(calendar, ""), &text).unwrap()), expected);
+    let civil = "measured = [{ date = \"date\", time = \"time\" }]";
+    for date in ["2024-05-10", "2024/05/10", "20240510", "10.05.2024", "10.5.2024"] {
+        let mut text = "date;time;fix;lat;lon\n".to_owned();
+        (0..3).for_each(|i| text += &format!("{date};17:27:44,{i};3;47,000{i};8,5\n"));
+        assert_eq!(stamps(&read(&library(civil, ""), &text).unwrap()), expected, "{date}");
+    }
+}
+
+#[test]
+fn the_day_of_a_date_with_slashes_is_not_guessed() {
+    let civil = "measured = [{ date = \"date\", time = \"time\" }]";
+    let text = |date: &str| format!("date,time,fix,lat,lon\n{date},17:27:44,3,47.0,8.5\n{date},17:27:45,3,47.1,8.5\n");
+    assert_eq!(stamps(&read(&library(civil, ""), &text("23/06/2021")).unwrap())[0], 1_624_469_264 * S);
+    assert!(read(&library(civil, ""), &text("05/06/2021")).unwrap().binding.is_err());
+}
+
+const BOOT: &str = "measured = [{ field = \"t\", unit = \"us\", clock = \"boot\" }]";
+const TIE: &str = "[[utc]]\nstamp = { field = \"t\", unit = \"us\", clock = \"boot\" }\n\
+                   utc = { week = \"GWk\", field = \"GMS\", unit = \"ms\" }\nrequire = [{ field = \"fix\", min = 3 }]";
+
+#[test]
+fn the_receivers_time_dates_the_clock_since_boot_and_moves_no_sample() {
+    let mut text = "t,GWk,GMS,fix,lat,lon\n".to_owned();
+    for i in 0..51_i64 {
+        // The message is 100 to 104 ms late; the first has no fix, one is a day off.
+        let late = 100_000 + 1000 * (i % 5);
+        let day = if i == 7 { 86_400_000 } else { 0 };
+        let fix = if i == 0 { 1 } else { 3 };
+        text +=
+            &format!("{},2313,{},{fix},47.{i:04},8.5\n", 5_000_000 + 200_000 * i + late, 500_000_000 + 200 * i - day);
+    }
+    let loaded = read(&library(BOOT, TIE), &text).unwrap();
+    let tie = loaded.flight.utc.as_ref().unwrap();
+    // GPS week 2313 + 500 000 s is 1 715 367 182 s of UTC; the message of that epoch came 5.102 s after boot as a rule.
+    assert_eq!(tie.offset_ns, 1_715_367_182 * S - 5_102_000_000);
+    assert_eq!((tie.pairs, tie.outliers, tie.clock), (49, 1, Clock::Boot));
+    assert!(tie.spread_s.min >= -0.002 - 1e-9 && tie.spread_s.max <= 0.002 + 1e-9);
+    assert_eq!(loaded.health.utc.as_ref(), Some(tie));
+    assert_eq!((count_of(&loaded, "utc-tie"), count_of(&loaded, "utc-outlier")), (49, 1));
+    assert_eq!(stamps(&loaded)[0], 5_301_000_000);
+    assert_eq!(loaded.flight.unix(Clock::Boot, Stamp(5_102_000_000)), Some(Stamp(1_715_367_182 * S)));
+}
+
+#[test]
+fn clocks_that_differ_by_leap_seconds_or_a_time_zone_are_suspected_aloud() {
+    let time = "measured = [{ field = \"gps\", unit = \"s\", clock = \"gps\" }]\n\
+                logged = [{ field = \"utc\", unit = \"s\", clock = \"unix\" }]";
+    for (off, word) in
+        [(18, "leap seconds"), (-18, "leap seconds"), (36, "twice"), (37, "TAI"), (7200, "local time, 2 h")]
+    {
+        let mut text = "gps,utc,fix,lat,lon\n".to_owned();
+        for i in 0..20_i64 {
+            let gps = 2313 * WEEK + 500_000 + i;
+            text += &format!("{gps}.000,{}.050,3,47.{i:04},8.5\n", gps + GPS_EPOCH - 18 + off);
+        }
+        let loaded = read(&library(time, ""), &text).unwrap();
+        let notice =
+            loaded.flight.notices.iter().find(|n| n.code == "clock-suspect").unwrap_or_else(|| panic!("{off}"));
+        assert!(notice.text.contains(word), "{off}: {}", notice.text);
+    }
+}
+
+#[test]
+fn a_delay_between_gps_time_and_utc_is_a_delay_and_no_suspicion() {
+    let time = "measured = [{ field = \"gps\", unit = \"s\", clock = \"gps\" }]\n\
+                logged = [{ field = \"utc\", unit = \"s\", clock = \"unix\" }]";
+    let mut text = "gps,utc,fix,lat,lon\n".to_owned();
+    for i in 0..20_i64 {
+        let gps = 2313 * WEEK + 500_000 + i;
+        text += &format!("{gps}.000,{}.120,3,47.{i:04},8.5\n", gps + GPS_EPOCH - 18);
+    }
+    let loaded = read(&library(time, ""), &text).unwrap();
+    assert_eq!(count_of(&loaded, "clock-suspect"), 0);
+    let offset = loaded.binding.unwrap().channels[0].offsets[0].offset_s;
+    assert!((offset.median - 0.12).abs() < 1e-9, "{offset:?}");
+}
+
+#[test]
+fn a_flight_after_the_known_leap_seconds_is_told() {
+    let rows = |week| weeks(&(0..10).map(|i| (week, 1000 * i, 3)).collect::<Vec<_>>());
+    let told = |week| count_of(&read(&library(WEEKS, ""), &rows(week)).unwrap(), "leap-seconds");
+    assert_eq!((told(2313), told(2600)), (0, 1));
+}
+
+#[test]
+fn a_wrong_source_of_time_in_a_map_is_refused_with_the_reason() {
+    for (time, more, word) in [
+        ("measured = [{ week = \"w\", field = \"s\" }]", "", "a week with a"),
+        ("measured = [{ calendar = [\"y\"] }]", "", "a calendar is"),
+        (
+            BOOT,
+            "[[utc]]\nstamp = { field = \"t\", unit = \"us\", clock = \"unix\" }\nutc = { field = \"u\", text = \"iso-8601\" }",
+            "boot or elapsed",
+        ),
+    ] {
+        let with_channel = format!(
+            "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\n{time}\n{more}\n[[channel]]\nname = \"a.b\"\n\
+             quantity = \"scalar\"\ntimeline = \"measured\"\n[channel.fields]\nvalue = {{ field = \"v\", unit = \"1\" }}\n"
+        );
+        let error = ChannelMap::from_toml(Path::new("t.toml"), &with_channel).unwrap_err().to_string();
+        assert!(error.contains(word), "{error}");
+    }
+}

@@ -1,0 +1,549 @@
+//! PX4 ULog: the whole format, simulated flights, damage of every kind, and hostile files.
+
+use crate::support::*;
+use flight::{Channel, Clock, Severity, Stamp, StampKind};
+use ingest::{
+    FieldRequest, FlightUnit, IngestError, Limits, Loaded, Log, LogKind, LogReader, Selection, Table, TopicInfo,
+    UlogReader, ValueKind,
+};
+use simulate::{
+    BenchChannel, BenchSensor, BenchSettings, Container, FlightSettings, LogFile, Pulses, SensorSettings, simulate,
+    simulate_bench,
+};
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+/// A ULog in the making.
+struct Made(Vec<u8>);
+
+impl Made {
+    /// Header and flag bits, with the places where data will be appended.
+    fn begin(offsets: [u64; 3]) -> Made {
+        let mut made = Made(b"ULog\x01\x12\x35\x01\x00\x00\x00\x00\x00\x00\x00\x00".to_vec());
+        let flags = [0, 0, 0, 0, 0, 0, 0, 0, u8::from(offsets[0] > 0), 0, 0, 0, 0, 0, 0, 0];
+        made.put(b'B', &[&flags[..], &offsets.map(u64::to_le_bytes).concat()].concat());
+        made
+    }
+
+    fn put(&mut self, kind: u8, body: &[u8]) {
+        self.0.extend((body.len() as u16).to_le_bytes());
+        self.0.push(kind);
+        self.0.extend(body);
+    }
+
+    fn entry(&mut self, kind: u8, flags: &[u8], key: &str, value: &[u8]) {
+        self.put(kind, &[flags, &[key.len() as u8], key.as_bytes(), value].concat());
+    }
+
+    fn format(&mut self, text: &str) {
+        self.put(b'F', text.as_bytes());
+    }
+
+    fn subscribe(&mut self, number: u16, instance: u8, name: &str) {
+        self.put(b'A', &[&[instance][..], &number.to_le_bytes(), name.as_bytes()].concat());
+    }
+
+    fn data(&mut self, number: u16, at_us: u64, rest: &[u8]) {
+        self.put(b'D', &[&number.to_le_bytes()[..], &at_us.to_le_bytes(), rest].concat());
+    }
+
+    fn text(&mut self, at_us: u64, text: &str) {
+        self.put(b'L', &[b"6", &at_us.to_le_bytes()[..], text.as_bytes()].concat());
+    }
+
+    fn sync(&mut self) {
+        self.put(b'S', &[0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12]);
+    }
+}
+
+fn read_with(bytes: &[u8], limits: Limits) -> Result<Log, IngestError> {
+    let (_folder, path) = file("log.ulg", bytes);
+    read_path(&path, limits)
+}
+
+fn read_path(path: &Path, limits: Limits) -> Result<Log, IngestError> {
+    let want = |_: &TopicInfo| Selection::All;
+    let log = with_limits(limits, |context| UlogReader::new(vec![path.to_owned()]).read(&want, context))?;
+    let b = &log.health.bytes;
+    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{b:?}");
+    Ok(log)
+}
+
+fn read(bytes: &[u8]) -> Log {
+    read_with(bytes, Limits::default()).unwrap()
+}
+
+fn table<'l>(log: &'l Log, topic: &str) -> &'l Table {
+    log.tables.iter().find(|t| t.topic.name == topic).unwrap_or_else(|| panic!("no {topic}: {:?}", log.notices))
+}
+
+fn numbers(log: &Log, topic: &str, field: &str) -> Vec<f64> {
+    let table = table(log, topic);
+    let column = table.column(field).unwrap_or_else(|| panic!("no {field}"));
+    (0..table.rows).map(|row| column.number(row).unwrap()).collect()
+}
+
+fn loses(log: &Log) -> bool {
+    log.notices.any_loss()
+}
+
+fn notice(log: &Log, code: &str) -> Option<(Severity, u64)> {
+    log.notices.iter().find(|n| n.code == code).map(|n| (n.severity, n.count))
+}
+
+/// Definitions of two topics, `pose` with instances 0 and 1, and nested `esc`.
+fn definitions(made: &mut Made) {
+    made.entry(b'I', &[], "char[3] sys_name", b"PX4");
+    made.entry(b'I', &[], "uint32_t ver_sw_release", &0x010e_03ff_u32.to_le_bytes());
+    made.format("report:float rpm;uint8_t state;uint8_t[3] _padding0;");
+    made.format("pose:uint64_t timestamp;float x;float y;");
+    made.format("esc:uint64_t timestamp;report[2] esc;char[4] name;int16_t n;uint8_t[2] _padding0;");
+    made.entry(b'P', &[], "float EKF2_GPS_DELAY", &110_f32.to_le_bytes());
+    made.subscribe(0, 0, "pose");
+    made.subscribe(7, 1, "pose");
+    made.subscribe(3, 0, "esc");
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// Definitions and `rows` poses of each instance with an `esc` between, a text and a sync now and then.
+fn small(rows: u64) -> Vec<u8> {
+    let mut made = Made::begin([0; 3]);
+    definitions(&mut made);
+    for i in 0..rows {
+        let at_us = 1_000_000 + 10_000 * i;
+        made.data(0, at_us, &floats(&[i as f32, 0.5]));
+        made.data(7, at_us + 10, &floats(&[1000.0 + i as f32, -0.5]));
+        let reports = [floats(&[600.0 + i as f32]), vec![1, 0, 0, 0], floats(&[-600.0]), vec![2, 0, 0, 0]].concat();
+        made.data(3, at_us + 20, &[&reports[..], b"ab\0c", &(-7_i16).to_le_bytes()].concat());
+        match i % 4 {
+            1 => made.text(at_us + 30, &format!("this is row {i}")),
+            3 => made.sync(),
+            _ => {}
+        }
+    }
+    made.0
+}
+
+#[test]
+fn every_kind_of_message_is_read_and_every_field_lies_where_its_format_says() {
+    let mut made = Made::begin([0; 3]);
+    definitions(&mut made);
+    made.entry(b'M', &[0], "char[5] perf_top", b"first");
+    made.entry(b'M', &[1], "char[6] perf_top", b"second");
+    made.entry(b'Q', &[1], "float EKF2_GPS_DELAY", &175_f32.to_le_bytes());
+    made.data(0, 1_000_000, &floats(&[1.0, 2.0]));
+    made.data(7, 1_000_100, &floats(&[10.0, 20.0]));
+    let reports = [floats(&[600.0]), vec![1, 0, 0, 0], floats(&[-600.0]), vec![2, 0, 0, 0]].concat();
+    made.data(3, 1_000_200, &[&reports[..], b"ab\0c", &(-7_i16).to_le_bytes()].concat());
+    made.put(b'O', &250_u16.to_le_bytes());
+    made.put(b'O', &50_u16.to_le_bytes());
+    made.entry(b'P', &[], "float EKF2_GPS_DELAY", &150_f32.to_le_bytes());
+    made.text(1_500_000, "take-off");
+    made.put(b'C', &[b"4\x02\x00", &1_600_000_u64.to_le_bytes()[..], b"wind is high"].concat());
+    made.sync();
+    made.put(b'R', &7_u16.to_le_bytes());
+    made.data(0, 900_000, &floats(&[3.0, 4.0]));
+    let log = read(&made.0);
+    assert_eq!(log.health.format, "ULog 1");
+    assert_eq!(numbers(&log, "pose", "x"), [1.0, 3.0]);
+    assert_eq!(numbers(&log, "pose_1", "y"), [20.0]);
+    assert_eq!(table(&log, "pose_1").topic.type_name, "pose");
+    assert_eq!(numbers(&log, "esc", "esc[1].rpm"), [-600.0]);
+    assert_eq!(numbers(&log, "esc", "esc[1].state"), [2.0]);
+    assert_eq!(numbers(&log, "esc", "n"), [-7.0]);
+    assert_eq!(table(&log, "esc").column("name").unwrap().text(0), Some("ab"));
+    assert_eq!(table(&log, "esc").columns.iter().filter(|c| c.path.contains("padding")).count(), 0);
+    assert_eq!(table(&log, "pose").logged_ns, Some(vec![1_000_000_000, 900_000_000]));
+    let stamps = &log.health.topics.iter().find(|t| t.name == "pose").unwrap().stamps[0];
+    assert_eq!((stamps.clock, stamps.kind, stamps.back_jumps), (Clock::Boot, StampKind::Logged, 1));
+    assert_eq!(notice(&log, "dropout"), Some((Severity::Warning, 2)));
+    assert_eq!(notice(&log, "back-jump"), Some((Severity::Warning, 1)));
+    assert!(!loses(&log));
+    let about = &log.health.about;
+    assert_eq!(about.system.as_deref(), Some("PX4"));
+    assert_eq!(about.firmware.as_deref(), Some("1.14.3 release"));
+    assert_eq!(
+        (about.configured_delays[0].parameter.as_str(), about.configured_delays[0].value_s),
+        ("EKF2_GPS_DELAY", 0.11)
+    );
+    assert_eq!(about.parameter_changes, ["EKF2_GPS_DELAY at 1.000 s: 110 → 150"]);
+    assert_eq!(about.texts, ["1.500 s INFO: take-off", "1.600 s WARNING [2]: wind is high"]);
+    assert!(log.health.extras.contains(&"perf_top (2 parts)".to_owned()), "{:?}", log.health.extras);
+    assert!(log.health.extras.contains(&"1 default parameters".to_owned()), "{:?}", log.health.extras);
+}
+
+#[test]
+fn flight_modes_are_those_of_vehicle_status_in_the_order_of_time() {
+    let mut made = Made::begin([0; 3]);
+    made.format("vehicle_status:uint64_t timestamp;uint8_t arming_state;uint8_t nav_state;");
+    made.subscribe(0, 0, "vehicle_status");
+    for (i, state) in [2, 2, 3, 3, 5, 2].into_iter().enumerate() {
+        made.data(0, 1_000_000 * i as u64, &[0, state]);
+    }
+    // Whether or not somebody wants the topic.
+    let want = |_: &TopicInfo| Selection::Skip;
+    let (_folder, path) = file("log.ulg", &made.0);
+    let log = in_context(|context| UlogReader::new(vec![path]).read(&want, context)).unwrap();
+    let modes: Vec<(i64, &str)> = log.health.about.modes.iter().map(|m| (m.at_ns, m.mode.as_str())).collect();
+    assert_eq!(
+        modes,
+        [(0, "Position"), (2_000_000_000, "Mission"), (4_000_000_000, "Return"), (5_000_000_000, "Position")]
+    );
+    assert_eq!((log.tables.len(), log.health.messages), (0, 6));
+}
+
+#[test]
+fn appended_data_are_read_behind_a_message_that_was_cut() {
+    let cut = |share: usize| {
+        let body = small(8);
+        let first = body.len() - share;
+        let mut made = Made(body[..first].to_vec());
+        made.entry(b'I', &[], "char[5] ver_hw", b"BOARD");
+        made.data(0, 9_000_000, &floats(&[77.0, 0.0]));
+        made.sync();
+        // The place goes into the flag bits.
+        made.0[16 + 3 + 8] = 1;
+        made.0[16 + 3 + 16..16 + 3 + 24].copy_from_slice(&(first as u64).to_le_bytes());
+        made.0
+    };
+    let whole = read(&cut(0));
+    assert!(!loses(&whole) && numbers(&whole, "pose", "x").len() == 9);
+    assert_eq!(whole.health.about.hardware.as_deref(), Some("BOARD"));
+    // Into the sync, and further into the esc before it.
+    for share in [4, 30] {
+        let log = read(&cut(share));
+        assert_eq!(numbers(&log, "pose", "x").last(), Some(&77.0), "{share}");
+        assert_eq!(log.health.about.hardware.as_deref(), Some("BOARD"));
+        assert!(
+            log.health.damage[0].reason.contains("appended") && log.health.damage_count == 1,
+            "{:?}",
+            log.health.damage
+        );
+    }
+    // A place that is a lie is no place.
+    let mut lie = small(8);
+    let size = lie.len() as u64;
+    lie[16 + 3 + 16..16 + 3 + 24].copy_from_slice(&(size - 20).to_le_bytes());
+    let log = read(&lie);
+    assert_eq!((log.health.bytes.damaged, notice(&log, "bad-offset")), (0, Some((Severity::Warning, 1))));
+}
+
+/// Every topic's rows as text, in file order.
+fn rows(log: &Log) -> Vec<(String, Vec<String>)> {
+    let row = |t: &Table, row: usize| {
+        let cells = t.columns.iter().map(|c| format!("{:?}/{:?}", c.number(row), c.text(row))).collect::<Vec<_>>();
+        format!("{} {}", t.logged_ns.as_ref().unwrap()[row], cells.join(" "))
+    };
+    log.tables.iter().map(|t| (t.topic.name.clone(), (0..t.rows).map(|i| row(t, i)).collect())).collect()
+}
+
+fn rows_of<'r>(rows: &'r [(String, Vec<String>)], topic: &str) -> &'r [String] {
+    rows.iter().find(|(name, _)| name == topic).map_or(&[], |(_, rows)| rows)
+}
+
+/// Where each message ends.
+fn ends(bytes: &[u8]) -> Vec<usize> {
+    let mut ends = vec![16];
+    let mut at = 16;
+    while at < bytes.len() {
+        at += 3 + usize::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]));
+        ends.push(at);
+    }
+    ends
+}
+
+#[test]
+fn a_log_cut_anywhere_gives_the_rows_before_the_cut_and_says_that_it_is_cut() {
+    let bytes = small(12);
+    let ends = ends(&bytes);
+    let whole = rows(&read(&bytes));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.ulg");
+    std::fs::write(&path, &bytes).unwrap();
+    let on_disk = std::fs::File::options().write(true).open(&path).unwrap();
+    for cut in (0..bytes.len()).rev() {
+        on_disk.set_len(cut as u64).unwrap();
+        match read_path(&path, Limits::default()) {
+            Ok(log) => {
+                for (topic, rows) in rows(&log) {
+                    assert!(rows_of(&whole, &topic).starts_with(&rows), "cut at {cut}: {topic}");
+                }
+                let expected = ends.iter().filter(|&&end| end <= cut).count();
+                let data = (0..expected.saturating_sub(1)).filter(|&i| bytes[ends[i] + 2] == b'D').count();
+                assert_eq!(log.health.messages, data as u64, "cut at {cut}");
+                assert_eq!(loses(&log), !ends.contains(&cut), "cut at {cut}");
+            }
+            Err(IngestError::Unusable { .. } | IngestError::NotALog { .. }) => {
+                assert!(!ends[1..].contains(&cut), "cut at {cut} between two messages");
+            }
+            Err(error) => panic!("cut at {cut}: {error}"),
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_changes_no_row_but_its_own_and_no_row_is_lost_in_silence() {
+    let bytes = small(3);
+    let ends = ends(&bytes);
+    let whole = rows(&read(&bytes));
+    let count = |rows: &[(String, Vec<String>)]| rows.iter().map(|(_, rows)| rows.len()).sum::<usize>();
+    let first_row = ends[ends.iter().position(|&end| bytes[end + 2] == b'D').unwrap()];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.ulg");
+    std::fs::write(&path, &bytes).unwrap();
+    let on_disk = std::fs::File::options().write(true).open(&path).unwrap();
+    for bit in 0..8 * bytes.len() {
+        let (at, byte) = (bit / 8, bytes[bit / 8]);
+        on_disk.write_all_at(&[byte ^ 1 << (bit % 8)], at as u64).unwrap();
+        let result = read_path(&path, Limits::default());
+        on_disk.write_all_at(&[byte], at as u64).unwrap();
+        let log = match result {
+            Ok(log) => log,
+            Err(IngestError::Unusable { .. } | IngestError::NotALog { .. }) if bit / 8 < first_row => continue,
+            Err(error) => panic!("bit {bit}: {error}"),
+        };
+        let rows = rows(&log);
+        assert!(count(&rows) >= count(&whole) || loses(&log) || !log.notices.is_empty(), "bit {bit}: lost in silence");
+        if bit / 8 < first_row {
+            continue;
+        }
+        assert!(count(&rows) >= count(&whole) || loses(&log), "bit {bit}: a row was lost without a loss");
+        let mut missing = 0;
+        for (topic, expected) in &whole {
+            let there = rows_of(&rows, topic);
+            missing += expected.iter().filter(|row| !there.contains(row)).count();
+        }
+        assert!(missing <= 1, "bit {bit}: {missing} rows are gone");
+        assert!(count(&rows) <= count(&whole), "bit {bit}: rows from nowhere");
+    }
+}
+
+#[test]
+fn everything_before_and_after_a_damaged_stretch_is_read_wherever_it_lies() {
+    // More than what is held at a time.
+    let bytes = small(14_000);
+    assert!(bytes.len() > (1 << 20) + 100_000, "{}", bytes.len());
+    let ends = ends(&bytes);
+    let whole = read(&bytes).health.messages;
+    for (from, length) in [
+        (100_000, 1),
+        (500_000, 16),
+        (700_000, 512),
+        ((1 << 20) - 400_000, 8),
+        ((1 << 20) - 2000, 4096),
+        (1 << 20, 100_000),
+        (600_000, 500_000),
+    ] {
+        let fill = (length % 3) as u8 * 0x44;
+        let mut damaged = bytes.clone();
+        damaged[from..from + length].fill(fill);
+        let log = read(&damaged);
+        let hit = ends.windows(2).filter(|e| e[0] < from + length && e[1] > from && bytes[e[0] + 2] == b'D').count();
+        let lost = whole - log.health.messages;
+        assert!(lost <= hit as u64, "{from} {length} {fill}: {lost} of {hit}");
+        // A few bytes may be a value.
+        assert!(length < 512 || loses(&log), "{from} {length} {fill}");
+    }
+}
+
+#[test]
+fn a_log_whose_beginning_is_gone_says_so_and_one_whose_formats_are_gone_too() {
+    let bytes = small(20);
+    let mut headless = bytes.clone();
+    headless[..16].fill(0xaa);
+    let log = read(&headless);
+    assert_eq!(log.health.messages, 60);
+    assert_eq!(log.health.bytes.damaged, 16);
+    let mut formless = bytes.clone();
+    let place = formless.windows(5).position(|w| w == b"pose:").unwrap();
+    formless[place..place + 20].fill(0);
+    let log = read(&formless);
+    assert_eq!(numbers(&log, "esc", "n").len(), 20);
+    let bad = notice(&log, "bad-format").unwrap();
+    assert_eq!(bad.0, Severity::Loss);
+    // One at the very end could lead nowhere but to the end.
+    assert!((38..=40).contains(&bad.1), "{bad:?}");
+}
+
+#[test]
+fn unknown_types_and_flags_are_counted_and_the_rest_is_read() {
+    let mut made = Made(small(4));
+    made.put(b'Z', b"something new");
+    made.data(0, 5_000_000, &floats(&[5.0, 5.0]));
+    made.0[16 + 3 + 8] = 2;
+    let log = read(&made.0);
+    assert_eq!(numbers(&log, "pose", "x").last(), Some(&5.0));
+    assert_eq!(notice(&log, "unknown-record"), Some((Severity::Loss, 1)));
+    assert_eq!(notice(&log, "unknown-flags"), Some((Severity::Loss, 1)));
+}
+
+#[test]
+fn a_message_of_a_wrong_length_is_left_out_and_those_around_it_stay() {
+    let mut made = Made(small(2));
+    made.data(0, 5_000_000, &floats(&[5.0]));
+    made.data(0, 6_000_000, &floats(&[6.0, 6.0]));
+    made.data(99, 7_000_000, &floats(&[6.0, 6.0]));
+    made.data(0, 8_000_000, &floats(&[8.0, 8.0]));
+    let log = read(&made.0);
+    assert_eq!(numbers(&log, "pose", "x"), [0.0, 1.0, 6.0, 8.0]);
+    assert_eq!(notice(&log, "unknown-channel"), Some((Severity::Loss, 1)));
+    assert!(log.health.damage[0].reason.contains("length does not fit"), "{:?}", log.health.damage);
+}
+
+#[test]
+fn hostile_formats_are_refused_with_a_reason_and_the_rest_is_read() {
+    let mut made = Made::begin([0; 3]);
+    made.format("loop:uint64_t timestamp;other x;");
+    made.format("other:loop y;");
+    made.format("big:uint64_t timestamp;uint8_t[2000000000] x;");
+    made.format("bomb:uint64_t timestamp;level0[4000000000] x;");
+    for level in 0..40 {
+        made.format(&format!("level{level}:level{}[4000000000] a;level{}[4000000000] b;", level + 1, level + 1));
+    }
+    for i in 0..70_000 {
+        made.format(&format!("f{i}:uint64_t timestamp;"));
+    }
+    for (number, name) in ["loop", "big", "bomb", "missing"].into_iter().enumerate() {
+        made.subscribe(number as u16, 0, name);
+        made.data(number as u16, 1, &[0; 8]);
+    }
+    made.format("pose:uint64_t timestamp;float x;");
+    made.subscribe(9, 0, "f5");
+    made.data(9, 2, &[]);
+    let log = read(&made.0);
+    assert_eq!(log.health.messages, 5);
+    assert_eq!(table(&log, "f5").rows, 1);
+    assert_eq!(notice(&log, "bad-format"), Some((Severity::Loss, 4)));
+    let reason = |name: &str| log.health.topics.iter().find(|t| t.name == name).unwrap().reason.clone();
+    for (topic, what) in
+        [("loop", "contains itself"), ("big", "field x of big"), ("bomb", "deep"), ("missing", "does not define")]
+    {
+        assert!(reason(topic).contains(what), "{topic}: {}", reason(topic));
+    }
+    assert!(log.health.damage.iter().any(|d| d.reason.contains("more formats")), "{:?}", log.health.damage);
+}
+
+#[test]
+fn what_is_no_ulog_is_refused_and_a_sparse_file_ends_soon() {
+    for (bytes, what) in [(&b""[..], "empty"), (&[0; 1000], "zero bytes"), (b"<html>no log at all</html>", "text")] {
+        let error = read_with(bytes, Limits::default()).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+    }
+    let (_folder, path) = file("log.ulg", &small(4));
+    std::fs::File::options().write(true).open(&path).unwrap().set_len(100 << 30).unwrap();
+    let log = read_path(&path, Limits::default()).unwrap();
+    assert_eq!((log.health.messages, log.health.damage_count), (12, 1));
+    assert!(log.health.damage[0].reason.contains("zero bytes"));
+}
+
+#[test]
+fn only_wanted_fields_are_decoded_and_the_bytes_of_other_topics_are_skipped() {
+    let want = |topic: &TopicInfo| {
+        let field = FieldRequest { path: "y".to_owned(), kind: ValueKind::Number };
+        if topic.name == "pose_1" { Selection::Fields(vec![field]) } else { Selection::Skip }
+    };
+    let (_folder, path) = file("log.ulg", &small(10));
+    let log = in_context(|context| UlogReader::new(vec![path]).read(&want, context)).unwrap();
+    assert_eq!(log.tables.len(), 1);
+    assert_eq!(log.tables[0].columns.iter().map(|c| c.path.as_str()).collect::<Vec<_>>(), ["y"]);
+    let poses = 10 * (3 + 2 + 8 + 8);
+    assert_eq!((log.health.bytes.decoded, log.health.bytes.damaged), (poses, 0));
+    assert_eq!(log.health.messages, 30);
+}
+
+fn load_files(files: &[LogFile]) -> Loaded {
+    let (_folder, path) = file("log.ulg", &files[0].bytes);
+    let unit = FlightUnit { id: "test".into(), files: vec![path], kind: LogKind::Ulog };
+    let loaded = load(&unit).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+/// Values within a step of a 32-bit float of their size; stamps truncated to µs, shifted as one.
+fn assert_within_quantum(ours: &Channel, theirs: &Channel, kind: StampKind, zero_ns: i64, name: &str) {
+    assert_eq!(ours.series.len(), theirs.series.len(), "{name}");
+    let (ours_c, theirs_c) = (ours.series.components(), theirs.series.components());
+    for row in 0..ours.series.len() {
+        let size = theirs_c.iter().map(|c| c[row].abs()).fold(0.0, f64::max);
+        for (x, y) in ours_c.iter().zip(theirs_c) {
+            assert!((x[row] - y[row]).abs() <= size * 1.2e-7, "{name}: {} {}", x[row], y[row]);
+        }
+    }
+    let line = theirs.series.timeline();
+    let stamps = match kind {
+        kind if kind == line.kind() => line.stamps().to_vec(),
+        kind => theirs.other_stamps.iter().find(|(k, ..)| *k == kind).unwrap().2.clone(),
+    };
+    for (x, y) in ours.series.timeline().stamps().iter().zip(stamps) {
+        assert_eq!(x.0 + zero_ns, y.0.div_euclid(1000) * 1000, "{name}");
+    }
+}
+
+/// When the clock of the log stood at zero: ten seconds before the second of the first stamp.
+fn zero_ns(first: Stamp) -> i64 {
+    (first.0.div_euclid(1_000_000_000) - 10) * 1_000_000_000
+}
+
+#[test]
+fn a_simulated_flight_comes_back_from_a_ulog_within_the_quantum_of_its_fields() {
+    let position = SensorSettings { delay_s: 0.4, white_std: 0.3, ..SensorSettings::clean(5.0) };
+    let velocity = SensorSettings { white_std: 0.1, ..SensorSettings::clean(100.0) };
+    let settings = FlightSettings { duration_s: 30.0, position, velocity, ..FlightSettings::default() };
+    let simulated = simulate(&settings).unwrap();
+    let truth = simulated.to_flight().unwrap();
+    let loaded = load_files(&Container::Ulog.files(&simulated, "f").unwrap());
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "px4-ulog");
+    assert!(!lossy(&loaded) && loaded.health.bytes.damaged == 0);
+    let zero = zero_ns(settings.start);
+    for (name, kind) in [
+        ("position.gps", StampKind::Logged),
+        ("velocity.gps", StampKind::Logged),
+        ("position.truth", StampKind::Measured),
+    ] {
+        assert_within_quantum(&loaded.flight.channels[name], &truth.channels[name], kind, zero, name);
+    }
+    let about = &loaded.health.about;
+    assert_eq!((about.system.as_deref(), about.texts.len()), (Some("PX4"), 30));
+    assert_eq!(about.configured_delays[0].value_s, 0.11);
+    assert_eq!(about.firmware.as_deref(), Some("1.16.0 release, git 0123456789abcdef"));
+}
+
+#[test]
+fn a_simulated_bench_comes_back_from_a_ulog_within_the_quantum_of_its_fields() {
+    let mut settings = BenchSettings {
+        swing_s: 8.0,
+        rest_s: [1.0, 1.0],
+        pulses: Some(Pulses { stamp_jitter_s: 1e-5, drop_share: 0.0 }),
+        ..BenchSettings::default()
+    };
+    settings.sensor.insert(BenchChannel::PositionIns, BenchSensor::noisy(50.0, 0.01).late(0.1));
+    let bench = simulate_bench(&settings).unwrap();
+    let truth = bench.to_flight().unwrap();
+    let loaded = load_files(&bench.files(Container::Ulog, "bench").unwrap());
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "px4-ulog");
+    let first = truth.channels.values().flat_map(|c| c.series.timeline().first()).min().unwrap();
+    let zero = zero_ns(first);
+    let names = [
+        ("encoder.bar", "encoder.bar", StampKind::Measured),
+        ("position.gps", "position.gps", StampKind::Logged),
+        ("position.ekf-global", "position.ins", StampKind::Measured),
+        ("attitude.ekf", "attitude.ins", StampKind::Measured),
+        ("angular-rate.filtered", "angular-rate.imu", StampKind::Measured),
+        ("specific-force.filtered", "specific-force.imu", StampKind::Measured),
+        ("magnetic-field.imu", "magnetic-field.imu", StampKind::Measured),
+        ("height.baro", "height.baro", StampKind::Measured),
+        ("pps.sensor", "pps.sensor", StampKind::Logged),
+    ];
+    let mut compared = 0;
+    for (ours, theirs, kind) in names {
+        let (Some(ours), Some(theirs)) = (loaded.flight.channels.get(ours), truth.channels.get(theirs)) else {
+            continue;
+        };
+        assert_within_quantum(ours, theirs, kind, zero, theirs.source.topic.as_str());
+        compared += 1;
+    }
+    assert!(compared >= 7, "{:?} {:?}", loaded.flight.channels.keys(), truth.channels.keys());
+}

@@ -1,0 +1,243 @@
+//! Packed logs are the logs in them, whole or damaged.
+
+use crate::made;
+use crate::support::*;
+use ingest::{FlightUnit, IngestError, Limits, Loaded, LogKind, MapLibrary};
+use std::io::Write;
+use std::path::Path;
+
+/// A FlySight table of so many rows.
+fn flysight(rows: u32) -> Vec<u8> {
+    let mut text = "time,lat,lon,hMSL,velN,velE,velD,gpsFix\n,(deg),(deg),(m),(m/s),(m/s),(m/s),\n".to_owned();
+    for i in 0..rows {
+        let (s, tenth) = (i / 10, i % 10);
+        let time = format!("2024-05-10T{:02}:{:02}:{:02}.{tenth}0Z", 10 + s / 3600, s / 60 % 60, s % 60);
+        let noise = f64::from(i.wrapping_mul(2_654_435_761) >> 16) * 1e-6;
+        text += &format!("{time},{:.7},7.0,100,{noise:.6},1,0,3\n", 47.0 + 1e-6 * f64::from(i));
+    }
+    text.into_bytes()
+}
+
+fn gzip(content: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(vec![], flate2::Compression::default());
+    encoder.write_all(content).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn bzip2(content: &[u8]) -> Vec<u8> {
+    let mut encoder = bzip2::write::BzEncoder::new(vec![], bzip2::Compression::fast());
+    encoder.write_all(content).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn lz4(content: &[u8]) -> Vec<u8> {
+    let mut encoder = lz4::EncoderBuilder::new().build(vec![]).unwrap();
+    encoder.write_all(content).unwrap();
+    encoder.finish().0
+}
+
+fn zstd(content: &[u8]) -> Vec<u8> {
+    zstd::stream::encode_all(content, 1).unwrap()
+}
+
+/// A ZIP archive, deflated or stored (PKWARE APPNOTE 6.3).
+fn zip(files: &[(&str, &[u8])], deflate: bool) -> Vec<u8> {
+    let (mut archive, mut list) = (vec![], vec![]);
+    for (name, content) in files {
+        let mut packed = content.to_vec();
+        if deflate {
+            let mut encoder = flate2::write::DeflateEncoder::new(vec![], flate2::Compression::default());
+            encoder.write_all(content).unwrap();
+            packed = encoder.finish().unwrap();
+        }
+        let header_at = archive.len() as u32;
+        let mut shared = vec![20, 0, 0, 0, if deflate { 8 } else { 0 }, 0, 0, 0, 0, 0];
+        shared.extend(crc32fast::hash(content).to_le_bytes());
+        shared.extend((packed.len() as u32).to_le_bytes());
+        shared.extend((content.len() as u32).to_le_bytes());
+        shared.extend((name.len() as u16).to_le_bytes());
+        shared.extend([0, 0]);
+        archive.extend(b"PK\x03\x04");
+        archive.extend(&shared);
+        archive.extend(name.as_bytes());
+        archive.extend(packed);
+        list.extend(b"PK\x01\x02\x14\x00");
+        list.extend(shared);
+        list.extend([0; 10]);
+        list.extend(header_at.to_le_bytes());
+        list.extend(name.as_bytes());
+    }
+    let (at, count) = (archive.len() as u32, files.len() as u16);
+    let bytes = list.len() as u32;
+    archive.extend(list);
+    archive.extend(b"PK\x05\x06\0\0\0\0");
+    archive.extend([count.to_le_bytes(), count.to_le_bytes()].concat());
+    archive.extend([bytes.to_le_bytes(), at.to_le_bytes()].concat());
+    archive.extend([0, 0]);
+    archive
+}
+
+fn utf16(text: &[u8], big: bool, mark: bool) -> Vec<u8> {
+    let text = std::str::from_utf8(text).unwrap();
+    let units = mark.then_some('\u{feff}').into_iter().chain(text.chars()).collect::<String>();
+    units.encode_utf16().flat_map(|u| if big { u.to_be_bytes() } else { u.to_le_bytes() }).collect()
+}
+
+fn bag() -> Vec<u8> {
+    made::bag(&made::flight(40), made::BagCodec::None, 10, true, true)
+}
+
+/// Loads the one flight that is found in a file.
+fn load_found(path: &Path) -> Loaded {
+    let found = ingest::discover(path.parent().unwrap(), &MapLibrary::shipped().unwrap()).unwrap();
+    assert_eq!(found.units.len(), 1, "{found:?}");
+    let loaded = load(&found.units[0]).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+fn load_packed(name: &str, content: &[u8]) -> Loaded {
+    let (_folder, path) = file(name, content);
+    load_found(&path)
+}
+
+fn refused(name: &str, content: &[u8]) -> String {
+    let (folder, _path) = file(name, content);
+    let found = ingest::discover(folder.path(), &MapLibrary::shipped().unwrap()).unwrap();
+    assert!(found.units.is_empty(), "{found:?}");
+    found.ignored[0].1.clone()
+}
+
+#[test]
+fn a_packed_log_gives_the_same_flight_and_its_ledger_counts_the_unpacked_bytes() {
+    let table = flysight(300);
+    let plain = load_packed("jump.csv", &table);
+    let half = table.len() / 2;
+    for (name, content) in [
+        ("jump.csv.gz", gzip(&table)),
+        ("jump.csv.gz", [gzip(&table[..half]), gzip(&table[half..])].concat()),
+        ("jump.csv.zst", zstd(&table)),
+        ("jump.csv.zst", [zstd(&table[..half]), zstd(&table[half..])].concat()),
+        ("jump.csv.bz2", bzip2(&table)),
+        ("jump.csv.lz4", lz4(&table)),
+        ("jump.zip", zip(&[("card/jump.csv", &table)], true)),
+        ("jump.zip", zip(&[("jump.csv", &table), ("card/readme.md", b"# Hello"), ("photo.png", b"\x89PNG")], false)),
+        ("jump.csv", utf16(&table, false, true)),
+        ("jump.csv", utf16(&table, true, true)),
+        ("jump.txt", utf16(&table, false, false)),
+    ] {
+        let loaded = load_packed(name, &content);
+        assert_eq!(loaded.flight.channels, plain.flight.channels, "{name}");
+        assert_eq!(loaded.health.bytes, plain.health.bytes, "{name}");
+        assert!(loaded.health.format.starts_with(&format!("{}, in ", plain.health.format)), "{}", loaded.health.format);
+        assert!(!lossy(&loaded), "{name}");
+    }
+}
+
+#[test]
+fn a_packed_log_of_messages_is_read_as_well() {
+    let bag = bag();
+    let plain = load_packed("flight.bag", &bag);
+    for (name, content) in [("flight.bag.gz", gzip(&bag)), ("flight.zip", zip(&[("flight.bag", &bag)], true))] {
+        let loaded = load_packed(name, &content);
+        assert_eq!(loaded.health.messages, plain.health.messages, "{name}");
+        assert_eq!(loaded.flight.channels, plain.flight.channels, "{name}");
+    }
+}
+
+#[test]
+fn what_was_packed_before_the_damage_is_read_and_the_loss_has_its_place() {
+    let table = flysight(20_000);
+    for (name, packed) in [
+        ("jump.csv.gz", gzip(&table)),
+        ("jump.csv.zst", zstd(&table)),
+        ("jump.csv.bz2", bzip2(&table)),
+        ("jump.zip", zip(&[("jump.csv", &table)], true)),
+    ] {
+        let cut = packed.len() * 7 / 10;
+        let loaded = load_packed(name, &packed[..cut]);
+        assert!(lossy(&loaded), "{name}");
+        let notice = loaded.flight.notices.iter().find(|n| n.code == "packed-damage").unwrap();
+        assert!(notice.place.starts_with(name) && notice.place.contains("byte"), "{}", notice.place);
+        assert!(loaded.health.messages > 8000, "{name}: {}", loaded.health.messages);
+    }
+}
+
+#[test]
+fn a_changed_byte_in_a_packed_log_is_never_silent() {
+    let table = flysight(300);
+    let plain = load_packed("jump.csv", &table);
+    for (name, packed) in [
+        ("jump.csv.gz", gzip(&table)),
+        ("jump.csv.bz2", bzip2(&table)),
+        ("jump.zip", zip(&[("jump.csv", &table)], true)),
+    ] {
+        for at in (0..packed.len()).step_by(packed.len() / 40) {
+            let mut damaged = packed.clone();
+            damaged[at] ^= 0x10;
+            let (folder, _path) = file(name, &damaged);
+            let found = ingest::discover(folder.path(), &MapLibrary::shipped().unwrap()).unwrap();
+            let Some(unit) = found.units.first() else { continue };
+            let Ok(loaded) = load(unit) else { continue };
+            let same = loaded.flight.channels == plain.flight.channels;
+            assert!(same || lossy(&loaded), "{name}, byte {at}: {:?}", loaded.flight.notices);
+        }
+    }
+}
+
+#[test]
+fn several_logs_no_log_or_a_log_packed_twice_are_refused_with_the_reason() {
+    let table = flysight(20);
+    let bag = bag();
+    for (name, content, word) in [
+        ("a.zip", zip(&[("one.bag", &bag), ("two.bag", &bag)], true), "several logs, one.bag, two.bag"),
+        ("a.zip", zip(&[("one.csv", &table), ("two.csv", &table)], true), "several logs, one.csv, two.csv"),
+        ("a.zip", zip(&[("photo.png", b"\x89PNG")], true), "photo.png is PNG image"),
+        ("a.zip", zip(&[], true), "without a file"),
+        ("a.zip", zip(&[("jump.csv.gz", &gzip(&table))], false), "packed again"),
+        ("a.csv.gz.gz", gzip(&gzip(&table)), "packed again"),
+        ("a.tar.gz", gzip(&[vec![b'x'; 257], b"ustar".to_vec(), vec![0; 300]].concat()), "tar archive"),
+        ("a.xz", b"\xfd7zXZ\0\0\0".to_vec(), "xz file"),
+    ] {
+        assert!(refused(name, &content).contains(word), "{name}: {}", refused(name, &content));
+    }
+}
+
+#[test]
+fn tables_of_one_flight_in_one_archive_are_that_flight() {
+    let rows = |row: &dyn Fn(u32) -> String| (0..30).map(row).collect::<String>().into_bytes();
+    let gps = rows(&|i| format!("{} 47.{i:03} 8.5 400 1 2 3\r\n", 200 * i));
+    let imu = rows(&|i| format!("  {}  0 0.1 0.2 0.3 1 2 -9.8\r\n", 20 * i));
+    let loaded =
+        load_packed("log.zip", &zip(&[("GPSraw.txt", &gps), ("IMU.txt", &imu), ("timing.txt", b"1\n2\n")], true));
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "inertial-nav");
+    assert_eq!(loaded.flight.channels["velocity.gps"].series.components()[1][0], 2.0);
+    assert_eq!(loaded.flight.channels["specific-force.imu"].series.len(), 30);
+}
+
+#[test]
+fn a_bomb_meets_the_limit_and_names_it() {
+    let mut table = flysight(10);
+    table.resize(8 << 20, b' ');
+    for (name, packed) in [("jump.csv.gz", gzip(&table)), ("jump.zip", zip(&[("jump.csv", &table)], true))] {
+        assert!(packed.len() < 20_000);
+        let (_folder, path) = file(name, &packed);
+        let unit = FlightUnit { id: "bomb".into(), files: vec![path], kind: LogKind::Csv };
+        let limits = Limits { unpacked_bytes: 1 << 20, ..Limits::default() };
+        let library = MapLibrary::shipped().unwrap();
+        let error = with_limits(limits, |context| ingest::load(&unit, &library, None, context)).unwrap_err();
+        assert!(
+            matches!(&error, IngestError::Unusable { what, .. } if what.contains("limit of 1048576 bytes")),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn a_wish_to_stop_is_heard_while_unpacking() {
+    let (_folder, path) = file("jump.csv.gz", &gzip(&flysight(20_000)));
+    let cancel = std::sync::atomic::AtomicBool::new(true);
+    let context = ingest::ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
+    let library = MapLibrary::shipped().unwrap();
+    assert!(matches!(ingest::load(&tables(&[path]), &library, None, &context), Err(IngestError::Cancelled)));
+}

@@ -1,0 +1,187 @@
+//! Which delay was removed and why, and what other delays would have done.
+
+use crate::bench::Finding;
+use crate::replay::Estimate;
+use serde::{Deserialize, Serialize};
+
+/// Where a delay comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DelaySource {
+    /// A number that the pipeline states.
+    Fixed,
+    /// A sensor card of the bench.
+    Card,
+    /// Measured in the flight itself: position against the integral of velocity.
+    Flight,
+    /// The optimum of the flight's delay sweep.
+    Sweep,
+}
+
+/// A delay that could be removed, or why this source has none for the flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelayCandidate {
+    /// Its source.
+    pub source: DelaySource,
+    /// Delay of position against velocity, s; positive is late.
+    pub delay_s: Finding<Estimate>,
+    /// Where exactly it comes from, in words; empty if there is none.
+    pub words: String,
+}
+
+/// Which of several delays was removed, and why.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelayChoice {
+    /// The source that the pipeline asks for.
+    pub asked: DelaySource,
+    /// The source that was used.
+    pub used: DelaySource,
+    /// Why, in a sentence.
+    pub why: String,
+    /// The delay was found in the very data that it is removed from: what these data then say of a residual delay is
+    /// zero by construction.
+    pub circular: bool,
+    /// What was looked at: the used one first.
+    pub candidates: Vec<DelayCandidate>,
+}
+
+/// What a sweep scores.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SweepScore {
+    /// 2-D error of the exact asynchronous form against this reference channel.
+    ErrorAgainst(String),
+    /// 2-D step of the exact asynchronous form at each fix: there is no reference.
+    StepAtFixes,
+}
+
+/// The score of one flight over the delay that is removed. All delays are scored on the same samples.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DelaySweep {
+    /// What is scored.
+    pub score: SweepScore,
+    /// Output rows (against a reference) or fixes that were scored.
+    pub samples: u64,
+    /// Delays, s; rising.
+    pub delay_s: Vec<f64>,
+    /// 2-D rms at each of them, m.
+    pub rms_m: Vec<f64>,
+    /// The score at the delays that somebody could have chosen, each source once; that of the sweep is the optimum.
+    pub at: Vec<SweepPoint>,
+    /// The delay that fits the flight best.
+    pub optimum: Finding<SweepOptimum>,
+}
+
+/// The score at one delay.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SweepPoint {
+    /// Who says this delay.
+    pub source: DelaySource,
+    /// The delay, s.
+    pub delay_s: Estimate,
+    /// 2-D rms there, m; its uncertainty is that of the sample and that of the delay.
+    pub rms_m: Estimate,
+}
+
+/// How the best delay and its interval were found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SweepMethod {
+    /// Least squares against the reference; interval by a delete-one jackknife over consecutive blocks, which allows for
+    /// errors correlated over much less than a block.
+    Jackknife,
+    /// Without a reference the delay estimator's objective decides, with the estimator's own interval.
+    Estimator,
+}
+
+/// The delay that fits best.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SweepOptimum {
+    /// Delay, s.
+    pub delay_s: Estimate,
+    /// 95 % interval, s.
+    pub interval_95_s: [f64; 2],
+    /// How.
+    pub method: SweepMethod,
+}
+
+impl DelaySweep {
+    /// The score at the delay of this source; for a criterion as "would this flight have met it at the bench value?"
+    #[must_use]
+    pub fn score_at(&self, source: DelaySource) -> Option<&SweepPoint> {
+        self.at.iter().find(|point| point.source == source)
+    }
+}
+
+/// Delays over the flights of a campaign.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CampaignDelay {
+    /// Over the delays that the flights themselves show.
+    pub measured: Finding<DelayOverFlights>,
+    /// Over the optima of the flights' sweeps.
+    pub swept: Finding<DelayOverFlights>,
+    /// What the card says, s, if it says the same for all flights.
+    pub card_s: Option<Estimate>,
+    /// The measured delays in the order in which they were flown, with their limits.
+    pub control: Vec<ControlPoint>,
+    /// Whether that order is the order of time; else it is that of the names.
+    pub in_time_order: bool,
+    /// The score of all flights over one delay for all.
+    pub curve: Finding<PooledSweep>,
+}
+
+/// One delay from many flights.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DelayOverFlights {
+    /// Flights that have one.
+    pub flights: u64,
+    /// Random-effects mean, s.
+    pub delay_s: Estimate,
+    /// Standard deviation between flights beyond what their own uncertainties explain, s; `None` for one flight.
+    pub between_s: Option<f64>,
+    /// The hypothesis of one delay for all flights; `None` for one flight.
+    pub homogeneity: Option<FlightHomogeneity>,
+}
+
+/// A test of one delay for all flights.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FlightHomogeneity {
+    /// Chi-squared.
+    pub chi2: f64,
+    /// Degrees of freedom.
+    pub degrees_of_freedom: u64,
+    /// Probability of one as large by chance.
+    pub p: f64,
+}
+
+/// A flight's delay on the control chart.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ControlPoint {
+    /// The flight's name.
+    pub flight: String,
+    /// UTC instant of its beginning, if its clock knows the day.
+    pub flown_at: Option<String>,
+    /// Its delay, s.
+    pub delay_s: Estimate,
+    /// What it should be, s: the card's value, else the mean over the flights.
+    pub centre_s: f64,
+    /// Three standard uncertainties of the difference, s.
+    pub limit_s: f64,
+    /// The difference is larger than that.
+    pub is_outside: bool,
+}
+
+/// Mean square over the samples of all flights.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PooledSweep {
+    /// Whether errors against a reference are pooled, or steps at fixes.
+    pub against_reference: bool,
+    /// Flights.
+    pub flights: u64,
+    /// Their samples.
+    pub samples: u64,
+    /// Delays, s; rising.
+    pub delay_s: Vec<f64>,
+    /// 2-D rms, m.
+    pub rms_m: Vec<f64>,
+}

@@ -1,0 +1,215 @@
+//! What the criteria say: on the page of a flight, and over all flights of a campaign.
+
+use super::Head::{Number, Text};
+use super::{badge, maybe, more, rows, table};
+use crate::criterion::{criterion_interval, criterion_sentence, criterion_value, criterion_why, criterion_word, limit};
+use crate::number;
+use crate::text::{shown, shown_block};
+use maud::{Markup, html};
+use record::{
+    CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionVerdict, FlightCriteria, FlightRow,
+    PassRate, VerdictTally,
+};
+
+/// Most sentences at the top of a flight's page; the table below holds more.
+const MOST_SENTENCES: usize = 12;
+/// Most rows of a table; the record holds all.
+const MOST_ROWS: usize = 100;
+/// Most names of flights in a cell.
+const MOST_NAMES: usize = 5;
+
+const RULE: &str = "Decision rule. PASS: the whole 95\u{a0}% interval of the number lies within the limit (limits \
+    themselves are within). FAIL: all of it lies beyond. INCONCLUSIVE: it crosses the limit, or is not known. The \
+    interval is the analysis's own where it gives one, else value ± U with k = 2. Numbers without an uncertainty \
+    (counts, shares of time, facts of the log) are compared as they are, and the table says so; so are those whose \
+    criterion says decision = \"value\". NOT EVALUATED: there is no such number. NOT APPLICABLE: the criterion is not \
+    meant for this flight.";
+
+fn verdict_badge(verdict: CriterionVerdict, count: Option<u64>) -> Markup {
+    let (class, icon) = match verdict {
+        CriterionVerdict::Fail => ("bad", "✗"),
+        CriterionVerdict::Inconclusive => ("unsure", "?"),
+        CriterionVerdict::NotEvaluated => ("off", "○"),
+        CriterionVerdict::Pass => ("ok", "✓"),
+        CriterionVerdict::NotApplicable => ("off", "–"),
+    };
+    let word = criterion_word(verdict);
+    badge(class, icon, &count.map_or_else(|| word.to_owned(), |n| format!("{} {word}", number::count(n))))
+}
+
+// A flight
+
+/// Counts of the verdicts and each criterion in a sentence, the gravest first.
+pub(super) fn strip(criteria: &FlightCriteria) -> Markup {
+    let sorted = gravest_first(criteria);
+    html! {
+        div.strip role="group" aria-label="Criteria" { (counts(&criteria.tally())) }
+        ul.plain {
+            @for finding in sorted.iter().take(MOST_SENTENCES) { li { (shown(&criterion_sentence(finding))) } }
+            @if sorted.len() > MOST_SENTENCES {
+                li { "and " (number::count((sorted.len() - MOST_SENTENCES) as u64)) " more under " a href="#criteria" { "Criteria" } }
+            }
+        }
+    }
+}
+
+fn counts(tally: &VerdictTally) -> Markup {
+    html! { @for (verdict, n) in tally.by_verdict() { @if n > 0 { (verdict_badge(verdict, Some(n))) } } }
+}
+
+fn gravest_first(criteria: &FlightCriteria) -> Vec<&CriterionFinding> {
+    let mut sorted: Vec<&CriterionFinding> = criteria.findings.iter().collect();
+    sorted.sort_by_key(|finding| finding.verdict);
+    sorted
+}
+
+/// The criteria in a table, with the rule.
+pub(super) fn section(criteria: &FlightCriteria) -> Markup {
+    let head = [
+        Text("Criterion"),
+        Number("Value"),
+        Number("U (k = 2)"),
+        Number("95 % interval"),
+        Number("Limit"),
+        Text("Verdict"),
+        Text("Why"),
+    ];
+    html! {
+        h2 id="criteria" { "Criteria" }
+        (table("Criteria, the gravest verdict first", &head,
+            rows(&gravest_first(criteria), MOST_ROWS, head.len(), |finding| finding_row(finding))))
+        p.note { (RULE) }
+        (file_line(&criteria.criteria))
+    }
+}
+
+fn finding_row(finding: &CriterionFinding) -> Markup {
+    let value = criterion_value(finding);
+    let with_unit = |text: &str| html! { (text) "\u{a0}" (shown(&finding.unit.name)) };
+    let bits = finding.value.map(|v| v.value).filter(|v| v.is_finite());
+    html! {
+        tr {
+            th scope="row" {
+                (shown(&finding.title))
+                div.note { @match shown_at(&finding.metric) {
+                    Some(part) => { a href=(part) { (shown(&finding.quantity)) } }
+                    None => { (shown(&finding.quantity)) }
+                } }
+            }
+            td.n { (maybe(value.as_ref(), |(v, _)| html! { data value=[bits] { (with_unit(v)) } })) }
+            td.n { (maybe(value.as_ref().and_then(|(_, u)| u.as_ref()), |u| html! { "±\u{a0}" (with_unit(u)) })) }
+            td.n { (maybe(criterion_interval(finding), |i| with_unit(&i))) }
+            td.n { (limit(finding)) }
+            td { (verdict_badge(finding.verdict, None)) }
+            td.any { (shown_block(&criterion_why(finding))) div.note { "Limit: " (shown_block(&finding.rationale)) } }
+        }
+    }
+}
+
+/// The part of the flight's page that tells more of a metric.
+fn shown_at(metric: &str) -> Option<&'static str> {
+    const OF_LOG: [&str; 4] = ["damaged", "undecodable", "channel-", "-rate"];
+    match metric {
+        "losses" | "warnings" => Some("#notices"),
+        _ if OF_LOG.iter().any(|part| metric.contains(part)) => Some("#health"),
+        _ if metric.starts_with("residual") => None,
+        _ if metric.contains("delay") || ["injection-error", "moving-share"].contains(&metric) => Some("#delay"),
+        _ => None,
+    }
+}
+
+fn file_line(used: &CriteriaUse) -> Markup {
+    html! {
+        p.note {
+            (shown(&used.title)) ", from " code { (shown(&used.file)) } ", BLAKE3 of what is meant "
+            code.hash { (shown(&used.blake3)) } ". Another limit recomputes nothing: verdicts are made from the record."
+        }
+        details {
+            summary { "Criteria as they were used (TOML)" }
+            pre tabindex="0" { code { (shown_block(&used.toml)) } }
+        }
+    }
+}
+
+// All flights
+
+/// The verdict of a flight in the table of flights.
+pub(super) fn cell(row: &FlightRow) -> Markup {
+    let tally: VerdictTally = row.criteria.iter().flat_map(|c| &c.each).map(|v| v.verdict).collect();
+    let of_all = tally.by_verdict().iter().map(|(_, n)| n).sum::<u64>();
+    html! {
+        td {
+            @match &row.criteria {
+                Some(criteria) => {
+                    (verdict_badge(criteria.overall, None)) " "
+                    (tally.by_verdict().iter().find(|(v, _)| *v == criteria.overall).map_or(0, |(_, n)| *n)) "/" (of_all)
+                }
+                None => { "—" }
+            }
+        }
+    }
+}
+
+/// Pass rates, and who fails.
+pub(super) fn campaign_section(criteria: &CampaignCriteria) -> Markup {
+    let head = [
+        Text("Criterion"),
+        Number("Limit"),
+        Number("PASS"),
+        Number("FAIL"),
+        Number("INCONCLUSIVE"),
+        Number("NOT EVALUATED"),
+        Number("NOT APPLICABLE"),
+        Number("Pass rate (95 % interval)"),
+        Text("Flights that fail"),
+    ];
+    html! {
+        h2 id="criteria" { "Criteria" }
+        p.answer { (flights_sentence(criteria)) }
+        div.strip role="group" aria-label="Flights by their gravest verdict" { (counts(&criteria.flights)) }
+        (table("Flights by verdict", &head, rows(&criteria.each, MOST_ROWS, head.len(), summary_row)))
+        p.note { (RULE) }
+        p.note {
+            "A flight's own verdict is its gravest one. Pass rate: flights that pass, of those that pass, fail or are \
+             inconclusive; its interval (Wilson 1927) is what these flights say of flights like them."
+        }
+        (file_line(&criteria.criteria))
+    }
+}
+
+fn flights_sentence(criteria: &CampaignCriteria) -> Markup {
+    let VerdictTally { not_evaluated, not_applicable, .. } = criteria.flights;
+    let left_out = not_evaluated + not_applicable;
+    html! {
+        @match &criteria.pass_rate {
+            Some(rate) => {
+                b { (number::count(rate.passed)) " of " (number::counted(rate.judged, "judged flight", "judged flights")) }
+                " meet every criterion that applies: " (pass_rate(rate)) "."
+            }
+            None => { "No flight could be judged." }
+        }
+        @if left_out > 0 { " " (number::counted(left_out, "flight", "flights")) " could not be judged in full." }
+    }
+}
+
+fn pass_rate(rate: &PassRate) -> Markup {
+    let [low, high] = rate.interval_95.map(|share| number::fixed(share * 100.0, 0));
+    let share = rate.passed as f64 / rate.judged as f64;
+    html! { data value=(share) { (number::fixed(share * 100.0, 0)) "\u{a0}%" } " (" (low) " to " (high) "\u{a0}%)" }
+}
+
+fn summary_row(of: &CriterionSummary) -> Markup {
+    let VerdictTally { fail, inconclusive, not_evaluated, pass, not_applicable } = of.tally;
+    html! {
+        tr {
+            th scope="row" { (shown(&of.title)) div.note { (shown(&of.metric)) } }
+            td.n { (shown(&of.limit)) }
+            @for n in [pass, fail, inconclusive, not_evaluated, not_applicable] { td.n { (number::count(n)) } }
+            td.n { (maybe(of.pass_rate.as_ref(), pass_rate)) }
+            td.any {
+                @for (i, name) in of.failed.iter().take(MOST_NAMES).enumerate() { @if i > 0 { ", " } (shown(name)) }
+                @if of.failed.len() > MOST_NAMES { ", " (more(of.failed.len() - MOST_NAMES)) }
+            }
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! Which delay was removed and why, and what the others would have done.
+
+use super::Head::{Number, Text};
+use super::flight_delay::normalised_difference;
+use super::{badge, estimate, figure, finding, maybe, maybe_estimate, or_why, plain, rows, table};
+use crate::figure::{Figure, objective_figure, sweep_figure};
+use crate::number;
+use crate::text::shown;
+use crate::verdict::{in_millis, source_phrase};
+use maud::{Markup, html};
+use record::{
+    DelayCandidate, DelayChoice, DelaySource, DelaySweep, Estimate, FlightRecord, ReplayRecord, SweepMethod,
+    SweepOptimum, SweepScore,
+};
+
+/// Figures of the section, numbered from `number` on.
+pub(super) fn figures(record: &FlightRecord, number: u32) -> Vec<Figure> {
+    let Some(replay) = &record.replay else { return vec![] };
+    let sweep = replay.sweep.as_ref().and_then(|s| sweep_figure(s, replay.choice.as_ref(), number));
+    let pair = record.delays.iter().flat_map(|d| &d.pairs).find(|pair| {
+        pair.kind == record::DelayPairKind::PositionAgainstVelocity
+            && pair.first == replay.pair.position
+            && pair.second == replay.pair.velocity
+    });
+    let next = number + u32::from(sweep.is_some());
+    let objective = pair.and_then(|pair| objective_figure(pair, pair.delay.found()?, next));
+    sweep.into_iter().chain(objective).collect()
+}
+
+/// Nothing if the record was made before this was looked at.
+pub(super) fn section(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
+    html! {
+        @if replay.choice.is_some() || replay.sweep.is_some() {
+            h2 id="choice" { "Which delay was removed" }
+            @if let Some(choice) = &replay.choice {
+                (answer(replay, choice))
+                (candidates(choice, replay.sweep.as_ref()))
+            }
+            @match &replay.sweep {
+                Some(sweep) => { (swept(sweep)) }
+                None => { p { "No delay sweep: too little of the flight has position and velocity together." } }
+            }
+            @for f in figures { (figure(f)) }
+        }
+    }
+}
+
+fn answer(replay: &ReplayRecord, choice: &DelayChoice) -> Markup {
+    let settings = &replay.settings;
+    let removed = Estimate { value: settings.delay.seconds(), standard_uncertainty: settings.delay_uncertainty_s };
+    html! {
+        p.answer {
+            "Removed: " b { (estimate(&in_millis(&removed))) "\u{a0}ms" } ", " (source_phrase(choice.used)) ", because "
+            (shown(&choice.why)) "."
+        }
+        @if choice.asked != choice.used { p { (badge("unsure", "!", "Fallback")) " This is not the delay that the pipeline asks for first." } }
+        @if choice.circular { p.why.unsure { (circularity(choice, replay.sweep.as_ref())) } }
+    }
+}
+
+/// What a delay found in the same data cannot be tested by.
+fn circularity(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> &'static str {
+    let method = sweep.and_then(|s| s.optimum.found()).map(|o| o.method);
+    match (choice.used, method) {
+        (DelaySource::Sweep, Some(SweepMethod::Jackknife)) => {
+            "The delay was found by making the error against the reference least. That this error is small afterwards is no \
+             test of the delay; another flight, or the sensor card, is one."
+        }
+        _ => {
+            "The delay was found in the very data that it is removed from. What these data then say of a residual delay is \
+             zero by construction and no test; a reference, another flight, or the sensor card, is one."
+        }
+    }
+}
+
+fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
+    let used = choice.candidates.iter().find(|c| c.source == choice.used).and_then(|c| c.delay_s.found());
+    let score = match sweep.map(|s| &s.score) {
+        Some(SweepScore::ErrorAgainst(_)) => "Error with it, 2‑D rms (m)",
+        _ => "Step at a fix with it, 2‑D rms (m)",
+    };
+    let head = [
+        Text("Delay"),
+        Number("Td ± U (ms)"),
+        Number("E_n against the removed one"),
+        Number(score),
+        Text("Where it comes from, or why there is none"),
+    ];
+    let row = |c: &DelayCandidate| {
+        let e_n = c.delay_s.found().zip(used).filter(|_| c.source != choice.used).and_then(|(c, used)| e_n(c, used));
+        html! {
+            tr {
+                th scope="row" { (source_phrase(c.source)) @if c.source == choice.used { " " (badge("ok", "✓", "removed")) } }
+                td.n { (maybe_estimate(c.delay_s.found().map(in_millis).as_ref())) }
+                td.n { (maybe(e_n, agreement)) }
+                td.n { (maybe_estimate(sweep.and_then(|s| s.score_at(c.source)).map(|p| &p.rms_m))) }
+                td.any { (finding(&c.delay_s, |_| html! { (shown(&c.words)) })) }
+            }
+        }
+    };
+    let best = sweep.filter(|_| choice.candidates.iter().all(|c| c.source != DelaySource::Sweep));
+    html! {
+        (table("Delays that could be removed; U with k = 2", &head, html! {
+            (rows(&choice.candidates, 10, head.len(), row))
+            @if let Some(best) = best { (optimum_row(best, used)) }
+        }))
+        p.note {
+            "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that nobody states \
+             counts as none. — where a delay is compared with itself."
+        }
+    }
+}
+
+fn optimum_row(sweep: &DelaySweep, used: Option<&Estimate>) -> Markup {
+    html! {
+        tr {
+            th scope="row" { (source_phrase(DelaySource::Sweep)) }
+            td.n { (maybe_estimate(sweep.optimum.found().map(|o| in_millis(&o.delay_s)).as_ref())) }
+            td.n { (maybe(sweep.optimum.found().zip(used).and_then(|(o, used)| e_n(&o.delay_s, used)), agreement)) }
+            td.n { (maybe_estimate(sweep.score_at(DelaySource::Sweep).map(|p| &p.rms_m))) }
+            td.any { (finding(&sweep.optimum, |o| html! { (method(o)) })) }
+        }
+    }
+}
+
+/// E_n of two delays, of which one at least has an uncertainty.
+fn e_n(delay: &Estimate, removed: &Estimate) -> Option<f64> {
+    normalised_difference(delay, removed).or_else(|| normalised_difference(removed, delay).map(|e_n| -e_n))
+}
+
+fn agreement(e_n: f64) -> Markup {
+    html! {
+        @if e_n.abs() <= 1.0 { (badge("ok", "✓", "agrees")) } @else { (badge("bad", "✗", "differs")) } " " (plain(e_n, 2))
+    }
+}
+
+fn method(optimum: &SweepOptimum) -> &'static str {
+    match optimum.method {
+        SweepMethod::Jackknife => {
+            "least error against the reference; interval by a delete-one jackknife over ten stretches of the flight"
+        }
+        SweepMethod::Estimator => {
+            "no reference in the log: the delay estimator's objective decides, with the estimator's own interval"
+        }
+    }
+}
+
+fn swept(sweep: &DelaySweep) -> Markup {
+    let bench = sweep.score_at(DelaySource::Card).map(|p| ("the bench value", p));
+    let said = bench.or_else(|| sweep.score_at(DelaySource::Fixed).map(|p| ("the stated value", p)));
+    html! {
+        h3 { "What other delays would have done" }
+        @if let Some((name, point)) = said {
+            p.answer {
+                "At " (name) ", " (estimate(&in_millis(&point.delay_s))) "\u{a0}ms, this flight would have had "
+                b { (estimate(&point.rms_m)) "\u{a0}m" } " rms " (words(&sweep.score))
+                @if let Some(best) = sweep.score_at(DelaySource::Sweep) {
+                    ", at its best delay, " (estimate(&in_millis(&best.delay_s))) "\u{a0}ms, " b { (estimate(&best.rms_m)) "\u{a0}m" }
+                }
+                "."
+            }
+        }
+        p {
+            "Best delay: "
+            (finding(&sweep.optimum, |o| html! {
+                b { (estimate(&in_millis(&o.delay_s))) "\u{a0}ms" } ", 95 % interval "
+                (interval(o)) "\u{a0}ms; " (method(o))
+            }))
+            ". " (note(sweep))
+        }
+    }
+}
+
+fn interval(optimum: &SweepOptimum) -> Markup {
+    or_why(optimum.delay_s.standard_uncertainty, "no uncertainty is given", |u| {
+        html! { (number::interval(optimum.interval_95_s.map(|s| s * 1e3), u * 1e3)) }
+    })
+}
+
+fn words(score: &SweepScore) -> Markup {
+    match score {
+        SweepScore::ErrorAgainst(reference) => html! { "error against " code { (shown(reference)) } },
+        SweepScore::StepAtFixes => html! { "step at a fix" },
+    }
+}
+
+fn note(sweep: &DelaySweep) -> Markup {
+    let samples = |one, many| number::counted(sweep.samples, one, many);
+    match &sweep.score {
+        SweepScore::ErrorAgainst(reference) => html! {
+            "Scored are the same " (samples("row", "rows")) " with every delay, against " code { (shown(reference)) }
+            ": a constant offset between position and reference counts as error, and the best delay takes up what velocity \
+             itself is late by."
+        },
+        SweepScore::StepAtFixes => html! {
+            "Scored are the same " (samples("fix", "fixes")) " with every delay. The least step at a fix is drawn and decides \
+             nothing: steps weigh the noise of single fixes most."
+        },
+    }
+}

@@ -1,0 +1,124 @@
+//! What pages say of criteria: numbers, words, and no more than the record.
+
+use crate::fixture::{campaign_record, failed_record, flight_record};
+use crate::html::read;
+use record::{
+    CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionUnit, CriterionVerdict, DecisionRule,
+    Estimate, FlightCriteria, FlightRecord, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,
+};
+use report::{FlightPage, campaign_site, flight_site};
+
+fn page(record: &FlightRecord) -> String {
+    let site = flight_site(&FlightPage { name: "n", record, index_href: "index.html", command: "c" });
+    String::from_utf8(site.files["index.html"].clone()).unwrap()
+}
+
+/// Without markup.
+fn words(html: &str) -> String {
+    let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
+    text.replace('\u{a0}', " ")
+}
+
+fn used() -> CriteriaUse {
+    CriteriaUse {
+        title: "Autumn".into(),
+        file: "autumn.toml".into(),
+        blake3: "ab".repeat(32),
+        toml: "schema = 1\n".into(),
+    }
+}
+
+fn finding(id: &str, verdict: CriterionVerdict, value: Option<(f64, f64)>, reason: &str) -> CriterionFinding {
+    CriterionFinding {
+        id: id.into(),
+        title: format!("asked in {id}"),
+        rationale: format!("because of {id} & <b>"),
+        metric: "delay".into(),
+        quantity: "Td(position)".into(),
+        limit: Limit::AtMost(0.15),
+        unit: CriterionUnit { name: "ms".into(), si: 1e-3 },
+        rule: DecisionRule::Interval,
+        value: value.map(|(value, u)| Estimate { value, standard_uncertainty: Some(u) }),
+        interval_95: value.map(|(value, u)| [value - 2.0 * u, value + 2.0 * u]),
+        margin: value.map(|(value, _)| 0.15 - value),
+        verdict,
+        reason: reason.into(),
+    }
+}
+
+fn criteria() -> FlightCriteria {
+    use CriterionVerdict::{Fail, Inconclusive, NotApplicable, NotEvaluated, Pass};
+    let findings = vec![
+        finding("one", Pass, Some((0.118_43, 0.001_55)), ""),
+        finding("two", NotApplicable, None, "meant for flights called *.bag"),
+        finding("three", Fail, Some((0.209, 0.002)), ""),
+        finding("four", Inconclusive, Some((0.148, 0.003)), ""),
+        finding("five", NotEvaluated, None, "straight flight"),
+    ];
+    FlightCriteria { criteria: used(), findings }
+}
+
+#[test]
+fn the_verdicts_stand_at_the_top_of_the_flight_the_gravest_first_in_words() {
+    let html = page(&FlightRecord { criteria: Some(criteria()), ..flight_record() });
+    read(&html);
+    let top = words(html.split(">Key numbers<").next().unwrap().split("<main>").nth(1).unwrap());
+    let places = [
+        "✗ 1 FAIL",
+        "Td(position) = 209.0 ms ± 4.0 ms (k = 2), criterion ≤ 150 ms: FAIL",
+        "Td(position) = 148.0 ms ± 6.0 ms (k = 2), criterion ≤ 150 ms: INCONCLUSIVE",
+        "Td(position), criterion ≤ 150 ms: NOT EVALUATED (straight flight)",
+        "Td(position) = 118.4 ms ± 3.1 ms (k = 2), criterion ≤ 150 ms: PASS",
+        "NOT APPLICABLE (meant for flights called *.bag)",
+    ]
+    .map(|text| top.find(text).unwrap_or_else(|| panic!("{text} is not in:\n{top}")));
+    assert!(places.is_sorted(), "{places:?}");
+    assert!(html.contains(r#"<data value="0.209">"#), "every bit of the number is on the page");
+    assert!(top.contains("decided once U is below 2.0 ms"), "{top}");
+    assert!(top.contains("Limit: because of four &amp; &lt;b&gt;"), "{top}");
+    assert!(top.contains("Decision rule. PASS: the whole 95 % interval") && top.contains("autumn.toml"), "{top}");
+}
+
+#[test]
+fn a_page_without_criteria_says_nothing_of_them() {
+    assert!(!page(&flight_record()).contains("riteria"));
+    let campaign = campaign_site(&campaign_record(5)).files["index.html"].clone();
+    assert!(!String::from_utf8(campaign).unwrap().contains("riteria"));
+}
+
+#[test]
+fn a_flight_that_could_not_be_read_shows_its_verdicts_all_the_same() {
+    let html = page(&FlightRecord { criteria: Some(criteria()), ..failed_record() });
+    read(&html);
+    assert!(words(&html).contains("1 NOT EVALUATED"));
+}
+
+#[test]
+fn a_campaign_shows_pass_rates_with_intervals_and_a_verdict_for_each_flight() {
+    let mut record = campaign_record(4);
+    let verdicts = [CriterionVerdict::Fail, CriterionVerdict::Pass, CriterionVerdict::Pass, CriterionVerdict::Pass];
+    for (row, verdict) in record.flights.iter_mut().zip(verdicts) {
+        let one = |id: &str, verdict| RowVerdict { id: id.into(), verdict };
+        let each = vec![one("a", verdict), one("b", CriterionVerdict::Pass)];
+        row.criteria = Some(RowVerdicts { overall: verdict, each });
+    }
+    let tally = VerdictTally { fail: 1, pass: 3, ..VerdictTally::default() };
+    let pass_rate = Some(PassRate { passed: 3, judged: 4, interval_95: [0.301, 0.954] });
+    let failed = vec![record.flights[0].flight.clone()];
+    let summary = |id: &str| CriterionSummary {
+        id: id.into(),
+        title: format!("asked in {id}"),
+        metric: "delay".into(),
+        limit: "≤ 150 ms".into(),
+        tally,
+        pass_rate,
+        failed: failed.clone(),
+    };
+    record.criteria = Some(CampaignCriteria { criteria: used(), flights: tally, pass_rate, each: vec![summary("a")] });
+    let html = String::from_utf8(campaign_site(&record).files["index.html"].clone()).unwrap();
+    read(&html);
+    let text = words(&html);
+    assert!(text.contains("3 of 4 judged flights meet every criterion that applies: 75 % (30 to 95 %)."), "{text}");
+    assert!(text.contains("✗ FAIL 1/2") && text.contains("✓ PASS 2/2"), "{text}");
+    assert!(text.contains(&format!("75 % (30 to 95 %){}", failed[0])), "{text}");
+}

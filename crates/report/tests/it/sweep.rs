@@ -1,0 +1,91 @@
+//! Which delay was removed, what others would have done, and the flights together.
+
+use crate::fixture::{flight_record, sweep::campaign};
+use crate::html::read;
+use record::{DelaySource, FlightRecord};
+use report::{FlightPage, Site, campaign_site, flight_site};
+
+fn site(record: &FlightRecord) -> Site {
+    flight_site(&FlightPage { name: "flight 07", record, index_href: "../../index.html", command: "flightlag" })
+}
+
+/// The text of a page, its marks of space made plain.
+fn words(site: &Site) -> String {
+    let html = String::from_utf8(site.files["index.html"].clone()).unwrap();
+    let text: String = read(&html).iter().map(|t| t.text.as_str()).collect::<Vec<_>>().join(" ");
+    text.replace('\u{a0}', " ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn the_page_says_which_delay_was_removed_why_and_what_the_others_say() {
+    let site = site(&flight_record());
+    let text = words(&site);
+    for said in [
+        "Removed: 400 ± 13 ms , stated in the pipeline, because the pipeline states it.",
+        "no card of <sensor> 7",
+        "At the stated value, 400 ± 13 ms, this flight would have had",
+        "least error against the reference",
+        "95 % interval 399.30 to 401.10 ms",
+    ] {
+        assert!(text.contains(said), "{said}\n{text}");
+    }
+    // (409.3 − 400)/√(13² + 4.2²) and (400.2 − 400)/√(13² + 0.8²).
+    assert!(text.contains("agrees 0.68"), "{text}");
+    assert!(text.contains("agrees 0.015"), "{text}");
+    for figure in ["figures/delay-sweep.svg", "figures/delay-objective.svg"] {
+        assert!(site.files.contains_key(figure), "{figure}");
+    }
+}
+
+#[test]
+fn a_delay_from_the_flight_itself_is_said_to_be_no_test_of_itself() {
+    let mut record = flight_record();
+    let found = record.delays.as_ref().unwrap().pairs[0].delay.found().unwrap().delay_s;
+    let replay = record.replay.as_mut().unwrap();
+    replay.settings.delay = flight::Delay::from_seconds(found.value).unwrap();
+    let choice = replay.choice.as_mut().unwrap();
+    (choice.asked, choice.used, choice.circular) = (DelaySource::Flight, DelaySource::Flight, true);
+    let text = words(&site(&record));
+    assert!(text.contains("zero by construction and no test"), "{text}");
+    assert!(text.contains("This very delay was removed"), "{text}");
+    let plain = words(&site(&flight_record()));
+    assert!(!plain.contains("zero by construction"), "{plain}");
+}
+
+#[test]
+fn a_fallback_is_marked_and_gives_its_reason() {
+    let mut record = flight_record();
+    let choice = record.replay.as_mut().unwrap().choice.as_mut().unwrap();
+    choice.asked = DelaySource::Flight;
+    choice.why = "the flight is too straight: the number stands in".into();
+    let text = words(&site(&record));
+    assert!(text.contains("Fallback") && text.contains("because the flight is too straight: the number stands in."));
+}
+
+#[test]
+fn a_record_from_before_the_sweep_has_a_page_without_it() {
+    let mut record = flight_record();
+    let replay = record.replay.as_mut().unwrap();
+    (replay.choice, replay.sweep) = (None, None);
+    let text = words(&site(&record));
+    assert!(!text.contains("Which delay was removed"), "{text}");
+}
+
+#[test]
+fn the_campaign_says_what_the_flights_show_together_and_which_is_outside() {
+    let site = campaign_site(&campaign());
+    let text = words(&site);
+    for said in [
+        "403.5 ± 6.0 ms over 12 flights, spread between flights beyond their own uncertainties 8.0 ms",
+        "the sensor card has 400.0 ± 4.4 ms: ✓ agrees , E_n = 0.47",
+        "χ² = 212 with 11 degrees of freedom",
+        "the flights are not equally late.",
+        "flight-07.<mcap> ( 431.0 ± 4.0 ms)",
+        "in the order in which they were flown; 1 outside.",
+    ] {
+        assert!(text.contains(said), "{said}\n{text}");
+    }
+    for figure in ["figures/control-chart.svg", "figures/campaign-sweep.svg"] {
+        assert!(site.files.contains_key(figure), "{figure}");
+    }
+}
