@@ -3,8 +3,8 @@
 use flight::{Channel, Flight, Stamp, StampKind};
 use ingest::{Limits, Loaded, MapLibrary, ReadContext};
 use simulate::{
-    BagCompression, BagSettings, Container, FlightSettings, LogFile, McapCompression, McapEncoding, McapSettings,
-    SensorSettings, SimulatedFlight,
+    BagCompression, BagSettings, Container, Db3Compression, Db3Layout, Db3Settings, FlightSettings, LogFile,
+    McapCompression, McapEncoding, McapSettings, SensorSettings, SimulatedFlight,
 };
 use std::fs;
 use std::sync::atomic::AtomicBool;
@@ -21,13 +21,19 @@ pub fn containers() -> Vec<Container> {
     use {BagCompression as B, McapCompression as C, McapEncoding as E};
     let mcap = |encoding, compression, summary| Container::Mcap(McapSettings { encoding, compression, summary });
     let mut all = vec![Container::CsvFolder];
-    for encoding in [E::Ros1, E::Cdr, E::Json] {
+    for encoding in [E::Ros1, E::Cdr, E::Idl, E::Json, E::Protobuf] {
         for compression in [C::None, C::Lz4, C::Zstd, C::Unchunked] {
             all.extend([true, false].map(|summary| mcap(encoding, compression, summary)));
         }
     }
     for compression in [B::None, B::Bz2, B::Lz4Independent, B::Lz4Linked] {
         all.extend([true, false].map(|indexed| Container::Bag(BagSettings { compression, indexed })));
+    }
+    for compression in [Db3Compression::None, Db3Compression::ZstdMessages, Db3Compression::ZstdFile] {
+        for layout in [Db3Layout::Bare, Db3Layout::Folder(1), Db3Layout::Folder(3)] {
+            let db3 = |definitions| Container::Db3(Db3Settings { compression, layout, definitions });
+            all.extend([true, false].map(db3));
+        }
     }
     all
 }

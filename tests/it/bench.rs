@@ -4,7 +4,10 @@ use crate::agreement::{channels, containers, read_back};
 use crate::program::run;
 use bench_analysis::{BenchInput, Rig, bench};
 use record::{Finding, IronCalibration, SensorCard, TimeBasis, Verdict};
-use simulate::{BenchChannel, BenchDemo, BenchSensor, BenchSettings, RigText, SimulatedBench, simulate_bench};
+use simulate::{
+    BenchChannel, BenchDemo, BenchSensor, BenchSettings, Container, Db3Settings, RigText, SimulatedBench,
+    simulate_bench,
+};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -30,11 +33,13 @@ fn one_swing_in_every_container_is_one_bench_record() {
         serde_json::to_string(&bench(&input, &rig).unwrap().findings).unwrap()
     };
     let found = of(&perfect);
-    for (index, container) in containers().into_iter().enumerate() {
+    // An encoder's message is of no common type: a bag without definitions cannot say what it holds.
+    let says_its_types = |c: &Container| !matches!(c, Container::Db3(Db3Settings { definitions: false, .. }));
+    for (index, container) in containers().into_iter().filter(says_its_types).enumerate() {
         let loaded = read_back(&simulated.files(container, "swing").unwrap(), &format!("{container:?}"));
         assert!(channels(&loaded.flight) == channels(&perfect), "{container:?}: {:?}", loaded.binding);
         // Equal channels give equal findings: one container of each family shows that nothing else is looked at.
-        if index % 8 == 0 {
+        if index % 12 == 0 {
             assert!(of(&loaded.flight) == found, "{container:?}");
         }
     }

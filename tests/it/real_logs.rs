@@ -1,7 +1,7 @@
 //! Whole campaigns over real logs of others, where they are at hand.
 
 use crate::program::{flightlag, results, text};
-use record::{CampaignRecord, FlightRecord, FlightRow, Outcome};
+use record::{CampaignRecord, Finding, FlightRecord, FlightRow, Outcome};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -135,4 +135,192 @@ fn the_real_mti_g_that_does_not_travel_is_not_measurable() {
     let row = report.row("datasamples/tilt_laser.bag");
     assert!(matches!(&row.outcome, Outcome::NotMeasurable { reason } if reason.contains("does not travel")), "{row:?}");
     assert_eq!(row.map.as_deref(), Some("xsens-mtig"));
+}
+
+/// The same flight as ROS 2 bags in SQLite: plain, compressed message by message, compressed as a file.
+#[test]
+fn ros_2_bags_of_a_real_flight_give_the_record_of_its_ros_1_bag() {
+    let Some(folder) = logs("derived-alfa") else { return };
+    let report = Report::of(&folder);
+    let first = report.record("alfa_none.bag");
+    for name in [
+        "alfa_db3/alfa_db3.db3",
+        "alfa_db3_msgzstd/alfa_db3_msgzstd.db3",
+        "alfa_db3_filezstd/alfa_db3_filezstd.db3.zstd",
+    ] {
+        let record = report.record(name);
+        assert_eq!(record.replay, first.replay, "{name}");
+        assert_eq!(record.log.unwrap().messages, 2196, "{name}");
+        assert!(!report.row(name).lossy, "{name} is whole");
+    }
+}
+
+/// ArduCopter in its simulator: the receiver is one period of 200 ms late, and an independent estimate against the
+/// simulator's truth is 203.3 ms (203.2 to 203.6).
+#[test]
+fn the_receiver_of_a_simulated_copter_is_one_period_late_where_it_moves_and_not_measurable_where_it_stands() {
+    let Some(folder) = logs("DeLorean") else { return };
+    let report = Report::of(&folder);
+    for number in ["002", "117", "129", "130", "131", "135", "139", "143", "159", "160", "161"] {
+        let name = format!("data/00000{number}.BIN");
+        let record = report.record(&name);
+        assert_eq!(report.row(&name).map.as_deref(), Some("ardupilot"), "{name}");
+        let pairs = record.delays.unwrap().pairs;
+        let pair = pairs.iter().find(|p| p.first == "position.gps" && p.second == "position.truth").unwrap();
+        match &pair.delay {
+            Finding::Found(delay) => {
+                assert!(!["131", "135", "143"].contains(&number), "{name} does not move");
+                assert!((delay.delay_s.value - 0.2033).abs() < 0.01, "{name}: {:?}", delay.delay_s);
+            }
+            Finding::CannotTell(reason) => {
+                assert!(
+                    ["131", "135", "143"].contains(&number) && reason.contains("does not travel"),
+                    "{name}: {reason}"
+                );
+            }
+        }
+        let about = record.log.unwrap().about;
+        assert_eq!(about.system.as_deref(), Some("ArduCopter"), "{name}");
+        let simulated = about.configured_delays.iter().find(|d| d.parameter == "SIM_GPS_DELAY").unwrap();
+        assert_eq!(simulated.value_s, 0.2, "{name}");
+    }
+}
+
+/// All of a ULog, with every topic decoded.
+fn ulog(path: &Path) -> ingest::Log {
+    let want = |_: &ingest::TopicInfo| ingest::Selection::All;
+    let cancel = std::sync::atomic::AtomicBool::new(false);
+    let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &|_| () };
+    let log = ingest::LogReader::read(&mut ingest::UlogReader::new(vec![path.to_owned()]), &want, &context).unwrap();
+    let b = &log.health.bytes;
+    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{}", path.display());
+    log
+}
+
+/// The values of a field added up in the order of the log, so that not one bit may differ.
+fn sum_of(log: &ingest::Log, topic: &str, field: &str) -> f64 {
+    let table = log.tables.iter().find(|t| t.topic.name == topic).unwrap();
+    let column = table.column(field).unwrap();
+    (0..table.rows).map(|row| column.number(row).unwrap()).sum()
+}
+
+/// Rows, parameters and texts that pyulog 1.3.0 finds, and the sum of one field.
+#[test]
+fn intact_ulogs_hold_what_pyulog_finds_in_them() {
+    let expected = [
+        ("foxglove-mcap/test_ulog.ulg", 4272, 1157, 7, "vehicle_attitude", "q[3]", -30.415_827_901_684_68),
+        (
+            "px4-ulog-rs/tests/fixtures/6ba1abc7-b433-4029-b8f5-3b2bb12d3b6c.ulg",
+            20390,
+            544,
+            2,
+            "vehicle_attitude",
+            "q[3]",
+            129.924_094_125_628_47,
+        ),
+        (
+            "px4-ulog-rs/tests/fixtures/esc_status_log.ulg",
+            8200,
+            759,
+            0,
+            "vehicle_attitude",
+            "q[3]",
+            -724.273_666_295_222_9,
+        ),
+        (
+            "px4-ulog-rs/tests/fixtures/quadrotor_local.ulg",
+            63011,
+            1116,
+            11,
+            "sensor_combined",
+            "gyro_rad[0]",
+            19.967_310_678_159_265,
+        ),
+        ("pyulog/test/sample.ulg", 64542, 493, 4, "vehicle_attitude", "q[3]", -1_948.757_425_308_227_5),
+        ("pyulog/test/sample_appended_multiple.ulg", 6852, 750, 1, "vehicle_attitude", "q[3]", 197.555_716_633_796_7),
+        ("pyulog/test/sample_first_version.ulg", 14317, 408, 0, "vehicle_attitude", "q[3]", 1_361.683_383_464_813_2),
+        ("pyulog/test/sample_log_small.ulg", 14604, 980, 3, "vehicle_attitude", "q[3]", 64.354_977_110_400_8),
+        (
+            "pyulog/test/sample_logging_tagged_and_default_params.ulg",
+            21229,
+            696,
+            7,
+            "sensor_combined",
+            "gyro_rad[0]",
+            0.442_083_057_392_335_9,
+        ),
+        ("pyulog/test/sample_px4_events.ulg", 29480, 875, 18, "vehicle_attitude", "q[3]", 6.198_285_951_162_688),
+        ("yule_log/core/data/powers.ulg", 20, 0, 0, "powers_of_2", "value", 1023.0),
+        ("yule_log/core/data/short_list.ulg", 10, 0, 0, "list_data", "list[1]", 460.0),
+    ];
+    let Some(folder) = logs("") else { return };
+    for (file, rows, parameters, texts, topic, field, sum) in expected {
+        let log = ulog(&folder.join(file));
+        assert_eq!(log.tables.iter().map(|t| t.rows).sum::<usize>(), rows, "{file}");
+        assert_eq!((log.health.messages, log.health.undecodable), (rows as u64, 0), "{file}");
+        let about = &log.health.about;
+        assert_eq!((about.parameters, about.texts.len()), (parameters, texts), "{file}");
+        assert_eq!(sum_of(&log, topic, field), sum, "{file}: {topic}.{field}");
+        // Its last message is cut, of which pyulog says nothing.
+        let cut = file.ends_with("sample_first_version.ulg");
+        assert_eq!(log.notices.any_loss(), cut, "{file}: {:?}", log.notices);
+    }
+}
+
+/// Rows that pyulog 1.3.0 can recover.
+#[test]
+fn damaged_ulogs_give_at_least_what_pyulog_recovers() {
+    let Some(folder) = logs("px4-ulog-rs/tests/fixtures") else { return };
+    for (file, least) in [("corrupt_actuator_armed_wrong_size.ulg", 9539), ("corrupt_format_not_utf8.ulg", 61_964)] {
+        let log = ulog(&folder.join(file));
+        assert!(log.health.messages >= least, "{file}: {}", log.health.messages);
+        assert!(log.notices.any_loss(), "{file}");
+    }
+}
+
+/// The lines of the texts beside the logs, which say the second, the level and the words; but not those of events
+/// (without a module in brackets), whose words are no text in the log.
+#[test]
+fn logged_texts_are_those_that_lie_beside_the_ulogs() {
+    let Some(folder) = logs("pyulog/test") else { return };
+    for name in [
+        "sample",
+        "sample_appended_multiple",
+        "sample_log_small",
+        "sample_logging_tagged_and_default_params",
+        "sample_px4_events",
+    ] {
+        let ours = ulog(&folder.join(format!("{name}.ulg"))).health.about.texts;
+        let plain = |text: &String| {
+            let (stamp, rest) = text.split_once(" s ").unwrap();
+            let seconds: u64 = stamp.split_once('.').unwrap().0.parse().unwrap();
+            let (level, words) = rest.split_once(": ").unwrap();
+            let level = level.split(' ').next().unwrap();
+            format!("{}:{:02}:{:02} {level}: {words}", seconds / 3600, seconds / 60 % 60, seconds % 60)
+        };
+        let ours: Vec<String> = ours.iter().map(plain).collect();
+        let expected = std::fs::read_to_string(folder.join(format!("{name}_messages.txt"))).unwrap();
+        for line in expected.lines().filter(|line| line.contains(": [")) {
+            assert!(ours.iter().any(|text| text == line), "{name}: {line:?} is not among {ours:?}");
+        }
+    }
+}
+
+/// The delays of `REFERENCE.csv`, by another estimator: within three combined standard errors or 10 ms.
+#[test]
+fn the_delays_of_a_real_px4_flight_agree_with_the_reference() {
+    let Some(folder) = logs("px4-ulog-rs/tests/fixtures") else { return };
+    let report = Report::of(&folder.join("esc_status_log.ulg"));
+    let record = report.record("esc_status_log.ulg");
+    assert_eq!(report.row("esc_status_log.ulg").map.as_deref(), Some("px4-ulog"));
+    let pairs = record.delays.unwrap().pairs;
+    for (velocity, tau_s, se_s) in [("velocity.gps", -0.0014, 0.0067), ("velocity.ekf", 0.0403, 0.0183)] {
+        let pair = pairs.iter().find(|p| p.first == "position.gps" && p.second == velocity).unwrap();
+        let Finding::Found(delay) = &pair.delay else { panic!("{velocity}: {pair:?}") };
+        let (found, own_se) = (delay.delay_s.value, delay.delay_s.standard_uncertainty.unwrap());
+        let within = (3.0 * own_se.hypot(se_s)).max(0.01);
+        assert!((found - tau_s).abs() <= within, "{velocity}: {found} ± {own_se}, reference {tau_s} ± {se_s}");
+    }
+    let configured = record.log.unwrap().about.configured_delays;
+    assert_eq!(configured.iter().find(|d| d.parameter == "EKF2_GPS_DELAY").unwrap().value_s, 0.11);
 }

@@ -11,8 +11,8 @@ mod random_effects;
 pub use combine::{CardTerms, Combined, combine};
 pub use file::{card_text, parse_card};
 pub use identity::{identity_conflict, sensor_name};
-pub use random_effects::{Mean, Reading, mean_of};
 pub use iron::{MagneticEvidence, card_magnetometer};
+pub use random_effects::{Mean, Reading, mean_of};
 
 use std::path::PathBuf;
 

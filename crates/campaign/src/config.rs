@@ -558,7 +558,7 @@ impl Checker<'_> {
     ) -> Result<(DelayRule, MeantDelay), PipelineError> {
         let delay = written.get_ref();
         let with_card = delay.card.is_some() || delay.cards.is_some();
-        let from = self.from(written, with_card)?;
+        let from = self.asked(written, with_card)?;
         let (cards, of_cards) = match (&delay.card, &delay.cards) {
             (Some(card), None) => self.of_card(card, delay, sensor)?,
             (None, Some(folder)) => self.of_folder(folder, delay, sensor)?,
@@ -584,7 +584,7 @@ impl Checker<'_> {
     }
 
     /// Which delay is asked for, said or understood; what that needs must be given.
-    fn from(&self, written: &Spanned<WrittenDelay>, with_card: bool) -> Result<DelaySource, PipelineError> {
+    fn asked(&self, written: &Spanned<WrittenDelay>, with_card: bool) -> Result<DelaySource, PipelineError> {
         let delay = written.get_ref();
         let with_number = delay.position_s.is_some();
         let Some(from) = &delay.from else {

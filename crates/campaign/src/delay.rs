@@ -252,7 +252,8 @@ fn contradiction(candidates: &[Candidate], measured: &Finding<MeasuredDelay>, ca
         let apart = (flight.value - stated.value).abs();
         if apart > CONTRADICTS * u {
             let text = format!(
-                "the flight shows a delay of {} ms, {name} has {} ms: {:.1} ms apart, where {:.1} ms are explained (three                  standard uncertainties)",
+                "the flight shows a delay of {} ms, {name} has {} ms: {:.1} ms apart, where {:.1} ms are explained (three \
+                 standard uncertainties)",
                 shown(&flight),
                 shown(&stated),
                 1e3 * apart,

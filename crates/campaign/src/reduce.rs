@@ -65,7 +65,7 @@ pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignE
     store.clean();
     let mut state = State::recall(&store);
     match reduce_locked(manifest, desk, &store, &mut state)? {
-        Reduction::Finished(verdict) => Ok(verdict),
+        Reduction::Finished(verdict) => Ok(*verdict),
         Reduction::Damaged(flights) => {
             let count = flights.len();
             Err(CampaignError::TryAgain(format!("{count} results were damaged and have been removed: plan again")))
@@ -75,7 +75,7 @@ pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignE
 
 /// What a reduction came to.
 pub(crate) enum Reduction {
-    Finished(Verdict),
+    Finished(Box<Verdict>),
     /// Results of these flights were there and not whole. They are removed.
     Damaged(Vec<String>),
 }
@@ -94,7 +94,7 @@ pub(crate) fn reduce_locked(
         desk.tell(Event::NothingChanged);
         let verdict = verdict(store, whole, true);
         desk.tell(done(&verdict));
-        return Ok(Reduction::Finished(verdict));
+        return Ok(Reduction::Finished(Box::new(verdict)));
     }
     let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
     let reducer = Reducer { manifest, criteria, desk, store, rows: old_rows(store, state) };
@@ -338,7 +338,7 @@ impl Reducer<'_> {
         state.learn(self.manifest);
         state.save(self.store)?;
         self.desk.tell(done(&verdict));
-        Ok(Reduction::Finished(verdict))
+        Ok(Reduction::Finished(Box::new(verdict)))
     }
 
     /// Pages of flights that are gone go too; files that we did not write stay.
@@ -447,7 +447,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         measured_delay_s: measured_delay(record),
         delay_from: replay.and_then(|r| r.choice.as_ref()).map(|choice| choice.used),
         card_delay_s: card_delay(record),
-        flown_at: replay.and_then(|r| Some(instant(r.clock, Stamp(r.origin_ns))?.to_string())),
+        flown_at: replay.and_then(|r| Some(instant(utc_tie(record), r.clock, Stamp(r.origin_ns))?.to_string())),
         sweep: replay.and_then(|r| r.sweep.clone()),
         correction_rms_m: result("exact-async").map(|c| c.raw_minus_this_rms_m).and_then(known),
         raw_error_rms_m: error("raw").and_then(known),
@@ -467,6 +467,11 @@ fn measured_delay(record: &FlightRecord) -> Option<Estimate> {
     let pairs = &record.delays.as_ref()?.pairs;
     let found = pairs.iter().find(|p| p.first == pair.position && p.second == pair.velocity)?;
     found.delay.found().map(|d| d.delay_s)
+}
+
+/// UTC of the clock since boot, if the log ties the two.
+fn utc_tie(record: &FlightRecord) -> Option<&flight::UtcTie> {
+    record.log.as_ref()?.utc.as_ref()
 }
 
 /// What the sensor card says of the delay of the pair that was replayed, s.

@@ -41,7 +41,7 @@ pub(crate) fn run_with(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> 
     match reduction {
         Reduction::Finished(verdict) => {
             write_run(&store, desk, clock, &report, &verdict)?;
-            Ok(verdict)
+            Ok(*verdict)
         }
         Reduction::Damaged(flights) => {
             Err(CampaignError::TryAgain(format!("results do not stay whole: {}", flights.join(", "))))

@@ -6,7 +6,7 @@ use crate::maps::library;
 use crate::show::{Table, bytes, count, number, visible};
 use crate::stop::Stop;
 use campaign::Exit;
-use flight::{Binding, ChannelHealth, LogHealth, Notices, Severity, StampHealth, TopicHealth};
+use flight::{About, Binding, ChannelHealth, LogHealth, Notices, Severity, StampHealth, TopicHealth};
 use ingest::{FlightUnit, Limits, Loaded, MapLibrary, ReadContext, discover, load};
 use std::io::Write;
 use std::path::Path;
@@ -58,6 +58,7 @@ fn page(unit: &FlightUnit, loaded: &Loaded) -> String {
     let health = &loaded.health;
     let parts = [
         head(unit, health),
+        vehicle(&health.about),
         section("topics", &topics(&health.topics)),
         section("time stamps", &stamps(&health.topics)),
         damage(health),
@@ -90,6 +91,39 @@ fn head(unit: &FlightUnit, health: &LogHealth) -> String {
         b.size,
         if ledger.is_empty() { "0".to_owned() } else { ledger.join(" + ") },
     )
+}
+
+/// What the log says of the vehicle, its software and its settings.
+fn vehicle(about: &About) -> String {
+    let changes = about.parameter_changes.len() as u64;
+    let parameters = (about.parameters > 0 || changes > 0)
+        .then(|| format!("{}, {} during the log", count(about.parameters, "parameter"), count(changes, "change")));
+    let receivers = (!about.receivers.is_empty()).then(|| about.receivers.join("; "));
+    let facts = [
+        ("system", about.system.clone()),
+        ("firmware", about.firmware.clone()),
+        ("hardware", about.hardware.clone()),
+        ("vehicle", about.vehicle.clone()),
+        ("receivers", receivers),
+        ("parameters", parameters),
+    ];
+    let mut table = Table::new(&["vehicle", "value"]);
+    for (name, value) in facts {
+        if let Some(value) = value {
+            table.row(vec![name.to_owned(), value]);
+        }
+    }
+    for delay in &about.configured_delays {
+        let value = format!("{} ms: {}", number(Some(delay.value_s * 1e3), 1), delay.meaning);
+        table.row(vec![delay.parameter.clone(), value]);
+    }
+    let modes = about.modes.iter().map(|m| ("mode", format!("{:.1} s: {}", m.at_ns as f64 * 1e-9, m.mode)));
+    let changes = about.parameter_changes.iter().map(|change| ("changed", change.clone()));
+    let texts = about.texts.iter().map(|text| ("text", text.clone()));
+    for (name, value) in modes.chain(changes).chain(texts) {
+        table.row(vec![name.to_owned(), value]);
+    }
+    if table.is_empty() { String::new() } else { table.text() }
 }
 
 fn topics(topics: &[TopicHealth]) -> Table {

@@ -310,6 +310,10 @@ impl Search<'_> {
         let (mut logs, mut tables, mut others) = (vec![], vec![], vec![]);
         for member in members(path, packing)? {
             let name = member.name.display().to_string();
+            if !member.head.is_empty() && member.head.iter().all(|b| *b == 0) {
+                others.push(format!("{name} is nothing but zero bytes"));
+                continue;
+            }
             match content_of(&member.name, &member.head) {
                 Content::Log(kind) => logs.push((name, kind)),
                 Content::Table { flysight2, named } if named || self.is_topic(&member.name) => {

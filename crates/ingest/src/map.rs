@@ -27,12 +27,15 @@ const SHIPPED: &[(&str, &str)] = &[
     ("garmin-g1000.toml", include_str!("../../../pipelines/channel-maps/garmin-g1000.toml")),
     ("inertial-nav-gps.toml", include_str!("../../../pipelines/channel-maps/inertial-nav-gps.toml")),
     ("inertial-nav.toml", include_str!("../../../pipelines/channel-maps/inertial-nav.toml")),
+    ("mavlink-tlog.toml", include_str!("../../../pipelines/channel-maps/mavlink-tlog.toml")),
     ("mavros.toml", include_str!("../../../pipelines/channel-maps/mavros.toml")),
     ("navsatfix-twist.toml", include_str!("../../../pipelines/channel-maps/navsatfix-twist.toml")),
+    ("nmea.toml", include_str!("../../../pipelines/channel-maps/nmea.toml")),
     ("novatel-ascii.toml", include_str!("../../../pipelines/channel-maps/novatel-ascii.toml")),
     ("oxts-csv.toml", include_str!("../../../pipelines/channel-maps/oxts-csv.toml")),
     ("px4-ecl-replay.toml", include_str!("../../../pipelines/channel-maps/px4-ecl-replay.toml")),
     ("px4-ulog.toml", include_str!("../../../pipelines/channel-maps/px4-ulog.toml")),
+    ("ubx.toml", include_str!("../../../pipelines/channel-maps/ubx.toml")),
     ("wide-csv.toml", include_str!("../../../pipelines/channel-maps/wide-csv.toml")),
     ("xsens-mt-manager.toml", include_str!("../../../pipelines/channel-maps/xsens-mt-manager.toml")),
     ("xsens-mti.toml", include_str!("../../../pipelines/channel-maps/xsens-mti.toml")),
@@ -315,9 +318,10 @@ impl TimeSource {
     }
 }
 
-/// `sensor_msgs/msg/NavSatFix` and `sensor_msgs/NavSatFix` are the same type.
+/// `sensor_msgs/msg/NavSatFix`, `sensor_msgs::msg::NavSatFix` and `sensor_msgs.NavSatFix` (protobuf) are
+/// `sensor_msgs/NavSatFix`.
 fn plain_type(name: &str) -> String {
-    name.replace("/msg/", "/")
+    name.replace("::", "/").replace('.', "/").replace("/msg/", "/")
 }
 
 /// Distance, instance and bytes in front of the match. One word, as `/velocity`, ends too many names to mean

@@ -139,7 +139,7 @@ impl Default for Limits {
         Limits {
             record_bytes: 256 << 20,
             chunk_bytes: 256 << 20,
-            unpacked_bytes: 64 << 30,
+            unpacked_bytes: 16 << 30,
             topics: 65_536,
             listed_damage: 100,
             line_bytes: 1 << 20,

@@ -1,7 +1,9 @@
 //! What a file is, by its first bytes; the name only helps where they do not decide.
 
 use crate::discover::LogKind;
-use crate::format::{Packing, looks_like_dataflash, looks_like_table, named_text};
+use crate::format::{
+    Packing, looks_like_dataflash, looks_like_nmea, looks_like_table, looks_like_tlog, looks_like_ubx, named_text,
+};
 use crate::reader::ReadContext;
 use std::path::Path;
 
@@ -43,6 +45,7 @@ const ENDINGS: &[(&str, LogKind)] = &[
     ("tlog", LogKind::Tlog),
     ("ubx", LogKind::Ubx),
     ("nmea", LogKind::Nmea),
+    ("nma", LogKind::Nmea),
 ];
 
 /// First bytes, and what they mean for us.
@@ -80,12 +83,17 @@ pub(crate) fn content_of(path: &Path, head: &[u8], context: &ReadContext<'_>) ->
         return Content::Packed(packing);
     }
     if let Some((_, kind)) = ENDINGS.iter().find(|(e, _)| *e == ending) {
-        return Content::Log(*kind);
+        // A receiver may mix both, and the reader of UBX reads both.
+        let mixed = *kind == LogKind::Nmea && looks_like_ubx(head);
+        return Content::Log(if mixed { LogKind::Ubx } else { *kind });
     }
     match ending.as_str() {
         "csv" => Content::Table { flysight2: head.starts_with(b"$FLYS"), named: true },
         _ if NO_LOG.contains(&ending.as_str()) => Content::Other(format!("a .{ending} file, not a log")),
         _ if looks_like_dataflash(head) => Content::Log(LogKind::DataFlash),
+        _ if looks_like_tlog(head) => Content::Log(LogKind::Tlog),
+        _ if looks_like_ubx(head) => Content::Log(LogKind::Ubx),
+        _ if looks_like_nmea(head) => Content::Log(LogKind::Nmea),
         _ if head.is_empty() => Content::Other("empty file".into()),
         _ if memchr::memchr(0, head).is_some() => Content::Other("binary file of an unknown format".into()),
         _ => match looks_like_table(head, context) {

@@ -47,3 +47,13 @@ pub(crate) fn source_phrase(source: DelaySource) -> &'static str {
         DelaySource::Sweep => "best of the sweep",
     }
 }
+
+/// The same in a word.
+pub(crate) fn source_word(source: DelaySource) -> &'static str {
+    match source {
+        DelaySource::Fixed => "pipeline",
+        DelaySource::Card => "card",
+        DelaySource::Flight => "flight",
+        DelaySource::Sweep => "sweep",
+    }
+}

@@ -4,17 +4,13 @@ use super::{Case, FoundDelay, milliseconds};
 use crate::cards::UsedCard;
 use crate::rate::rate_of;
 use bench_analysis::sensor_name;
-use flight::{Channel, Clock, Delay, Notices, Severity, Stamp};
+use flight::{Channel, Clock, Delay, Notices, Severity, Stamp, UtcTie};
 use jiff::civil::Date;
 use jiff::tz::TimeZone;
 use record::{CardChannel, CardUse, Estimate, SensorCard, TimeBasis, Verdict};
 
 /// A flight that is updated faster or slower than on the bench by more than this runs in another configuration.
 const RATE_TOLERANCE: f64 = 0.2;
-/// 1980-01-06 as Unix counts, s.
-const GPS_EPOCH_S: i64 = 315_964_800;
-/// Leap seconds that GPS time is ahead of UTC since 2017, s; for a day, a second more or less does not matter.
-const GPS_LEAP_S: i64 = 18;
 
 /// The delay of a flight by the best of these cards, or why there is none to remove.
 pub(super) fn delay_of(cards: &[UsedCard], case: &Case<'_>) -> Result<FoundDelay, String> {
@@ -23,15 +19,11 @@ pub(super) fn delay_of(cards: &[UsedCard], case: &Case<'_>) -> Result<FoundDelay
     Reading { used, card: used.card(), case, days, notices: Notices::new() }.delay()
 }
 
-/// The UTC instant of a stamp; `None` for a clock that does not know the day.
-pub(crate) fn instant(clock: Clock, stamp: Stamp) -> Option<jiff::Timestamp> {
-    let ahead_s = match clock {
-        Clock::Unix => 0,
-        Clock::Gps => GPS_EPOCH_S - GPS_LEAP_S,
-        Clock::Boot | Clock::Elapsed => return None,
-    };
-    let nanos = i128::from(stamp.0) + i128::from(ahead_s) * i128::from(flight::NANOS_PER_SECOND);
-    jiff::Timestamp::from_nanosecond(nanos).ok()
+/// The UTC instant of a stamp; `None` for a clock that neither knows the day nor is tied to UTC by the log.
+pub(crate) fn instant(tie: Option<&UtcTie>, clock: Clock, stamp: Stamp) -> Option<jiff::Timestamp> {
+    let tied = || tie.filter(|tie| tie.clock == clock)?.unix(stamp);
+    let unix = clock.unix(stamp).or_else(tied)?;
+    jiff::Timestamp::from_nanosecond(i128::from(unix.0)).ok()
 }
 
 /// First and last UTC day of a flight.
@@ -41,22 +33,19 @@ impl Case<'_> {
     /// The days of the flight: by its position's stamps, else by those of any channel that knows the time of day.
     fn days(&self) -> Option<Days> {
         let others = self.flight.channels.values();
-        std::iter::once(self.position.1).chain(others).find_map(days_of)
+        std::iter::once(self.position.1).chain(others).find_map(|channel| days_of(self.flight.utc.as_ref(), channel))
     }
 }
 
-fn days_of(channel: &Channel) -> Option<Days> {
+fn days_of(tie: Option<&UtcTie>, channel: &Channel) -> Option<Days> {
     let timeline = channel.series.timeline();
     let primary = (timeline.clock(), timeline.stamps());
     let others = channel.other_stamps.iter().map(|(_, clock, stamps)| (*clock, stamps.as_slice()));
     std::iter::once(primary).chain(others).find_map(|(clock, stamps)| {
         let least = stamps.iter().min()?;
-        Some((day(clock, *least)?, day(clock, *stamps.iter().max()?)?))
+        let day = |stamp| Some(instant(tie, clock, stamp)?.to_zoned(TimeZone::UTC).date());
+        Some((day(*least)?, day(*stamps.iter().max()?)?))
     })
-}
-
-fn day(clock: Clock, stamp: Stamp) -> Option<Date> {
-    instant(clock, stamp).map(|instant| instant.to_zoned(TimeZone::UTC).date())
 }
 
 /// The day of a card's text, which was checked when the card was read.

@@ -249,6 +249,11 @@ fn the_day_comes_from_any_clock_that_counts_days_and_else_is_said_to_be_unknown(
     assert_eq!(codes(&found), [(Severity::Warning, "card-expired")]);
     let boot = Flown::at(0, Clock::Boot, StampKind::Measured);
     assert_eq!(codes(&boot.with(&card).unwrap()), [(Severity::Warning, "card-day-unknown")]);
+    let mut tied = Flown::at(0, Clock::Boot, StampKind::Measured);
+    let spread_s = flight::Distribution { min: 0.0, p01: 0.0, median: 0.0, p99: 0.0, max: 0.0 };
+    let (clock, source) = (Clock::Boot, "gps".to_owned());
+    tied.flight.utc = Some(flight::UtcTie { clock, source, offset_ns: NOON, spread_s, pairs: 1, outliers: 0 });
+    assert_eq!(codes(&tied.with(&card).unwrap()), [(Severity::Warning, "card-expired")], "the log ties the clock");
     let mut other = Flown::at(0, Clock::Boot, StampKind::Measured);
     let stamps = (0..1000).map(|i| Stamp(NOON + i)).collect();
     let velocity = other.flight.channels.get_mut("velocity.ins").unwrap();

@@ -26,6 +26,8 @@ pub(crate) struct TrackFit {
     pub(crate) noise: [NoiseModel; 2],
 }
 
+/// Most speeds that are looked at.
+const SPEEDS: usize = 6_000;
 /// Half the width of the delays that are looked at, s.
 const SEARCH_S: f64 = 0.6;
 
@@ -38,10 +40,12 @@ impl TrackFitter {
     pub(crate) fn new(velocity: &Horizontal) -> TrackFitter {
         let second = pieces::without_spikes(velocity, "velocity", &mut Notices::new());
         let second = second.unwrap_or_else(|| velocity.clone());
-        let speed = second.axes[0].iter().zip(&second.axes[1]).map(|(n, e)| n.hypot(*e)).collect();
+        // Speed tells rest from motion only.
+        let every = second.t.len().div_ceil(SPEEDS).max(1);
+        let speeds = second.axes[0].iter().zip(&second.axes[1]).map(|(n, e)| n.hypot(*e)).step_by(every);
+        let speed = (second.t.iter().copied().step_by(every).collect(), speeds.collect());
         // Only differences of times matter here.
         let origin = DelayOrigin { origin_ns: 0, clock: Clock::Elapsed };
-        let speed = (second.t.clone(), speed);
         TrackFitter {
             prepared: Prepared { origin, first: Horizontal::default(), second, integrate: true, speed, one_in: 1 },
         }

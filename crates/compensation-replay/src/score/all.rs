@@ -1,11 +1,12 @@
 //! All scores of a replay.
 
 use super::budget::{Ground, StandIn};
+use super::jackknife::{Blocks, root_mean};
 use super::motion::{self, Motion};
 use super::reference::Judge;
 use super::truthless::{self, Legs, Passes};
 use super::updates::Updates;
-use super::{Innovations, Reference, jackknife};
+use super::{Innovations, Reference};
 use crate::estimate::{EXACT_ASYNC, Positions};
 use crate::flight_delay::residual::{TrackFit, TrackFitter};
 use crate::input::{AXES, Input};
@@ -83,7 +84,7 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         expected_lead_s: track.delay.seconds(),
         step_correlation: truthless::step_correlation(played.innovations, track),
         hysteresis: passes.hysteresis(&updates, track, if track.is_raw() { td } else { 0.0 }),
-        raw_minus_this_axes_rms_m: AXES.map(|axis| difference(raw, track, &valid, axis)),
+        raw_minus_this_axes_rms_m: differences(raw, track, &valid),
         straight: legs.score(&updates, raw, track),
         budget: ground.budget(track, against_reference[k].found().map(|score| score.rms_m)),
         reference: against_reference[k].clone(),
@@ -184,7 +185,11 @@ fn band(track: &Positions, (left_s, velocity_s): (f64, f64), motion: &Result<Mot
     })
 }
 
-fn difference(raw: &Positions, track: &Positions, valid: &[usize], axis: usize) -> Estimate {
-    let rows = valid.iter().filter(|&&r| track.speaks(r)).map(|&r| raw.axes[axis][r] - track.axes[axis][r]);
-    jackknife::rms(rows).unwrap_or(Estimate { value: 0.0, standard_uncertainty: None })
+/// Raw less a track at the valid rows, rms north and east.
+fn differences(raw: &Positions, track: &Positions, valid: &[usize]) -> [Estimate; 2] {
+    let said = valid.iter().filter(|&&r| track.speaks(r));
+    let square = |r: usize, axis: usize| (raw.axes[axis][r] - track.axes[axis][r]).powi(2);
+    let blocks = Blocks::of(said.clone().count(), said.map(|&r| [square(r, 0), square(r, 1), 1.0]));
+    let nothing = Estimate { value: 0.0, standard_uncertainty: None };
+    AXES.map(|axis| blocks.estimate(|sums| root_mean([sums[axis], sums[2]])).unwrap_or(nothing))
 }

@@ -4,44 +4,82 @@ use record::Estimate;
 
 const BLOCKS: usize = 20;
 
-/// A function of sums over rows, with its standard uncertainty from a delete-one-block jackknife over 20 consecutive
-/// blocks (Künsch 1989): honest as long as the correlation is short against a twentieth of the record. `None` without
-/// rows or where the function is not finite; no uncertainty with fewer than 40 rows.
-pub(crate) fn jackknife<const K: usize>(rows: &[[f64; K]], of: impl Fn([f64; K]) -> f64) -> Option<Estimate> {
-    let sum = |rows: &[[f64; K]]| {
-        rows.iter().fold([0.0; K], |mut sum, row| {
-            sum.iter_mut().zip(row).for_each(|(s, x)| *s += x);
-            sum
-        })
-    };
-    let n = rows.len();
-    let total = sum(rows);
-    let value = Some(of(total)).filter(|v| n > 0 && v.is_finite())?;
-    if n < 2 * BLOCKS {
-        return Some(Estimate { value, standard_uncertainty: None });
+/// Sums over 20 consecutive blocks of rows, for any number of statistics.
+pub(crate) struct Blocks<const K: usize> {
+    sums: [[f64; K]; BLOCKS],
+    rows: usize,
+}
+
+impl<const K: usize> Blocks<K> {
+    /// Of `count` rows in order of time.
+    pub(crate) fn of(count: usize, rows: impl Iterator<Item = [f64; K]>) -> Blocks<K> {
+        let mut out = Blocks { sums: [[0.0; K]; BLOCKS], rows: count };
+        for (i, row) in rows.take(count).enumerate() {
+            let sums = &mut out.sums[i * BLOCKS / count];
+            sums.iter_mut().zip(row).for_each(|(s, x)| *s += x);
+        }
+        out
     }
-    let without: Vec<f64> = (0..BLOCKS)
-        .map(|b| {
-            let part = sum(&rows[b * n / BLOCKS..(b + 1) * n / BLOCKS]);
-            of(std::array::from_fn(|k| total[k] - part[k]))
-        })
-        .collect();
-    let mean = without.iter().sum::<f64>() / BLOCKS as f64;
-    let spread: f64 = without.iter().map(|w| (w - mean).powi(2)).sum();
-    let u = (spread * (BLOCKS - 1) as f64 / BLOCKS as f64).sqrt();
-    Some(Estimate { value, standard_uncertainty: Some(u).filter(|u| u.is_finite()) })
+
+    /// A function of the sums, with its standard uncertainty from a delete-one-block jackknife (Künsch 1989): honest as
+    /// long as the correlation is short against a twentieth of the record. `None` without rows or where the function is
+    /// not finite; no uncertainty with fewer than 40 rows.
+    pub(crate) fn estimate(&self, of: impl Fn([f64; K]) -> f64) -> Option<Estimate> {
+        let total: [f64; K] = std::array::from_fn(|k| self.sums.iter().map(|s| s[k]).sum());
+        let value = Some(of(total)).filter(|v| self.rows > 0 && v.is_finite())?;
+        if self.rows < 2 * BLOCKS {
+            return Some(Estimate { value, standard_uncertainty: None });
+        }
+        let without = self.sums.map(|part| of(std::array::from_fn(|k| total[k] - part[k])));
+        let mean = without.iter().sum::<f64>() / BLOCKS as f64;
+        let spread: f64 = without.iter().map(|w| (w - mean).powi(2)).sum();
+        let u = (spread * (BLOCKS - 1) as f64 / BLOCKS as f64).sqrt();
+        Some(Estimate { value, standard_uncertainty: Some(u).filter(|u| u.is_finite()) })
+    }
+}
+
+/// [`Blocks::estimate`] of rows at hand.
+pub(crate) fn jackknife<const K: usize>(rows: &[[f64; K]], of: impl Fn([f64; K]) -> f64) -> Option<Estimate> {
+    Blocks::of(rows.len(), rows.iter().copied()).estimate(of)
 }
 
 /// Mean of values.
-pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<Estimate> {
-    let rows: Vec<[f64; 2]> = values.map(|x| [x, 1.0]).collect();
-    jackknife(&rows, |[x, n]| x / n)
+pub(crate) fn mean(values: &[f64]) -> Option<Estimate> {
+    Blocks::of(values.len(), values.iter().map(|x| [*x, 1.0])).estimate(|[x, n]| x / n)
 }
 
 /// Root mean square of values.
-pub(crate) fn rms(values: impl Iterator<Item = f64>) -> Option<Estimate> {
-    let rows: Vec<[f64; 2]> = values.map(|x| [x * x, 1.0]).collect();
-    jackknife(&rows, |[xx, n]| (xx.max(0.0) / n).sqrt())
+pub(crate) fn rms(values: &[f64]) -> Option<Estimate> {
+    Blocks::of(values.len(), values.iter().map(|x| [x * x, 1.0])).estimate(root_mean)
+}
+
+/// Root of a mean square from its sum and count.
+pub(crate) fn root_mean([xx, n]: [f64; 2]) -> f64 {
+    (xx.max(0.0) / n).sqrt()
+}
+
+/// Quantiles of values as [`signal::percentile_of_sorted`] has them, without sorting all; `shares` rise. Empty without
+/// values.
+pub(crate) fn percentiles(values: &mut [f64], shares: &[f64]) -> Vec<f64> {
+    let Some(last) = values.len().checked_sub(1) else { return vec![] };
+    let mut end = values.len();
+    let mut out: Vec<f64> = shares
+        .iter()
+        .rev()
+        .map(|share| {
+            let position = share.clamp(0.0, 1.0) * last as f64;
+            let below = position.floor() as usize;
+            // What is above was put aside by the quantile before.
+            let above = values[end..].iter().copied().fold(f64::INFINITY, f64::min);
+            let (_, low, high) = values[..end].select_nth_unstable_by(below, f64::total_cmp);
+            let next = high.iter().copied().fold(above, f64::min);
+            let value = if below < last { *low + (position - below as f64) * (next - *low) } else { *low };
+            end = below + 1;
+            value
+        })
+        .collect();
+    out.reverse();
+    out
 }
 
 #[cfg(test)]
@@ -62,8 +100,8 @@ mod tests {
         for _ in 0..trials {
             let values: Vec<f64> = (0..400).map(|_| uniform()).collect();
             let u = |e: Option<Estimate>| e.unwrap().standard_uncertainty.unwrap();
-            white += u(mean(values.iter().copied())).powi(2) / f64::from(trials);
-            held += u(mean(values.iter().flat_map(|x| [*x; 10]))).powi(2) / f64::from(trials);
+            white += u(mean(&values)).powi(2) / f64::from(trials);
+            held += u(mean(&values.iter().flat_map(|x| [*x; 10]).collect::<Vec<f64>>())).powi(2) / f64::from(trials);
         }
         // 19 degrees of freedom and 100 trials: the variance is known to √(2/1900) = 3.2 %; gate at 4 σ.
         let truth = sigma * sigma / 400.0;
@@ -71,8 +109,20 @@ mod tests {
     }
 
     #[test]
+    fn quantiles_are_those_of_the_sorted_values() {
+        let mut values: Vec<f64> = (0..1000).map(|k| f64::from((k * 7919) % 1009)).collect();
+        let shares = [0.0, 0.5, 0.5, 0.68, 0.95, 0.9501, 0.99, 1.0];
+        let found = percentiles(&mut values.clone(), &shares);
+        values.sort_unstable_by(f64::total_cmp);
+        let expected: Vec<f64> = shares.iter().map(|s| signal::percentile_of_sorted(&values, *s).unwrap()).collect();
+        assert_eq!(found, expected);
+        assert_eq!(percentiles(&mut [7.0], &[0.0, 1.0]), [7.0, 7.0]);
+        assert!(percentiles(&mut [], &[0.5]).is_empty());
+    }
+
+    #[test]
     fn without_rows_there_is_no_number() {
-        assert_eq!(mean(std::iter::empty()), None);
-        assert_eq!(rms([3.0, 4.0].into_iter()), Some(Estimate { value: 12.5_f64.sqrt(), standard_uncertainty: None }));
+        assert_eq!(mean(&[]), None);
+        assert_eq!(rms(&[3.0, 4.0]), Some(Estimate { value: 12.5_f64.sqrt(), standard_uncertainty: None }));
     }
 }

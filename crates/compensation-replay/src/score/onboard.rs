@@ -1,6 +1,6 @@
 //! The compensated position that the aircraft computed in flight, beside what the replay computes.
 
-use super::jackknife::jackknife;
+use super::jackknife::{jackknife, percentiles};
 use super::truthless::found;
 use super::updates::{dot, length};
 use crate::estimate::Positions;
@@ -14,6 +14,8 @@ use record::{Finding, OnboardAgainst, OnboardComparison};
 const FORGOTTEN: f64 = 8.0;
 /// Stamps that are this near to a row's are the row's, s.
 const SAME_S: f64 = 1e-6;
+/// Samples that show the grid of their values.
+const GRID_SAMPLES: usize = 4_000;
 /// Single precision of a position in metres, and of degrees.
 const SINGLE: f64 = 6e-8;
 
@@ -141,8 +143,7 @@ fn against(
         return None;
     }
     let rms_m = (sizes.iter().map(|d| d * d).sum::<f64>() / sizes.len() as f64).sqrt();
-    sizes.sort_unstable_by(f64::total_cmp);
-    let at = |share| signal::percentile_of_sorted(&sizes, share).unwrap_or(0.0);
+    let quantiles = percentiles(&mut sizes, &[0.95, 1.0]);
     let every = after.len().div_ceil(3_000).max(1);
     let delay: Vec<[f64; 2]> = after
         .iter()
@@ -155,8 +156,8 @@ fn against(
     Some(OnboardAgainst {
         name: track.name.clone(),
         rms_m,
-        p95_m: at(0.95),
-        max_m: at(1.0),
+        p95_m: quantiles[0],
+        max_m: quantiles[1],
         start_max_m: start.iter().map(|p| length(difference(p))).reduce(f64::max),
         delay_s: found(jackknife(&delay, |[dv, vv]| -dv / vv), "the flight does not move"),
     })
@@ -178,7 +179,7 @@ fn tolerance(channel: &Channel, used: &[usize], onboard: &Horizontal, geodetic: 
         (true, _) => WGS84_A * channel.series.component(0)[used[0]].cos(),
     };
     let quantum = AXES.map(|k| {
-        let values: Vec<f64> = used.iter().map(|&r| channel.series.component(k)[r]).collect();
+        let values: Vec<f64> = used.iter().take(GRID_SAMPLES).map(|&r| channel.series.component(k)[r]).collect();
         signal::resolution(&values).map_or(0.0, |step| step * metres(k))
     });
     let extent = onboard.axes.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));

@@ -1,7 +1,7 @@
 //! Scores against an independent reference.
 
 use super::Reference;
-use super::jackknife::{jackknife, mean, rms};
+use super::jackknife::{Blocks, jackknife, percentiles, rms, root_mean};
 use super::truthless::found;
 use super::updates::{both_at, dot, length, to_the_right};
 use crate::estimate::Positions;
@@ -31,14 +31,25 @@ pub(crate) struct Judge<'a> {
     pub(crate) bands_hz: Vec<[f64; 2]>,
     /// Which rows of the reference the spectrum is of, and how many make a mean.
     stretch: Result<(std::ops::Range<usize>, usize), String>,
+    /// Usual step of the rows, s.
+    step_s: f64,
 }
 
 impl<'a> Judge<'a> {
     pub(crate) fn of(reference: &'a Reference, rows: &'a Rows, velocity: &'a Horizontal) -> Judge<'a> {
-        let stretch = stretch(reference, rows);
-        let rate_hz = stretch.as_ref().map_or(0.0, |(_, block)| rate_hz(rows, *block));
+        let step_s = median_step(&rows.t);
+        let stretch = stretch(reference, rows, step_s);
+        let rate_hz = stretch.as_ref().map_or(0.0, |(_, block)| 1.0 / (step_s * *block as f64));
         let bands = BANDS_HZ.windows(2).map(|w| [w[0], w[1].min(0.5 * rate_hz)]).filter(|b| b[0] < b[1]);
-        Judge { reference, rows, velocity, speeds_mps: speeds(reference, rows), bands_hz: bands.collect(), stretch }
+        Judge {
+            reference,
+            rows,
+            velocity,
+            speeds_mps: speeds(reference, rows),
+            bands_hz: bands.collect(),
+            stretch,
+            step_s,
+        }
     }
 
     fn velocity_at(&self, row: usize) -> [f64; 2] {
@@ -66,22 +77,30 @@ impl<'a> Judge<'a> {
         late_s: f64,
     ) -> Option<ReferenceScore> {
         let mut sizes: Vec<f64> = errors.iter().map(|e| length(*e)).collect();
-        let rms_m = rms(sizes.iter().copied())?;
         let by_speed = self.by_speed(&sizes, velocities);
-        sizes.sort_unstable_by(f64::total_cmp);
-        let at = |share| signal::percentile_of_sorted(&sizes, share).unwrap_or(0.0);
-        // Where it stands still there is no track to be along.
-        let moving = || errors.iter().zip(velocities).filter(|(_, v)| length(**v) > 0.1);
-        let both = |values: Vec<f64>| Some([mean(values.iter().copied())?, rms(values.into_iter())?]);
+        let quantiles = percentiles(&mut sizes, &[0.5, 0.68, 0.95, 0.99, 1.0]);
+        let sums = errors.iter().zip(velocities).map(|(e, v)| {
+            // Where it stands still there is no track to be along.
+            let speed = length(*v);
+            let (moves, along, across) =
+                if speed > 0.1 { (1.0, dot(*e, *v) / speed, to_the_right(*v, *e) / speed) } else { (0.0, 0.0, 0.0) };
+            let [n, east] = *e;
+            [1.0, n, n * n, east, east * east, moves, along, along * along, across, across * across]
+        });
+        let blocks = Blocks::of(errors.len(), sums);
+        let both = |count: usize, first: usize| {
+            let mean = blocks.estimate(|s| s[first] / s[count])?;
+            Some([mean, blocks.estimate(|s| root_mean([s[first + 1], s[count]]))?])
+        };
         Some(ReferenceScore {
             rows: errors.len() as u64,
-            rms_m,
-            percentiles_m: [0.5, 0.68, 0.95, 0.99].map(at),
-            max_m: at(1.0),
-            along_m: both(moving().map(|(e, v)| dot(*e, *v) / length(*v)).collect())?,
-            across_m: both(moving().map(|(e, v)| to_the_right(*v, *e) / length(*v)).collect())?,
-            north_m: both(errors.iter().map(|e| e[0]).collect())?,
-            east_m: both(errors.iter().map(|e| e[1]).collect())?,
+            rms_m: blocks.estimate(|s| root_mean([s[2] + s[4], s[0]]))?,
+            percentiles_m: [0, 1, 2, 3].map(|k| quantiles[k]),
+            max_m: quantiles[4],
+            north_m: both(0, 1)?,
+            east_m: both(0, 3)?,
+            along_m: both(5, 6)?,
+            across_m: both(5, 8)?,
             by_speed,
             bands_rms_m: self.bands(track),
             residual_delay_s: found(
@@ -94,7 +113,7 @@ impl<'a> Judge<'a> {
     fn by_speed(&self, sizes: &[f64], velocities: &[[f64; 2]]) -> Vec<Option<Estimate>> {
         let inside = |[from, to]: [f64; 2]| {
             let of_bin = sizes.iter().zip(velocities).filter(move |(_, v)| (from..to).contains(&length(**v)));
-            rms(of_bin.map(|(e, _)| *e))
+            rms(&of_bin.map(|(e, _)| *e).collect::<Vec<f64>>())
         };
         self.speeds_mps.iter().map(|bin| inside(*bin)).collect()
     }
@@ -112,7 +131,7 @@ impl<'a> Judge<'a> {
             let errors: Vec<f64> =
                 range.clone().map(|i| track.axes[k][self.reference.row[i]] - self.reference.axes[k][i]).collect();
             let means: Vec<f64> = errors.chunks_exact(block).map(|c| c.iter().sum::<f64>() / block as f64).collect();
-            signal::power_spectrum(&means, rate_hz(self.rows, block))
+            signal::power_spectrum(&means, 1.0 / (self.step_s * block as f64))
         });
         let lines = || spectra.iter().flat_map(|s| s.frequency_hz.iter().zip(&s.power));
         let inside =
@@ -153,12 +172,8 @@ impl<'a> Judge<'a> {
     }
 }
 
-fn rate_hz(rows: &Rows, block: usize) -> f64 {
-    1.0 / (median_step(&rows.t) * block as f64)
-}
-
 /// The longest run of rows without a missing one, and how many make a tenth of a second.
-fn stretch(reference: &Reference, rows: &Rows) -> Result<(std::ops::Range<usize>, usize), String> {
+fn stretch(reference: &Reference, rows: &Rows, step_s: f64) -> Result<(std::ops::Range<usize>, usize), String> {
     let mut longest = 0..0;
     let mut first = 0;
     for i in 0..reference.row.len() {
@@ -170,7 +185,6 @@ fn stretch(reference: &Reference, rows: &Rows) -> Result<(std::ops::Range<usize>
             longest = first..i + 1;
         }
     }
-    let step_s = median_step(&rows.t);
     let length_s = longest.len() as f64 * step_s;
     if length_s < SHORTEST_S {
         return Err(format!(
@@ -182,12 +196,14 @@ fn stretch(reference: &Reference, rows: &Rows) -> Result<(std::ops::Range<usize>
 
 /// Three bins with as many rows each; none if speed hardly changes.
 fn speeds(reference: &Reference, rows: &Rows) -> Vec<[f64; 2]> {
-    let mut all: Vec<f64> = reference.row.iter().map(|&r| rows.velocity[0][r].hypot(rows.velocity[1][r])).collect();
-    all.sort_unstable_by(f64::total_cmp);
-    let at = |share| signal::percentile_of_sorted(&all, share).unwrap_or(0.0);
-    if all.len() < 60 || at(0.95) < LEAST_RANGE * at(0.05).max(0.5) {
+    let mut all: Vec<f64> = reference.row.iter().map(|&r| length([rows.velocity[0][r], rows.velocity[1][r]])).collect();
+    if all.len() < 60 {
         return vec![];
     }
-    let edges = [at(0.0), at(1.0 / 3.0), at(2.0 / 3.0), at(1.0).next_up()];
+    let at = percentiles(&mut all, &[0.0, 0.05, 1.0 / 3.0, 2.0 / 3.0, 0.95, 1.0]);
+    if at[4] < LEAST_RANGE * at[1].max(0.5) {
+        return vec![];
+    }
+    let edges = [at[0], at[2], at[3], at[5].next_up()];
     edges.windows(2).map(|w| [w[0], w[1]]).collect()
 }

@@ -255,7 +255,7 @@ impl Legs {
                 of_track.into_iter().zip(of_raw).map(|(a, b)| [a * a, b * b])
             })
             .collect();
-        let all = (mean(excess.into_iter()), rms(across.into_iter()), jackknife(&noise, |[a, b]| (a / b).sqrt()));
+        let all = (mean(&excess), rms(&across), jackknife(&noise, |[a, b]| (a / b).sqrt()));
         match all {
             (Some(along_excess_m), Some(across_rms_m), Some(noise_ratio)) => {
                 Finding::Found(StraightScore { along_excess_m, across_rms_m, noise_ratio })

@@ -116,8 +116,8 @@ pub(crate) fn both_at(samples: &Horizontal, t: f64) -> [f64; 2] {
 }
 
 /// Length of a vector.
-pub(crate) fn length([n, e]: [f64; 2]) -> f64 {
-    n.hypot(e)
+pub(crate) fn length(a: [f64; 2]) -> f64 {
+    dot(a, a).sqrt()
 }
 
 /// `a · b`.

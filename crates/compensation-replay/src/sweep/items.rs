@@ -20,10 +20,10 @@ pub(super) fn integral(t: &[f64], y: &[f64]) -> Vec<f64> {
 /// The rows of one fix, or the step from the fix before.
 #[derive(Debug, Clone)]
 struct Item {
-    /// The fix before, if its step is scored: place in the stamps.
-    before: Option<usize>,
     /// The fix: place in the stamps.
     at: usize,
+    /// Whether the step from the stamp before it is scored.
+    is_step: bool,
     /// Rows of it.
     rows: Range<usize>,
     /// Mean over the rows of what the integral should be, north and east, m.
@@ -54,13 +54,13 @@ impl Items {
         self.rows.len()
     }
 
-    fn add(&mut self, before: Option<usize>, at: usize, targets: &[[f64; 2]]) {
+    fn add(&mut self, is_step: bool, at: usize, targets: &[[f64; 2]]) {
         let n = targets.len() as f64;
         let mean = AXES.map(|k| targets.iter().map(|a| a[k]).sum::<f64>() / n);
         let scatter = targets.iter().map(|a| AXES.map(|k| (a[k] - mean[k]).powi(2)).iter().sum::<f64>()).sum();
         let from = self.rows.len();
         self.rows.extend_from_slice(targets);
-        self.items.push(Item { before, at, rows: from..self.rows.len(), mean, scatter });
+        self.items.push(Item { at, is_step, rows: from..self.rows.len(), mean, scatter });
     }
 
     /// Every n-th, so that about `most` are left.
@@ -68,9 +68,11 @@ impl Items {
         let every = self.items.len().div_ceil(most.max(1)).max(1);
         let mut out = Items { stamps: vec![], items: vec![], rows: vec![], ..*self };
         for item in self.items.iter().step_by(every) {
-            let before = item.before.map(|b| out.stamp(self.stamps[b]));
+            if item.is_step {
+                out.stamp(self.stamps[item.at - 1]);
+            }
             let at = out.stamp(self.stamps[item.at]);
-            out.add(before, at, &self.rows[item.rows.clone()]);
+            out.add(item.is_step, at, &self.rows[item.rows.clone()]);
         }
         out
     }
@@ -95,6 +97,23 @@ pub(super) struct Miss {
     pub(super) rate: [f64; 2],
 }
 
+/// What velocity has flown up to an instant, m, and itself there, m/s.
+#[derive(Debug, Clone, Copy, Default)]
+struct Flown {
+    way: [f64; 2],
+    velocity: [f64; 2],
+}
+
+/// The newest of at least two samples at `instant`, and never the last one; looked for from `at` on, in growing strides.
+fn newest(t: &[f64], at: usize, instant: f64) -> usize {
+    let mut stride = 1;
+    while at + stride < t.len() && t[at + stride] <= instant {
+        stride *= 2;
+    }
+    let ahead = &t[at + stride / 2..(at + stride).min(t.len())];
+    (at + stride / 2 + ahead.partition_point(|x| *x <= instant)).saturating_sub(1).clamp(at, t.len() - 2)
+}
+
 impl Sweeper {
     /// Rows of each fix that the reference covers, for delays from `low` to `high`; `None` without a reference.
     pub(super) fn errors(&self, (low, high): (f64, f64)) -> Option<Items> {
@@ -113,14 +132,14 @@ impl Sweeper {
             .zip(flown)
             .enumerate()
             .map(|(i, (&row, flown))| {
-                AXES.map(|k| self.input.position.axes[k][rows.fix[row]] + flown.0[k] - reference.axes[k][i])
+                AXES.map(|k| self.input.position.axes[k][rows.fix[row]] + flown.way[k] - reference.axes[k][i])
             })
             .collect();
         let group = |row: usize| (rows.fix[row], rows.segment[row]);
         let mut from = 0;
         for of_fix in reference.row.chunk_by(|a, b| group(*a) == group(*b)) {
             let at = items.stamp(self.input.position.t[rows.fix[of_fix[0]]]);
-            items.add(None, at, &targets[from..from + of_fix.len()]);
+            items.add(false, at, &targets[from..from + of_fix.len()]);
             from += of_fix.len();
         }
         Some(items)
@@ -138,9 +157,9 @@ impl Sweeper {
             }
             if self.holds(s, from, to) {
                 let step = AXES.map(|k| position.axes[k][j] - position.axes[k][j - 1]);
-                let before = items.stamp(position.t[j - 1]);
+                items.stamp(position.t[j - 1]);
                 let at = items.stamp(position.t[j]);
-                items.add(Some(before), at, &[step]);
+                items.add(true, at, &[step]);
             }
         }
         items
@@ -156,50 +175,50 @@ impl Sweeper {
     }
 
     /// Integral and velocity at rising instants inside the segments: one walk over the velocity.
-    fn flown_by(&self, instants: impl Iterator<Item = f64>) -> Vec<([f64; 2], [f64; 2])> {
+    fn flown_by<'a>(&'a self, instants: impl Iterator<Item = f64> + 'a) -> impl Iterator<Item = Flown> + 'a {
         let (t, v) = (&self.input.velocity.t, &self.input.velocity.axes);
         let mut at = 0;
-        instants
-            .map(|instant| {
-                while at + 2 < t.len() && t[at + 1] <= instant {
-                    at += 1;
-                }
-                let (since, step) = (instant - t[at], t[at + 1] - t[at]);
-                let slope = AXES.map(|k| (v[k][at + 1] - v[k][at]) / step);
-                let velocity = AXES.map(|k| v[k][at] + slope[k] * since);
-                (AXES.map(|k| self.flown[k][at] + 0.5 * since * (v[k][at] + velocity[k])), velocity)
-            })
-            .collect()
+        instants.map(move |instant| {
+            at = newest(t, at, instant);
+            let (since, step) = (instant - t[at], t[at + 1] - t[at]);
+            let slope = AXES.map(|k| (v[k][at + 1] - v[k][at]) / step);
+            let velocity = AXES.map(|k| v[k][at] + slope[k] * since);
+            Flown { way: AXES.map(|k| self.flown[k][at] + 0.5 * since * (v[k][at] + velocity[k])), velocity }
+        })
     }
 
     /// What every item misses with this delay.
-    pub(super) fn misses(&self, items: &Items, delay_s: f64) -> Vec<Miss> {
-        let flown = self.flown_by(items.stamps.iter().map(|t| t - delay_s));
-        let miss = |item: &Item| {
-            let (mut integral, mut rate) = flown[item.at];
-            if let Some((before, rate_before)) = item.before.map(|b| flown[b]) {
-                AXES.into_iter().for_each(|k| integral[k] -= before[k]);
-                AXES.into_iter().for_each(|k| rate[k] -= rate_before[k]);
+    pub(super) fn misses<'a>(&'a self, items: &'a Items, delay_s: f64) -> impl Iterator<Item = Miss> + 'a {
+        let mut flown = self.flown_by(items.stamps.iter().map(move |t| t - delay_s));
+        let (mut walked, mut before, mut now) = (0, Flown::default(), Flown::default());
+        items.items.iter().map(move |item| {
+            while walked <= item.at
+                && let Some(next) = flown.next()
+            {
+                (before, now, walked) = (now, next, walked + 1);
             }
-            Miss { rows: item.rows.len() as f64, error: AXES.map(|k| item.mean[k] - integral[k]), rate }
-        };
-        items.items.iter().map(miss).collect()
+            let from = if item.is_step { before } else { Flown::default() };
+            Miss {
+                rows: item.rows.len() as f64,
+                error: AXES.map(|k| item.mean[k] - (now.way[k] - from.way[k])),
+                rate: AXES.map(|k| now.velocity[k] - from.velocity[k]),
+            }
+        })
     }
 
     /// Mean of the squared 2-D score over all rows, m².
     pub(super) fn mean_square(&self, items: &Items, delay_s: f64) -> f64 {
-        let of_means = self.misses(items, delay_s).iter().map(|m| m.rows * square(m.error)).sum::<f64>();
+        let of_means = self.misses(items, delay_s).map(|m| m.rows * square(m.error)).sum::<f64>();
         (of_means + items.items.iter().map(|i| i.scatter).sum::<f64>()) / items.rows.len() as f64
     }
 
     /// Squared 2-D score of every row, m².
     pub(super) fn squares(&self, items: &Items, delay_s: f64) -> Vec<f64> {
-        let missed = self.misses(items, delay_s);
         let of = |(item, missed): (&Item, Miss)| {
             let mean = item.mean;
             items.rows[item.rows.clone()].iter().map(move |a| square(AXES.map(|k| missed.error[k] + a[k] - mean[k])))
         };
-        items.items.iter().zip(missed).flat_map(of).collect()
+        items.items.iter().zip(self.misses(items, delay_s)).flat_map(of).collect()
     }
 }
 

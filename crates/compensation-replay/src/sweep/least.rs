@@ -31,7 +31,7 @@ impl Sweeper {
         let near = self.searched()?;
         let items = self.errors((near - SEARCH_STEP_S, near + SEARCH_STEP_S)).filter(|i| i.len() >= 2 * BLOCKS);
         let items = items.ok_or_else(few)?;
-        let share = moving_share(&self.misses(&items, near));
+        let share = moving_share(self.misses(&items, near));
         if share < LEAST_MOVING_SHARE {
             return Err(format!(
                 "the flight is too straight and steady: {:.1} % of the squared velocity is not constant (at least {:.0} % \
@@ -41,7 +41,7 @@ impl Sweeper {
             ));
         }
         let delay_s = self.descended(&items, near).ok_or("the error has no least near its coarse minimum")?;
-        let u = jackknife(&self.misses(&items, delay_s));
+        let u = jackknife(&self.misses(&items, delay_s).collect::<Vec<Miss>>());
         if u.is_nan() || u > WORST_SIGMA_S {
             let (u, worst) = (1e3 * u, 1e3 * WORST_SIGMA_S);
             return Err(format!("the least error would tell the delay to ±{u:.0} ms only (limit {worst:.0} ms)"));
@@ -71,7 +71,7 @@ impl Sweeper {
     fn descended(&self, items: &Items, near: f64) -> Option<f64> {
         let mut delay_s = near;
         for _ in 0..ROUNDS {
-            let step = Sums::of(&self.misses(items, delay_s)).step();
+            let step = Sums::of(self.misses(items, delay_s)).step();
             delay_s += step;
             if (delay_s - near).abs() > SEARCH_STEP_S {
                 return None;
@@ -98,8 +98,8 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(misses: &[Miss]) -> Sums {
-        misses.iter().fold(Sums::default(), |sums, m| {
+    fn of(misses: impl Iterator<Item = Miss>) -> Sums {
+        misses.fold(Sums::default(), |sums, m| {
             let dot = |a: [f64; 2], b: [f64; 2]| m.rows * (a[0] * b[0] + a[1] * b[1]);
             Sums { gradient: sums.gradient + dot(m.rate, m.error), curvature: sums.curvature + dot(m.rate, m.rate) }
         })
@@ -114,10 +114,10 @@ impl Sums {
 /// Standard error of the delay by a delete-one jackknife over consecutive blocks (Künsch 1989), one Gauss–Newton step
 /// each: valid while errors are correlated over much less than a block.
 fn jackknife(misses: &[Miss]) -> f64 {
-    let all = Sums::of(misses);
+    let all = Sums::of(misses.iter().copied());
     let n = misses.len();
     let without = |b: usize| {
-        let block = Sums::of(&misses[b * n / BLOCKS..(b + 1) * n / BLOCKS]);
+        let block = Sums::of(misses[b * n / BLOCKS..(b + 1) * n / BLOCKS].iter().copied());
         Sums { gradient: all.gradient - block.gradient, curvature: all.curvature - block.curvature }.step()
     };
     let steps: Vec<f64> = (0..BLOCKS).map(without).collect();
@@ -127,10 +127,13 @@ fn jackknife(misses: &[Miss]) -> f64 {
 }
 
 /// Share of the squared velocity that is not its mean.
-fn moving_share(misses: &[Miss]) -> f64 {
-    let rows: f64 = misses.iter().map(|m| m.rows).sum();
-    let all: f64 = misses.iter().map(|m| m.rows * (m.rate[0].powi(2) + m.rate[1].powi(2))).sum();
-    let mean = AXES.map(|k| misses.iter().map(|m| m.rows * m.rate[k]).sum::<f64>() / rows);
-    let steady = rows * (mean[0].powi(2) + mean[1].powi(2));
+fn moving_share(misses: impl Iterator<Item = Miss>) -> f64 {
+    let (mut rows, mut all, mut sum) = (0.0, 0.0, [0.0; 2]);
+    for m in misses {
+        rows += m.rows;
+        all += m.rows * (m.rate[0].powi(2) + m.rate[1].powi(2));
+        AXES.into_iter().for_each(|k| sum[k] += m.rows * m.rate[k]);
+    }
+    let steady = (sum[0].powi(2) + sum[1].powi(2)) / rows;
     if all > 0.0 { (1.0 - steady / all).max(0.0) } else { 0.0 }
 }

@@ -53,9 +53,11 @@ pub(super) fn read_stamps(kind: StampKind, source: &TimeSource, table: &Table) -
         "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to this release",
     );
     match source {
-        TimeSource::Number { tick: tick @ (Tick::Millis | Tick::TenthMillis | Tick::Micros), clock, .. }
-            if matches!(clock, Clock::Boot | Clock::Elapsed) =>
-        {
+        TimeSource::Number {
+            tick: tick @ (Tick::Millis | Tick::TenthMillis | Tick::Micros),
+            clock: Clock::Boot | Clock::Elapsed,
+            ..
+        } => {
             note(
                 "stamp-wrap",
                 unwrap(&mut nanos, tick.nanos()),

@@ -29,6 +29,10 @@ pub(crate) enum CellKind {
     Whole,
     /// As it stands; in the last cell with its commas.
     Text,
+    /// A number, or nothing at all: then the value is absent.
+    NumberIfAny,
+    /// A whole number, or nothing at all.
+    WholeIfAny,
 }
 
 /// How to read the wanted cells of a line.
@@ -52,8 +56,8 @@ impl Plan {
         let step = |field: &CellField| {
             let CellField { path, cell, kind } = field;
             let value_type = match kind {
-                CellKind::Number => ValueType::Float,
-                CellKind::Whole => ValueType::Integer,
+                CellKind::Number | CellKind::NumberIfAny => ValueType::Float,
+                CellKind::Whole | CellKind::WholeIfAny => ValueType::Integer,
                 CellKind::Text => ValueType::Text,
             };
             let column = wanted.has(path).then(|| rows.column(path, value_type)).flatten()?;
@@ -70,9 +74,10 @@ impl Plan {
             let text = cell(line, step.cell, last).ok_or_else(|| format!("{} is missing", step.path))?;
             let no_number = || format!("{}: {:?} is no number", step.path, text.chars().take(40).collect::<String>());
             let value = match step.kind {
+                CellKind::NumberIfAny | CellKind::WholeIfAny if text.is_empty() => continue,
                 CellKind::Text => Value::Text(text),
-                CellKind::Whole => Value::Integer(text.parse().map_err(|_| no_number())?),
-                CellKind::Number => Value::Float(number(text).ok_or_else(no_number)?),
+                CellKind::Whole | CellKind::WholeIfAny => Value::Integer(text.parse().map_err(|_| no_number())?),
+                CellKind::Number | CellKind::NumberIfAny => Value::Float(number(text).ok_or_else(no_number)?),
             };
             rows.set(step.column, value);
         }

@@ -45,9 +45,8 @@ fn tokens(text: &str) -> Result<Vec<Token<'_>>, String> {
         rest = trimmed;
         let Some(first) = rest.chars().next() else { return Ok(tokens) };
         let line = rest.lines().next().unwrap_or_default();
-        let skipped = if line_start && (first == '#' || line.starts_with("===") || line.starts_with("IDL:")) {
-            Some(line.len())
-        } else if rest.starts_with("//") {
+        let directive = line_start && (first == '#' || line.starts_with("===") || line.starts_with("IDL:"));
+        let skipped = if directive || rest.starts_with("//") {
             Some(line.len())
         } else if rest.starts_with("/*") {
             Some(rest.find("*/").ok_or("a comment has no end")? + 2)

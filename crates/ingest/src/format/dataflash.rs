@@ -6,11 +6,11 @@
 
 mod binary;
 mod book;
-mod modes;
+pub(super) mod modes;
 mod record;
 mod text;
 mod units;
-mod vehicle;
+pub(super) mod vehicle;
 
 use self::book::Book;
 use crate::error::IngestError;

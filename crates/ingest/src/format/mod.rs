@@ -22,8 +22,11 @@ pub(crate) use dataflash::looks_like as looks_like_dataflash;
 pub use db3::Db3Reader;
 pub use mcap::{McapReader, mcap_indexed_records, mcap_records};
 pub use nmea::NmeaReader;
+pub(crate) use nmea::looks_like as looks_like_nmea;
 pub use tlog::TlogReader;
+pub(crate) use tlog::looks_like as looks_like_tlog;
 pub use ubx::UbxReader;
+pub(crate) use ubx::looks_like as looks_like_ubx;
 pub use ulog::UlogReader;
 pub(crate) use unpack::{Packing, UnpackingReader, members, named_text};
 

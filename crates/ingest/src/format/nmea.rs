@@ -1,10 +1,33 @@
-//! NMEA 0183.
+//! NMEA 0183: lines of text with a checksum, as receivers write them
+//! (<https://gpsd.gitlab.io/gpsd/NMEA.html> gathers what is public of the standard).
+//!
+//! A topic is named after the address, `GNRMC`, and its type is `RMC`. The date comes from RMC and ZDA; a sentence that
+//! says the time alone has the day that is nearest to the sentence before it, and VTG, which says neither, its time. A
+//! logger may have put the Unix time in front of each line: that is when the sentence was logged.
+//!
+//! Fields are taken apart here and not by the `nmea` crate, whose values are single-precision floats and have lost the
+//! last digits of speeds, tracks and heights. Latitude and longitude are the doubles nearest to what the text says.
 
+mod book;
+mod sentence;
+
+pub(super) use self::book::Book;
+pub(super) use self::sentence::Sentence;
+use crate::civil::Tick;
+use crate::decode::Topics;
 use crate::error::IngestError;
+use crate::format::Reading;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
+use flight::{Notices, Severity};
+use memchr::{memchr, memchr_iter, memchr2};
 use std::path::PathBuf;
 
-/// Reads NMEA 0183.
+/// Bytes looked through for lines in one go.
+const BLOCK: usize = 256 << 10;
+
+/// Reads one NMEA log, or several that make up one flight.
 #[derive(Debug, Clone)]
 pub struct NmeaReader {
     files: Vec<PathBuf>,
@@ -19,8 +42,265 @@ impl NmeaReader {
 }
 
 impl LogReader for NmeaReader {
-    fn read(&mut self, _want: &dyn Select, _context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let file = self.files.first().map(|f| f.display().to_string()).unwrap_or_default();
-        Err(IngestError::NotALog { file, what: "NMEA 0183, a format that is not read yet".to_owned() })
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
+        let mut log = Log::default();
+        log.health.format = "NMEA 0183".to_owned();
+        let mut book = Book::new();
+        for file in &mut files {
+            let head = file.up_to(0, crate::sniff::HEAD)?;
+            let (bare, foreign) = (is_bare(head), head.iter().all(|b| *b == 0));
+            if foreign {
+                super::refuse_foreign(file, "", context)?;
+            }
+            let mut walk = Walk::new(file, context, &mut ledger, &mut book, &mut topics, bare);
+            walk.run()?;
+            walk.tell(&mut notices);
+        }
+        book.finish(&mut log, &mut notices);
+        let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+        forget_log_times(&mut log);
+        Ok(log)
+    }
+}
+
+/// Makes the tables of a format whose messages nobody has stamped as such tables are.
+pub(super) fn forget_log_times(log: &mut Log) {
+    log.tables.iter_mut().for_each(|table| table.logged_ns = None);
+    log.health.topics.iter_mut().for_each(|topic| topic.stamps.clear());
+}
+
+/// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is.
+pub(crate) fn looks_like(head: &[u8]) -> bool {
+    let mut lines = head.split(|b| *b == b'\n').take(100);
+    let sentence = |line: &[u8]| Some(Sentence::at(line.get(memchr2(b'$', b'!', line)?..)?, false).is_ok());
+    let (mut good, mut bad) = (0, 0);
+    while let (Some(line), true) = (lines.next(), good < 2) {
+        match sentence(line) {
+            Some(true) => good += 1,
+            Some(false) => bad += 1,
+            None => {}
+        }
+    }
+    good >= 2 || (good == 1 && bad == 0)
+}
+
+/// Whether no line has a checksum: some loggers take it off.
+fn is_bare(head: &[u8]) -> bool {
+    let mut lines = head.split(|b| *b == b'\n').take(1000);
+    !lines.any(|line| memchr(b'$', line).is_some() && memchr(b'*', line).is_some())
+}
+
+/// A walk in progress.
+struct Walk<'w, 'c, 't, 's> {
+    file: &'w mut LogFile,
+    name: String,
+    context: &'w ReadContext<'c>,
+    ledger: &'w mut Ledger,
+    book: &'w mut Book,
+    topics: &'t mut Topics<'s>,
+    at: u64,
+    line: u64,
+    /// Sentences may have no checksum.
+    bare: bool,
+    counts: Counts,
+}
+
+/// What was not as the standard has it.
+#[derive(Debug, Default)]
+struct Counts {
+    unchecked: u64,
+    /// Text in front of sentences that is no Unix time.
+    prefixes: u64,
+    /// Bytes of text in front of the first sentence, and of comments.
+    preamble: u64,
+    sentences: u64,
+}
+
+impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
+    fn new(
+        file: &'w mut LogFile,
+        context: &'w ReadContext<'c>,
+        ledger: &'w mut Ledger,
+        book: &'w mut Book,
+        topics: &'t mut Topics<'s>,
+        bare: bool,
+    ) -> Walk<'w, 'c, 't, 's> {
+        let name = file.name().to_owned();
+        Walk { file, name, context, ledger, book, topics, at: 0, line: 0, bare, counts: Counts::default() }
+    }
+
+    /// From the first byte to the last.
+    fn run(&mut self) -> Result<(), IngestError> {
+        while self.at < self.file.size() {
+            let (longest, size) = (self.context.limits.line_bytes.max(1), self.file.size());
+            let mut block = self.file.up_to(self.at, BLOCK.min(longest))?;
+            if memchr(b'\n', block).is_none() {
+                block = self.file.up_to(self.at, longest)?;
+            }
+            let is_last = self.at + block.len() as u64 == size;
+            let end = match memchr::memrchr(b'\n', block) {
+                _ if is_last => block.len(),
+                Some(end) => end + 1,
+                None => {
+                    self.long_line()?;
+                    continue;
+                }
+            };
+            // The lines are taken from a copy: sentences go on while the file stays borrowed.
+            let lines = block.get(..end).unwrap_or_default().to_vec();
+            self.lines(&lines);
+            self.file.progress(self.at, self.context)?;
+        }
+        Ok(())
+    }
+
+    /// Whole lines, or the last one without its end.
+    fn lines(&mut self, block: &[u8]) {
+        let mut from = 0;
+        for end in memchr_iter(b'\n', block).map(|end| end + 1).chain([block.len()]) {
+            let line = block.get(from..end).unwrap_or_default();
+            if !line.is_empty() {
+                self.line += 1;
+                self.line(line);
+                self.at += line.len() as u64;
+            }
+            from = end;
+        }
+    }
+
+    /// One line with its end. Where a line's end is damaged, two sentences stand in one.
+    fn line(&mut self, line: &[u8]) {
+        if line.starts_with(b"#") && is_plain(line) {
+            return self.aside(line);
+        }
+        let mut from = 0;
+        while let Some(dollar) = line.get(from..).and_then(|rest| memchr2(b'$', b'!', rest)).map(|at| from + at) {
+            let rest = line.get(dollar..).unwrap_or_default();
+            let prefix = line.get(from..dollar).unwrap_or_default();
+            let next = rest.get(1..).and_then(|r| memchr2(b'$', b'!', r)).map_or(line.len(), |at| dollar + 1 + at);
+            match Sentence::at(rest, self.bare) {
+                Ok(sentence) => {
+                    let end = dollar + sentence.length;
+                    self.sentence(&sentence, prefix, (end - from) as u64);
+                    from = end;
+                }
+                Err(reason) => {
+                    self.damaged(from, next, &reason);
+                    from = next;
+                }
+            }
+        }
+        let rest = line.get(from..).unwrap_or_default();
+        if rest.iter().all(u8::is_ascii_whitespace) {
+            self.ledger.count(Fate::Structure, rest.len() as u64);
+        } else if is_plain(rest) && self.counts.sentences == 0 && memchr(b'*', rest).is_none() {
+            self.aside(rest);
+        } else {
+            self.damaged(from, line.len(), "no sentence");
+        }
+    }
+
+    /// A comment, or text in front of the first sentence.
+    fn aside(&mut self, text: &[u8]) {
+        self.counts.preamble += text.len() as u64;
+        self.ledger.count(Fate::Skipped, text.len() as u64);
+    }
+
+    fn sentence(&mut self, sentence: &Sentence<'_>, prefix: &[u8], bytes: u64) {
+        self.counts.sentences += 1;
+        self.counts.unchecked += u64::from(!sentence.checked);
+        let logged_ns = logged(prefix);
+        self.counts.prefixes += u64::from(logged_ns.is_none() && !prefix.iter().all(u8::is_ascii_whitespace));
+        let fate = self.book.sentence(sentence, logged_ns, self.topics);
+        self.ledger.count(fate, bytes);
+    }
+
+    fn damaged(&mut self, from: usize, to: usize, reason: &str) {
+        let at = self.at + from as u64;
+        self.ledger.damaged(&self.name, at, (to - from) as u64, format!("line {}: {reason}", self.line));
+    }
+
+    /// A line that is longer than the limit.
+    fn long_line(&mut self) -> Result<(), IngestError> {
+        self.line += 1;
+        let start = self.at;
+        while self.at < self.file.size() {
+            let block = self.file.up_to(self.at, BLOCK)?;
+            let end = memchr(b'\n', block);
+            self.at += end.map_or(block.len(), |end| end + 1) as u64;
+            if end.is_some() {
+                break;
+            }
+            self.file.progress(self.at, self.context)?;
+        }
+        let reason = format!("line {}: longer than the limit", self.line);
+        self.ledger.damaged(&self.name, start, self.at - start, reason);
+        Ok(())
+    }
+
+    fn tell(&self, notices: &mut Notices) {
+        let mut say = |severity, code: &str, count, text: &str| {
+            if count > 0 {
+                notices.push(severity, code, self.name.as_str(), count, text);
+            }
+        };
+        let Counts { unchecked, prefixes, preamble, .. } = self.counts;
+        say(
+            Severity::Warning,
+            "unchecked",
+            unchecked,
+            "sentences have no checksum: nothing shows whether they are intact",
+        );
+        say(Severity::Info, "prefix", prefixes, "sentences stand behind text that is no Unix time; it was not read");
+        say(
+            Severity::Info,
+            "preamble",
+            preamble,
+            "bytes of text that is no sentence: comments, and what stands before the first",
+        );
+    }
+}
+
+fn is_plain(text: &[u8]) -> bool {
+    std::str::from_utf8(text).is_ok_and(|text| text.bytes().all(|b| b >= b' ' || b"\t\r\n".contains(&b)))
+}
+
+/// The Unix time in front of a sentence, ns, if that is all there is: seconds, or milli-, micro- or nanoseconds as the
+/// number of digits tells.
+fn logged(prefix: &[u8]) -> Option<i64> {
+    let text = std::str::from_utf8(prefix).ok()?.trim_matches([' ', '\t', ',', ';', ':']);
+    let whole = text.split('.').next().unwrap_or_default();
+    let digits = text.bytes().all(|b| b.is_ascii_digit() || b == b'.');
+    let tick = match whole.len() {
+        10 => Tick::Seconds,
+        13 => Tick::Millis,
+        16 => Tick::Micros,
+        19 => Tick::Nanos,
+        _ => return None,
+    };
+    if digits { tick.of_text(text) } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plain_unix_time_in_front_is_when_it_was_logged_and_other_text_is_not() {
+        assert_eq!(logged(b"1699999999.123 "), Some(1_699_999_999_123_000_000));
+        assert_eq!(logged(b"1699999999123,"), Some(1_699_999_999_123_000_000));
+        assert_eq!(logged(b"1699999999123456\t"), Some(1_699_999_999_123_456_000));
+        assert_eq!(logged(b"1699999999123456789: "), Some(1_699_999_999_123_456_789));
+        for text in ["", "[12:00:01] ", "16:99:99", "12.5 ", "1699999999.1.2 ", "x1699999999 "] {
+            assert_eq!(logged(text.as_bytes()), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn text_is_told_from_sentences() {
+        assert!(looks_like(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"));
+        assert!(!looks_like(b"$FLYS,1\r\n$COL,GNSS,time\r\n$DATA\r\n"));
+        assert!(!looks_like(b"time,lat,lon\n1,2,3\n"));
     }
 }

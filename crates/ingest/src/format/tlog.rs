@@ -1,10 +1,44 @@
-//! MAVLink telemetry log.
+//! Telemetry of MAVLink as ground stations write it: each frame behind the time at which it came, µs of UTC in eight
+//! bytes, the highest first (<https://mavlink.io/en/file_formats/#tlog>).
+//!
+//! Every frame has a checksum, and it is checked; of a message that is not defined, whether it is the same layout every
+//! time. A topic is named after its message. The vehicle with the smallest number has the plain name; what another
+//! vehicle says is `GPS_RAW_INT@2`, and another component of this one `ODOMETRY@1.197`.
+//!
+//! The definitions are a table and not the `mavlink` crate: its messages are types of their own, which 27 or 350 hand-made
+//! conversions would have to bring into columns, and its dialect takes half a minute to compile. The table goes into
+//! columns as it is, and the checksum of every frame proves its line.
 
+mod definition;
+mod frame;
+mod vehicle;
+
+use self::definition::Definitions;
+use self::frame::{Frame, LONGEST, MAGIC, NoFrame};
+use self::vehicle::Vehicle;
+use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
+use crate::format::Reading;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::table::TopicInfo;
+use flight::{Notices, Severity};
+use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Reads MAVLink telemetry log.
+/// Bytes of the time in front of a frame.
+const TIME: usize = 8;
+/// A time in front of a frame that is searched for lies between 2000 and 2100, µs.
+const PLAUSIBLE_US: std::ops::Range<u64> = 946_684_800_000_000..4_102_444_800_000_000;
+/// Bytes searched in one go.
+const BLOCK: usize = 256 << 10;
+/// Bytes in which the heartbeat of every vehicle is expected.
+const BEGIN: u64 = 1 << 20;
+/// Messages that are not defined and whose layout is remembered.
+const MOST_UNKNOWN: usize = 4096;
+
+/// Reads one telemetry log, or several that make up one flight.
 #[derive(Debug, Clone)]
 pub struct TlogReader {
     files: Vec<PathBuf>,
@@ -19,8 +53,255 @@ impl TlogReader {
 }
 
 impl LogReader for TlogReader {
-    fn read(&mut self, _want: &dyn Select, _context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let file = self.files.first().map(|f| f.display().to_string()).unwrap_or_default();
-        Err(IngestError::NotALog { file, what: "MAVLink telemetry log, a format that is not read yet".to_owned() })
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
+        let mut log = Log::default();
+        log.health.format = "MAVLink telemetry".to_owned();
+        let definitions = Definitions::new();
+        let main = match files.first_mut() {
+            Some(first) => main_vehicle(first, &definitions)?,
+            None => Sender::default(),
+        };
+        let mut book = Book::new(&definitions, main, &mut topics);
+        for file in &mut files {
+            super::refuse_foreign(file, NO_FRAME, context)?;
+            Walk { name: file.name().to_owned(), file, context, ledger: &mut ledger, book: &mut book, at: 0 }.run()?;
+        }
+        book.finish(&mut log, &mut notices);
+        Reading { files, ledger, notices, topics }.conclude(log)
+    }
+}
+
+/// Said where no frame begins.
+const NO_FRAME: &str = "what stands here is no frame of MAVLink";
+
+/// Whether these first bytes of a file are frames with times in front.
+pub(crate) fn looks_like(head: &[u8]) -> bool {
+    let plausible = |bytes: &[u8]| time_us(bytes).is_some_and(|time| PLAUSIBLE_US.contains(&time));
+    let begins = head.get(TIME).is_some_and(|magic| MAGIC.contains(magic)) && plausible(head);
+    let frame = || Frame::at(head.get(TIME..).unwrap_or_default(), &Definitions::new()).ok().and_then(|f| f.intact);
+    begins && frame() == Some(true)
+}
+
+fn time_us(bytes: &[u8]) -> Option<u64> {
+    bytes.first_chunk().map(|eight| u64::from_be_bytes(*eight))
+}
+
+/// Who sent a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+struct Sender {
+    system: u8,
+    component: u8,
+}
+
+impl Default for Sender {
+    /// An autopilot whose numbers nobody has changed.
+    fn default() -> Sender {
+        Sender { system: 1, component: 1 }
+    }
+}
+
+/// The autopilot with the smallest number among those whose heartbeat is near the begin of the log.
+fn main_vehicle(file: &mut LogFile, definitions: &Definitions) -> Result<Sender, IngestError> {
+    let (mut at, end) = (0, file.size().min(BEGIN));
+    let mut main = None;
+    while at < end {
+        let bytes = file.up_to(at, TIME + LONGEST)?;
+        at += match Frame::at(bytes.get(TIME..).unwrap_or_default(), definitions) {
+            Ok(frame) if frame.intact != Some(false) => {
+                if vehicle::is_autopilot(frame.message, frame.payload) {
+                    let sender = Sender { system: frame.system, component: frame.component };
+                    main = Some(main.map_or(sender, |main: Sender| main.min(sender)));
+                }
+                (TIME + frame.length) as u64
+            }
+            _ => 1,
+        };
+    }
+    Ok(main.unwrap_or_default())
+}
+
+/// A walk in progress.
+struct Walk<'w, 'c, 'b, 't> {
+    file: &'w mut LogFile,
+    name: String,
+    context: &'w ReadContext<'c>,
+    ledger: &'w mut Ledger,
+    book: &'w mut Book<'b, 't>,
+    at: u64,
+}
+
+impl Walk<'_, '_, '_, '_> {
+    /// From the first byte to the last.
+    fn run(mut self) -> Result<(), IngestError> {
+        while self.at < self.file.size() {
+            let bytes = self.file.up_to(self.at, TIME + LONGEST)?;
+            match self.book.record(bytes) {
+                Ok((fate, length)) => {
+                    self.ledger.count(fate, length as u64);
+                    self.at += length as u64;
+                }
+                Err(reason) => self.lost(reason)?,
+            }
+            self.file.progress(self.at, self.context)?;
+        }
+        Ok(())
+    }
+
+    /// Goes on where the next intact frame begins.
+    fn lost(&mut self, reason: &str) -> Result<(), IngestError> {
+        let next = self.search(self.at + 1)?;
+        let reason = if next == self.file.size() && reason == CUT { "the log ends inside a frame" } else { reason };
+        self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        self.at = next;
+        Ok(())
+    }
+
+    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
+        let mut at = from;
+        while at < self.file.size() {
+            let block = self.file.up_to(at, BLOCK)?;
+            let magics = memchr::memchr2_iter(MAGIC[0], MAGIC[1], block.get(TIME..).unwrap_or_default());
+            let definitions = self.book.definitions;
+            let (known, whole) = (block.len(), block.len() < BLOCK);
+            // A frame that straddles two blocks is found in the second.
+            let last = if whole { known } else { known.saturating_sub(TIME + LONGEST) };
+            let found = magics.take_while(|hit| *hit < last).find(|hit| {
+                let record = block.get(*hit..).unwrap_or_default();
+                let plausible = time_us(record).is_some_and(|time| PLAUSIBLE_US.contains(&time));
+                let frame = || Frame::at(record.get(TIME..).unwrap_or_default(), definitions).ok();
+                plausible && frame().is_some_and(|f| f.intact == Some(true))
+            });
+            match found {
+                Some(hit) => return Ok(at + hit as u64),
+                None if whole => break,
+                None => at += last as u64,
+            }
+            self.file.progress(at, self.context)?;
+        }
+        Ok(self.file.size())
+    }
+}
+
+/// Said of a frame that is not all there.
+const CUT: &str = "a frame whose length leads nowhere";
+
+/// The way of each message to its topic.
+struct Book<'b, 't> {
+    definitions: &'b Definitions,
+    main: Sender,
+    topics: &'b mut Topics<'t>,
+    routes: HashMap<(Sender, u32, bool), Option<Route>>,
+    vehicle: Vehicle,
+    /// What stands for the layout of a message that is not defined, as its first frame has it.
+    unknown: HashMap<u32, u8>,
+    undefined: Tally,
+    flagged: Tally,
+    unplaced: Tally,
+    restored: Vec<u8>,
+}
+
+impl<'b, 't> Book<'b, 't> {
+    fn new(definitions: &'b Definitions, main: Sender, topics: &'b mut Topics<'t>) -> Book<'b, 't> {
+        Book {
+            definitions,
+            main,
+            topics,
+            routes: HashMap::new(),
+            vehicle: Vehicle::default(),
+            unknown: HashMap::new(),
+            undefined: Tally::default(),
+            flagged: Tally::default(),
+            unplaced: Tally::default(),
+            restored: vec![],
+        }
+    }
+
+    /// The record that the bytes begin with: its fate and its length, or why there is none.
+    fn record(&mut self, bytes: &[u8]) -> Result<(Fate, usize), &'static str> {
+        let time = time_us(bytes).ok_or(CUT)?;
+        let frame = Frame::at(bytes.get(TIME..).unwrap_or_default(), self.definitions).map_err(|no| match no {
+            NoFrame::Foreign => NO_FRAME,
+            NoFrame::Cut => CUT,
+        })?;
+        if frame.intact == Some(false) || (frame.intact.is_none() && !self.is_consistent(&frame)) {
+            return Err("the checksum of a frame is wrong");
+        }
+        let logged_ns = i64::try_from(time).ok().and_then(|us| us.checked_mul(1000)).unwrap_or(i64::MAX);
+        let length = TIME + frame.length;
+        if frame.unknown_flags {
+            self.flagged.add(|| format!("message {}", frame.message));
+            return Ok((Fate::Skipped, length));
+        }
+        Ok((self.message(&frame, logged_ns), length))
+    }
+
+    /// Whether a message that is not defined has the layout that it had before.
+    fn is_consistent(&mut self, frame: &Frame<'_>) -> bool {
+        let Some(extra) = frame.extra else { return false };
+        if self.unknown.len() >= MOST_UNKNOWN && !self.unknown.contains_key(&frame.message) {
+            return false;
+        }
+        *self.unknown.entry(frame.message).or_insert(extra) == extra
+    }
+
+    fn message(&mut self, frame: &Frame<'_>, logged_ns: i64) -> Fate {
+        let sender = Sender { system: frame.system, component: frame.component };
+        let Some(route) = self.route(sender, frame) else {
+            self.unplaced.add(|| format!("message {}", frame.message));
+            return Fate::Skipped;
+        };
+        let times = Times { logged_ns, published_ns: None };
+        let Some(definition) = self.definitions.get(frame.message) else {
+            self.undefined.add(|| format!("number {}", frame.message));
+            return self.topics.message(route, times, frame.payload);
+        };
+        // A sender of MAVLink 2 leaves out the zeros at the end.
+        let length = if frame.wide { definition.length(true) } else { 0 };
+        self.restored.clear();
+        self.restored.extend_from_slice(frame.payload);
+        self.restored.resize(frame.payload.len().max(length), 0);
+        if sender == self.main {
+            self.vehicle.tell(frame.message, &self.restored, logged_ns);
+        }
+        self.topics.message(route, times, &self.restored)
+    }
+
+    /// Where messages of this sender go; `None` if there are too many topics.
+    fn route(&mut self, sender: Sender, frame: &Frame<'_>) -> Option<Route> {
+        if let Some(route) = self.routes.get(&(sender, frame.message, frame.wide)) {
+            return *route;
+        }
+        let definition = self.definitions.get(frame.message);
+        let type_name = definition.map_or_else(|| format!("MESSAGE_{}", frame.message), |d| d.name.to_owned());
+        let name = match (sender.system == self.main.system, sender.component == self.main.component) {
+            (true, true) => type_name.clone(),
+            (false, true) => format!("{type_name}@{}", sender.system),
+            (_, false) => format!("{type_name}@{}.{}", sender.system, sender.component),
+        };
+        let info = TopicInfo { name, type_name, encoding: "mavlink".to_owned() };
+        let route = match definition {
+            Some(d) => self.topics.packed_route(info, d.text(frame.wide).as_bytes(), |_| Ok(d.layout(frame.wide))),
+            None => self.topics.packed_route(info, &[], |_| Err("a message that is not defined".to_owned())),
+        };
+        let route = route.ok();
+        self.routes.insert((sender, frame.message, frame.wide), route);
+        route
+    }
+
+    /// Writes what the log says of its vehicle, and what was wrong with it.
+    fn finish(self, log: &mut Log, notices: &mut Notices) {
+        let mut say = |severity, code: &str, tally: &Tally, text: &str| {
+            if tally.count > 0 {
+                notices.push(severity, code, "", tally.count, format!("{text}; the first: {}", tally.first));
+            }
+        };
+        let text = "frames of messages that are not defined were not read";
+        say(Severity::Warning, "unknown-message", &self.undefined, text);
+        let text = "frames with flags that nobody knows were not read";
+        say(Severity::Loss, "unknown-flags", &self.flagged, text);
+        let text = "messages found no topic, for there are too many";
+        say(Severity::Loss, "unknown-channel", &self.unplaced, text);
+        log.health.about = self.vehicle.finish();
     }
 }

@@ -1,10 +1,40 @@
-//! u-blox binary.
+//! UBX, the binary protocol of u-blox receivers, as it comes from the receiver: NMEA and RTCM 3 may stand between.
+//!
+//! Every frame has a checksum, and it is checked. A topic is named after its message, `NAV-PVT`; messages that are not
+//! read are counted by class and number, and so are corrections. In front of the fields of a message stand `gps_week`,
+//! the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of a PVT before it says (0 if none did), and `fix_ok`; in
+//! front of NAV-HPPOSLLH also `latitude`, `longitude` and `ellipsoid_height` of all its digits. A receiver's own output
+//! has no time at which it was logged.
+//!
+//! Layouts are a table and not those of the `ublox` crate: its accessors scale and clip each field, and one conversion
+//! by hand for each message would stand between it and the columns. The table goes into columns as it is.
 
+mod frame;
+mod message;
+mod receiver;
+
+use self::frame::{CUT, Finder, Frame, LONGEST, RTCM, SYNC, WRONG, rtcm_length};
+use self::message::Message;
+use self::receiver::Receiver;
+use super::nmea::{self, Book, Sentence};
+use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
+use crate::format::Reading;
+use crate::format::file::LogFile;
+use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::table::TopicInfo;
+use flight::{Notices, Severity};
+use memchr::{memchr2_iter, memmem};
+use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Reads u-blox binary.
+/// Bytes searched in one go.
+const BLOCK: usize = 256 << 10;
+/// Nobody stamped the messages.
+const UNSTAMPED: Times = Times { logged_ns: 0, published_ns: None };
+
+/// Reads one UBX log, or several that make up one flight.
 #[derive(Debug, Clone)]
 pub struct UbxReader {
     files: Vec<PathBuf>,
@@ -19,8 +49,205 @@ impl UbxReader {
 }
 
 impl LogReader for UbxReader {
-    fn read(&mut self, _want: &dyn Select, _context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let file = self.files.first().map(|f| f.display().to_string()).unwrap_or_default();
-        Err(IngestError::NotALog { file, what: "u-blox binary, a format that is not read yet".to_owned() })
+    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
+        let mut log = Log::default();
+        log.health.format = "u-blox UBX".to_owned();
+        let mut content = Content::new(&mut topics);
+        for file in &mut files {
+            let head = file.up_to(0, crate::sniff::HEAD)?;
+            if !nmea::looks_like(head) {
+                super::refuse_foreign(file, NOTHING, context)?;
+            }
+            let name = file.name().to_owned();
+            Walk { name, file, context, ledger: &mut ledger, content: &mut content, at: 0, searched: None }.run()?;
+        }
+        content.finish(&mut log, &mut notices);
+        let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+        nmea::forget_log_times(&mut log);
+        Ok(log)
+    }
+}
+
+/// Said where neither frame nor sentence begins.
+const NOTHING: &str = "what stands here is neither a frame nor a sentence";
+
+/// Whether these first bytes of a file hold an intact frame.
+pub(crate) fn looks_like(head: &[u8]) -> bool {
+    memmem::find_iter(head, &SYNC).take(1000).any(|at| Frame::at(head.get(at..).unwrap_or_default()).is_ok())
+}
+
+/// A walk in progress.
+struct Walk<'w, 'c, 'b, 't> {
+    file: &'w mut LogFile,
+    name: String,
+    context: &'w ReadContext<'c>,
+    ledger: &'w mut Ledger,
+    content: &'w mut Content<'b, 't>,
+    at: u64,
+    /// Where damage was last searched, and from where on.
+    searched: Option<(u64, Finder)>,
+}
+
+impl Walk<'_, '_, '_, '_> {
+    /// From the first byte to the last.
+    fn run(mut self) -> Result<(), IngestError> {
+        while self.at < self.file.size() {
+            let hopeless = self.is_known_to_be_damaged();
+            let bytes = self.file.up_to(self.at, LONGEST)?;
+            match if hopeless { Err(WRONG.to_owned()) } else { self.content.take(bytes) } {
+                Ok((fate, length)) => {
+                    self.ledger.count(fate, length as u64);
+                    self.at += length as u64;
+                }
+                Err(reason) => self.lost(reason)?,
+            }
+            self.file.progress(self.at, self.context)?;
+        }
+        Ok(())
+    }
+
+    /// Goes on where the next intact frame or sentence begins.
+    fn lost(&mut self, reason: String) -> Result<(), IngestError> {
+        let next = self.search(self.at + 1)?;
+        let cut = next == self.file.size() && reason == CUT;
+        let reason = if cut { "the log ends inside a frame".to_owned() } else { reason };
+        self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        self.at = next;
+        Ok(())
+    }
+
+    /// Whether a frame begins here that was already found to be none: its length may be a lie, and summing up all that
+    /// it claims would take long.
+    fn is_known_to_be_damaged(&self) -> bool {
+        let Some((start, finder)) = &self.searched else { return false };
+        let place = self.at - start;
+        place < BLOCK as u64
+            && finder.block().get(place as usize..).is_some_and(|rest| rest.starts_with(&SYNC))
+            && !finder.is_frame(place as usize)
+    }
+
+    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
+        let mut at = from;
+        while at < self.file.size() {
+            if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
+                // What a block of the search begins with may be as long as a frame.
+                let block = self.file.up_to(at, BLOCK + LONGEST)?.to_vec();
+                self.searched = Some((at, Finder::new(block)));
+            }
+            let Some((start, finder)) = &self.searched else { break };
+            let (first, block) = ((at - start) as usize, finder.block());
+            let is_sentence = |hit: usize| block.get(hit..).is_some_and(|b| Sentence::at(b, false).is_ok());
+            let found = memchr2_iter(SYNC[0], b'$', block.get(first..).unwrap_or_default())
+                .map(|hit| first + hit)
+                .take_while(|hit| *hit < BLOCK)
+                .find(|&hit| finder.is_frame(hit) || (block.get(hit) == Some(&b'$') && is_sentence(hit)));
+            if let Some(hit) = found {
+                return Ok(start + hit as u64);
+            }
+            at = (start + BLOCK as u64).min(self.file.size());
+            self.file.progress(at, self.context)?;
+        }
+        Ok(self.file.size())
+    }
+}
+
+/// The way of frames and sentences to their topics.
+struct Content<'b, 't> {
+    topics: &'b mut Topics<'t>,
+    /// By class and number; RTCM by its own.
+    routes: HashMap<(u8, u8), Option<Route>>,
+    receiver: Receiver,
+    sentences: Book,
+    assembled: Vec<u8>,
+    unplaced: Tally,
+}
+
+/// Stands for corrections among the routes: no class of UBX has this number.
+const CORRECTIONS: (u8, u8) = (0xff, RTCM);
+
+impl<'b, 't> Content<'b, 't> {
+    fn new(topics: &'b mut Topics<'t>) -> Content<'b, 't> {
+        Content {
+            topics,
+            routes: HashMap::new(),
+            receiver: Receiver::default(),
+            sentences: Book::new(),
+            assembled: vec![],
+            unplaced: Tally::default(),
+        }
+    }
+
+    /// What the bytes begin with: its fate and its length, or why there is nothing.
+    fn take(&mut self, bytes: &[u8]) -> Result<(Fate, usize), String> {
+        match bytes {
+            [0xb5, ..] => {
+                let frame = Frame::at(bytes)?;
+                Ok((self.frame(frame), frame.length))
+            }
+            [b'$' | b'!', ..] => {
+                let sentence = Sentence::at(bytes, false)?;
+                Ok((self.sentences.sentence(&sentence, None, self.topics), sentence.length))
+            }
+            [b'\r' | b'\n', ..] => Ok((Fate::Structure, 1)),
+            [RTCM, ..] => {
+                let length = rtcm_length(bytes).ok_or("the checksum of a correction is wrong")?;
+                Ok((self.skip(CORRECTIONS, length), length))
+            }
+            _ => Err(NOTHING.to_owned()),
+        }
+    }
+
+    fn frame(&mut self, frame: Frame<'_>) -> Fate {
+        const MON_VER: (u8, u8) = (0x0a, 0x04);
+        let key = (frame.class, frame.number);
+        if key == MON_VER {
+            self.receiver.version(frame.payload);
+        }
+        // A frame without payload asks for the message; nothing is in it.
+        let Some(message) = Message::of(frame.class, frame.number).filter(|_| !frame.payload.is_empty()) else {
+            return self.skip(key, frame.payload.len());
+        };
+        let derived = self.receiver.tell(message, frame.payload);
+        let Some(route) = self.route(key) else { return Fate::Skipped };
+        if !route.is_wanted() {
+            return self.topics.unread(route, UNSTAMPED, frame.payload.len() as u64);
+        }
+        message.assemble(derived, frame.payload, &mut self.assembled);
+        self.topics.message(route, UNSTAMPED, &self.assembled)
+    }
+
+    /// Counts what is not read.
+    fn skip(&mut self, key: (u8, u8), length: usize) -> Fate {
+        match self.route(key) {
+            Some(route) => self.topics.unread(route, UNSTAMPED, length as u64),
+            None => Fate::Skipped,
+        }
+    }
+
+    /// Where messages go; `None`, and counted, if there are too many topics.
+    fn route(&mut self, key: (u8, u8)) -> Option<Route> {
+        let (class, number) = key;
+        let name = if key == CORRECTIONS { "RTCM3".to_owned() } else { message::name(class, number) };
+        let topics = &mut *self.topics;
+        let route = *self.routes.entry(key).or_insert_with(|| {
+            let info = TopicInfo { name: name.clone(), type_name: name.clone(), encoding: "ubx".to_owned() };
+            let layout = || Message::of(class, number).map(Message::layout);
+            topics.packed_route(info, &[class, number], |_| layout().ok_or("this message is not read".to_owned())).ok()
+        });
+        if route.is_none() {
+            self.unplaced.add(|| name);
+        }
+        route
+    }
+
+    /// Writes what the receiver says of itself, and what was wrong.
+    fn finish(self, log: &mut Log, notices: &mut Notices) {
+        if self.unplaced.count > 0 {
+            let text = format!("messages found no topic, for there are too many; the first: {}", self.unplaced.first);
+            notices.push(Severity::Loss, "unknown-channel", "", self.unplaced.count, text);
+        }
+        self.sentences.finish(log, notices);
+        log.health.about.receivers = self.receiver.names;
     }
 }

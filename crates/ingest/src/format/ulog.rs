@@ -1,6 +1,6 @@
 //! PX4 ULog (<https://docs.px4.io/main/en/dev_log/ulog_file_format.html>), by a walk over the messages.
 
-mod about;
+pub(super) mod about;
 mod formats;
 mod record;
 mod session;

@@ -286,10 +286,11 @@ impl<'c> Unpacking<'c> {
                 let what = format!("{}: the unpacked log is larger than the limit of {limit} bytes", packing.name());
                 return Err(IngestError::Unusable { file: file_name(path), what });
             }
-            out.write_all(buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(&target, e))?;
+            write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(&target, e))?;
             self.context.advance(read.get() - told)?;
             told = read.get();
         };
+        out.set_len(bytes).map_err(|e| io_error(&target, e))?;
         if let Some(fault) = fault {
             // Decoders read ahead, so that the damage is before this place.
             let at = (start + read.get()).min(end);
@@ -303,6 +304,14 @@ impl<'c> Unpacking<'c> {
         self.files.push(target);
         Ok(())
     }
+}
+
+/// Zeros are left out of the file, so that a bomb of them takes no room; its length must be set at the end.
+fn write_sparse(out: &mut File, bytes: &[u8]) -> std::io::Result<()> {
+    if bytes.iter().all(|b| *b == 0) {
+        return out.seek(SeekFrom::Current(bytes.len() as i64)).map(|_| ());
+    }
+    out.write_all(bytes)
 }
 
 /// Counts the bytes that are read.

@@ -157,14 +157,17 @@ fn load_written(container: Container, flight: &SimulatedFlight) -> ingest::Loade
 
 #[test]
 fn a_simulated_flight_comes_back_within_the_quantum_of_its_log() {
-    let flight = flight(20.0, 100.0);
-    let truth = flight.to_flight().unwrap();
-    let loaded = load_written(Container::DataFlash, &flight);
+    let flown = flight(20.0, 100.0);
+    let truth = flown.to_flight().unwrap();
+    let loaded = load_written(Container::DataFlash, &flown);
     assert_ledger(&loaded);
     assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
     assert_eq!(loaded.binding.as_ref().unwrap().map, "ardupilot");
     assert_eq!(count_of(&loaded, "unit-differs"), 0);
-    let start_ns = flight.settings.start.0 - 60_000_000_000;
+    let start_ns = flown.settings.start.0 - 60_000_000_000;
+    // The receiver's week and milliseconds tie the clock since boot to UTC.
+    let dated = loaded.flight.unix(Clock::Boot, flight::Stamp(60_000_000_000)).unwrap();
+    assert!((dated.0 - flown.settings.start.0).abs() <= 1_000_000, "{dated:?}");
     for (ours, theirs, quanta) in [
         ("position.gps", "position.gps", [1e-7_f64.to_radians(), 1e-7_f64.to_radians(), 0.01]),
         ("position.truth", "position.truth", [1e-7_f64.to_radians(), 1e-7_f64.to_radians(), 1e-4]),

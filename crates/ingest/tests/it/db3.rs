@@ -550,4 +550,32 @@ fn real_bags_have_the_messages_and_values_that_python_reads() {
         assert_eq!(crate::made::sum(fix, "position_covariance[8]"), (662, 951.038_346_605_160_1));
         assert_eq!(crate::made::whole_sum(fix, "header.stamp"), 1_014_146_846_606_356_856_315);
     }
+    // One of 2020, without definitions, with a write-ahead log of no bytes beside it.
+    let Some(path) = real_logs("PlotJuggler/datasamples/rosbag2_test") else { return };
+    let found = discover(&path, &MapLibrary::shipped().unwrap()).unwrap();
+    let log = whole(&found.units[0]);
+    assert!(!lost(&log) && log.health.messages == 4695);
+    let table = |topic: &str| log.tables.iter().find(|t| t.topic.name == topic).unwrap();
+    assert_eq!(crate::made::sum(table("/imu"), "angular_velocity.z"), (1565, 208_145.0));
+    assert_eq!(crate::made::sum(table("/imu"), "orientation.y"), (1565, 175_280.0));
+    assert_eq!(crate::made::whole_sum(table("/imu"), "header.stamp"), 2_486_022_694_861_769_984_797);
+    assert_eq!(crate::made::sum(table("/pose"), "pose.position.x"), (1565, -0.235_530_402_764_092_65));
+    assert_eq!(crate::made::sum(table("/battery"), "voltage"), (1565, -4.986_199_341_989_05));
+}
+
+#[test]
+fn a_flipped_bit_loses_no_message_without_a_word() {
+    let sent = flight(12);
+    let content = bag(&sent, 500, "PRAGMA page_size=512");
+    let disk = OnDisk::new(&content, false);
+    for bit in (0..content.len() * 8).step_by(101) {
+        let at = bit / 8;
+        disk.write_at(at as u64, &[content[at] ^ 1 << (bit % 8)]);
+        if let Ok(log) = read_files(&[disk.path()]) {
+            // Without checksums a value can change unseen, and with a topic's name what is wanted. A row cannot go.
+            assert!(log.health.messages >= 36 || lost(&log), "bit {bit}: {:?}", log.health);
+            assert!(log.health.messages <= 36, "bit {bit}");
+        }
+        disk.write_at(at as u64, &[content[at]]);
+    }
 }

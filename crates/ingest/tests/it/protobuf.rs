@@ -190,7 +190,7 @@ fn every_kind_of_value_is_what_prost_reflect_says() {
                 if field.is_list() {
                     let count = numbers.next() % 5;
                     message.set_field(&field, Value::List((0..count).map(|_| numbers.value(&field.kind())).collect()));
-                } else if numbers.next() % 3 > 0 {
+                } else if !numbers.next().is_multiple_of(3) {
                     message.set_field(&field, numbers.value(&field.kind()));
                 }
             }

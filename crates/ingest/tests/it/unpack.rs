@@ -197,6 +197,7 @@ fn several_logs_no_log_or_a_log_packed_twice_are_refused_with_the_reason() {
         ("a.zip", zip(&[("jump.csv.gz", &gzip(&table))], false), "packed again"),
         ("a.csv.gz.gz", gzip(&gzip(&table)), "packed again"),
         ("a.tar.gz", gzip(&[vec![b'x'; 257], b"ustar".to_vec(), vec![0; 300]].concat()), "tar archive"),
+        ("a.csv.gz", gzip(&vec![0; 1 << 20]), "nothing but zero bytes"),
         ("a.xz", b"\xfd7zXZ\0\0\0".to_vec(), "xz file"),
     ] {
         assert!(refused(name, &content).contains(word), "{name}: {}", refused(name, &content));
@@ -231,6 +232,16 @@ fn a_bomb_meets_the_limit_and_names_it() {
             "{error}"
         );
     }
+}
+
+#[test]
+fn zeros_in_a_packed_log_are_zeros_in_the_unpacked_one() {
+    let mut table = flysight(10);
+    let length = table.len() as u64;
+    table.resize(3 << 20, 0);
+    let loaded = load_packed("jump.csv.gz", &gzip(&table));
+    let b = loaded.health.bytes;
+    assert_eq!((b.size, b.damaged, loaded.health.messages), (3 << 20, (3 << 20) - length, 10));
 }
 
 #[test]

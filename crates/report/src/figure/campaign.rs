@@ -164,7 +164,7 @@ pub(crate) fn pooled_sweep(delay: &CampaignDelay, number: u32) -> Option<Figure>
         how_to_read: "Good: a clear valley with the card at its bottom. Where flights differ, the valley is shallow and one \
                       delay for all costs what its bottom lies above the flights' own.",
         panels: vec![Panel::of(x, y, lines)],
-        panel_size: (620, 220),
+        panel_size: (860, 220),
         fine: false,
     })
 }

@@ -7,20 +7,18 @@ use crate::text::label;
 use crate::verdict::source_phrase;
 use record::{DelayChoice, DelaySource, DelaySweep, MeasuredDelay, PairDelay, SweepScore};
 
-/// Size of a small figure's panel.
-const SMALL: (u32, u32) = (420, 200);
-
 /// Score over delay, with the delays that somebody says. `None` if nothing can be drawn. Its number is the page's.
 pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>, number: u32) -> Option<Figure> {
     let x_ms: Vec<f64> = sweep.delay_s.iter().map(|s| s * 1e3).collect();
     let (curve, lost) = pieces(&x_ms, &sweep.rms_m, &[]);
     let mut lines = vec![Line { name: "2‑D rms".to_owned(), pen: Pen::Raw, pieces: curve }];
     extent(&lines, |p| p.0)?;
+    let with_card = sweep.score_at(DelaySource::Card).is_some();
     let pens = [
         (DelaySource::Sweep, Pen::Points),
         (DelaySource::Card, Pen::HollowPoints),
         (DelaySource::Flight, Pen::DoubtfulPoints),
-        (DelaySource::Fixed, Pen::Samples),
+        (DelaySource::Fixed, if with_card { Pen::Samples } else { Pen::HollowPoints }),
     ];
     for (source, pen) in pens {
         let Some(point) = sweep.score_at(source) else { continue };
@@ -103,7 +101,7 @@ pub(crate) fn objective_figure(pair: &PairDelay, found: &MeasuredDelay, number: 
         how_to_read: "Good: a round valley whose width at 3.84 is the band. A band that is wider is right too: then the \
                       residuals are less well behaved than the model of the noise, and the larger uncertainty was taken.",
         panels: vec![near],
-        panel_size: SMALL,
+        panel_size: (760, 200),
         fine: false,
     })
 }

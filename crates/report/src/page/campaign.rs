@@ -11,7 +11,7 @@ use crate::figure::{Figure, control_chart, overview, pooled_sweep};
 use crate::number;
 use crate::site::Site;
 use crate::text::{href, label, shown};
-use crate::verdict::{in_millis, source_phrase};
+use crate::verdict::{in_millis, source_word};
 use maud::{Markup, html};
 use record::{CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, Estimate, Finding, FlightRow, Outcome};
 use std::collections::BTreeMap;
@@ -192,7 +192,7 @@ fn flight_row(row: &FlightRow, scored: bool, judged: bool) -> Markup {
             td.n { (number::count(row.warnings)) }
             (cell(row.duration_s, |s| number::clock(s, 0)))
             (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
-            td { (maybe(row.delay_from, |from| html! { (source_phrase(from)) })) }
+            td { (maybe(row.delay_from, |from| html! { (source_word(from)) })) }
             (estimate_cell(row.measured_delay_s.as_ref().map(in_millis).as_ref()))
             (estimate_cell(row.correction_rms_m.as_ref()))
             @if scored {

@@ -5,8 +5,8 @@ use super::{data_lost, maybe, more, rows, table};
 use crate::number;
 use crate::text::shown;
 use flight::{
-    Binding, ByteLedger, ChannelHealth, DamagedRange, LogHealth, MapCandidate, Notice, Notices, RejectCount, Severity,
-    StampHealth, StampOffset, TopicHealth,
+    About, Binding, ByteLedger, ChannelHealth, DamagedRange, LogHealth, MapCandidate, Notice, Notices, RejectCount,
+    Severity, StampHealth, StampOffset, TopicHealth,
 };
 use maud::{Markup, html};
 use record::FlightRecord;
@@ -38,11 +38,97 @@ pub(super) fn log_health(log: &LogHealth, binding: Option<&Binding>) -> Markup {
             (number::counted(log.messages, "intact message", "intact messages")) ", "
             (number::count(log.undecodable)) " that could not be decoded."
         }
+        (vehicle(&log.about))
         @if let Some(binding) = binding { (channels(&binding.channels)) }
         (ledger(&log.bytes))
         (damage(log))
         (topics(log))
         (extras(&log.extras))
+    }
+}
+
+/// What the log says of the vehicle, its software and its settings.
+fn vehicle(about: &About) -> Markup {
+    let receivers = (!about.receivers.is_empty()).then(|| about.receivers.join("; "));
+    let changes = about.parameter_changes.len() as u64;
+    let parameters = (about.parameters > 0 || changes > 0).then(|| {
+        let all = number::counted(about.parameters, "parameter", "parameters");
+        format!("{all}, {} during the log", number::counted(changes, "change", "changes"))
+    });
+    let facts = [
+        ("System", about.system.clone()),
+        ("Firmware", about.firmware.clone()),
+        ("Hardware", about.hardware.clone()),
+        ("Vehicle", about.vehicle.clone()),
+        ("Receivers", receivers),
+        ("Parameters", parameters),
+    ];
+    let fact = |(name, value): (&str, Option<String>)| {
+        let value = value?;
+        Some(html! { tr { th scope="row" { (name) } td.any { (shown(&value)) } } })
+    };
+    html! {
+        @if !about.is_empty() {
+            h3 { "Vehicle" }
+            (table("What the log says of the vehicle", &[Text("What"), Text("Value")], html! {
+                @for row in facts.into_iter().filter_map(fact) { (row) }
+            }))
+            (configured_delays(about))
+            (modes(about))
+            (lines("Parameters that changed", &about.parameter_changes))
+            (lines("Texts of the autopilot", &about.texts))
+        }
+    }
+}
+
+fn configured_delays(about: &About) -> Markup {
+    let row = |delay: &flight::ConfiguredDelay| {
+        html! {
+            tr {
+                th scope="row" { code { (shown(&delay.parameter)) } }
+                td.n { (millis(delay.value_s)) }
+                td.any { (shown(&delay.meaning)) }
+            }
+        }
+    };
+    let head = [Text("Parameter"), Number("Delay (ms)"), Text("Of what")];
+    html! {
+        @if !about.configured_delays.is_empty() {
+            (table("Delays as configured, at the start of the log", &head,
+                rows(&about.configured_delays, MOST_CHANNELS, head.len(), row)))
+        }
+    }
+}
+
+fn modes(about: &About) -> Markup {
+    let first_ns = about.modes.first().map_or(0, |mode| mode.at_ns);
+    let row = |mode: &flight::ModeStart| {
+        let at_s = flight::Stamp(mode.at_ns).seconds_since(flight::Stamp(first_ns));
+        html! { tr { th scope="row" { (shown(&mode.mode)) } td.n { (number::clock(at_s, 0)) } } }
+    };
+    let head = [Text("Mode"), Number("Since the first")];
+    html! {
+        @if !about.modes.is_empty() {
+            details {
+                summary { "Flight modes (" (number::count(about.modes.len() as u64)) ")" }
+                (table("Flight modes", &head, rows(&about.modes, MOST_TOPICS, head.len(), row)))
+            }
+        }
+    }
+}
+
+/// A folded list of texts from the log.
+fn lines(title: &str, lines: &[String]) -> Markup {
+    html! {
+        @if !lines.is_empty() {
+            details {
+                summary { (title) " (" (number::count(lines.len() as u64)) ")" }
+                ul.plain {
+                    @for line in lines.iter().take(MOST_TOPICS) { li { (shown(line)) } }
+                    @if lines.len() > MOST_TOPICS { li { (more(lines.len() - MOST_TOPICS)) } }
+                }
+            }
+        }
     }
 }
 

@@ -282,3 +282,30 @@ fn curves_of_pure_noise_do_not_swell_the_page() {
     let size = page(&record).len();
     assert!(size < 1_500_000, "{size}");
 }
+
+#[test]
+fn what_the_log_says_of_the_vehicle_is_on_the_page_and_nothing_where_it_says_nothing() {
+    let mut record = flight_record();
+    assert!(!page(&record).contains("What the log says of the vehicle"));
+    let delay = flight::ConfiguredDelay {
+        parameter: "EKF2_GPS_DELAY".to_owned(),
+        value_s: 0.11,
+        meaning: "GPS behind the IMU".to_owned(),
+    };
+    let mode = |at_ns, mode: &str| flight::ModeStart { at_ns, clock: flight::Clock::Boot, mode: mode.to_owned() };
+    record.log.as_mut().unwrap().about = flight::About {
+        system: Some("PX4".to_owned()),
+        firmware: Some("1.16.0 <script>release</script>".to_owned()),
+        configured_delays: vec![delay],
+        parameters: 875,
+        modes: vec![mode(5_000_000_000, "Hold"), mode(70_000_000_000, "Mission")],
+        texts: vec!["5.000 s INFO: take-off & land".to_owned()],
+        ..flight::About::default()
+    };
+    let page = page(&record);
+    for words in
+        ["PX4", "1.16.0 &lt;script&gt;", "EKF2_GPS_DELAY", "110", "875", "Mission", "1:05", "take-off &amp; land"]
+    {
+        assert!(page.contains(words), "{words}");
+    }
+}

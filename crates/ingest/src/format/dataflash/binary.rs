@@ -95,8 +95,8 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             return Ok(false);
         }
         let wrong = match self.file.up_to(at, SYNC.len())? {
-            &[first, second] => (first ^ SYNC[0]).count_ones() + (second ^ SYNC[1]).count_ones(),
-            &[first] => (first ^ SYNC[0]).count_ones(),
+            [first, second] => (first ^ SYNC[0]).count_ones() + (second ^ SYNC[1]).count_ones(),
+            [first] => (first ^ SYNC[0]).count_ones(),
             _ => 0,
         };
         Ok(wrong <= 1 || self.is_padding(at))

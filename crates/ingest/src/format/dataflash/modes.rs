@@ -1,7 +1,7 @@
 //! Names of ArduPilot's flight modes, as its parameters (`FLTMODE1`, `MODE1`) and ground stations have them.
 
 /// Of the vehicle that `system` is; `mode 7` where neither is known.
-pub(super) fn name(system: Option<&str>, number: i64) -> String {
+pub(in crate::format) fn name(system: Option<&str>, number: i64) -> String {
     let names: &[(i64, &str)] = match system {
         Some("ArduCopter") => COPTER,
         Some("ArduPlane") => PLANE,

@@ -19,7 +19,7 @@ const MOST_RECEIVERS: usize = 20;
 
 /// What the records have told so far.
 #[derive(Debug, Default)]
-pub(super) struct Vehicle {
+pub(in crate::format) struct Vehicle {
     /// First and latest value.
     parameters: BTreeMap<String, [f64; 2]>,
     changes: Vec<String>,
@@ -41,7 +41,7 @@ enum Mode {
 }
 
 impl Vehicle {
-    pub(super) fn parameter(&mut self, name: &str, value: f64) {
+    pub(in crate::format) fn parameter(&mut self, name: &str, value: f64) {
         let full = self.parameters.len() >= MOST_PARAMETERS;
         match self.parameters.get_mut(name) {
             Some([_, latest]) if latest.to_bits() != value.to_bits() => {
@@ -60,7 +60,7 @@ impl Vehicle {
         }
     }
 
-    pub(super) fn message(&mut self, at_ns: i64, text: &str) {
+    pub(in crate::format) fn message(&mut self, at_ns: i64, text: &str) {
         let text = text.trim();
         if self.texts.len() < MOST_TEXTS {
             self.texts.push(format!("{:.3} s: {text}", at_ns as f64 / NANOS_PER_SECOND as f64));
@@ -78,7 +78,7 @@ impl Vehicle {
         }
     }
 
-    pub(super) fn mode(&mut self, at_ns: i64, number: Option<i64>, name: Option<&str>) {
+    pub(in crate::format) fn mode(&mut self, at_ns: i64, number: Option<i64>, name: Option<&str>) {
         let mode = match (number, name) {
             (Some(number), _) => Mode::Number(number),
             (None, Some(name)) => Mode::Name(name.trim().to_owned()),
@@ -98,7 +98,7 @@ impl Vehicle {
         self.board_id = board_id.or(self.board_id);
     }
 
-    pub(super) fn finish(self) -> About {
+    pub(in crate::format) fn finish(self) -> About {
         let configured_delays = self.delays();
         let mut parameter_changes = self.changes;
         if self.unlisted_changes > 0 {

@@ -82,7 +82,12 @@ impl Gathered {
         self.text_count += 1;
         if self.texts.len() < MOST_TEXTS {
             let tag = tag.map_or(String::new(), |tag| format!(" [{tag}]"));
-            self.texts.push(format!("{} {}{tag}: {}", seconds(at_us), level_name(level), cut(text.to_owned())));
+            self.texts.push(format!(
+                "{} {}{tag}: {}",
+                seconds(at_us),
+                level_name(level),
+                cut(text.trim_end().to_owned())
+            ));
         }
     }
 
@@ -168,31 +173,31 @@ fn release(version: u32) -> String {
     format!("{major}.{minor}.{patch} {kind}")
 }
 
-/// Parameters that set a delay: name, unit in s, what they delay.
+/// Parameters that set a delay: name, how many of its units are a second, what they delay.
 const DELAYS: &[(&str, f64, &str)] = &[
-    ("EKF2_GPS_DELAY", 1e-3, "GPS behind the IMU"),
-    ("EKF2_MAG_DELAY", 1e-3, "magnetometer behind the IMU"),
-    ("EKF2_BARO_DELAY", 1e-3, "barometer behind the IMU"),
-    ("EKF2_ASP_DELAY", 1e-3, "airspeed behind the IMU"),
-    ("EKF2_EV_DELAY", 1e-3, "external vision behind the IMU"),
-    ("EKF2_OF_DELAY", 1e-3, "optical flow behind the IMU"),
-    ("EKF2_RNG_DELAY", 1e-3, "range finder behind the IMU"),
-    ("EKF2_AVEL_DELAY", 1e-3, "auxiliary velocity behind the IMU"),
-    ("EKF2_DELAY_MAX", 1e-3, "longest delay that the estimator allows for"),
-    ("SENS_GPS0_DELAY", 1e-3, "GPS 0 behind the IMU"),
-    ("SENS_GPS1_DELAY", 1e-3, "GPS 1 behind the IMU"),
-    ("PE_POS_DELAY_MS", 1e-3, "GPS position behind the IMU"),
-    ("PE_VEL_DELAY_MS", 1e-3, "GPS velocity behind the IMU"),
-    ("PE_HGT_DELAY_MS", 1e-3, "barometric height behind the IMU"),
-    ("PE_TAS_DELAY_MS", 1e-3, "airspeed behind the IMU"),
+    ("EKF2_GPS_DELAY", 1e3, "GPS behind the IMU"),
+    ("EKF2_MAG_DELAY", 1e3, "magnetometer behind the IMU"),
+    ("EKF2_BARO_DELAY", 1e3, "barometer behind the IMU"),
+    ("EKF2_ASP_DELAY", 1e3, "airspeed behind the IMU"),
+    ("EKF2_EV_DELAY", 1e3, "external vision behind the IMU"),
+    ("EKF2_OF_DELAY", 1e3, "optical flow behind the IMU"),
+    ("EKF2_RNG_DELAY", 1e3, "range finder behind the IMU"),
+    ("EKF2_AVEL_DELAY", 1e3, "auxiliary velocity behind the IMU"),
+    ("EKF2_DELAY_MAX", 1e3, "longest delay that the estimator allows for"),
+    ("SENS_GPS0_DELAY", 1e3, "GPS 0 behind the IMU"),
+    ("SENS_GPS1_DELAY", 1e3, "GPS 1 behind the IMU"),
+    ("PE_POS_DELAY_MS", 1e3, "GPS position behind the IMU"),
+    ("PE_VEL_DELAY_MS", 1e3, "GPS velocity behind the IMU"),
+    ("PE_HGT_DELAY_MS", 1e3, "barometric height behind the IMU"),
+    ("PE_TAS_DELAY_MS", 1e3, "airspeed behind the IMU"),
     ("LPE_GPS_DELAY", 1.0, "GPS behind the local estimator"),
     ("LPE_VIS_DELAY", 1.0, "vision behind the local estimator"),
     ("INAV_DELAY_GPS", 1.0, "GPS behind the inertial estimator"),
 ];
 
-fn configured(name: &str, value: f64) -> Option<ConfiguredDelay> {
-    let (parameter, unit_s, meaning) = DELAYS.iter().find(|(parameter, ..)| *parameter == name)?;
-    let value_s = value * unit_s;
+pub(in crate::format) fn configured(name: &str, value: f64) -> Option<ConfiguredDelay> {
+    let (parameter, per_second, meaning) = DELAYS.iter().find(|(parameter, ..)| *parameter == name)?;
+    let value_s = value / per_second;
     value_s.is_finite().then(|| ConfiguredDelay {
         parameter: (*parameter).to_owned(),
         value_s,

@@ -172,10 +172,12 @@ impl<'m> Entry<'m> {
         if size == self.value.len() { Trust::Sure } else { Trust::Weak }
     }
 
-    /// As a number, if it is a single one.
+    /// As a number, if it is a single one. A 32-bit float is what its shortest decimal says: 0.29, and not the
+    /// double next to it.
     pub(super) fn number(&self) -> Option<f64> {
         let Basic::Number(number) = basic(self.kind)? else { return None };
-        packed::float_of(number, self.value)
+        let value = packed::float_of(number, self.value)?;
+        if number == Number::F32 { (value as f32).to_string().parse().ok() } else { Some(value) }
     }
 
     /// As text, if it is that.

@@ -1,0 +1,333 @@
+//! The way of each sentence to its topic, and the time that it is given.
+
+use super::sentence::{Sentence, degrees, plain, time_of_day_ns};
+use crate::civil::calendar_to_unix_ns;
+use crate::decode::cells::{CellField, CellKind, CellLayout};
+use crate::decode::{Route, Tally, Times, Topics};
+use crate::ledger::Fate;
+use crate::reader::Log;
+use crate::table::TopicInfo;
+use flight::{NANOS_PER_SECOND, Notices, Severity};
+use std::collections::HashMap;
+use std::fmt::Write;
+
+const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
+/// Texts that are kept.
+const MOST_TEXTS: usize = 100;
+
+/// Columns that every sentence has: UTC, time since the first sentence, and when the logger had it, ns.
+const STAMPS: [&str; 3] = ["utc_ns", "elapsed_ns", "logged_ns"];
+
+/// Gives sentences to the topics.
+pub(crate) struct Book {
+    /// By address.
+    routes: HashMap<String, Option<Route>>,
+    epochs: Epochs,
+    line: String,
+    texts: Vec<String>,
+    undated: Tally,
+    unplaced: Tally,
+}
+
+/// A value of a sentence.
+enum Value {
+    Number(&'static str, usize),
+    /// Field of the value, and of its hemisphere behind it.
+    Degrees(&'static str, usize),
+    /// Whether the field is this letter: 1 or 0.
+    Is(&'static str, usize, &'static str),
+    /// Height above the ellipsoid: above mean sea level, and that above the ellipsoid.
+    Height(&'static str, usize, usize),
+}
+
+/// What is read of a type of sentences.
+struct Kind {
+    /// Field of the time of day; `None` for a type without.
+    time: Option<usize>,
+    values: &'static [Value],
+}
+
+impl Kind {
+    /// By the type in the address; `None` for one that is counted and not read.
+    fn of(name: &str) -> Option<Kind> {
+        use Value::{Degrees, Height, Is, Number};
+        let kind = |time, values| Some(Kind { time, values });
+        match name {
+            "GGA" => kind(
+                Some(1),
+                &[
+                    Degrees("latitude", 2),
+                    Degrees("longitude", 4),
+                    Number("quality", 6),
+                    Number("satellites", 7),
+                    Number("hdop", 8),
+                    Number("altitude", 9),
+                    Number("separation", 11),
+                    Height("height", 9, 11),
+                    Number("age", 13),
+                ],
+            ),
+            "GNS" => kind(
+                Some(1),
+                &[
+                    Degrees("latitude", 2),
+                    Degrees("longitude", 4),
+                    Number("satellites", 7),
+                    Number("hdop", 8),
+                    Number("altitude", 9),
+                    Number("separation", 10),
+                    Height("height", 9, 10),
+                    Number("age", 11),
+                ],
+            ),
+            "RMC" => kind(
+                Some(1),
+                &[
+                    Is("valid", 2, "A"),
+                    Degrees("latitude", 3),
+                    Degrees("longitude", 5),
+                    Number("speed", 7),
+                    Number("track", 8),
+                ],
+            ),
+            "GLL" => kind(Some(5), &[Degrees("latitude", 1), Degrees("longitude", 3), Is("valid", 6, "A")]),
+            "VTG" => kind(None, &[Number("track", 1), Number("speed", 5)]),
+            "ZDA" => kind(Some(1), &[Number("day", 2), Number("month", 3), Number("year", 4)]),
+            "HDT" => kind(None, &[Number("heading", 1)]),
+            "GST" => kind(Some(1), &[Number("latitude_std", 6), Number("longitude_std", 7), Number("altitude_std", 8)]),
+            "PASHR" => kind(
+                Some(1),
+                &[
+                    Number("heading", 2),
+                    Number("roll", 4),
+                    Number("pitch", 5),
+                    Number("heave", 6),
+                    Number("roll_std", 7),
+                    Number("pitch_std", 8),
+                    Number("heading_std", 9),
+                ],
+            ),
+            _ => None,
+        }
+    }
+
+    fn layout(&self) -> CellLayout {
+        let stamps = STAMPS.into_iter().map(|name| (name, CellKind::WholeIfAny));
+        let values = self.values.iter().map(|value| match value {
+            Value::Number(name, _) | Value::Degrees(name, _) | Value::Is(name, ..) | Value::Height(name, ..) => {
+                (*name, CellKind::NumberIfAny)
+            }
+        });
+        let fields: Vec<CellField> = stamps
+            .chain(values)
+            .enumerate()
+            .map(|(cell, (path, kind))| CellField { path: path.to_owned(), cell, kind })
+            .collect();
+        CellLayout { cells: fields.len(), fields }
+    }
+}
+
+impl Value {
+    /// Writes the value as a cell; nothing if it is absent.
+    fn write(&self, sentence: &Sentence<'_>, line: &mut String) {
+        // Writing to a string does not fail.
+        let _ = match *self {
+            // What is no number shows as such, and the row is refused.
+            Value::Number(_, field) => line.write_str(sentence.field(field)),
+            Value::Degrees(_, field) => match degrees(sentence.field(field), sentence.field(field + 1)) {
+                Some(degrees) => write!(line, "{degrees}"),
+                None if sentence.field(field).is_empty() => Ok(()),
+                None => line.write_str("no angle"),
+            },
+            Value::Is(_, field, letter) => line.write_str(if sentence.field(field) == letter { "1" } else { "0" }),
+            Value::Height(_, altitude, separation) => {
+                let number = |field| plain(sentence.field(field)).and_then(|text| text.parse::<f64>().ok());
+                match number(altitude).zip(number(separation)) {
+                    Some((altitude, separation)) => write!(line, "{}", altitude + separation),
+                    None => Ok(()),
+                }
+            }
+        };
+    }
+}
+
+impl Book {
+    pub(crate) fn new() -> Book {
+        Book {
+            routes: HashMap::new(),
+            epochs: Epochs::default(),
+            line: String::new(),
+            texts: vec![],
+            undated: Tally::default(),
+            unplaced: Tally::default(),
+        }
+    }
+
+    /// A sentence, and when the logger had it, ns of UTC.
+    pub(crate) fn sentence(
+        &mut self,
+        sentence: &Sentence<'_>,
+        logged_ns: Option<i64>,
+        topics: &mut Topics<'_>,
+    ) -> Fate {
+        let (talker, name) = sentence.address();
+        self.note(name, sentence);
+        let Some(route) = self.route(talker, name, topics) else {
+            self.unplaced.add(|| format!("{talker}{name}"));
+            return Fate::Skipped;
+        };
+        let times = Times { logged_ns: logged_ns.unwrap_or_default(), published_ns: None };
+        let Some(kind) = Kind::of(name).filter(|_| is_read(name, sentence)) else {
+            return topics.unread(route, times, sentence.length as u64);
+        };
+        let (utc_ns, elapsed_ns) = self.epochs.stamp(name, kind.time, sentence);
+        if utc_ns.is_none() {
+            self.undated.add(|| format!("{talker}{name}"));
+        }
+        self.line.clear();
+        for (index, stamp) in [utc_ns, elapsed_ns, logged_ns].into_iter().enumerate() {
+            let comma = if index == 0 { "" } else { "," };
+            let _ = match stamp {
+                Some(ns) => write!(self.line, "{comma}{ns}"),
+                None => self.line.write_str(comma),
+            };
+        }
+        for value in kind.values {
+            self.line.push(',');
+            value.write(sentence, &mut self.line);
+        }
+        topics.message(route, times, self.line.as_bytes())
+    }
+
+    fn route(&mut self, talker: &str, name: &str, topics: &mut Topics<'_>) -> Option<Route> {
+        let address = format!("{talker}{name}");
+        if let Some(route) = self.routes.get(&address) {
+            return *route;
+        }
+        let info = TopicInfo { name: address.clone(), type_name: name.to_owned(), encoding: "nmea".to_owned() };
+        let layout =
+            || Kind::of(name).map(|kind| kind.layout()).ok_or_else(|| "sentences of its type are not read".into());
+        let route = topics.cells_route(info, name.as_bytes(), layout).ok();
+        self.routes.insert(address, route);
+        route
+    }
+
+    /// What receivers say of themselves.
+    fn note(&mut self, name: &str, sentence: &Sentence<'_>) {
+        let text = sentence.field(4);
+        if name == "TXT" && self.texts.len() < MOST_TEXTS && !self.texts.iter().any(|known| known == text) {
+            self.texts.push(text.to_owned());
+        }
+    }
+
+    /// Writes what the receiver says of itself, and what was wrong.
+    pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) {
+        let mut say = |severity, code: &str, tally: &Tally, text: &str| {
+            if tally.count > 0 {
+                notices.push(severity, code, "", tally.count, format!("{text}; the first: {}", tally.first));
+            }
+        };
+        let text = "sentences have no date: no RMC or ZDA with one stands before them";
+        say(Severity::Info, "undated", &self.undated, text);
+        let text = "sentences found no topic, for there are too many";
+        say(Severity::Loss, "unknown-channel", &self.unplaced, text);
+        log.health.about.texts.extend(self.texts);
+    }
+}
+
+/// `PASHR` is an attitude only in the form `time,heading,T,roll,pitch,...`.
+fn is_read(name: &str, sentence: &Sentence<'_>) -> bool {
+    name != "PASHR" || sentence.field(3) == "T"
+}
+
+/// UTC from sentences that say the time of day, and some of which say the date.
+#[derive(Debug, Default)]
+struct Epochs {
+    /// Of the last sentence with a time, once a date is known.
+    utc_ns: Option<i64>,
+    /// Of the last sentence with a time.
+    time_of_day_ns: Option<i64>,
+    elapsed_ns: i64,
+}
+
+impl Epochs {
+    /// UTC, and the time since the first sentence with one. A sentence without a time is of the epoch of the one
+    /// before it.
+    fn stamp(&mut self, name: &str, time: Option<usize>, sentence: &Sentence<'_>) -> (Option<i64>, Option<i64>) {
+        let Some(field) = time else { return (self.utc_ns, self.time_of_day_ns.map(|_| self.elapsed_ns)) };
+        let Some(time_ns) = time_of_day_ns(sentence.field(field)) else { return (None, None) };
+        if let Some(before_ns) = self.time_of_day_ns.replace(time_ns) {
+            self.elapsed_ns += nearest_step(time_ns - before_ns);
+        }
+        self.utc_ns = match midnight(name, sentence) {
+            Some(midnight_ns) => Some(midnight_ns + time_ns),
+            // The day that is nearest to the sentence before: at midnight the time is new before the date is.
+            None => self.utc_ns.map(|before_ns| before_ns + nearest_step(time_ns - before_ns.rem_euclid(DAY_NS))),
+        };
+        (self.utc_ns, Some(self.elapsed_ns))
+    }
+}
+
+/// A step between two times of day, by less than half a day.
+fn nearest_step(step_ns: i64) -> i64 {
+    (step_ns + DAY_NS / 2).rem_euclid(DAY_NS) - DAY_NS / 2
+}
+
+/// The begin of the day that the sentence names: `ddmmyy` of a valid RMC, or the fields of ZDA.
+fn midnight(name: &str, sentence: &Sentence<'_>) -> Option<i64> {
+    let number = |text: &str| text.parse::<i64>().ok();
+    let [day, month, year] = match name {
+        "RMC" if sentence.field(2) == "A" && sentence.field(9).len() == 6 => {
+            let date = sentence.field(9);
+            let two = |at: usize| number(date.get(at..at + 2)?);
+            let year = two(4)?;
+            // NMEA has two digits, GPS began in 1980.
+            [two(0)?, two(2)?, if year < 80 { 2000 + year } else { 1900 + year }]
+        }
+        "ZDA" => [number(sentence.field(2))?, number(sentence.field(3))?, number(sentence.field(4))?],
+        _ => return None,
+    };
+    calendar_to_unix_ns([year, month, day, 0, 0, 0], 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stamps(bodies: &[&str]) -> Vec<(Option<i64>, Option<i64>)> {
+        let mut epochs = Epochs::default();
+        let stamp = |body: &&str| {
+            let sentence = Sentence { body, length: 0, checked: true };
+            let (_, name) = sentence.address();
+            epochs.stamp(name, Kind::of(name).unwrap().time, &sentence)
+        };
+        bodies.iter().map(stamp).collect()
+    }
+
+    #[test]
+    fn the_date_of_rmc_dates_the_sentences_around_it_also_across_midnight() {
+        let s = NANOS_PER_SECOND;
+        // date -u -d '2026-11-21T23:59:59Z' +%s
+        let last_second = 1_795_305_599;
+        let found = stamps(&[
+            "GPGGA,235958.5",
+            "GPRMC,235959,A,,,,,1,2,211126",
+            "GPVTG,2,T,,M,1,N",
+            "GPGGA,000000.25",
+            "GPRMC,000000.25,V,,,,,,,010180",
+            "GPGGA,235959.75",
+            "GPZDA,000001,22,11,2026",
+        ]);
+        let utc: Vec<Option<i64>> = found.iter().map(|(utc, _)| *utc).collect();
+        let at = |ns: i64| Some(last_second * s + ns);
+        let quarter = s / 4;
+        assert_eq!(utc, [None, at(0), at(0), at(s + quarter), at(s + quarter), at(3 * quarter), at(2 * s)]);
+        let elapsed_ms: Vec<i64> = found.iter().map(|(_, elapsed)| elapsed.unwrap() / 1_000_000).collect();
+        assert_eq!(elapsed_ms, [0, 500, 500, 1750, 1750, 1250, 2500]);
+    }
+
+    #[test]
+    fn a_sentence_without_time_has_no_stamp() {
+        assert_eq!(stamps(&["GPVTG,2,T,,M,1,N", "GPGGA,", "GPRMC,,V"]), [(None, None); 3]);
+    }
+}

@@ -1,0 +1,155 @@
+//! A sentence: what stands between `$` and its checksum, and the values in its fields.
+
+/// Longest sentence that is looked for, bytes. The standard says 82; receivers send more.
+pub(crate) const LONGEST: usize = 512;
+
+/// A sentence whose checksum is right, or that has none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Sentence<'t> {
+    /// Between `$` and `*`: address and fields.
+    pub(crate) body: &'t str,
+    /// Bytes from `$` to the checksum, without the end of the line.
+    pub(crate) length: usize,
+    pub(crate) checked: bool,
+}
+
+impl<'t> Sentence<'t> {
+    /// The sentence that the bytes begin with; `bare` allows it to have no checksum. Fails with what is wrong.
+    pub(crate) fn at(bytes: &'t [u8], bare: bool) -> Result<Sentence<'t>, String> {
+        let inner = bytes.get(1..bytes.len().min(LONGEST)).unwrap_or_default();
+        let end = inner.iter().position(|b| !(b' '..=b'~').contains(b) || b"*$".contains(b)).unwrap_or(inner.len());
+        let body = inner.get(..end).and_then(|body| std::str::from_utf8(body).ok()).unwrap_or_default();
+        let address = body.split(',').next().unwrap_or_default();
+        if address.len() < 3 || !address.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit()) {
+            return Err("no sentence: its address is none".to_owned());
+        }
+        let rest = inner.get(end..).unwrap_or_default();
+        let ends = |rest: &[u8]| rest.first().is_none_or(|b| b"\r\n\t ".contains(b));
+        match *rest {
+            [b'*', high, low, ref behind @ ..] if ends(behind) => {
+                let sum = body.bytes().fold(0, |sum, b| sum ^ b);
+                let told = hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low);
+                match told {
+                    Some(told) if told == sum => Ok(Sentence { body, length: end + 4, checked: true }),
+                    Some(told) => Err(format!("the checksum is {told:02X} where the sentence has {sum:02X}")),
+                    None => Err("the checksum is no number".to_owned()),
+                }
+            }
+            [b'*', ..] => Err("the checksum is cut, or something stands behind it".to_owned()),
+            _ if bare && ends(rest) => Ok(Sentence { body, length: end + 1, checked: false }),
+            _ => Err("a sentence without a checksum".to_owned()),
+        }
+    }
+
+    /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it.
+    pub(crate) fn address(&self) -> (&'t str, &'t str) {
+        let address = self.body.split(',').next().unwrap_or_default();
+        let split = if address.starts_with('P') || address.len() != 5 { 0 } else { 2 };
+        address.split_at_checked(split).unwrap_or(("", address))
+    }
+
+    /// Field `index`, from 1; empty if there is none.
+    pub(crate) fn field(&self, index: usize) -> &'t str {
+        self.body.split(',').nth(index).unwrap_or_default()
+    }
+}
+
+fn hexadecimal(digit: u8) -> Option<u8> {
+    char::from(digit).to_digit(16).map(|d| d as u8)
+}
+
+/// A plain decimal number as it stands; `None` for an empty field, and for what is no number.
+pub(crate) fn plain(text: &str) -> Option<&str> {
+    let digits = text.strip_prefix(['-', '+']).unwrap_or(text);
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let all_digits = |t: &str| t.bytes().all(|b| b.is_ascii_digit());
+    (whole.len() + fraction.len() > 0 && all_digits(whole) && all_digits(fraction)).then_some(text)
+}
+
+/// Degrees of `dddmm.mmmm` and a hemisphere, rounded once; negative to the south and west.
+pub(crate) fn degrees(text: &str, hemisphere: &str) -> Option<f64> {
+    let sign = match hemisphere {
+        "N" | "E" => 1.0,
+        "S" | "W" => -1.0,
+        _ => return None,
+    };
+    let (whole, fraction) = plain(text)?.split_once('.').unwrap_or((text, ""));
+    // More than a double holds says nothing: 1e-9 minutes are two micrometres.
+    let fraction = fraction.get(..fraction.len().min(9))?;
+    let (degrees, minutes) = whole.split_at_checked(whole.len().checked_sub(2)?)?;
+    let scale = 10_u64.pow(u32::try_from(fraction.len()).ok()?);
+    let number = |digits: &str| if digits.is_empty() { Some(0) } else { digits.parse::<u64>().ok() };
+    let minutes = number(minutes)?.checked_mul(scale)?.checked_add(number(fraction)?)?;
+    let degrees = number(degrees).filter(|d| *d <= 180)?;
+    let parts = degrees * 60 * scale + minutes;
+    (minutes < 60 * scale).then_some(sign * parts as f64 / (60 * scale) as f64)
+}
+
+/// Nanoseconds since midnight of `hhmmss.sss`. A leap second counts as the second after.
+pub(crate) fn time_of_day_ns(text: &str) -> Option<i64> {
+    let (whole, fraction) = plain(text)?.split_once('.').unwrap_or((text, ""));
+    let two = |at: usize| whole.get(at..at + 2)?.parse::<i64>().ok();
+    let [hour, minute, second] = [two(0)?, two(2)?, two(4)?];
+    if whole.len() != 6 || hour > 23 || minute > 59 || second > 60 {
+        return None;
+    }
+    let fraction = fraction.get(..fraction.len().min(9))?;
+    let digits = if fraction.is_empty() { 0 } else { fraction.parse::<i64>().ok()? };
+    let nanos = digits * 10_i64.pow(9 - u32::try_from(fraction.len()).ok()?);
+    Some(((hour * 60 + minute) * 60 + second) * 1_000_000_000 + nanos)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GGA: &str = "GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,";
+
+    #[test]
+    fn a_sentence_counts_with_its_checksum_and_without_only_where_that_is_allowed() {
+        let line = format!("${GGA}*47\r\n");
+        let sentence = Sentence::at(line.as_bytes(), false).unwrap();
+        assert_eq!((sentence.body, sentence.length, sentence.checked), (GGA, line.len() - 2, true));
+        assert_eq!((sentence.address(), sentence.field(3), sentence.field(99)), (("GP", "GGA"), "N", ""));
+        for (text, reason) in [
+            (format!("${GGA}*48\r\n"), "is 48 where the sentence has 47"),
+            (format!("${GGA}*4"), "cut"),
+            (format!("${GGA}*47,7"), "behind it"),
+            (format!("${GGA}*4x"), "no number"),
+            (format!("${GGA}\r\n"), "without a checksum"),
+            (format!("${GGA}"), "without a checksum"),
+            ("$, *00".to_owned(), "address"),
+        ] {
+            let error = Sentence::at(text.as_bytes(), false).unwrap_err();
+            assert!(error.contains(reason), "{text}: {error}");
+        }
+        assert!(Sentence::at(format!("${GGA}\r\n").as_bytes(), true).is_ok());
+        assert_eq!(
+            Sentence::at(b"$PASHR,1*56", true).map(|s| s.address()),
+            Err("the checksum is 56 where the sentence has 54".into())
+        );
+    }
+
+    #[test]
+    fn degrees_are_the_nearest_double_of_the_decimal_text() {
+        // Python: float(Fraction(d) + Fraction(m) / 60).
+        assert_eq!(degrees("4807.038", "N"), Some(48.1173));
+        assert_eq!(degrees("01131.000", "E"), Some(11.516_666_666_666_667));
+        assert_eq!(degrees("4717.11399012", "S"), Some(-47.285_233_168_666_664));
+        for (text, hemisphere) in
+            [("", "N"), ("4807.038", ""), ("4860.0", "N"), ("48x7.0", "N"), ("99999.0", "E"), ("7", "N")]
+        {
+            assert_eq!(degrees(text, hemisphere), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn times_of_day_are_exact() {
+        assert_eq!(time_of_day_ns("123519"), Some(45_319_000_000_000));
+        assert_eq!(time_of_day_ns("000000.123456789"), Some(123_456_789));
+        assert_eq!(time_of_day_ns("235960.5"), Some(86_400_500_000_000));
+        for text in ["", "12351", "1235199", "246000", "126000", "123461.1", "1e5"] {
+            assert_eq!(time_of_day_ns(text), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! A frame of UBX, one of RTCM 3 between them, and their checksums.
+
+/// First bytes of a UBX frame.
+pub(super) const SYNC: [u8; 2] = [0xb5, 0x62];
+/// First byte of an RTCM 3 frame.
+pub(super) const RTCM: u8 = 0xd3;
+/// Sync, class, number and length.
+const HEADER: usize = 6;
+const CHECKSUM: usize = 2;
+/// The longest frame.
+pub(super) const LONGEST: usize = HEADER + u16::MAX as usize + CHECKSUM;
+
+/// An intact frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Frame<'b> {
+    pub(super) class: u8,
+    pub(super) number: u8,
+    pub(super) payload: &'b [u8],
+    /// Bytes of the whole frame.
+    pub(super) length: usize,
+}
+
+impl<'b> Frame<'b> {
+    /// The frame that the bytes begin with. Fails with what is wrong.
+    pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, &'static str> {
+        let length = length_at(bytes).ok_or(CUT)?;
+        let (head, rest) = bytes.split_at_checked(HEADER).ok_or(CUT)?;
+        let payload = rest.get(..length - HEADER - CHECKSUM).ok_or(CUT)?;
+        let checked = bytes.get(SYNC.len()..length - CHECKSUM).ok_or(CUT)?;
+        let told = bytes.get(length - CHECKSUM..length).ok_or(CUT)?;
+        match *head {
+            [_, _, class, number, ..] if told == fletcher(checked) => Ok(Frame { class, number, payload, length }),
+            _ => Err(WRONG),
+        }
+    }
+}
+
+/// Said of a frame that is all there.
+pub(super) const WRONG: &str = "the checksum of a frame is wrong";
+/// Said of a frame that is not all there.
+pub(super) const CUT: &str = "a frame whose length leads nowhere";
+
+/// Bytes of the frame that begins here, as it says; `None` if not even that is there.
+fn length_at(bytes: &[u8]) -> Option<usize> {
+    let length = bytes.get(4..).and_then(<[u8]>::first_chunk).map(|two| u16::from_le_bytes(*two))?;
+    bytes.starts_with(&SYNC).then_some(HEADER + usize::from(length) + CHECKSUM)
+}
+
+/// The 8-bit Fletcher checksum of RFC 1145.
+fn fletcher(bytes: &[u8]) -> [u8; 2] {
+    let sum = |[a, b]: [u8; 2], byte: &u8| {
+        let a = a.wrapping_add(*byte);
+        [a, b.wrapping_add(a)]
+    };
+    bytes.iter().fold([0, 0], sum)
+}
+
+/// Finds intact frames in a block; each place takes one step, whatever length stands there.
+///
+/// With S(i) the sum of the first i bytes and T(i) = S(1) + ... + S(i), the checksum of the bytes from i to j is
+/// S(j) - S(i) and T(j) - T(i) - (j - i) S(i), all modulo 256.
+pub(super) struct Finder {
+    block: Vec<u8>,
+    /// S and T.
+    sums: Vec<[u8; 2]>,
+}
+
+impl Finder {
+    pub(super) fn new(block: Vec<u8>) -> Finder {
+        let mut sums = Vec::with_capacity(block.len() + 1);
+        let mut sum = [0_u8; 2];
+        sums.push(sum);
+        for byte in &block {
+            let a = sum[0].wrapping_add(*byte);
+            sum = [a, sum[1].wrapping_add(a)];
+            sums.push(sum);
+        }
+        Finder { block, sums }
+    }
+
+    pub(super) fn block(&self) -> &[u8] {
+        &self.block
+    }
+
+    /// Whether an intact frame begins here.
+    pub(super) fn is_frame(&self, at: usize) -> bool {
+        let Some(length) = self.block.get(at..).and_then(length_at) else { return false };
+        let (from, to) = (at + SYNC.len(), at + length - CHECKSUM);
+        let (Some(&[s_from, t_from]), Some(&[s_to, t_to])) = (self.sums.get(from), self.sums.get(to)) else {
+            return false;
+        };
+        let a = s_to.wrapping_sub(s_from);
+        let b = t_to.wrapping_sub(t_from).wrapping_sub(((to - from) as u8).wrapping_mul(s_from));
+        self.block.get(to..to + CHECKSUM) == Some(&[a, b])
+    }
+}
+
+/// Bytes of the intact RTCM 3 frame that the bytes begin with: preamble, ten bits of length, payload, CRC-24Q
+/// (RTCM 10403).
+pub(super) fn rtcm_length(bytes: &[u8]) -> Option<usize> {
+    let &[preamble, high, low] = bytes.first_chunk()?;
+    let checked = 3 + usize::from(u16::from_be_bytes([high, low]) & 0x3ff);
+    let told = bytes.get(checked..checked + 3)?;
+    let crc = crc24(bytes.get(..checked)?).to_be_bytes();
+    (preamble == RTCM && high & 0xfc == 0 && crc.get(1..) == Some(told)).then_some(checked + 3)
+}
+
+fn crc24(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |crc, byte| {
+        let index = (crc >> 16) as u8 ^ byte;
+        (crc << 8 & 0xff_ffff) ^ CRC24.get(usize::from(index)).copied().unwrap_or_default()
+    })
+}
+
+/// What each byte contributes.
+const CRC24: [u32; 256] = {
+    const POLYNOMIAL: u32 = 0x186_4cfb;
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut crc = (byte as u32) << 16;
+        let mut bit = 0;
+        while bit < 8 {
+            crc <<= 1;
+            if crc & 0x100_0000 != 0 {
+                crc ^= POLYNOMIAL;
+            }
+            bit += 1;
+        }
+        table[byte] = crc;
+        byte += 1;
+    }
+    table
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
+        let body = [&[class, number][..], &(payload.len() as u16).to_le_bytes(), payload].concat();
+        [&SYNC[..], &body, &fletcher(&body)].concat()
+    }
+
+    #[test]
+    fn a_frame_of_the_interface_description_is_intact_and_one_changed_bit_is_not() {
+        // The poll of CFG-RATE, as manuals print it.
+        let poll = [0xb5, 0x62, 0x06, 0x08, 0x00, 0x00, 0x0e, 0x30];
+        assert_eq!(Frame::at(&poll), Ok(Frame { class: 6, number: 8, payload: &[], length: 8 }));
+        let whole = frame(1, 7, &[5; 20]);
+        for bit in 0..whole.len() * 8 {
+            let mut changed = whole.clone();
+            changed[bit / 8] ^= 1 << (bit % 8);
+            assert!(Frame::at(&changed).is_err(), "bit {bit}");
+        }
+        assert_eq!(Frame::at(&whole[..27]), Err(CUT));
+    }
+
+    #[test]
+    fn the_finder_finds_what_the_frames_are() {
+        let mut block = vec![];
+        for i in 0..200_u8 {
+            block.extend(vec![i.wrapping_mul(37); usize::from(i % 5)]);
+            block.extend(frame(i, i ^ 3, &vec![i.wrapping_mul(11); usize::from(i) * 3]));
+        }
+        let finder = Finder::new(block.clone());
+        let found = (0..block.len()).filter(|at| finder.is_frame(*at));
+        let truth = (0..block.len()).filter(|at| Frame::at(&block[*at..]).is_ok());
+        assert!(found.eq(truth));
+        assert_eq!((0..block.len()).filter(|at| finder.is_frame(*at)).count(), 200);
+    }
+
+    #[test]
+    fn a_frame_of_corrections_is_told_by_its_checksum() {
+        // RTCM 10403.1, example of message 1005.
+        let text = "D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98";
+        let bytes: Vec<u8> =
+            (0..text.len()).step_by(2).map(|i| u8::from_str_radix(&text[i..i + 2], 16).unwrap()).collect();
+        assert_eq!(rtcm_length(&bytes), Some(25));
+        assert_eq!(rtcm_length(&bytes[..24]), None);
+        let mut changed = bytes;
+        changed[9] ^= 1;
+        assert_eq!(rtcm_length(&changed), None);
+    }
+}

@@ -1,0 +1,178 @@
+//! What the receiver's messages tell of its time and of itself.
+
+use super::message::{Derived, Message};
+use crate::civil::calendar_to_unix_ns;
+use crate::decode::packed::text_of;
+use flight::{Stamp, WEEK_S, gps_of_unix};
+
+/// Receivers that are listed.
+const MOST_RECEIVERS: usize = 20;
+/// What the messages have told so far.
+#[derive(Debug, Default)]
+pub(super) struct Receiver {
+    /// The latest week that was told, and the time of week then, ms.
+    week: Option<(i64, i64)>,
+    pub(super) names: Vec<String>,
+}
+
+impl Receiver {
+    /// Takes in a message; gives what is to be put in front of its payload.
+    pub(super) fn tell(&mut self, message: Message, payload: &[u8]) -> Derived {
+        let read = Read(payload);
+        let itow_at = match message.name {
+            "NAV-HPPOSLLH" => 4,
+            "HNR-INS" => 8,
+            _ => 0,
+        };
+        let itow_ms = i64::from(read.u32(itow_at));
+        match message.name {
+            // `weekValid` is bit 1 of NAV-TIMEGPS, bit 2 (and bit 3 for the time of week) of the flags of NAV-SOL.
+            "NAV-TIMEGPS" if read.u8(11) & 2 != 0 => self.learn(read.u16(8), itow_ms),
+            "NAV-SOL" if read.u8(11) & 0xc == 0xc => self.learn(read.u16(8), itow_ms),
+            "NAV-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => self.learn_date(read, itow_ms),
+            _ => {}
+        }
+        let week = if message.name.starts_with("TIM-") { None } else { self.week_at(itow_ms) };
+        Derived {
+            week: week.and_then(|w| u16::try_from(w).ok()).unwrap_or(0),
+            fix_ok: match message.name {
+                "NAV-PVT" => read.u8(21) & 1 != 0,
+                "HNR-PVT" => read.u8(17) & 1 != 0,
+                "NAV-SOL" => read.u8(11) & 1 != 0,
+                "NAV-STATUS" => read.u8(5) & 1 != 0,
+                // Bit 0 says that the position is invalid.
+                "NAV-HPPOSLLH" => read.u8(3) & 1 == 0,
+                _ => true,
+            },
+            precise: precise(read),
+        }
+    }
+
+    fn learn(&mut self, week: u16, itow_ms: i64) {
+        self.week = Some((week.into(), itow_ms));
+    }
+
+    /// The week that the date says; at its ends the time of week decides.
+    fn learn_date(&mut self, read: Read<'_>, itow_ms: i64) {
+        let [month, day, hour, minute, second] = [6, 7, 8, 9, 10].map(|at| i64::from(read.u8(at)));
+        let unix = calendar_to_unix_ns([read.u16(4).into(), month, day, hour, minute, second], 0);
+        if let Some(gps) = unix.and_then(|unix| gps_of_unix(Stamp(unix))) {
+            let start_ms = gps.0 / 1_000_000 - itow_ms;
+            let week = (start_ms + WEEK_S * 500).div_euclid(WEEK_S * 1000);
+            self.week = Some((week, itow_ms));
+        }
+    }
+
+    /// The week of a time of week: it begins anew on Sunday, and messages of one epoch come in any order.
+    fn week_at(&self, itow_ms: i64) -> Option<i64> {
+        const HALF_MS: i64 = WEEK_S * 500;
+        let (week, told_ms) = self.week?;
+        Some(match itow_ms - told_ms {
+            step if step < -HALF_MS => week + 1,
+            step if step > HALF_MS => week - 1,
+            _ => week,
+        })
+    }
+
+    /// `MON-VER`: software, hardware, and thirty characters each of more.
+    pub(super) fn version(&mut self, payload: &[u8]) {
+        let (software, rest) = payload.split_at_checked(30).unwrap_or((payload, &[]));
+        let (hardware, more) = rest.split_at_checked(10).unwrap_or((rest, &[]));
+        let more = more.chunks(30).map(text_of).filter(|text| !text.is_empty());
+        let first = [format!("u-blox HW {}", text_of(hardware)), format!("SW {}", text_of(software))];
+        let name = first.into_iter().chain(more.map(|text| text.into_owned())).collect::<Vec<_>>().join(", ");
+        if self.names.len() < MOST_RECEIVERS && !self.names.contains(&name) {
+            self.names.push(name);
+        }
+    }
+}
+
+/// Latitude and longitude, deg, and height, m, of `NAV-HPPOSLLH`: 1e-7 deg and mm, and hundredths and tenths of those.
+fn precise(read: Read<'_>) -> [f64; 3] {
+    let whole = |at, fine_at, share: i64| i64::from(read.i32(at)) * share + i64::from(read.u8(fine_at) as i8);
+    [whole(12, 25, 100) as f64 / 1e9, whole(8, 24, 100) as f64 / 1e9, whole(16, 26, 10) as f64 / 1e4]
+}
+
+/// Little-endian numbers of a payload; zero where it is too short, which the decoder refuses.
+#[derive(Debug, Clone, Copy)]
+struct Read<'p>(&'p [u8]);
+
+impl Read<'_> {
+    fn bytes<const N: usize>(self, at: usize) -> [u8; N] {
+        self.0.get(at..).and_then(<[u8]>::first_chunk).copied().unwrap_or([0; N])
+    }
+
+    fn u8(self, at: usize) -> u8 {
+        u8::from_le_bytes(self.bytes(at))
+    }
+
+    fn u16(self, at: usize) -> u16 {
+        u16::from_le_bytes(self.bytes(at))
+    }
+
+    fn u32(self, at: usize) -> u32 {
+        u32::from_le_bytes(self.bytes(at))
+    }
+
+    fn i32(self, at: usize) -> i32 {
+        i32::from_le_bytes(self.bytes(at))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tell(receiver: &mut Receiver, class: u8, number: u8, payload: &[u8]) -> Derived {
+        receiver.tell(Message::of(class, number).unwrap(), payload)
+    }
+
+    fn pvt(itow_ms: u32, year: u16, rest: [u8; 5], valid: u8) -> Vec<u8> {
+        let mut payload = [&itow_ms.to_le_bytes()[..], &year.to_le_bytes(), &rest, &[valid]].concat();
+        payload.resize(92, 0);
+        payload[21] = 1;
+        payload
+    }
+
+    #[test]
+    fn the_week_comes_from_the_date_and_runs_on_over_sunday() {
+        let mut receiver = Receiver::default();
+        // Nothing known yet, and a date that is not valid.
+        assert_eq!(tell(&mut receiver, 1, 2, &[0; 28]).week, 0);
+        assert_eq!(tell(&mut receiver, 1, 7, &pvt(5, 2026, [11, 21, 23, 59, 42], 1)).week, 0);
+        // 2026-11-21 is a Saturday: with 18 leap seconds week 2445 ends at 23:59:42 UTC.
+        let last = tell(&mut receiver, 1, 7, &pvt(604_799_900, 2026, [11, 21, 23, 59, 41], 3));
+        assert_eq!((last.week, last.fix_ok), (2445, true));
+        let mut next = [0; 28];
+        next[..4].copy_from_slice(&100_u32.to_le_bytes());
+        assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2446);
+        next[..4].copy_from_slice(&604_799_950_u32.to_le_bytes());
+        assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2445);
+    }
+
+    #[test]
+    fn the_digits_of_a_precise_position_are_put_together() {
+        let mut payload = vec![0; 36];
+        payload[8..12].copy_from_slice(&(-1_220_312_345_i32).to_le_bytes());
+        payload[12..16].copy_from_slice(&373_412_345_i32.to_le_bytes());
+        payload[16..20].copy_from_slice(&12_345_i32.to_le_bytes());
+        payload[24..27].copy_from_slice(&[-67_i8 as u8, 89, 4]);
+        let derived = tell(&mut Receiver::default(), 1, 0x14, &payload);
+        assert_eq!((derived.precise, derived.fix_ok), ([37.341_234_589, -122.031_234_567, 12.3454], true));
+    }
+
+    #[test]
+    fn a_receiver_is_named_once() {
+        let mut receiver = Receiver::default();
+        let field = |text: &str, size: usize| {
+            let mut field = text.as_bytes().to_vec();
+            field.resize(size, 0);
+            field
+        };
+        let version = [field("EXT CORE 1.00", 30), field("00190000", 10), field("MOD=ZED-F9P", 30)].concat();
+        receiver.version(&version);
+        receiver.version(&version);
+        receiver.version(&[]);
+        assert_eq!(receiver.names, ["u-blox HW 00190000, SW EXT CORE 1.00, MOD=ZED-F9P", "u-blox HW , SW "]);
+    }
+}
