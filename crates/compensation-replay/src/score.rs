@@ -12,6 +12,7 @@ mod updates;
 pub(crate) use all::{Played, scores};
 pub(crate) use onboard::onboard;
 
+use self::jackknife::percentiles;
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
 use crate::input::{AXES, Horizontal, Input};
@@ -202,11 +203,7 @@ fn steps_at_fix<'a>(track: &Positions, raw2: &'a [f64], exact2: &'a [f64]) -> Op
 /// The 95th percentile of the error, with the spread of its ten consecutive parts as standard error.
 fn percentile_95(squares: &[f64]) -> Option<Estimate> {
     const PARTS: usize = 10;
-    let p95 = |squares: &[f64]| {
-        let mut sorted = squares.to_vec();
-        sorted.sort_unstable_by(f64::total_cmp);
-        signal::percentile_of_sorted(&sorted, 0.95).map(f64::sqrt)
-    };
+    let p95 = |squares: &[f64]| percentiles(&mut squares.to_vec(), &[0.95]).first().map(|p| p.sqrt());
     let value = p95(squares)?;
     let n = squares.len();
     let standard_uncertainty = (n >= 20 * PARTS).then(|| {
@@ -229,8 +226,11 @@ impl Reference {
         let t = &reference.t;
         let longest = 2.5 * median_step(t);
         let mut out = Reference { row: vec![], axes: [vec![], vec![]] };
+        let mut after = 0;
         for &row in valid {
-            let after = t.partition_point(|&x| x <= rows.t[row]);
+            while after < t.len() && t[after] <= rows.t[row] {
+                after += 1;
+            }
             let Some(k) = after.checked_sub(1) else { continue };
             let (share, next) = if t[k] == rows.t[row] {
                 (0.0, k)

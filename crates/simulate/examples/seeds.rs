@@ -27,5 +27,8 @@ fn target_of(container: Container) -> &'static str {
         Container::Ulog => "ulog",
         Container::DataFlash | Container::DataFlashText => "dataflash",
         Container::Db3(_) => "db3",
+        Container::Nmea => "nmea",
+        Container::Ubx => "ubx",
+        Container::Tlog => "tlog",
     }
 }

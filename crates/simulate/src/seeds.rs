@@ -66,6 +66,9 @@ pub fn seeds() -> Result<Vec<Seed>, SimulateError> {
         ("ulog", Container::Ulog),
         ("dataflash-binary", Container::DataFlash),
         ("dataflash-text", Container::DataFlashText),
+        ("tlog", Container::Tlog),
+        ("ubx", Container::Ubx),
+        ("nmea", Container::Nmea),
         ("csv-wide", Container::CsvWide),
         ("csv-folder", Container::CsvFolder),
     ];

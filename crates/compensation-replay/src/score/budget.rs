@@ -162,7 +162,7 @@ impl Ground<'_> {
         let left = Left::of(form, track, self.row_step_s);
         let size = |motion: &Motion| motion.weighted(|hz| (left.at(hz).norm() / (TAU * hz)).powi(2)).sqrt();
         let source = "spectrum of this flight's velocity less its noise, times |e^(−jωTd) − R|/ω";
-        self.from_motion(&format!("truncation of [{m}/{n}]"), size, source)
+        self.of_motion(&format!("truncation of [{m}/{n}]"), size, source)
     }
 
     /// The delay that truncation looks like in the motion of this flight, s: the δ for which `jωδ` is nearest to what is
@@ -188,7 +188,7 @@ impl Ground<'_> {
             (0.5 * over_s * (north + east)).sqrt()
         };
         let source = "√(T·S_v): T the time that velocity is integrated over, S_v the floor of its spectrum (two-sided)";
-        self.from_motion("noise of the velocity", size, source)
+        self.of_motion("noise of the velocity", size, source)
     }
 
     /// `T h²/12 · rms |v″|`.
@@ -197,10 +197,10 @@ impl Ground<'_> {
         let size = |motion: &Motion| over_s * motion.step_s().powi(2) / 12.0 * motion.bend2().sqrt();
         let source =
             "T h²/12 times the rms of the velocity's second derivative: what a straight line between samples misses";
-        self.from_motion("velocity between its samples", size, source)
+        self.of_motion("velocity between its samples", size, source)
     }
 
-    fn from_motion(&self, name: &str, size: impl Fn(&Motion) -> f64, source: &str) -> BudgetTerm {
+    fn of_motion(&self, name: &str, size: impl Fn(&Motion) -> f64, source: &str) -> BudgetTerm {
         match self.motion {
             Ok(motion) => term(name, Finding::Found(size(motion)), source),
             Err(why) => term(name, Finding::CannotTell(why.to_owned()), source),

@@ -12,6 +12,8 @@ const RATE_HZ: f64 = 20.0;
 const SHORTEST_S: f64 = 20.0;
 /// Bins of the record per decade.
 const PER_DECADE: f64 = 12.0;
+/// Lines closer than this ratio are taken together: 10^0.01.
+const NEAR: f64 = 1.023_292_992_280_754;
 /// Frequencies above this share of the highest one say what is noise.
 const NOISE_ABOVE: f64 = 2.0 / 3.0;
 
@@ -21,6 +23,8 @@ pub(crate) struct Motion {
     pub(crate) spectra: [Spectrum; 2],
     /// Of that, noise in each line.
     floor: [f64; 2],
+    /// Frequency and power less noise of both axes, neighbours within a hundredth of a decade together.
+    excess: Vec<(f64, f64)>,
     duration_s: f64,
     /// Usual step of the velocity, s.
     step_s: f64,
@@ -50,15 +54,13 @@ impl Motion {
             power_spectrum(&means, rate_hz)
         });
         let floor = spectra.each_ref().map(noise_floor);
-        Ok(Motion { spectra, floor, duration_s, step_s })
+        let excess = excess(&spectra, &floor);
+        Ok(Motion { spectra, floor, excess, duration_s, step_s })
     }
 
     /// Σ over both axes of power less noise, weighted by frequency, (m/s)² times the weight's unit; not below zero.
     pub(crate) fn weighted(&self, weight: impl Fn(f64) -> f64) -> f64 {
-        let axis = |(s, floor): (&Spectrum, &f64)| -> f64 {
-            s.frequency_hz.iter().zip(&s.power).map(|(f, p)| (p - floor) * weight(*f)).sum()
-        };
-        self.spectra.iter().zip(&self.floor).map(axis).sum::<f64>().max(0.0)
+        self.excess.iter().map(|(f, p)| p * weight(*f)).sum::<f64>().max(0.0)
     }
 
     /// One-sided density of the noise, (m/s)²/Hz.
@@ -115,6 +117,25 @@ fn evenly(t: &[f64], y: &[f64], step_s: f64, count: usize) -> Vec<f64> {
             y[k] + share * (y[k + 1] - y[k])
         })
         .collect()
+}
+
+/// Power less noise of both axes: single lines where they are far apart, sums over a hundredth of a decade where they are
+/// near, at the mean of their frequencies.
+fn excess([north, east]: &[Spectrum; 2], [floor_n, floor_e]: &[f64; 2]) -> Vec<(f64, f64)> {
+    let lines = north.frequency_hz.iter().zip(north.power.iter().zip(&east.power));
+    let mut out: Vec<(f64, f64, f64)> = vec![];
+    let mut until = 0.0;
+    for (&f, (n, e)) in lines {
+        let p = n - floor_n + e - floor_e;
+        match out.last_mut() {
+            Some((sum, power, count)) if f < until => (*sum, *power, *count) = (*sum + f, *power + p, *count + 1.0),
+            _ => {
+                until = f * NEAR;
+                out.push((f, p, 1.0));
+            }
+        }
+    }
+    out.into_iter().map(|(sum, power, count)| (sum / count, power)).collect()
 }
 
 /// Noise in each line, from the median of the highest third: noise of a line is exponential, so its mean is the median

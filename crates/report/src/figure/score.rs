@@ -48,8 +48,8 @@ pub(crate) fn bands_figure(scores: &ReplayScores, number: u32) -> Option<Figure>
         number,
         title: "Where compensation helps, and where this flight moved".to_owned(),
         caption,
-        how_to_read: "Good: all bars of the motion stand over the blue part. Motion over the pale part is helped less, \
-                      motion over the red line is made worse; noise of the velocity spreads thinly to the right.",
+        how_to_read: "Good: all bars of the motion stand over the blue band. Motion over the pale part is helped less, \
+                      motion over the thin line at its end is made worse; noise of the velocity spreads thinly to the right.",
         panels,
         panel_size: (860, 150),
         fine: false,
@@ -60,7 +60,7 @@ fn spectrum(motion: &MotionSpectrum, x: &Axis) -> Panel {
     let inside = |from: f64, to: f64| (from.max(x.low), to.min(x.high));
     let bars = motion.edges_hz.windows(2).zip(&motion.share).filter_map(|(edge, share)| {
         let (from, to) = inside(edge[0], edge[1]);
-        (to > from && *share > 0.0).then(|| outline((from, 0.0), (to, 100.0 * share)))
+        (to > from && *share > 0.0).then(|| vec![(from, 0.0), (to, 100.0 * share)])
     });
     let line = Line { name: "velocity of this flight".to_owned(), pen: Pen::Bars, pieces: bars.collect() };
     let most = motion.share.iter().copied().fold(0.0, f64::max);
@@ -72,26 +72,26 @@ fn bars(rows: &[(&str, &HelpfulBand)], x: &Axis) -> Panel {
     let (mut helps, mut between, mut worse) = (vec![], vec![], vec![]);
     let end = |band: &HelpfulBand| (1.0 / band.delays_s[0]).clamp(x.low, x.high);
     for (row, (_, band)) in rows.iter().enumerate() {
-        let (bottom, top) = (row as f64 - 0.32, row as f64 + 0.32);
+        let (bottom, top) = (row as f64 - 0.1, row as f64 + 0.1);
         let inside = |hz: f64| hz.clamp(x.low, end(band));
         let helped = band.helps_below_hz.map_or(x.low, inside);
         let harmed = band.worse_above_hz.map_or(end(band), inside).max(helped);
-        let bar = |list: &mut Vec<Vec<(f64, f64)>>, from: f64, to: f64| {
-            if to > from {
-                list.push(outline((from, bottom), (to, top)));
-            }
-        };
-        bar(&mut helps, x.low, helped);
-        bar(&mut between, helped, harmed);
+        let middle = row as f64;
+        if helped > x.low {
+            helps.push(vec![(x.low, middle), (helped, middle)]);
+        }
+        if harmed > helped {
+            between.push(outline((helped, bottom), (harmed, top)));
+        }
         if end(band) > harmed {
-            worse.push(vec![(harmed, row as f64), (end(band), row as f64)]);
+            worse.push(vec![(harmed, middle), (end(band), middle)]);
         }
     }
     let ticks = rows.iter().enumerate().map(|(row, (name, _))| Tick { at: row as f64, label: short_label(name) });
     let y = Axis::ticked("", (-0.6, rows.len() as f64 - 0.4), ticks.collect());
     let mut lines = vec![
         Line { name: "helps less".to_owned(), pen: Pen::Uncertainty, pieces: between },
-        Line { name: "helps".to_owned(), pen: Pen::Bars, pieces: helps },
+        Line { name: "helps".to_owned(), pen: Pen::Band, pieces: helps },
         Line { name: "worse than raw".to_owned(), pen: Pen::Rule, pieces: worse },
     ];
     lines.retain(|line| !line.pieces.is_empty());

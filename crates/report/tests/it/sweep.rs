@@ -1,8 +1,51 @@
 //! Which delay was removed, what others would have done, and the flights together.
 
-use crate::fixture::{flight_record, sweep::campaign};
-use record::{DelaySource, FlightRecord};
+use crate::fixture::sweep::{error, estimate};
+use crate::fixture::{TD, campaign_record, flight_record};
+use record::{
+    CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, DelaySource, Finding, FlightHomogeneity,
+    FlightRecord, PooledSweep,
+};
 use report::{FlightPage, Site, campaign_site, flight_site};
+
+/// Twelve flights, the eighth of which is late by more.
+fn campaign() -> CampaignRecord {
+    let control = (0..12).map(|i| {
+        let late = if i == 7 { 0.031 } else { 0.001 * f64::from(i % 3) };
+        ControlPoint {
+            flight: format!("flight-{i:02}.<mcap>"),
+            flown_at: Some(format!("2026-11-{:02}T12:00:00Z", i + 1)),
+            delay_s: estimate(TD + late, 0.002),
+            centre_s: TD,
+            limit_s: 0.009,
+            is_outside: i == 7,
+        }
+    });
+    let over = |value: f64| DelayOverFlights {
+        flights: 12,
+        delay_s: estimate(value, 0.003),
+        between_s: Some(0.008),
+        homogeneity: Some(FlightHomogeneity { chi2: 212.0, degrees_of_freedom: 11, p: 1e-39 }),
+    };
+    let delay_s: Vec<f64> = (60..=102).map(|k| 0.005 * f64::from(k)).collect();
+    CampaignRecord {
+        delay: Some(CampaignDelay {
+            measured: Finding::Found(over(TD + 0.0035)),
+            swept: Finding::Found(over(TD + 0.0021)),
+            card_s: Some(estimate(TD, 0.0022)),
+            control: control.collect(),
+            in_time_order: true,
+            curve: Finding::Found(PooledSweep {
+                against_reference: true,
+                flights: 12,
+                samples: 71_000,
+                rms_m: delay_s.iter().map(|d| error(*d)).collect(),
+                delay_s,
+            }),
+        }),
+        ..campaign_record(12)
+    }
+}
 
 fn site(record: &FlightRecord) -> Site {
     flight_site(&FlightPage { name: "flight 07", record, index_href: "../../index.html", command: "flightlag" })

@@ -1,13 +1,12 @@
-//! A choice of delays, a sweep and a campaign's delays with known numbers.
+//! A choice of delays and a sweep with known numbers.
 
-use super::{TD, campaign_record};
+use super::TD;
 use record::{
-    CampaignDelay, CampaignRecord, ControlPoint, DelayCandidate, DelayChoice, DelayOverFlights, DelaySource,
-    DelaySweep, Estimate, Finding, FlightHomogeneity, ObjectiveCurve, PooledSweep, SweepMethod, SweepOptimum,
+    DelayCandidate, DelayChoice, DelaySource, DelaySweep, Estimate, Finding, ObjectiveCurve, SweepMethod, SweepOptimum,
     SweepPoint, SweepScore,
 };
 
-fn estimate(value: f64, u: f64) -> Estimate {
+pub fn estimate(value: f64, u: f64) -> Estimate {
     Estimate { value, standard_uncertainty: Some(u) }
 }
 
@@ -39,7 +38,7 @@ pub fn choice() -> DelayChoice {
 }
 
 /// Errors of 17.5 m/s times what the delay is wrong by, over a floor of 2 cm.
-fn error(delay_s: f64) -> f64 {
+pub fn error(delay_s: f64) -> f64 {
     0.02_f64.hypot(17.5 * (delay_s - TD))
 }
 
@@ -75,43 +74,4 @@ pub fn objective(delay_s: f64, u: f64) -> ObjectiveCurve {
     let value = |x: &[f64]| x.iter().map(|d| ((d - delay_s) / u).powi(2)).collect::<Vec<f64>>();
     let (wide, near) = (grid(1.0), grid(5.0 * u));
     ObjectiveCurve { value: value(&wide), delay_s: wide, near_value: value(&near), near_delay_s: near }
-}
-
-/// Twelve flights, the eighth of which is late by more.
-pub fn campaign() -> CampaignRecord {
-    let control = (0..12).map(|i| {
-        let late = if i == 7 { 0.031 } else { 0.001 * f64::from(i % 3) };
-        ControlPoint {
-            flight: format!("flight-{i:02}.<mcap>"),
-            flown_at: Some(format!("2026-11-{:02}T12:00:00Z", i + 1)),
-            delay_s: estimate(TD + late, 0.002),
-            centre_s: TD,
-            limit_s: 0.009,
-            is_outside: i == 7,
-        }
-    });
-    let over = |value: f64| DelayOverFlights {
-        flights: 12,
-        delay_s: estimate(value, 0.003),
-        between_s: Some(0.008),
-        homogeneity: Some(FlightHomogeneity { chi2: 212.0, degrees_of_freedom: 11, p: 1e-39 }),
-    };
-    let delay_s: Vec<f64> = (60..=102).map(|k| 0.005 * f64::from(k)).collect();
-    CampaignRecord {
-        delay: Some(CampaignDelay {
-            measured: Finding::Found(over(TD + 0.0035)),
-            swept: Finding::Found(over(TD + 0.0021)),
-            card_s: Some(estimate(TD, 0.0022)),
-            control: control.collect(),
-            in_time_order: true,
-            curve: Finding::Found(PooledSweep {
-                against_reference: true,
-                flights: 12,
-                samples: 71_000,
-                rms_m: delay_s.iter().map(|d| error(*d)).collect(),
-                delay_s,
-            }),
-        }),
-        ..campaign_record(12)
-    }
 }

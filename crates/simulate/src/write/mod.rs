@@ -9,8 +9,11 @@ mod flight_log;
 mod idl;
 mod mcap;
 pub(crate) mod message;
+mod nmea;
 mod protobuf;
 pub(crate) mod ros;
+mod tlog;
+mod ubx;
 mod ulog;
 
 pub use bag::{BagCompression, BagSettings};
@@ -45,6 +48,12 @@ pub enum Container {
     DataFlashText,
     /// ROS 2 bag in SQLite.
     Db3(Db3Settings),
+    /// NMEA 0183: no vertical speed and no truth. Only a flight has this form.
+    Nmea,
+    /// UBX of a u-blox receiver: no truth. Only a flight has this form.
+    Ubx,
+    /// MAVLink telemetry. Only a flight has this form.
+    Tlog,
 }
 
 /// A topic and the type of its messages.
@@ -87,6 +96,9 @@ impl Container {
         match self {
             Container::DataFlash => one(dataflash::binary(flight)),
             Container::DataFlashText => one(dataflash::text(flight)),
+            Container::Nmea => one(nmea::write(flight)),
+            Container::Ubx => one(ubx::write(flight)),
+            Container::Tlog => one(tlog::write(flight)),
             _ => self.write(stem, || flight_log::logbook(flight), || csv::wide(flight)),
         }
     }
@@ -107,6 +119,9 @@ impl Container {
             Container::Ulog => one("ulg", ulog::write(&log())),
             Container::DataFlash | Container::DataFlashText => return Err(SimulateError::OnlyFlights("DataFlash")),
             Container::Db3(settings) => db3::write(&log(), stem, settings)?,
+            Container::Nmea => return Err(SimulateError::OnlyFlights("NMEA")),
+            Container::Ubx => return Err(SimulateError::OnlyFlights("UBX")),
+            Container::Tlog => return Err(SimulateError::OnlyFlights("MAVLink telemetry")),
         })
     }
 
@@ -121,6 +136,9 @@ impl Container {
             Container::Ulog => format!("{stem}.ulg").into(),
             Container::DataFlash => format!("{stem}.bin").into(),
             Container::DataFlashText => format!("{stem}.log").into(),
+            Container::Nmea => format!("{stem}.nmea").into(),
+            Container::Ubx => format!("{stem}.ubx").into(),
+            Container::Tlog => format!("{stem}.tlog").into(),
             Container::Db3(settings) => match settings.paths(stem).as_slice() {
                 [only] => only.into(),
                 _ => stem.into(),

@@ -1,0 +1,157 @@
+//! Where bytes are read under observation.
+
+use ingest::{FlightUnit, IngestError, Limits, Log, LogKind, ReadContext, Select, Selection, TopicInfo};
+use peak_alloc::PeakAlloc;
+use simulate::{Container, Seed};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+#[global_allocator]
+static MEMORY: PeakAlloc = PeakAlloc;
+
+/// Memory is counted for the whole process, so that one lab is open at a time.
+static DOOR: Mutex<()> = Mutex::new(());
+
+/// Memory that reading may take beside four times the file (T4 of the catalogue of faults).
+const MEMORY_BYTES: usize = 64 << 20;
+
+/// A place to read one log after the other.
+pub struct Lab {
+    folder: tempfile::TempDir,
+    /// The slowest reading so far.
+    pub slowest: Duration,
+    /// Readings so far.
+    pub cases: u64,
+    /// For all that is read.
+    pub limits: Limits,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Lab {
+    pub fn new() -> Lab {
+        let alone = DOOR.lock().unwrap_or_else(PoisonError::into_inner);
+        let shared = Path::new("/dev/shm");
+        let folder = if shared.is_dir() { tempfile::tempdir_in(shared) } else { tempfile::tempdir() };
+        let limits = Limits::default();
+        Lab { folder: folder.unwrap(), slowest: Duration::ZERO, cases: 0, limits, _alone: alone }
+    }
+
+    /// A log of one file.
+    pub fn single(&self, kind: LogKind, name: &str) -> Subject {
+        self.subject(kind, &[(name, &[])], 0)
+    }
+
+    /// The files of a log, the one that will be damaged having this number.
+    pub fn subject(&self, kind: LogKind, files: &[(&str, &[u8])], damaged: usize) -> Subject {
+        let mut paths = vec![];
+        for (name, bytes) in files {
+            let path = self.folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, bytes).unwrap();
+            paths.push(path);
+        }
+        let file = File::options().write(true).open(&paths[damaged]).unwrap();
+        let others = files.iter().enumerate().filter(|(i, _)| *i != damaged).map(|(_, f)| f.1.len() as u64).sum();
+        Subject { unit: FlightUnit { id: "lab".into(), files: paths, kind }, file, others }
+    }
+
+    /// A seed, its file of this number under the knife.
+    pub fn seed(&self, seed: &Seed, damaged: usize) -> Subject {
+        let files: Vec<(&str, &[u8])> = seed.files.iter().map(|f| (f.path.to_str().unwrap(), &f.bytes[..])).collect();
+        self.subject(kind_of(seed.container), &files, damaged)
+    }
+
+    /// Everything of the log with `bytes` in the damaged file.
+    ///
+    /// # Panics
+    /// If reading panics, loses count of the bytes, lists damage without end or takes too much memory.
+    pub fn read(&mut self, subject: &Subject, bytes: &[u8], case: &str) -> Result<Log, IngestError> {
+        self.read_some(subject, bytes, case, &|_: &TopicInfo| Selection::All)
+    }
+
+    /// As [`Lab::read`], what is wanted.
+    pub fn read_some(
+        &mut self,
+        subject: &Subject,
+        bytes: &[u8],
+        case: &str,
+        want: &dyn Select,
+    ) -> Result<Log, IngestError> {
+        subject.file.set_len(bytes.len() as u64).unwrap();
+        subject.file.write_all_at(bytes, 0).unwrap();
+        let cancel = AtomicBool::new(false);
+        let context = ReadContext { limits: self.limits, cancel: &cancel, on_bytes: &|_| () };
+        MEMORY.reset_peak_usage();
+        let before = MEMORY.current_usage();
+        let start = Instant::now();
+        let read = catch_unwind(AssertUnwindSafe(|| ingest::open(&subject.unit).read(want, &context)));
+        self.slowest = self.slowest.max(start.elapsed());
+        self.cases += 1;
+        let Ok(read) = read else { panic!("{case}: reading panics") };
+        let peak = MEMORY.peak_usage().saturating_sub(before);
+        assert!(peak <= MEMORY_BYTES + 4 * bytes.len(), "{case}: {peak} bytes of memory for {} of log", bytes.len());
+        if let Ok(log) = &read {
+            let b = &log.health.bytes;
+            assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{case}: {b:?}");
+            let packed = log.health.format.contains(", in ");
+            assert!(packed || b.size == bytes.len() as u64 + subject.others, "{case}: {b:?}");
+            assert!(log.health.damage.len() <= self.limits.listed_damage, "{case}: damage is listed without end");
+        }
+        read
+    }
+}
+
+/// A log on disk with one file that is written anew for each case.
+pub struct Subject {
+    unit: FlightUnit,
+    file: File,
+    /// Bytes of the other files.
+    others: u64,
+}
+
+impl Subject {
+    pub fn path(&self) -> &PathBuf {
+        &self.unit.files[0]
+    }
+}
+
+/// Seeds whose names begin so.
+pub fn seeds(family: &str) -> Vec<Seed> {
+    let seeds: Vec<Seed> = simulate::seeds().unwrap().into_iter().filter(|s| s.name.starts_with(family)).collect();
+    assert!(!seeds.is_empty(), "{family}");
+    seeds
+}
+
+/// The reader of a container.
+pub fn kind_of(container: Container) -> LogKind {
+    match container {
+        Container::CsvWide | Container::CsvFolder => LogKind::Csv,
+        Container::Mcap(_) => LogKind::Mcap,
+        Container::Bag(_) => LogKind::Bag,
+        Container::Ulog => LogKind::Ulog,
+        Container::DataFlash | Container::DataFlashText => LogKind::DataFlash,
+        Container::Db3(_) => LogKind::Db3,
+        Container::Nmea => LogKind::Nmea,
+        Container::Ubx => LogKind::Ubx,
+        Container::Tlog => LogKind::Tlog,
+    }
+}
+
+/// Memory of the process that is resident, C libraries and all, above what it was, bytes.
+pub fn resident<T>(work: impl FnOnce() -> T) -> (T, u64) {
+    let status = |key: &str| -> u64 {
+        let text = std::fs::read_to_string("/proc/self/status").unwrap();
+        let line = text.lines().find(|line| line.starts_with(key)).unwrap();
+        line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() << 10
+    };
+    // 5 makes the high-water mark the present size (proc(5)).
+    std::fs::write("/proc/self/clear_refs", "5").unwrap();
+    let before = status("VmRSS");
+    let result = work();
+    (result, status("VmHWM").saturating_sub(before))
+}

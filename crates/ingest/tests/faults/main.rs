@@ -1,0 +1,15 @@
+//! Damaged and hostile logs of every format: no panic, no hang, bounded memory, every byte accounted for, nothing lost
+//! or changed in silence.
+//!
+//! A binary of its own, for its allocator counts. What is marked as ignored is exhaustive: `just faults`.
+
+
+mod cuts;
+mod flips;
+mod lab;
+
+
+
+
+
+mod verdict;

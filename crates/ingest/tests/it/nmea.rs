@@ -1,0 +1,218 @@
+//! NMEA 0183: a simulated flight, sentences of other tools, and everything that can go wrong.
+
+use crate::support::*;
+use crate::telemetry::*;
+use flight::{Clock, Severity, StampKind};
+use ingest::{Limits, Log, NmeaReader};
+use simulate::Container;
+
+const READER: Reader = |path| Box::new(NmeaReader::new(vec![path]));
+
+fn text(lines: &[&str]) -> Log {
+    read_bytes(READER, (lines.join("\r\n") + "\r\n").as_bytes()).unwrap()
+}
+
+fn sealed(body: &str) -> String {
+    format!("${body}*{:02X}", body.bytes().fold(0, |sum, byte| sum ^ byte))
+}
+
+#[test]
+fn a_simulated_flight_comes_back_within_the_quantum_of_its_sentences() {
+    let flight = flight(20.0, 50.0);
+    let truth = flight.to_flight().unwrap();
+    for name in ["flight.nmea", "flight.txt"] {
+        let loaded = load_written(Container::Nmea, &flight, name, "nmea");
+        let channel = |name: &str| &loaded.flight.channels[name];
+        let timeline = channel("position.gps").series.timeline();
+        assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Measured, Clock::Unix));
+        let (position, late) = worst(channel("position.gps"), &truth.channels["position.gps"], |ns| ns);
+        let half = (0.5001e-5_f64 / 60.0).to_radians();
+        assert!(position[0] > 0.0 && position[0] <= half && position[1] <= half, "{position:?}");
+        assert!(position[2] > 0.0 && position[2] <= 0.000_500_1 && late <= 500_000, "{position:?} {late}");
+        // Half a quantum of speed, and of track at the speed of this flight.
+        let speed = 0.5001e-4 * 1852.0 / 3600.0;
+        let fastest = truth.channels["velocity.gps"].series.components()[..2]
+            .iter()
+            .flat_map(|c| c.iter().map(|v| v.abs()))
+            .fold(0.0, f64::max);
+        let (velocity, late) = worst(channel("velocity.gps"), &truth.channels["velocity.gps"], |ns| ns);
+        let most = speed + 0.5001e-4_f64.to_radians() * fastest * 1.5;
+        assert!(velocity[0] > 0.0 && velocity[0] <= most && velocity[1] <= most, "{velocity:?} of {most}");
+        assert!(late <= 500_000);
+        assert_eq!(loaded.health.about.texts, ["simulated receiver"]);
+    }
+}
+
+#[test]
+fn sentences_of_real_receivers_have_the_values_that_pynmeagps_reads() {
+    // pynmeagps 1.1.8: the same sentences give these degrees, rounded to 10 digits.
+    let log = text(&[
+        "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47",
+        "$GNRMC,103607.00,A,5327.03942,N,00214.42462,W,0.046,,060321,,,A,V*0E",
+        "$GNGLL,5327.04319,N,00214.41396,W,223232.00,A,A*68",
+        "$GPVTG,054.7,T,034.4,M,005.5,N,010.2,K*48",
+        "$GPGSV,3,1,11,03,03,111,00,04,15,270,00,06,01,010,00,13,06,292,00*74",
+    ]);
+    assert_eq!(log.health.bytes.damaged, 0, "{:?}", log.health.damage);
+    let number = |topic, field| values(&log, topic, field)[0];
+    assert_eq!(number("GPGGA", "latitude"), Some(48.1173));
+    assert!((number("GNRMC", "longitude").unwrap() + 2.240_410_333_3).abs() < 1e-10);
+    assert!((number("GNGLL", "latitude").unwrap() - 53.450_719_833_3).abs() < 1e-10);
+    assert_eq!(
+        ["altitude", "separation", "satellites", "hdop"].map(|f| number("GPGGA", f)),
+        [Some(545.4), Some(46.9), Some(8.0), Some(0.9)]
+    );
+    assert_eq!((number("GNRMC", "speed"), number("GPVTG", "track")), (Some(0.046), Some(54.7)));
+    assert_eq!((messages(&log, "GPGSV"), log.tables.len()), (1, 4));
+    // Slow: no track, and so no velocity. GGA came before any date.
+    assert!(table(&log, "GNRMC").column("track").is_none());
+    assert!(table(&log, "GPGGA").column("utc_ns").is_none());
+    assert!(codes(&log).contains(&"undated"));
+    // date -u -d '2021-03-06T10:36:07Z' +%s
+    assert_eq!(table(&log, "GNRMC").column("utc_ns").unwrap().integer(0), Some(1_615_026_967_000_000_000));
+}
+
+#[test]
+fn a_slow_epoch_has_a_position_and_no_velocity() {
+    let mut lines = vec![];
+    for second in 0..20 {
+        let track = if second < 5 { "" } else { "90.0" };
+        lines.push(sealed(&format!("GPRMC,1200{second:02},A,,,,,1.0,{track},211126,,")));
+        lines.push(sealed(&format!("GPGGA,1200{second:02},4807.038,N,01131.0{second:02},E,1,08,0.9,5.4,M,46.9,M,,")));
+    }
+    let (_folder, path) = file("slow.nmea", lines.join("\r\n").as_bytes());
+    let unit = ingest::FlightUnit { id: "slow".into(), files: vec![path], kind: ingest::LogKind::Nmea };
+    let loaded = load(&unit).unwrap();
+    let of = |name: &str| loaded.flight.channels[name].series.len();
+    assert_eq!((of("position.gps"), of("velocity.gps")), (20, 15));
+    let rejected = loaded.flight.notices.iter().find(|n| n.code == "rejected-row").unwrap();
+    assert_eq!((rejected.count, rejected.text.contains("track is missing")), (5, true), "{}", rejected.text);
+    // Above the ellipsoid.
+    assert_eq!(loaded.flight.channels["position.gps"].series.component(2)[0], 5.4 + 46.9);
+}
+
+#[test]
+fn a_log_without_any_date_is_timed_from_its_begin_over_midnight() {
+    let gga = |time: &str, minute: u32| {
+        sealed(&format!("GPGGA,{time},4807.{minute:03},N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,"))
+    };
+    let lines = [gga("235959.50", 1), gga("000000.00", 2), gga("000000.50", 3)];
+    let (_folder, path) = file("f.nmea", (lines.join("\n") + "\n").as_bytes());
+    let unit = ingest::FlightUnit { id: "f".into(), files: vec![path], kind: ingest::LogKind::Nmea };
+    let loaded = load(&unit).unwrap();
+    let timeline = loaded.flight.channels["position.gps"].series.timeline();
+    assert_eq!(timeline.clock(), Clock::Elapsed);
+    assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), [0, 500_000_000, 1_000_000_000]);
+}
+
+#[test]
+fn a_unix_time_in_front_of_a_line_is_when_it_was_logged() {
+    let rmc =
+        |second: u32| sealed(&format!("GPRMC,1200{second:02},A,4807.0{second:02},N,01131.000,E,20.0,90.0,211126,,"));
+    let lines: Vec<String> = (0..9).map(|s| format!("17952624{s:02}.123 {}", rmc(s))).collect();
+    let (_folder, path) = file("f.txt", (lines.join("\n") + "\n").as_bytes());
+    let unit = ingest::FlightUnit { id: "f".into(), files: vec![path], kind: ingest::LogKind::Nmea };
+    let loaded = load(&unit).unwrap();
+    let channel = &loaded.flight.channels["velocity.gps"];
+    let logged = channel.series.timeline();
+    assert_eq!((logged.kind(), logged.stamps().len()), (StampKind::Measured, 9));
+    let offsets = loaded.binding.unwrap().channels.iter().find(|c| c.name == "velocity.gps").unwrap().offsets.clone();
+    // Noon of that day is 1795262400.
+    assert!((offsets[0].offset_s.median.abs() - 0.123).abs() < 1e-9, "{offsets:?}");
+    let other = text(&[&format!("[12:00:01] {}", rmc(1)), &rmc(2)]);
+    assert!(codes(&other).contains(&"prefix") && table(&other, "GPRMC").column("logged_ns").is_none());
+    assert_eq!((table(&other, "GPRMC").rows, other.health.bytes.damaged), (2, 0));
+}
+
+#[test]
+fn a_bad_line_is_damage_with_its_number_and_the_others_are_read() {
+    let good = sealed("GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,");
+    let bad = good.replace("545.4", "645.4");
+    let log = text(&["log of the receiver", "# a comment", &good, &bad, "cut in the midd", "", &good, "\u{7}", &good]);
+    let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
+    assert_eq!(reasons[0], "line 4: the checksum is 47 where the sentence has 44");
+    assert_eq!(reasons[1..], ["line 5: no sentence", "line 8: no sentence"]);
+    assert_eq!((table(&log, "GPGGA").rows, log.health.damage_count), (3, 3));
+    // Where the end of a line is damaged both its sentences are read.
+    let merged = text(&[&format!("{good}\rJ{good}")]);
+    assert_eq!((table(&merged, "GPGGA").rows, merged.health.bytes.damaged), (2, 0), "{:?}", merged.health.damage);
+}
+
+#[test]
+fn a_log_without_any_checksum_is_read_and_told_of() {
+    let lines =
+        ["$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,", "$GPGLL,4807.038,N,01131.000,E,123520,A"];
+    let log = text(&lines);
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 0));
+    assert!(log.notices.iter().any(|n| n.code == "unchecked" && n.severity == Severity::Warning && n.count == 2));
+    // Where others have one, a sentence without is damaged.
+    let log = text(&[lines[0], &sealed("GPGLL,4807.038,N,01131.000,E,123520,A")]);
+    assert_eq!((log.health.messages, log.health.damage_count), (1, 1));
+}
+
+#[test]
+fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
+    let log = text(&[
+        &sealed("GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,high,M,46.9,M,,"),
+        &sealed("GPGGA,123520,4867.038,N,01131.000,E,1,08,0.9,5.0,M,46.9,M,,"),
+        &sealed("GPGGA,123521,4807.038,N,01131.000,E,1,08,0.9,5.0,M,46.9,M,,"),
+    ]);
+    assert_eq!((table(&log, "GPGGA").rows, log.health.undecodable), (1, 2));
+    assert!(log.notices.iter().any(|n| n.code == "undecodable" && n.severity == Severity::Loss));
+}
+
+#[test]
+fn a_line_longer_than_the_limit_is_damage() {
+    let good = sealed("GPGLL,4807.038,N,01131.000,E,123520,A");
+    let bytes = format!("{good}\n{}\n{good}\n", "x".repeat(5000));
+    let log = read_within(Limits { line_bytes: 100, ..Limits::default() }, READER, bytes.as_bytes());
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 5001));
+}
+
+#[test]
+fn a_log_cut_anywhere_gives_the_sentences_before_the_cut_and_says_so() {
+    let bytes = seed(Container::Nmea);
+    let whole = rows(&read_bytes(READER, &bytes).unwrap());
+    // A sentence is whole with the last digit of its checksum.
+    let ends: Vec<usize> = (0..bytes.len()).filter(|at| bytes[*at] == b'\r').collect();
+    each_cut(READER, &bytes, |log, length| {
+        let intact = ends.iter().filter(|end| **end <= length).count();
+        let Ok(log) = log else { return assert_eq!(intact, 0, "{length}") };
+        assert_eq!(log.health.messages, intact as u64, "{length}");
+        let between = length == 0 || b"\r\n".contains(&bytes[length]) || bytes[length - 1] == b'\n';
+        assert_eq!(log.health.bytes.damaged == 0, between, "{length}: {:?}", log.health.damage);
+        for (topic, rows) in rows(log) {
+            assert_eq!(rows, whole[&topic][..rows.len()], "{length}");
+        }
+    });
+}
+
+#[test]
+fn no_flipped_bit_changes_a_value_and_none_costs_a_sentence_in_silence() {
+    let bytes = seed(Container::Nmea);
+    let whole = rows(&read_bytes(READER, &bytes).unwrap());
+    let mut lost = 0;
+    // The date of what follows comes from the sentences before: only values that a sentence says itself are compared.
+    let own = |rows: &std::collections::BTreeMap<String, Vec<String>>| {
+        let strip = |row: &String| row.split(' ').filter(|cell| !cell.contains("_ns=")).collect::<Vec<_>>().join(" ");
+        rows.iter().map(|(topic, rows)| (topic.clone(), rows.iter().map(strip).collect())).collect()
+    };
+    let truth = own(&whole);
+    each_flip(READER, &bytes, |log, place, bit| {
+        let found = own(&rows(log));
+        let (gone, new) = (missing(&truth, &found), missing(&found, &truth));
+        assert_eq!(new, 0, "byte {place}, bit {bit}: a value changed");
+        assert!(gone <= 1 && (gone == 0 || log.health.bytes.damaged > 0), "byte {place}, bit {bit}: silent loss");
+        lost += gone;
+    });
+    assert!(lost > 1000, "{lost}");
+}
+
+#[test]
+fn what_is_no_log_is_refused() {
+    for (bytes, reason) in [(&b""[..], "empty"), (&[0; 5000], "zero bytes"), (&[0x17; 5000], "nothing in it is intact")]
+    {
+        let error = read_bytes(READER, bytes).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
+    }
+}

@@ -1,0 +1,149 @@
+//! What the tests of receivers and telemetry share: reading bytes, every cut and every flip.
+
+use crate::support::*;
+use ingest::{Column, IngestError, Limits, Log, LogReader, Selection, Table, TopicInfo};
+use simulate::{Container, FlightSettings, SensorSettings, SimulatedFlight};
+use std::collections::BTreeMap;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+/// A reader of one file.
+pub type Reader = fn(PathBuf) -> Box<dyn LogReader>;
+
+pub fn read(reader: Reader, path: &Path) -> Result<Log, IngestError> {
+    let want = |_: &TopicInfo| Selection::All;
+    in_context(|context| reader(path.to_owned()).read(&want, context))
+}
+
+/// Reads them; the ledger must add up.
+pub fn read_bytes(reader: Reader, bytes: &[u8]) -> Result<Log, IngestError> {
+    let (_folder, path) = file("log", bytes);
+    let log = read(reader, &path);
+    log.iter().for_each(|log| assert_balanced(log, bytes.len()));
+    log
+}
+
+/// As [`read_bytes`], with these limits.
+pub fn read_within(limits: Limits, reader: Reader, bytes: &[u8]) -> Log {
+    let (_folder, path) = file("log", bytes);
+    let want = |_: &TopicInfo| Selection::All;
+    let log = with_limits(limits, |context| reader(path).read(&want, context)).unwrap();
+    assert_balanced(&log, bytes.len());
+    log
+}
+
+pub fn assert_balanced(log: &Log, size: usize) {
+    let b = &log.health.bytes;
+    assert_eq!(b.size, size as u64);
+    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{b:?}");
+}
+
+pub fn table<'l>(log: &'l Log, name: &str) -> &'l Table {
+    log.tables.iter().find(|t| t.topic.name == name).unwrap_or_else(|| panic!("no table {name}: {:?}", log.health))
+}
+
+/// The values of a field; `None` where it is absent.
+pub fn values(log: &Log, topic: &str, field: &str) -> Vec<Option<f64>> {
+    let table = table(log, topic);
+    let column = table.column(field).unwrap_or_else(|| panic!("no {topic}.{field}"));
+    (0..table.rows).map(|row| column.number(row)).collect()
+}
+
+pub fn messages(log: &Log, topic: &str) -> u64 {
+    log.health.topics.iter().find(|t| t.name == topic).map_or(0, |t| t.messages)
+}
+
+pub fn codes(log: &Log) -> Vec<&str> {
+    log.notices.iter().map(|n| n.code.as_str()).collect()
+}
+
+/// Noise, so that no two values are alike.
+pub fn flight(duration_s: f64, velocity_hz: f64) -> SimulatedFlight {
+    let position = SensorSettings { delay_s: 0.4, white_std: 0.3, ..SensorSettings::clean(5.0) };
+    let velocity = SensorSettings { white_std: 0.1, ..SensorSettings::clean(velocity_hz) };
+    simulate::simulate(&FlightSettings { duration_s, position, velocity, ..FlightSettings::default() }).unwrap()
+}
+
+/// A tiny flight.
+pub fn seed(container: Container) -> Vec<u8> {
+    container.files(&flight(0.5, 10.0), "seed").unwrap().remove(0).bytes
+}
+
+/// Rows of all topics as text.
+pub fn rows(log: &Log) -> BTreeMap<String, Vec<String>> {
+    let cell = |row: usize, column: &Column| match (column.number(row), column.text(row)) {
+        (Some(number), _) => format!("{}={:x} ", column.path, number.to_bits()),
+        (_, Some(text)) => format!("{}={text} ", column.path),
+        _ => String::new(),
+    };
+    let of = |table: &Table| (0..table.rows).map(|row| table.columns.iter().map(|c| cell(row, c)).collect()).collect();
+    log.tables.iter().map(|t| (t.topic.name.clone(), of(t))).collect()
+}
+
+/// Rows of `a` that are not in `b`.
+pub fn missing(a: &BTreeMap<String, Vec<String>>, b: &BTreeMap<String, Vec<String>>) -> usize {
+    let lacks = |(topic, rows): (&String, &Vec<String>)| {
+        let others = b.get(topic).map(Vec::as_slice).unwrap_or_default();
+        rows.iter().filter(|row| !others.contains(row)).count()
+    };
+    a.iter().map(lacks).sum()
+}
+
+/// Cuts the bytes at every place and hands what is then read to `check`, with the length.
+pub fn each_cut(reader: Reader, bytes: &[u8], mut check: impl FnMut(Result<&Log, &IngestError>, usize)) {
+    let (_folder, path) = file("log", bytes);
+    let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    for length in (0..bytes.len()).rev() {
+        handle.set_len(length as u64).unwrap();
+        let log = read(reader, &path);
+        log.iter().for_each(|log| assert_balanced(log, length));
+        check(log.as_ref(), length);
+    }
+}
+
+/// Flips every bit, one after the other, and hands what is then read to `check`, with byte and bit.
+pub fn each_flip(reader: Reader, bytes: &[u8], mut check: impl FnMut(&Log, usize, usize)) {
+    let (_folder, path) = file("log", bytes);
+    let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    for (place, byte) in bytes.iter().enumerate() {
+        for bit in 0..8 {
+            handle.write_all_at(&[byte ^ 1 << bit], place as u64).unwrap();
+            let log = read(reader, &path).unwrap();
+            assert_balanced(&log, bytes.len());
+            check(&log, place, bit);
+        }
+        handle.write_all_at(&[*byte], place as u64).unwrap();
+    }
+}
+
+/// The bytes of hexadecimal digits; anything else among them is left out.
+pub fn bytes_of(text: &str) -> Vec<u8> {
+    let digits: Vec<u32> = text.chars().filter_map(|c| c.to_digit(16)).collect();
+    digits.chunks(2).map(|pair| (pair[0] << 4 | pair[1]) as u8).collect()
+}
+
+/// The flight in this container, found by its content and bound by this map.
+pub fn load_written(container: Container, flight: &SimulatedFlight, name: &str, map: &str) -> ingest::Loaded {
+    let bytes = container.files(flight, "flight").unwrap().remove(0).bytes;
+    let (folder, _path) = file(name, &bytes);
+    let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+    assert_eq!(found.units.len(), 1, "{found:?}");
+    let loaded = load(&found.units[0]).unwrap();
+    assert_ledger(&loaded);
+    assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
+    assert_eq!(loaded.binding.as_ref().unwrap().map, map);
+    loaded
+}
+
+/// The largest error of each component of a channel, and of its stamps, ns; what is added to `ours` makes it UTC.
+pub fn worst(ours: &flight::Channel, theirs: &flight::Channel, to_utc: impl Fn(i64) -> i64) -> (Vec<f64>, u64) {
+    let (ours, theirs) = (&ours.series, &theirs.series);
+    assert_eq!(ours.len(), theirs.len());
+    let stamps = ours.timeline().stamps().iter().zip(theirs.timeline().stamps());
+    let late = stamps.map(|(a, b)| to_utc(a.0).abs_diff(b.0)).max().unwrap();
+    let axis = |axis: usize| {
+        let pairs = ours.component(axis).iter().zip(theirs.component(axis));
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    ((0..3).map(axis).collect(), late)
+}

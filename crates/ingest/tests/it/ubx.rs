@@ -1,0 +1,199 @@
+//! UBX: a simulated flight, frames of pyubx2, and everything that can go wrong.
+
+use crate::support::*;
+use crate::telemetry::*;
+use flight::{Clock, Stamp, StampKind, gps_of_unix, unix_of_gps};
+use ingest::{LogKind, UbxReader};
+use simulate::Container;
+
+const READER: Reader = |path| Box::new(UbxReader::new(vec![path]));
+
+fn frame(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
+    let body = [&[class, number][..], &(payload.len() as u16).to_le_bytes(), payload].concat();
+    let sum = |[a, b]: [u8; 2], byte: &u8| [a.wrapping_add(*byte), b.wrapping_add(a.wrapping_add(*byte))];
+    [&[0xb5, 0x62], &body[..], &body.iter().fold([0_u8; 2], sum)].concat()
+}
+
+/// NAV-TIMEGPS, NAV-PVT, HNR-PVT, NAV-HPPOSLLH and NAV-VELNED as pyubx2 1.4.0 writes them.
+fn of_pyubx2() -> Vec<u8> {
+    bytes_of(
+        "b56201201000c85679212efbffff8d09120714000000d3cdb56201075c00c8567921ea070b150b3b2a0714000000d2c6eb0b0301\
+         001144f417054c52401c532a0800bb720700dc050000c40900002efbffff2e160000a6ffffffb316000050099c002c010000f049\
+         020078000000000000000000000000000000bcafb56228004800e9567921ea070b150b3b2a071251e30d040100004ef417055652\
+         401c542a0800bc720700b4160000b5160000370d9c0070e09a00dd050000c50900002d010000f049020000000000be94b5620114\
+         240000000000c856792145f417054d52401c532a0800bb7207000000000078050000dc05000058aab56201122400c856792185ff\
+         ffff37020000f7ffffff450200004402000050099c001e000000f0490200798b",
+    )
+}
+
+#[test]
+fn a_simulated_flight_comes_back_within_the_quantum_of_its_frames() {
+    let flight = flight(20.0, 50.0);
+    let truth = flight.to_flight().unwrap();
+    for name in ["flight.ubx", "flight.log"] {
+        let loaded = load_written(Container::Ubx, &flight, name, "ubx");
+        let channel = |name: &str| &loaded.flight.channels[name];
+        let timeline = channel("position.posllh").series.timeline();
+        assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Measured, Clock::Gps));
+        let to_utc = |ns| unix_of_gps(Stamp(ns)).unwrap().0;
+        let (position, late) = worst(channel("position.posllh"), &truth.channels["position.gps"], to_utc);
+        let half = 0.5001e-7_f64.to_radians();
+        assert!(position[0] > 0.0 && position[0] <= half && position[1] <= half, "{position:?}");
+        assert!(position[2] > 0.0 && position[2] <= 0.000_500_1 && late <= 500_000, "{position:?} {late}");
+        let (velocity, late) = worst(channel("velocity.velned"), &truth.channels["velocity.gps"], to_utc);
+        assert!(velocity.iter().all(|v| *v > 0.0 && *v <= 0.005_001) && late <= 500_000, "{velocity:?} {late}");
+        assert_eq!(loaded.health.about.receivers, ["u-blox HW 00080000, SW SIM CORE 1.00, MOD=SIMULATED"]);
+        assert!(loaded.health.topics.iter().all(|t| t.stamps.iter().all(|s| s.kind == StampKind::Measured)));
+    }
+}
+
+#[test]
+fn frames_of_pyubx2_have_the_values_that_it_was_given() {
+    let log = read_bytes(READER, &of_pyubx2()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.decoded), (5, of_pyubx2().len() as u64));
+    let all = |topic: &str, expected: &[(&str, f64)]| {
+        for (field, value) in expected {
+            assert_eq!(values(&log, topic, field), [Some(*value)], "{topic}.{field}");
+        }
+    };
+    all("NAV-TIMEGPS", &[("fTOW", -1234.0), ("week", 2445.0), ("leapS", 18.0), ("valid", 7.0)]);
+    all("NAV-PVT", &[("iTOW", 561_600_200.0), ("year", 2026.0), ("sec", 42.0), ("nano", 200_001_234.0)]);
+    all("NAV-PVT", &[("gps_week", 2445.0), ("fix_ok", 1.0), ("fixType", 3.0), ("numSV", 17.0), ("pDOP", 120.0)]);
+    all("NAV-PVT", &[("lon", 85_455_940.0), ("lat", 473_977_420.0), ("height", 535_123.0), ("hMSL", 488_123.0)]);
+    all("NAV-PVT", &[("velN", -1234.0), ("velE", 5678.0), ("velD", -90.0), ("headMot", 10_226_000.0)]);
+    all("NAV-PVT", &[("hAcc", 1500.0), ("vAcc", 2500.0), ("sAcc", 300.0), ("headAcc", 150_000.0)]);
+    all("HNR-PVT", &[("gps_week", 2445.0), ("fix_ok", 1.0), ("gpsFix", 4.0), ("lat", 473_977_430.0)]);
+    all("HNR-PVT", &[("gSpeed", 5812.0), ("speed", 5813.0), ("headVeh", 10_150_000.0), ("sAcc", 301.0)]);
+    all("NAV-HPPOSLLH", &[("latitude", 47.397_742_1), ("longitude", 8.545_594_1), ("ellipsoid_height", 535.123)]);
+    all("NAV-VELNED", &[("velN", -123.0), ("velE", 567.0), ("velD", -9.0), ("sAcc", 30.0), ("cAcc", 150_000.0)]);
+    assert!(log.tables.iter().all(|t| t.logged_ns.is_none()));
+}
+
+#[test]
+fn position_and_velocity_of_one_solution_are_bound_by_their_names_and_units() {
+    let pvt = |epoch: u32| {
+        let mut payload = [&(561_600_000 + 200 * epoch).to_le_bytes()[..], &2026_u16.to_le_bytes()].concat();
+        payload.extend([11, 21, 11, 59, 42 + (epoch / 5) as u8, 7]);
+        payload.resize(92, 0);
+        payload[20] = if epoch == 7 { 2 } else { 3 };
+        payload[21] = u8::from(epoch != 8);
+        payload[24..28].copy_from_slice(&85_455_940_i32.to_le_bytes());
+        payload[28..32].copy_from_slice(&(473_977_420 + epoch as i32).to_le_bytes());
+        payload[32..36].copy_from_slice(&535_123_i32.to_le_bytes());
+        payload[48..52].copy_from_slice(&(-1234_i32).to_le_bytes());
+        frame(1, 7, &payload)
+    };
+    let bytes: Vec<u8> = (0..20).flat_map(pvt).collect();
+    let (_folder, path) = file("f.ubx", &bytes);
+    let unit = ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Ubx };
+    let loaded = load(&unit).unwrap();
+    assert_ledger(&loaded);
+    let position = &loaded.flight.channels["position.gps"].series;
+    // One epoch is of a fix in two dimensions, one the receiver does not trust.
+    assert_eq!((position.len(), loaded.flight.channels["velocity.gps"].series.len()), (18, 18));
+    assert_eq!(position.component(0)[0], 47.397_742_f64.to_radians());
+    assert_eq!(
+        (position.component(2)[0], loaded.flight.channels["velocity.gps"].series.component(0)[0]),
+        (535.123, -1.234)
+    );
+    // date -u -d '2026-11-21T11:59:42Z' +%s
+    assert_eq!(gps_of_unix(Stamp(1_795_262_382_000_000_000)), position.timeline().first());
+}
+
+#[test]
+fn sentences_and_corrections_between_the_frames_are_no_damage() {
+    let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n";
+    let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
+    let unread = frame(0x02, 0x15, &[1; 300]);
+    let poll = frame(1, 7, &[]);
+    let bytes = [gga, &of_pyubx2()[..], &correction, gga, &unread, &correction, &poll].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!(log.health.bytes.damaged, 0, "{:?}", log.health.damage);
+    let counts = ["GPGGA", "RTCM3", "RXM-0x15", "NAV-PVT", "NAV-VELNED"].map(|topic| messages(&log, topic));
+    assert_eq!(counts, [2, 2, 1, 2, 1]);
+    assert_eq!(values(&log, "GPGGA", "altitude"), [Some(545.4); 2]);
+    assert_eq!(log.health.undecodable, 0);
+    // A file that begins with sentences is UBX all the same.
+    for name in ["mixed.nmea", "mixed.log", "mixed.ubx"] {
+        let (folder, _path) = file(name, &bytes);
+        let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+        assert_eq!(found.units[0].kind, LogKind::Ubx, "{name}");
+    }
+}
+
+#[test]
+fn what_is_damaged_in_a_mixed_stream_costs_itself_alone() {
+    let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n".to_vec();
+    let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
+    let pieces = [gga.clone(), frame(1, 4, &[3; 18]), correction, frame(1, 3, &[4; 16]), gga];
+    for hurt in 0..pieces.len() {
+        let mut bytes = pieces.clone();
+        let middle = bytes[hurt].len() / 2;
+        bytes[hurt][middle] ^= 4;
+        let log = read_bytes(READER, &bytes.concat()).unwrap();
+        assert_eq!((log.health.messages, log.health.damage_count), (4, 1), "{hurt}: {:?}", log.health.damage);
+        let ends = if pieces[hurt].ends_with(b"\n") && hurt + 1 < pieces.len() { 0..=2 } else { 0..=0 };
+        let length = pieces[hurt].len() as u64 - log.health.bytes.damaged;
+        assert!(ends.contains(&length) || hurt + 1 == pieces.len(), "{hurt}: {length}");
+    }
+}
+
+#[test]
+fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_says_so() {
+    let bytes = seed(Container::Ubx);
+    let whole = rows(&read_bytes(READER, &bytes).unwrap());
+    let mut ends = vec![0];
+    while let Some(length) = bytes.get(ends[ends.len() - 1] + 4..).and_then(<[u8]>::first_chunk) {
+        ends.push(ends[ends.len() - 1] + 8 + usize::from(u16::from_le_bytes(*length)));
+    }
+    each_cut(READER, &bytes, |log, length| {
+        let intact = ends.iter().filter(|end| **end <= length).count() - 1;
+        let Ok(log) = log else { return assert_eq!(intact, 0, "{length}") };
+        assert_eq!(log.health.messages, intact as u64, "{length}");
+        assert_eq!(log.health.bytes.damaged == 0, ends.contains(&length), "{length}: {:?}", log.health.damage);
+        for (topic, rows) in rows(log) {
+            assert_eq!(rows, whole[&topic][..rows.len()], "{length}");
+        }
+    });
+}
+
+#[test]
+fn no_flipped_bit_changes_a_value_and_each_costs_one_frame_and_says_so() {
+    let bytes = seed(Container::Ubx);
+    let whole = read_bytes(READER, &bytes).unwrap();
+    // The week of what follows comes from the frames before: only values that a frame says itself are compared.
+    let own = |log: &ingest::Log| {
+        let strip =
+            |row: &String| row.split(' ').filter(|cell| !cell.contains("gps_week=")).collect::<Vec<_>>().join(" ");
+        rows(log).into_iter().map(|(topic, rows)| (topic, rows.iter().map(strip).collect())).collect()
+    };
+    let truth = own(&whole);
+    each_flip(READER, &bytes, |log, place, bit| {
+        let found = own(log);
+        assert_eq!(missing(&found, &truth), 0, "byte {place}, bit {bit}: a value changed");
+        assert_eq!(log.health.messages + 1, whole.health.messages, "byte {place}, bit {bit}");
+        assert!(log.health.bytes.damaged > 0, "byte {place}, bit {bit}: silent loss");
+    });
+}
+
+#[test]
+fn lengths_that_lie_do_not_make_the_search_slow_or_lose_what_is_between_them() {
+    let (lie, good) = ([0xb5, 0x62, 1, 7, 0xff, 0xff], frame(1, 4, &[3; 18]));
+    let pair = [&lie[..], &good].concat();
+    let bytes = pair.repeat(30_000);
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (30_000, 180_000));
+}
+
+#[test]
+fn what_is_no_log_is_refused() {
+    for (bytes, reason) in [
+        (&b""[..], "empty"),
+        (&[0; 5000], "zero bytes"),
+        (&[0x17; 5000], "nothing in it is intact"),
+        (b"a letter to a friend, in which nothing is measured at all", "text"),
+    ] {
+        let error = read_bytes(READER, bytes).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
+    }
+}
