@@ -336,18 +336,14 @@ fn write_topic(recording: &mut Recording, source: &Source, place: &str) -> Resul
         Cells::I64(v) if c.name.ends_with("_ns") => Some(v),
         _ => None,
     });
-    let topic = TopicInfo {
-        name: place.to_owned(),
-        type_name: format!("flightlag/{}", file_stem(&source.name).replace(['.', '-'], "_")),
-        encoding: "cdr".to_owned(),
-    };
-    let table = as_table(&source.sheet, topic);
+    let table = as_table(&source.sheet, TopicInfo { name: place.to_owned(), ..TopicInfo::default() });
     let kind = MessageType::of(&table);
+    let topic = kind.topic();
     let mut payload = vec![];
     for row in 0..table.rows {
         kind.payload(row, &mut payload);
         recording.write(&Entry {
-            topic: &table.topic,
+            topic: &topic,
             encoding: "cdr",
             schema_encoding: "ros2msg",
             schema: kind.definition(),

@@ -1,6 +1,6 @@
 //! A table as messages of ROS 2: a definition (`ros2msg`), and each row as CDR.
 
-use ingest::{Column, ColumnData, Table};
+use ingest::{Column, ColumnData, Table, TopicInfo};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -30,6 +30,16 @@ impl<'t> MessageType<'t> {
             absent += column.valid.as_ref().map_or(0, |v| v.iter().filter(|v| !**v).count() as u64);
         }
         MessageType { table, definition, absent }
+    }
+
+    /// The topic as its messages are written: typed, and with a type of a name that ROS allows.
+    pub(crate) fn topic(&self) -> TopicInfo {
+        let name = &self.table.topic.name;
+        TopicInfo {
+            name: name.clone(),
+            type_name: format!("flightlag/msg/{}", type_name(name)),
+            encoding: "cdr".to_owned(),
+        }
     }
 
     pub(crate) fn definition(&self) -> &[u8] {
@@ -73,15 +83,19 @@ fn text(out: &mut Vec<u8>, column: &Column, row: usize) {
     out.push(0);
 }
 
-/// Letters, digits and single underscores, beginning with a letter, and no name twice.
+/// Small letters, digits and single underscores, beginning with a letter, and no name twice: `TimeUS` becomes `time_us`.
 fn field_name(path: &str, taken: &mut BTreeSet<String>) -> String {
     let mut name = String::new();
+    let mut before = ' ';
     for c in path.chars() {
-        match c {
-            c if c.is_ascii_alphanumeric() => name.push(c),
-            _ if name.is_empty() || name.ends_with('_') => {}
-            _ => name.push('_'),
+        let begins_word = c.is_ascii_uppercase() && before.is_ascii_lowercase();
+        if (begins_word || !c.is_ascii_alphanumeric()) && !name.is_empty() && !name.ends_with('_') {
+            name.push('_');
         }
+        if c.is_ascii_alphanumeric() {
+            name.push(c.to_ascii_lowercase());
+        }
+        before = c;
     }
     let name = name.trim_end_matches('_');
     let name = if name.starts_with(|c: char| c.is_ascii_alphabetic()) { name.to_owned() } else { format!("f_{name}") };
@@ -94,6 +108,17 @@ fn field_name(path: &str, taken: &mut BTreeSet<String>) -> String {
     free
 }
 
+/// Words that begin with a capital, as `VehicleGpsPosition`.
+fn type_name(topic: &str) -> String {
+    let words = topic.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
+    let capital = |word: &str| {
+        let (first, rest) = word.split_at(1);
+        first.to_ascii_uppercase() + rest
+    };
+    let name: String = words.map(capital).collect();
+    if name.starts_with(|c: char| c.is_ascii_uppercase()) { name } else { format!("T{name}") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,6 +128,8 @@ mod tests {
         let mut taken = BTreeSet::new();
         let names = ["TimeUS", "q[0]", "q[1]", "a.b", "a_b", "9", "", "höhe", "_x__y_"];
         let fields: Vec<String> = names.iter().map(|n| field_name(n, &mut taken)).collect();
-        assert_eq!(fields, ["TimeUS", "q_0", "q_1", "a_b", "a_b_2", "f_9", "f", "h_he", "x_y"]);
+        let types = ["vehicle_gps_position", "/gps/fix", "GPS_1", "9", "position.gps"].map(type_name);
+        assert_eq!(types, ["VehicleGpsPosition", "GpsFix", "GPS1", "T9", "PositionGps"]);
+        assert_eq!(fields, ["time_us", "q_0", "q_1", "a_b", "a_b_2", "f_9", "f", "h_he", "x_y"]);
     }
 }

@@ -170,12 +170,13 @@ fn write_tables(tables: &[Table], recording: &mut Recording, notices: &mut Notic
         }
     }
     order.sort_unstable();
+    let topics: Vec<TopicInfo> = types.iter().map(MessageType::topic).collect();
     let mut payload = vec![];
     for (logged_ns, number, row) in order {
-        let (Some(table), Some(kind)) = (tables.get(number as usize), types.get(number as usize)) else { continue };
+        let (Some(topic), Some(kind)) = (topics.get(number as usize), types.get(number as usize)) else { continue };
         kind.payload(row as usize, &mut payload);
         recording.write(&Entry {
-            topic: &table.topic,
+            topic,
             encoding: "cdr",
             schema_encoding: "ros2msg",
             schema: kind.definition(),

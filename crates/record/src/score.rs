@@ -91,9 +91,10 @@ pub struct ResidualDelay {
     pub interval_95_s: [f64; 2],
     /// Samples of both axes used.
     pub samples: u64,
-    /// What is expected, s: for raw the delay that is removed, for a Padé filter what its truncation looks like in this
-    /// motion, else nothing.
-    pub expected_s: f64,
+    /// What is expected, s: for raw the delay that is removed; for a filter that does not know the age of a fix its mean
+    /// at the rows looked at, for a Padé filter also what its truncation looks like in this motion, known to a half of it
+    /// for the estimator weighs fast motion more; else nothing.
+    pub expected_s: Estimate,
 }
 
 /// Offset between passes over the same place in opposite directions, mean over the pairs.

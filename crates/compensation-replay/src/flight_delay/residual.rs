@@ -24,6 +24,8 @@ pub(crate) struct TrackFit {
     pub(crate) drift: [(f64, f64); 2],
     /// Of the longest piece.
     pub(crate) noise: [NoiseModel; 2],
+    /// Length of that piece, s.
+    pub(crate) span_s: f64,
 }
 
 /// Most speeds that are looked at.
@@ -107,6 +109,7 @@ impl TrackFitter {
             interval_95_s: fit.interval(0.95),
             samples: fit.components.iter().map(|c| c.t_used.len() as u64).sum(),
             drift: AXES.map(|axis| mean_drift(of_axis(axis))),
+            span_s: longest(0).map_or(0.0, |c| c.t_used.last().unwrap_or(&0.0) - c.t_used.first().unwrap_or(&0.0)),
             noise: AXES.map(|axis| longest(axis).map_or(NONE, |c| c.noise)),
         })
     }

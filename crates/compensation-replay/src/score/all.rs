@@ -77,9 +77,17 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         velocity_delay_s: &velocity_delay_s,
         row_step_s: median_step(&rows.t),
     };
+    let expected = |track: &Positions| {
+        if track.is_raw() {
+            return Estimate { value: td, standard_uncertainty: settings.delay_uncertainty_s };
+        }
+        let truncation = ground.truncation_delay_s(track);
+        let value = truncation + updates.unknown_age_s(track);
+        Estimate { value, standard_uncertainty: Some(0.5 * truncation.abs()) }
+    };
     let score = |(k, track): (usize, &Positions)| CompensatorScore {
         name: track.name.clone(),
-        residual_delay: residual_finding(&fits[k], if track.is_raw() { td } else { ground.truncation_delay_s(track) }),
+        residual_delay: residual_finding(&fits[k], expected(track)),
         lead_s: truthless::lead(&updates, raw, track),
         expected_lead_s: track.delay.seconds(),
         step_correlation: truthless::step_correlation(played.innovations, track),
@@ -122,7 +130,7 @@ fn residual(fit: &Fit) -> Option<Estimate> {
     fit.as_ref().ok().map(|f| Estimate { value: f.delay_s, standard_uncertainty: Some(f.standard_uncertainty_s) })
 }
 
-fn residual_finding(fit: &Fit, expected_s: f64) -> Finding<ResidualDelay> {
+fn residual_finding(fit: &Fit, expected_s: Estimate) -> Finding<ResidualDelay> {
     match fit {
         Ok(f) => Finding::Found(ResidualDelay {
             delay_s: Estimate { value: f.delay_s, standard_uncertainty: Some(f.standard_uncertainty_s) },

@@ -9,6 +9,9 @@ use nalgebra::Complex;
 use record::{BudgetTerm, ErrorBudget, Estimate, Finding};
 use std::f64::consts::{PI, TAU};
 
+/// A wander whose size is known lasts this many of its time constants.
+const TIME_CONSTANTS: f64 = 10.0;
+
 /// What stands in for the delay in a compensator, if that can be told.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum StandIn {
@@ -95,6 +98,7 @@ impl Ground<'_> {
         }
         if stand_in != StandIn::Adaptive {
             terms.push(self.position_noise());
+            terms.push(self.position_wander());
         }
         if !track.is_raw() && !knows_age(track) {
             terms.push(self.hold(track));
@@ -207,24 +211,38 @@ impl Ground<'_> {
         }
     }
 
-    /// White noise and wander of the fixes, unless velocity's own noise explains the wander.
+    /// White noise of the fixes.
     fn position_noise(&self) -> BudgetTerm {
-        let name = "noise of the position";
+        let name = "white noise of the position";
+        let source = "white scatter of the fixes about the integrated velocity; passes with gain 1";
+        let size = |fit: &TrackFit| Finding::Found(fit.noise[0].white_std.hypot(fit.noise[1].white_std));
+        term(name, self.raw_fit.map_or_else(|why| Finding::CannotTell(format!("not known: {why}")), size), source)
+    }
+
+    /// Wander of the fixes, unless velocity's own noise explains it or nobody can tell whose it is.
+    fn position_wander(&self) -> BudgetTerm {
+        let name = "wander of the position";
+        let source = "slow scatter of the fixes about the integrated velocity, less what the white noise of the velocity \
+                      explains; passes with gain 1";
         let fit = match self.raw_fit {
             Ok(fit) => fit,
-            Err(why) => return term(name, Finding::CannotTell(format!("not known: {why}")), "passes with gain 1"),
+            Err(why) => return term(name, Finding::CannotTell(format!("not known: {why}")), source),
         };
         let density = self.motion.map_or([0.0; 2], Motion::noise_density);
-        let variance = |k: usize| {
-            let m = fit.noise[k];
+        let own = (0..2).map(|k| (fit.noise[k], density[k])).filter(|(m, density)| {
             // Twice the variance over the time constant is the rate of a random walk; integrated white noise has S_v.
-            let walk = 2.0 * m.wander_std * m.wander_std / m.time_constant_s;
-            let own = walk > 4.0 * 0.5 * density[k];
-            m.white_std * m.white_std + if own { m.wander_std * m.wander_std } else { 0.0 }
+            2.0 * m.wander_std * m.wander_std / m.time_constant_s > 4.0 * 0.5 * density
+        });
+        let slow = own.clone().find(|(m, _)| m.time_constant_s * TIME_CONSTANTS > fit.span_s);
+        let size = match slow {
+            Some((m, _)) => Finding::CannotTell(format!(
+                "the fixes wander against the integrated velocity over {:.0} s in a record of {:.0} s: whether position or \
+                 velocity does cannot be told",
+                m.time_constant_s, fit.span_s
+            )),
+            None => Finding::Found(own.map(|(m, _)| m.wander_std * m.wander_std).sum::<f64>().sqrt()),
         };
-        let source = "scatter of the fixes about the integrated velocity, white and wandering (a wander that the noise of \
-                      the velocity explains is left out); passes with gain 1";
-        term(name, Finding::Found((variance(0) + variance(1)).sqrt()), source)
+        term(name, size, source)
     }
 
     /// U·rms(age), less the mean that the compensator was told of.

@@ -65,6 +65,14 @@ impl<'a> Updates<'a> {
         track.delay.seconds() + age
     }
 
+    /// Mean age of the fixes that a track does not know of, s.
+    pub(crate) fn unknown_age_s(&self, track: &Positions) -> f64 {
+        if knows_age(track) || track.is_raw() || self.rows.is_empty() {
+            return 0.0;
+        }
+        self.rows.iter().map(|&r| self.all.age[r]).sum::<f64>() / self.rows.len() as f64
+    }
+
     /// What velocity flew in the last `over_s` seconds before a row, m: Simpson's rule over three velocities, so no
     /// integral that a compensator may share.
     pub(crate) fn way(&self, i: usize, over_s: f64) -> [f64; 2] {

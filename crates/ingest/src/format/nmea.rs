@@ -85,10 +85,13 @@ pub(crate) fn looks_like(head: &[u8]) -> bool {
     good >= 2 || (good == 1 && bad == 0)
 }
 
-/// Whether no line has a checksum: some loggers take it off.
+/// Whether there are sentences and none has a checksum: some loggers take it off. What follows the last line's end does
+/// not count, for it may be cut.
 fn is_bare(head: &[u8]) -> bool {
-    let mut lines = head.split(|b| *b == b'\n').take(1000);
-    !lines.any(|line| memchr(b'$', line).is_some() && memchr(b'*', line).is_some())
+    let whole = head.get(..memchr::memrchr(b'\n', head).unwrap_or(0)).unwrap_or_default();
+    let lines = whole.split(|b| *b == b'\n').take(1000).filter(|line| memchr(b'$', line).is_some());
+    let mut checked = lines.map(|line| memchr(b'*', line).is_some());
+    checked.next().is_some_and(|first| !first && !checked.any(|checked| checked))
 }
 
 /// A walk in progress.

@@ -57,12 +57,11 @@ impl LogReader for TlogReader {
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
         log.health.format = "MAVLink telemetry".to_owned();
-        let definitions = Definitions::new();
         let main = match files.first_mut() {
-            Some(first) => main_vehicle(first, &definitions)?,
+            Some(first) => main_vehicle(first)?,
             None => Sender::default(),
         };
-        let mut book = Book::new(&definitions, main, &mut topics);
+        let mut book = Book::new(main, &mut topics);
         for file in &mut files {
             super::refuse_foreign(file, NO_FRAME, context)?;
             Walk { name: file.name().to_owned(), file, context, ledger: &mut ledger, book: &mut book, at: 0 }.run()?;
@@ -79,7 +78,7 @@ const NO_FRAME: &str = "what stands here is no frame of MAVLink";
 pub(crate) fn looks_like(head: &[u8]) -> bool {
     let plausible = |bytes: &[u8]| time_us(bytes).is_some_and(|time| PLAUSIBLE_US.contains(&time));
     let begins = head.get(TIME).is_some_and(|magic| MAGIC.contains(magic)) && plausible(head);
-    let frame = || Frame::at(head.get(TIME..).unwrap_or_default(), &Definitions::new()).ok().and_then(|f| f.intact);
+    let frame = || Frame::at(head.get(TIME..).unwrap_or_default()).ok().and_then(|f| f.intact);
     begins && frame() == Some(true)
 }
 
@@ -102,12 +101,12 @@ impl Default for Sender {
 }
 
 /// The autopilot with the smallest number among those whose heartbeat is near the begin of the log.
-fn main_vehicle(file: &mut LogFile, definitions: &Definitions) -> Result<Sender, IngestError> {
+fn main_vehicle(file: &mut LogFile) -> Result<Sender, IngestError> {
     let (mut at, end) = (0, file.size().min(BEGIN));
     let mut main = None;
     while at < end {
         let bytes = file.up_to(at, TIME + LONGEST)?;
-        at += match Frame::at(bytes.get(TIME..).unwrap_or_default(), definitions) {
+        at += match Frame::at(bytes.get(TIME..).unwrap_or_default()) {
             Ok(frame) if frame.intact != Some(false) => {
                 if vehicle::is_autopilot(frame.message, frame.payload) {
                     let sender = Sender { system: frame.system, component: frame.component };
@@ -162,14 +161,13 @@ impl Walk<'_, '_, '_, '_> {
         while at < self.file.size() {
             let block = self.file.up_to(at, BLOCK)?;
             let magics = memchr::memchr2_iter(MAGIC[0], MAGIC[1], block.get(TIME..).unwrap_or_default());
-            let definitions = self.book.definitions;
             let (known, whole) = (block.len(), block.len() < BLOCK);
             // A frame that straddles two blocks is found in the second.
             let last = if whole { known } else { known.saturating_sub(TIME + LONGEST) };
             let found = magics.take_while(|hit| *hit < last).find(|hit| {
                 let record = block.get(*hit..).unwrap_or_default();
                 let plausible = time_us(record).is_some_and(|time| PLAUSIBLE_US.contains(&time));
-                let frame = || Frame::at(record.get(TIME..).unwrap_or_default(), definitions).ok();
+                let frame = || Frame::at(record.get(TIME..).unwrap_or_default()).ok();
                 plausible && frame().is_some_and(|f| f.intact == Some(true))
             });
             match found {
@@ -188,7 +186,6 @@ const CUT: &str = "a frame whose length leads nowhere";
 
 /// The way of each message to its topic.
 struct Book<'b, 't> {
-    definitions: &'b Definitions,
     main: Sender,
     topics: &'b mut Topics<'t>,
     routes: HashMap<(Sender, u32, bool), Option<Route>>,
@@ -202,9 +199,8 @@ struct Book<'b, 't> {
 }
 
 impl<'b, 't> Book<'b, 't> {
-    fn new(definitions: &'b Definitions, main: Sender, topics: &'b mut Topics<'t>) -> Book<'b, 't> {
+    fn new(main: Sender, topics: &'b mut Topics<'t>) -> Book<'b, 't> {
         Book {
-            definitions,
             main,
             topics,
             routes: HashMap::new(),
@@ -220,7 +216,7 @@ impl<'b, 't> Book<'b, 't> {
     /// The record that the bytes begin with: its fate and its length, or why there is none.
     fn record(&mut self, bytes: &[u8]) -> Result<(Fate, usize), &'static str> {
         let time = time_us(bytes).ok_or(CUT)?;
-        let frame = Frame::at(bytes.get(TIME..).unwrap_or_default(), self.definitions).map_err(|no| match no {
+        let frame = Frame::at(bytes.get(TIME..).unwrap_or_default()).map_err(|no| match no {
             NoFrame::Foreign => NO_FRAME,
             NoFrame::Cut => CUT,
         })?;
@@ -252,7 +248,7 @@ impl<'b, 't> Book<'b, 't> {
             return Fate::Skipped;
         };
         let times = Times { logged_ns, published_ns: None };
-        let Some(definition) = self.definitions.get(frame.message) else {
+        let Some(definition) = Definitions::all().get(frame.message) else {
             self.undefined.add(|| format!("number {}", frame.message));
             return self.topics.message(route, times, frame.payload);
         };
@@ -272,7 +268,7 @@ impl<'b, 't> Book<'b, 't> {
         if let Some(route) = self.routes.get(&(sender, frame.message, frame.wide)) {
             return *route;
         }
-        let definition = self.definitions.get(frame.message);
+        let definition = Definitions::all().get(frame.message);
         let type_name = definition.map_or_else(|| format!("MESSAGE_{}", frame.message), |d| d.name.to_owned());
         let name = match (sender.system == self.main.system, sender.component == self.main.component) {
             (true, true) => type_name.clone(),

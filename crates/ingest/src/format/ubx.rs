@@ -109,12 +109,22 @@ impl Walk<'_, '_, '_, '_> {
 
     /// Goes on where the next intact frame or sentence begins.
     fn lost(&mut self, reason: String) -> Result<(), IngestError> {
-        let next = self.search(self.at + 1)?;
+        let found = self.search(self.at + 1)?;
+        let next = self.correction_behind()?.map_or(found, |correction| correction.min(found));
         let cut = next == self.file.size() && reason == CUT;
         let reason = if cut { "the log ends inside a frame".to_owned() } else { reason };
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
+    }
+
+    /// Where an intact correction begins, right behind the frame that is damaged. Elsewhere none is searched for: it
+    /// would take long, and nothing in it is read.
+    fn correction_behind(&mut self) -> Result<Option<u64>, IngestError> {
+        let Some(length) = frame::length_at(self.file.up_to(self.at, frame::HEADER)?) else { return Ok(None) };
+        let behind = self.at + length as u64;
+        let correction = rtcm_length(self.file.up_to(behind, frame::LONGEST_RTCM)?);
+        Ok(correction.map(|_| behind))
     }
 
     /// Whether a frame begins here that was already found to be none: its length may be a lie, and summing up all that

@@ -1,7 +1,7 @@
 //! T2: every bit flipped, one at a time. T3: stretches of bytes overwritten, doubled and swapped.
 
 use crate::lab::{Lab, seeds};
-use crate::verdict::{Verdict, rows, told};
+use crate::verdict::{Verdict, losses};
 use simulate::Seed;
 use std::collections::BTreeMap;
 
@@ -16,6 +16,7 @@ fn flip(seed: &Seed, damaged: usize, step: usize) {
     let subject = lab.seed(seed, damaged);
     let mut bytes = seed.files[damaged].bytes.clone();
     let intact = lab.read(&subject, &bytes, seed.name).unwrap();
+    println!("{:?}", losses(&intact));
     let mut found: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for bit in (0..8 * bytes.len()).step_by(step) {
         let case = format!("{}, file {damaged}, bit {} of byte {}", seed.name, bit % 8, bit / 8);
@@ -24,10 +25,10 @@ fn flip(seed: &Seed, damaged: usize, step: usize) {
         let verdict = match Verdict::of(&read, &intact) {
             Verdict::Same => "same",
             Verdict::Told => "told",
-            Verdict::Values(1) => "one row",
-            Verdict::Values(_) => "many rows",
-            Verdict::Renamed => "renamed",
-            Verdict::Rows(_) => "fewer",
+            Verdict::OneRow => "one row",
+            Verdict::ManyRows => "many rows",
+            Verdict::Fewer => "fewer",
+            Verdict::More => "more",
         };
         found.entry(verdict).or_default().push(bit);
         bytes[bit / 8] ^= 1 << (bit % 8);

@@ -11,84 +11,93 @@ pub enum Verdict {
     Same,
     /// A loss is told, or the log refused.
     Told,
-    /// Nothing told; so many rows hold other values.
-    Values(usize),
-    /// Nothing told; as many rows as before, in tables of other names or columns.
-    Renamed,
-    /// Nothing told, and rows are missing or too many.
-    Rows(i64),
+    /// Nothing told; one row holds other values, or stands in another table.
+    OneRow,
+    /// Nothing told, and more rows than one are others; none is missing.
+    ManyRows,
+    /// Nothing told, and there are fewer rows.
+    Fewer,
+    /// Nothing told, and there are more rows.
+    More,
 }
 
-/// Whether a loss is told.
-pub fn told(log: &Log) -> bool {
-    log.notices.iter().any(|n| n.severity == Severity::Loss)
+/// Whether a loss is told that the intact log does not have.
+pub fn told(read: &Result<Log, IngestError>, intact: &Log) -> bool {
+    read.as_ref().map_or(true, |log| losses(log) != losses(intact))
+}
+
+/// Kinds of losses and how many there are.
+pub fn losses(log: &Log) -> BTreeMap<&str, u64> {
+    let mut losses = BTreeMap::new();
+    for notice in log.notices.iter().filter(|n| n.severity == Severity::Loss) {
+        *losses.entry(notice.code.as_str()).or_default() += notice.count;
+    }
+    losses
 }
 
 impl Verdict {
     pub fn of(read: &Result<Log, IngestError>, intact: &Log) -> Verdict {
         let Ok(log) = read else { return Verdict::Told };
-        if told(log) {
+        if told(read, intact) {
             return Verdict::Told;
         }
-        let more = rows(log) as i64 - rows(intact) as i64;
-        if more != 0 {
-            return Verdict::Rows(more);
-        }
-        let same = |(a, b): (&Table, &Table)| a.topic == b.topic && a.rows == b.rows && paths(a).eq(paths(b));
-        let pairs = || log.tables.iter().filter(|t| t.rows > 0).zip(intact.tables.iter().filter(|t| t.rows > 0));
-        if log.tables.len() != intact.tables.len() || !pairs().all(same) {
-            return Verdict::Renamed;
-        }
-        match pairs().map(|(a, b)| (0..a.rows).filter(|&row| !same_row(a, b, row)).count()).sum() {
-            0 => Verdict::Same,
-            changed => Verdict::Values(changed),
+        // Rows as the intact log has them count up, others down.
+        let mut rows: BTreeMap<String, i64> = BTreeMap::new();
+        rows_of(intact).for_each(|row| *rows.entry(row).or_default() += 1);
+        rows_of(log).for_each(|row| *rows.entry(row).or_default() -= 1);
+        let missing: i64 = rows.values().filter(|n| **n > 0).sum();
+        let new: i64 = -rows.values().filter(|n| **n < 0).sum::<i64>();
+        match (missing, new) {
+            (0, 0) => Verdict::Same,
+            (1, 1) => Verdict::OneRow,
+            _ if missing == new => Verdict::ManyRows,
+            _ if missing > new => Verdict::Fewer,
+            _ => Verdict::More,
         }
     }
 }
 
-/// Rows of all tables.
-pub fn rows(log: &Log) -> usize {
-    log.tables.iter().map(|table| table.rows).sum()
+fn rows_of(log: &Log) -> impl Iterator<Item = String> {
+    log.tables.iter().flat_map(|table| (0..table.rows).map(|row| as_text(table, row)))
 }
 
-fn paths(table: &Table) -> impl Iterator<Item = &str> {
-    table.columns.iter().map(|c| c.path.as_str())
+/// All that a row says. A number is written as the number that it is, whatever the type of its column: what a text
+/// table takes a column for depends on all of its cells.
+fn as_text(table: &Table, row: usize) -> String {
+    let stamp = |stamps: &Option<Vec<i64>>| stamps.as_ref().map(|s| s[row]);
+    let cells = table.columns.iter().filter_map(|c| Some(format!("{}={}", c.path, cell(c, row)?)));
+    let stamps = (stamp(&table.logged_ns), stamp(&table.published_ns));
+    format!("{} {stamps:?} {}", table.topic.name, cells.collect::<Vec<_>>().join(" "))
 }
 
-fn same_row(a: &Table, b: &Table, row: usize) -> bool {
-    let at = |stamps: &Option<Vec<i64>>| stamps.as_ref().map(|s| s[row]);
-    at(&a.logged_ns) == at(&b.logged_ns)
-        && at(&a.published_ns) == at(&b.published_ns)
-        && a.columns.iter().zip(&b.columns).all(|(a, b)| same_cell(a, b, row))
-}
-
-fn same_cell(a: &Column, b: &Column, row: usize) -> bool {
-    let valid = |c: &Column| c.valid.as_ref().is_none_or(|v| v[row]);
-    if valid(a) != valid(b) {
-        return false;
+fn cell(column: &Column, row: usize) -> Option<String> {
+    if column.valid.as_ref().is_some_and(|valid| !valid[row]) {
+        return None;
     }
-    !valid(a)
-        || match (&a.data, &b.data) {
-            (ColumnData::F64(a), ColumnData::F64(b)) => a[row].to_bits() == b[row].to_bits(),
-            (ColumnData::I64(a), ColumnData::I64(b)) => a[row] == b[row],
-            (ColumnData::Text(a), ColumnData::Text(b)) => a[row] == b[row],
-            // A column whose only number is missing has no type of its own.
-            _ => a.number(row) == b.number(row) && a.text(row) == b.text(row),
-        }
+    let number = |x: f64| if x.fract() == 0.0 && x.abs() < 9e15 { (x as i64).to_string() } else { format!("{x:?}") };
+    Some(match &column.data {
+        ColumnData::F64(v) => number(v[row]),
+        ColumnData::I64(v) => v[row].to_string(),
+        ColumnData::Text(v) => v[row].parse().map_or_else(
+            |_| v[row].parse().map_or_else(|_| v[row].clone(), number),
+            |integer: i64| integer.to_string(),
+        ),
+    })
 }
 
 /// The first row of `log` that is not the row of the same place in `intact`.
 pub fn first_foreign_row(log: &Log, intact: &Log) -> Option<String> {
-    let by_topic: BTreeMap<_, _> = intact.tables.iter().map(|t| (&t.topic, t)).collect();
     log.tables.iter().filter(|t| t.rows > 0).find_map(|table| {
         let topic = &table.topic.name;
-        let Some(whole) = by_topic.get(&table.topic) else { return Some(format!("{topic} is a new topic")) };
+        let Some(whole) = intact.tables.iter().find(|t| t.topic == table.topic) else {
+            return Some(format!("{topic} is a new topic"));
+        };
         if table.rows > whole.rows {
             return Some(format!("{topic} has {} rows of {}", table.rows, whole.rows));
         }
-        if !paths(table).eq(paths(whole)) {
-            return Some(format!("{topic} has other columns"));
-        }
-        (0..table.rows).find(|&row| !same_row(table, whole, row)).map(|row| format!("{topic}: row {row} differs"))
+        let differs = |row: &usize| as_text(table, *row) != as_text(whole, *row);
+        (0..table.rows).find(differs).map(|row| {
+            format!("row {row} of {topic} differs:\n{}\n{}", as_text(table, row), as_text(whole, row))
+        })
     })
 }

@@ -101,12 +101,12 @@ pub fn each_cut(reader: Reader, bytes: &[u8], mut check: impl FnMut(Result<&Log,
     }
 }
 
-/// Flips every bit, one after the other, and hands what is then read to `check`, with byte and bit.
-pub fn each_flip(reader: Reader, bytes: &[u8], mut check: impl FnMut(&Log, usize, usize)) {
+/// Flips so many bits of each byte, one after the other, and hands what is then read to `check`, with byte and bit.
+pub fn each_flip(reader: Reader, bytes: &[u8], bits: usize, mut check: impl FnMut(&Log, usize, usize)) {
     let (_folder, path) = file("log", bytes);
     let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     for (place, byte) in bytes.iter().enumerate() {
-        for bit in 0..8 {
+        for bit in (0..bits).map(|i| (place + 5 * i) % 8) {
             handle.write_all_at(&[byte ^ 1 << bit], place as u64).unwrap();
             let log = read(reader, &path).unwrap();
             assert_balanced(&log, bytes.len());

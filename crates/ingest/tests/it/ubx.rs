@@ -132,9 +132,7 @@ fn what_is_damaged_in_a_mixed_stream_costs_itself_alone() {
         bytes[hurt][middle] ^= 4;
         let log = read_bytes(READER, &bytes.concat()).unwrap();
         assert_eq!((log.health.messages, log.health.damage_count), (4, 1), "{hurt}: {:?}", log.health.damage);
-        let ends = if pieces[hurt].ends_with(b"\n") && hurt + 1 < pieces.len() { 0..=2 } else { 0..=0 };
-        let length = pieces[hurt].len() as u64 - log.health.bytes.damaged;
-        assert!(ends.contains(&length) || hurt + 1 == pieces.len(), "{hurt}: {length}");
+        assert_eq!(log.health.bytes.damaged, pieces[hurt].len() as u64, "{hurt}");
     }
 }
 
@@ -159,6 +157,16 @@ fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_says_so() {
 
 #[test]
 fn no_flipped_bit_changes_a_value_and_each_costs_one_frame_and_says_so() {
+    check_flips(1);
+}
+
+#[test]
+#[ignore = "all single bits, some seconds to a minute"]
+fn no_flipped_bit_at_all_changes_a_value_and_each_costs_one_frame_and_says_so() {
+    check_flips(8);
+}
+
+fn check_flips(bits_of_each_byte: usize) {
     let bytes = seed(Container::Ubx);
     let whole = read_bytes(READER, &bytes).unwrap();
     // The week of what follows comes from the frames before: only values that a frame says itself are compared.
@@ -168,7 +176,7 @@ fn no_flipped_bit_changes_a_value_and_each_costs_one_frame_and_says_so() {
         rows(log).into_iter().map(|(topic, rows)| (topic, rows.iter().map(strip).collect())).collect()
     };
     let truth = own(&whole);
-    each_flip(READER, &bytes, |log, place, bit| {
+    each_flip(READER, &bytes, bits_of_each_byte, |log, place, bit| {
         let found = own(log);
         assert_eq!(missing(&found, &truth), 0, "byte {place}, bit {bit}: a value changed");
         assert_eq!(log.health.messages + 1, whole.health.messages, "byte {place}, bit {bit}");

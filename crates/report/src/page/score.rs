@@ -73,7 +73,7 @@ fn without_reference(scores: &ReplayScores) -> Markup {
     let head = [
         Text("Compensator"),
         Number("Delay left against ∫v ± U (ms)"),
-        Number("Expected (ms)"),
+        Number("Expected ± U (ms)"),
         Text("Agrees"),
         Number("Lead over raw ± U (ms)"),
         Number("Delay given (ms)"),
@@ -86,7 +86,7 @@ fn without_reference(scores: &ReplayScores) -> Markup {
             tr {
                 th scope="row" { code { (shown(&c.name)) } }
                 td.n { (cell(&c.residual_delay, |r| estimate(&in_millis(&r.delay_s)))) }
-                td.n { (cell(&c.residual_delay, |r| plain(r.expected_s * 1e3, 3))) }
+                td.n { (cell(&c.residual_delay, |r| estimate(&in_millis(&r.expected_s)))) }
                 td { (cell(&c.residual_delay, agreement)) }
                 td.n { (cell(&c.lead_s, |lead| estimate(&in_millis(lead)))) }
                 td.n { (plain(c.expected_lead_s * 1e3, 4)) }
@@ -109,7 +109,7 @@ fn without_reference(scores: &ReplayScores) -> Markup {
         p.note {
             "Delay left: how late the output is at fresh fixes against the integrated velocity, by the estimator of "
             a href="#delay" { "Delay from the flight" } "; raw shows the whole delay, a compensated output must show none, \
-             a Padé filter what its truncation looks like. Lead: along-track way before raw over the speed. Steps: 1 if a \
+             a Padé filter what its truncation looks like (known to a half) and the age of the fix. Lead: along-track way before raw over the speed. Steps: 1 if a \
              fix brings all the way flown since the last one, 0 if it brings news only. One velocity, half way back, \
              predicts for raw − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m east rms. \
              A delay that position and velocity share shows in none of these."
@@ -121,13 +121,13 @@ fn without_reference(scores: &ReplayScores) -> Markup {
 
 /// Whether what is left is what is expected: zero within U.
 fn agreement(residual: &ResidualDelay) -> Markup {
-    let u = residual.delay_s.standard_uncertainty.filter(|u| *u > 0.0);
-    html! {
-        @match u {
-            None => { (badge("unsure", "?", "no U")) }
-            Some(u) if (residual.delay_s.value - residual.expected_s).abs() <= COVERAGE_FACTOR * u => { (badge("ok", "✓", "agrees")) }
-            Some(_) => { (badge("bad", "✗", "differs")) }
-        }
+    let expected = residual.expected_s;
+    let apart = (residual.delay_s.value - expected.value).abs();
+    let both = |u: f64| COVERAGE_FACTOR * u.hypot(expected.standard_uncertainty.unwrap_or(0.0));
+    match residual.delay_s.standard_uncertainty.filter(|u| *u > 0.0) {
+        None => badge("unsure", "?", "no U"),
+        Some(u) if apart <= both(u) => badge("ok", "✓", "agrees"),
+        Some(_) => badge("bad", "✗", "differs"),
     }
 }
 

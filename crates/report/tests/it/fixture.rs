@@ -176,7 +176,10 @@ pub fn scores() -> ReplayScores {
                 delay_s: estimate(left_s, 0.0006),
                 interval_95_s: [left_s - 0.0012, left_s + 0.0012],
                 samples: 5780,
-                expected_s,
+                expected_s: Estimate {
+                    value: expected_s,
+                    standard_uncertainty: Some(if is_raw { 0.0 } else { 0.5 * expected_s }),
+                },
             }),
             lead_s: if is_raw {
                 Finding::CannotTell(none("the lead is that over raw"))

@@ -32,6 +32,9 @@ pub(super) fn write(flight: &SimulatedFlight) -> Vec<u8> {
     }
     lines.sort_by_key(|(logged, _)| *logged);
     let mut text = sentence("GNTXT,01,01,02,simulated receiver");
+    let (date, clock) = time(flight.settings.start);
+    let date = format!("{},{},20{}", &date[..2], &date[2..4], &date[4..]);
+    text.push_str(&sentence(&format!("GNZDA,{clock},{date},00,00")));
     for (_, body) in lines {
         text.push_str(&sentence(&body));
     }

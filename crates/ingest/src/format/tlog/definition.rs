@@ -3,6 +3,7 @@
 use super::frame::Checksum;
 use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;
+use std::sync::LazyLock;
 
 /// One line for each message.
 const TABLE: &str = include_str!("messages.txt");
@@ -24,11 +25,14 @@ pub(super) struct Definition {
 }
 
 impl Definitions {
-    /// All of them.
-    pub(super) fn new() -> Definitions {
-        let mut all: Vec<Definition> = TABLE.lines().filter_map(Definition::parse).collect();
-        all.sort_by_key(|d| d.number);
-        Definitions(all)
+    /// All of them, taken apart once.
+    pub(super) fn all() -> &'static Definitions {
+        static ALL: LazyLock<Definitions> = LazyLock::new(|| {
+            let mut all: Vec<Definition> = TABLE.lines().filter_map(Definition::parse).collect();
+            all.sort_by_key(|d| d.number);
+            Definitions(all)
+        });
+        &ALL
     }
 
     pub(super) fn get(&self, number: u32) -> Option<&Definition> {
@@ -137,7 +141,7 @@ mod tests {
     #[test]
     fn every_line_is_a_message_and_its_fields_are_all_understood() {
         let lines: Vec<&str> = TABLE.lines().filter(|line| !line.starts_with('#')).collect();
-        let all = Definitions::new();
+        let all = Definitions::all();
         assert_eq!((all.0.len(), lines.len()), (353, 353));
         for line in lines {
             let number = line.split(' ').next().unwrap().parse().unwrap();
@@ -149,7 +153,7 @@ mod tests {
 
     #[test]
     fn the_numbers_in_the_checksum_are_those_that_mavlink_publishes() {
-        let all = Definitions::new();
+        let all = Definitions::all();
         for (number, name, extra, lengths) in [
             (0, "HEARTBEAT", 50, [9, 9]),
             (1, "SYS_STATUS", 124, [31, 43]),
@@ -169,7 +173,7 @@ mod tests {
 
     #[test]
     fn arrays_have_a_column_each_and_characters_are_one_text() {
-        let all = Definitions::new();
+        let all = Definitions::all();
         let paths = |number: u32, wide| -> Vec<(String, usize)> {
             all.get(number).unwrap().layout(wide).fields.into_iter().map(|f| (f.path, f.offset)).collect()
         };

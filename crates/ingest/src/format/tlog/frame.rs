@@ -44,7 +44,7 @@ pub(super) enum NoFrame {
 
 impl<'b> Frame<'b> {
     /// The frame that the bytes begin with.
-    pub(super) fn at(bytes: &'b [u8], definitions: &Definitions) -> Result<Frame<'b>, NoFrame> {
+    pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
         let (Some(&magic), Some(&payload)) = (bytes.first(), bytes.get(1)) else { return Err(NoFrame::Cut) };
         if !MAGIC.contains(&magic) {
             return Err(NoFrame::Foreign);
@@ -66,7 +66,7 @@ impl<'b> Frame<'b> {
         let told = rest.first_chunk().map(|two| u16::from_le_bytes(*two)).ok_or(NoFrame::Cut)?;
         let mut checksum = Checksum::new();
         checksum.add(checked.get(1..).unwrap_or_default());
-        let defined = definitions.get(message).map(|d| d.extra);
+        let defined = Definitions::all().get(message).map(|d| d.extra);
         let implied = || (0..=u8::MAX).find(|extra| checksum.with(*extra) == told);
         Ok(Frame {
             wide,
@@ -125,8 +125,7 @@ mod tests {
 
     #[test]
     fn a_frame_is_taken_apart_in_both_versions_with_and_without_a_signature() {
-        let definitions = Definitions::new();
-        let extra = definitions.get(0).unwrap().extra;
+        let extra = Definitions::all().get(0).unwrap().extra;
         let sealed = |mut frame: Vec<u8>| {
             let mut checksum = Checksum::new();
             checksum.add(&frame[1..]);
@@ -138,13 +137,13 @@ mod tests {
         let two = sealed([&[0xfd, 9, 0, 0, 7, 1, 200, 0, 0, 0][..], &payload].concat());
         let signed = [sealed([&[0xfd, 9, 1, 0, 7, 1, 200, 0, 0, 0][..], &payload].concat()), vec![9; 13]].concat();
         for (bytes, wide) in [(one, false), (two, true), (signed, true)] {
-            let frame = Frame::at(&bytes, &definitions).unwrap();
+            let frame = Frame::at(&bytes).unwrap();
             assert_eq!((frame.wide, frame.system, frame.component, frame.message), (wide, 1, 200, 0));
             assert_eq!((frame.payload, frame.length, frame.intact), (&payload[..], bytes.len(), Some(true)));
             for cut in 0..bytes.len() {
-                assert_eq!(Frame::at(&bytes[..cut], &definitions), Err(NoFrame::Cut));
+                assert_eq!(Frame::at(&bytes[..cut]), Err(NoFrame::Cut));
             }
         }
-        assert_eq!(Frame::at(&[1, 2, 3], &definitions), Err(NoFrame::Foreign));
+        assert_eq!(Frame::at(&[1, 2, 3]), Err(NoFrame::Foreign));
     }
 }

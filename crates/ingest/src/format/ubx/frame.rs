@@ -4,8 +4,10 @@
 pub(super) const SYNC: [u8; 2] = [0xb5, 0x62];
 /// First byte of an RTCM 3 frame.
 pub(super) const RTCM: u8 = 0xd3;
+/// Bytes of the longest.
+pub(super) const LONGEST_RTCM: usize = 3 + 1023 + 3;
 /// Sync, class, number and length.
-const HEADER: usize = 6;
+pub(super) const HEADER: usize = 6;
 const CHECKSUM: usize = 2;
 /// The longest frame.
 pub(super) const LONGEST: usize = HEADER + u16::MAX as usize + CHECKSUM;
@@ -41,7 +43,7 @@ pub(super) const WRONG: &str = "the checksum of a frame is wrong";
 pub(super) const CUT: &str = "a frame whose length leads nowhere";
 
 /// Bytes of the frame that begins here, as it says; `None` if not even that is there.
-fn length_at(bytes: &[u8]) -> Option<usize> {
+pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {
     let length = bytes.get(4..).and_then(<[u8]>::first_chunk).map(|two| u16::from_le_bytes(*two))?;
     bytes.starts_with(&SYNC).then_some(HEADER + usize::from(length) + CHECKSUM)
 }
