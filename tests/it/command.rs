@@ -292,3 +292,39 @@ fn what_criteria_can_ask_is_listed_and_a_file_is_checked() {
     let meant = text(&run(["criteria".as_ref(), file.as_os_str()], 0).stdout);
     assert!(meant.starts_with("# mine.toml is right; criteria: ") && meant.contains("metric = \"delay\""), "{meant}");
 }
+
+#[test]
+fn what_is_good_of_a_cut_log_is_recovered_and_the_cut_ends_with_3() {
+    let folder = tempfile::tempdir().unwrap();
+    simulate::write_campaign(folder.path(), 1, 20.0, 1).unwrap();
+    let log =
+        fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap();
+    let (whole, out) = (folder.path().join("whole.mcap"), folder.path().join("cut.mcap"));
+    let recover = |from: &std::path::Path, to: &std::path::Path, exit| {
+        text(&run(["recover".as_ref(), from.as_os_str(), to.as_os_str()], exit).stdout)
+    };
+    assert!(recover(&log, &whole, 0).contains("read again and found equal"));
+    let mut bytes = fs::read(&log).unwrap();
+    bytes.truncate(bytes.len() / 2);
+    fs::write(&log, bytes).unwrap();
+    assert!(recover(&log, &out, 3).contains("damaged"));
+    assert!(fs::metadata(&out).unwrap().len() < fs::metadata(&whole).unwrap().len());
+    let there = text(&run(["recover".as_ref(), log.as_os_str(), out.as_os_str()], 2).stderr);
+    assert!(there.contains("--force"), "{there}");
+}
+
+#[test]
+fn channels_are_exported_as_every_kind_of_table() {
+    let folder = tempfile::tempdir().unwrap();
+    simulate::write_campaign(folder.path(), 1, 20.0, 1).unwrap();
+    let log =
+        fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap();
+    for (kind, place) in [("parquet", "position.gps.parquet"), ("csv", "position.gps.csv"), ("mcap", "")] {
+        let out = folder.path().join(format!("out-{kind}"));
+        let arguments =
+            ["export".as_ref(), log.as_os_str(), "--to".as_ref(), kind.as_ref(), "--out".as_ref(), out.as_os_str()];
+        let said = text(&run(arguments, 0).stdout);
+        assert!(said.contains("position.gps"), "{said}");
+        assert!(fs::metadata(out.join(place)).unwrap().len() > 500, "{kind}");
+    }
+}

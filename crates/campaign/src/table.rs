@@ -1,53 +1,47 @@
-//! Result tables. The one file that knows polars, which can panic on odd input: callers run it
-//! where a panic is caught.
+//! Result tables. What writes them can panic on odd input: callers run it where a panic is caught.
 
 use crate::error::CampaignError;
 use crate::store::{Keep, Store};
 use compensation_replay::{Track, TrackColumn};
-use polars::prelude::{
-    Column, CsvWriter, DataFrame, IntoColumn, NamedFrom, ParquetWriter, PolarsResult, SerWriter, Series,
-};
+use convert::{Cells, Sheet, SheetColumn, write_csv, write_parquet};
 use record::{CriterionVerdict, DelaySource, Estimate, FlightRow, Outcome, RowVerdicts};
-use std::borrow::Cow;
-use std::io;
 
 /// Writes the compensated track of a flight.
 pub(crate) fn write_track(store: &Store, name: &str, track: &Track) -> Result<(), CampaignError> {
-    let column = |(name, values): &(String, TrackColumn)| match values {
-        TrackColumn::I64(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
-        TrackColumn::F64(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
-        TrackColumn::Text(v) => Series::new(name.as_str().into(), v.as_slice()).into_column(),
-    };
-    write_parquet(store, name, frame(name, track.columns.iter().map(column).collect())?)
+    let mut sheet = Sheet::default();
+    for (name, values) in &track.columns {
+        let cells = match values {
+            TrackColumn::I64(v) => Cells::I64(v.iter().copied().map(Some).collect()),
+            TrackColumn::F64(v) => Cells::F64(v.clone()),
+            TrackColumn::Text(v) => Cells::Text(v.iter().map(|t| Some((*t).to_owned())).collect()),
+        };
+        sheet.push(name.as_str(), cells);
+    }
+    let keep = if name.starts_with("by-key/") { Keep::Synced } else { Keep::Renewable };
+    Ok(store.write_with(name, keep, |file| write_parquet(&sheet, file))?)
 }
 
 /// Writes the table of flights as Parquet and as CSV.
 pub(crate) fn write_flights(store: &Store, rows: &[FlightRow]) -> Result<(), CampaignError> {
-    let plain = |text: &str| text.to_owned();
-    write_parquet(store, "flights.parquet", frame("flights.parquet", flight_columns(rows, plain))?)?;
-    let inert = |text: &str| inert(text).into_owned();
-    let mut csv = frame("flights.csv", flight_columns(rows, inert))?;
-    Ok(store.write_with("flights.csv", Keep::Renewable, |file| {
-        CsvWriter::new(file).finish(&mut csv).map_err(io::Error::other)
-    })?)
+    let sheet = flight_sheet(rows);
+    store.write_with("flights.parquet", Keep::Renewable, |file| write_parquet(&sheet, file))?;
+    Ok(store.write_with("flights.csv", Keep::Renewable, |file| write_csv(&sheet, file))?)
 }
 
 /// The columns of the table; names end in their unit.
-fn flight_columns(rows: &[FlightRow], cell: impl Fn(&str) -> String) -> Vec<Column> {
+fn flight_sheet(rows: &[FlightRow]) -> Sheet {
+    let column = |name: &str, cells| SheetColumn { name: name.to_owned(), cells };
     let text = |name: &str, of: &dyn Fn(&FlightRow) -> Option<String>| {
-        let values: Vec<Option<String>> = rows.iter().map(|r| of(r).map(|t| cell(&t))).collect();
-        Series::new(name.into(), values).into_column()
+        column(name, Cells::Text(rows.iter().map(of).collect()))
     };
-    let number = |name: &str, of: &dyn Fn(&FlightRow) -> Option<f64>| {
-        Series::new(name.into(), rows.iter().map(of).collect::<Vec<Option<f64>>>()).into_column()
-    };
+    let number =
+        |name: &str, of: &dyn Fn(&FlightRow) -> Option<f64>| column(name, Cells::F64(rows.iter().map(of).collect()));
     let count = |name: &str, of: &dyn Fn(&FlightRow) -> u64| {
-        let values: Vec<i64> = rows.iter().map(|r| i64::try_from(of(r)).unwrap_or(i64::MAX)).collect();
-        Series::new(name.into(), values).into_column()
+        column(name, Cells::I64(rows.iter().map(|r| Some(i64::try_from(of(r)).unwrap_or(i64::MAX))).collect()))
     };
     let value = |e: &Option<Estimate>| e.map(|e| e.value);
     let spread = |e: &Option<Estimate>| e.and_then(|e| e.standard_uncertainty);
-    vec![
+    let columns = vec![
         text("flight", &|r| Some(r.flight.clone())),
         text("outcome", &|r| Some(outcome_name(&r.outcome).to_owned())),
         text("reason", &|r| outcome_reason(&r.outcome).map(str::to_owned)),
@@ -85,7 +79,8 @@ fn flight_columns(rows: &[FlightRow], cell: impl Fn(&str) -> String) -> Vec<Colu
         count("losses", &|r| r.losses),
         text("key", &|r| Some(r.key.clone())),
         text("page", &|r| Some(r.page.clone())),
-    ]
+    ];
+    Sheet { columns }
 }
 
 /// The best delay of the flight's sweep.
@@ -135,33 +130,6 @@ pub(crate) fn outcome_reason(outcome: &Outcome) -> Option<&str> {
         Outcome::Compensated => None,
         Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => Some(reason),
     }
-}
-
-/// A text that no spreadsheet takes for a formula: one that could begin a formula gets a leading
-/// apostrophe, and so does one that begins with an apostrophe. Taking one leading apostrophe
-/// away gives the text back.
-fn inert(text: &str) -> Cow<'_, str> {
-    const BEGINS: [char; 13] = ['=', '+', '-', '@', '\t', '\r', '\n', '\0', '\'', '＝', '＋', '－', '＠'];
-    // A spreadsheet that trims spaces would see the formula behind them.
-    match text.trim_start_matches([' ', '\u{a0}', '\u{feff}']).starts_with(BEGINS) {
-        true => Cow::Owned(format!("'{text}")),
-        false => Cow::Borrowed(text),
-    }
-}
-
-fn frame(name: &str, columns: Vec<Column>) -> Result<DataFrame, CampaignError> {
-    let rows = columns.first().map_or(0, Column::len);
-    DataFrame::new(rows, columns).map_err(|e| CampaignError::Table { path: name.to_owned(), what: e.to_string() })
-}
-
-/// Bytes depend on the table alone: one thread, and nothing in the metadata but the schema.
-fn write_parquet(store: &Store, name: &str, mut frame: DataFrame) -> Result<(), CampaignError> {
-    let keep = if name.starts_with("by-key/") { Keep::Synced } else { Keep::Renewable };
-    let fill = |file: &mut io::BufWriter<std::fs::File>| {
-        let written: PolarsResult<u64> = ParquetWriter::new(file).set_parallel(false).finish(&mut frame);
-        written.map(drop).map_err(io::Error::other)
-    };
-    Ok(store.write_with(name, keep, fill)?)
 }
 
 #[cfg(test)]
@@ -253,20 +221,6 @@ mod tests {
         let states = column("state");
         let states: Vec<Option<&str>> = states.str().unwrap().iter().collect();
         assert_eq!(states, [Some("warm-up"), Some("valid"), Some("valid")]);
-    }
-
-    #[test]
-    fn no_text_cell_begins_a_formula_and_every_name_can_be_restored() {
-        let begins = ["=", "+", "-", "@", "\t", "\r", "\n", "\0", "'", "＝", "＋", "－", "＠", " =", "\u{feff}="];
-        for begin in begins {
-            let name = format!("{begin}cmd|' /C calc'!A0");
-            let cell = inert(&name);
-            assert!(cell.starts_with('\''), "{cell}");
-            assert_eq!(cell.strip_prefix('\'').unwrap(), name);
-        }
-        for plain in ["swing-07.mcap", "a=b", "", "7"] {
-            assert_eq!(inert(plain), plain);
-        }
     }
 
     #[test]

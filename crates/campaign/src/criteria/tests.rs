@@ -155,7 +155,7 @@ fn compensator(name: &str, error: f64) -> Value {
 fn score(name: &str) -> Value {
     json!({ "name": name,
         "residual_delay": found(json!({ "delay_s": estimate(0.003, 0.002), "interval_95_s": [-0.001, 0.007], "samples": 9,
-            "expected_s": 0.0 })),
+            "expected_s": estimate(0.0, 0.0) })),
         "lead_s": found(estimate(0.395, 0.004)), "expected_lead_s": 0.39,
         "step_correlation": found(estimate(0.05, 0.03)),
         "hysteresis": found(json!({ "along_m": estimate(0.3, 0.2), "across_m": estimate(0.0, 0.2),

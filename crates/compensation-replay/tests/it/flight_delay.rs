@@ -312,12 +312,13 @@ fn more_samples_are_taken_where_a_first_look_does_not_know_enough() {
     let mut flight = receiver(5);
     flight.position = SensorSettings { delay_s: 0.4, white_std: 0.5, ..SensorSettings::clean(25.0) };
     let flight = flown(&flight);
-    let look = |enough_s| FlightDelaySettings { first_look_samples: 1000, enough_s, ..quick() };
+    let look = |enough_s| FlightDelaySettings { first_look_samples: 1001, enough_s, ..quick() };
     let (thin, notices) = only(&flight, &look(0.1));
     let (all, _) = only(&flight, &look(1e-6));
     let (thin, all) = (found(&thin), found(&all));
-    assert_eq!((thin.samples, all.samples), (2000, 6000));
-    assert!(notices.iter().any(|n| n.code == "delay-samples-thinned" && n.count == 2000), "{notices:?}");
+    // One in three of 3001, of which those that the search could shift out of the velocity take no part.
+    assert!(all.samples > 5900 && (3 * thin.samples).abs_diff(all.samples) < 30, "{} {}", thin.samples, all.samples);
+    assert!(notices.iter().any(|n| n.code == "delay-samples-thinned" && n.count == 2001), "{notices:?}");
     // A third of the samples, white noise: the uncertainty is that of the part, and the truth is within both.
     let of = |m: &MeasuredDelay| m.delay_s.standard_uncertainty.unwrap();
     assert!((of(thin) / of(all) / 3.0_f64.sqrt() - 1.0).abs() < 0.15, "{} {}", of(thin), of(all));

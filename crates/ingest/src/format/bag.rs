@@ -79,10 +79,16 @@ fn read_file(
         at: 0,
         messages: 0,
         padding: 0,
+        padding_of_messages: 0,
+        behind_message: false,
     };
     walk.begin(start, intact);
     walk.run()?;
-    let (found, padding) = (walk.messages, walk.padding);
+    let (found, padding, suspect) = (walk.messages, walk.padding, walk.padding_of_messages);
+    if suspect > 0 {
+        let text = "zero bytes behind messages: their lengths may be wrong, and messages swallowed by them";
+        notices.push(Severity::Loss, "suspect-length", name.as_str(), suspect, text);
+    }
     if padding > 0 {
         notices.push(Severity::Info, "padding", name.as_str(), padding, "zero bytes between records");
     }

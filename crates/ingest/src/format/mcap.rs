@@ -289,7 +289,7 @@ impl<'t, 'w> Channels<'t, 'w> {
 
     fn other(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
         let unreadable = |e| format!("a {} that cannot be read: {e}", record::name(opcode));
-        match mcap::read::parse_record(opcode, body).map_err(unreadable)? {
+        match record::parse(opcode, body).map_err(unreadable)? {
             Record::Header(header) => {
                 let parts = [header.profile, header.library];
                 let parts: Vec<String> = parts.iter().filter(|p| !p.is_empty()).map(|p| format!("{p:.100}")).collect();

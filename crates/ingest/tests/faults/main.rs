@@ -3,14 +3,15 @@
 //!
 //! A binary of its own, for its allocator counts. What is marked as ignored is exhaustive: `just faults`.
 
-
+mod blocks;
+mod bombs;
 mod cuts;
 mod flips;
 mod lab;
-
-
-
-
-
+mod layout;
+mod lengths;
+mod odd;
+mod regress;
+mod schemas;
+mod structure;
 mod verdict;
-mod scratch;

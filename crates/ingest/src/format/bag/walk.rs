@@ -56,6 +56,10 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) messages: u64,
     /// Zero bytes between records.
     pub(super) padding: u64,
+    /// Those behind a message, which may have swallowed the beginning of another.
+    pub(super) padding_of_messages: u64,
+    /// Whether the record before is a message.
+    pub(super) behind_message: bool,
 }
 
 impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
@@ -73,7 +77,10 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     pub(super) fn run(&mut self) -> Result<(), IngestError> {
         while self.at < self.source.size() {
             match Record::read(&mut self.source, self.at)? {
-                Some(record) => self.take(&record)?,
+                Some(record) => {
+                    self.take(&record)?;
+                    self.behind_message = matches!(record.kind, Kind::Message { .. });
+                }
                 None if self.is_padding()? => {}
                 None => self.lost("what stands here is no record, or one that is cut")?,
             }
@@ -85,7 +92,10 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     /// Steps over zero bytes between records, as some tools leave when they write a bag anew.
     fn is_padding(&mut self) -> Result<bool, IngestError> {
         let Some(next) = self.padding_end(self.at)? else { return Ok(false) };
-        self.padding += next - self.at;
+        match self.behind_message {
+            true => self.padding_of_messages += next - self.at,
+            false => self.padding += next - self.at,
+        }
         self.pass(next, Fate::Structure);
         Ok(true)
     }
@@ -308,6 +318,8 @@ fn inside<V: Visit>(
         at: 0,
         messages: 0,
         padding: 0,
+        padding_of_messages: 0,
+        behind_message: false,
     };
     inner.run()?;
     let messages = inner.messages;

@@ -222,6 +222,9 @@ impl<'t, 'w> Book<'t, 'w> {
                 let name = &kind.format.name;
                 return Err(format!("a line of type {name} with {given} values where its format has {needed}"));
             }
+            if kind.format.text_is_too_long(values) {
+                return Err(format!("a line of type {} whose text is longer than its field", kind.format.name));
+            }
         }
         self.record(index, Body::Line(values))
     }

@@ -158,6 +158,15 @@ impl Format {
     pub(super) fn ends_in_text(&self) -> bool {
         self.fields.last().is_some_and(|f| f.cell_kind() == CellKind::Text)
     }
+
+    /// Whether the text that ends a line is longer than its field: a lost line end makes one line of two.
+    pub(super) fn text_is_too_long(&self, values: &str) -> bool {
+        let last = values.splitn(self.fields.len(), ',').last().unwrap_or_default();
+        match self.fields.last().and_then(|f| kind_of(f.code)) {
+            Some((PackedKind::Text(length), _)) => last.trim().chars().count() > length,
+            _ => false,
+        }
+    }
 }
 
 impl Field {

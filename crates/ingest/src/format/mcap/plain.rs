@@ -1,5 +1,6 @@
 //! The records of a file one by one, by the same walk as the reader's. For conformance tests.
 
+use super::record;
 use super::summary::Summary;
 use super::visit::Visit;
 use super::walk::Walk;
@@ -54,7 +55,7 @@ struct Collect(Vec<Record<'static>>);
 
 impl Visit for Collect {
     fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
-        self.0.push(mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())?.into_owned());
+        self.0.push(record::parse(opcode, body)?.into_owned());
         Ok(Fate::Structure)
     }
 

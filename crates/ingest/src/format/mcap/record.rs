@@ -4,7 +4,7 @@ use crate::bytes::Bytes;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::inflate::Codec;
-use mcap::records::op;
+use mcap::records::{Record, op};
 
 /// At both ends of a file.
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
@@ -74,6 +74,48 @@ pub(super) fn name(opcode: u8) -> String {
         other => return format!("record of unknown type 0x{other:02x}"),
     };
     name.to_owned()
+}
+
+/// What a record holds, up to its last text.
+enum Part {
+    Bytes(usize),
+    Text,
+    /// Texts, two by two, behind their length together.
+    TextMap,
+}
+
+/// Parses a record whose texts have been seen to lie within it: `mcap` makes room for a text of up to 4 GiB before it
+/// looks whether it is there.
+pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
+    let parts: &[Part] = match opcode {
+        op::HEADER => &[Part::Text, Part::Text],
+        op::SCHEMA => &[Part::Bytes(2), Part::Text, Part::Text],
+        op::CHANNEL => &[Part::Bytes(4), Part::Text, Part::Text, Part::TextMap],
+        op::METADATA => &[Part::Text, Part::TextMap],
+        op::ATTACHMENT_INDEX => &[Part::Bytes(40), Part::Text, Part::Text],
+        // The offsets of the message indexes lie behind their length, as a text does.
+        op::CHUNK_INDEX => &[Part::Bytes(32), Part::Text, Part::Bytes(8), Part::Text],
+        _ => &[],
+    };
+    parts_fit(parts, body).ok_or("a text in it reaches beyond its end")?;
+    mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())
+}
+
+fn parts_fit(parts: &[Part], body: &[u8]) -> Option<()> {
+    let mut rest = Bytes(body);
+    for part in parts {
+        match part {
+            Part::Bytes(count) => _ = rest.take(*count)?,
+            Part::Text => _ = rest.prefixed()?,
+            Part::TextMap => {
+                let mut map = Bytes(rest.prefixed()?);
+                while !map.0.is_empty() {
+                    map.prefixed()?;
+                }
+            }
+        }
+    }
+    Some(())
 }
 
 /// What a chunk says of itself.

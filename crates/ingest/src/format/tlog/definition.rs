@@ -54,12 +54,14 @@ impl Definition {
 
     /// Bytes of a payload; `wide` with the fields of MAVLink 2.
     pub(super) fn length(&self, wide: bool) -> usize {
-        self.lengths[usize::from(wide)]
+        let [base, all] = self.lengths;
+        if wide { all } else { base }
     }
 
     /// What tells one layout from another.
     pub(super) fn text(&self, wide: bool) -> &'static str {
-        self.fields[usize::from(wide)]
+        let [base, all] = self.fields;
+        if wide { all } else { base }
     }
 
     /// Where everything lies in a payload.

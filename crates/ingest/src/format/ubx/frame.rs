@@ -115,6 +115,7 @@ fn crc24(bytes: &[u8]) -> u32 {
 }
 
 /// What each byte contributes.
+#[allow(clippy::indexing_slicing, reason = "worked out by the compiler, which checks it")]
 const CRC24: [u32; 256] = {
     const POLYNOMIAL: u32 = 0x186_4cfb;
     let mut table = [0; 256];

@@ -1,0 +1,71 @@
+//! T3: stretches of bytes zeroed, set, doubled, left out and swapped.
+
+use crate::flips::checked;
+use crate::lab::{Lab, seeds};
+use crate::verdict::Verdict;
+use simulate::Seed;
+
+const SIZES: [usize; 3] = [1, 16, 512];
+
+fn blocks(family: &str, step: usize) {
+    for seed in seeds(family) {
+        (0..seed.files.len()).for_each(|damaged| hit(&seed, damaged, step));
+    }
+}
+
+fn hit(seed: &Seed, damaged: usize, step: usize) {
+    let mut lab = Lab::new();
+    let subject = lab.seed(seed, damaged);
+    let bytes = &seed.files[damaged].bytes;
+    let intact = lab.read(&subject, bytes, seed.name).unwrap();
+    for size in SIZES {
+        for at in (0..bytes.len().saturating_sub(size)).step_by(step) {
+            for (what, hurt) in damage(bytes, at, size) {
+                let case = format!("{}, file {damaged}, {size} bytes from {at} {what}", seed.name);
+                let verdict = Verdict::of(&lab.read(&subject, &hurt, &case), &intact);
+                let silent = ![Verdict::Same, Verdict::Told].contains(&verdict);
+                assert!(!checked(seed.container) || !silent, "{case}: {verdict:?} and nothing told");
+            }
+        }
+    }
+    println!("| {} {damaged} | {} | {:?} |", seed.name, lab.cases - 1, lab.slowest);
+}
+
+fn damage(bytes: &[u8], at: usize, size: usize) -> [(&'static str, Vec<u8>); 5] {
+    let (before, block, after) = (&bytes[..at], &bytes[at..at + size], &bytes[at + size..]);
+    let next = size.min(after.len());
+    [
+        ("zeroed", [before, &vec![0; size], after].concat()),
+        ("set", [before, &vec![0xff; size], after].concat()),
+        ("doubled", [before, block, block, after].concat()),
+        ("left out", [before, after].concat()),
+        ("swapped", [before, &after[..next], block, &after[next..]].concat()),
+    ]
+}
+
+macro_rules! of_each_format {
+    ($($family:ident $name:literal $step:literal $all:ident,)*) => {$(
+        #[test]
+        fn $family() {
+            blocks($name, $step);
+        }
+
+        #[test]
+        #[ignore = "a block at every 64 bytes; `just faults`"]
+        fn $all() {
+            blocks($name, 64);
+        }
+    )*};
+}
+
+of_each_format! {
+    a_bad_block_of_an_mcap_is_told "mcap" 2039 bad_blocks_of_an_mcap,
+    a_bad_block_of_a_bag_is_survived "bag" 4093 bad_blocks_of_a_bag,
+    a_bad_block_of_a_ros_2_bag_is_survived "db3" 4093 bad_blocks_of_a_ros_2_bag,
+    a_bad_block_of_a_ulog_is_survived "ulog" 127 bad_blocks_of_a_ulog,
+    a_bad_block_of_a_dataflash_log_is_survived "dataflash" 251 bad_blocks_of_a_dataflash_log,
+    a_bad_block_of_a_tlog_is_survived "tlog" 127 bad_blocks_of_a_tlog,
+    a_bad_block_of_a_ubx_log_is_told "ubx" 127 bad_blocks_of_a_ubx_log,
+    a_bad_block_of_an_nmea_log_is_told "nmea" 127 bad_blocks_of_an_nmea_log,
+    a_bad_block_of_a_table_is_survived "csv" 251 bad_blocks_of_a_table,
+}

@@ -1,0 +1,129 @@
+//! Where the records of a seed are: walked here anew, for a test does not ask the reader.
+
+use simulate::{BagCompression, BagSettings, Container, Seed};
+use std::ops::Range;
+
+/// Where a log may end without anything missing: behind a whole record, where the format has no mark of its end.
+pub enum Ends {
+    Nowhere,
+    At(Vec<usize>),
+}
+
+impl Ends {
+    pub fn of(seed: &Seed, damaged: usize) -> Ends {
+        let bytes = &seed.files[damaged].bytes;
+        match seed.container {
+            Container::Ulog => Ends::At(ulog_ends(bytes)),
+            Container::DataFlash => Ends::At(dataflash_ends(bytes)),
+            // A line is whole with its line end or without.
+            Container::DataFlashText | Container::CsvWide | Container::CsvFolder | Container::Nmea => {
+                let ends = bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').map(|(at, _)| at + 1);
+                let returns = usize::from(seed.container == Container::Nmea);
+                Ends::At([0].into_iter().chain(ends.flat_map(|end| end - 1 - returns..=end)).collect())
+            }
+            Container::Ubx => Ends::At(ubx_ends(bytes)),
+            Container::Tlog => Ends::At(tlog_ends(bytes)),
+            // What the recorder wrote beside the log is a hint, whatever becomes of it.
+            Container::Db3(_) if seed.files[damaged].path.ends_with("metadata.yaml") => {
+                Ends::At((0..bytes.len()).collect())
+            }
+            Container::Bag(BagSettings { indexed: false, .. }) => Ends::At(bag_ends(bytes)),
+            Container::Mcap(_) | Container::Bag(_) | Container::Db3(_) => Ends::Nowhere,
+        }
+    }
+
+    pub fn allow(&self, length: usize) -> bool {
+        match self {
+            Ends::Nowhere => false,
+            Ends::At(places) => places.binary_search(&length).is_ok(),
+        }
+    }
+}
+
+/// Walks records of which each says its own length.
+fn walk(bytes: &[u8], start: usize, mut length: impl FnMut(&[u8]) -> usize) -> Vec<usize> {
+    let mut ends = vec![start];
+    let mut at = start;
+    while at < bytes.len() {
+        at += length(&bytes[at..]);
+        ends.push(at);
+    }
+    assert_eq!(at, bytes.len(), "the seed is whole");
+    ends
+}
+
+fn ulog_ends(bytes: &[u8]) -> Vec<usize> {
+    walk(bytes, 16, |rest| 3 + usize::from(u16::from_le_bytes([rest[0], rest[1]])))
+}
+
+fn dataflash_ends(bytes: &[u8]) -> Vec<usize> {
+    let mut lengths = [0_usize; 256];
+    lengths[128] = 89;
+    let ends = walk(bytes, 0, |rest| {
+        if rest[2] == 128 {
+            lengths[usize::from(rest[3])] = rest[4].into();
+        }
+        lengths[usize::from(rest[2])]
+    });
+    ends
+}
+
+/// Records behind the first line and the padded header; a length before the header, another before the data.
+fn bag_ends(bytes: &[u8]) -> Vec<usize> {
+    let length = |rest: &[u8], at: usize| 4 + u32::from_le_bytes(rest[at..at + 4].try_into().unwrap()) as usize;
+    walk(bytes, 13, |rest| length(rest, 0) + length(rest, length(rest, 0)))
+}
+
+fn ubx_ends(bytes: &[u8]) -> Vec<usize> {
+    walk(bytes, 0, |rest| 8 + usize::from(u16::from_le_bytes([rest[4], rest[5]])))
+}
+
+/// A stamp of eight bytes, then a frame of MAVLink 1 or 2.
+fn tlog_ends(bytes: &[u8]) -> Vec<usize> {
+    walk(bytes, 0, |rest| match rest[8] {
+        0xfe => 8 + 8 + usize::from(rest[9]),
+        0xfd => 8 + 12 + usize::from(rest[9]) + if rest[10] & 1 == 1 { 13 } else { 0 },
+        other => panic!("no frame begins with {other:x}"),
+    })
+}
+
+/// What says how other bytes are to be read: damage there may change all of them.
+pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
+    let bytes = &seed.files[damaged].bytes;
+    match seed.container {
+        Container::Ulog => records(&ulog_ends(bytes)).filter(|r| bytes[r.start + 2] != b'D').chain([0..16]).collect(),
+        Container::DataFlash => {
+            let types: Vec<u8> = records(&dataflash_ends(bytes))
+                .filter(|r| {
+                    bytes[r.start + 2] == 128
+                        && [&b"FMTU"[..], b"UNIT", b"MULT"].contains(&&bytes[r.start + 5..r.start + 9])
+                })
+                .map(|r| bytes[r.start + 3])
+                .chain([128])
+                .collect();
+            records(&dataflash_ends(bytes)).filter(|r| types.contains(&bytes[r.start + 2])).collect()
+        }
+        Container::DataFlashText => {
+            let defines = |line: &&[u8]| ["FMT", "UNIT", "MULT"].iter().any(|name| line.starts_with(name.as_bytes()));
+            let length = bytes.split_inclusive(|b| *b == b'\n').take_while(defines).map(<[u8]>::len).sum();
+            vec![0..length]
+        }
+        Container::CsvWide | Container::CsvFolder => {
+            let lines = if seed.container == Container::CsvWide { 2 } else { 1 };
+            vec![0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()]
+        }
+        Container::Bag(BagSettings { compression: BagCompression::None, .. }) => bag_definitions(bytes),
+        _ => vec![],
+    }
+}
+
+fn records(ends: &[usize]) -> impl Iterator<Item = Range<usize>> {
+    ends.windows(2).map(|pair| pair[0]..pair[1])
+}
+
+/// All but the messages: they say their type as the first field of their header.
+fn bag_definitions(bytes: &[u8]) -> Vec<Range<usize>> {
+    let places = bytes.windows(8).enumerate().filter(|(_, w)| w.starts_with(b"\x04\0\0\0op="));
+    let starts: Vec<(usize, u8)> = places.map(|(at, w)| (at, w[7])).chain([(bytes.len(), 0)]).collect();
+    starts.windows(2).filter(|pair| pair[0].1 != 2).map(|pair| pair[0].0 - 4..pair[1].0).collect()
+}

@@ -1,0 +1,42 @@
+//! What fuzzing found: kept in tests/regress, a folder for each target, read by every run.
+
+use crate::lab::Lab;
+use ingest::{ChannelMap, LogKind};
+use std::path::{Path, PathBuf};
+
+fn finds(target: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regress").join(target);
+    let Ok(entries) = std::fs::read_dir(folder) else { return vec![] };
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    paths
+}
+
+#[test]
+fn finds_in_logs_stay_fixed() {
+    let mut lab = Lab::new();
+    for (target, kind) in [
+        ("mcap", LogKind::Mcap),
+        ("definition", LogKind::Mcap),
+        ("bag", LogKind::Bag),
+        ("db3", LogKind::Db3),
+        ("ulog", LogKind::Ulog),
+        ("dataflash", LogKind::DataFlash),
+        ("csv", LogKind::Csv),
+        ("tlog", LogKind::Tlog),
+        ("ubx", LogKind::Ubx),
+        ("nmea", LogKind::Nmea),
+    ] {
+        for path in finds(target) {
+            let subject = lab.single(kind, "log.csv");
+            let _ = lab.read(&subject, &std::fs::read(&path).unwrap(), &path.display().to_string());
+        }
+    }
+}
+
+#[test]
+fn finds_in_channel_maps_stay_fixed() {
+    for path in finds("channel-map") {
+        let _ = ChannelMap::from_toml(&path, &String::from_utf8_lossy(&std::fs::read(&path).unwrap()));
+    }
+}

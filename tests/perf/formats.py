@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""Reading three topics of one simulated flight in every format, against the least that it can cost and against the
+Python readers that are installed. CPU seconds (user + system) of whole processes, one after the other in each round;
+ratios are taken round by round. Needs: cargo build --release -p ingest -p simulate --examples"""
+
+import os, resource, subprocess, sys, tempfile
+
+ROUNDS = int(os.environ.get("ROUNDS", "7"))
+BIN = os.path.join(os.environ.get("CARGO_TARGET_DIR", "target"), "release", "examples")
+PEERS = {
+    "mcap": ("import sys\nfrom mcap.reader import make_reader\nfrom mcap_ros2.decoder import DecoderFactory\n"
+             "r=make_reader(open(sys.argv[1],'rb'),decoder_factories=[DecoderFactory()])\n"
+             "n=sum(1 for _ in r.iter_decoded_messages(topics=sys.argv[2:]))"),
+    "bag": ("import sys\nfrom pathlib import Path\nfrom rosbags.highlevel import AnyReader\n"
+            "with AnyReader([Path(sys.argv[1])]) as r:\n"
+            "    c=[x for x in r.connections if x.topic in sys.argv[2:]]\n"
+            "    n=sum(1 for k,t,d in r.messages(connections=c) if r.deserialize(d,k.msgtype) is not None)"),
+    "ulog": "import sys\nfrom pyulog import ULog\nULog(sys.argv[1], sys.argv[2:])",
+    "dataflash": ("import sys\nfrom pymavlink import DFReader\nr=DFReader.DFReader_binary(sys.argv[1])\n"
+                  "n=0\nwhile True:\n    m=r.recv_match(type=sys.argv[2:])\n    if m is None: break\n    n+=1"),
+    "csv": "import sys\nimport pandas\npandas.read_csv(sys.argv[1], skiprows=[1], usecols=[0,1,2,3,4,5])",
+}
+ROS = ["/gps/fix", "/gps/velocity", "/truth/odometry"]
+
+
+def cpu(command):
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "failed")
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, done.stdout
+
+
+def median(values):
+    return sorted(values)[len(values) // 2]
+
+
+def size(path):
+    if os.path.isfile(path):
+        return os.path.getsize(path)
+    return sum(os.path.getsize(os.path.join(d, f)) for d, _, files in os.walk(path) for f in files)
+
+
+def topics(path):
+    out = cpu([os.path.join(BIN, "read_topics"), path, "no-such-topic"])[1]
+    names = [l.split(" [")[0].strip() for l in out.splitlines() if l.startswith("  ") and " messages, " in l]
+    busiest = lambda n: -int(next(l for l in out.splitlines() if l.strip().startswith(n + " ["))
+                             .split(": ")[1].split(" messages")[0])
+    return sorted(names, key=busiest)[:3]
+
+
+def row(name, path):
+    wanted = topics(path)
+    ours = [os.path.join(BIN, "read_topics"), path] + wanted
+    inner = path
+    if os.path.isdir(path):
+        inner = next(os.path.join(path, f) for f in sorted(os.listdir(path)) if f.endswith(".db3"))
+    limit = [os.path.join(BIN, "db3_stepping" if name == "db3" else "decompress_only"), inner]
+    family = "bag" if name == "db3" else name.split("-")[0]
+    peer = [sys.executable, "-c", PEERS[family], path] + wanted if family in PEERS else None
+    times, limits, peers = [], [], []
+    memory, problem = "", ""
+    for round in range(ROUNDS + 1):
+        low = cpu(limit)[0]
+        high, out = cpu(ours)
+        memory = out.rsplit("peak memory", 1)[-1].strip()
+        if round:  # the first warms the page cache
+            times.append(high), limits.append(low)
+    try:
+        peers = [cpu(peer)[0] for _ in range(2)] if peer else []
+    except RuntimeError as e:
+        problem = str(e)[:40]
+    ratios = [a / b for a, b in zip(times, limits)]
+    megabytes = size(path) / 1e6
+    python = f"{min(peers) / median(times):6.0f} x" if peers else f"  {problem or '-'}"
+    print(f"{name:10} {megabytes:7.1f} {median(times):8.3f} {megabytes / median(times):8.0f} "
+          f"{median(limits):8.3f} {median(ratios):6.2f} [{min(ratios):.2f} to {max(ratios):.2f}] {memory:>12} {python}")
+
+
+def main():
+    folder = sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="flightlag-perf-")
+    if not os.path.exists(os.path.join(folder, "ulog.ulg")):
+        subprocess.run([os.path.join(BIN, "perf_logs"), folder, os.environ.get("SECONDS_FLOWN", "1800")], check=True)
+    print("format          MB    CPU s     MB/s  limit s  ratio [least to most]       peak memory  Python / ours")
+    for name in ["mcap-zstd", "mcap-lz4", "mcap-none", "bag-lz4", "bag-none", "bag-bz2", "db3", "ulog", "dataflash", "csv"]:
+        found = [f for f in sorted(os.listdir(folder)) if f.split(".")[0] == name]
+        if found:
+            row(name, os.path.join(folder, found[0]))
+    print("limit: every chunk decompressed and its CRC checked (MCAP, bag), SQLite stepping through all rows (db3), "
+          "the file read (others)")
+
+
+main()
