@@ -88,3 +88,11 @@ recover log out *options:
 [no-exit-message]
 export log *options:
     @cargo run --release --quiet -p flightlag -- export "$@"
+
+# Fuzzes a parser: mcap bag db3 ulog dataflash csv tlog ubx nmea flight definition channel-map rig card pipeline criteria
+fuzz target seconds="60" *options:
+    fuzz/run "$@"
+
+# Every truncation, every bit flip, every hostile number of the seeds of every format (an hour); prints a table
+faults *filter:
+    cargo test --release -p ingest --test faults -- --ignored --nocapture --test-threads 2 "$@"

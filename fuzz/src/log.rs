@@ -89,7 +89,10 @@ impl Disk {
     }
 
     fn write(&self, data: &[u8]) {
-        self.file.set_len(data.len() as u64).and_then(|()| self.file.write_all_at(data, 0)).expect("room for the input");
+        self.file
+            .set_len(data.len() as u64)
+            .and_then(|()| self.file.write_all_at(data, 0))
+            .expect("room for the input");
     }
 
     fn read(&self, kind: LogKind, data: &[u8], want: &dyn Select) {

@@ -128,11 +128,11 @@ fn holds_the_truth(iron: &IronCalibration, truth: &BenchSensor) {
     let soft = truth.soft_iron.unwrap();
     let [[a, b, c], [d, e, f], [g, h, i]] = soft;
     let scale = (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)).cbrt();
-    for axis in 0..3 {
+    for (axis, soft) in soft.iter().enumerate() {
         let (off, u) = (iron.hard_iron[axis] - truth.sampling.bias[axis], iron.hard_iron_standard_uncertainty[axis]);
         assert!(off.abs() < 4.5 * u && u < 0.5e-6, "{axis}: {off} ± {u} T");
-        for column in 0..3 {
-            let off = iron.soft_iron[axis][column] - soft[axis][column] / scale;
+        for (column, soft) in soft.iter().enumerate() {
+            let off = iron.soft_iron[axis][column] - soft / scale;
             let u = iron.soft_iron_standard_uncertainty[axis][column];
             assert!(off.abs() < 4.5 * u && u < 0.02, "{axis} {column}: {off} ± {u}");
         }

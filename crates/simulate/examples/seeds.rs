@@ -1,6 +1,6 @@
 //! Writes the seeds of the fuzz targets, a folder for each target: seeds FOLDER
 
-use simulate::Container;
+use simulate::{Container, McapEncoding};
 use std::error::Error;
 use std::path::Path;
 
@@ -14,6 +14,32 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let name = file.path.to_string_lossy().replace('/', "-");
                 std::fs::write(folder.join(name), &file.bytes)?;
             }
+        }
+        if let Container::Mcap(settings) = seed.container {
+            let folder = Path::new(&folder).join("definition");
+            std::fs::create_dir_all(&folder)?;
+            definitions(&seed.files[0].bytes, settings.encoding, &folder.join(seed.name))?;
+        }
+    }
+    Ok(())
+}
+
+/// A file for each channel: encoding, length of the definition, definition, first message; as the target takes them.
+fn definitions(mcap: &[u8], encoding: McapEncoding, stem: &Path) -> Result<(), Box<dyn Error>> {
+    let encoding = match encoding {
+        McapEncoding::Ros1 => 0,
+        McapEncoding::Cdr => 1,
+        McapEncoding::Idl => 2,
+        McapEncoding::Protobuf => 3,
+        McapEncoding::Json => 4,
+    };
+    for message in mcap::MessageStream::new(mcap)? {
+        let message = message?;
+        let definition = message.channel.schema.as_ref().map_or(&[][..], |schema| &schema.data);
+        let length = u16::try_from(definition.len())?.to_le_bytes();
+        let path = stem.with_extension(message.channel.id.to_string());
+        if !path.exists() {
+            std::fs::write(path, [&[encoding][..], &length, definition, &message.data].concat())?;
         }
     }
     Ok(())

@@ -58,7 +58,11 @@ impl LogReader for NmeaReader {
             walk.tell(&mut notices);
         }
         book.finish(&mut log, &mut notices);
+        let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+        if log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
+            return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
+        }
         forget_log_times(&mut log);
         Ok(log)
     }

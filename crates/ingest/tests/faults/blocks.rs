@@ -1,9 +1,8 @@
 //! T3: stretches of bytes zeroed, set, doubled, left out and swapped.
 
-use crate::flips::checked;
 use crate::lab::{Lab, seeds};
 use crate::verdict::Verdict;
-use simulate::Seed;
+use simulate::{Container, Seed};
 
 const SIZES: [usize; 3] = [1, 16, 512];
 
@@ -24,11 +23,16 @@ fn hit(seed: &Seed, damaged: usize, step: usize) {
                 let case = format!("{}, file {damaged}, {size} bytes from {at} {what}", seed.name);
                 let verdict = Verdict::of(&lab.read(&subject, &hurt, &case), &intact);
                 let silent = ![Verdict::Same, Verdict::Told].contains(&verdict);
-                assert!(!checked(seed.container) || !silent, "{case}: {verdict:?} and nothing told");
+                assert!(!summed(seed.container) || !silent, "{case}: {verdict:?} and nothing told");
             }
         }
     }
     println!("| {} {damaged} | {} | {:?} |", seed.name, lab.cases - 1, lab.slowest);
+}
+
+/// Whether checksums find such damage. That of NMEA, an exclusive or, is blind to bytes that change places.
+fn summed(container: Container) -> bool {
+    matches!(container, Container::Mcap(_) | Container::Ubx)
 }
 
 fn damage(bytes: &[u8], at: usize, size: usize) -> [(&'static str, Vec<u8>); 5] {
@@ -66,6 +70,6 @@ of_each_format! {
     a_bad_block_of_a_dataflash_log_is_survived "dataflash" 251 bad_blocks_of_a_dataflash_log,
     a_bad_block_of_a_tlog_is_survived "tlog" 127 bad_blocks_of_a_tlog,
     a_bad_block_of_a_ubx_log_is_told "ubx" 127 bad_blocks_of_a_ubx_log,
-    a_bad_block_of_an_nmea_log_is_told "nmea" 127 bad_blocks_of_an_nmea_log,
+    a_bad_block_of_an_nmea_log_is_survived "nmea" 127 bad_blocks_of_an_nmea_log,
     a_bad_block_of_a_table_is_survived "csv" 251 bad_blocks_of_a_table,
 }

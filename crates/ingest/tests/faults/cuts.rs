@@ -1,7 +1,7 @@
 //! T1: logs that end too early, wherever that is.
 
 use crate::lab::{Lab, seeds};
-use crate::layout::Ends;
+use crate::layout::{Ends, definitions};
 use crate::verdict::{first_foreign_row, told};
 use simulate::Seed;
 
@@ -17,13 +17,17 @@ fn cut(seed: &Seed, damaged: usize, step: usize) {
     let subject = lab.seed(seed, damaged);
     let bytes = &seed.files[damaged].bytes;
     let intact = lab.read(&subject, bytes, seed.name).unwrap();
+    let definitions = definitions(seed, damaged);
     let ends = Ends::of(seed, damaged);
     let last = bytes.len().saturating_sub(100);
     let mut silent = vec![];
     for length in (0..last).step_by(step).chain(last..bytes.len()) {
         let case = format!("{}, file {damaged} cut to {length} of {} bytes", seed.name, bytes.len());
         let read = lab.read(&subject, &bytes[..length], &case);
-        if let Ok(log) = &read {
+        // Of a table that ends in its header nothing says that what follows is not a row.
+        if let Ok(log) = read.as_ref()
+            && !definitions.iter().any(|range| seed.name.starts_with("csv") && range.contains(&length))
+        {
             assert_eq!(first_foreign_row(log, &intact), None, "{case}");
         }
         if !told(&read, &intact) && !ends.allow(length) {

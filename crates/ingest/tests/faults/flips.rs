@@ -43,14 +43,14 @@ fn allowed(seed: &Seed, verdict: Verdict, in_definition: bool) -> bool {
         Verdict::Same | Verdict::Told => true,
         Verdict::OneRow => !checked(seed.container),
         Verdict::ManyRows | Verdict::More => in_definition && !checked(seed.container),
-        // Text takes what is in front of its first record for the console's, and two lines of units for one if the line
-        // end between them is another letter.
+        // Text takes what is in front of its first record for the console's, and two lines for one if the line end behind
+        // a text is another letter.
         Verdict::Fewer => in_definition && seed.container == Container::DataFlashText,
     }
 }
 
 /// Whether checksums cover the whole log. Those of tlog leave out the stamps.
-pub fn checked(container: Container) -> bool {
+fn checked(container: Container) -> bool {
     matches!(container, Container::Mcap(_) | Container::Ubx | Container::Nmea)
 }
 

@@ -1,6 +1,7 @@
 //! Where the records of a seed are: walked here anew, for a test does not ask the reader.
 
 use simulate::{BagCompression, BagSettings, Container, Seed};
+use std::iter::once;
 use std::ops::Range;
 
 /// Where a log may end without anything missing: behind a whole record, where the format has no mark of its end.
@@ -27,7 +28,8 @@ impl Ends {
             Container::Db3(_) if seed.files[damaged].path.ends_with("metadata.yaml") => {
                 Ends::At((0..bytes.len()).collect())
             }
-            Container::Bag(BagSettings { indexed: false, .. }) => Ends::At(bag_ends(bytes)),
+            // A bag without an index has a loss to tell as it is, and no other.
+            Container::Bag(BagSettings { indexed: false, .. }) => Ends::At((0..bytes.len()).collect()),
             Container::Mcap(_) | Container::Bag(_) | Container::Db3(_) => Ends::Nowhere,
         }
     }
@@ -59,19 +61,12 @@ fn ulog_ends(bytes: &[u8]) -> Vec<usize> {
 fn dataflash_ends(bytes: &[u8]) -> Vec<usize> {
     let mut lengths = [0_usize; 256];
     lengths[128] = 89;
-    let ends = walk(bytes, 0, |rest| {
+    walk(bytes, 0, |rest| {
         if rest[2] == 128 {
             lengths[usize::from(rest[3])] = rest[4].into();
         }
         lengths[usize::from(rest[2])]
-    });
-    ends
-}
-
-/// Records behind the first line and the padded header; a length before the header, another before the data.
-fn bag_ends(bytes: &[u8]) -> Vec<usize> {
-    let length = |rest: &[u8], at: usize| 4 + u32::from_le_bytes(rest[at..at + 4].try_into().unwrap()) as usize;
-    walk(bytes, 13, |rest| length(rest, 0) + length(rest, length(rest, 0)))
+    })
 }
 
 fn ubx_ends(bytes: &[u8]) -> Vec<usize> {
@@ -91,7 +86,9 @@ fn tlog_ends(bytes: &[u8]) -> Vec<usize> {
 pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
     let bytes = &seed.files[damaged].bytes;
     match seed.container {
-        Container::Ulog => records(&ulog_ends(bytes)).filter(|r| bytes[r.start + 2] != b'D').chain([0..16]).collect(),
+        Container::Ulog => {
+            records(&ulog_ends(bytes)).filter(|r| bytes[r.start + 2] != b'D').chain(once(0..16)).collect()
+        }
         Container::DataFlash => {
             let types: Vec<u8> = records(&dataflash_ends(bytes))
                 .filter(|r| {
@@ -106,11 +103,17 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
         Container::DataFlashText => {
             let defines = |line: &&[u8]| ["FMT", "UNIT", "MULT"].iter().any(|name| line.starts_with(name.as_bytes()));
             let length = bytes.split_inclusive(|b| *b == b'\n').take_while(defines).map(<[u8]>::len).sum();
-            vec![0..length]
+            // A free text that loses its line end goes on with the next line.
+            let mut at = 0;
+            let texts = bytes.split_inclusive(|b| *b == b'\n').filter_map(|line| {
+                at += line.len();
+                line.starts_with(b"MSG").then_some(at - 1..at)
+            });
+            once(0..length).chain(texts).collect()
         }
         Container::CsvWide | Container::CsvFolder => {
             let lines = if seed.container == Container::CsvWide { 2 } else { 1 };
-            vec![0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()]
+            once(0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()).collect()
         }
         Container::Bag(BagSettings { compression: BagCompression::None, .. }) => bag_definitions(bytes),
         _ => vec![],

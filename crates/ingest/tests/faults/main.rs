@@ -3,6 +3,8 @@
 //!
 //! A binary of its own, for its allocator counts. What is marked as ignored is exhaustive: `just faults`.
 
+#![allow(clippy::print_stdout, reason = "figures of the exhaustive runs")]
+
 mod blocks;
 mod bombs;
 mod cuts;

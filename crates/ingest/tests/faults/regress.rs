@@ -40,3 +40,17 @@ fn finds_in_channel_maps_stay_fixed() {
         let _ = ChannelMap::from_toml(&path, &String::from_utf8_lossy(&std::fs::read(&path).unwrap()));
     }
 }
+
+#[test]
+fn a_length_that_swallows_two_messages_and_two_lines_in_one_are_told() {
+    let mut lab = Lab::new();
+    for (find, kind, code) in [
+        ("bag/length-that-swallows-two-messages.bag", LogKind::Bag, "suspect-length"),
+        ("dataflash/two-lines-in-one.log", LogKind::DataFlash, "damaged"),
+    ] {
+        let bytes = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regress").join(find)).unwrap();
+        let subject = lab.single(kind, "find.log");
+        let log = lab.read(&subject, &bytes, find).unwrap();
+        assert!(log.notices.iter().any(|n| n.code == code), "{find}: {:?}", log.notices);
+    }
+}

@@ -22,8 +22,8 @@ pub enum Verdict {
 }
 
 /// Notices that are no losses and still tell of the damage: a topic that was wanted and has no usable definition, a last
-/// cell that may have lost digits.
-const TELLING: [&str; 2] = ["not-decoded", "no-line-end"];
+/// cell that may have lost digits, a file among several that is no table any more.
+const TELLING: [&str; 3] = ["not-decoded", "no-line-end", "not-a-table"];
 
 /// Whether damage is told that the intact log does not have.
 pub fn told(read: &Result<Log, IngestError>, intact: &Log) -> bool {

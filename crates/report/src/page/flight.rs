@@ -44,7 +44,11 @@ pub fn flight_site(page: &FlightPage) -> Site {
     }
     site.add(
         "index.html",
-        document(&format!("{} — flightlag", page.name), false, body(page, &figures, over_time.as_ref(), &of_sweep, of_bands.as_ref())),
+        document(
+            &format!("{} — flightlag", page.name),
+            false,
+            body(page, &figures, over_time.as_ref(), &of_sweep, of_bands.as_ref()),
+        ),
     );
     site
 }

@@ -8,5 +8,5 @@ mod flight_delay;
 mod hostile;
 mod html;
 mod pages;
-mod sweep;
 mod score;
+mod sweep;

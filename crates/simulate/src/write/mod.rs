@@ -190,7 +190,8 @@ mod tests {
                     .map(|layout| Container::Db3(Db3Settings { compression, layout, definitions: true }))
             },
         );
-        let others = [Container::CsvWide, Container::CsvFolder, Container::Ulog, Container::DataFlash, Container::DataFlashText];
+        let others =
+            [Container::CsvWide, Container::CsvFolder, Container::Ulog, Container::DataFlash, Container::DataFlashText];
         others.into_iter().chain(mcaps).chain(bags).chain(db3s).collect()
     }
 

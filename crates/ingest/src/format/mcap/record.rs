@@ -82,6 +82,8 @@ enum Part {
     Text,
     /// Texts, two by two, behind their length together.
     TextMap,
+    /// Ids and offsets of ten bytes, behind their length together.
+    Offsets,
 }
 
 /// Parses a record whose texts have been seen to lie within it: `mcap` makes room for a text of up to 4 GiB before it
@@ -93,11 +95,10 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
         op::CHANNEL => &[Part::Bytes(4), Part::Text, Part::Text, Part::TextMap],
         op::METADATA => &[Part::Text, Part::TextMap],
         op::ATTACHMENT_INDEX => &[Part::Bytes(40), Part::Text, Part::Text],
-        // The offsets of the message indexes lie behind their length, as a text does.
-        op::CHUNK_INDEX => &[Part::Bytes(32), Part::Text, Part::Bytes(8), Part::Text],
+        op::CHUNK_INDEX => &[Part::Bytes(32), Part::Offsets, Part::Bytes(8), Part::Text],
         _ => &[],
     };
-    parts_fit(parts, body).ok_or("a text in it reaches beyond its end")?;
+    parts_fit(parts, body).ok_or("what it holds reaches beyond its end")?;
     mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())
 }
 
@@ -110,9 +111,10 @@ fn parts_fit(parts: &[Part], body: &[u8]) -> Option<()> {
             Part::TextMap => {
                 let mut map = Bytes(rest.prefixed()?);
                 while !map.0.is_empty() {
-                    map.prefixed()?;
+                    (map.prefixed()?, map.prefixed()?);
                 }
             }
+            Part::Offsets => _ = rest.prefixed().filter(|offsets| offsets.len().is_multiple_of(10))?,
         }
     }
     Some(())
