@@ -63,7 +63,7 @@ bless:
 specimen: (demo "reports/demo")
     cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/demo/report/flights/2026-05-04-flight-01.mcap/figures/zoom.svg reports/specimen/
 
-# Reading three topics of one flight in every format: CPU against the least it can cost, and against Python readers
+# Reading what a delay needs of one flight in every format: CPU against the least it can cost, and against Python readers
 perf *folder:
     cargo build --release -p ingest -p simulate --examples
     python3 tests/perf/formats.py "$@"

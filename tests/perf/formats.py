@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reading three topics of one simulated flight in every format, against the least that it can cost and against the
+"""Reading what a delay needs of one simulated flight in every format, against the least that it can cost and against the
 Python readers that are installed. CPU seconds (user + system) of whole processes, one after the other in each round;
 ratios are taken round by round. Needs: cargo build --release -p ingest -p simulate --examples"""
 
@@ -20,7 +20,14 @@ PEERS = {
                   "n=0\nwhile True:\n    m=r.recv_match(type=sys.argv[2:])\n    if m is None: break\n    n+=1"),
     "csv": "import sys\nimport pandas\npandas.read_csv(sys.argv[1], skiprows=[1], usecols=[0,1,2,3,4,5])",
 }
-ROS = ["/gps/fix", "/gps/velocity", "/truth/odometry"]
+ROS = {"/gps/fix": "latitude,longitude,altitude,header.stamp",
+       "/gps/vel": "twist.linear.x,twist.linear.y,twist.linear.z,header.stamp"}
+WANTED = {
+    "mcap": ROS, "bag": ROS, "db3": ROS,
+    "ulog": {"vehicle_gps_position": "timestamp,latitude_deg,longitude_deg,altitude_msl_m,vel_n_m_s,vel_e_m_s,vel_d_m_s"},
+    "dataflash": {"GPS": "TimeUS,Lat,Lng,Alt", "XKF1": "TimeUS,VN,VE,VD"},
+    "csv": {"csv": "time_ns,latitude,longitude,velocity_north,velocity_east,velocity_down"},
+}
 
 
 def cpu(command):
@@ -42,23 +49,15 @@ def size(path):
     return sum(os.path.getsize(os.path.join(d, f)) for d, _, files in os.walk(path) for f in files)
 
 
-def topics(path):
-    out = cpu([os.path.join(BIN, "read_topics"), path, "no-such-topic"])[1]
-    names = [l.split(" [")[0].strip() for l in out.splitlines() if l.startswith("  ") and " messages, " in l]
-    busiest = lambda n: -int(next(l for l in out.splitlines() if l.strip().startswith(n + " ["))
-                             .split(": ")[1].split(" messages")[0])
-    return sorted(names, key=busiest)[:3]
-
-
 def row(name, path):
-    wanted = topics(path)
-    ours = [os.path.join(BIN, "read_topics"), path] + wanted
+    wanted = WANTED[name.split("-")[0]]
+    ours = [os.path.join(BIN, "read_topics"), path] + [f"{topic}={fields}" for topic, fields in wanted.items()]
     inner = path
     if os.path.isdir(path):
         inner = next(os.path.join(path, f) for f in sorted(os.listdir(path)) if f.endswith(".db3"))
     limit = [os.path.join(BIN, "db3_stepping" if name == "db3" else "decompress_only"), inner]
     family = "bag" if name == "db3" else name.split("-")[0]
-    peer = [sys.executable, "-c", PEERS[family], path] + wanted if family in PEERS else None
+    peer = [sys.executable, "-c", PEERS[family], path, *wanted] if family in PEERS else None
     times, limits, peers = [], [], []
     memory, problem = "", ""
     for round in range(ROUNDS + 1):

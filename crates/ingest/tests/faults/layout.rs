@@ -1,6 +1,6 @@
 //! Where the records of a seed are: walked here anew, for a test does not ask the reader.
 
-use simulate::{BagCompression, BagSettings, Container, Seed};
+use simulate::{BagCompression, BagSettings, Container, Db3Compression, Db3Settings, Seed};
 use std::iter::once;
 use std::ops::Range;
 
@@ -116,8 +116,20 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
             once(0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()).collect()
         }
         Container::Bag(BagSettings { compression: BagCompression::None, .. }) => bag_definitions(bytes),
+        Container::Db3(Db3Settings { compression, .. }) if compression != Db3Compression::ZstdFile => {
+            db3_definitions(bytes)
+        }
         _ => vec![],
     }
+}
+
+/// The pages of the tables `topics` and `message_definitions`, as SQLite lays them out for the seeds: of 4096 bytes, the
+/// fourth and from the seventh on.
+fn db3_definitions(bytes: &[u8]) -> Vec<Range<usize>> {
+    let page = |number: usize| (number - 1) * 4096..number * 4096;
+    let topics = b"/gps/fix";
+    assert!(bytes[page(4)].windows(topics.len()).any(|w| w == topics), "the topics are on another page");
+    once(page(4)).chain(once(page(7).start..bytes.len())).collect()
 }
 
 fn records(ends: &[usize]) -> impl Iterator<Item = Range<usize>> {

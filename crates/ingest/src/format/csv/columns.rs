@@ -189,7 +189,7 @@ impl Building {
             }
             Cells::Undecided(..) => self.cells.push_undecided(cell, decimal),
             Cells::Integers(_) | Cells::Floats(_) => {
-                let value = decimal.number(cell);
+                let value = self.cells.fitting(decimal.number(cell));
                 self.note(value, cell, line);
                 self.cells.push_number(value)
             }
@@ -244,6 +244,21 @@ impl Cells {
         Cells::Undecided(Box::new(Cells::Integers(vec![])), vec![])
     }
 
+    /// A number as the column can hold it. One broken cell must not round the stamps of 19 digits in all others: among
+    /// integers too long for a float, a number that is none of them is bad.
+    fn fitting(&self, value: Cell) -> Cell {
+        match (self, value) {
+            (Cells::Integers(integers), Cell::Float(float)) if integers.iter().any(|i| i.unsigned_abs() > EXACT) => {
+                if float.fract() == 0.0 && float.abs() < i64::MAX as f64 {
+                    Cell::Integer(float as i64)
+                } else {
+                    Cell::Bad
+                }
+            }
+            _ => value,
+        }
+    }
+
     /// Appends a number, or a placeholder. Says whether it is a value.
     fn push_number(&mut self, value: Cell) -> bool {
         if let (Cells::Integers(integers), Cell::Float(_)) = (&mut *self, value) {
@@ -262,7 +277,7 @@ impl Cells {
 
     fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> bool {
         let Cells::Undecided(numbers, texts) = self else { return false };
-        let value = decimal.number(cell);
+        let value = numbers.fitting(decimal.number(cell));
         texts.push(decimal.text(cell));
         let valid = numbers.push_number(value);
         if value == Cell::Bad {

@@ -4,6 +4,8 @@ use super::pages::HEADER_BYTES;
 
 /// Columns of a row that are looked at.
 const MOST_COLUMNS: usize = 16;
+/// Bytes that the smallest cell takes.
+const LEAST_CELL: usize = 4;
 
 /// What a b-tree page is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,6 +41,8 @@ pub(super) struct Cell<'p> {
     pub(super) local: &'p [u8],
     /// The page with the next bytes; 0 if there are none.
     pub(super) overflow: u32,
+    /// Bytes that it takes of its page.
+    pub(super) extent: usize,
 }
 
 impl<'p> Node<'p> {
@@ -85,9 +89,28 @@ impl<'p> Node<'p> {
     pub(super) fn row(&self, cell: usize) -> Option<Cell<'p>> {
         let at = self.at(cell)?;
         let mut rest = self.bytes.get(at..self.usable)?;
+        let room = rest.len();
         let length = varint(&mut rest)?;
         let rowid = varint(&mut rest)? as i64;
-        self.cell(rowid, length, rest, self.usable - 35)
+        let head = room - rest.len();
+        let cell = self.cell(rowid, length, rest, self.usable - 35)?;
+        Some(Cell { extent: (head + cell.extent).max(LEAST_CELL), ..cell })
+    }
+
+    /// Bytes of the page's content that are neither in `cells` bytes of cells nor said to be free: where a cell lies
+    /// that the page does not list (section 1.6).
+    pub(super) fn unlisted(&self, cells: usize) -> usize {
+        let head = self.pointers - 8;
+        let start = u16_at(self.bytes, head + 5).map_or(0, |at| if at == 0 { 65_536 } else { usize::from(at) });
+        let fragments = self.bytes.get(head + 7).copied().map_or(0, usize::from);
+        let mut free = 0;
+        let mut block = u16_at(self.bytes, head + 1).map_or(0, usize::from);
+        while block != 0 {
+            free += u16_at(self.bytes, block + 2).map_or(0, usize::from);
+            // Free blocks stand in the order of the page.
+            block = u16_at(self.bytes, block).map(usize::from).filter(|next| *next > block).unwrap_or(0);
+        }
+        self.usable.saturating_sub(start).saturating_sub(cells + fragments + free)
     }
 
     /// What an index holds.
@@ -101,14 +124,15 @@ impl<'p> Node<'p> {
     /// `most` bytes stay on a page; of longer ones so many that the last overflow page is filled well.
     fn cell(&self, rowid: i64, length: u64, rest: &'p [u8], most: usize) -> Option<Cell<'p>> {
         if length <= most as u64 {
-            return Some(Cell { rowid, length, local: rest.get(..length as usize)?, overflow: 0 });
+            let local = rest.get(..length as usize)?;
+            return Some(Cell { rowid, length, local, overflow: 0, extent: local.len() });
         }
         let least = (self.usable - 12) * 32 / 255 - 23;
         let wished = least as u64 + (length - least as u64) % (self.usable as u64 - 4);
         let local = if wished <= most as u64 { wished as usize } else { least };
         let (local, after) = rest.split_at_checked(local)?;
         let overflow = after.first_chunk().map(|b| u32::from_be_bytes(*b)).filter(|&page| page > 0)?;
-        Some(Cell { rowid, length, local, overflow })
+        Some(Cell { rowid, length, local, overflow, extent: local.len() + 4 })
     }
 }
 

@@ -167,7 +167,7 @@ impl<'w, 'c> Walk<'w, 'c> {
                 leaves.push(page);
             } else {
                 let children = self.children(page, table)?;
-                if children.is_empty() {
+                if children.iter().all(|child| *child > self.pages.last()) {
                     self.astray = true;
                     self.damaged(page, "a page of a table's tree cannot be read");
                 }
@@ -248,11 +248,13 @@ impl<'w, 'c> Walk<'w, 'c> {
         // Rows that lie over each other would be a way to make much of little.
         let mut room = self.usable() as usize;
         let mut bad = Tally::default();
+        let mut listed = 0;
         for index in 0..node.len() {
             let Some(cell) = node.row(index).filter(|cell| cell.local.len() <= room) else {
                 bad.add(|| "it does not fit on its page".to_owned());
                 continue;
             };
+            listed += cell.extent;
             match self.take(&cell, sink)? {
                 Ok(()) => room -= cell.local.len(),
                 Err(why) => bad.add(|| why),
@@ -265,6 +267,9 @@ impl<'w, 'c> Walk<'w, 'c> {
             let reason =
                 format!("{} of {} rows on a page cannot be read; the first: {}", bad.count, node.len(), bad.first);
             self.damaged_but(page, good as u64, &reason);
+        } else if node.unlisted(listed) > 0 {
+            let good = self.usable() as usize - room;
+            self.damaged_but(page, good as u64, "a page of rows holds more than it lists");
         }
         Ok(())
     }

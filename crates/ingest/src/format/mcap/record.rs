@@ -94,6 +94,7 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
         op::SCHEMA => &[Part::Bytes(2), Part::Text, Part::Text],
         op::CHANNEL => &[Part::Bytes(4), Part::Text, Part::Text, Part::TextMap],
         op::METADATA => &[Part::Text, Part::TextMap],
+        op::METADATA_INDEX => &[Part::Bytes(16), Part::Text],
         op::ATTACHMENT_INDEX => &[Part::Bytes(40), Part::Text, Part::Text],
         op::CHUNK_INDEX => &[Part::Bytes(32), Part::Offsets, Part::Bytes(8), Part::Text],
         _ => &[],
@@ -111,7 +112,8 @@ fn parts_fit(parts: &[Part], body: &[u8]) -> Option<()> {
             Part::TextMap => {
                 let mut map = Bytes(rest.prefixed()?);
                 while !map.0.is_empty() {
-                    (map.prefixed()?, map.prefixed()?);
+                    map.prefixed()?;
+                    map.prefixed()?;
                 }
             }
             Part::Offsets => _ = rest.prefixed().filter(|offsets| offsets.len().is_multiple_of(10))?,
