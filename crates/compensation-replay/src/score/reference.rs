@@ -40,7 +40,8 @@ impl<'a> Judge<'a> {
         let step_s = median_step(&rows.t);
         let stretch = stretch(reference, rows, step_s);
         let rate_hz = stretch.as_ref().map_or(0.0, |(_, block)| 1.0 / (step_s * *block as f64));
-        let bands = BANDS_HZ.windows(2).map(|w| [w[0], w[1].min(0.5 * rate_hz)]).filter(|b| b[0] < b[1]);
+        // A band of which next to nothing lies below half the rate says nothing.
+        let bands = BANDS_HZ.windows(2).map(|w| [w[0], w[1].min(0.5 * rate_hz)]).filter(|b| 1.05 * b[0] < b[1]);
         Judge {
             reference,
             rows,

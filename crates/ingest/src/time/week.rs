@@ -7,6 +7,8 @@ const ROLLOVER: i64 = 1024;
 /// The last week that a ten-bit counter can mean: about a year after this release, which was made in week 2445
 /// (November 2026). A fixed number, so that a log means the same tomorrow.
 const LATEST: i64 = 2497;
+/// The last week that is one: of 2248, for nanoseconds since 1970 in 64 bits end in 2262.
+const LAST: i64 = 14_000;
 /// Epochs this close to a week off are a receiver's glitch, ns.
 const NEAR_NS: u64 = 3600 * NANOS_PER_SECOND as u64;
 const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
@@ -56,8 +58,8 @@ impl WeekCount {
     pub(crate) fn week(self, week: i64) -> Option<Week> {
         match week {
             0 if !(self.ten_bit && self.ends) => None,
-            0..=65_535 if self.ten_bit => Some(Week::TenBit(LATEST - (LATEST - week).rem_euclid(ROLLOVER))),
-            0..=65_535 => Some(Week::Full(week)),
+            0..=LAST if self.ten_bit => Some(Week::TenBit(LATEST - (LATEST - week).rem_euclid(ROLLOVER))),
+            0..=LAST => Some(Week::Full(week)),
             _ => None,
         }
     }

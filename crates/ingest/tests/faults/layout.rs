@@ -116,7 +116,7 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
             once(0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()).collect()
         }
         Container::Bag(BagSettings { compression: BagCompression::None, .. }) => bag_definitions(bytes),
-        Container::Db3(Db3Settings { compression, .. }) if compression != Db3Compression::ZstdFile => {
+        Container::Db3(Db3Settings { compression, .. }) if compression != Db3Compression::ZstdFile && damaged == 0 => {
             db3_definitions(bytes)
         }
         _ => vec![],

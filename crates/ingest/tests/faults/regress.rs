@@ -1,8 +1,9 @@
 //! What fuzzing found: kept in tests/regress, a folder for each target, read by every run.
 
 use crate::lab::Lab;
-use ingest::{ChannelMap, LogKind};
+use ingest::{ChannelMap, Limits, LogKind, MapLibrary, ReadContext, discover};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 fn finds(target: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regress").join(target);
@@ -30,6 +31,17 @@ fn finds_in_logs_stay_fixed() {
         for path in finds(target) {
             let subject = lab.single(kind, "log.csv");
             let _ = lab.read(&subject, &std::fs::read(&path).unwrap(), &path.display().to_string());
+        }
+    }
+}
+
+#[test]
+fn finds_in_whole_flights_stay_fixed() {
+    let library = MapLibrary::shipped().unwrap();
+    let context = ReadContext { limits: Limits::default(), cancel: &AtomicBool::new(false), on_bytes: &|_| () };
+    for path in finds("flight") {
+        for unit in discover(&path, &library).unwrap().units {
+            let _ = ingest::load(&unit, &library, None, &context);
         }
     }
 }

@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn a_row_whose_types_do_not_add_up_to_its_length_is_none() {
         // Header of three bytes: NULL, one byte; then the byte.
-        let cell = |local: &'static [u8], length| Cell { rowid: 1, length, local, overflow: 0 };
+        let cell = |local: &'static [u8], length| Cell { rowid: 1, length, local, overflow: 0, extent: local.len() };
         let row = Row::parse(&cell(&[3, 0, 1, 42], 4)).unwrap();
         assert_eq!(row.value(0, &[3, 0, 1, 42]), Some(Value::Null));
         assert_eq!((row.integer(1, &[3, 0, 1, 42]), row.value(2, &[])), (Some(42), None));
