@@ -112,13 +112,15 @@ pub fn definitions(seed: &Seed, damaged: usize) -> Vec<Range<usize>> {
             once(0..length).chain(texts).collect()
         }
         Container::CsvWide | Container::CsvFolder => {
-            let lines = if seed.container == Container::CsvWide { 2 } else { 1 };
+            // The first row tells columns of integers from those of floats: a stamp there that is too large for an integer
+            // makes its column one of floats.
+            let lines = if seed.container == Container::CsvWide { 3 } else { 2 };
             once(0..bytes.split_inclusive(|b| *b == b'\n').take(lines).map(<[u8]>::len).sum()).collect()
         }
         Container::Bag(BagSettings { compression: BagCompression::None, .. }) => bag_definitions(bytes),
-        Container::Db3(Db3Settings { compression, .. }) if compression != Db3Compression::ZstdFile && damaged == 0 => {
-            db3_definitions(bytes)
-        }
+        // Recorders pack without a checksum, and a bit of a packed file means any of the bytes behind it.
+        Container::Db3(Db3Settings { compression: Db3Compression::ZstdFile, .. }) => once(0..bytes.len()).collect(),
+        Container::Db3(_) if damaged == 0 => db3_definitions(bytes),
         _ => vec![],
     }
 }
