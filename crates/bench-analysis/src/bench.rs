@@ -2,7 +2,7 @@
 
 use crate::alignment::{Alignment, align};
 use crate::card::MagneticEvidence;
-use crate::channel::{Circumstances, SensedChannel, SensedComponent, dynamics, estimate};
+use crate::channel::{dynamics, estimate};
 use crate::clock::{EncoderRate, Tied, moved, tie};
 use crate::curves::{curve, liveliest};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
@@ -13,6 +13,7 @@ use crate::motion::Motion;
 use crate::mount::mount_finding;
 use crate::references::{ChannelReference, ComponentReference, References};
 use crate::rig::Rig;
+use crate::sensed::{Circumstances, SensedChannel, SensedComponent};
 use crate::surroundings::{Surroundings, place_of};
 use flight::{Clock, Flight, Notices, Quantity, Severity, Stamp};
 use jiff::civil::Date;

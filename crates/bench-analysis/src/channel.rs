@@ -1,19 +1,19 @@
 //! The dynamics of one channel against the reference motion (design note 3 and 9).
 
-use crate::clock::ChannelTime;
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
 use crate::response::response;
+use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement, rate_hz};
 use crate::verdict::{Evidence, millis};
-use flight::{Channel, Delay, RejectCount};
+use flight::{Delay, RejectCount};
 use record::{
     ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, ModelCandidate, ModelFinding,
     NoiseFinding, ObjectiveCurve, Stationarity, TimeBasis, Verdict,
 };
 use signal::{
-    ComponentFit, DelayFit, DelaySettings, Gain, LagChoice, Measurement, NoiseRule, Reference, Sign, Uncertain,
-    autocorrelation, choose_lag_model, delay_by_segment, delay_objective, fit_delay, homogeneity,
-    jitter_from_residuals, kurtosis, ljung_box, resolution, static_deviation, static_segments,
+    ComponentFit, DelayFit, DelaySettings, LagChoice, Measurement, NoiseRule, Uncertain, autocorrelation,
+    choose_lag_model, delay_by_segment, delay_objective, fit_delay, homogeneity, jitter_from_residuals, kurtosis,
+    ljung_box, resolution, static_deviation, static_segments,
 };
 
 /// Lags of the autocorrelation that are shown and tested.
@@ -29,57 +29,6 @@ const NEAR_U: f64 = 5.0;
 
 /// Why a channel without a fit has no more to show.
 const NOT_TRIED: &str = "the channel could not be measured";
-
-/// One component of a channel with what it should have measured.
-pub(crate) struct SensedComponent<'a> {
-    pub(crate) name: &'a str,
-    pub(crate) unit: &'a str,
-    /// One for each row of the channel.
-    pub(crate) values: &'a [f64],
-    pub(crate) reference: &'a dyn Reference,
-    /// `Err` with the reason if the swing does not move it enough to count.
-    pub(crate) excited: Result<(), &'a str>,
-    /// Whether its offset may drift.
-    pub(crate) drift: bool,
-}
-
-/// A channel before its analysis.
-pub(crate) struct SensedChannel<'a> {
-    pub(crate) name: &'a str,
-    /// Stamped in the encoder's clock.
-    pub(crate) channel: &'a Channel,
-    /// Its stamps, s after the origin.
-    pub(crate) t: Vec<f64>,
-    pub(crate) time: &'a ChannelTime,
-    pub(crate) components: Vec<SensedComponent<'a>>,
-}
-
-/// What all channels share.
-pub(crate) struct Circumstances<'a> {
-    pub(crate) basis: &'a TimeBasis,
-    /// Standard uncertainty of the anchor's own lag, s; zero where delays are absolute.
-    pub(crate) anchor_s: f64,
-    pub(crate) search_s: (f64, f64),
-    /// Margin of the equivalence test, s, if the rig sets one.
-    pub(crate) margin_s: Option<f64>,
-    pub(crate) inject_s: &'a [f64],
-    pub(crate) inject_gain: f64,
-    /// Encoder stamps, s, and rate of the bar, rad/s.
-    pub(crate) t: &'a [f64],
-    pub(crate) rate: &'a [f64],
-    /// Stretch that is drawn large, s.
-    pub(crate) zoom: (f64, f64),
-    /// Bar rates below this are standing still, rad/s.
-    pub(crate) still_rate: f64,
-    /// Why no channel gets a verdict, if the gate says so.
-    pub(crate) closed: Option<String>,
-}
-
-impl Circumstances<'_> {
-    pub(crate) fn settings(&self) -> DelaySettings {
-        DelaySettings { search_s: self.search_s, ..DelaySettings::default() }
-    }
-}
 
 /// Everything that the record says of the channel.
 pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -> ChannelDynamics {
@@ -116,81 +65,6 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     found.injections = inject(&measurements, &settings, bench);
     found.delay = Some(delay);
     found
-}
-
-/// Stamps and values of the rows that are updates, held repeats left out.
-pub(crate) struct Updates {
-    pub(crate) t: Vec<f64>,
-    /// One for each component of the channel, excited or not.
-    pub(crate) values: Vec<Vec<f64>>,
-    /// Which components those of the fit are.
-    pub(crate) excited: Vec<usize>,
-    rows: usize,
-    /// Mean age of the held value over all rows, s.
-    mean_age_s: Option<f64>,
-    /// Median step between rows, s.
-    row_step_s: Option<f64>,
-}
-
-impl Updates {
-    fn of(channel: &SensedChannel<'_>) -> Updates {
-        let rows = channel.channel.update_rows();
-        let pick = |values: &[f64]| rows.iter().filter_map(|&row| values.get(row).copied()).collect::<Vec<f64>>();
-        let held = channel.channel.is_held();
-        let excited =
-            channel.components.iter().enumerate().filter(|(_, c)| c.excited.is_ok()).map(|(k, _)| k).collect();
-        Updates {
-            t: pick(&channel.t),
-            values: channel.components.iter().map(|c| pick(c.values)).collect(),
-            excited,
-            rows: channel.t.len(),
-            mean_age_s: held.then(|| mean_age(&channel.t, &rows)).flatten(),
-            row_step_s: median_step(&channel.t),
-        }
-    }
-
-    fn measurements<'m>(&'m self, channel: &'m SensedChannel<'_>) -> Vec<Measurement<'m>> {
-        self.excited.iter().map(|&k| measurement(&channel.components[k], &self.t, &self.values[k])).collect()
-    }
-
-    pub(crate) fn rate_hz(&self) -> Option<f64> {
-        rate_hz(&self.t)
-    }
-}
-
-fn measurement<'m>(component: &SensedComponent<'m>, t: &'m [f64], y: &'m [f64]) -> Measurement<'m> {
-    Measurement {
-        t,
-        y,
-        reference: component.reference,
-        gain: Gain::Free { sign: Sign::Positive },
-        drift: component.drift,
-    }
-}
-
-fn median_step(t: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    signal::median_in_place(&mut steps)
-}
-
-fn rate_hz(t: &[f64]) -> Option<f64> {
-    median_step(t).filter(|step| *step > 0.0).map(|step| 1.0 / step)
-}
-
-/// Mean over all rows of the time since the update that they repeat, s.
-fn mean_age(t: &[f64], updates: &[usize]) -> Option<f64> {
-    let first = *updates.first()?;
-    let mut newest = first;
-    let mut next = updates.iter().copied().peekable();
-    let mut sum = 0.0;
-    for row in first..t.len() {
-        if next.peek() == Some(&row) {
-            newest = row;
-            next.next();
-        }
-        sum += t[row] - t[newest];
-    }
-    Some(sum / (t.len() - first) as f64)
 }
 
 fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates) -> ChannelDynamics {

@@ -1,6 +1,6 @@
 //! Curves of a component for the figures: reference, reference delayed as found, measured.
 
-use crate::channel::SensedComponent;
+use crate::sensed::SensedComponent;
 use record::Curve;
 use signal::{ComponentFit, DelayFit, Reference, min_max};
 

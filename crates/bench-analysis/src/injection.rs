@@ -3,7 +3,7 @@
 //! The first half of the record is left as it is; the second half is handed on later and scaled, as a slow link with
 //! a wrong scale would do. The difference of two independent estimates must be what was put in.
 
-use crate::channel::Circumstances;
+use crate::sensed::Circumstances;
 use record::{Estimate, Finding, Injection, Recovery};
 use signal::{DelayFit, DelaySettings, Measurement, fit_delay};
 

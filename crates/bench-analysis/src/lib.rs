@@ -21,6 +21,7 @@ mod references;
 mod response;
 mod rig;
 mod rig_file;
+mod sensed;
 mod sensor_rows;
 mod surroundings;
 mod verdict;

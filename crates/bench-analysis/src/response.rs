@@ -1,6 +1,6 @@
 //! Frequency response of a channel, with the fitted model beside it (design note 9).
 
-use crate::channel::{SensedChannel, Updates};
+use crate::sensed::{SensedChannel, Updates};
 use record::{Finding, ModelCandidate, ModelFinding, ResponseFinding, ResponsePoint};
 use signal::{ComponentFit, DelayFit, frequency_response};
 use std::f64::consts::TAU;

@@ -5,6 +5,7 @@
 //! delays can be seen that way: δ = Tp − Tv and so on (design note 4). The estimator is [`signal::fit_delay`].
 
 mod disturbance;
+mod fit;
 mod gate;
 mod injection;
 mod local;

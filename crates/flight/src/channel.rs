@@ -1,9 +1,8 @@
 //! A flight: channels of checked samples with their origin.
 
-use crate::health::UtcTie;
 use crate::notice::Notices;
 use crate::series::Series;
-use crate::time::{Clock, Stamp, StampKind};
+use crate::time::{Clock, Stamp, StampKind, UtcTie};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -2,7 +2,8 @@
 
 use crate::about::About;
 use crate::channel::{ChannelSource, Quantity};
-use crate::time::{Clock, Stamp, StampKind};
+use crate::distribution::Distribution;
+use crate::time::{Clock, StampKind, UtcTie};
 use serde::{Deserialize, Serialize};
 
 /// Where every byte of a log went: the four numbers add up to `size`.
@@ -58,34 +59,6 @@ pub struct LogHealth {
     /// UTC of the clock since boot, where the log ties the two.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub utc: Option<UtcTie>,
-}
-
-/// UTC of a clock that does not know it, from messages of the log that say both: as a rule those of its receiver.
-///
-/// It dates the flight. Samples keep their stamps, for a receiver's message comes late by an unknown and changing
-/// time, so that a tie is no better than its spread.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct UtcTie {
-    /// The clock that is tied.
-    pub clock: Clock,
-    /// Topic and fields that say both.
-    pub source: String,
-    /// UTC (Unix) less the clock, ns: the median of the pairs.
-    pub offset_ns: i64,
-    /// The pairs less their median, s, without the outliers.
-    pub spread_s: Distribution,
-    /// Pairs that were used.
-    pub pairs: u64,
-    /// Pairs more than a second off, not used.
-    pub outliers: u64,
-}
-
-impl UtcTie {
-    /// UTC, as Unix counts, of a stamp of the tied clock. `None` beyond the range of `i64`.
-    #[must_use]
-    pub fn unix(&self, stamp: Stamp) -> Option<Stamp> {
-        stamp.0.checked_add(self.offset_ns).map(Stamp)
-    }
 }
 
 /// One topic of the log, read or not.
@@ -146,21 +119,6 @@ pub struct Gap {
     pub start_s: f64,
     /// Its length, s.
     pub length_s: f64,
-}
-
-/// A sample described by its order statistics.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Distribution {
-    /// Smallest.
-    pub min: f64,
-    /// 1st percentile.
-    pub p01: f64,
-    /// Median.
-    pub median: f64,
-    /// 99th percentile.
-    pub p99: f64,
-    /// Largest.
-    pub max: f64,
 }
 
 /// One kind of stamp less another, on the same messages, s.

@@ -16,6 +16,7 @@
 
 mod about;
 mod channel;
+mod distribution;
 mod geodesy;
 mod health;
 mod leap;
@@ -26,10 +27,11 @@ mod unit;
 
 pub use about::{About, ConfiguredDelay, ModeStart};
 pub use channel::{Channel, ChannelSource, Flight, Quantity};
+pub use distribution::Distribution;
 pub use geodesy::{Ecef, Geodetic, LocalFrame, WGS84_A, WGS84_E2, WGS84_F};
 pub use health::{
-    Binding, ByteLedger, ChannelHealth, DamagedRange, Distribution, Gap, Held, LogHealth, MapCandidate, RejectCount,
-    StampHealth, StampOffset, TopicHealth, UtcTie,
+    Binding, ByteLedger, ChannelHealth, DamagedRange, Gap, Held, LogHealth, MapCandidate, RejectCount, StampHealth,
+    StampOffset, TopicHealth,
 };
 pub use leap::{
     GPS_EPOCH_UNIX_S, LEAPS_KNOWN_UNTIL, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s, gps_of_unix, leaps_are_known_at,
@@ -37,5 +39,5 @@ pub use leap::{
 };
 pub use notice::{Notice, Notices, Severity};
 pub use series::{Series, SeriesError, Timeline};
-pub use time::{Clock, Delay, NANOS_PER_SECOND, Stamp, StampKind};
+pub use time::{Clock, Delay, NANOS_PER_SECOND, Stamp, StampKind, UtcTie};
 pub use unit::{Dimension, Unit, UnknownUnit};

@@ -1,5 +1,6 @@
 //! Stamps, their clocks, their kinds, and the one definition of delay.
 
+use crate::distribution::Distribution;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -50,6 +51,34 @@ impl fmt::Display for Clock {
             Clock::Boot => "since boot",
             Clock::Elapsed => "elapsed",
         })
+    }
+}
+
+/// UTC of a clock that does not know it, from messages of the log that say both: as a rule those of its receiver.
+///
+/// It dates the flight. Samples keep their stamps, for a receiver's message comes late by an unknown and changing
+/// time, so that a tie is no better than its spread.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct UtcTie {
+    /// The clock that is tied.
+    pub clock: Clock,
+    /// Topic and fields that say both.
+    pub source: String,
+    /// UTC (Unix) less the clock, ns: the median of the pairs.
+    pub offset_ns: i64,
+    /// The pairs less their median, s, without the outliers.
+    pub spread_s: Distribution,
+    /// Pairs that were used.
+    pub pairs: u64,
+    /// Pairs more than a second off, not used.
+    pub outliers: u64,
+}
+
+impl UtcTie {
+    /// UTC, as Unix counts, of a stamp of the tied clock. `None` beyond the range of `i64`.
+    #[must_use]
+    pub fn unix(&self, stamp: Stamp) -> Option<Stamp> {
+        stamp.0.checked_add(self.offset_ns).map(Stamp)
     }
 }
 

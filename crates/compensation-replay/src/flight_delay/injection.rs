@@ -4,7 +4,7 @@
 //! difference must be what was put in. A half that shows no delay on its own gives no finding; a delay that is not the
 //! same in both halves shows here as well.
 
-use super::measure::{View, estimate, fit_shared};
+use super::fit::{View, estimate, fit_shared};
 use record::FlightInjection;
 use signal::{DelayFit, DelaySettings, Measurement, student_quantile};
 

@@ -1,14 +1,14 @@
 //! One pair of channels, from the flight to the finding.
 
+use super::fit::{Record, View, estimate, fit_shared};
 use super::gate::{self, SEARCH_STEP_S};
-use super::local::{Prepared, prepare};
+use super::local::prepare;
 use super::pairs::Pair;
-use super::pieces::{self, Names, Piece, Stretch};
+use super::pieces::{self, Names, Piece};
 use super::{FlightDelaySettings, injection, over_time, split};
-use crate::input::{AXES, Horizontal};
 use flight::{Flight, Notices};
 use record::{DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
-use signal::{ComponentFit, DelayError, DelayFit, DelaySettings, Gain, Measurement, NoiseRule, fit_delay};
+use signal::{ComponentFit, DelayFit, DelaySettings, NoiseRule};
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
 const DETECTABLE: f64 = 2.8;
@@ -126,90 +126,6 @@ fn delay_of(
     Ok(if pair.reversed { turned_round(measured) } else { measured })
 }
 
-/// [`fit_delay`], once more with the noise that all components share, if theirs are alike.
-pub(crate) fn fit_shared(measurements: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
-    let fit = fit_delay(measurements, settings)?;
-    match pooled(&fit) {
-        Some(noise) => fit_delay(measurements, &DelaySettings { noise: NoiseRule::Known(noise), ..*settings }),
-        None => Ok(fit),
-    }
-}
-
-/// The noise that all components share, if theirs are alike: one from twice the data is known better than two. On the
-/// circuits of `flight_delay_study` that wander (60 s) 95 % intervals covered 91.8, 92.5 and 94 % without this, 93.8,
-/// 94.8 and 94.2 % with it (400 trials, ± 1.2 %).
-fn pooled(fit: &DelayFit) -> Option<signal::NoiseModel> {
-    let noises: Vec<signal::NoiseModel> = fit.components.iter().map(|c| c.noise).collect();
-    let n: f64 = fit.components.iter().map(|c| c.t_used.len() as f64).sum();
-    let mean = |of: &dyn Fn(&signal::NoiseModel) -> f64| {
-        let logs = noises.iter().zip(&fit.components).map(|(m, c)| of(m).ln() * c.t_used.len() as f64);
-        (logs.sum::<f64>() / n).exp()
-    };
-    let walk = |m: &signal::NoiseModel| 2.0 * m.wander_std * m.wander_std / m.time_constant_s;
-    let alike = |of: &dyn Fn(&signal::NoiseModel) -> f64, ratio: f64| {
-        let all = noises.iter().map(of);
-        all.clone().fold(0.0, f64::max) <= ratio * all.fold(f64::INFINITY, f64::min)
-    };
-    let wander = noises.iter().all(|m| m.wander_std > 0.0 && m.white_std > 0.0);
-    (wander && alike(&walk, 3.0) && alike(&|m| m.white_std, 1.5)).then(|| signal::NoiseModel {
-        wander_std: mean(&|m| m.wander_std),
-        time_constant_s: mean(&|m| m.time_constant_s),
-        white_std: mean(&|m| m.white_std),
-    })
-}
-
-/// The pieces as the estimator takes them: north and east of each, one after the other.
-pub(crate) struct Record<'a> {
-    pub(crate) components: Vec<Component<'a>>,
-    drift: bool,
-}
-
-/// North or east of a piece.
-pub(crate) struct Component<'a> {
-    pub(crate) t: Vec<f64>,
-    /// Less its mean, which the offset takes up.
-    pub(crate) y: Vec<f64>,
-    reference: &'a dyn signal::Reference,
-}
-
-impl<'a> Record<'a> {
-    fn of(prepared: &Prepared, pieces: &[Piece], stretches: &'a [Stretch<'_>]) -> Record<'a> {
-        let component = |piece: &Piece, axis: usize| {
-            let first: &Horizontal = &prepared.first;
-            let of = |x: &[f64]| piece.rows.iter().map(|&k| x[k]).collect::<Vec<f64>>();
-            let mut y = of(&first.axes[axis]);
-            let mean = y.iter().sum::<f64>() / y.len().max(1) as f64;
-            y.iter_mut().for_each(|y| *y -= mean);
-            Component { t: of(&first.t), y, reference: &*stretches[piece.stretch][axis] }
-        };
-        let components = pieces.iter().flat_map(|p| AXES.map(|axis| component(p, axis))).collect();
-        Record { components, drift: prepared.integrate }
-    }
-
-    pub(crate) fn measurements(&self) -> Vec<Measurement<'_>> {
-        self.components
-            .iter()
-            .map(|c| Measurement {
-                t: &c.t,
-                y: &c.y,
-                reference: c.reference,
-                gain: Gain::Fixed(1.0),
-                drift: self.drift,
-            })
-            .collect()
-    }
-}
-
-/// A fit with everything that was fitted.
-pub(crate) struct View<'a> {
-    pub(crate) flight: &'a Flight,
-    pub(crate) prepared: &'a Prepared,
-    pub(crate) pieces: &'a [Piece],
-    pub(crate) record: &'a Record<'a>,
-    pub(crate) fit: &'a DelayFit,
-    pub(crate) settings: &'a FlightDelaySettings,
-}
-
 impl View<'_> {
     fn finding(&self, delay_settings: &DelaySettings) -> MeasuredDelay {
         let fit = self.fit;
@@ -263,10 +179,6 @@ fn piece((piece, fits): (&Piece, &[ComponentFit])) -> DelayPiece {
         drift: [drift(&fits[0]), drift(&fits[1])],
         noise: [of(&fits[0]), of(&fits[1])],
     }
-}
-
-pub(crate) fn estimate(value: f64, standard_uncertainty: f64) -> Estimate {
-    Estimate { value, standard_uncertainty: Some(standard_uncertainty) }
 }
 
 /// The finding of the fit the other way round: all delays change sign.

@@ -1,6 +1,6 @@
 //! Whether the delay stays the same.
 
-use super::measure::{View, estimate};
+use super::fit::{View, estimate};
 use record::{DelayHomogeneity, DelayStep, WindowDelay};
 use signal::{ComponentFit, DelayFit, SegmentDelay, delay_by_segment, homogeneity};
 

@@ -2,9 +2,9 @@
 //! for outputs of compensators.
 
 use super::FlightDelaySettings;
+use super::fit::fit_shared;
 use super::gate::{self, SEARCH_STEP_S};
 use super::local::Prepared;
-use super::measure::fit_shared;
 use super::pieces::{self, Names, Piece};
 use crate::input::{AXES, Horizontal};
 use flight::{Clock, Notices};

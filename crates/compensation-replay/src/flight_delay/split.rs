@@ -1,6 +1,6 @@
 //! The delay by operating point: by speed, and by the quality that the receiver reported.
 
-use super::measure::{View, estimate};
+use super::fit::{View, estimate};
 use flight::{Channel, Quantity, Stamp};
 use nalgebra::{DMatrix, DVector};
 use record::{DelayGroup, DelaySplit};

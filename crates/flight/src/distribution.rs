@@ -1,0 +1,18 @@
+//! How numbers are spread.
+
+use serde::{Deserialize, Serialize};
+
+/// A sample described by its order statistics.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Distribution {
+    /// Smallest.
+    pub min: f64,
+    /// 1st percentile.
+    pub p01: f64,
+    /// Median.
+    pub median: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest.
+    pub max: f64,
+}
