@@ -6,11 +6,14 @@ use crate::output::Output;
 use crate::recording::{Entry, Recording};
 use crate::sheet::{Cells, Sheet, write_csv, write_parquet};
 use flight::{Binding, Channel, Flight, LogHealth, Notices, Quantity, Stamp};
-use ingest::{Column, ColumnData, FlightUnit, MapLibrary, ReadContext, Selection, Table, TopicInfo, load};
+use ingest::{Column, ColumnData, Extra, FlightUnit, MapLibrary, ReadContext, Selection, Table, TopicInfo, load};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
+
+/// Written last: a folder with it is whole.
+const PROVENANCE: &str = "provenance.json";
 
 /// What is exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +85,7 @@ struct Source {
     about: Value,
 }
 
-/// Writes channels or topics. Beside tables stands `provenance.json` with the log's hashes, the map, units, clocks and
+/// Writes channels or topics. Tables of an earlier export in the folder are removed, other files stay. Beside tables stands `provenance.json` with the log's hashes, the map, units, clocks and
 /// all notices; an MCAP holds the same as metadata `flightlag-export`.
 ///
 /// # Errors
@@ -117,7 +120,7 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
     let loaded = load(order.unit, order.library, order.map, context)?;
     let binding = loaded.binding.map_err(|reason| {
         ConvertError::Nothing(format!(
-            "{}: no channel map fits: {reason}. `--topics` exports what the log holds as it stands",
+            "{}: {reason}. `--topics` exports what the log holds as it stands",
             order.unit.id
         ))
     })?;
@@ -188,15 +191,16 @@ fn unit(quantity: Quantity, component: &str) -> (&'static str, f64) {
 /// The container's stamps, then the fields by their own names.
 fn table_sheet(table: &Table) -> Sheet {
     let mut sheet = Sheet::default();
+    let mut taken = BTreeSet::new();
     let nanos = |stamps: &[i64]| Cells::I64(stamps.iter().copied().map(Some).collect());
     if let Some(logged) = &table.logged_ns {
-        sheet.push("logged_ns", nanos(logged));
+        sheet.push(free(&mut taken, "logged_ns", str::to_owned), nanos(logged));
     }
     if let Some(published) = &table.published_ns {
-        sheet.push("published_ns", nanos(published));
+        sheet.push(free(&mut taken, "published_ns", str::to_owned), nanos(published));
     }
     for column in &table.columns {
-        sheet.push(column.path.clone(), cells(column, table.rows));
+        sheet.push(free(&mut taken, &column.path, str::to_owned), cells(column, table.rows));
     }
     sheet
 }
@@ -209,28 +213,33 @@ fn cells(column: &Column, rows: usize) -> Cells {
     }
 }
 
-/// A file name for each source, or its topic: no two are the same, in capitals or not.
+/// A file name for each source, or its topic: no two are the same; those of files not even in capitals.
 fn places(sources: &[Source], to: ExportTo) -> Vec<String> {
     let mut taken = BTreeSet::new();
-    let ending = match to {
-        ExportTo::Parquet => ".parquet",
-        ExportTo::Csv => ".csv",
-        ExportTo::Mcap => "",
-    };
-    let place = |source: &Source| {
-        let plain = match to {
-            ExportTo::Mcap => source.name.clone(),
-            ExportTo::Parquet | ExportTo::Csv => file_stem(&source.name),
-        };
-        let mut free = plain.clone();
-        let mut count = 1;
-        while !taken.insert(free.to_lowercase()) {
-            count += 1;
-            free = format!("{plain}~{count}");
-        }
-        format!("{free}{ending}")
+    let place = |source: &Source| match ending(to) {
+        None => free(&mut taken, &source.name, str::to_owned),
+        Some(ending) => free(&mut taken, &file_stem(&source.name), str::to_lowercase) + ending,
     };
     sources.iter().map(place).collect()
+}
+
+fn ending(to: ExportTo) -> Option<&'static str> {
+    match to {
+        ExportTo::Parquet => Some(".parquet"),
+        ExportTo::Csv => Some(".csv"),
+        ExportTo::Mcap => None,
+    }
+}
+
+/// `name`, with a number behind it if there is one that is the same by `key`.
+fn free(taken: &mut BTreeSet<String>, name: &str, key: fn(&str) -> String) -> String {
+    let mut free = name.to_owned();
+    let mut count = 1;
+    while !taken.insert(key(&free)) {
+        count += 1;
+        free = format!("{name}~{count}");
+    }
+    free
 }
 
 /// A name that every file system takes and that stays in its folder.
@@ -238,8 +247,20 @@ fn file_stem(name: &str) -> String {
     const LONGEST: usize = 120;
     let plain = |c: char| if c.is_ascii_alphanumeric() || ".-_".contains(c) { c } else { '-' };
     let stem: String = name.trim_matches('/').chars().map(plain).take(LONGEST).collect();
-    let stem = stem.trim_start_matches(['.', '-']);
-    if stem.is_empty() { "unnamed".to_owned() } else { stem.to_owned() }
+    let stem = stem.trim_start_matches(['.', '-']).trim_end_matches('.');
+    match stem {
+        "" => "unnamed".to_owned(),
+        stem if is_device(stem) => format!("topic-{stem}"),
+        stem => stem.to_owned(),
+    }
+}
+
+/// What Windows takes for a device, whatever ends the name.
+fn is_device(stem: &str) -> bool {
+    let first = stem.split('.').next().unwrap_or_default().to_ascii_lowercase();
+    let numbered =
+        |of: &str| first.strip_prefix(of).is_some_and(|n| n.len() == 1 && n.starts_with(|c: char| c.is_ascii_digit()));
+    matches!(first.as_str(), "con" | "prn" | "aux" | "nul") || numbered("com") || numbered("lpt")
 }
 
 fn provenance(
@@ -291,17 +312,44 @@ fn write_folder(
     provenance: &Value,
 ) -> Result<(), ConvertError> {
     std::fs::create_dir_all(order.out).map_err(ConvertError::write(order.out, "make this folder"))?;
+    remove_earlier(order.out)?;
     for (source, place) in sources.iter().zip(places) {
         write_file(&order.out.join(place), |file| match order.to {
             ExportTo::Csv => write_csv(&source.sheet, file),
-            _ => write_parquet(&source.sheet, file),
+            _ => caught(|| write_parquet(&source.sheet, file)),
         })?;
     }
-    // Last: a folder with it is whole.
-    write_file(&order.out.join("provenance.json"), |file| {
+    write_file(&order.out.join(PROVENANCE), |file| {
         serde_json::to_writer_pretty(&mut *file, provenance)?;
         file.write_all(b"\n")
     })
+}
+
+/// Whether this can be a table that was exported: [`file_stem`] and [`free`] leave nothing that leads elsewhere.
+fn is_table(stem: &str, ending: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || ".-_~".contains(c);
+    ["csv", "parquet"].contains(&ending) && !stem.starts_with('.') && stem.chars().all(plain)
+}
+
+/// The tables of an earlier export would look like part of this one. Only what its provenance lists goes, and only
+/// tables in this folder.
+fn remove_earlier(folder: &Path) -> Result<(), ConvertError> {
+    let provenance = folder.join(PROVENANCE);
+    let Ok(text) = std::fs::read_to_string(&provenance) else { return Ok(()) };
+    let earlier: Value = serde_json::from_str(&text).unwrap_or_default();
+    std::fs::remove_file(&provenance).map_err(ConvertError::write(&provenance, "remove"))?;
+    for sheet in earlier["sheets"].as_array().into_iter().flatten() {
+        let Some((stem, ending)) = sheet["place"].as_str().and_then(|place| place.rsplit_once('.')) else { continue };
+        let table = folder.join(format!("{stem}.{ending}"));
+        if !is_table(stem, ending) {
+            continue;
+        }
+        match std::fs::remove_file(&table) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(ConvertError::write(&table, "remove")(e)),
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 fn write_file(
@@ -314,6 +362,12 @@ fn write_file(
     output.keep()
 }
 
+/// A panic within polars is an error.
+fn caught(work: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+    let panicked = |_| Err(io::Error::other("the writer of Parquet panicked"));
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).unwrap_or_else(panicked)
+}
+
 fn write_mcap(
     order: &ExportOrder<'_>,
     sources: &[Source],
@@ -322,7 +376,8 @@ fn write_mcap(
 ) -> Result<(), ConvertError> {
     let output = Output::begin(order.out)?;
     let mut recording = Recording::begin(order.out, output.file()?, "")?;
-    recording.note("flightlag-export", [("provenance".to_owned(), provenance.to_string())].into())?;
+    let entries = [("provenance".to_owned(), provenance.to_string())].into();
+    recording.extra(&Extra::Metadata { name: "flightlag-export", entries: &entries })?;
     for (source, place) in sources.iter().zip(places) {
         write_topic(&mut recording, source, place)?;
     }

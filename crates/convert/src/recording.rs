@@ -1,28 +1,70 @@
 //! An MCAP that is written message by message, and what was put into it.
 
 use crate::error::ConvertError;
-use ingest::TopicInfo;
+use ingest::{Extra, TopicInfo};
 use mcap::records::{MessageHeader, Metadata};
-use mcap::{Compression, McapError, WriteOptions, Writer};
-use std::collections::{BTreeMap, HashMap};
+use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
-/// Messages of a topic, and a sum over their bytes and times that does not depend on their order.
+/// How many there are of something, and a sum over their bytes and times that does not depend on their order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Tally {
-    pub(crate) messages: u64,
+    pub(crate) count: u64,
     sum: u64,
 }
 
 impl Tally {
-    pub(crate) fn add(&mut self, logged_ns: u64, payload: &[u8]) {
+    fn add(&mut self, parts: &[&[u8]]) {
         let mut hash = crc32fast::Hasher::new();
-        hash.update(&logged_ns.to_le_bytes());
-        hash.update(payload);
-        self.messages += 1;
+        parts.iter().for_each(|part| hash.update(part));
+        self.count += 1;
         self.sum = self.sum.wrapping_add(u64::from(hash.finalize()));
+    }
+}
+
+/// What an MCAP holds: written, or found in it.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Content {
+    /// Messages by topic.
+    pub(crate) topics: BTreeMap<String, Tally>,
+    /// Attachments and metadata by name, kind and size.
+    pub(crate) extras: BTreeMap<String, Tally>,
+    /// What is said of topics beside their types.
+    pub(crate) of_topics: BTreeMap<String, BTreeMap<String, String>>,
+}
+
+impl Content {
+    pub(crate) fn message(&mut self, topic: &str, logged_ns: u64, payload: &[u8]) {
+        let parts: [&[u8]; 2] = [&logged_ns.to_le_bytes(), payload];
+        match self.topics.get_mut(topic) {
+            Some(tally) => tally.add(&parts),
+            None => self.topics.entry(topic.to_owned()).or_default().add(&parts),
+        }
+    }
+
+    pub(crate) fn extra(&mut self, extra: &Extra<'_>) {
+        match extra {
+            Extra::Attachment { name, media_type, logged_ns, created_ns, data } => {
+                let what = format!("attachment {name} ({media_type}, {} bytes)", data.len());
+                let tally = self.extras.entry(what).or_default();
+                tally.add(&[&logged_ns.to_le_bytes(), &created_ns.to_le_bytes(), data]);
+            }
+            Extra::Metadata { name, entries } => {
+                let texts = if entries.len() == 1 { "text" } else { "texts" };
+                let what = format!("metadata {name} ({} {texts})", entries.len());
+                // A zero between texts, so that none can take from the next.
+                let parts = entries.iter().flat_map(|(key, text)| [key.as_bytes(), b"\0", text.as_bytes(), b"\0"]);
+                self.extras.entry(what).or_default().add(&parts.collect::<Vec<&[u8]>>());
+            }
+            Extra::OfTopic { topic, entries } if !entries.is_empty() => {
+                self.of_topics.entry((*topic).to_owned()).or_insert_with(|| (*entries).clone());
+            }
+            Extra::OfTopic { .. } => {}
+        }
     }
 }
 
@@ -50,7 +92,11 @@ pub(crate) struct Recording {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
     channels: HashMap<TopicInfo, Vec<Channel>>,
-    pub(crate) tallies: BTreeMap<String, Tally>,
+    /// What goes into the channels of a topic, by topic.
+    of_topics: HashMap<String, BTreeMap<String, String>>,
+    pub(crate) content: Content,
+    /// Topics of which the log says more than one thing: the first one stands.
+    pub(crate) several: BTreeSet<String>,
     /// Stamps before 1970, which MCAP does not know: written as 0.
     pub(crate) before_epoch: u64,
 }
@@ -66,7 +112,9 @@ impl Recording {
             path: path.to_owned(),
             writer,
             channels: HashMap::new(),
-            tallies: BTreeMap::new(),
+            of_topics: HashMap::new(),
+            content: Content::default(),
+            several: BTreeSet::new(),
             before_epoch: 0,
         })
     }
@@ -80,10 +128,7 @@ impl Recording {
         let (channel_id, sequence) = self.channel(entry)?;
         let header = MessageHeader { channel_id, sequence, log_time: logged, publish_time: published };
         self.writer.write_to_known_channel(&header, entry.payload).map_err(failed(&self.path))?;
-        match self.tallies.get_mut(&entry.topic.name) {
-            Some(tally) => tally.add(logged, entry.payload),
-            None => self.tallies.entry(entry.topic.name.clone()).or_default().add(logged, entry.payload),
-        }
+        self.content.message(&entry.topic.name, logged, entry.payload);
         Ok(())
     }
 
@@ -101,7 +146,9 @@ impl Recording {
         } else {
             self.writer.add_schema(type_name, entry.schema_encoding, entry.schema).map_err(failed(&self.path))?
         };
-        let id = self.writer.add_channel(schema, name, entry.encoding, &BTreeMap::new()).map_err(failed(&self.path))?;
+        let entries = self.of_topics.get(name).cloned().unwrap_or_default();
+        let id = self.writer.add_channel(schema, name, entry.encoding, &entries).map_err(failed(&self.path))?;
+        self.content.extra(&Extra::OfTopic { topic: name, entries: &entries });
         let channel = Channel {
             schema_encoding: entry.schema_encoding.to_owned(),
             schema: entry.schema.to_vec(),
@@ -112,13 +159,38 @@ impl Recording {
         Ok((id, 0))
     }
 
-    /// A named set of texts beside the messages.
-    pub(crate) fn note(&mut self, name: &str, texts: BTreeMap<String, String>) -> Result<(), ConvertError> {
-        self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata: texts }).map_err(failed(&self.path))
+    /// What stands beside the messages.
+    pub(crate) fn extra(&mut self, extra: &Extra<'_>) -> Result<(), ConvertError> {
+        let written = match *extra {
+            Extra::Attachment { name, media_type, logged_ns, created_ns, data } => self.writer.attach(&Attachment {
+                log_time: logged_ns,
+                create_time: created_ns,
+                name: name.to_owned(),
+                media_type: media_type.to_owned(),
+                data: Cow::Borrowed(data),
+            }),
+            Extra::Metadata { name, entries } => {
+                self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata: entries.clone() })
+            }
+            Extra::OfTopic { topic, entries } => {
+                self.of_topic(topic, entries);
+                return Ok(());
+            }
+        };
+        self.content.extra(extra);
+        written.map_err(failed(&self.path))
+    }
+
+    fn of_topic(&mut self, topic: &str, entries: &BTreeMap<String, String>) {
+        match self.of_topics.get(topic) {
+            Some(known) if known != entries => _ = self.several.insert(topic.to_owned()),
+            Some(_) => {}
+            None => _ = self.of_topics.insert(topic.to_owned(), entries.clone()),
+        }
     }
 
     /// Ends the file; what it holds.
-    pub(crate) fn end(mut self) -> Result<BTreeMap<String, Tally>, ConvertError> {
+    pub(crate) fn end(mut self) -> Result<Content, ConvertError> {
         self.writer.finish().map_err(failed(&self.path))?;
         let path = self.path;
         self.writer.into_inner().into_inner().map(drop).map_err(|e| ConvertError::Write {
@@ -126,7 +198,7 @@ impl Recording {
             doing: "write",
             source: e.into_error(),
         })?;
-        Ok(self.tallies)
+        Ok(self.content)
     }
 }
 

@@ -3,15 +3,15 @@
 use crate::error::ConvertError;
 use crate::message_type::MessageType;
 use crate::output::Output;
-use crate::recording::{Entry, Recording, Tally};
+use crate::recording::{Content, Entry, Recording, Tally};
 use flight::{LogHealth, Notices, Severity};
 use ingest::{
-    FlightUnit, LogKind, LogReader, McapReader, MessageSink, RawMessage, ReadContext, Select, Selection, Table,
+    Extra, FlightUnit, LogKind, LogReader, McapReader, MessageSink, RawMessage, ReadContext, Select, Selection, Table,
     TopicInfo,
 };
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A log that was recovered.
 #[derive(Debug)]
@@ -20,6 +20,8 @@ pub struct Recovered {
     pub how: How,
     /// Topics in the order of their names.
     pub topics: Vec<RecoveredTopic>,
+    /// Attachments and metadata that were carried over, and found again when the output was read.
+    pub extras: Vec<RecoveredExtra>,
     /// How the reading of the log went: what was damaged stands here.
     pub health: LogHealth,
     /// What was lost or assumed on the way.
@@ -48,6 +50,15 @@ pub struct RecoveredTopic {
     pub written: u64,
 }
 
+/// Something that a log holds beside its messages.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecoveredExtra {
+    /// Kind, name and size.
+    pub what: String,
+    /// How many there are of it.
+    pub count: u64,
+}
+
 impl Recovered {
     /// Whether the log held something that is not in the output.
     #[must_use]
@@ -59,7 +70,9 @@ impl Recovered {
 /// Writes every intact message of a log to `out`, reads it again and compares counts and bytes.
 ///
 /// MCAP, ROS 1 and ROS 2 bags are copied message by message with their definitions; ULog, DataFlash and the like
-/// become one typed topic each. Damage of the log is no error. Attachments are listed and not carried over.
+/// become one typed topic each. Attachments, metadata and what is said of topics are carried over; parameters, information
+/// and texts of a ULog become metadata. Metadata `flightlag-recover` say where it all came from and what was lost on the
+/// way. Damage of the log is no error.
 ///
 /// # Errors
 /// [`ConvertError::Log`] if nothing of the log can be used, [`ConvertError::Nothing`] for tables of text and for a log
@@ -79,17 +92,35 @@ pub fn recover(unit: &FlightUnit, out: &Path, context: &ReadContext<'_>) -> Resu
     let mut notices = log.notices;
     write_tables(&log.tables, &mut recording, &mut notices)?;
     log.tables.clear();
-    let before_epoch = recording.before_epoch;
-    let written = recording.end()?;
-    if written.is_empty() {
+    if recording.content.topics.is_empty() && recording.content.extras.is_empty() {
         return Err(ConvertError::Nothing(format!("{}: no intact message in it", unit.id)));
     }
+    let topics = topics(&log.health, &recording.content, &mut notices);
+    let extras = extras(&recording.content);
+    note_rest(&recording, &mut notices);
+    recording
+        .extra(&Extra::Metadata { name: "flightlag-recover", entries: &provenance(unit, &log.health, &notices) })?;
+    let written = recording.end()?;
     check(output.written(), out, &written, context)?;
-    let topics = topics(&log.health, &written, &mut notices);
-    note_rest(&log.health, before_epoch, &mut notices);
     let bytes = std::fs::metadata(output.written()).map_err(ConvertError::write(out, "look at"))?.len();
     output.keep()?;
-    Ok(Recovered { how, topics, health: log.health, notices, bytes })
+    Ok(Recovered { how, topics, extras, health: log.health, notices, bytes })
+}
+
+/// What came from where, and what was lost: texts for the output itself.
+fn provenance(unit: &FlightUnit, health: &LogHealth, notices: &Notices) -> BTreeMap<String, String> {
+    let name = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let files: Vec<String> = unit.files.iter().map(name).collect();
+    let json = |value: serde_json::Result<String>| value.unwrap_or_default();
+    let entries = [
+        ("made_by", concat!("flightlag ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("inputs", files.join(", ")),
+        ("format", health.format.clone()),
+        ("bytes", json(serde_json::to_string(&health.bytes))),
+        ("damage", json(serde_json::to_string(&health.damage))),
+        ("notices", json(serde_json::to_string(notices))),
+    ];
+    entries.map(|(key, value)| (key.to_owned(), value)).into()
 }
 
 /// The log itself is never written over.
@@ -120,6 +151,14 @@ impl Taker {
         Taker { recording: RefCell::new(recording), failure: RefCell::new(None) }
     }
 
+    /// Writes unless something could not be written before.
+    fn write(&self, write: impl FnOnce(&mut Recording) -> Result<(), ConvertError>) {
+        let mut failure = self.failure.borrow_mut();
+        if failure.is_none() {
+            *failure = write(&mut self.recording.borrow_mut()).err();
+        }
+    }
+
     fn into_recording(self) -> Result<Recording, ConvertError> {
         match self.failure.into_inner() {
             Some(failure) => Err(failure),
@@ -140,20 +179,21 @@ impl Select for Taker {
 
 impl MessageSink for Taker {
     fn message(&self, message: &RawMessage<'_>) {
-        let mut failure = self.failure.borrow_mut();
-        if failure.is_some() {
-            return;
-        }
-        let entry = Entry {
-            topic: message.topic,
-            encoding: &message.topic.encoding,
-            schema_encoding: message.schema_encoding,
-            schema: message.schema,
-            logged_ns: message.logged_ns,
-            published_ns: message.published_ns,
-            payload: message.payload,
-        };
-        *failure = self.recording.borrow_mut().write(&entry).err();
+        self.write(|recording| {
+            recording.write(&Entry {
+                topic: message.topic,
+                encoding: &message.topic.encoding,
+                schema_encoding: message.schema_encoding,
+                schema: message.schema,
+                logged_ns: message.logged_ns,
+                published_ns: message.published_ns,
+                payload: message.payload,
+            })
+        });
+    }
+
+    fn extra(&self, extra: &Extra<'_>) {
+        self.write(|recording| recording.extra(extra));
     }
 }
 
@@ -189,36 +229,34 @@ fn write_tables(tables: &[Table], recording: &mut Recording, notices: &mut Notic
 }
 
 /// Reads the output from its first byte to its last, and compares.
-fn check(
-    written: &Path,
-    out: &Path,
-    expected: &BTreeMap<String, Tally>,
-    context: &ReadContext<'_>,
-) -> Result<(), ConvertError> {
+fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'_>) -> Result<(), ConvertError> {
     let differs = |what: String| ConvertError::ReadsBackDifferently { path: out.to_owned(), what };
     let counter = Counter::default();
     let log = McapReader::new(vec![written.to_owned()]).read(&counter, context)?;
     if let Some(damage) = log.health.damage.first() {
         return Err(differs(format!("{} at byte {}", damage.reason, damage.offset)));
     }
-    let found = counter.tallies.into_inner();
-    for (topic, tally) in expected {
-        let again = found.get(topic).copied().unwrap_or_default();
-        if again != *tally {
-            return Err(differs(format!(
-                "topic {topic}: {} messages, {} were written",
-                again.messages, tally.messages
-            )));
-        }
+    let found = counter.0.into_inner();
+    let differing = |kind: &str, expected: &BTreeMap<String, Tally>, found: &BTreeMap<String, Tally>| {
+        let names = expected.keys().chain(found.keys());
+        let of = |tallies: &BTreeMap<String, Tally>, name: &str| tallies.get(name).copied().unwrap_or_default();
+        let other = names.map(|name| (name, of(expected, name), of(found, name))).find(|(_, a, b)| a != b);
+        other.map(|(name, a, b)| format!("{kind}{name}: {} found, {} were written", b.count, a.count))
+    };
+    let topic = differing("topic ", &expected.topics, &found.topics);
+    let other = topic.or(differing("", &expected.extras, &found.extras));
+    if let Some(other) = other {
+        return Err(differs(other));
+    }
+    if found.of_topics != expected.of_topics {
+        return Err(differs("what is said of topics beside their types".to_owned()));
     }
     Ok(())
 }
 
-/// Counts messages and sums their bytes.
+/// Counts what a file holds.
 #[derive(Default)]
-struct Counter {
-    tallies: RefCell<BTreeMap<String, Tally>>,
-}
+struct Counter(RefCell<Content>);
 
 impl Select for Counter {
     fn select(&self, _: &TopicInfo) -> Selection {
@@ -232,21 +270,21 @@ impl Select for Counter {
 
 impl MessageSink for Counter {
     fn message(&self, message: &RawMessage<'_>) {
-        let mut tallies = self.tallies.borrow_mut();
         let logged = u64::try_from(message.logged_ns).unwrap_or_default();
-        match tallies.get_mut(&message.topic.name) {
-            Some(tally) => tally.add(logged, message.payload),
-            None => tallies.entry(message.topic.name.clone()).or_default().add(logged, message.payload),
-        }
+        self.0.borrow_mut().message(&message.topic.name, logged, message.payload);
+    }
+
+    fn extra(&self, extra: &Extra<'_>) {
+        self.0.borrow_mut().extra(extra);
     }
 }
 
 /// Counts by topic; what was found and not written is a loss.
-fn topics(health: &LogHealth, written: &BTreeMap<String, Tally>, notices: &mut Notices) -> Vec<RecoveredTopic> {
+fn topics(health: &LogHealth, content: &Content, notices: &mut Notices) -> Vec<RecoveredTopic> {
     let mut found: BTreeMap<&str, u64> = BTreeMap::new();
     health.topics.iter().for_each(|t| *found.entry(&t.name).or_default() += t.messages);
     let topic = |(name, found): (&str, u64)| {
-        let written = written.get(name).map_or(0, |t| t.messages);
+        let written = content.topics.get(name).map_or(0, |t| t.count);
         if written < found {
             let text = "messages that were found and could not be written";
             notices.push(Severity::Loss, "not-written", format!("topic {name}"), found - written, text);
@@ -256,13 +294,21 @@ fn topics(health: &LogHealth, written: &BTreeMap<String, Tally>, notices: &mut N
     found.into_iter().map(topic).collect()
 }
 
-fn note_rest(health: &LogHealth, before_epoch: u64, notices: &mut Notices) {
-    if before_epoch > 0 {
+fn extras(content: &Content) -> Vec<RecoveredExtra> {
+    let extra = |(what, tally): (&String, &Tally)| RecoveredExtra { what: what.clone(), count: tally.count };
+    content.extras.iter().map(extra).collect()
+}
+
+fn note_rest(recording: &Recording, notices: &mut Notices) {
+    if recording.before_epoch > 0 {
         let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
-        notices.push(Severity::Warning, "before-1970", "", before_epoch, text);
+        notices.push(Severity::Warning, "before-1970", "", recording.before_epoch, text);
     }
-    if !health.extras.is_empty() {
-        let text = format!("attachments and metadata are not carried over; the first: {}", health.extras[0]);
-        notices.push(Severity::Warning, "not-carried-over", "", health.extras.len() as u64, text);
+    if let Some(first) = recording.several.first() {
+        let text = format!(
+            "topics whose publishers say different things of themselves (name, latching, quality of service): \
+             what the first one says was kept; the first: {first}"
+        );
+        notices.push(Severity::Warning, "several-publishers", "", recording.several.len() as u64, text);
     }
 }

@@ -13,6 +13,36 @@ Exit codes:
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
 
+const EXIT_CODES_OF_A_LOG: &str = "\
+Exit codes:
+  0    all well
+  1    nothing of the log can be used, or the output cannot be written
+  2    wrong command or channel map
+  3    finished, but the log is damaged or data were lost
+  130  stopped by Ctrl-C";
+
+const INSPECT: &str = "\
+Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
+
+Every byte is accounted for: decoded (holds values that a channel map wants; a compressed chunk counts whole), not wanted \
+(intact, no map asks for it), structure (the container's own: headers, indexes, definitions), damaged. Long lists are cut \
+unless --all is given; --json holds everything.";
+
+const RECOVER: &str = "\
+Writes everything that is good of a damaged log as MCAP, reads it again and compares.
+
+Messages of MCAP, ROS 1 and ROS 2 bags are copied byte for byte, with their definitions, attachments and metadata. Logs \
+whose messages mean nothing elsewhere (ULog, DataFlash, MAVLink, UBX) become one typed topic each; parameters, information \
+and texts of a ULog become metadata. Metadata `flightlag-recover` in OUT say where it came from and what was lost.";
+
+const EXPORT: &str = "\
+Writes the channels of a log, or its topics as they stand, as Parquet, CSV or MCAP.
+
+Channels are in SI units, places in degrees; the unit ends a column's name. Stamps are nanoseconds (`..._ns`), and `t_s` \
+seconds since the first. Beside the tables stands provenance.json: the log's hash, map, units, clocks, notices; an MCAP \
+holds the same as metadata `flightlag-export`. In CSV, a text that a spreadsheet could take for a formula gets an \
+apostrophe in front; numbers stay as they are.";
+
 const CAMPAIGN: &str = "\
 A folder of flight logs in, a report out: tables, records, pages.
 
@@ -57,13 +87,13 @@ pub(crate) enum Command {
     #[command(long_about = BENCH, after_help = EXIT_CODES)]
     Bench(Box<BenchArguments>),
     /// Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
-    #[command(after_help = EXIT_CODES)]
+    #[command(long_about = INSPECT, after_help = EXIT_CODES_OF_A_LOG)]
     Inspect(InspectArguments),
     /// Writes everything that is good of a damaged log as MCAP, reads it again and reports the counts.
-    #[command(after_help = EXIT_CODES)]
+    #[command(long_about = RECOVER, after_help = EXIT_CODES_OF_A_LOG)]
     Recover(RecoverArguments),
     /// Writes the channels of a log, or its topics as they stand, as Parquet, CSV or MCAP.
-    #[command(after_help = EXIT_CODES)]
+    #[command(long_about = EXPORT, after_help = EXIT_CODES_OF_A_LOG)]
     Export(ExportArguments),
     /// Writes simulated flights and bench records whose truth is known.
     #[command(after_help = EXIT_CODES)]
@@ -208,12 +238,15 @@ pub(crate) struct BenchArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct InspectArguments {
-    /// A log, or a folder that holds one CSV file for each topic of a flight.
+    /// A log, or a folder that holds one flight (a ROS 2 bag; one CSV file for each topic).
     #[arg(value_name = "LOG")]
     pub(crate) log: PathBuf,
     /// As JSON.
     #[arg(long)]
     pub(crate) json: bool,
+    /// Lists everything, however long.
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) all: bool,
     /// Bind with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
@@ -224,7 +257,7 @@ pub(crate) struct InspectArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct RecoverArguments {
-    /// A log; it is only read.
+    /// A log, or a folder that holds one flight; it is only read.
     #[arg(value_name = "IN")]
     pub(crate) log: PathBuf,
     /// The MCAP to write. It is there whole or not at all.
@@ -237,7 +270,7 @@ pub(crate) struct RecoverArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct ExportArguments {
-    /// A log, or a folder that holds one CSV file for each topic of a flight.
+    /// A log, or a folder that holds one flight (a ROS 2 bag; one CSV file for each topic).
     #[arg(value_name = "LOG")]
     pub(crate) log: PathBuf,
     /// As what.
@@ -250,7 +283,7 @@ pub(crate) struct ExportArguments {
     /// All topics with all fields as they stand in the log, instead of the channels that a map binds.
     #[arg(long)]
     pub(crate) topics: bool,
-    /// Writes into a folder, or over a file, that is there.
+    /// Takes the place of an earlier export that is there: its tables go, other files of a folder stay.
     #[arg(long)]
     pub(crate) force: bool,
     /// Bind with this channel map.

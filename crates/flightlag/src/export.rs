@@ -2,9 +2,10 @@
 
 use crate::arguments::{ExportArguments, ExportKind};
 use crate::failure::{End, Failure};
-use crate::inspect::{notices, unit_of};
+use crate::findings::{damage, notices};
+use crate::inspect::unit_of;
 use crate::maps::library;
-use crate::recover::refuse_existing;
+use crate::recover::{Output, check_output};
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::Exit;
@@ -14,10 +15,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 pub(crate) fn run(arguments: &ExportArguments, stop: &Stop) -> Result<End, Failure> {
+    let out = arguments.out.clone().unwrap_or_else(|| usual_out(&arguments.log, arguments.to));
+    let kind = if arguments.to == ExportKind::Mcap { Output::File } else { Output::Folder };
+    check_output(&out, kind, arguments.force)?;
     let library = library(arguments.maps.as_deref())?;
     let unit = unit_of(&arguments.log, &library)?;
-    let out = arguments.out.clone().unwrap_or_else(|| usual_out(&arguments.log, arguments.to));
-    refuse_existing(&out, arguments.force)?;
     let what = if arguments.topics { ExportWhat::Topics } else { ExportWhat::Channels };
     let to = match arguments.to {
         ExportKind::Parquet => ExportTo::Parquet,
@@ -70,12 +72,14 @@ fn page(out: &Path, exported: &Exported) -> String {
         table.row(vec![sheet.name.clone(), sheet.place.clone(), sheet.rows.to_string(), sheet.columns.to_string()]);
     }
     let head = format!(
-        "{}: {} from {}\n",
+        "{}: {} from {}, {} of {} bytes damaged\n",
         visible(&out.display().to_string()),
         count(exported.sheets.len() as u64, "table"),
-        visible(&exported.health.format)
+        visible(&exported.health.format),
+        exported.health.bytes.damaged,
+        exported.health.bytes.size,
     );
-    let parts = [head, table.text(), notices(&exported.notices)];
+    let parts = [head, table.text(), damage(&exported.health), notices(&exported.notices)];
     let parts: Vec<String> = parts.into_iter().filter(|p| !p.is_empty()).collect();
     parts.join("\n")
 }

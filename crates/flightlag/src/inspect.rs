@@ -1,22 +1,31 @@
 //! `flightlag inspect`: what is in a log, how good its stamps are, and what a map would bind.
 
+mod vehicle;
+
 use crate::arguments::InspectArguments;
 use crate::failure::{End, Failure};
+use crate::findings::{damage, notices, section, typed};
 use crate::maps::library;
 use crate::show::{Table, bytes, count, number, visible};
 use crate::stop::Stop;
 use campaign::Exit;
-use flight::{About, Binding, ChannelHealth, LogHealth, Notices, Severity, StampHealth, TopicHealth};
-use ingest::{FlightUnit, Limits, Loaded, MapLibrary, ReadContext, discover, load};
+use flight::{Binding, ChannelHealth, Clock, Flight, LogHealth, Stamp, StampHealth, TopicHealth};
+use ingest::{Discovery, FlightUnit, Limits, Loaded, LogKind, MapLibrary, ReadContext, discover, load};
+use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
+
+/// Topics that are listed unasked, beside those that were read.
+const MOST_TOPICS: usize = 40;
+/// Other things that are listed unasked.
+const MOST_LISTED: usize = 8;
 
 pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Failure> {
     let library = library(arguments.maps.as_deref())?;
     let unit = unit_of(&arguments.log, &library)?;
     let context = ReadContext { limits: Limits::default(), cancel: stop.flag(), on_bytes: &|_| {} };
     let loaded = load(&unit, &library, arguments.map.as_deref(), &context)?;
-    let text = if arguments.json { json_text(&unit, &loaded) } else { page(&unit, &loaded) };
+    let text = if arguments.json { json_text(&unit, &loaded) } else { page(&unit, &loaded, arguments) };
     std::io::stdout().lock().write_all(text.as_bytes())?;
     let lossy = loaded.flight.notices.any_loss();
     Ok(if lossy { Exit::Incomplete } else { Exit::Well }.into())
@@ -24,16 +33,35 @@ pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Fail
 
 /// The flight that a path stands for: a file, or a folder that holds one flight.
 pub(crate) fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failure> {
-    let wrong = |what: String| Failure::new(Exit::Wrong, format!("{}: {what}", path.display()));
-    std::fs::metadata(path).map_err(|e| wrong(e.to_string()))?;
+    let failure = |exit, what: String| Failure::new(exit, format!("{}: {what}", path.display()));
+    let about = std::fs::metadata(path).map_err(|e| failure(Exit::Wrong, e.to_string()))?;
+    if !about.is_file() && !about.is_dir() {
+        return Err(failure(Exit::Wrong, "a device or a pipe; a log is read from a file".to_owned()));
+    }
     let mut found = discover(path, library)?;
-    match (found.units.pop(), found.units.len(), found.ignored.pop().or_else(|| found.unreadable.pop())) {
-        (Some(unit), 0, _) => Ok(unit),
-        (Some(_), others, _) => Err(wrong(format!("this folder holds {} flights; name one of them", others + 1))),
-        (None, _, Some((_, reason))) if path.is_file() => {
-            Err(Failure::new(Exit::Failed, format!("{}: {reason}", path.display())))
+    match found.units.as_slice() {
+        [] => Err(failure(Exit::Failed, nothing(&found, about.is_dir()))),
+        [_] => Ok(found.units.remove(0)),
+        several => {
+            let names: Vec<&str> = several.iter().take(MOST_LISTED).map(|u| u.id.as_str()).collect();
+            let more = if several.len() > names.len() { ", ..." } else { "" };
+            let what = format!("{} flights are in this folder; name one of them: ", several.len());
+            Err(failure(Exit::Wrong, what + &names.join(", ") + more))
         }
-        (None, ..) => Err(wrong("no log found in this folder".to_owned())),
+    }
+}
+
+/// Why there is no flight.
+fn nothing(found: &Discovery, folder: bool) -> String {
+    let reasons = || found.unreadable.iter().chain(&found.ignored);
+    match (reasons().next(), folder) {
+        (Some((_, reason)), false) => reason.clone(),
+        (None, false) => "not a log".to_owned(),
+        (None, true) => "this folder is empty".to_owned(),
+        (Some((name, reason)), true) => {
+            let files = count(reasons().count() as u64, "other file");
+            format!("no log in this folder, but {files}; the first: {name}, {reason}")
+        }
     }
 }
 
@@ -50,98 +78,95 @@ fn json_text(unit: &FlightUnit, loaded: &Loaded) -> String {
     text
 }
 
-fn page(unit: &FlightUnit, loaded: &Loaded) -> String {
-    let binding = match &loaded.binding {
-        Ok(binding) => binding_text(binding),
-        Err(reason) => format!("no channel map fits: {}\n", visible(reason)),
-    };
+fn page(unit: &FlightUnit, loaded: &Loaded, arguments: &InspectArguments) -> String {
+    let all = arguments.all;
     let health = &loaded.health;
+    let binding = match &loaded.binding {
+        Ok(binding) => binding_text(binding, &loaded.flight),
+        Err(reason) => format!("{}\n", visible(reason)),
+    };
     let parts = [
         head(unit, health),
-        vehicle(&health.about),
-        section("topics", &topics(&health.topics)),
-        section("time stamps", &stamps(&health.topics)),
-        damage(health),
-        extras(health),
+        vehicle::text(&health.about, all),
+        topics(&health.topics, all),
+        stamps(&health.topics, all),
+        extras(health, all),
         binding,
+        damage(health),
         notices(&loaded.flight.notices),
+        next(unit, loaded, &arguments.log),
     ];
     let parts: Vec<String> = parts.into_iter().filter(|p| !p.is_empty()).collect();
     parts.join("\n")
 }
 
-fn section(title: &str, table: &Table) -> String {
-    if table.is_empty() { String::new() } else { format!("{title}\n{}", table.text()) }
-}
-
 fn head(unit: &FlightUnit, health: &LogHealth) -> String {
     let b = &health.bytes;
-    let parts = [("decoded", b.decoded), ("not wanted", b.skipped), ("structure", b.structure), ("damaged", b.damaged)];
-    let ledger: Vec<String> = parts.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!("{what} {n}")).collect();
+    let parts = [("decoded", b.decoded), ("not wanted", b.skipped), ("structure", b.structure)];
+    let mut ledger = String::new();
+    for (what, n) in parts.into_iter().filter(|(_, n)| *n > 0) {
+        let _ = write!(ledger, "{n} {what} + ");
+    }
+    let share = match b.damaged {
+        0 => String::new(),
+        n => format!(" ({:.2} %)", (100.0 * n as f64 / b.size.max(1) as f64).max(0.01)),
+    };
     let undecodable = match health.undecodable {
         0 => String::new(),
         n => format!(", {n} more that could not be decoded"),
     };
     format!(
-        "{}\n  {}, {}, {}{undecodable}\n  bytes: {} = {}\n",
+        "{}\n  {}, {}, {}{undecodable}\n  {} bytes = {ledger}{} damaged{share}\n",
         visible(&unit.id),
         visible(&health.format),
         bytes(b.size),
         count(health.messages, "message"),
         b.size,
-        if ledger.is_empty() { "0".to_owned() } else { ledger.join(" + ") },
+        b.damaged,
     )
 }
 
-/// What the log says of the vehicle, its software and its settings.
-fn vehicle(about: &About) -> String {
-    let changes = about.parameter_changes.len() as u64;
-    let parameters = (about.parameters > 0 || changes > 0)
-        .then(|| format!("{}, {} during the log", count(about.parameters, "parameter"), count(changes, "change")));
-    let receivers = (!about.receivers.is_empty()).then(|| about.receivers.join("; "));
-    let facts = [
-        ("system", about.system.clone()),
-        ("firmware", about.firmware.clone()),
-        ("hardware", about.hardware.clone()),
-        ("vehicle", about.vehicle.clone()),
-        ("receivers", receivers),
-        ("parameters", parameters),
-    ];
-    let mut table = Table::new(&["vehicle", "value"]);
-    for (name, value) in facts {
-        if let Some(value) = value {
-            table.row(vec![name.to_owned(), value]);
+/// Topics that were read, and others as far as there is room.
+fn topics(topics: &[TopicHealth], all: bool) -> String {
+    let mut table = Table::new(&["topic", "type", "encoding", "messages|", "rate Hz|", "duration s|", "values"]);
+    let (mut room, mut left_out, mut empty) = (MOST_TOPICS, 0, 0);
+    for topic in topics {
+        let asked = topic.decoded || !topic.reason.is_empty();
+        match (all || asked, topic.messages, room) {
+            (false, 0, _) => empty += 1,
+            (false, _, 0) => left_out += 1,
+            (asked, ..) => {
+                room -= usize::from(!asked);
+                table.row(topic_cells(topic));
+            }
         }
     }
-    for delay in &about.configured_delays {
-        let value = format!("{} ms: {}", number(Some(delay.value_s * 1e3), 1), delay.meaning);
-        table.row(vec![delay.parameter.clone(), value]);
+    let mut text = section("topics", &table);
+    for (n, what) in [(left_out, "more that no map reads"), (empty, "more without a message")] {
+        if n > 0 {
+            let _ = writeln!(text, "  and {n} {what}; --all lists them");
+        }
     }
-    let modes = about.modes.iter().map(|m| ("mode", format!("{:.1} s: {}", m.at_ns as f64 * 1e-9, m.mode)));
-    let changes = about.parameter_changes.iter().map(|change| ("changed", change.clone()));
-    let texts = about.texts.iter().map(|text| ("text", text.clone()));
-    for (name, value) in modes.chain(changes).chain(texts) {
-        table.row(vec![name.to_owned(), value]);
-    }
-    if table.is_empty() { String::new() } else { table.text() }
+    text
 }
 
-fn topics(topics: &[TopicHealth]) -> Table {
-    let mut table = Table::new(&["topic", "type", "encoding", "messages|", "rate Hz|", "duration s|", "values"]);
-    for topic in topics {
-        let best = topic.stamps.first();
-        let duration = best.map(|s| (i128::from(s.last_ns) - i128::from(s.first_ns)) as f64 * 1e-9);
-        table.row(vec![
-            topic.name.clone(),
-            topic.type_name.clone(),
-            topic.encoding.clone(),
-            topic.messages.to_string(),
-            number(best.and_then(|s| s.rate_hz), 2),
-            number(duration, 1),
-            decoded(topic),
-        ]);
-    }
-    table
+fn topic_cells(topic: &TopicHealth) -> Vec<String> {
+    let first = topic.stamps.first();
+    vec![
+        topic.name.clone(),
+        topic.type_name.clone(),
+        topic.encoding.clone(),
+        topic.messages.to_string(),
+        number(first.and_then(|s| s.rate_hz), 2),
+        number(first.and_then(duration), 1),
+        decoded(topic),
+    ]
+}
+
+/// From the first stamp to the last, s; unknown where stamps go back.
+fn duration(stamps: &StampHealth) -> Option<f64> {
+    let span = i128::from(stamps.last_ns) - i128::from(stamps.first_ns);
+    (stamps.back_jumps == 0 && span >= 0).then_some(span as f64 * 1e-9)
 }
 
 fn decoded(topic: &TopicHealth) -> String {
@@ -153,7 +178,8 @@ fn decoded(topic: &TopicHealth) -> String {
     }
 }
 
-fn stamps(topics: &[TopicHealth]) -> Table {
+/// Of the topics that were read; of all if none was.
+fn stamps(topics: &[TopicHealth], all: bool) -> String {
     let mut table = Table::new(&[
         "topic",
         "stamp",
@@ -166,19 +192,25 @@ fn stamps(topics: &[TopicHealth]) -> Table {
         "most|",
         "gaps|",
         "longest s|",
+        "after s|",
         "repeated|",
         "backwards|",
     ]);
-    for (topic, stamp) in topics.iter().flat_map(|t| t.stamps.iter().map(move |s| (t, s))) {
-        let mut row = vec![topic.name.clone()];
-        row.extend(stamp_cells(stamp));
-        table.row(row);
+    let any = topics.iter().any(|t| t.decoded);
+    let shown = topics.iter().filter(|t| all || t.decoded || !any);
+    for topic in shown.take(if all || any { usize::MAX } else { MOST_TOPICS }) {
+        for stamp in &topic.stamps {
+            let mut row = vec![topic.name.clone()];
+            row.extend(stamp_cells(stamp));
+            table.row(row);
+        }
     }
-    table
+    section(if any && !all { "time stamps of the topics that were read" } else { "time stamps" }, &table)
 }
 
 fn stamp_cells(stamp: &StampHealth) -> Vec<String> {
     let millis = |of: &dyn Fn(&flight::Distribution) -> f64| number(stamp.steps_s.as_ref().map(|d| of(d) * 1e3), 2);
+    let longest = stamp.gaps.first();
     vec![
         stamp.kind.to_string(),
         stamp.clock.to_string(),
@@ -189,54 +221,85 @@ fn stamp_cells(stamp: &StampHealth) -> Vec<String> {
         millis(&|d| d.p99),
         millis(&|d| d.max),
         stamp.gap_count.to_string(),
-        number(stamp.gaps.first().map(|g| g.length_s), 2),
+        number(longest.map(|g| g.length_s), 2),
+        number(longest.map(|g| g.start_s), 1),
         stamp.duplicates.to_string(),
         stamp.back_jumps.to_string(),
     ]
 }
 
-pub(crate) fn damage(health: &LogHealth) -> String {
-    let mut table = Table::new(&["file", "first byte|", "bytes|", "why"]);
-    for range in &health.damage {
-        table.row(vec![range.file.clone(), range.offset.to_string(), range.length.to_string(), range.reason.clone()]);
+fn extras(health: &LogHealth, all: bool) -> String {
+    if health.extras.is_empty() {
+        return String::new();
     }
-    let unlisted = health.damage_count.saturating_sub(health.damage.len() as u64);
-    let mut text = section("damage", &table);
-    if unlisted > 0 {
-        text += &format!("  and {unlisted} more\n");
+    let most = if all { usize::MAX } else { MOST_LISTED };
+    let mut text = String::from("also in the log\n");
+    for extra in health.extras.iter().take(most) {
+        let _ = writeln!(text, "  {}", visible(extra));
+    }
+    let more = health.extras.len().saturating_sub(most);
+    if more > 0 {
+        let _ = writeln!(text, "  and {more} more; --all lists them");
     }
     text
 }
 
-fn extras(health: &LogHealth) -> String {
-    let names: Vec<String> = health.extras.iter().map(|e| visible(e)).collect();
-    if names.is_empty() { String::new() } else { format!("also in the log: {}\n", names.join(", ")) }
-}
-
-fn binding_text(binding: &Binding) -> String {
+fn binding_text(binding: &Binding, flight: &Flight) -> String {
     let mut text = format!("channel map {}: {}\n", visible(&binding.map), visible(&binding.why));
-    text += &channels(&binding.channels).text();
-    text += &channel_remarks(&binding.channels);
-    let mut others = Table::new(&["other map", "would bind", "why not"]);
-    for other in &binding.others {
-        others.row(vec![other.map.clone(), other.binds.join(", "), other.why.clone()]);
+    if let Some(span) = span(&binding.channels, flight) {
+        let _ = writeln!(text, "  {span}");
     }
-    if !others.is_empty() {
-        text += &format!("\n{}", others.text());
+    text += &channels(&binding.channels).text();
+    for table in [offsets(&binding.channels), others(binding)] {
+        if !table.is_empty() {
+            text += &format!("\n{}", table.text());
+        }
     }
     text
+}
+
+/// When it was: what the channels span together, with the date where the log tells it.
+fn span(channels: &[ChannelHealth], flight: &Flight) -> Option<String> {
+    let stamps: Vec<&StampHealth> = channels.iter().filter_map(|c| c.stamps.as_ref()).collect();
+    let clock = stamps.first()?.clock;
+    let of_clock = || stamps.iter().filter(|s| s.clock == clock);
+    let first = of_clock().map(|s| s.first_ns.min(s.last_ns)).min()?;
+    let last = of_clock().map(|s| s.last_ns.max(s.first_ns)).max()?;
+    let seconds = (i128::from(last) - i128::from(first)) as f64 * 1e-9;
+    let utc = |ns: i64| match clock {
+        Clock::Unix => Some(Stamp(ns)),
+        _ => flight.utc.as_ref().filter(|tie| tie.clock == clock).and_then(|tie| tie.unix(Stamp(ns))),
+    };
+    let shown = |stamp: Stamp| {
+        let instant = jiff::Timestamp::from_nanosecond(i128::from(stamp.0)).ok()?;
+        Some(instant.strftime("%Y-%m-%d %H:%M:%S").to_string())
+    };
+    let when = match (utc(first).and_then(shown), utc(last).and_then(shown)) {
+        (Some(from), Some(to)) => format!("from {from} to {to} UTC"),
+        _ => format!(
+            "from {:.1} s to {:.1} s, clock {clock}, which nothing dates",
+            first as f64 * 1e-9,
+            last as f64 * 1e-9
+        ),
+    };
+    Some(format!("{seconds:.1} s {when}"))
 }
 
 fn channels(channels: &[ChannelHealth]) -> Table {
-    let mut table = Table::new(&["channel", "topic", "fields", "rows|", "used|", "rate Hz|", "stamp"]);
+    let mut table = Table::new(&["channel", "topic", "fields", "rows|", "used|", "held|", "rate Hz|", "stamp"]);
     for channel in channels {
         let stamps = channel.stamps.as_ref();
+        let absent = match channel.absent.as_slice() {
+            [] => String::new(),
+            absent => format!("; no {}", absent.join(", no ")),
+        };
         table.row(vec![
             channel.name.clone(),
             channel.source.topic.clone(),
-            channel.source.fields.join(", "),
+            channel.source.fields.join(", ") + &absent,
             channel.rows.to_string(),
             channel.used.to_string(),
+            channel.held.as_ref().map_or(0, |h| h.repeats).to_string(),
             number(stamps.and_then(|s| s.rate_hz), 2),
             stamps.map_or_else(|| "-".to_owned(), |s| format!("{}, {}", s.kind, s.source)),
         ]);
@@ -244,41 +307,42 @@ fn channels(channels: &[ChannelHealth]) -> Table {
     table
 }
 
-/// What does not fit into a row: held values, rejected rows, absent components, offsets between stamps.
-fn channel_remarks(channels: &[ChannelHealth]) -> String {
-    let mut lines = vec![];
-    for channel in channels {
-        if let Some(held) = &channel.held {
-            let interval = held.update_interval_s;
-            lines
-                .push(format!("{} of its rows repeat a held value; it is updated every {interval:.3} s", held.repeats));
-        }
-        if !channel.absent.is_empty() {
-            lines.push(format!("the log does not hold {}", channel.absent.join(", ")));
-        }
-        lines.extend(
-            channel.rejected.iter().map(|r| format!("{}: {}, first at {}", r.reason, count(r.count, "row"), r.first)),
-        );
-        lines.extend(channel.offsets.iter().map(|o| {
-            let d = &o.offset_s;
-            let (low, median, high) = (d.p01 * 1e3, d.median * 1e3, d.p99 * 1e3);
-            format!("{} less {}: median {median:.2} ms, p01 {low:.2} ms, p99 {high:.2} ms", o.of, o.against)
-        }));
-        let name = visible(&channel.name);
-        lines.iter_mut().filter(|l| !l.starts_with("  ")).for_each(|l| *l = format!("  {name}: {}", visible(l)));
+/// How far the kinds of stamp of a channel are apart.
+fn offsets(channels: &[ChannelHealth]) -> Table {
+    let mut table = Table::new(&["channel", "stamps", "median ms|", "p01|", "p99|"]);
+    for (channel, o) in channels.iter().flat_map(|c| c.offsets.iter().map(move |o| (c, o))) {
+        let millis = |x: f64| number(Some(x * 1e3), 2);
+        let d = &o.offset_s;
+        let pair = format!("{} less {}", o.of, o.against);
+        table.row(vec![channel.name.clone(), pair, millis(d.median), millis(d.p01), millis(d.p99)]);
     }
-    lines.into_iter().map(|l| l + "\n").collect()
+    table
 }
 
-pub(crate) fn notices(notices: &Notices) -> String {
-    let mut table = Table::new(&["notice", "where", "count|", "what"]);
-    for notice in notices.iter() {
-        let severity = match notice.severity {
-            Severity::Info => "info",
-            Severity::Warning => "warning",
-            Severity::Loss => "loss",
-        };
-        table.row(vec![severity.to_owned(), notice.place.clone(), notice.count.to_string(), notice.text.clone()]);
+fn others(binding: &Binding) -> Table {
+    let mut table = Table::new(&["other map", "would bind", "why not"]);
+    for other in &binding.others {
+        table.row(vec![other.map.clone(), other.binds.join(", "), other.why.clone()]);
     }
-    section("notices", &table)
+    table
+}
+
+/// What can be done about it.
+fn next(unit: &FlightUnit, loaded: &Loaded, log: &Path) -> String {
+    let mut text = String::new();
+    if loaded.flight.notices.any_loss() {
+        let command = match unit.kind {
+            LogKind::Csv | LogKind::Nmea => format!("flightlag export {} --topics --to csv", typed(log)),
+            _ => format!("flightlag recover {} GOOD.mcap", typed(log)),
+        };
+        let _ = writeln!(text, "data were lost (exit code 3); what is good of them: {command}");
+    }
+    if loaded.binding.is_err() {
+        let _ = writeln!(
+            text,
+            "without a map there are no channels: `flightlag maps` lists what is known, `flightlag maps NAME` prints one \
+             to start your own from, and --maps DIR reads it; `flightlag export LOG --topics` needs none"
+        );
+    }
+    text
 }

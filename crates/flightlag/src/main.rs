@@ -8,6 +8,7 @@ mod criteria;
 mod demo;
 mod export;
 mod failure;
+mod findings;
 mod inspect;
 mod listen;
 mod maps;

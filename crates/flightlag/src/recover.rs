@@ -2,7 +2,8 @@
 
 use crate::arguments::RecoverArguments;
 use crate::failure::{End, Failure};
-use crate::inspect::{damage, notices, unit_of};
+use crate::findings::{damage, notices, section};
+use crate::inspect::unit_of;
 use crate::maps::library;
 use crate::show::{Table, bytes, count, visible};
 use crate::stop::Stop;
@@ -12,8 +13,11 @@ use ingest::{Limits, ReadContext};
 use std::io::Write;
 use std::path::Path;
 
+/// Topics that are listed although all of their messages were written.
+const MOST_TOPICS: usize = 60;
+
 pub(crate) fn run(arguments: &RecoverArguments, stop: &Stop) -> Result<End, Failure> {
-    refuse_existing(&arguments.out, arguments.force)?;
+    check_output(&arguments.out, Output::File, arguments.force)?;
     let unit = unit_of(&arguments.log, &library(None)?)?;
     let context = ReadContext { limits: Limits::default(), cancel: stop.flag(), on_bytes: &|_| {} };
     let recovered = recover(&unit, &arguments.out, &context)?;
@@ -21,12 +25,25 @@ pub(crate) fn run(arguments: &RecoverArguments, stop: &Stop) -> Result<End, Fail
     Ok(if recovered.any_loss() { Exit::Incomplete } else { Exit::Well }.into())
 }
 
-/// What is there is not written over unasked.
-pub(crate) fn refuse_existing(out: &Path, force: bool) -> Result<(), Failure> {
-    if !force && out.exists() {
-        return Err(Failure::new(Exit::Wrong, format!("{} is there already; --force writes over it", out.display())));
+/// What a command writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Output {
+    File,
+    /// With files in it.
+    Folder,
+}
+
+/// Before any work: can `out` be this? What is there is not written over unasked.
+pub(crate) fn check_output(out: &Path, output: Output, force: bool) -> Result<(), Failure> {
+    let wrong = |what: &str| Err(Failure::new(Exit::Wrong, format!("{} {what}", out.display())));
+    let folder = out.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match output {
+        Output::File if out.is_dir() => wrong("is a folder; name the file to write"),
+        Output::Folder if out.exists() && !out.is_dir() => wrong("is a file; name a folder for the tables"),
+        _ if out.exists() && !force => wrong("is there already; --force writes over it"),
+        Output::File if !folder.is_dir() => wrong("cannot be written: there is no such folder"),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 impl From<ConvertError> for Failure {
@@ -39,10 +56,6 @@ impl From<ConvertError> for Failure {
 }
 
 fn page(out: &Path, recovered: &Recovered) -> String {
-    let mut table = Table::new(&["topic", "found|", "written|"]);
-    for topic in &recovered.topics {
-        table.row(vec![topic.name.clone(), topic.found.to_string(), topic.written.to_string()]);
-    }
     let written = recovered.topics.iter().map(|t| t.written).sum();
     let how = match recovered.how {
         How::Copied => "copied byte for byte",
@@ -58,7 +71,30 @@ fn page(out: &Path, recovered: &Recovered) -> String {
         b.damaged,
         b.size,
     );
-    let parts = [head, format!("topics\n{}", table.text()), damage(&recovered.health), notices(&recovered.notices)];
+    let parts = [head, topics(recovered), extras(recovered), damage(&recovered.health), notices(&recovered.notices)];
     let parts: Vec<String> = parts.into_iter().filter(|p| !p.is_empty()).collect();
     parts.join("\n")
+}
+
+fn topics(recovered: &Recovered) -> String {
+    let mut table = Table::new(&["topic", "found|", "written|"]);
+    let many = recovered.topics.len() > MOST_TOPICS;
+    let (whole, short): (Vec<_>, Vec<_>) = recovered.topics.iter().partition(|t| t.found == t.written);
+    let listed = short.iter().chain(if many { &[] } else { whole.as_slice() });
+    for topic in listed {
+        table.row(vec![topic.name.clone(), topic.found.to_string(), topic.written.to_string()]);
+    }
+    let mut text = section("topics", &table);
+    if many {
+        text += &format!("{} topics with every message that was found\n", whole.len());
+    }
+    text
+}
+
+fn extras(recovered: &Recovered) -> String {
+    let mut table = Table::new(&["beside the messages", "written|"]);
+    for extra in &recovered.extras {
+        table.row(vec![extra.what.clone(), extra.count.to_string()]);
+    }
+    if table.is_empty() { String::new() } else { table.text() }
 }

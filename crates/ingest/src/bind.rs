@@ -1,21 +1,20 @@
 //! Columns to channels: which map fits, which rows count, in which order.
 
 mod attitude;
+mod clocks;
+mod order;
 mod rows;
 mod stamps;
 mod stated;
 mod trial;
 
 use self::rows::bind_rows;
-use self::stamps::tie_of;
+use self::stamps::{Tied, tie_of};
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
 use crate::map::{BENCH_ALONE, MapLibrary};
 use crate::reader::Log;
-use flight::{
-    Binding, ChannelHealth, Clock, Flight, LEAPS_KNOWN_UNTIL, MapCandidate, Notices, Quantity, Severity,
-    leaps_are_known_at,
-};
+use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
 
 /// Finds the channel map that fits `log` and makes its flight. The notices of the log come first.
 ///
@@ -55,36 +54,36 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Fli
         channels.push(bound.health);
     }
     channels.sort_by(|a, b| a.name.cmp(&b.name));
-    flight.utc = tie_of(&best.map.ties, log);
-    note_utc(&mut flight);
+    let tied = tie_of(&best.map.ties, log);
+    let tied_by_gps = tied.as_ref().is_some_and(|t| t.from_gps);
+    if let Some(tied) = tied {
+        note_tie(&tied, &mut flight.notices);
+        flight.utc = Some(tied.tie);
+    }
+    clocks::note_unknown_leaps(&mut flight, tied_by_gps);
+    clocks::compare(&mut flight);
     let others = trials.iter().skip(1).filter(|t| !t.plans.is_empty()).map(|t| candidate(t, best)).collect();
     let why = if forced { "asked for by name".to_owned() } else { best.why() };
     (flight, Binding { map: best.map.name.clone(), why, others, channels })
 }
 
-/// What was found out about UTC: the tie of the clock since boot, and whether the leap seconds of the day are known.
-fn note_utc(flight: &mut Flight) {
-    if let Some(tie) = &flight.utc {
-        let text = format!(
-            "the clock {} is dated by {}: {} pairs within {:.3} s; samples keep their stamps",
-            tie.clock,
-            tie.source,
-            tie.pairs,
-            tie.spread_s.p99 - tie.spread_s.p01
-        );
-        flight.notices.push(Severity::Info, "utc-tie", "", tie.pairs, text);
-        if tie.outliers > 0 {
-            let text = "messages that date the clock are more than a second off the others and are not used";
-            flight.notices.push(Severity::Warning, "utc-outlier", &tie.source, tie.outliers, text);
-        }
+/// How a clock is tied to UTC, and what was put right or left out for it.
+fn note_tie(tied: &Tied, notices: &mut Notices) {
+    let tie = &tied.tie;
+    let text = format!(
+        "the clock {} is dated by {}: {} pairs within {:.3} s; samples keep their stamps",
+        tie.clock,
+        tie.source,
+        tie.pairs,
+        tie.spread_s.p99 - tie.spread_s.p01
+    );
+    notices.push(Severity::Info, "utc-tie", "", tie.pairs, text);
+    for repair in &tied.repairs {
+        notices.push(Severity::Warning, repair.code, &tie.source, repair.count, repair.text);
     }
-    let of_gps = flight.channels.values().map(|c| c.series.timeline()).filter(|t| t.clock() == Clock::Gps);
-    let last = of_gps.filter_map(|t| t.clock().unix(*t.stamps().last()?));
-    if last.max().is_some_and(|last| !leaps_are_known_at(last)) {
-        let text = format!(
-            "GPS time is turned to UTC with the leap seconds known until {LEAPS_KNOWN_UNTIL}; the flight is later"
-        );
-        flight.notices.push(Severity::Warning, "leap-seconds", "", 1, text);
+    if tie.outliers > 0 {
+        let text = "messages that date the clock are more than a second off the others and are not used";
+        notices.push(Severity::Warning, "utc-outlier", &tie.source, tie.outliers, text);
     }
 }
 

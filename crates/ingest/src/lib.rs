@@ -35,7 +35,7 @@ pub use load::{Loaded, load, open};
 pub use map::{ChannelMap, MapLibrary, MapSelect};
 pub use map_schema::channel_map_schema;
 pub use reader::{
-    FieldRequest, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Select, Selection, StatedUnit,
+    Extra, FieldRequest, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Select, Selection, StatedUnit,
     ValueKind,
 };
 pub use table::{Column, ColumnData, Table, TopicInfo};

@@ -72,7 +72,8 @@ pub(crate) struct TimeEntry {
     /// How its text is written.
     pub(crate) text: Option<TimeText>,
     /// The GPS week; `field` is then the time in the week. Weeks that are all below 1024 are taken as a counter
-    /// of ten bits and brought to the 1024 weeks that end about a year after this release; week 0 means no fix.
+    /// of ten bits: the weeks nearest to the date of another clock of the log, or else those that end about a year
+    /// after this release. Week 0 means no fix.
     pub(crate) week: Option<String>,
     /// Columns of year, month, day, hour, minute and second (UTC), and perhaps one of the nanoseconds.
     pub(crate) calendar: Option<Vec<String>>,

@@ -3,6 +3,7 @@
 use crate::error::IngestError;
 use crate::table::{Table, TopicInfo};
 use flight::{Dimension, LogHealth, Notices};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A log of any format, opened and recognised.
@@ -60,6 +61,42 @@ pub trait Select {
 pub trait MessageSink {
     /// An intact message, in file order.
     fn message(&self, message: &RawMessage<'_>);
+
+    /// Something intact that the log holds beside its messages, in file order.
+    fn extra(&self, _extra: &Extra<'_>) {}
+}
+
+/// What a log holds beside its messages.
+#[derive(Debug, Clone, Copy)]
+pub enum Extra<'m> {
+    /// A file within the log. If it states a checksum, it is right.
+    Attachment {
+        /// File name.
+        name: &'m str,
+        /// As `text/plain`.
+        media_type: &'m str,
+        /// When it was put into the log, ns.
+        logged_ns: u64,
+        /// When it was made, ns.
+        created_ns: u64,
+        /// Its bytes.
+        data: &'m [u8],
+    },
+    /// Texts by name. What a format keeps in a way of its own (parameters, logged texts) comes as such too.
+    Metadata {
+        /// Name of them all.
+        name: &'m str,
+        /// The texts.
+        entries: &'m BTreeMap<String, String>,
+    },
+    /// What the log says of a topic beside its type, as how its publisher offers it. Comes before the topic's first message,
+    /// and maybe more than once.
+    OfTopic {
+        /// Name of the topic.
+        topic: &'m str,
+        /// The texts.
+        entries: &'m BTreeMap<String, String>,
+    },
 }
 
 /// A message as it stands in the log.

@@ -4,6 +4,8 @@ use crate::flight::{in_context, read, unit, write};
 use convert::{ConvertError, How, Recovered, recover};
 use ingest::{Selection, Table, TopicInfo};
 use simulate::{BagCompression, BagSettings, Container, McapSettings, cut_off, zero_block};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 fn recovered(log: &Path, out: &Path) -> Result<Recovered, ConvertError> {
@@ -101,4 +103,126 @@ fn text_the_log_itself_and_a_log_without_a_message_are_refused_and_nothing_is_le
         .filter(|name| name.contains("flightlag-tmp") || name == "out.mcap")
         .collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+/// An MCAP with a message, two attachments of one name, and metadata.
+fn with_extras(path: &Path) {
+    let mut writer = mcap::Writer::new(std::fs::File::create(path).unwrap()).unwrap();
+    let said = [("offered_qos_profiles".to_owned(), "- depth: 1".to_owned())].into();
+    let channel = writer.add_channel(0, "/chatter", "json", &said).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 5, publish_time: 6 };
+    writer.write_to_known_channel(&header, b"{}").unwrap();
+    for (log_time, data) in [(7, vec![0xA5; 3 << 20]), (8, b"second".to_vec())] {
+        let (name, media_type, data) = ("../calib.bin".to_owned(), "application/x".to_owned(), Cow::Owned(data));
+        writer.attach(&mcap::Attachment { log_time, create_time: 1, name, media_type, data }).unwrap();
+    }
+    for pilot in ["A", "=B"] {
+        let metadata = [("pilot".to_owned(), pilot.to_owned())].into();
+        writer.write_metadata(&mcap::records::Metadata { name: "crew".to_owned(), metadata }).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// Attachments and metadata as another reader finds them.
+type Beside = (Vec<(String, u64, u64, Vec<u8>)>, Vec<BTreeMap<String, String>>);
+
+fn beside(path: &Path) -> Beside {
+    let mut found = (vec![], vec![]);
+    let bytes = std::fs::read(path).unwrap();
+    for record in mcap::read::LinearReader::new(&bytes).unwrap() {
+        match record.unwrap() {
+            mcap::records::Record::Attachment { header: h, data, .. } => {
+                found.0.push((h.name, h.log_time, h.create_time, data.into_owned()));
+            }
+            mcap::records::Record::Metadata(m) if m.name == "crew" => found.1.push(m.metadata),
+            mcap::records::Record::Channel(c) => {
+                assert_eq!(c.metadata.get("offered_qos_profiles").map(String::as_str), Some("- depth: 1"));
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+#[test]
+fn attachments_metadata_and_what_is_said_of_topics_come_out_byte_for_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.mcap"), folder.path().join("out.mcap"));
+    with_extras(&log);
+    let report = recovered(&log, &out).unwrap();
+    assert!(!report.any_loss());
+    let whats: Vec<(&str, u64)> = report.extras.iter().map(|e| (e.what.as_str(), e.count)).collect();
+    let (long, short) =
+        ("attachment ../calib.bin (application/x, 3145728 bytes)", "attachment ../calib.bin (application/x, 6 bytes)");
+    assert_eq!(whats, [(long, 1), (short, 1), ("metadata crew (1 text)", 2)]);
+    assert_eq!(beside(&out), beside(&log));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+#[test]
+fn of_a_damaged_log_the_whole_attachments_come_out_and_the_broken_one_is_a_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.mcap"), folder.path().join("out.mcap"));
+    with_extras(&log);
+    let whole = beside(&log);
+    let mut bytes = std::fs::read(&log).unwrap();
+    bytes[1 << 20] ^= 1;
+    let text = b"second";
+    let second = bytes.windows(text.len()).position(|w| w == text).unwrap();
+    bytes.truncate(second + 200);
+    std::fs::write(&log, &bytes).unwrap();
+    let report = recovered(&log, &out).unwrap();
+    assert!(report.any_loss());
+    assert!(report.health.damage.iter().any(|d| d.reason.contains("calib.bin")), "{:?}", report.health.damage);
+    let (attachments, metadata) = beside(&out);
+    assert_eq!(attachments, whole.0[1..]);
+    assert_eq!(metadata, whole.1);
+}
+
+#[test]
+fn what_a_ulog_holds_beside_its_topics_becomes_metadata() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = |kind: u8, body: &[u8]| [&(body.len() as u16).to_le_bytes()[..], &[kind], body].concat();
+    let entry = |key: &str, value: &[u8]| [&[key.len() as u8], key.as_bytes(), value].concat();
+    let behind = |flag: u8, entry: Vec<u8>| [&[flag][..], &entry].concat();
+    let data = |us: u64| message(b'D', &[&0_u16.to_le_bytes()[..], &us.to_le_bytes(), &1_f32.to_le_bytes()].concat());
+    let log = [
+        b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".to_vec(),
+        message(b'F', b"gps:uint64_t timestamp;float lat;"),
+        message(b'I', &entry("char[3] sys_name", b"PX4")),
+        message(b'I', &entry("uint64_t id", &u64::MAX.to_le_bytes())),
+        message(b'M', &behind(0, entry("char[2] boot", b"ab"))),
+        message(b'M', &behind(1, entry("char[2] boot", b"cd"))),
+        message(b'P', &entry("float EKF2_GPS_DELAY", &110_f32.to_le_bytes())),
+        message(b'Q', &behind(2, entry("int32_t A", &7_i32.to_le_bytes()))),
+        message(b'A', &[&[0][..], &0_u16.to_le_bytes(), b"gps"].concat()),
+        data(1_000_000),
+        message(b'P', &entry("float EKF2_GPS_DELAY", &150_f32.to_le_bytes())),
+        message(b'O', &12_u16.to_le_bytes()),
+        message(b'L', &[&b"4"[..], &1_500_000_u64.to_le_bytes(), b"=low battery"].concat()),
+        data(2_000_000),
+    ];
+    let (path, out) = (folder.path().join("log.ulg"), folder.path().join("out.mcap"));
+    std::fs::write(&path, log.concat()).unwrap();
+    let report = recovered(&path, &out).unwrap();
+    assert_eq!((report.how, report.any_loss()), (How::Rewritten, false), "{:?}", report.notices);
+    let bytes = std::fs::read(&out).unwrap();
+    let mut found = BTreeMap::new();
+    for record in mcap::read::LinearReader::new(&bytes).unwrap() {
+        if let mcap::records::Record::Metadata(m) = record.unwrap() {
+            found.insert(m.name, m.metadata.into_iter().collect::<Vec<_>>());
+        }
+    }
+    let pairs = |pairs: &[(&str, &str)]| -> Vec<(String, String)> {
+        pairs.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect()
+    };
+    let information = [("boot #000001", "abcd"), ("id", "uint64_t 0xffffffffffffffff"), ("sys_name", "PX4")];
+    assert_eq!(found["ulog information"], pairs(&information));
+    assert_eq!(found["ulog parameters"], pairs(&[("EKF2_GPS_DELAY", "110.0")]));
+    assert_eq!(found["ulog default parameters"], pairs(&[("A: configuration", "7")]));
+    assert_eq!(found["ulog parameter changes"], pairs(&[("#000002 at 1.000000 s: EKF2_GPS_DELAY", "150.0")]));
+    assert_eq!(found["ulog dropouts"], pairs(&[("#000003 at 1.000000 s", "12 ms")]));
+    assert_eq!(found["ulog texts"], pairs(&[("#000004 at 1.500000 s: WARNING", "=low battery")]));
+    assert_eq!(report.extras.len(), 6);
+    assert!(found["flightlag-recover"].iter().any(|(key, value)| key == "inputs" && value == "log.ulg"));
 }

@@ -1,6 +1,7 @@
 //! From the rows of a table to the samples of a channel: what is used, what is not and why.
 
 use super::attitude::{from_euler, from_quaternion, rotate};
+use super::order::{self, FAR_NS};
 use super::stamps::Stamps;
 use super::trial::{Found, Plan, numbers};
 use crate::map::{BENCH_ALONE, ChannelRule, Combine, Presence};
@@ -13,8 +14,6 @@ use flight::{
 };
 use std::collections::HashMap;
 
-/// A stamp further than this from the median of its channel is no time of the flight.
-const FAR_NS: u64 = 86_400 * NANOS_PER_SECOND as u64;
 /// Fewer runs than this say nothing of holding.
 const FEWEST_RUNS: usize = 3;
 
@@ -27,11 +26,11 @@ pub(super) struct Bound {
 }
 
 /// A row that is used: where it stood, when it was, what it says.
-struct Sample {
-    row: usize,
-    stamp: i64,
+pub(super) struct Sample {
+    pub(super) row: usize,
+    pub(super) stamp: i64,
     /// As many as the quantity has components, then zeros.
-    values: [f64; 4],
+    pub(super) values: [f64; 4],
 }
 
 /// Rows that are not used, by reason, in the order in which the reasons came up.
@@ -61,11 +60,10 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
         return unusable(plan, &columns, rejects, notices);
     };
     let mut samples = usable_rows(plan, &columns, primary, &mut rejects);
-    reject_far(plan, &mut samples, &mut rejects);
+    order::leave_out_far(&mut samples, primary.clock, &mut |why, s| rejects.add(why, || place(plan, s.row)));
     let raw: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
     let stamps = StampStats::from_slice(primary.kind, primary.clock, &primary.label, &raw);
-    samples.sort_by_key(|s| s.stamp);
-    reject_duplicates(plan, &mut samples, &mut rejects);
+    order::sort(&mut samples, &mut |why, s| rejects.add(why, || place(plan, s.row)));
     let back_jumps = stamps.as_ref().map_or(0, |s| s.back_jumps);
     if back_jumps > 0 {
         let text = "stamps go back; the rows were sorted by stamp";
@@ -219,35 +217,6 @@ fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
         return Err("latitude and longitude are zero: no fix".into());
     }
     if height.abs() > 1e6 { Err("height out of range".into()) } else { Ok(()) }
-}
-
-fn reject_far(plan: &Plan<'_>, samples: &mut Vec<Sample>, rejects: &mut Rejects) {
-    let mut stamps: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
-    let middle = stamps.len() / 2;
-    if middle == 0 {
-        return;
-    }
-    let median = *stamps.select_nth_unstable(middle).1;
-    samples.retain(|s| {
-        let near = s.stamp.abs_diff(median) <= FAR_NS;
-        if !near {
-            rejects.add("stamp more than a day away from the others", || place(plan, s.row));
-        }
-        near
-    });
-}
-
-/// Of rows with equal stamps the first in the log is kept.
-fn reject_duplicates(plan: &Plan<'_>, samples: &mut Vec<Sample>, rejects: &mut Rejects) {
-    let mut last = None;
-    samples.retain(|s| {
-        let fresh = last != Some(s.stamp);
-        last = Some(s.stamp);
-        if !fresh {
-            rejects.add("stamp equal to the one before", || place(plan, s.row));
-        }
-        fresh
-    });
 }
 
 /// A driver fills in what its sensor does not have, say with zeros: a channel of a bench without one usable row is

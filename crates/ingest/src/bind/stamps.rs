@@ -6,7 +6,7 @@ use crate::map::{TieRule, TimeSource};
 use crate::reader::Log;
 use crate::table::{Column, Table};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
-use flight::{Clock, NANOS_PER_SECOND, Stamp, StampKind, UtcTie, WEEK_S};
+use flight::{Clock, NANOS_PER_SECOND, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
 use std::ops::Range;
 
 /// Receivers without a fix count from 1970, 1980 or the year of their firmware; no log that ties is from before 2000.
@@ -35,43 +35,79 @@ pub(super) fn is_constant(nanos: &[Option<i64>]) -> bool {
     nanos.len() > 1 && values.all(|v| Some(v) == first)
 }
 
-/// One stamp for each row; `None` if the table has no such source or nothing in it.
-pub(super) fn read_stamps(kind: StampKind, source: &TimeSource, table: &Table) -> Option<Stamps> {
-    let (mut nanos, ten_bit) = match source {
-        TimeSource::GpsWeek { week, field, tick } => gps_weeks(numbers(table, week)?, field, *tick, table)?,
-        _ => (nanos_of(source, table)?, 0),
-    };
+/// When another clock of the log says that the rows of a table were written, ns since 1970: the median of the first of
+/// `sources` that counts UTC, or else of the container's stamps.
+pub(super) fn written_at<'s>(sources: impl Iterator<Item = &'s TimeSource>, table: &Table) -> Option<i64> {
+    let utc = sources.filter(|s| s.clock() == Clock::Unix).chain([&TimeSource::ContainerLogged]);
+    utc.filter_map(|source| {
+        let mut stamps: Vec<i64> = nanos_of(source, table)?.into_iter().flatten().collect();
+        stamps.sort_unstable();
+        let median = *stamps.get(stamps.len() / 2)?;
+        // A container may count from boot.
+        (median > NO_UTC_BEFORE_NS).then_some(median)
+    })
+    .next()
+}
+
+/// One stamp for each row; `None` if the table has no such source or nothing in it. `written_at` is [`written_at`].
+pub(super) fn read_stamps(
+    kind: StampKind,
+    source: &TimeSource,
+    table: &Table,
+    written_at: impl Fn() -> Option<i64>,
+) -> Option<Stamps> {
     let mut repairs = vec![];
-    let mut note = |code, count, text| {
-        if count > 0 {
-            repairs.push(Repair { code, count, text });
+    let mut nanos = match source {
+        TimeSource::GpsWeek { week, field, tick } => {
+            let logged = written_at().and_then(|unix| Some(gps_of_unix(Stamp(unix))?.0 / (WEEK_S * NANOS_PER_SECOND)));
+            let (nanos, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
+            let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
+            note(&mut repairs, "week-rollover", ten_bit, rule);
+            nanos
         }
+        _ => nanos_of(source, table)?,
     };
-    note(
-        "week-rollover",
-        ten_bit,
-        "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to this release",
-    );
-    match source {
-        TimeSource::Number {
-            tick: tick @ (Tick::Millis | Tick::TenthMillis | Tick::Micros),
-            clock: Clock::Boot | Clock::Elapsed,
-            ..
-        } => {
-            note(
-                "stamp-wrap",
-                unwrap(&mut nanos, tick.nanos()),
-                "the counter of 32 bits began anew; the stamps run on",
-            );
-        }
-        TimeSource::Number { .. } | TimeSource::GpsWeek { .. } => {
-            note("week-glitch", redate_weeks(&mut nanos), "stamps a week off their neighbours were put back");
-        }
-        _ => {}
-    }
+    repair(source, &mut nanos, &mut repairs);
     let any = nanos.iter().any(Option::is_some);
     any.then(|| Stamps { kind, clock: source.clock(), label: source.label(), nanos, repairs })
 }
+
+const NEAREST_TO_LOG: &str =
+    "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to the date of the log's other clock";
+const NEAREST_TO_RELEASE: &str =
+    "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to this release";
+
+fn note(repairs: &mut Vec<Repair>, code: &'static str, count: u64, text: &'static str) {
+    if count > 0 {
+        repairs.push(Repair { code, count, text });
+    }
+}
+
+/// Puts right what the clock of a source is known to do wrong.
+fn repair(source: &TimeSource, nanos: &mut [Option<i64>], repairs: &mut Vec<Repair>) {
+    let TimeSource::Number { tick, clock, .. } = source else {
+        if matches!(source, TimeSource::GpsWeek { .. }) {
+            note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
+        }
+        return;
+    };
+    if !matches!(clock, Clock::Boot | Clock::Elapsed) {
+        return note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
+    }
+    if matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) {
+        let wraps = unwrap(nanos, tick.nanos() << 32);
+        note(repairs, "stamp-wrap", wraps, "the counter of 32 bits began anew; the stamps run on");
+    }
+    if *clock == Clock::Elapsed {
+        let weeks = unwrap(nanos, WEEK_S * NANOS_PER_SECOND);
+        note(repairs, "stamp-wrap", weeks, "the time of week began anew; the stamps run on");
+        let days = unwrap(nanos, DAY_S * NANOS_PER_SECOND);
+        note(repairs, "stamp-wrap", days, "the time of day began anew; the stamps run on");
+    }
+}
+
+const WEEK_OFF: &str = "stamps a week off their neighbours were put back";
+const DAY_S: i64 = 86_400;
 
 fn nanos_of(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
     let rows = 0..table.rows;
@@ -100,7 +136,7 @@ fn nanos_of(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
             let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
             rows.map(|row| calendar(&columns, row)).collect()
         }
-        TimeSource::GpsWeek { week, field, tick } => gps_weeks(numbers(table, week)?, field, *tick, table)?.0,
+        TimeSource::GpsWeek { week, field, tick } => gps_weeks(numbers(table, week)?, field, *tick, None, table)?.0,
     })
 }
 
@@ -119,10 +155,17 @@ fn ticks(field: &str, tick: Tick, table: &Table, rows: Range<usize>) -> Option<V
     }
 }
 
-/// GPS time from a week and the time in it, and how many weeks were counters of ten bits.
-fn gps_weeks(week: &Column, field: &str, tick: Tick, table: &Table) -> Option<(Vec<Option<i64>>, u64)> {
+/// GPS time from a week and the time in it, and how many weeks were counters of ten bits. `logged` is the week in which
+/// the log was written, if another clock says it.
+fn gps_weeks(
+    week: &Column,
+    field: &str,
+    tick: Tick,
+    logged: Option<i64>,
+    table: &Table,
+) -> Option<(Vec<Option<i64>>, u64)> {
     let in_week = ticks(field, tick, table, 0..table.rows)?;
-    let count = WeekCount::of((0..table.rows).filter_map(|row| week.integer(row)));
+    let count = WeekCount::of((0..table.rows).filter_map(|row| week.integer(row)), logged);
     let mut ten_bit = 0;
     let nanos = in_week.into_iter().enumerate().map(|(row, in_week)| {
         let in_week = in_week.filter(|ns| (0..WEEK_S * NANOS_PER_SECOND).contains(ns))?;
@@ -143,8 +186,16 @@ fn calendar(columns: &[&Column], row: usize) -> Option<i64> {
     calendar_to_unix_ns([year, month, day, hour, minute, second], nanos)
 }
 
+/// What ties a clock to UTC, and what is to be said of it.
+pub(super) struct Tied {
+    pub(super) tie: UtcTie,
+    /// UTC was reckoned from GPS time.
+    pub(super) from_gps: bool,
+    pub(super) repairs: Vec<Repair>,
+}
+
 /// The first of the rules that ties a clock to UTC in this log.
-pub(super) fn tie_of(rules: &[TieRule], log: &Log) -> Option<UtcTie> {
+pub(super) fn tie_of(rules: &[TieRule], log: &Log) -> Option<Tied> {
     rules.iter().find_map(|rule| {
         let mut tables: Vec<_> = log.tables.iter().filter_map(|t| Some((rule.meets(&t.topic)?, t))).collect();
         tables.sort_by_key(|(closeness, _)| *closeness);
@@ -152,9 +203,10 @@ pub(super) fn tie_of(rules: &[TieRule], log: &Log) -> Option<UtcTie> {
     })
 }
 
-fn tie_in(rule: &TieRule, table: &Table) -> Option<UtcTie> {
-    let stamps = read_stamps(StampKind::Logged, &rule.stamp, table)?;
-    let utc = read_stamps(StampKind::Measured, &rule.utc, table)?;
+fn tie_in(rule: &TieRule, table: &Table) -> Option<Tied> {
+    let written_at = || written_at([].into_iter(), table);
+    let stamps = read_stamps(StampKind::Logged, &rule.stamp, table, written_at)?;
+    let utc = read_stamps(StampKind::Measured, &rule.utc, table, written_at)?;
     let meets = |row: usize| {
         rule.require.iter().all(|r| numbers(table, &r.field).and_then(|c| c.number(row)).is_none_or(|v| r.met_by(v)))
     };
@@ -163,5 +215,7 @@ fn tie_in(rule: &TieRule, table: &Table) -> Option<UtcTie> {
         Some((stamps.nanos.get(row).copied().flatten()?, unix)).filter(|_| unix > NO_UTC_BEFORE_NS && meets(row))
     };
     let pairs: Vec<(i64, i64)> = (0..table.rows).filter_map(pair).collect();
-    tie(rule.clock, format!("{}: {} and {}", table.topic.name, stamps.label, utc.label), &pairs)
+    let tie = tie(rule.clock, format!("{}: {} and {}", table.topic.name, stamps.label, utc.label), &pairs)?;
+    let repairs = stamps.repairs.into_iter().chain(utc.repairs).collect();
+    Some(Tied { tie, from_gps: utc.clock == Clock::Gps, repairs })
 }

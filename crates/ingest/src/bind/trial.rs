@@ -1,7 +1,7 @@
 //! Tries a channel map on a log: which tables and columns its rules find.
 
 use super::binds;
-use super::stamps::{Stamps, is_constant, read_stamps};
+use super::stamps::{Stamps, is_constant, read_stamps, written_at};
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table};
@@ -250,7 +250,8 @@ fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<Stri
     let mut found: Vec<Stamps> = vec![];
     for (kind, sources) in &rule.times {
         for source in sources {
-            let Some(stamps) = read_stamps(*kind, source, table) else { continue };
+            let written_at = || written_at(rule.times.iter().flat_map(|(_, sources)| sources), table);
+            let Some(stamps) = read_stamps(*kind, source, table, written_at) else { continue };
             if is_constant(&stamps.nanos) {
                 remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
                 continue;

@@ -13,7 +13,7 @@ pub(crate) mod schema;
 pub(crate) use common::{COMMON, common_definition};
 
 use crate::ledger::Fate;
-use crate::reader::{Log, RawMessage, Select, Selection};
+use crate::reader::{Extra, Log, RawMessage, Select, Selection};
 use crate::stamps::StampStats;
 use crate::table::{Table, TopicInfo};
 use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
@@ -143,7 +143,8 @@ struct Topic {
     messages: u64,
     payload_bytes: u64,
     logged: StampStats,
-    published: StampStats,
+    /// `None` as long as every message was published when it was logged.
+    published: Option<StampStats>,
     /// Messages counted from an index: their payload and time of publishing are not known.
     only_indexed: u64,
     undecodable: Tally,
@@ -302,6 +303,18 @@ impl<'w> Topics<'w> {
         fate
     }
 
+    /// Whether somebody takes what is beside the messages.
+    pub(crate) fn takes_extras(&self) -> bool {
+        self.want.sink().is_some()
+    }
+
+    /// Hands on what is beside the messages.
+    pub(crate) fn extra(&self, extra: &Extra<'_>) {
+        if let Some(sink) = self.want.sink() {
+            sink.extra(extra);
+        }
+    }
+
     /// Counts a message that an index lists in a stretch that was not read.
     pub(crate) fn indexed(&mut self, route: Route, logged_ns: i64) {
         if let Some(topic) = self.topics.get_mut(route.topic as usize) {
@@ -341,7 +354,6 @@ impl<'w> Topics<'w> {
 
 impl Topic {
     fn new(info: TopicInfo, selection: &Selection, described: bool) -> Topic {
-        let stats = || if described { StampStats::new() } else { StampStats::counts_only() };
         Topic {
             info,
             wanted: Wanted::of(selection),
@@ -351,8 +363,8 @@ impl Topic {
             rows: Rows::default(),
             messages: 0,
             payload_bytes: 0,
-            logged: stats(),
-            published: stats(),
+            logged: if described { StampStats::new() } else { StampStats::counts_only() },
+            published: None,
             only_indexed: 0,
             undecodable: Tally::default(),
             too_long: Tally::default(),
@@ -387,9 +399,12 @@ impl Topic {
     fn count(&mut self, times: Times, length: u64) {
         self.messages += 1;
         self.payload_bytes += length;
+        if self.published.is_none() && times.published_ns != Some(times.logged_ns) {
+            self.published = Some(self.logged.clone());
+        }
         self.logged.push(times.logged_ns);
-        if let Some(published) = times.published_ns {
-            self.published.push(published);
+        if let (Some(stats), Some(published)) = (&mut self.published, times.published_ns) {
+            stats.push(published);
         }
     }
 
@@ -489,8 +504,9 @@ impl Topic {
     fn stamps(&self, clock: Clock) -> Vec<StampHealth> {
         let logged = self.logged.clone().finish(StampKind::Logged, clock, "log");
         // Of messages that only an index told of, the time of publishing is not known.
+        let published = self.published.as_ref().unwrap_or(&self.logged);
         let published = (self.only_indexed == 0)
-            .then(|| self.published.clone().finish(StampKind::Published, clock, "publish"))
+            .then(|| published.clone().finish(StampKind::Published, clock, "publish"))
             .flatten();
         logged.into_iter().chain(published).collect()
     }

@@ -148,7 +148,7 @@ pub(crate) fn text_of(bytes: &[u8]) -> Cow<'_, str> {
 }
 
 /// The number that the bytes begin with; `None` for a whole number beyond `i64`.
-#[inline]
+#[inline(always)]
 pub(crate) fn number_of(number: Number, bytes: &[u8]) -> Option<Value<'static>> {
     Some(match number {
         Number::Bool => Value::Float(f64::from(u8::from(*bytes.first()? != 0))),

@@ -2,10 +2,12 @@
 //!
 //! A definition and the wanted fields are compiled once into a list of operations; a message
 //! is then one walk over that list. What is not wanted is stepped over: in one step where its
-//! size is constant. CDR is the classic encoding (OMG XCDR 1, `DDSI-RTPS` 10.5) in either byte
+//! size is constant. Neighbours of constant size are read together, each at its own offset. CDR is the classic encoding (OMG XCDR 1, `DDSI-RTPS` 10.5) in either byte
 //! order; XCDR 2 and parameter lists are refused.
 
+use crate::bytes::Bytes;
 use crate::decode::Wanted;
+use crate::decode::packed::number_of;
 use crate::decode::rows::{Rows, Value, ValueType};
 use crate::decode::schema::{Count, Dialect, Field, Kind, Number, Schema};
 
@@ -45,12 +47,52 @@ struct Step {
 #[derive(Debug)]
 enum What {
     Over(Sizes),
-    Number { column: usize, number: Number },
-    Time { column: usize, signed_seconds: bool },
+    Run(Run),
+    Fixed { column: usize, what: Fixed },
     Text { column: usize },
     WideText { column: usize },
     OverMany { count: Option<u32>, element: Element },
     Array { count: Option<u32>, wanted: Vec<(u32, Vec<Step>)>, element: Element },
+}
+
+/// Neighbours of constant size. Most messages have all of them, in little-endian order: then only `reads` matter.
+#[derive(Debug)]
+struct Run {
+    sizes: Sizes,
+    reads: Vec<Read>,
+    /// The same one by one.
+    steps: Vec<Step>,
+}
+
+/// A value at a known place of a run.
+#[derive(Debug)]
+struct Read {
+    column: usize,
+    /// Bytes before it, by the phase at which the run begins.
+    offsets: Sizes,
+    what: Fixed,
+}
+
+/// A value of constant size.
+#[derive(Debug, Clone, Copy)]
+enum Fixed {
+    Number(Number),
+    Time(TimeSigns),
+}
+
+/// Which halves of a time have a sign.
+#[derive(Debug, Clone, Copy)]
+struct TimeSigns {
+    seconds: bool,
+    nanos: bool,
+}
+
+impl TimeSigns {
+    /// Nanoseconds; any 32 bits of seconds fit.
+    fn nanos(self, seconds: u32, nanos: u32) -> i64 {
+        let signed = |number: u32, sign| if sign { i64::from(number as i32) } else { i64::from(number) };
+        signed(seconds, self.seconds) * flight::NANOS_PER_SECOND + signed(nanos, self.nanos)
+    }
 }
 
 /// Something to be stepped over.
@@ -71,7 +113,13 @@ impl Plan {
         let mut steps = vec![];
         compiler.message(0, "", wanted, rows, &mut steps);
         let wide = schema.messages.iter().flat_map(|m| &m.fields).any(|f| f.kind == Kind::WideText);
-        Plan { dialect: schema.dialect, steps: merged(steps), over, places: compiler.places, wide }
+        Plan {
+            dialect: schema.dialect,
+            steps: in_runs(merged(steps), schema.dialect),
+            over,
+            places: compiler.places,
+            wide,
+        }
     }
 
     /// Sets the wanted values of the open row. Returns how many bytes the message has beyond its definition.
@@ -212,10 +260,7 @@ impl<'s> Compiler<'s> {
         }
         match field.count {
             Count::One => self.one(field, path, wanted, rows, steps),
-            Count::Fixed(_) | Count::Variable => {
-                let step = self.array(field, path, wanted, rows);
-                steps.push(step);
-            }
+            Count::Fixed(_) | Count::Variable => self.array(field, path, wanted, rows, steps),
         }
     }
 
@@ -243,10 +288,12 @@ impl<'s> Compiler<'s> {
             Kind::Number(number) => {
                 let value_type =
                     if matches!(number, Number::I64 | Number::U64) { ValueType::Integer } else { ValueType::Float };
-                What::Number { column: rows.column(path, value_type)?, number }
+                What::Fixed { column: rows.column(path, value_type)?, what: Fixed::Number(number) }
             }
-            Kind::Time { signed_seconds } => {
-                What::Time { column: rows.column(path, ValueType::Integer)?, signed_seconds }
+            Kind::Time { signed_seconds: seconds } => {
+                // A duration of ROS 1 has signed nanoseconds as well; ROS 2 has them unsigned everywhere.
+                let signs = TimeSigns { seconds, nanos: seconds && self.schema.dialect == Dialect::Ros1 };
+                What::Fixed { column: rows.column(path, ValueType::Integer)?, what: Fixed::Time(signs) }
             }
             Kind::Text => What::Text { column: rows.column(path, ValueType::Text)? },
             Kind::WideText => What::WideText { column: rows.column(path, ValueType::Text)? },
@@ -254,7 +301,7 @@ impl<'s> Compiler<'s> {
         })
     }
 
-    fn array(&mut self, field: &Field, path: String, wanted: &Wanted, rows: &mut Rows) -> Step {
+    fn array(&mut self, field: &Field, path: String, wanted: &Wanted, rows: &mut Rows, steps: &mut Vec<Step>) {
         let indexes = match field.count {
             Count::Fixed(count) => wanted.elements(&path, count.min(MOST_ELEMENTS)),
             Count::One | Count::Variable => wanted.elements(&path, 0),
@@ -264,14 +311,45 @@ impl<'s> Compiler<'s> {
         for index in indexes {
             let mut steps = vec![];
             self.field(&one, format!("{path}[{index}]"), wanted, rows, &mut steps);
-            read.push((index, merged(steps)));
+            read.push((index, steps));
         }
         if read.is_empty() {
-            return self.step_over(field, path);
+            let step = self.step_over(field, path);
+            return steps.push(step);
         }
-        let what = What::Array { count: fixed_count(field.count), wanted: read, element: self.element(field.kind) };
-        Step { what, place: self.place(path) }
+        let (element, place, dialect) = (self.element(field.kind), self.place(path), self.schema.dialect);
+        match field.count {
+            Count::Fixed(count) if element.sizes(dialect, count).is_some() => {
+                steps.extend(unrolled(count, element, read, dialect, place));
+            }
+            _ => {
+                let wanted = read.into_iter().map(|(index, steps)| (index, in_runs(merged(steps), dialect))).collect();
+                steps.push(Step { what: What::Array { count: fixed_count(field.count), wanted, element }, place });
+            }
+        }
     }
+}
+
+/// An array of known size, element by element.
+fn unrolled(
+    count: u32,
+    element: Element,
+    wanted: Vec<(u32, Vec<Step>)>,
+    dialect: Dialect,
+    place: u32,
+) -> impl Iterator<Item = Step> {
+    let mut next = 0;
+    let mut over = move |until: u32| {
+        let sizes = element.sizes(dialect, until - next).unwrap_or(NOTHING);
+        next = until + 1;
+        Step { what: What::Over(sizes), place }
+    };
+    let end = (count, vec![]);
+    wanted
+        .into_iter()
+        .filter(move |(index, _)| *index < count)
+        .chain(std::iter::once(end))
+        .flat_map(move |(index, steps)| std::iter::once(over(index)).chain(steps))
 }
 
 fn fixed_count(count: Count) -> Option<u32> {
@@ -339,6 +417,70 @@ fn merged(steps: Vec<Step>) -> Vec<Step> {
     short
 }
 
+/// Neighbours of constant size become one step.
+fn in_runs(steps: Vec<Step>, dialect: Dialect) -> Vec<Step> {
+    let mut short: Vec<Step> = vec![];
+    for step in steps {
+        match (short.last_mut(), step.size(dialect)) {
+            (Some(Step { what: What::Run(run), .. }), Some(sizes)) => run.push(step, sizes),
+            (_, Some(sizes)) => {
+                let place = step.place;
+                let mut run = Run { sizes: NOTHING, reads: vec![], steps: vec![] };
+                run.push(step, sizes);
+                short.push(Step { what: What::Run(run), place });
+            }
+            (_, None) => short.push(step),
+        }
+    }
+    short
+}
+
+impl Step {
+    /// `None` if it varies.
+    fn size(&self, dialect: Dialect) -> Option<Sizes> {
+        match &self.what {
+            What::Over(sizes) => Some(*sizes),
+            What::Fixed { what, .. } => {
+                let (alignment, size) = what.alignment_and_size();
+                Some(aligned_sizes(dialect, alignment, size))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Run {
+    fn push(&mut self, step: Step, sizes: Sizes) {
+        self.sizes = joined(self.sizes, sizes);
+        if let What::Fixed { column, what } = step.what {
+            let (_, size) = what.alignment_and_size();
+            self.reads.push(Read { column, offsets: self.sizes.map(|end| end.saturating_sub(size)), what });
+        }
+        self.steps.push(step);
+    }
+}
+
+impl Fixed {
+    fn alignment_and_size(self) -> (u64, u64) {
+        match self {
+            Fixed::Number(number) => (number.size(), number.size()),
+            Fixed::Time(_) => (4, 8),
+        }
+    }
+
+    /// The value that little-endian bytes begin with; `None` for a number that no column can hold.
+    #[inline(always)]
+    fn value(self, bytes: &[u8]) -> Option<Value<'static>> {
+        match self {
+            Fixed::Number(number) => number_of(number, bytes),
+            Fixed::Time(signs) => {
+                let mut bytes = Bytes(bytes);
+                Some(Value::Integer(signs.nanos(bytes.u32()?, bytes.u32()?)))
+            }
+        }
+    }
+}
+
 /// Why a walk stopped: the message ended, or a length in it cannot be.
 #[derive(Debug, Clone, Copy)]
 struct Fault {
@@ -382,14 +524,11 @@ impl<'p> Walk<'p> {
         let short = Fault { place: step.place, claimed: None };
         match &step.what {
             What::Over(sizes) => self.forward(at_phase(sizes, self.at as u64)).ok_or(short),
-            What::Number { column, number } => {
-                if let Some(value) = self.number(*number).ok_or(short)? {
+            What::Run(run) => self.run(run, over, rows),
+            What::Fixed { column, what } => {
+                if let Some(value) = self.fixed(*what).ok_or(short)? {
                     rows.set(*column, value);
                 }
-                Ok(())
-            }
-            What::Time { column, signed_seconds } => {
-                rows.set(*column, Value::Integer(self.time(*signed_seconds).ok_or(short)?));
                 Ok(())
             }
             What::Text { column } => {
@@ -411,6 +550,22 @@ impl<'p> Walk<'p> {
                 self.array(count, wanted, *element, over, rows, step.place)
             }
         }
+    }
+
+    fn run(&mut self, run: &Run, over: &[Vec<Step>], rows: &mut Rows) -> Result<(), Fault> {
+        let phase = self.at % 8;
+        let size = usize::try_from(at_phase(&run.sizes, self.at as u64)).ok();
+        let end = size.and_then(|size| self.at.checked_add(size));
+        let bytes = end.and_then(|end| self.data.get(self.at..end)).filter(|_| !self.big_endian);
+        let Some(bytes) = bytes else { return self.steps(&run.steps, over, rows) };
+        for Read { column, offsets, what } in &run.reads {
+            let from = bytes.get(at_phase(offsets, phase as u64) as usize..).unwrap_or_default();
+            if let Some(value) = what.value(from) {
+                rows.set(*column, value);
+            }
+        }
+        self.at += bytes.len();
+        Ok(())
     }
 
     fn array(
@@ -472,11 +627,7 @@ impl<'p> Walk<'p> {
                     self.over(count, *element, over, step.place)?;
                 }
                 // Nothing is read on the way over.
-                What::Number { .. }
-                | What::Time { .. }
-                | What::Text { .. }
-                | What::WideText { .. }
-                | What::Array { .. } => {}
+                What::Run(_) | What::Fixed { .. } | What::Text { .. } | What::WideText { .. } | What::Array { .. } => {}
             }
         }
         Ok(())
@@ -534,13 +685,11 @@ impl<'p> Walk<'p> {
         }))
     }
 
-    /// Nanoseconds; any 32 bits of seconds fit.
-    fn time(&mut self, signed_seconds: bool) -> Option<i64> {
-        let (seconds, nanos) = (self.u32()?, self.u32()?);
-        let seconds = if signed_seconds { i64::from(seconds as i32) } else { i64::from(seconds) };
-        // A duration of ROS 1 has signed nanoseconds as well; ROS 2 has them unsigned everywhere.
-        let nanos = if signed_seconds && !self.aligned { i64::from(nanos as i32) } else { i64::from(nanos) };
-        Some(seconds * flight::NANOS_PER_SECOND + nanos)
+    fn fixed(&mut self, what: Fixed) -> Option<Option<Value<'static>>> {
+        match what {
+            Fixed::Number(number) => self.number(number),
+            Fixed::Time(signs) => Some(Some(Value::Integer(signs.nanos(self.u32()?, self.u32()?)))),
+        }
     }
 
     fn count(&mut self, fixed: Option<u32>) -> Option<u32> {

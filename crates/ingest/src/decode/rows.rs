@@ -82,7 +82,7 @@ impl Rows {
     }
 
     /// Sets a value of the open row. One that does not fit the column's type is left out and counted.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn set(&mut self, column: usize, value: Value<'_>) {
         let Some(growing) = self.columns.get_mut(column) else { return };
         if !growing.set(self.closed, value) {
@@ -150,6 +150,7 @@ impl Growing {
         }
     }
 
+    #[inline(always)]
     fn set(&mut self, row: usize, value: Value<'_>) -> bool {
         // Nearly always the value fits its column and follows the one before.
         match (&mut self.data, value) {

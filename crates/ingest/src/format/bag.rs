@@ -15,10 +15,10 @@ use crate::format::Reading;
 use crate::format::file::LogFile;
 use crate::format::inflate::Inflater;
 use crate::ledger::{Fate, Ledger};
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// The first line of a bag.
@@ -81,6 +81,7 @@ fn read_file(
         padding: 0,
         padding_of_messages: 0,
         behind_message: false,
+        seen: None,
     };
     walk.begin(start, intact);
     walk.run()?;
@@ -214,7 +215,7 @@ struct Connection {
 /// Connections of one bag; gives messages to the topics.
 struct Connections<'t, 'w> {
     topics: &'t mut Topics<'w>,
-    known: HashMap<u32, Connection>,
+    known: BTreeMap<u32, Connection>,
     definition_bytes: usize,
     unplaced: Tally,
     redefined: Tally,
@@ -224,7 +225,7 @@ impl<'t, 'w> Connections<'t, 'w> {
     fn new(topics: &'t mut Topics<'w>) -> Connections<'t, 'w> {
         Connections {
             topics,
-            known: HashMap::new(),
+            known: BTreeMap::new(),
             definition_bytes: 0,
             unplaced: Tally::default(),
             redefined: Tally::default(),
@@ -271,26 +272,25 @@ impl Visit for Connections<'_, '_> {
         let type_name = fields.text("type").ok_or("a connection without a type")?;
         let definition = fields.get("message_definition").unwrap_or_default();
         let info = TopicInfo { name: topic.to_owned(), type_name, encoding: "ros1".to_owned() };
+        let beside = ["callerid", "latching", "md5sum"].iter();
+        let entries = beside.filter_map(|name| Some(((*name).to_owned(), fields.text(name)?))).collect();
+        self.topics.extra(&Extra::OfTopic { topic, entries: &entries });
         self.add(connection, info, definition)
     }
 
-    fn wants(&self, connection: u32) -> bool {
-        self.known.get(&connection).is_some_and(|c| c.route.is_wanted())
+    fn route(&self, connection: u32) -> Option<Route> {
+        self.known.get(&connection).map(|known| known.route)
     }
 
-    fn knows(&self, connection: u32) -> bool {
-        self.known.contains_key(&connection)
+    fn message(&mut self, route: Route, logged_ns: i64, payload: &[u8]) -> Fate {
+        self.topics.message(route, Times { logged_ns, published_ns: None }, payload)
     }
 
-    fn message(&mut self, connection: u32, logged_ns: i64, length: u32, payload: Option<&[u8]>) -> Fate {
-        let Some(known) = self.known.get(&connection) else {
+    fn unread(&mut self, connection: u32, route: Option<Route>, logged_ns: i64, length: u32) -> Fate {
+        let Some(route) = route else {
             self.unplaced.add(|| format!("connection {connection}"));
             return Fate::Skipped;
         };
-        let times = Times { logged_ns, published_ns: None };
-        match payload {
-            Some(payload) => self.topics.message(known.route, times, payload),
-            None => self.topics.unread(known.route, times, u64::from(length)),
-        }
+        self.topics.unread(route, Times { logged_ns, published_ns: None }, u64::from(length))
     }
 }

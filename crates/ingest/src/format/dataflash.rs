@@ -21,6 +21,9 @@ use flight::Clock;
 use memchr::memmem;
 use std::path::PathBuf;
 
+/// Topics in one log: there are less than 256 types, and few instances of each.
+const MOST_TOPICS: usize = 4096;
+
 /// Reads one DataFlash log, binary or text, or several that make up one flight.
 #[derive(Debug, Clone)]
 pub struct DataFlashReader {
@@ -37,6 +40,7 @@ impl DataFlashReader {
 
 impl LogReader for DataFlashReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let context = &super::with_topics(context, MOST_TOPICS);
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         topics.count_by(Clock::Boot);
         let mut log = Log::default();

@@ -24,10 +24,10 @@ use crate::format::Reading;
 use crate::format::bag_folder::Metadata;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -293,7 +293,7 @@ fn merged(mut listed: Vec<(i64, i64, u32)>, found: Vec<(i64, u32)>) -> Vec<u32> 
 
 /// Where the messages of each topic go.
 struct Announced {
-    routes: HashMap<i64, Route>,
+    routes: BTreeMap<i64, Route>,
     built_in: u64,
 }
 
@@ -301,9 +301,14 @@ fn announce(named: &[(i64, Vec<Owned>)], definitions: &[(i64, Vec<Owned>)], topi
     let text = |row: &[Owned], column: usize| row.get(column).and_then(Owned::text).unwrap_or_default().to_owned();
     let known: HashMap<String, (String, String)> =
         definitions.iter().map(|(_, row)| (text(row, 1), (text(row, 2), text(row, 3)))).collect();
-    let mut announced = Announced { routes: HashMap::new(), built_in: 0 };
+    let mut announced = Announced { routes: BTreeMap::new(), built_in: 0 };
     for (id, row) in named {
         let info = TopicInfo { name: text(row, 1), type_name: text(row, 2), encoding: text(row, 3) };
+        // As rosbag2 calls them in an MCAP.
+        let beside = [("offered_qos_profiles", text(row, 4)), ("topic_type_hash", text(row, 5))];
+        let beside = beside.into_iter().filter(|(_, value)| !value.is_empty());
+        let entries = beside.map(|(name, value)| (name.to_owned(), value)).collect();
+        topics.extra(&Extra::OfTopic { topic: &info.name, entries: &entries });
         let own = known.get(&info.type_name).filter(|(encoding, text)| !text.is_empty() && encoding != "unknown");
         let common = if own.is_none() { common_definition(&info.type_name) } else { None };
         announced.built_in += u64::from(common.is_some());

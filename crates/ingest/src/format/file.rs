@@ -8,8 +8,10 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-/// Bytes fetched in one go when little is asked for.
-const READ_AHEAD: usize = 256 << 10;
+/// Bytes fetched in one go when little is asked for again and again.
+const READ_AHEAD: usize = 64 << 10;
+/// Bytes fetched behind a jump: who jumps may jump again. With every fetch that follows it becomes four times as much.
+const FIRST_AHEAD: usize = 1 << 10;
 /// Progress is reported, and a wish to stop is heard, this often, bytes.
 const PROGRESS_STEP: u64 = 1 << 20;
 
@@ -22,6 +24,7 @@ pub(crate) struct LogFile {
     buffer: Vec<u8>,
     filled: usize,
     start: u64,
+    ahead: usize,
     told: u64,
 }
 
@@ -35,7 +38,7 @@ impl LogFile {
         }
         let file = File::open(path).map_err(io_error)?;
         let size = file.metadata().map_err(io_error)?.len();
-        Ok(LogFile { file, name, size, buffer: vec![], filled: 0, start: 0, told: 0 })
+        Ok(LogFile { file, name, size, buffer: vec![], filled: 0, start: 0, ahead: FIRST_AHEAD, told: 0 })
     }
 
     /// Name without its folder.
@@ -79,8 +82,11 @@ impl LogFile {
 
     /// Makes the buffer begin at `offset` and hold at least `length` bytes that the file has.
     fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
+        let end = self.start + self.filled as u64;
+        let jump = offset < self.start || offset > end + READ_AHEAD as u64;
+        self.ahead = if jump { FIRST_AHEAD } else { READ_AHEAD.min(4 * self.ahead) };
         let kept = self.keep_from(offset);
-        let wanted = (self.size - offset).min(length.max(READ_AHEAD) as u64) as usize;
+        let wanted = (self.size - offset).min(length.max(self.ahead) as u64) as usize;
         if self.buffer.len() < wanted {
             self.buffer.resize(wanted, 0);
         }

@@ -1,5 +1,7 @@
 //! Chunks decompressed into one reused buffer, never beyond what they declare.
 
+mod lz4_frame;
+
 use std::io::Read;
 
 /// A buffer up to this size is made in one go; a larger one grows with what arrives, so that a
@@ -42,7 +44,7 @@ impl Inflater {
             Codec::None => (data, None),
             Codec::Zstd => self.zstd(data, declared),
             Codec::Lz4 => self.lz4(data, declared),
-            Codec::Bz2 => self.stream(bzip2::read::BzDecoder::new(data), declared, |_| None),
+            Codec::Bz2 => self.stream(bzip2::read::BzDecoder::new(data), declared),
         };
         let wrong_length = || format!("the chunk holds {} bytes and declares {declared}", bytes.len());
         let fault = fault.or_else(|| (bytes.len() != declared).then(wrong_length));
@@ -69,20 +71,11 @@ impl Inflater {
     }
 
     fn lz4(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
-        match lz4::Decoder::new(data) {
-            Err(e) => (&[], Some(format!("lz4: {e}"))),
-            Ok(decoder) => self.stream(decoder, declared, |decoder| {
-                decoder.finish().1.is_err().then(|| "lz4: the frame has no end".to_owned())
-            }),
-        }
+        let (filled, fault) = lz4_frame::decode(data, declared, AT_ONCE, &mut self.out);
+        (self.out.get(..filled).unwrap_or_default(), fault.map(|fault| format!("lz4: {fault}")))
     }
 
-    fn stream<R: Read>(
-        &mut self,
-        mut from: R,
-        declared: usize,
-        closed: impl FnOnce(R) -> Option<String>,
-    ) -> (&[u8], Option<String>) {
+    fn stream(&mut self, mut from: impl Read, declared: usize) -> (&[u8], Option<String>) {
         let mut filled = 0;
         let mut fault = None;
         // One byte more than declared, so that the decoder comes to its end mark and checksum.
@@ -100,7 +93,6 @@ impl Inflater {
                 }
             }
         }
-        let fault = fault.or_else(|| closed(from));
         (self.out.get(..filled).unwrap_or_default(), fault)
     }
 }

@@ -21,7 +21,7 @@ use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
 use crate::ledger::Fate;
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
 use mcap::records::{MessageIndex, Record, op};
@@ -146,6 +146,8 @@ struct Channels<'t, 'w> {
     /// Why a channel that is known has no topic.
     refusal: Option<String>,
     redefined: Tally,
+    /// Attachments that are wanted and longer than a record may be.
+    too_long: Tally,
     late_stamps: u64,
 }
 
@@ -164,6 +166,7 @@ impl<'t, 'w> Channels<'t, 'w> {
             unplaced: Tally::default(),
             refusal: None,
             redefined: Tally::default(),
+            too_long: Tally::default(),
             late_stamps: 0,
         }
     }
@@ -300,14 +303,32 @@ impl<'t, 'w> Channels<'t, 'w> {
                 self.store(header.id, schema)?;
             }
             Record::Channel(channel) => {
-                let mcap::records::Channel { id, schema_id, topic, message_encoding: encoding, .. } = channel;
+                let mcap::records::Channel { id, schema_id, topic, message_encoding: encoding, metadata } = channel;
+                self.topics.extra(&Extra::OfTopic { topic: &topic, entries: &metadata });
                 self.announce(id, Channel { topic, schema_id, encoding })?;
             }
-            Record::Metadata(metadata) => self.extras.add(format!("metadata {:.200}", metadata.name)),
+            Record::Metadata(metadata) => {
+                self.topics.extra(&Extra::Metadata { name: &metadata.name, entries: &metadata.metadata });
+                self.extras.add(format!("metadata {:.200}", metadata.name));
+            }
             Record::MessageIndex(index) => self.index(&index),
             _ => {}
         }
         Ok(Fate::Structure)
+    }
+
+    /// An attachment whose checksum is right.
+    fn attachment(&mut self, body: &[u8]) {
+        let Some(head) = AttachmentHead::parse(body, u64::MAX) else { return };
+        let AttachmentHead { name, media_type, logged_ns, created_ns, data } = &head;
+        let (logged_ns, created_ns) = (*logged_ns, *created_ns);
+        match head.data_in(body) {
+            Some(data) => self.topics.extra(&Extra::Attachment { name, media_type, logged_ns, created_ns, data }),
+            None if self.topics.takes_extras() => self.too_long.add(|| format!("{name:.200}")),
+            None => {}
+        }
+        let bytes = data.end - data.start;
+        self.extras.add(format!("attachment {name:.200} ({media_type:.100}, {bytes} bytes)"));
     }
 
     /// The messages of a chunk that was left closed.
@@ -345,6 +366,9 @@ impl<'t, 'w> Channels<'t, 'w> {
         let text =
             format!("definitions were replaced by others of the same number; the first: {}", self.redefined.first);
         raise(Severity::Warning, "redefined", self.redefined.count, text);
+        let text =
+            format!("attachments longer than a record may be were not taken; the first: {}", self.too_long.first);
+        raise(Severity::Loss, "long-attachment", self.too_long.count, text);
         let text = "stamps beyond the year 2262 were set to the last instant before".to_owned();
         raise(Severity::Warning, "stamp-out-of-range", self.late_stamps, text);
     }
@@ -357,7 +381,7 @@ impl Visit for Channels<'_, '_> {
             // Of a chunk that was opened nothing is learned from it, but it must be one.
             op::MESSAGE_INDEX if self.chunk_open && is_message_index(body) => Ok(Fate::Structure),
             op::ATTACHMENT => {
-                self.extras.add(attachment_name(body));
+                self.attachment(body);
                 Ok(Fate::Skipped)
             }
             _ => self.other(opcode, body),
@@ -365,11 +389,17 @@ impl Visit for Channels<'_, '_> {
     }
 
     fn may_want(&mut self, channel: u16) -> bool {
-        self.route(channel).is_none_or(Route::is_wanted)
+        // A summary may repeat channels without their schemas: those are known when the walk comes by.
+        let waits = |c: &Channel| c.schema_id != 0 && !self.schemas.contains_key(&c.schema_id);
+        self.channels.get(&channel).is_some_and(waits) || self.route(channel).is_none_or(Route::is_wanted)
     }
 
     fn knows(&self, channel: u16) -> bool {
         !matches!(self.ways.get(usize::from(channel)), Some(Way::Unknown) | None)
+    }
+
+    fn takes_attachments(&self) -> bool {
+        self.topics.takes_extras()
     }
 
     fn chunk(&mut self, opened: bool) {
@@ -381,11 +411,4 @@ fn is_message_index(body: &[u8]) -> bool {
     let mut rest = Bytes(body);
     let length = rest.u16().and_then(|_channel| rest.u32());
     length.is_some_and(|length| length % 16 == 0 && length as usize <= rest.0.len())
-}
-
-fn attachment_name(start: &[u8]) -> String {
-    match AttachmentHead::parse(start, u64::MAX) {
-        Some(head) => format!("attachment {:.200} ({:.100})", head.name, head.media_type),
-        None => "attachment".to_owned(),
-    }
 }

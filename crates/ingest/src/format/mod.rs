@@ -34,7 +34,7 @@ use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::ledger::Ledger;
-use crate::reader::{Log, ReadContext, Select};
+use crate::reader::{Limits, Log, ReadContext, Select};
 use flight::{Notices, Severity};
 use std::path::PathBuf;
 
@@ -67,6 +67,12 @@ fn kind_of_text(head: &[u8], context: &ReadContext<'_>) -> String {
     }
     let first: String = String::from_utf8_lossy(head).lines().next().unwrap_or_default().chars().take(60).collect();
     format!("its first line {first:?}")
+}
+
+/// As `context`, with no more topics than a log of a format can reasonably have: each takes a few kilobytes.
+fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c> {
+    let limits = Limits { topics: context.limits.topics.min(most), ..context.limits };
+    ReadContext { limits, cancel: context.cancel, on_bytes: context.on_bytes }
 }
 
 /// What the readers of messages share while they read.

@@ -22,10 +22,14 @@ use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use flight::{Notices, Severity};
 use memchr::{memchr, memchr_iter, memchr2};
+use std::fmt::Display;
 use std::path::PathBuf;
 
 /// Bytes looked through for lines in one go.
 const BLOCK: usize = 256 << 10;
+
+/// Topics in one log: talkers and types of sentences.
+const MOST_TOPICS: usize = 4096;
 
 /// Reads one NMEA log, or several that make up one flight.
 #[derive(Debug, Clone)]
@@ -43,6 +47,7 @@ impl NmeaReader {
 
 impl LogReader for NmeaReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let context = &super::with_topics(context, MOST_TOPICS);
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
         log.health.format = "NMEA 0183".to_owned();
@@ -193,7 +198,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
                     from = end;
                 }
                 Err(reason) => {
-                    self.damaged(from, next, &reason);
+                    self.damaged(from, next, reason);
                     from = next;
                 }
             }
@@ -223,7 +228,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         self.ledger.count(fate, bytes);
     }
 
-    fn damaged(&mut self, from: usize, to: usize, reason: &str) {
+    fn damaged(&mut self, from: usize, to: usize, reason: impl Display) {
         let at = self.at + from as u64;
         self.ledger.damaged(&self.name, at, (to - from) as u64, format!("line {}: {reason}", self.line));
     }

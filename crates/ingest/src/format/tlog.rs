@@ -14,7 +14,7 @@ mod frame;
 mod vehicle;
 
 use self::definition::Definitions;
-use self::frame::{Frame, LONGEST, MAGIC, NoFrame};
+use self::frame::{Finder, Frame, LONGEST, MAGIC, NoFrame};
 use self::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
@@ -35,6 +35,8 @@ const PLAUSIBLE_US: std::ops::Range<u64> = 946_684_800_000_000..4_102_444_800_00
 const BLOCK: usize = 256 << 10;
 /// Bytes in which the heartbeat of every vehicle is expected.
 const BEGIN: u64 = 1 << 20;
+/// Topics in one log: a hundred vehicles with a hundred messages each need fewer.
+const MOST_TOPICS: usize = 8192;
 /// Messages that are not defined and whose layout is remembered.
 const MOST_UNKNOWN: usize = 4096;
 
@@ -54,17 +56,19 @@ impl TlogReader {
 
 impl LogReader for TlogReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let context = &super::with_topics(context, MOST_TOPICS);
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
         log.health.format = "MAVLink telemetry".to_owned();
         let main = match files.first_mut() {
-            Some(first) => main_vehicle(first)?,
+            Some(first) => main_vehicle(first, context)?,
             None => Sender::default(),
         };
         let mut book = Book::new(main, &mut topics);
         for file in &mut files {
             super::refuse_foreign(file, NO_FRAME, context)?;
-            Walk { name: file.name().to_owned(), file, context, ledger: &mut ledger, book: &mut book, at: 0 }.run()?;
+            let (name, search) = (file.name().to_owned(), Search::default());
+            Walk { name, file, context, ledger: &mut ledger, book: &mut book, at: 0, search }.run()?;
         }
         book.finish(&mut log, &mut notices);
         Reading { files, ledger, notices, topics }.conclude(log)
@@ -101,23 +105,65 @@ impl Default for Sender {
 }
 
 /// The autopilot with the smallest number among those whose heartbeat is near the begin of the log.
-fn main_vehicle(file: &mut LogFile) -> Result<Sender, IngestError> {
+fn main_vehicle(file: &mut LogFile, context: &ReadContext<'_>) -> Result<Sender, IngestError> {
     let (mut at, end) = (0, file.size().min(BEGIN));
+    let mut search = Search::default();
     let mut main = None;
     while at < end {
         let bytes = file.up_to(at, TIME + LONGEST)?;
-        at += match Frame::at(bytes.get(TIME..).unwrap_or_default()) {
+        match Frame::at(bytes.get(TIME..).unwrap_or_default()) {
             Ok(frame) if frame.intact != Some(false) => {
                 if vehicle::is_autopilot(frame.message, frame.payload) {
                     let sender = Sender { system: frame.system, component: frame.component };
                     main = Some(main.map_or(sender, |main: Sender| main.min(sender)));
                 }
-                (TIME + frame.length) as u64
+                at += (TIME + frame.length) as u64;
             }
-            _ => 1,
-        };
+            _ => at = search.next(file, at + 1, end, context)?,
+        }
     }
     Ok(main.unwrap_or_default())
+}
+
+/// A search for intact frames. What was learned of a block serves the next search in it.
+#[derive(Default)]
+struct Search {
+    /// A block and where it begins.
+    searched: Option<(u64, Finder)>,
+}
+
+impl Search {
+    /// Where the next intact frame of a defined message begins, at or behind `from`; `end` if there is none before.
+    fn next(
+        &mut self,
+        file: &mut LogFile,
+        from: u64,
+        end: u64,
+        context: &ReadContext<'_>,
+    ) -> Result<u64, IngestError> {
+        let mut at = from;
+        while at < end {
+            if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
+                // What a block of the search begins with may be as long as a record.
+                self.searched = Some((at, Finder::new(file.up_to(at, BLOCK + TIME + LONGEST)?.to_vec())));
+            }
+            let Some((start, finder)) = &self.searched else { break };
+            let (first, block) = ((at - start) as usize, finder.block());
+            let found = memchr::memchr2_iter(MAGIC[0], MAGIC[1], block.get(first + TIME..).unwrap_or_default())
+                .map(|hit| first + hit)
+                .take_while(|hit| *hit < BLOCK)
+                .find(|&hit| {
+                    let time = block.get(hit..).and_then(time_us);
+                    time.is_some_and(|time| PLAUSIBLE_US.contains(&time)) && finder.is_frame(hit + TIME)
+                });
+            if let Some(hit) = found {
+                return Ok((start + hit as u64).min(end));
+            }
+            at = start + BLOCK as u64;
+            file.progress(at.min(end), context)?;
+        }
+        Ok(end)
+    }
 }
 
 /// A walk in progress.
@@ -128,6 +174,7 @@ struct Walk<'w, 'c, 'b, 't> {
     ledger: &'w mut Ledger,
     book: &'w mut Book<'b, 't>,
     at: u64,
+    search: Search,
 }
 
 impl Walk<'_, '_, '_, '_> {
@@ -149,35 +196,11 @@ impl Walk<'_, '_, '_, '_> {
 
     /// Goes on where the next intact frame begins.
     fn lost(&mut self, reason: &str) -> Result<(), IngestError> {
-        let next = self.search(self.at + 1)?;
+        let next = self.search.next(self.file, self.at + 1, self.file.size(), self.context)?;
         let reason = if next == self.file.size() && reason == CUT { "the log ends inside a frame" } else { reason };
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
-    }
-
-    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
-        let mut at = from;
-        while at < self.file.size() {
-            let block = self.file.up_to(at, BLOCK)?;
-            let magics = memchr::memchr2_iter(MAGIC[0], MAGIC[1], block.get(TIME..).unwrap_or_default());
-            let (known, whole) = (block.len(), block.len() < BLOCK);
-            // A frame that straddles two blocks is found in the second.
-            let last = if whole { known } else { known.saturating_sub(TIME + LONGEST) };
-            let found = magics.take_while(|hit| *hit < last).find(|hit| {
-                let record = block.get(*hit..).unwrap_or_default();
-                let plausible = time_us(record).is_some_and(|time| PLAUSIBLE_US.contains(&time));
-                let frame = || Frame::at(record.get(TIME..).unwrap_or_default()).ok();
-                plausible && frame().is_some_and(|f| f.intact == Some(true))
-            });
-            match found {
-                Some(hit) => return Ok(at + hit as u64),
-                None if whole => break,
-                None => at += last as u64,
-            }
-            self.file.progress(at, self.context)?;
-        }
-        Ok(self.file.size())
     }
 }
 
@@ -267,6 +290,9 @@ impl<'b, 't> Book<'b, 't> {
     fn route(&mut self, sender: Sender, frame: &Frame<'_>) -> Option<Route> {
         if let Some(route) = self.routes.get(&(sender, frame.message, frame.wide)) {
             return *route;
+        }
+        if self.routes.len() >= MOST_TOPICS {
+            return None;
         }
         let definition = Definitions::all().get(frame.message);
         let type_name = definition.map_or_else(|| format!("MESSAGE_{}", frame.message), |d| d.name.to_owned());

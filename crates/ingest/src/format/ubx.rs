@@ -13,7 +13,7 @@ mod frame;
 mod message;
 mod receiver;
 
-use self::frame::{CUT, Finder, Frame, LONGEST, RTCM, SYNC, WRONG, rtcm_length};
+use self::frame::{CUT, Finder, Frame, LONGEST, LONGEST_RTCM, RTCM, SYNC, WRONG, rtcm_length};
 use self::message::Message;
 use self::receiver::Receiver;
 use super::nmea::{self, Book, Sentence};
@@ -26,11 +26,18 @@ use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
 use memchr::{memchr2_iter, memmem};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
 /// Bytes searched in one go.
 const BLOCK: usize = 256 << 10;
+/// Topics in one log: u-blox defines some two hundred messages.
+const MOST_TOPICS: usize = 2048;
+/// So many bytes for each byte of the log may be summed up for corrections that prove none, and so many more. Nothing in
+/// a correction is read; beyond that what looks like one is damage.
+const VAIN: u64 = 4;
+const VAIN_AT_ONCE: u64 = 1 << 20;
 /// Nobody stamped the messages.
 const UNSTAMPED: Times = Times { logged_ns: 0, published_ns: None };
 
@@ -50,6 +57,7 @@ impl UbxReader {
 
 impl LogReader for UbxReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let context = &super::with_topics(context, MOST_TOPICS);
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
         log.health.format = "u-blox UBX".to_owned();
@@ -94,8 +102,12 @@ impl Walk<'_, '_, '_, '_> {
     fn run(mut self) -> Result<(), IngestError> {
         while self.at < self.file.size() {
             let hopeless = self.is_known_to_be_damaged();
-            let bytes = self.file.up_to(self.at, LONGEST)?;
-            match if hopeless { Err(WRONG.to_owned()) } else { self.content.take(bytes) } {
+            // No more than there may be: a window as long as the longest frame would be moved again and again.
+            let head = self.file.up_to(self.at, frame::HEADER)?;
+            let length = frame::length_at(head).unwrap_or(LONGEST_RTCM);
+            let bytes = self.file.up_to(self.at, length)?;
+            self.content.at = self.at;
+            match if hopeless { Err(WRONG.into()) } else { self.content.take(bytes) } {
                 Ok((fate, length)) => {
                     self.ledger.count(fate, length as u64);
                     self.at += length as u64;
@@ -108,23 +120,26 @@ impl Walk<'_, '_, '_, '_> {
     }
 
     /// Goes on where the next intact frame or sentence begins.
-    fn lost(&mut self, reason: String) -> Result<(), IngestError> {
+    fn lost(&mut self, reason: Cow<'static, str>) -> Result<(), IngestError> {
+        let length = frame::length_at(self.file.up_to(self.at, frame::HEADER)?);
+        self.fetch(self.at + 1)?;
+        let correction = length.and_then(|length| self.correction_behind(length));
         let found = self.search(self.at + 1)?;
-        let next = self.correction_behind()?.map_or(found, |correction| correction.min(found));
+        let next = correction.map_or(found, |correction| correction.min(found));
         let cut = next == self.file.size() && reason == CUT;
-        let reason = if cut { "the log ends inside a frame".to_owned() } else { reason };
+        let reason = if cut { "the log ends inside a frame".into() } else { reason };
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
     }
 
-    /// Where an intact correction begins, right behind the frame that is damaged. Elsewhere none is searched for: it
-    /// would take long, and nothing in it is read.
-    fn correction_behind(&mut self) -> Result<Option<u64>, IngestError> {
-        let Some(length) = frame::length_at(self.file.up_to(self.at, frame::HEADER)?) else { return Ok(None) };
+    /// Where an intact correction begins, right behind the frame of this length that is damaged. Elsewhere none is searched
+    /// for: it would take long, and nothing in it is read.
+    fn correction_behind(&mut self, length: usize) -> Option<u64> {
+        let (start, finder) = self.searched.as_ref()?;
         let behind = self.at + length as u64;
-        let correction = rtcm_length(self.file.up_to(behind, frame::LONGEST_RTCM)?);
-        Ok(correction.map(|_| behind))
+        let rest = finder.block().get(behind.checked_sub(*start)? as usize..)?;
+        self.content.correction(rest).map(|_| behind)
     }
 
     /// Whether a frame begins here that was already found to be none: its length may be a lie, and summing up all that
@@ -137,14 +152,20 @@ impl Walk<'_, '_, '_, '_> {
             && !finder.is_frame(place as usize)
     }
 
+    /// Makes the block that is searched hold what begins at `at`.
+    fn fetch(&mut self, at: u64) -> Result<(), IngestError> {
+        if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
+            // What a block ends with may be as long as a frame with a correction behind it.
+            let block = self.file.up_to(at, BLOCK + LONGEST + LONGEST_RTCM)?.to_vec();
+            self.searched = Some((at, Finder::new(block)));
+        }
+        Ok(())
+    }
+
     fn search(&mut self, from: u64) -> Result<u64, IngestError> {
         let mut at = from;
         while at < self.file.size() {
-            if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
-                // What a block of the search begins with may be as long as a frame.
-                let block = self.file.up_to(at, BLOCK + LONGEST)?.to_vec();
-                self.searched = Some((at, Finder::new(block)));
-            }
+            self.fetch(at)?;
             let Some((start, finder)) = &self.searched else { break };
             let (first, block) = ((at - start) as usize, finder.block());
             let is_sentence = |hit: usize| block.get(hit..).is_some_and(|b| Sentence::at(b, false).is_ok());
@@ -171,6 +192,10 @@ struct Content<'b, 't> {
     sentences: Book,
     assembled: Vec<u8>,
     unplaced: Tally,
+    /// Where the walk is.
+    at: u64,
+    /// Bytes summed up for corrections that proved none.
+    vain: u64,
 }
 
 /// Stands for corrections among the routes: no class of UBX has this number.
@@ -185,27 +210,42 @@ impl<'b, 't> Content<'b, 't> {
             sentences: Book::new(),
             assembled: vec![],
             unplaced: Tally::default(),
+            at: 0,
+            vain: 0,
         }
     }
 
     /// What the bytes begin with: its fate and its length, or why there is nothing.
-    fn take(&mut self, bytes: &[u8]) -> Result<(Fate, usize), String> {
+    fn take(&mut self, bytes: &[u8]) -> Result<(Fate, usize), Cow<'static, str>> {
         match bytes {
             [0xb5, ..] => {
                 let frame = Frame::at(bytes)?;
                 Ok((self.frame(frame), frame.length))
             }
             [b'$' | b'!', ..] => {
-                let sentence = Sentence::at(bytes, false)?;
+                let sentence = Sentence::at(bytes, false).map_err(|fault| fault.to_string())?;
                 Ok((self.sentences.sentence(&sentence, None, self.topics), sentence.length))
             }
             [b'\r' | b'\n', ..] => Ok((Fate::Structure, 1)),
             [RTCM, ..] => {
-                let length = rtcm_length(bytes).ok_or("the checksum of a correction is wrong")?;
+                let length = self.correction(bytes).ok_or("the checksum of a correction is wrong")?;
                 Ok((self.skip(CORRECTIONS, length), length))
             }
-            _ => Err(NOTHING.to_owned()),
+            _ => Err(NOTHING.into()),
         }
+    }
+
+    /// Bytes of the intact correction that the bytes begin with.
+    fn correction(&mut self, bytes: &[u8]) -> Option<usize> {
+        if self.vain > VAIN * self.at + VAIN_AT_ONCE {
+            return None;
+        }
+        if bytes.first() != Some(&RTCM) {
+            return None;
+        }
+        let length = rtcm_length(bytes);
+        self.vain += if length.is_none() { LONGEST_RTCM.min(bytes.len()) as u64 } else { 0 };
+        length
     }
 
     fn frame(&mut self, frame: Frame<'_>) -> Fate {

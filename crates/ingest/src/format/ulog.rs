@@ -1,6 +1,7 @@
 //! PX4 ULog (<https://docs.px4.io/main/en/dev_log/ulog_file_format.html>), by a walk over the messages.
 
 pub(super) mod about;
+mod beside;
 mod formats;
 mod record;
 mod session;
@@ -22,6 +23,9 @@ const MAGIC: &[u8] = b"ULog\x01\x12\x35";
 /// The newest version of the format.
 const VERSION: u8 = 1;
 
+/// Topics in one log: PX4 has some three hundred, and few instances of each.
+const MOST_TOPICS: usize = 8192;
+
 /// Reads one PX4 ULog, or several that make up one flight.
 #[derive(Debug, Clone)]
 pub struct UlogReader {
@@ -38,6 +42,7 @@ impl UlogReader {
 
 impl LogReader for UlogReader {
     fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+        let context = &super::with_topics(context, MOST_TOPICS);
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         topics.count_by(Clock::Boot);
         let mut log = Log::default();
@@ -72,6 +77,7 @@ fn read_file(
         notices.push(Severity::Warning, "newer-version", name.as_str(), 1, text);
     }
     session.conclude(&name, notices);
+    session.hand_on();
     health.undecodable += session.unplaced.count;
     health.extras.extend(session.gathered.extras());
     let about = session.gathered.about();

@@ -18,7 +18,7 @@ const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
 pub(crate) enum Week {
     /// As it stands.
     Full(i64),
-    /// Counted in ten bits; brought to the 1024 weeks that end with [`LATEST`].
+    /// Counted in ten bits, and brought to the weeks that [`WeekCount`] takes it for.
     TenBit(i64),
 }
 
@@ -37,12 +37,16 @@ pub(crate) struct WeekCount {
     ten_bit: bool,
     /// One is 1023, so that 0 may follow.
     ends: bool,
+    /// The last week that a counter of ten bits can mean.
+    latest: i64,
 }
 
 impl WeekCount {
-    /// Weeks that are all below 1024 are a counter of ten bits, for no log that we read is from before 1999.
-    pub(crate) fn of(weeks: impl Iterator<Item = i64>) -> WeekCount {
-        let mut count = WeekCount { ten_bit: true, ends: false };
+    /// Weeks that are all below 1024 are a counter of ten bits, for no log that we read is from before 1999. `logged` is
+    /// the week in which another clock of the log says that it was written, if one does.
+    pub(crate) fn of(weeks: impl Iterator<Item = i64>, logged: Option<i64>) -> WeekCount {
+        let latest = logged.map_or(LATEST, |week| week + ROLLOVER / 2);
+        let mut count = WeekCount { ten_bit: true, ends: false, latest };
         for week in weeks {
             count.ten_bit &= week < ROLLOVER;
             count.ends |= week == ROLLOVER - 1;
@@ -50,15 +54,15 @@ impl WeekCount {
         count
     }
 
-    /// What a week means: of those that a counter of ten bits can mean, the one among the 1024 that end about a year
-    /// after this release.
+    /// What a week means: of those that a counter of ten bits can mean, the one nearest to the log's own date; without
+    /// such a date, the one among the 1024 that end about a year after this release.
     ///
     /// Week 0 is how a receiver without a fix leaves the field. It is the begin of a ten-bit count only where the log
     /// has week 1023 as well. `None` for that and for what is no week.
     pub(crate) fn week(self, week: i64) -> Option<Week> {
         match week {
             0 if !(self.ten_bit && self.ends) => None,
-            0..=LAST if self.ten_bit => Some(Week::TenBit(LATEST - (LATEST - week).rem_euclid(ROLLOVER))),
+            0..=LAST if self.ten_bit => Some(Week::TenBit(self.latest - (self.latest - week).rem_euclid(ROLLOVER))),
             0..=LAST => Some(Week::Full(week)),
             _ => None,
         }
@@ -107,7 +111,7 @@ mod tests {
 
     #[test]
     fn a_ten_bit_week_means_the_one_near_this_release_and_a_full_one_itself() {
-        let alone = |week| WeekCount::of([week].into_iter()).week(week);
+        let alone = |week| WeekCount::of([week].into_iter(), None).week(week);
         for (week, meant) in [(1023, 2047), (1, 2049), (395, 2443), (449, 2497), (450, 1474)] {
             assert_eq!(alone(week), Some(Week::TenBit(meant)));
         }
@@ -120,9 +124,19 @@ mod tests {
     }
 
     #[test]
+    fn a_ten_bit_week_means_the_one_nearest_to_the_date_of_the_log() {
+        let near = |logged| WeekCount::of([900].into_iter(), Some(logged)).week(900);
+        for (logged, meant) in [(1924, 1924), (1500, 1924), (2400, 1924), (2437, 2948), (3000, 2948), (1411, 900)] {
+            assert_eq!(near(logged), Some(Week::TenBit(meant)), "{logged}");
+        }
+        // A full week is none of its business.
+        assert_eq!(WeekCount::of([1924].into_iter(), Some(2900)).week(1924), Some(Week::Full(1924)));
+    }
+
+    #[test]
     fn time_runs_on_where_a_count_ends() {
         for (before, after) in [(1023, 0), (1023, 1024), (2047, 2048)] {
-            let count = WeekCount::of([before, after].into_iter());
+            let count = WeekCount::of([before, after].into_iter(), None);
             let start = |week| count.week(week).unwrap().start_ns();
             assert_eq!(start(after) - start(before), WEEK_NS, "{before} {after}");
         }

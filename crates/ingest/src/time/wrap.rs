@@ -1,4 +1,5 @@
-//! Counters of 32 bits that begin anew: microseconds after 71.6 minutes, milliseconds after 49.7 days.
+//! Counts that begin anew: 32 bits of microseconds after 71.6 minutes, of milliseconds after 49.7 days; a time of week
+//! on Sunday, a time of day at midnight.
 
 use flight::NANOS_PER_SECOND;
 
@@ -6,12 +7,11 @@ use flight::NANOS_PER_SECOND;
 /// device, which cannot be told from a wrap with a hole.
 const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
 
-/// Makes the stamps of a counter of 32 bits run on where it begins anew, and says how often it did. `tick_ns` is one
-/// count, ns; stamps in the order of the log.
+/// Makes the stamps of a count from 0 to `range`, ns, run on where it begins anew, and says how often it did; stamps in
+/// the order of the log.
 ///
 /// The log must show the wrap: a step back by nearly the whole range. One that stays below is taken as it stands.
-pub(crate) fn unwrap(stamps: &mut [Option<i64>], tick_ns: i64) -> u64 {
-    let Some(range) = tick_ns.checked_mul(1 << 32) else { return 0 };
+pub(crate) fn unwrap(stamps: &mut [Option<i64>], range: i64) -> u64 {
     if stamps.iter().flatten().any(|s| !(0..range).contains(s)) {
         return 0;
     }
@@ -36,8 +36,14 @@ pub(crate) fn unwrap(stamps: &mut [Option<i64>], tick_ns: i64) -> u64 {
 mod tests {
     use super::*;
 
+    /// 32 bits of ticks.
+    fn unwrap(stamps: &mut [Option<i64>], tick: i64) -> u64 {
+        super::unwrap(stamps, tick << 32)
+    }
+
     const MICRO: i64 = 1000;
     const MILLI: i64 = 1_000_000;
+    const S: i64 = NANOS_PER_SECOND;
 
     fn wrapped(start: u64, step: u64, count: u64, tick: i64) -> (Vec<Option<i64>>, Vec<Option<i64>>) {
         let truth = |i: u64| (start + i * step) as i64;
@@ -50,6 +56,16 @@ mod tests {
         for (tick, step) in [(MICRO, 200_000), (MILLI, 200)] {
             let (truth, mut stamps) = wrapped((1 << 32) - 10 * step, step, 50, tick);
             assert_eq!(unwrap(&mut stamps, tick), 1);
+            assert_eq!(stamps, truth);
+        }
+    }
+
+    #[test]
+    fn a_time_of_week_and_a_time_of_day_run_on_across_their_end() {
+        for range_s in [604_800, 86_400] {
+            let truth: Vec<Option<i64>> = (0..40).map(|i| Some((range_s - 4) * S + i * S / 5)).collect();
+            let mut stamps: Vec<Option<i64>> = truth.iter().map(|s| s.map(|s| s % (range_s * S))).collect();
+            assert_eq!(super::unwrap(&mut stamps, range_s * S), 1);
             assert_eq!(stamps, truth);
         }
     }

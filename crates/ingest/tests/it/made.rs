@@ -116,13 +116,22 @@ pub struct Layout {
     pub chunked: bool,
     pub chunk_bytes: u64,
     pub summary: bool,
+    /// Whether the summary repeats the schemas; the channels it repeats in any case.
+    pub repeat_schemas: bool,
     pub data_crc: bool,
     pub chunk_crc: bool,
 }
 
 impl Layout {
-    pub const PLAIN: Layout =
-        Layout { compression: None, chunked: true, chunk_bytes: 1500, summary: true, data_crc: true, chunk_crc: true };
+    pub const PLAIN: Layout = Layout {
+        compression: None,
+        chunked: true,
+        chunk_bytes: 1500,
+        summary: true,
+        repeat_schemas: true,
+        data_crc: true,
+        chunk_crc: true,
+    };
     pub const UNCHUNKED: Layout = Layout { chunked: false, ..Layout::PLAIN };
     pub const ZSTD: Layout = Layout { compression: Some(Compression::Zstd), ..Layout::PLAIN };
     pub const LZ4: Layout = Layout { compression: Some(Compression::Lz4), ..Layout::PLAIN };
@@ -137,6 +146,7 @@ impl Layout {
             .calculate_chunk_crcs(self.chunk_crc)
             .emit_summary_records(self.summary)
             .emit_summary_offsets(self.summary)
+            .repeat_schemas(self.repeat_schemas)
             .library("test")
     }
 }

@@ -5,10 +5,12 @@
 mod bag;
 mod bench;
 mod bind;
+mod clocks;
 mod csv;
 mod dataflash;
 mod db3;
 mod discover;
+mod gps_time;
 mod made;
 mod maps;
 mod mcap;

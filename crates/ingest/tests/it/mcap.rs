@@ -197,12 +197,13 @@ fn the_conformance_files_are_whole_for_the_reader_too() {
     }
 }
 
-const LAYOUTS: [Layout; 5] = [
+const LAYOUTS: [Layout; 6] = [
     Layout::PLAIN,
     Layout::UNCHUNKED,
     Layout::ZSTD,
     Layout::LZ4,
     Layout { summary: false, data_crc: false, ..Layout::ZSTD },
+    Layout { repeat_schemas: false, ..Layout::ZSTD },
 ];
 
 #[test]
@@ -269,7 +270,7 @@ fn attachments_and_metadata_are_listed_and_a_damaged_attachment_is_a_loss() {
     let content = mcap_with(&flight(3), Encoding::Ros1, Layout { data_crc: false, ..Layout::ZSTD }, attach);
     let disk = OnDisk::new(&content, false);
     let log = disk.read().unwrap();
-    assert_eq!(log.health.extras, ["attachment notes.txt (text/plain)", "metadata crew"]);
+    assert_eq!(log.health.extras, ["attachment notes.txt (text/plain, 17 bytes)", "metadata crew"]);
     assert!(!lost(&log));
     let milk = content.windows(4).position(|w| w == b"milk").unwrap();
     disk.write_at(milk as u64, b"M");

@@ -150,7 +150,8 @@ impl Record {
         Ok(whole.and_then(|bytes| Record::parse(bytes, start, length)))
     }
 
-    fn parse(bytes: &[u8], start: u64, length: u32) -> Option<Record> {
+    /// From a header of `length` bytes and the length of the data behind it.
+    pub(super) fn parse(bytes: &[u8], start: u64, length: u32) -> Option<Record> {
         let (header, mut rest) = bytes.split_at_checked(length as usize).map(|(h, r)| (h, Bytes(r)))?;
         let kind = Kind::of(&Fields::parse(header)?)?;
         let data_length = rest.u32()?;

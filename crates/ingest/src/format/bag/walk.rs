@@ -6,6 +6,7 @@
 
 use super::record::{Fields, Kind, LONGEST_HEADER, Record, Source};
 use crate::bytes::Bytes;
+use crate::decode::Route;
 use crate::error::IngestError;
 use crate::format::inflate::{Codec, Inflated, Inflater};
 use crate::ledger::{Fate, Ledger};
@@ -23,6 +24,8 @@ const LOOK_BACK: u64 = 1024;
 const LONGEST_FOUND_HEADER: u32 = 4096;
 /// Zero bytes between two records that are taken for padding.
 const MOST_PADDING: u64 = 4096;
+/// Bytes fetched together with a record, for a look at the next one.
+const MOST_OF_HEADER: u64 = 4 << 10;
 /// Bytes searched, or fetched together, in one go.
 const BLOCK: u64 = 256 << 10;
 /// A search ends after this many zero bytes: a sparse file has nothing more.
@@ -33,13 +36,14 @@ pub(super) trait Visit {
     /// `data` is the second header, with the definition. What is wrong with it is returned.
     fn connection(&mut self, connection: u32, topic: &str, data: &[u8]) -> Result<(), String>;
 
-    /// Whether the payload of messages of this connection must be read.
-    fn wants(&self, connection: u32) -> bool;
+    /// Where messages of this connection go; `None` if nothing has announced it.
+    fn route(&self, connection: u32) -> Option<Route>;
 
-    fn knows(&self, connection: u32) -> bool;
+    /// A message whose payload is wanted.
+    fn message(&mut self, route: Route, logged_ns: i64, payload: &[u8]) -> Fate;
 
-    /// A message; `None` where its payload is not wanted and was not read.
-    fn message(&mut self, connection: u32, logged_ns: i64, length: u32, payload: Option<&[u8]>) -> Fate;
+    /// One that is not wanted, and whose payload was not read.
+    fn unread(&mut self, connection: u32, route: Option<Route>, logged_ns: i64, length: u32) -> Fate;
 }
 
 /// A walk in progress, over the file or over a decompressed chunk.
@@ -60,6 +64,8 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) padding_of_messages: u64,
     /// Whether the record before is a message.
     pub(super) behind_message: bool,
+    /// The record that was looked at last, mostly the next one.
+    pub(super) seen: Option<Record>,
 }
 
 impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
@@ -76,7 +82,9 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     /// From where the walk stands to the end.
     pub(super) fn run(&mut self) -> Result<(), IngestError> {
         while self.at < self.source.size() {
-            match Record::read(&mut self.source, self.at)? {
+            let seen = self.seen.take().filter(|record| record.start == self.at);
+            let record = if seen.is_some() { seen } else { Record::read(&mut self.source, self.at)? };
+            match record {
                 Some(record) => {
                     self.take(&record)?;
                     self.behind_message = matches!(record.kind, Kind::Message { .. });
@@ -132,7 +140,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
 
     fn plain(&mut self, record: &Record) -> Result<(), IngestError> {
         // Fetched with what follows, so that the look at the next record does not fetch twice.
-        let together = (record.end() - record.start + BLOCK / 4).min(self.source.size() - record.start);
+        let together = (record.end() - record.start + MOST_OF_HEADER).min(self.source.size() - record.start);
         if together <= BLOCK {
             self.source.bytes(record.start, together as usize)?;
         }
@@ -151,13 +159,17 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         let too_long = u64::from(length) > self.context.limits.record_bytes;
         match &record.kind {
             Kind::Message { connection, logged_ns } => {
-                let wanted = self.visit.wants(*connection);
-                if wanted && too_long {
+                let route = self.visit.route(*connection);
+                let Some(wanted) = route.filter(|route| route.is_wanted()) else {
+                    self.messages += 1;
+                    return Ok(Ok(self.visit.unread(*connection, route, *logged_ns, length)));
+                };
+                if too_long {
                     return Ok(Err(format!("a message of {length} bytes is larger than the limit")));
                 }
                 self.messages += 1;
-                let payload = if wanted { self.source.bytes(record.data_at, length as usize)? } else { None };
-                Ok(Ok(self.visit.message(*connection, *logged_ns, length, payload)))
+                let payload = self.source.bytes(record.data_at, length as usize)?.unwrap_or_default();
+                Ok(Ok(self.visit.message(wanted, *logged_ns, payload)))
             }
             Kind::Connection { connection, topic } if !too_long => {
                 let data = self.source.bytes(record.data_at, length as usize)?.unwrap_or_default();
@@ -276,7 +288,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     fn is_plain(&mut self, record: &Record) -> Result<bool, IngestError> {
         match &record.kind {
             Kind::Chunk { compression, .. } => return Ok(codec(compression).is_some() && self.inflater.is_some()),
-            Kind::Message { connection, .. } if !self.visit.knows(*connection) => return Ok(false),
+            Kind::Message { connection, .. } if self.visit.route(*connection).is_none() => return Ok(false),
             Kind::BagHeader { .. } => return Ok(false),
             Kind::Message { .. } | Kind::Index | Kind::ChunkInfo | Kind::Connection { .. } => {}
         }
@@ -291,6 +303,10 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         }
         if length > LONGEST_HEADER {
             return Ok(false);
+        }
+        if let Some(bytes) = self.source.bytes(at + 4, length as usize + 4)? {
+            self.seen = Record::parse(bytes, at, length);
+            return Ok(self.seen.is_some());
         }
         match self.source.bytes(at + 4, length as usize)? {
             Some(header) => Ok(Fields::parse(header).and_then(|fields| Kind::of(&fields)).is_some()),
@@ -320,6 +336,7 @@ fn inside<V: Visit>(
         padding: 0,
         padding_of_messages: 0,
         behind_message: false,
+        seen: None,
     };
     inner.run()?;
     let messages = inner.messages;

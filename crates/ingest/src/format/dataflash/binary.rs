@@ -13,10 +13,12 @@ use memchr::memmem;
 
 /// Said where no record begins.
 pub(super) const NO_RECORD: &str = "what stands here is no record";
-/// Bytes searched in one go.
+/// Bytes looked through for the end in one go.
 const BLOCK: usize = 256 << 10;
+/// Bytes searched in one go: few, for where records and damage alternate every search is short.
+const STRETCH: usize = 4 << 10;
 /// Fetched with a record: it, and the start of the next.
-const TOGETHER: usize = LONGEST_RECORD + SYNC.len();
+const TOGETHER: usize = LONGEST_RECORD + HEADER;
 
 /// A walk in progress.
 pub(super) struct Walk<'w, 'c, 't, 's> {
@@ -27,6 +29,7 @@ pub(super) struct Walk<'w, 'c, 't, 's> {
     notices: &'w mut Notices,
     book: &'w mut Book<'t, 's>,
     sync: memmem::Finder<'static>,
+    inner: InnerRecords,
     at: u64,
     /// Where the filling at the end begins.
     padding_from: u64,
@@ -41,7 +44,9 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         book: &'w mut Book<'t, 's>,
     ) -> Walk<'w, 'c, 't, 's> {
         let name = file.name().to_owned();
-        Walk { file, name, context, ledger, notices, book, sync: memmem::Finder::new(&SYNC), at: 0, padding_from: 0 }
+        let sync = memmem::Finder::new(&SYNC);
+        let inner = InnerRecords::default();
+        Walk { file, name, context, ledger, notices, book, sync, inner, at: 0, padding_from: 0 }
     }
 
     /// From the first byte to the last.
@@ -102,21 +107,11 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         Ok(wrong <= 1 || self.is_padding(at))
     }
 
-    /// Whether records within this one lead to its very end: then its type, and so its length, is wrong.
+    /// Whether a record within this one leads to its very end: then its type, and so its length, is wrong.
     fn swallows(&mut self, at: u64, length: usize) -> Result<bool, IngestError> {
         let bytes = self.file.bytes(at, length)?.unwrap_or_default();
-        // From behind, so that it takes one step for each byte: whether records lead from here to the end.
-        let mut leads = vec![false; length];
-        for place in (HEADER..length).rev() {
-            let Some(&[first, second, id]) = bytes.get(place..place + HEADER) else { continue };
-            let inner = self.book.format(id).and_then(|f| f.lengths().into_iter().flatten().next());
-            let Some(end) = inner.filter(|_| [first, second] == SYNC).map(|inner| place + inner) else { continue };
-            let reaches = end == length || leads.get(end) == Some(&true);
-            if let Some(lead) = leads.get_mut(place) {
-                *lead = reaches;
-            }
-        }
-        Ok(leads.contains(&true))
+        self.inner.look(at, bytes, self.book);
+        Ok(self.inner.leads_to(at + length as u64).is_some_and(|begin| begin >= at + HEADER as u64))
     }
 
     /// Whether nothing but the filling at the end of the file follows.
@@ -150,8 +145,10 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 
     /// Nothing can be made of what stands here: goes on where the next record begins.
     fn lost(&mut self) -> Result<(), IngestError> {
+        // Asked before the search, for the file is read forwards.
+        let kind = self.type_at(self.at)?;
         let next = self.search(self.at + 1)?;
-        let reason = match self.type_at(self.at)? {
+        let reason = match kind {
             Some(id) if self.book.format(id).is_none() => format!("records of type {id}, which is not defined"),
             Some(_) if next == self.file.size() => "the log ends inside a record".to_owned(),
             Some(_) => "a record that leads nowhere".to_owned(),
@@ -167,7 +164,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         let size = self.file.size();
         let mut at = from;
         while at < size {
-            let block = self.file.up_to(at, BLOCK)?;
+            let block = self.file.up_to(at, STRETCH)?;
             let length = block.len();
             let hit = self.sync.find(block);
             match hit {
@@ -179,7 +176,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
                     at = place + 1;
                 }
                 // Sync bytes that straddle two blocks are found in the second.
-                None if length < BLOCK => break,
+                None if length < STRETCH => break,
                 None => at += length as u64 - 1,
             }
             self.file.progress(at, self.context)?;
@@ -195,6 +192,61 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         let next = at + length as u64;
         Ok(next == self.file.size() || self.type_at(next)?.is_some() || self.is_padding(next))
     }
+}
+
+/// Where the records lead to that may begin within another one. Every byte is looked at once, whatever lengths overlap.
+struct InnerRecords {
+    /// Of records that lead to a place, the one that begins last; by the place's remainder.
+    begins: [Option<Lead>; 2 * (LONGEST_RECORD + 1)],
+    /// Everything before this place was looked at.
+    looked_to: u64,
+    /// Definitions that were known then.
+    types: usize,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Lead {
+    from: u64,
+    to: u64,
+}
+
+impl Default for InnerRecords {
+    fn default() -> InnerRecords {
+        InnerRecords { begins: [None; 2 * (LONGEST_RECORD + 1)], looked_to: 0, types: 0 }
+    }
+}
+
+impl InnerRecords {
+    /// Looks at the bytes of a record at `at` that it has not seen.
+    fn look(&mut self, at: u64, bytes: &[u8], book: &Book<'_, '_>) {
+        if self.types != book.types() {
+            *self = InnerRecords { types: book.types(), ..InnerRecords::default() };
+        }
+        let first = self.looked_to.saturating_sub(at) as usize;
+        // What begins in the last bytes may go on behind them.
+        let last = bytes.len().saturating_sub(HEADER - 1);
+        for place in first..last {
+            let Some(&[first, second, id]) = bytes.get(place..).and_then(<[u8]>::first_chunk) else { continue };
+            let length = if [first, second] == SYNC { book.format(id).and_then(Format::usual_length) } else { None };
+            let Some(length) = length else { continue };
+            let from = at + place as u64;
+            let to = from + length as u64;
+            if let Some(slot) = self.begins.get_mut(slot_of(to)) {
+                *slot = Some(Lead { from, to });
+            }
+        }
+        self.looked_to = self.looked_to.max(at + last as u64);
+    }
+
+    /// Where the last record begins that leads to this place.
+    fn leads_to(&self, place: u64) -> Option<u64> {
+        self.begins.get(slot_of(place)).copied().flatten().filter(|lead| lead.to == place).map(|lead| lead.from)
+    }
+}
+
+/// Records that are looked at together reach less than twice the longest one.
+fn slot_of(place: u64) -> usize {
+    (place % (2 * (LONGEST_RECORD as u64 + 1))) as usize
 }
 
 /// Where the zeros or ones begin that a file ends in: a preallocated file has the first, flash memory the second.

@@ -12,6 +12,8 @@ use std::collections::HashMap;
 
 /// Definitions in one log, those that take the place of others among them.
 const MOST_TYPES: usize = 4096;
+/// Instances of one type.
+const MOST_INSTANCES: usize = 4096;
 /// What lies between two logs in one file once the second is moved behind the first, ns.
 const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
 /// A step back of the clock that is longer than this is no mere disorder, ns.
@@ -129,6 +131,9 @@ impl Type {
         if let Some(way) = self.more_ways.get(&instance) {
             return *way;
         }
+        if self.more_ways.len() >= MOST_INSTANCES {
+            return None;
+        }
         let way = self.open(self.topic_name(&instance), body, topics);
         self.more_ways.insert(instance, way);
         way
@@ -192,6 +197,11 @@ impl<'t, 'w> Book<'t, 'w> {
 
     fn known(&self, id: u8) -> Option<usize> {
         self.by_id.get(usize::from(id)).copied().flatten()
+    }
+
+    /// How many definitions there were so far.
+    pub(super) fn types(&self) -> usize {
+        self.types.len()
     }
 
     /// The format of a type.

@@ -117,6 +117,11 @@ impl Format {
         [self.described, (self.stated >= HEADER && self.described != Some(self.stated)).then_some(self.stated)]
     }
 
+    /// The first of [`Format::lengths`].
+    pub(super) fn usual_length(&self) -> Option<usize> {
+        self.lengths().into_iter().flatten().next()
+    }
+
     /// Whether records of this length are what the format characters describe.
     pub(super) fn describes(&self, length: usize) -> bool {
         self.described == Some(length)

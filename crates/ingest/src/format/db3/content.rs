@@ -5,7 +5,7 @@ use super::walk::{Look, Sink};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::format::inflate::{Codec, Inflater};
 use crate::ledger::Fate;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 /// Memory that topics and definitions of one file may take, bytes.
 const MOST_TEXT: u64 = 64 << 20;
@@ -188,7 +188,7 @@ struct Found {
 pub(super) struct Messages<'t, 'w> {
     pub(super) topics: &'t mut Topics<'w>,
     columns: MessageColumns,
-    routes: HashMap<i64, Route>,
+    routes: BTreeMap<i64, Route>,
     /// The route of a row that was looked at, `None` if nobody announces its topic.
     current: Option<(Found, Option<Route>)>,
     inflater: Inflater,
@@ -203,7 +203,7 @@ impl<'t, 'w> Messages<'t, 'w> {
     pub(super) fn new(
         topics: &'t mut Topics<'w>,
         columns: MessageColumns,
-        routes: HashMap<i64, Route>,
+        routes: BTreeMap<i64, Route>,
         most: u64,
     ) -> Messages<'t, 'w> {
         let (unplaced, packed) = (Tally::default(), Tally::default());

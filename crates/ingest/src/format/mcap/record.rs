@@ -5,6 +5,7 @@ use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::inflate::Codec;
 use mcap::records::{Record, op};
+use std::ops::Range;
 
 /// At both ends of a file.
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
@@ -173,21 +174,29 @@ impl ChunkHead {
 /// What an attachment says of itself, and where its checksum lies.
 #[derive(Debug)]
 pub(super) struct AttachmentHead {
+    pub(super) logged_ns: u64,
+    pub(super) created_ns: u64,
     pub(super) name: String,
     pub(super) media_type: String,
-    /// Bytes of content that the checksum covers.
-    pub(super) covered: u64,
+    /// Where the attached bytes lie in the content of the record.
+    pub(super) data: Range<u64>,
 }
 
 impl AttachmentHead {
     /// `start` is the beginning of the content of the record, as much as was read of its `length`.
     pub(super) fn parse(start: &[u8], length: u64) -> Option<AttachmentHead> {
         let mut rest = Bytes(start);
-        rest.take(16)?;
+        let (logged_ns, created_ns) = (rest.u64()?, rest.u64()?);
         let name = String::from_utf8_lossy(rest.prefixed()?).into_owned();
         let media_type = String::from_utf8_lossy(rest.prefixed()?).into_owned();
         let size = rest.u64()?;
-        let covered = size.checked_add((start.len() - rest.0.len()) as u64)?;
-        (covered.checked_add(4)? <= length).then_some(AttachmentHead { name, media_type, covered })
+        let from = (start.len() - rest.0.len()) as u64;
+        let data = from..size.checked_add(from)?;
+        (data.end.checked_add(4)? <= length).then_some(AttachmentHead { logged_ns, created_ns, name, media_type, data })
+    }
+
+    /// The attached bytes, if `body` holds all of them.
+    pub(super) fn data_in<'b>(&self, body: &'b [u8]) -> Option<&'b [u8]> {
+        body.get(self.data.start as usize..usize::try_from(self.data.end).ok()?)
     }
 }

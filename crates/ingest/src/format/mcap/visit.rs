@@ -4,8 +4,8 @@ use crate::ledger::Fate;
 
 /// Who is shown the records.
 pub(super) trait Visit {
-    /// A record, from the top level or from within a chunk that is intact. Of an attachment the
-    /// first megabyte. What is wrong with it is returned for people.
+    /// A record, from the top level or from within a chunk that is intact. Of an attachment that is not taken, or is
+    /// longer than a record may be, the first megabyte. What is wrong with it is returned for people.
     fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String>;
 
     /// Whether messages of this channel are wanted; true if the channel is not known.
@@ -13,6 +13,11 @@ pub(super) trait Visit {
 
     /// Whether a message of this channel can be placed.
     fn knows(&self, channel: u16) -> bool;
+
+    /// Whether attachments are shown whole.
+    fn takes_attachments(&self) -> bool {
+        false
+    }
 
     /// The indexes that follow belong to a chunk that was opened, or to one that was not.
     fn chunk(&mut self, opened: bool);

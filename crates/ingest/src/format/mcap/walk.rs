@@ -18,7 +18,7 @@ use crate::reader::ReadContext;
 use flight::{Notices, Severity};
 use mcap::records::op;
 
-/// How much of an attachment is shown; its content is summed but not held.
+/// How much of an attachment is shown where nobody takes it; its content is summed but not held.
 const ATTACHMENT_SHOWN: u64 = 1 << 20;
 /// An attachment that is searched for has its own header within this many bytes.
 const ATTACHMENT_HEAD_BYTES: u64 = 4096;
@@ -263,7 +263,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         let parsed = body(self.file, head, shown)?.and_then(|start| AttachmentHead::parse(start, head.length));
         let Some(attachment) = parsed else { return Ok(Err("the attachment's own header is damaged".to_owned())) };
         let start = head.start + HEAD_BYTES;
-        let crc_at = start + attachment.covered;
+        let crc_at = start + attachment.data.end;
         let stated = self.file.bytes(crc_at, 4)?.and_then(|b| Bytes(b).u32()).unwrap_or_default();
         if stated != 0 {
             let mut hasher = crc32fast::Hasher::new();
@@ -272,7 +272,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
                 return Ok(Err(format!("the checksum of the attachment {:.200} is wrong", attachment.name)));
             }
         }
-        self.show(head, shown)
+        let whole = self.visit.takes_attachments() && head.length <= self.context.limits.record_bytes;
+        self.show(head, if whole { head.length } else { shown })
     }
 
     fn sum(&mut self, from: u64, to: u64, hasher: &mut crc32fast::Hasher) -> Result<(), IngestError> {

@@ -12,6 +12,8 @@ use std::collections::HashMap;
 use std::fmt::Write;
 
 const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
+/// Addresses that are told apart.
+const MOST_ADDRESSES: usize = 4096;
 /// Texts that are kept.
 const MOST_TEXTS: usize = 100;
 
@@ -203,6 +205,9 @@ impl Book {
         let address = format!("{talker}{name}");
         if let Some(route) = self.routes.get(&address) {
             return *route;
+        }
+        if self.routes.len() >= MOST_ADDRESSES {
+            return None;
         }
         let info = TopicInfo { name: address.clone(), type_name: name.to_owned(), encoding: "nmea".to_owned() };
         let layout =

@@ -1,5 +1,7 @@
 //! A sentence: what stands between `$` and its checksum, and the values in its fields.
 
+use std::fmt;
+
 /// Longest sentence that is looked for, bytes. The standard says 82; receivers send more.
 pub(crate) const LONGEST: usize = 512;
 
@@ -13,15 +15,37 @@ pub(crate) struct Sentence<'t> {
     pub(crate) checked: bool,
 }
 
+/// Why there is no sentence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Fault {
+    Address,
+    Sum { told: u8, truth: u8 },
+    NoNumber,
+    Cut,
+    Unchecked,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Fault::Address => write!(f, "no sentence: its address is none"),
+            Fault::Sum { told, truth } => write!(f, "the checksum is {told:02X} where the sentence has {truth:02X}"),
+            Fault::NoNumber => write!(f, "the checksum is no number"),
+            Fault::Cut => write!(f, "the checksum is cut, or something stands behind it"),
+            Fault::Unchecked => write!(f, "a sentence without a checksum"),
+        }
+    }
+}
+
 impl<'t> Sentence<'t> {
     /// The sentence that the bytes begin with; `bare` allows it to have no checksum if its line is whole. Fails with what is wrong.
-    pub(crate) fn at(bytes: &'t [u8], bare: bool) -> Result<Sentence<'t>, String> {
+    pub(crate) fn at(bytes: &'t [u8], bare: bool) -> Result<Sentence<'t>, Fault> {
         let inner = bytes.get(1..bytes.len().min(LONGEST)).unwrap_or_default();
         let end = inner.iter().position(|b| !(b' '..=b'~').contains(b) || b"*$".contains(b)).unwrap_or(inner.len());
         let body = inner.get(..end).and_then(|body| std::str::from_utf8(body).ok()).unwrap_or_default();
         let address = body.split(',').next().unwrap_or_default();
         if address.len() < 3 || !address.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit()) {
-            return Err("no sentence: its address is none".to_owned());
+            return Err(Fault::Address);
         }
         let rest = inner.get(end..).unwrap_or_default();
         let ends = |rest: &[u8]| rest.first().is_none_or(|b| b"\r\n\t ".contains(b));
@@ -31,13 +55,13 @@ impl<'t> Sentence<'t> {
                 let told = hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low);
                 match told {
                     Some(told) if told == sum => Ok(Sentence { body, length: end + 4, checked: true }),
-                    Some(told) => Err(format!("the checksum is {told:02X} where the sentence has {sum:02X}")),
-                    None => Err("the checksum is no number".to_owned()),
+                    Some(told) => Err(Fault::Sum { told, truth: sum }),
+                    None => Err(Fault::NoNumber),
                 }
             }
-            [b'*', ..] => Err("the checksum is cut, or something stands behind it".to_owned()),
+            [b'*', ..] => Err(Fault::Cut),
             _ if bare && !rest.is_empty() && ends(rest) => Ok(Sentence { body, length: end + 1, checked: false }),
-            _ => Err("a sentence without a checksum".to_owned()),
+            _ => Err(Fault::Unchecked),
         }
     }
 
@@ -120,7 +144,7 @@ mod tests {
             (format!("${GGA}"), "without a checksum"),
             ("$, *00".to_owned(), "address"),
         ] {
-            let error = Sentence::at(text.as_bytes(), false).unwrap_err();
+            let error = Sentence::at(text.as_bytes(), false).unwrap_err().to_string();
             assert!(error.contains(reason), "{text}: {error}");
         }
         assert!(Sentence::at(format!("${GGA}\r\n").as_bytes(), true).is_ok());

@@ -9,6 +9,7 @@ pub(super) const LONGEST: usize = 10 + 255 + 2 + 13;
 /// Of the shortest, without payload.
 const HEADER_1: usize = 6;
 const HEADER_2: usize = 10;
+const CHECKSUM: usize = 2;
 const SIGNATURE: usize = 13;
 /// The flag of MAVLink 2 that a signature follows.
 const SIGNED: u8 = 1;
@@ -42,45 +43,140 @@ pub(super) enum NoFrame {
     Cut,
 }
 
-impl<'b> Frame<'b> {
-    /// The frame that the bytes begin with.
-    pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
+/// What stands in front of a payload.
+#[derive(Debug, Clone, Copy)]
+struct Head {
+    wide: bool,
+    flags: u8,
+    system: u8,
+    component: u8,
+    message: u32,
+    /// Bytes in front of the payload, and of it.
+    header: usize,
+    payload: usize,
+}
+
+impl Head {
+    /// The head that the bytes begin with.
+    fn at(bytes: &[u8]) -> Result<Head, NoFrame> {
         let (Some(&magic), Some(&payload)) = (bytes.first(), bytes.get(1)) else { return Err(NoFrame::Cut) };
         if !MAGIC.contains(&magic) {
             return Err(NoFrame::Foreign);
         }
         let wide = magic == MAGIC[1];
         let header = if wide { HEADER_2 } else { HEADER_1 };
-        let checked = bytes.get(..header + usize::from(payload)).ok_or(NoFrame::Cut)?;
-        let (head, payload) = checked.split_at_checked(header).ok_or(NoFrame::Cut)?;
-        let (flags, system, component, message) = match *head {
-            [_, _, _, system, component, message] => (0, system, component, u32::from(message)),
-            [_, _, flags, _, _, system, component, a, b, c] => {
-                (flags, system, component, u32::from_le_bytes([a, b, c, 0]))
+        let (flags, system, component, message) = match *bytes.get(..header).ok_or(NoFrame::Cut)? {
+            [_, _, flags, _, _, system, component, low, middle, high] => {
+                (flags, system, component, u32::from_le_bytes([low, middle, high, 0]))
             }
+            [_, _, _, system, component, message] => (0, system, component, message.into()),
             _ => return Err(NoFrame::Cut),
         };
-        let signature = if flags & SIGNED == 0 { 0 } else { SIGNATURE };
-        let length = checked.len() + 2 + signature;
-        let rest = bytes.get(checked.len()..length).ok_or(NoFrame::Cut)?;
+        Ok(Head { wide, flags, system, component, message, header, payload: payload.into() })
+    }
+
+    /// Bytes from the start of the frame to its checksum.
+    fn checked(&self) -> usize {
+        self.header + self.payload
+    }
+
+    fn length(&self) -> usize {
+        self.checked() + CHECKSUM + if self.flags & SIGNED == 0 { 0 } else { SIGNATURE }
+    }
+}
+
+impl<'b> Frame<'b> {
+    /// The frame that the bytes begin with.
+    pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
+        let head = Head::at(bytes)?;
+        let length = head.length();
+        let (checked, rest) =
+            bytes.get(..length).and_then(|b| b.split_at_checked(head.checked())).ok_or(NoFrame::Cut)?;
         let told = rest.first_chunk().map(|two| u16::from_le_bytes(*two)).ok_or(NoFrame::Cut)?;
         let mut checksum = Checksum::new();
         checksum.add(checked.get(1..).unwrap_or_default());
-        let defined = Definitions::all().get(message).map(|d| d.extra);
-        let implied = || (0..=u8::MAX).find(|extra| checksum.with(*extra) == told);
+        let defined = Definitions::all().get(head.message).map(|d| d.extra);
         Ok(Frame {
-            wide,
-            system,
-            component,
-            message,
-            unknown_flags: flags & !SIGNED != 0,
-            payload,
+            wide: head.wide,
+            system: head.system,
+            component: head.component,
+            message: head.message,
+            unknown_flags: head.flags & !SIGNED != 0,
+            payload: checked.get(head.header..).unwrap_or_default(),
             length,
             intact: defined.map(|extra| checksum.with(extra) == told),
-            extra: defined.or_else(implied),
+            extra: defined.or_else(|| checksum.extra_of(told)),
         })
     }
 }
+
+/// Finds intact frames of defined messages in a block; each place takes one step, whatever length stands there.
+///
+/// A checksum is linear: with Q(i) that of the first i bytes, begun with zero, and A what a zero byte makes of a checksum,
+/// the one of the bytes from i to j, begun with c, is A^(j-i) (c + Q(i)) + Q(j), where + is the exclusive or.
+pub(super) struct Finder {
+    block: Vec<u8>,
+    /// Q.
+    sums: Vec<u16>,
+}
+
+impl Finder {
+    pub(super) fn new(block: Vec<u8>) -> Finder {
+        let mut sums = Vec::with_capacity(block.len() + 1);
+        let mut sum = Checksum(0);
+        sums.push(sum.0);
+        for byte in &block {
+            sum.add(std::slice::from_ref(byte));
+            sums.push(sum.0);
+        }
+        Finder { block, sums }
+    }
+
+    pub(super) fn block(&self) -> &[u8] {
+        &self.block
+    }
+
+    /// Whether an intact frame of a defined message begins here.
+    pub(super) fn is_frame(&self, at: usize) -> bool {
+        self.intact(at).unwrap_or(false)
+    }
+
+    fn intact(&self, at: usize) -> Option<bool> {
+        let bytes = self.block.get(at..)?;
+        let head = Head::at(bytes).ok()?;
+        let told = bytes.get(..head.length())?.get(head.checked()..)?.first_chunk()?;
+        let extra = Definitions::all().get(head.message)?.extra;
+        // The magic is not summed up.
+        let [from, to] = [self.sums.get(at + 1)?, self.sums.get(at + head.checked())?];
+        let sum = advanced(Checksum::new().0 ^ from, head.checked() - 1)? ^ to;
+        Some(Checksum(sum).with(extra) == u16::from_le_bytes(*told))
+    }
+}
+
+/// What `zeros` zero bytes make of a checksum; `None` for more than a frame has.
+fn advanced(sum: u16, zeros: usize) -> Option<u16> {
+    let of_bits = OF_BITS.get(zeros)?;
+    let bits = of_bits.iter().enumerate().filter(|(bit, _)| sum >> bit & 1 == 1);
+    Some(bits.fold(0, |advanced, (_, of_bit)| advanced ^ of_bit))
+}
+
+/// What each number of zero bytes makes of each single bit.
+#[allow(clippy::indexing_slicing, reason = "worked out by the compiler, which checks it")]
+static OF_BITS: [[u16; 16]; LONGEST] = {
+    let mut table = [[0; 16]; LONGEST];
+    let mut bit = 0;
+    while bit < 16 {
+        let mut sum = 1 << bit;
+        let mut zeros = 0;
+        while zeros < LONGEST {
+            table[zeros][bit] = sum;
+            sum = step(sum, 0);
+            zeros += 1;
+        }
+        bit += 1;
+    }
+    table
+};
 
 /// CRC-16/MCRF4XX, which MAVLink calls X.25.
 #[derive(Debug, Clone, Copy)]
@@ -92,12 +188,7 @@ impl Checksum {
     }
 
     pub(super) fn add(&mut self, bytes: &[u8]) {
-        self.0 = bytes.iter().fold(self.0, |crc, &byte| {
-            let mut low = byte ^ crc as u8;
-            low ^= low << 4;
-            let low = u16::from(low);
-            (crc >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
-        });
+        self.0 = bytes.iter().fold(self.0, |sum, &byte| step(sum, byte));
     }
 
     /// With one more byte.
@@ -107,9 +198,26 @@ impl Checksum {
         more.0
     }
 
+    /// The byte that makes this checksum `told`, if one does.
+    fn extra_of(self, told: u16) -> Option<u8> {
+        // The other way through `step`; the upper byte tells all there is to know.
+        let [_, high] = (told ^ (self.0 >> 8)).to_le_bytes();
+        let low = high ^ (high >> 5);
+        let extra = low ^ (low << 4) ^ self.0 as u8;
+        (self.with(extra) == told).then_some(extra)
+    }
+
     pub(super) fn value(self) -> u16 {
         self.0
     }
+}
+
+/// One more byte.
+const fn step(sum: u16, byte: u8) -> u16 {
+    let mut low = byte ^ sum as u8;
+    low ^= low << 4;
+    let low = low as u16;
+    (sum >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
 }
 
 #[cfg(test)]
@@ -121,6 +229,40 @@ mod tests {
         let mut checksum = Checksum::new();
         checksum.add(b"123456789");
         assert_eq!(checksum.value(), 0x6f91);
+    }
+
+    #[test]
+    fn every_byte_is_found_again_from_the_checksum_that_it_makes() {
+        for sum in [0, 1, 0x1234, 0xffff, 0x8a5f] {
+            let made = (0..=u8::MAX).map(|extra| Checksum(sum).with(extra));
+            assert!(made.clone().zip(0..).all(|(told, extra)| Checksum(sum).extra_of(told) == Some(extra)));
+            let other = made.clone().fold(0, |other, told| if told == other { other + 1 } else { other });
+            let possible: Vec<u16> = made.collect();
+            assert_eq!(Checksum(sum).extra_of(other).is_some(), possible.contains(&other));
+        }
+    }
+
+    #[test]
+    fn the_finder_finds_what_the_frames_are() {
+        let messages = [0_u32, 30, 33, 24, 77];
+        let mut block = vec![];
+        for i in 0..250_u8 {
+            let message = messages[usize::from(i) % messages.len()];
+            let length = [9, 3, 28, 255][usize::from(i) % 4];
+            let mut frame = vec![0xfd, length, i & 1, 0, i, 1, 1, message as u8, 0, 0];
+            frame.extend((0..length).map(|at| at.wrapping_mul(i)));
+            let mut checksum = Checksum::new();
+            checksum.add(&frame[1..]);
+            let told = Definitions::all().get(message).map_or(7, |d| checksum.with(d.extra));
+            block.extend(vec![i.wrapping_mul(37); usize::from(i % 5)]);
+            block.extend(frame.into_iter().chain(told.to_le_bytes()));
+            block.extend(vec![0xfe; if i & 1 == 1 { SIGNATURE } else { 0 }]);
+        }
+        let finder = Finder::new(block.clone());
+        let truth = |at: &usize| Frame::at(&block[*at..]).is_ok_and(|frame| frame.intact == Some(true));
+        let found: Vec<usize> = (0..block.len()).filter(|at| finder.is_frame(*at)).collect();
+        assert_eq!(found, (0..block.len()).filter(truth).collect::<Vec<_>>());
+        assert!(found.len() >= 200, "{}", found.len());
     }
 
     #[test]

@@ -232,7 +232,7 @@ fn mode_name(state: u8) -> String {
 }
 
 /// Levels of the Linux kernel, as digits.
-fn level_name(level: u8) -> &'static str {
+pub(super) fn level_name(level: u8) -> &'static str {
     match level & 0xf {
         0 => "EMERGENCY",
         1 => "ALERT",

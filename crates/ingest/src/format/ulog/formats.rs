@@ -4,6 +4,7 @@ use super::record::{Basic, array, basic};
 use crate::decode::Wanted;
 use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -14,25 +15,43 @@ const MOST_FORMATS: usize = 65_536;
 /// Memory that the text of all formats may take, bytes.
 const MOST_TEXT: usize = 16 << 20;
 /// Formats that may be replaced by others of their name.
-const MOST_REPLACED: u64 = 1000;
+const MOST_REPLACED: u64 = 100;
 /// Fields looked at to find the sizes of all formats: definitions can refer to each other again and again.
 const MOST_MEASURED: u64 = 10_000_000;
-/// Fields looked at to lay out one message.
-const MOST_LAID_OUT: u32 = 1 << 18;
+/// Fields looked at to lay out all messages of a log: each that is wanted is a column.
+const MOST_LAID_OUT: u32 = 1 << 17;
 /// Bytes that a message has for its fields, behind its number.
 const LONGEST_MESSAGE: u64 = u16::MAX as u64 - 2;
 /// Longest path of a field, bytes.
 const LONGEST_PATH: usize = 512;
 
 /// All formats so far.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Formats {
     by_name: HashMap<String, Format>,
     text_bytes: usize,
     /// How often a format was replaced by another of its name.
     pub(super) replaced: u64,
+    /// How many formats were taken in.
+    pub(super) version: u64,
     measured: HashMap<String, Extent>,
     looked_at: u64,
+    /// Fields that may still be laid out.
+    layable: Cell<u32>,
+}
+
+impl Default for Formats {
+    fn default() -> Formats {
+        Formats {
+            by_name: HashMap::new(),
+            text_bytes: 0,
+            replaced: 0,
+            version: 0,
+            measured: HashMap::new(),
+            looked_at: 0,
+            layable: Cell::new(MOST_LAID_OUT),
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -103,6 +122,7 @@ impl Formats {
         if self.by_name.len() >= MOST_FORMATS || self.text_bytes > MOST_TEXT || self.replaced >= MOST_REPLACED {
             return Err("there are more formats than a log may have".to_owned());
         }
+        self.version += 1;
         if self.by_name.insert(name.to_owned(), format).is_some() {
             self.replaced += 1;
             self.measured.clear();
@@ -165,16 +185,34 @@ impl Formats {
     /// Where the wanted fields of a message of format `name` lie. Its extent must be known.
     pub(super) fn layout(&self, name: &str, wanted: &Wanted) -> Result<Layout, String> {
         let extent = self.measured.get(name).copied().unwrap_or_default();
-        let mut flat = Flat { formats: self, wanted, fields: vec![], left: MOST_LAID_OUT };
+        let mut flat = Flat { formats: self, wanted, fields: vec![] };
         flat.message(name, "", 0)?;
         Ok(Layout { fields: flat.fields, shortest: extent.shortest, longest: extent.full })
     }
 
-    /// Where a field of one byte lies, such as a state.
+    /// Where a field of one byte lies, such as a state. The extent of the message must be known.
     pub(super) fn byte_field(&self, name: &str, field: &str) -> Option<usize> {
-        let wanted = Wanted::of_paths([field]);
-        let layout = self.layout(name, &wanted).ok()?;
-        layout.fields.iter().find(|f| f.path == field && f.kind == PackedKind::Number(Number::U8)).map(|f| f.offset)
+        let mut offset = 0_usize;
+        for known in self.by_name.get(name)?.fields.iter() {
+            if known.name == field {
+                let byte = known.kind == FieldKind::Basic(Basic::Number(Number::U8)) && known.count.is_none();
+                return byte.then_some(offset);
+            }
+            offset = offset.saturating_add(self.size_of(known));
+        }
+        None
+    }
+
+    /// Bytes of a field, all its elements. The extent of the message must be known.
+    fn size_of(&self, field: &Field) -> usize {
+        self.element_size(field).saturating_mul(field.count.unwrap_or(1) as usize)
+    }
+
+    fn element_size(&self, field: &Field) -> usize {
+        match &field.kind {
+            FieldKind::Basic(basic) => basic.size(),
+            FieldKind::Nested(inner) => self.measured.get(inner).map_or(0, |extent| extent.full),
+        }
     }
 }
 
@@ -183,7 +221,6 @@ struct Flat<'f> {
     formats: &'f Formats,
     wanted: &'f Wanted,
     fields: Vec<PackedField>,
-    left: u32,
 }
 
 impl Flat<'_> {
@@ -191,16 +228,12 @@ impl Flat<'_> {
         let Some(format) = self.formats.by_name.get(name) else { return Ok(()) };
         let mut offset = start;
         for field in format.fields.iter() {
-            self.left =
-                self.left.checked_sub(1).ok_or_else(|| format!("the format {name:.128} has too many fields"))?;
-            let size = match &field.kind {
-                FieldKind::Basic(basic) => basic.size(),
-                FieldKind::Nested(inner) => self.formats.measured.get(inner).map_or(0, |extent| extent.full),
-            };
+            self.spend(name)?;
+            let size = self.formats.element_size(field);
             if !field.is_padding() && size > 0 {
                 self.field(field, format!("{prefix}{}", field.name), offset, size)?;
             }
-            offset = offset.saturating_add(size.saturating_mul(field.count.unwrap_or(1) as usize));
+            offset = offset.saturating_add(self.formats.size_of(field));
         }
         Ok(())
     }
@@ -217,6 +250,7 @@ impl Flat<'_> {
             (FieldKind::Nested(inner), None) => self.nested(inner, &path, offset)?,
             (kind, Some(count)) => {
                 for index in self.wanted.elements(&path, count).into_iter().filter(|&index| index < count) {
+                    self.spend(&path)?;
                     let (path, offset) = (format!("{path}[{index}]"), offset + index as usize * size);
                     match kind {
                         FieldKind::Basic(Basic::Number(number)) => self.push(path, offset, PackedKind::Number(*number)),
@@ -226,6 +260,13 @@ impl Flat<'_> {
                 }
             }
         }
+        Ok(())
+    }
+
+    /// Fails if too many fields were laid out.
+    fn spend(&self, name: &str) -> Result<(), String> {
+        let left = self.formats.layable.get().checked_sub(1);
+        self.formats.layable.set(left.ok_or_else(|| format!("the formats have too many fields, first in {name:.128}"))?);
         Ok(())
     }
 
@@ -330,6 +371,6 @@ mod tests {
         assert_eq!(formats.extent("a").unwrap().full, 4);
         assert_ne!(formats.identity("a"), before);
         let results = (0..2000).map(|i| formats.add(format!("a:uint8_t[{i}] x;").as_bytes()));
-        assert_eq!(results.filter(Result::is_err).count(), 1001);
+        assert_eq!(results.filter(Result::is_err).count(), 1901);
     }
 }

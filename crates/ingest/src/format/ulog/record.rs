@@ -17,6 +17,8 @@ pub(super) const SYNC: [u8; 8] = [0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12
 pub(super) const FLAG_BITS: usize = 40;
 /// Longest name that PX4 could give a format or a topic.
 const LONGEST_NAME: usize = 128;
+/// Longest type of an information, as `uint16_t[1000]`.
+const LONGEST_TYPE: usize = 64;
 
 /// What a message is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -98,24 +100,32 @@ pub(super) fn judge(kind: Kind, body: &[u8], most: usize) -> Trust {
     }
 }
 
+/// Said of a format that cannot be one.
+pub(super) const DAMAGED_FORMAT: &str = "a format that is damaged";
+
 /// Looked at as a whole, a format vouches for its length too: it ends with a field.
 fn format_trust(body: &[u8], most: usize) -> Trust {
-    const DAMAGED: Trust = Trust::Wrong("a format that is damaged");
+    const DAMAGED: Trust = Trust::Wrong(DAMAGED_FORMAT);
     let head = body.get(..body.len().min(LONGEST_NAME)).unwrap_or_default();
     let Some(end) = memchr::memchr(b':', head).filter(|&end| head.get(..end).is_some_and(is_name)) else {
         return DAMAGED;
     };
-    if !body.iter().take(most).all(|b| (b' '..=b'~').contains(b)) {
+    // Some writers leave the last semicolon out.
+    let ends = |last: &u8| matches!(last, b';' | b'_') || last.is_ascii_alphanumeric();
+    let fields = body.get(end + 1..).unwrap_or_default();
+    if !fields.last().is_none_or(ends) || !body.iter().take(most).all(is_printable) {
         return DAMAGED;
     }
-    let fields = body.get(end + 1..).unwrap_or_default();
     match fields.last() {
         Some(b';') | None if body.len() <= most && fields.split(|&b| b == b';').all(is_field) => Trust::Sure,
-        Some(b';') => Trust::Fits,
-        // Some writers leave the last semicolon out.
-        Some(last) if *last == b'_' || last.is_ascii_alphanumeric() => Trust::Fits,
-        _ => DAMAGED,
+        Some(_) => Trust::Fits,
+        None => DAMAGED,
     }
+}
+
+/// Whether a character may stand in a format.
+pub(super) fn is_printable(character: &u8) -> bool {
+    (b' '..=b'~').contains(character)
 }
 
 /// A type and a name, or nothing.
@@ -156,7 +166,9 @@ impl<'m> Entry<'m> {
         let mut rest = Bytes(body);
         let length = rest.u8()?;
         let key = rest.take(length.into())?;
-        if !key.iter().all(|b| (b' '..=b'~').contains(b)) {
+        // Looked for first, for it is soon missed where there is none.
+        memchr::memchr(b' ', key.get(..key.len().min(LONGEST_TYPE))?)?;
+        if !key.iter().all(is_printable) {
             return None;
         }
         let (kind, name) = std::str::from_utf8(key).ok()?.split_once(' ')?;
@@ -196,9 +208,11 @@ pub(super) struct Subscription<'m> {
 }
 
 impl<'m> Subscription<'m> {
+    /// A name that is too long is none.
     pub(super) fn parse(body: &'m [u8]) -> Option<Subscription<'m>> {
         let mut rest = Bytes(body);
-        Some(Subscription { instance: rest.u8()?, number: rest.u16()?, name: rest.0 })
+        let (instance, number) = (rest.u8()?, rest.u16()?);
+        (rest.0.len() <= LONGEST_NAME).then_some(Subscription { instance, number, name: rest.0 })
     }
 }
 

@@ -1,6 +1,7 @@
 //! What is known of a log while it is read; gives its messages to the topics.
 
 use super::about::Gathered;
+use super::beside::Beside;
 use super::formats::{Extent, Formats, Stamp};
 use super::record::{Entry, FlagBits, Kind, Subscription, Trust, judge};
 use crate::bytes::Bytes;
@@ -10,6 +11,8 @@ use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
+use std::collections::HashMap;
+use std::rc::Rc;
 
 /// The topic that tells flight modes, and its field.
 const STATUS: (&str, &str) = ("vehicle_status", "nav_state");
@@ -20,7 +23,10 @@ pub(super) struct Session<'t, 'w> {
     formats: Formats,
     /// By the number of their messages.
     known: Vec<Option<Known>>,
+    /// What a topic's subscription was found to mean, while no format came since: by name and instance.
+    meanings: HashMap<(String, u8), (u64, Meaning)>,
     pub(super) gathered: Gathered,
+    beside: Beside,
     pub(super) flags: FlagBits,
     /// Stamp of the last message.
     latest_us: Option<u64>,
@@ -39,12 +45,18 @@ pub(super) struct Session<'t, 'w> {
 struct Known {
     name: String,
     instance: u8,
+    meaning: Meaning,
+    last_us: u64,
+}
+
+/// How the messages of a topic are to be read.
+#[derive(Debug, Clone)]
+struct Meaning {
     route: Route,
     /// What is wrong with the format, if it cannot be used.
-    extent: Result<Extent, String>,
+    extent: Result<Extent, Rc<str>>,
     /// Where [`STATUS`] lies.
     mode: Option<usize>,
-    last_us: u64,
 }
 
 #[derive(Debug, Default)]
@@ -60,7 +72,9 @@ impl<'t, 'w> Session<'t, 'w> {
             topics,
             formats: Formats::default(),
             known: vec![],
+            meanings: HashMap::new(),
             gathered: Gathered::default(),
+            beside: Beside::default(),
             flags: FlagBits::default(),
             latest_us: None,
             began: false,
@@ -77,7 +91,7 @@ impl<'t, 'w> Session<'t, 'w> {
     /// How far a message vouches for itself. Of long ones the first `most` bytes are looked at.
     pub(super) fn judge(&self, kind: Kind, body: &[u8], most: usize) -> Trust {
         match kind {
-            Kind::Data => match self.known_of(body).map(|known| &known.extent) {
+            Kind::Data => match self.known_of(body).map(|known| &known.meaning.extent) {
                 Some(Ok(extent)) if (extent.shortest..=extent.full).contains(&body.len().saturating_sub(2)) => {
                     Trust::Sure
                 }
@@ -99,6 +113,10 @@ impl<'t, 'w> Session<'t, 'w> {
     /// Takes a message. What is wrong with it is returned.
     pub(super) fn take(&mut self, kind: Kind, body: &[u8]) -> Result<Fate, String> {
         self.began |= matches!(kind, Kind::Subscribe | Kind::Data | Kind::Text | Kind::TaggedText);
+        if kind != Kind::Data && self.topics.takes_extras() {
+            let at_us = self.began.then(|| self.latest_us.unwrap_or_default());
+            self.beside.take(kind, body, at_us, self.topics);
+        }
         match kind {
             Kind::Data => return Ok(self.data(body)),
             Kind::Format => self.formats.add(body)?,
@@ -148,14 +166,26 @@ impl<'t, 'w> Session<'t, 'w> {
         if before.is_some_and(|known| known.name != name || known.instance != instance) {
             self.redefined.add(|| format!("{number}, now {name:.128}"));
         }
-        let known = self.route(name, instance)?;
+        let meaning = self.meaning(name, instance)?;
         if let Some(slot) = self.known.get_mut(place) {
-            *slot = Some(known);
+            *slot = Some(Known { name: name.to_owned(), instance, meaning, last_us: 0 });
         }
         Ok(())
     }
 
-    fn route(&mut self, name: &str, instance: u8) -> Result<Known, String> {
+    fn meaning(&mut self, name: &str, instance: u8) -> Result<Meaning, String> {
+        let key = (name.to_owned(), instance);
+        if let Some((version, meaning)) = self.meanings.get(&key)
+            && *version == self.formats.version
+        {
+            return Ok(meaning.clone());
+        }
+        let meaning = self.find_meaning(name, instance)?;
+        self.meanings.insert(key, (self.formats.version, meaning.clone()));
+        Ok(meaning)
+    }
+
+    fn find_meaning(&mut self, name: &str, instance: u8) -> Result<Meaning, String> {
         let topic = if instance == 0 { name.to_owned() } else { format!("{name}_{instance}") };
         let info = TopicInfo { name: topic, type_name: name.to_owned(), encoding: "ulog".to_owned() };
         let extent = self.formats.extent(name);
@@ -163,7 +193,7 @@ impl<'t, 'w> Session<'t, 'w> {
         let layout = |wanted: &_| extent.clone().and_then(|_| formats.layout(name, wanted));
         let route = self.topics.packed_route(info, formats.identity(name).as_bytes(), layout)?;
         let mode = if (name, instance) == (STATUS.0, 0) { formats.byte_field(name, STATUS.1) } else { None };
-        Ok(Known { name: name.to_owned(), instance, route, extent, mode, last_us: 0 })
+        Ok(Meaning { route, extent: extent.map_err(Rc::from), mode })
     }
 
     #[inline]
@@ -175,12 +205,13 @@ impl<'t, 'w> Session<'t, 'w> {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
-        match &known.extent {
+        let Meaning { route, extent, mode } = &known.meaning;
+        match extent {
             Ok(Extent { stamp: Some(_), .. }) => {}
             Ok(_) => self.without_stamp.add(|| format!("topic {}", known.name)),
-            Err(reason) => self.bad_formats.add(|| reason.clone()),
+            Err(reason) => self.bad_formats.add(|| reason.as_ref().to_owned()),
         }
-        let stamp = known.extent.as_ref().ok().and_then(|extent| extent.stamp);
+        let stamp = extent.as_ref().ok().and_then(|extent| extent.stamp);
         let at_us = stamp.and_then(|s| s.read(payload, self.latest_us)).or(self.latest_us).unwrap_or_default();
         if at_us < known.last_us {
             self.back_jumps.add(|| format!("topic {} at {} µs", known.name, known.last_us));
@@ -188,10 +219,15 @@ impl<'t, 'w> Session<'t, 'w> {
         known.last_us = at_us;
         self.latest_us = Some(at_us);
         let logged_ns = i64::try_from(at_us.saturating_mul(1000)).unwrap_or(i64::MAX);
-        if let Some(&state) = known.mode.and_then(|offset| payload.get(offset)) {
+        if let Some(&state) = mode.and_then(|offset| payload.get(offset)) {
             self.gathered.mode(state, logged_ns);
         }
-        self.topics.message(known.route, Times { logged_ns, published_ns: None }, payload)
+        self.topics.message(*route, Times { logged_ns, published_ns: None }, payload)
+    }
+
+    /// Gives what is beside the topics to who takes it.
+    pub(super) fn hand_on(&mut self) {
+        self.beside.hand_on(self.topics);
     }
 
     /// Says what happened, but for the damage.

@@ -3,7 +3,7 @@
 //! A message that does not vouch for itself must lead to one that does, or at least have none inside that does.
 //! Where neither holds, the walk goes on at the next byte from which it can be sure again.
 
-use super::record::{FLAG_BITS, HEAD, Kind, LONGEST, Trust};
+use super::record::{DAMAGED_FORMAT, FLAG_BITS, HEAD, Kind, LONGEST, Trust, is_printable};
 use super::session::Session;
 use crate::decode::Tally;
 use crate::error::IngestError;
@@ -11,6 +11,7 @@ use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
+use std::ops::Range;
 
 /// Said of a file that does not begin as a ULog does.
 pub(super) const WRONG_START: &str = "the bytes that begin the file are wrong";
@@ -44,6 +45,8 @@ pub(super) struct Walk<'w> {
     /// Where data were appended, falling.
     joints: Vec<u64>,
     wrong_joints: Tally,
+    /// Bytes of the view that may all stand in a format; the one behind them may not.
+    printable: Range<usize>,
 }
 
 /// Bytes of the file that begin where a block begins.
@@ -74,7 +77,7 @@ impl<'v> View<'v> {
 
 impl<'w> Walk<'w> {
     pub(super) fn new(name: &'w str, ledger: &'w mut Ledger) -> Walk<'w> {
-        Walk { name, ledger, at: 0, lost: None, zeros: 0, joints: vec![], wrong_joints: Tally::default() }
+        Walk { name, ledger, at: 0, lost: None, zeros: 0, joints: vec![], wrong_joints: Tally::default(), printable: 0..0 }
     }
 
     /// Takes the first bytes of the file.
@@ -122,6 +125,7 @@ impl<'w> Walk<'w> {
     /// Walks until so little is left of the view that one cannot look ahead, or to the end of the file.
     fn block(&mut self, view: View<'_>, session: &mut Session<'_, '_>) {
         let stop = if view.whole { view.bytes.len() } else { view.bytes.len().saturating_sub(MARGIN) };
+        self.printable = 0..0;
         let mut at = 0;
         if let Some(reason) = self.lost.take() {
             at = self.go_on(view, (0, 0), stop, reason, session);
@@ -147,6 +151,7 @@ impl<'w> Walk<'w> {
         let kind = Kind::of(letter);
         let trust = match kind {
             Some(Kind::FlagBits) if view.start + at as u64 == START && body.len() >= FLAG_BITS => Trust::Sure,
+            Some(Kind::Format) if !self.is_printable(view, at + HEAD, end) => Trust::Wrong(DAMAGED_FORMAT),
             Some(kind) => session.judge(kind, body, usize::MAX),
             None => Trust::Weak,
         };
@@ -196,6 +201,16 @@ impl<'w> Walk<'w> {
         self.joints = session.flags.offsets.iter().copied().filter(|&offset| offset > 0).collect();
         self.joints.sort_unstable_by(|a, b| b.cmp(a));
         self.joints.dedup();
+    }
+
+    /// Whether all these bytes may stand in a format. How far that goes is remembered: of many formats that seem to
+    /// reach over one wrong byte, each would be read up to it.
+    fn is_printable(&mut self, view: View<'_>, from: usize, to: usize) -> bool {
+        if !self.printable.contains(&from) {
+            let rest = view.bytes.get(from..).unwrap_or_default();
+            self.printable = from..from + rest.iter().take_while(|b| is_printable(b)).count();
+        }
+        to <= self.printable.end
     }
 
     /// Where, inside of `at..end`, data were appended. That the file says so is not enough.

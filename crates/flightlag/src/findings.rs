@@ -1,0 +1,71 @@
+//! What went wrong with a log, and what to do about it: said alike by all commands that read one.
+
+use crate::show::{Table, visible};
+use flight::{LogHealth, Notice, Notices, Severity};
+use std::path::Path;
+
+/// Notices of what stands in the table of damage.
+const DAMAGED: &str = "damaged";
+
+/// The ranges that could not be read.
+pub(crate) fn damage(health: &LogHealth) -> String {
+    let mut table = Table::new(&["file", "first byte|", "bytes|", "why"]);
+    for range in &health.damage {
+        table.row(vec![range.file.clone(), range.offset.to_string(), range.length.to_string(), range.reason.clone()]);
+    }
+    let unlisted = health.damage_count.saturating_sub(health.damage.len() as u64);
+    let more = if unlisted > 0 { format!("  and {unlisted} more ranges\n") } else { String::new() };
+    section("damage", &table) + &more
+}
+
+/// Notices but for those of the damage, losses first.
+pub(crate) fn notices(notices: &Notices) -> String {
+    let mut sorted: Vec<&Notice> = notices.iter().filter(|n| n.code != DAMAGED).collect();
+    sorted.sort_by_key(|n| std::cmp::Reverse(n.severity));
+    let mut table = Table::new(&["notice", "where", "count|", "what"]);
+    for notice in sorted {
+        let severity = match notice.severity {
+            Severity::Info => "info",
+            Severity::Warning => "warning",
+            Severity::Loss => "loss",
+        };
+        table.row(vec![severity.to_owned(), notice.place.clone(), notice.count.to_string(), notice.text.clone()]);
+    }
+    section("notices", &table)
+}
+
+/// A table under its title; nothing if it has no row.
+pub(crate) fn section(title: &str, table: &Table) -> String {
+    if table.is_empty() { String::new() } else { format!("{title}\n{}", table.text()) }
+}
+
+/// A path as it can be typed in a shell.
+pub(crate) fn typed(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_alphanumeric() || "/._-+=:@,".contains(c);
+    if text.chars().all(plain) && !text.starts_with('-') {
+        return text;
+    }
+    visible(&format!("'{}'", text.replace('\'', r"'\''")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_can_be_typed_as_it_is_shown() {
+        assert_eq!(typed(Path::new("logs/a-1.ulg")), "logs/a-1.ulg");
+        assert_eq!(typed(Path::new("my log's.bag")), r"'my log'\''s.bag'");
+    }
+
+    #[test]
+    fn losses_come_first_and_damage_is_not_told_twice() {
+        let mut all = Notices::new();
+        all.push(Severity::Info, "held", "gps", 3, "held rows");
+        all.push(Severity::Loss, DAMAGED, "a, bytes 0 to 9", 9, "cut");
+        all.push(Severity::Loss, "no-end", "a", 1, "no footer");
+        let text = notices(&all);
+        assert!(text.find("no footer") < text.find("held rows") && !text.contains("cut"), "{text}");
+    }
+}

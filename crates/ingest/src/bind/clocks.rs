@@ -1,0 +1,141 @@
+//! The clocks of one log against one another: of different topics, and of a clock since boot against the log's.
+
+use crate::stamps::distribution;
+use crate::time::suspicion;
+use flight::{
+    Channel, Clock, Distribution, Flight, LEAPS_KNOWN_UNTIL, Notices, Quantity, Severity, Stamp, StampKind,
+    leaps_are_known_at,
+};
+use std::collections::BTreeMap;
+
+/// Fewer rows say nothing of a clock.
+const FEWEST_ROWS: usize = 10;
+/// Two topics begin and end as far apart as this, if nothing but their clocks differs, s.
+const SAME_S: f64 = 0.5;
+/// Topics begin a second or two apart without being wrong: only larger offsets of beginnings and ends are looked at, s.
+const SHORTEST_S: f64 = 10.0;
+
+/// The stamps of one topic on one clock.
+struct Line<'f> {
+    name: &'f str,
+    channel: &'f Channel,
+    /// UTC of the first and the last stamp.
+    ends: [Stamp; 2],
+    /// UTC less the log's own time, s.
+    to_log: Option<Distribution>,
+}
+
+/// Says aloud where two clocks that both claim UTC look as if one had leap seconds, a time zone or a week too many.
+pub(super) fn compare(flight: &mut Flight) {
+    let mut notices = Notices::new();
+    let lines = lines(flight);
+    lines.iter().for_each(|line| against_log(line, &mut notices));
+    let pairs = lines.iter().enumerate().flat_map(|(i, a)| lines.iter().skip(i + 1).map(move |b| (a, b)));
+    let mut told: Vec<(String, u64)> = vec![];
+    for (a, b) in pairs {
+        let Some(what) = offset(a, b).and_then(|o| suspicion(&o, a.ends[0])) else { continue };
+        // One clock that is wrong is off against every other: the first pair is told, the others are counted.
+        let kind = what.split_once(": ").map_or("", |(_, kind)| kind);
+        match told.iter_mut().find(|(known, _)| known.ends_with(kind)) {
+            Some((_, count)) => *count += 1,
+            None => told.push((format!("{} and {} are by different clocks; {what}", a.name, b.name), 1)),
+        }
+    }
+    for (text, pairs) in told {
+        notices.push(Severity::Warning, "clock-suspect", "", pairs, format!("channels {text}"));
+    }
+    no_common_time(flight, &mut notices);
+    flight.notices.extend(notices);
+}
+
+/// One for each topic and clock, of its first channel by name.
+fn lines(flight: &Flight) -> Vec<Line<'_>> {
+    let mut lines: BTreeMap<(&str, StampKind), Line<'_>> = BTreeMap::new();
+    for (name, channel) in &flight.channels {
+        let timeline = channel.series.timeline();
+        let unix = |stamp: &Stamp| flight.unix(timeline.clock(), *stamp);
+        let ends = timeline.first().zip(timeline.last()).and_then(|(a, b)| Some([unix(&a)?, unix(&b)?]));
+        let Some(ends) = ends.filter(|_| channel.series.len() >= FEWEST_ROWS) else { continue };
+        let logged =
+            channel.other_stamps.iter().find(|(kind, clock, _)| (*kind, *clock) == (StampKind::Logged, Clock::Unix));
+        let to_log = logged.and_then(|(_, _, logged)| {
+            let pairs = timeline.stamps().iter().zip(logged);
+            distribution(
+                &pairs.filter_map(|(stamp, logged)| Some(unix(stamp)?.seconds_since(*logged))).collect::<Vec<_>>(),
+            )
+        });
+        let line = Line { name, channel, ends, to_log };
+        lines.entry((channel.source.topic.as_str(), timeline.kind())).or_insert(line);
+    }
+    lines.into_values().collect()
+}
+
+/// A clock since boot, by what ties it to UTC, against the log's. Of other clocks the channel's own rows say it.
+fn against_log(line: &Line<'_>, notices: &mut Notices) {
+    let clock = line.channel.series.timeline().clock();
+    if !matches!(clock, Clock::Boot | Clock::Elapsed) {
+        return;
+    }
+    let turned =
+        |d: &Distribution| Distribution { min: -d.max, p01: -d.p99, median: -d.median, p99: -d.p01, max: -d.min };
+    let Some(what) = line.to_log.as_ref().and_then(|d| suspicion(&turned(d), line.ends[0])) else { return };
+    let rows = line.channel.series.len() as u64;
+    let text = format!("channel {}, the log's stamps and the clock {clock} by UTC: {what}", line.name);
+    notices.push(Severity::Warning, "clock-suspect", &line.channel.source.topic, rows, text);
+}
+
+/// How far the clock of `a` is ahead of that of `b`, as far as the log shows it without looking at the values: by the
+/// log's own time on both, or by their beginnings and ends, if these are equally far apart.
+fn offset(a: &Line<'_>, b: &Line<'_>) -> Option<Distribution> {
+    if let (Some(a), Some(b)) = (&a.to_log, &b.to_log) {
+        let apart = |x: f64, y: f64| x - y;
+        return Some(Distribution {
+            min: apart(a.min, b.max),
+            p01: apart(a.p01, b.p99),
+            median: apart(a.median, b.median),
+            p99: apart(a.p99, b.p01),
+            max: apart(a.max, b.min),
+        });
+    }
+    let [begin, end] = [0, 1].map(|i: usize| a.ends.get(i).zip(b.ends.get(i)).map(|(a, b)| a.seconds_since(*b)));
+    let (begin, end) = begin.zip(end)?;
+    let telling = (begin - end).abs() <= SAME_S && begin.abs().min(end.abs()) >= SHORTEST_S;
+    telling.then(|| distribution(&[begin, end])).flatten()
+}
+
+/// A position and a velocity that never were at the same time cannot be of one clock.
+fn no_common_time(flight: &Flight, notices: &mut Notices) {
+    let is_velocity = |c: &Channel| c.quantity == Quantity::VelocityNed;
+    let is_position = |c: &Channel| matches!(c.quantity, Quantity::PositionGeodetic | Quantity::PositionNed);
+    for (position, p) in flight.channels.iter().filter(|(_, c)| is_position(c)) {
+        for (velocity, v) in flight.channels.iter().filter(|(_, c)| is_velocity(c)) {
+            let (a, b) = (p.series.timeline(), v.series.timeline());
+            let apart = a.clock() == b.clock() && (a.last() < b.first() || b.last() < a.first());
+            if apart && p.series.len().min(v.series.len()) >= FEWEST_ROWS {
+                let text = format!(
+                    "channels {position} and {velocity} have no time in common, though both count {}",
+                    a.clock()
+                );
+                let place = format!("{}, {}", p.source.topic, v.source.topic);
+                notices.push(Severity::Warning, "no-common-time", place, p.series.len() as u64, text);
+            }
+        }
+    }
+}
+
+/// Whether UTC was reckoned from GPS time on a day whose leap seconds are not known: of a channel that counts GPS time, or
+/// of a clock since boot that GPS time ties to UTC.
+pub(super) fn note_unknown_leaps(flight: &mut Flight, tied_by_gps: bool) {
+    let last = |channel: &Channel| {
+        let timeline = channel.series.timeline();
+        let reckoned = timeline.clock() == Clock::Gps || (tied_by_gps && timeline.clock() != Clock::Unix);
+        timeline.last().filter(|_| reckoned).and_then(|stamp| flight.unix(timeline.clock(), stamp))
+    };
+    let last = flight.channels.values().filter_map(last).max();
+    if last.is_none_or(leaps_are_known_at) {
+        return;
+    }
+    let text =
+        format!("GPS time is turned to UTC with the leap seconds known until {LEAPS_KNOWN_UNTIL}; the flight is later");
+    flight.notices.push(Severity::Warning, "leap-seconds", "", 1, text);
+}

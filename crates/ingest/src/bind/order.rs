@@ -1,0 +1,262 @@
+//! Rows into the order of their stamps, and without those whose stamp cannot be the time of their value.
+//!
+//! Rows that arrive in disorder are only sorted. A clock that is set back passes a time twice, and sorting would mix two
+//! stretches of the flight: of the two the longer stays. A few rows that leap out of line and back again have a wrong
+//! stamp, unless the place where they land is a hole that they fill.
+
+use super::rows::Sample;
+use flight::{Clock, NANOS_PER_SECOND};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// A stamp further than this from the median of its channel is no time of the flight.
+pub(super) const FAR_NS: u64 = 86_400 * NANOS_PER_SECOND as u64;
+/// So many usual steps back are more than disorder.
+const DEEP_STEPS: u64 = 4;
+/// Rows that leap out of line together.
+const FEW: usize = 5;
+
+const NEVER_FILLED: &str = "stamp zero, long before the others: never filled in";
+const FAR: &str = "stamp more than a day away from the others";
+const PASSED_TWICE: &str = "the clock went back over a time that other rows have";
+const OUT_OF_LINE: &str = "stamp out of line with the rows around it";
+const EQUAL: &str = "stamp equal to the one before";
+
+/// Calls `rejected` with each row that is left out, and why.
+pub(super) type Reject<'r> = &'r mut dyn FnMut(&'static str, &Sample);
+
+/// Leaves out rows that are years or days off, and zeros before the first true stamp of a clock that does not know the day.
+pub(super) fn leave_out_far(samples: &mut Vec<Sample>, clock: Clock, rejected: Reject<'_>) {
+    leave_out_unset(samples, clock, rejected);
+    let mut stamps: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
+    let middle = stamps.len() / 2;
+    if middle == 0 {
+        return;
+    }
+    let median = *stamps.select_nth_unstable(middle).1;
+    keep(samples, rejected, |s| (s.stamp.abs_diff(median) > FAR_NS).then_some(FAR));
+}
+
+fn leave_out_unset(samples: &mut Vec<Sample>, clock: Clock, rejected: Reject<'_>) {
+    let zeros = samples.iter().take_while(|s| s.stamp == 0).count();
+    let (Some(first), Some(step)) = (samples.get(zeros), usual_step(samples)) else { return };
+    let unset =
+        zeros > 0 && matches!(clock, Clock::Boot | Clock::Elapsed) && first.stamp.unsigned_abs() > DEEP_STEPS * step;
+    if unset {
+        samples.drain(..zeros).for_each(|s| rejected(NEVER_FILLED, &s));
+    }
+}
+
+/// Sorts by stamp; of equal ones the first in the log is kept.
+pub(super) fn sort(samples: &mut Vec<Sample>, rejected: Reject<'_>) {
+    let reasons = misplaced(samples);
+    let mut reasons = reasons.into_iter();
+    keep(samples, rejected, |_| reasons.next().flatten());
+    samples.sort_by_key(|s| s.stamp);
+    let mut last = None;
+    keep(samples, rejected, |s| (last.replace(s.stamp) == Some(s.stamp)).then_some(EQUAL));
+}
+
+fn keep(samples: &mut Vec<Sample>, rejected: Reject<'_>, mut why: impl FnMut(&Sample) -> Option<&'static str>) {
+    samples.retain(|s| match why(s) {
+        Some(reason) => {
+            rejected(reason, s);
+            false
+        }
+        None => true,
+    });
+}
+
+/// Nine of ten steps forward are no longer, ns; `None` if there are too few to say.
+fn usual_step(samples: &[Sample]) -> Option<u64> {
+    let step = |pair: &[Sample]| match pair {
+        [a, b] if b.stamp > a.stamp => Some(b.stamp.abs_diff(a.stamp)),
+        _ => None,
+    };
+    let mut steps: Vec<u64> = samples.windows(2).filter_map(step).collect();
+    let place = steps.len() * 9 / 10;
+    (steps.len() > FEW).then(|| *steps.select_nth_unstable(place).1)
+}
+
+/// Why each row is left out, in the order of the log. Of nothing but disorder nothing is.
+fn misplaced(samples: &[Sample]) -> Vec<Option<&'static str>> {
+    let Some(step) = usual_step(samples) else { return vec![] };
+    let mut pieces = pieces(samples, DEEP_STEPS * step);
+    if !pieces.iter().any(|p| p.out_of_order) {
+        return vec![];
+    }
+    let mut reasons = vec![None; samples.len()];
+    let mut placed = Placed { rows: BTreeMap::new(), samples, step };
+    // The longest first; of equal ones that which comes first.
+    pieces.sort_by_key(|p| std::cmp::Reverse(p.rows.len()));
+    for piece in pieces {
+        placed.add(&piece, &mut reasons);
+    }
+    reasons
+}
+
+/// Rows between two deep steps.
+struct Piece {
+    rows: Range<usize>,
+    /// It begins or ends with a step back.
+    out_of_order: bool,
+}
+
+fn pieces(samples: &[Sample], deep_ns: u64) -> Vec<Piece> {
+    let mut pieces: Vec<Piece> = vec![];
+    let (mut start, mut went_back) = (0, false);
+    for (row, pair) in (1..).zip(samples.windows(2)) {
+        let [before, now] = pair else { continue };
+        if before.stamp.abs_diff(now.stamp) > deep_ns {
+            let back = now.stamp < before.stamp;
+            pieces.push(Piece { rows: start..row, out_of_order: went_back || back });
+            (start, went_back) = (row, back);
+        }
+    }
+    pieces.push(Piece { rows: start..samples.len(), out_of_order: went_back });
+    pieces
+}
+
+/// Rows by stamp that stay.
+struct Placed<'s> {
+    rows: BTreeMap<i64, usize>,
+    samples: &'s [Sample],
+    step: u64,
+}
+
+/// What is where a row would go.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// Other rows are before and behind it, close together, or another value is there.
+    Taken,
+    /// Between rows, with room for more.
+    Hole,
+    /// At either end.
+    End,
+    /// Far from either end.
+    Beyond,
+}
+
+impl Placed<'_> {
+    fn add(&mut self, piece: &Piece, reasons: &mut [Option<&'static str>]) {
+        let places: Vec<Place> = piece.rows.clone().map(|row| self.place(row)).collect();
+        let count = |of: &[Place]| places.iter().filter(|p| of.contains(p)).count();
+        let taken = count(&[Place::Taken]);
+        let mixed = 2 * taken > taken + count(&[Place::Hole]);
+        let leap = piece.out_of_order && piece.rows.len() <= FEW;
+        for (row, place) in piece.rows.clone().zip(places) {
+            let reason = match place {
+                Place::Taken if leap => Some(OUT_OF_LINE),
+                Place::Taken => Some(PASSED_TWICE),
+                Place::Hole if mixed => Some(PASSED_TWICE),
+                Place::Beyond if leap => Some(OUT_OF_LINE),
+                _ => None,
+            };
+            match (reason, self.samples.get(row)) {
+                (None, Some(sample)) => drop(self.rows.entry(sample.stamp).or_insert(row)),
+                _ => reasons.get_mut(row).into_iter().for_each(|r| *r = reason),
+            }
+        }
+    }
+
+    fn place(&self, row: usize) -> Place {
+        let Some(sample) = self.samples.get(row) else { return Place::End };
+        let stamp = sample.stamp;
+        if let Some(other) = self.rows.get(&stamp).and_then(|other| self.samples.get(*other)) {
+            // The same row once more is only a duplicate.
+            return if other.values == sample.values { Place::Hole } else { Place::Taken };
+        }
+        let before = self.rows.range(..stamp).next_back().map(|(s, _)| stamp.abs_diff(*s));
+        let behind = self.rows.range(stamp..).next().map(|(s, _)| stamp.abs_diff(*s));
+        match (before, behind) {
+            // A row that is missing leaves two steps.
+            (Some(before), Some(behind)) if 10 * (before + behind) < 19 * self.step => Place::Taken,
+            (Some(_), Some(_)) => Place::Hole,
+            (Some(gap), None) | (None, Some(gap)) if gap > DEEP_STEPS * self.step => Place::Beyond,
+            _ => Place::End,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sorted(clock: Clock, stamps: &[i64]) -> (Vec<(i64, usize)>, Vec<(&'static str, usize)>) {
+        let sample = |(row, stamp): (usize, &i64)| Sample { row, stamp: *stamp, values: [row as f64, 0.0, 0.0, 0.0] };
+        let mut samples: Vec<Sample> = stamps.iter().enumerate().map(sample).collect();
+        let mut rejected = vec![];
+        leave_out_far(&mut samples, clock, &mut |why, s| rejected.push((why, s.row)));
+        sort(&mut samples, &mut |why, s| rejected.push((why, s.row)));
+        assert!(samples.windows(2).all(|w| w[0].stamp < w[1].stamp));
+        assert_eq!(samples.len() + rejected.len(), stamps.len());
+        (samples.iter().map(|s| (s.stamp, s.row)).collect(), rejected)
+    }
+
+    fn line(from: i64, rows: i64) -> Vec<i64> {
+        (0..rows).map(|i| from + 100 * i).collect()
+    }
+
+    #[test]
+    fn disorder_of_any_kind_is_sorted_and_costs_no_row() {
+        let swapped = (0..100).map(|i| 100 * (i ^ 1)).collect();
+        let late = {
+            let mut l = line(0, 100);
+            let one = l.remove(20);
+            l.insert(60, one);
+            l
+        };
+        let blocks = [line(5000, 50), line(0, 50)].concat();
+        let files = [line(0, 30), line(9000, 30), line(3000, 30), line(6000, 30)].concat();
+        let shuffled = (0..101).map(|i| 100 * (i * 37 % 101)).collect();
+        for stamps in [swapped, late, blocks, files, shuffled] {
+            let (kept, rejected) = sorted(Clock::Boot, &stamps);
+            assert!(rejected.is_empty(), "{stamps:?}: {rejected:?}");
+            assert_eq!(kept.len(), stamps.len());
+        }
+    }
+
+    #[test]
+    fn of_two_stretches_over_the_same_time_the_longer_stays_whole() {
+        // A device that starts anew: its first three hundred rows are those before the flight.
+        let (kept, rejected) = sorted(Clock::Boot, &[line(1000, 300), line(1050, 900)].concat());
+        assert!(kept.iter().all(|(_, row)| *row >= 300 || *row == 0), "{kept:?}");
+        assert!(rejected.iter().all(|(why, row)| *why == PASSED_TWICE && (1..300).contains(row)));
+        // Set back by a second in the middle: ten rows are passed twice.
+        let (kept, rejected) = sorted(Clock::Unix, &[line(0, 500), line(49_000, 400)].concat());
+        assert_eq!((kept.len(), rejected.len()), (890, 10));
+        assert!(rejected.iter().all(|(_, row)| (500..510).contains(row)));
+    }
+
+    #[test]
+    fn rows_that_leap_out_of_line_and_back_are_left_out() {
+        for length in [1, 3, 5] {
+            for leap in [-3_600_000, -1_000, -5_000, 1_000, 5_000, 3_600_000] {
+                for begin in [0, 40, 85] {
+                    let mut stamps = line(100_000, 100);
+                    stamps[begin..begin + length].iter_mut().for_each(|s| *s += leap);
+                    let (kept, rejected) = sorted(Clock::Boot, &stamps);
+                    let good = |(stamp, row): &(i64, usize)| *stamp == 100_000 + 100 * *row as i64;
+                    // At the very begin a leap back is a hole behind it.
+                    if begin > 0 || leap > 0 {
+                        assert!(kept.iter().all(good), "{length} {leap} {begin}: {kept:?}");
+                        assert_eq!(rejected.len(), length);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn zeros_before_the_first_stamp_are_none_and_a_time_that_begins_at_zero_is_one() {
+        let (kept, rejected) = sorted(Clock::Boot, &[vec![0; 3], line(60_000, 20)].concat());
+        assert_eq!((kept[0].0, rejected.len(), rejected[0].0), (60_000, 3, NEVER_FILLED));
+        assert_eq!(sorted(Clock::Elapsed, &line(0, 20)).1, []);
+        // A clock of whole seconds repeats its zero as it does every other.
+        let coarse: Vec<i64> = (0..60).map(|i| 1000 * (i / 10)).collect();
+        assert_eq!(
+            sorted(Clock::Elapsed, &coarse).0.iter().map(|k| k.0).collect::<Vec<_>>(),
+            [0, 1000, 2000, 3000, 4000, 5000]
+        );
+    }
+}

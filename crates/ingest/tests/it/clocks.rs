@@ -1,0 +1,472 @@
+//! Clocks that go wrong, one after the other, through the reader and the channel map of every format: a sample has its
+//! true time, or is left out and counted, or the log is told to be in doubt. Other tests of clocks are in `time`.
+
+use crate::made::{self, BagCodec, Encoding, Layout, Sent};
+use crate::support::*;
+use flight::{ChannelHealth, Clock, StampKind};
+use ingest::{ChannelMap, FlightUnit, Loaded, LogKind, MapLibrary};
+use std::path::Path;
+use std::sync::LazyLock;
+
+const S: i128 = 1_000_000_000;
+const MS: i128 = 1_000_000;
+const DAY: i128 = 86_400 * S;
+const STEP: i128 = 100 * MS;
+const ROWS: usize = 200;
+const MIDDLE: usize = ROWS / 2;
+/// Read once, for it takes longer than a log.
+static SHIPPED: LazyLock<MapLibrary> = LazyLock::new(|| MapLibrary::shipped().unwrap());
+/// All bits of a stamp are one.
+const ONES: i128 = i128::MAX;
+
+/// A format that stamps a height, which is the number of its row.
+struct Format {
+    name: &'static str,
+    kind: LogKind,
+    /// Of the map: topic, sources of stamps, field.
+    map: [&'static str; 3],
+    clock: Clock,
+    quantum: i128,
+    /// Bits of a stamp that counts in quanta.
+    bits: u32,
+    signed: bool,
+    /// Rows have a time of the logger's too.
+    logged: bool,
+    begin: i128,
+    write: fn(&[i128]) -> Vec<u8>,
+}
+
+const FORMATS: [Format; 7] = [
+    Format {
+        name: "mcap",
+        kind: LogKind::Mcap,
+        map: [made::FIX, HEADER, "latitude"],
+        clock: Clock::Unix,
+        quantum: 1,
+        bits: 64,
+        signed: true,
+        logged: true,
+        begin: 1_700_000_000 * S,
+        write: |stamps| made::mcap(&sent(stamps), Encoding::Cdr, Layout::PLAIN),
+    },
+    Format {
+        name: "bag",
+        kind: LogKind::Bag,
+        map: [made::FIX, HEADER, "latitude"],
+        clock: Clock::Unix,
+        quantum: 1,
+        bits: 64,
+        signed: false,
+        logged: true,
+        begin: 1_700_000_000 * S,
+        write: |stamps| made::bag(&sent(stamps), BagCodec::None, 40, true, true),
+    },
+    Format {
+        name: "csv of UTC",
+        kind: LogKind::Csv,
+        map: ["", "measured = [{ field = \"t\", unit = \"ns\", clock = \"unix\" }]", "v"],
+        clock: Clock::Unix,
+        quantum: 1,
+        bits: 64,
+        signed: true,
+        logged: false,
+        begin: 1_700_000_000 * S,
+        write: |stamps| csv(stamps, 1),
+    },
+    Format {
+        name: "csv since boot",
+        kind: LogKind::Csv,
+        map: ["", "measured = [{ field = \"t\", unit = \"us\", clock = \"boot\" }]", "v"],
+        clock: Clock::Boot,
+        quantum: 1000,
+        bits: 64,
+        signed: true,
+        logged: false,
+        begin: 100 * S,
+        write: |stamps| csv(stamps, 1000),
+    },
+    Format {
+        name: "ulog",
+        kind: LogKind::Ulog,
+        map: ["pose", "measured = [{ field = \"timestamp_sample\", unit = \"us\", clock = \"boot\" }]", "v"],
+        clock: Clock::Boot,
+        quantum: 1000,
+        bits: 64,
+        signed: false,
+        logged: false,
+        begin: 100 * S,
+        write: ulog,
+    },
+    Format {
+        name: "dataflash",
+        kind: LogKind::DataFlash,
+        map: ["ABC", "measured = [{ field = \"TimeUS\", unit = \"us\", clock = \"boot\" }]", "V"],
+        clock: Clock::Boot,
+        quantum: 1000,
+        bits: 64,
+        signed: false,
+        logged: false,
+        begin: 100 * S,
+        write: dataflash,
+    },
+    Format {
+        name: "tlog",
+        kind: LogKind::Tlog,
+        map: [
+            "LOCAL_POSITION_NED",
+            "measured = [{ field = \"time_boot_ms\", unit = \"ms\", clock = \"boot\" }]\nlogged = [{ container = \"logged\" }]",
+            "z",
+        ],
+        clock: Clock::Boot,
+        quantum: MS,
+        bits: 32,
+        signed: false,
+        logged: true,
+        begin: 100 * S,
+        write: tlog,
+    },
+];
+
+const HEADER: &str =
+    "measured = [{ field = \"header.stamp\", unit = \"ns\", clock = \"unix\" }]\nlogged = [{ container = \"logged\" }]";
+
+/// When the logger had a row.
+fn logged(row: usize) -> i64 {
+    1_700_000_000_250_000_000 + 100_000_000 * row as i64
+}
+
+fn sent(stamps: &[i128]) -> Vec<Sent> {
+    let fix = |(row, stamp): (usize, &i128)| Sent {
+        topic: made::FIX,
+        logged_ns: logged(row),
+        published_ns: logged(row),
+        stamp_ns: if *stamp == ONES { 0xffff_ffff * S as i64 } else { *stamp as i64 },
+        latitude: row as f64,
+        status: 0,
+        frame: String::new(),
+    };
+    stamps.iter().enumerate().map(fix).collect()
+}
+
+fn csv(stamps: &[i128], quantum: i128) -> Vec<u8> {
+    let row = |(row, stamp): (usize, &i128)| {
+        let ticks = if *stamp == ONES { u64::MAX.into() } else { stamp.div_euclid(quantum) };
+        format!("{ticks},{row}\n")
+    };
+    format!("t,v\n{}", stamps.iter().enumerate().map(row).collect::<String>()).into_bytes()
+}
+
+/// Ticks as an unsigned field holds them.
+fn ticks(stamp: i128, quantum: i128) -> u64 {
+    if stamp == ONES { u64::MAX } else { stamp.div_euclid(quantum) as u64 }
+}
+
+fn ulog(stamps: &[i128]) -> Vec<u8> {
+    let mut out = b"ULog\x01\x12\x35\x01\x00\x00\x00\x00\x00\x00\x00\x00".to_vec();
+    let mut put = |kind: u8, body: &[u8]| out.extend([&(body.len() as u16).to_le_bytes()[..], &[kind], body].concat());
+    put(b'B', &[0; 40]);
+    put(b'F', b"pose:uint64_t timestamp;uint64_t timestamp_sample;double v;");
+    put(b'A', b"\0\0\0pose");
+    for (row, stamp) in stamps.iter().enumerate() {
+        let published = (100_005_000 + 100_000 * row as u64).to_le_bytes();
+        put(b'D', &[&[0, 0], &published[..], &ticks(*stamp, 1000).to_le_bytes(), &(row as f64).to_le_bytes()].concat());
+    }
+    out
+}
+
+fn dataflash(stamps: &[i128]) -> Vec<u8> {
+    let padded = |text: &str, size: usize| [text.as_bytes(), &vec![0; size - text.len()]].concat();
+    let fmt = |id: u8, length: u8, name: &str, codes: &str, columns: &str| {
+        [vec![0xa3, 0x95, 128, id, length], padded(name, 4), padded(codes, 16), padded(columns, 64)].concat()
+    };
+    let sample = |(row, stamp): (usize, &i128)| {
+        [&[0xa3, 0x95, 10], &ticks(*stamp, 1000).to_le_bytes()[..], &(row as f64).to_le_bytes()].concat()
+    };
+    let head = [fmt(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns"), fmt(10, 19, "ABC", "Qd", "TimeUS,V")];
+    [head.concat(), stamps.iter().enumerate().flat_map(sample).collect()].concat()
+}
+
+fn tlog(stamps: &[i128]) -> Vec<u8> {
+    let crc16 = |crc: u16, byte: &u8| {
+        (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 })
+    };
+    let frame = |(row, stamp): (usize, &i128)| {
+        let mut payload = (ticks(*stamp, MS) as u32).to_le_bytes().to_vec();
+        payload.extend([0.0, 0.0, row as f32, 1.0, 1.0, 1.0].map(f32::to_le_bytes).concat());
+        let body = [&[payload.len() as u8, 0, 0, row as u8, 1, 1, 32, 0, 0], &payload[..]].concat();
+        // 185 stands for the layout of the message.
+        let crc = body.iter().chain([&185]).fold(0xffff, crc16);
+        [&(logged(row) as u64 / 1000).to_be_bytes()[..], &[0xfd], &body, &crc.to_le_bytes()].concat()
+    };
+    stamps.iter().enumerate().flat_map(frame).collect()
+}
+
+impl Format {
+    fn true_stamps(&self) -> Vec<i128> {
+        (0..ROWS as i128).map(|i| self.begin + STEP * i).collect()
+    }
+
+    fn load(&self, stamps: &[i128]) -> Loaded {
+        let [topic, time, field] = self.map;
+        let topic = if topic.is_empty() { String::new() } else { format!("topic = [\"{topic}\"]\n") };
+        let map = format!(
+            "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\n{time}\n[[channel]]\nname = \"height.x\"\nquantity = \"height\"\n\
+             {topic}timeline = \"measured\"\n[channel.fields]\nheight = {{ field = \"{field}\", unit = \"m\" }}\n"
+        );
+        let mut library = SHIPPED.clone();
+        library.add(ChannelMap::from_toml(Path::new("t.toml"), &map).unwrap());
+        let (_folder, path) = file("log", &(self.write)(stamps));
+        let unit = FlightUnit { id: "log".into(), files: vec![path], kind: self.kind };
+        let loaded = in_context(|context| ingest::load(&unit, &library, Some("t"), context)).unwrap();
+        assert_ledger(&loaded);
+        loaded
+    }
+}
+
+/// What a case must come to.
+#[derive(Debug, Clone, Copy)]
+enum Outcome {
+    /// Every row at its true time.
+    Exact,
+    /// So many rows are left out, and counted; the others are at their true time.
+    LeftOut(usize),
+    /// Half the rows are left out, and counted; the others stand as they were written.
+    Half,
+    /// Rows stand as they were written, in the order of the log but for one step; a notice of this code tells of it.
+    Told(&'static str),
+    /// As told, by nothing but the gaps of the stamps: the log cannot be told from one with a hole.
+    Gap,
+}
+
+fn health(loaded: &Loaded) -> &ChannelHealth {
+    &loaded.binding.as_ref().unwrap_or_else(|e| panic!("{e}: {:?}", loaded.flight.notices)).channels[0]
+}
+
+/// Stamps and rows of the samples.
+fn samples(loaded: &Loaded) -> Vec<(i128, usize)> {
+    let series = &loaded.flight.channels["height.x"].series;
+    let stamps = series.timeline().stamps().iter().map(|s| i128::from(s.0));
+    stamps.zip(series.component(0).iter().map(|v| *v as usize)).collect()
+}
+
+fn check(format: &Format, case: &str, written: &[i128], truth: &[i128], outcome: Outcome) {
+    let what = format!("{}, {case}", format.name);
+    let loaded = format.load(written);
+    let (health, samples) = (health(&loaded), samples(&loaded));
+    let stamps = health.stamps.as_ref().unwrap();
+    // Which stamps were used is said.
+    assert_eq!((stamps.kind, stamps.clock), (StampKind::Measured, format.clock), "{what}");
+    assert!(samples.windows(2).all(|w| w[0].0 < w[1].0), "{what}");
+    let down = |stamp: i128| stamp.div_euclid(format.quantum) * format.quantum;
+    let true_to = |of: &[i128]| samples.iter().all(|(stamp, row)| *stamp == down(of[*row]));
+    let lost = ROWS - samples.len();
+    // Loss of rows is counted, by reason, in notices.
+    let counted = count_of(&loaded, "rejected-row") + count_of(&loaded, "duplicate-stamp");
+    assert_eq!(counted, lost as u64, "{what}: {:?}", loaded.flight.notices);
+    let orderly = samples.windows(2).filter(|w| w[1].1 < w[0].1).count() <= 1;
+    match outcome {
+        Outcome::Exact => assert!(true_to(truth) && lost == 0, "{what}: {lost} lost, {samples:?}"),
+        Outcome::LeftOut(rows) => assert!(true_to(truth) && lost == rows, "{what}: {lost} lost, {samples:?}"),
+        Outcome::Half => assert!(true_to(written) && lost == MIDDLE && orderly, "{what}: {lost} lost, {samples:?}"),
+        Outcome::Told(code) => {
+            assert!(count_of(&loaded, code) > 0, "{what}: {:?}", loaded.flight.notices);
+            assert!(true_to(written) && orderly && lost <= MIDDLE, "{what}: {lost} lost, {samples:?}");
+        }
+        Outcome::Gap => assert!(true_to(written) && lost == 0 && stamps.gap_count == 1, "{what}: {stamps:?}"),
+    }
+}
+
+/// Checks all formats that `fits`, each with what `spoil` makes of its stamps.
+fn each(case: &str, outcome: Outcome, fits: impl Fn(&Format) -> bool, spoil: impl Fn(usize, i128) -> i128) {
+    let mut checked = 0;
+    for format in FORMATS.iter().filter(|f| fits(f)) {
+        let truth = format.true_stamps();
+        let written: Vec<i128> = truth.iter().enumerate().map(|(row, stamp)| spoil(row, *stamp)).collect();
+        check(format, case, &written, &truth, outcome);
+        checked += 1;
+    }
+    assert!(checked > 0, "{case}");
+}
+
+fn any(_: &Format) -> bool {
+    true
+}
+
+#[test]
+fn good_stamps_and_rows_in_disorder_are_exact() {
+    each("good", Outcome::Exact, any, |_, stamp| stamp);
+    let swapped = |row: usize, stamp| if row % 2 == 0 { stamp + STEP } else { stamp - STEP };
+    for format in &FORMATS {
+        // The value goes with its stamp: what is written second is what was true first.
+        let written: Vec<i128> = format.true_stamps().iter().enumerate().map(|(row, s)| swapped(row, *s)).collect();
+        check(format, "swapped pairs", &written, &written, Outcome::Exact);
+    }
+}
+
+#[test]
+fn of_equal_stamps_the_first_is_kept_and_the_others_are_counted() {
+    for (every, lost) in [(100, 2), (10, 20)] {
+        let case = format!("every {every}th stamp is that before it");
+        each(
+            &case,
+            Outcome::LeftOut(lost),
+            any,
+            |row, stamp| if row % every == every / 2 { stamp - STEP } else { stamp },
+        );
+    }
+    each("bursts of ten", Outcome::LeftOut(180), any, |row, stamp| stamp - STEP * (row % 10) as i128);
+    each("frozen from the middle on", Outcome::LeftOut(MIDDLE - 1), any, |row, stamp| {
+        stamp - STEP * row.saturating_sub(MIDDLE) as i128
+    });
+}
+
+#[test]
+fn a_stamp_that_never_changes_gives_way_to_the_logs_or_there_is_no_channel() {
+    for format in &FORMATS {
+        for constant in [0, format.begin, ONES] {
+            let loaded = format.load(&[constant; ROWS]);
+            if format.logged {
+                let stamps = health(&loaded).stamps.as_ref().unwrap();
+                assert_eq!((stamps.kind, stamps.source.as_str()), (StampKind::Logged, "log"), "{}", format.name);
+                assert_eq!(samples(&loaded)[7], (logged(7).into(), 7), "{}", format.name);
+                assert_eq!(count_of(&loaded, "stamp-kind"), 2 * ROWS as u64, "{}", format.name);
+            } else {
+                let reason = loaded.binding.unwrap_err();
+                assert!(reason.contains("no stamps"), "{}: {reason}", format.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_clock_that_is_set_back_is_told_and_no_two_stretches_are_mixed() {
+    for back in [1, 1000, MS, 37 * MS, STEP, S, S + 37 * MS, 5 * S + MS, 60 * S, 3600 * S, DAY - 60 * S] {
+        each(
+            &format!("{back} ns back"),
+            Outcome::Told("back-jump"),
+            |f| back < f.begin && back >= f.quantum,
+            |row, stamp| {
+                if row < MIDDLE { stamp } else { stamp - STEP - back }
+            },
+        );
+    }
+    each(
+        "two days back",
+        Outcome::Half,
+        |f| f.begin > 3 * DAY,
+        |row, stamp| stamp - if row < MIDDLE { 0 } else { 2 * DAY },
+    );
+    // UTC repeats the second in which a leap second is inserted.
+    each(
+        "leap second",
+        Outcome::Told("back-jump"),
+        |f| f.clock == Clock::Unix,
+        |row, stamp| {
+            if row < MIDDLE { stamp } else { stamp - S }
+        },
+    );
+}
+
+#[test]
+fn a_clock_that_is_set_forward_leaves_a_gap_or_half_of_the_rows() {
+    for forward in [S, 3600 * S] {
+        each(&format!("{forward} ns forward"), Outcome::Gap, any, |row, stamp| {
+            stamp + if row < MIDDLE { 0 } else { forward }
+        });
+    }
+    each(
+        "ten years forward",
+        Outcome::Half,
+        |f| f.bits == 64,
+        |row, stamp| stamp + if row < MIDDLE { 0 } else { 3652 * DAY },
+    );
+}
+
+#[test]
+fn single_rows_with_a_wrong_stamp_are_left_out_and_counted() {
+    let few = |row: usize| [30, 77, 140].contains(&row);
+    for leap in [-3652 * DAY, -DAY, -3600 * S, -50 * S, -S - 37 * MS, -S, S, S + 37 * MS, 3600 * S, DAY, 3652 * DAY] {
+        let fits = |f: &Format| (leap.abs() < f.begin || leap > 0) && (f.bits == 64 || leap < DAY);
+        each(&format!("leaps of {leap} ns"), Outcome::LeftOut(3), fits, |row, stamp| {
+            stamp + if few(row) { leap } else { 0 }
+        });
+    }
+    each("zero", Outcome::LeftOut(3), any, |row, stamp| if few(row) { 0 } else { stamp });
+    each("zero at first", Outcome::LeftOut(5), any, |row, stamp| if row < 5 { 0 } else { stamp });
+    each("before the epoch", Outcome::LeftOut(3), |f| f.signed, |row, stamp| if few(row) { -S } else { stamp });
+    each("all ones", Outcome::LeftOut(3), any, |row, stamp| if few(row) { ONES } else { stamp });
+}
+
+/// As [`each`], of a log that begins at `begin` and whose stamps keep only this many quanta.
+fn each_counter(case: &str, outcome: Outcome, names: &[&str], begin: i128, range: i128) {
+    for format in FORMATS.iter().filter(|f| names.contains(&f.name)) {
+        let truth: Vec<i128> = (0..ROWS as i128).map(|i| begin + STEP * i).collect();
+        let written: Vec<i128> = truth.iter().map(|stamp| stamp.rem_euclid(range)).collect();
+        check(format, case, &written, &truth, outcome);
+    }
+}
+
+#[test]
+fn counters_run_on_or_cost_the_rows_beyond_their_end() {
+    // Of tables there is a test in `time`.
+    let micros = 1000 << 32;
+    each_counter("32 bits of microseconds", Outcome::Exact, &["ulog", "dataflash"], micros - 10 * S, micros);
+    each_counter("32 bits of milliseconds", Outcome::Exact, &["tlog"], (MS << 32) - 10 * S, MS << 32);
+    // Seconds of 32 bits with a sign end in 2038, without in 2106, nanoseconds of 63 bits in 2262.
+    for (name, begin) in [("mcap", S << 31), ("bag", S << 32)] {
+        let format = FORMATS.iter().find(|f| f.name == name).unwrap();
+        let truth: Vec<i128> = (0..ROWS as i128).map(|i| begin - 10 * S + STEP * i).collect();
+        // The earlier half is 136 years away from the later, of which the median is one.
+        let late = if name == "mcap" { begin - (S << 32) } else { 0 };
+        let read: Vec<i128> = truth.iter().map(|t| if *t < begin { *t } else { *t - begin + late }).collect();
+        let loaded = format.load(&truth);
+        assert!(samples(&loaded).iter().all(|(stamp, row)| *stamp == read[*row]), "{name}");
+        assert_eq!(count_of(&loaded, "rejected-row"), MIDDLE as u64, "{name}");
+    }
+    let year_2038 = (S << 31) - 10 * S;
+    each_counter("2038 without a sign", Outcome::Exact, &["bag", "csv of UTC"], year_2038, S << 40);
+    let last = i128::from(i64::MAX) / STEP * STEP - 10 * S;
+    each_counter(
+        "2262",
+        Outcome::LeftOut(MIDDLE - 1),
+        &["csv of UTC", "csv since boot", "ulog", "dataflash"],
+        last,
+        S << 40,
+    );
+}
+
+#[test]
+fn the_header_against_the_log_is_measured_and_the_header_is_used() {
+    for format in FORMATS.iter().filter(|f| f.map[1] == HEADER) {
+        let offset = |spoil: fn(i128) -> i128| {
+            let written: Vec<i128> = format.true_stamps().into_iter().map(|t| t - spoil(t - format.begin)).collect();
+            let loaded = format.load(&written);
+            assert!(samples(&loaded).iter().all(|(stamp, row)| *stamp == written[*row]), "{}", format.name);
+            let health = health(&loaded);
+            assert_eq!(health.stamps.as_ref().unwrap().source, "header.stamp");
+            (health.offsets[0].of, health.offsets[0].offset_s)
+        };
+        // The logger has every row 0.25 s late.
+        let (of, late) = offset(|_| 120 * MS);
+        assert_eq!((of, late.min, late.max), (StampKind::Logged, 0.37, 0.37));
+        // 50 ppm in 19.9 s.
+        let (_, drift) = offset(|elapsed| elapsed * 50 / 1_000_000);
+        assert!((drift.min - 0.25).abs() < 1e-9 && (drift.max - 0.25 - 19.9 * 50e-6).abs() < 1e-9, "{drift:?}");
+    }
+}
+
+#[test]
+fn log_times_at_the_end_of_64_bits_are_no_reason_to_panic() {
+    let mut sent = sent(&FORMATS[0].true_stamps());
+    for (row, fix) in sent.iter_mut().enumerate() {
+        fix.stamp_ns = 0;
+        fix.logged_ns = if row % 50 == 7 { -1 } else { fix.logged_ns };
+    }
+    // Unsigned, minus one is the largest: the year 2554.
+    let (_folder, path) = file("log", &made::mcap(&sent, Encoding::Cdr, Layout::PLAIN));
+    let want = |_: &ingest::TopicInfo| ingest::Selection::All;
+    let mut reader = made::reader(path, false);
+    let log = in_context(|context| reader.read(&want, context)).unwrap();
+    let stamps = log.tables[0].logged_ns.as_ref().unwrap();
+    assert_eq!(stamps.iter().filter(|s| **s == i64::MAX).count(), 4);
+}

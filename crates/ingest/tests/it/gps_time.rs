@@ -1,0 +1,382 @@
+//! GPS time as receivers get it wrong, in every format that has it: weeks that begin anew, weeks that come late, epochs
+//! without a fix, leap seconds, jumps in flight. Of tables alone there are more in `time`.
+
+use crate::support::*;
+use flight::{Clock, Stamp, unix_of_gps};
+use ingest::{ChannelMap, FlightUnit, Loaded, LogKind, MapLibrary};
+use std::path::Path;
+
+const S: i64 = 1_000_000_000;
+const MS: i64 = 1_000_000;
+const WEEK_MS: i64 = 604_800_000;
+/// 2000: an earlier date of a receiver is that of its firmware.
+const NO_TIE_BEFORE_S: i64 = 946_684_800;
+/// Five epochs a second.
+const STEP_MS: i64 = 200;
+const ROWS: usize = 60;
+/// When the first epoch comes, since boot.
+const BOOT_MS: i64 = 60_000;
+
+/// What a receiver says of one epoch.
+#[derive(Debug, Clone, Copy)]
+struct Epoch {
+    week: i64,
+    ms: i64,
+    fix: u8,
+}
+
+/// What it comes to.
+struct Case {
+    name: &'static str,
+    epochs: Vec<Epoch>,
+    /// The true week, and the true time in it, ms, of the first epoch.
+    truth: (i64, i64),
+    /// How many epochs are of no use.
+    unused: u64,
+    /// Codes of notices and what they count.
+    told: &'static [(&'static str, u64)],
+}
+
+/// Epochs from `ms` in `week` on, with the week as `written` says.
+fn epochs(week: i64, ms: i64, written: impl Fn(usize, i64) -> i64) -> Vec<Epoch> {
+    let epoch = |row: usize| {
+        let all = week * WEEK_MS + ms + STEP_MS * row as i64;
+        Epoch { week: written(row, all / WEEK_MS), ms: all % WEEK_MS, fix: 3 }
+    };
+    (0..ROWS).map(epoch).collect()
+}
+
+/// Six seconds before the end of a week.
+const LATE_SATURDAY: i64 = WEEK_MS - 6000;
+const MIDDLE: usize = 30;
+
+fn cases() -> Vec<Case> {
+    let mut cases = vec![];
+    let mut case = |name, epochs, truth, unused, told| cases.push(Case { name, epochs, truth, unused, told });
+    let end = |week: i64, mask: i64| (epochs(week, LATE_SATURDAY, |_, w| w & mask), (week, LATE_SATURDAY));
+    for (name, week) in [("1023 to 1024", 1023), ("2047 to 2048", 2047), ("3071 to 3072", 3071)] {
+        let (epochs, truth) = end(week, 0xffff);
+        case(name, epochs, truth, 0, &[("week-rollover", 0), ("week-glitch", 0)]);
+    }
+    let (ten_bits, truth) = end(2047, 0x3ff);
+    case("1023 to 0 of ten bits", ten_bits, truth, 0, &[("week-rollover", ROWS as u64)]);
+    // Week 2445 is that of November 2026.
+    let ten_bits = epochs(2445, 500_000_000, |_, w| w & 0x3ff);
+    case("ten bits in a field of sixteen", ten_bits, (2445, 500_000_000), 0, &[("week-rollover", ROWS as u64)]);
+    // ArduPilot#31914: the time of week begins anew, the week follows later.
+    for late in 1..=5 {
+        let written = move |row: usize, week: i64| if (MIDDLE..MIDDLE + late).contains(&row) { week - 1 } else { week };
+        let glitch = epochs(2313, LATE_SATURDAY, written);
+        let told: &'static [(&str, u64)] = &[
+            [("week-glitch", 1)],
+            [("week-glitch", 2)],
+            [("week-glitch", 3)],
+            [("week-glitch", 4)],
+            [("week-glitch", 5)],
+        ][late - 1];
+        case("the week comes late", glitch, (2313, LATE_SATURDAY), 0, told);
+    }
+    let early =
+        epochs(2313, LATE_SATURDAY, |row, week| if (MIDDLE - 3..MIDDLE).contains(&row) { week + 1 } else { week });
+    case("the week comes early", early, (2313, LATE_SATURDAY), 0, &[("week-glitch", 3)]);
+    let mut none = epochs(2313, 500_000_000, |_, w| w);
+    none.iter_mut().take(7).for_each(|e| *e = Epoch { week: 0, ms: 0, fix: 0 });
+    case("no fix at first", none, (2313, 500_000_000), 7, &[("week-glitch", 0), ("week-rollover", 0)]);
+    // Leap seconds: 16 in January 2014, 17 in June 2016, 18 in June 2018.
+    for (name, week) in [("16 leap seconds", 1774), ("17 leap seconds", 1900), ("18 leap seconds", 2004)] {
+        case(name, epochs(week, 259_200_000, |_, w| w), (week, 259_200_000), 0, &[("leap-seconds", 0)]);
+    }
+    cases
+}
+
+/// GPS time of an epoch, ns.
+fn gps_ns((week, ms): (i64, i64), row: usize) -> i64 {
+    (week * WEEK_MS + ms + STEP_MS * row as i64) * MS
+}
+
+fn unix_ns(truth: (i64, i64), row: usize) -> i64 {
+    unix_of_gps(Stamp(gps_ns(truth, row))).unwrap().0
+}
+
+fn load_as(kind: LogKind, bytes: &[u8], library: &MapLibrary, map: Option<&str>) -> Loaded {
+    let (_folder, path) = file("log", bytes);
+    let unit = FlightUnit { id: "log".into(), files: vec![path], kind };
+    let loaded = in_context(|context| ingest::load(&unit, library, map, context)).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+fn assert_told(loaded: &Loaded, case: &str, told: &[(&str, u64)], times: u64) {
+    for (code, count) in told {
+        assert_eq!(count_of(loaded, code), times * count, "{case}: {code}: {:?}", loaded.flight.notices);
+    }
+}
+
+fn boot_ms(row: usize) -> i64 {
+    BOOT_MS + STEP_MS * row as i64
+}
+
+/// A DataFlash log of GPS records.
+fn dataflash(epochs: &[Epoch]) -> Vec<u8> {
+    let padded = |text: &str, size: usize| [text.as_bytes(), &vec![0; size - text.len()]].concat();
+    let fmt = |id: u8, length: u8, name: &str, codes: &str, columns: &str| {
+        [vec![0xa3, 0x95, 128, id, length], padded(name, 4), padded(codes, 16), padded(columns, 64)].concat()
+    };
+    let record = |(row, e): (usize, &Epoch)| {
+        let mut body = vec![0xa3, 0x95, 10];
+        body.extend((boot_ms(row) as u64 * 1000).to_le_bytes());
+        body.push(e.fix);
+        body.extend((e.ms as u32).to_le_bytes());
+        body.extend((e.week as u16).to_le_bytes());
+        let lat = if e.fix < 3 { 0 } else { 470_000_000 + row as i32 };
+        body.extend([lat, lat / 5, 58_585].map(i32::to_le_bytes).concat());
+        body.extend([10.0_f32, 90.0, 0.5].map(f32::to_le_bytes).concat());
+        body
+    };
+    let columns = "TimeUS,Status,GMS,GWk,Lat,Lng,Alt,Spd,GCrs,VZ";
+    let head =
+        [fmt(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns"), fmt(10, 42, "GPS", "QBIHLLefff", columns)];
+    [head.concat(), epochs.iter().enumerate().flat_map(record).collect()].concat()
+}
+
+#[test]
+fn dataflash_is_dated_by_weeks_whatever_happens_to_them_and_no_epoch_is_used_in_silence() {
+    let library = MapLibrary::shipped().unwrap();
+    for case in cases() {
+        let loaded = load_as(LogKind::DataFlash, &dataflash(&case.epochs), &library, None);
+        assert_eq!(loaded.binding.as_ref().unwrap().map, "ardupilot");
+        if unix_ns(case.truth, 0) < NO_TIE_BEFORE_S * S {
+            assert_eq!(loaded.flight.utc, None, "{}", case.name);
+            continue;
+        }
+        let tie = loaded.flight.utc.as_ref().unwrap_or_else(|| panic!("{}", case.name));
+        assert_eq!(tie.offset_ns, unix_ns(case.truth, ROWS - 1) - boot_ms(ROWS - 1) * MS, "{}", case.name);
+        assert_eq!((tie.pairs, tie.outliers), (ROWS as u64 - case.unused, 0), "{}", case.name);
+        assert_told(&loaded, case.name, case.told, 1);
+        // The samples keep their stamps.
+        let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
+        assert_eq!(stamps.len() as u64, ROWS as u64 - case.unused, "{}", case.name);
+        assert_eq!(stamps.last().unwrap().0, boot_ms(ROWS - 1) * MS);
+    }
+}
+
+#[test]
+fn a_jump_of_the_receivers_time_in_flight_does_not_move_the_date() {
+    let library = MapLibrary::shipped().unwrap();
+    for jump_ms in [-3000, 3000, 3_600_000, 86_400_000] {
+        // For four seconds, and for the rest of the flight.
+        for rows in [20..40, 45..ROWS] {
+            let mut jumped = epochs(2313, 300_000_000, |_, w| w);
+            jumped[rows.clone()].iter_mut().for_each(|e| e.ms += jump_ms);
+            let loaded = load_as(LogKind::DataFlash, &dataflash(&jumped), &library, None);
+            let tie = loaded.flight.utc.as_ref().unwrap();
+            assert_eq!(tie.offset_ns, unix_ns((2313, 300_000_000), 0) - BOOT_MS * MS);
+            assert_eq!(tie.outliers, rows.len() as u64);
+            assert_told(&loaded, "jump", &[("utc-outlier", rows.len() as u64)], 1);
+        }
+    }
+}
+
+/// A map of a table with weeks, and with the logger's UTC beside them.
+fn table_map() -> MapLibrary {
+    let text = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{ week = \"GWk\", field = \"GMS\", unit = \"ms\" }]\n\
+                logged = [{ field = \"utc\", unit = \"ms\", clock = \"unix\" }]\n[[channel]]\nname = \"position.gps\"\n\
+                quantity = \"position-geodetic\"\ntimeline = \"measured\"\nrequire = [{ field = \"fix\", min = 3 }]\n\
+                [channel.fields]\nlatitude = { field = \"lat\", unit = \"deg\" }\nlongitude = { field = \"lon\", unit = \"deg\" }\n";
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), text).unwrap());
+    library
+}
+
+/// A table; with `utc` it says when each epoch was logged, ms.
+fn table(epochs: &[Epoch], utc: Option<&dyn Fn(usize) -> i64>) -> Vec<u8> {
+    let mut text = format!("GWk,GMS,fix,lat,lon{}\n", if utc.is_some() { ",utc" } else { "" });
+    for (row, e) in epochs.iter().enumerate() {
+        let place = if e.fix < 3 { "0,0".to_owned() } else { format!("47.{row:04},8.5") };
+        text += &format!("{},{},{},{place}", e.week, e.ms, e.fix);
+        text += &utc.map_or(String::new(), |utc| format!(",{}", utc(row)));
+        text += "\n";
+    }
+    text.into_bytes()
+}
+
+#[test]
+fn tables_are_stamped_by_weeks_whatever_happens_to_them() {
+    let library = table_map();
+    for case in cases() {
+        let loaded = load_as(LogKind::Csv, &table(&case.epochs, None), &library, Some("t"));
+        let timeline = loaded.flight.channels["position.gps"].series.timeline();
+        let truth: Vec<i64> = (case.unused as usize..ROWS).map(|row| gps_ns(case.truth, row)).collect();
+        assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth, "{}", case.name);
+        assert_eq!(timeline.clock(), Clock::Gps);
+        assert_told(&loaded, case.name, case.told, 1);
+    }
+}
+
+#[test]
+fn a_week_of_ten_bits_is_the_one_nearest_to_the_date_of_the_log_and_the_rule_is_told() {
+    let library = table_map();
+    // The same ten bits in 2007, 2026 and 2046.
+    for week in [1421, 2445, 3469] {
+        let epochs = epochs(week, 500_000_000, |_, w| w & 0x3ff);
+        let utc = |row: usize| unix_ns((week, 500_000_000), row) / MS + 120;
+        let loaded = load_as(LogKind::Csv, &table(&epochs, Some(&utc)), &library, Some("t"));
+        let first = loaded.flight.channels["position.gps"].series.timeline().first().unwrap();
+        assert_eq!(first.0, gps_ns((week, 500_000_000), 0), "{week}");
+        let rule = loaded.flight.notices.iter().find(|n| n.code == "week-rollover").unwrap();
+        assert!(rule.count == ROWS as u64 && rule.text.contains("nearest to the date of the log"), "{}", rule.text);
+        let offset = loaded.binding.unwrap().channels[0].offsets[0].offset_s;
+        assert!((offset.median - 0.12).abs() < 1e-9);
+    }
+    let alone = load_as(LogKind::Csv, &table(&epochs(2445, 0, |_, w| w & 0x3ff), None), &library, Some("t"));
+    let rule = alone.flight.notices.iter().find(|n| n.code == "week-rollover").unwrap();
+    assert!(rule.text.contains("nearest to this release"), "{}", rule.text);
+}
+
+/// A ULog with the UTC of a receiver, us, and its kind of fix.
+fn ulog(epochs: &[(i64, u8)]) -> Vec<u8> {
+    let mut out = b"ULog\x01\x12\x35\x01\x00\x00\x00\x00\x00\x00\x00\x00".to_vec();
+    let mut put = |kind: u8, body: &[u8]| out.extend([&(body.len() as u16).to_le_bytes()[..], &[kind], body].concat());
+    put(b'B', &[0; 40]);
+    put(b'F', b"sensor_gps:uint64_t timestamp;uint64_t time_utc_usec;double latitude_deg;double longitude_deg;double altitude_ellipsoid_m;uint8_t fix_type;");
+    put(b'A', b"\0\0\0sensor_gps");
+    for (row, (utc_us, fix)) in epochs.iter().enumerate() {
+        let lat = if *fix < 3 { 0.0 } else { 47.0 + 1e-4 * row as f64 };
+        let values = [lat, lat / 5.0, 500.0].map(f64::to_le_bytes).concat();
+        let stamps = [(boot_ms(row) * 1000).to_le_bytes(), utc_us.to_le_bytes()].concat();
+        put(b'D', &[&[0, 0][..], &stamps, &values, &[*fix]].concat());
+    }
+    out
+}
+
+#[test]
+fn a_ulog_is_dated_by_the_receivers_utc_and_not_by_its_glitches() {
+    let library = MapLibrary::shipped().unwrap();
+    let begin = (2313, LATE_SATURDAY);
+    let good: Vec<(i64, u8)> = (0..ROWS).map(|row| (unix_ns(begin, row) / 1000, 3)).collect();
+    let spoilt = |rows: std::ops::Range<usize>, by: &dyn Fn((i64, u8)) -> (i64, u8)| {
+        let mut epochs = good.clone();
+        epochs[rows].iter_mut().for_each(|e| *e = by(*e));
+        epochs
+    };
+    let week = |e: (i64, u8)| (e.0 - WEEK_MS * 1000, e.1);
+    let cases = [
+        ("good", good.clone(), 0, &[("week-glitch", 0), ("utc-outlier", 0)][..]),
+        ("one week late", spoilt(30..31, &week), 0, &[("week-glitch", 1)]),
+        ("five weeks late", spoilt(30..35, &week), 0, &[("week-glitch", 5)]),
+        ("no fix and no time", spoilt(0..9, &|_| (0, 0)), 9, &[("utc-outlier", 0)]),
+        ("no fix and 1980", spoilt(0..9, &|_| (315_964_800_000_000, 0)), 9, &[("utc-outlier", 0)]),
+        ("1024 weeks early at first", spoilt(0..9, &|e| (e.0 - 1024 * WEEK_MS * 1000, 3)), 9, &[("utc-outlier", 9)]),
+        ("the leap seconds come late", spoilt(0..9, &|e| (e.0 + 2_000_000, 3)), 9, &[("utc-outlier", 9)]),
+        ("of the other sign", spoilt(20..22, &|_| (-1, 3)), 2, &[]),
+    ];
+    for (name, epochs, unused, told) in cases {
+        let loaded = load_as(LogKind::Ulog, &ulog(&epochs), &library, None);
+        let tie = loaded.flight.utc.as_ref().unwrap();
+        assert_eq!(tie.offset_ns, unix_ns(begin, 0) - BOOT_MS * MS, "{name}");
+        assert_eq!(tie.pairs, ROWS as u64 - unused, "{name}");
+        assert_told(&loaded, name, told, 1);
+    }
+}
+
+fn ubx(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
+    let body = [&[class, number][..], &(payload.len() as u16).to_le_bytes(), payload].concat();
+    let sum = |[a, b]: [u8; 2], byte: &u8| [a.wrapping_add(*byte), b.wrapping_add(a.wrapping_add(*byte))];
+    [&[0xb5, 0x62], &body[..], &body.iter().fold([0_u8; 2], sum)].concat()
+}
+
+/// NAV-TIMEGPS with its week, if that is valid, then position and velocity of the epoch.
+fn frames(epochs: &[Epoch]) -> Vec<u8> {
+    let of = |(row, e): (usize, &Epoch)| {
+        let itow = (e.ms as u32).to_le_bytes();
+        let valid = if e.fix < 3 { 0 } else { 7 };
+        let time = [&itow[..], &[0; 4], &(e.week as i16).to_le_bytes(), &[18, valid], &[0; 4]].concat();
+        let lat = 470_000_000 + row as i32;
+        let position =
+            [&itow[..], &[lat / 5, lat, 500_000, 450_000, 1000, 1000].map(i32::to_le_bytes).concat()].concat();
+        let velocity = [&itow[..], &[1000, 0, 0, 1000, 1000, 0, 30, 30].map(i32::to_le_bytes).concat()].concat();
+        [ubx(1, 0x20, &time), ubx(1, 2, &position), ubx(1, 0x12, &velocity)].concat()
+    };
+    epochs.iter().enumerate().flat_map(of).collect()
+}
+
+#[test]
+fn ubx_is_stamped_by_weeks_whatever_happens_to_them() {
+    let library = MapLibrary::shipped().unwrap();
+    for case in cases() {
+        let loaded = load_as(LogKind::Ubx, &frames(&case.epochs), &library, None);
+        for name in ["position.posllh", "velocity.velned"] {
+            let timeline = loaded.flight.channels[name].series.timeline();
+            let truth: Vec<i64> = (case.unused as usize..ROWS).map(|row| gps_ns(case.truth, row)).collect();
+            assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth, "{}: {name}", case.name);
+        }
+        // Position, its accuracies, velocity and its accuracy: five channels are told.
+        let times = loaded.flight.channels.len() as u64;
+        assert_told(&loaded, case.name, case.told, times);
+    }
+}
+
+#[test]
+fn ubx_that_never_says_its_week_runs_on_over_sunday() {
+    let unknown: Vec<Epoch> =
+        epochs(2313, LATE_SATURDAY, |_, _| 0).into_iter().map(|e| Epoch { fix: 0, ..e }).collect();
+    let loaded = load_as(LogKind::Ubx, &frames(&unknown), &MapLibrary::shipped().unwrap(), None);
+    let timeline = loaded.flight.channels["position.posllh"].series.timeline();
+    assert_eq!(timeline.clock(), Clock::Elapsed);
+    let expected: Vec<i64> = (0..ROWS as i64).map(|row| (LATE_SATURDAY + STEP_MS * row) * MS).collect();
+    assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), expected);
+    assert_told(&loaded, "Sunday", &[("stamp-wrap", 1)], loaded.flight.channels.len() as u64);
+}
+
+/// RMC and GGA of epochs a second apart, with the time at which each was logged, from this UTC on, s. `said` is the UTC
+/// that the receiver says, and whether it has a fix.
+fn sentences(begin: i64, said: impl Fn(i64) -> (i64, bool)) -> Vec<u8> {
+    let sealed = |body: String| format!("${body}*{:02X}", body.bytes().fold(0, |sum, byte| sum ^ byte));
+    let epoch = |second: i64| {
+        let (utc, fix) = said(begin + second);
+        let date = jiff::Timestamp::from_second(utc).unwrap().strftime("%d%m%y").to_string();
+        let time = jiff::Timestamp::from_second(utc).unwrap().strftime("%H%M%S").to_string();
+        let place = if fix { format!("4807.{second:03},N,01131.000,E") } else { "0000.000,N,00000.000,E".into() };
+        let valid = if fix { 'A' } else { 'V' };
+        let rmc = sealed(format!("GPRMC,{time},{valid},{place},20.0,90.0,{date},,"));
+        let gga = sealed(format!("GPGGA,{time},{place},{},08,0.9,545.4,M,46.9,M,,", u8::from(fix)));
+        format!("{0}.120 {rmc}\r\n{0}.140 {gga}\r\n", begin + second)
+    };
+    (0..ROWS as i64).map(epoch).collect::<String>().into_bytes()
+}
+
+#[test]
+fn sentences_are_dated_over_midnight_and_a_date_of_another_age_is_suspected() {
+    let library = MapLibrary::shipped().unwrap();
+    // Half a minute before the midnight to Sunday, 2024-05-12; and before a new year with a leap second.
+    for begin in [1_715_471_970, 1_483_228_770] {
+        let loaded = load_as(LogKind::Nmea, &sentences(begin, |utc| (utc, true)), &library, None);
+        for name in ["position.gps", "velocity.gps"] {
+            let stamps = loaded.flight.channels[name].series.timeline().stamps();
+            assert!(stamps.len() == ROWS && stamps.iter().zip(0..).all(|(s, i)| s.0 == (begin + i) * S), "{name}");
+        }
+        assert_eq!(count_of(&loaded, "clock-suspect"), 0, "{:?}", loaded.flight.notices);
+    }
+    let begin = 1_715_471_970;
+    // Without a fix: place and date of the firmware.
+    let no_fix = |utc: i64| if utc < begin + 9 { (315_964_800 + utc - begin, false) } else { (utc, true) };
+    let loaded = load_as(LogKind::Nmea, &sentences(begin, no_fix), &library, None);
+    let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
+    assert_eq!((stamps.len(), stamps[0].0), (ROWS - 9, (begin + 9) * S));
+    assert!(count_of(&loaded, "rejected-row") >= 18);
+    // A receiver older than its almanac counts the weeks of the age before.
+    let old = |utc: i64| (utc - 1024 * WEEK_MS / 1000, true);
+    let loaded = load_as(LogKind::Nmea, &sentences(begin, old), &library, None);
+    let told = loaded.flight.notices.iter().find(|n| n.code == "clock-suspect").unwrap();
+    assert!(told.text.contains("GPS week"), "{}", told.text);
+    // The leap seconds come with the almanac, after some minutes: UTC then goes back by what was missing.
+    let begin_of_year = 1_388_534_400;
+    for missing in [1, 2, 16] {
+        let late = move |utc: i64| (utc + if utc < begin_of_year + 20 { missing } else { 0 }, true);
+        let loaded = load_as(LogKind::Nmea, &sentences(begin_of_year, late), &library, None);
+        let stamps = loaded.flight.channels["velocity.gps"].series.timeline().stamps();
+        let told = ["duplicate-stamp", "rejected-row"].map(|code| count_of(&loaded, code));
+        assert_eq!(told.iter().sum::<u64>(), 2 * missing as u64, "{missing}: {:?}", loaded.flight.notices);
+        assert_eq!(stamps.len(), ROWS - missing as usize, "a second that was passed twice has one epoch");
+    }
+}
