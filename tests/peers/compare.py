@@ -325,7 +325,7 @@ def main():
     dump, folder, parts = sys.argv[1], Path(sys.argv[2]).resolve(), sys.argv[3:]
     if not folder.is_dir():
         return print(f"skipped: {folder} is not there")
-    total = collections.Counter()
+    total = collections.Counter(logs=0, messages=0, values=0, differ=0)
     print(f"{'log':58} {'reader':9} topics     ours   reader    values  differ")
     for name, modules, ends, read, keeps_order in READERS:
         logs = sorted(p for p in folder.rglob("*") if p.name.lower().endswith(ends) and p.is_file())
@@ -340,7 +340,7 @@ def main():
         for path in logs:
             cells, notes, good = beside(path, read, keeps_order, dump)  # differences follow the first note
             suite = path.relative_to(folder).parts[0]
-            total.update({"logs": 1, "messages": cells[1], "values": cells[3], "differ": not good, f"of {suite}": 1})
+            total.update({"logs": 1, "messages": cells[1], "values": cells[3], "differ": int(not good), f"of {suite}": 1})
             if not good or suite != "mcap-conformance":  # hundreds of them
                 row = "{:58} {:9} {:6} {:8} {:8} {:9} {:7}  ".format(f"{suite}/{path.name}"[-58:], name, *cells)
                 print(row + "\n      ".join(notes), flush=True)

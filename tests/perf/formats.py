@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Reading what a delay needs of one simulated flight in every format, against the least that it can cost and against the
-Python readers that are installed. CPU seconds (user + system) of whole processes, one after the other in each round;
+"""Reading what a delay needs of one simulated flight in every format, and of one with a camera and a laser scanner beside
+it, against the least that it can cost and against the Python readers that are installed. CPU seconds (user + system) of whole processes, one after the other in each round;
 ratios are taken round by round. Needs: cargo build --release -p ingest -p simulate --examples"""
 
-import os, resource, subprocess, sys, tempfile
+import os, re, resource, struct, subprocess, sys, tempfile
 
 ROUNDS = int(os.environ.get("ROUNDS", "7"))
 BIN = os.path.join(os.environ.get("CARGO_TARGET_DIR", "target"), "release", "examples")
@@ -49,45 +49,79 @@ def size(path):
     return sum(os.path.getsize(os.path.join(d, f)) for d, _, files in os.walk(path) for f in files)
 
 
-def row(name, path):
-    wanted = WANTED[name.split("-")[0]]
-    ours = [os.path.join(BIN, "read_topics"), path] + [f"{topic}={fields}" for topic, fields in wanted.items()]
-    inner = path
-    if os.path.isdir(path):
+def chunks_with(path, topics):
+    """Bytes of the chunks of an MCAP that hold messages of these topics."""
+    channels, indexed = set(), []
+    with open(path, "rb") as log:
+        at, end = 8, os.path.getsize(path) - 8
+        while at < end:
+            log.seek(at)
+            opcode, length = struct.unpack("<BQ", log.read(9))
+            if opcode == 6:
+                indexed.append((length + 9, set()))
+            elif opcode == 7:
+                indexed[-1][1].add(*struct.unpack("<H", log.read(2)))
+            elif opcode == 4:
+                number, _, size = struct.unpack("<HHI", log.read(8))
+                channels |= {number} if log.read(size).decode() in topics else set()
+            at += 9 + length
+    return sum(size for size, held in indexed if held & channels)
+
+
+def limit_of(name, path, ours, wanted):
+    if name.endswith("split"):
+        return [ours[0], path.replace("split", "zstd")] + ours[2:]
+    if "db3" in name:
         inner = next(os.path.join(path, f) for f in sorted(os.listdir(path)) if f.endswith(".db3"))
-    limit = [os.path.join(BIN, "db3_stepping" if name == "db3" else "decompress_only"), inner]
-    family = "bag" if name == "db3" else name.split("-")[0]
+        return [os.path.join(BIN, "db3_stepping"), inner, *wanted]
+    return [os.path.join(BIN, "decompress_only"), path] + (["read"] if name.endswith("none") else [])
+
+
+def row(name, path):
+    kind = name.removeprefix("camera-")
+    wanted = WANTED[kind.split("-")[0]]
+    ours = [os.path.join(BIN, "read_topics"), path] + [f"{topic}={fields}" for topic, fields in wanted.items()]
+    limit = limit_of(kind, path, ours, wanted)
+    family = "bag" if kind == "db3" else kind.split("-")[0]
     peer = [sys.executable, "-c", PEERS[family], path, *wanted] if family in PEERS else None
     times, limits, peers = [], [], []
-    memory, problem = "", ""
+    out, problem = "", ""
     for round in range(ROUNDS + 1):
         low = cpu(limit)[0]
         high, out = cpu(ours)
-        memory = out.rsplit("peak memory", 1)[-1].strip()
         if round:  # the first warms the page cache
             times.append(high), limits.append(low)
     try:
-        peers = [cpu(peer)[0] for _ in range(2)] if peer else []
+        peers = [cpu(peer)[0]] if peer else []
     except RuntimeError as e:
         problem = str(e)[:40]
     ratios = [a / b for a, b in zip(times, limits)]
     megabytes = size(path) / 1e6
+    read, memory = re.search(r"(\d+) bytes read, peak memory (\d+) kB", out).groups()
     python = f"{min(peers) / median(times):6.0f} x" if peers else f"  {problem or '-'}"
-    print(f"{name:10} {megabytes:7.1f} {median(times):8.3f} {megabytes / median(times):8.0f} "
-          f"{median(limits):8.3f} {median(ratios):6.2f} [{min(ratios):.2f} to {max(ratios):.2f}] {memory:>12} {python}")
+    print(f"{name:17} {megabytes:7.1f} {median(times):8.3f} {megabytes / median(times):8.0f} {median(limits):8.3f} "
+          f"{median(ratios):6.2f} [{min(ratios):.2f} to {max(ratios):.2f}] {int(read) / 1e6:8.1f} "
+          f"{int(memory) / 1024:8.1f} {python}", flush=True)
+    if kind.endswith("split"):
+        needed = chunks_with(path, wanted)
+        print(f"{'':17} of {needed / 1e6:.1f} MB of chunks that hold wanted topics: {int(read) / needed:.3f}")
+
+
+FORMATS = ["mcap-zstd", "mcap-lz4", "mcap-none", "mcap-split", "bag-lz4", "bag-none", "bag-bz2", "db3", "ulog", "dataflash",
+           "csv"]
 
 
 def main():
     folder = sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="flightlag-perf-")
-    if not os.path.exists(os.path.join(folder, "ulog.ulg")):
-        subprocess.run([os.path.join(BIN, "perf_logs"), folder, os.environ.get("SECONDS_FLOWN", "1800")], check=True)
-    print("format          MB    CPU s     MB/s  limit s  ratio [least to most]       peak memory  Python / ours")
-    for name in ["mcap-zstd", "mcap-lz4", "mcap-none", "bag-lz4", "bag-none", "bag-bz2", "db3", "ulog", "dataflash", "csv"]:
-        found = [f for f in sorted(os.listdir(folder)) if f.split(".")[0] == name]
-        if found:
-            row(name, os.path.join(folder, found[0]))
-    print("limit: every chunk decompressed and its CRC checked (MCAP, bag), SQLite stepping through all rows (db3), "
-          "the file read (others)")
+    if not os.path.exists(os.path.join(folder, "camera-mcap-split.mcap")):
+        subprocess.run([os.path.join(BIN, "perf_logs"), folder, os.environ.get("SECONDS_FLOWN", "900")], check=True)
+    files = {f.split(".")[0]: os.path.join(folder, f) for f in sorted(os.listdir(folder))}
+    print(f"{'log':17} {'MB':>7} {'CPU s':>8} {'MB/s':>8} {'limit s':>8}  ratio [least to most]  MB read  peak MiB  Python / ours")
+    for name in FORMATS + [f"camera-{format}" for format in FORMATS]:
+        if name in files:
+            row(name, files[name])
+    print("limit: the file read (none, ULog, DataFlash, CSV); every chunk decompressed and checksums of chunks and LZ4 frames\n"
+          "checked (zstd, lz4, bz2); SQLite stepping through the wanted rows (db3); the same topics out of camera-mcap-zstd (split)")
 
 
 main()

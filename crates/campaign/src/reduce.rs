@@ -512,7 +512,9 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     let losses: Vec<&Notice> = record.notices.iter().filter(|n| n.severity == Severity::Loss).collect();
     reasons.extend(losses.first().map(|first| told(first)));
     if losses.len() > 1 {
-        reasons.push(format!("{} more notices of damage on the flight's page", losses.len() - 1));
+        let more = losses.len() - 1;
+        let notices = if more == 1 { "notice" } else { "notices" };
+        reasons.push(format!("{more} more {notices} of damage on the flight's page"));
     }
     if let Some(replay) = &record.replay {
         if replay.coverage.restarts > 0 {

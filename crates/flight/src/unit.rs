@@ -38,7 +38,7 @@ pub struct Unit {
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// Symbol, dimension, factor, divisor. Feet, knots and nautical miles are exact by definition.
+/// Symbol, dimension, factor, divisor. Feet, miles, knots, nautical miles and standard gravity are exact by definition.
 const UNITS: &[(&str, Dimension, f64, f64)] = &[
     ("1", Dimension::None, 1.0, 1.0),
     ("rad", Dimension::Angle, 1.0, 1.0),
@@ -46,6 +46,7 @@ const UNITS: &[(&str, Dimension, f64, f64)] = &[
     ("1e-2 deg", Dimension::Angle, DEG, 1e2),
     ("1e-5 deg", Dimension::Angle, DEG, 1e5),
     ("1e-7 deg", Dimension::Angle, DEG, 1e7),
+    ("mrad", Dimension::Angle, 1.0, 1e3),
     ("rev", Dimension::Angle, std::f64::consts::TAU, 1.0),
     ("m", Dimension::Length, 1.0, 1.0),
     ("cm", Dimension::Length, 1.0, 1e2),
@@ -59,10 +60,19 @@ const UNITS: &[(&str, Dimension, f64, f64)] = &[
     ("km/h", Dimension::Speed, 1.0, 3.6),
     ("kt", Dimension::Speed, 1852.0, 3600.0),
     ("ft/min", Dimension::Speed, 0.3048, 60.0),
+    ("ft/s", Dimension::Speed, 0.3048, 1.0),
+    ("mi/h", Dimension::Speed, 1609.344, 3600.0),
     ("m/s^2", Dimension::Acceleration, 1.0, 1.0),
+    ("cm/s^2", Dimension::Acceleration, 1.0, 1e2),
+    ("mm/s^2", Dimension::Acceleration, 1.0, 1e3),
     ("g0", Dimension::Acceleration, 9.80665, 1.0),
+    ("mg0", Dimension::Acceleration, 9.80665, 1e3),
     ("rad/s", Dimension::AngularRate, 1.0, 1.0),
+    ("mrad/s", Dimension::AngularRate, 1.0, 1e3),
     ("deg/s", Dimension::AngularRate, DEG, 1.0),
+    ("1e-2 deg/s", Dimension::AngularRate, DEG, 1e2),
+    ("1e-3 deg/s", Dimension::AngularRate, DEG, 1e3),
+    ("rev/min", Dimension::AngularRate, std::f64::consts::TAU, 60.0),
     ("s", Dimension::Time, 1.0, 1.0),
     ("ms", Dimension::Time, 1.0, 1e3),
     ("us", Dimension::Time, 1.0, 1e6),
@@ -72,6 +82,7 @@ const UNITS: &[(&str, Dimension, f64, f64)] = &[
     ("nT", Dimension::MagneticField, 1.0, 1e9),
     ("G", Dimension::MagneticField, 1.0, 1e4),
     ("mG", Dimension::MagneticField, 1.0, 1e7),
+    ("mT", Dimension::MagneticField, 1.0, 1e3),
 ];
 
 impl Unit {
@@ -130,6 +141,16 @@ mod tests {
     fn a_knot_is_a_nautical_mile_an_hour() {
         assert_eq!(si("kt", 3600.0), 1852.0);
         assert_eq!(si("ft/min", 60.0), 0.3048);
+    }
+
+    #[test]
+    fn thousandths_and_hundredths_are_what_they_say() {
+        // 1000 mg0 is standard gravity, 1 G is 0.1 mT, 60 rev/min is a turn a second.
+        assert_eq!([si("mg0", 1000.0), si("cm/s^2", 981.0), si("mm/s^2", 9810.0)], [9.806_65, 9.81, 9.81]);
+        assert_eq!([si("mrad/s", 1500.0), si("mrad", 250.0), si("rev/min", 60.0)], [1.5, 0.25, std::f64::consts::TAU]);
+        assert_eq!([si("1e-2 deg/s", 4500.0), si("1e-3 deg/s", 45_000.0)], [45_f64.to_radians(); 2]);
+        assert_eq!([si("mG", 1000.0), si("G", 1.0), si("mT", 0.1)], [1e-4; 3]);
+        assert_eq!([si("ft/s", 10.0), si("mi/h", 3600.0)], [3.048, 1609.344]);
     }
 
     #[test]

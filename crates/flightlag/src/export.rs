@@ -4,7 +4,7 @@ use crate::arguments::{ExportArguments, ExportKind};
 use crate::failure::{End, Failure};
 use crate::findings::{damage, notices};
 use crate::inspect::unit_of;
-use crate::maps::library;
+use crate::maps::{check_name, library};
 use crate::recover::{Output, check_output};
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
@@ -19,6 +19,7 @@ pub(crate) fn run(arguments: &ExportArguments, stop: &Stop) -> Result<End, Failu
     let kind = if arguments.to == ExportKind::Mcap { Output::File } else { Output::Folder };
     check_output(&out, kind, arguments.force)?;
     let library = library(arguments.maps.as_deref())?;
+    check_name(&library, arguments.map.as_deref())?;
     let unit = unit_of(&arguments.log, &library)?;
     let what = if arguments.topics { ExportWhat::Topics } else { ExportWhat::Channels };
     let to = match arguments.to {

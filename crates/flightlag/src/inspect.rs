@@ -5,7 +5,7 @@ mod vehicle;
 use crate::arguments::InspectArguments;
 use crate::failure::{End, Failure};
 use crate::findings::{damage, notices, section, typed};
-use crate::maps::library;
+use crate::maps::{check_name, library};
 use crate::show::{Table, bytes, count, number, visible};
 use crate::stop::Stop;
 use campaign::Exit;
@@ -15,13 +15,16 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
-/// Topics that are listed unasked, beside those that were read.
+/// Topics that are listed unasked.
 const MOST_TOPICS: usize = 40;
+/// And beside those that were read.
+const MOST_OTHERS: usize = 12;
 /// Other things that are listed unasked.
 const MOST_LISTED: usize = 8;
 
 pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Failure> {
     let library = library(arguments.maps.as_deref())?;
+    check_name(&library, arguments.map.as_deref())?;
     let unit = unit_of(&arguments.log, &library)?;
     let context = ReadContext { limits: Limits::default(), cancel: stop.flag(), on_bytes: &|_| {} };
     let loaded = load(&unit, &library, arguments.map.as_deref(), &context)?;
@@ -107,9 +110,10 @@ fn head(unit: &FlightUnit, health: &LogHealth) -> String {
     for (what, n) in parts.into_iter().filter(|(_, n)| *n > 0) {
         let _ = write!(ledger, "{n} {what} + ");
     }
-    let share = match b.damaged {
-        0 => String::new(),
-        n => format!(" ({:.2} %)", (100.0 * n as f64 / b.size.max(1) as f64).max(0.01)),
+    let share = match 100.0 * b.damaged as f64 / b.size.max(1) as f64 {
+        0.0 => String::new(),
+        small if small < 0.01 => " (< 0.01 %)".to_owned(),
+        percent => format!(" ({percent:.2} %)"),
     };
     let undecodable = match health.undecodable {
         0 => String::new(),
@@ -129,7 +133,8 @@ fn head(unit: &FlightUnit, health: &LogHealth) -> String {
 /// Topics that were read, and others as far as there is room.
 fn topics(topics: &[TopicHealth], all: bool) -> String {
     let mut table = Table::new(&["topic", "type", "encoding", "messages|", "rate Hz|", "duration s|", "values"]);
-    let (mut room, mut left_out, mut empty) = (MOST_TOPICS, 0, 0);
+    let any = topics.iter().any(|t| t.decoded);
+    let (mut room, mut left_out, mut empty) = (if any { MOST_OTHERS } else { MOST_TOPICS }, 0, 0);
     for topic in topics {
         let asked = topic.decoded || !topic.reason.is_empty();
         match (all || asked, topic.messages, room) {
@@ -157,10 +162,15 @@ fn topic_cells(topic: &TopicHealth) -> Vec<String> {
         topic.type_name.clone(),
         topic.encoding.clone(),
         topic.messages.to_string(),
-        number(first.and_then(|s| s.rate_hz), 2),
+        rate(first.and_then(|s| s.rate_hz)),
         number(first.and_then(duration), 1),
         decoded(topic),
     ]
+}
+
+/// Hz: of bursts, thousands without a fraction.
+fn rate(hz: Option<f64>) -> String {
+    number(hz, if hz.is_some_and(|hz| hz >= 1000.0) { 0 } else { 2 })
 }
 
 /// From the first stamp to the last, s; unknown where stamps go back.
@@ -215,7 +225,7 @@ fn stamp_cells(stamp: &StampHealth) -> Vec<String> {
         stamp.kind.to_string(),
         stamp.clock.to_string(),
         stamp.source.clone(),
-        number(stamp.rate_hz, 2),
+        rate(stamp.rate_hz),
         millis(&|d| d.min),
         millis(&|d| d.median),
         millis(&|d| d.p99),
@@ -300,7 +310,7 @@ fn channels(channels: &[ChannelHealth]) -> Table {
             channel.rows.to_string(),
             channel.used.to_string(),
             channel.held.as_ref().map_or(0, |h| h.repeats).to_string(),
-            number(stamps.and_then(|s| s.rate_hz), 2),
+            rate(stamps.and_then(|s| s.rate_hz)),
             stamps.map_or_else(|| "-".to_owned(), |s| format!("{}, {}", s.kind, s.source)),
         ]);
     }

@@ -11,6 +11,7 @@ use std::path::Path;
 pub(crate) fn run(arguments: &MapsArguments) -> Result<End, Failure> {
     let library = library(arguments.maps.as_deref())?;
     if let Some(name) = &arguments.name {
+        check_name(&library, Some(name))?;
         write!(std::io::stdout(), "{}", library.get(name)?.text())?;
         return Ok(Exit::Well.into());
     }
@@ -20,6 +21,14 @@ pub(crate) fn run(arguments: &MapsArguments) -> Result<End, Failure> {
     }
     write!(std::io::stdout(), "{}", table.text())?;
     Ok(Exit::Well.into())
+}
+
+/// A map that does not exist is a wrong command, and not a log that cannot be read.
+pub(crate) fn check_name(library: &MapLibrary, name: Option<&str>) -> Result<(), Failure> {
+    match name.map(|name| library.get(name)) {
+        Some(Err(unknown)) => Err(Failure::new(Exit::Wrong, unknown.to_string())),
+        _ => Ok(()),
+    }
 }
 
 /// The shipped maps and those of a folder.

@@ -39,7 +39,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("  {:?} {} {} x{}: {}", notice.severity, notice.code, notice.place, notice.count, notice.text);
     }
     println!("  extras {:?}", log.health.extras);
-    println!("CPU {:.3} s, peak memory {}", cpu_seconds().unwrap_or_default(), peak_memory().unwrap_or_default());
+    println!(
+        "CPU {:.3} s, {} bytes read, peak memory {}",
+        cpu_seconds().unwrap_or_default(),
+        told("/proc/self/io", "rchar:").unwrap_or_default(),
+        told("/proc/self/status", "VmHWM:").unwrap_or_default()
+    );
     Ok(())
 }
 
@@ -60,7 +65,8 @@ fn cpu_seconds() -> Option<f64> {
     Some((user + system) / 100.0)
 }
 
-fn peak_memory() -> Option<String> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    status.lines().find_map(|line| line.strip_prefix("VmHWM:")).map(|size| size.trim().to_owned())
+/// What the system says of this process.
+fn told(file: &str, name: &str) -> Option<String> {
+    let text = std::fs::read_to_string(file).ok()?;
+    text.lines().find_map(|line| line.strip_prefix(name)).map(|value| value.trim().to_owned())
 }

@@ -31,10 +31,11 @@ impl Tick {
         ticks.checked_mul(self.nanos())
     }
 
-    /// Nanoseconds of a double, rounded; `None` beyond the range of `i64`.
+    /// Nanoseconds of a double; `None` beyond the range of `i64`. Only its fraction is rounded: a double of all the
+    /// nanoseconds since 1970 would be a multiple of 256.
     pub(crate) fn of_float(self, ticks: f64) -> Option<i64> {
-        let nanos = (ticks * self.nanos() as f64).round();
-        (nanos.abs() < 9.2e18).then_some(nanos as i64)
+        let whole = Some(ticks.trunc()).filter(|whole| whole.abs() < 9.2e18)?;
+        self.of_integer(whole as i64)?.checked_add(((ticks - whole) * self.nanos() as f64).round() as i64)
     }
 
     /// Nanoseconds of a decimal number as text. Plain decimals are exact to the nanosecond;
@@ -266,6 +267,17 @@ mod tests {
         assert_eq!(Tick::Nanos.of_text("9223372036854775807"), Some(i64::MAX));
         assert_eq!(Tick::Seconds.of_text("9223372037"), None);
         assert_eq!(Tick::Seconds.of_text("."), None);
+    }
+
+    #[test]
+    fn a_double_of_seconds_is_read_to_its_own_last_bit() {
+        // Its neighbours are 238 ns away; python3: decimal.Decimal(1700000000.123456) = 1700000000.1234560013...
+        assert_eq!(Tick::Seconds.of_float(1_700_000_000.123_456), Some(1_700_000_000_123_456_001));
+        assert_eq!(Tick::Seconds.of_float(-0.25), Some(-250_000_000));
+        assert_eq!(Tick::Micros.of_float(1.5), Some(1500));
+        for none in [f64::NAN, f64::INFINITY, 1e10, -1e300] {
+            assert_eq!(Tick::Seconds.of_float(none), None, "{none}");
+        }
     }
 
     #[test]

@@ -169,6 +169,8 @@ pub(crate) enum TimeSource {
         week: String,
         field: String,
         tick: Tick,
+        /// A field of nanoseconds to be added.
+        nanos: Option<String>,
     },
     Iso {
         field: String,
@@ -303,9 +305,10 @@ impl TimeSource {
             // Text keeps every digit of a decimal fraction.
             TimeSource::Number { field, tick: Tick::Seconds | Tick::Millis, .. } => vec![ask(field, ValueKind::Text)],
             TimeSource::Number { field, .. } => vec![ask(field, ValueKind::Number)],
-            TimeSource::GpsWeek { week, field, tick } => {
+            TimeSource::GpsWeek { week, field, tick, nanos } => {
                 let kind = if *tick == Tick::Seconds { ValueKind::Text } else { ValueKind::Number };
-                vec![ask(week, ValueKind::Number), ask(field, kind)]
+                let nanos = nanos.iter().map(|nanos| ask(nanos, ValueKind::Number));
+                [ask(week, ValueKind::Number), ask(field, kind)].into_iter().chain(nanos).collect()
             }
             TimeSource::Calendar { fields } => fields.iter().map(|f| ask(f, ValueKind::Number)).collect(),
             TimeSource::Iso { field } => vec![ask(field, ValueKind::Text)],
@@ -756,7 +759,10 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         ClockName::Boot => Clock::Boot,
         ClockName::Elapsed => Clock::Elapsed,
     });
-    let TimeEntry { container, field, unit, text, week, calendar, date, time, offset, clock: _ } = entry.clone();
+    let TimeEntry { container, field, unit, text, week, nanos, calendar, date, time, offset, clock: _ } = entry.clone();
+    if nanos.is_some() && week.is_none() {
+        return Err("nanos go with a week".into());
+    }
     let of_utc = matches!(clock, None | Some(Clock::Unix));
     match (container, field, unit, text, week, calendar, date, time, offset) {
         (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => Ok(match container {
@@ -770,7 +776,7 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         (None, Some(field), Some(unit), None, Some(week), None, None, None, None)
             if matches!(clock, None | Some(Clock::Gps)) =>
         {
-            Ok(TimeSource::GpsWeek { week, field, tick: tick_of(unit) })
+            Ok(TimeSource::GpsWeek { week, field, tick: tick_of(unit), nanos })
         }
         (None, Some(field), None, Some(_), None, None, None, None, None) if of_utc => Ok(TimeSource::Iso { field }),
         (None, None, None, None, None, None, Some(date), Some(time), offset) if of_utc => {

@@ -75,6 +75,8 @@ pub(crate) struct TimeEntry {
     /// of ten bits: the weeks nearest to the date of another clock of the log, or else those that end about a year
     /// after this release. Week 0 means no fix.
     pub(crate) week: Option<String>,
+    /// With a week: a field of nanoseconds to be added.
+    pub(crate) nanos: Option<String>,
     /// Columns of year, month, day, hour, minute and second (UTC), and perhaps one of the nanoseconds.
     pub(crate) calendar: Option<Vec<String>>,
     /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd` or `dd.mm.yyyy`; or day and month with slashes where

@@ -39,10 +39,11 @@ pub(super) fn leave_out_far(samples: &mut Vec<Sample>, clock: Clock, rejected: R
 
 fn leave_out_unset(samples: &mut Vec<Sample>, clock: Clock, rejected: Reject<'_>) {
     let zeros = samples.iter().take_while(|s| s.stamp == 0).count();
+    if zeros == 0 || !matches!(clock, Clock::Boot | Clock::Elapsed) {
+        return;
+    }
     let (Some(first), Some(step)) = (samples.get(zeros), usual_step(samples)) else { return };
-    let unset =
-        zeros > 0 && matches!(clock, Clock::Boot | Clock::Elapsed) && first.stamp.unsigned_abs() > DEEP_STEPS * step;
-    if unset {
+    if first.stamp.unsigned_abs() > DEEP_STEPS * step {
         samples.drain(..zeros).for_each(|s| rejected(NEVER_FILLED, &s));
     }
 }
@@ -80,6 +81,9 @@ fn usual_step(samples: &[Sample]) -> Option<u64> {
 
 /// Why each row is left out, in the order of the log. Of nothing but disorder nothing is.
 fn misplaced(samples: &[Sample]) -> Vec<Option<&'static str>> {
+    if samples.is_sorted_by_key(|s| s.stamp) {
+        return vec![];
+    }
     let Some(step) = usual_step(samples) else { return vec![] };
     let mut pieces = pieces(samples, DEEP_STEPS * step);
     if !pieces.iter().any(|p| p.out_of_order) {
@@ -182,7 +186,10 @@ impl Placed<'_> {
 mod tests {
     use super::*;
 
-    fn sorted(clock: Clock, stamps: &[i64]) -> (Vec<(i64, usize)>, Vec<(&'static str, usize)>) {
+    /// Stamps and rows that are kept, and reasons and rows that are left out.
+    type Sorted = (Vec<(i64, usize)>, Vec<(&'static str, usize)>);
+
+    fn sorted(clock: Clock, stamps: &[i64]) -> Sorted {
         let sample = |(row, stamp): (usize, &i64)| Sample { row, stamp: *stamp, values: [row as f64, 0.0, 0.0, 0.0] };
         let mut samples: Vec<Sample> = stamps.iter().enumerate().map(sample).collect();
         let mut rejected = vec![];

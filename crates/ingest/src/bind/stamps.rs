@@ -58,12 +58,15 @@ pub(super) fn read_stamps(
 ) -> Option<Stamps> {
     let mut repairs = vec![];
     let mut nanos = match source {
-        TimeSource::GpsWeek { week, field, tick } => {
+        TimeSource::GpsWeek { week, field, tick, nanos } => {
             let logged = written_at().and_then(|unix| Some(gps_of_unix(Stamp(unix))?.0 / (WEEK_S * NANOS_PER_SECOND)));
-            let (nanos, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
+            let (mut stamps, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
             let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
             note(&mut repairs, "week-rollover", ten_bit, rule);
-            nanos
+            if let Some(nanos) = nanos.as_ref().and_then(|nanos| numbers(table, nanos)) {
+                add(nanos, &mut stamps);
+            }
+            stamps
         }
         _ => nanos_of(source, table)?,
     };
@@ -136,7 +139,7 @@ fn nanos_of(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
             let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
             rows.map(|row| calendar(&columns, row)).collect()
         }
-        TimeSource::GpsWeek { week, field, tick } => gps_weeks(numbers(table, week)?, field, *tick, None, table)?.0,
+        TimeSource::GpsWeek { week, field, tick, .. } => gps_weeks(numbers(table, week)?, field, *tick, None, table)?.0,
     })
 }
 
@@ -175,6 +178,13 @@ fn gps_weeks(
     });
     let nanos = nanos.collect();
     Some((nanos, ten_bit))
+}
+
+/// Adds a column of nanoseconds; without one of them there is no stamp.
+fn add(nanos: &Column, stamps: &mut [Option<i64>]) {
+    for (row, stamp) in stamps.iter_mut().enumerate() {
+        *stamp = stamp.zip(nanos.integer(row)).and_then(|(stamp, nanos)| stamp.checked_add(nanos));
+    }
 }
 
 fn calendar(columns: &[&Column], row: usize) -> Option<i64> {

@@ -9,8 +9,9 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 /// Bytes fetched in one go when little is asked for again and again.
-const READ_AHEAD: usize = 64 << 10;
-/// Bytes fetched behind a jump: who jumps may jump again. With every fetch that follows it becomes four times as much.
+const READ_AHEAD: usize = 256 << 10;
+/// Bytes fetched behind a jump, or behind much that was asked for at once: the next may come soon. With every further
+/// fetch it is four times as much.
 const FIRST_AHEAD: usize = 1 << 10;
 /// Progress is reported, and a wish to stop is heard, this often, bytes.
 const PROGRESS_STEP: u64 = 1 << 20;
@@ -84,7 +85,8 @@ impl LogFile {
     fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
         let end = self.start + self.filled as u64;
         let jump = offset < self.start || offset > end + READ_AHEAD as u64;
-        self.ahead = if jump { FIRST_AHEAD } else { READ_AHEAD.min(4 * self.ahead) };
+        let alone = jump || length >= READ_AHEAD;
+        self.ahead = if alone { FIRST_AHEAD } else { READ_AHEAD.min(4 * self.ahead) };
         let kept = self.keep_from(offset);
         let wanted = (self.size - offset).min(length.max(self.ahead) as u64) as usize;
         if self.buffer.len() < wanted {

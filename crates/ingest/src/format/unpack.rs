@@ -15,15 +15,21 @@ use crate::sniff::{self, Content};
 use flight::{Notices, Severity};
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Unpacked in one go; between two the user may stop.
 const STEP: usize = 256 << 10;
-/// Members of an archive that are looked into.
+/// Members of an archive that are looked into, and memory for their first bytes.
 const MOST_MEMBERS: usize = 1000;
-/// Window of a Zstandard frame, as a power of two: 128 MiB, the largest that `zstd` itself reads unasked.
+const MOST_HEADS: usize = 16 << 20;
+/// Window of a Zstandard frame, as a power of two: 128 MiB, the largest that `zstd` itself reads unasked. That much
+/// memory is taken only by a log that is as large.
 const WINDOW_LOG: u32 = 27;
+/// No log becomes that many times as large: what does is a bomb, or nearly all of it zeros. Below so many bytes it does
+/// not matter.
+const MOST_TIMES: u64 = 250;
+const AT_ANY_RATIO: u64 = 32 << 20;
 
 /// How a file is packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,13 +89,14 @@ pub(crate) struct Member {
 pub(crate) fn members(path: &Path, packing: Packing) -> Result<Vec<Member>, String> {
     let mut file = File::open(path).map_err(|e| e.to_string())?;
     if packing != Packing::Zip {
-        let head = head_of(decoder(packing, BufReader::new(file), &Cell::new(0)));
+        let head = head_of(decoder(packing, BufReader::new(file), &Cell::new(0)), sniff::HEAD);
         return Ok(vec![Member { name: inner_name(path, packing), head, entry: None }]);
     }
     let entries = zip::entries(&mut file, MOST_MEMBERS)?;
+    let most = sniff::HEAD.min(MOST_HEADS / entries.len().max(1));
     let member = |entry: zip::Entry| {
         let head = match zip::open(&mut file, &entry) {
-            Ok(packed) => head_of(zip::decoder(&entry, packed)),
+            Ok(packed) => head_of(zip::decoder(&entry, packed), most),
             Err(_) => vec![],
         };
         Member { name: entry.file_name(), head, entry: Some(entry) }
@@ -97,12 +104,12 @@ pub(crate) fn members(path: &Path, packing: Packing) -> Result<Vec<Member>, Stri
     Ok(entries.into_iter().map(member).collect())
 }
 
-/// As many of the first bytes as can be unpacked.
-fn head_of(decoder: Result<Box<dyn Read + '_>, String>) -> Vec<u8> {
+/// As many of the first bytes as can be unpacked, up to `most`.
+fn head_of(decoder: Result<Box<dyn Read + '_>, String>, most: usize) -> Vec<u8> {
     let mut head = vec![];
     if let Ok(decoder) = decoder {
         // What was unpacked before an error stays in the vector.
-        let _ = decoder.take(sniff::HEAD as u64).read_to_end(&mut head);
+        let _ = decoder.take(most as u64).read_to_end(&mut head);
     }
     head
 }
@@ -127,7 +134,7 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
 
 fn decoder<'r>(
     packing: Packing,
-    packed: impl std::io::BufRead + 'r,
+    packed: impl BufRead + 'r,
     bad: &'r Cell<u64>,
 ) -> Result<Box<dyn Read + 'r>, String> {
     Ok(match packing {
@@ -138,10 +145,37 @@ fn decoder<'r>(
             Box::new(decoder)
         }
         Packing::Bzip2 => Box::new(bzip2::bufread::MultiBzDecoder::new(packed)),
-        Packing::Lz4 => Box::new(lz4::Decoder::new(packed).map_err(|e| e.to_string())?),
+        Packing::Lz4 => Box::new(Lz4Frames::new(packed).map_err(|e| e.to_string())?),
         Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, bad)),
         Packing::Zip => return Err("a ZIP archive in a packed file".to_owned()),
     })
+}
+
+/// LZ4 frames, one behind the other.
+struct Lz4Frames<R>(Option<lz4::Decoder<R>>);
+
+impl<R: BufRead> Lz4Frames<R> {
+    fn new(packed: R) -> io::Result<Lz4Frames<R>> {
+        Ok(Lz4Frames(Some(lz4::Decoder::new(packed)?)))
+    }
+}
+
+impl<R: BufRead> Read for Lz4Frames<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while let Some(mut decoder) = self.0.take() {
+            let got = decoder.read(buffer)?;
+            if got > 0 || buffer.is_empty() {
+                self.0 = Some(decoder);
+                return Ok(got);
+            }
+            let (mut packed, end) = decoder.finish();
+            end.map_err(|_| io::Error::new(io::ErrorKind::UnexpectedEof, "the frame has no end"))?;
+            if !packed.fill_buf()?.is_empty() {
+                self.0 = Some(lz4::Decoder::new(packed)?);
+            }
+        }
+        Ok(0)
+    }
 }
 
 /// Reads a unit, unpacking its files first where they are packed.
@@ -195,7 +229,7 @@ pub(crate) fn named_text(path: &Path) -> bool {
     ["csv", "txt", "tsv", "log"].contains(&ending.as_str())
 }
 
-fn io_error(path: &Path, source: std::io::Error) -> IngestError {
+fn io_error(path: &Path, source: io::Error) -> IngestError {
     IngestError::Io { file: file_name(path), offset: 0, source }
 }
 
@@ -229,7 +263,7 @@ impl<'c> Unpacking<'c> {
             let (read, bad) = (Cell::new(0), Cell::new(0));
             let packed = BufReader::with_capacity(STEP, Counted { inner: file, read: &read });
             let decoder = decoder(packing, packed, &bad).map_err(unusable)?;
-            self.copy(path, packing, &inner_name(path, packing), decoder, (&read, 0, size))?;
+            self.copy((path, size), packing, &inner_name(path, packing), decoder, (&read, 0, size))?;
             if bad.get() > 0 {
                 let text = "characters of UTF-16 that are none became replacement characters";
                 self.notices.push(Severity::Loss, "bad-utf16", file_name(path), bad.get(), text);
@@ -248,7 +282,8 @@ impl<'c> Unpacking<'c> {
             let start = packed.start;
             let packed = zip::Packed { inner: Counted { inner: packed.inner, read: &read }, start, end: packed.end };
             let decoder = zip::decoder(&entry, packed).map_err(unusable)?;
-            self.copy(path, packing, &member.name, decoder, (&read, start, start + entry.packed_bytes))?;
+            let place = (&read, start, start.saturating_add(entry.packed_bytes));
+            self.copy((path, size), packing, &member.name, decoder, place)?;
         }
         if self.files.is_empty() {
             return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
@@ -256,10 +291,10 @@ impl<'c> Unpacking<'c> {
         Ok(())
     }
 
-    /// Unpacks one file; `(read, start, end)` count its packed bytes.
+    /// Unpacks one file of a packed one of this size; `(read, start, end)` count its packed bytes.
     fn copy(
         &mut self,
-        path: &Path,
+        (path, size): (&Path, u64),
         packing: Packing,
         name: &Path,
         mut decoder: Box<dyn Read + '_>,
@@ -276,8 +311,8 @@ impl<'c> Unpacking<'c> {
             let got = match decoder.read(&mut buffer) {
                 Ok(0) => break None,
                 Ok(got) => got,
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
-                Err(error) => break Some(error.to_string()),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => break Some(meaning_of(&error, packing)),
             };
             bytes += got as u64;
             self.written += got as u64;
@@ -285,6 +320,10 @@ impl<'c> Unpacking<'c> {
                 let limit = self.context.limits.unpacked_bytes;
                 let what = format!("{}: the unpacked log is larger than the limit of {limit} bytes", packing.name());
                 return Err(IngestError::Unusable { file: file_name(path), what });
+            }
+            if self.written > AT_ANY_RATIO.max(size.saturating_mul(MOST_TIMES)) {
+                bytes -= got as u64;
+                break Some(format!("its content is more than {MOST_TIMES} times as large, which no log is"));
             }
             write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(&target, e))?;
             self.context.advance(read.get() - told)?;
@@ -306,8 +345,18 @@ impl<'c> Unpacking<'c> {
     }
 }
 
+/// What an error of a decoder means.
+fn meaning_of(error: &io::Error, packing: Packing) -> String {
+    let text = error.to_string();
+    // As the library says it.
+    if packing == Packing::Zstd && text.contains("too much memory") {
+        return format!("the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31");
+    }
+    text
+}
+
 /// Zeros are left out of the file, so that a bomb of them takes no room; its length must be set at the end.
-fn write_sparse(out: &mut File, bytes: &[u8]) -> std::io::Result<()> {
+fn write_sparse(out: &mut File, bytes: &[u8]) -> io::Result<()> {
     if bytes.iter().all(|b| *b == 0) {
         return out.seek(SeekFrom::Current(bytes.len() as i64)).map(|_| ());
     }
@@ -321,7 +370,7 @@ struct Counted<'r, R> {
 }
 
 impl<R: Read> Read for Counted<'_, R> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let got = self.inner.read(buffer)?;
         self.read.set(self.read.get() + got as u64);
         Ok(got)
@@ -329,7 +378,7 @@ impl<R: Read> Read for Counted<'_, R> {
 }
 
 impl<R: Seek> Seek for Counted<'_, R> {
-    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.inner.seek(to)
     }
 }

@@ -35,16 +35,27 @@ fn summed(container: Container) -> bool {
     matches!(container, Container::Mcap(_) | Container::Ubx)
 }
 
-fn damage(bytes: &[u8], at: usize, size: usize) -> [(&'static str, Vec<u8>); 5] {
+fn damage(bytes: &[u8], at: usize, size: usize) -> [(&'static str, Vec<u8>); 6] {
     let (before, block, after) = (&bytes[..at], &bytes[at..at + size], &bytes[at + size..]);
     let next = size.min(after.len());
     [
         ("zeroed", [before, &vec![0; size], after].concat()),
         ("set", [before, &vec![0xff; size], after].concat()),
+        ("random", [before, &noise(at, size), after].concat()),
         ("doubled", [before, block, block, after].concat()),
         ("left out", [before, after].concat()),
         ("swapped", [before, &after[..next], block, &after[next..]].concat()),
     ]
+}
+
+/// Bytes that differ with the place.
+fn noise(at: usize, size: usize) -> Vec<u8> {
+    let mut state = at as u64 + 1;
+    let next = |_| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as u8
+    };
+    (0..size).map(next).collect()
 }
 
 macro_rules! of_each_format {

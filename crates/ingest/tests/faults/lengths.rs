@@ -55,6 +55,9 @@ of_each_format! {
     hostile_numbers_in_a_ros_2_bag_take_little_memory "db3" 1021 every_hostile_number_in_a_ros_2_bag,
     hostile_numbers_in_a_ulog_take_little_memory "ulog" 61 every_hostile_number_in_a_ulog,
     hostile_numbers_in_a_dataflash_log_take_little_memory "dataflash-binary" 61 every_hostile_number_in_a_dataflash_log,
+    hostile_numbers_in_a_dataflash_text_take_little_memory "dataflash-text" 61 every_hostile_number_in_a_dataflash_text,
+    hostile_numbers_in_an_nmea_log_take_little_memory "nmea" 61 every_hostile_number_in_an_nmea_log,
+    hostile_numbers_in_a_table_take_little_memory "csv" 61 every_hostile_number_in_a_table,
     hostile_numbers_in_a_tlog_take_little_memory "tlog" 61 every_hostile_number_in_a_tlog,
     hostile_numbers_in_a_ubx_log_take_little_memory "ubx" 61 every_hostile_number_in_a_ubx_log,
 }

@@ -3,6 +3,7 @@
 
 use crate::made::{self, BagCodec, Encoding, Layout, Sent};
 use crate::support::*;
+use crate::wire::*;
 use flight::{ChannelHealth, Clock, StampKind};
 use ingest::{ChannelMap, FlightUnit, Loaded, LogKind, MapLibrary};
 use std::path::Path;
@@ -162,41 +163,28 @@ fn ticks(stamp: i128, quantum: i128) -> u64 {
 }
 
 fn ulog(stamps: &[i128]) -> Vec<u8> {
-    let mut out = b"ULog\x01\x12\x35\x01\x00\x00\x00\x00\x00\x00\x00\x00".to_vec();
-    let mut put = |kind: u8, body: &[u8]| out.extend([&(body.len() as u16).to_le_bytes()[..], &[kind], body].concat());
-    put(b'B', &[0; 40]);
-    put(b'F', b"pose:uint64_t timestamp;uint64_t timestamp_sample;double v;");
-    put(b'A', b"\0\0\0pose");
-    for (row, stamp) in stamps.iter().enumerate() {
+    let row = |(row, stamp): (usize, &i128)| {
         let published = (100_005_000 + 100_000 * row as u64).to_le_bytes();
-        put(b'D', &[&[0, 0], &published[..], &ticks(*stamp, 1000).to_le_bytes(), &(row as f64).to_le_bytes()].concat());
-    }
-    out
+        let body = [&[0, 0], &published[..], &ticks(*stamp, 1000).to_le_bytes(), &(row as f64).to_le_bytes()];
+        ulog_message(b'D', &body.concat())
+    };
+    let begin = ulog_begin(&[("pose:uint64_t timestamp;uint64_t timestamp_sample;double v;", 0)]);
+    [begin, stamps.iter().enumerate().flat_map(row).collect()].concat()
 }
 
 fn dataflash(stamps: &[i128]) -> Vec<u8> {
-    let padded = |text: &str, size: usize| [text.as_bytes(), &vec![0; size - text.len()]].concat();
-    let fmt = |id: u8, length: u8, name: &str, codes: &str, columns: &str| {
-        [vec![0xa3, 0x95, 128, id, length], padded(name, 4), padded(codes, 16), padded(columns, 64)].concat()
+    let row = |(row, stamp): (usize, &i128)| {
+        dataflash_record(10, &[ticks(*stamp, 1000).to_le_bytes(), (row as f64).to_le_bytes()].concat())
     };
-    let sample = |(row, stamp): (usize, &i128)| {
-        [&[0xa3, 0x95, 10], &ticks(*stamp, 1000).to_le_bytes()[..], &(row as f64).to_le_bytes()].concat()
-    };
-    let head = [fmt(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns"), fmt(10, 19, "ABC", "Qd", "TimeUS,V")];
-    [head.concat(), stamps.iter().enumerate().flat_map(sample).collect()].concat()
+    let head = [dataflash_begin(), dataflash_fmt(10, "ABC", "Qd", "TimeUS,V")].concat();
+    [head, stamps.iter().enumerate().flat_map(row).collect()].concat()
 }
 
 fn tlog(stamps: &[i128]) -> Vec<u8> {
-    let crc16 = |crc: u16, byte: &u8| {
-        (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 })
-    };
     let frame = |(row, stamp): (usize, &i128)| {
         let mut payload = (ticks(*stamp, MS) as u32).to_le_bytes().to_vec();
         payload.extend([0.0, 0.0, row as f32, 1.0, 1.0, 1.0].map(f32::to_le_bytes).concat());
-        let body = [&[payload.len() as u8, 0, 0, row as u8, 1, 1, 32, 0, 0], &payload[..]].concat();
-        // 185 stands for the layout of the message.
-        let crc = body.iter().chain([&185]).fold(0xffff, crc16);
-        [&(logged(row) as u64 / 1000).to_be_bytes()[..], &[0xfd], &body, &crc.to_le_bytes()].concat()
+        tlog_frame(logged(row) as u64 / 1000, 32, 185, &payload)
     };
     stamps.iter().enumerate().flat_map(frame).collect()
 }
@@ -295,7 +283,7 @@ fn any(_: &Format) -> bool {
 #[test]
 fn good_stamps_and_rows_in_disorder_are_exact() {
     each("good", Outcome::Exact, any, |_, stamp| stamp);
-    let swapped = |row: usize, stamp| if row % 2 == 0 { stamp + STEP } else { stamp - STEP };
+    let swapped = |row: usize, stamp| if row.is_multiple_of(2) { stamp + STEP } else { stamp - STEP };
     for format in &FORMATS {
         // The value goes with its stamp: what is written second is what was true first.
         let written: Vec<i128> = format.true_stamps().iter().enumerate().map(|(row, s)| swapped(row, *s)).collect();

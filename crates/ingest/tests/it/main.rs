@@ -5,6 +5,7 @@
 mod bag;
 mod bench;
 mod bind;
+mod bindings;
 mod clocks;
 mod csv;
 mod dataflash;
@@ -24,3 +25,4 @@ mod tlog;
 mod ubx;
 mod ulog;
 mod unpack;
+mod wire;

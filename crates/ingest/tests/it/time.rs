@@ -202,6 +202,136 @@ fn a_flight_after_the_known_leap_seconds_is_told() {
     let rows = |week| weeks(&(0..10).map(|i| (week, 1000 * i, 3)).collect::<Vec<_>>());
     let told = |week| count_of(&read(&library(WEEKS, ""), &rows(week)).unwrap(), "leap-seconds");
     assert_eq!((told(2313), told(2600)), (0, 1));
+    // Of a clock since boot that GPS time dates, too.
+    let tied = |week: i64| {
+        let row = |i: i64| format!("{},{week},{},3,47.{i:04},8.5\n", 5_000_000 + 200_000 * i, 500_000_000 + 200 * i);
+        let text = format!("t,GWk,GMS,fix,lat,lon\n{}", (0..10).map(row).collect::<String>());
+        count_of(&read(&library(BOOT, TIE), &text).unwrap(), "leap-seconds")
+    };
+    assert_eq!((tied(2313), tied(2600)), (0, 1));
+}
+
+/// A position that counts GPS time and a velocity that counts UTC, each in a table of its own, `apart` seconds too far
+/// from one another; with the log's own time, or without.
+fn two_tables(apart: f64, logged: bool) -> Loaded {
+    let log = |on: bool| if on { "\nlogged = [{ field = \"log\", unit = \"s\", clock = \"unix\" }]" } else { "" };
+    let channel = |name: &str, quantity: &str, topic: &str, time: &str, fields: &str| {
+        format!(
+            "[[channel]]\nname = \"{name}\"\nquantity = \"{quantity}\"\ntopic = [\"{topic}\"]\ntimeline = \"measured\"\n\
+             [channel.time]\nmeasured = [{time}]{}\n[channel.fields]\n{fields}\n",
+            log(logged)
+        )
+    };
+    let position = channel(
+        "position.gps",
+        "position-geodetic",
+        "the_position",
+        "{ field = \"t\", unit = \"s\", clock = \"gps\" }",
+        "latitude = { field = \"lat\", unit = \"deg\" }\nlongitude = { field = \"lon\", unit = \"deg\" }",
+    );
+    let velocity = channel(
+        "velocity.gps",
+        "velocity-ned",
+        "the_velocity",
+        "{ field = \"t\", unit = \"s\", clock = \"unix\" }",
+        "north = { field = \"n\", unit = \"m/s\" }\neast = { field = \"e\", unit = \"m/s\" }",
+    );
+    let map = format!("schema = 1\nname = \"t\"\ntitle = \"t\"\n{position}{velocity}");
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), &map).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let utc = |i: i64| 1_715_367_182.0 + 0.2 * i as f64;
+    let table = |name: &str, head: &str, row: &dyn Fn(i64) -> String| {
+        let path = folder.path().join(name);
+        let rows: String = (0..200).map(|i| format!("{},{:.3}\n", row(i), utc(i) + 0.25)).collect();
+        std::fs::write(&path, format!("{head},log\n{rows}")).unwrap();
+        path
+    };
+    let gps = |i: i64| utc(i) - GPS_EPOCH as f64 + 18.0;
+    let files = [
+        table("the_position.csv", "t,lat,lon", &|i| format!("{:.3},47.{i:04},8.5", gps(i))),
+        table("the_velocity.csv", "t,n,e", &|i| format!("{:.3},1.{i},2", utc(i) + apart + 0.03)),
+    ];
+    let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+#[test]
+fn clocks_of_two_topics_that_differ_by_leap_seconds_or_a_time_zone_are_suspected_aloud() {
+    for logged in [false, true] {
+        for (apart, word) in [
+            (18.0, "leap seconds"),
+            (-18.0, "leap seconds"),
+            (-36.0, "twice"),
+            (37.0, "TAI"),
+            (19.0, "TAI"),
+            (3600.0, "local time, 1 h"),
+            (-19_800.0, "local time, 5.5 h"),
+            (604_800.0, "GPS week"),
+        ] {
+            let loaded = two_tables(apart, logged);
+            let told: Vec<&flight::Notice> =
+                loaded.flight.notices.iter().filter(|n| n.code == "clock-suspect").collect();
+            let names = |n: &&&flight::Notice| n.text.contains("position.gps") && n.text.contains("velocity.gps");
+            let pair = told.iter().find(names).unwrap_or_else(|| panic!("{apart} {logged}: {told:?}"));
+            assert!(pair.text.contains(word), "{apart} {logged}: {}", pair.text);
+        }
+        for apart in [0.0, 0.4, -1.4, 5.0, 25.0, 100.0] {
+            let loaded = two_tables(apart, logged);
+            assert_eq!(count_of(&loaded, "clock-suspect"), 0, "{apart} {logged}: {:?}", loaded.flight.notices);
+        }
+    }
+}
+
+#[test]
+fn the_time_of_the_log_is_compared_with_a_clock_since_boot_by_what_dates_it() {
+    let time = format!("{BOOT}\nlogged = [{{ field = \"utc\", unit = \"ms\", clock = \"unix\" }}]");
+    for (off, word) in [(0, None), (800, None), (18_000, Some("leap seconds")), (-7_200_000, Some("local time, 2 h"))] {
+        let mut text = "t,GWk,GMS,utc,fix,lat,lon\n".to_owned();
+        for i in 0..50_i64 {
+            let utc_ms = 1_715_367_182_000 + 200 * i;
+            text += &format!(
+                "{},2313,{},{},3,47.{i:04},8.5\n",
+                5_000_000 + 200_000 * i,
+                500_000_000 + 200 * i,
+                utc_ms + 50 + off
+            );
+        }
+        let loaded = read(&library(&time, TIE), &text).unwrap();
+        let told: Vec<&str> =
+            loaded.flight.notices.iter().filter(|n| n.code == "clock-suspect").map(|n| n.text.as_str()).collect();
+        match word {
+            Some(word) => assert!(told.len() == 1 && told[0].contains(word), "{off}: {told:?}"),
+            None => assert!(told.is_empty(), "{off}: {told:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_position_and_a_velocity_that_never_were_at_the_same_time_are_told() {
+    let of = |apart| count_of(&two_tables(apart, false), "no-common-time");
+    // These count GPS time and UTC: not comparable without reckoning, and told by their offset.
+    assert_eq!(of(3600.0), 0);
+    let map = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{ field = \"t\", unit = \"s\", clock = \"boot\" }]\n\
+               [[channel]]\nname = \"position.a\"\nquantity = \"position-ned\"\ntopic = [\"the_position\"]\n\
+               timeline = \"measured\"\n[channel.fields]\nnorth = { field = \"n\", unit = \"m\" }\n\
+               east = { field = \"e\", unit = \"m\" }\n[[channel]]\nname = \"velocity.a\"\nquantity = \"velocity-ned\"\n\
+               topic = [\"the_velocity\"]\ntimeline = \"measured\"\n[channel.fields]\n\
+               north = { field = \"n\", unit = \"m/s\" }\neast = { field = \"e\", unit = \"m/s\" }\n";
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), map).unwrap());
+    for (begin, told) in [(0, 0), (10, 0), (4295, 1)] {
+        let folder = tempfile::tempdir().unwrap();
+        let table = |name: &str, begin: i64| {
+            let rows: String = (0..20).map(|i| format!("{},{i},1\n", begin + i)).collect();
+            std::fs::write(folder.path().join(name), format!("t,n,e\n{rows}")).unwrap();
+            folder.path().join(name)
+        };
+        let files = [table("the_position.csv", 0), table("the_velocity.csv", begin)];
+        let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
+        assert_eq!(count_of(&loaded, "no-common-time"), 20 * told, "{begin}");
+    }
 }
 
 #[test]

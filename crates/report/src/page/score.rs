@@ -46,7 +46,11 @@ struct Reasons<'a>(BTreeMap<(&'static str, &'a str), Vec<&'a str>>);
 impl<'a> Reasons<'a> {
     fn add<T>(&mut self, what: &'static str, compensator: &'a str, found: &'a Finding<T>) {
         if let Finding::CannotTell(why) = found {
-            self.0.entry((what, why)).or_default().push(compensator);
+            let why = why.strip_prefix(what).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(why);
+            let names = self.0.entry((what, why)).or_default();
+            if !names.contains(&compensator) {
+                names.push(compensator);
+            }
         }
     }
 
@@ -166,7 +170,9 @@ fn passes_and_legs(scores: &ReplayScores) -> Markup {
                 (number::count(p.fixes)) " fixes, closing at " (plain(p.closing_speed_mps, 3)) "\u{a0}m/s; where velocity \
                  brings the aircraft back to the same place, a position that is late by T stands 2\u{a0}U\u{a0}T apart."
             }))
-            " Straight legs: "
+        }
+        p.note {
+            "Straight legs: "
             (finding(&scores.straight_legs, |l| html! {
                 (number::counted(l.legs, "leg", "legs")) ", " (plain(l.duration_s, 3)) "\u{a0}s, acceleration across below "
                 (plain(l.lateral_limit_mps2, 2)) "\u{a0}m/s²; there an output may differ from raw by U·Td along the track \

@@ -68,6 +68,15 @@ pub(crate) const MAGNETIC_FIELD: Definition = Definition {
     parts: &[HEADER, ("geometry_msgs/Vector3", include_str!("msg/Vector3.msg"))],
 };
 
+/// `sensor_msgs/CompressedImage`.
+pub(crate) const COMPRESSED_IMAGE: Definition = Definition {
+    package: "sensor_msgs",
+    name: "CompressedImage",
+    md5: "8f7a12909da2c9d3332d540a0977563f",
+    text: "std_msgs/Header header\nstring format\nuint8[] data\n",
+    parts: &[HEADER],
+};
+
 /// `sensor_msgs/TimeReference`.
 pub(crate) const TIME_REFERENCE: Definition = Definition {
     package: "sensor_msgs",

@@ -1,5 +1,6 @@
 //! MCAP, by the `mcap` crate: CRCs of chunks, data and summary are written.
 
+use super::camera::is_heavy;
 use super::message::Message;
 use super::{Logbook, Topic, idl, protobuf};
 use crate::error::SimulateError;
@@ -58,9 +59,52 @@ impl Default for McapSettings {
 const CHUNK_BYTES: u64 = 256 << 10;
 
 pub(super) fn write(log: &Logbook, settings: McapSettings) -> Result<Vec<u8>, SimulateError> {
-    let mut writer = settings.options().create(Cursor::new(vec![]))?;
-    let channels = settings.add_channels(log, &mut writer)?;
+    write_groups(log, settings, settings.options(), &[log.messages.iter().collect()])
+}
+
+/// Heavy topics in chunks of their own, and no checksum over the data section.
+pub(super) fn write_apart(log: &Logbook, settings: McapSettings) -> Result<Vec<u8>, SimulateError> {
+    write_groups(log, settings, settings.options().calculate_data_section_crc(false), &apart(log))
+}
+
+/// Messages in groups that are either heavy or not, each about a chunk.
+fn apart(log: &Logbook) -> Vec<Vec<&Message>> {
+    let (mut groups, mut open) = (vec![], [(2000, vec![]), (5, vec![])]);
     for message in &log.messages {
+        let (most, group) = &mut open[usize::from(is_heavy(&log.topics[message.topic]))];
+        group.push(message);
+        if group.len() == *most {
+            groups.push(std::mem::take(group));
+        }
+    }
+    groups.extend(open.map(|(_, group)| group));
+    groups
+}
+
+/// A chunk ends with its group, if not before.
+fn write_groups(
+    log: &Logbook,
+    settings: McapSettings,
+    options: WriteOptions,
+    groups: &[Vec<&Message>],
+) -> Result<Vec<u8>, SimulateError> {
+    let mut writer = options.create(Cursor::new(vec![]))?;
+    let channels = settings.add_channels(log, &mut writer)?;
+    for group in groups {
+        write_messages(group, settings, &channels, &mut writer)?;
+        writer.flush()?;
+    }
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}
+
+fn write_messages(
+    messages: &[&Message],
+    settings: McapSettings,
+    channels: &[u16],
+    writer: &mut Writer<Cursor<Vec<u8>>>,
+) -> Result<(), SimulateError> {
+    for message in messages {
         let time_ns = u64::try_from(message.logged.0).unwrap_or(0);
         let header = MessageHeader {
             channel_id: channels[message.topic],
@@ -71,8 +115,7 @@ pub(super) fn write(log: &Logbook, settings: McapSettings) -> Result<Vec<u8>, Si
         };
         writer.write_to_known_channel(&header, &settings.encoding.payload(message)?)?;
     }
-    writer.finish()?;
-    Ok(writer.into_inner().into_inner())
+    Ok(())
 }
 
 impl McapSettings {

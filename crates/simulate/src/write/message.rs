@@ -36,6 +36,8 @@ pub(crate) enum Value {
     Fixed(Vec<f64>),
     /// An array that says its length.
     Sequence(Vec<f64>),
+    /// An array of bytes that says its length.
+    Bytes(Vec<u8>),
     /// An array of texts that says its length.
     Texts(Vec<&'static str>),
     Message(Fields),
@@ -112,6 +114,7 @@ impl Value {
                 cells.extend([header.sequence.to_string(), header.stamp.0.to_string(), header.frame_id.to_owned()]);
             }
             Value::Fixed(values) | Value::Sequence(values) => cells.extend(values.iter().map(f64::to_string)),
+            Value::Bytes(bytes) => cells.extend(bytes.iter().map(u8::to_string)),
             Value::Texts(texts) => cells.extend(texts.iter().map(|text| quoted(text))),
             Value::Message(fields) => fields.iter().for_each(|(_, value)| value.cells(cells)),
         }
@@ -122,6 +125,7 @@ impl Value {
         match self {
             Value::Header(_) => names.extend(["seq", "stamp", "frame_id"].map(|part| format!("{path}.{part}"))),
             Value::Fixed(values) | Value::Sequence(values) => names.extend(numbered(values.len())),
+            Value::Bytes(bytes) => names.extend(numbered(bytes.len())),
             Value::Texts(texts) => names.extend(numbered(texts.len())),
             Value::Message(fields) => fields.iter().for_each(|(name, v)| v.names(&format!("{path}.{name}"), names)),
             _ => names.push(path.to_owned()),
@@ -166,6 +170,7 @@ impl Serialize for Value {
                 values.iter().try_for_each(|value| seq.serialize_element(value))?;
                 seq.end()
             }
+            Value::Bytes(bytes) => bytes.serialize(serializer),
             Value::Texts(texts) => {
                 let mut seq = serializer.serialize_seq(Some(texts.len()))?;
                 texts.iter().try_for_each(|text| seq.serialize_element(text))?;
@@ -201,6 +206,10 @@ impl Wire {
             Value::Sequence(values) => {
                 self.put((values.len() as u32).to_le_bytes());
                 values.iter().for_each(|v| self.put(v.to_le_bytes()));
+            }
+            Value::Bytes(bytes) => {
+                self.put((bytes.len() as u32).to_le_bytes());
+                self.bytes.extend_from_slice(bytes);
             }
             Value::Texts(texts) => {
                 self.put((texts.len() as u32).to_le_bytes());

@@ -1,6 +1,7 @@
 //! The same flight in every container.
 
 mod bag;
+mod camera;
 mod csv;
 mod dataflash;
 mod db3;
@@ -100,6 +101,27 @@ impl Container {
             Container::Ubx => one(ubx::write(flight)),
             Container::Tlog => one(tlog::write(flight)),
             _ => self.write(stem, || flight_log::logbook(flight), || csv::wide(flight)),
+        }
+    }
+
+    /// The flight's files with images of a camera and a laser scanner beside it, some five times as many bytes as all
+    /// else. An MCAP can have them in chunks of their own (`apart`), and then no checksum over its data section, so
+    /// that a reader need not even read them. For containers of ROS messages.
+    ///
+    /// # Errors
+    /// As [`Container::files`].
+    pub fn files_with_camera(
+        self,
+        flight: &SimulatedFlight,
+        stem: &str,
+        apart: bool,
+    ) -> Result<Vec<LogFile>, SimulateError> {
+        let log = camera::added(flight_log::logbook(flight), flight);
+        match self {
+            Container::Mcap(settings) if apart => {
+                Ok(vec![LogFile { path: self.path(stem), bytes: mcap::write_apart(&log, settings)? }])
+            }
+            _ => self.write(stem, || log, || csv::wide(flight)),
         }
     }
 

@@ -77,6 +77,7 @@ fn field(number: u32, value: &Value, out: &mut Vec<u8>) {
                 tagged_bytes(number, &packed, out);
             }
         }
+        Value::Bytes(bytes) => tagged_bytes(number, bytes, out),
         Value::Texts(texts) => texts.iter().for_each(|text| tagged_bytes(number, text.as_bytes(), out)),
         Value::Message(fields) => tagged_bytes(number, &of_fields(fields), out),
     }
@@ -154,6 +155,7 @@ fn message_type(name: &str, full: &str, fields: &Fields) -> Vec<u8> {
             Value::Text(_) => (Type::Plain(9), false),
             Value::Time(_) => (Type::Named(".google.protobuf.Timestamp".to_owned()), false),
             Value::Fixed(_) | Value::Sequence(_) => (Type::Plain(1), true),
+            Value::Bytes(_) => (Type::Plain(12), false),
             Value::Texts(_) => (Type::Plain(9), true),
             Value::Header(_) | Value::Message(_) => (named(), false),
         };

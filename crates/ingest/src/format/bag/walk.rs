@@ -139,17 +139,22 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     }
 
     fn plain(&mut self, record: &Record) -> Result<(), IngestError> {
-        // Fetched with what follows, so that the look at the next record does not fetch twice.
-        let together = (record.end() - record.start + MOST_OF_HEADER).min(self.source.size() - record.start);
-        if together <= BLOCK {
-            self.source.bytes(record.start, together as usize)?;
-        }
+        self.fetch(record, BLOCK)?;
         if !self.may_begin(record.end())? {
             return self.lost("a record whose length leads nowhere");
         }
         match self.show(record)? {
             Ok(fate) => self.pass(record.end(), fate),
             Err(reason) => self.damage_to(record.end(), &reason),
+        }
+        Ok(())
+    }
+
+    /// Fetches a record of up to `most` bytes with what follows, so that the look at the next one does not fetch twice.
+    fn fetch(&mut self, record: &Record, most: u64) -> Result<(), IngestError> {
+        let together = (record.end() - record.start + MOST_OF_HEADER).min(self.source.size() - record.start);
+        if together <= most {
+            self.source.bytes(record.start, together as usize)?;
         }
         Ok(())
     }
@@ -183,6 +188,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     /// A compressed chunk. One that is cut gives what its decoder vouches for.
     fn chunk(&mut self, codec: Codec, size: u64, record: &Record) -> Result<(), IngestError> {
         let Some(inflater) = self.inflater.take() else { return self.lost("a chunk inside a chunk") };
+        self.fetch(record, self.context.limits.record_bytes)?;
         let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
         let end = if whole { record.end() } else { self.search(record.data_at)? };
         let fate = self.decompressed(inflater, codec, size, record.data_at..end, whole);

@@ -15,6 +15,8 @@ use memchr::memmem;
 pub(super) const NO_RECORD: &str = "what stands here is no record";
 /// Bytes looked through for the end in one go.
 const BLOCK: usize = 256 << 10;
+/// Bytes compared in one go.
+const PIECE: usize = 4 << 10;
 /// Bytes searched in one go: few, for where records and damage alternate every search is short.
 const STRETCH: usize = 4 << 10;
 /// Fetched with a record: it, and the start of the next.
@@ -260,8 +262,15 @@ fn padding_from(file: &mut LogFile) -> Result<u64, IngestError> {
         if !matches!(filling, 0 | 0xff) {
             return Ok(end);
         }
-        if let Some(other) = block.iter().rposition(|&b| b != filling) {
-            return Ok(start + other as u64 + 1);
+        // By large pieces, which a processor compares at once.
+        let pieces = block.rchunks(PIECE).map(|piece| (piece, piece.iter().fold(0, |odd, b| odd | (b ^ filling))));
+        let mut behind = block.len();
+        for (piece, odd) in pieces {
+            if odd != 0 {
+                let other = piece.iter().rposition(|&b| b != filling).unwrap_or_default();
+                return Ok(start + (behind - piece.len() + other) as u64 + 1);
+            }
+            behind -= piece.len();
         }
         end = start;
     }

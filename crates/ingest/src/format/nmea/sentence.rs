@@ -41,10 +41,15 @@ impl<'t> Sentence<'t> {
     /// The sentence that the bytes begin with; `bare` allows it to have no checksum if its line is whole. Fails with what is wrong.
     pub(crate) fn at(bytes: &'t [u8], bare: bool) -> Result<Sentence<'t>, Fault> {
         let inner = bytes.get(1..bytes.len().min(LONGEST)).unwrap_or_default();
+        let plain = |b: &u8| b.is_ascii_uppercase() || b.is_ascii_digit();
+        // Looked at first, for it tells nearly all that is no sentence.
+        if !inner.get(..3).is_some_and(|address| address.iter().all(plain)) {
+            return Err(Fault::Address);
+        }
         let end = inner.iter().position(|b| !(b' '..=b'~').contains(b) || b"*$".contains(b)).unwrap_or(inner.len());
         let body = inner.get(..end).and_then(|body| std::str::from_utf8(body).ok()).unwrap_or_default();
         let address = body.split(',').next().unwrap_or_default();
-        if address.len() < 3 || !address.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit()) {
+        if address.len() < 3 || !address.as_bytes().iter().all(plain) {
             return Err(Fault::Address);
         }
         let rest = inner.get(end..).unwrap_or_default();

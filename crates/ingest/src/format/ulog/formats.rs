@@ -6,6 +6,7 @@ use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;
 use std::cell::Cell;
 use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::rc::Rc;
 
 /// Formats nested deeper than this are refused.
@@ -57,6 +58,8 @@ impl Default for Formats {
 #[derive(Debug, Clone, PartialEq)]
 struct Format {
     text: String,
+    /// Stands for the text, which may be long.
+    digest: u64,
     fields: Rc<[Field]>,
 }
 
@@ -114,7 +117,9 @@ impl Formats {
         let parts = rest.split(';').filter(|part| !part.trim().is_empty());
         let fields: Option<Rc<[Field]>> = parts.map(Field::parse).collect();
         let fields = fields.ok_or_else(|| format!("the format {name:.128} has a field that cannot be read"))?;
-        let format = Format { text: text.to_owned(), fields };
+        let mut digest = DefaultHasher::new();
+        text.hash(&mut digest);
+        let format = Format { text: text.to_owned(), digest: digest.finish(), fields };
         if self.by_name.get(name) == Some(&format) {
             return Ok(());
         }
@@ -136,8 +141,8 @@ impl Formats {
 
     /// What tells the layout of `name` from an earlier one of the same name.
     pub(super) fn identity(&self, name: &str) -> String {
-        let text = self.by_name.get(name).map_or("", |format| format.text.as_str());
-        format!("{} {text}", self.replaced)
+        let digest = self.by_name.get(name).map_or(0, |format| format.digest);
+        format!("{} {digest:x}", self.replaced)
     }
 
     /// Size of a message of format `name`. What is wrong names the format.

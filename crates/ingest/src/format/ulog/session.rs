@@ -23,8 +23,8 @@ pub(super) struct Session<'t, 'w> {
     formats: Formats,
     /// By the number of their messages.
     known: Vec<Option<Known>>,
-    /// What a topic's subscription was found to mean, while no format came since: by name and instance.
-    meanings: HashMap<(String, u8), (u64, Meaning)>,
+    /// What subscriptions were found to mean: by name and instance.
+    meanings: HashMap<(String, u8), Meaning>,
     pub(super) gathered: Gathered,
     beside: Beside,
     pub(super) flags: FlagBits,
@@ -52,6 +52,9 @@ struct Known {
 /// How the messages of a topic are to be read.
 #[derive(Debug, Clone)]
 struct Meaning {
+    /// How often a format had been replaced then, and how many there were.
+    replaced: u64,
+    version: u64,
     route: Route,
     /// What is wrong with the format, if it cannot be used.
     extent: Result<Extent, Rc<str>>,
@@ -175,13 +178,15 @@ impl<'t, 'w> Session<'t, 'w> {
 
     fn meaning(&mut self, name: &str, instance: u8) -> Result<Meaning, String> {
         let key = (name.to_owned(), instance);
-        if let Some((version, meaning)) = self.meanings.get(&key)
-            && *version == self.formats.version
-        {
+        // One more format only matters where one was missing.
+        let holds = |m: &&Meaning| {
+            m.replaced == self.formats.replaced && (m.extent.is_ok() || m.version == self.formats.version)
+        };
+        if let Some(meaning) = self.meanings.get(&key).filter(holds) {
             return Ok(meaning.clone());
         }
         let meaning = self.find_meaning(name, instance)?;
-        self.meanings.insert(key, (self.formats.version, meaning.clone()));
+        self.meanings.insert(key, meaning.clone());
         Ok(meaning)
     }
 
@@ -193,7 +198,8 @@ impl<'t, 'w> Session<'t, 'w> {
         let layout = |wanted: &_| extent.clone().and_then(|_| formats.layout(name, wanted));
         let route = self.topics.packed_route(info, formats.identity(name).as_bytes(), layout)?;
         let mode = if (name, instance) == (STATUS.0, 0) { formats.byte_field(name, STATUS.1) } else { None };
-        Ok(Meaning { route, extent: extent.map_err(Rc::from), mode })
+        let Formats { replaced, version, .. } = self.formats;
+        Ok(Meaning { replaced, version, route, extent: extent.map_err(Rc::from), mode })
     }
 
     #[inline]
@@ -205,7 +211,7 @@ impl<'t, 'w> Session<'t, 'w> {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
-        let Meaning { route, extent, mode } = &known.meaning;
+        let Meaning { route, extent, mode, .. } = &known.meaning;
         match extent {
             Ok(Extent { stamp: Some(_), .. }) => {}
             Ok(_) => self.without_stamp.add(|| format!("topic {}", known.name)),

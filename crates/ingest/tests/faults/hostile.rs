@@ -1,0 +1,162 @@
+//! P6: files that are made to take long. What is intact in them is read all the same, and nobody waits for it.
+
+use crate::lab::Lab;
+use ingest::LogKind;
+
+/// Bytes of a file in the normal suite: searched in vain from every place, each would keep it busy for minutes.
+const SMALL: usize = 256 << 10;
+/// Bytes for the table of times that `just faults` prints.
+const LARGE: usize = 4 << 20;
+
+/// A hostile file: `head`, then `unit` again and again.
+struct Hostile {
+    name: &'static str,
+    kind: LogKind,
+    head: Vec<u8>,
+    unit: Vec<u8>,
+    /// Messages in each unit that are intact and must be found.
+    intact: u64,
+}
+
+impl Hostile {
+    fn new(name: &'static str, kind: LogKind, head: Vec<u8>, unit: Vec<u8>, intact: u64) -> Hostile {
+        Hostile { name, kind, head, unit, intact }
+    }
+
+    /// A file of about this size, and the messages that are intact in its units.
+    fn of_size(&self, bytes: usize) -> (Vec<u8>, u64) {
+        let units = bytes / self.unit.len();
+        ([self.head.clone(), self.unit.repeat(units)].concat(), self.intact * units as u64)
+    }
+}
+
+fn ulog_message(kind: u8, body: &[u8]) -> Vec<u8> {
+    [&(body.len() as u16).to_le_bytes(), &[kind][..], body].concat()
+}
+
+fn subscription(number: u16, name: &[u8]) -> Vec<u8> {
+    ulog_message(b'A', &[&[0][..], &number.to_le_bytes(), name].concat())
+}
+
+fn ulogs() -> Vec<Hostile> {
+    let ulog = |name, head: &[&[u8]], unit: &[u8], intact| {
+        let start = b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".as_slice();
+        let head = [start, &ulog_message(b'B', &[0; 40]), &head.concat()].concat();
+        Hostile::new(name, LogKind::Ulog, head, unit.to_vec(), intact)
+    };
+    let format = ulog_message(b'F', b"m:uint64_t timestamp;float x;");
+    let small = [format.as_slice(), &subscription(0, b"m")].concat();
+    let data = ulog_message(b'D', &[0; 14]);
+    let wide = |name: &str| {
+        let fields: String = (0..4000).map(|i| format!("uint8_t a{i};")).collect();
+        ulog_message(b'F', format!("{name}:uint64_t timestamp;{fields}").as_bytes())
+    };
+    vec![
+        ulog("ulog: names of 16 KiB at every byte", &[&small, &data], b"A", 0),
+        ulog("ulog: formats at every byte", &[&small, &data], &[&b"\x7f\0"[..], &[b'F'; 125], b":"].concat(), 0),
+        ulog("ulog: information at every byte", &[&small, &data], &[&[b'I'; 60][..], b" "].concat(), 0),
+        ulog("ulog: good at a glance", &[&small, &data], &[b"~{Fa:b c;".repeat(3640), vec![1]].concat(), 0),
+        ulog("ulog: a wide topic again and again", &[&wide("vehicle_status")], &subscription(0, b"vehicle_status"), 0),
+        ulog("ulog: two topics in turn", &[&wide("w"), &format], &[subscription(0, b"w"), subscription(0, b"m")].concat(), 0),
+        ulog("ulog: a byte behind every message", &[&small], &[data.as_slice(), b"x"].concat(), 1),
+        ulog("ulog: messages of five bytes", &[&ulog_message(b'F', b"m:"), &subscription(0, b"m")], b"\x02\0D\0\0", 1),
+    ]
+}
+
+fn dataflashes() -> Vec<Hostile> {
+    let format = |id: u8, length: u8, name: &[u8], codes: &[u8]| {
+        let padded = |text: &[u8], width: usize| [text, &vec![0; width - text.len()]].concat();
+        let names: Vec<String> = (0..codes.len()).map(|i| format!("f{i}")).collect();
+        let names = names.join(",");
+        let text = [padded(name, 4), padded(codes, 16), padded(names.as_bytes(), 64)].concat();
+        [&[0xa3, 0x95, 128, id, length][..], &text].concat()
+    };
+    let head = [format(128, 89, b"FMT", b"BBnNZ"), format(7, 3, b"TINY", b""), format(8, 252, b"BIG", b"ZZZNNNb")];
+    let [tiny, big] = [[0xa3, 0x95, 7], [0xa3, 0x95, 8]];
+    let log = |name, unit: &[&[u8]], intact| {
+        Hostile::new(name, LogKind::DataFlash, head.concat(), unit.concat(), intact)
+    };
+    vec![
+        log("dataflash: sync bytes alone", &[&[0xa3, 0x95]], 0),
+        log("dataflash: definitions that overlap", &[&[0xa3, 0x95, 128]], 0),
+        log("dataflash: types that are not defined", &[&[0xa3, 0x95, 51]], 0),
+        log("dataflash: long records in front of short ones", &[&big, &tiny], 1),
+        log("dataflash: records of three bytes", &[&tiny], 1),
+    ]
+}
+
+/// The checksum of MAVLink.
+fn crc16(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xffff, |crc, byte| {
+        (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0x8408 } else { crc >> 1 })
+    })
+}
+
+fn tlogs() -> Vec<Hostile> {
+    let time = 1_700_000_000_000_000_u64.to_be_bytes();
+    let frame = |message: u8, payload: &[u8], extra: u8| {
+        let inner = [&[payload.len() as u8, 0, 0, 7, 1, 1, message, 0, 0][..], payload].concat();
+        let crc = crc16(&[inner.as_slice(), &[extra]].concat());
+        [&time[..], &[0xfd], &inner, &crc.to_le_bytes()].concat()
+    };
+    let heartbeat = frame(0, &[0, 0, 0, 0, 2, 3, 81, 4, 3], 50);
+    let log = |name, unit: &[&[u8]], intact| {
+        Hostile::new(name, LogKind::Tlog, heartbeat.repeat(3), unit.concat(), intact)
+    };
+    vec![
+        log("tlog: long frames at every fifth byte", &[&[0, 5, 1, 0xfd, 255]], 0),
+        log("tlog: frames at every third byte", &[&[0, 5, 0xfd]], 0),
+        log("tlog: a byte behind every frame", &[&heartbeat, b"x"], 1),
+        log("tlog: a long frame behind every short one", &[&heartbeat, &time, &[0xfd, 0xff, 0, 0, 0, 0, 0, 0, 0, 0]], 1),
+        log("tlog: messages that are not defined", &[&frame(230, b"abcd", 163), &frame(199, b"abcd", 7)], 2),
+    ]
+}
+
+fn receivers() -> Vec<Hostile> {
+    let poll = [0xb5, 0x62, 0x06, 0x08, 0, 0, 0x0e, 0x30];
+    let ubx = |name, unit: &[&[u8]], intact| {
+        Hostile::new(name, LogKind::Ubx, poll.repeat(3), unit.concat(), intact)
+    };
+    let sentence = b"$GPVTG,084.4,T,,M,022.4,N,041.5,K*40\r\n";
+    let nmea = |name, unit: &[&[u8]], intact| {
+        Hostile::new(name, LogKind::Nmea, sentence.repeat(4), unit.concat(), intact)
+    };
+    vec![
+        ubx("ubx: frames of 64 KiB at every sixth byte", &[&[0xb5, 0x62, 1, 7, 0xff, 0xff]], 0),
+        ubx("ubx: a frame of 64 KiB behind every short one", &[&poll, &[0xb5, 0x62, 1, 7, 0xff, 0xff]], 1),
+        ubx("ubx: a correction of 1 KiB behind every frame", &[&poll, &[0xd3, 3, 0xff]], 1),
+        ubx("ubx: dollars", &[b"$"], 0),
+        ubx("ubx: sentences that do not end", &[&poll, b"!AAA,"], 1),
+        nmea("nmea: dollars on lines of their own", &[b"$\n"], 0),
+        nmea("nmea: sentences that do not end", &[&b"!AAA,".repeat(1000), b"\n"], 0),
+        nmea("nmea: exclamation marks", &[&[b'!'; 500], b"\n"], 0),
+    ]
+}
+
+fn all() -> Vec<Hostile> {
+    [ulogs(), dataflashes(), tlogs(), receivers()].into_iter().flatten().collect()
+}
+
+#[test]
+fn files_made_to_take_long_give_all_that_is_intact_in_them() {
+    let mut lab = Lab::new();
+    for hostile in all() {
+        let subject = lab.single(hostile.kind, "hostile.bin");
+        let (bytes, intact) = hostile.of_size(SMALL);
+        let messages = lab.read(&subject, &bytes, hostile.name).map_or(0, |log| log.health.messages);
+        // The last unit may be taken for damage, for nothing vouches for it.
+        assert!(messages + 1 >= intact, "{}: {messages} messages of {intact}", hostile.name);
+    }
+}
+
+#[test]
+#[ignore = "prints how long they take; `just faults`"]
+fn times_of_files_made_to_take_long() {
+    for hostile in all() {
+        let mut lab = Lab::new();
+        let subject = lab.single(hostile.kind, "hostile.bin");
+        let (bytes, _) = hostile.of_size(LARGE);
+        let _ = lab.read(&subject, &bytes, hostile.name);
+        println!("| {} | {} bytes | {:?} |", hostile.name, bytes.len(), lab.slowest);
+    }
+}

@@ -1,0 +1,60 @@
+//! Records of the binary formats by hand, for tests of what is made of them.
+
+/// The definition of a DataFlash type, and of FMT in front of the first.
+pub fn dataflash_fmt(id: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> {
+    let padded = |text: &str, size: usize| [text.as_bytes(), &vec![0; size - text.len()]].concat();
+    let size = |code| match code {
+        'b' | 'B' | 'M' => 1,
+        'c' | 'C' | 'h' | 'H' => 2,
+        'e' | 'E' | 'i' | 'I' | 'L' | 'f' | 'n' => 4,
+        _ => 8,
+    };
+    let length = 3 + codes.chars().map(size).sum::<u8>();
+    let length = if id == 128 { 89 } else { length };
+    [vec![0xa3, 0x95, 128, id, length], padded(name, 4), padded(codes, 16), padded(columns, 64)].concat()
+}
+
+/// The begin of a DataFlash log.
+pub fn dataflash_begin() -> Vec<u8> {
+    dataflash_fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+}
+
+/// A DataFlash record.
+pub fn dataflash_record(id: u8, body: &[u8]) -> Vec<u8> {
+    [&[0xa3, 0x95, id], body].concat()
+}
+
+/// A message of a ULog.
+pub fn ulog_message(kind: u8, body: &[u8]) -> Vec<u8> {
+    [&(body.len() as u16).to_le_bytes()[..], &[kind], body].concat()
+}
+
+/// The begin of a ULog with these topics, numbered in their order: format, instance.
+pub fn ulog_begin(topics: &[(&str, u8)]) -> Vec<u8> {
+    let mut out = b"ULog\x01\x12\x35\x01\x00\x00\x00\x00\x00\x00\x00\x00".to_vec();
+    out.extend(ulog_message(b'B', &[0; 40]));
+    topics.iter().for_each(|(format, _)| out.extend(ulog_message(b'F', format.as_bytes())));
+    for (number, (format, instance)) in topics.iter().enumerate() {
+        let name = format.split(':').next().unwrap().as_bytes();
+        out.extend(ulog_message(b'A', &[&[*instance, number as u8, 0], name].concat()));
+    }
+    out
+}
+
+/// A UBX frame.
+pub fn ubx_frame(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
+    let body = [&[class, number][..], &(payload.len() as u16).to_le_bytes(), payload].concat();
+    let sum = |[a, b]: [u8; 2], byte: &u8| [a.wrapping_add(*byte), b.wrapping_add(a.wrapping_add(*byte))];
+    [&[0xb5, 0x62], &body[..], &body.iter().fold([0_u8; 2], sum)].concat()
+}
+
+/// A MAVLink 2 frame of vehicle 1 in a tlog; `extra` stands for the layout of the message in its checksum.
+pub fn tlog_frame(time_us: u64, number: u32, extra: u8, payload: &[u8]) -> Vec<u8> {
+    let crc16 = |crc: u16, byte: &u8| {
+        (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 })
+    };
+    let [a, b, c, _] = number.to_le_bytes();
+    let body = [&[payload.len() as u8, 0, 0, 0, 1, 1, a, b, c], payload].concat();
+    let crc = body.iter().chain([&extra]).fold(0xffff, crc16);
+    [&time_us.to_be_bytes()[..], &[0xfd], &body, &crc.to_le_bytes()].concat()
+}
