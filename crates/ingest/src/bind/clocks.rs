@@ -29,7 +29,13 @@ struct Line<'f> {
 pub(super) fn compare(flight: &mut Flight) {
     let mut notices = Notices::new();
     let lines = lines(flight);
-    lines.iter().for_each(|line| against_log(line, &mut notices));
+    // The clock since boot is one: the first topic stands for all.
+    if let Some((line, what)) = lines.iter().find_map(|line| Some((line, against_log(line)?))) {
+        let clock = line.channel.series.timeline().clock();
+        let text = format!("channel {}, the log's stamps and the clock {clock} by UTC: {what}", line.name);
+        let (place, rows) = (&line.channel.source.topic, line.channel.series.len() as u64);
+        notices.push(Severity::Warning, "clock-suspect", place, rows, text);
+    }
     let pairs = lines.iter().enumerate().flat_map(|(i, a)| lines.iter().skip(i + 1).map(move |b| (a, b)));
     let mut told: Vec<(String, u64)> = vec![];
     for (a, b) in pairs {
@@ -70,18 +76,15 @@ fn lines(flight: &Flight) -> Vec<Line<'_>> {
     lines.into_values().collect()
 }
 
-/// A clock since boot, by what ties it to UTC, against the log's. Of other clocks the channel's own rows say it.
-fn against_log(line: &Line<'_>, notices: &mut Notices) {
-    let clock = line.channel.series.timeline().clock();
-    if !matches!(clock, Clock::Boot | Clock::Elapsed) {
-        return;
+/// What a clock since boot, by what ties it to UTC, looks like against the log's. Of other clocks the channel's own rows
+/// say it.
+fn against_log(line: &Line<'_>) -> Option<String> {
+    if !matches!(line.channel.series.timeline().clock(), Clock::Boot | Clock::Elapsed) {
+        return None;
     }
-    let turned =
-        |d: &Distribution| Distribution { min: -d.max, p01: -d.p99, median: -d.median, p99: -d.p01, max: -d.min };
-    let Some(what) = line.to_log.as_ref().and_then(|d| suspicion(&turned(d), line.ends[0])) else { return };
-    let rows = line.channel.series.len() as u64;
-    let text = format!("channel {}, the log's stamps and the clock {clock} by UTC: {what}", line.name);
-    notices.push(Severity::Warning, "clock-suspect", &line.channel.source.topic, rows, text);
+    let d = line.to_log.as_ref()?;
+    let log_less_clock = Distribution { min: -d.max, p01: -d.p99, median: -d.median, p99: -d.p01, max: -d.min };
+    suspicion(&log_less_clock, line.ends[0])
 }
 
 /// How far the clock of `a` is ahead of that of `b`, as far as the log shows it without looking at the values: by the
