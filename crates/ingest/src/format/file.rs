@@ -13,6 +13,8 @@ const READ_AHEAD: usize = 256 << 10;
 /// Bytes fetched behind a jump, or behind much that was asked for at once: the next may come soon. With every further
 /// fetch it is four times as much.
 const FIRST_AHEAD: usize = 1 << 10;
+/// Stepping over so much is no jump: discs read it anyway.
+const LONGEST_STEP: u64 = 64 << 10;
 /// Progress is reported, and a wish to stop is heard, this often, bytes.
 const PROGRESS_STEP: u64 = 1 << 20;
 
@@ -84,7 +86,7 @@ impl LogFile {
     /// Makes the buffer begin at `offset` and hold at least `length` bytes that the file has.
     fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
         let end = self.start + self.filled as u64;
-        let jump = offset < self.start || offset > end + READ_AHEAD as u64;
+        let jump = offset < self.start || offset > end + LONGEST_STEP;
         let alone = jump || length >= READ_AHEAD;
         self.ahead = if alone { FIRST_AHEAD } else { READ_AHEAD.min(4 * self.ahead) };
         let kept = self.keep_from(offset);
