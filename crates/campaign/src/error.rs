@@ -21,12 +21,12 @@ pub enum CampaignError {
     #[error(transparent)]
     Ingest(#[from] ingest::IngestError),
     /// Nothing in the folder is a log that we know.
-    #[error("{}: no flight found ({ignored} files looked at)", path.display())]
+    #[error("{}: no flight found: {what}", path.display())]
     NoFlights {
         /// The folder.
         path: PathBuf,
-        /// Files that were looked at.
-        ignored: usize,
+        /// What its files are instead.
+        what: String,
     },
     /// An output could not be written.
     #[error(transparent)]

@@ -22,6 +22,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Size of the piece in which files are hashed, bytes.
 const PIECE: usize = 1 << 20;
+/// Reasons told of a folder without a flight.
+const MOST_REASONS: usize = 3;
 
 /// What is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,7 +79,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     );
     manifest.criteria = order.pipeline.criteria().map(Criteria::as_used);
     if found.units.is_empty() && found.unreadable.is_empty() {
-        return Err(CampaignError::NoFlights { path: root, ignored: manifest.ignored.len() });
+        return Err(CampaignError::NoFlights { path: root, what: no_logs(&manifest.ignored) });
     }
     let mut contents = Contents::look_at(&root, &found.units, order.verify, store);
     desk.tell(contents.found(found.units.len() + found.unreadable.len(), manifest.ignored.len()));
@@ -90,6 +92,27 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     manifest.flights.sort_by(|a, b| a.flight.cmp(&b.flight));
     judge(&mut manifest, store, state);
     Ok(manifest)
+}
+
+/// What files are that are no logs: the most frequent reasons, each with an example.
+fn no_logs(ignored: &[IgnoredInput]) -> String {
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    ignored.iter().for_each(|file| reasons.entry(&file.reason).or_default().push(&file.path));
+    let mut reasons: Vec<_> = reasons.into_iter().collect();
+    reasons.sort_by_key(|(_, files)| std::cmp::Reverse(files.len()));
+    let told = |(reason, files): &(&str, Vec<&str>)| match files.as_slice() {
+        [one] => format!("{one}: {reason}"),
+        [first, rest @ ..] => format!("{first} and {} more: {reason}", rest.len()),
+        [] => String::new(),
+    };
+    match reasons.len() {
+        0 => "the folder is empty".to_owned(),
+        n if n > MOST_REASONS => {
+            let listed: Vec<String> = reasons.iter().take(MOST_REASONS).map(told).collect();
+            format!("{}; and files with {} other reasons", listed.join("; "), n - MOST_REASONS)
+        }
+        _ => reasons.iter().map(told).collect::<Vec<_>>().join("; "),
+    }
 }
 
 /// Gives every flight its key, and every flight without a result the reasons why.

@@ -7,13 +7,13 @@ use flight::{Channel, Clock, Flight, Geodetic, LocalFrame, Notices, Quantity, Se
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// A channel that is needed is not in the log.
-    #[error("no {what} channel: the pipeline asks for {wanted}, the log binds {held}")]
+    #[error("no {what} channel: the pipeline asks for {wanted}; the log binds {held}")]
     NoChannel {
         /// `position` or `velocity`.
         what: &'static str,
         /// Names that the pipeline prefers.
         wanted: String,
-        /// Names that the flight holds.
+        /// What the flight holds instead: names of this kind, else how many others.
         held: String,
     },
     /// The channel is of another kind.
@@ -247,21 +247,33 @@ pub fn pick_pair<'a>(
 }
 
 fn pick<'a>(flight: &'a Flight, what: &'static str, wanted: &'a [String]) -> Result<Picked<'a>, Refusal> {
-    let list = |names: Vec<&str>| if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
     let (name, channel) = flight.first_of(wanted).ok_or_else(|| Refusal::NoChannel {
         what,
-        wanted: list(wanted.iter().map(String::as_str).collect()),
-        held: list(flight.channels.keys().map(String::as_str).collect()),
+        wanted: wanted.join(", "),
+        held: held_instead(flight, what),
     })?;
-    let fits = match channel.quantity {
-        Quantity::PositionGeodetic | Quantity::PositionNed => what == "position",
-        Quantity::VelocityNed => what == "velocity",
-        _ => false,
-    };
-    if fits {
+    if is(what, channel.quantity) {
         Ok((name, channel))
     } else {
         Err(Refusal::WrongQuantity { channel: name.to_owned(), quantity: channel.quantity, what })
+    }
+}
+
+fn is(what: &str, quantity: Quantity) -> bool {
+    match quantity {
+        Quantity::PositionGeodetic | Quantity::PositionNed => what == "position",
+        Quantity::VelocityNed => what == "velocity",
+        _ => false,
+    }
+}
+
+fn held_instead(flight: &Flight, what: &str) -> String {
+    let alike: Vec<&str> =
+        flight.channels.iter().filter(|(_, c)| is(what, c.quantity)).map(|(name, _)| name.as_str()).collect();
+    match (alike.as_slice(), flight.channels.len()) {
+        ([], 0) => "nothing".to_owned(),
+        ([], others) => format!("no {what} at all, and {others} channels of other kinds"),
+        (alike, _) => alike.join(", "),
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::about::About;
 use crate::channel::{ChannelSource, Quantity};
 use crate::distribution::Distribution;
-use crate::time::{Clock, StampKind, UtcTie};
+use crate::time::{Clock, NANOS_PER_SECOND, StampKind, UtcTie};
 use serde::{Deserialize, Serialize};
 
 /// Where every byte of a log went: the four numbers add up to `size`.
@@ -32,6 +32,18 @@ pub struct DamagedRange {
     pub length: u64,
     /// Why, for people.
     pub reason: String,
+    /// Log time of the last message in front of it less that of the log's first, ns. `None` if there is none, or if the
+    /// format keeps no log times or not their order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub after_ns: Option<i64>,
+}
+
+impl DamagedRange {
+    /// [`DamagedRange::after_ns`] in seconds.
+    #[must_use]
+    pub fn after_s(&self) -> Option<f64> {
+        self.after_ns.map(|ns| ns as f64 / NANOS_PER_SECOND as f64)
+    }
 }
 
 /// Everything about the reading of one log.

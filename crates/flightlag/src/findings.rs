@@ -9,9 +9,11 @@ const DAMAGED: &str = "damaged";
 
 /// The ranges that could not be read.
 pub(crate) fn damage(health: &LogHealth) -> String {
-    let mut table = Table::new(&["file", "first byte|", "bytes|", "why"]);
+    let mut table = Table::new(&["file", "first byte|", "bytes|", "after s|", "why"]);
     for range in &health.damage {
-        table.row(vec![range.file.clone(), range.offset.to_string(), range.length.to_string(), range.reason.clone()]);
+        let after = range.after_s().map_or("-".to_owned(), |s| format!("{s:.3}"));
+        let (first, bytes) = (range.offset.to_string(), range.length.to_string());
+        table.row(vec![range.file.clone(), first, bytes, after, range.reason.clone()]);
     }
     let unlisted = health.damage_count.saturating_sub(health.damage.len() as u64);
     let more = if unlisted > 0 { format!("  and {unlisted} more ranges\n") } else { String::new() };

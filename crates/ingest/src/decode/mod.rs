@@ -12,7 +12,7 @@ pub(crate) mod schema;
 
 pub(crate) use common::{COMMON, common_definition};
 
-use crate::ledger::Fate;
+use crate::ledger::{Fate, LogTime};
 use crate::reader::{Extra, Log, RawMessage, Select, Selection};
 use crate::stamps::StampStats;
 use crate::table::{Table, TopicInfo};
@@ -130,6 +130,7 @@ pub(crate) struct Topics<'w> {
     clock: Clock,
     definition_bytes: usize,
     value_bytes: u64,
+    log_time: LogTime,
 }
 
 struct Topic {
@@ -200,7 +201,13 @@ impl<'w> Topics<'w> {
             clock: Clock::Unix,
             definition_bytes: 0,
             value_bytes: 0,
+            log_time: LogTime::default(),
         }
+    }
+
+    /// The log time of the message that came last.
+    pub(crate) fn log_time(&self) -> &LogTime {
+        &self.log_time
     }
 
     /// The clock of the container's stamps, where it is not UTC.
@@ -287,6 +294,7 @@ impl<'w> Topics<'w> {
     /// Counts an intact message and decodes it if it is wanted.
     pub(crate) fn message(&mut self, route: Route, times: Times, payload: &[u8]) -> Fate {
         let Some(topic) = self.topics.get_mut(route.topic as usize) else { return Fate::Skipped };
+        self.log_time.passes(times.logged_ns);
         topic.count(times, payload.len() as u64);
         let Some(decoder) = route.decoder else { return Fate::Skipped };
         if let (Some(message), Some(sink)) = (topic.as_it_stands(decoder, times, payload), self.want.sink()) {
@@ -321,6 +329,7 @@ impl<'w> Topics<'w> {
             topic.messages += 1;
             topic.only_indexed += 1;
             topic.logged.push(logged_ns);
+            self.log_time.passes(logged_ns);
         }
     }
 
@@ -328,6 +337,7 @@ impl<'w> Topics<'w> {
     pub(crate) fn unread(&mut self, route: Route, times: Times, length: u64) -> Fate {
         if let Some(topic) = self.topics.get_mut(route.topic as usize) {
             topic.count(times, length);
+            self.log_time.passes(times.logged_ns);
         }
         Fate::Skipped
     }

@@ -88,8 +88,8 @@ impl<'w> Reading<'w> {
     fn begin(paths: &[PathBuf], want: &'w dyn Select, context: &ReadContext<'_>) -> Result<Reading<'w>, IngestError> {
         let files = paths.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
         let size = files.iter().map(LogFile::size).sum();
-        let ledger = Ledger::new(size, context.limits.listed_damage);
         let topics = Topics::new(want, context.limits.topics, size);
+        let ledger = Ledger::new(size, context.limits.listed_damage).timed_by(topics.log_time());
         Ok(Reading { files, ledger, notices: Notices::new(), topics })
     }
 

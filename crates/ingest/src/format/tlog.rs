@@ -134,13 +134,7 @@ struct Search {
 
 impl Search {
     /// Where the next intact frame of a defined message begins, at or behind `from`; `end` if there is none before.
-    fn next(
-        &mut self,
-        file: &mut LogFile,
-        from: u64,
-        end: u64,
-        context: &ReadContext<'_>,
-    ) -> Result<u64, IngestError> {
+    fn next(&mut self, file: &mut LogFile, from: u64, end: u64, context: &ReadContext<'_>) -> Result<u64, IngestError> {
         let mut at = from;
         while at < end {
             if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {

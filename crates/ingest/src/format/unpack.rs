@@ -28,7 +28,7 @@ const MOST_HEADS: usize = 16 << 20;
 const WINDOW_LOG: u32 = 27;
 /// No log becomes that many times as large: what does is a bomb, or nearly all of it zeros. Below so many bytes it does
 /// not matter.
-const MOST_TIMES: u64 = 250;
+const MOST_TIMES: u64 = 100;
 const AT_ANY_RATIO: u64 = 32 << 20;
 
 /// How a file is packed.
@@ -132,11 +132,7 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
     }
 }
 
-fn decoder<'r>(
-    packing: Packing,
-    packed: impl BufRead + 'r,
-    bad: &'r Cell<u64>,
-) -> Result<Box<dyn Read + 'r>, String> {
+fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) -> Result<Box<dyn Read + 'r>, String> {
     Ok(match packing {
         Packing::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(packed)),
         Packing::Zstd => {
@@ -350,7 +346,9 @@ fn meaning_of(error: &io::Error, packing: Packing) -> String {
     let text = error.to_string();
     // As the library says it.
     if packing == Packing::Zstd && text.contains("too much memory") {
-        return format!("the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31");
+        return format!(
+            "the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31"
+        );
     }
     text
 }

@@ -57,8 +57,13 @@ fn ulogs() -> Vec<Hostile> {
         ulog("ulog: information at every byte", &[&small, &data], &[&[b'I'; 60][..], b" "].concat(), 0),
         ulog("ulog: good at a glance", &[&small, &data], &[b"~{Fa:b c;".repeat(3640), vec![1]].concat(), 0),
         ulog("ulog: a wide topic again and again", &[&wide("vehicle_status")], &subscription(0, b"vehicle_status"), 0),
-        ulog("ulog: two topics in turn", &[&wide("w"), &format], &[subscription(0, b"w"), subscription(0, b"m")].concat(), 0),
-        ulog("ulog: a byte behind every message", &[&small], &[data.as_slice(), b"x"].concat(), 1),
+        ulog(
+            "ulog: two topics in turn",
+            &[&wide("w"), &format],
+            &[subscription(0, b"w"), subscription(0, b"m")].concat(),
+            0,
+        ),
+        ulog("ulog: a byte behind every third message", &[&small], &[data.repeat(3), vec![b'x']].concat(), 3),
         ulog("ulog: messages of five bytes", &[&ulog_message(b'F', b"m:"), &subscription(0, b"m")], b"\x02\0D\0\0", 1),
     ]
 }
@@ -73,9 +78,8 @@ fn dataflashes() -> Vec<Hostile> {
     };
     let head = [format(128, 89, b"FMT", b"BBnNZ"), format(7, 3, b"TINY", b""), format(8, 252, b"BIG", b"ZZZNNNb")];
     let [tiny, big] = [[0xa3, 0x95, 7], [0xa3, 0x95, 8]];
-    let log = |name, unit: &[&[u8]], intact| {
-        Hostile::new(name, LogKind::DataFlash, head.concat(), unit.concat(), intact)
-    };
+    let log =
+        |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::DataFlash, head.concat(), unit.concat(), intact);
     vec![
         log("dataflash: sync bytes alone", &[&[0xa3, 0x95]], 0),
         log("dataflash: definitions that overlap", &[&[0xa3, 0x95, 128]], 0),
@@ -100,27 +104,27 @@ fn tlogs() -> Vec<Hostile> {
         [&time[..], &[0xfd], &inner, &crc.to_le_bytes()].concat()
     };
     let heartbeat = frame(0, &[0, 0, 0, 0, 2, 3, 81, 4, 3], 50);
-    let log = |name, unit: &[&[u8]], intact| {
-        Hostile::new(name, LogKind::Tlog, heartbeat.repeat(3), unit.concat(), intact)
-    };
+    let log =
+        |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Tlog, heartbeat.repeat(3), unit.concat(), intact);
     vec![
         log("tlog: long frames at every fifth byte", &[&[0, 5, 1, 0xfd, 255]], 0),
         log("tlog: frames at every third byte", &[&[0, 5, 0xfd]], 0),
         log("tlog: a byte behind every frame", &[&heartbeat, b"x"], 1),
-        log("tlog: a long frame behind every short one", &[&heartbeat, &time, &[0xfd, 0xff, 0, 0, 0, 0, 0, 0, 0, 0]], 1),
+        log(
+            "tlog: a long frame behind every short one",
+            &[&heartbeat, &time, &[0xfd, 0xff, 0, 0, 0, 0, 0, 0, 0, 0]],
+            1,
+        ),
         log("tlog: messages that are not defined", &[&frame(230, b"abcd", 163), &frame(199, b"abcd", 7)], 2),
     ]
 }
 
 fn receivers() -> Vec<Hostile> {
     let poll = [0xb5, 0x62, 0x06, 0x08, 0, 0, 0x0e, 0x30];
-    let ubx = |name, unit: &[&[u8]], intact| {
-        Hostile::new(name, LogKind::Ubx, poll.repeat(3), unit.concat(), intact)
-    };
+    let ubx = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Ubx, poll.repeat(3), unit.concat(), intact);
     let sentence = b"$GPVTG,084.4,T,,M,022.4,N,041.5,K*40\r\n";
-    let nmea = |name, unit: &[&[u8]], intact| {
-        Hostile::new(name, LogKind::Nmea, sentence.repeat(4), unit.concat(), intact)
-    };
+    let nmea =
+        |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Nmea, sentence.repeat(4), unit.concat(), intact);
     vec![
         ubx("ubx: frames of 64 KiB at every sixth byte", &[&[0xb5, 0x62, 1, 7, 0xff, 0xff]], 0),
         ubx("ubx: a frame of 64 KiB behind every short one", &[&poll, &[0xb5, 0x62, 1, 7, 0xff, 0xff]], 1),

@@ -258,16 +258,17 @@ fn damage(log: &LogHealth) -> Markup {
             tr {
                 th scope="row" { (shown(&range.file)) }
                 td.n { (number::count(range.offset)) } td.n { (number::count(range.length)) }
+                td.n { (range.after_s().map_or("–".to_owned(), |s| format!("{s:.3}"))) }
                 td.any { (shown(&range.reason)) }
             }
         }
     };
-    let head = [Text("File"), Number("First byte"), Number("Bytes"), Text("Why")];
+    let head = [Text("File"), Number("First byte"), Number("Bytes"), Number("After, s"), Text("Why")];
     html! {
         @if log.damage_count > 0 || !log.damage.is_empty() {
             h3 { "Damage" }
             p { (number::counted(log.damage_count, "damaged stretch", "damaged stretches")) " in all"
-                @if log.damage_count > log.damage.len() as u64 { "; the first " (log.damage.len()) " are listed" } "." }
+                @if log.damage_count > log.damage.len() as u64 { "; the first " (log.damage.len()) " are listed" } ". “After” counts from the log's first message to the last one in front of the stretch." }
             (table("Stretches that could not be used", &head, rows(&log.damage, 100, head.len(), row)))
         }
     }

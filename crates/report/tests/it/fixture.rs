@@ -497,6 +497,7 @@ fn log() -> LogHealth {
             offset: 31_887_360,
             length: 4_096,
             reason: "chunk: CRC-32 is 0x8d2f11a0, the header says 0x11e0ffab".into(),
+            after_ns: Some(112_480_000_000),
         }],
         damage_count: 1,
         topics: (0..18).map(topic).collect(),

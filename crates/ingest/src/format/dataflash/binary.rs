@@ -3,7 +3,7 @@
 //! Nothing in it vouches for a record but what stands behind it: a record counts if another begins where it ends.
 
 use super::book::Book;
-use super::record::{Format, HEADER, LONGEST_RECORD, SYNC};
+use super::record::{FMT_ID, FMT_LENGTH, Format, HEADER, LONGEST_RECORD, SYNC};
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
@@ -71,6 +71,9 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         let Some((&[first, second, id], _)) = window.split_first_chunk() else { return Ok(None) };
         if [first, second] != SYNC {
             return Ok(None);
+        }
+        if id == FMT_ID && window.get(..FMT_LENGTH).is_some_and(Format::vouches) {
+            return Ok(Some(FMT_LENGTH));
         }
         let lengths = self.book.format(id).map(Format::lengths).unwrap_or_default();
         // Nearly always the next record follows, and nothing within this one looks like a third.

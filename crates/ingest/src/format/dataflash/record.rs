@@ -95,6 +95,16 @@ impl Format {
         Ok(Format { name: name.to_owned(), definition, stated: length.into(), described, fields, fault, time })
     }
 
+    /// Whether an `FMT` agrees with itself: it describes records of the length that it states. Then it needs nothing
+    /// behind it to vouch for it.
+    pub(super) fn vouches(record: &[u8]) -> bool {
+        let Some(&length) = record.get(HEADER + 1) else { return false };
+        let text =
+            |from: usize, to: usize| record.get(HEADER + from..HEADER + to).map(packed::text_of).unwrap_or_default();
+        let format = Format::new(length, &text(2, 6), &text(6, 22), &text(22, 86));
+        format.is_ok_and(|f| f.fault.is_none() && !f.fields.is_empty() && f.described == Some(f.stated))
+    }
+
     /// The definition of definitions.
     pub(super) fn of_formats() -> Format {
         let columns = "Type,Length,Name,Format,Columns";

@@ -235,7 +235,7 @@ mod tests {
     fn every_byte_is_found_again_from_the_checksum_that_it_makes() {
         for sum in [0, 1, 0x1234, 0xffff, 0x8a5f] {
             let made = (0..=u8::MAX).map(|extra| Checksum(sum).with(extra));
-            assert!(made.clone().zip(0..).all(|(told, extra)| Checksum(sum).extra_of(told) == Some(extra)));
+            assert!((0..=u8::MAX).zip(made.clone()).all(|(extra, told)| Checksum(sum).extra_of(told) == Some(extra)));
             let other = made.clone().fold(0, |other, told| if told == other { other + 1 } else { other });
             let possible: Vec<u16> = made.collect();
             assert_eq!(Checksum(sum).extra_of(other).is_some(), possible.contains(&other));

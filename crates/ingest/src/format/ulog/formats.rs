@@ -271,7 +271,9 @@ impl Flat<'_> {
     /// Fails if too many fields were laid out.
     fn spend(&self, name: &str) -> Result<(), String> {
         let left = self.formats.layable.get().checked_sub(1);
-        self.formats.layable.set(left.ok_or_else(|| format!("the formats have too many fields, first in {name:.128}"))?);
+        self.formats
+            .layable
+            .set(left.ok_or_else(|| format!("the formats have too many fields, first in {name:.128}"))?);
         Ok(())
     }
 

@@ -107,8 +107,7 @@ pub(super) const DAMAGED_FORMAT: &str = "a format that is damaged";
 fn format_trust(body: &[u8], most: usize) -> Trust {
     const DAMAGED: Trust = Trust::Wrong(DAMAGED_FORMAT);
     let head = body.get(..body.len().min(LONGEST_NAME)).unwrap_or_default();
-    let Some(end) = memchr::memchr(b':', head).filter(|&end| head.get(..end.min(most)).is_some_and(is_name))
-    else {
+    let Some(end) = memchr::memchr(b':', head).filter(|&end| head.get(..end.min(most)).is_some_and(is_name)) else {
         return DAMAGED;
     };
     // Some writers leave the last semicolon out.

@@ -11,7 +11,7 @@ use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
-use std::ops::Range;
+use std::cell::Cell;
 
 /// Said of a file that does not begin as a ULog does.
 pub(super) const WRONG_START: &str = "the bytes that begin the file are wrong";
@@ -45,8 +45,6 @@ pub(super) struct Walk<'w> {
     /// Where data were appended, falling.
     joints: Vec<u64>,
     wrong_joints: Tally,
-    /// Bytes of the view that may all stand in a format; the one behind them may not.
-    printable: Range<usize>,
 }
 
 /// Bytes of the file that begin where a block begins.
@@ -56,6 +54,8 @@ struct View<'v> {
     start: u64,
     /// Whether they reach the end of the file.
     whole: bool,
+    /// From where to where all bytes may stand in a format; the one behind them may not.
+    printable: &'v Cell<(usize, usize)>,
 }
 
 /// A message within a view.
@@ -73,11 +73,23 @@ impl<'v> View<'v> {
         let end = at + HEAD + usize::from(u16::from_le_bytes([low, high]));
         Some(Message { letter, body: self.bytes.get(at + HEAD..end)?, end })
     }
+
+    /// Whether all these bytes may stand in a format. How far that goes is remembered: of many formats that seem to
+    /// reach over one wrong byte, each would be read up to it.
+    fn is_printable(self, from: usize, to: usize) -> bool {
+        let (first, mut end) = self.printable.get();
+        if !(first..end).contains(&from) {
+            let rest = self.bytes.get(from..).unwrap_or_default();
+            end = from + rest.iter().take_while(|b| is_printable(b)).count();
+            self.printable.set((from, end));
+        }
+        to <= end
+    }
 }
 
 impl<'w> Walk<'w> {
     pub(super) fn new(name: &'w str, ledger: &'w mut Ledger) -> Walk<'w> {
-        Walk { name, ledger, at: 0, lost: None, zeros: 0, joints: vec![], wrong_joints: Tally::default(), printable: 0..0 }
+        Walk { name, ledger, at: 0, lost: None, zeros: 0, joints: vec![], wrong_joints: Tally::default() }
     }
 
     /// Takes the first bytes of the file.
@@ -103,7 +115,8 @@ impl<'w> Walk<'w> {
             let start = self.at;
             let there = (size - start).min(BLOCK as u64) as usize;
             let bytes = file.bytes(start, there)?.unwrap_or_default();
-            self.block(View { bytes, start, whole: start + there as u64 == size }, session);
+            let (whole, printable) = (start + there as u64 == size, &Cell::default());
+            self.block(View { bytes, start, whole, printable }, session);
             if self.at == start || self.zeros > MOST_ZEROS {
                 let reason = self.lost.take().unwrap_or_else(|| ENDS_INSIDE.to_owned());
                 self.ledger.damaged(self.name, self.at, size - self.at, reason);
@@ -125,7 +138,6 @@ impl<'w> Walk<'w> {
     /// Walks until so little is left of the view that one cannot look ahead, or to the end of the file.
     fn block(&mut self, view: View<'_>, session: &mut Session<'_, '_>) {
         let stop = if view.whole { view.bytes.len() } else { view.bytes.len().saturating_sub(MARGIN) };
-        self.printable = 0..0;
         let mut at = 0;
         if let Some(reason) = self.lost.take() {
             at = self.go_on(view, (0, 0), stop, reason, session);
@@ -151,7 +163,7 @@ impl<'w> Walk<'w> {
         let kind = Kind::of(letter);
         let trust = match kind {
             Some(Kind::FlagBits) if view.start + at as u64 == START && body.len() >= FLAG_BITS => Trust::Sure,
-            Some(Kind::Format) if !self.is_printable(view, at + HEAD, end) => Trust::Wrong(DAMAGED_FORMAT),
+            Some(Kind::Format) if !view.is_printable(at + HEAD, end) => Trust::Wrong(DAMAGED_FORMAT),
             Some(kind) => session.judge(kind, body, usize::MAX),
             None => Trust::Weak,
         };
@@ -201,16 +213,6 @@ impl<'w> Walk<'w> {
         self.joints = session.flags.offsets.iter().copied().filter(|&offset| offset > 0).collect();
         self.joints.sort_unstable_by(|a, b| b.cmp(a));
         self.joints.dedup();
-    }
-
-    /// Whether all these bytes may stand in a format. How far that goes is remembered: of many formats that seem to
-    /// reach over one wrong byte, each would be read up to it.
-    fn is_printable(&mut self, view: View<'_>, from: usize, to: usize) -> bool {
-        if !self.printable.contains(&from) {
-            let rest = view.bytes.get(from..).unwrap_or_default();
-            self.printable = from..from + rest.iter().take_while(|b| is_printable(b)).count();
-        }
-        to <= self.printable.end
     }
 
     /// Where, inside of `at..end`, data were appended. That the file says so is not enough.
@@ -269,6 +271,9 @@ fn is_certain(view: View<'_>, at: usize, session: &Session<'_, '_>) -> bool {
     let Some(kind) = view.bytes.get(at + 2).and_then(|&letter| Kind::of(letter)) else { return false };
     let Some(message) = view.message(at) else { return false };
     let trust = session.judge(kind, message.body, GLANCE);
+    if kind == Kind::Format && trust == Trust::Fits && !view.is_printable(at + HEAD, message.end) {
+        return false;
+    }
     match (kind, trust) {
         (Kind::Sync, Trust::Sure) => true,
         (_, Trust::Sure | Trust::Fits) => leads(view, message.end, session),
