@@ -422,8 +422,17 @@ fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
             let chunk = (end - start) as u64;
             assert!((chunk..=chunk + more).contains(&log.health.bytes.damaged), "{:?}", log.health.damage);
             assert_eq!(log.health.damage[0].offset, start as u64);
+            let after = log.health.damage[0].after_ns.unwrap();
+            let [before, behind] = around_the_gap(log.tables[0].logged_ns.as_ref().unwrap());
+            assert!((before..behind).contains(&after), "{layout:?} at {place}: {before} to {behind}, {after}");
         }
     }
+}
+
+/// The rows before and behind the longest pause, ns after the first row.
+fn around_the_gap(logged: &[i64]) -> [i64; 2] {
+    let pair = logged.windows(2).max_by_key(|pair| pair[1] - pair[0]).unwrap();
+    [pair[0] - logged[0], pair[1] - logged[0]]
 }
 
 /// First and last byte of every chunk record.

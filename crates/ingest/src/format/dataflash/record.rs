@@ -99,6 +99,11 @@ impl Format {
     /// behind it to vouch for it.
     pub(super) fn vouches(record: &[u8]) -> bool {
         let Some(&length) = record.get(HEADER + 1) else { return false };
+        // Name and format characters, looked at first: where sync bytes follow one another, much seems to be an `FMT`.
+        let plain = |b: &u8| *b == 0 || b.is_ascii_graphic();
+        if !record.get(HEADER + 2..HEADER + 22).is_some_and(|texts| texts.iter().all(plain)) {
+            return false;
+        }
         let text =
             |from: usize, to: usize| record.get(HEADER + from..HEADER + to).map(packed::text_of).unwrap_or_default();
         let format = Format::new(length, &text(2, 6), &text(6, 22), &text(22, 86));

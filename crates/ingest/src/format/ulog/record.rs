@@ -168,14 +168,15 @@ impl<'m> Entry<'m> {
         let mut rest = Bytes(body);
         let length = rest.u8()?;
         let key = rest.take(length.into())?;
-        // Looked for first, for it is soon missed where there is none.
-        memchr::memchr(b' ', key.get(..key.len().min(LONGEST_TYPE))?)?;
-        if !key.iter().all(is_printable) {
+        // The type first, for it is soon missed where there is none.
+        let end = memchr::memchr(b' ', key.get(..key.len().min(LONGEST_TYPE))?)?;
+        let (kind, name) = (std::str::from_utf8(key.get(..end)?).ok()?, key.get(end + 1..)?);
+        let known = basic(kind).is_some() || array(kind).is_some();
+        if !known || !kind.bytes().all(|b| is_printable(&b)) || !name.iter().all(is_printable) {
             return None;
         }
-        let (kind, name) = std::str::from_utf8(key).ok()?.split_once(' ')?;
-        let known = basic(kind).is_some() || array(kind).is_some();
-        (known && !name.is_empty()).then_some(Entry { kind, name, value: rest.0 })
+        let name = std::str::from_utf8(name).ok()?;
+        (!name.is_empty()).then_some(Entry { kind, name, value: rest.0 })
     }
 
     fn trust(self) -> Trust {
