@@ -35,6 +35,8 @@ struct Building {
     path: String,
     index: usize,
     cells: Cells,
+    rows: usize,
+    /// Empty as long as every cell holds a value.
     valid: Vec<bool>,
     filled: u64,
     not_finite: u64,
@@ -46,11 +48,49 @@ struct Building {
 /// Integers until the first cell that is none: stamps of 19 digits stay exact.
 #[derive(Debug)]
 enum Cells {
-    Integers(Vec<i64>),
+    Integers(Integers),
     Floats(Vec<f64>),
     Text(Vec<String>),
     /// As [`Selection::All`] wants it: a number until the first cell that is none.
-    Undecided(Box<Cells>, Vec<String>),
+    Undecided(Box<Cells>, Written),
+}
+
+#[derive(Debug, Default)]
+struct Integers {
+    values: Vec<i64>,
+    /// Whether one of them is more than a double can hold.
+    long: bool,
+}
+
+impl Integers {
+    fn push(&mut self, value: i64) {
+        self.long |= value.unsigned_abs() > EXACT;
+        self.values.push(value);
+    }
+
+    fn as_floats(&self) -> Vec<f64> {
+        self.values.iter().map(|&i| i as f64).collect()
+    }
+}
+
+/// Cells as they stand in the log, one behind the other.
+#[derive(Debug, Default)]
+struct Written {
+    bytes: Vec<u8>,
+    ends: Vec<usize>,
+}
+
+impl Written {
+    fn push(&mut self, cell: &[u8]) {
+        self.bytes.extend_from_slice(cell);
+        self.ends.push(self.bytes.len());
+    }
+
+    fn texts(&self, decimal: Decimal) -> Vec<String> {
+        let starts = std::iter::once(&0).chain(&self.ends);
+        let cells = starts.zip(&self.ends).map(|(&start, &end)| self.bytes.get(start..end).unwrap_or_default());
+        cells.map(|cell| decimal.text(cell)).collect()
+    }
 }
 
 impl Topic {
@@ -164,6 +204,7 @@ impl Building {
             path: path.to_owned(),
             index,
             cells,
+            rows: 0,
             valid: vec![],
             filled: 0,
             not_finite: 0,
@@ -175,7 +216,7 @@ impl Building {
 
     fn asked(request: &FieldRequest, index: usize) -> Building {
         let cells = match request.kind {
-            ValueKind::Number => Cells::Integers(vec![]),
+            ValueKind::Number => Cells::Integers(Integers::default()),
             ValueKind::Text => Cells::Text(vec![]),
         };
         Building::new(&request.path, index, cells)
@@ -195,7 +236,13 @@ impl Building {
             }
         };
         self.filled += u64::from(valid);
-        self.valid.push(valid);
+        if !valid && self.valid.is_empty() {
+            self.valid.resize(self.rows, true);
+        }
+        self.rows += 1;
+        if !valid || !self.valid.is_empty() {
+            self.valid.push(valid);
+        }
     }
 
     fn note(&mut self, value: Cell, cell: &[u8], line: u64) {
@@ -234,21 +281,21 @@ impl Building {
     }
 
     fn finish(self) -> Column {
-        let valid = self.valid.contains(&false).then_some(self.valid);
+        let valid = (!self.valid.is_empty()).then_some(self.valid);
         Column { path: self.path, data: self.cells.finish(), valid }
     }
 }
 
 impl Cells {
     fn undecided() -> Cells {
-        Cells::Undecided(Box::new(Cells::Integers(vec![])), vec![])
+        Cells::Undecided(Box::new(Cells::Integers(Integers::default())), Written::default())
     }
 
     /// A number as the column can hold it. One broken cell must not round the stamps of 19 digits in all others: among
     /// integers too long for a float, a number that is none of them is bad.
     fn fitting(&self, value: Cell) -> Cell {
         match (self, value) {
-            (Cells::Integers(integers), Cell::Float(float)) if integers.iter().any(|i| i.unsigned_abs() > EXACT) => {
+            (Cells::Integers(integers), Cell::Float(float)) if integers.long => {
                 if float.fract() == 0.0 && float.abs() < i64::MAX as f64 {
                     Cell::Integer(float as i64)
                 } else {
@@ -262,7 +309,7 @@ impl Cells {
     /// Appends a number, or a placeholder. Says whether it is a value.
     fn push_number(&mut self, value: Cell) -> bool {
         if let (Cells::Integers(integers), Cell::Float(_)) = (&mut *self, value) {
-            *self = Cells::Floats(integers.iter().map(|&i| i as f64).collect());
+            *self = Cells::Floats(integers.as_floats());
         }
         match (self, value) {
             (Cells::Integers(v), Cell::Integer(i)) => v.push(i),
@@ -276,12 +323,12 @@ impl Cells {
     }
 
     fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> bool {
-        let Cells::Undecided(numbers, texts) = self else { return false };
+        let Cells::Undecided(numbers, written) = self else { return false };
         let value = numbers.fitting(decimal.number(cell));
-        texts.push(decimal.text(cell));
+        written.push(cell);
         let valid = numbers.push_number(value);
         if value == Cell::Bad {
-            *self = Cells::Text(std::mem::take(texts));
+            *self = Cells::Text(written.texts(decimal));
             return true;
         }
         valid
@@ -291,9 +338,38 @@ impl Cells {
         match self {
             Cells::Text(v) => ColumnData::Text(v),
             Cells::Floats(v) => ColumnData::F64(v),
-            Cells::Integers(v) if v.iter().any(|i| i.unsigned_abs() > EXACT) => ColumnData::I64(v),
-            Cells::Integers(v) => ColumnData::F64(v.iter().map(|&i| i as f64).collect()),
+            Cells::Integers(v) if v.long => ColumnData::I64(v.values),
+            Cells::Integers(v) => ColumnData::F64(v.as_floats()),
             Cells::Undecided(numbers, _) => numbers.finish(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_integer_is_not_searched_for_again_at_every_cell() {
+        // Searched for each time, these would be 1e11 steps.
+        const CELLS: usize = 300_000;
+        let mut column = Building::new("t", 0, Cells::Integers(Integers::default()));
+        let cells = std::iter::repeat_n(&b"1"[..], CELLS).chain([&b"1700000000123456789"[..]]);
+        for (line, cell) in cells.chain(std::iter::repeat_n(&b"1e300"[..], CELLS)).enumerate() {
+            column.push(cell, Decimal::Point, line as u64);
+        }
+        assert_eq!((column.bad, column.filled), (CELLS as u64, CELLS as u64 + 1));
+        let column = column.finish();
+        assert!(matches!(&column.data, ColumnData::I64(v) if v[CELLS] == 1_700_000_000_123_456_789));
+        assert_eq!(column.valid.map(|valid| valid.iter().filter(|v| **v).count()), Some(CELLS + 1));
+    }
+
+    #[test]
+    fn cells_that_proved_text_are_those_that_were_written() {
+        let mut column = Building::new("t", 0, Cells::undecided());
+        for (line, cell) in [&b"1,5"[..], b"", b"007", b"x"].into_iter().enumerate() {
+            column.push(cell, Decimal::Comma, line as u64);
+        }
+        assert!(matches!(column.finish().data, ColumnData::Text(texts) if texts == ["1.5", "", "007", "x"]));
     }
 }
