@@ -5,7 +5,7 @@ use crate::format::bag_folder::{self, Metadata};
 use crate::format::{Packing, members};
 use crate::map::MapLibrary;
 use crate::reader::{Limits, ReadContext};
-use crate::sniff::{self, Content};
+use crate::sniff::{self, Content, LogKind};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs::{self, File, FileType};
 use std::io::Read;
@@ -36,30 +36,6 @@ pub struct FlightUnit {
     pub files: Vec<PathBuf>,
     /// How they are read.
     pub kind: LogKind,
-}
-
-/// A format that is read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LogKind {
-    /// Text tables.
-    Csv,
-    /// MCAP.
-    Mcap,
-    /// ROS 1 bag.
-    Bag,
-    /// PX4 ULog.
-    Ulog,
-    /// ArduPilot DataFlash, binary or text.
-    DataFlash,
-    /// MAVLink telemetry log.
-    Tlog,
-    /// ROS 2 bag in SQLite.
-    Db3,
-    /// NMEA 0183 sentences.
-    Nmea,
-    /// u-blox binary.
-    Ubx,
 }
 
 /// Looks through `root`, a folder or a single file. Files are recognised by their content; tables in

@@ -46,7 +46,13 @@ pub(crate) enum Fate {
 
 impl Ledger {
     pub(crate) fn new(size: u64, listed: usize) -> Ledger {
-        Ledger { bytes: ByteLedger { size, ..ByteLedger::default() }, damage: vec![], damage_count: 0, listed, time: LogTime::default() }
+        Ledger {
+            bytes: ByteLedger { size, ..ByteLedger::default() },
+            damage: vec![],
+            damage_count: 0,
+            listed,
+            time: LogTime::default(),
+        }
     }
 
     /// Damage is told with the time at which it lies. Only where messages stand in the order in which they were logged.

@@ -24,7 +24,7 @@ mod table;
 mod time;
 
 pub use bind::bind;
-pub use discover::{Discovery, FlightUnit, LogKind, discover};
+pub use discover::{Discovery, FlightUnit, discover};
 pub use error::IngestError;
 pub use format::{
     BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
@@ -38,4 +38,5 @@ pub use reader::{
     Extra, FieldRequest, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Select, Selection, StatedUnit,
     ValueKind,
 };
+pub use sniff::LogKind;
 pub use table::{Column, ColumnData, Table, TopicInfo};

@@ -1,7 +1,7 @@
 //! From the files of a flight to the flight.
 
 use crate::bind::bind;
-use crate::discover::{FlightUnit, LogKind};
+use crate::discover::FlightUnit;
 use crate::error::IngestError;
 use crate::format::{
     BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
@@ -9,6 +9,7 @@ use crate::format::{
 };
 use crate::map::MapLibrary;
 use crate::reader::{Log, LogReader, ReadContext};
+use crate::sniff::LogKind;
 use flight::{Binding, Flight, LogHealth};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;

@@ -1,11 +1,34 @@
 //! What a file is, by its first bytes; the name only helps where they do not decide.
 
-use crate::discover::LogKind;
 use crate::format::{
     Packing, looks_like_dataflash, looks_like_nmea, looks_like_table, looks_like_tlog, looks_like_ubx, named_text,
 };
 use crate::reader::ReadContext;
 use std::path::Path;
+
+/// A format that is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LogKind {
+    /// Text tables.
+    Csv,
+    /// MCAP.
+    Mcap,
+    /// ROS 1 bag.
+    Bag,
+    /// PX4 ULog.
+    Ulog,
+    /// ArduPilot DataFlash, binary or text.
+    DataFlash,
+    /// MAVLink telemetry log.
+    Tlog,
+    /// ROS 2 bag in SQLite.
+    Db3,
+    /// NMEA 0183 sentences.
+    Nmea,
+    /// u-blox binary.
+    Ubx,
+}
 
 /// Bytes that are looked at.
 pub(crate) const HEAD: usize = 64 << 10;

@@ -7,10 +7,11 @@
 mod utf16;
 mod zip;
 
-use crate::discover::{FlightUnit, LogKind};
+use crate::discover::FlightUnit;
 use crate::error::IngestError;
 use crate::load::reader_of;
 use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::sniff::LogKind;
 use crate::sniff::{self, Content};
 use flight::{Notices, Severity};
 use std::cell::Cell;
