@@ -267,13 +267,18 @@ fn is(what: &str, quantity: Quantity) -> bool {
     }
 }
 
+/// Channels of this kind, else the first three of other kinds.
 fn held_instead(flight: &Flight, what: &str) -> String {
-    let alike: Vec<&str> =
+    let of_kind: Vec<&str> =
         flight.channels.iter().filter(|(_, c)| is(what, c.quantity)).map(|(name, _)| name.as_str()).collect();
-    match (alike.as_slice(), flight.channels.len()) {
-        ([], 0) => "nothing".to_owned(),
-        ([], others) => format!("no {what} at all, and {others} channels of other kinds"),
-        (alike, _) => alike.join(", "),
+    if !of_kind.is_empty() {
+        return of_kind.join(", ");
+    }
+    let others: Vec<&str> = flight.channels.keys().take(3).map(String::as_str).collect();
+    match flight.channels.len() - others.len() {
+        0 if others.is_empty() => "nothing".to_owned(),
+        0 => others.join(", "),
+        more => format!("{} and {more} more, none of them a {what}", others.join(", ")),
     }
 }
 
