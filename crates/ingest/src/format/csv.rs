@@ -203,6 +203,9 @@ impl Reading<'_> {
             }
             self.books.row(open, extent, &mut topic, 0, table.delimiter);
         }
+        if topic.rows == 0 && table.header_line.is_some() {
+            self.books.notices.push(Severity::Info, "no-rows", open.name, 1, "a header without a row below it");
+        }
         if repeated > 0 {
             let text = "the header stands again between the rows";
             self.books.notices.push(Severity::Info, "header-repeated", open.name, repeated, text);

@@ -65,6 +65,10 @@ impl LogReader for DataFlashReader {
 const TEXT_STARTS: [&str; 2] = ["FMT, 128, 89, FMT", "FMT,128,89,FMT"];
 const TEXT_DEFINITION: &str = "FMT,";
 
+fn starts_a_log(line: &[u8]) -> bool {
+    TEXT_STARTS.iter().any(|text| line.starts_with(text.as_bytes()))
+}
+
 fn is_text(file: &mut LogFile) -> Result<bool, IngestError> {
     let head = file.up_to(0, crate::sniff::HEAD)?;
     Ok(!head.starts_with(&record::SYNC) && text_begins(head))
@@ -73,10 +77,9 @@ fn is_text(file: &mut LogFile) -> Result<bool, IngestError> {
 /// Whether a text log begins in these first bytes of a file: with the first definition, or with others if that one is
 /// damaged.
 fn text_begins(head: &[u8]) -> bool {
-    let starts = |line: &[u8], text: &str| line.starts_with(text.as_bytes());
     let mut lines = head.split(|b| *b == b'\n');
-    let definitions = head.split(|b| *b == b'\n').filter(|line| starts(line, TEXT_DEFINITION));
-    lines.any(|line| TEXT_STARTS.iter().any(|text| starts(line, text))) || definitions.take(2).count() == 2
+    let definitions = head.split(|b| *b == b'\n').filter(|line| line.starts_with(TEXT_DEFINITION.as_bytes()));
+    lines.any(starts_a_log) || definitions.take(2).count() == 2
 }
 
 /// Whether these first bytes of a file are those of a DataFlash log, whatever stands in front of its first record.

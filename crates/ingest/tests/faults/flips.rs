@@ -43,12 +43,7 @@ fn allowed(seed: &Seed, verdict: Verdict, in_definition: bool) -> bool {
         Verdict::Same | Verdict::Told => true,
         Verdict::OneRow => !checked(seed.container),
         Verdict::ManyRows | Verdict::More => in_definition && !checked(seed.container),
-        // Of text, what is in front of the first record may be the console's, and two lines whose line end is another
-        // letter are one: a text that goes on, or a header without a row.
-        Verdict::Fewer => {
-            let text = [Container::DataFlashText, Container::CsvWide, Container::CsvFolder];
-            in_definition && text.contains(&seed.container)
-        }
+        Verdict::Fewer => false,
     }
 }
 

@@ -22,8 +22,9 @@ pub enum Verdict {
 }
 
 /// Notices that are no losses and still tell of the damage: a topic that was wanted and has no usable definition, a last
-/// cell that may have lost digits, a file among several that is no table any more.
-const TELLING: [&str; 3] = ["not-decoded", "no-line-end", "not-a-table"];
+/// cell that may have lost digits, a file among several that is no table any more or has no rows, a text log whose first
+/// line is not the first.
+const TELLING: [&str; 5] = ["not-decoded", "no-line-end", "not-a-table", "no-rows", "no-begin"];
 
 /// Whether damage is told that the intact log does not have.
 pub fn told(read: &Result<Log, IngestError>, intact: &Log) -> bool {

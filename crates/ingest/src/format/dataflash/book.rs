@@ -10,6 +10,8 @@ use crate::table::TopicInfo;
 use flight::{NANOS_PER_SECOND, Notices, Severity};
 use std::collections::HashMap;
 
+/// Bytes of a type's name.
+const LONGEST_NAME: usize = 4;
 /// Definitions in one log, those that take the place of others among them.
 const MOST_TYPES: usize = 4096;
 /// Instances of one type.
@@ -232,11 +234,28 @@ impl<'t, 'w> Book<'t, 'w> {
                 let name = &kind.format.name;
                 return Err(format!("a line of type {name} with {given} values where its format has {needed}"));
             }
+            if kind.format.ends_in_text()
+                && let Some(other) = values.splitn(needed, ',').last().and_then(|text| self.record_within(text))
+            {
+                return Err(format!("a line of type {} that goes on with one of {other}", kind.format.name));
+            }
             if kind.format.text_is_too_long(values) {
                 return Err(format!("a line of type {} whose text is longer than its field", kind.format.name));
             }
         }
         self.record(index, Body::Line(values))
+    }
+
+    /// The type of the record that a text holds: its own line end, in front of that one, is damaged. A name that is
+    /// defined, a comma and a whole number with a comma are more than a text says by chance.
+    fn record_within<'v>(&self, text: &'v str) -> Option<&'v str> {
+        text.match_indices(", ").find_map(|(at, comma)| {
+            let (before, behind) = (text.get(..at)?, text.get(at + comma.len()..)?);
+            let digits = behind.bytes().take_while(u8::is_ascii_digit).count();
+            let number = digits > 0 && behind.get(digits..)?.starts_with(',');
+            let names = (2..=LONGEST_NAME).rev().filter_map(|length| before.get(before.len().checked_sub(length)?..));
+            names.filter(|_| number).find(|name| self.by_name.contains_key(*name))
+        })
     }
 
     fn record(&mut self, index: usize, body: Body<'_>) -> Result<Fate, String> {

@@ -1,6 +1,7 @@
 //! The walk over a text log, line by line: name and values between commas.
 
 use super::book::Book;
+use super::starts_a_log;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
@@ -22,6 +23,8 @@ pub(super) struct Walk<'w, 'c, 't, 's> {
     /// Bytes of lines in front of the first record: what the console of old autopilots prints.
     preamble: u64,
     begun: bool,
+    /// The first record is not the one with which every log begins.
+    headless: bool,
 }
 
 impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
@@ -33,7 +36,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         book: &'w mut Book<'t, 's>,
     ) -> Walk<'w, 'c, 't, 's> {
         let name = file.name().to_owned();
-        Walk { file, name, context, ledger, notices, book, at: 0, preamble: 0, begun: false }
+        Walk { file, name, context, ledger, notices, book, at: 0, preamble: 0, begun: false, headless: false }
     }
 
     /// From the first byte to the last.
@@ -47,6 +50,10 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         if self.preamble > 0 {
             let text = "bytes of text in front of the first record";
             self.notices.push(Severity::Info, "preamble", self.name.as_str(), self.preamble, text);
+        }
+        if self.headless {
+            let text = "the log does not begin with the definition of FMT itself: its first lines may be lost";
+            self.notices.push(Severity::Warning, "no-begin", self.name.as_str(), 1, text);
         }
         Ok(())
     }
@@ -64,6 +71,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             let length = (end + 1 - taken) as u64;
             match fate_of(line, self.book) {
                 Ok(fate) => {
+                    self.headless |= !self.begun && fate.is_some() && !starts_a_log(line);
                     self.begun |= fate.is_some();
                     self.ledger.count(fate.unwrap_or(Fate::Structure), length);
                 }
