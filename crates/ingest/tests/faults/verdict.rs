@@ -22,9 +22,8 @@ pub enum Verdict {
 }
 
 /// Notices that are no losses and still tell of the damage: a topic that was wanted and has no usable definition, a last
-/// cell that may have lost digits, a file among several that is no table any more or has no rows, a text log whose first
-/// line is not the first.
-const TELLING: [&str; 5] = ["not-decoded", "no-line-end", "not-a-table", "no-rows", "no-begin"];
+/// cell that may have lost digits, a file among several that is no table any more or has no rows.
+const TELLING: [&str; 4] = ["not-decoded", "no-line-end", "not-a-table", "no-rows"];
 
 /// Whether damage is told that the intact log does not have.
 pub fn told(read: &Result<Log, IngestError>, intact: &Log) -> bool {

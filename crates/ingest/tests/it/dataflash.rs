@@ -653,6 +653,33 @@ fn lines_of_the_console_in_front_of_a_text_log_are_no_damage_and_bad_lines_are()
 }
 
 #[test]
+fn two_records_in_one_line_are_damage_and_commas_of_a_text_are_none() {
+    for comma in [", ", ","] {
+        let text = |joint: &str| {
+            let head =
+                "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 11, 75, MSG, QZ, TimeUS,Message\n";
+            let head = head.replace(", ", comma);
+            format!("{head}MSG{comma}10{comma}mode AUTO{comma}5 of 7{joint}MSG{comma}20{comma}landed\n")
+        };
+        let whole = read_bytes(text("\n").as_bytes()).unwrap();
+        assert_eq!((table(&whole, "MSG").rows, whole.health.bytes.damaged), (2, 0), "{comma:?}");
+        let joined = text("J");
+        let log = read_bytes(joined.as_bytes()).unwrap();
+        let line = joined.lines().last().unwrap().len() as u64 + 1;
+        assert_eq!(log.health.bytes.damaged, line, "{comma:?}: {:?}", log.health.damage);
+    }
+}
+
+#[test]
+fn a_text_log_without_its_first_line_has_lost_something() {
+    let text = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 10, 15, ABC, Qf, TimeUS,V\n\
+                FMT, 11, 15, DEF, Qf, TimeUS,V\nABC, 1, 2.5\n";
+    let lost = |text: &str| read_bytes(text.as_bytes()).unwrap().notices.iter().any(|n| n.code == "no-begin");
+    assert!(!lost(text));
+    assert!(lost(&text.replacen("FMT", "GMT", 1)));
+}
+
+#[test]
 fn a_line_longer_than_the_limit_is_damage_and_the_next_one_is_read() {
     let long = format!("ABC, 1, {}\n", "7".repeat(5000));
     let text = format!(

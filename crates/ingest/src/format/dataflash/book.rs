@@ -249,8 +249,8 @@ impl<'t, 'w> Book<'t, 'w> {
     /// The type of the record that a text holds: its own line end, in front of that one, is damaged. A name that is
     /// defined, a comma and a whole number with a comma are more than a text says by chance.
     fn record_within<'v>(&self, text: &'v str) -> Option<&'v str> {
-        text.match_indices(", ").find_map(|(at, comma)| {
-            let (before, behind) = (text.get(..at)?, text.get(at + comma.len()..)?);
+        memchr::memchr_iter(b',', text.as_bytes()).find_map(|at| {
+            let (before, behind) = (text.get(..at)?, text.get(at + 1..)?.trim_start_matches(' '));
             let digits = behind.bytes().take_while(u8::is_ascii_digit).count();
             let number = digits > 0 && behind.get(digits..)?.starts_with(',');
             let names = (2..=LONGEST_NAME).rev().filter_map(|length| before.get(before.len().checked_sub(length)?..));

@@ -53,7 +53,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         }
         if self.headless {
             let text = "the log does not begin with the definition of FMT itself: its first lines may be lost";
-            self.notices.push(Severity::Warning, "no-begin", self.name.as_str(), 1, text);
+            self.notices.push(Severity::Loss, "no-begin", self.name.as_str(), 1, text);
         }
         Ok(())
     }
