@@ -12,7 +12,7 @@ use std::path::Path;
 const READ_AHEAD: usize = 256 << 10;
 /// Bytes fetched behind a jump, or behind much that was asked for at once: the next may come soon. With every further
 /// fetch it is four times as much.
-const FIRST_AHEAD: usize = 1 << 10;
+const FIRST_AHEAD: usize = 512;
 /// Stepping over so much is no jump: discs read it anyway.
 const LONGEST_STEP: u64 = 64 << 10;
 /// Progress is reported, and a wish to stop is heard, this often, bytes.
@@ -28,6 +28,7 @@ pub(crate) struct LogFile {
     filled: usize,
     start: u64,
     ahead: usize,
+    longest_step: u64,
     told: u64,
 }
 
@@ -41,7 +42,22 @@ impl LogFile {
         }
         let file = File::open(path).map_err(io_error)?;
         let size = file.metadata().map_err(io_error)?.len();
-        Ok(LogFile { file, name, size, buffer: vec![], filled: 0, start: 0, ahead: FIRST_AHEAD, told: 0 })
+        Ok(LogFile {
+            file,
+            name,
+            size,
+            buffer: vec![],
+            filled: 0,
+            start: 0,
+            ahead: FIRST_AHEAD,
+            longest_step: LONGEST_STEP,
+            told: 0,
+        })
+    }
+
+    /// From now on only what is asked for is wanted: every step over something is a jump.
+    pub(crate) fn expect_jumps(&mut self) {
+        self.longest_step = 0;
     }
 
     /// Name without its folder.
@@ -86,7 +102,7 @@ impl LogFile {
     /// Makes the buffer begin at `offset` and hold at least `length` bytes that the file has.
     fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
         let end = self.start + self.filled as u64;
-        let jump = offset < self.start || offset > end + LONGEST_STEP;
+        let jump = offset < self.start || offset > end + self.longest_step;
         let alone = jump || length >= READ_AHEAD;
         self.ahead = if alone { FIRST_AHEAD } else { READ_AHEAD.min(4 * self.ahead) };
         let kept = self.keep_from(offset);

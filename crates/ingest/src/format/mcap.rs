@@ -379,7 +379,7 @@ impl Visit for Channels<'_, '_> {
         match opcode {
             op::MESSAGE => self.message(body),
             // Of a chunk that was opened nothing is learned from it, but it must be one.
-            op::MESSAGE_INDEX if self.chunk_open && is_message_index(body) => Ok(Fate::Structure),
+            op::MESSAGE_INDEX if self.chunk_open && is_message_index(body, body.len() as u64) => Ok(Fate::Structure),
             op::ATTACHMENT => {
                 self.attachment(body);
                 Ok(Fate::Skipped)
@@ -407,8 +407,9 @@ impl Visit for Channels<'_, '_> {
     }
 }
 
-fn is_message_index(body: &[u8]) -> bool {
-    let mut rest = Bytes(body);
-    let length = rest.u16().and_then(|_channel| rest.u32());
-    length.is_some_and(|length| length % 16 == 0 && length as usize <= rest.0.len())
+/// Whether the first bytes of a record's content, which has `length` of them, are those of a message index.
+fn is_message_index(start: &[u8], length: u64) -> bool {
+    let mut rest = Bytes(start);
+    let entries = rest.u16().and_then(|_channel| rest.u32());
+    entries.is_some_and(|entries| entries % 16 == 0 && 6 + u64::from(entries) <= length)
 }

@@ -90,12 +90,16 @@ impl<'h> Fields<'h> {
         self.get(name).map(|v| String::from_utf8_lossy(v).into_owned())
     }
 
-    /// Seconds and nanoseconds as nanoseconds: 2^32 s fit.
     pub(super) fn time_ns(&self, name: &str) -> Option<i64> {
-        let mut value = Bytes(self.get(name).filter(|v| v.len() == 8)?);
-        let (seconds, nanos) = (value.u32()?, value.u32()?);
-        Some(i64::from(seconds) * flight::NANOS_PER_SECOND + i64::from(nanos))
+        self.get(name).and_then(time_ns)
     }
+}
+
+/// Seconds and nanoseconds as nanoseconds: 2^32 s fit.
+fn time_ns(value: &[u8]) -> Option<i64> {
+    let mut parts = Bytes(Some(value).filter(|v| v.len() == 8)?);
+    let (seconds, nanos) = (parts.u32()?, parts.u32()?);
+    Some(i64::from(seconds) * flight::NANOS_PER_SECOND + i64::from(nanos))
 }
 
 /// What kind of record it is, with the part of the header that its kind needs.
@@ -110,6 +114,22 @@ pub(super) enum Kind {
 }
 
 impl Kind {
+    /// Of a message with the three fields that every recorder writes, in any order; `None` leaves it to [`Kind::of`].
+    fn usual_message(header: &[u8]) -> Option<Kind> {
+        let (mut is_message, mut connection, mut time) = (false, None, None);
+        let mut rest = Bytes(header);
+        for _ in 0..3 {
+            match *rest.prefixed()? {
+                [b'o', b'p', b'=', MESSAGE] => is_message = true,
+                [b'c', b'o', b'n', b'n', b'=', a, b, c, d] => connection = Some(u32::from_le_bytes([a, b, c, d])),
+                [b't', b'i', b'm', b'e', b'=', ref stamp @ ..] => time = Some(time_ns(stamp)?),
+                _ => return None,
+            }
+        }
+        let whole = is_message && rest.0.is_empty();
+        whole.then_some(Kind::Message { connection: connection?, logged_ns: time? })
+    }
+
     pub(super) fn of(fields: &Fields<'_>) -> Option<Kind> {
         let [op] = *fields.get("op")? else { return None };
         Some(match op {
@@ -153,7 +173,7 @@ impl Record {
     /// From a header of `length` bytes and the length of the data behind it.
     pub(super) fn parse(bytes: &[u8], start: u64, length: u32) -> Option<Record> {
         let (header, mut rest) = bytes.split_at_checked(length as usize).map(|(h, r)| (h, Bytes(r)))?;
-        let kind = Kind::of(&Fields::parse(header)?)?;
+        let kind = Kind::usual_message(header).or_else(|| Kind::of(&Fields::parse(header)?))?;
         let data_length = rest.u32()?;
         Some(Record { kind, start, data_at: start + 8 + u64::from(length), data_length })
     }
@@ -171,5 +191,28 @@ mod tests {
         assert_eq!(fields.u32("conn"), None);
         assert_eq!(fields.get("o"), None);
         assert!(Fields::parse(&header[..header.len() - 1]).is_none());
+    }
+
+    #[test]
+    fn a_usual_message_is_the_same_by_its_three_fields_as_by_any() {
+        let field = |content: &[u8]| [&(content.len() as u32).to_le_bytes(), content].concat();
+        let (op, conn) = (field(b"op=\x02"), field(b"conn=\x07\0\x01\0"));
+        let time = field(b"time=\x05\0\0\0\x09\0\0\0");
+        let usual =
+            [[&op[..], &conn, &time].concat(), [&conn[..], &op, &time].concat(), [&time[..], &conn, &op].concat()];
+        for header in &usual {
+            let kind = Kind::usual_message(header);
+            assert_eq!(kind, Some(Kind::Message { connection: 0x1_0007, logged_ns: 5_000_000_009 }));
+            assert_eq!(kind, Fields::parse(header).and_then(|fields| Kind::of(&fields)));
+        }
+        let other_op = field(b"op=\x04");
+        let unusual = [
+            [&op[..], &op, &time].concat(),
+            [&op[..], &conn, &time, &conn].concat(),
+            [&op[..], &conn].concat(),
+            [&other_op[..], &conn, &time].concat(),
+            [&op[..], &conn, &field(b"time=\x05")].concat(),
+        ];
+        assert!(unusual.iter().all(|header| Kind::usual_message(header).is_none()));
     }
 }

@@ -68,28 +68,39 @@ impl Integers {
         self.values.push(value);
     }
 
-    fn as_floats(&self) -> Vec<f64> {
-        self.values.iter().map(|&i| i as f64).collect()
+    /// In the place of the integers: a column is not held twice.
+    fn into_floats(self) -> Vec<f64> {
+        self.values.into_iter().map(|i| i as f64).collect()
     }
 }
 
-/// Cells as they stand in the log, one behind the other.
+/// Cells as they stand in the log, each behind its length: seven bits a byte, the lowest first, and the eighth bit where
+/// more follow.
 #[derive(Debug, Default)]
-struct Written {
-    bytes: Vec<u8>,
-    ends: Vec<usize>,
-}
+struct Written(Vec<u8>);
 
 impl Written {
     fn push(&mut self, cell: &[u8]) {
-        self.bytes.extend_from_slice(cell);
-        self.ends.push(self.bytes.len());
+        let mut length = cell.len();
+        while length >= 0x80 {
+            self.0.push(length as u8 | 0x80);
+            length >>= 7;
+        }
+        self.0.push(length as u8);
+        self.0.extend_from_slice(cell);
     }
 
     fn texts(&self, decimal: Decimal) -> Vec<String> {
-        let starts = std::iter::once(&0).chain(&self.ends);
-        let cells = starts.zip(&self.ends).map(|(&start, &end)| self.bytes.get(start..end).unwrap_or_default());
-        cells.map(|cell| decimal.text(cell)).collect()
+        let mut rest = self.0.as_slice();
+        std::iter::from_fn(|| {
+            let length = rest.iter().position(|byte| byte & 0x80 == 0)? + 1;
+            let (digits, behind) = rest.split_at_checked(length)?;
+            let size = digits.iter().rev().fold(0, |size, byte| size << 7 | usize::from(byte & 0x7f));
+            let (cell, behind) = behind.split_at_checked(size)?;
+            rest = behind;
+            Some(decimal.text(cell))
+        })
+        .collect()
     }
 }
 
@@ -309,7 +320,7 @@ impl Cells {
     /// Appends a number, or a placeholder. Says whether it is a value.
     fn push_number(&mut self, value: Cell) -> bool {
         if let (Cells::Integers(integers), Cell::Float(_)) = (&mut *self, value) {
-            *self = Cells::Floats(integers.as_floats());
+            *self = Cells::Floats(std::mem::take(integers).into_floats());
         }
         match (self, value) {
             (Cells::Integers(v), Cell::Integer(i)) => v.push(i),
@@ -339,8 +350,11 @@ impl Cells {
             Cells::Text(v) => ColumnData::Text(v),
             Cells::Floats(v) => ColumnData::F64(v),
             Cells::Integers(v) if v.long => ColumnData::I64(v.values),
-            Cells::Integers(v) => ColumnData::F64(v.as_floats()),
-            Cells::Undecided(numbers, _) => numbers.finish(),
+            Cells::Integers(v) => ColumnData::F64(v.into_floats()),
+            Cells::Undecided(numbers, written) => {
+                drop(written);
+                numbers.finish()
+            }
         }
     }
 }
@@ -367,9 +381,11 @@ mod tests {
     #[test]
     fn cells_that_proved_text_are_those_that_were_written() {
         let mut column = Building::new("t", 0, Cells::undecided());
-        for (line, cell) in [&b"1,5"[..], b"", b"007", b"x"].into_iter().enumerate() {
+        let long = "9".repeat(40_000);
+        for (line, cell) in [&b"1,5"[..], b"", b"007", long.as_bytes(), &[b'8'; 128], b"x"].into_iter().enumerate() {
             column.push(cell, Decimal::Comma, line as u64);
         }
-        assert!(matches!(column.finish().data, ColumnData::Text(texts) if texts == ["1.5", "", "007", "x"]));
+        let ColumnData::Text(texts) = column.finish().data else { panic!("a column of numbers") };
+        assert_eq!(texts, ["1.5", "", "007", &long, &"8".repeat(128), "x"]);
     }
 }

@@ -49,6 +49,9 @@ pub(super) struct Walk<'w, 'c, V> {
     unknown: Tally,
     without_crc: u64,
     not_opened: u64,
+    /// Nothing is summed and some chunks stay closed: what nobody needs is not read.
+    jumps: bool,
+    opened: bool,
 }
 
 type Verdict = Result<Fate, String>;
@@ -64,6 +67,10 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     ) -> Walk<'w, 'c, V> {
         // Where the data section is known to have no checksum, chunks need not even be read.
         let data_crc = (summary.data_crc != Some(0)).then(crc32fast::Hasher::new);
+        let jumps = data_crc.is_none() && summary.chunks.iter().any(|chunk| !chunk.wanted);
+        if jumps {
+            file.expect_jumps();
+        }
         Walk {
             file,
             context,
@@ -83,6 +90,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             unknown: Tally::default(),
             without_crc: 0,
             not_opened: 0,
+            jumps,
+            opened: false,
         }
     }
 
@@ -166,6 +175,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
                 head.length,
                 self.context.limits.record_bytes
             ))),
+            op::MESSAGE_INDEX if self.jumps && self.opened && self.is_message_index(head)? => Ok(Ok(Fate::Structure)),
             opcode if is_defined(opcode) => self.plain(head),
             _ => self.undefined(head),
         }
@@ -179,6 +189,12 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             self.check_data(stated);
         }
         self.show(head, head.length)
+    }
+
+    /// By the frame alone, without its entries: of a chunk that was opened they tell nothing new.
+    fn is_message_index(&mut self, head: &Head) -> Result<bool, IngestError> {
+        let frame = self.file.peek::<6>(head.start + HEAD_BYTES)?;
+        Ok(frame.is_some_and(|frame| super::is_message_index(&frame, head.length)))
     }
 
     fn show(&mut self, head: &Head, length: u64) -> Result<Verdict, IngestError> {
@@ -227,6 +243,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         };
         if self.can_leave_closed(head) {
             self.visit.chunk(false);
+            self.opened = false;
             self.not_opened += 1;
             return Ok(Ok(Fate::Skipped));
         }
@@ -249,6 +266,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             return Ok(Err("the chunk's checksum is wrong".to_owned()));
         }
         self.visit.chunk(true);
+        self.opened = true;
         Ok(contents(inflated.bytes, self.visit, &mut self.unknown))
     }
 
