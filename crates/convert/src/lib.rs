@@ -15,4 +15,4 @@ mod sheet;
 pub use error::ConvertError;
 pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};
 pub use recover::{How, Recovered, RecoveredExtra, RecoveredTopic, recover};
-pub use sheet::{Cells, Sheet, SheetColumn, inert, write_csv, write_parquet};
+pub use sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet};

@@ -4,7 +4,7 @@ mod parquet;
 mod text;
 
 pub use parquet::write_parquet;
-pub use text::{inert, write_csv};
+pub use text::write_csv;
 
 /// Columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]

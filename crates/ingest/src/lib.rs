@@ -27,7 +27,7 @@ pub use bind::bind;
 pub use discover::{Discovery, FlightUnit, discover};
 pub use error::IngestError;
 pub use format::{
-    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
+    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader, inert,
 };
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};

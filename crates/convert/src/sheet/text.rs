@@ -1,7 +1,7 @@
 //! Sheets as CSV that a spreadsheet opens without running anything.
 
 use super::{Cells, Sheet};
-use std::borrow::Cow;
+use ingest::inert;
 use std::io::{self, Write};
 
 /// Writes a sheet: a header, then rows, comma, LF. Numbers are the shortest text that reads back to the same bits; absent
@@ -38,35 +38,9 @@ fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
     written.map_err(io::Error::other)
 }
 
-/// A text that no spreadsheet takes for a formula: one that could begin a formula gets a leading apostrophe, and so does
-/// one that begins with an apostrophe. Taking one leading apostrophe away gives the text back.
-#[must_use]
-pub fn inert(text: &str) -> Cow<'_, str> {
-    const BEGINS: [char; 13] = ['=', '+', '-', '@', '\t', '\r', '\n', '\0', '\'', '＝', '＋', '－', '＠'];
-    // A spreadsheet that trims spaces would see the formula behind them.
-    match text.trim_start_matches([' ', '\u{a0}', '\u{feff}']).starts_with(BEGINS) {
-        true => Cow::Owned(format!("'{text}")),
-        false => Cow::Borrowed(text),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn no_text_cell_begins_a_formula_and_every_name_can_be_restored() {
-        let begins = ["=", "+", "-", "@", "\t", "\r", "\n", "\0", "'", "＝", "＋", "－", "＠", " =", "\u{feff}="];
-        for begin in begins {
-            let name = format!("{begin}cmd|' /C calc'!A0");
-            let cell = inert(&name);
-            assert!(cell.starts_with('\''), "{cell}");
-            assert_eq!(cell.strip_prefix('\'').unwrap(), name);
-        }
-        for plain in ["swing-07.mcap", "a=b", "", "7"] {
-            assert_eq!(inert(plain), plain);
-        }
-    }
 
     #[test]
     fn numbers_read_back_to_the_same_bits_and_absent_cells_are_empty() {

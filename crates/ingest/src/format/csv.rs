@@ -2,9 +2,12 @@
 
 mod columns;
 mod fields;
+mod formula;
 mod layout;
 mod lines;
 mod novatel;
+
+pub use self::formula::inert;
 
 use self::columns::Topic;
 use self::fields::Fields;

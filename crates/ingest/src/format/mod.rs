@@ -15,8 +15,8 @@ mod ulog;
 mod unpack;
 
 pub use bag::BagReader;
-pub use csv::CsvReader;
 pub(crate) use csv::looks_like as looks_like_table;
+pub use csv::{CsvReader, inert};
 pub use dataflash::DataFlashReader;
 pub(crate) use dataflash::looks_like as looks_like_dataflash;
 pub use db3::Db3Reader;

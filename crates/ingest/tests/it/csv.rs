@@ -216,6 +216,15 @@ fn repeated_and_empty_names_become_unique_with_a_notice() {
 }
 
 #[test]
+fn names_and_texts_that_were_kept_from_being_formulas_come_back_as_they_were() {
+    let texts = ["=SUM(A1:A9)", "-5", "'quoted'", "@home", "plain"];
+    let rows: String = texts.iter().map(|text| format!("1.5,{}\n", ingest::inert(text))).collect();
+    let log = read(&format!("t,{}\n{rows}", ingest::inert("=n")));
+    let column = log.tables[0].column("=n").unwrap();
+    assert_eq!(texts.map(Some), [0, 1, 2, 3, 4].map(|row| column.text(row)));
+}
+
+#[test]
 fn what_is_no_table_is_refused_with_the_reason() {
     for (text, reason) in [
         (&b""[..], "empty"),

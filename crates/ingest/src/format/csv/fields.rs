@@ -1,5 +1,7 @@
 //! Splits a record into fields and reads numbers from them.
 
+use super::formula::restored;
+
 /// Stands for a delimiter that is any run of spaces and TABs.
 pub(super) const BLANKS: u8 = b' ';
 
@@ -113,9 +115,13 @@ impl Decimal {
         }
     }
 
-    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`.
+    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`. An apostrophe that kept it from being
+    /// a formula is taken away.
     pub(super) fn text(self, cell: &[u8]) -> String {
         let text = text_of(cell);
+        if cell.first() == Some(&b'\'') {
+            return restored(&text).to_owned();
+        }
         let one_comma = || text.bytes().filter(|b| *b == b',').count() == 1;
         let of_number = |b: u8| b.is_ascii_digit() || b"+-:,eETZ ".contains(&b);
         if self == Decimal::Comma && one_comma() && text.bytes().all(of_number) { text.replace(',', ".") } else { text }

@@ -1,6 +1,7 @@
 //! Finds the delimiter, the header and the units of a table from its first lines.
 
 use super::fields::{BLANKS, Cell, CommaCell, Decimal, Fields, comma_cell};
+use super::formula::restored;
 use super::lines::{Lines, Next};
 use super::novatel;
 use crate::error::IngestError;
@@ -279,7 +280,7 @@ pub(super) fn unique(named: Vec<String>) -> (Vec<String>, usize) {
     let mut renamed = 0;
     let mut names = Vec::with_capacity(named.len());
     for (index, name) in named.iter().enumerate() {
-        let plain = if echo { name.strip_prefix("field.").unwrap_or(name) } else { name };
+        let plain = if echo { name.strip_prefix("field.").unwrap_or(name) } else { restored(name) };
         let mut unique = if plain.is_empty() { format!("column_{}", index + 1) } else { plain.to_owned() };
         renamed += usize::from(plain.is_empty() || taken.contains(&unique));
         while !taken.insert(unique.clone()) {

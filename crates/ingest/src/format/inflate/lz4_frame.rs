@@ -7,6 +7,8 @@ use lz4_flex::block::decompress_into_with_dict;
 use xxhash_rust::xxh32::xxh32;
 
 const MAGIC: u32 = 0x184d_2204;
+/// Sixteen magic numbers, all but the last four bits: a frame of somebody else's data, behind its length.
+const SKIPPABLE: u32 = 0x184d_2a50;
 /// How far back a block may refer.
 const WINDOW: usize = 64 << 10;
 /// Set in the length of a block that is stored as it is.
@@ -53,24 +55,41 @@ impl Descriptor {
     }
 }
 
-/// Decompresses a frame that declares to become `declared` bytes, and never makes more of it. `out` grows as needed: up
-/// to `at_once` bytes in one go, beyond that with what arrives. Gives back how many of its bytes are filled, and what
-/// is wrong with the rest.
+/// Decompresses frames, one behind the other, that declare to become `declared` bytes together, and never makes more of
+/// them. `out` grows as needed: up to `at_once` bytes in one go, beyond that with what arrives. Gives back how many of
+/// its bytes are filled, and what is wrong with the rest.
 pub(super) fn decode(data: &[u8], declared: usize, at_once: usize, out: &mut Vec<u8>) -> (usize, Option<&'static str>) {
     let mut filled = 0;
-    let fault = blocks(data, declared, at_once, out, &mut filled).err();
-    (filled, fault)
+    let mut rest = Bytes(data);
+    loop {
+        if let Err(fault) = skip(&mut rest).unwrap_or_else(|| frame(&mut rest, declared, at_once, out, &mut filled)) {
+            return (filled, Some(fault));
+        }
+        if rest.0.is_empty() {
+            return (filled, None);
+        }
+    }
 }
 
-fn blocks(
-    data: &[u8],
+/// Steps over a frame that is not for us; `None` if there is none.
+fn skip(rest: &mut Bytes<'_>) -> Option<Result<(), &'static str>> {
+    let mut ahead = *rest;
+    ahead.u32().filter(|magic| magic & !0xf == SKIPPABLE)?;
+    let skipped = ahead.prefixed();
+    *rest = ahead;
+    Some(skipped.map(|_| ()).ok_or(CUT))
+}
+
+/// Takes one frame off the front of `rest`, and appends its content behind the `filled` bytes of `out`.
+fn frame(
+    rest: &mut Bytes<'_>,
     declared: usize,
     at_once: usize,
     out: &mut Vec<u8>,
     filled: &mut usize,
 ) -> Result<(), &'static str> {
-    let mut rest = Bytes(data);
-    let frame = Descriptor::read(&mut rest)?;
+    let start = *filled;
+    let frame = Descriptor::read(rest)?;
     loop {
         let word = rest.u32().ok_or(CUT)?;
         if word == 0 {
@@ -94,17 +113,51 @@ fn blocks(
             room.get_mut(..length).ok_or("a block longer than is declared")?.copy_from_slice(block);
             length
         } else {
-            let window = if frame.linked { before.len().min(WINDOW) } else { 0 };
+            let window = if frame.linked { (before.len() - start).min(WINDOW) } else { 0 };
             let dictionary = before.get(before.len() - window..).unwrap_or_default();
             decompress_into_with_dict(block, room, dictionary).map_err(|_| "a block cannot be decompressed")?
         };
     }
-    if frame.content_bytes.is_some_and(|stated| stated != *filled as u64) {
+    if frame.content_bytes.is_some_and(|stated| stated != (*filled - start) as u64) {
         return Err("the frame does not hold as many bytes as it states");
     }
-    let content = out.get(..*filled).unwrap_or_default();
+    let content = out.get(start..*filled).unwrap_or_default();
     if frame.content_checksum && rest.u32().ok_or(CUT)? != xxh32(content, 0) {
         return Err("the checksum of the frame is wrong");
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lz4::{BlockMode, ContentChecksum, EncoderBuilder};
+    use std::io::Write;
+
+    fn frame_of(content: &[u8], mode: BlockMode) -> Vec<u8> {
+        let mut builder = EncoderBuilder::new();
+        let builder = builder.block_mode(mode).checksum(ContentChecksum::ChecksumEnabled);
+        let mut encoder = builder.build(vec![]).unwrap();
+        encoder.write_all(content).unwrap();
+        encoder.finish().0
+    }
+
+    #[test]
+    fn frames_behind_the_first_are_read_and_those_of_others_stepped_over() {
+        let content: Vec<u8> = (0..200_000_u32).map(|i| (i / 3 % 251) as u8).collect();
+        let (first, second) = content.split_at(130_000);
+        let skippable = [&(SKIPPABLE | 7).to_le_bytes()[..], &3_u32.to_le_bytes(), b"abc"].concat();
+        for mode in [BlockMode::Independent, BlockMode::Linked] {
+            let data = [&skippable, &frame_of(first, mode.clone())[..], &skippable, &frame_of(second, mode)].concat();
+            let mut out = vec![];
+            assert_eq!(decode(&data, content.len(), 1 << 20, &mut out), (content.len(), None));
+            assert!(out[..content.len()] == content[..]);
+            // Nothing behind a frame is passed over in silence.
+            for tail in [&b"x"[..], &skippable[..9], &data[data.len() - 20..]] {
+                let data = [&data[..], tail].concat();
+                let (filled, fault) = decode(&data, content.len(), 1 << 20, &mut out);
+                assert!(filled == content.len() && fault.is_some(), "{fault:?}");
+            }
+        }
+    }
 }
