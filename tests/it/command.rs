@@ -2,6 +2,7 @@
 
 use crate::program::{flightlag, run, text};
 use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 #[test]
@@ -293,12 +294,16 @@ fn what_criteria_can_ask_is_listed_and_a_file_is_checked() {
     assert!(meant.starts_with("# mine.toml is right; criteria: ") && meant.contains("metric = \"delay\""), "{meant}");
 }
 
+/// The log of a campaign of one flight in this folder.
+fn one_flight(folder: &Path) -> PathBuf {
+    simulate::write_campaign(folder, 1, 20.0, 1).unwrap();
+    fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap()
+}
+
 #[test]
 fn what_is_good_of_a_cut_log_is_recovered_and_the_cut_ends_with_3() {
     let folder = tempfile::tempdir().unwrap();
-    simulate::write_campaign(folder.path(), 1, 20.0, 1).unwrap();
-    let log =
-        fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap();
+    let log = one_flight(folder.path());
     let (whole, out) = (folder.path().join("whole.mcap"), folder.path().join("cut.mcap"));
     let recover = |from: &std::path::Path, to: &std::path::Path, exit| {
         text(&run(["recover".as_ref(), from.as_os_str(), to.as_os_str()], exit).stdout)
@@ -316,9 +321,7 @@ fn what_is_good_of_a_cut_log_is_recovered_and_the_cut_ends_with_3() {
 #[test]
 fn channels_are_exported_as_every_kind_of_table() {
     let folder = tempfile::tempdir().unwrap();
-    simulate::write_campaign(folder.path(), 1, 20.0, 1).unwrap();
-    let log =
-        fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.extension().is_some()).unwrap();
+    let log = one_flight(folder.path());
     for (kind, place) in [("parquet", "position.gps.parquet"), ("csv", "position.gps.csv"), ("mcap", "")] {
         let out = folder.path().join(format!("out-{kind}"));
         let arguments =

@@ -6,5 +6,6 @@ mod agreement;
 mod bench;
 mod campaign;
 mod command;
+mod convert;
 mod program;
 mod real_logs;

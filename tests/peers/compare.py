@@ -13,7 +13,6 @@ import collections, contextlib, dataclasses, importlib, io, json, re, shutil, su
 from pathlib import Path
 
 DAMAGED = re.compile(r"trunc|bitflip|tailjunk|unindexed|corrupt|not_closed|with_padding")  # the last: no channel
-HUGE = 1 << 63  # our columns have no place for integers from here on: they are absent
 WHOLE, STRIDE = 2000, 4999  # of a longer array so many elements are compared, and one in so many of the others
 BATCH = 90_000  # bytes of field names in one request
 # What may differ: part of the log's path, part of the topic and field, why.
@@ -189,7 +188,7 @@ class Ours:
                 columns[column["path"]] = column["texts"]
             else:
                 there = self.take("u1", rows).astype(bool)
-                columns[column["path"]] = (there, self.take({"f64": "<f8", "i64": "<i8"}[column["kind"]], rows))
+                columns[column["path"]] = (there, self.take({"f64": "<f8", "i64": "<i8", "u64": "<u8"}[column["kind"]], rows))
         return rows, stamps, columns
 
     def take(self, kind, rows):
@@ -220,12 +219,11 @@ def unequal(ours, rows, values, my_order, their_order):
         pairs = zip([ours[i] for i in my_order], theirs[their_order])
         return next(((i, a, b) for i, (a, b) in enumerate(pairs) if a != b), None)
     there, mine = ours[0][my_order], ours[1][my_order]
-    fits = np.array([not is_huge(v) for v in values])
-    exact = np.asarray([v for v in values if not is_huge(v)])
-    if exact.dtype.kind not in "biuf" or (mine.dtype.kind == "i" and exact.dtype.kind == "f"):
+    exact = np.asarray(values)
+    if exact.dtype.kind not in "biuf" or (mine.dtype.kind in "iu" and exact.dtype.kind == "f"):
         return 0, mine.dtype.name, exact.dtype.name
     theirs, expected = np.zeros(total, mine.dtype), np.zeros(total, bool)
-    theirs[rows[fits]], expected[rows[fits]] = exact.astype(mine.dtype), True
+    theirs[rows], expected[rows] = exact.astype(mine.dtype), True
     theirs, expected = theirs[their_order], expected[their_order]
     same = theirs.view("u8") == mine.view("u8")
     if mine.dtype.kind == "f":
@@ -235,17 +233,13 @@ def unequal(ours, rows, values, my_order, their_order):
     return (int(wrong[0]), *shown) if len(wrong) else None
 
 
-def is_huge(value):
-    return isinstance(value, (int, np.integer)) and int(value) >= HUGE
-
-
 def by_time(stamps, rows):
     return np.argsort(np.asarray(stamps, np.int64), kind="stable") if len(stamps) == rows else np.arange(rows)
 
 
 def compare(dump, path, ours, peer, keeps_order):
     """How many values were compared; notes; differences."""
-    differences, values, huge = [], 0, 0
+    differences, values = [], 0
     theirs = {key: topic.messages for key, topic in peer.topics.items()}
     for key in sorted((+ours.counts).keys() | theirs.keys()):
         if ours.counts[key] != theirs.get(key, 0):
@@ -269,20 +263,19 @@ def compare(dump, path, ours, peer, keeps_order):
             if b and not np.array_equal(a[orders[0]], np.asarray(b, np.int64)[orders[1]]):
                 differences.append(f"{key}: {name} stamps differ")
         for name, (at, cells) in topic.columns.items() if key not in peer.undecoded else ():
-            values, huge = values + len(cells), huge + sum(map(is_huge, cells))
+            values += len(cells)
             if name in columns:
                 wrong = unequal(columns.pop(name), at, cells, *orders)
                 text = wrong and f"{key}.{name}: row {wrong[0]}: {wrong[1]!r}, the reader has {wrong[2]!r}"
             else:
-                text = not all(map(is_huge, cells)) and f"{key}.{name}: absent, the reader has {cells[0]!r}"
+                text = f"{key}.{name}: absent, the reader has {cells[0]!r}"
             differences += [text] * bool(text)
         if key not in peer.undecoded:
             differences += [f"{key}.{name}: a column that the reader does not have" for name in columns]
     why = next(iter(peer.undecoded.values()), "")
     notes = [f"{len(peer.undecoded)} topics by counts, first and last stamp only ({why[:80]})"] * bool(why)
-    notes += [f"{huge} integers from 2^63 on absent"] * bool(huge)
     notes += [f"{peer.not_compared} fields of bytes or elements of long arrays not compared"] * bool(peer.not_compared)
-    return values - huge, notes, differences
+    return values, notes, differences
 
 
 # The reader, its modules, ends of the names of its logs, how it reads, whether it keeps the order of the file.

@@ -156,10 +156,12 @@ impl From<WrittenSensor> for SensorIdentity {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WrittenChannels {
-    /// Late position, best first. Default: position.gps, position.ins, position.ekf.
+    /// Late position, best first. Default: position.gps, position.ins, position.ekf, position.precise,
+    /// position.posllh.
     #[schemars(with = "Option<Vec<String>>")]
     position: Option<Spanned<Vec<String>>>,
-    /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.gps.
+    /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.gps, velocity.xyz,
+    /// velocity.velned, velocity.vtg.
     #[schemars(with = "Option<Vec<String>>")]
     velocity: Option<Spanned<Vec<String>>>,
     /// Independent position to score against. Default: position.truth.
@@ -720,8 +722,9 @@ impl Checker<'_> {
     }
 
     fn channels(&self, written: WrittenChannels) -> Result<MeantChannels, PipelineError> {
-        let position = ["position.gps", "position.ins", "position.ekf"];
-        let velocity = ["velocity.ekf", "velocity.ins", "velocity.gps"];
+        let position = ["position.gps", "position.ins", "position.ekf", "position.precise", "position.posllh"];
+        let velocity =
+            ["velocity.ekf", "velocity.ins", "velocity.gps", "velocity.xyz", "velocity.velned", "velocity.vtg"];
         Ok(MeantChannels {
             position: self.names(written.position, "position", &position)?,
             velocity: self.names(written.velocity, "velocity", &velocity)?,
@@ -883,6 +886,38 @@ mod tests {
             "# a comment\n{SMALL}[replay]\nzoom_s = 20\nstart = \"warm\"\n[channels]\nreference = [\"position.truth\"]\n"
         );
         assert_eq!(parse(SMALL).unwrap().as_used(), parse(&spelled).unwrap().as_used());
+    }
+
+    #[test]
+    fn the_shipped_pipeline_says_the_defaults_that_it_claims() {
+        let shipped = Pipeline::shipped_default().unwrap().meant.channels;
+        assert_eq!(shipped, parse(SMALL).unwrap().meant.channels);
+    }
+
+    #[test]
+    fn the_default_takes_what_receivers_have_and_the_better_channel_where_there_are_two() {
+        let meant = Pipeline::shipped_default().unwrap().meant.channels;
+        let pair = |names: &[(&str, &str)]| {
+            let simulated = simulate::simulate(&simulate::LikeCase::A.settings(1)).unwrap().to_flight().unwrap();
+            let mut flight = Flight::default();
+            for (name, source) in names {
+                flight.channels.insert((*name).to_owned(), simulated.channels[*source].clone());
+            }
+            let picked = pick_pair(&flight, &meant.position, &meant.velocity).map(|pair| pair.map(|p| p.0.to_owned()));
+            picked.map_err(|refusal| refusal.to_string())
+        };
+        let (p, v) = ("position.gps", "velocity.gps");
+        for (position, velocity) in [
+            ("position.gps", "velocity.vtg"),
+            ("position.posllh", "velocity.velned"),
+            ("position.precise", "velocity.velned"),
+            ("position.ins", "velocity.xyz"),
+        ] {
+            let expected = Ok([position, velocity].map(str::to_owned));
+            assert_eq!(pair(&[(position, p), (velocity, v)]), expected);
+        }
+        let both = pair(&[("position.posllh", p), (p, p), ("velocity.velned", v), ("velocity.vtg", v), (v, v)]);
+        assert_eq!(both, Ok([p, v].map(str::to_owned)));
     }
 
     #[test]

@@ -20,6 +20,14 @@ pub enum ConvertError {
         /// What the system says.
         source: io::Error,
     },
+    /// The output is not one that may be written over. Nothing was touched.
+    #[error("{}: {what}", path.display())]
+    Refused {
+        /// The output.
+        path: PathBuf,
+        /// What it is.
+        what: String,
+    },
     /// There is nothing that could be written.
     #[error("{0}")]
     Nothing(String),

@@ -1,19 +1,27 @@
 //! Channels or topics of a log as tables.
 
+mod channel_sheet;
+mod folder;
+
+use self::folder::Folder;
 use crate::error::ConvertError;
+use crate::guard::may_write;
 use crate::message_type::MessageType;
 use crate::output::Output;
 use crate::recording::{Entry, Recording};
-use crate::sheet::{Cells, Sheet, write_csv, write_parquet};
-use flight::{Binding, Channel, Flight, LogHealth, Notices, Quantity, Stamp};
-use ingest::{Column, ColumnData, Extra, FlightUnit, MapLibrary, ReadContext, Selection, Table, TopicInfo, load};
+use crate::row_time::{self, LogTime, LogTimes, RowTime};
+use crate::sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet_about};
+use flight::{Binding, Channel, Clock, Flight, LogHealth, Notices, Severity, UtcTie};
+use ingest::{
+    Column, ColumnData, Extra, FlightUnit, LeftOut, Log, MapLibrary, ReadContext, Selection, Table, TopicInfo, load,
+};
 use serde_json::{Value, json};
-use std::collections::BTreeSet;
-use std::io::{self, BufWriter, Write};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::path::Path;
 
-/// Written last: a folder with it is whole.
-const PROVENANCE: &str = "provenance.json";
+/// Name of the metadata in an MCAP and in Parquet.
+const METADATA: &str = "flightlag-export";
 
 /// What is exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,32 +86,55 @@ pub struct ExportedSheet {
     pub columns: u64,
 }
 
+/// What is said of columns, by their names.
+type About = BTreeMap<String, Value>;
+
 /// A sheet with where it came from.
 struct Source {
     name: String,
     sheet: Sheet,
+    columns: About,
     about: Value,
+    /// When each row was, as an MCAP has it, ns, and what that is.
+    log_time: Vec<i64>,
+    log_time_how: String,
 }
 
-/// Writes channels or topics. Tables of an earlier export in the folder are removed, other files stay. Beside tables stands `provenance.json` with the log's hashes, the map, units, clocks and
-/// all notices; an MCAP holds the same as metadata `flightlag-export`.
+/// What was read for an export.
+struct Read {
+    sources: Vec<Source>,
+    health: LogHealth,
+    notices: Notices,
+    binding: Option<Binding>,
+    /// UTC of a clock of the log that does not know it.
+    utc: Option<UtcTie>,
+}
+
+/// Writes channels or topics. Beside tables stands `provenance.json` with the log's hashes, the map, units, clocks and all
+/// notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part under that key. The log's own
+/// clock stays as it is; where UTC of it is known, tables have it beside, in `utc_ns`, and an MCAP as its log time.
+///
+/// The files of an export appear together. Tables of an earlier export in the folder are removed, other files stay.
 ///
 /// # Errors
-/// [`ConvertError::Log`], [`ConvertError::Nothing`] if no map fits or nothing was decoded, [`ConvertError::Write`].
+/// [`ConvertError::Log`], [`ConvertError::Nothing`] if no map fits or nothing was decoded, [`ConvertError::Refused`] if an
+/// output is a file of the log or no plain file, [`ConvertError::Write`]. Nothing of this export is left then.
 pub fn export(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Exported, ConvertError> {
-    let (sources, health, notices, binding) = match order.what {
+    if order.to == ExportTo::Mcap {
+        may_write(order.out, &order.unit.files)?;
+    }
+    let mut read = match order.what {
         ExportWhat::Channels => channels(order, context)?,
         ExportWhat::Topics => topics(order, context)?,
     };
-    if sources.is_empty() {
+    if read.sources.is_empty() {
         let what = format!("{}: nothing in it could be decoded", order.unit.id);
         return Err(ConvertError::Nothing(what));
     }
-    let places = places(&sources, order.to);
-    let provenance = provenance(order, &sources, &places, &health, &notices, binding.as_ref())?;
+    let places = places(&read.sources, order.to);
     match order.to {
-        ExportTo::Parquet | ExportTo::Csv => write_folder(order, &sources, &places, &provenance)?,
-        ExportTo::Mcap => write_mcap(order, &sources, &places, &provenance)?,
+        ExportTo::Parquet | ExportTo::Csv => write_folder(order, &read, &places, context)?,
+        ExportTo::Mcap => write_mcap(order, &mut read, &places, context)?,
     }
     let sheet = |(source, place): (&Source, &String)| ExportedSheet {
         name: source.name.clone(),
@@ -111,10 +142,9 @@ pub fn export(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Expo
         rows: source.sheet.rows() as u64,
         columns: source.sheet.columns.len() as u64,
     };
-    Ok(Exported { sheets: sources.iter().zip(&places).map(sheet).collect(), health, notices })
+    let sheets = read.sources.iter().zip(&places).map(sheet).collect();
+    Ok(Exported { sheets, health: read.health, notices: read.notices })
 }
-
-type Read = (Vec<Source>, LogHealth, Notices, Option<Binding>);
 
 fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, ConvertError> {
     let loaded = load(order.unit, order.library, order.map, context)?;
@@ -124,72 +154,54 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
             order.unit.id
         ))
     })?;
-    let Flight { channels, notices, .. } = loaded.flight;
-    let source = |(name, channel): (&String, &Channel)| Source {
-        name: name.clone(),
-        sheet: channel_sheet(channel),
-        about: json!({
-            "quantity": channel.quantity,
-            "topic": channel.source.topic,
-            "type": channel.source.type_name,
-            "fields": channel.source.fields,
-            "clock": channel.series.timeline().clock(),
-            "stamps": channel.series.timeline().kind(),
-        }),
-    };
-    Ok((channels.iter().map(source).collect(), loaded.health, notices, Some(binding)))
+    let Flight { channels, notices, utc } = loaded.flight;
+    let source = |(name, channel): (&String, &Channel)| channel_sheet::source(name, channel, utc.as_ref());
+    let sources = channels.iter().map(source).collect();
+    Ok(Read { sources, health: loaded.health, notices, binding: Some(binding), utc })
 }
 
 fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, ConvertError> {
-    let log = ingest::open(order.unit).read(&|_: &TopicInfo| Selection::All, context)?;
-    let source = |table: &Table| Source {
-        name: table.topic.name.clone(),
-        sheet: table_sheet(table),
-        about: json!({ "type": table.topic.type_name, "encoding": table.topic.encoding }),
-    };
-    Ok((log.tables.iter().map(source).collect(), log.health, log.notices, None))
+    let mut log = ingest::open(order.unit).read(&|_: &TopicInfo| Selection::All, context)?;
+    note_left_out(&mut log);
+    let log_times = row_time::of_log(&log, order.library)?;
+    log_times.note_run_on(&mut log.notices);
+    let LogTimes { tables: times, utc, .. } = log_times;
+    if order.to == ExportTo::Mcap {
+        let log_times: Vec<LogTime> = times.iter().map(RowTime::in_utc).collect();
+        let names = log.tables.iter().map(|table| table.topic.name.as_str());
+        row_time::tell(names.zip(&log_times), &mut log.notices);
+    }
+    let source = |(table, time): (&Table, &RowTime)| topic_source(table, time, order.to);
+    let sources = log.tables.iter().zip(&times).map(source).collect();
+    Ok(Read { sources, health: log.health, notices: log.notices, binding: None, utc })
 }
 
-/// Stamps, seconds since the first, components with their units, and 1 where a value was held since an earlier row.
-fn channel_sheet(channel: &Channel) -> Sheet {
-    let mut sheet = Sheet::default();
-    let timeline = channel.series.timeline();
-    let nanos = |stamps: &[Stamp]| Cells::I64(stamps.iter().map(|s| Some(s.0)).collect());
-    sheet.push(format!("{}_ns", timeline.kind()), nanos(timeline.stamps()));
-    let origin = timeline.first().unwrap_or(Stamp(0));
-    sheet.push("t_s", Cells::F64(timeline.seconds_since(origin).into_iter().map(Some).collect()));
-    for (kind, _, stamps) in &channel.other_stamps {
-        sheet.push(format!("{kind}_ns"), nanos(stamps));
+/// Says which fields are in no column; of very many topics the first, and the number of the others.
+fn note_left_out(log: &mut Log) {
+    const LISTED: usize = 200;
+    const CODE: &str = "fields-left-out";
+    for LeftOut { topic, fields, names } in log.left_out.iter().take(LISTED) {
+        let text = format!("fields without a column, for their length is not fixed or too great: {names}");
+        log.notices.push(Severity::Warning, CODE, format!("topic {topic}"), *fields, text);
     }
-    let components = channel.quantity.components().iter().zip(&channel.present).enumerate();
-    for (k, (name, _)) in components.filter(|(_, (_, present))| **present) {
-        let (unit, scale) = unit(channel.quantity, name);
-        let values = channel.series.component(k).iter().map(|x| Some(x * scale)).collect();
-        sheet.push(format!("{name}{unit}"), Cells::F64(values));
-    }
-    if channel.is_held() {
-        sheet.push("held", Cells::I64(channel.held.iter().map(|h| Some(i64::from(*h))).collect()));
-    }
-    sheet
-}
-
-/// The end of a component's name, and what its SI value is multiplied by.
-fn unit(quantity: Quantity, component: &str) -> (&'static str, f64) {
-    match (quantity, component) {
-        (Quantity::PositionGeodetic, "latitude" | "longitude") => ("_deg", 180.0 / std::f64::consts::PI),
-        (Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::Height, _) => ("_m", 1.0),
-        (Quantity::VelocityNed, _) => ("_mps", 1.0),
-        (Quantity::AngularRate, _) => ("_radps", 1.0),
-        (Quantity::SpecificForce, _) => ("_mps2", 1.0),
-        (Quantity::MagneticField, _) => ("_nt", 1e9),
-        (Quantity::EncoderAngle, _) => ("_rad", 1.0),
-        (Quantity::Pulse, _) => ("_s", 1.0),
-        _ => ("", 1.0),
+    let others = log.left_out.len().saturating_sub(LISTED) as u64;
+    if others > 0 {
+        log.notices.push(Severity::Warning, CODE, "", others, "more topics have fields without a column");
     }
 }
 
-/// The container's stamps, then the fields by their own names.
-fn table_sheet(table: &Table) -> Sheet {
+fn topic_source(table: &Table, time: &RowTime, to: ExportTo) -> Source {
+    let LogTime { nanos: log_time, how: log_time_how, .. } = time.in_utc();
+    let utc = time.utc_beside().map(|_| log_time_how.as_str());
+    let about = json!({ "type": table.topic.type_name, "encoding": table.topic.encoding, "utc": utc });
+    let mut columns = About::new();
+    let sheet = table_sheet(table, time, to, &mut columns);
+    Source { name: table.topic.name.clone(), sheet, columns, about, log_time, log_time_how }
+}
+
+/// The container's stamps, UTC where they do not say it, then the fields by their own names.
+fn table_sheet(table: &Table, time: &RowTime, to: ExportTo, about: &mut About) -> Sheet {
+    const UTC: &str = "utc_ns";
     let mut sheet = Sheet::default();
     let mut taken = BTreeSet::new();
     let nanos = |stamps: &[i64]| Cells::I64(stamps.iter().copied().map(Some).collect());
@@ -199,8 +211,15 @@ fn table_sheet(table: &Table) -> Sheet {
     if let Some(published) = &table.published_ns {
         sheet.push(free(&mut taken, "published_ns", str::to_owned), nanos(published));
     }
+    if let Some(utc) = time.utc_beside().filter(|_| table.column(UTC).is_none()) {
+        let name = free(&mut taken, UTC, str::to_owned);
+        about.insert(name.clone(), json!({ "unit": "ns", "clock": Clock::Unix, "added": true }));
+        sheet.push(name, Cells::I64(utc.to_vec()));
+    }
     for column in &table.columns {
-        sheet.push(free(&mut taken, &column.path, str::to_owned), cells(column, table.rows));
+        let cells = cells(column, table.rows);
+        let cells = if to == ExportTo::Csv { cells.whole() } else { cells };
+        sheet.push(free(&mut taken, &column.path, str::to_owned), cells);
     }
     sheet
 }
@@ -209,6 +228,7 @@ fn cells(column: &Column, rows: usize) -> Cells {
     match column.data {
         ColumnData::F64(_) => Cells::F64((0..rows).map(|row| column.number(row)).collect()),
         ColumnData::I64(_) => Cells::I64((0..rows).map(|row| column.integer(row)).collect()),
+        ColumnData::U64(_) => Cells::U64((0..rows).map(|row| column.unsigned(row)).collect()),
         ColumnData::Text(_) => Cells::Text((0..rows).map(|row| column.text(row).map(str::to_owned)).collect()),
     }
 }
@@ -263,14 +283,7 @@ fn is_device(stem: &str) -> bool {
     matches!(first.as_str(), "con" | "prn" | "aux" | "nul") || numbered("com") || numbered("lpt")
 }
 
-fn provenance(
-    order: &ExportOrder<'_>,
-    sources: &[Source],
-    places: &[String],
-    health: &LogHealth,
-    notices: &Notices,
-    binding: Option<&Binding>,
-) -> Result<Value, ConvertError> {
+fn provenance(order: &ExportOrder<'_>, read: &Read, places: &[String]) -> Result<Value, ConvertError> {
     let input = |path: &Path| -> io::Result<Value> {
         let mut hash = blake3::Hasher::new();
         let bytes = io::copy(&mut std::fs::File::open(path)?, &mut hash)?;
@@ -284,82 +297,75 @@ fn provenance(
         .map(|path| input(path).map_err(ConvertError::write(path, "read")))
         .collect::<Result<_, _>>()?;
     let sheet = |(source, place): (&Source, &String)| {
-        json!({
+        let mut sheet = json!({
             "name": source.name,
             "place": place,
             "rows": source.sheet.rows(),
-            "columns": source.sheet.columns.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
+            "columns": source.sheet.columns.iter().map(|c| about_column(c, &source.columns)).collect::<Vec<_>>(),
             "from": source.about,
-        })
+        });
+        if order.to == ExportTo::Mcap {
+            sheet["log_time"] = source.log_time_how.as_str().into();
+        }
+        sheet
     };
     Ok(json!({
         "made_by": concat!("flightlag ", env!("CARGO_PKG_VERSION")),
         "command": order.command,
         "inputs": inputs,
-        "format": health.format,
-        "bytes": health.bytes,
-        "damage": health.damage,
-        "map": binding.map(|b| json!({ "name": b.map, "why": b.why })),
-        "sheets": sources.iter().zip(places).map(sheet).collect::<Vec<_>>(),
-        "notices": notices,
+        "format": read.health.format,
+        "bytes": read.health.bytes,
+        "damage": read.health.damage,
+        "map": read.binding.as_ref().map(|b| json!({ "name": b.map, "why": b.why })),
+        "utc": read.utc.as_ref().map(about_tie),
+        "sheets": read.sources.iter().zip(places).map(sheet).collect::<Vec<_>>(),
+        "notices": read.notices,
     }))
+}
+
+/// A column's name, and what is known of it.
+fn about_column(column: &SheetColumn, about: &About) -> Value {
+    let mut said = about.get(&column.name).cloned().unwrap_or_else(|| json!({}));
+    said["name"] = column.name.as_str().into();
+    said
+}
+
+/// How a clock is tied to UTC, and how well.
+pub(crate) fn about_tie(tie: &UtcTie) -> Value {
+    let mut about = json!(tie);
+    about["uncertainty_s"] = (tie.spread_s.p99 - tie.spread_s.p01).into();
+    about["remark"] =
+        "utc_ns = the clock's ns + offset_ns. uncertainty_s is the spread of the pairs, percentiles 1 to 99; \
+                       the delay of the messages that say UTC, as a rule 0.1 to 0.3 s, comes on top."
+            .into();
+    about
 }
 
 fn write_folder(
     order: &ExportOrder<'_>,
-    sources: &[Source],
+    read: &Read,
     places: &[String],
-    provenance: &Value,
+    context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
-    std::fs::create_dir_all(order.out).map_err(ConvertError::write(order.out, "make this folder"))?;
-    remove_earlier(order.out)?;
-    for (source, place) in sources.iter().zip(places) {
-        write_file(&order.out.join(place), |file| match order.to {
+    let mut folder = Folder::begin(order.out, places, &order.unit.files)?;
+    let provenance = provenance(order, read, places)?;
+    for (number, (source, place)) in read.sources.iter().zip(places).enumerate() {
+        context.advance(0)?;
+        folder.write(place, |file| match order.to {
             ExportTo::Csv => write_csv(&source.sheet, file),
-            _ => caught(|| write_parquet(&source.sheet, file)),
+            _ => caught(|| write_parquet_about(&source.sheet, &of_sheet(&provenance, number), file)),
         })?;
     }
-    write_file(&order.out.join(PROVENANCE), |file| {
-        serde_json::to_writer_pretty(&mut *file, provenance)?;
-        file.write_all(b"\n")
-    })
+    folder.keep(&provenance)
 }
 
-/// Whether this can be a table that was exported: [`file_stem`] and [`free`] leave nothing that leads elsewhere.
-fn is_table(stem: &str, ending: &str) -> bool {
-    let plain = |c: char| c.is_ascii_alphanumeric() || ".-_~".contains(c);
-    ["csv", "parquet"].contains(&ending) && !stem.starts_with('.') && stem.chars().all(plain)
-}
-
-/// The tables of an earlier export would look like part of this one. Only what its provenance lists goes, and only
-/// tables in this folder.
-fn remove_earlier(folder: &Path) -> Result<(), ConvertError> {
-    let provenance = folder.join(PROVENANCE);
-    let Ok(text) = std::fs::read_to_string(&provenance) else { return Ok(()) };
-    let earlier: Value = serde_json::from_str(&text).unwrap_or_default();
-    std::fs::remove_file(&provenance).map_err(ConvertError::write(&provenance, "remove"))?;
-    for sheet in earlier["sheets"].as_array().into_iter().flatten() {
-        let Some((stem, ending)) = sheet["place"].as_str().and_then(|place| place.rsplit_once('.')) else { continue };
-        let table = folder.join(format!("{stem}.{ending}"));
-        if !is_table(stem, ending) {
-            continue;
-        }
-        match std::fs::remove_file(&table) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(ConvertError::write(&table, "remove")(e)),
-            _ => {}
-        }
+/// The part of the provenance that belongs to one sheet.
+fn of_sheet(provenance: &Value, number: usize) -> Vec<(String, String)> {
+    let mut part = json!({ "sheet": provenance["sheets"][number] });
+    for key in ["made_by", "command", "inputs", "map", "utc"] {
+        part[key] = provenance[key].clone();
     }
-    Ok(())
-}
-
-fn write_file(
-    path: &Path,
-    fill: impl FnOnce(&mut BufWriter<std::fs::File>) -> io::Result<()>,
-) -> Result<(), ConvertError> {
-    let output = Output::begin(path)?;
-    let mut file = BufWriter::new(output.file()?);
-    fill(&mut file).and_then(|()| file.flush()).map_err(ConvertError::write(path, "write"))?;
-    output.keep()
+    vec![(METADATA.to_owned(), part.to_string())]
 }
 
 /// A panic within polars is an error.
@@ -370,39 +376,45 @@ fn caught(work: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
 
 fn write_mcap(
     order: &ExportOrder<'_>,
-    sources: &[Source],
+    read: &mut Read,
     places: &[String],
-    provenance: &Value,
+    context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
     let output = Output::begin(order.out)?;
     let mut recording = Recording::begin(order.out, output.file()?, "")?;
-    let entries = [("provenance".to_owned(), provenance.to_string())].into();
-    recording.extra(&Extra::Metadata { name: "flightlag-export", entries: &entries })?;
-    for (source, place) in sources.iter().zip(places) {
-        write_topic(&mut recording, source, place)?;
+    for (source, place) in read.sources.iter().zip(places) {
+        context.advance(0)?;
+        write_topic(&mut recording, source, place, &mut read.notices)?;
     }
+    recording.note_before_epoch(&mut read.notices);
+    // Behind the messages: it says what was found while they were written.
+    let entries = [("provenance".to_owned(), provenance(order, read, places)?.to_string())].into();
+    recording.extra(&Extra::Metadata { name: METADATA, entries: &entries })?;
     recording.end()?;
     output.keep()
 }
 
-/// Rows are logged at their first stamp; rows without one at 0.
-fn write_topic(recording: &mut Recording, source: &Source, place: &str) -> Result<(), ConvertError> {
-    let stamps = source.sheet.columns.iter().find_map(|c| match &c.cells {
-        Cells::I64(v) if c.name.ends_with("_ns") => Some(v),
-        _ => None,
-    });
+fn write_topic(
+    recording: &mut Recording,
+    source: &Source,
+    place: &str,
+    notices: &mut Notices,
+) -> Result<(), ConvertError> {
     let table = as_table(&source.sheet, TopicInfo { name: place.to_owned(), ..TopicInfo::default() });
     let kind = MessageType::of(&table);
+    kind.note_absent(notices);
     let topic = kind.topic();
+    let said = [("log_time".to_owned(), source.log_time_how.clone())].into();
+    recording.extra(&Extra::OfTopic { topic: place, entries: &said })?;
     let mut payload = vec![];
-    for row in 0..table.rows {
+    for (row, logged_ns) in source.log_time.iter().enumerate() {
         kind.payload(row, &mut payload);
         recording.write(&Entry {
             topic: &topic,
             encoding: "cdr",
             schema_encoding: "ros2msg",
             schema: kind.definition(),
-            logged_ns: stamps.and_then(|s| s.get(row).copied().flatten()).unwrap_or_default(),
+            logged_ns: *logged_ns,
             published_ns: None,
             payload: &payload,
         })?;
@@ -411,9 +423,10 @@ fn write_topic(recording: &mut Recording, source: &Source, place: &str) -> Resul
 }
 
 fn as_table(sheet: &Sheet, topic: TopicInfo) -> Table {
-    let column = |c: &crate::sheet::SheetColumn| {
+    let column = |c: &SheetColumn| {
         let (data, valid) = match &c.cells {
             Cells::I64(v) => (ColumnData::I64(v.iter().map(|x| x.unwrap_or_default()).collect()), validity(v)),
+            Cells::U64(v) => (ColumnData::U64(v.iter().map(|x| x.unwrap_or_default()).collect()), validity(v)),
             Cells::F64(v) => (ColumnData::F64(v.iter().map(|x| x.unwrap_or(f64::NAN)).collect()), validity(v)),
             Cells::Text(v) => {
                 (ColumnData::Text(v.iter().map(|x| x.clone().unwrap_or_default()).collect()), validity(v))

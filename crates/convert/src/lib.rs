@@ -2,14 +2,17 @@
 //!
 //! [`recover`] writes what is good of a damaged log as MCAP, message by message as it stood in the log.
 //! [`export`] writes bound channels, or every topic, as Parquet, CSV or MCAP. Both write to a temporary name and rename:
-//! an output is absent, the old one, or the new one, whole. What was recovered is read again before it is called done.
+//! an output is absent, the old one, or the new one, whole. What was recovered is read again before it is called done. The
+//! log is only read: an output that is one of its files is refused, and so is one that is no plain file.
 
 mod error;
 mod export;
+mod guard;
 mod message_type;
 mod output;
 mod recording;
 mod recover;
+mod row_time;
 mod sheet;
 
 pub use error::ConvertError;

@@ -1,5 +1,6 @@
 //! A table as messages of ROS 2: a definition (`ros2msg`), and each row as CDR.
 
+use flight::{Notices, Severity};
 use ingest::{Column, ColumnData, Table, TopicInfo};
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -9,7 +10,7 @@ pub(crate) struct MessageType<'t> {
     table: &'t Table,
     definition: String,
     /// Values that the log does not have although the column does; text and integers get a placeholder.
-    pub(crate) absent: u64,
+    absent: u64,
 }
 
 impl<'t> MessageType<'t> {
@@ -21,6 +22,7 @@ impl<'t> MessageType<'t> {
             let kind = match column.data {
                 ColumnData::F64(_) => "float64",
                 ColumnData::I64(_) => "int64",
+                ColumnData::U64(_) => "uint64",
                 ColumnData::Text(_) => "string",
             };
             let name = field_name(&column.path, &mut taken);
@@ -42,6 +44,20 @@ impl<'t> MessageType<'t> {
         }
     }
 
+    /// Says that placeholders were written.
+    pub(crate) fn note_absent(&self, notices: &mut Notices) {
+        if self.absent > 0 {
+            let text = "values that the log does not have were written as NaN, 0 or empty text";
+            notices.push(
+                Severity::Info,
+                "absent-values",
+                format!("topic {}", self.table.topic.name),
+                self.absent,
+                text,
+            );
+        }
+    }
+
     pub(crate) fn definition(&self) -> &[u8] {
         self.definition.as_bytes()
     }
@@ -54,6 +70,7 @@ impl<'t> MessageType<'t> {
             match &column.data {
                 ColumnData::F64(_) => number(out, column.number(row).unwrap_or(f64::NAN).to_le_bytes()),
                 ColumnData::I64(_) => number(out, column.integer(row).unwrap_or_default().to_le_bytes()),
+                ColumnData::U64(_) => number(out, column.unsigned(row).unwrap_or_default().to_le_bytes()),
                 ColumnData::Text(_) => text(out, column, row),
             }
         }

@@ -1,6 +1,7 @@
 //! An MCAP that is written message by message, and what was put into it.
 
 use crate::error::ConvertError;
+use flight::{Notices, Severity};
 use ingest::{Extra, TopicInfo};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
@@ -98,7 +99,7 @@ pub(crate) struct Recording {
     /// Topics of which the log says more than one thing: the first one stands.
     pub(crate) several: BTreeSet<String>,
     /// Stamps before 1970, which MCAP does not know: written as 0.
-    pub(crate) before_epoch: u64,
+    before_epoch: u64,
 }
 
 impl Recording {
@@ -186,6 +187,14 @@ impl Recording {
             Some(known) if known != entries => _ = self.several.insert(topic.to_owned()),
             Some(_) => {}
             None => _ = self.of_topics.insert(topic.to_owned(), entries.clone()),
+        }
+    }
+
+    /// Says that stamps before 1970 were written as 0.
+    pub(crate) fn note_before_epoch(&self, notices: &mut Notices) {
+        if self.before_epoch > 0 {
+            let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
+            notices.push(Severity::Warning, "before-1970", "", self.before_epoch, text);
         }
     }
 

@@ -1,14 +1,18 @@
 //! What is good of a log, as MCAP.
 
 use crate::error::ConvertError;
+use crate::export::about_tie;
+use crate::guard::may_write;
 use crate::message_type::MessageType;
 use crate::output::Output;
 use crate::recording::{Content, Entry, Recording, Tally};
+use crate::row_time::{self, LogTime, RowTime};
 use flight::{LogHealth, Notices, Severity};
 use ingest::{
-    Extra, FlightUnit, LogKind, LogReader, McapReader, MessageSink, RawMessage, ReadContext, Select, Selection, Table,
-    TopicInfo,
+    Extra, FlightUnit, LogKind, LogReader, MapLibrary, McapReader, MessageSink, RawMessage, ReadContext, Select,
+    Selection, Table, TopicInfo,
 };
+use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -69,28 +73,36 @@ impl Recovered {
 
 /// Writes every intact message of a log to `out`, reads it again and compares counts and bytes.
 ///
-/// MCAP, ROS 1 and ROS 2 bags are copied message by message with their definitions; ULog, DataFlash and the like
-/// become one typed topic each. Attachments, metadata and what is said of topics are carried over; parameters, information
+/// MCAP, ROS 1 and ROS 2 bags are copied message by message with their definitions; the topics of other formats
+/// become one typed topic each. Their rows keep their order and the log's own stamps, which run on where a count of 32 bits
+/// began anew. Rows that nobody logged (a receiver's own output, tables of text) have the best time that they hold
+/// themselves, UTC where `library` says how, or if there is none their place in the log; a notice says which. Attachments, metadata and what is said of topics are carried over; parameters, information
 /// and texts of a ULog become metadata. Metadata `flightlag-recover` say where it all came from and what was lost on the
 /// way. Damage of the log is no error.
 ///
 /// # Errors
-/// [`ConvertError::Log`] if nothing of the log can be used, [`ConvertError::Nothing`] for tables of text and for a log
-/// without a message, [`ConvertError::Write`], [`ConvertError::ReadsBackDifferently`]. Nothing is left at `out` then,
-/// or what was there before.
-pub fn recover(unit: &FlightUnit, out: &Path, context: &ReadContext<'_>) -> Result<Recovered, ConvertError> {
-    if matches!(unit.kind, LogKind::Csv | LogKind::Nmea) {
-        let text = "text needs no recovery: bad lines are left out one by one, and `flightlag inspect` lists them";
-        return Err(ConvertError::Nothing(format!("{}: {text}. `flightlag export` writes the good ones", unit.id)));
-    }
-    refuse_input(unit, out)?;
+/// [`ConvertError::Refused`] if `out` is a file of the log or no plain file, [`ConvertError::Log`] if nothing of the log can
+/// be used, [`ConvertError::Nothing`] for a log without a message, [`ConvertError::Write`],
+/// [`ConvertError::ReadsBackDifferently`]. Nothing is left at `out` then, or what was there before.
+pub fn recover(
+    unit: &FlightUnit,
+    library: &MapLibrary,
+    out: &Path,
+    context: &ReadContext<'_>,
+) -> Result<Recovered, ConvertError> {
+    may_write(out, &unit.files)?;
     let output = Output::begin(out)?;
     let taker = Taker::new(Recording::begin(out, output.file()?, profile(unit.kind))?);
     let mut log = ingest::open(unit).read(&taker, context)?;
     let mut recording = taker.into_recording()?;
     let how = if log.tables.is_empty() { How::Copied } else { How::Rewritten };
-    let mut notices = log.notices;
-    write_tables(&log.tables, &mut recording, &mut notices)?;
+    let mut notices = std::mem::take(&mut log.notices);
+    let times = if how == How::Rewritten { Some(row_time::of_log(&log, library)?) } else { None };
+    times.iter().for_each(|t| t.note_run_on(&mut notices));
+    let log_times: Vec<LogTime> = times.iter().flat_map(|t| &t.tables).map(RowTime::as_logged).collect();
+    let names = log.tables.iter().map(|table| table.topic.name.as_str());
+    let said_of_times = row_time::tell(names.zip(&log_times), &mut notices);
+    write_tables(&log.tables, &log_times, &mut recording, &mut notices)?;
     log.tables.clear();
     if recording.content.topics.is_empty() && recording.content.extras.is_empty() {
         return Err(ConvertError::Nothing(format!("{}: no intact message in it", unit.id)));
@@ -98,8 +110,13 @@ pub fn recover(unit: &FlightUnit, out: &Path, context: &ReadContext<'_>) -> Resu
     let topics = topics(&log.health, &recording.content, &mut notices);
     let extras = extras(&recording.content);
     note_rest(&recording, &mut notices);
-    recording
-        .extra(&Extra::Metadata { name: "flightlag-recover", entries: &provenance(unit, &log.health, &notices) })?;
+    let mut entries = provenance(unit, &log.health, &notices);
+    if let Some(times) = &times {
+        let json = |value: Value| value.to_string();
+        entries.insert("log_time".to_owned(), json(json!(said_of_times)));
+        entries.insert("utc".to_owned(), json(json!(times.utc.as_ref().map(about_tie))));
+    }
+    recording.extra(&Extra::Metadata { name: "flightlag-recover", entries: &entries })?;
     let written = recording.end()?;
     check(output.written(), out, &written, context)?;
     let bytes = std::fs::metadata(output.written()).map_err(ConvertError::write(out, "look at"))?.len();
@@ -121,15 +138,6 @@ fn provenance(unit: &FlightUnit, health: &LogHealth, notices: &Notices) -> BTree
         ("notices", json(serde_json::to_string(notices))),
     ];
     entries.map(|(key, value)| (key.to_owned(), value)).into()
-}
-
-/// The log itself is never written over.
-fn refuse_input(unit: &FlightUnit, out: &Path) -> Result<(), ConvertError> {
-    let same = |file: &Path| out.canonicalize().is_ok_and(|o| file.canonicalize().is_ok_and(|f| f == o));
-    if unit.files.iter().any(|f| same(f)) {
-        return Err(ConvertError::Nothing(format!("{} is the log itself; name another output", out.display())));
-    }
-    Ok(())
 }
 
 fn profile(kind: LogKind) -> &'static str {
@@ -197,22 +205,28 @@ impl MessageSink for Taker {
     }
 }
 
-/// Writes the rows of all tables in the order of their time.
-fn write_tables(tables: &[Table], recording: &mut Recording, notices: &mut Notices) -> Result<(), ConvertError> {
+/// Writes the rows of all tables in the order of their time, and those of one table in the order of the log.
+fn write_tables(
+    tables: &[Table],
+    times: &[LogTime],
+    recording: &mut Recording,
+    notices: &mut Notices,
+) -> Result<(), ConvertError> {
     let types: Vec<MessageType<'_>> = tables.iter().map(MessageType::of).collect();
-    let mut order: Vec<(i64, u32, u32)> = vec![];
-    for (number, (table, kind)) in (0_u32..).zip(tables.iter().zip(&types)) {
-        let Some(logged) = &table.logged_ns else { continue };
-        order.extend(logged.iter().zip(0_u32..).map(|(&t, row)| (t, number, row)));
-        if kind.absent > 0 {
-            let text = "values that the log does not have were written as NaN, 0 or empty text";
-            notices.push(Severity::Info, "absent-values", format!("topic {}", table.topic.name), kind.absent, text);
-        }
+    // The latest time so far, table, row, time.
+    let mut order: Vec<(i64, u32, u32, i64)> = vec![];
+    for (number, (time, kind)) in (0_u32..).zip(times.iter().zip(&types)) {
+        let mut latest = i64::MIN;
+        order.extend(time.nanos.iter().zip(0_u32..).map(|(&t, row)| {
+            latest = latest.max(t);
+            (latest, number, row, t)
+        }));
+        kind.note_absent(notices);
     }
     order.sort_unstable();
     let topics: Vec<TopicInfo> = types.iter().map(MessageType::topic).collect();
     let mut payload = vec![];
-    for (logged_ns, number, row) in order {
+    for (_, number, row, logged_ns) in order {
         let (Some(topic), Some(kind)) = (topics.get(number as usize), types.get(number as usize)) else { continue };
         kind.payload(row as usize, &mut payload);
         recording.write(&Entry {
@@ -300,10 +314,7 @@ fn extras(content: &Content) -> Vec<RecoveredExtra> {
 }
 
 fn note_rest(recording: &Recording, notices: &mut Notices) {
-    if recording.before_epoch > 0 {
-        let text = "messages were logged before 1970, which MCAP does not know: they were written as logged at 0";
-        notices.push(Severity::Warning, "before-1970", "", recording.before_epoch, text);
-    }
+    recording.note_before_epoch(notices);
     if let Some(first) = recording.several.first() {
         let text = format!(
             "topics whose publishers say different things of themselves (name, latching, quality of service): \

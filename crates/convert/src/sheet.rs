@@ -4,6 +4,7 @@ mod parquet;
 mod text;
 
 pub use parquet::write_parquet;
+pub(crate) use parquet::write_parquet_about;
 pub use text::write_csv;
 
 /// Columns of equal length.
@@ -27,6 +28,8 @@ pub struct SheetColumn {
 pub enum Cells {
     /// Integers.
     I64(Vec<Option<i64>>),
+    /// Integers without sign, some of them above `i64::MAX`.
+    U64(Vec<Option<u64>>),
     /// Numbers. A NaN that a log holds stays a NaN.
     F64(Vec<Option<f64>>),
     /// Texts.
@@ -39,9 +42,21 @@ impl Cells {
     pub fn len(&self) -> usize {
         match self {
             Cells::I64(v) => v.len(),
+            Cells::U64(v) => v.len(),
             Cells::F64(v) => v.len(),
             Cells::Text(v) => v.len(),
         }
+    }
+
+    /// As integers if every number is whole and exact: a log's integers of up to 32 bits are read as floats.
+    pub(crate) fn whole(self) -> Cells {
+        const EXACT: f64 = 9_007_199_254_740_992.0;
+        let Cells::F64(values) = &self else { return self };
+        let is_whole = |x: &f64| x.fract() == 0.0 && x.abs() < EXACT && !(*x == 0.0 && x.is_sign_negative());
+        if !values.iter().flatten().all(is_whole) {
+            return self;
+        }
+        Cells::I64(values.iter().map(|x| x.map(|x| x as i64)).collect())
     }
 
     /// Whether there are none.

@@ -94,7 +94,8 @@ pub struct TopicHealth {
     pub reason: String,
 }
 
-/// How one kind of stamp of one topic behaves.
+/// How one kind of stamp of one topic behaves. Of a channel whose stamps go back, rate, steps, gaps and ends are those
+/// of its rows in order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StampHealth {
     /// Kind.

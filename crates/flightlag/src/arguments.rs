@@ -32,15 +32,19 @@ const RECOVER: &str = "\
 Writes everything that is good of a damaged log as MCAP, reads it again and compares.
 
 Messages of MCAP, ROS 1 and ROS 2 bags are copied byte for byte, with their definitions, attachments and metadata. Logs \
-whose messages mean nothing elsewhere (ULog, DataFlash, MAVLink, UBX) become one typed topic each; parameters, information \
-and texts of a ULog become metadata. Metadata `flightlag-recover` in OUT say where it came from and what was lost.";
+whose messages mean nothing elsewhere (ULog, DataFlash, MAVLink, UBX, NMEA, tables of text) become one typed topic each; \
+parameters, information and texts of a ULog become metadata. Rows that nobody logged, as in a receiver's own output, have \
+the time that they say themselves. Metadata `flightlag-recover` in OUT say where it came from, what was lost, and what \
+`log_time` is. An OUT that is the log itself, or no plain file, is refused.";
 
 const EXPORT: &str = "\
 Writes the channels of a log, or its topics as they stand, as Parquet, CSV or MCAP.
 
 Channels are in SI units, places in degrees; the unit ends a column's name. Stamps are nanoseconds (`..._ns`), and `t_s` \
-seconds since the first. Beside the tables stands provenance.json: the log's hash, map, units, clocks, notices; an MCAP \
-holds the same as metadata `flightlag-export`. In CSV, a text that a spreadsheet could take for a formula gets an \
+seconds since the first. `utc_ns` stands beside a clock that is not UTC, where the log ties the two; in an MCAP the log time \
+is UTC then. Beside the tables stands provenance.json: the log's hash, map, units as written and as logged, clocks and what \
+ties them to UTC, notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part. Topics are written \
+as they stand, but for arrays of any length, which are told. The log itself is never written over. In CSV, a text that a spreadsheet could take for a formula gets an \
 apostrophe in front; numbers stay as they are.";
 
 const CAMPAIGN: &str = "\

@@ -9,12 +9,14 @@ use crate::maps::{check_name, library};
 use crate::show::{Table, bytes, count, number, visible};
 use crate::stop::Stop;
 use campaign::Exit;
-use flight::{Binding, ChannelHealth, Clock, Flight, LogHealth, Stamp, StampHealth, TopicHealth};
+use flight::{Binding, ChannelHealth, Flight, LogHealth, Stamp, StampHealth, TopicHealth};
 use ingest::{Discovery, FlightUnit, Limits, Loaded, LogKind, MapLibrary, ReadContext, discover, load};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
+/// Below every table that counts gaps.
+const GAP: &str = "  a gap is a step of more than 2.5 median steps\n";
 /// Topics that are listed unasked.
 const MOST_TOPICS: usize = 40;
 /// And beside those that were read.
@@ -86,7 +88,7 @@ fn page(unit: &FlightUnit, loaded: &Loaded, arguments: &InspectArguments) -> Str
     let health = &loaded.health;
     let binding = match &loaded.binding {
         Ok(binding) => binding_text(binding, &loaded.flight),
-        Err(reason) => format!("{}\n", visible(reason)),
+        Err(reason) => format!("{}\n", visible(&said_once(reason, &health.topics))),
     };
     let parts = [
         head(unit, health),
@@ -215,7 +217,9 @@ fn stamps(topics: &[TopicHealth], all: bool) -> String {
             table.row(row);
         }
     }
-    section(if any && !all { "time stamps of the topics that were read" } else { "time stamps" }, &table)
+    let title = if any && !all { "time stamps of the topics that were read" } else { "time stamps" };
+    let text = section(title, &table);
+    if text.is_empty() { text } else { text + GAP }
 }
 
 fn stamp_cells(stamp: &StampHealth) -> Vec<String> {
@@ -230,7 +234,7 @@ fn stamp_cells(stamp: &StampHealth) -> Vec<String> {
         millis(&|d| d.median),
         millis(&|d| d.p99),
         millis(&|d| d.max),
-        stamp.gap_count.to_string(),
+        stamp.steps_s.map_or_else(|| "-".to_owned(), |_| stamp.gap_count.to_string()),
         number(longest.map(|g| g.length_s), 2),
         number(longest.map(|g| g.start_s), 1),
         stamp.duplicates.to_string(),
@@ -260,12 +264,19 @@ fn binding_text(binding: &Binding, flight: &Flight) -> String {
         let _ = writeln!(text, "  {span}");
     }
     text += &channels(&binding.channels).text();
+    text += GAP;
     for table in [offsets(&binding.channels), others(binding)] {
         if !table.is_empty() {
             text += &format!("\n{}", table.text());
         }
     }
     text
+}
+
+/// Why no map fits, less what the table of topics says of each.
+fn said_once(reason: &str, topics: &[TopicHealth]) -> String {
+    let told = topics.iter().filter(|t| !t.reason.is_empty()).map(|t| (&t.name, format!("{} ({})", t.name, t.reason)));
+    told.fold(reason.to_owned(), |text, (name, both)| text.replace(&both, name))
 }
 
 /// When it was: what the channels span together, with the date where the log tells it.
@@ -276,10 +287,7 @@ fn span(channels: &[ChannelHealth], flight: &Flight) -> Option<String> {
     let first = of_clock().map(|s| s.first_ns.min(s.last_ns)).min()?;
     let last = of_clock().map(|s| s.last_ns.max(s.first_ns)).max()?;
     let seconds = (i128::from(last) - i128::from(first)) as f64 * 1e-9;
-    let utc = |ns: i64| match clock {
-        Clock::Unix => Some(Stamp(ns)),
-        _ => flight.utc.as_ref().filter(|tie| tie.clock == clock).and_then(|tie| tie.unix(Stamp(ns))),
-    };
+    let utc = |ns: i64| flight.unix(clock, Stamp(ns));
     let shown = |stamp: Stamp| {
         let instant = jiff::Timestamp::from_nanosecond(i128::from(stamp.0)).ok()?;
         Some(instant.strftime("%Y-%m-%d %H:%M:%S").to_string())
@@ -296,7 +304,7 @@ fn span(channels: &[ChannelHealth], flight: &Flight) -> Option<String> {
 }
 
 fn channels(channels: &[ChannelHealth]) -> Table {
-    let mut table = Table::new(&["channel", "topic", "fields", "rows|", "used|", "held|", "rate Hz|", "stamp"]);
+    let mut table = Table::new(&["channel", "topic", "fields", "rows|", "used|", "held|", "rate Hz|", "gaps", "stamp"]);
     for channel in channels {
         let stamps = channel.stamps.as_ref();
         let absent = match channel.absent.as_slice() {
@@ -311,10 +319,21 @@ fn channels(channels: &[ChannelHealth]) -> Table {
             channel.used.to_string(),
             channel.held.as_ref().map_or(0, |h| h.repeats).to_string(),
             rate(stamps.and_then(|s| s.rate_hz)),
+            stamps.map_or_else(|| "-".to_owned(), gaps),
             stamps.map_or_else(|| "-".to_owned(), |s| format!("{}, {}", s.kind, s.source)),
         ]);
     }
     table
+}
+
+fn gaps(stamps: &StampHealth) -> String {
+    match (stamps.gaps.first(), stamps.steps_s) {
+        (Some(longest), _) => {
+            format!("{}, longest {:.2} s after {:.1} s", stamps.gap_count, longest.length_s, longest.start_s)
+        }
+        (None, Some(_)) => stamps.gap_count.to_string(),
+        (None, None) => "-".to_owned(),
+    }
 }
 
 /// How far the kinds of stamp of a channel are apart.
@@ -355,4 +374,52 @@ fn next(unit: &FlightUnit, loaded: &Loaded, log: &Path) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flight::Clock;
+
+    #[test]
+    fn what_the_table_says_of_a_topic_is_not_said_again() {
+        let topic: TopicHealth = serde_json::from_value(serde_json::json!({
+            "name": "motor", "type_name": "", "encoding": "csv", "messages": 2, "payload_bytes": 8, "stamps": [],
+            "decoded": false, "reason": "none of the wanted columns is among t, rpm",
+        }))
+        .unwrap();
+        let reason = "no channel map fits; the log holds motor (none of the wanted columns is among t, rpm)";
+        assert_eq!(said_once(reason, &[topic]), "no channel map fits; the log holds motor");
+    }
+
+    #[test]
+    fn a_flight_by_gps_time_is_dated_by_utc() {
+        // Week 2313 and 500000 s: 2024-05-10 18:53:20 by GPS, which is 18 s ahead of UTC.
+        let first = (2313 * 604_800 + 500_000) * flight::NANOS_PER_SECOND;
+        let last = first + 60 * flight::NANOS_PER_SECOND;
+        let kind = flight::StampKind::Measured;
+        let span_of = |clock| {
+            let stamps = ingest::stamps::StampStats::from_slice(kind, clock, "GWk, GMS", &[first, last]);
+            let channel: ChannelHealth = serde_json::from_value(serde_json::json!({
+                "name": "position.gps", "quantity": "position-geodetic", "rows": 2, "used": 2, "absent": [],
+                "source": {"topic": "t", "type_name": "", "fields": []}, "rejected": [], "stamps": stamps,
+                "offsets": [], "held": null,
+            }))
+            .unwrap();
+            span(&[channel], &Flight::default()).unwrap()
+        };
+        assert_eq!(span_of(Clock::Gps), "60.0 s from 2024-05-10 18:53:02 to 2024-05-10 18:54:02 UTC");
+        assert!(span_of(Clock::Boot).ends_with("which nothing dates"));
+    }
+
+    #[test]
+    fn the_longest_hole_is_said_and_gaps_of_unknown_steps_are_not_counted() {
+        let stamps = |stamps: &[i64]| {
+            ingest::stamps::StampStats::from_slice(flight::StampKind::Logged, Clock::Unix, "log", stamps).unwrap()
+        };
+        let second = flight::NANOS_PER_SECOND;
+        assert_eq!(gaps(&stamps(&[0, 1, 2, 172, 173].map(|s| s * second))), "1, longest 170.00 s after 2.0 s");
+        assert_eq!(gaps(&stamps(&[0, second])), "0");
+        assert_eq!(gaps(&stamps(&[0])), "-");
+    }
 }

@@ -17,7 +17,8 @@ mod show;
 mod stop;
 
 use crate::arguments::{Arguments, Command};
-use crate::failure::Failure;
+use crate::failure::{End, Failure};
+use campaign::Exit;
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -30,8 +31,9 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(command: Command) -> Result<failure::End, Failure> {
-    let stop = stop::Stop::listen()?;
+fn run(command: Command) -> Result<End, Failure> {
+    let deaf = |e| Failure::new(Exit::Failed, format!("cannot listen for signals: {e}"));
+    let stop = stop::Stop::listen().map_err(deaf)?;
     match command {
         Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
         Command::Bench(arguments) => bench_command::run(&arguments, &stop),

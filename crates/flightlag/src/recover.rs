@@ -18,9 +18,10 @@ const MOST_TOPICS: usize = 60;
 
 pub(crate) fn run(arguments: &RecoverArguments, stop: &Stop) -> Result<End, Failure> {
     check_output(&arguments.out, Output::File, arguments.force)?;
-    let unit = unit_of(&arguments.log, &library(None)?)?;
+    let library = library(None)?;
+    let unit = unit_of(&arguments.log, &library)?;
     let context = ReadContext { limits: Limits::default(), cancel: stop.flag(), on_bytes: &|_| {} };
-    let recovered = recover(&unit, &arguments.out, &context)?;
+    let recovered = recover(&unit, &library, &arguments.out, &context)?;
     std::io::stdout().lock().write_all(page(&arguments.out, &recovered).as_bytes())?;
     Ok(if recovered.any_loss() { Exit::Incomplete } else { Exit::Well }.into())
 }
@@ -38,6 +39,7 @@ pub(crate) fn check_output(out: &Path, output: Output, force: bool) -> Result<()
     let wrong = |what: &str| Err(Failure::new(Exit::Wrong, format!("{} {what}", out.display())));
     let folder = out.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match output {
+        _ if is_special(out) => wrong("is a device, a pipe or a socket; name a file or a folder"),
         Output::File if out.is_dir() => wrong("is a folder; name the file to write"),
         Output::Folder if out.exists() && !out.is_dir() => wrong("is a file; name a folder for the tables"),
         _ if out.exists() && !force => wrong("is there already; --force writes over it"),
@@ -46,10 +48,16 @@ pub(crate) fn check_output(out: &Path, output: Output, force: bool) -> Result<()
     }
 }
 
+/// Neither file nor folder, whatever links lead to it.
+fn is_special(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir())
+}
+
 impl From<ConvertError> for Failure {
     fn from(error: ConvertError) -> Failure {
         match error {
             ConvertError::Log(error) => error.into(),
+            error @ ConvertError::Refused { .. } => Failure::new(Exit::Wrong, error.to_string()),
             error => Failure::new(Exit::Failed, error.to_string()),
         }
     }

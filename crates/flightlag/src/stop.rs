@@ -1,9 +1,9 @@
 //! Ctrl-C and the like: stop cleanly, and within a second in any case.
 
-use crate::failure::Failure;
 use campaign::Exit;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::time::Duration;
@@ -21,13 +21,12 @@ pub(crate) struct Stop {
 
 impl Stop {
     /// Begins to listen for signals.
-    pub(crate) fn listen() -> Result<Stop, Failure> {
-        let failed = |e| Failure::new(Exit::Failed, format!("cannot listen for signals: {e}"));
+    pub(crate) fn listen() -> io::Result<Stop> {
         let flag = Arc::new(AtomicBool::new(false));
-        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(failed)?;
+        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
         // A file size limit shall be an error of the write, not the end of the process.
         #[cfg(unix)]
-        signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map_err(failed)?;
+        signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
         let raised = Arc::clone(&flag);
         std::thread::spawn(move || {
             for signal in signals.forever() {

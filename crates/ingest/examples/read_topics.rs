@@ -4,25 +4,12 @@
 //! CPU time is that of the whole process (Linux).
 #![allow(clippy::print_stdout)]
 
-use ingest::{FieldRequest, Limits, MapLibrary, ReadContext, Selection, TopicInfo, ValueKind};
+mod asked;
+
 use std::error::Error;
-use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let path = PathBuf::from(arguments.next().ok_or("usage: read_topics LOG [TOPIC[=FIELD,FIELD] ...]")?);
-    let topics: Vec<String> = arguments.collect();
-    let want = |topic: &TopicInfo| match topics.iter().find_map(|t| fields_of(t, &topic.name)) {
-        Some(fields) => fields,
-        None if topics.is_empty() => Selection::All,
-        None => Selection::Skip,
-    };
-    let cancel = AtomicBool::new(false);
-    let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
-    let found = ingest::discover(&path, &MapLibrary::shipped()?)?;
-    let unit = found.units.first().ok_or_else(|| format!("no log: {:?}", found.ignored))?;
-    let log = ingest::open(unit).read(&want, &context)?;
+    let log = asked::read()?;
     println!("{}: {:?}", log.health.format, log.health.bytes);
     println!("{} messages, {} undecodable", log.health.messages, log.health.undecodable);
     for topic in &log.health.topics {
@@ -46,15 +33,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         told("/proc/self/status", "VmHWM:").unwrap_or_default()
     );
     Ok(())
-}
-
-/// What an argument wants of a topic; `None` if it is about another one.
-fn fields_of(argument: &str, topic: &str) -> Option<Selection> {
-    let (name, fields) = argument.split_once('=').unwrap_or((argument, ""));
-    let field = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
-    let wanted =
-        if fields.is_empty() { Selection::All } else { Selection::Fields(fields.split(',').map(field).collect()) };
-    (name == topic).then_some(wanted)
 }
 
 /// User and system time of this process, from ticks of 10 ms.

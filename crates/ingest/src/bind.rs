@@ -2,12 +2,18 @@
 
 mod attitude;
 mod clocks;
+mod counted;
 mod order;
+mod restarts;
 mod rows;
 mod stamps;
 mod stated;
+mod times;
 mod trial;
 
+pub use self::times::{RowTimes, TableTimes, row_times};
+
+use self::restarts::Joined;
 use self::rows::bind_rows;
 use self::stamps::{Tied, tie_of};
 use self::trial::{Plan, Trial};
@@ -15,6 +21,7 @@ use crate::error::IngestError;
 use crate::map::{BENCH_ALONE, MapLibrary};
 use crate::reader::Log;
 use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
+use std::collections::BTreeSet;
 
 /// Finds the channel map that fits `log` and makes its flight. The notices of the log come first.
 ///
@@ -35,10 +42,18 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
         let names = equals.join(" and ");
         return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
     }
-    Ok(make(best, &trials, log, forced.is_some()))
+    let joined = trials.first_mut().and_then(|best| {
+        let joined = restarts::join(&best.plans, &best.map.ties, log)?;
+        for plan in &mut best.plans {
+            plan.stamps.iter_mut().for_each(|stamps| joined.shift(plan.table, stamps.clock, &mut stamps.nanos));
+        }
+        Some(joined)
+    });
+    let Some(best) = trials.first() else { return Err(nothing_fits(&trials, log)) };
+    Ok(make(best, &trials, log, joined, forced.is_some()))
 }
 
-fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Flight, Binding) {
+fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined>, forced: bool) -> (Flight, Binding) {
     let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
     let mut channels = vec![];
     for plan in &best.plans {
@@ -53,8 +68,15 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Fli
         }
         channels.push(bound.health);
     }
+    note_back_jumps(&channels, &mut flight.notices);
     channels.sort_by(|a, b| a.name.cmp(&b.name));
-    let tied = tie_of(&best.map.ties, log);
+    let tied = match joined {
+        Some(joined) => {
+            joined.report(&mut flight.notices);
+            joined.into_tie()
+        }
+        None => tie_of(&best.map.ties, log),
+    };
     let tied_by_gps = tied.as_ref().is_some_and(|t| t.from_gps);
     if let Some(tied) = tied {
         note_tie(&tied, &mut flight.notices);
@@ -63,7 +85,7 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, forced: bool) -> (Fli
     clocks::note_unknown_leaps(&mut flight, tied_by_gps);
     clocks::compare(&mut flight);
     let others = trials.iter().skip(1).filter(|t| !t.plans.is_empty()).map(|t| candidate(t, best)).collect();
-    let why = if forced { "asked for by name".to_owned() } else { best.why() };
+    let why = if forced { "asked for by name".to_owned() } else { best.why(channels.len()) };
     (flight, Binding { map: best.map.name.clone(), why, others, channels })
 }
 
@@ -85,6 +107,24 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
         let text = "messages that date the clock are more than a second off the others and are not used";
         notices.push(Severity::Warning, "utc-outlier", &tie.source, tie.outliers, text);
     }
+}
+
+/// One notice of all channels whose stamps go back; how often each does is in its health.
+fn note_back_jumps(channels: &[ChannelHealth], notices: &mut Notices) {
+    let jumps = |c: &ChannelHealth| c.stamps.as_ref().map_or(0, |s| s.back_jumps);
+    let back: Vec<&ChannelHealth> = channels.iter().filter(|c| jumps(c) > 0).collect();
+    let Some(first) = back.first() else { return };
+    let which = match back.len() {
+        1 => format!("channel {}", first.name),
+        several => format!("{several} channels, the first {}", first.name),
+    };
+    let topics: BTreeSet<&str> = back.iter().map(|c| c.source.topic.as_str()).collect();
+    let place = match topics.len() {
+        1 => first.source.topic.clone(),
+        several => format!("{} and {} more", first.source.topic, several - 1),
+    };
+    let text = format!("{which}: stamps go back; the rows were sorted by stamp");
+    notices.push(Severity::Warning, "back-jump", place, back.iter().copied().map(jumps).sum(), text);
 }
 
 fn no_rows(health: &ChannelHealth, notices: &mut Notices) {

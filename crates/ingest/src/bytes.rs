@@ -43,6 +43,12 @@ impl<'a> Bytes<'a> {
     }
 }
 
+/// Whether there is nothing else: compared by pieces, which a processor does at once.
+pub(crate) fn is_zero(bytes: &[u8]) -> bool {
+    const ZEROS: [u8; 4096] = [0; 4096];
+    bytes.chunks(ZEROS.len()).all(|chunk| ZEROS.starts_with(chunk))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -86,23 +86,21 @@ pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
     let date = text.get(..10)?;
     let rest = text.get(10..)?;
     let rest = rest.strip_prefix(['T', 't', ' '])?;
-    let zone_at = rest.find(['Z', 'z', '+', '-']).unwrap_or(rest.len());
-    let (time, zone) = rest.split_at_checked(zone_at)?;
-    unix_ns(iso_date(date)?, time, if zone.is_empty() { "Z" } else { zone })
+    unix_ns(iso_date(date)?, rest, "Z")
 }
 
 /// The basic format, `20240510T172744.30Z`.
 fn basic_to_unix_ns(text: &str) -> Option<i64> {
     let rest = text.get(9..)?;
-    let zone_at = rest.find(['Z', 'z', '+', '-']).unwrap_or(rest.len());
-    let (time, zone) = rest.split_at_checked(zone_at)?;
-    let (hour, minute, second) = (time.get(..2)?, time.get(2..4)?, time.get(4..)?);
-    let time = format!("{hour}:{minute}:{second}");
-    unix_ns(plain_date(text.get(..8)?)?, &time, if zone.is_empty() { "Z" } else { zone })
+    let (hour, minute, second) = (rest.get(..2)?, rest.get(2..4)?, rest.get(4..)?);
+    unix_ns(plain_date(text.get(..8)?)?, &format!("{hour}:{minute}:{second}"), "Z")
 }
 
-/// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]` and an offset `+hh:mm` or `Z`.
+/// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]`, which `AM` or `PM` may follow, and an offset
+/// `+hh:mm` or `Z`. One that stands behind the time counts instead.
 pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
+    let (time, own) = time.split_at_checked(time.find(['Z', 'z', '+', '-']).unwrap_or(time.len()))?;
+    let offset = if own.is_empty() { offset } else { own };
     let (time, nanos) = time_of_day(time)?;
     let seconds =
         Offset::from_seconds(offset_seconds(offset)?).ok()?.to_timestamp(DateTime::from_parts(date, time)).ok()?;
@@ -122,9 +120,14 @@ pub(crate) fn calendar_to_unix_ns(parts: [i64; 6], nanos: i64) -> Option<i64> {
 
 /// The whole second, and the fraction in ns. A leap second counts as the second after, as Unix has it.
 fn time_of_day(text: &str) -> Option<(Time, i64)> {
+    let (text, half) = half_of_day(text);
     let mut parts = text.split(':');
     let hour = parts.next()?;
     let hour = if hour.len() == 1 { i8::try_from(unsigned(hour)?).ok()? } else { two_digits(hour)? };
+    let hour = match half {
+        None => hour,
+        Some(later) => Some(hour % 12 + later).filter(|_| (1..=12).contains(&hour))?,
+    };
     let minute = two_digits(parts.next()?)?;
     let (second, fraction) = parts.next().map_or(("00", ""), |s| s.split_once('.').unwrap_or((s, "")));
     if parts.next().is_some() {
@@ -133,6 +136,18 @@ fn time_of_day(text: &str) -> Option<(Time, i64)> {
     let second = two_digits(second)?;
     let (second, leap) = if second == 60 { (59, 1_000_000_000) } else { (second, 0) };
     Some((Time::new(hour, minute, second, 0).ok()?, fraction_of(fraction, 1_000_000_000)? + leap))
+}
+
+/// The time without `AM` or `PM`, and the hours that they add.
+fn half_of_day(text: &str) -> (&str, Option<i8>) {
+    let Some((time, half)) = text.len().checked_sub(2).and_then(|at| text.split_at_checked(at)) else {
+        return (text, None);
+    };
+    match half.to_ascii_lowercase().as_str() {
+        "am" => (time.trim_end(), Some(0)),
+        "pm" => (time.trim_end(), Some(12)),
+        _ => (text, None),
+    }
 }
 
 fn two_digits(text: &str) -> Option<i8> {
@@ -154,9 +169,12 @@ fn offset_seconds(text: &str) -> Option<i32> {
     (minutes < 60).then_some(sign * (i32::from(hours) * 3600 + i32::from(minutes) * 60))
 }
 
-/// A date whose order is certain: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, or `dd.mm.yyyy`, for points stand only
-/// behind a day that comes first.
+/// A date whose order is certain: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `dd.mm.yyyy`, for points stand only behind a
+/// day that comes first, or with the month in English letters, `dd-Mon-yyyy` or `dd Mon yyyy`.
 pub(crate) fn plain_date(text: &str) -> Option<Date> {
+    if let Some(date) = named_month(text) {
+        return Some(date);
+    }
     if text.len() == 8 && text.bytes().all(|b| b.is_ascii_digit()) {
         let (year, rest) = text.split_at_checked(4)?;
         let (month, day) = rest.split_at_checked(2)?;
@@ -168,6 +186,16 @@ pub(crate) fn plain_date(text: &str) -> Option<Date> {
         return iso_date(&format!("{year}-{}-{}", two(month), two(day)));
     }
     iso_date(text).or_else(|| iso_date(&text.replace('/', "-")))
+}
+
+fn named_month(text: &str) -> Option<Date> {
+    const MONTHS: [&str; 12] = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
+    let mut parts = text.split(['-', ' ']);
+    let (day, name, year) = (parts.next()?, parts.next()?.to_ascii_lowercase(), parts.next()?);
+    let month = MONTHS.iter().position(|month| name == *month)? + 1;
+    let day = if day.len() == 1 { i8::try_from(unsigned(day)?).ok()? } else { two_digits(day)? };
+    let year = Some(year).filter(|year| year.len() == 4 && parts.next().is_none())?;
+    Date::new(i16::try_from(unsigned(year)?).ok()?, i8::try_from(month).ok()?, day).ok()
 }
 
 /// `yyyy-mm-dd`.
@@ -291,10 +319,20 @@ mod tests {
 
     #[test]
     fn a_date_whose_order_is_certain_is_read_in_every_way_to_write_it() {
-        for text in ["2021-06-05", "2021/06/05", "20210605", "05.06.2021", "5.6.2021"] {
+        for text in ["2021-06-05", "2021/06/05", "20210605", "05.06.2021", "5.6.2021", "05-Jun-2021", "5 JUN 2021"] {
             assert_eq!(plain_date(text), iso_date("2021-06-05"), "{text}");
         }
-        for text in ["05/06/2021", "5-6-2021", "2021.06.05", "210605", "2021-6-5", "05.06.21", "２０２1"] {
+        for text in [
+            "05/06/2021",
+            "5-6-2021",
+            "2021.06.05",
+            "210605",
+            "2021-6-5",
+            "05.06.21",
+            "２０２1",
+            "5-Juni-2021",
+            "05-Jun-21",
+        ] {
             assert_eq!(plain_date(text), None, "{text}");
         }
         assert_eq!(iso_to_unix_ns("20240510T172744.30Z"), Some(1_715_362_064_300_000_000));
@@ -317,5 +355,14 @@ mod tests {
         // date -u -d '2022-04-17T10:50:02Z' +%s
         assert_eq!(unix_ns(date, "12:50:02", "+02:00"), Some(1_650_192_602_000_000_000));
         assert_eq!(unix_ns(date, "12:50:02", ""), None);
+        for (time, offset) in
+            [("10:50:02Z", ""), ("12:50:02+02:00", "Z"), ("06:20:02-0430", "+01:00"), ("10:50:02 AM", "Z")]
+        {
+            assert_eq!(unix_ns(date, time, offset), Some(1_650_192_602_000_000_000), "{time}");
+        }
+        assert_eq!(unix_ns(date, "12:50:02 am", "Z"), unix_ns(date, "00:50:02", "Z"));
+        assert_eq!(unix_ns(date, "12:50:02PM", "Z"), unix_ns(date, "12:50:02", "Z"));
+        assert_eq!(unix_ns(date, "07:50:02.5 PM", "Z"), unix_ns(date, "19:50:02.5", "Z"));
+        assert_eq!((unix_ns(date, "13:50:02 PM", "Z"), unix_ns(date, "0:50:02 AM", "Z")), (None, None));
     }
 }

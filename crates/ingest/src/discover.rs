@@ -286,6 +286,10 @@ impl Search<'_> {
         let (mut logs, mut tables, mut others) = (vec![], vec![], vec![]);
         for member in members(path, packing)? {
             let name = member.name.display().to_string();
+            if let Some(fault) = member.fault {
+                others.push(format!("{name} cannot be unpacked: {fault}"));
+                continue;
+            }
             if !member.head.is_empty() && member.head.iter().all(|b| *b == 0) {
                 others.push(format!("{name} is nothing but zero bytes"));
                 continue;

@@ -23,7 +23,7 @@ pub mod stamps;
 mod table;
 mod time;
 
-pub use bind::bind;
+pub use bind::{RowTimes, TableTimes, bind, row_times};
 pub use discover::{Discovery, FlightUnit, discover};
 pub use error::IngestError;
 pub use format::{
@@ -35,8 +35,8 @@ pub use load::{Loaded, load, open};
 pub use map::{ChannelMap, MapLibrary, MapSelect};
 pub use map_schema::channel_map_schema;
 pub use reader::{
-    Extra, FieldRequest, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Select, Selection, StatedUnit,
-    ValueKind,
+    Extra, FieldRequest, LeftOut, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Restart, Select,
+    Selection, StatedUnit, ValueKind,
 };
 pub use sniff::LogKind;
 pub use table::{Column, ColumnData, Table, TopicInfo};

@@ -183,6 +183,8 @@ pub(crate) enum TimeSource {
     /// Year, month, day, hour, minute, second, and perhaps nanoseconds.
     Calendar {
         fields: Vec<String>,
+        /// A counter of the device, which dates rows without a date.
+        counter: Option<(String, Tick)>,
     },
 }
 
@@ -294,7 +296,7 @@ impl TimeSource {
             TimeSource::Number { field, .. } | TimeSource::Iso { field } => field.clone(),
             TimeSource::GpsWeek { week, field, .. } => format!("{week}, {field}"),
             TimeSource::Civil { date, time, .. } => format!("{date}, {time}"),
-            TimeSource::Calendar { fields } => fields.join(", "),
+            TimeSource::Calendar { fields, .. } => fields.join(", "),
         }
     }
 
@@ -310,7 +312,10 @@ impl TimeSource {
                 let nanos = nanos.iter().map(|nanos| ask(nanos, ValueKind::Number));
                 [ask(week, ValueKind::Number), ask(field, kind)].into_iter().chain(nanos).collect()
             }
-            TimeSource::Calendar { fields } => fields.iter().map(|f| ask(f, ValueKind::Number)).collect(),
+            TimeSource::Calendar { fields, counter } => {
+                let counter = counter.iter().map(|(field, _)| field);
+                fields.iter().chain(counter).map(|f| ask(f, ValueKind::Number)).collect()
+            }
             TimeSource::Iso { field } => vec![ask(field, ValueKind::Text)],
             TimeSource::Civil { date, time, offset } => [Some(date), Some(time), offset.as_ref()]
                 .into_iter()
@@ -759,9 +764,14 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         ClockName::Boot => Clock::Boot,
         ClockName::Elapsed => Clock::Elapsed,
     });
-    let TimeEntry { container, field, unit, text, week, nanos, calendar, date, time, offset, clock: _ } = entry.clone();
+    let entry = entry.clone();
+    let TimeEntry { container, field, unit, text, week, nanos, calendar, counter, date, time, offset, clock: _ } =
+        entry;
     if nanos.is_some() && week.is_none() {
         return Err("nanos go with a week".into());
+    }
+    if counter.is_some() && calendar.is_none() {
+        return Err("a counter goes with a calendar".into());
     }
     let of_utc = matches!(clock, None | Some(Clock::Unix));
     match (container, field, unit, text, week, calendar, date, time, offset) {
@@ -783,7 +793,7 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
             Ok(TimeSource::Civil { date, time, offset })
         }
         (None, None, None, None, None, Some(fields), None, None, None) if of_utc => match fields.len() {
-            6 | 7 => Ok(TimeSource::Calendar { fields }),
+            6 | 7 => Ok(TimeSource::Calendar { fields, counter: counter.map(|c| (c.field, tick_of(c.unit))) }),
             _ => Err("a calendar is year, month, day, hour, minute, second, and perhaps nanoseconds".into()),
         },
         _ => Err("a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \

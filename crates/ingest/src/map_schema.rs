@@ -79,6 +79,9 @@ pub(crate) struct TimeEntry {
     pub(crate) nanos: Option<String>,
     /// Columns of year, month, day, hour, minute and second (UTC), and perhaps one of the nanoseconds.
     pub(crate) calendar: Option<Vec<String>>,
+    /// With a calendar: a counter of the device, which dates rows that have no date, or one that is more than a day off
+    /// those of most rows.
+    pub(crate) counter: Option<CounterEntry>,
     /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd` or `dd.mm.yyyy`; or day and month with slashes where
     /// the column shows the order.
     pub(crate) date: Option<String>,
@@ -88,6 +91,16 @@ pub(crate) struct TimeEntry {
     pub(crate) offset: Option<String>,
     /// The clock that is counted; `unix` where text says the instant.
     pub(crate) clock: Option<ClockName>,
+}
+
+/// A counter of a device, of 32 bits or more.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct CounterEntry {
+    /// The field.
+    pub(crate) field: String,
+    /// What its number counts.
+    pub(crate) unit: TickName,
 }
 
 /// A stamp of the container.

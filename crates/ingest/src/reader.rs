@@ -29,6 +29,31 @@ pub struct Log {
     pub notices: Notices,
     /// Units that the log itself states of its fields.
     pub units: Vec<StatedUnit>,
+    /// Fields that no column took although all were wanted.
+    pub left_out: Vec<LeftOut>,
+    /// Where the clock since boot of the vehicle that the log is of began anew, in the order of the log.
+    pub restarts: Vec<Restart>,
+}
+
+/// A clock since boot that began anew within a log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Restart {
+    /// A log time, ns: messages that the log has at it or later are of the clock that began then.
+    pub logged_ns: i64,
+    /// The clock went back. Else something else looks like it, and it is for the dates on both sides to tell.
+    pub certain: bool,
+}
+
+/// Fields of a topic that are no columns although every field is wanted: arrays of any length, long ones beyond their first
+/// elements, byte strings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The topic.
+    pub topic: String,
+    /// How many.
+    pub fields: u64,
+    /// The first few, for people.
+    pub names: String,
 }
 
 /// The unit of a field as the log states it.

@@ -45,8 +45,10 @@ pub struct Column {
 pub enum ColumnData {
     /// Floats and integers of up to 32 bits, exactly.
     F64(Vec<f64>),
-    /// 64-bit integers (unsigned ones above `i64::MAX` are invalid rows) and ROS times in ns.
+    /// 64-bit integers and ROS times in ns.
     I64(Vec<i64>),
+    /// 64-bit integers without sign, of which at least one is above `i64::MAX`.
+    U64(Vec<u64>),
     /// Text.
     Text(Vec<String>),
 }
@@ -65,6 +67,16 @@ impl Table {
     }
 }
 
+/// The column of a field as numbers.
+pub(crate) fn numbers<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
+    table.columns.iter().find(|c| c.path == path && !matches!(c.data, ColumnData::Text(_)))
+}
+
+/// The column of a field as text.
+pub(crate) fn texts<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
+    table.columns.iter().find(|c| c.path == path && matches!(c.data, ColumnData::Text(_)))
+}
+
 impl Column {
     fn is_valid(&self, row: usize) -> bool {
         self.valid.as_ref().is_none_or(|v| v.get(row).copied().unwrap_or(false))
@@ -79,11 +91,12 @@ impl Column {
         match &self.data {
             ColumnData::F64(v) => v.get(row).copied(),
             ColumnData::I64(v) => v.get(row).map(|&x| x as f64),
+            ColumnData::U64(v) => v.get(row).map(|&x| x as f64),
             ColumnData::Text(_) => None,
         }
     }
 
-    /// The value as an exact integer, if it is one.
+    /// The value as an exact integer, if it is one and fits.
     #[must_use]
     pub fn integer(&self, row: usize) -> Option<i64> {
         if !self.is_valid(row) {
@@ -91,10 +104,20 @@ impl Column {
         }
         match &self.data {
             ColumnData::I64(v) => v.get(row).copied(),
+            ColumnData::U64(v) => v.get(row).and_then(|&x| i64::try_from(x).ok()),
             ColumnData::F64(v) => {
                 v.get(row).copied().filter(|x| x.fract() == 0.0 && x.abs() < 9.007_199_254_740_992e15).map(|x| x as i64)
             }
             ColumnData::Text(_) => None,
+        }
+    }
+
+    /// The value as an exact integer without sign, if it is one of 64 bits.
+    #[must_use]
+    pub fn unsigned(&self, row: usize) -> Option<u64> {
+        match &self.data {
+            ColumnData::U64(v) if self.is_valid(row) => v.get(row).copied(),
+            _ => self.integer(row).and_then(|x| u64::try_from(x).ok()),
         }
     }
 
@@ -106,7 +129,7 @@ impl Column {
         }
         match &self.data {
             ColumnData::Text(v) => v.get(row).map(String::as_str),
-            ColumnData::F64(_) | ColumnData::I64(_) => None,
+            ColumnData::F64(_) | ColumnData::I64(_) | ColumnData::U64(_) => None,
         }
     }
 }

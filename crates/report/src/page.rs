@@ -40,7 +40,7 @@ fn document(title: &str, wide: bool, body: Markup) -> String {
                 meta http-equiv="Content-Security-Policy" content=(style::content_security_policy(script));
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content={ "flightlag report " (crate::REPORT_VERSION) };
-                title { (shown(title)) }
+                title { (sentence(title)) }
                 style { (PreEscaped(style::CSS)) }
             }
             body.wide[wide] {

@@ -5,6 +5,8 @@ use std::fmt::Write;
 
 /// Longest text of one table cell, in characters: a name can be as long as a hostile file likes.
 const CELL: usize = 300;
+/// A word up to this many bytes has room on a line of any column.
+const LONG_WORD: usize = 20;
 /// Longest block (settings, a command, a reason), in characters.
 const BLOCK: usize = 30_000;
 
@@ -28,9 +30,30 @@ pub(crate) fn shown_block(text: &str) -> Shown<'_> {
 
 impl Render for Shown<'_> {
     fn render_to(&self, buffer: &mut String) {
-        // A String cannot refuse a write.
-        let _ = Escaper::new(buffer).write_str(&visible(self.text, self.limit, self.lines));
+        let text = visible(self.text, self.limit, self.lines);
+        if self.lines {
+            return escape(buffer, &text);
+        }
+        for word in text.split_inclusive(' ') {
+            if word.len() > LONG_WORD { breakable(buffer, word) } else { escape(buffer, word) }
+        }
     }
+}
+
+/// A long name may break behind the marks that join its parts, rather than within a part.
+fn breakable(buffer: &mut String, word: &str) {
+    let mut parts = word.split_inclusive(['/', '_', '.', ',', ':', '=']).peekable();
+    while let Some(part) = parts.next() {
+        escape(buffer, part);
+        if parts.peek().is_some() {
+            buffer.push_str("<wbr>");
+        }
+    }
+}
+
+fn escape(buffer: &mut String, text: &str) {
+    // A String cannot refuse a write.
+    let _ = Escaper::new(buffer).write_str(text);
 }
 
 /// A short plain text, as a legend holds it; whoever writes it escapes it.
@@ -50,11 +73,12 @@ pub(crate) fn sentence(text: &str) -> String {
 
 fn visible(text: &str, limit: usize, lines: bool) -> String {
     let mut out = String::with_capacity(text.len().min(limit));
-    let mut characters = text.chars();
-    for c in characters.by_ref().take(limit) {
+    let length = text.chars().count();
+    // To cut off a little saves less than it costs to say so.
+    let rest = if length > limit + limit / 4 { length - limit } else { 0 };
+    for c in text.chars().take(length - rest) {
         push_visible(&mut out, c, lines);
     }
-    let rest = characters.count();
     if rest > 0 {
         let _ = write!(out, "… ({rest} characters more)");
     }
@@ -116,7 +140,26 @@ mod tests {
 
     #[test]
     fn an_overlong_text_says_how_much_is_missing() {
-        assert_eq!(visible(&"é".repeat(12), 10, false), format!("{}… (2 characters more)", "é".repeat(10)));
+        assert_eq!(visible(&"é".repeat(13), 10, false), format!("{}… (3 characters more)", "é".repeat(10)));
+    }
+
+    #[test]
+    fn a_text_that_is_hardly_too_long_is_left_whole() {
+        assert_eq!(visible(&"é".repeat(12), 10, false), "é".repeat(12));
+        assert_eq!(visible(&"y".repeat(375), CELL, false), "y".repeat(375));
+        assert!(visible(&"y".repeat(376), CELL, false).ends_with("… (76 characters more)"));
+    }
+
+    #[test]
+    fn a_long_name_may_break_between_its_parts_and_a_short_one_stays_whole() {
+        let html = |text: &str| shown(text).render().into_string();
+        assert_eq!(html("position.truth is on time"), "position.truth is on time");
+        assert_eq!(
+            html("of px4_msgs/msg/VehicleLocalPosition <b>"),
+            "of px4_<wbr>msgs/<wbr>msg/<wbr>VehicleLocalPosition &lt;b&gt;"
+        );
+        // A block keeps its bytes, so that a command can be copied from the source of the page too.
+        assert_eq!(shown_block("px4_msgs/msg/VehicleLocalPosition").render().into_string().matches("<wbr>").count(), 0);
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod lag;
 mod logbook;
 mod motion;
 mod observe;
+mod part;
 mod quantity;
 mod rig;
 mod samples;

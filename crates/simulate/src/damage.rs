@@ -1,6 +1,6 @@
 //! Damage as real logs have it.
 
-use crate::sensor::generator;
+use crate::random::generator;
 use rand::RngExt;
 
 /// Keeps the first `share` (0 to 1) of the bytes: a recorder that lost its power.

@@ -27,6 +27,8 @@ mod demo;
 mod error;
 mod onboard;
 mod presets;
+mod random;
+mod samples;
 mod seeds;
 mod sensor;
 mod simulated;
@@ -42,9 +44,10 @@ pub use damage::{cut_off, flip_bits, zero_block};
 pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo};
 pub use error::SimulateError;
 pub use presets::LikeCase;
+pub use samples::Samples;
 pub use seeds::{Seed, seeds, tiny_flight};
 pub use sensor::{Interval, SensorSettings, Wander};
-pub use simulated::{FlightSettings, PathKind, Samples, SimulatedFlight, simulate};
+pub use simulated::{FlightSettings, PathKind, SimulatedFlight, simulate};
 pub use trajectory::{Motion, Trajectory};
 pub use write::{
     BagCompression, BagSettings, Container, Db3Compression, Db3Layout, Db3Settings, LogFile, McapCompression,

@@ -1,6 +1,6 @@
 //! The compensated position that the aircraft computes in flight.
 
-use crate::simulated::Samples;
+use crate::samples::Samples;
 use flight::{Geodetic, LocalFrame};
 
 /// From the logger's point of view this much later than the velocity that it was computed with, s.

@@ -1,9 +1,9 @@
 //! How a sensor lies: late, noisy, biased, at its own rate, with holes.
 
 use crate::error::{SimulateError, within};
+use crate::random::normal;
 use crate::trajectory::MARGIN_S;
-use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
+use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
@@ -125,21 +125,10 @@ impl SensorSettings {
     }
 }
 
-pub(crate) fn normal(random: &mut Pcg64) -> f64 {
-    StandardNormal.sample(random)
-}
-
-/// A generator of its own for each purpose: what one sensor draws does not change another.
-/// PCG XSL RR 128/64, whose numbers are the same in every version and on every machine.
-pub(crate) fn generator(seed: u64, purpose: &str) -> Pcg64 {
-    // FNV-1a of the purpose; seed_from_u64 spreads the sum over the whole state.
-    let hash = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
-    Pcg64::seed_from_u64(hash ^ seed.wrapping_mul(0x9e37_79b9_7f4a_7c15))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::generator;
 
     fn moments(values: &[f64]) -> (f64, f64) {
         let n = values.len() as f64;
@@ -188,21 +177,5 @@ mod tests {
         let without = whole.instants(60.0, &mut generator(3, "test"));
         assert!(without.iter().any(|t| (2.0..4.0).contains(t)));
         assert_eq!(with, without.into_iter().filter(|t| !(2.0..4.0).contains(t)).collect::<Vec<_>>());
-    }
-
-    #[test]
-    fn the_first_numbers_of_the_generator_never_change() {
-        use rand::Rng;
-        // PCG XSL RR 128/64 and its seeding by PCG XSH RR 64/32, written down once more in Python.
-        let mut random = generator(7, "circuit");
-        let first = [0x021a_718f_d40a_9846, 0x11db_1abf_8972_ecd1, 0x88f1_22cb_58fd_bd48];
-        assert_eq!([0, 1, 2].map(|_| random.next_u64()), first);
-    }
-
-    #[test]
-    fn another_seed_or_another_purpose_draws_other_numbers() {
-        use rand::Rng;
-        let [a, b, c] = [(7, "circuit"), (8, "circuit"), (7, "position")].map(|(s, p)| generator(s, p).next_u64());
-        assert!(a != b && b != c && a != c);
     }
 }

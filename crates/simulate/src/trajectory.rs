@@ -1,7 +1,7 @@
 //! Paths that are known at every instant.
 
 use crate::error::{SimulateError, within};
-use crate::sensor::generator;
+use crate::random::generator;
 use rand::RngExt;
 use std::f64::consts::{PI, TAU};
 

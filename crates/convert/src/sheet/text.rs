@@ -29,6 +29,7 @@ fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
     let short = || io::Error::other("columns of unequal length");
     let written = match cells {
         Cells::I64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x}")),
+        Cells::U64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x}")),
         Cells::F64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x:?}")),
         Cells::Text(v) => {
             out.push_str(&inert(v.get(row).ok_or_else(short)?.as_deref().unwrap_or_default()));

@@ -2,7 +2,7 @@
 
 use crate::flight::{in_context, library, read, unit, write};
 use convert::{ExportOrder, ExportTo, ExportWhat, Exported, export};
-use flight::{Channel, Quantity};
+use flight::{Channel, Clock, Quantity, Severity, Stamp};
 use polars::prelude::{ParquetReader, SerReader};
 use simulate::{Container, McapSettings};
 use std::fs::File;
@@ -247,4 +247,240 @@ fn an_export_takes_the_place_of_an_earlier_one_and_leaves_other_files_alone() {
     expected.sort();
     assert_eq!(files(&out), expected);
     assert!(precious.exists() && !earlier.sheets.is_empty());
+}
+
+/// A column of a CSV, as its cells.
+fn csv_column(path: &Path, name: &str) -> Vec<String> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    let headers = reader.headers().unwrap().clone();
+    let at = headers.iter().position(|h| h == name).unwrap_or_else(|| panic!("{name} is not in {headers:?}"));
+    reader.records().map(|row| row.unwrap()[at].to_owned()).collect()
+}
+
+fn numbers(cells: &[String]) -> Vec<i64> {
+    cells.iter().map(|cell| cell.parse().unwrap()).collect()
+}
+
+fn provenance(folder: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(folder.join("provenance.json")).unwrap()).unwrap()
+}
+
+/// The tables of an MCAP.
+fn tables(path: &Path) -> Vec<ingest::Table> {
+    let unit = unit(path);
+    in_context(|c| ingest::open(&unit).read(&|_: &ingest::TopicInfo| ingest::Selection::All, c)).unwrap().tables
+}
+
+#[test]
+fn a_clock_that_does_not_know_the_date_has_utc_beside_it_and_the_tie_in_the_provenance() {
+    for container in [Container::DataFlash, Container::Ubx] {
+        let folder = tempfile::tempdir().unwrap();
+        let log = write(container, folder.path());
+        let flight = read(&log).flight;
+        let out = folder.path().join("tables");
+        let report = exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
+        for sheet in &report.sheets {
+            let timeline = flight.channels[&sheet.name].series.timeline().clone();
+            assert!(matches!(timeline.clock(), Clock::Boot | Clock::Gps), "{container:?}");
+            let own = numbers(&csv_column(&out.join(&sheet.place), &format!("{}_ns", timeline.kind())));
+            assert_eq!(own, timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>());
+            let utc = numbers(&csv_column(&out.join(&sheet.place), "utc_ns"));
+            let unix = |s: &Stamp| flight.unix(timeline.clock(), *s).unwrap().0;
+            assert_eq!(utc, timeline.stamps().iter().map(unix).collect::<Vec<_>>(), "{}", sheet.name);
+        }
+        let said = provenance(&out);
+        match &flight.utc {
+            Some(tie) => {
+                assert_eq!(said["utc"]["offset_ns"], tie.offset_ns);
+                assert_eq!(said["utc"]["source"], tie.source.as_str());
+                assert_eq!(said["utc"]["uncertainty_s"], tie.spread_s.p99 - tie.spread_s.p01);
+            }
+            None => assert!(said["sheets"][0]["from"]["utc"].as_str().unwrap().contains("leap seconds"), "{said}"),
+        }
+        // An MCAP has it as the log time, and says so.
+        let file = folder.path().join("out.mcap");
+        exported(&log, ExportWhat::Channels, ExportTo::Mcap, &file);
+        for table in tables(&file) {
+            let timeline = flight.channels[&table.topic.name].series.timeline();
+            let unix = |s: &Stamp| flight.unix(timeline.clock(), *s).unwrap().0;
+            assert_eq!(table.logged_ns.unwrap(), timeline.stamps().iter().map(unix).collect::<Vec<_>>());
+        }
+        let bytes = std::fs::read(&file).unwrap();
+        let channels = mcap::Summary::read(&bytes).unwrap().unwrap().channels;
+        assert!(channels.values().all(|c| c.metadata["log_time"].starts_with("UTC: ")), "{channels:?}");
+        // Parquet has it in its metadata.
+        let out = folder.path().join("parquet");
+        let report = exported(&log, ExportWhat::Channels, ExportTo::Parquet, &out);
+        let mut reader = ParquetReader::new(File::open(out.join(&report.sheets[0].place)).unwrap());
+        let pairs = reader.get_metadata().unwrap().key_value_metadata().clone().unwrap();
+        let text =
+            pairs.iter().find(|pair| pair.key == "flightlag-export").and_then(|pair| pair.value.clone()).unwrap();
+        let said: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(said["utc"]["offset_ns"].as_i64(), flight.utc.as_ref().map(|tie| tie.offset_ns));
+        assert_eq!(said["sheet"]["place"], report.sheets[0].place.as_str());
+    }
+}
+
+#[test]
+fn rows_of_topics_have_the_time_that_their_fields_say_also_as_log_time() {
+    for container in [Container::Ubx, Container::Nmea, Container::CsvWide, Container::Ulog, Container::DataFlash] {
+        let folder = tempfile::tempdir().unwrap();
+        let log = write(container, folder.path());
+        let flight = read(&log).flight;
+        let (topic, truth): (String, Vec<i64>) = {
+            let channel = flight.channels.iter().find(|(name, _)| name.starts_with("position.")).unwrap().1;
+            let timeline = channel.series.timeline();
+            let unix = |s: &Stamp| flight.unix(timeline.clock(), *s).unwrap().0;
+            (channel.source.topic.clone(), timeline.stamps().iter().map(unix).collect())
+        };
+        let out = folder.path().join("out.mcap");
+        exported(&log, ExportWhat::Topics, ExportTo::Mcap, &out);
+        let table = tables(&out).into_iter().find(|t| t.topic.name == topic).unwrap();
+        let logged = table.logged_ns.unwrap();
+        // The log's stamps of a ULog are those of the driver, some hundred milliseconds behind the measurement.
+        let off =
+            logged.first().unwrap().abs_diff(truth[0]).max(logged.last().unwrap().abs_diff(truth[truth.len() - 1]));
+        assert!(off < 1_000_000_000, "{container:?}: {off} ns");
+        let out = folder.path().join("tables");
+        let report = exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
+        let place = &report.sheets.iter().find(|s| s.name == topic).unwrap().place;
+        let utc = numbers(&csv_column(&out.join(place), "utc_ns"));
+        assert_eq!(utc, logged, "{container:?}");
+    }
+}
+
+/// A frame of NAV-PVT with a fix in three dimensions, a tenth of a second after the one before.
+fn nav_pvt(number: u32) -> Vec<u8> {
+    let mut payload = [0; 92];
+    let mut put = |at: usize, bytes: &[u8]| payload[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, &(295_218_000 + 100 * number).to_le_bytes());
+    // 2026-05-06 10:00:00 UTC, which is valid; fix in 3D and OK; satellites; places, accuracies, velocities.
+    put(4, &2026_u16.to_le_bytes());
+    put(6, &[5, 6, 10, 0, (number / 10) as u8, 3]);
+    put(20, &[3, 1]);
+    put(23, &[14]);
+    put(24, &(-1_270_000_000 + number as i32).to_le_bytes());
+    put(28, &(471_234_567 + number as i32).to_le_bytes());
+    put(40, &(1500 + number).to_le_bytes());
+    put(48, &(10_000 + 7 * number).to_le_bytes());
+    let frame = [&[1, 7, 92, 0][..], &payload].concat();
+    let (a, b) = frame.iter().fold((0_u8, 0_u8), |(a, b), byte| {
+        let a = a.wrapping_add(*byte);
+        (a, b.wrapping_add(a))
+    });
+    [&[0xb5, 0x62][..], &frame, &[a, b]].concat()
+}
+
+#[test]
+fn the_name_of_a_scalar_ends_in_its_unit_and_the_provenance_says_both_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.ubx"), folder.path().join("tables"));
+    std::fs::write(&log, (0..20).flat_map(nav_pvt).collect::<Vec<u8>>()).unwrap();
+    exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
+    let values = csv_column(&out.join("horizontal-accuracy.gps.csv"), "value_m");
+    assert_eq!(values[..2], ["1.5", "1.501"]);
+    // Nor does a place that the log has in few digits get more of them.
+    assert_eq!(csv_column(&out.join("position.gps.csv"), "longitude_deg")[0], "-127.0");
+    let said = provenance(&out);
+    let sheets = said["sheets"].as_array().unwrap();
+    let column = |sheet: &str, column: &str| {
+        let sheet = sheets.iter().find(|s| s["name"] == sheet).unwrap();
+        sheet["columns"].as_array().unwrap().iter().find(|c| c["name"] == column).cloned().unwrap()
+    };
+    let accuracy = column("horizontal-accuracy.gps", "value_m");
+    assert_eq!((&accuracy["unit"], &accuracy["as_logged"]), (&"m".into(), &"hAcc [mm]".into()));
+    assert_eq!(column("velocity.gps", "north_mps")["unit"], "m/s");
+    assert_eq!(column("satellites.gps", "value")["unit"], "1");
+}
+
+#[test]
+fn integers_of_the_log_stay_integers_in_csv() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = write(Container::Ubx, folder.path());
+    let out = folder.path().join("tables");
+    exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
+    for name in ["iTOW", "lon", "hAcc"] {
+        let cells = csv_column(&out.join("NAV-POSLLH.csv"), name);
+        assert!(!cells.is_empty() && cells.iter().all(|cell| cell.parse::<i64>().is_ok()), "{name}: {cells:?}");
+    }
+    // A column with a fraction has it throughout.
+    let log = folder.path().join("t.csv");
+    std::fs::write(&log, "time_s,a,b,c\n0.5,1,-127,-0.0\n1.5,2.25,3e9,1\n2.5,3,,2\n").unwrap();
+    let out = folder.path().join("t");
+    exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
+    assert_eq!(csv_column(&out.join("t.csv"), "a"), ["1.0", "2.25", "3.0"]);
+    assert_eq!(csv_column(&out.join("t.csv"), "b"), ["-127", "3000000000", ""]);
+    assert_eq!(csv_column(&out.join("t.csv"), "c"), ["-0.0", "1.0", "2.0"]);
+}
+
+/// A scan of any length, an array of structures, texts, and a hundred numbers.
+fn log_of_arrays(path: &Path) {
+    let text =
+        "float64 x\nfloat32[] ranges\np/Point[] points\nstring[] names\nuint8[100] long\n===\nMSG: p/Point\nfloat64 x";
+    let mut writer = mcap::Writer::new(File::create(path).unwrap()).unwrap();
+    let schema = writer.add_schema("p/msg/Scan", "ros1msg", text.as_bytes()).unwrap();
+    let channel = writer.add_channel(schema, "/scan", "ros1", &Default::default()).unwrap();
+    let counts = [0_u32.to_le_bytes(); 3].concat();
+    for log_time in [5, 6] {
+        let payload = [&1.5_f64.to_le_bytes()[..], &counts, &[7; 100]].concat();
+        let header =
+            mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, &payload).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn fields_that_no_column_takes_are_told_with_their_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.mcap"), folder.path().join("tables"));
+    log_of_arrays(&log);
+    let report = exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
+    let left_out: Vec<_> = report.notices.iter().filter(|n| n.code == "fields-left-out").collect();
+    assert_eq!(left_out.len(), 1, "{:?}", report.notices);
+    assert_eq!(
+        (left_out[0].severity, left_out[0].count, left_out[0].place.as_str()),
+        (Severity::Warning, 4, "topic /scan")
+    );
+    assert!(left_out[0].text.ends_with("long[64..100], names[], points[], ranges[]"), "{}", left_out[0].text);
+    let said = provenance(&out)["notices"].to_string();
+    assert!(said.contains("ranges[]"), "{said}");
+    // The header has what is left.
+    assert_eq!(report.sheets[0].columns, 2 + 1 + 64);
+}
+
+/// Exports until the first table is written, then stops.
+fn stopped(log: &Path, out: &Path) -> convert::ConvertError {
+    let (unit, library) = (unit(log), library());
+    let cancel = std::sync::atomic::AtomicBool::new(false);
+    let any_table = || {
+        let inner = |e: std::fs::DirEntry| std::fs::read_dir(e.path()).is_ok_and(|mut inside| inside.next().is_some());
+        std::fs::read_dir(out).is_ok_and(|entries| entries.flatten().any(inner))
+    };
+    let on_bytes = |_| cancel.store(any_table(), std::sync::atomic::Ordering::Relaxed);
+    let context = ingest::ReadContext { limits: Default::default(), cancel: &cancel, on_bytes: &on_bytes };
+    let order = ExportOrder {
+        unit: &unit,
+        library: &library,
+        map: None,
+        what: ExportWhat::Topics,
+        to: ExportTo::Csv,
+        out,
+        command: "flightlag export",
+    };
+    export(&order, &context).unwrap_err()
+}
+
+#[test]
+fn an_export_that_ends_early_leaves_nothing_of_itself_and_all_of_an_earlier_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = mcap(folder.path());
+    let out = folder.path().join("tables");
+    assert!(matches!(stopped(&log, &out), convert::ConvertError::Log(ingest::IngestError::Cancelled)));
+    assert!(!out.exists());
+    exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
+    let held = || files(&out).into_iter().map(|name| std::fs::read(out.join(name)).unwrap()).collect::<Vec<_>>();
+    let (names, before) = (files(&out), held());
+    stopped(&log, &out);
+    assert_eq!((files(&out), held()), (names, before));
 }

@@ -2,4 +2,5 @@
 
 mod export;
 mod flight;
+mod guard;
 mod recover;

@@ -1,7 +1,8 @@
 //! What is good of a log, and nothing else, comes out.
 
-use crate::flight::{in_context, read, unit, write};
+use crate::flight::{in_context, library, read, unit, write};
 use convert::{ConvertError, How, Recovered, recover};
+use flight::{Channel, Severity, Stamp};
 use ingest::{Selection, Table, TopicInfo};
 use simulate::{BagCompression, BagSettings, Container, McapSettings, cut_off, zero_block};
 use std::borrow::Cow;
@@ -9,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 fn recovered(log: &Path, out: &Path) -> Result<Recovered, ConvertError> {
-    in_context(|context| recover(&unit(log), out, context))
+    in_context(|context| recover(&unit(log), &library(), out, context))
 }
 
 fn containers() -> [Container; 3] {
@@ -87,13 +88,10 @@ fn tables(log: &Path) -> Vec<Table> {
 }
 
 #[test]
-fn text_the_log_itself_and_a_log_without_a_message_are_refused_and_nothing_is_left() {
+fn a_log_without_a_message_is_refused_and_nothing_is_left() {
     let folder = tempfile::tempdir().unwrap();
-    let csv = write(Container::CsvWide, folder.path());
     let out = folder.path().join("out.mcap");
-    assert!(recovered(&csv, &out).unwrap_err().to_string().contains("flightlag export"));
     let mcap = write(Container::Mcap(McapSettings::default()), folder.path());
-    assert!(recovered(&mcap, &mcap).unwrap_err().to_string().contains("the log itself"));
     let bytes = std::fs::read(&mcap).unwrap();
     std::fs::write(&mcap, &bytes[..40]).unwrap();
     assert!(recovered(&mcap, &out).is_err());
@@ -225,4 +223,126 @@ fn what_a_ulog_holds_beside_its_topics_becomes_metadata() {
     assert_eq!(found["ulog texts"], pairs(&[("#000004 at 1.500000 s: WARNING", "=low battery")]));
     assert_eq!(report.extras.len(), 6);
     assert!(found["flightlag-recover"].iter().any(|(key, value)| key == "inputs" && value == "log.ulg"));
+}
+
+/// First and last log time of all messages, and how many there are.
+fn log_times(tables: &[Table]) -> (i64, i64, usize) {
+    let all = || tables.iter().flat_map(|t| t.logged_ns.iter().flatten().copied());
+    (all().min().unwrap(), all().max().unwrap(), all().count())
+}
+
+#[test]
+fn rows_that_nobody_logged_are_recovered_with_the_utc_that_they_say_themselves() {
+    for container in [Container::Ubx, Container::Nmea, Container::CsvWide, Container::CsvFolder] {
+        let folder = tempfile::tempdir().unwrap();
+        let log = write(container, folder.path());
+        let out = folder.path().join("out.mcap");
+        let report = recovered(&log, &out).unwrap();
+        assert_eq!(report.how, How::Rewritten);
+        // What the receiver says of itself is no sample.
+        let (not_read, whole): (Vec<_>, Vec<_>) =
+            report.topics.iter().partition(|t| ["MON-0x04", "GNTXT"].contains(&t.name.as_str()));
+        assert!(whole.iter().all(|t| t.found == t.written && t.written > 0), "{container:?}: {:?}", report.topics);
+        assert_eq!(report.any_loss(), !not_read.is_empty());
+        let flight = read(&log).flight;
+        let unix = |channel: &Channel| {
+            let timeline = channel.series.timeline();
+            let unix = |stamp: Option<Stamp>| flight.unix(timeline.clock(), stamp.unwrap()).unwrap().0;
+            [unix(timeline.first()), unix(timeline.last())]
+        };
+        let truth: Vec<i64> = flight.channels.values().flat_map(unix).collect();
+        let (first, last, count) = log_times(&tables(&out));
+        assert_eq!(count as u64, whole.iter().map(|t| t.found).sum::<u64>());
+        // Rows that no channel could use lie within a second of those that one could.
+        let near = |found: i64, truth: i64| found.abs_diff(truth) < 1_000_000_000;
+        assert!(near(first, *truth.iter().min().unwrap()), "{container:?} {first}");
+        assert!(near(last, *truth.iter().max().unwrap()), "{container:?} {last}");
+        let told = report.notices.iter().find(|n| n.code == "log-time").unwrap();
+        assert!(told.severity == Severity::Info && told.text.contains("UTC: "), "{told:?}");
+        assert!(provenance(&out)["log_time"].contains("UTC: "));
+    }
+}
+
+/// What `flightlag-recover` says.
+fn provenance(out: &Path) -> BTreeMap<String, String> {
+    let bytes = std::fs::read(out).unwrap();
+    let records = mcap::read::LinearReader::new(&bytes).unwrap().map(Result::unwrap);
+    let mut found = records.filter_map(|record| match record {
+        mcap::records::Record::Metadata(m) if m.name == "flightlag-recover" => Some(m.metadata),
+        _ => None,
+    });
+    found.next().unwrap()
+}
+
+#[test]
+fn rows_that_nothing_dates_keep_their_order_and_a_warning_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.csv"), folder.path().join("out.mcap"));
+    let rows: String = (0..30).map(|i| format!("{},{}\n", 30 - i, i * i)).collect();
+    std::fs::write(&log, format!("rpm,volts\n{rows}")).unwrap();
+    let report = recovered(&log, &out).unwrap();
+    let table = tables(&out).remove(0);
+    let rpm: Vec<f64> = (0..table.rows).filter_map(|row| table.column("rpm")?.number(row)).collect();
+    assert_eq!(rpm, (1..=30).rev().map(f64::from).collect::<Vec<_>>());
+    assert!(table.logged_ns.unwrap().windows(2).all(|pair| pair[0] < pair[1]));
+    let told = report.notices.iter().find(|n| n.code == "log-time").unwrap();
+    assert!(told.severity == Severity::Warning && told.text.contains("the order of the rows alone"), "{told:?}");
+}
+
+#[test]
+fn a_table_that_no_map_binds_is_dated_by_a_stamp_that_one_knows_if_it_is_a_date() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.csv"), folder.path().join("out.mcap"));
+    for (begin_ns, told) in [(1_778_061_600_000_000_000_i64, "UTC: "), (5_000_000_000, "the order of the rows alone")] {
+        let rows: String = (0..30).map(|i| format!("{},{i}\n", begin_ns + i * 100_000_000)).collect();
+        std::fs::write(&log, format!("%time,field.rpm\n{rows}")).unwrap();
+        let report = recovered(&log, &out).unwrap();
+        let notice = report.notices.iter().find(|n| n.code == "log-time").unwrap();
+        assert!(notice.text.contains(told), "{notice:?}");
+        let first = tables(&out)[0].logged_ns.as_ref().unwrap()[0];
+        assert!(first == begin_ns || told != "UTC: ", "{first}");
+    }
+}
+
+/// A DataFlash log of two types whose milliseconds of 32 bits begin anew: every record holds its place in the log.
+fn wrapped_dataflash() -> Vec<u8> {
+    const HEAD: [u8; 2] = [0xa3, 0x95];
+    let padded = |text: &str, size: usize| {
+        let mut bytes = text.as_bytes().to_vec();
+        bytes.resize(size, 0);
+        bytes
+    };
+    let define = |id: u8, length: u8, name: &str, format: &str, columns: &str| {
+        [&HEAD[..], &[128, id, length], &padded(name, 4), &padded(format, 16), &padded(columns, 64)].concat()
+    };
+    let mut log = define(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns");
+    log.extend(define(130, 11, "FST", "II", "TimeMS,N"));
+    log.extend(define(131, 11, "SLW", "II", "TimeMS,N"));
+    for n in 0..600_u32 {
+        let id = if n % 100 == 50 { 131 } else { 130 };
+        let ms = (u32::MAX - 30_000).wrapping_add(n * 100);
+        log.extend([&HEAD[..], &[id], &ms.to_le_bytes(), &n.to_le_bytes()].concat());
+    }
+    log
+}
+
+#[test]
+fn a_recovered_log_has_the_order_of_the_original_also_where_its_clock_began_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.bin"), folder.path().join("out.mcap"));
+    std::fs::write(&log, wrapped_dataflash()).unwrap();
+    let report = recovered(&log, &out).unwrap();
+    let bytes = std::fs::read(&out).unwrap();
+    let mut found: Vec<(u64, u32)> = vec![];
+    for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
+        if message.channel.topic != "FMT" {
+            // Behind the header of CDR: N, then TimeMS.
+            let place = f64::from_le_bytes(message.data[4..12].try_into().unwrap());
+            found.push((message.log_time, place as u32));
+        }
+    }
+    let places: Vec<u32> = found.iter().map(|(_, place)| *place).collect();
+    assert_eq!(places, (0..600).collect::<Vec<_>>());
+    assert!(found.windows(2).all(|pair| pair[1].0 - pair[0].0 == 100_000_000), "log_time runs on");
+    assert!(report.notices.iter().any(|n| n.code == "stamp-wrap"), "{:?}", report.notices);
 }

@@ -2,7 +2,7 @@
 
 use super::MOST_LISTED;
 use crate::show::{Table, count, number};
-use flight::About;
+use flight::{About, Clock, ModeStart};
 
 /// As a table; long lists are cut unless `all` of them are wanted.
 pub(super) fn text(about: &About, all: bool) -> String {
@@ -16,11 +16,20 @@ pub(super) fn text(about: &About, all: bool) -> String {
         let value = format!("{} ms: {}", number(Some(delay.value_s * 1e3), 1), delay.meaning);
         table.row(vec![delay.parameter.clone(), value]);
     }
-    let modes = about.modes.iter().map(|m| format!("{:.1} s: {}", m.at_ns as f64 * 1e-9, m.mode)).collect();
+    let modes = about.modes.iter().map(|m| format!("{}: {}", when(m), m.mode)).collect();
     list(&mut table, "mode", modes, all);
     list(&mut table, "changed", about.parameter_changes.clone(), all);
     list(&mut table, "text", about.texts.clone(), all);
     if table.is_empty() { String::new() } else { table.text() }
+}
+
+/// By the log's clock, as its texts: UTC where it counts that.
+fn when(mode: &ModeStart) -> String {
+    let utc = jiff::Timestamp::from_nanosecond(mode.at_ns.into()).ok().filter(|_| mode.clock == Clock::Unix);
+    match utc {
+        Some(utc) => utc.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string(),
+        None => format!("{:.3} s", mode.at_ns as f64 * 1e-9),
+    }
 }
 
 fn facts(about: &About) -> [(&'static str, Option<String>); 6] {

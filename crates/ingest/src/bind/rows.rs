@@ -3,14 +3,15 @@
 use super::attitude::{from_euler, from_quaternion, rotate};
 use super::order::{self, FAR_NS};
 use super::stamps::Stamps;
-use super::trial::{Found, Plan, numbers};
+use super::trial::{Found, Plan};
 use crate::map::{BENCH_ALONE, ChannelRule, Combine, Presence};
 use crate::map_schema::HeightAbove;
 use crate::stamps::{StampStats, distribution};
+use crate::table::numbers;
 use crate::time::suspicion;
 use flight::{
     Channel, ChannelHealth, ChannelSource, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount, Series, Severity,
-    Stamp, StampKind, StampOffset, Timeline,
+    Stamp, StampHealth, StampKind, StampOffset, Timeline,
 };
 use std::collections::HashMap;
 
@@ -61,14 +62,9 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
     };
     let mut samples = usable_rows(plan, &columns, primary, &mut rejects);
     order::leave_out_far(&mut samples, primary.clock, &mut |why, s| rejects.add(why, || place(plan, s.row)));
-    let raw: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
-    let stamps = StampStats::from_slice(primary.kind, primary.clock, &primary.label, &raw);
+    let as_logged = describe(primary, &samples);
     order::sort(&mut samples, &mut |why, s| rejects.add(why, || place(plan, s.row)));
-    let back_jumps = stamps.as_ref().map_or(0, |s| s.back_jumps);
-    if back_jumps > 0 {
-        let text = "stamps go back; the rows were sorted by stamp";
-        notices.push(Severity::Warning, "back-jump", &plan.table.topic.name, back_jumps, text);
-    }
+    let stamps = as_logged.map(|logged| as_used(logged, primary, &samples));
     assumptions(plan, &columns, &mut notices);
     report(plan, &rejects, samples.is_empty(), &mut notices);
     let (held, held_health) = held_rows(&samples, compared(plan.rule.quantity, columns.len()));
@@ -85,6 +81,21 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
     health.held = held_health;
     let channel = channel_of(plan, primary, &columns, &samples, held, &mut notices);
     Bound { channel, health, notices }
+}
+
+fn describe(stamps: &Stamps, samples: &[Sample]) -> Option<StampHealth> {
+    let nanos: Vec<i64> = samples.iter().map(|s| s.stamp).collect();
+    StampStats::from_slice(stamps.kind, stamps.clock, &stamps.label, &nanos)
+}
+
+/// Where stamps go back the log's order hides holes: rate, steps and gaps are then those of the sorted rows, and only
+/// the jumps and repeats those of the log.
+fn as_used(logged: StampHealth, primary: &Stamps, sorted: &[Sample]) -> StampHealth {
+    let (duplicates, back_jumps) = (logged.duplicates, logged.back_jumps);
+    match describe(primary, sorted).filter(|_| back_jumps > 0) {
+        Some(used) => StampHealth { duplicates, back_jumps, ..used },
+        None => logged,
+    }
 }
 
 fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, notices: Notices) -> Bound {

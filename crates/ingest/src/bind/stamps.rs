@@ -1,16 +1,16 @@
 //! The stamps of a table: read from their source, and put right where a clock is known to go wrong.
 
-use super::trial::{numbers, texts};
+use super::counted::date_by_counter;
 use crate::civil::{SlashDate, Tick, calendar_to_unix_ns, iso_to_unix_ns, plain_date, unix_ns};
 use crate::map::{TieRule, TimeSource};
 use crate::reader::Log;
-use crate::table::{Column, Table};
+use crate::table::{Column, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
 use flight::{Clock, NANOS_PER_SECOND, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
 use std::ops::Range;
 
 /// Receivers without a fix count from 1970, 1980 or the year of their firmware; no log that ties is from before 2000.
-const NO_UTC_BEFORE_NS: i64 = 946_684_800 * NANOS_PER_SECOND;
+pub(super) const NO_UTC_BEFORE_NS: i64 = 946_684_800 * NANOS_PER_SECOND;
 
 /// The stamps of one kind for all rows.
 pub(super) struct Stamps {
@@ -70,9 +70,31 @@ pub(super) fn read_stamps(
         }
         _ => nanos_of(source, table)?,
     };
+    date_by_counter(source, table, &mut nanos, &mut repairs);
     repair(source, &mut nanos, &mut repairs);
     let any = nanos.iter().any(Option::is_some);
-    any.then(|| Stamps { kind, clock: source.clock(), label: source.label(), nanos, repairs })
+    let clock = clock_of(source, table, &nanos);
+    if clock != source.clock() {
+        note(&mut repairs, "unix-stamps", nanos.iter().flatten().count() as u64, UNIX_STAMPS);
+    }
+    any.then(|| Stamps { kind, clock, label: source.label(), nanos, repairs })
+}
+
+const UNIX_STAMPS: &str = "taken as UTC and not as a time since boot, for that would be more than thirty years";
+/// Nothing has run since boot for so long, and no log is from so late: 2001 to 2096, ns since 1970.
+const UNIX_AND_NOT_BOOT: Range<i64> = 1_000_000_000 * NANOS_PER_SECOND..4_000_000_000 * NANOS_PER_SECOND;
+
+/// What the stamps count. MAVLink's `time_usec` is "UNIX Epoch time or time since system boot", to be told apart by its
+/// size (<https://mavlink.io/en/messages/common.html>); the median of the rows decides for all of them.
+fn clock_of(source: &TimeSource, table: &Table, nanos: &[Option<i64>]) -> Clock {
+    let clock = source.clock();
+    if clock != Clock::Boot || table.topic.encoding != "mavlink" {
+        return clock;
+    }
+    let mut stamps: Vec<i64> = nanos.iter().flatten().copied().collect();
+    let middle = stamps.len() / 2;
+    let median = (middle < stamps.len()).then(|| *stamps.select_nth_unstable(middle).1);
+    if median.is_some_and(|median| UNIX_AND_NOT_BOOT.contains(&median)) { Clock::Unix } else { clock }
 }
 
 const NEAREST_TO_LOG: &str =
@@ -135,7 +157,7 @@ fn nanos_of(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
             })
             .collect()
         }
-        TimeSource::Calendar { fields } => {
+        TimeSource::Calendar { fields, .. } => {
             let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
             rows.map(|row| calendar(&columns, row)).collect()
         }
@@ -207,25 +229,59 @@ pub(super) struct Tied {
 /// The first of the rules that ties a clock to UTC in this log.
 pub(super) fn tie_of(rules: &[TieRule], log: &Log) -> Option<Tied> {
     rules.iter().find_map(|rule| {
-        let mut tables: Vec<_> = log.tables.iter().filter_map(|t| Some((rule.meets(&t.topic)?, t))).collect();
-        tables.sort_by_key(|(closeness, _)| *closeness);
-        tables.into_iter().find_map(|(_, table)| tie_in(rule, table))
+        pairs_of(rule, log).into_iter().find_map(|(_, pairs)| {
+            let tie = pairs.ties(1, |_| Some(0)).pop()??;
+            Some(Tied { tie, from_gps: pairs.from_gps, repairs: pairs.repairs })
+        })
     })
 }
 
-fn tie_in(rule: &TieRule, table: &Table) -> Option<Tied> {
+/// Stamps of a clock with UTC, row by row.
+pub(super) struct Pairs {
+    clock: Clock,
+    /// Topic and fields.
+    source: String,
+    /// Row, stamp and UTC, ns.
+    pairs: Vec<(usize, i64, i64)>,
+    pub(super) from_gps: bool,
+    pub(super) repairs: Vec<Repair>,
+}
+
+impl Pairs {
+    /// The tie by the rows of each of so many sessions; `None` of one without any.
+    pub(super) fn ties(&self, sessions: usize, session_of: impl Fn(usize) -> Option<usize>) -> Vec<Option<UtcTie>> {
+        let mut pairs = vec![vec![]; sessions];
+        for (row, stamp, utc) in &self.pairs {
+            let session = session_of(*row).and_then(|session| pairs.get_mut(session));
+            session.into_iter().for_each(|pairs| pairs.push((*stamp, *utc)));
+        }
+        pairs.iter().map(|pairs| tie(self.clock, self.source.clone(), pairs)).collect()
+    }
+}
+
+/// The tables in which a rule finds pairs, that of the closest name first.
+pub(super) fn pairs_of<'l>(rule: &TieRule, log: &'l Log) -> Vec<(&'l Table, Pairs)> {
+    let mut tables: Vec<_> = log.tables.iter().filter_map(|t| Some((rule.meets(&t.topic)?, t))).collect();
+    tables.sort_by_key(|(closeness, _)| *closeness);
+    tables.into_iter().filter_map(|(_, table)| Some((table, pairs_in(rule, table)?))).collect()
+}
+
+fn pairs_in(rule: &TieRule, table: &Table) -> Option<Pairs> {
     let written_at = || written_at([].into_iter(), table);
     let stamps = read_stamps(StampKind::Logged, &rule.stamp, table, written_at)?;
     let utc = read_stamps(StampKind::Measured, &rule.utc, table, written_at)?;
     let meets = |row: usize| {
         rule.require.iter().all(|r| numbers(table, &r.field).and_then(|c| c.number(row)).is_none_or(|v| r.met_by(v)))
     };
+    if stamps.clock != rule.clock {
+        return None;
+    }
     let pair = |row: usize| {
         let unix = utc.clock.unix(Stamp(utc.nanos.get(row).copied().flatten()?))?.0;
-        Some((stamps.nanos.get(row).copied().flatten()?, unix)).filter(|_| unix > NO_UTC_BEFORE_NS && meets(row))
+        Some((row, stamps.nanos.get(row).copied().flatten()?, unix)).filter(|_| unix > NO_UTC_BEFORE_NS && meets(row))
     };
-    let pairs: Vec<(i64, i64)> = (0..table.rows).filter_map(pair).collect();
-    let tie = tie(rule.clock, format!("{}: {} and {}", table.topic.name, stamps.label, utc.label), &pairs)?;
+    let pairs = (0..table.rows).filter_map(pair).collect();
+    let source = format!("{}: {} and {}", table.topic.name, stamps.label, utc.label);
     let repairs = stamps.repairs.into_iter().chain(utc.repairs).collect();
-    Some(Tied { tie, from_gps: utc.clock == Clock::Gps, repairs })
+    Some(Pairs { clock: rule.clock, source, pairs, from_gps: utc.clock == Clock::Gps, repairs })
 }

@@ -4,7 +4,7 @@ use super::binds;
 use super::stamps::{Stamps, is_constant, read_stamps, written_at};
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::reader::Log;
-use crate::table::{Column, ColumnData, Table};
+use crate::table::{Column, Table, numbers};
 use flight::{Quantity, Unit};
 
 /// What a map would make of a log.
@@ -129,8 +129,8 @@ impl<'a> Trial<'a> {
         self.plans.iter().map(|p| p.rule.name.clone()).collect()
     }
 
-    /// Why this map is the best one.
-    pub(super) fn why(&self) -> String {
+    /// Why this map is the best one; its channels, so many, are listed by name elsewhere.
+    pub(super) fn why(&self, channels: usize) -> String {
         let how = match self.specificity() {
             Specificity::ByName => "the log holds its topics by name",
             Specificity::ByType => "the log holds topics of its types",
@@ -141,7 +141,7 @@ impl<'a> Trial<'a> {
             (false, true) => ", but no position",
             _ => "",
         };
-        format!("{how}{lacking}: it binds {}", self.names().join(", "))
+        format!("{how}{lacking}; {channels} {}", if channels == 1 { "channel" } else { "channels" })
     }
 
     /// How near the map comes, and what is missing; `None` if it finds nothing of its own at all.
@@ -234,18 +234,9 @@ fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
     })
 }
 
-/// The column of a field as numbers.
-pub(super) fn numbers<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
-    table.columns.iter().find(|c| c.path == path && !matches!(c.data, ColumnData::Text(_)))
-}
-
-pub(super) fn texts<'a>(table: &'a Table, path: &str) -> Option<&'a Column> {
-    table.columns.iter().find(|c| c.path == path && matches!(c.data, ColumnData::Text(_)))
-}
-
 /// The stamps that the log holds, the wanted kind first. Where it is missing the nearest other kind
 /// stands in, with a remark.
-fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<String>), String> {
+pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<String>), String> {
     let mut remarks = vec![];
     let mut found: Vec<Stamps> = vec![];
     for (kind, sources) in &rule.times {

@@ -10,7 +10,7 @@ use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Seq
 use std::fmt;
 
 /// Elements of an array that are taken when everything is wanted.
-const MOST_ELEMENTS: u32 = 64;
+pub(super) const MOST_ELEMENTS: u32 = 64;
 
 /// Sets the wanted values of the open row. What is wrong says where in the text.
 pub(crate) fn decode(payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<(), String> {
@@ -116,7 +116,7 @@ impl<'de> Visitor<'de> for Node<'_> {
         match i64::try_from(value) {
             Ok(value) => self.visit_i64(value),
             Err(_) => {
-                self.set(Value::Float(value as f64));
+                self.set(Value::Large(value));
                 Ok(Seen::Other)
             }
         }

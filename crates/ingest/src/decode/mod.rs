@@ -4,6 +4,7 @@ pub(crate) mod cells;
 mod common;
 mod idl;
 mod json;
+mod left_out;
 pub(crate) mod packed;
 mod protobuf;
 mod ros;
@@ -456,6 +457,10 @@ impl Topic {
         log.health.messages += self.messages;
         log.health.undecodable += self.undecodable.count;
         log.health.topics.push(self.health(clock));
+        if let (Some(Wanted::All), false) = (&self.wanted, self.raw) {
+            let definitions = self.decoders.iter().map(Decoder::definition);
+            log.left_out.extend(left_out::of(&self.info, definitions, &self.rows));
+        }
         log.tables.extend(self.table());
     }
 
@@ -527,6 +532,10 @@ impl Topic {
 }
 
 impl Decoder {
+    fn definition(&self) -> Definition<'_> {
+        Definition { encoding: &self.schema_encoding, text: &self.definition }
+    }
+
     fn weight(&self) -> usize {
         let plan = match &self.how {
             How::Ros(plan) | How::Common(plan) => plan.weight(),

@@ -136,6 +136,7 @@ impl Scale {
         match value {
             Value::Float(x) => Value::Float(x * self.factor / self.divisor),
             Value::Integer(x) => Value::Float(x as f64 * self.factor / self.divisor),
+            Value::Large(x) => Value::Float(x as f64 * self.factor / self.divisor),
             Value::Text(_) => value,
         }
     }
@@ -147,7 +148,7 @@ pub(crate) fn text_of(bytes: &[u8]) -> Cow<'_, str> {
     String::from_utf8_lossy(bytes.get(..end).unwrap_or_default())
 }
 
-/// The number that the bytes begin with; `None` for a whole number beyond `i64`.
+/// The number that the bytes begin with; `None` if there are too few.
 #[inline(always)]
 pub(crate) fn number_of(number: Number, bytes: &[u8]) -> Option<Value<'static>> {
     Some(match number {
@@ -158,7 +159,7 @@ pub(crate) fn number_of(number: Number, bytes: &[u8]) -> Option<Value<'static>> 
         Number::I16 => Value::Float(i16::from_le_bytes(*bytes.first_chunk()?).into()),
         Number::U32 => Value::Float(u32::from_le_bytes(*bytes.first_chunk()?).into()),
         Number::I32 => Value::Float(i32::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::U64 => Value::Integer(i64::try_from(u64::from_le_bytes(*bytes.first_chunk()?)).ok()?),
+        Number::U64 => Value::unsigned(u64::from_le_bytes(*bytes.first_chunk()?)),
         Number::I64 => Value::Integer(i64::from_le_bytes(*bytes.first_chunk()?)),
         Number::F32 => Value::Float(f32::from_le_bytes(*bytes.first_chunk()?).into()),
         Number::F64 => Value::Float(f64::from_le_bytes(*bytes.first_chunk()?)),
@@ -170,6 +171,7 @@ pub(crate) fn float_of(number: Number, bytes: &[u8]) -> Option<f64> {
     match number_of(number, bytes)? {
         Value::Float(x) => Some(x),
         Value::Integer(x) => Some(x as f64),
+        Value::Large(x) => Some(x as f64),
         Value::Text(_) => None,
     }
 }
@@ -191,7 +193,7 @@ fn half(bytes: &[u8]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::{Table, TopicInfo};
+    use crate::table::{ColumnData, Table, TopicInfo};
 
     fn field(path: &str, offset: usize, kind: PackedKind) -> PackedField {
         PackedField { path: path.to_owned(), offset, kind, scale: None }
@@ -261,13 +263,13 @@ mod tests {
     }
 
     #[test]
-    fn only_wanted_fields_become_columns_and_one_beyond_i64_is_absent() {
+    fn only_wanted_fields_become_columns_and_the_largest_number_stays_exact() {
         let number = |path: &str, offset| field(path, offset, PackedKind::Number(Number::U64));
         let layout = layout(vec![number("a", 0), number("b", 8)]);
         let record = [5_u64.to_le_bytes(), u64::MAX.to_le_bytes()].concat();
         let table = decoded(&layout, &Wanted::of_paths(["b", "gone"]), &[&record, &[0; 16]]);
         assert_eq!(table.columns.len(), 1);
-        assert_eq!((table.columns[0].integer(0), table.columns[0].integer(1)), (None, Some(0)));
+        assert_eq!(table.columns[0].data, ColumnData::U64(vec![u64::MAX, 0]));
     }
 
     #[test]

@@ -14,7 +14,7 @@ const MOST_NESTED: usize = 32;
 /// Fields looked at when everything is wanted: a definition can name exponentially many.
 const MOST_VISITED: usize = 16_384;
 /// Elements of an array of numbers that are taken when everything is wanted.
-const MOST_ELEMENTS: u32 = 64;
+pub(super) const MOST_ELEMENTS: u32 = 64;
 
 /// How to read the wanted fields of one message type.
 #[derive(Debug)]
@@ -125,18 +125,16 @@ impl Scalar {
         }
     }
 
-    /// The inner `None` is a number that no column can hold, the outer one a value of another type.
-    fn value(self, wire: Wire<'_>) -> Option<Option<Value<'_>>> {
+    /// `None` for a value of another type.
+    fn value(self, wire: Wire<'_>) -> Option<Value<'_>> {
         let zigzag = |n: u64| (n >> 1) as i64 ^ -((n & 1) as i64);
-        let value = match (self, wire) {
+        Some(match (self, wire) {
             (Scalar::F64, Wire::Fixed64(bits)) => Value::Float(f64::from_bits(bits)),
             (Scalar::F32, Wire::Fixed32(bits)) => Value::Float(f32::from_bits(bits).into()),
             (Scalar::Fixed32, Wire::Fixed32(bits)) => Value::Float(bits.into()),
             (Scalar::Sfixed32, Wire::Fixed32(bits)) => Value::Float((bits as i32).into()),
             (Scalar::Sfixed64, Wire::Fixed64(bits)) => Value::Integer(bits as i64),
-            (Scalar::Fixed64, Wire::Fixed64(n)) | (Scalar::U64, Wire::Varint(n)) => {
-                return Some(i64::try_from(n).ok().map(Value::Integer));
-            }
+            (Scalar::Fixed64, Wire::Fixed64(n)) | (Scalar::U64, Wire::Varint(n)) => Value::unsigned(n),
             (Scalar::I64, Wire::Varint(n)) => Value::Integer(n as i64),
             (Scalar::Sint64, Wire::Varint(n)) => Value::Integer(zigzag(n)),
             (Scalar::I32 | Scalar::Enum, Wire::Varint(n)) => Value::Float((n as i32).into()),
@@ -145,8 +143,7 @@ impl Scalar {
             (Scalar::Bool, Wire::Varint(n)) => Value::Float(f64::from(u8::from(n != 0))),
             (Scalar::Text, Wire::Bytes(bytes)) => Value::Text(std::str::from_utf8(bytes).ok()?),
             _ => return None,
-        };
-        Some(Some(value))
+        })
     }
 
     /// The next number of a packed array.
@@ -259,12 +256,12 @@ pub(crate) struct Types {
 
 /// A field as a descriptor describes it.
 #[derive(Debug, Default)]
-struct Field {
+pub(super) struct Field {
     number: u32,
-    name: String,
-    repeated: bool,
-    kind: u64,
-    type_name: String,
+    pub(super) name: String,
+    pub(super) repeated: bool,
+    pub(super) kind: u64,
+    pub(super) type_name: String,
     /// Part of a `oneof`, as `optional` fields of proto3 are too.
     one_of: bool,
     /// Whether presence is told from zero, where the field itself says so.
@@ -322,7 +319,7 @@ impl Types {
         Ok(())
     }
 
-    fn fields(&self, name: &str) -> Option<&[Field]> {
+    pub(super) fn fields(&self, name: &str) -> Option<&[Field]> {
         self.messages.get(name.trim_start_matches('.')).map(Vec::as_slice)
     }
 }
@@ -366,7 +363,7 @@ impl Field {
         Ok(field)
     }
 
-    fn is_time(&self) -> bool {
+    pub(super) fn is_time(&self) -> bool {
         matches!(self.type_name.as_str(), ".google.protobuf.Timestamp" | ".google.protobuf.Duration")
     }
 }
@@ -515,9 +512,7 @@ impl Plan {
         let here = *seen;
         match &step.what {
             What::Scalar { column, scalar, .. } => {
-                if let Some(value) = scalar.value(value)? {
-                    rows.set(*column, value);
-                }
+                rows.set(*column, scalar.value(value)?);
                 *seen = 1;
             }
             What::Time { column } => {
@@ -553,10 +548,8 @@ impl Plan {
 /// Sets the wanted elements of an array, which stand one by one or packed.
 fn elements(columns: &[(u32, usize)], scalar: Scalar, value: Wire<'_>, seen: &mut u32, rows: &mut Rows) -> Option<()> {
     let mut one = |value: Wire<'_>| {
-        if let Ok(at) = columns.binary_search_by_key(seen, |(index, _)| *index)
-            && let Some(value) = scalar.value(value)?
-        {
-            rows.set(columns.get(at)?.1, value);
+        if let Ok(at) = columns.binary_search_by_key(seen, |(index, _)| *index) {
+            rows.set(columns.get(at)?.1, scalar.value(value)?);
         }
         *seen = seen.saturating_add(1);
         Some(())

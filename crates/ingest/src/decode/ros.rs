@@ -12,7 +12,7 @@ use crate::decode::rows::{Rows, Value, ValueType};
 use crate::decode::schema::{Count, Dialect, Field, Kind, Number, Schema};
 
 /// Elements of a fixed array that are taken when everything is wanted.
-const MOST_ELEMENTS: u32 = 64;
+pub(super) const MOST_ELEMENTS: u32 = 64;
 /// Fixed arrays of messages up to this long have their size worked out beforehand.
 const MOST_MEASURED: u32 = 1024;
 /// Fields looked at when everything is wanted: a definition can name exponentially many.
@@ -526,9 +526,7 @@ impl<'p> Walk<'p> {
             What::Over(sizes) => self.forward(at_phase(sizes, self.at as u64)).ok_or(short),
             What::Run(run) => self.run(run, over, rows),
             What::Fixed { column, what } => {
-                if let Some(value) = self.fixed(*what).ok_or(short)? {
-                    rows.set(*column, value);
-                }
+                rows.set(*column, self.fixed(*what).ok_or(short)?);
                 Ok(())
             }
             What::Text { column } => {
@@ -668,9 +666,8 @@ impl<'p> Walk<'p> {
         self.raw().map(u8::from_le_bytes)
     }
 
-    /// The inner `None` is a number that no column can hold: unsigned and above `i64::MAX`.
-    fn number(&mut self, number: Number) -> Option<Option<Value<'static>>> {
-        Some(Some(match number {
+    fn number(&mut self, number: Number) -> Option<Value<'static>> {
+        Some(match number {
             Number::Bool => Value::Float(f64::from(u8::from(self.u8()? != 0))),
             Number::U8 => Value::Float(self.u8()?.into()),
             Number::I8 => Value::Float((self.u8()? as i8).into()),
@@ -681,14 +678,14 @@ impl<'p> Walk<'p> {
             Number::F32 => Value::Float(f32::from_bits(self.u32()?).into()),
             Number::F64 => Value::Float(f64::from_bits(self.u64()?)),
             Number::I64 => Value::Integer(self.u64()? as i64),
-            Number::U64 => return Some(i64::try_from(self.u64()?).ok().map(Value::Integer)),
-        }))
+            Number::U64 => Value::unsigned(self.u64()?),
+        })
     }
 
-    fn fixed(&mut self, what: Fixed) -> Option<Option<Value<'static>>> {
+    fn fixed(&mut self, what: Fixed) -> Option<Value<'static>> {
         match what {
             Fixed::Number(number) => self.number(number),
-            Fixed::Time(signs) => Some(Some(Value::Integer(signs.nanos(self.u32()?, self.u32()?)))),
+            Fixed::Time(signs) => Some(Value::Integer(signs.nanos(self.u32()?, self.u32()?))),
         }
     }
 
@@ -922,10 +919,10 @@ mod tests {
     }
 
     #[test]
-    fn integers_of_64_bits_are_exact_and_those_above_the_range_absent() {
+    fn integers_of_64_bits_are_exact_with_and_without_sign() {
         let bytes = Writer::ros1().raw(u64::MAX.to_le_bytes()).raw(i64::MIN.to_le_bytes()).bytes;
         let (table, _) = decode("uint64 u\nint64 i", Dialect::Ros1, &Wanted::All, &bytes).unwrap();
-        assert!(table.column("u").is_none());
+        assert_eq!(table.column("u").unwrap().unsigned(0), Some(u64::MAX));
         assert_eq!(table.column("i").unwrap().integer(0), Some(i64::MIN));
     }
 

@@ -13,6 +13,8 @@ const LONGEST_PATH: usize = 1024;
 pub(crate) enum Value<'v> {
     Float(f64),
     Integer(i64),
+    /// Above `i64::MAX`.
+    Large(u64),
     Text(&'v str),
 }
 
@@ -25,10 +27,16 @@ pub(crate) enum ValueType {
 }
 
 impl Value<'_> {
+    /// Of a number without sign.
+    #[inline(always)]
+    pub(crate) fn unsigned(number: u64) -> Value<'static> {
+        i64::try_from(number).map_or(Value::Large(number), Value::Integer)
+    }
+
     pub(crate) fn value_type(self) -> ValueType {
         match self {
             Value::Float(_) => ValueType::Float,
-            Value::Integer(_) => ValueType::Integer,
+            Value::Integer(_) | Value::Large(_) => ValueType::Integer,
             Value::Text(_) => ValueType::Text,
         }
     }
@@ -79,6 +87,11 @@ impl Rows {
         self.by_path.insert(path.to_owned(), self.columns.len());
         self.columns.push(Growing { path: path.to_owned(), data, valid: None });
         Some(self.columns.len() - 1)
+    }
+
+    /// Paths of the columns.
+    pub(crate) fn paths(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().map(|column| column.path.as_str())
     }
 
     /// Sets a value of the open row. One that does not fit the column's type is left out and counted.
@@ -146,6 +159,7 @@ impl Growing {
         match &self.data {
             ColumnData::F64(v) => v.len(),
             ColumnData::I64(v) => v.len(),
+            ColumnData::U64(v) => v.len(),
             ColumnData::Text(v) => v.len(),
         }
     }
@@ -174,7 +188,10 @@ impl Growing {
         match (&mut self.data, value) {
             (ColumnData::F64(v), Value::Float(x)) => v.push(x),
             (ColumnData::F64(v), Value::Integer(x)) => v.push(x as f64),
+            (ColumnData::F64(v), Value::Large(x)) => v.push(x as f64),
             (ColumnData::I64(v), Value::Integer(x)) => v.push(x),
+            (ColumnData::U64(v), Value::Integer(x)) => v.push(x as u64),
+            (ColumnData::U64(v), Value::Large(x)) => v.push(x),
             (ColumnData::Text(v), Value::Text(x)) => v.push(x.to_owned()),
             _ => return false,
         }
@@ -184,11 +201,21 @@ impl Growing {
         true
     }
 
-    /// A column of whole numbers becomes one of floats when the first fraction arrives.
+    /// A column of whole numbers becomes one without sign when the first large one arrives, and one of floats when the
+    /// first fraction does, or both a sign and a large number.
     fn widen_for(&mut self, value: Value<'_>) {
-        if let (ColumnData::I64(whole), Value::Float(_)) = (&self.data, value) {
-            self.data = ColumnData::F64(whole.iter().map(|&x| x as f64).collect());
-        }
+        let negative = |x: &i64| *x < 0;
+        self.data = match (std::mem::replace(&mut self.data, ColumnData::F64(vec![])), value) {
+            (ColumnData::I64(whole), Value::Large(_)) if !whole.iter().any(negative) => {
+                ColumnData::U64(whole.into_iter().map(|x| x as u64).collect())
+            }
+            (ColumnData::I64(whole), Value::Float(_) | Value::Large(_)) => {
+                ColumnData::F64(whole.into_iter().map(|x| x as f64).collect())
+            }
+            (ColumnData::U64(large), Value::Float(_)) => floats_of(large),
+            (ColumnData::U64(large), Value::Integer(x)) if negative(&x) => floats_of(large),
+            (data, _) => data,
+        };
     }
 
     fn leave_out_until(&mut self, row: usize) {
@@ -200,6 +227,7 @@ impl Growing {
         match &mut self.data {
             ColumnData::F64(v) => v.resize(row, 0.0),
             ColumnData::I64(v) => v.resize(row, 0),
+            ColumnData::U64(v) => v.resize(row, 0),
             ColumnData::Text(v) => v.resize(row, String::new()),
         }
     }
@@ -208,6 +236,7 @@ impl Growing {
         match &mut self.data {
             ColumnData::F64(v) => v.truncate(rows),
             ColumnData::I64(v) => v.truncate(rows),
+            ColumnData::U64(v) => v.truncate(rows),
             ColumnData::Text(v) => v.truncate(rows),
         }
         if let Some(valid) = &mut self.valid {
@@ -224,6 +253,10 @@ impl Growing {
         self.leave_out_until(rows);
         Some(Column { path: self.path, data: self.data, valid: self.valid })
     }
+}
+
+fn floats_of(large: Vec<u64>) -> ColumnData {
+    ColumnData::F64(large.into_iter().map(|x| x as f64).collect())
 }
 
 #[cfg(test)]
@@ -256,6 +289,19 @@ mod tests {
         assert_eq!(whole.integer(0), Some(stamp));
         let mixed = rows_of(&[Some(Value::Integer(3)), Some(Value::Float(0.5))]);
         assert_eq!((mixed.number(0), mixed.number(1)), (Some(3.0), Some(0.5)));
+    }
+
+    #[test]
+    fn numbers_without_sign_stay_exact_up_to_the_largest() {
+        let column =
+            rows_of(&[Some(Value::unsigned(5)), None, Some(Value::unsigned(u64::MAX)), Some(Value::unsigned(7))]);
+        assert_eq!(column.data, ColumnData::U64(vec![5, 0, u64::MAX, 7]));
+        assert_eq!((column.integer(0), column.integer(1), column.integer(2)), (Some(5), None, None));
+        assert_eq!(column.number(2), Some(18_446_744_073_709_551_615.0));
+        let signed = rows_of(&[Some(Value::Large(1 << 63)), Some(Value::Integer(-1))]);
+        assert_eq!(signed.data, ColumnData::F64(vec![9_223_372_036_854_775_808.0, -1.0]));
+        let fraction = rows_of(&[Some(Value::Integer(-2)), Some(Value::Large(1 << 63)), Some(Value::Float(0.5))]);
+        assert_eq!(fraction.data, ColumnData::F64(vec![-2.0, 9_223_372_036_854_775_808.0, 0.5]));
     }
 
     #[test]

@@ -11,8 +11,8 @@ pub use self::formula::inert;
 
 use self::columns::Topic;
 use self::fields::Fields;
-use self::layout::{Layout, TableLayout, comment_mark};
-use self::lines::{Extent, Lines, Next};
+use self::layout::{Layout, TableLayout};
+use self::lines::{Extent, Lines, Next, comment_mark};
 use crate::error::IngestError;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select};

@@ -1,7 +1,9 @@
 //! A file read by position into one reused buffer. Never mapped: a mapped file that shrinks
 //! kills the process, and its pages count as our memory.
 
+use crate::bytes::is_zero;
 use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
 use crate::reader::ReadContext;
 use std::fs::File;
 use std::io;
@@ -99,6 +101,22 @@ impl LogFile {
         Ok(Some(bytes))
     }
 
+    /// Behind the next LF at or after `from`, and whether there is one: else the end of the file, or of what is looked at
+    /// because nothing but zeros follows.
+    pub(crate) fn line_end(&mut self, from: u64, context: &ReadContext<'_>) -> Result<(u64, bool), IngestError> {
+        let (mut at, mut zeros) = (from, 0);
+        while at < self.size && zeros <= MOST_ZEROS {
+            let block = self.up_to(at, READ_AHEAD)?;
+            if let Some(end) = memchr::memchr(b'\n', block) {
+                return Ok((at + end as u64 + 1, true));
+            }
+            zeros = if is_zero(block) { zeros + block.len() as u64 } else { 0 };
+            at += block.len() as u64;
+            self.progress(at, context)?;
+        }
+        Ok((self.size, false))
+    }
+
     /// Makes the buffer begin at `offset` and hold at least `length` bytes that the file has.
     fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
         let end = self.start + self.filled as u64;
@@ -119,10 +137,7 @@ impl LogFile {
     }
 
     fn read(&self, space: &mut [u8], from: u64) -> Result<(), IngestError> {
-        self.file.read_exact_at(space, from).map_err(|source| match source.kind() {
-            io::ErrorKind::UnexpectedEof => IngestError::Changed { file: self.name.clone() },
-            _ => IngestError::Io { file: self.name.clone(), offset: from, source },
-        })
+        read_exactly(&self.file, &self.name, space, from)
     }
 
     /// Moves what the buffer holds from `offset` on to its front; how much that is.
@@ -144,6 +159,14 @@ impl LogFile {
         }
         Ok(())
     }
+}
+
+/// Fills `space` from a place in the file, which had these bytes when it was opened.
+pub(crate) fn read_exactly(file: &File, name: &str, space: &mut [u8], from: u64) -> Result<(), IngestError> {
+    file.read_exact_at(space, from).map_err(|source| match source.kind() {
+        io::ErrorKind::UnexpectedEof => IngestError::Changed { file: name.to_owned() },
+        _ => IngestError::Io { file: name.to_owned(), offset: from, source },
+    })
 }
 
 #[cfg(test)]

@@ -65,14 +65,15 @@ impl Inflater {
             match result {
                 Ok(_) => return (&self.out, None),
                 Err(_) if room < declared => room = declared.min(room.saturating_mul(4)),
-                Err(e) => return (&[], Some(format!("zstd: {e}"))),
+                Err(e) => return (&[], Some(zstd_fault(&e.to_string(), declared))),
             }
         }
     }
 
     fn lz4(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
         let (filled, fault) = lz4_frame::decode(data, declared, AT_ONCE, &mut self.out);
-        (self.out.get(..filled).unwrap_or_default(), fault.map(|fault| format!("lz4: {fault}")))
+        let fault = fault.map(|fault| format!("the LZ4 data are cut or damaged ({fault})"));
+        (self.out.get(..filled).unwrap_or_default(), fault)
     }
 
     fn stream(&mut self, mut from: impl Read, declared: usize) -> (&[u8], Option<String>) {
@@ -88,12 +89,24 @@ impl Inflater {
                 Ok(0) => break,
                 Ok(more) => filled += more,
                 Err(e) => {
-                    fault = Some(e.to_string());
+                    fault = Some(format!("the bzip2 data are cut or damaged (decoder: {e})"));
                     break;
                 }
             }
         }
         (self.out.get(..filled).unwrap_or_default(), fault)
+    }
+}
+
+/// What an error means, by the texts of the library (`ZSTD_getErrorString` in its `error_private.c`).
+fn zstd_fault(error: &str, declared: usize) -> String {
+    match error {
+        "Destination buffer is too small" => format!("the zstd data hold more than the declared {declared} bytes"),
+        "Src size is incorrect" => format!("the zstd data are cut (decoder: {error})"),
+        "Data corruption detected" | "Restored data doesn't match checksum" | "Unknown frame descriptor" => {
+            format!("the zstd data are damaged (decoder: {error})")
+        }
+        _ => format!("the zstd data cannot be unpacked (decoder: {error})"),
     }
 }
 
@@ -163,6 +176,25 @@ mod tests {
             assert!(inflated.bytes.len() > content.len() / 4, "{codec:?} {}", inflated.bytes.len());
             assert!(content.starts_with(inflated.bytes));
         }
+    }
+
+    #[test]
+    fn the_fault_of_zstd_data_says_whether_they_are_cut_damaged_or_too_long() {
+        let content: Vec<u8> = (0..100_000_u32).flat_map(|i| i.wrapping_mul(i).to_le_bytes()).collect();
+        let mut encoder = zstd::stream::Encoder::new(vec![], 1).unwrap();
+        encoder.include_checksum(true).unwrap();
+        encoder.write_all(&content).unwrap();
+        let good = encoder.finish().unwrap();
+        let fault = |data: &[u8], declared: usize| {
+            Inflater::default().inflate(Codec::Zstd, data, declared as u64, LIMIT).fault.unwrap()
+        };
+        let mut wrong = good.clone();
+        wrong[good.len() - 1] ^= 1;
+        let damaged = fault(&wrong, content.len());
+        assert!(damaged.starts_with("the zstd data are damaged (decoder: "), "{damaged}");
+        let cut = fault(&good[..good.len() / 2], content.len());
+        assert!(cut.starts_with("the zstd data are cut (decoder: "), "{cut}");
+        assert_eq!(fault(&good, 1000), "the zstd data hold more than the declared 1000 bytes");
     }
 
     #[test]

@@ -30,6 +30,7 @@ pub(crate) use ubx::looks_like as looks_like_ubx;
 pub use ulog::UlogReader;
 pub(crate) use unpack::{Packing, UnpackingReader, members, named_text};
 
+use crate::bytes::is_zero;
 use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
@@ -38,13 +39,16 @@ use crate::reader::{Limits, Log, ReadContext, Select};
 use flight::{Notices, Severity};
 use std::path::PathBuf;
 
+/// A search for what follows damage ends after this many zero bytes: a sparse file has nothing more.
+const MOST_ZEROS: u64 = 64 << 20;
+
 /// A file that is empty, zero as far as one looks, or text is no damaged log but none. `wrong_start`
 /// is what the walk would say of its first bytes.
 fn refuse_foreign(file: &mut LogFile, wrong_start: &str, context: &ReadContext<'_>) -> Result<(), IngestError> {
     let head = file.up_to(0, 4096)?;
     let what = match head {
         [] => "the file is empty".to_owned(),
-        zeros if zeros.iter().all(|&b| b == 0) => "the file begins with nothing but zero bytes".to_owned(),
+        zeros if is_zero(zeros) => "the file begins with nothing but zero bytes".to_owned(),
         text if is_text(text) => format!("{wrong_start}: it is text, {}", kind_of_text(text, context)),
         _ => return Ok(()),
     };

@@ -2,8 +2,9 @@
 //! (<https://gpsd.gitlab.io/gpsd/NMEA.html> gathers what is public of the standard).
 //!
 //! A topic is named after the address, `GNRMC`, and its type is `RMC`. The date comes from RMC and ZDA; a sentence that
-//! says the time alone has the day that is nearest to the sentence before it, and VTG, which says neither, its time. A
-//! logger may have put the Unix time in front of each line: that is when the sentence was logged.
+//! says the time alone has the day that is nearest to the sentence before it, and VTG, which says neither, its time. What
+//! stands before the first date is dated backwards from it. A logger may have put the Unix time in front of each line:
+//! that is when the sentence was logged.
 //!
 //! Fields are taken apart here and not by the `nmea` crate, whose values are single-precision floats and have lost the
 //! last digits of speeds, tracks and heights. Latitude and longitude are the doubles nearest to what the text says.
@@ -11,8 +12,9 @@
 mod book;
 mod sentence;
 
-pub(super) use self::book::Book;
+pub(super) use self::book::{Book, Dates};
 pub(super) use self::sentence::Sentence;
+use crate::bytes::is_zero;
 use crate::civil::Tick;
 use crate::decode::Topics;
 use crate::error::IngestError;
@@ -54,7 +56,7 @@ impl LogReader for NmeaReader {
         let mut book = Book::new();
         for file in &mut files {
             let head = file.up_to(0, crate::sniff::HEAD)?;
-            let (bare, foreign) = (is_bare(head), head.iter().all(|b| *b == 0));
+            let (bare, foreign) = (is_bare(head), is_zero(head));
             if foreign {
                 super::refuse_foreign(file, "", context)?;
             }
@@ -62,12 +64,13 @@ impl LogReader for NmeaReader {
             walk.run()?;
             walk.tell(&mut notices);
         }
-        book.finish(&mut log, &mut notices);
+        let dates = book.finish(&mut log, &mut notices);
         let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
         if log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
             return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
         }
+        dates.put(&mut log);
         forget_log_times(&mut log);
         Ok(log)
     }
@@ -237,15 +240,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     fn long_line(&mut self) -> Result<(), IngestError> {
         self.line += 1;
         let start = self.at;
-        while self.at < self.file.size() {
-            let block = self.file.up_to(self.at, BLOCK)?;
-            let end = memchr(b'\n', block);
-            self.at += end.map_or(block.len(), |end| end + 1) as u64;
-            if end.is_some() {
-                break;
-            }
-            self.file.progress(self.at, self.context)?;
-        }
+        (self.at, _) = self.file.line_end(start, self.context)?;
         let reason = format!("line {}: longer than the limit", self.line);
         self.ledger.damaged(&self.name, start, self.at - start, reason);
         Ok(())

@@ -9,17 +9,21 @@
 //! conversions would have to bring into columns, and its dialect takes half a minute to compile. The table goes into
 //! columns as it is, and the checksum of every frame proves its line.
 
+mod checksum;
+mod clock;
 mod definition;
 mod frame;
 mod vehicle;
 
+use self::clock::{BootClock, PLAUSIBLE_US, ReceiveClock};
 use self::definition::Definitions;
 use self::frame::{Finder, Frame, LONGEST, MAGIC, NoFrame};
 use self::vehicle::Vehicle;
+use crate::bytes::is_zero;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
-use crate::format::Reading;
 use crate::format::file::LogFile;
+use crate::format::{MOST_ZEROS, Reading};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
@@ -29,8 +33,6 @@ use std::path::PathBuf;
 
 /// Bytes of the time in front of a frame.
 const TIME: usize = 8;
-/// A time in front of a frame that is searched for lies between 2000 and 2100, µs.
-const PLAUSIBLE_US: std::ops::Range<u64> = 946_684_800_000_000..4_102_444_800_000_000;
 /// Bytes searched in one go.
 const BLOCK: usize = 256 << 10;
 /// Bytes in which the heartbeat of every vehicle is expected.
@@ -68,6 +70,7 @@ impl LogReader for TlogReader {
         for file in &mut files {
             super::refuse_foreign(file, NO_FRAME, context)?;
             let (name, search) = (file.name().to_owned(), Search::default());
+            book.receive.next_file();
             Walk { name, file, context, ledger: &mut ledger, book: &mut book, at: 0, search }.run()?;
         }
         book.finish(&mut log, &mut notices);
@@ -135,8 +138,8 @@ struct Search {
 impl Search {
     /// Where the next intact frame of a defined message begins, at or behind `from`; `end` if there is none before.
     fn next(&mut self, file: &mut LogFile, from: u64, end: u64, context: &ReadContext<'_>) -> Result<u64, IngestError> {
-        let mut at = from;
-        while at < end {
+        let (mut at, mut zeros) = (from, 0);
+        while at < end && zeros <= MOST_ZEROS {
             if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
                 // What a block of the search begins with may be as long as a record.
                 self.searched = Some((at, Finder::new(file.up_to(at, BLOCK + TIME + LONGEST)?.to_vec())));
@@ -154,6 +157,7 @@ impl Search {
                 return Ok((start + hit as u64).min(end));
             }
             at = start + BLOCK as u64;
+            zeros = if is_zero(block) { zeros + BLOCK as u64 } else { 0 };
             file.progress(at.min(end), context)?;
         }
         Ok(end)
@@ -175,7 +179,8 @@ impl Walk<'_, '_, '_, '_> {
     /// From the first byte to the last.
     fn run(mut self) -> Result<(), IngestError> {
         while self.at < self.file.size() {
-            let bytes = self.file.up_to(self.at, TIME + LONGEST)?;
+            // The times of the next two frames speak for that of this one.
+            let bytes = self.file.up_to(self.at, 2 * (TIME + LONGEST) + TIME + 1)?;
             match self.book.record(bytes) {
                 Ok((fate, length)) => {
                     self.ledger.count(fate, length as u64);
@@ -198,8 +203,19 @@ impl Walk<'_, '_, '_, '_> {
     }
 }
 
+/// The time in front of a frame that the bytes begin with, and what follows that frame.
+fn next_time(bytes: &[u8]) -> Option<(u64, &[u8])> {
+    let time = time_us(bytes).filter(|_| bytes.get(TIME).is_some_and(|magic| MAGIC.contains(magic)))?;
+    let length = Frame::length_at(bytes.get(TIME..)?).unwrap_or(usize::MAX);
+    Some((time, bytes.get(TIME..)?.get(length..).unwrap_or_default()))
+}
+
 /// Said of a frame that is not all there.
 const CUT: &str = "a frame whose length leads nowhere";
+
+/// Said of a frame of a message that is not defined, if it does not agree with those before.
+const UNKNOWN: &str = "a frame of a message that is not known, so that its checksum cannot be checked; it has no layout, or \
+                       another one than before";
 
 /// The way of each message to its topic.
 struct Book<'b, 't> {
@@ -207,6 +223,8 @@ struct Book<'b, 't> {
     topics: &'b mut Topics<'t>,
     routes: HashMap<(Sender, u32, bool), Option<Route>>,
     vehicle: Vehicle,
+    receive: ReceiveClock,
+    boot: BootClock,
     /// What stands for the layout of a message that is not defined, as its first frame has it.
     unknown: HashMap<u32, u8>,
     undefined: Tally,
@@ -222,6 +240,8 @@ impl<'b, 't> Book<'b, 't> {
             topics,
             routes: HashMap::new(),
             vehicle: Vehicle::default(),
+            receive: ReceiveClock::default(),
+            boot: BootClock::default(),
             unknown: HashMap::new(),
             undefined: Tally::default(),
             flagged: Tally::default(),
@@ -237,11 +257,15 @@ impl<'b, 't> Book<'b, 't> {
             NoFrame::Foreign => NO_FRAME,
             NoFrame::Cut => CUT,
         })?;
-        if frame.intact == Some(false) || (frame.intact.is_none() && !self.is_consistent(&frame)) {
-            return Err("the checksum of a frame is wrong");
+        match frame.intact {
+            Some(false) => return Err("the checksum of a frame is wrong"),
+            None if !self.is_consistent(&frame) => return Err(UNKNOWN),
+            _ => {}
         }
-        let logged_ns = i64::try_from(time).ok().and_then(|us| us.checked_mul(1000)).unwrap_or(i64::MAX);
         let length = TIME + frame.length;
+        let next = bytes.get(length..).and_then(next_time);
+        let second = next.and_then(|(_, behind)| next_time(behind));
+        let logged_ns = self.receive.stamp(time, [next, second].map(|ahead| ahead.map(|(time, _)| time)));
         if frame.unknown_flags {
             self.flagged.add(|| format!("message {}", frame.message));
             return Ok((Fate::Skipped, length));
@@ -276,6 +300,7 @@ impl<'b, 't> Book<'b, 't> {
         self.restored.resize(frame.payload.len().max(length), 0);
         if sender == self.main {
             self.vehicle.tell(frame.message, &self.restored, logged_ns);
+            self.boot.message(definition, frame.message, &self.restored, logged_ns);
         }
         self.topics.message(route, times, &self.restored)
     }
@@ -318,6 +343,14 @@ impl<'b, 't> Book<'b, 't> {
         say(Severity::Loss, "unknown-flags", &self.flagged, text);
         let text = "messages found no topic, for there are too many";
         say(Severity::Loss, "unknown-channel", &self.unplaced, text);
+        let text = "the times in front of frames leap away from those of their neighbours and back; the frames have a time \
+                    between";
+        say(Severity::Loss, "receive-time", &self.receive.out_of_line, text);
+        let text = "frames were received before 2000 or after 2100 by a clock that was not set";
+        say(Severity::Warning, "receive-clock-unset", &self.receive.unset, text);
+        let text = "the clock by which frames were received was set back";
+        say(Severity::Warning, "receive-clock-back", &self.receive.set_back, text);
+        log.restarts = self.boot.finish();
         log.health.about = self.vehicle.finish();
     }
 }

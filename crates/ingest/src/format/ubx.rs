@@ -2,9 +2,9 @@
 //!
 //! Every frame has a checksum, and it is checked. A topic is named after its message, `NAV-PVT`; messages that are not
 //! read are counted by class and number, and so are corrections. In front of the fields of a message stand `gps_week`,
-//! the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of a PVT before it says (0 if none did), and `fix_ok`; in
-//! front of NAV-HPPOSLLH also `latitude`, `longitude` and `ellipsoid_height` of all its digits. A receiver's own output
-//! has no time at which it was logged.
+//! the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or else the first
+//! behind it (0 if none did), and `fix_ok`; in front of NAV-HPPOSLLH also `latitude`, `longitude` and `ellipsoid_height`
+//! of all its digits. A receiver's own output has no time at which it was logged.
 //!
 //! Layouts are a table and not those of the `ublox` crate: its accessors scale and clip each field, and one conversion
 //! by hand for each message would stand between it and the columns. The table goes into columns as it is.
@@ -15,12 +15,13 @@ mod receiver;
 
 use self::frame::{CUT, Finder, Frame, LONGEST, LONGEST_RTCM, RTCM, SYNC, WRONG, rtcm_length};
 use self::message::Message;
-use self::receiver::Receiver;
-use super::nmea::{self, Book, Sentence};
+use self::receiver::{Receiver, Weeks};
+use super::nmea::{self, Book, Dates, Sentence};
+use crate::bytes::is_zero;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
-use crate::format::Reading;
 use crate::format::file::LogFile;
+use crate::format::{MOST_ZEROS, Reading};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
@@ -70,8 +71,10 @@ impl LogReader for UbxReader {
             let name = file.name().to_owned();
             Walk { name, file, context, ledger: &mut ledger, content: &mut content, at: 0, searched: None }.run()?;
         }
-        content.finish(&mut log, &mut notices);
+        let (weeks, dates) = content.finish(&mut log, &mut notices);
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+        weeks.put(&mut log);
+        dates.put(&mut log);
         nmea::forget_log_times(&mut log);
         Ok(log)
     }
@@ -163,8 +166,8 @@ impl Walk<'_, '_, '_, '_> {
     }
 
     fn search(&mut self, from: u64) -> Result<u64, IngestError> {
-        let mut at = from;
-        while at < self.file.size() {
+        let (mut at, mut zeros) = (from, 0);
+        while at < self.file.size() && zeros <= MOST_ZEROS {
             self.fetch(at)?;
             let Some((start, finder)) = &self.searched else { break };
             let (first, block) = ((at - start) as usize, finder.block());
@@ -176,6 +179,7 @@ impl Walk<'_, '_, '_, '_> {
             if let Some(hit) = found {
                 return Ok(start + hit as u64);
             }
+            zeros = if is_zero(block) { zeros + BLOCK as u64 } else { 0 };
             at = (start + BLOCK as u64).min(self.file.size());
             self.file.progress(at, self.context)?;
         }
@@ -191,6 +195,8 @@ struct Content<'b, 't> {
     receiver: Receiver,
     sentences: Book,
     assembled: Vec<u8>,
+    /// Messages before the first that told the week.
+    early: Tally,
     unplaced: Tally,
     /// Where the walk is.
     at: u64,
@@ -209,6 +215,7 @@ impl<'b, 't> Content<'b, 't> {
             receiver: Receiver::default(),
             sentences: Book::new(),
             assembled: vec![],
+            early: Tally::default(),
             unplaced: Tally::default(),
             at: 0,
             vain: 0,
@@ -259,6 +266,9 @@ impl<'b, 't> Content<'b, 't> {
             return self.skip(key, frame.payload.len());
         };
         let derived = self.receiver.tell(message, frame.payload);
+        if Weeks::is_untold(derived.week) {
+            self.early.add(|| message.name.to_owned());
+        }
         let Some(route) = self.route(key) else { return Fate::Skipped };
         if !route.is_wanted() {
             return self.topics.unread(route, UNSTAMPED, frame.payload.len() as u64);
@@ -291,13 +301,21 @@ impl<'b, 't> Content<'b, 't> {
         route
     }
 
-    /// Writes what the receiver says of itself, and what was wrong.
-    fn finish(self, log: &mut Log, notices: &mut Notices) {
+    /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
+    fn finish(self, log: &mut Log, notices: &mut Notices) -> (Weeks, Dates) {
         if self.unplaced.count > 0 {
             let text = format!("messages found no topic, for there are too many; the first: {}", self.unplaced.first);
             notices.push(Severity::Loss, "unknown-channel", "", self.unplaced.count, text);
         }
-        self.sentences.finish(log, notices);
+        if self.early.count > 0 {
+            let text = match self.receiver.weeks.are_told() {
+                true => "messages stand before the first that tells the week, and are dated backwards from it",
+                false => "messages have a time of week and no week: none in the log tells it",
+            };
+            let text = format!("{text}; the first: {}", self.early.first);
+            notices.push(Severity::Info, "undated", "", self.early.count, text);
+        }
         log.health.about.receivers = self.receiver.names;
+        (self.receiver.weeks, self.sentences.finish(log, notices))
     }
 }

@@ -7,6 +7,7 @@
 mod utf16;
 mod zip;
 
+use crate::bytes::is_zero;
 use crate::discover::FlightUnit;
 use crate::error::IngestError;
 use crate::load::reader_of;
@@ -80,6 +81,8 @@ pub(crate) struct Member {
     pub(crate) name: PathBuf,
     /// Its first bytes.
     pub(crate) head: Vec<u8>,
+    /// Why there are none, if not because it is empty.
+    pub(crate) fault: Option<String>,
     entry: Option<zip::Entry>,
 }
 
@@ -90,29 +93,29 @@ pub(crate) struct Member {
 pub(crate) fn members(path: &Path, packing: Packing) -> Result<Vec<Member>, String> {
     let mut file = File::open(path).map_err(|e| e.to_string())?;
     if packing != Packing::Zip {
-        let head = head_of(decoder(packing, BufReader::new(file), &Cell::new(0)), sniff::HEAD);
-        return Ok(vec![Member { name: inner_name(path, packing), head, entry: None }]);
+        let (head, fault) = head_of(decoder(packing, BufReader::new(file), &Cell::new(0)), packing, sniff::HEAD);
+        return Ok(vec![Member { name: inner_name(path, packing), head, fault, entry: None }]);
     }
     let entries = zip::entries(&mut file, MOST_MEMBERS)?;
     let most = sniff::HEAD.min(MOST_HEADS / entries.len().max(1));
     let member = |entry: zip::Entry| {
-        let head = match zip::open(&mut file, &entry) {
-            Ok(packed) => head_of(zip::decoder(&entry, packed), most),
-            Err(_) => vec![],
-        };
-        Member { name: entry.file_name(), head, entry: Some(entry) }
+        let opened = zip::open(&mut file, &entry).map_err(|e| e.to_string());
+        let (head, fault) = head_of(opened.and_then(|packed| zip::decoder(&entry, packed)), packing, most);
+        Member { name: entry.file_name(), head, fault, entry: Some(entry) }
     };
     Ok(entries.into_iter().map(member).collect())
 }
 
-/// As many of the first bytes as can be unpacked, up to `most`.
-fn head_of(decoder: Result<Box<dyn Read + '_>, String>, most: usize) -> Vec<u8> {
+/// As many of the first bytes as can be unpacked, up to `most`; or why none can.
+fn head_of(decoder: Result<Box<dyn Read + '_>, String>, packing: Packing, most: usize) -> (Vec<u8>, Option<String>) {
     let mut head = vec![];
-    if let Ok(decoder) = decoder {
+    let fault = match decoder {
         // What was unpacked before an error stays in the vector.
-        let _ = decoder.take(most as u64).read_to_end(&mut head);
-    }
-    head
+        Ok(decoder) => decoder.take(most as u64).read_to_end(&mut head).err().map(|e| fault_of(&e, packing)),
+        Err(fault) => Some(fault),
+    };
+    let fault = fault.filter(|_| head.is_empty());
+    (head, fault)
 }
 
 /// The name without the ending of its packing.
@@ -136,16 +139,47 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
 fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) -> Result<Box<dyn Read + 'r>, String> {
     Ok(match packing {
         Packing::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(packed)),
-        Packing::Zstd => {
-            let mut decoder = zstd::stream::read::Decoder::with_buffer(packed).map_err(|e| e.to_string())?;
-            decoder.window_log_max(WINDOW_LOG).map_err(|e| e.to_string())?;
-            Box::new(decoder)
-        }
+        Packing::Zstd => zstandard(packed)?,
         Packing::Bzip2 => Box::new(bzip2::bufread::MultiBzDecoder::new(packed)),
         Packing::Lz4 => Box::new(Lz4Frames::new(packed).map_err(|e| e.to_string())?),
         Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, bad)),
         Packing::Zip => return Err("a ZIP archive in a packed file".to_owned()),
     })
+}
+
+fn zstandard<'r>(packed: impl BufRead + 'r) -> Result<Box<dyn Read + 'r>, String> {
+    let mut decoder = zstd::stream::read::Decoder::with_buffer(packed).map_err(|e| e.to_string())?;
+    decoder.window_log_max(WINDOW_LOG).map_err(|e| e.to_string())?;
+    Ok(Box::new(SmallSteps { inner: decoder, fault: None }))
+}
+
+/// Reads in steps so small that little is lost with the one that fails: `zstd` gives nothing of it.
+struct SmallSteps<R> {
+    inner: R,
+    fault: Option<io::Error>,
+}
+
+impl<R: Read> Read for SmallSteps<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        const SMALL: usize = 1 << 10;
+        if let Some(fault) = self.fault.take() {
+            return Err(fault);
+        }
+        let mut filled = 0;
+        while let Some(rest) = buffer.get_mut(filled..).filter(|rest| !rest.is_empty()) {
+            let step = rest.len().min(SMALL);
+            match self.inner.read(rest.get_mut(..step).unwrap_or_default()) {
+                Ok(0) => break,
+                Ok(got) => filled += got,
+                Err(fault) if filled == 0 => return Err(fault),
+                Err(fault) => {
+                    self.fault = Some(fault);
+                    break;
+                }
+            }
+        }
+        Ok(filled)
+    }
 }
 
 /// LZ4 frames, one behind the other.
@@ -274,6 +308,10 @@ impl<'c> Unpacking<'c> {
                 Content::Packed(_) | Content::Other(_) => false,
             };
             let Some(entry) = member.entry.filter(|_| wanted) else { continue };
+            if !entry.listed {
+                let text = "the ZIP archive has no list of its files at its end: it was cut there, or is damaged";
+                self.notices.push(Severity::Loss, "no-end", file_name(path), 1, text);
+            }
             let read = Cell::new(0);
             let packed = zip::open(&mut file, &entry).map_err(|e| io_error(path, e))?;
             let start = packed.start;
@@ -309,7 +347,7 @@ impl<'c> Unpacking<'c> {
                 Ok(0) => break None,
                 Ok(got) => got,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => break Some(meaning_of(&error, packing)),
+                Err(error) => break Some(fault_of(&error, packing)),
             };
             bytes += got as u64;
             self.written += got as u64;
@@ -320,7 +358,8 @@ impl<'c> Unpacking<'c> {
             }
             if self.written > AT_ANY_RATIO.max(size.saturating_mul(MOST_TIMES)) {
                 bytes -= got as u64;
-                break Some(format!("its content is more than {MOST_TIMES} times as large, which no log is"));
+                let name = packing.name();
+                break Some(format!("the {name} content is more than {MOST_TIMES} times as large, which no log is"));
             }
             write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(&target, e))?;
             self.context.advance(read.get() - told)?;
@@ -330,11 +369,15 @@ impl<'c> Unpacking<'c> {
         if let Some(fault) = fault {
             // Decoders read ahead, so that the damage is before this place.
             let at = (start + read.get()).min(end);
-            let what = format!("{}: {fault}; {bytes} bytes could be unpacked", packing.name());
+            let file = file_name(path);
             if bytes == 0 {
-                return Err(IngestError::Unusable { file: file_name(path), what });
+                return Err(IngestError::Unusable { file, what: format!("{fault}; nothing of it could be unpacked") });
             }
-            let place = format!("{}, before byte {at}", file_name(path));
+            let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
+            let place = match packing {
+                Packing::Zip => format!("{file}, {}, before byte {at}", name.display()),
+                _ => format!("{file}, before byte {at}"),
+            };
             self.notices.push(Severity::Loss, "packed-damage", place, end - at + 1, what);
         }
         self.files.push(target);
@@ -343,20 +386,22 @@ impl<'c> Unpacking<'c> {
 }
 
 /// What an error of a decoder means.
-fn meaning_of(error: &io::Error, packing: Packing) -> String {
-    let text = error.to_string();
-    // As the library says it.
-    if packing == Packing::Zstd && text.contains("too much memory") {
-        return format!(
-            "the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31"
-        );
+fn fault_of(error: &io::Error, packing: Packing) -> String {
+    let (name, text) = (packing.name(), error.to_string());
+    match error.kind() {
+        // As the library says it.
+        _ if packing == Packing::Zstd && text.contains("too much memory") => {
+            format!("the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31")
+        }
+        _ if error.raw_os_error().is_some() => format!("the {name} data could not be read ({text})"),
+        io::ErrorKind::UnexpectedEof => format!("the {name} data are cut: they end without their end mark"),
+        _ => format!("the {name} data are damaged (decoder: {text})"),
     }
-    text
 }
 
 /// Zeros are left out of the file, so that a bomb of them takes no room; its length must be set at the end.
 fn write_sparse(out: &mut File, bytes: &[u8]) -> io::Result<()> {
-    if bytes.iter().all(|b| *b == 0) {
+    if is_zero(bytes) {
         return out.seek(SeekFrom::Current(bytes.len() as i64)).map(|_| ());
     }
     out.write_all(bytes)

@@ -1,22 +1,19 @@
 //! T3: stretches of bytes zeroed, set, doubled, left out and swapped.
 
-use crate::lab::{Lab, seeds};
+use crate::lab::{Lab, each_file, of_each_format};
 use crate::verdict::Verdict;
 use simulate::{Container, Seed};
 
 const SIZES: [usize; 3] = [1, 16, 512];
 
 fn blocks(family: &str, step: usize) {
-    for seed in seeds(family) {
-        (0..seed.files.len()).for_each(|damaged| hit(&seed, damaged, step));
-    }
+    each_file(family, |seed, damaged| hit(seed, damaged, step));
 }
 
 fn hit(seed: &Seed, damaged: usize, step: usize) {
     let mut lab = Lab::new();
-    let subject = lab.seed(seed, damaged);
+    let (subject, intact) = lab.intact(seed, damaged);
     let bytes = &seed.files[damaged].bytes;
-    let intact = lab.read(&subject, bytes, seed.name).unwrap();
     for size in SIZES {
         for at in (0..bytes.len().saturating_sub(size)).step_by(step) {
             for (what, hurt) in damage(bytes, at, size) {
@@ -58,22 +55,8 @@ fn noise(at: usize, size: usize) -> Vec<u8> {
     (0..size).map(next).collect()
 }
 
-macro_rules! of_each_format {
-    ($($family:ident $name:literal $step:literal $all:ident,)*) => {$(
-        #[test]
-        fn $family() {
-            blocks($name, $step);
-        }
-
-        #[test]
-        #[ignore = "a block at every 64 bytes; `just faults`"]
-        fn $all() {
-            blocks($name, 64);
-        }
-    )*};
-}
-
 of_each_format! {
+    blocks, 64, "a block at every 64 bytes; `just faults`":
     a_bad_block_of_an_mcap_is_told "mcap" 2039 bad_blocks_of_an_mcap,
     a_bad_block_of_a_bag_is_survived "bag" 4093 bad_blocks_of_a_bag,
     a_bad_block_of_a_ros_2_bag_is_survived "db3" 4093 bad_blocks_of_a_ros_2_bag,

@@ -1,7 +1,7 @@
 //! P6: files that are made to take long. What is intact in them is read all the same, and nobody waits for it.
 
-use crate::lab::Lab;
-use ingest::LogKind;
+use crate::lab::{Lab, seeds};
+use ingest::{LogKind, Selection, TopicInfo};
 
 /// Bytes of a file in the normal suite: searched in vain from every place, each would keep it busy for minutes.
 const SMALL: usize = 256 << 10;
@@ -139,6 +139,31 @@ fn receivers() -> Vec<Hostile> {
 
 fn all() -> Vec<Hostile> {
     [ulogs(), dataflashes(), tlogs(), receivers()].into_iter().flatten().collect()
+}
+
+#[test]
+fn what_stands_before_a_hundred_gigabytes_of_nothing_is_read_and_nobody_waits_for_the_rest() {
+    let one_of_each = [
+        "mcap-cdr-none",
+        "bag-none",
+        "db3-bare",
+        "ulog",
+        "dataflash-binary",
+        "dataflash-text",
+        "tlog",
+        "ubx",
+        "nmea",
+        "csv-wide",
+    ];
+    for seed in one_of_each.iter().flat_map(|name| seeds(name)) {
+        let mut lab = Lab::new();
+        let subject = lab.seed(&seed, 0);
+        let (bytes, all) = (&seed.files[0].bytes, |_: &TopicInfo| Selection::All);
+        let intact = lab.read(&subject, bytes, seed.name).unwrap().health;
+        let health = lab.stretched(&subject, bytes, 100 << 30, seed.name, &all).unwrap().health;
+        assert_eq!(health.messages, intact.messages, "{}", seed.name);
+        assert!(health.bytes.damaged >= 99 << 30, "{}: {:?}", seed.name, health.bytes);
+    }
 }
 
 #[test]

@@ -68,6 +68,13 @@ impl Lab {
         self.subject(kind_of(seed.container), &files, damaged)
     }
 
+    /// As [`Lab::seed`], with what it says before it is damaged.
+    pub fn intact(&mut self, seed: &Seed, damaged: usize) -> (Subject, Log) {
+        let subject = self.seed(seed, damaged);
+        let log = self.read(&subject, &seed.files[damaged].bytes, seed.name).unwrap();
+        (subject, log)
+    }
+
     /// Everything of the log with `bytes` in the damaged file.
     ///
     /// # Panics
@@ -84,8 +91,21 @@ impl Lab {
         case: &str,
         want: &dyn Select,
     ) -> Result<Log, IngestError> {
-        subject.file.set_len(bytes.len() as u64).unwrap();
+        self.stretched(subject, bytes, bytes.len() as u64, case, want)
+    }
+
+    /// As [`Lab::read_some`], of a sparse file: zeros follow the bytes up to `size`.
+    pub fn stretched(
+        &mut self,
+        subject: &Subject,
+        bytes: &[u8],
+        size: u64,
+        case: &str,
+        want: &dyn Select,
+    ) -> Result<Log, IngestError> {
+        subject.file.set_len(0).unwrap();
         subject.file.write_all_at(bytes, 0).unwrap();
+        subject.file.set_len(size).unwrap();
         let cancel = AtomicBool::new(false);
         let context = ReadContext { limits: self.limits, cancel: &cancel, on_bytes: &|_| () };
         MEMORY.reset_peak_usage();
@@ -101,7 +121,7 @@ impl Lab {
             let b = &log.health.bytes;
             assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{case}: {b:?}");
             let packed = log.health.format.contains(", in ");
-            assert!(packed || b.size == bytes.len() as u64 + subject.others, "{case}: {b:?}");
+            assert!(packed || b.size == size + subject.others, "{case}: {b:?}");
             assert!(log.health.damage.len() <= self.limits.listed_damage, "{case}: damage is listed without end");
         }
         read
@@ -122,6 +142,32 @@ pub fn seeds(family: &str) -> Vec<Seed> {
     assert!(!seeds.is_empty(), "{family}");
     seeds
 }
+
+/// Every file of the seeds of a family, by its seed and its number.
+pub fn each_file(family: &str, check: impl Fn(&Seed, usize)) {
+    for seed in seeds(family) {
+        (0..seed.files.len()).for_each(|damaged| check(&seed, damaged));
+    }
+}
+
+/// Two tests of each format: one that tries every so-manieth place of its seeds, in the normal suite, and one of all
+/// places, which are so far apart. What they call is given the family and the step.
+macro_rules! of_each_format {
+    ($check:expr, $all_step:literal, $why:literal: $($name:ident $family:literal $step:literal $all:ident,)*) => {$(
+        #[test]
+        fn $name() {
+            $check($family, $step);
+        }
+
+        #[test]
+        #[ignore = $why]
+        fn $all() {
+            $check($family, $all_step);
+        }
+    )*};
+}
+
+pub(crate) use of_each_format;
 
 /// The reader of a container.
 pub fn kind_of(container: Container) -> LogKind {

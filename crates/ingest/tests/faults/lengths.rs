@@ -1,6 +1,6 @@
 //! T4: numbers that a hostile file puts where a length, a count or an offset may be.
 
-use crate::lab::{Lab, seeds};
+use crate::lab::{Lab, of_each_format, seeds};
 
 const VALUES: [u64; 8] = [0, 1, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, 1 << 62, 1 << 63, u64::MAX];
 
@@ -34,22 +34,8 @@ fn lengths(family: &str, step: usize) {
     }
 }
 
-macro_rules! of_each_format {
-    ($($family:ident $name:literal $step:literal $all:ident,)*) => {$(
-        #[test]
-        fn $family() {
-            lengths($name, $step);
-        }
-
-        #[test]
-        #[ignore = "every place; `just faults`"]
-        fn $all() {
-            lengths($name, 1);
-        }
-    )*};
-}
-
 of_each_format! {
+    lengths, 1, "every place; `just faults`":
     hostile_numbers_in_an_mcap_take_little_memory "mcap" 509 every_hostile_number_in_an_mcap,
     hostile_numbers_in_a_bag_take_little_memory "bag" 1021 every_hostile_number_in_a_bag,
     hostile_numbers_in_a_ros_2_bag_take_little_memory "db3" 1021 every_hostile_number_in_a_ros_2_bag,

@@ -2,14 +2,9 @@
 
 use crate::lab::{Lab, seeds};
 use crate::layout::Ends;
-use crate::verdict::told;
-use ingest::Log;
+use crate::verdict::{rows, told};
 
 const FAMILIES: [&str; 6] = ["ulog", "dataflash-binary", "dataflash-text", "tlog", "ubx", "nmea"];
-
-fn rows(log: &Log) -> usize {
-    log.tables.iter().map(|table| table.rows).sum()
-}
 
 fn garbage() -> [(&'static str, Vec<u8>); 3] {
     let noise = (0..700_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
@@ -21,9 +16,8 @@ fn foreign_bytes_between_records_cost_at_most_the_one_before_them_and_are_told()
     let mut lab = Lab::new();
     for family in FAMILIES {
         let seed = &seeds(family)[0];
-        let subject = lab.seed(seed, 0);
+        let (subject, intact) = lab.intact(seed, 0);
         let bytes = &seed.files[0].bytes;
-        let intact = lab.read(&subject, bytes, family).unwrap();
         let Ends::At(ends) = Ends::of(seed, 0) else { panic!("{family} has no records") };
         // Of text, the places behind line ends.
         let text = ["dataflash-text", "nmea"].contains(&family);
@@ -52,9 +46,8 @@ fn two_logs_in_one_file_are_both_read_or_told() {
     let mut lab = Lab::new();
     for family in FAMILIES {
         let seed = &seeds(family)[0];
-        let subject = lab.seed(seed, 0);
+        let (subject, intact) = lab.intact(seed, 0);
         let bytes = &seed.files[0].bytes;
-        let intact = lab.read(&subject, bytes, family).unwrap();
         let read = lab.read(&subject, &[bytes.as_slice(), bytes].concat(), family);
         let found = rows(read.as_ref().unwrap());
         assert!(found == 2 * rows(&intact) || told(&read, &intact), "{family}: {found} of {} rows", 2 * rows(&intact));

@@ -1,6 +1,7 @@
 //! T6: definitions that describe more than there is.
 
 use crate::lab::Lab;
+use crate::verdict;
 use ingest::{IngestError, Log, LogKind};
 use std::fmt::Write;
 
@@ -45,7 +46,7 @@ fn message(channel: u16, payload: &[u8]) -> (u8, Vec<u8>) {
 }
 
 fn rows(read: &Result<Log, IngestError>) -> usize {
-    read.as_ref().map_or(0, |log| log.tables.iter().map(|t| t.rows).sum())
+    read.as_ref().map_or(0, verdict::rows)
 }
 
 #[test]

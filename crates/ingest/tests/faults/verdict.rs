@@ -25,6 +25,11 @@ pub enum Verdict {
 /// cell that may have lost digits, a file among several that is no table any more or has no rows.
 const TELLING: [&str; 4] = ["not-decoded", "no-line-end", "not-a-table", "no-rows"];
 
+/// Rows of all tables.
+pub fn rows(log: &Log) -> usize {
+    log.tables.iter().map(|table| table.rows).sum()
+}
+
 /// Whether damage is told that the intact log does not have.
 pub fn told(read: &Result<Log, IngestError>, intact: &Log) -> bool {
     read.as_ref().map_or(true, |log| losses(log) != losses(intact))
@@ -84,6 +89,7 @@ fn cell(column: &Column, row: usize) -> Option<String> {
     let number = |x: f64| if x.fract() == 0.0 && x.abs() < 9e15 { (x as i64).to_string() } else { format!("{x:?}") };
     Some(match &column.data {
         ColumnData::F64(v) => number(v[row]),
+        ColumnData::U64(v) => v[row].to_string(),
         ColumnData::I64(v) => v[row].to_string(),
         ColumnData::Text(v) => v[row].parse().map_or_else(
             |_| v[row].parse().map_or_else(|_| v[row].clone(), number),

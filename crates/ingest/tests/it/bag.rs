@@ -1,8 +1,8 @@
 //! ROS 1 bags: agreement with what was written and with other readers, and what is made of damage.
 
 use crate::made::{
-    BagCodec, CAMERA, Encoding, FIX, OnDisk, Sent, assert_balanced, assert_received, assert_subset, bag, each_damage,
-    flight, lost, notice, reader,
+    BagCodec, CAMERA, Encoding, FIX, OnDisk, Sent, assert_balanced, assert_received, assert_subset, bag, check_cuts,
+    each_damage, flight, lost, notice, reader,
 };
 use crate::support::{in_context, real_logs};
 use ingest::{Log, Selection, TopicInfo};
@@ -50,17 +50,7 @@ fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
         [(BagCodec::None, 1), (BagCodec::Lz4Linked, 3), (BagCodec::Lz4Independent, 3), (BagCodec::Bz2, 7)]
     {
         let content = bag(&sent, codec, 9, true, true);
-        let disk = OnDisk::new(&content, true);
-        let mut most = 0;
-        for length in (4200..content.len()).rev().step_by(stride) {
-            disk.set_len(length as u64);
-            let Ok(log) = disk.read() else { continue };
-            assert!(lost(&log), "{codec:?} cut at {length}");
-            let rows = assert_subset(&log, &sent, false);
-            assert_received(&log, &sent[..(3 * rows).min(sent.len())], false);
-            most = most.max(rows);
-        }
-        assert_eq!(most, 12, "{codec:?}");
+        check_cuts(&content, true, (4200..content.len()).rev().step_by(stride), &sent, &format!("{codec:?}"));
     }
 }
 

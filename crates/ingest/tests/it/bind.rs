@@ -1,7 +1,7 @@
 //! What the binder does with rows, stamps and maps: small tables with exact expectations.
 
 use crate::support::*;
-use flight::{ChannelHealth, Quantity, StampKind};
+use flight::{ChannelHealth, Notice, Quantity, StampKind};
 use ingest::{
     ChannelMap, Column, ColumnData, FlightUnit, IngestError, Loaded, Log, LogKind, MapLibrary, Table, TopicInfo, bind,
 };
@@ -71,8 +71,30 @@ fn rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept() {
     assert_eq!(degrees, [47.1, 47.2, 47.3]);
     assert_eq!(reasons(health(&loaded, "position.gps")), [("stamp equal to the one before", 1, "line 4")]);
     assert_eq!(health(&loaded, "position.gps").stamps.as_ref().unwrap().back_jumps, 2);
-    // Once for each of the two channels.
+    // Once for each of the two channels; of the jumps one notice speaks for both.
     assert_eq!((count_of(&loaded, "back-jump"), count_of(&loaded, "duplicate-stamp")), (4, 2));
+    let back: Vec<&Notice> = loaded.flight.notices.iter().filter(|n| n.code == "back-jump").collect();
+    let [notice] = back.as_slice() else { panic!("{back:?}") };
+    assert!(notice.text.starts_with("2 channels, the first position.gps: stamps go back"), "{}", notice.text);
+}
+
+#[test]
+fn a_hole_that_the_order_of_the_log_hides_is_a_gap_of_the_channel() {
+    // Two recordings in one file, the later one first: nowhere in it is there a long step forward.
+    let later: String = (40..60).map(|i| row(i, 47.0 + f64::from(i) * 1e-4)).collect();
+    let earlier: String = (0..10).map(|i| row(i, 47.0 + f64::from(i) * 1e-4)).collect();
+    let loaded = flysight(&(later + &earlier));
+    let stamps = health(&loaded, "position.gps").stamps.clone().unwrap();
+    assert_eq!((stamps.gap_count, stamps.back_jumps, stamps.count), (1, 1, 30));
+    assert_eq!(stamps.gaps, [flight::Gap { start_s: 9.0, length_s: 31.0 }]);
+    assert_eq!(stamps.last_ns - stamps.first_ns, 59_000_000_000);
+}
+
+#[test]
+fn why_a_map_was_taken_counts_its_channels() {
+    let binding = flysight(&[row(1, 47.1), row(2, 47.2)].concat()).binding.unwrap();
+    let channels = format!("; {} channels", binding.channels.len());
+    assert!(binding.why.ends_with(&channels) && !binding.why.contains("position.gps"), "{}", binding.why);
 }
 
 #[test]

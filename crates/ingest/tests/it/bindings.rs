@@ -2,7 +2,7 @@
 
 use crate::support::*;
 use crate::wire::*;
-use flight::StampKind;
+use flight::{Clock, Severity, StampKind};
 use ingest::{FlightUnit, Loaded, LogKind, MapLibrary};
 
 fn load_as(kind: LogKind, bytes: &[u8]) -> Loaded {
@@ -264,4 +264,125 @@ fn marks_and_pulses_of_a_receiver_are_stamped_in_its_own_time_to_the_nanosecond(
     assert_eq!(series("pps.time-mark").component(0), [40.0, 41.0, 42.0, 43.0, 44.0]);
     assert_eq!(stamps("pps.receiver"), (0..5).map(|n| (start + 1000 * n) * 1_000_000).collect::<Vec<_>>());
     assert_eq!(series("pps.receiver").component(0)[0], 561_600.0);
+}
+
+/// A message of NovAtel with its checksum: the CRC-32 of IEEE 802.3 without its first and last inversion.
+fn novatel(name: &str, seconds: f64, fields: &str) -> String {
+    let body = format!("{name}A,COM1,0,83.5,FINESTEERING,2445,{seconds:.3},02000020,cdba,16809;{fields}");
+    let bit = |crc: u32, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0xedb8_8320 };
+    let crc = body.bytes().fold(0, |crc, byte| (0..8).fold(crc ^ u32::from(byte), bit));
+    format!("#{body}*{crc:08x}\r\n")
+}
+
+#[test]
+fn rows_of_novatel_without_a_solution_are_not_used_and_counted() {
+    let epoch = |n: u32| {
+        let (seconds, latitude) = (561_600.0 + f64::from(n), 47.3 + 1e-5 * f64::from(n));
+        let (status, inertial) = match n {
+            0 => ("INSUFFICIENT_OBS", "INS_INACTIVE"),
+            1 => ("COLD_START", "INS_ALIGNING"),
+            2 => ("SOL_COMPUTED", "INS_SOLUTION_NOT_GOOD"),
+            3 => ("SOL_COMPUTED", "INS_SOLUTION_FREE"),
+            4 => ("SOL_COMPUTED", "INS_ALIGNMENT_COMPLETE"),
+            5 => ("SOL_COMPUTED", "INS_HIGH_VARIANCE"),
+            _ => ("SOL_COMPUTED", "INS_SOLUTION_GOOD"),
+        };
+        [
+            novatel(
+                "BESTPOS",
+                seconds,
+                &format!(
+                    "{status},SINGLE,{latitude},8.5,400.0,47.2,WGS84,1.5,1.2,2.5,\"\",0.0,0.0,15,15,15,12,00,06,39,33"
+                ),
+            ),
+            novatel("BESTVEL", seconds, &format!("{status},DOPPLER_VELOCITY,0.150,0.000,{}.0,90.0,0.5,0.0", n + 1)),
+            novatel(
+                "INSPVA",
+                seconds,
+                &format!("2445,{seconds:.3},{latitude},8.5,400.0,1.0,2.0,0.5,0.1,0.2,90.0,{inertial}"),
+            ),
+        ]
+        .concat()
+    };
+    let text: String = (0..20).map(epoch).collect();
+    let loaded = load_as(LogKind::Csv, text.as_bytes());
+    for (name, unusable) in [("position.gps", 2), ("velocity.gps", 2), ("position.ins", 3), ("velocity.ins", 3)] {
+        let health = loaded.binding.iter().flat_map(|b| &b.channels).find(|c| c.name == name).unwrap();
+        let rejected: Vec<(&str, u64)> = health.rejected.iter().map(|r| (r.reason.as_str(), r.count)).collect();
+        assert_eq!((health.used, rejected), (20 - unusable, vec![("solution_ok is below 1", unusable)]), "{name}");
+    }
+    // The first that is used is the third.
+    let velocity = &loaded.flight.channels["velocity.gps"].series;
+    assert!((velocity.component(1)[0] - 3.0).abs() < 1e-12, "{:?}", velocity.component(1));
+    assert_eq!(count_of(&loaded, "rejected-row"), 10);
+}
+
+#[test]
+fn what_mavlink_does_not_know_is_absent() {
+    let unknown = u32::MAX;
+    let raw = move |ms: u64| {
+        let step = ms as i32;
+        let (satellites, accuracy) = match ms {
+            65_000 => (255, 0),
+            65_100 => (255, unknown),
+            _ => (12, 1500),
+        };
+        [
+            (1000 * ms).to_le_bytes().to_vec(),
+            [473_977_420 + step, 85_455_940, 488_123].map(i32::to_le_bytes).concat(),
+            [120_u16, 180, 1234, 9000].map(u16::to_le_bytes).concat(),
+            vec![3, satellites],
+            [535_123_u32, accuracy, accuracy, accuracy, 0].map(u32::to_le_bytes).concat(),
+        ]
+        .concat()
+    };
+    let loaded = load_as(LogKind::Tlog, &tlog(&[(24, 24, &raw)]));
+    for (name, value) in [("satellites.gps", 12.0), ("horizontal-accuracy.gps", 1.5), ("speed-accuracy.gps", 1.5)] {
+        let series = &loaded.flight.channels[name].series;
+        assert_eq!(series.component(0), [value; 3], "{name}");
+    }
+    assert_eq!(loaded.flight.channels["position.gps"].series.len(), 5);
+}
+
+/// A text export of MT Manager at 10 Hz, from 2026-11-21T12:00:00 UTC on; `utc` says what stands in the columns of UTC.
+fn mt_manager(rows: u32, utc: impl Fn(u32) -> String) -> String {
+    let header = "SampleTimeFine,UTC_Nano,UTC_Year,UTC_Month,UTC_Day,UTC_Hour,UTC_Minute,UTC_Second,UTC_Valid,Roll,Pitch,Yaw,\
+                  Latitude,Longitude,Altitude,Vel_X,Vel_Y,Vel_Z";
+    let row =
+        |n: u32| format!("{},{},0,-10,90,{},8.5,400,1,20,0.5\n", 70_000 + 1000 * n, utc(n), 47.3 + 1e-5 * f64::from(n));
+    format!("// General information:\n// Coordinate system: ENU\n{header}\n{}", (0..rows).map(row).collect::<String>())
+}
+
+fn noon(n: u32) -> String {
+    format!("{},2026,11,21,12,0,{},7", n % 10 * 100_000_000, n / 10)
+}
+
+#[test]
+fn angles_of_mt_manager_turn_the_sensor_to_east_north_up() {
+    let loaded = load_as(LogKind::Csv, mt_manager(30, noon).as_bytes());
+    // Heading north with the nose ten degrees up.
+    let half = 5.0_f64.to_radians();
+    assert_all(&loaded, "attitude.ins", &[half.cos(), 0.0, half.sin(), 0.0]);
+    assert_all(&loaded, "velocity.xyz", &[20.0, 1.0, -0.5]);
+    let told = |text: &str| loaded.flight.notices.iter().any(|n| n.code == "assumption" && n.text.contains(text));
+    assert!(told("Roll, Pitch, Yaw are taken") && told("Vel_X, Vel_Y, Vel_Z are taken"));
+}
+
+#[test]
+fn rows_of_mt_manager_without_utc_are_dated_by_the_devices_counter() {
+    // None, and a day of the device's own.
+    let absent = |n: u32| if n < 5 { ",,,,,,,0".to_owned() } else { noon(n) };
+    let own = |n: u32| if n < 5 { format!("{},2000,1,1,0,0,0,0", n * 100_000_000) } else { noon(n) };
+    for text in [mt_manager(30, absent), mt_manager(30, own)] {
+        let loaded = load_as(LogKind::Csv, text.as_bytes());
+        let timeline = loaded.flight.channels["position.ins"].series.timeline();
+        assert_eq!(timeline.clock(), Clock::Unix);
+        // date -u -d '2026-11-21T12:00:00Z' +%s
+        let truth: Vec<i64> = (0..30).map(|n| 1_795_262_400_000_000_000 + 100_000_000 * n).collect();
+        assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth);
+        let told = loaded.flight.notices.iter().find(|n| n.code == "counter-dated").unwrap();
+        assert_eq!((told.count, told.severity), (5, Severity::Warning));
+    }
+    let whole = load_as(LogKind::Csv, mt_manager(30, noon).as_bytes());
+    assert_eq!(count_of(&whole, "counter-dated"), 0);
 }

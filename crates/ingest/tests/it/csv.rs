@@ -1,7 +1,7 @@
 //! Dialects and faults of text tables, with exact expectations.
 
 use crate::support::*;
-use flight::LogHealth;
+use flight::{LogHealth, Severity};
 use ingest::{
     ColumnData, CsvReader, FieldRequest, IngestError, Limits, Log, LogReader, Selection, TopicInfo, ValueKind,
 };
@@ -134,6 +134,18 @@ fn a_column_that_was_wanted_as_a_number_says_where_it_is_none() {
     assert_eq!(numbers(&log, "x"), [None, Some(2.0), None, None]);
     let of = |code: &str| log.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
     assert_eq!((of("bad-number"), of("not-finite")), (2, 1));
+}
+
+#[test]
+fn more_than_one_bad_cell_in_a_hundred_is_a_loss() {
+    for (rows, severity) in [(100, Severity::Warning), (99, Severity::Loss)] {
+        let cells: String = (0..rows).map(|i| format!("{i},{}\n", if i == 50 { "x" } else { "1.5" })).collect();
+        let field = FieldRequest { path: "v".to_owned(), kind: ValueKind::Number };
+        let text = format!("t,v\n{cells}");
+        let log = read_limited(text.as_bytes(), &Selection::Fields(vec![field]), Limits::default()).unwrap();
+        let notice = log.notices.iter().find(|n| n.code == "bad-number").unwrap();
+        assert_eq!((notice.severity, notice.count), (severity, 1));
+    }
 }
 
 #[test]

@@ -1,90 +1,18 @@
 //! ArduPilot DataFlash: real logs against pymavlink, a simulated flight, and everything that can go wrong.
 
+use crate::stream::*;
 use crate::support::*;
+use crate::wire::*;
 use flight::{Clock, Severity, StampKind};
-use ingest::{
-    ChannelMap, DataFlashReader, IngestError, Limits, Log, LogKind, LogReader, MapLibrary, Selection, Table, TopicInfo,
-};
-use simulate::{Container, FlightSettings, SensorSettings, SimulatedFlight};
+use ingest::{ChannelMap, DataFlashReader, Limits, Log, LogKind, LogReader, MapLibrary, Selection, TopicInfo};
+use simulate::Container;
 use std::collections::BTreeMap;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-fn read(path: &Path) -> Result<Log, IngestError> {
-    let want = |_: &TopicInfo| Selection::All;
-    in_context(|context| DataFlashReader::new(vec![path.to_owned()]).read(&want, context))
-}
-
-fn read_bytes(bytes: &[u8]) -> Result<Log, IngestError> {
-    let (_folder, path) = file("log.bin", bytes);
-    let log = read(&path);
-    if let Ok(log) = &log {
-        assert_balanced(log, bytes.len());
-    }
-    log
-}
-
-fn assert_balanced(log: &Log, size: usize) {
-    let b = &log.health.bytes;
-    assert_eq!(b.size, size as u64);
-    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{b:?}");
-}
-
-fn table<'l>(log: &'l Log, name: &str) -> &'l Table {
-    log.tables.iter().find(|t| t.topic.name == name).unwrap_or_else(|| panic!("no table {name}: {:?}", log.health))
-}
-
-fn numbers(log: &Log, topic: &str, field: &str) -> Vec<f64> {
-    let table = table(log, topic);
-    let column = table.column(field).unwrap_or_else(|| panic!("no {topic}.{field}"));
-    (0..table.rows).map(|row| column.number(row).unwrap()).collect()
-}
-
-fn codes(log: &Log) -> Vec<&str> {
-    log.notices.iter().map(|n| n.code.as_str()).collect()
-}
-
-fn count(log: &Log, topic: &str) -> u64 {
-    log.health.topics.iter().find(|t| t.name == topic).map_or(0, |t| t.messages)
-}
-
-/// A text in a field of a fixed size.
-fn padded(text: &str, size: usize) -> Vec<u8> {
-    let mut field = text.as_bytes().to_vec();
-    field.resize(size, 0);
-    field
-}
-
-fn fmt_of(id: u8, length: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> {
-    let mut record = vec![0xa3, 0x95, 128, id, length];
-    record.extend(padded(name, 4));
-    record.extend(padded(codes, 16));
-    record.extend(padded(columns, 64));
-    record
-}
-
-fn size_of(codes: &str) -> u8 {
-    let size = |code| match code {
-        'b' | 'B' | 'M' => 1,
-        'c' | 'C' | 'h' | 'H' | 'g' => 2,
-        'e' | 'E' | 'i' | 'I' | 'L' | 'f' | 'n' => 4,
-        'q' | 'Q' | 'd' => 8,
-        'N' => 16,
-        _ => 64,
-    };
-    3 + codes.chars().map(size).sum::<u8>()
-}
-
-fn fmt(id: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> {
-    fmt_of(id, size_of(codes), name, codes, columns)
-}
-
-fn first() -> Vec<u8> {
-    fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
-}
+const READER: Reader = |path| Box::new(DataFlashReader::new(vec![path]));
 
 fn record(id: u8, fields: &[&[u8]]) -> Vec<u8> {
-    [&[0xa3, 0x95, id], fields.concat().as_slice()].concat()
+    dataflash_record(id, &fields.concat())
 }
 
 /// A record of time and one float, as type 10.
@@ -94,7 +22,7 @@ fn sample(time_us: u64, value: f32) -> Vec<u8> {
 
 /// The definitions of [`sample`].
 fn samples_begin() -> Vec<u8> {
-    [first(), fmt(10, "ABC", "Qf", "TimeUS,V")].concat()
+    [dataflash_begin(), dataflash_fmt(10, "ABC", "Qf", "TimeUS,V")].concat()
 }
 
 #[test]
@@ -126,7 +54,7 @@ fn real_logs_have_the_messages_that_pymavlink_counts() {
 #[test]
 fn a_real_log_of_2017_tells_of_its_vehicle_and_its_samples_are_those_of_pymavlink() {
     let Some(path) = real_logs("pymavlink/tests/test.BIN") else { return };
-    let log = read(&path).unwrap();
+    let log = read(READER, &path).unwrap();
     let about = &log.health.about;
     assert_eq!(about.system.as_deref(), Some("ArduPlane"));
     assert_eq!(about.firmware.as_deref(), Some("V3.8.2-dev (8178ab40)"));
@@ -135,34 +63,16 @@ fn a_real_log_of_2017_tells_of_its_vehicle_and_its_samples_are_those_of_pymavlin
     let delay = |name: &str| about.configured_delays.iter().find(|d| d.parameter == name).map(|d| d.value_s);
     assert_eq!((delay("EK2_GPS_DELAY"), delay("GPS_DELAY_MS")), (Some(0.22), Some(0.0)));
     assert_eq!(about.modes.iter().map(|m| m.mode.as_str()).collect::<Vec<_>>(), ["MANUAL"]);
-    assert_eq!(count(&log, "GPS"), 5);
+    assert_eq!(messages(&log, "GPS"), 5);
     // pymavlink: the first NKF1 and NKF6 of the log.
     assert_eq!(table(&log, "NKF1").topic.type_name, "NKF1");
-}
-
-/// Noise, so that no two values are alike.
-fn flight(duration_s: f64, velocity_hz: f64) -> SimulatedFlight {
-    let position = SensorSettings { delay_s: 0.4, white_std: 0.3, ..SensorSettings::clean(5.0) };
-    let velocity = SensorSettings { white_std: 0.1, ..SensorSettings::clean(velocity_hz) };
-    simulate::simulate(&FlightSettings { duration_s, position, velocity, ..FlightSettings::default() }).unwrap()
-}
-
-fn load_written(container: Container, flight: &SimulatedFlight) -> ingest::Loaded {
-    let files = container.files(flight, "flight").unwrap();
-    let (folder, _path) = file(files[0].path.to_str().unwrap(), &files[0].bytes);
-    let found = ingest::discover(folder.path(), &MapLibrary::shipped().unwrap()).unwrap();
-    assert_eq!((found.units.len(), found.units[0].kind), (1, LogKind::DataFlash), "{found:?}");
-    load(&found.units[0]).unwrap()
 }
 
 #[test]
 fn a_simulated_flight_comes_back_within_the_quantum_of_its_log() {
     let flown = flight(20.0, 100.0);
     let truth = flown.to_flight().unwrap();
-    let loaded = load_written(Container::DataFlash, &flown);
-    assert_ledger(&loaded);
-    assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
-    assert_eq!(loaded.binding.as_ref().unwrap().map, "ardupilot");
+    let loaded = load_written(Container::DataFlash, &flown, "flight.bin", LogKind::DataFlash, "ardupilot");
     assert_eq!(count_of(&loaded, "unit-differs"), 0);
     let start_ns = flown.settings.start.0 - 60_000_000_000;
     // The receiver's week and milliseconds tie the clock since boot to UTC.
@@ -173,16 +83,13 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_log() {
         ("position.truth", "position.truth", [1e-7_f64.to_radians(), 1e-7_f64.to_radians(), 1e-4]),
         ("velocity.ekf", "velocity.gps", [1e-5; 3]),
     ] {
-        let (ours, theirs) = (&loaded.flight.channels[ours].series, &truth.channels[theirs].series);
-        assert_eq!((ours.timeline().kind(), ours.timeline().clock()), (StampKind::Measured, Clock::Boot));
-        assert_eq!(ours.len(), theirs.len());
-        for (a, b) in ours.timeline().stamps().iter().zip(theirs.timeline().stamps()) {
-            assert!((a.0 + start_ns - b.0).abs() <= 500, "{a:?} {b:?}");
-        }
-        for (axis, quantum) in quanta.into_iter().enumerate() {
-            let worst = ours.component(axis).iter().zip(theirs.component(axis)).map(|(a, b)| (a - b).abs());
-            let worst = worst.fold(0.0, f64::max);
-            assert!(worst > 0.0 && worst <= 0.5001 * quantum, "axis {axis}: {worst} of {quantum}");
+        let ours = &loaded.flight.channels[ours];
+        let timeline = ours.series.timeline();
+        assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Measured, Clock::Boot));
+        let (worst, late) = worst(ours, &truth.channels[theirs], |ns| ns + start_ns);
+        assert!(late <= 500, "{late}");
+        for (worst, quantum) in worst.into_iter().zip(quanta) {
+            assert!(worst > 0.0 && worst <= 0.5001 * quantum, "{worst} of {quantum}");
         }
     }
 }
@@ -190,8 +97,8 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_log() {
 #[test]
 fn the_text_of_a_log_gives_the_channels_of_the_binary_log_bit_for_bit() {
     let flight = flight(20.0, 50.0);
-    let [binary, text] = [Container::DataFlash, Container::DataFlashText].map(|c| load_written(c, &flight));
-    assert!(!lossy(&text), "{:?}", text.flight.notices);
+    let [binary, text] = [(Container::DataFlash, "flight.bin"), (Container::DataFlashText, "flight.log")]
+        .map(|(container, name)| load_written(container, &flight, name, LogKind::DataFlash, "ardupilot"));
     assert_eq!(text.flight.channels.len(), binary.flight.channels.len());
     for (name, channel) in &text.flight.channels {
         assert!(*channel == binary.flight.channels[name], "{name}");
@@ -204,18 +111,6 @@ fn the_text_of_a_log_gives_the_channels_of_the_binary_log_bit_for_bit() {
     assert_eq!(*about, binary.health.about);
     assert_eq!((about.system.as_deref(), about.parameters), (Some("ArduPlane"), 2));
     assert_eq!(about.modes.iter().map(|m| m.mode.as_str()).collect::<Vec<_>>(), ["AUTO"]);
-}
-
-/// Rows of all topics as text.
-fn rows(log: &Log) -> BTreeMap<&str, Vec<String>> {
-    let of = |table: &Table| -> Vec<String> {
-        let cell = |row: usize, column: &ingest::Column| match (column.number(row), column.text(row)) {
-            (Some(number), _) => format!("{:x} ", number.to_bits()),
-            (_, text) => format!("{text:?} "),
-        };
-        (0..table.rows).map(|row| table.columns.iter().map(|c| cell(row, c)).collect()).collect()
-    };
-    log.tables.iter().map(|t| (t.topic.name.as_str(), of(t))).collect()
 }
 
 /// Where records begin, and the end; with each its type.
@@ -236,61 +131,23 @@ fn boundaries(bytes: &[u8]) -> Vec<(usize, u8)> {
 }
 
 /// A tiny flight: 0.2 s, nine samples.
-fn seed(container: Container) -> Vec<u8> {
+fn nine_samples(container: Container) -> Vec<u8> {
     container.files(&flight(0.2, 10.0), "seed").unwrap().remove(0).bytes
 }
 
 #[test]
 fn a_log_cut_anywhere_gives_the_records_before_the_cut_and_says_so() {
-    let bytes = seed(Container::DataFlash);
-    let whole = read_bytes(&bytes).unwrap();
-    let (whole, places) = (rows(&whole), boundaries(&bytes));
-    let (_folder, path) = file("log.bin", &bytes);
-    let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    let bytes = nine_samples(Container::DataFlash);
+    let places = boundaries(&bytes);
+    let ends: Vec<usize> = places.iter().map(|(at, _)| *at).collect();
     let samples_from = places.iter().find(|(_, id)| [76, 104, 118].contains(id)).unwrap().0;
     // Every byte of the samples; of the definitions, which are far more, every seventh.
-    for length in (0..bytes.len()).rev().filter(|length| *length >= samples_from || length % 7 == 0) {
-        handle.set_len(length as u64).unwrap();
-        let Ok(log) = read(&path) else {
-            assert!(length < 89, "{length} bytes give nothing");
-            continue;
-        };
-        assert_balanced(&log, length);
-        let between = places.iter().all(|(at, _)| *at != length);
-        assert_eq!(log.health.bytes.damaged > 0, between, "{length}: {:?}", log.health.damage);
-        let records = places.iter().filter(|(at, _)| *at <= length).count() as u64 - 1;
-        assert_eq!(log.health.messages, records, "{length}");
-        for (topic, rows) in rows(&log) {
-            assert_eq!(rows, whole[topic][..rows.len()], "{length}: {topic}");
-        }
-    }
-}
-
-/// Rows of `a` that `b` does not have.
-fn missing(a: &BTreeMap<&str, Vec<String>>, b: &BTreeMap<&str, Vec<String>>) -> usize {
-    let lacks = |(topic, rows): (&&str, &Vec<String>)| {
-        let empty = vec![];
-        let others = b.get(topic).unwrap_or(&empty);
-        rows.iter().filter(|row| !others.contains(row)).count()
-    };
-    a.iter().map(lacks).sum()
-}
-
-/// Flips bits one after the other and hands what is then read to `check`, with byte and bit.
-fn each_flip(bytes: &[u8], flips: impl Iterator<Item = (usize, usize)>, mut check: impl FnMut(&Log, usize, usize)) {
-    let (_folder, path) = file("log.bin", bytes);
-    let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    for (place, bit) in flips {
-        handle.write_all_at(&[bytes[place] ^ 1 << bit], place as u64).unwrap();
-        let log = read(&path).unwrap();
-        assert_balanced(&log, bytes.len());
-        check(&log, place, bit);
-        handle.write_all_at(&[bytes[place]], place as u64).unwrap();
-    }
+    let lengths = (0..bytes.len()).filter(|length| *length >= samples_from || length % 7 == 0);
+    check_cuts(READER, &bytes, lengths, &ends, |length| ends.contains(&length));
 }
 
 /// Bytes of records that are, or are not, definitions.
-fn bytes_of(bytes: &[u8], definitions: bool) -> Vec<usize> {
+fn places_of(bytes: &[u8], definitions: bool) -> Vec<usize> {
     let places = boundaries(bytes);
     let records = places.windows(2).filter(|p| [128, 177, 178, 179].contains(&p[0].1) == definitions);
     records.flat_map(|p| p[0].0..p[1].0).collect()
@@ -298,13 +155,11 @@ fn bytes_of(bytes: &[u8], definitions: bool) -> Vec<usize> {
 
 /// Without a checksum a changed value is a value; but no other record may suffer, and none be lost in silence.
 fn check_sample_flips(bits_of_each_byte: usize) {
-    let bytes = seed(Container::DataFlash);
-    let whole = read_bytes(&bytes).unwrap();
-    let whole = rows(&whole);
+    let bytes = nine_samples(Container::DataFlash);
+    let whole = rows(&read_bytes(READER, &bytes).unwrap());
     let mut lost = 0;
-    let places = bytes_of(&bytes, false);
-    let flips = places.into_iter().flat_map(|place| (0..bits_of_each_byte).map(move |i| (place, (place + 5 * i) % 8)));
-    each_flip(&bytes, flips, |log, place, bit| {
+    let places = places_of(&bytes, false);
+    each_flip(READER, &bytes, bits(places, bits_of_each_byte), |log, place, bit| {
         let found = rows(log);
         let (gone, new) = (missing(&whole, &found), missing(&found, &whole));
         assert!(gone <= 1 && new <= 1, "byte {place}, bit {bit}: {gone} rows gone, {new} new");
@@ -317,15 +172,14 @@ fn check_sample_flips(bits_of_each_byte: usize) {
 /// What a definition says, every record of its type says: the definition, the type that it defines, and the one whose
 /// number it may now have.
 fn check_definition_flips(bits_of_each_byte: usize, stride: usize) {
-    let bytes = seed(Container::DataFlash);
-    let whole = read_bytes(&bytes).unwrap();
-    let whole = rows(&whole);
-    let places = bytes_of(&bytes, true).into_iter().step_by(stride);
-    let flips = places.flat_map(|place| (0..bits_of_each_byte).map(move |i| (place, (place + 5 * i) % 8)));
-    each_flip(&bytes, flips, |log, place, bit| {
+    let bytes = nine_samples(Container::DataFlash);
+    let whole = rows(&read_bytes(READER, &bytes).unwrap());
+    let places = places_of(&bytes, true).into_iter().step_by(stride);
+    each_flip(READER, &bytes, bits(places, bits_of_each_byte), |log, place, bit| {
         let found = rows(log);
         let definitions = ["FMT", "FMTU", "UNIT", "MULT"];
-        let changed = whole.iter().filter(|(topic, rows)| found.get(*topic) != Some(rows)).map(|(topic, _)| *topic);
+        let changed =
+            whole.iter().filter(|(topic, rows)| found.get(*topic) != Some(rows)).map(|(topic, _)| topic.as_str());
         let changed: Vec<&str> = changed.filter(|topic| !definitions.contains(topic)).collect();
         assert!(changed.len() <= 2, "byte {place}, bit {bit}: {changed:?}");
     });
@@ -350,32 +204,16 @@ fn every_flipped_bit_of_a_log_costs_its_own_record_or_type() {
 
 #[test]
 fn a_text_log_cut_anywhere_gives_the_lines_before_the_cut() {
-    let bytes = seed(Container::DataFlashText);
-    let whole = read_bytes(&bytes).unwrap();
-    let whole = rows(&whole);
-    let (_folder, path) = file("log.log", &bytes);
-    let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    for length in (40..bytes.len()).rev().step_by(3) {
-        handle.set_len(length as u64).unwrap();
-        let Ok(log) = read(&path) else {
-            assert!(bytes[..length].iter().filter(|b| **b == b'\n').count() == 0, "{length} bytes give nothing");
-            continue;
-        };
-        assert_balanced(&log, length);
-        assert_eq!(log.health.bytes.damaged > 0, bytes[length - 1] != b'\n', "{length}");
-        let lines = bytes[..length].iter().filter(|b| **b == b'\n').count() as u64;
-        assert_eq!(log.health.messages, lines, "{length}");
-        for (topic, rows) in rows(&log) {
-            assert_eq!(rows, whole[topic][..rows.len()], "{length}: {topic}");
-        }
-    }
+    let bytes = nine_samples(Container::DataFlashText);
+    let ends: Vec<usize> = (1..=bytes.len()).filter(|end| bytes[end - 1] == b'\n').collect();
+    check_cuts(READER, &bytes, (40..bytes.len()).step_by(3), &ends, |length| ends.contains(&length));
 }
 
 #[test]
 fn a_text_log_with_a_bit_flipped_anywhere_accounts_for_every_byte() {
-    let bytes = seed(Container::DataFlashText);
-    let whole = read_bytes(&bytes).unwrap().health.messages;
-    each_flip(&bytes, (0..bytes.len()).step_by(3).map(|place| (place, place % 8)), |log, place, bit| {
+    let bytes = nine_samples(Container::DataFlashText);
+    let whole = read_bytes(READER, &bytes).unwrap().health.messages;
+    each_flip(READER, &bytes, (0..bytes.len()).step_by(3).map(|place| (place, place % 8)), |log, place, bit| {
         // At worst a definition goes, and with it the ten lines of its type.
         let messages = log.health.messages;
         assert!(messages + 12 >= whole, "byte {place}, bit {bit}: {messages} of {whole} messages");
@@ -388,9 +226,9 @@ fn every_format_character_means_what_pymavlink_takes_it_for() {
     let more = "fdnNZcCeELMqQg";
     let array: Vec<u8> = (0..32_i16).flat_map(|i| (i - 5).to_le_bytes()).collect();
     let bytes = [
-        first(),
-        fmt(10, "ABC", codes, "A,B,b,h,H,i,Whole"),
-        fmt(11, "DEF", more, "f,d,n,N,Z,c,C,e,E,L,M,q,Q,g"),
+        dataflash_begin(),
+        dataflash_fmt(10, "ABC", codes, "A,B,b,h,H,i,Whole"),
+        dataflash_fmt(11, "DEF", more, "f,d,n,N,Z,c,C,e,E,L,M,q,Q,g"),
         record(
             10,
             &[
@@ -424,7 +262,7 @@ fn every_format_character_means_what_pymavlink_takes_it_for() {
         ),
     ]
     .concat();
-    let log = read_bytes(&bytes).unwrap();
+    let log = read_bytes(READER, &bytes).unwrap();
     let number = |topic, field| numbers(&log, topic, field)[0];
     let fields = ["A[0]", "A[31]", "B", "b", "h", "H", "i", "Whole"];
     assert_eq!(fields.map(|f| number("ABC", f)), [-5.0, 26.0, 200.0, -3.0, -300.0, 60_000.0, -70_000.0, 4e9]);
@@ -445,27 +283,28 @@ fn a_second_receiver_is_a_topic_of_its_own_with_and_without_units() {
     let gps = |instance: u8, lat: i32| {
         record(10, &[&(1_000_000_u64 * u64::from(instance) + 7).to_le_bytes(), &[instance], &lat.to_le_bytes()])
     };
-    let definitions = [first(), fmt(10, "GPS", "QBL", "TimeUS,I,Lat")].concat();
-    let units = [fmt(12, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds")].concat();
+    let definitions = [dataflash_begin(), dataflash_fmt(10, "GPS", "QBL", "TimeUS,I,Lat")].concat();
+    let units = [dataflash_fmt(12, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds")].concat();
     let fmtu = |ids: &str| record(12, &[&0_u64.to_le_bytes(), &[10], &padded(ids, 16), &padded("F-G", 16)]);
-    let log = read_bytes(&[definitions.clone(), gps(0, 1), gps(1, 2), gps(0, 3)].concat()).unwrap();
+    let log = read_bytes(READER, &[definitions.clone(), gps(0, 1), gps(1, 2), gps(0, 3)].concat()).unwrap();
     assert_eq!(numbers(&log, "GPS", "Lat"), [1e-7, 3e-7]);
     assert_eq!(numbers(&log, "GPS_1", "Lat"), [2e-7]);
     assert_eq!(table(&log, "GPS_1").topic.type_name, "GPS");
     // A log that says that its I is no instance is believed.
-    let log = read_bytes(&[definitions.clone(), units.clone(), fmtu("s-D"), gps(0, 1), gps(1, 2)].concat()).unwrap();
+    let log =
+        read_bytes(READER, &[definitions.clone(), units.clone(), fmtu("s-D"), gps(0, 1), gps(1, 2)].concat()).unwrap();
     assert_eq!(numbers(&log, "GPS", "Lat").len(), 2);
     // One that says it too late is told of.
-    let log = read_bytes(&[definitions, units, gps(1, 1), fmtu("s-D"), gps(1, 2)].concat()).unwrap();
+    let log = read_bytes(READER, &[definitions, units, gps(1, 1), fmtu("s-D"), gps(1, 2)].concat()).unwrap();
     assert!(codes(&log).contains(&"late-instance"), "{:?}", log.notices);
 }
 
 #[test]
 fn a_gps_record_of_2013_is_stamped_when_the_autopilot_had_it_and_not_by_its_time_of_week() {
     let bytes = [
-        first(),
-        fmt(10, "GPS", "BIHBcLLeeEeI", "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,T"),
-        fmt(11, "IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+        dataflash_begin(),
+        dataflash_fmt(10, "GPS", "BIHBcLLeeEeI", "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,T"),
+        dataflash_fmt(11, "IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
         record(
             10,
             &[
@@ -503,7 +342,7 @@ fn two_boots_in_one_file_follow_one_another_and_the_restart_is_told() {
         let samples = (0..50_u64).flat_map(|i| sample(from + 20_000 * i, i as f32));
         [samples_begin(), samples.collect()].concat()
     };
-    let log = read_bytes(&[boot(5_000_000), boot(3_000_000)].concat()).unwrap();
+    let log = read_bytes(READER, &[boot(5_000_000), boot(3_000_000)].concat()).unwrap();
     let times = numbers(&log, "ABC", "TimeUS");
     assert_eq!(times.len(), 100);
     assert!(times.windows(2).all(|w| w[0] < w[1]), "{times:?}");
@@ -513,7 +352,7 @@ fn two_boots_in_one_file_follow_one_another_and_the_restart_is_told() {
     assert_eq!(times[99] - times[50], 980_000.0);
     assert!(codes(&log).contains(&"clock-restart"), "{:?}", log.notices);
     // A second log whose clock goes on is not moved.
-    let log = read_bytes(&[boot(5_000_000), boot(9_000_000)].concat()).unwrap();
+    let log = read_bytes(READER, &[boot(5_000_000), boot(9_000_000)].concat()).unwrap();
     assert_eq!(numbers(&log, "ABC", "TimeUS")[50], 9_000_000.0);
     assert!(!codes(&log).contains(&"clock-restart"));
 }
@@ -522,7 +361,7 @@ fn two_boots_in_one_file_follow_one_another_and_the_restart_is_told() {
 fn a_clock_that_steps_back_is_told_and_mere_disorder_is_not() {
     let log = |times: &[u64]| {
         let samples: Vec<u8> = times.iter().flat_map(|t| sample(*t, 0.0)).collect();
-        read_bytes(&[samples_begin(), samples].concat()).unwrap()
+        read_bytes(READER, &[samples_begin(), samples].concat()).unwrap()
     };
     assert!(codes(&log(&[1_000_000, 1_020_000, 1_010_000, 1_030_000])).is_empty());
     let jump = log(&[10_000_000, 10_020_000, 2_000_000, 2_020_000]);
@@ -538,18 +377,19 @@ fn filling_at_the_end_is_no_damage_and_garbage_is() {
     let whole: Vec<u8> = [samples_begin(), (0..9).flat_map(|i| sample(20_000 * i, 1.0)).collect()].concat();
     for filling in [0, 0xff] {
         for length in [1, 2, 300, 700_000] {
-            let log = read_bytes(&[whole.clone(), vec![filling; length]].concat()).unwrap();
+            let log = read_bytes(READER, &[whole.clone(), vec![filling; length]].concat()).unwrap();
             assert_eq!((log.health.bytes.damaged, log.health.messages), (0, 11), "{filling} × {length}");
             assert_eq!(codes(&log), ["padding"]);
         }
     }
     // The record in front of garbage has nothing behind it that vouches for it.
     let garbage = b"garbage that is no record";
-    let log = read_bytes(&[whole.clone(), garbage.to_vec(), vec![0; 1000]].concat()).unwrap();
+    let log = read_bytes(READER, &[whole.clone(), garbage.to_vec(), vec![0; 1000]].concat()).unwrap();
     assert_eq!((log.health.bytes.damaged, log.health.bytes.structure, log.health.messages), (15 + 25, 1000, 10));
     // Zeros in the middle of a log are damage.
     let log =
-        read_bytes(&[whole.clone(), vec![0; 5000], sample(1_000_000, 2.0), sample(1_020_000, 2.0)].concat()).unwrap();
+        read_bytes(READER, &[whole.clone(), vec![0; 5000], sample(1_000_000, 2.0), sample(1_020_000, 2.0)].concat())
+            .unwrap();
     assert_eq!((log.health.bytes.damaged, log.health.messages), (5015, 12), "{:?}", log.health.damage);
 }
 
@@ -559,7 +399,7 @@ fn a_log_that_begins_in_the_middle_is_found_and_read_from_its_first_definition_o
     let (folder, _path) = file("00000007.BIN", &bytes);
     let found = ingest::discover(folder.path(), &MapLibrary::shipped().unwrap()).unwrap();
     assert_eq!(found.units[0].kind, LogKind::DataFlash);
-    let log = read(&found.units[0].files[0]).unwrap();
+    let log = read(READER, &found.units[0].files[0]).unwrap();
     assert_balanced(&log, bytes.len());
     assert_eq!((numbers(&log, "ABC", "V"), log.health.bytes.damaged), (vec![2.0, 3.0], 1015));
 }
@@ -569,16 +409,19 @@ fn definitions_of_senseless_lengths_cost_their_own_records_and_nothing_else() {
     let good: Vec<u8> = (0..5).flat_map(|i| sample(20_000 * i, 1.0)).collect();
     for length in [0, 1, 2, 3, 14, 16, 254, 255] {
         // The length disagrees with the format characters, which say 15.
-        let bytes = [first(), fmt_of(10, length, "ABC", "Qf", "TimeUS,V"), good.clone()].concat();
-        let log = read_bytes(&bytes).unwrap();
+        let bytes = [dataflash_begin(), dataflash_fmt_of(10, length, "ABC", "Qf", "TimeUS,V"), good.clone()].concat();
+        let log = read_bytes(READER, &bytes).unwrap();
         assert_eq!((numbers(&log, "ABC", "V").len(), log.health.bytes.damaged), (5, 0), "{length}");
     }
     for (length, codes, columns) in [(15, "Qq", "TimeUS,V"), (15, "Q?", "TimeUS,V"), (15, "Qf", "TimeUS"), (15, "", "")]
     {
-        let other = [fmt(11, "DEF", "QB", "TimeUS,B"), record(11, &[&[0; 8], &[1]])].concat();
-        let log =
-            read_bytes(&[first(), fmt_of(10, length, "ABC", codes, columns), good.clone(), other].concat()).unwrap();
-        assert_eq!(count(&log, "DEF"), 1, "{codes} {columns}");
+        let other = [dataflash_fmt(11, "DEF", "QB", "TimeUS,B"), record(11, &[&[0; 8], &[1]])].concat();
+        let log = read_bytes(
+            READER,
+            &[dataflash_begin(), dataflash_fmt_of(10, length, "ABC", codes, columns), good.clone(), other].concat(),
+        )
+        .unwrap();
+        assert_eq!(messages(&log, "DEF"), 1, "{codes} {columns}");
         assert!(log.tables.iter().all(|t| t.topic.name != "ABC"), "{codes} {columns}: {:?}", log.tables);
         assert!(!codes_of_trouble(&log).is_empty(), "{codes} {columns}");
     }
@@ -590,21 +433,22 @@ fn codes_of_trouble(log: &Log) -> Vec<&str> {
 
 #[test]
 fn a_type_that_is_defined_twice_is_read_by_its_last_definition_and_told_if_they_differ() {
-    let again = read_bytes(&[samples_begin(), samples_begin(), sample(1, 1.0), sample(2, 1.0)].concat()).unwrap();
+    let again =
+        read_bytes(READER, &[samples_begin(), samples_begin(), sample(1, 1.0), sample(2, 1.0)].concat()).unwrap();
     assert_eq!((numbers(&again, "ABC", "V").len(), codes(&again)), (2, vec![]));
     let other = [
         samples_begin(),
         sample(1, 1.0),
-        fmt(10, "XYZ", "Qh", "TimeUS,H"),
+        dataflash_fmt(10, "XYZ", "Qh", "TimeUS,H"),
         record(10, &[&2_u64.to_le_bytes(), &(-5_i16).to_le_bytes()]),
         record(10, &[&3_u64.to_le_bytes(), &(-6_i16).to_le_bytes()]),
     ];
-    let log = read_bytes(&other.concat()).unwrap();
+    let log = read_bytes(READER, &other.concat()).unwrap();
     assert_eq!((numbers(&log, "ABC", "V"), numbers(&log, "XYZ", "H")), (vec![1.0], vec![-5.0, -6.0]));
     assert_eq!(codes_of_trouble(&log), ["redefined"]);
     // A hostile log does not take memory without bound.
-    let many: Vec<u8> = (0..6000_u32).flat_map(|i| fmt(10, "ABC", "Qf", &format!("TimeUS,V{i}"))).collect();
-    let log = read_bytes(&[first(), many].concat()).unwrap();
+    let many: Vec<u8> = (0..6000_u32).flat_map(|i| dataflash_fmt(10, "ABC", "Qf", &format!("TimeUS,V{i}"))).collect();
+    let log = read_bytes(READER, &[dataflash_begin(), many].concat()).unwrap();
     assert!(log.health.bytes.damaged > 0 && codes(&log).contains(&"redefined"));
 }
 
@@ -641,7 +485,7 @@ fn lines_of_the_console_in_front_of_a_text_log_are_no_damage_and_bad_lines_are()
         "ABC, 120000, 3.5",
     ];
     let bytes = format!("{}\n", lines.join("\r\n"));
-    let log = read_bytes(bytes.as_bytes()).unwrap();
+    let log = read_bytes(READER, bytes.as_bytes()).unwrap();
     assert_eq!(log.health.format, "ArduPilot DataFlash (text)");
     assert_eq!(table(&log, "MSG").column("Message").unwrap().text(0), Some("well, all of it"));
     let values = numbers(&log, "ABC", "V");
@@ -661,10 +505,10 @@ fn two_records_in_one_line_are_damage_and_commas_of_a_text_are_none() {
             let head = head.replace(", ", comma);
             format!("{head}MSG{comma}10{comma}mode AUTO{comma}5 of 7{joint}MSG{comma}20{comma}landed\n")
         };
-        let whole = read_bytes(text("\n").as_bytes()).unwrap();
+        let whole = read_bytes(READER, text("\n").as_bytes()).unwrap();
         assert_eq!((table(&whole, "MSG").rows, whole.health.bytes.damaged), (2, 0), "{comma:?}");
         let joined = text("J");
-        let log = read_bytes(joined.as_bytes()).unwrap();
+        let log = read_bytes(READER, joined.as_bytes()).unwrap();
         let line = joined.lines().last().unwrap().len() as u64 + 1;
         assert_eq!(log.health.bytes.damaged, line, "{comma:?}: {:?}", log.health.damage);
     }
@@ -674,7 +518,7 @@ fn two_records_in_one_line_are_damage_and_commas_of_a_text_are_none() {
 fn a_text_log_without_its_first_line_has_lost_something() {
     let text = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 10, 15, ABC, Qf, TimeUS,V\n\
                 FMT, 11, 15, DEF, Qf, TimeUS,V\nABC, 1, 2.5\n";
-    let lost = |text: &str| read_bytes(text.as_bytes()).unwrap().notices.iter().any(|n| n.code == "no-begin");
+    let lost = |text: &str| read_bytes(READER, text.as_bytes()).unwrap().notices.iter().any(|n| n.code == "no-begin");
     assert!(!lost(text));
     assert!(lost(&text.replacen("FMT", "GMT", 1)));
 }
@@ -685,36 +529,29 @@ fn a_line_longer_than_the_limit_is_damage_and_the_next_one_is_read() {
     let text = format!(
         "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 10, 15, ABC, Qf, TimeUS,V\n{long}ABC, 2, 2.5\n"
     );
-    let (_folder, path) = file("long.log", text.as_bytes());
-    let limits = Limits { line_bytes: 1000, ..Limits::default() };
-    let want = |_: &TopicInfo| Selection::All;
-    let log = with_limits(limits, |context| DataFlashReader::new(vec![path]).read(&want, context)).unwrap();
-    assert_balanced(&log, text.len());
+    let log = read_within(Limits { line_bytes: 1000, ..Limits::default() }, READER, text.as_bytes());
     assert_eq!((numbers(&log, "ABC", "V"), log.health.bytes.damaged as usize), (vec![2.5], long.len()));
 }
 
 #[test]
 fn what_is_no_log_is_refused_with_a_reason() {
-    for (bytes, reason) in [
-        (&b""[..], "empty"),
-        (&[0; 5000], "zero bytes"),
-        (b"a letter to a friend, in which nothing is measured at all", "text"),
-        (&[0x17; 5000], "nothing in it is intact"),
-    ] {
-        let error = read_bytes(bytes).unwrap_err().to_string();
-        assert!(error.contains(reason), "{error}");
-    }
+    check_refusals(READER, "text");
 }
 
 #[test]
 fn values_of_a_damaged_record_are_not_taken_from_the_records_that_its_wrong_type_would_swallow() {
     // Type 12 is as long as two records of type 10.
-    let big = [first(), fmt(10, "ABC", "Qf", "TimeUS,V"), fmt(12, "BIG", "QQQBBB", "TimeUS,A,B,C,D,E")].concat();
-    assert_eq!(size_of("QQQBBB"), 2 * size_of("Qf"));
+    let big = [
+        dataflash_begin(),
+        dataflash_fmt(10, "ABC", "Qf", "TimeUS,V"),
+        dataflash_fmt(12, "BIG", "QQQBBB", "TimeUS,A,B,C,D,E"),
+    ]
+    .concat();
+    assert_eq!(dataflash_size("QQQBBB"), 2 * dataflash_size("Qf"));
     let mut bytes = [big, sample(1, 1.0), sample(2, 2.0), sample(3, 3.0), sample(4, 4.0)].concat();
     let second = bytes.len() - 3 * 15;
     bytes[second + 2] = 12;
-    let log = read_bytes(&bytes).unwrap();
+    let log = read_bytes(READER, &bytes).unwrap();
     assert_eq!((numbers(&log, "ABC", "V"), log.health.bytes.damaged), (vec![1.0, 3.0, 4.0], 15));
-    assert_eq!(count(&log, "BIG"), 0);
+    assert_eq!(messages(&log, "BIG"), 0);
 }

@@ -119,9 +119,14 @@ fn boot_ms(row: usize) -> i64 {
 
 /// A DataFlash log of GPS records.
 fn dataflash(epochs: &[Epoch]) -> Vec<u8> {
+    dataflash_from(BOOT_MS, epochs)
+}
+
+/// The same, the first so long since boot.
+fn dataflash_from(from_ms: i64, epochs: &[Epoch]) -> Vec<u8> {
     let record = |(row, e): (usize, &Epoch)| {
         let lat = if e.fix < 3 { 0 } else { 470_000_000 + row as i32 };
-        let mut body = (boot_ms(row) as u64 * 1000).to_le_bytes().to_vec();
+        let mut body = ((boot_ms(row) - BOOT_MS + from_ms) as u64 * 1000).to_le_bytes().to_vec();
         body.push(e.fix);
         body.extend((e.ms as u32).to_le_bytes());
         body.extend((e.week as u16).to_le_bytes());
@@ -369,5 +374,75 @@ fn sentences_are_dated_over_midnight_and_a_date_of_another_age_is_suspected() {
             loaded.flight.notices
         );
         assert_eq!(stamps.len(), ROWS - missing as usize, "a second that was passed twice has one epoch");
+    }
+}
+
+/// A boot of a vehicle in a DataFlash log: one epoch each 0.2 s from `boot_ms` on, the first at this time of week.
+fn boot(from_ms: i64, week_ms: i64, fix: u8) -> Vec<u8> {
+    let mut all = epochs(2313, week_ms, |_, w| w);
+    all.iter_mut().for_each(|e| e.fix = fix);
+    dataflash_from(from_ms, &all)
+}
+
+#[test]
+fn each_boot_in_a_dataflash_log_is_dated_by_its_own_epochs() {
+    let library = MapLibrary::shipped().unwrap();
+    const FIRST_MS: i64 = 300_000_000;
+    // The second boot counts from less, from what the first one ended with, and from more.
+    for from_ms in [3000, BOOT_MS + 5000, BOOT_MS + 60_000] {
+        let later_ms = FIRST_MS + 240_000;
+        let bytes = [boot(BOOT_MS, FIRST_MS, 3), boot(from_ms, later_ms, 3)].concat();
+        let loaded = load_as(LogKind::DataFlash, &bytes, &library, None);
+        let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
+        let utc: Vec<i64> = stamps.iter().map(|s| loaded.flight.unix(Clock::Boot, *s).unwrap().0).collect();
+        let truth: Vec<i64> =
+            [FIRST_MS, later_ms].iter().flat_map(|ms| (0..ROWS).map(|row| unix_ns((2313, *ms), row))).collect();
+        assert_eq!(utc, truth, "{from_ms}");
+        assert_eq!(stamps[0].0, BOOT_MS * MS);
+        assert_told(&loaded, "boots", &[("restart-dated", 1), ("utc-outlier", 0), ("restart-undated", 0)], 1);
+        assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
+    }
+}
+
+#[test]
+fn the_times_of_rows_for_a_table_are_those_of_their_boot() {
+    let bytes = [boot(BOOT_MS, 300_000_000, 3), boot(3000, 300_240_000, 3)].concat();
+    let (_folder, path) = file("log", &bytes);
+    let unit = FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::DataFlash };
+    let want = |_: &ingest::TopicInfo| ingest::Selection::All;
+    let log = in_context(|context| ingest::open(&unit).read(&want, context)).unwrap();
+    let times = ingest::row_times(&log, &MapLibrary::shipped().unwrap()).unwrap();
+    let at = log.tables.iter().position(|t| t.topic.name == "GPS").unwrap();
+    let table = times.tables[at].as_ref().unwrap();
+    let utc = |ns: &Option<i64>| match table.clock {
+        Clock::Boot => times.utc.as_ref().unwrap().unix(Stamp(ns.unwrap())).unwrap().0,
+        clock => clock.unix(Stamp(ns.unwrap())).unwrap().0,
+    };
+    let truth = [300_000_000, 300_240_000].map(|ms| (0..ROWS).map(move |row| unix_ns((2313, ms), row)));
+    assert_eq!(table.clock, Clock::Boot);
+    assert_eq!(table.nanos.iter().map(utc).collect::<Vec<_>>(), truth.into_iter().flatten().collect::<Vec<_>>());
+}
+
+#[test]
+fn a_boot_that_nothing_dates_is_lost_beside_one_that_is_dated() {
+    let mut library = MapLibrary::shipped().unwrap();
+    let map = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\n\
+               measured = [{ field = \"TimeUS\", unit = \"us\", clock = \"boot\" }]\n[[utc]]\ntopic = [\"GPS\"]\n\
+               stamp = { field = \"TimeUS\", unit = \"us\", clock = \"boot\" }\n\
+               utc = { week = \"GWk\", field = \"GMS\", unit = \"ms\", clock = \"gps\" }\n\
+               require = [{ field = \"Status\", min = 3 }]\n[[channel]]\nname = \"height.gps\"\nquantity = \"height\"\n\
+               topic = [\"GPS\"]\ntimeline = \"measured\"\n[channel.fields]\nheight = { field = \"Alt\", unit = \"m\" }\n";
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), map).unwrap());
+    // The dated boot is shorter, and comes second; of two that nothing dates the first stays.
+    for (fixes, kept) in [([0, 3], Some(1)), ([3, 0], Some(0)), ([0, 0], None)] {
+        let bytes = [boot(BOOT_MS, 300_000_000, fixes[0]), boot(3000, 300_240_000, fixes[1])].concat();
+        let loaded = load_as(LogKind::DataFlash, &bytes, &library, Some("t"));
+        let stamps = loaded.flight.channels["height.gps"].series.timeline().stamps();
+        assert_eq!(stamps.len(), ROWS, "{fixes:?}");
+        let first = loaded.flight.unix(Clock::Boot, stamps[0]).map(|utc| utc.0);
+        let truth = kept.map(|second| unix_ns((2313, 300_000_000 + 240_000 * second), 0));
+        assert_eq!(first, truth, "{fixes:?}");
+        assert_told(&loaded, "lost", &[("restart-undated", ROWS as u64), ("rejected-row", ROWS as u64)], 1);
+        assert!(lossy(&loaded));
     }
 }

@@ -426,6 +426,22 @@ pub fn assert_subset(log: &Log, sent: &[Sent], published: bool) -> usize {
     got.len()
 }
 
+/// Cuts a log of `sent` to each of these lengths, which fall. What is then read is the beginning of the flight and a loss,
+/// and with the last cuts all fixes are there.
+pub fn check_cuts(content: &[u8], is_bag: bool, lengths: impl Iterator<Item = usize>, sent: &[Sent], case: &str) {
+    let disk = OnDisk::new(content, is_bag);
+    let mut most = 0;
+    for length in lengths {
+        disk.set_len(length as u64);
+        let Ok(log) = disk.read() else { continue };
+        assert!(lost(&log), "{case} cut at {length}");
+        let rows = assert_subset(&log, sent, !is_bag);
+        assert_received(&log, &sent[..(3 * rows).min(sent.len())], !is_bag);
+        most = most.max(rows);
+    }
+    assert_eq!(most, sent.iter().filter(|s| s.topic == FIX).count(), "{case}");
+}
+
 /// Sum of all values of a column that are there, and how many.
 pub fn sum(table: &Table, path: &str) -> (usize, f64) {
     let column = table.column(path).unwrap_or_else(|| panic!("no column {path}"));

@@ -1,8 +1,8 @@
 //! MCAP: conformance, agreement with what was written, and what is made of damage.
 
 use crate::made::{
-    CAMERA, Encoding, FIX, Layout, OnDisk, Sent, assert_balanced, assert_received, assert_subset, each_damage, flight,
-    lost, mcap, mcap_with, notice, reader,
+    CAMERA, Encoding, FIX, Layout, OnDisk, Sent, assert_balanced, assert_received, assert_subset, check_cuts,
+    each_damage, flight, lost, mcap, mcap_with, notice, reader,
 };
 use crate::support::{in_context, real_logs, with_limits};
 use ingest::{FieldRequest, IngestError, Limits, ReadContext, Selection, TopicInfo, ValueKind};
@@ -512,17 +512,7 @@ fn any_cut_gives_a_prefix_of_the_flight_and_says_so() {
     let sent = flight(12);
     for (layout, stride) in [(Layout::ZSTD, 2), (Layout::PLAIN, 5), (Layout::UNCHUNKED, 5)] {
         let content = mcap(&sent, Encoding::Cdr, layout);
-        let disk = OnDisk::new(&content, false);
-        let mut most = 0;
-        for length in (0..content.len()).rev().step_by(stride) {
-            disk.set_len(length as u64);
-            let Ok(log) = disk.read() else { continue };
-            assert!(lost(&log), "cut at {length}");
-            let rows = assert_subset(&log, &sent, true);
-            assert_received(&log, &sent[..(3 * rows).min(sent.len())], true);
-            most = most.max(rows);
-        }
-        assert_eq!(most, 12);
+        check_cuts(&content, false, (0..content.len()).rev().step_by(stride), &sent, &format!("{layout:?}"));
     }
 }
 

@@ -1,9 +1,9 @@
 //! NMEA 0183: a simulated flight, sentences of other tools, and everything that can go wrong.
 
+use crate::stream::*;
 use crate::support::*;
-use crate::telemetry::*;
 use flight::{Clock, Severity, StampKind};
-use ingest::{Limits, Log, NmeaReader};
+use ingest::{Limits, Log, LogKind, NmeaReader};
 use simulate::Container;
 
 const READER: Reader = |path| Box::new(NmeaReader::new(vec![path]));
@@ -21,7 +21,7 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_sentences() {
     let flight = flight(20.0, 50.0);
     let truth = flight.to_flight().unwrap();
     for name in ["flight.nmea", "flight.txt"] {
-        let loaded = load_written(Container::Nmea, &flight, name, "nmea");
+        let loaded = load_written(Container::Nmea, &flight, name, LogKind::Nmea, "nmea");
         let channel = |name: &str| &loaded.flight.channels[name];
         let timeline = channel("position.gps").series.timeline();
         assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Measured, Clock::Unix));
@@ -64,12 +64,14 @@ fn sentences_of_real_receivers_have_the_values_that_pynmeagps_reads() {
     );
     assert_eq!((number("GNRMC", "speed"), number("GPVTG", "track")), (Some(0.046), Some(54.7)));
     assert_eq!((messages(&log, "GPGSV"), log.tables.len()), (1, 4));
-    // Slow: no track, and so no velocity. GGA came before any date.
+    // Slow: no track, and so no velocity.
     assert!(table(&log, "GNRMC").column("track").is_none());
-    assert!(table(&log, "GPGGA").column("utc_ns").is_none());
-    assert!(codes(&log).contains(&"undated"));
     // date -u -d '2021-03-06T10:36:07Z' +%s
-    assert_eq!(table(&log, "GNRMC").column("utc_ns").unwrap().integer(0), Some(1_615_026_967_000_000_000));
+    let utc = |topic| table(&log, topic).column("utc_ns").unwrap().integer(0).unwrap();
+    assert_eq!(utc("GNRMC"), 1_615_026_967_000_000_000);
+    // GGA came before any date: 12:35:19 is nearest on the same day.
+    assert_eq!(utc("GPGGA") - utc("GNRMC"), 7_152_000_000_000);
+    assert!(codes(&log).contains(&"undated"));
 }
 
 #[test]
@@ -103,6 +105,73 @@ fn a_log_without_any_date_is_timed_from_its_begin_over_midnight() {
     let timeline = loaded.flight.channels["position.gps"].series.timeline();
     assert_eq!(timeline.clock(), Clock::Elapsed);
     assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), [0, 500_000_000, 1_000_000_000]);
+}
+
+/// GGA at 10 Hz from a tenth before midnight of 2026-11-21 on, with an RMC behind those of `dated`, and VTG behind all.
+fn around_midnight(dated: impl Fn(i64) -> bool) -> Vec<String> {
+    let epoch = |tenth: i64| {
+        let day = [21, 22][usize::from(tenth > 0)];
+        let of_day = (864_000 + tenth - 1) % 864_000;
+        let (hour, minute, second) = (of_day / 36_000, of_day / 600 % 60, of_day / 10 % 60);
+        let time = format!("{hour:02}{minute:02}{second:02}.{}", of_day % 10);
+        let place = format!("4807.{:03},N,01131.000,E", 100 + tenth);
+        let rmc = || sealed(&format!("GPRMC,{time},A,{place},20.0,90.0,{day}1126,,"));
+        [
+            Some(sealed(&format!("GPGGA,{time},{place},1,08,0.9,5.0,M,46.9,M,,"))),
+            dated(tenth).then(rmc),
+            Some(sealed("GPVTG,90.0,T,,M,20.0,N,,K")),
+        ]
+    };
+    (0..40).flat_map(epoch).flatten().collect()
+}
+
+#[test]
+fn what_stands_before_the_first_date_is_dated_backwards_over_midnight_too() {
+    // date -u -d '2026-11-21T23:59:59.9Z' +%s
+    let truth: Vec<i64> = (0..40).map(|tenth| 1_795_305_599_900_000_000 + 100_000_000 * tenth).collect();
+    for (dated, early) in [(0..40, 1), (7..8, 15), (39..40, 79)] {
+        let lines = around_midnight(|tenth| dated.contains(&tenth));
+        let (_folder, path) = file("late.nmea", (lines.join("\r\n") + "\r\n").as_bytes());
+        let unit = ingest::FlightUnit { id: "late".into(), files: vec![path], kind: LogKind::Nmea };
+        let loaded = load(&unit).unwrap();
+        for name in ["position.gps", "velocity.vtg"] {
+            let timeline = loaded.flight.channels[name].series.timeline();
+            assert_eq!(timeline.clock(), Clock::Unix);
+            assert_eq!(timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(), truth, "{name}, dated {dated:?}");
+        }
+        let told = loaded.flight.notices.iter().find(|n| n.code == "undated").unwrap();
+        assert_eq!((told.count, told.severity), (early, Severity::Info));
+        assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
+    }
+}
+
+#[test]
+fn a_date_in_the_second_file_of_a_flight_dates_the_first() {
+    let lines = around_midnight(|tenth| tenth == 30);
+    let (_first, first) = file("a.nmea", (lines[..30].join("\n") + "\n").as_bytes());
+    let (_second, second) = file("b.nmea", (lines[30..].join("\n") + "\n").as_bytes());
+    let unit = ingest::FlightUnit { id: "f".into(), files: vec![first, second], kind: LogKind::Nmea };
+    let loaded = load(&unit).unwrap();
+    let timeline = loaded.flight.channels["position.gps"].series.timeline();
+    assert_eq!((timeline.clock(), timeline.stamps().len()), (Clock::Unix, 40));
+    assert_eq!(timeline.first().unwrap().0, 1_795_305_599_900_000_000);
+}
+
+#[test]
+fn what_nothing_dates_is_a_loss_unless_it_says_nothing() {
+    let rmc = sealed("GPRMC,120000,A,4807.038,N,01131.000,E,20.0,90.0,211126,,");
+    let silent = ["GPGGA,,,,,,0,00,99.99,,,,,,", "GPVTG,,T,,M,,N,,K", "GPRMC,,V,,,,,,,,,"].map(sealed);
+    let lossless = text(&[&silent[0], &silent[1], &silent[2], &rmc]);
+    assert!(lossless.notices.iter().all(|n| n.severity < Severity::Loss), "{:?}", lossless.notices);
+    let place = "4807.038,N,01131.000,E";
+    let lost = [format!("GPGGA,,{place},1,08,0.9,5.0,M,46.9,M,,"), "GPVTG,90.0,T,,M,20.0,N,,K".to_owned()];
+    let log = text(&[&sealed(&lost[1]), &rmc, &sealed(&lost[0]), &sealed(&lost[1])]);
+    let loss = log.notices.iter().find(|n| n.code == "no-time").unwrap();
+    assert_eq!((loss.severity, loss.count), (Severity::Loss, 1), "{}", loss.text);
+    assert!(loss.text.ends_with(&lost[0]), "{}", loss.text);
+    // The VTG behind has the time of the RMC; that in front is of an epoch of which the log has only the end.
+    let headless = log.notices.iter().find(|n| n.code == "headless").unwrap();
+    assert_eq!((headless.severity, headless.count), (Severity::Info, 1), "{}", headless.text);
 }
 
 #[test]
@@ -172,19 +241,10 @@ fn a_line_longer_than_the_limit_is_damage() {
 #[test]
 fn a_log_cut_anywhere_gives_the_sentences_before_the_cut_and_says_so() {
     let bytes = seed(Container::Nmea);
-    let whole = rows(&read_bytes(READER, &bytes).unwrap());
     // A sentence is whole with the last digit of its checksum.
     let ends: Vec<usize> = (0..bytes.len()).filter(|at| bytes[*at] == b'\r').collect();
-    each_cut(READER, &bytes, |log, length| {
-        let intact = ends.iter().filter(|end| **end <= length).count();
-        let Ok(log) = log else { return assert_eq!(intact, 0, "{length}") };
-        assert_eq!(log.health.messages, intact as u64, "{length}");
-        let between = length == 0 || b"\r\n".contains(&bytes[length]) || bytes[length - 1] == b'\n';
-        assert_eq!(log.health.bytes.damaged == 0, between, "{length}: {:?}", log.health.damage);
-        for (topic, rows) in rows(log) {
-            assert_eq!(rows, whole[&topic][..rows.len()], "{length}");
-        }
-    });
+    let between = |length| length == 0 || b"\r\n".contains(&bytes[length]) || bytes[length - 1] == b'\n';
+    check_cuts(READER, &bytes, 0..bytes.len(), &ends, between);
 }
 
 #[test]
@@ -208,7 +268,7 @@ fn check_flips(bits_of_each_byte: usize) {
         rows.iter().map(|(topic, rows)| (topic.clone(), rows.iter().map(strip).collect())).collect()
     };
     let truth = own(&whole);
-    each_flip(READER, &bytes, bits_of_each_byte, |log, place, bit| {
+    each_flip(READER, &bytes, bits(0..bytes.len(), bits_of_each_byte), |log, place, bit| {
         let found = own(&rows(log));
         let (gone, new) = (missing(&truth, &found), missing(&found, &truth));
         assert_eq!(new, 0, "byte {place}, bit {bit}: a value changed");
@@ -220,9 +280,5 @@ fn check_flips(bits_of_each_byte: usize) {
 
 #[test]
 fn what_is_no_log_is_refused() {
-    for (bytes, reason) in [(&b""[..], "empty"), (&[0; 5000], "zero bytes"), (&[0x17; 5000], "nothing in it is intact")]
-    {
-        let error = read_bytes(READER, bytes).unwrap_err().to_string();
-        assert!(error.contains(reason), "{error}");
-    }
+    check_refusals(READER, "no NMEA sentence");
 }

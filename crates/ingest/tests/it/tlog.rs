@@ -1,7 +1,8 @@
 //! MAVLink telemetry: a simulated flight, frames of pymavlink, and everything that can go wrong.
 
+use crate::stream::*;
 use crate::support::*;
-use crate::telemetry::*;
+use crate::wire::{tlog_frame, tlog_frame_from};
 use flight::{Clock, Severity, StampKind};
 use ingest::{LogKind, TlogReader};
 use simulate::Container;
@@ -20,19 +21,6 @@ fn of_pymavlink() -> Vec<u8> {
     )
 }
 
-/// CRC-16/MCRF4XX.
-fn checksum(crc: u16, byte: u8) -> u16 {
-    (0..8).fold(crc ^ u16::from(byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 })
-}
-
-/// A MAVLink 2 frame with a time, in whose checksum `extra` stands for the layout.
-fn frame(time_us: u64, [system, component]: [u8; 2], number: u32, flags: u8, extra: u8, payload: &[u8]) -> Vec<u8> {
-    let [a, b, c, _] = number.to_le_bytes();
-    let body = [&[payload.len() as u8, flags, 0, 0, system, component, a, b, c], payload].concat();
-    let crc = body.iter().chain([&extra]).fold(0xffff, |crc, byte| checksum(crc, *byte));
-    [&time_us.to_be_bytes()[..], &[0xfd], &body, &crc.to_le_bytes()].concat()
-}
-
 const NOON_US: u64 = 1_795_262_400_000_000;
 
 #[test]
@@ -41,7 +29,7 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_frames() {
     let truth = flight.to_flight().unwrap();
     let start_ns = flight.settings.start.0 - 60_000_000_000;
     for name in ["flight.tlog", "flight.dat"] {
-        let loaded = load_written(Container::Tlog, &flight, name, "mavlink-tlog");
+        let loaded = load_written(Container::Tlog, &flight, name, LogKind::Tlog, "mavlink-tlog");
         let channel = |name: &str| &loaded.flight.channels[name];
         let timeline = channel("position.gps").series.timeline();
         assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Measured, Clock::Boot));
@@ -92,14 +80,15 @@ fn frames_of_pymavlink_have_the_values_that_it_was_given() {
 
 #[test]
 fn the_vehicle_with_the_smallest_number_has_the_plain_names() {
-    let heartbeat = |sender, autopilot| frame(NOON_US, sender, 0, 0, 50, &[0, 0, 0, 0, 1, autopilot, 0, 4, 3]);
+    let heartbeat =
+        |sender, autopilot| tlog_frame_from(sender, 0, NOON_US, 0, 50, &[0, 0, 0, 0, 1, autopilot, 0, 4, 3]);
     let bytes = [
         // Ground station, camera of vehicle 7, vehicles 9 and 7.
-        frame(NOON_US, [255, 190], 0, 0, 50, &[0, 0, 0, 0, 6, 8, 0, 4, 3]),
-        frame(NOON_US, [3, 100], 0, 0, 50, &[0, 0, 0, 0, 30, 8, 0, 4, 3]),
+        tlog_frame_from([255, 190], 0, NOON_US, 0, 50, &[0, 0, 0, 0, 6, 8, 0, 4, 3]),
+        tlog_frame_from([3, 100], 0, NOON_US, 0, 50, &[0, 0, 0, 0, 30, 8, 0, 4, 3]),
         heartbeat([9, 1], 3),
         heartbeat([7, 1], 3),
-        frame(NOON_US, [7, 197], 2, 0, 137, &[1]),
+        tlog_frame_from([7, 197], 0, NOON_US, 2, 137, &[1]),
     ];
     let log = read_bytes(READER, &bytes.concat()).unwrap();
     let names: Vec<&str> = log.tables.iter().map(|t| t.topic.name.as_str()).collect();
@@ -109,12 +98,15 @@ fn the_vehicle_with_the_smallest_number_has_the_plain_names() {
 
 #[test]
 fn a_message_that_is_not_defined_must_have_the_same_layout_every_time() {
-    let own = |extra| frame(NOON_US, [1, 1], 999_999, 0, extra, &[1, 2, 3]);
+    let own = |extra| tlog_frame(NOON_US, 999_999, extra, &[1, 2, 3]);
     let log = read_bytes(READER, &[of_pymavlink(), own(77), own(77), own(78), of_pymavlink()].concat()).unwrap();
     assert_eq!(messages(&log, "MESSAGE_999999"), 2);
     assert_eq!((log.health.messages, log.health.damage_count), (12, 1));
     assert!(log.notices.iter().any(|n| n.code == "unknown-message" && n.count == 2));
-    let log = read_bytes(READER, &[of_pymavlink(), frame(NOON_US, [1, 1], 0, 2, 50, &[0; 9])].concat()).unwrap();
+    let reason = &log.health.damage[0].reason;
+    assert!(reason.contains("a message that is not known") && reason.contains("cannot be checked"), "{reason}");
+    let log =
+        read_bytes(READER, &[of_pymavlink(), tlog_frame_from([1, 1], 2, NOON_US, 0, 50, &[0; 9])].concat()).unwrap();
     assert!(log.notices.iter().any(|n| n.code == "unknown-flags" && n.severity == Severity::Loss));
 }
 
@@ -131,16 +123,8 @@ fn boundaries(bytes: &[u8]) -> Vec<usize> {
 #[test]
 fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_says_so() {
     let bytes = seed(Container::Tlog);
-    let (whole, ends) = (rows(&read_bytes(READER, &bytes).unwrap()), boundaries(&bytes));
-    each_cut(READER, &bytes, |log, length| {
-        let intact = ends.iter().filter(|end| **end <= length).count() - 1;
-        let Ok(log) = log else { return assert_eq!(intact, 0, "{length}") };
-        assert_eq!(log.health.messages, intact as u64, "{length}");
-        assert_eq!(log.health.bytes.damaged == 0, ends.contains(&length), "{length}: {:?}", log.health.damage);
-        for (topic, rows) in rows(log) {
-            assert_eq!(rows, whole[&topic][..rows.len()], "{length}");
-        }
-    });
+    let ends = boundaries(&bytes);
+    check_cuts(READER, &bytes, 0..bytes.len(), &ends, |length| ends.contains(&length));
 }
 
 #[test]
@@ -159,7 +143,7 @@ fn check_flips(bits_of_each_byte: usize) {
     let whole = read_bytes(READER, &bytes).unwrap();
     let (truth, places) = (rows(&whole), boundaries(&bytes));
     let signed = |at: usize| bytes[at + 10] & 1 == 1;
-    each_flip(READER, &bytes, bits_of_each_byte, |log, place, bit| {
+    each_flip(READER, &bytes, bits(0..bytes.len(), bits_of_each_byte), |log, place, bit| {
         let found = rows(log);
         assert_eq!(missing(&found, &truth), 0, "byte {place}, bit {bit}: a value changed");
         let record = places.iter().position(|at| *at > place).unwrap() - 1;
@@ -181,16 +165,188 @@ fn garbage_between_frames_is_damage_and_nothing_else_is_lost() {
 
 #[test]
 fn what_is_no_log_is_refused() {
-    for (bytes, reason) in [
-        (&b""[..], "empty"),
-        (&[0; 5000], "zero bytes"),
-        (&[0x17; 5000], "nothing in it is intact"),
-        (b"a letter to a friend, in which nothing is measured at all", "text"),
-    ] {
-        let error = read_bytes(READER, bytes).unwrap_err().to_string();
-        assert!(error.contains(reason), "{error}");
-    }
+    check_refusals(READER, "text");
     let (folder, _path) = file("flight.bin", &of_pymavlink());
     let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
     assert_eq!(found.units[0].kind, LogKind::Tlog);
+}
+
+/// The frames of one boot, ten positions and one SYSTEM_TIME a second: since boot of the first, and when it is, ms after
+/// noon. They are received 40 to 60 ms later.
+struct Boot {
+    from_ms: u64,
+    at_ms: u64,
+    /// What SYSTEM_TIME says instead of the true time after noon, ms.
+    utc: Option<fn(u64) -> u64>,
+}
+
+const ROWS: u64 = 100;
+const TRUE: Option<fn(u64) -> u64> = Some(|ms| ms);
+
+impl Boot {
+    fn frames(&self) -> Vec<u8> {
+        let row = |row: u64| {
+            let (boot_ms, at_ms) = ((self.from_ms + 100 * row) as u32, self.at_ms + 100 * row);
+            let received_us = NOON_US + 1000 * (at_ms + 40 + 10 * (row % 3));
+            let position = [row as f32, 1.0, 2.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes).concat();
+            let system_time = self.utc.filter(|_| row.is_multiple_of(10)).map(|utc| {
+                let unix = (NOON_US + 1000 * utc(at_ms)).to_le_bytes();
+                // Written before what came earlier.
+                tlog_frame(received_us + 9000, 2, 137, &[&unix[..], &boot_ms.to_le_bytes()].concat())
+            });
+            let position = tlog_frame(received_us, 32, 185, &[&boot_ms.to_le_bytes()[..], &position].concat());
+            [system_time.unwrap_or_default(), position].concat()
+        };
+        (0..ROWS).flat_map(row).collect()
+    }
+}
+
+fn load_boots(boots: &[Boot]) -> ingest::Loaded {
+    let (_folder, path) = file("log.tlog", &boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
+    let unit = ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog };
+    let loaded = load(&unit).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+/// UTC of all positions less what it should be, ms.
+fn off_ms(loaded: &ingest::Loaded, boots: &[Boot]) -> Vec<f64> {
+    let stamps = loaded.flight.channels["position.ekf"].series.timeline().stamps();
+    let utc = stamps.iter().map(|s| loaded.flight.unix(Clock::Boot, *s).unwrap().0);
+    let truth = boots.iter().flat_map(|b| (0..ROWS).map(|row| (NOON_US + 1000 * (b.at_ms + 100 * row)) as i64 * 1000));
+    assert_eq!(stamps.len() as u64, ROWS * boots.len() as u64, "{:?}", loaded.flight.notices);
+    utc.zip(truth).map(|(utc, truth)| (utc - truth) as f64 * 1e-6).collect()
+}
+
+#[test]
+fn every_boot_of_a_vehicle_in_one_log_keeps_its_rows_at_their_true_time() {
+    let boot = |from_ms, at_ms, utc| Boot { from_ms, at_ms, utc };
+    // Anew from less, from more than the first ended with, twice, at once, and at a place that other rows have.
+    for later in [
+        &[(3037, 40_000)][..],
+        &[(90_000, 60_000)],
+        &[(3000, 40_000), (9000, 70_000)],
+        &[(2000, 11_500)],
+        &[(50_037, 30_000)],
+    ] {
+        let boots = |utc| -> Vec<Boot> {
+            let later = later.iter().map(|(from, at)| boot(*from, *at, utc));
+            [boot(50_000, 0, utc)].into_iter().chain(later).collect()
+        };
+        let loaded = load_boots(&boots(TRUE));
+        assert!(off_ms(&loaded, &boots(TRUE)).iter().all(|off| *off == 0.0), "{later:?}");
+        assert_eq!(count_of(&loaded, "restart-dated"), later.len() as u64, "{later:?}");
+        assert_eq!((count_of(&loaded, "utc-outlier"), count_of(&loaded, "back-jump")), (0, 0), "{later:?}");
+        assert!(!lossy(&loaded));
+        let first = loaded.flight.channels["position.ekf"].series.timeline().first().unwrap();
+        assert_eq!(first.0, 50_000_000_000, "{later:?}");
+        if later[0].0 >= 60_000 {
+            // Without dates of its own a clock that did not go back cannot be told from a hole.
+            continue;
+        }
+        // The times of reception stand in, whether nothing says UTC or says the same of every boot.
+        let loaded = load_boots(&boots(None));
+        let off = off_ms(&loaded, &boots(None));
+        assert!(off.iter().all(|off| *off == 50.0), "{later:?}: {off:?}");
+        let again = boots(Some(|ms| 1000 + ms % 10_000));
+        assert!(off_ms(&load_boots(&again), &again).iter().all(|off| *off == 50.0), "{later:?}");
+    }
+}
+
+#[test]
+fn one_boot_that_says_utc_dates_the_others_by_when_they_were_received() {
+    for said in [0, 1] {
+        let of = |boot| if boot == said { TRUE } else { None };
+        let boots = [Boot { from_ms: 50_000, at_ms: 0, utc: of(0) }, Boot { from_ms: 3037, at_ms: 40_000, utc: of(1) }];
+        let off = off_ms(&load_boots(&boots), &boots);
+        assert!(off.iter().all(|off| *off == 0.0), "{said}: {off:?}");
+    }
+}
+
+#[test]
+fn a_ground_station_whose_clock_is_set_does_not_make_a_boot_of_its_vehicle() {
+    let hours_later = |hours: u64| -> Vec<u8> {
+        let boots = [Boot { from_ms: 50_000, at_ms: 0, utc: TRUE }, Boot { from_ms: 60_000, at_ms: 10_000, utc: TRUE }];
+        let mut second = boots[1].frames();
+        let mut at = 0;
+        while at < second.len() {
+            let time = u64::from_be_bytes(second[at..at + 8].try_into().unwrap()) + hours * 3_600_000_000;
+            second[at..at + 8].copy_from_slice(&time.to_be_bytes());
+            at += 8 + 12 + usize::from(second[at + 9]);
+        }
+        [boots[0].frames(), second].concat()
+    };
+    let (_folder, path) = file("log.tlog", &hours_later(1));
+    let unit = ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog };
+    let loaded = load(&unit).unwrap();
+    assert_eq!(count_of(&loaded, "restart-dated"), 0, "{:?}", loaded.flight.notices);
+    let stamps = loaded.flight.channels["position.ekf"].series.timeline().stamps();
+    assert_eq!((stamps.len(), stamps[199].0 - stamps[0].0), (200, 19_900_000_000));
+    assert_eq!(loaded.flight.unix(Clock::Boot, stamps[199]).unwrap().0, (NOON_US + 19_900_000) as i64 * 1000);
+}
+
+#[test]
+fn a_time_of_a_message_is_utc_or_since_boot_by_its_size_and_the_topic_says_which() {
+    let load_from = |from_us: u64| {
+        let gps = |row: u64| {
+            let place = [470_000_000 + row as i32, 85_000_000, 500_000].map(i32::to_le_bytes).concat();
+            let rest = [100_u16, 100, 1000, 9000].map(u16::to_le_bytes).concat();
+            let payload = [&(from_us + 200_000 * row).to_le_bytes()[..], &place, &rest, &[3, 12]].concat();
+            tlog_frame(NOON_US + 200_000 * row + 50_000, 24, 24, &payload)
+        };
+        let boot = Boot { from_ms: 5000, at_ms: 0, utc: TRUE };
+        let (_folder, path) = file("log.tlog", &[boot.frames(), (0..50).flat_map(gps).collect()].concat());
+        load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap()
+    };
+    for (from_us, clock, told) in [(NOON_US, Clock::Unix, true), (5_000_000, Clock::Boot, false)] {
+        let loaded = load_from(from_us);
+        let timeline = loaded.flight.channels["position.gps"].series.timeline();
+        assert_eq!((timeline.clock(), timeline.stamps().len()), (clock, 50));
+        assert_eq!(timeline.stamps()[0].0, from_us as i64 * 1000);
+        for channel in ["position.gps", "position.ekf"] {
+            let timeline = loaded.flight.channels[channel].series.timeline();
+            let utc = loaded.flight.unix(timeline.clock(), timeline.first().unwrap());
+            assert_eq!(utc.unwrap().0, NOON_US as i64 * 1000, "{channel}");
+        }
+        assert_eq!(count_of(&loaded, "unix-stamps") > 0, told, "{:?}", loaded.flight.notices);
+    }
+}
+
+#[test]
+fn no_flipped_bit_of_a_time_of_reception_moves_a_stamp_far_in_silence() {
+    let frames = Boot { from_ms: 5000, at_ms: 0, utc: TRUE }.frames();
+    let starts = boundaries(&frames);
+    let whole = read_bytes(READER, &frames).unwrap();
+    let stamps = |log: &ingest::Log| log.tables.iter().flat_map(|t| t.logged_ns.clone().unwrap()).collect::<Vec<i64>>();
+    let truth = stamps(&whole);
+    let last = starts.len() - 2;
+    for record in [0, 1, 2, 50, last - 1, last] {
+        for bit in 0..64 {
+            let mut bytes = frames.clone();
+            bytes[starts[record] + bit / 8] ^= 0x80 >> (bit % 8);
+            let log = read_bytes(READER, &bytes).unwrap();
+            let told =
+                log.notices.iter().any(|n| n.code == "receive-time" && n.count == 1 && n.severity == Severity::Loss);
+            let off = stamps(&log).iter().zip(&truth).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+            assert_eq!(stamps(&log).len(), truth.len());
+            assert_eq!((log.health.bytes.damaged, log.health.messages), (0, whole.health.messages));
+            // At the ends of a log less than a day is a hole.
+            let most = if record == 0 || record == last { 86_400 } else { 2 };
+            assert!(off < most * 1_000_000_000, "{record}, {bit}: {off} ns");
+            assert!(!told || off <= 110_000_000, "{record}, {bit}: {off} ns");
+        }
+    }
+    // Of one in the middle nothing remains but what its neighbours allow.
+    let mut bytes = frames.clone();
+    bytes[starts[50]..starts[50] + 8].copy_from_slice(&u64::MAX.to_be_bytes());
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert!(log.notices.any_loss() && stamps(&log).iter().all(|s| s.abs_diff(truth[0]) < 11_000_000_000));
+}
+
+#[test]
+fn texts_have_the_time_of_reception_as_modes_have() {
+    let text = [&[6][..], b"all is well", &[0; 42]].concat();
+    let log = read_bytes(READER, &[of_pymavlink(), tlog_frame(NOON_US + 60_000, 253, 83, &text)].concat()).unwrap();
+    assert_eq!(log.health.about.texts, ["2026-11-21 12:00:00.060 UTC: all is well"]);
+    assert_eq!(log.health.about.modes[0].at_ns, NOON_US as i64 * 1000);
 }

@@ -1,18 +1,13 @@
 //! UBX: a simulated flight, frames of pyubx2, and everything that can go wrong.
 
+use crate::stream::*;
 use crate::support::*;
-use crate::telemetry::*;
+use crate::wire::ubx_frame;
 use flight::{Clock, Stamp, StampKind, gps_of_unix, unix_of_gps};
 use ingest::{LogKind, UbxReader};
 use simulate::Container;
 
 const READER: Reader = |path| Box::new(UbxReader::new(vec![path]));
-
-fn frame(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
-    let body = [&[class, number][..], &(payload.len() as u16).to_le_bytes(), payload].concat();
-    let sum = |[a, b]: [u8; 2], byte: &u8| [a.wrapping_add(*byte), b.wrapping_add(a.wrapping_add(*byte))];
-    [&[0xb5, 0x62], &body[..], &body.iter().fold([0_u8; 2], sum)].concat()
-}
 
 /// NAV-TIMEGPS, NAV-PVT, HNR-PVT, NAV-HPPOSLLH and NAV-VELNED as pyubx2 1.4.0 writes them.
 fn of_pyubx2() -> Vec<u8> {
@@ -31,7 +26,7 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_frames() {
     let flight = flight(20.0, 50.0);
     let truth = flight.to_flight().unwrap();
     for name in ["flight.ubx", "flight.log"] {
-        let loaded = load_written(Container::Ubx, &flight, name, "ubx");
+        let loaded = load_written(Container::Ubx, &flight, name, LogKind::Ubx, "ubx");
         let channel = |name: &str| &loaded.flight.channels[name];
         let timeline = channel("position.posllh").series.timeline();
         assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Measured, Clock::Gps));
@@ -81,7 +76,7 @@ fn position_and_velocity_of_one_solution_are_bound_by_their_names_and_units() {
         payload[28..32].copy_from_slice(&(473_977_420 + epoch as i32).to_le_bytes());
         payload[32..36].copy_from_slice(&535_123_i32.to_le_bytes());
         payload[48..52].copy_from_slice(&(-1234_i32).to_le_bytes());
-        frame(1, 7, &payload)
+        ubx_frame(1, 7, &payload)
     };
     let bytes: Vec<u8> = (0..20).flat_map(pvt).collect();
     let (_folder, path) = file("f.ubx", &bytes);
@@ -100,12 +95,75 @@ fn position_and_velocity_of_one_solution_are_bound_by_their_names_and_units() {
     assert_eq!(gps_of_unix(Stamp(1_795_262_382_000_000_000)), position.timeline().first());
 }
 
+/// NAV-POSLLH and NAV-VELNED of ten epochs, the sixth of which is the first of GPS week 2446, and behind each what `told` says.
+fn around_sunday(told: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
+    let epoch = |n: u32| {
+        let itow_ms = (604_799_000 + 200 * n) % 604_800_000;
+        let front = itow_ms.to_le_bytes();
+        let place = [85_455_940, 473_977_420 + n as i32, 535_123, 488_123, 1500, 2500].map(i32::to_le_bytes).concat();
+        let velocity = [123, 4, 5, 126, 124, 300_000, 30, 1].map(i32::to_le_bytes).concat();
+        let frames =
+            [(2, place), (0x12, velocity)].map(|(number, rest)| ubx_frame(1, number, &[&front[..], &rest].concat()));
+        [frames.concat(), told(n, itow_ms)].concat()
+    };
+    (0..10).flat_map(epoch).collect()
+}
+
+fn load_ubx(bytes: &[u8]) -> ingest::Loaded {
+    let (_folder, path) = file("f.ubx", bytes);
+    load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Ubx }).unwrap()
+}
+
+#[test]
+fn messages_before_the_first_that_tells_the_week_are_dated_backwards_over_sunday_too() {
+    const WEEK_MS: i64 = 604_800_000;
+    let truth: Vec<i64> = (0..10).map(|n| (2445 * WEEK_MS + WEEK_MS - 1000 + 200 * n) * 1_000_000).collect();
+    let time_gps = |itow_ms: u32| {
+        let week = if itow_ms < 1_000_000 { 2446_u16 } else { 2445 };
+        ubx_frame(1, 0x20, &[&itow_ms.to_le_bytes()[..], &[0; 4], &week.to_le_bytes(), &[18, 7, 0, 0, 0, 0]].concat())
+    };
+    // 2026-11-21T23:59:42 UTC is the end of the week.
+    let time_utc = |itow_ms: u32| {
+        let second = if itow_ms < 1_000_000 { 42 } else { 41 };
+        let date = [&2026_u16.to_le_bytes()[..], &[11, 21, 23, 59, second, 7]].concat();
+        ubx_frame(1, 0x21, &[&itow_ms.to_le_bytes()[..], &[0; 8], &date].concat())
+    };
+    for name in ["NAV-TIMEGPS", "NAV-TIMEUTC"] {
+        let tell = |itow_ms| if name == "NAV-TIMEGPS" { time_gps(itow_ms) } else { time_utc(itow_ms) };
+        for teller in 0..10 {
+            let bytes = around_sunday(|n, itow_ms| if n == teller { tell(itow_ms) } else { vec![] });
+            let loaded = load_ubx(&bytes);
+            for channel in ["position.posllh", "velocity.velned"] {
+                let timeline = loaded.flight.channels[channel].series.timeline();
+                let stamps: Vec<i64> = timeline.stamps().iter().map(|s| s.0).collect();
+                assert_eq!((timeline.clock(), stamps), (Clock::Gps, truth.clone()), "{name} at {teller}: {channel}");
+            }
+            assert_eq!(count_of(&loaded, "undated"), 2 * u64::from(teller + 1), "{name}");
+            assert!(!lossy(&loaded));
+        }
+    }
+}
+
+#[test]
+fn a_log_that_never_tells_the_week_is_timed_by_the_time_of_week_alone() {
+    // A week that is not valid is not told.
+    let invalid =
+        |itow_ms: u32| ubx_frame(1, 0x20, &[&itow_ms.to_le_bytes()[..], &[0; 4], &[0x8d, 9, 18, 1], &[0; 4]].concat());
+    let bytes = around_sunday(|_, itow_ms| invalid(itow_ms));
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!(values(&log, "NAV-POSLLH", "gps_week"), [Some(0.0); 10]);
+    let loaded = load_ubx(&bytes);
+    let timeline = loaded.flight.channels["position.posllh"].series.timeline();
+    assert_eq!((timeline.clock(), timeline.stamps().len()), (Clock::Elapsed, 10));
+    assert_eq!(count_of(&loaded, "undated"), 30);
+}
+
 #[test]
 fn sentences_and_corrections_between_the_frames_are_no_damage() {
     let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n";
     let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
-    let unread = frame(0x02, 0x15, &[1; 300]);
-    let poll = frame(1, 7, &[]);
+    let unread = ubx_frame(0x02, 0x15, &[1; 300]);
+    let poll = ubx_frame(1, 7, &[]);
     let bytes = [gga, &of_pyubx2()[..], &correction, gga, &unread, &correction, &poll].concat();
     let log = read_bytes(READER, &bytes).unwrap();
     assert_eq!(log.health.bytes.damaged, 0, "{:?}", log.health.damage);
@@ -125,7 +183,7 @@ fn sentences_and_corrections_between_the_frames_are_no_damage() {
 fn what_is_damaged_in_a_mixed_stream_costs_itself_alone() {
     let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n".to_vec();
     let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
-    let pieces = [gga.clone(), frame(1, 4, &[3; 18]), correction, frame(1, 3, &[4; 16]), gga];
+    let pieces = [gga.clone(), ubx_frame(1, 4, &[3; 18]), correction, ubx_frame(1, 3, &[4; 16]), gga];
     for hurt in 0..pieces.len() {
         let mut bytes = pieces.clone();
         let middle = bytes[hurt].len() / 2;
@@ -139,20 +197,11 @@ fn what_is_damaged_in_a_mixed_stream_costs_itself_alone() {
 #[test]
 fn a_log_cut_anywhere_gives_the_frames_before_the_cut_and_says_so() {
     let bytes = seed(Container::Ubx);
-    let whole = rows(&read_bytes(READER, &bytes).unwrap());
     let mut ends = vec![0];
     while let Some(length) = bytes.get(ends[ends.len() - 1] + 4..).and_then(<[u8]>::first_chunk) {
         ends.push(ends[ends.len() - 1] + 8 + usize::from(u16::from_le_bytes(*length)));
     }
-    each_cut(READER, &bytes, |log, length| {
-        let intact = ends.iter().filter(|end| **end <= length).count() - 1;
-        let Ok(log) = log else { return assert_eq!(intact, 0, "{length}") };
-        assert_eq!(log.health.messages, intact as u64, "{length}");
-        assert_eq!(log.health.bytes.damaged == 0, ends.contains(&length), "{length}: {:?}", log.health.damage);
-        for (topic, rows) in rows(log) {
-            assert_eq!(rows, whole[&topic][..rows.len()], "{length}");
-        }
-    });
+    check_cuts(READER, &bytes, 0..bytes.len(), &ends, |length| ends.contains(&length));
 }
 
 #[test]
@@ -176,7 +225,7 @@ fn check_flips(bits_of_each_byte: usize) {
         rows(log).into_iter().map(|(topic, rows)| (topic, rows.iter().map(strip).collect())).collect()
     };
     let truth = own(&whole);
-    each_flip(READER, &bytes, bits_of_each_byte, |log, place, bit| {
+    each_flip(READER, &bytes, bits(0..bytes.len(), bits_of_each_byte), |log, place, bit| {
         let found = own(log);
         assert_eq!(missing(&found, &truth), 0, "byte {place}, bit {bit}: a value changed");
         assert_eq!(log.health.messages + 1, whole.health.messages, "byte {place}, bit {bit}");
@@ -186,7 +235,7 @@ fn check_flips(bits_of_each_byte: usize) {
 
 #[test]
 fn lengths_that_lie_do_not_make_the_search_slow_or_lose_what_is_between_them() {
-    let (lie, good) = ([0xb5, 0x62, 1, 7, 0xff, 0xff], frame(1, 4, &[3; 18]));
+    let (lie, good) = ([0xb5, 0x62, 1, 7, 0xff, 0xff], ubx_frame(1, 4, &[3; 18]));
     let pair = [&lie[..], &good].concat();
     let bytes = pair.repeat(30_000);
     let log = read_bytes(READER, &bytes).unwrap();
@@ -195,13 +244,5 @@ fn lengths_that_lie_do_not_make_the_search_slow_or_lose_what_is_between_them() {
 
 #[test]
 fn what_is_no_log_is_refused() {
-    for (bytes, reason) in [
-        (&b""[..], "empty"),
-        (&[0; 5000], "zero bytes"),
-        (&[0x17; 5000], "nothing in it is intact"),
-        (b"a letter to a friend, in which nothing is measured at all", "text"),
-    ] {
-        let error = read_bytes(READER, bytes).unwrap_err().to_string();
-        assert!(error.contains(reason), "{error}");
-    }
+    check_refusals(READER, "text");
 }

@@ -1,5 +1,6 @@
 //! PX4 ULog: the whole format, simulated flights, damage of every kind, and hostile files.
 
+use crate::stream::{numbers, table};
 use crate::support::*;
 use flight::{Channel, Clock, Severity, Stamp, StampKind};
 use ingest::{
@@ -71,16 +72,6 @@ fn read_path(path: &Path, limits: Limits) -> Result<Log, IngestError> {
 
 fn read(bytes: &[u8]) -> Log {
     read_with(bytes, Limits::default()).unwrap()
-}
-
-fn table<'l>(log: &'l Log, topic: &str) -> &'l Table {
-    log.tables.iter().find(|t| t.topic.name == topic).unwrap_or_else(|| panic!("no {topic}: {:?}", log.notices))
-}
-
-fn numbers(log: &Log, topic: &str, field: &str) -> Vec<f64> {
-    let table = table(log, topic);
-    let column = table.column(field).unwrap_or_else(|| panic!("no {field}"));
-    (0..table.rows).map(|row| column.number(row).unwrap()).collect()
 }
 
 fn loses(log: &Log) -> bool {

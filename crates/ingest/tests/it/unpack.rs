@@ -121,6 +121,7 @@ fn a_packed_log_gives_the_same_flight_and_its_ledger_counts_the_unpacked_bytes()
         ("jump.csv.bz2", bzip2(&table)),
         ("jump.csv.lz4", lz4(&table)),
         ("jump.zip", zip(&[("card/jump.csv", &table)], true)),
+        ("jump.zip", zip(&[("../../../jump.csv", &table)], true)),
         ("jump.zip", zip(&[("jump.csv", &table), ("card/readme.md", b"# Hello"), ("photo.png", b"\x89PNG")], false)),
         ("jump.csv", utf16(&table, false, true)),
         ("jump.csv", utf16(&table, true, true)),
@@ -148,19 +149,40 @@ fn a_packed_log_of_messages_is_read_as_well() {
 #[test]
 fn what_was_packed_before_the_damage_is_read_and_the_loss_has_its_place() {
     let table = flysight(20_000);
-    for (name, packed) in [
-        ("jump.csv.gz", gzip(&table)),
-        ("jump.csv.zst", zstd(&table)),
-        ("jump.csv.bz2", bzip2(&table)),
-        ("jump.zip", zip(&[("jump.csv", &table)], true)),
+    for (name, packed, fault) in [
+        ("jump.csv.gz", gzip(&table), "the gzip data are cut"),
+        ("jump.csv.zst", zstd(&table), "the Zstandard data are cut"),
+        ("jump.csv.bz2", bzip2(&table), "the bzip2 data are cut"),
+        ("jump.zip", zip(&[("jump.csv", &table)], true), "the ZIP data are "),
     ] {
         let cut = packed.len() * 7 / 10;
         let loaded = load_packed(name, &packed[..cut]);
         assert!(lossy(&loaded), "{name}");
         let notice = loaded.flight.notices.iter().find(|n| n.code == "packed-damage").unwrap();
         assert!(notice.place.starts_with(name) && notice.place.contains("byte"), "{}", notice.place);
+        let kept = format!("; the {} bytes unpacked before that are read", loaded.health.bytes.size);
+        assert!(notice.text.starts_with(fault) && notice.text.contains(&kept), "{name}: {}", notice.text);
         assert!(loaded.health.messages > 8000, "{name}: {}", loaded.health.messages);
     }
+}
+
+#[test]
+fn only_the_checksum_wrong_costs_a_line_at_most_and_an_archive_without_its_list_is_told() {
+    let table = flysight(3000);
+    let mut encoder = zstd::stream::Encoder::new(vec![], 1).unwrap();
+    encoder.include_checksum(true).unwrap();
+    encoder.write_all(&table).unwrap();
+    let mut packed = encoder.finish().unwrap();
+    *packed.last_mut().unwrap() ^= 1;
+    let loaded = load_packed("jump.csv.zst", &packed);
+    assert!(lossy(&loaded));
+    assert!(table.len() as u64 - loaded.health.bytes.size < 1024, "{}", loaded.health.bytes.size);
+
+    let archive = zip(&[("jump.csv", &table)], true);
+    let list = memchr::memmem::find(&archive, b"PK\x01\x02").unwrap();
+    let loaded = load_packed("jump.zip", &archive[..list]);
+    assert_eq!((loaded.health.bytes.size, lossy(&loaded)), (table.len() as u64, true));
+    assert!(loaded.flight.notices.iter().any(|n| n.code == "no-end" && n.text.contains("no list of its files")));
 }
 
 #[test]
@@ -194,6 +216,7 @@ fn several_logs_no_log_or_a_log_packed_twice_are_refused_with_the_reason() {
         ("a.zip", zip(&[("one.csv", &table), ("two.csv", &table)], true), "several logs, one.csv, two.csv"),
         ("a.zip", zip(&[("photo.png", b"\x89PNG")], true), "photo.png is PNG image"),
         ("a.zip", zip(&[], true), "without a file"),
+        ("a.csv.zst", zstd(&table)[..9].to_vec(), "cannot be unpacked: the Zstandard data are cut"),
         ("a.zip", zip(&[("jump.csv.gz", &gzip(&table))], false), "packed again"),
         ("a.csv.gz.gz", gzip(&gzip(&table)), "packed again"),
         ("a.tar.gz", gzip(&[vec![b'x'; 257], b"ustar".to_vec(), vec![0; 300]].concat()), "tar archive"),

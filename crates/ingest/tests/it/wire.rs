@@ -1,16 +1,30 @@
 //! Records of the binary formats by hand, for tests of what is made of them.
 
-/// The definition of a DataFlash type, and of FMT in front of the first.
-pub fn dataflash_fmt(id: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> {
-    let padded = |text: &str, size: usize| [text.as_bytes(), &vec![0; size - text.len()]].concat();
+/// A text in a field of a fixed size.
+pub fn padded(text: &str, size: usize) -> Vec<u8> {
+    [text.as_bytes(), &vec![0; size - text.len()]].concat()
+}
+
+/// Bytes of a DataFlash record.
+pub fn dataflash_size(codes: &str) -> u8 {
     let size = |code| match code {
         'b' | 'B' | 'M' => 1,
-        'c' | 'C' | 'h' | 'H' => 2,
+        'c' | 'C' | 'h' | 'H' | 'g' => 2,
         'e' | 'E' | 'i' | 'I' | 'L' | 'f' | 'n' => 4,
-        _ => 8,
+        'q' | 'Q' | 'd' => 8,
+        'N' => 16,
+        _ => 64,
     };
-    let length = 3 + codes.chars().map(size).sum::<u8>();
-    let length = if id == 128 { 89 } else { length };
+    3 + codes.chars().map(size).sum::<u8>()
+}
+
+/// The definition of a DataFlash type.
+pub fn dataflash_fmt(id: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> {
+    dataflash_fmt_of(id, dataflash_size(codes), name, codes, columns)
+}
+
+/// As [`dataflash_fmt`], of records that are so long by their own account.
+pub fn dataflash_fmt_of(id: u8, length: u8, name: &str, codes: &str, columns: &str) -> Vec<u8> {
     [vec![0xa3, 0x95, 128, id, length], padded(name, 4), padded(codes, 16), padded(columns, 64)].concat()
 }
 
@@ -50,11 +64,16 @@ pub fn ubx_frame(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
 
 /// A MAVLink 2 frame of vehicle 1 in a tlog; `extra` stands for the layout of the message in its checksum.
 pub fn tlog_frame(time_us: u64, number: u32, extra: u8, payload: &[u8]) -> Vec<u8> {
+    tlog_frame_from([1, 1], 0, time_us, number, extra, payload)
+}
+
+/// As [`tlog_frame`], from this system and component, with these flags.
+pub fn tlog_frame_from(sender: [u8; 2], flags: u8, time_us: u64, number: u32, extra: u8, payload: &[u8]) -> Vec<u8> {
     let crc16 = |crc: u16, byte: &u8| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 })
     };
-    let [a, b, c, _] = number.to_le_bytes();
-    let body = [&[payload.len() as u8, 0, 0, 0, 1, 1, a, b, c], payload].concat();
+    let ([system, component], [a, b, c, _]) = (sender, number.to_le_bytes());
+    let body = [&[payload.len() as u8, flags, 0, 0, system, component, a, b, c], payload].concat();
     let crc = body.iter().chain([&extra]).fold(0xffff, crc16);
     [&time_us.to_be_bytes()[..], &[0xfd], &body, &crc.to_le_bytes()].concat()
 }

@@ -19,6 +19,9 @@ const MOST_INNER: usize = 12;
 /// Measured, published, logged.
 const MOST_STAMPS: usize = 3;
 
+/// Beside every count of gaps.
+const GAP: &str = "A gap is a step from one stamp to the next of more than 2.5 median steps.";
+
 /// Channels, topics, bytes and damage of a flight.
 pub(super) fn section(record: &FlightRecord) -> Markup {
     html! {
@@ -147,8 +150,8 @@ fn channels(channels: &[ChannelHealth]) -> Markup {
         [Text("Channel"), Text("Topic and fields"), Number("Rows"), Number("Used"), Text("Held"), Text("Rejected")];
     html! {
         (table("Channels: time stamps", &timing, rows(channels, MOST_CHANNELS, timing.len(), channel_timing)))
-        p.note { "A gap is a step of more than 2.5 median steps. Stamp offsets are median, with 1st and 99th \
-         percentile." }
+        p.note { (GAP) " Where stamps go back, rate, jitter and gaps are those of the sorted rows. Stamp offsets are \
+         median, with 1st and 99th percentile." }
         (table("Channels: rows", &use_of_rows, rows(channels, MOST_CHANNELS, use_of_rows.len(), channel_rows)))
     }
 }
@@ -161,7 +164,7 @@ fn channel_timing(channel: &ChannelHealth) -> Markup {
             td.any { (maybe(stamps, stamp_source)) }
             td.n { (maybe(stamps.and_then(|s| s.rate_hz), |rate| html! { (number::significant(rate, 4)) })) }
             td.n { (maybe(stamps.and_then(|s| s.steps_s), |d| html! { (millis(d.p99 - d.median)) })) }
-            td { (maybe(stamps, gaps)) }
+            td { (maybe(stamps.filter(|s| s.steps_s.is_some()), gaps)) }
             td.n { (maybe(stamps, |s| html! { (number::count(s.duplicates)) })) }
             td.n { (maybe(stamps, |s| html! { (number::count(s.back_jumps)) })) }
             td {
@@ -186,6 +189,8 @@ fn gaps(stamps: &StampHealth) -> Markup {
         (number::count(stamps.gap_count))
         @if let Some(gap) = stamps.gaps.first() {
             "; longest " (number::significant(gap.length_s, 3)) " s at " (number::clock(gap.start_s, 0))
+        } @else if let Some(steps) = stamps.steps_s {
+            "; longest step " (millis(steps.max)) " ms"
         }
     }
 }
@@ -288,6 +293,7 @@ fn topics(log: &LogHealth) -> Markup {
         details {
             summary { "All topics of the log (" (number::count(log.topics.len() as u64)) ")" }
             (table("Topics", &head, rows(&log.topics, MOST_TOPICS, head.len(), topic_row)))
+            p.note { (GAP) }
         }
     }
 }
@@ -314,6 +320,8 @@ fn topic_stamps(stamps: &StampHealth) -> Markup {
         (stamps.kind) " (" (shown(&stamps.source)) "), " (stamps.clock)
         @if let Some(rate) = stamps.rate_hz { ", " (number::significant(rate, 4)) " Hz" }
         @if stamps.gap_count > 0 { ", " (number::counted(stamps.gap_count, "gap", "gaps")) }
+        @if let Some(gap) = stamps.gaps.first() { ", longest " (number::significant(gap.length_s, 3)) " s" }
+        @if stamps.back_jumps > 0 { ", " (number::counted(stamps.back_jumps, "step", "steps")) " back" }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-const TAGS: [&str; 43] = [
+const TAGS: [&str; 44] = [
     "html",
     "head",
     "meta",
@@ -20,6 +20,7 @@ const TAGS: [&str; 43] = [
     "b",
     "div",
     "span",
+    "wbr",
     "data",
     "code",
     "pre",
@@ -47,7 +48,7 @@ const TAGS: [&str; 43] = [
     "polygon",
     "g",
 ];
-const VOID: [&str; 1] = ["meta"];
+const VOID: [&str; 2] = ["meta", "wbr"];
 const ATTRIBUTES: [&str; 48] = [
     "open",
     "lang",

@@ -223,7 +223,7 @@ fn the_same_record_gives_the_same_bytes() {
 #[test]
 fn troubled_flights_stand_first_with_their_reason() {
     let record = campaign_record(40);
-    let html = text(&campaign_site(&record), "index.html");
+    let html = text(&campaign_site(&record), "index.html").replace("<wbr>", "");
     let (attention, all) = html.split_once(">All flights</h2>").unwrap();
     for row in &record.flights {
         let name = format!(">{}</a>", row.flight);
@@ -308,4 +308,22 @@ fn what_the_log_says_of_the_vehicle_is_on_the_page_and_nothing_where_it_says_not
     {
         assert!(page.contains(words), "{words}");
     }
+}
+
+#[test]
+fn beside_the_gaps_of_a_channel_stand_the_longest_hole_and_what_a_gap_is() {
+    let mut record = flight_record();
+    let gaps_of = |record: &FlightRecord| {
+        let page = page(record);
+        let table = page.split_once("Channels: time stamps").unwrap().1;
+        assert!(table.contains("A gap is a step from one stamp to the next of more than 2.5 median steps."));
+        table.split("<td>").nth(1).unwrap().split("</td>").next().unwrap().to_owned()
+    };
+    assert_eq!(gaps_of(&record), "3; longest 1.25 s at 0:06:40");
+    let stamps = record.binding.as_mut().unwrap().channels[0].stamps.as_mut().unwrap();
+    (stamps.gap_count, stamps.gaps) = (0, vec![]);
+    assert_eq!(gaps_of(&record), "0; longest step 1250 ms");
+    // Where no step is known, no gap can be counted.
+    record.binding.as_mut().unwrap().channels[0].stamps.as_mut().unwrap().steps_s = None;
+    assert!(gaps_of(&record).contains("—"));
 }

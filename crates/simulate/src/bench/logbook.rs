@@ -1,5 +1,6 @@
 //! The logs of a simulated bench.
 
+use super::part::Part;
 use super::quantity::BenchChannel;
 use super::samples::{BenchSamples, SimulatedBench};
 use super::settings::EncoderOutput;
@@ -12,27 +13,6 @@ use crate::write::definition::{
 use crate::write::message::{Fields, Header, Message};
 use crate::write::{Container, LogFile, Logbook, Topic, ros};
 use flight::{NANOS_PER_SECOND, Stamp};
-
-/// What a log of the bench holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Part {
-    /// Encoder, pulses and sensor.
-    Whole,
-    /// Encoder and pulses.
-    Encoder,
-    /// The sensor.
-    Sensor,
-}
-
-impl Part {
-    pub(super) fn has_encoder(self) -> bool {
-        self != Part::Sensor
-    }
-
-    pub(super) fn has_sensor(self) -> bool {
-        self != Part::Encoder
-    }
-}
 
 impl SimulatedBench {
     /// The bench as one log, `stem` being its path without an extension. A wide table has a row for each

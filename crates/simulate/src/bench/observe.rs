@@ -6,7 +6,7 @@ use super::quantity::BenchChannel;
 use super::samples::{BenchSamples, EncoderSamples, PulseSamples, SimulatedBench};
 use super::settings::{BenchSensor, BenchSettings, Outliers, Pulses};
 use crate::error::SimulateError;
-use crate::sensor::{generator, normal};
+use crate::random::{generator, normal};
 use crate::trajectory::MARGIN_S;
 use flight::{LocalFrame, Stamp};
 use rand::RngExt;

@@ -3,7 +3,7 @@
 use super::bar::Bar;
 use super::lag::{Nodes, STEP_S};
 use crate::error::{SimulateError, within};
-use crate::sensor::generator;
+use crate::random::generator;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, Exp1, StandardNormal};
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! The bench as one wide table.
 
-use super::logbook::Part;
+use super::part::Part;
 use super::quantity::BenchChannel;
 use super::samples::{BenchSamples, SimulatedBench, columns, held};
 use super::settings::EncoderOutput;

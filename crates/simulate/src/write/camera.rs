@@ -3,7 +3,7 @@
 use super::definition::COMPRESSED_IMAGE;
 use super::message::{Header, Message, Value};
 use super::{Logbook, Topic};
-use crate::sensor::generator;
+use crate::random::generator;
 use crate::simulated::SimulatedFlight;
 use flight::Stamp;
 use rand::RngExt;

@@ -3,7 +3,8 @@
 //! A position is a `GPS` record, a velocity that of the estimator (`XKF1`), the truth a `SIM`. Values have the quantum of
 //! their format character: 1e-7 deg (`L`), 0.01 m (`e`), single precision (`f`), stamps whole microseconds.
 
-use crate::simulated::{Samples, SimulatedFlight};
+use crate::samples::Samples;
+use crate::simulated::SimulatedFlight;
 use flight::{Stamp, WEEK_S, gps_of_unix};
 
 /// Time since boot at which the flight begins, µs.

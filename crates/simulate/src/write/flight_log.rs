@@ -3,7 +3,8 @@
 use super::definition::{NAV_SAT_FIX, STRING, TWIST_STAMPED};
 use super::message::{Fields, Header, Message};
 use super::{Logbook, Topic, ros};
-use crate::simulated::{Samples, SimulatedFlight, topic};
+use crate::samples::Samples;
+use crate::simulated::{SimulatedFlight, topic};
 
 const POSITION: usize = 0;
 const VELOCITY: usize = 1;

@@ -4,7 +4,8 @@
 //! Quanta: 1e-7 deg, 1 mm, single precision, whole milliseconds for velocities and microseconds for positions since boot.
 //! MAVLink 2, with the zeros at the end of a payload left out; every other velocity is signed.
 
-use crate::simulated::{Samples, SimulatedFlight};
+use crate::samples::Samples;
+use crate::simulated::SimulatedFlight;
 use flight::{Geodetic, LocalFrame, Stamp};
 
 /// Time since boot at which the flight begins, µs.

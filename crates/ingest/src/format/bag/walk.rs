@@ -5,9 +5,10 @@
 //! but those of its compressors, so this is all the certainty there is.
 
 use super::record::{Fields, Kind, LONGEST_HEADER, Record, Source};
-use crate::bytes::Bytes;
+use crate::bytes::{Bytes, is_zero};
 use crate::decode::Route;
 use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
 use crate::format::inflate::{Codec, Inflated, Inflater};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
@@ -28,8 +29,6 @@ const MOST_PADDING: u64 = 4096;
 const MOST_OF_HEADER: u64 = 4 << 10;
 /// Bytes searched, or fetched together, in one go.
 const BLOCK: u64 = 256 << 10;
-/// A search ends after this many zero bytes: a sparse file has nothing more.
-const MOST_ZEROS: u64 = 64 << 20;
 
 /// Who is shown connections and messages.
 pub(super) trait Visit {
@@ -252,7 +251,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         while at < size && zeros <= MOST_ZEROS {
             let length = BLOCK.min(size - at);
             let block = self.source.bytes(at, length as usize)?.unwrap_or_default();
-            zeros = if block.iter().all(|&b| b == 0) { zeros + length } else { 0 };
+            zeros = if is_zero(block) { zeros + length } else { 0 };
             let hits: Vec<u64> = memmem::find_iter(block, OP_FIELD).map(|hit| at + hit as u64).collect();
             for hit in hits {
                 if let Some(found) = self.header_around(hit, from)? {

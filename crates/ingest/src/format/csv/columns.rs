@@ -6,6 +6,8 @@ use crate::reader::{FieldRequest, Selection, ValueKind};
 use crate::table::{Column, ColumnData, Table, TopicInfo};
 use flight::{Notices, Severity, TopicHealth};
 
+/// A column of numbers with more cells that are none, one in so many, is a loss.
+const TOLERATED: u64 = 100;
 /// Beyond this a double cannot hold every integer.
 const EXACT: u64 = 1 << 53;
 
@@ -283,7 +285,10 @@ impl Building {
                 self.bad_example,
                 lines.join(", ")
             );
-            notices.push(Severity::Warning, "bad-number", place(self.bad_lines.first()), self.bad, text);
+            // Where no cell is a number, the column was meant as something else.
+            let lost = self.filled > 0 && self.bad * TOLERATED > self.rows as u64;
+            let severity = if lost { Severity::Loss } else { Severity::Warning };
+            notices.push(severity, "bad-number", place(self.bad_lines.first()), self.bad, text);
         }
         if self.not_finite > 0 {
             let text = format!("column {}: cells are nan or infinite and count as missing", self.path);

@@ -2,7 +2,7 @@
 
 use super::fields::{BLANKS, Cell, CommaCell, Decimal, Fields, comma_cell};
 use super::formula::restored;
-use super::lines::{Lines, Next};
+use super::lines::{Lines, Next, comment_mark};
 use super::novatel;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
@@ -186,12 +186,6 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
         lines.pass(extent);
     }
     Ok(sampled)
-}
-
-/// Length of the mark that makes a line a comment, `#` or `//`; 0 if there is none.
-pub(super) fn comment_mark(line: &[u8]) -> usize {
-    let marks: [&[u8]; 2] = [b"#", b"//"];
-    marks.iter().find(|mark| line.starts_with(mark)).map_or(0, |mark| mark.len())
 }
 
 /// What stands before decimals. A comma does if some cell says so beyond doubt and none has decimals behind a point;

@@ -1,6 +1,6 @@
 //! Cuts a text file into lines and quoted records without losing count of a byte.
 
-use super::layout::comment_mark;
+use crate::bytes::is_zero;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
 use memchr::{memchr, memchr2};
@@ -137,7 +137,7 @@ impl<'a, R: Read> Lines<'a, R> {
     fn oversized(&mut self, delimiter: Option<u8>) -> Next {
         match delimiter.and_then(|_| find_line(self.rest(), self.ended)) {
             Some(line) if line.text <= self.context.limits.line_bytes => self.unclosed(line),
-            _ if self.rest().iter().all(|b| *b == 0) => Next::Zeros,
+            _ if is_zero(self.rest()) => Next::Zeros,
             _ => Next::TooLong,
         }
     }
@@ -257,6 +257,12 @@ enum Place {
     /// Behind a quote that closes the field, or is the first of two.
     Closed,
     Padding,
+}
+
+/// Length of the mark that makes a line a comment, `#` or `//`; 0 if there is none.
+pub(super) fn comment_mark(line: &[u8]) -> usize {
+    let marks: [&[u8]; 2] = [b"#", b"//"];
+    marks.iter().find(|mark| line.starts_with(mark)).map_or(0, |mark| mark.len())
 }
 
 #[cfg(test)]

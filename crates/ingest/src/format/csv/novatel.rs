@@ -15,6 +15,22 @@ const FIELDS: &[(&str, &[&str])] = &[
     ("INSPVAS", INSPVA),
     ("INSPVAX", INSPVAX),
 ];
+/// Fields of a status.
+const STATUS: &[&str] = &["sol_status", "ins_status", "status"];
+/// Column of the reader's own behind those of messages that say their status: 1 where it is that of a solution, else 0.
+const SOLVED: &str = "solution_ok";
+/// What messages say with a solution: their solution status, or that of the inertial one. Others tell of an alignment that
+/// goes on, of too few satellites, of a filter that has not converged.
+const SOLUTIONS: &[&str] = &[
+    "SOL_COMPUTED",
+    "INS_SOLUTION_GOOD",
+    "INS_ALIGNMENT_COMPLETE",
+    // Good, but the azimuth is not sure, or the satellites were not believed; the last is the former name of the second.
+    "INS_HIGH_VARIANCE",
+    "INS_SOLUTION_FREE",
+    "INS_BAD_GPS_AGREEMENT",
+];
+
 const POSITION: &[&str] = &[
     "sol_status",
     "pos_type",
@@ -70,7 +86,7 @@ pub(super) fn looks_like(head: &[u8]) -> bool {
 /// A message: its name without the `A`, and its header and fields with commas between.
 pub(super) struct Message<'l> {
     pub(super) name: &'l str,
-    /// Week, seconds of the week, then the fields.
+    /// Week, seconds of the week, then the fields, then whether they are a solution if they say so.
     pub(super) row: String,
     /// Fields behind the header.
     width: usize,
@@ -100,7 +116,17 @@ pub(super) fn parse(line: &[u8]) -> Result<Message<'_>, &'static str> {
     }
     let mut split = Fields::default();
     split.split(fields.as_bytes(), b',');
-    Ok(Message { name, row: format!("{week},{seconds},{fields}"), width: split.len() })
+    let mut row = format!("{week},{seconds},{fields}");
+    if let Some(status) = known_fields(name).iter().position(|field| STATUS.contains(field)) {
+        let status = std::str::from_utf8(split.get(status)).unwrap_or_default();
+        row += if SOLUTIONS.contains(&status.trim()) { ",1" } else { ",0" };
+    }
+    Ok(Message { name, row, width: split.len() })
+}
+
+/// The names of its fields, as far as they are known.
+fn known_fields(name: &str) -> &'static [&'static str] {
+    FIELDS.iter().find(|(known, _)| *known == name).map_or(&[], |(_, fields)| fields)
 }
 
 /// The polynomial of the usual CRC-32, without its first and last inversion.
@@ -113,10 +139,11 @@ fn checksum(body: &[u8]) -> u32 {
 impl Message<'_> {
     /// The names of its columns.
     pub(super) fn columns(&self) -> Vec<String> {
-        let known = FIELDS.iter().find(|(name, _)| *name == self.name).map_or(&[][..], |(_, fields)| fields);
+        let known = known_fields(self.name);
         let name = |i: usize| known.get(i).map_or_else(|| format!("field_{}", i + 1), |name| (*name).to_owned());
         let header = ["header.week".to_owned(), "header.seconds".to_owned()];
-        header.into_iter().chain((0..self.width).map(name)).collect()
+        let solved = known.iter().any(|field| STATUS.contains(field)).then(|| SOLVED.to_owned());
+        header.into_iter().chain((0..self.width).map(name)).chain(solved).collect()
     }
 }
 

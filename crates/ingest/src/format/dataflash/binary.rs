@@ -4,7 +4,9 @@
 
 use super::book::Book;
 use super::record::{FMT_ID, FMT_LENGTH, Format, HEADER, LONGEST_RECORD, SYNC};
+use crate::bytes::is_zero;
 use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
@@ -33,8 +35,8 @@ pub(super) struct Walk<'w, 'c, 't, 's> {
     sync: memmem::Finder<'static>,
     inner: InnerRecords,
     at: u64,
-    /// Where the filling at the end begins.
-    padding_from: u64,
+    /// Where the filling at the end begins; not known if it is longer than the reader looks back.
+    padding_from: Option<u64>,
 }
 
 impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
@@ -48,7 +50,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         let name = file.name().to_owned();
         let sync = memmem::Finder::new(&SYNC);
         let inner = InnerRecords::default();
-        Walk { file, name, context, ledger, notices, book, sync, inner, at: 0, padding_from: 0 }
+        Walk { file, name, context, ledger, notices, book, sync, inner, at: 0, padding_from: None }
     }
 
     /// From the first byte to the last.
@@ -109,7 +111,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             [first] => (first ^ SYNC[0]).count_ones(),
             _ => 0,
         };
-        Ok(wrong <= 1 || self.is_padding(at))
+        Ok(wrong <= 1 || self.is_padding(at) || (self.padding_from.is_none() && self.is_void(at)?))
     }
 
     /// Whether a record within this one leads to its very end: then its type, and so its length, is wrong.
@@ -121,7 +123,13 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 
     /// Whether nothing but the filling at the end of the file follows.
     fn is_padding(&self, at: u64) -> bool {
-        (self.padding_from..self.file.size()).contains(&at)
+        self.padding_from.is_some_and(|from| (from..self.file.size()).contains(&at))
+    }
+
+    /// Whether so many zeros follow that no record has them.
+    fn is_void(&mut self, at: u64) -> Result<bool, IngestError> {
+        let bytes = self.file.up_to(at, STRETCH)?;
+        Ok(bytes.len() == STRETCH && is_zero(bytes))
     }
 
     fn padding(&mut self) {
@@ -167,10 +175,14 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     /// The next record beyond doubt; the filling or the end if there is none.
     fn search(&mut self, from: u64) -> Result<u64, IngestError> {
         let size = self.file.size();
-        let mut at = from;
-        while at < size {
+        let (mut at, mut zeros) = (from, 0);
+        while at < self.padding_from.unwrap_or(size) {
+            if zeros > MOST_ZEROS {
+                return Ok(size);
+            }
             let block = self.file.up_to(at, STRETCH)?;
             let length = block.len();
+            zeros = if is_zero(block) { zeros + length as u64 } else { 0 };
             let hit = self.sync.find(block);
             match hit {
                 Some(hit) => {
@@ -187,8 +199,8 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             self.file.progress(at, self.context)?;
         }
         // Filling that is longer than any record is that; less may be the rest of a record that was cut.
-        let filled = self.padding_from >= from && size - self.padding_from > LONGEST_RECORD as u64;
-        Ok(if filled { self.padding_from } else { size })
+        let filling = self.padding_from.filter(|&at| at >= from && size - at > LONGEST_RECORD as u64);
+        Ok(filling.unwrap_or(size))
     }
 
     /// Whether a record that was searched for is one: of a known type, and followed by another or the end.
@@ -254,16 +266,21 @@ fn slot_of(place: u64) -> usize {
     (place % (2 * (LONGEST_RECORD as u64 + 1))) as usize
 }
 
-/// Where the zeros or ones begin that a file ends in: a preallocated file has the first, flash memory the second.
-fn padding_from(file: &mut LogFile) -> Result<u64, IngestError> {
-    let mut end = file.size();
+/// Where the zeros or ones begin that a file ends in: a preallocated file has the first, flash memory the second. `None`
+/// if there are more than one looks back for: such a file is sparse.
+fn padding_from(file: &mut LogFile) -> Result<Option<u64>, IngestError> {
+    let size = file.size();
+    let mut end = size;
     let mut filling = None;
     while end > 0 {
+        if size - end > MOST_ZEROS {
+            return Ok(None);
+        }
         let start = end.saturating_sub(BLOCK as u64);
         let block = file.up_to(start, (end - start) as usize)?;
         let filling = *filling.get_or_insert(block.last().copied().unwrap_or_default());
         if !matches!(filling, 0 | 0xff) {
-            return Ok(end);
+            return Ok(Some(end));
         }
         // By large pieces, which a processor compares at once.
         let pieces = block.rchunks(PIECE).map(|piece| (piece, piece.iter().fold(0, |odd, b| odd | (b ^ filling))));
@@ -271,11 +288,11 @@ fn padding_from(file: &mut LogFile) -> Result<u64, IngestError> {
         for (piece, odd) in pieces {
             if odd != 0 {
                 let other = piece.iter().rposition(|&b| b != filling).unwrap_or_default();
-                return Ok(start + (behind - piece.len() + other) as u64 + 1);
+                return Ok(Some(start + (behind - piece.len() + other) as u64 + 1));
             }
             behind -= piece.len();
         }
         end = start;
     }
-    Ok(end)
+    Ok(Some(end))
 }

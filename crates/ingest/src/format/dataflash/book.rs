@@ -5,7 +5,7 @@ use super::units::Units;
 use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
-use crate::reader::Log;
+use crate::reader::{Log, Restart};
 use crate::table::TopicInfo;
 use flight::{NANOS_PER_SECOND, Notices, Severity};
 use std::collections::HashMap;
@@ -18,6 +18,8 @@ const MOST_TYPES: usize = 4096;
 const MOST_INSTANCES: usize = 4096;
 /// What lies between two logs in one file once the second is moved behind the first, ns.
 const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
+/// Begins of logs that are remembered.
+const MOST_RESTARTS: usize = 10_000;
 /// A step back of the clock that is longer than this is no mere disorder, ns.
 const STEP_BACK_NS: i64 = NANOS_PER_SECOND;
 
@@ -386,6 +388,7 @@ impl<'t, 'w> Book<'t, 'w> {
         say(Severity::Warning, "clock-jump", &self.clock.back, "the clock steps back by more than a second");
         log.health.undecodable += self.misfits.count;
         log.health.messages += self.misfits.count;
+        log.restarts = self.clock.begun;
         log.health.about = self.vehicle.finish();
         for kind in self.types.iter().filter(|t| t.is_used()) {
             let Some([units, multipliers]) = &kind.unit_ids else { continue };
@@ -450,6 +453,7 @@ struct BootClock {
     begins: bool,
     moved: Tally,
     back: Tally,
+    begun: Vec<Restart>,
 }
 
 impl BootClock {
@@ -463,13 +467,18 @@ impl BootClock {
         let Some(raw_ns) = raw_ns else { return self.last_ns.unwrap_or_default() };
         let last_ns = self.last_ns.unwrap_or(i64::MIN);
         let seconds = |ns: i64| ns as f64 / NANOS_PER_SECOND as f64;
-        if std::mem::take(&mut self.begins) && raw_ns.saturating_add(self.offset_ns) < last_ns {
+        let begins = std::mem::take(&mut self.begins) && self.last_ns.is_some();
+        let certain = begins && raw_ns.saturating_add(self.offset_ns) < last_ns;
+        if certain {
             let second = NANOS_PER_SECOND;
             let gap_ns = last_ns.saturating_sub(raw_ns).saturating_add(BETWEEN_BOOTS_NS);
             self.offset_ns = gap_ns.div_euclid(second).saturating_mul(second);
             self.moved.add(|| format!("{file}, from {:.3} s to {:.3} s", seconds(last_ns), seconds(raw_ns)));
         }
         let stamp = raw_ns.saturating_add(self.offset_ns);
+        if begins && self.begun.len() < MOST_RESTARTS {
+            self.begun.push(Restart { logged_ns: stamp, certain });
+        }
         if stamp.saturating_add(STEP_BACK_NS) < last_ns {
             self.back.add(|| format!("{file}, from {:.3} s to {:.3} s", seconds(last_ns), seconds(stamp)));
         }

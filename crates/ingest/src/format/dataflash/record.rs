@@ -302,6 +302,7 @@ impl<'r> Body<'r> {
     pub(super) fn number(self, format: &Format, field: usize) -> Option<f64> {
         match self.value(format, field)? {
             Cell::Number(Value::Integer(x)) => Some(x as f64),
+            Cell::Number(Value::Large(x)) => Some(x as f64),
             Cell::Number(Value::Float(x)) => Some(x),
             Cell::Text(text) => cells::number(&text),
             Cell::Number(Value::Text(_)) => None,

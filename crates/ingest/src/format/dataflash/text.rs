@@ -90,23 +90,9 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     /// A line that is longer than the limit, or the last one without its end: its last value may be cut.
     fn long_line(&mut self) -> Result<(), IngestError> {
         let start = self.at;
-        let mut reason = "the log ends inside a line";
-        loop {
-            let block = self.file.up_to(self.at, BLOCK)?;
-            let length = block.len() as u64;
-            match memchr::memchr(b'\n', block) {
-                Some(end) => {
-                    reason = "a line that is longer than the limit";
-                    self.at += end as u64 + 1;
-                    break;
-                }
-                None => self.at += length,
-            }
-            if self.at >= self.file.size() {
-                break;
-            }
-            self.file.progress(self.at, self.context)?;
-        }
+        let (end, ended) = self.file.line_end(start, self.context)?;
+        self.at = end;
+        let reason = if ended { "a line that is longer than the limit" } else { "the log ends inside a line" };
         self.ledger.damaged(&self.name, start, self.at - start, reason);
         Ok(())
     }

@@ -61,9 +61,14 @@ impl Vehicle {
     }
 
     pub(in crate::format) fn message(&mut self, at_ns: i64, text: &str) {
+        self.message_at(&format!("{:.3} s", at_ns as f64 / NANOS_PER_SECOND as f64), text);
+    }
+
+    /// A text, and when it was said.
+    pub(in crate::format) fn message_at(&mut self, when: &str, text: &str) {
         let text = text.trim();
         if self.texts.len() < MOST_TEXTS {
-            self.texts.push(format!("{:.3} s: {text}", at_ns as f64 / NANOS_PER_SECOND as f64));
+            self.texts.push(format!("{when}: {text}"));
         }
         if let Some((system, firmware)) = firmware(text) {
             self.system = Some(system.to_owned());

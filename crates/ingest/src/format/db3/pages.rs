@@ -6,9 +6,8 @@
 
 use super::wal::Wal;
 use crate::error::IngestError;
+use crate::format::file::read_exactly;
 use std::fs::File;
-use std::io;
-use std::os::unix::fs::FileExt;
 
 /// Pages read in one go when they are read in order, bytes.
 const READ_AHEAD: u32 = 256 << 10;
@@ -154,7 +153,7 @@ impl Pages {
         }
         self.window.resize((last - first + 1) as usize * self.header.page_bytes as usize, 0);
         self.window_at = self.offset(first);
-        read(&self.file, &self.name, &mut self.window, self.window_at)
+        read_exactly(&self.file, &self.name, &mut self.window, self.window_at)
     }
 
     /// Where the window holds a page.
@@ -178,7 +177,7 @@ impl Pages {
     /// The first bytes of a page.
     fn start(&self, page: u32, into: &mut [u8]) -> Result<bool, IngestError> {
         if let Some((wal, at)) = self.wal.as_ref().and_then(|wal| Some((wal, wal.place(page)?))) {
-            return read(&wal.file, &wal.name, into, at).map(|()| true);
+            return read_exactly(&wal.file, &wal.name, into, at).map(|()| true);
         }
         if page == 0 || page > self.in_file() {
             return Ok(false);
@@ -187,7 +186,7 @@ impl Pages {
             into.copy_from_slice(held);
             return Ok(true);
         }
-        read(&self.file, &self.name, into, self.offset(page)).map(|()| true)
+        read_exactly(&self.file, &self.name, into, self.offset(page)).map(|()| true)
     }
 
     /// The four bytes with which an overflow page names the next one.
@@ -195,14 +194,6 @@ impl Pages {
         let mut bytes = [0; 4];
         Ok(self.start(page, &mut bytes)?.then(|| u32::from_be_bytes(bytes)))
     }
-}
-
-/// Fills `space` from a place in the file.
-pub(super) fn read(file: &File, name: &str, space: &mut [u8], from: u64) -> Result<(), IngestError> {
-    file.read_exact_at(space, from).map_err(|source| match source.kind() {
-        io::ErrorKind::UnexpectedEof => IngestError::Changed { file: name.to_owned() },
-        _ => IngestError::Io { file: name.to_owned(), offset: from, source },
-    })
 }
 
 #[cfg(test)]

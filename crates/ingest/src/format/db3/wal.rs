@@ -1,8 +1,8 @@
 //! The write-ahead log beside a database: pages that were committed and not yet copied back
 //! (<https://www.sqlite.org/fileformat2.html#the_write_ahead_log>).
 
-use super::pages::read;
 use crate::error::IngestError;
+use crate::format::file::read_exactly;
 use std::collections::HashMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -85,7 +85,7 @@ impl Wal {
         if size < HEADER_BYTES as u64 {
             return Ok(Beside::Useless(size, "it is shorter than its own header".to_owned()));
         }
-        read(&file, &name, &mut head, 0)?;
+        read_exactly(&file, &name, &mut head, 0)?;
         let magic = u32_at(&head, 0);
         let mut sum = Sum { big_endian: magic & 1 == 1, value: (0, 0) };
         sum.add(head.get(..24).unwrap_or_default());
@@ -111,7 +111,7 @@ impl Wal {
         let mut open: Vec<(u32, u64)> = vec![];
         let mut at = HEADER_BYTES as u64;
         while at + frame_bytes <= self.size {
-            read(&self.file, &self.name, &mut frame, at)?;
+            read_exactly(&self.file, &self.name, &mut frame, at)?;
             // A log is written again from its start: frames with another salt are of an earlier round.
             if frame.get(8..16) != Some(salt) {
                 break;

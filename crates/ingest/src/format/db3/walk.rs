@@ -7,8 +7,10 @@
 
 use super::pages::Pages;
 use super::tree::{Cell, Kind, Node};
+use crate::bytes::is_zero;
 use crate::decode::Tally;
 use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 
@@ -17,8 +19,6 @@ const DEEPEST: usize = 20;
 /// Pages between two leaves that are read along with them, and leaves that are looked ahead at.
 const MOST_BETWEEN: u32 = 4;
 const MOST_AHEAD: usize = 64;
-/// A search ends after this many bytes of zero pages: a sparse file has nothing more.
-const MOST_ZEROS: u64 = 64 << 20;
 
 /// Pages that belong to something.
 #[derive(Debug)]
@@ -458,7 +458,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             if !self.pages.look(page, &mut self.page)? {
                 continue;
             }
-            if self.page.iter().all(|&b| b == 0) {
+            if is_zero(&self.page) {
                 zeros += u64::from(self.pages.header.page_bytes);
                 if zeros > MOST_ZEROS {
                     return Ok(());

@@ -8,9 +8,10 @@
 use super::record::{AttachmentHead, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, name};
 use super::summary::{Summary, Trust};
 use super::visit::Visit;
-use crate::bytes::Bytes;
+use crate::bytes::{Bytes, is_zero};
 use crate::decode::Tally;
 use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
 use crate::format::file::LogFile;
 use crate::format::inflate::Inflater;
 use crate::ledger::{Fate, Ledger};
@@ -24,8 +25,6 @@ const ATTACHMENT_SHOWN: u64 = 1 << 20;
 const ATTACHMENT_HEAD_BYTES: u64 = 4096;
 /// Bytes searched or summed in one go.
 const BLOCK: usize = 256 << 10;
-/// A search for the next record ends after this many zero bytes: a sparse file has nothing more.
-const MOST_ZEROS: u64 = 64 << 20;
 /// A definition found by searching is believed up to this length.
 const LONGEST_FOUND: u64 = 1 << 20;
 
@@ -373,7 +372,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         while at + HEAD_BYTES <= size {
             let block = self.file.up_to(at, BLOCK)?;
             let fresh = block.len() as u64 - (HEAD_BYTES - 1);
-            zeros = if block.iter().all(|&b| b == 0) { zeros + fresh } else { 0 };
+            zeros = if is_zero(block) { zeros + fresh } else { 0 };
             let found = candidates(block).map(|i| at + i as u64).collect::<Vec<u64>>();
             for candidate in found {
                 if self.is_record(candidate)? {

@@ -6,7 +6,7 @@ use crate::decode::cells::{CellField, CellKind, CellLayout};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
 use crate::reader::Log;
-use crate::table::TopicInfo;
+use crate::table::{Column, ColumnData, TopicInfo};
 use flight::{NANOS_PER_SECOND, Notices, Severity};
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -17,8 +17,15 @@ const MOST_ADDRESSES: usize = 4096;
 /// Texts that are kept.
 const MOST_TEXTS: usize = 100;
 
+/// What `utc_ns` holds of a sentence before the first date: this and the time since the first sentence. UTC is never near
+/// it, and [`Dates`] puts the date in.
+const BEFORE_ANY_DATE_NS: i64 = i64::MIN / 2;
+/// No log is longer, but one whose times are nonsense may step on by half a day with each sentence.
+const LONGEST_NS: i64 = i64::MAX / 8;
+
 /// Columns that every sentence has: UTC, time since the first sentence, and when the logger had it, ns.
-const STAMPS: [&str; 3] = ["utc_ns", "elapsed_ns", "logged_ns"];
+const STAMPS: [&str; 3] = [UTC, "elapsed_ns", "logged_ns"];
+const UTC: &str = "utc_ns";
 
 /// Gives sentences to the topics.
 pub(crate) struct Book {
@@ -27,7 +34,12 @@ pub(crate) struct Book {
     epochs: Epochs,
     line: String,
     texts: Vec<String>,
-    undated: Tally,
+    /// Before the first date.
+    early: Tally,
+    /// Of types that say no time, before the first that does.
+    headless: Tally,
+    /// Of types that say the time, without it.
+    timeless: Tally,
     unplaced: Tally,
 }
 
@@ -113,6 +125,15 @@ impl Kind {
         }
     }
 
+    /// Whether a sentence says what its type is for: the first value that is no mere flag.
+    fn says_something(&self, sentence: &Sentence<'_>) -> bool {
+        let field = self.values.iter().find_map(|value| match *value {
+            Value::Number(_, field) | Value::Degrees(_, field) | Value::Height(_, field, _) => Some(field),
+            Value::Is(..) => None,
+        });
+        field.is_some_and(|field| !sentence.field(field).is_empty())
+    }
+
     fn layout(&self) -> CellLayout {
         let stamps = STAMPS.into_iter().map(|name| (name, CellKind::WholeIfAny));
         let values = self.values.iter().map(|value| match value {
@@ -160,7 +181,9 @@ impl Book {
             epochs: Epochs::default(),
             line: String::new(),
             texts: vec![],
-            undated: Tally::default(),
+            early: Tally::default(),
+            headless: Tally::default(),
+            timeless: Tally::default(),
             unplaced: Tally::default(),
         }
     }
@@ -183,9 +206,15 @@ impl Book {
             return topics.unread(route, times, sentence.length as u64);
         };
         let (utc_ns, elapsed_ns) = self.epochs.stamp(name, kind.time, sentence);
-        if utc_ns.is_none() {
-            self.undated.add(|| format!("{talker}{name}"));
+        match (utc_ns, elapsed_ns) {
+            (None, Some(_)) => self.early.add(|| format!("{talker}{name}")),
+            (None, None) if route.is_wanted() && kind.says_something(sentence) => {
+                let tally = if kind.time.is_none() { &mut self.headless } else { &mut self.timeless };
+                tally.add(|| sentence.body.to_owned());
+            }
+            _ => {}
         }
+        let utc_ns = utc_ns.or_else(|| elapsed_ns.map(|elapsed_ns| BEFORE_ANY_DATE_NS + elapsed_ns));
         self.line.clear();
         for (index, stamp) in [utc_ns, elapsed_ns, logged_ns].into_iter().enumerate() {
             let comma = if index == 0 { "" } else { "," };
@@ -225,18 +254,59 @@ impl Book {
         }
     }
 
-    /// Writes what the receiver says of itself, and what was wrong.
-    pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) {
+    /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
+    pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
         let mut say = |severity, code: &str, tally: &Tally, text: &str| {
             if tally.count > 0 {
                 notices.push(severity, code, "", tally.count, format!("{text}; the first: {}", tally.first));
             }
         };
-        let text = "sentences have no date: no RMC or ZDA with one stands before them";
-        say(Severity::Info, "undated", &self.undated, text);
+        let text = match self.epochs.begin_ns {
+            Some(_) => "sentences stand before the first date, and are dated backwards from it",
+            None => "sentences have no date: the log has no RMC or ZDA with one",
+        };
+        say(Severity::Info, "undated", &self.early, text);
+        let text = "sentences stand before the first time, for the log begins inside an epoch: they are not used";
+        say(Severity::Info, "headless", &self.headless, text);
+        let text = "sentences lack the time that their type has: nothing dates them";
+        say(Severity::Loss, "no-time", &self.timeless, text);
         let text = "sentences found no topic, for there are too many";
         say(Severity::Loss, "unknown-channel", &self.unplaced, text);
         log.health.about.texts.extend(self.texts);
+        Dates { begin_ns: self.epochs.begin_ns }
+    }
+}
+
+/// The dates of sentences that stood before the first one.
+#[must_use]
+pub(crate) struct Dates {
+    begin_ns: Option<i64>,
+}
+
+impl Dates {
+    /// Puts them into the tables; without any date in the log such sentences have no UTC.
+    pub(crate) fn put(&self, log: &mut Log) {
+        for table in log.tables.iter_mut().filter(|table| table.topic.encoding == "nmea") {
+            table.columns.retain_mut(|column| column.path != UTC || self.put_into(column));
+        }
+    }
+
+    /// Whether any row of the column has a date then.
+    fn put_into(&self, column: &mut Column) -> bool {
+        let ColumnData::I64(stamps) = &mut column.data else { return true };
+        let early = |ns: i64| ns < BEFORE_ANY_DATE_NS / 2;
+        let Some(begin_ns) = self.begin_ns else {
+            let valid = column.valid.get_or_insert_with(|| vec![true; stamps.len()]);
+            for (valid, ns) in valid.iter_mut().zip(stamps) {
+                *valid &= !early(*ns);
+                *ns = if *valid { *ns } else { 0 };
+            }
+            return valid.contains(&true);
+        };
+        for ns in stamps.iter_mut().filter(|ns| early(**ns)) {
+            *ns = begin_ns.saturating_add(*ns - BEFORE_ANY_DATE_NS);
+        }
+        true
     }
 }
 
@@ -253,6 +323,8 @@ struct Epochs {
     /// Of the last sentence with a time.
     time_of_day_ns: Option<i64>,
     elapsed_ns: i64,
+    /// UTC of the first sentence with a time, by the first date.
+    begin_ns: Option<i64>,
 }
 
 impl Epochs {
@@ -262,13 +334,17 @@ impl Epochs {
         let Some(field) = time else { return (self.utc_ns, self.time_of_day_ns.map(|_| self.elapsed_ns)) };
         let Some(time_ns) = time_of_day_ns(sentence.field(field)) else { return (None, None) };
         if let Some(before_ns) = self.time_of_day_ns.replace(time_ns) {
-            self.elapsed_ns += nearest_step(time_ns - before_ns);
+            let elapsed_ns = self.elapsed_ns.saturating_add(nearest_step(time_ns - before_ns));
+            self.elapsed_ns = elapsed_ns.clamp(-LONGEST_NS, LONGEST_NS);
         }
         self.utc_ns = match midnight(name, sentence) {
             Some(midnight_ns) => Some(midnight_ns + time_ns),
             // The day that is nearest to the sentence before: at midnight the time is new before the date is.
-            None => self.utc_ns.map(|before_ns| before_ns + nearest_step(time_ns - before_ns.rem_euclid(DAY_NS))),
+            None => self
+                .utc_ns
+                .map(|before_ns| before_ns.saturating_add(nearest_step(time_ns - before_ns.rem_euclid(DAY_NS)))),
         };
+        self.begin_ns = self.begin_ns.or(self.utc_ns.map(|utc_ns| utc_ns.saturating_sub(self.elapsed_ns)));
         (self.utc_ns, Some(self.elapsed_ns))
     }
 }
@@ -292,7 +368,8 @@ fn midnight(name: &str, sentence: &Sentence<'_>) -> Option<i64> {
         "ZDA" => [number(sentence.field(2))?, number(sentence.field(3))?, number(sentence.field(4))?],
         _ => return None,
     };
-    calendar_to_unix_ns([year, month, day, 0, 0, 0], 0)
+    // No receiver was there before GPS.
+    calendar_to_unix_ns([year, month, day, 0, 0, 0], 0).filter(|_| year >= 1980)
 }
 
 #[cfg(test)]
@@ -329,6 +406,19 @@ mod tests {
         assert_eq!(utc, [None, at(0), at(0), at(s + quarter), at(s + quarter), at(3 * quarter), at(2 * s)]);
         let elapsed_ms: Vec<i64> = found.iter().map(|(_, elapsed)| elapsed.unwrap() / 1_000_000).collect();
         assert_eq!(elapsed_ms, [0, 500, 500, 1750, 1750, 1250, 2500]);
+    }
+
+    #[test]
+    fn times_that_are_nonsense_do_not_overflow() {
+        let mut epochs = Epochs::default();
+        for sentence in 0..1_000_000 {
+            let body = ["GPGGA,000000", "GPGGA,080000", "GPGGA,160000"][sentence % 3];
+            epochs.stamp("GGA", Some(1), &Sentence { body, length: 0, checked: true });
+        }
+        assert_eq!(epochs.elapsed_ns, LONGEST_NS);
+        let body = "GPRMC,080000,A,,,,,1,2,211126";
+        let (utc_ns, _) = epochs.stamp("RMC", Some(1), &Sentence { body, length: 0, checked: true });
+        assert_eq!(epochs.begin_ns, utc_ns.map(|utc_ns| utc_ns - LONGEST_NS));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The messages that MAVLink defines: their layout, and the number in their checksum that stands for it.
 
-use super::frame::Checksum;
+use super::checksum::Checksum;
 use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;
 use std::sync::LazyLock;

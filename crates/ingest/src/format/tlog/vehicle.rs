@@ -35,7 +35,6 @@ const GROUND_STATION: u8 = 6;
 pub(super) struct Vehicle {
     /// Keeps what autopilots of all makes tell.
     kept: ArduPilot,
-    begin_ns: Option<i64>,
     autopilot: Option<u8>,
     system: Option<&'static str>,
     firmware: Option<String>,
@@ -50,12 +49,11 @@ pub(super) struct Vehicle {
 impl Vehicle {
     /// Takes in a message; its payload is as long as its definition says.
     pub(super) fn tell(&mut self, message: u32, payload: &[u8], at_ns: i64) {
-        let begin_ns = *self.begin_ns.get_or_insert(at_ns);
         match message {
             HEARTBEAT => self.heartbeat(payload, at_ns),
             PARAM_VALUE => self.parameter(payload),
             AUTOPILOT_VERSION => self.version(payload),
-            STATUSTEXT => self.text(payload, at_ns.saturating_sub(begin_ns)),
+            STATUSTEXT => self.text(payload, at_ns),
             _ => {}
         }
     }
@@ -94,13 +92,14 @@ impl Vehicle {
         self.uid = uid.filter(|uid| *uid != 0).map(|uid| format!("{uid:016x}")).or(self.uid.take());
     }
 
-    /// A text of more than 50 characters comes in parts with one number; the last is shorter.
-    fn text(&mut self, payload: &[u8], since_ns: i64) {
+    /// A text of more than 50 characters comes in parts with one number; the last is shorter. It has no time of its own:
+    /// that of the log stands in, as with modes.
+    fn text(&mut self, payload: &[u8], at_ns: i64) {
         const PART: usize = 50;
         let text = text_of(payload.get(1..=PART).unwrap_or_default());
         let id = payload.get(51..).and_then(<[u8]>::first_chunk).map_or(0, |two| u16::from_le_bytes(*two));
         if id == 0 {
-            return self.kept.message(since_ns, &text);
+            return self.kept.message_at(&utc(at_ns), &text);
         }
         let room = self.parts.len() < MOST_PARTS || self.parts.contains_key(&id);
         if text.len() == PART && room {
@@ -108,7 +107,7 @@ impl Vehicle {
             return;
         }
         let begun = self.parts.remove(&id).unwrap_or_default();
-        self.kept.message(since_ns, &format!("{begun}{text}"));
+        self.kept.message_at(&utc(at_ns), &format!("{begun}{text}"));
     }
 
     pub(super) fn finish(self) -> About {
@@ -124,6 +123,12 @@ impl Vehicle {
         about.configured_delays.extend(self.delays.into_values());
         about
     }
+}
+
+/// To the millisecond.
+fn utc(unix_ns: i64) -> String {
+    let time = jiff::Timestamp::from_nanosecond(unix_ns.into()).ok();
+    time.map_or_else(String::new, |time| time.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string())
 }
 
 /// Who lives, and in which mode.
@@ -257,7 +262,7 @@ mod tests {
         vehicle.tell(STATUSTEXT, &part(3, "y"), 6_000_000_000);
         let about = vehicle.finish();
         assert_eq!(about.firmware.as_deref(), Some("V4.5.7 (0a1b2c3d)"));
-        assert_eq!(about.texts[1], format!("1.000 s: {}y", "x".repeat(50)));
+        assert_eq!(about.texts[1], format!("1970-01-01 00:00:06.000 UTC: {}y", "x".repeat(50)));
         assert_eq!(firmware(0x0405_07ff, b"0a1b2c3d"), "V4.5.7 (0a1b2c3d)");
         assert_eq!(firmware(0x010e_0040, &[1, 2, 3, 4, 5, 6, 7, 8]), "V1.14.0-alpha (0807060504030201)");
     }

@@ -3,15 +3,24 @@
 use super::message::{Derived, Message};
 use crate::civil::calendar_to_unix_ns;
 use crate::decode::packed::text_of;
+use crate::reader::Log;
+use crate::table::ColumnData;
 use flight::{Stamp, WEEK_S, gps_of_unix};
 
 /// Receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
+/// Stands for the week of the first message until a week is told; no week that is told is near it.
+const UNTOLD: i64 = 0x8000;
+/// Weeks that are told are before this one, of the year 2117.
+const LAST: i64 = 0x1c00;
+
 /// What the messages have told so far.
 #[derive(Debug, Default)]
 pub(super) struct Receiver {
-    /// The latest week that was told, and the time of week then, ms.
+    /// The latest week that was told, or [`UNTOLD`], and the time of week then, ms.
     week: Option<(i64, i64)>,
+    /// What the first week that was told is ahead of the weeks counted until then.
+    pub(super) weeks: Weeks,
     pub(super) names: Vec<String>,
 }
 
@@ -27,14 +36,18 @@ impl Receiver {
         let itow_ms = i64::from(read.u32(itow_at));
         match message.name {
             // `weekValid` is bit 1 of NAV-TIMEGPS, bit 2 (and bit 3 for the time of week) of the flags of NAV-SOL.
-            "NAV-TIMEGPS" if read.u8(11) & 2 != 0 => self.learn(read.u16(8), itow_ms),
-            "NAV-SOL" if read.u8(11) & 0xc == 0xc => self.learn(read.u16(8), itow_ms),
-            "NAV-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => self.learn_date(read, itow_ms),
+            "NAV-TIMEGPS" if read.u8(11) & 2 != 0 => self.learn(read.u16(8).into(), itow_ms),
+            "NAV-SOL" if read.u8(11) & 0xc == 0xc => self.learn(read.u16(8).into(), itow_ms),
+            "NAV-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => self.learn_date(read, 4, itow_ms),
+            // The time of week and the week are valid; without the last bit its leap seconds are a default.
+            "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => self.learn_date(read, 12, itow_ms),
             _ => {}
         }
-        let week = if message.name.starts_with("TIM-") { None } else { self.week_at(itow_ms) };
+        // TIM says its own week.
+        let timed = !message.name.starts_with("TIM-") && payload.len() >= message.shortest;
+        let week = timed.then(|| self.week_at(itow_ms));
         Derived {
-            week: week.and_then(|w| u16::try_from(w).ok()).unwrap_or(0),
+            week: week.and_then(|week| u16::try_from(week).ok()).unwrap_or(0),
             fix_ok: match message.name {
                 "NAV-PVT" => read.u8(21) & 1 != 0,
                 "HNR-PVT" => read.u8(17) & 1 != 0,
@@ -48,30 +61,33 @@ impl Receiver {
         }
     }
 
-    fn learn(&mut self, week: u16, itow_ms: i64) {
-        self.week = Some((week.into(), itow_ms));
-    }
-
-    /// The week that the date says; at its ends the time of week decides.
-    fn learn_date(&mut self, read: Read<'_>, itow_ms: i64) {
-        let [month, day, hour, minute, second] = [6, 7, 8, 9, 10].map(|at| i64::from(read.u8(at)));
-        let unix = calendar_to_unix_ns([read.u16(4).into(), month, day, hour, minute, second], 0);
-        if let Some(gps) = unix.and_then(|unix| gps_of_unix(Stamp(unix))) {
-            let start_ms = gps.0 / 1_000_000 - itow_ms;
-            let week = (start_ms + WEEK_S * 500).div_euclid(WEEK_S * 1000);
+    fn learn(&mut self, week: i64, itow_ms: i64) {
+        if (0..LAST).contains(&week) {
+            let counted = self.week_at(itow_ms);
+            self.weeks.ahead.get_or_insert(week - counted);
             self.week = Some((week, itow_ms));
         }
     }
 
+    /// The week that the date says whose fields begin at `at`; at its ends the time of week decides.
+    fn learn_date(&mut self, read: Read<'_>, at: usize, itow_ms: i64) {
+        let [month, day, hour, minute, second] = [2, 3, 4, 5, 6].map(|field| i64::from(read.u8(at + field)));
+        let unix = calendar_to_unix_ns([read.u16(at).into(), month, day, hour, minute, second], 0);
+        if let Some(gps) = unix.and_then(|unix| gps_of_unix(Stamp(unix))) {
+            let start_ms = gps.0 / 1_000_000 - itow_ms;
+            self.learn((start_ms + WEEK_S * 500).div_euclid(WEEK_S * 1000), itow_ms);
+        }
+    }
+
     /// The week of a time of week: it begins anew on Sunday, and messages of one epoch come in any order.
-    fn week_at(&self, itow_ms: i64) -> Option<i64> {
+    fn week_at(&mut self, itow_ms: i64) -> i64 {
         const HALF_MS: i64 = WEEK_S * 500;
-        let (week, told_ms) = self.week?;
-        Some(match itow_ms - told_ms {
+        let (week, told_ms) = *self.week.get_or_insert((UNTOLD, itow_ms));
+        match itow_ms - told_ms {
             step if step < -HALF_MS => week + 1,
             step if step > HALF_MS => week - 1,
             _ => week,
-        })
+        }
     }
 
     /// `MON-VER`: software, hardware, and thirty characters each of more.
@@ -83,6 +99,35 @@ impl Receiver {
         let name = first.into_iter().chain(more.map(|text| text.into_owned())).collect::<Vec<_>>().join(", ");
         if self.names.len() < MOST_RECEIVERS && !self.names.contains(&name) {
             self.names.push(name);
+        }
+    }
+}
+
+/// The weeks of messages that came before the first one that told its week.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Weeks {
+    ahead: Option<i64>,
+}
+
+impl Weeks {
+    /// Whether a week was ever told.
+    pub(super) fn are_told(self) -> bool {
+        self.ahead.is_some()
+    }
+
+    /// Whether nothing had told this week of a message when it came.
+    pub(super) fn is_untold(week: u16) -> bool {
+        i64::from(week) >= LAST
+    }
+
+    /// Puts the weeks into the tables; 0 if none was ever told.
+    pub(super) fn put(self, log: &mut Log) {
+        let tables = log.tables.iter_mut().filter(|table| table.topic.encoding == "ubx");
+        for column in tables.flat_map(|table| &mut table.columns).filter(|column| column.path == "gps_week") {
+            let ColumnData::F64(weeks) = &mut column.data else { continue };
+            for week in weeks.iter_mut().filter(|week| **week >= LAST as f64) {
+                *week = self.ahead.map_or(0.0, |ahead| *week + ahead as f64);
+            }
         }
     }
 }
@@ -138,8 +183,9 @@ mod tests {
     fn the_week_comes_from_the_date_and_runs_on_over_sunday() {
         let mut receiver = Receiver::default();
         // Nothing known yet, and a date that is not valid.
-        assert_eq!(tell(&mut receiver, 1, 2, &[0; 28]).week, 0);
-        assert_eq!(tell(&mut receiver, 1, 7, &pvt(5, 2026, [11, 21, 23, 59, 42], 1)).week, 0);
+        assert!(Weeks::is_untold(tell(&mut receiver, 1, 2, &[0; 28]).week));
+        assert!(Weeks::is_untold(tell(&mut receiver, 1, 7, &pvt(5, 2026, [11, 21, 23, 59, 42], 1)).week));
+        assert!(!receiver.weeks.are_told());
         // 2026-11-21 is a Saturday: with 18 leap seconds week 2445 ends at 23:59:42 UTC.
         let last = tell(&mut receiver, 1, 7, &pvt(604_799_900, 2026, [11, 21, 23, 59, 41], 3));
         assert_eq!((last.week, last.fix_ok), (2445, true));

@@ -5,8 +5,10 @@
 
 use super::record::{DAMAGED_FORMAT, FLAG_BITS, HEAD, Kind, LONGEST, Trust, is_printable};
 use super::session::Session;
+use crate::bytes::is_zero;
 use crate::decode::Tally;
 use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
@@ -25,8 +27,6 @@ const MARGIN: usize = (HOPS + 2) * LONGEST;
 const BLOCK: usize = 1 << 20;
 /// Bytes of a message that are looked at from afar.
 const GLANCE: usize = 32;
-/// A search ends after this many zero bytes: a sparse file has nothing more.
-const MOST_ZEROS: u64 = 16 << 20;
 /// As many zero bytes at the end of a search have a reason of their own.
 const TELLING_ZEROS: usize = 512;
 const ZEROS: &str = "zero bytes where messages should stand";
@@ -259,11 +259,6 @@ impl<'w> Walk<'w> {
             self.ledger.damaged(self.name, view.start + from as u64, (to - from) as u64, reason);
         }
     }
-}
-
-fn is_zero(bytes: &[u8]) -> bool {
-    const ZEROS: [u8; 4096] = [0; 4096];
-    bytes.chunks(ZEROS.len()).all(|chunk| ZEROS.starts_with(chunk))
 }
 
 /// Whether a message begins at `at` beyond doubt: one that vouches for itself, at least by its content, and leads on.

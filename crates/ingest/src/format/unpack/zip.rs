@@ -24,6 +24,8 @@ pub(super) struct Entry {
     /// Bytes as packed.
     pub(super) packed_bytes: u64,
     header_at: u64,
+    /// The list of files at the end of the archive names it.
+    pub(super) listed: bool,
 }
 
 impl Entry {
@@ -34,7 +36,8 @@ impl Entry {
     }
 
     fn is_file(&self) -> bool {
-        let hidden = self.name.split('/').any(|part| part.starts_with('.') || part == "__MACOSX");
+        let is_hidden = |part: &str| part.starts_with('.') && ![".", ".."].contains(&part);
+        let hidden = self.name.split('/').any(|part| is_hidden(part) || part == "__MACOSX");
         !self.name.ends_with('/') && !hidden
     }
 }
@@ -143,7 +146,7 @@ fn listed(bytes: &mut Bytes<'_>) -> Option<Entry> {
     let _plain = full(plain)?;
     let packed_bytes = full(packed)?;
     let header_at = full(header_at)?;
-    Some(Entry { name, method, encrypted: flags & 1 == 1, crc: Some(crc), packed_bytes, header_at })
+    Some(Entry { name, method, encrypted: flags & 1 == 1, crc: Some(crc), packed_bytes, header_at, listed: true })
 }
 
 /// The field 1 of an extra: 64-bit numbers in place of those that do not fit.
@@ -201,7 +204,8 @@ fn header(head: &[u8], at: u64) -> Option<(Entry, u64)> {
     let packed_bytes = full(packed)?;
     // With bit 3 the numbers stand behind the content.
     let crc = (flags & 8 == 0).then_some(crc);
-    Some((Entry { name, method, encrypted: flags & 1 == 1, crc, packed_bytes, header_at: at }, content_at))
+    let entry = Entry { name, method, encrypted: flags & 1 == 1, crc, packed_bytes, header_at: at, listed: false };
+    Some((entry, content_at))
 }
 
 /// Goes to the packed bytes of an entry.
@@ -231,7 +235,7 @@ fn unpacked<'r>(method: u16, packed: impl BufRead + 'r) -> Result<Box<dyn Read +
         0 => Box::new(packed),
         8 => Box::new(flate2::bufread::DeflateDecoder::new(packed)),
         12 => Box::new(bzip2::bufread::BzDecoder::new(packed)),
-        93 => Box::new(zstd::stream::read::Decoder::with_buffer(packed).map_err(|e| e.to_string())?),
+        93 => super::zstandard(packed)?,
         other => return Err(format!("the ZIP archive is packed in a way that is not read (method {other})")),
     })
 }

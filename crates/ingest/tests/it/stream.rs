@@ -1,7 +1,7 @@
-//! What the tests of receivers and telemetry share: reading bytes, every cut and every flip.
+//! What the tests of formats without an index share: reading bytes, every cut and every flip.
 
 use crate::support::*;
-use ingest::{Column, IngestError, Limits, Log, LogReader, Selection, Table, TopicInfo};
+use ingest::{Column, IngestError, Limits, Log, LogKind, LogReader, Selection, Table, TopicInfo};
 use simulate::{Container, FlightSettings, SensorSettings, SimulatedFlight};
 use std::collections::BTreeMap;
 use std::os::unix::fs::FileExt;
@@ -49,6 +49,11 @@ pub fn values(log: &Log, topic: &str, field: &str) -> Vec<Option<f64>> {
     (0..table.rows).map(|row| column.number(row)).collect()
 }
 
+/// As [`values`], of a field that is absent nowhere.
+pub fn numbers(log: &Log, topic: &str, field: &str) -> Vec<f64> {
+    values(log, topic, field).into_iter().map(Option::unwrap).collect()
+}
+
 pub fn messages(log: &Log, topic: &str) -> u64 {
     log.health.topics.iter().find(|t| t.name == topic).map_or(0, |t| t.messages)
 }
@@ -89,30 +94,67 @@ pub fn missing(a: &BTreeMap<String, Vec<String>>, b: &BTreeMap<String, Vec<Strin
     a.iter().map(lacks).sum()
 }
 
-/// Cuts the bytes at every place and hands what is then read to `check`, with the length.
-pub fn each_cut(reader: Reader, bytes: &[u8], mut check: impl FnMut(Result<&Log, &IngestError>, usize)) {
+/// Cuts the bytes to each of these lengths. What is then read are the messages whose `ends` lie before the cut, with
+/// their values; a cut is damage unless it is `between` them.
+pub fn check_cuts(
+    reader: Reader,
+    bytes: &[u8],
+    lengths: impl DoubleEndedIterator<Item = usize>,
+    ends: &[usize],
+    between: impl Fn(usize) -> bool,
+) {
+    let whole = rows(&read_bytes(reader, bytes).unwrap());
     let (_folder, path) = file("log", bytes);
     let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    for length in (0..bytes.len()).rev() {
+    for length in lengths.rev() {
         handle.set_len(length as u64).unwrap();
-        let log = read(reader, &path);
-        log.iter().for_each(|log| assert_balanced(log, length));
-        check(log.as_ref(), length);
+        let intact = ends.iter().filter(|end| (1..=length).contains(*end)).count();
+        let Ok(log) = read(reader, &path) else {
+            assert_eq!(intact, 0, "{length} bytes give nothing");
+            continue;
+        };
+        assert_balanced(&log, length);
+        assert_eq!(log.health.messages, intact as u64, "{length}");
+        assert_eq!(log.health.bytes.damaged == 0, between(length), "{length}: {:?}", log.health.damage);
+        for (topic, rows) in rows(&log) {
+            assert_eq!(rows, whole[&topic][..rows.len()], "{length}: {topic}");
+        }
     }
 }
 
-/// Flips so many bits of each byte, one after the other, and hands what is then read to `check`, with byte and bit.
-pub fn each_flip(reader: Reader, bytes: &[u8], bits: usize, mut check: impl FnMut(&Log, usize, usize)) {
+/// So many bits of each byte: their places and numbers.
+pub fn bits(places: impl IntoIterator<Item = usize>, of_each: usize) -> impl Iterator<Item = (usize, usize)> {
+    places.into_iter().flat_map(move |place| (0..of_each).map(move |i| (place, (place + 5 * i) % 8)))
+}
+
+/// Flips bits one after the other and hands what is then read to `check`, with byte and bit.
+pub fn each_flip(
+    reader: Reader,
+    bytes: &[u8],
+    flips: impl Iterator<Item = (usize, usize)>,
+    mut check: impl FnMut(&Log, usize, usize),
+) {
     let (_folder, path) = file("log", bytes);
     let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    for (place, byte) in bytes.iter().enumerate() {
-        for bit in (0..bits).map(|i| (place + 5 * i) % 8) {
-            handle.write_all_at(&[byte ^ 1 << bit], place as u64).unwrap();
-            let log = read(reader, &path).unwrap();
-            assert_balanced(&log, bytes.len());
-            check(&log, place, bit);
-        }
-        handle.write_all_at(&[*byte], place as u64).unwrap();
+    for (place, bit) in flips {
+        handle.write_all_at(&[bytes[place] ^ 1 << bit], place as u64).unwrap();
+        let log = read(reader, &path).unwrap();
+        assert_balanced(&log, bytes.len());
+        check(&log, place, bit);
+        handle.write_all_at(&[bytes[place]], place as u64).unwrap();
+    }
+}
+
+/// What is no log of any kind is refused with the reason; that of a letter is the format's own.
+pub fn check_refusals(reader: Reader, of_a_letter: &str) {
+    for (bytes, reason) in [
+        (&b""[..], "empty"),
+        (&[0; 5000], "zero bytes"),
+        (&[0x17; 5000], "nothing in it is intact"),
+        (b"a letter to a friend, in which nothing is measured at all", of_a_letter),
+    ] {
+        let error = read_bytes(reader, bytes).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
     }
 }
 
@@ -123,11 +165,17 @@ pub fn bytes_of(text: &str) -> Vec<u8> {
 }
 
 /// The flight in this container, found by its content and bound by this map.
-pub fn load_written(container: Container, flight: &SimulatedFlight, name: &str, map: &str) -> ingest::Loaded {
+pub fn load_written(
+    container: Container,
+    flight: &SimulatedFlight,
+    name: &str,
+    kind: LogKind,
+    map: &str,
+) -> ingest::Loaded {
     let bytes = container.files(flight, "flight").unwrap().remove(0).bytes;
     let (folder, _path) = file(name, &bytes);
     let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
-    assert_eq!(found.units.len(), 1, "{found:?}");
+    assert_eq!((found.units.len(), found.units[0].kind), (1, kind), "{found:?}");
     let loaded = load(&found.units[0]).unwrap();
     assert_ledger(&loaded);
     assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);

@@ -1,0 +1,159 @@
+//! A channel as a sheet: stamps, values in units that a person reads, and what the columns are.
+
+use super::{About, Source};
+use crate::row_time::{utc_of, way_to_utc};
+use crate::sheet::{Cells, Sheet};
+use flight::{Channel, Clock, Dimension, Quantity, Stamp, Unit, UtcTie};
+use serde_json::{Value, json};
+
+/// How the values of a column are written.
+#[derive(Debug, Clone, Copy)]
+struct Written {
+    /// The end of the column's name.
+    end: &'static str,
+    unit: &'static str,
+    from_si: fn(f64) -> f64,
+}
+
+/// As its SI value.
+const fn si(end: &'static str, unit: &'static str) -> Written {
+    Written { end, unit, from_si: |x| x }
+}
+
+const METRES: Written = si("_m", "m");
+const SECONDS: Written = si("_s", "s");
+const RADIANS: Written = si("_rad", "rad");
+const SPEED: Written = si("_mps", "m/s");
+const ACCELERATION: Written = si("_mps2", "m/s^2");
+const RATE: Written = si("_radps", "rad/s");
+const FIELD: Written = Written { end: "_nt", unit: "nT", from_si: |x| x * 1e9 };
+const DEGREES: Written = Written { end: "_deg", unit: "deg", from_si: degrees };
+const NUMBER: Written = si("", "1");
+
+impl Written {
+    /// A component of a channel. A scalar is what its field is.
+    fn of(channel: &Channel, component: &str) -> Written {
+        match (channel.quantity, component) {
+            (Quantity::PositionGeodetic, "latitude" | "longitude") => DEGREES,
+            (Quantity::PositionGeodetic | Quantity::PositionNed | Quantity::Height, _) => METRES,
+            (Quantity::VelocityNed, _) => SPEED,
+            (Quantity::AngularRate, _) => RATE,
+            (Quantity::SpecificForce, _) => ACCELERATION,
+            (Quantity::MagneticField, _) => FIELD,
+            (Quantity::EncoderAngle, _) => RADIANS,
+            (Quantity::Pulse, _) => SECONDS,
+            (Quantity::Scalar, _) => channel.source.fields.first().map_or(NUMBER, |field| Written::of_field(field)),
+            (Quantity::Attitude | Quantity::MagneticDirection | Quantity::EncoderCount, _) => NUMBER,
+        }
+    }
+
+    /// Of a field with the unit as logged behind it, as `hAcc [mm]`.
+    fn of_field(field: &str) -> Written {
+        let unit = field.rsplit_once(" [").and_then(|(_, unit)| unit.strip_suffix(']'));
+        match unit.and_then(|unit| unit.parse::<Unit>().ok()).map(Unit::dimension) {
+            Some(Dimension::Angle) => RADIANS,
+            Some(Dimension::Length) => METRES,
+            Some(Dimension::Speed) => SPEED,
+            Some(Dimension::Acceleration) => ACCELERATION,
+            Some(Dimension::AngularRate) => RATE,
+            Some(Dimension::Time) => SECONDS,
+            Some(Dimension::MagneticField) => FIELD,
+            Some(Dimension::None) | None => NUMBER,
+        }
+    }
+}
+
+/// Degrees of radians: where the radians came from degrees of few digits, those very ones.
+fn degrees(radians: f64) -> f64 {
+    let degrees = radians.to_degrees();
+    let short = format!("{degrees:.14e}").parse().unwrap_or(degrees);
+    let back = |degrees: f64| degrees * (std::f64::consts::PI / 180.0);
+    if back(short) == radians { short } else { degrees }
+}
+
+/// Stamps, seconds since the first, UTC where the stamps are not, components with their units, and 1 where a value was held
+/// since an earlier row.
+pub(super) fn source(name: &str, channel: &Channel, utc: Option<&UtcTie>) -> Source {
+    let mut sheet = Sheet::default();
+    let mut columns = About::new();
+    let mut push = |name: String, cells, about: Value| {
+        columns.insert(name.clone(), about);
+        sheet.push(name, cells);
+    };
+    let nanos = |stamps: &[Stamp]| Cells::I64(stamps.iter().map(|s| Some(s.0)).collect());
+    let timeline = channel.series.timeline();
+    let own_ns: Vec<Option<i64>> = timeline.stamps().iter().map(|s| Some(s.0)).collect();
+    let utc_ns = utc_of(timeline.clock(), &own_ns, utc);
+    let main = format!("{}_ns", timeline.kind());
+    push(main.clone(), nanos(timeline.stamps()), json!({ "unit": "ns", "clock": timeline.clock() }));
+    let origin = timeline.first().unwrap_or(Stamp(0));
+    let seconds = timeline.seconds_since(origin).into_iter().map(Some).collect();
+    push("t_s".to_owned(), Cells::F64(seconds), json!({ "unit": "s" }));
+    if let Some(utc_ns) = utc_ns.as_ref().filter(|_| timeline.clock() != Clock::Unix) {
+        push("utc_ns".to_owned(), Cells::I64(utc_ns.clone()), json!({ "unit": "ns", "clock": Clock::Unix }));
+    }
+    for (kind, clock, stamps) in &channel.other_stamps {
+        push(format!("{kind}_ns"), nanos(stamps), json!({ "unit": "ns", "clock": clock }));
+    }
+    let components = channel.quantity.components().iter().zip(&channel.present).enumerate();
+    for (k, (component, _)) in components.filter(|(_, (_, present))| **present) {
+        let written = Written::of(channel, component);
+        let values = channel.series.component(k).iter().map(|x| Some((written.from_si)(*x))).collect();
+        let mut about = json!({ "unit": written.unit });
+        if let (Quantity::Scalar, [field]) = (channel.quantity, channel.source.fields.as_slice()) {
+            about["as_logged"] = field.as_str().into();
+        }
+        push(format!("{component}{}", written.end), Cells::F64(values), about);
+    }
+    if channel.is_held() {
+        let held = channel.held.iter().map(|h| Some(i64::from(*h))).collect();
+        push("held".to_owned(), Cells::I64(held), json!({ "unit": "1" }));
+    }
+    let way = utc_ns.as_ref().map(|_| format!("{main}{}", way_to_utc(timeline.clock())));
+    let log_time_how = match &way {
+        Some(way) => format!("UTC: {way}"),
+        None => format!("{main}, clock {}, not UTC", timeline.clock()),
+    };
+    let log_time = utc_ns.unwrap_or(own_ns).into_iter().map(Option::unwrap_or_default).collect();
+    let about = json!({
+        "quantity": channel.quantity,
+        "topic": channel.source.topic,
+        "type": channel.source.type_name,
+        "fields": channel.source.fields,
+        "clock": timeline.clock(),
+        "stamps": timeline.kind(),
+        "utc": way,
+    });
+    Source { name: name.to_owned(), sheet, columns, about, log_time, log_time_how }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn degrees_of_few_digits_come_back_and_others_within_their_last_digit() {
+        for text in ["-127", "47.1234567", "8.5", "-0.0000001", "179.99999999999", "33.3"] {
+            let value: f64 = text.parse().unwrap();
+            assert_eq!(degrees(value * (std::f64::consts::PI / 180.0)), value);
+        }
+        for k in 1..1000 {
+            let radians = f64::from(k) * 0.003_141_592_1;
+            assert!((degrees(radians) - radians.to_degrees()).abs() <= f64::EPSILON * 180.0);
+        }
+    }
+
+    #[test]
+    fn a_scalar_has_the_unit_of_what_its_field_measures() {
+        for (field, end) in [
+            ("hAcc [mm]", "_m"),
+            ("sAcc [cm/s]", "_mps"),
+            ("age [ms]", "_s"),
+            ("a [1e-2 deg]", "_rad"),
+            ("numSV [1]", ""),
+            ("odd", ""),
+        ] {
+            assert_eq!(Written::of_field(field).end, end, "{field}");
+        }
+    }
+}

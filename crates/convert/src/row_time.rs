@@ -1,0 +1,373 @@
+//! When each row of a log was: by the container's stamps, by fields of the row, or by its place alone.
+
+use crate::error::ConvertError;
+use flight::{Clock, NANOS_PER_SECOND, Notices, Severity, Stamp, StampKind, UtcTie};
+use ingest::{Log, MapLibrary, RowTimes, Table, TableTimes, row_times};
+use std::collections::{BTreeMap, HashMap};
+
+/// Across the end of a count of 32 bits, stamps follow one another within this time, ns.
+const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
+/// Counts of 32 bits of microseconds and of milliseconds, ns.
+const RANGES_NS: [i64; 2] = [1000 << 32, 1_000_000 << 32];
+
+/// The times of all rows of a log.
+pub(crate) struct LogTimes {
+    /// For each table, in the order of the log's.
+    pub(crate) tables: Vec<RowTime>,
+    /// UTC of a clock of the log that does not know it.
+    pub(crate) utc: Option<UtcTie>,
+    /// Rows whose stamps run on although the log's count of 32 bits began anew.
+    run_on: u64,
+}
+
+/// The times of the rows of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RowTime {
+    basis: Basis,
+    /// By the basis' own clock, ns.
+    own_ns: Vec<Option<i64>>,
+    /// UTC as Unix counts, ns; `None` where nothing ties the clock to it.
+    utc_ns: Option<Vec<Option<i64>>>,
+}
+
+/// What the times are read from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Basis {
+    /// The container's stamps.
+    Log(Clock),
+    /// Fields of the rows.
+    Fields(Clock, String),
+    /// Nothing says when a row was: its line or number, as nanoseconds.
+    Order,
+}
+
+/// A container's stamps of the rows of a table, ns, and their clock.
+type Logged = (Clock, Vec<i64>);
+
+/// The time that an MCAP has of each row.
+pub(crate) struct LogTime {
+    pub(crate) nanos: Vec<i64>,
+    /// What it is, for people.
+    pub(crate) how: String,
+    /// Rows without a time of their own: they have that of the row before, the first ones that of the row behind.
+    pub(crate) lent: u64,
+    /// Nothing but the order is known.
+    pub(crate) by_order: bool,
+    /// It is what the container says, as it says it.
+    pub(crate) as_logged: bool,
+}
+
+/// Finds the times of all rows of a log.
+pub(crate) fn of_log(log: &Log, library: &MapLibrary) -> Result<LogTimes, ConvertError> {
+    let RowTimes { tables, utc } = row_times(log, library)?;
+    let (logged, run_on) = logged(log);
+    let time = |((table, fields), logged)| RowTime::of(table, logged, fields, utc.as_ref());
+    let tables = log.tables.iter().zip(tables).zip(logged).map(time).collect();
+    Ok(LogTimes { tables, utc, run_on })
+}
+
+impl LogTimes {
+    /// Says that stamps differ from the log's.
+    pub(crate) fn note_run_on(&self, notices: &mut Notices) {
+        if self.run_on > 0 {
+            let text =
+                "rows stand behind the place where the log's count of 32 bits began anew; their log_time runs on";
+            notices.push(Severity::Info, "stamp-wrap", "", self.run_on, text);
+        }
+    }
+}
+
+/// The container's stamps of each table. Where a count of 32 bits began anew they run on, and so many rows are behind that.
+fn logged(log: &Log) -> (Vec<Option<Logged>>, u64) {
+    let mut clocks: HashMap<[&str; 3], Clock> = HashMap::new();
+    for topic in &log.health.topics {
+        if let Some(stamps) = topic.stamps.iter().find(|s| s.kind == StampKind::Logged) {
+            clocks.insert([&topic.name, &topic.type_name, &topic.encoding], stamps.clock);
+        }
+    }
+    let clock_of = |table: &Table| {
+        let topic = &table.topic;
+        let clock = clocks.get(&[topic.name.as_str(), topic.type_name.as_str(), topic.encoding.as_str()]);
+        clock.copied().unwrap_or(Clock::Unix)
+    };
+    let mut logged: Vec<Option<Logged>> =
+        log.tables.iter().map(|table| Some((clock_of(table), table.logged_ns.clone()?))).collect();
+    let of_boot = logged.iter_mut().flatten().filter(|(clock, _)| *clock == Clock::Boot);
+    let run_on = unwrap(&mut of_boot.map(|(_, stamps)| stamps).collect::<Vec<_>>());
+    (logged, run_on)
+}
+
+impl RowTime {
+    fn of(table: &Table, logged: Option<Logged>, fields: Option<TableTimes>, tie: Option<&UtcTie>) -> RowTime {
+        let (basis, own_ns, joined_ns) = match (logged, fields) {
+            (Some((clock, stamps)), fields) => {
+                // Of a clock that began anew, the sessions on the clock of the first.
+                let joined = fields.filter(|fields| fields.clock == clock).map(|fields| fields.nanos);
+                (Basis::Log(clock), stamps.into_iter().map(Some).collect(), joined)
+            }
+            (None, Some(TableTimes { clock, source, nanos })) => (Basis::Fields(clock, source), nanos, None),
+            (None, None) => {
+                let place = |row| i64::try_from(table.origin_of(row)).ok();
+                (Basis::Order, (0..table.rows).map(place).collect(), None)
+            }
+        };
+        let utc_ns = basis.clock().and_then(|clock| utc_of(clock, joined_ns.as_ref().unwrap_or(&own_ns), tie));
+        RowTime { basis, own_ns, utc_ns }
+    }
+
+    /// UTC of each row, unless the container's stamps say it or nothing does.
+    pub(crate) fn utc_beside(&self) -> Option<&[Option<i64>]> {
+        if self.basis == Basis::Log(Clock::Unix) { None } else { self.utc_ns.as_deref() }
+    }
+
+    /// UTC where it is known, else the log's own clock.
+    pub(crate) fn in_utc(&self) -> LogTime {
+        match &self.utc_ns {
+            Some(utc_ns) => self.log_time(utc_ns, self.basis.in_utc()),
+            None => self.log_time(&self.own_ns, self.basis.on_its_own()),
+        }
+    }
+
+    /// The container's stamps as they stand; for rows without, as [`RowTime::in_utc`].
+    pub(crate) fn as_logged(&self) -> LogTime {
+        match self.basis {
+            Basis::Log(_) => self.log_time(&self.own_ns, self.basis.on_its_own()),
+            _ => self.in_utc(),
+        }
+    }
+
+    fn log_time(&self, nanos: &[Option<i64>], how: String) -> LogTime {
+        let (nanos, lent) = lend(nanos);
+        let (by_order, as_logged) = (self.basis == Basis::Order, matches!(self.basis, Basis::Log(_)));
+        LogTime { nanos, how, lent, by_order, as_logged }
+    }
+}
+
+impl Basis {
+    fn clock(&self) -> Option<Clock> {
+        match self {
+            Basis::Log(clock) | Basis::Fields(clock, _) => Some(*clock),
+            Basis::Order => None,
+        }
+    }
+
+    fn source(&self) -> &str {
+        match self {
+            Basis::Log(_) => "the log's stamps",
+            Basis::Fields(_, source) => source,
+            Basis::Order => "the order of the rows",
+        }
+    }
+
+    fn in_utc(&self) -> String {
+        format!("UTC: {}{}", self.source(), self.clock().map_or("", way_to_utc))
+    }
+
+    fn on_its_own(&self) -> String {
+        match self.clock() {
+            Some(Clock::Unix) => self.in_utc(),
+            Some(clock) => format!("{}, clock {clock}, not UTC", self.source()),
+            None => "the order of the rows alone, counted in nanoseconds: nothing says when they were".to_owned(),
+        }
+    }
+}
+
+/// How UTC comes from a clock, to be said behind its source.
+pub(crate) fn way_to_utc(clock: Clock) -> &'static str {
+    match clock {
+        Clock::Unix => "",
+        Clock::Gps => ", GPS time less leap seconds",
+        Clock::Boot | Clock::Elapsed => ", by the tie of that clock to UTC",
+    }
+}
+
+/// UTC of stamps of this clock; `None` if nothing ties it.
+pub(crate) fn utc_of(clock: Clock, nanos: &[Option<i64>], tie: Option<&UtcTie>) -> Option<Vec<Option<i64>>> {
+    let tie = tie.filter(|tie| tie.clock == clock);
+    let unix = |ns: i64| clock.unix(Stamp(ns)).or_else(|| tie?.unix(Stamp(ns))).map(|stamp| stamp.0);
+    let utc: Vec<Option<i64>> = nanos.iter().map(|ns| unix((*ns)?)).collect();
+    utc.iter().any(Option::is_some).then_some(utc)
+}
+
+/// A time for every row, and how many had none.
+fn lend(nanos: &[Option<i64>]) -> (Vec<i64>, u64) {
+    let mut last = nanos.iter().flatten().next().copied().unwrap_or_default();
+    let lent = nanos.iter().filter(|ns| ns.is_none()).count() as u64;
+    let whole = nanos.iter().map(|ns| {
+        last = ns.unwrap_or(last);
+        last
+    });
+    (whole.collect(), lent)
+}
+
+/// Says how the rows of tables are timed that the container does not time, and gives back all topics by how they are.
+pub(crate) fn tell<'t>(
+    times: impl Iterator<Item = (&'t str, &'t LogTime)>,
+    notices: &mut Notices,
+) -> BTreeMap<String, Vec<String>> {
+    let mut topics: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    // Rows, and of them those that were lent a time.
+    let mut told: BTreeMap<&str, (u64, u64, bool)> = BTreeMap::new();
+    for (topic, time) in times {
+        topics.entry(time.how.clone()).or_default().push(topic.to_owned());
+        if !time.as_logged {
+            let (rows, lent, _) = told.get(time.how.as_str()).copied().unwrap_or_default();
+            told.insert(&time.how, (rows + time.nanos.len() as u64, lent + time.lent, time.by_order));
+        }
+    }
+    for (how, (rows, lent, by_order)) in told {
+        let severity = if by_order { Severity::Warning } else { Severity::Info };
+        let text = format!("the log does not say when it took these rows; log_time is {how}");
+        let of_topics = topics.get(how).map_or(&[][..], Vec::as_slice);
+        notices.push(severity, "log-time", place(of_topics), rows, text);
+        if lent > 0 {
+            let text = "rows without a time of their own have that of the row before, the first ones of the row behind";
+            notices.push(Severity::Info, "log-time-lent", place(of_topics), lent, text);
+        }
+    }
+    topics
+}
+
+fn place(topics: &[String]) -> String {
+    match topics {
+        [] => String::new(),
+        [one] => format!("topic {one}"),
+        [first, more @ ..] => format!("topic {first} and {} more", more.len()),
+    }
+}
+
+/// Makes stamps run on where a count of 32 bits began anew; tables in the order of the log, each in its own.
+///
+/// At least one table must show it: a step back by nearly the whole range. The others are too thin to, and have their
+/// place by when the log began. Zeros in front are those of records before the first stamp. Gives the number of stamps that
+/// changed.
+fn unwrap(tables: &mut [&mut Vec<i64>]) -> u64 {
+    for range in RANGES_NS {
+        if tables.iter().any(|t| t.iter().any(|ns| !(0..range).contains(ns))) {
+            continue;
+        }
+        let wraps = |t: &[i64]| t.windows(2).any(|pair| matches!(pair, [a, b] if b - a + range <= CLOSE_NS));
+        let begin = tables.iter().filter(|t| wraps(t)).filter_map(|t| t.iter().find(|ns| **ns > 0)).min();
+        let Some(begin) = begin.copied() else { continue };
+        return tables.iter_mut().map(|table| unwrap_table(table, begin, range)).sum();
+    }
+    0
+}
+
+/// Stamps of one table in a log that began at `begin`.
+fn unwrap_table(stamps: &mut [i64], begin: i64, range: i64) -> u64 {
+    let (mut wraps, mut before, mut changed) = (0_i64, None, 0);
+    for stamp in stamps.iter_mut().skip_while(|ns| **ns == 0) {
+        let raw = *stamp;
+        let step = before.map_or(0, |before: i64| raw - before);
+        if before.is_none() && raw < begin - CLOSE_NS {
+            wraps = 1;
+        } else if step < -range / 2 {
+            wraps += 1;
+        } else if step > range / 2 && wraps > 0 {
+            wraps -= 1;
+        }
+        before = Some(raw);
+        changed += u64::from(wraps > 0);
+        *stamp = raw.saturating_add(wraps.saturating_mul(range));
+    }
+    changed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ingest::TopicInfo;
+
+    const MS: i64 = 1_000_000;
+
+    fn wrapped(ms: &[i64]) -> Vec<i64> {
+        ms.iter().map(|ms| (ms & 0xffff_ffff) * MS).collect()
+    }
+
+    fn whole(ms: &[i64]) -> Vec<i64> {
+        ms.iter().map(|ms| ms * MS).collect()
+    }
+
+    #[test]
+    fn stamps_run_on_where_the_count_began_anew_also_in_tables_too_thin_to_show_it() {
+        let end = 1 << 32;
+        // The second has rows far before and behind, the third only one behind, the fourth only one before.
+        let truth: [Vec<i64>; 4] = [
+            (end - 300_000..end + 300_000).step_by(200).collect(),
+            vec![end - 290_000, end + 100_000],
+            vec![end + 5000],
+            vec![end - 5000],
+        ];
+        let mut tables: Vec<Vec<i64>> = truth.iter().map(|ms| wrapped(ms)).collect();
+        tables.push([vec![0, 0], wrapped(&[end - 300_000, end + 1])].concat());
+        unwrap(&mut tables.iter_mut().collect::<Vec<_>>());
+        assert_eq!(tables[..4], truth.map(|ms| whole(&ms)));
+        assert_eq!(tables[4], [vec![0, 0], whole(&[end - 300_000, end + 1])].concat());
+    }
+
+    #[test]
+    fn a_clock_that_steps_back_otherwise_is_left_alone() {
+        let tables = [vec![5 * MS, 3 * MS, 90_000_000 * MS, 0], vec![1, i64::MAX, 2], vec![]];
+        for table in tables {
+            let mut same = table.clone();
+            unwrap(&mut [&mut same]);
+            assert_eq!(same, table);
+        }
+    }
+
+    #[test]
+    fn a_row_without_a_time_has_that_of_its_neighbour_and_is_counted() {
+        assert_eq!(lend(&[None, Some(7), None, Some(5), None]), (vec![7, 7, 7, 5, 5], 3));
+        assert_eq!(lend(&[None, None]), (vec![0, 0], 2));
+    }
+
+    #[test]
+    fn rows_that_nothing_times_are_in_the_order_of_their_lines_and_that_is_a_warning() {
+        let table = Table {
+            topic: TopicInfo::default(),
+            rows: 3,
+            logged_ns: None,
+            published_ns: None,
+            origin: Some(vec![2, 4, 5]),
+            columns: vec![],
+        };
+        let time = RowTime::of(&table, None, None, None).in_utc();
+        assert_eq!((time.nanos.as_slice(), time.by_order), (&[2, 4, 5][..], true));
+        let mut notices = Notices::new();
+        tell([("a", &time), ("b", &time)].into_iter(), &mut notices);
+        let notice = notices.iter().next().unwrap();
+        assert_eq!(
+            (notice.severity, notice.count, notice.place.as_str()),
+            (Severity::Warning, 6, "topic a and 1 more")
+        );
+    }
+
+    #[test]
+    fn of_a_clock_that_began_anew_each_session_has_its_own_utc_and_the_log_keeps_its_stamps() {
+        let table = Table {
+            topic: TopicInfo::default(),
+            rows: 3,
+            logged_ns: None,
+            published_ns: None,
+            origin: None,
+            columns: vec![],
+        };
+        let spread_s = ingest::stamps::distribution(&[0.0]).unwrap();
+        let tie =
+            UtcTie { clock: Clock::Boot, source: String::new(), offset_ns: 1000, spread_s, pairs: 1, outliers: 0 };
+        let joined = TableTimes { clock: Clock::Boot, source: "log".to_owned(), nanos: vec![Some(5), Some(700), None] };
+        let time = RowTime::of(&table, Some((Clock::Boot, vec![5, 20, 30])), Some(joined), Some(&tie));
+        assert_eq!(time.utc_beside(), Some(&[Some(1005), Some(1700), None][..]));
+        assert_eq!(time.as_logged().nanos, [5, 20, 30]);
+    }
+
+    #[test]
+    fn gps_time_becomes_utc_by_leap_seconds_and_boot_time_by_its_tie_alone() {
+        // 2026-11-22 00:00:00 UTC is 18 s into GPS week 2446.
+        let gps = (2446 * 604_800 + 18) * NANOS_PER_SECOND;
+        let unix = 1_795_305_600 * NANOS_PER_SECOND;
+        assert_eq!(utc_of(Clock::Gps, &[Some(gps), None], None), Some(vec![Some(unix), None]));
+        assert_eq!(utc_of(Clock::Boot, &[Some(gps)], None), None);
+    }
+}

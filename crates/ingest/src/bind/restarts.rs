@@ -1,0 +1,262 @@
+//! A vehicle that starts anew within a log: its clock since boot begins again, and no stamp of one session means the same
+//! time as that of another.
+//!
+//! Each session is dated by itself, and its stamps are moved onto the clock of the first: the sessions are then as far apart
+//! as their dates, and within a session nothing changes. One that cannot be dated is lost.
+
+use super::stamps::{NO_UTC_BEFORE_NS, Stamps, Tied, pairs_of};
+use super::trial::Plan;
+use crate::map::{TieRule, TimeSource};
+use crate::reader::{Log, Restart};
+use crate::table::Table;
+use crate::time::tie;
+use flight::{Clock, NANOS_PER_SECOND, Notices, Severity, UtcTie};
+use std::collections::BTreeMap;
+
+/// Dates of two sessions that differ by less are one, ns.
+const SAME_NS: u64 = NANOS_PER_SECOND as u64;
+
+/// What dates the sessions of a log; those that it does not date are `None`.
+struct Dates {
+    sessions: Vec<Option<UtcTie>>,
+    from_gps: bool,
+    /// By when the log has the messages, and not by what they say.
+    by_log: bool,
+}
+
+impl Dates {
+    fn offset(&self, session: usize) -> Option<i64> {
+        self.sessions.get(session)?.as_ref().map(|tie| tie.offset_ns)
+    }
+
+    fn all(&self) -> bool {
+        self.sessions.iter().all(Option::is_some)
+    }
+
+    /// Whether a session is dated before the end of another that comes first in the log: then they are no dates.
+    fn overlap(&self, ends: &[Option<[i64; 2]>]) -> bool {
+        let dated = (0..).zip(ends).filter_map(|(session, ends)| {
+            let (offset, ends) = (self.offset(session)?, (*ends)?);
+            Some(ends.map(|end| end.saturating_add(offset)))
+        });
+        let dated: Vec<[i64; 2]> = dated.collect();
+        dated.windows(2).any(|pair| matches!(pair, [[_, end], [begin, _]] if begin < end))
+    }
+}
+
+/// The sessions of a log on one clock.
+pub(super) struct Joined {
+    restarts: Vec<Restart>,
+    axis: Axis,
+    /// Of all topics whose stamps count since boot.
+    rows: Vec<u64>,
+}
+
+/// Finds the sessions, and what dates them; `None` if the clock did not begin anew.
+pub(super) fn join(plans: &[Plan<'_>], rules: &[TieRule], log: &Log) -> Option<Joined> {
+    if log.restarts.is_empty() {
+        return None;
+    }
+    let mut found = log.restarts.clone();
+    found.sort_by_key(|restart| restart.logged_ns);
+    let all = dates(plans, rules, log, &found);
+    let kept = (0..).zip(&found).filter(|(i, r)| r.certain || is_dated_anew(&all, *i));
+    let restarts: Vec<Restart> = kept.map(|(_, restart)| *restart).collect();
+    if restarts.is_empty() {
+        return None;
+    }
+    let all = if restarts.len() == found.len() { all } else { dates(plans, rules, log, &restarts) };
+    let (ends, rows) = (ends(plans, &restarts), rows_of(plans, &restarts));
+    let axis = Axis::of(all.into_iter().filter(|dates| !dates.overlap(&ends)).collect(), &rows);
+    Some(Joined { restarts, axis, rows })
+}
+
+impl Joined {
+    /// Moves the stamps of a table onto the clock of the first session, if they count since boot. A row of a session that
+    /// nothing dates has none.
+    pub(super) fn shift(&self, table: &Table, clock: Clock, nanos: &mut [Option<i64>]) {
+        if clock != Clock::Boot {
+            return;
+        }
+        for (row, stamp) in nanos.iter_mut().enumerate() {
+            let Some(session) = session_of(table, &self.restarts, row) else { continue };
+            let shift = self.axis.shifts.get(session).copied().flatten();
+            *stamp = stamp.zip(shift).and_then(|(ns, by)| ns.checked_add(by));
+        }
+    }
+
+    /// What ties the clock of the first session that is dated.
+    pub(super) fn into_tie(self) -> Option<Tied> {
+        self.axis.tied
+    }
+
+    /// How the sessions were dated, and what is lost.
+    pub(super) fn report(&self, notices: &mut Notices) {
+        let sessions = self.axis.shifts.len() as u64;
+        if let Some(source) = &self.axis.source {
+            let text =
+                "the clock since boot began anew; each session is dated by itself and put on the clock of the first";
+            notices.push(Severity::Warning, "restart-dated", source, sessions - 1, text);
+        }
+        let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, _)| shift.is_none());
+        if lost().next().is_some() {
+            let text = format!(
+                "the clock since boot began anew, and nothing dates {} of {sessions} sessions: their rows are not used",
+                lost().count()
+            );
+            notices.push(Severity::Loss, "restart-undated", "", lost().map(|(_, rows)| rows).sum(), text);
+        }
+    }
+}
+
+/// A clock that did not go back has begun anew only where what the messages say dates it anew, and where the log has a
+/// clock of its own that agrees. That clock may be set, and messages may come late.
+fn is_dated_anew(all: &[Dates], restart: usize) -> bool {
+    let step = |dates: &Dates| dates.offset(restart + 1)?.checked_sub(dates.offset(restart)?);
+    let steps = |by_log: bool| all.iter().filter(move |d| d.by_log == by_log).find_map(step);
+    let Some(said) = steps(false) else { return false };
+    said.unsigned_abs() > SAME_NS && steps(true).is_none_or(|logged| said.abs_diff(logged) <= SAME_NS)
+}
+
+fn session_at(restarts: &[Restart], logged_ns: i64) -> usize {
+    restarts.partition_point(|r| r.logged_ns <= logged_ns)
+}
+
+/// The session of a row; `None` in a table of somebody else than the vehicle that the log is of.
+fn session_of(table: &Table, restarts: &[Restart], row: usize) -> Option<usize> {
+    let logged = table.logged_ns.as_ref()?.get(row).filter(|_| is_own(table))?;
+    Some(session_at(restarts, *logged))
+}
+
+fn is_own(table: &Table) -> bool {
+    !table.topic.name.contains('@')
+}
+
+/// By each rule, and at last by the log.
+fn dates(plans: &[Plan<'_>], rules: &[TieRule], log: &Log, restarts: &[Restart]) -> Vec<Dates> {
+    let by_rule = |rule: &TieRule| {
+        pairs_of(rule, log).into_iter().find_map(|(table, pairs)| {
+            let sessions = pairs.ties(restarts.len() + 1, |row| session_of(table, restarts, row));
+            let by_log = matches!(rule.utc, TimeSource::ContainerLogged);
+            sessions.iter().any(Option::is_some).then_some(Dates { sessions, from_gps: pairs.from_gps, by_log })
+        })
+    };
+    rules.iter().filter_map(by_rule).chain(by_log(plans, restarts)).collect()
+}
+
+/// Dates by when the log has the messages of one topic: that which has most rows in the session where it has fewest.
+fn by_log(plans: &[Plan<'_>], restarts: &[Restart]) -> Option<Dates> {
+    let count = |plan: &&Plan<'_>| counts(plan.table, restarts).into_iter().min();
+    let plan = plans.iter().filter(|plan| boot_stamps(plan).is_some()).rev().max_by_key(count)?;
+    let (stamps, logged) = (boot_stamps(plan)?, plan.table.logged_ns.as_ref()?);
+    let source = format!("{}: {} and log", plan.table.topic.name, stamps.label);
+    let mut pairs = vec![vec![]; restarts.len() + 1];
+    for (stamp, logged) in stamps.nanos.iter().zip(logged).filter(|(_, logged)| **logged > NO_UTC_BEFORE_NS) {
+        let session = stamp.zip(pairs.get_mut(session_at(restarts, *logged)));
+        session.into_iter().for_each(|(stamp, pairs)| pairs.push((stamp, *logged)));
+    }
+    let sessions = pairs.iter().map(|pairs| tie(Clock::Boot, source.clone(), pairs)).collect();
+    Some(Dates { sessions, from_gps: false, by_log: true })
+}
+
+fn boot_stamps<'p>(plan: &'p Plan<'_>) -> Option<&'p Stamps> {
+    plan.stamps.iter().find(|stamps| stamps.clock == Clock::Boot).filter(|_| is_own(plan.table))
+}
+
+/// Between which stamps nine tenths of the rows of each session lie, ns, in the topic that has most of them.
+fn ends(plans: &[Plan<'_>], restarts: &[Restart]) -> Vec<Option<[i64; 2]>> {
+    let mut most: Vec<Vec<i64>> = vec![vec![]; restarts.len() + 1];
+    for (plan, stamps) in plans.iter().filter_map(|plan| Some((plan, boot_stamps(plan)?))) {
+        let mut own: Vec<Vec<i64>> = vec![vec![]; restarts.len() + 1];
+        for (row, stamp) in stamps.nanos.iter().enumerate() {
+            let session = session_of(plan.table, restarts, row).and_then(|session| own.get_mut(session));
+            session.zip(*stamp).into_iter().for_each(|(own, stamp)| own.push(stamp));
+        }
+        let longer = most.iter_mut().zip(own).filter(|(most, own)| own.len() > most.len());
+        longer.for_each(|(most, own)| *most = own);
+    }
+    let ends = |mut stamps: Vec<i64>| {
+        stamps.sort_unstable();
+        let margin = stamps.len() / 20;
+        Some([*stamps.get(margin)?, *stamps.iter().rev().nth(margin)?])
+    };
+    most.into_iter().map(ends).collect()
+}
+
+/// How many rows of a table each session has.
+fn counts(table: &Table, restarts: &[Restart]) -> Vec<u64> {
+    let mut counts = vec![0; restarts.len() + 1];
+    for row in 0..table.rows {
+        let count = session_of(table, restarts, row).and_then(|session| counts.get_mut(session));
+        count.into_iter().for_each(|count| *count += 1);
+    }
+    counts
+}
+
+/// The same of all topics whose stamps count since boot.
+fn rows_of(plans: &[Plan<'_>], restarts: &[Restart]) -> Vec<u64> {
+    let of_boot = plans.iter().filter(|plan| boot_stamps(plan).is_some());
+    let tables: BTreeMap<&str, &Table> = of_boot.map(|plan| (plan.table.topic.name.as_str(), plan.table)).collect();
+    let mut rows = vec![0; restarts.len() + 1];
+    for table in tables.into_values() {
+        rows.iter_mut().zip(counts(table, restarts)).for_each(|(sum, count)| *sum += count);
+    }
+    rows
+}
+
+/// The clock of the first session that is dated, and where it has the others.
+#[derive(Default)]
+struct Axis {
+    /// What is added to the stamps of each session, ns; `None` of one that is lost.
+    shifts: Vec<Option<i64>>,
+    /// What dates the sessions.
+    source: Option<String>,
+    tied: Option<Tied>,
+}
+
+impl Axis {
+    /// The first of the dates that has every session makes it, or else the one that has most rows. If nothing dates any
+    /// session the longest stays.
+    fn of(mut all: Vec<Dates>, rows: &[u64]) -> Axis {
+        let dated = |dates: &Dates| -> u64 {
+            dates.sessions.iter().zip(rows).filter(|(tie, _)| tie.is_some()).map(|(_, rows)| rows).sum()
+        };
+        all.retain(|dates| dates.sessions.iter().any(Option::is_some));
+        let Some(chosen) = (0..all.len()).rev().max_by_key(|i| all.get(*i).map(|d| (d.all(), dated(d)))) else {
+            let longest = (0..rows.len()).rev().max_by_key(|session| rows.get(*session));
+            let shifts = (0..rows.len()).map(|session| (Some(session) == longest).then_some(0)).collect();
+            return Axis { shifts, ..Axis::default() };
+        };
+        // What the messages say of one session is a better date of all than when the log has them.
+        let said = all.iter().find(|d| !d.by_log).and_then(|d| {
+            let (session, tie) = (0..).zip(&d.sessions).find_map(|(i, tie)| Some((i, tie.clone()?)))?;
+            Some((session, tie, d.from_gps))
+        });
+        let dates = all.swap_remove(chosen);
+        let first = dates.sessions.iter().flatten().next();
+        let shifts: Vec<Option<i64>> =
+            (0..rows.len()).map(|session| dates.offset(session)?.checked_sub(first?.offset_ns)).collect();
+        let (tie, from_gps) = match said.filter(|_| dates.by_log) {
+            Some((session, tie, from_gps)) => {
+                let shift = shifts.get(session).copied().flatten().unwrap_or(0);
+                (Some(UtcTie { offset_ns: tie.offset_ns.saturating_sub(shift), ..tie }), from_gps)
+            }
+            None => (first.map(|tie| summed(tie, &dates.sessions)), dates.from_gps),
+        };
+        let source = first.map(|tie| tie.source.clone());
+        Axis { shifts, source, tied: tie.map(|tie| Tied { tie, from_gps, repairs: vec![] }) }
+    }
+}
+
+/// The tie of the first session with the pairs of all, and the widest spread.
+fn summed(first: &UtcTie, sessions: &[Option<UtcTie>]) -> UtcTie {
+    let ties = || sessions.iter().flatten();
+    let width = |tie: &&UtcTie| tie.spread_s.max - tie.spread_s.min;
+    let widest = ties().max_by(|a, b| width(a).total_cmp(&width(b)));
+    UtcTie {
+        spread_s: widest.map_or(first.spread_s, |tie| tie.spread_s),
+        pairs: ties().map(|tie| tie.pairs).sum(),
+        outliers: ties().map(|tie| tie.outliers).sum(),
+        ..first.clone()
+    }
+}

@@ -1,0 +1,106 @@
+//! When each row of a table was, as far as the log itself says it: for tables whose rows nobody logged, or by a clock that
+//! began anew.
+
+use super::restarts::{self, Joined};
+use super::stamps::{NO_UTC_BEFORE_NS, tie_of};
+use super::trial::{Trial, stamps_of};
+use crate::error::IngestError;
+use crate::map::{ChannelMap, MapLibrary};
+use crate::reader::Log;
+use crate::table::Table;
+use flight::{Clock, Stamp, UtcTie};
+
+/// The times of a log's rows, by the channel map that fits it best.
+#[derive(Debug, Default)]
+pub struct RowTimes {
+    /// For each table of the log, in their order; `None` where no stamp is found, and for tables whose rows the container
+    /// logged, unless its clock since boot began anew: then its stamps on the clock of the first session.
+    pub tables: Vec<Option<TableTimes>>,
+    /// UTC of a clock of the log that does not know it.
+    pub utc: Option<UtcTie>,
+}
+
+/// The times of the rows of one table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableTimes {
+    /// The clock.
+    pub clock: Clock,
+    /// The fields that they were read from.
+    pub source: String,
+    /// For each row, ns; `None` for a row without. Counts that begin anew run on.
+    pub nanos: Vec<Option<i64>>,
+}
+
+/// Finds the times of all rows. The map is the one that [`bind`](crate::bind) would take, or if none fits the one that comes
+/// nearest; what it says of its own topics' stamps is tried on the other tables too, for a receiver's messages have them
+/// alike. Stamps that know the date go before others.
+///
+/// # Errors
+/// [`IngestError::Map`] for a library that cannot be used.
+pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestError> {
+    let trials = library.candidates(None)?.into_iter().map(|map| Trial::new(map, log));
+    let best = trials.filter(|t| !t.plans.is_empty()).max_by_key(Trial::rank);
+    let Some(Trial { map, plans, .. }) = best else {
+        let tables = log.tables.iter().map(|table| dated_by_any(library, table)).collect();
+        return Ok(RowTimes { tables, utc: None });
+    };
+    let joined = restarts::join(&plans, &map.ties, log);
+    let times = |table: &Table| match (&table.logged_ns, &joined) {
+        (None, _) => times_of(map, table).or_else(|| dated_by_any(library, table)),
+        (Some(logged), Some(joined)) => Some(joined_times(joined, table, logged)),
+        (Some(_), None) => None,
+    };
+    let tables = log.tables.iter().map(times).collect();
+    let tied = match joined {
+        Some(joined) => joined.into_tie(),
+        None => tie_of(&map.ties, log),
+    };
+    Ok(RowTimes { tables, utc: tied.map(|tied| tied.tie) })
+}
+
+/// The container's stamps, those of all sessions on the clock of the first.
+fn joined_times(joined: &Joined, table: &Table, logged: &[i64]) -> TableTimes {
+    let mut nanos: Vec<Option<i64>> = logged.iter().copied().map(Some).collect();
+    joined.shift(table, Clock::Boot, &mut nanos);
+    TableTimes { clock: Clock::Boot, source: "log".to_owned(), nanos }
+}
+
+/// Of the rules that are made for the table, then of all others.
+fn times_of(map: &ChannelMap, table: &Table) -> Option<TableTimes> {
+    let own = map.rules.iter().filter(|rule| rule.meets(&table.topic).is_some());
+    let found = own.chain(&map.rules).filter_map(|rule| stamps_of(rule, table).ok()).flat_map(|(stamps, _)| stamps);
+    let mut first = None;
+    for stamps in found {
+        let dated = matches!(stamps.clock, Clock::Unix | Clock::Gps);
+        let times = TableTimes { clock: stamps.clock, source: stamps.label, nanos: stamps.nanos };
+        if dated {
+            return Some(times);
+        }
+        first.get_or_insert(times);
+    }
+    first
+}
+
+/// By what any map says of stamps, for tables of which no map reads more. Only what is a date counts: a column may be called
+/// as a stamp and be none.
+fn dated_by_any(library: &MapLibrary, table: &Table) -> Option<TableTimes> {
+    if table.logged_ns.is_some() {
+        return None;
+    }
+    let maps = library.candidates(None).unwrap_or_default();
+    let found = maps.iter().flat_map(|map| &map.rules).filter_map(|rule| stamps_of(rule, table).ok());
+    let mut times = found.flat_map(|(stamps, _)| stamps).map(|stamps| TableTimes {
+        clock: stamps.clock,
+        source: stamps.label,
+        nanos: stamps.nanos,
+    });
+    times.find(TableTimes::is_dated)
+}
+
+impl TableTimes {
+    /// Whether the times are UTC or GPS time, and of this century.
+    fn is_dated(&self) -> bool {
+        let unix = |ns: &i64| self.clock.unix(Stamp(*ns)).is_some_and(|unix| unix.0 > NO_UTC_BEFORE_NS);
+        self.nanos.iter().flatten().all(unix) && self.nanos.iter().any(Option::is_some)
+    }
+}

@@ -1,0 +1,22 @@
+//! A bench may log to one file or to two.
+
+/// What a log of the bench holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    /// Encoder, pulses and sensor.
+    Whole,
+    /// Encoder and pulses.
+    Encoder,
+    /// The sensor.
+    Sensor,
+}
+
+impl Part {
+    pub(super) fn has_encoder(self) -> bool {
+        self != Part::Sensor
+    }
+
+    pub(super) fn has_sensor(self) -> bool {
+        self != Part::Encoder
+    }
+}
