@@ -207,9 +207,13 @@ fn shade(chart: &mut Chart, panel: &Panel, span: &Span) -> Result<(), Failure> {
     let corners = [(span.from, panel.y.low), (span.to, panel.y.high)];
     chart.draw_series([Rectangle::new(corners, SPAN.mix(0.22).filled())])?;
     if !span.label.is_empty() {
-        // On the side where there is room.
-        let right = (span.from + span.to) / 2.0 > (panel.x.low + panel.x.high) / 2.0;
-        let (at, anchor) = if right { (span.from, HPos::Right) } else { (span.to, HPos::Left) };
+        // Above its middle, or where there is no room for that, away from the edge of the panel.
+        let middle = (span.from + span.to) / 2.0;
+        let (at, anchor) = match (middle - panel.x.low) / (panel.x.high - panel.x.low) {
+            place if place < 0.15 => (span.from, HPos::Left),
+            place if place > 0.85 => (span.to, HPos::Right),
+            _ => (middle, HPos::Center),
+        };
         let style = font(24).color(&RGBColor(0x6b, 0x4a, 0x00)).pos(Pos::new(anchor, VPos::Bottom));
         chart.draw_series([Text::new(span.label.clone(), (at, panel.y.high), style)])?;
     }

@@ -68,11 +68,7 @@ impl Ground<'_> {
         let stand_in = StandIn::of(track);
         let mut terms = vec![];
         match &stand_in {
-            StandIn::Nothing => terms.push(term(
-                "delay, not removed",
-                Finding::Found(self.way_m),
-                "way flown in Td and the age of the fix, from velocity",
-            )),
+            StandIn::Nothing => terms.push(self.not_removed()),
             _ => {
                 terms.push(self.mismatch());
                 terms.push(self.velocity_delay());
@@ -107,12 +103,32 @@ impl Ground<'_> {
         ErrorBudget { terms, total_m: total2.sqrt(), measured_m }
     }
 
+    /// What is left of the delay, where this flight shows it.
+    fn seen_s(&self) -> Option<Estimate> {
+        self.left_s.filter(|r| r.standard_uncertainty.is_some_and(|u| r.value.abs() > 2.0 * u))
+    }
+
+    /// The way flown in the delay and the age of the fix: in the delay of this flight if it shows another one than that
+    /// set, as [`Ground::mismatch`] takes it.
+    fn not_removed(&self) -> BudgetTerm {
+        let name = "delay, not removed";
+        let set_s = self.delay_s + self.age_s.0;
+        match self.seen_s().filter(|_| set_s > 0.0) {
+            Some(seen) => term(
+                name,
+                Finding::Found(self.way_m * ((set_s + seen.value) / set_s).abs()),
+                "way flown in Td and the age of the fix, from velocity, in proportion to the delay of raw in this flight, \
+                 which differs from the one set by more than two standard uncertainties",
+            ),
+            None => term(name, Finding::Found(self.way_m), "way flown in Td and the age of the fix, from velocity"),
+        }
+    }
+
     /// U·δTd: as found in this flight if it is there, else as the source of Td states it.
     fn mismatch(&self) -> BudgetTerm {
         let name = "delay set wrongly, U·δTd";
-        let seen = self.left_s.filter(|r| r.standard_uncertainty.is_some_and(|u| r.value.abs() > 2.0 * u));
         let own_u = self.left_s.and_then(|r| r.standard_uncertainty);
-        match (seen, self.delay_u_s, own_u) {
+        match (self.seen_s(), self.delay_u_s, own_u) {
             (Some(seen), _, _) => term(
                 name,
                 Finding::Found(self.speed_mps * seen.value.abs()),

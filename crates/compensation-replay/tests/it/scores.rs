@@ -101,6 +101,10 @@ fn a_wrong_delay_leaves_a_residual_delay_equal_to_the_error_and_costs_u_times_it
         let speed = 17.5_f64.hypot(2.5 / 2.0_f64.sqrt());
         near(term(exact, "delay set wrongly"), speed * error.abs(), 0.05);
         near(exact.budget.total_m, exact.budget.measured_m.unwrap().value, 0.05);
+        // Raw has flown the delay of the flight, whatever was set.
+        let raw = &of(&record, "raw").budget;
+        let measured = raw.measured_m.unwrap().value;
+        near(raw.total_m, measured, 0.02 * measured);
     }
 }
 

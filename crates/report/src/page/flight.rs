@@ -261,11 +261,18 @@ fn coverage_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
     ]
 }
 
+/// A share of the time that is worth a word.
+const NOTABLE: f64 = 0.01;
+
 fn valid_note(replay: &ReplayRecord) -> String {
     let c = &replay.coverage;
     let mut note = format!("{} of {} rows", number::count(c.valid_rows), number::count(c.rows));
     for reject in c.invalid.iter().take(10) {
         note += &format!("; {}: {} (first: {})", reject.reason, number::count(reject.count), reject.first);
+    }
+    let of_rows = c.valid_rows as f64 / c.rows.max(1) as f64;
+    if c.valid_s < (of_rows - NOTABLE) * c.duration_s {
+        note += "; the rest of the time has no rows";
     }
     note
 }
