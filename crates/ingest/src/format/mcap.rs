@@ -141,7 +141,6 @@ struct Channels<'t, 'w> {
     ways: Vec<Way>,
     header: String,
     found: u64,
-    chunk_open: bool,
     unplaced: Tally,
     /// Why a channel that is known has no topic.
     refusal: Option<String>,
@@ -162,7 +161,6 @@ impl<'t, 'w> Channels<'t, 'w> {
             ways: vec![],
             header: String::new(),
             found: 0,
-            chunk_open: true,
             unplaced: Tally::default(),
             refusal: None,
             redefined: Tally::default(),
@@ -379,7 +377,7 @@ impl Visit for Channels<'_, '_> {
         match opcode {
             op::MESSAGE => self.message(body),
             // Of a chunk that was opened nothing is learned from it, but it must be one.
-            op::MESSAGE_INDEX if self.chunk_open && is_message_index(body, body.len() as u64) => Ok(Fate::Structure),
+            op::MESSAGE_INDEX if is_message_index(body, body.len() as u64) => Ok(Fate::Structure),
             op::ATTACHMENT => {
                 self.attachment(body);
                 Ok(Fate::Skipped)
@@ -402,8 +400,8 @@ impl Visit for Channels<'_, '_> {
         self.topics.takes_extras()
     }
 
-    fn chunk(&mut self, opened: bool) {
-        self.chunk_open = opened;
+    fn index(&mut self, body: &[u8]) -> Result<Fate, String> {
+        self.other(op::MESSAGE_INDEX, body)
     }
 }
 

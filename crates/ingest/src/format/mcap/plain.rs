@@ -67,5 +67,7 @@ impl Visit for Collect {
         true
     }
 
-    fn chunk(&mut self, _opened: bool) {}
+    fn index(&mut self, body: &[u8]) -> Result<Fate, String> {
+        self.record(mcap::records::op::MESSAGE_INDEX, body)
+    }
 }

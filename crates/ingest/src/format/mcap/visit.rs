@@ -19,6 +19,6 @@ pub(super) trait Visit {
         false
     }
 
-    /// The indexes that follow belong to a chunk that was opened, or to one that was not.
-    fn chunk(&mut self, opened: bool);
+    /// A message index of a chunk that was left closed: what it lists is shown by nothing else.
+    fn index(&mut self, body: &[u8]) -> Result<Fate, String>;
 }

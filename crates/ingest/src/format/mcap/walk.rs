@@ -50,6 +50,7 @@ pub(super) struct Walk<'w, 'c, V> {
     not_opened: u64,
     /// Nothing is summed and some chunks stay closed: what nobody needs is not read.
     jumps: bool,
+    /// The chunk that came last was, or there was none.
     opened: bool,
 }
 
@@ -90,7 +91,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             without_crc: 0,
             not_opened: 0,
             jumps,
-            opened: false,
+            opened: true,
         }
     }
 
@@ -198,6 +199,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
 
     fn show(&mut self, head: &Head, length: u64) -> Result<Verdict, IngestError> {
         match body(self.file, head, length)? {
+            Some(body) if head.opcode == op::MESSAGE_INDEX && !self.opened => Ok(self.visit.index(body)),
             Some(body) => Ok(self.visit.record(head.opcode, body)),
             None => Ok(Err("the record is cut".to_owned())),
         }
@@ -241,7 +243,6 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             Err(reason) => return Ok(Err(reason)),
         };
         if self.can_leave_closed(head) {
-            self.visit.chunk(false);
             self.opened = false;
             self.not_opened += 1;
             return Ok(Ok(Fate::Skipped));
@@ -264,7 +265,6 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         } else if crc32fast::hash(inflated.bytes) != chunk.crc {
             return Ok(Err("the chunk's checksum is wrong".to_owned()));
         }
-        self.visit.chunk(true);
         self.opened = true;
         Ok(contents(inflated.bytes, self.visit, &mut self.unknown))
     }
