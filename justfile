@@ -97,7 +97,7 @@ fuzz target seconds="60" *options:
 faults *filter:
     cargo test --release -p ingest --test faults -- --ignored --nocapture --test-threads 2 "$@"
 
-# Every value of every log beside pyulog, pymavlink, rosbags and mcap of Python: just peers [LOGS] [PART-OF-A-PATH ...]
+# Every value of every log beside pyulog, pymavlink, rosbags, mcap, pyubx2 and pynmeagps of Python: just peers [LOGS] [PART-OF-A-PATH ...]
 peers logs="../shared/logs" *parts:
     cargo build --release --quiet -p ingest --example dump_topics
     python3 tests/peers/compare.py "${CARGO_TARGET_DIR:-target}"/release/examples/dump_topics "$@"

@@ -47,3 +47,32 @@ fn what_is_neither_file_nor_folder_is_refused_with_2_and_stays() {
     }
     assert!(fs::symlink_metadata(&socket).unwrap().file_type().is_socket());
 }
+
+/// What `inspect` says of a log, but for its container: its size, the size of its messages, what stands beside them.
+fn inspected(log: &Path) -> serde_json::Value {
+    let said = run(["inspect".as_ref(), log.as_os_str(), "--json".as_ref()], 0);
+    let mut said: serde_json::Value = serde_json::from_slice(&said.stdout).unwrap();
+    for containers in ["bytes", "extras", "format"] {
+        said["health"].as_object_mut().unwrap().remove(containers);
+    }
+    said["flight"] = serde_json::Value::Null;
+    for topic in said["health"]["topics"].as_array_mut().unwrap() {
+        topic.as_object_mut().unwrap().remove("payload_bytes");
+    }
+    said
+}
+
+#[test]
+fn a_recovered_real_log_is_inspected_as_the_original() {
+    let logs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/logs");
+    let folder = tempfile::tempdir().unwrap();
+    for log in ["pyulog/test/sample_log_small.ulg", "DeLorean/data/00000135.BIN"] {
+        let (log, out) = (logs.join(log), folder.path().join("out.mcap"));
+        if !log.is_file() {
+            println!("skipped: {} is not there", log.display());
+            continue;
+        }
+        recover(&log, &out, 0);
+        assert!(inspected(&log) == inspected(&out), "{}", log.display());
+    }
+}

@@ -2,19 +2,24 @@
 """Every value of every log beside what the field's own readers say: compare.py DUMP LOGS [PART-OF-A-PATH ...]
 
 DUMP is the example dump_topics of ingest, LOGS a folder of logs; they are found by the ends of their names. The readers,
-from PyPI: pyulog (ULog), pymavlink (DataFlash), rosbags (ROS 1 and ROS 2 bags), mcap with mcap-ros1-support,
-mcap-ros2-support and mcap-protobuf-support (MCAP). Logs whose reader is not installed are skipped, and counted.
+from PyPI: pyulog (ULog), pymavlink (DataFlash, telemetry), rosbags (ROS 1 and ROS 2 bags), mcap with mcap-ros1-support,
+mcap-ros2-support and mcap-protobuf-support (MCAP), pyubx2 (UBX), pynmeagps (NMEA). NovAtel's text is taken apart here by
+the columns of its manual. Logs whose reader is not installed are skipped, and counted.
 
 An intact log must agree in topics, messages, stamps and every value, bit for bit after the reader's own widening (NaN
 equals NaN). A damaged one must give at least the messages that its reader gives before it stops, and be marked. Exit code
 1 if anything differs that is not ALLOWED."""
 
-import collections, contextlib, dataclasses, importlib, io, json, re, shutil, subprocess, sys, tempfile
+import collections, contextlib, csv, dataclasses, importlib, io, json, re, shutil, subprocess, sys, tempfile
+from datetime import datetime, timezone
+from fractions import Fraction
 from pathlib import Path
 
 DAMAGED = re.compile(r"trunc|bitflip|tailjunk|unindexed|corrupt|not_closed|with_padding")  # the last: no channel
 WHOLE, STRIDE = 2000, 4999  # of a longer array so many elements are compared, and one in so many of the others
 BATCH = 90_000  # bytes of field names in one request
+# Columns that our readers work out from several messages, and `utc_ns`, which is compared where the sentence has a date.
+DERIVED = {"gps_week", "fix_ok", "elapsed_ns", "logged_ns", "utc_ns", "solution_ok"}
 # What may differ: part of the log's path, part of the topic and field, why.
 ALLOWED = [
     ("px4-ulog-rs", "has_vtol_approach", "a bool whose byte is neither 0 nor 1 is 1 with us; pyulog gives the byte"),
@@ -158,6 +163,202 @@ def read_mcap(path, peer):
             topic.messages += 1
 
 
+def read_telemetry(path, peer):
+    """Every frame that pymavlink accepts, and the fields that its payload had. (Its own walk through a file loses frames
+    where the log goes from MAVLink 2 to 1.)"""
+    log, data = all_messages.MAVLink(None), path.read_bytes()
+    main, frames, at = None, [], 0
+    while at + 9 < len(data):
+        head = {0xFE: 8, 0xFD: 12}.get(data[at + 8])
+        signed = 13 if head == 12 and data[at + 10:at + 11] == b"\1" else 0
+        length = head and 8 + head + data[at + 9] + signed
+        try:
+            message = decoded(log, data[at + 8:at + length], head)
+        except (TypeError, all_messages.MAVError):
+            known = length and data[at + length + 8:at + length + 9] in (b"\xfe", b"\xfd")  # a frame behind it
+            at += length if known else 1
+            continue
+        sender = message.get_srcSystem(), message.get_srcComponent()
+        if message.get_type() == "HEARTBEAT" and message.autopilot != 8 and message.type != 6:
+            main = min(main or sender, sender)
+        frames.append((sender, int.from_bytes(data[at:at + 8], "big") * 1000, message))
+        at += length
+    main = main or (1, 1)
+    for sender, logged, message in frames:
+        kind = message.get_type().replace("UNKNOWN_", "MESSAGE_")
+        end = "" if sender == main else f"@{sender[0]}" if sender[1] == main[1] else f"@{sender[0]}.{sender[1]}"
+        topic = peer.topics[(kind + end, kind)]
+        topic.logged.append(logged)
+        left = len(message.get_payload()) if message.get_msgbuf()[0] == 0xFE else 255
+        for name in getattr(message, "ordered_fieldnames", ()):
+            at = message.fieldnames.index(name)
+            count, raw = message.array_lengths[message.orders[at]], getattr(message, f"_{name}_raw", None)
+            left -= WIDTHS[message.fieldtypes[at]] * max(count, 1)
+            if left >= 0:  # MAVLink 1 has not the fields of MAVLink 2
+                peer.leaves(topic, name, getattr(message, name) if raw is None else zero_ended(raw))
+        topic.messages += 1
+
+
+def decoded(log, frame, head):
+    """The frame, or what its sender made it of, from which a ground station took the zeros at the end of the payload."""
+    try:
+        return log.decode(bytearray(frame))
+    except all_messages.MAVError:
+        definition = all_messages.mavlink_map.get(int.from_bytes(frame[7:10], "little"))
+        left_out = range(1, definition.unpacker.size - frame[1] + 1) if head == 12 and definition else ()
+        for zeros in left_out:
+            with contextlib.suppress(all_messages.MAVError):
+                end = 10 + frame[1]
+                return log.decode(bytearray([frame[0], frame[1] + zeros, *frame[2:end], *bytes(zeros), *frame[end:]]))
+        raise
+
+
+WIDTHS = {f"{sign}int{bits}_t": bits // 8 for sign in ("", "u") for bits in (8, 16, 32, 64)}
+WIDTHS |= {"char": 1, "float": 4, "double": 8, "uint8_t_mavlink_version": 1}
+
+
+def read_ubx(path, peer):
+    """Frames, sentences and corrections; values as they were before pyubx2 scaled them."""
+    with open(path, "rb") as file:
+        for raw, _ in pyubx2.UBXReader(file, protfilter=7, quitonerror=0, parsing=0):
+            if raw[:1] == b"$":
+                sentence(raw[1:-5].decode("latin"), pynmeagps.NMEAReader.parse(raw), peer)
+            elif raw[:1] == b"\xd3":
+                peer.topics[("RTCM3", "RTCM3")].messages += pyrtcm.calc_crc24q(raw) == 0
+            elif pyubx2.calc_checksum(raw[2:-2]) == raw[-2:]:
+                frame(raw, peer)
+
+
+def frame(raw, peer):
+    class_name = pyubx2.UBX_CLASSES.get(raw[2:3], "DBG").replace("DBG", f"0x{raw[2]:02X}")  # DBG is no name of u-blox
+    name = f"{class_name}-0x{raw[3]:02X}"
+    known = pyubx2.UBX_MSGIDS.get(raw[2:4], "")
+    topic = peer.topics[(known, known) if known in UBX_READ else (name, name)]
+    if known in UBX_READ and len(raw) > 8:
+        message = pyubx2.UBXReader.parse(raw, parsebitfield=0)
+        for field, kind in pyubx2.UBX_PAYLOADS_GET[message.identity].items():
+            kind, scale = kind if isinstance(kind, tuple) and not isinstance(kind[1], dict) else (kind, 1)
+            field = field.removesuffix("_bit")
+            value = getattr(message, field, None)
+            if isinstance(value, bytes):
+                value = int.from_bytes(value, "little")
+            if value is not None and not field.startswith("reserved") and not is_beyond(known, field):
+                topic.add(UBX_NAMES.get(field, field), round(value / scale))
+    topic.messages += 1
+
+
+UBX_NAMES = {"second": "sec", "refinfo": "refInfo", "validflags": "valid"}
+# Fields at the end of messages that later protocols added: ours leave them.
+UBX_NEWER = {("NAV-PVT", name) for name in ("flags3", "headVeh", "magDec", "magAcc")}
+# pyubx2 adds up the digits of NAV-HPPOSLLH; these are not compared.
+UBX_PRECISE = set("lon lat height hMSL lonHp latHp heightHp hMSLHp latitude longitude ellipsoid_height".split())
+
+
+def is_beyond(message, field):
+    return (message, field) in UBX_NEWER or (message == "NAV-HPPOSLLH" and field in UBX_PRECISE)
+
+
+UBX_READ = {f"NAV-{m}" for m in "PVT POSLLH VELNED HPPOSLLH SOL ATT STATUS DOP TIMEGPS TIMEUTC".split()}
+UBX_READ |= {"HNR-PVT", "HNR-INS", "HNR-ATT", "TIM-TP", "TIM-TM2"}
+
+
+def read_nmea(path, peer):
+    """Every sentence whose checksum pynmeagps finds right. Its own walk through a file takes those without one too, and
+    comments, and leaves talkers that it does not know."""
+    lines = b"\n".join(line for line in path.read_bytes().split(b"\n") if not line.startswith(b"#"))
+    for found in re.finditer(rb"[$!]([A-Z0-9]{3}[^*$\r\n]*)\*([0-9A-Fa-f]{2})(?=\s|$)", lines):
+        body, told = (part.decode("latin") for part in found.groups())
+        if len(body) > 510 or not body.isprintable() or pynmeagps.calc_checksum(body) != told.upper():
+            continue
+        try:
+            message = pynmeagps.NMEAReader.parse(found.group(0) + b"\r\n")
+        except Exception:
+            message = None
+        sentence(body, message, peer)
+
+
+# Of a sentence the field of each value: a number, (the letter that makes it 1), or (deg,) with its hemisphere behind.
+SENTENCES = {
+    "GGA": {"latitude": ("deg", 2), "longitude": ("deg", 4), "quality": 6, "satellites": 7, "hdop": 8, "altitude": 9,
+            "separation": 11, "age": 13},
+    "GNS": {"latitude": ("deg", 2), "longitude": ("deg", 4), "satellites": 7, "hdop": 8, "altitude": 9,
+            "separation": 10, "age": 11},
+    "RMC": {"valid": ("A", 2), "latitude": ("deg", 3), "longitude": ("deg", 5), "speed": 7, "track": 8},
+    "GLL": {"latitude": ("deg", 1), "longitude": ("deg", 3), "valid": ("A", 6)},
+    "VTG": {"track": 1, "speed": 5},
+    "ZDA": {"day": 2, "month": 3, "year": 4},
+    "HDT": {"heading": 1},
+    "GST": {"latitude_std": 6, "longitude_std": 7, "altitude_std": 8},
+    "PASHR": {"heading": 2, "roll": 4, "pitch": 5, "heave": 6, "roll_std": 7, "pitch_std": 8, "heading_std": 9},
+}
+
+
+def sentence(body, message, peer):
+    fields = body.split(",")
+    address = fields[0]
+    if not re.fullmatch("[A-Z0-9]{3,}", address):
+        address = re.match("P[A-Z0-9]{3}|$", address)[0]  # a text of its maker without a comma
+    if not address:
+        return
+    kind = address if address.startswith("P") or len(address) != 5 else address[2:]
+    topic = peer.topics[(address, kind)]
+    of = lambda index: fields[index] if index < len(fields) else ""
+    for name, where in SENTENCES.get(kind, {}).items():
+        what, index = where if isinstance(where, tuple) else (None, where)
+        if what == "deg":
+            fix = of(SENTENCES[kind].get("valid", ("", 6))[1]) not in ("0", "V") or kind == "GNS"
+            if of(index) and of(index + 1) and (fix or re.match(r"(0?\d\d|1\d\d)[0-5]\d(\.|$)", of(index))):
+                degrees, minutes = of(index).split(".")[0][:-2] or "0", of(index)[of(index).find(".") - 2:]
+                sign = -1 if of(index + 1) in "SW" else 1
+                topic.add(name, float(sign * (Fraction(degrees) + Fraction(minutes) / 60)))
+                theirs = getattr(message, name[:3], None)
+                assert not isinstance(theirs, float) or abs(theirs - topic.columns[name][1][-1]) < 1e-7, (body, theirs)
+        elif what:
+            topic.add(name, float(of(index) == what))
+        elif of(index):
+            topic.add(name, float(of(index)))
+    if kind in ("GGA", "GNS"):
+        altitude, separation = (of(SENTENCES[kind][name]) for name in ("altitude", "separation"))
+        if altitude and separation:
+            topic.add("height", float(altitude) + float(separation))
+    if kind == "RMC" and of(2) == "A" and message and message.date and message.time:
+        moment = datetime.combine(message.date, message.time, timezone.utc)
+        topic.add("utc_ns", round(moment.timestamp() * 10**6) * 1000)
+    topic.messages += 1
+
+
+# Columns of NovAtel's messages as text by its OEM7 manual.
+POSITION = "sol_status pos_type lat lon hgt undulation datum lat_sd lon_sd hgt_sd station diff_age sol_age svs soln_svs"
+SOLUTION = "week seconds {} status"
+INSPVA = "week seconds lat lon hgt north_vel east_vel up_vel roll pitch azimuth status"
+NOVATEL = {"BESTPOS": POSITION, "PSRPOS": POSITION, "BESTGNSSPOS": POSITION, "INSPVA": INSPVA, "INSPVAS": INSPVA,
+           "BESTVEL": "sol_status vel_type latency age hor_spd trk_gnd vert_spd",
+           "INSPOS": SOLUTION.format("lat lon hgt"), "INSVEL": SOLUTION.format("north_vel east_vel up_vel"),
+           "INSATT": SOLUTION.format("roll pitch azimuth")}
+
+
+def read_novatel(path, peer):
+    for line in path.read_text("ascii", "replace").splitlines():
+        header, semicolon, rest = line.partition(";")
+        body, star, _ = rest.rpartition("*")
+        header, fields = header.split(","), next(iter(csv.reader([body], quotechar='"')), [])
+        name = header[0][1:-1]
+        if not (semicolon and star and line[0] in "#%"):
+            continue
+        topic = peer.topics[(name, f"novatel/{name}")]
+        week = 1 if line[0] == "%" else 5
+        names = NOVATEL.get(name, "").split()
+        names += [f"field_{i + 1}" for i in range(len(names), len(fields))]
+        for field, text in [*zip(("header.week", "header.seconds"), header[week:week + 2]), *zip(names, fields)]:
+            if text:
+                topic.add(field, text)
+        topic.messages += 1
+    for topic in peer.topics.values():
+        for rows, cells in topic.columns.values():
+            with contextlib.suppress(ValueError):  # a column of numbers, or of texts
+                cells[:] = [float(cell) for cell in cells]
+
+
 class Ours:
     """What dump_topics says of a log."""
 
@@ -210,7 +411,7 @@ def requests(ours, peer):
     return [[f"{topic}={','.join(names)}" for topic, names in batch.items()] for batch in batches.values()]
 
 
-def unequal(ours, rows, values, my_order, their_order):
+def unequal(ours, rows, values, my_order, their_order, partial):
     """The first row that differs, what we have there, what the reader has. Both in order of time."""
     total, rows = len(my_order), np.asarray(rows)
     if isinstance(ours, list):
@@ -225,6 +426,8 @@ def unequal(ours, rows, values, my_order, their_order):
     theirs, expected = np.zeros(total, mine.dtype), np.zeros(total, bool)
     theirs[rows], expected[rows] = exact.astype(mine.dtype), True
     theirs, expected = theirs[their_order], expected[their_order]
+    if partial:
+        there = there & expected
     same = theirs.view("u8") == mine.view("u8")
     if mine.dtype.kind == "f":
         same |= np.isnan(theirs) & np.isnan(mine)
@@ -265,13 +468,15 @@ def compare(dump, path, ours, peer, keeps_order):
         for name, (at, cells) in topic.columns.items() if key not in peer.undecoded else ():
             values += len(cells)
             if name in columns:
-                wrong = unequal(columns.pop(name), at, cells, *orders)
+                wrong = unequal(columns.pop(name), at, cells, *orders, name in DERIVED)
                 text = wrong and f"{key}.{name}: row {wrong[0]}: {wrong[1]!r}, the reader has {wrong[2]!r}"
             else:
                 text = f"{key}.{name}: absent, the reader has {cells[0]!r}"
             differences += [text] * bool(text)
         if key not in peer.undecoded:
-            differences += [f"{key}.{name}: a column that the reader does not have" for name in columns]
+            said = {name for name, cells in columns.items() if any(cells if isinstance(cells, list) else cells[0])}
+            alone = sorted(name for name in said - DERIVED if not is_beyond(key[1], name))
+            differences += [f"{key}.{name}: a column that the reader does not have" for name in alone]
     why = next(iter(peer.undecoded.values()), "")
     notes = [f"{len(peer.undecoded)} topics by counts, first and last stamp only ({why[:80]})"] * bool(why)
     notes += [f"{peer.not_compared} fields of bytes or elements of long arrays not compared"] * bool(peer.not_compared)
@@ -282,6 +487,10 @@ def compare(dump, path, ours, peer, keeps_order):
 READERS = [
     ("pyulog", {"pyulog": "pyulog"}, (".ulg", ".ulg.zip"), read_ulog, True),
     ("pymavlink", {"dfreader": "pymavlink.DFReader"}, (".bin",), read_dataflash, True),
+    ("pymavlink", {"all_messages": "pymavlink.dialects.v20.all"}, (".tlog",), read_telemetry, True),
+    ("pyubx2", {"pyubx2": "pyubx2", "pynmeagps": "pynmeagps", "pyrtcm": "pyrtcm"}, (".ubx",), read_ubx, True),
+    ("pynmeagps", {"pynmeagps": "pynmeagps"}, (".nmea",), read_nmea, True),
+    ("by hand", {}, (".novatel.txt",), read_novatel, True),
     ("rosbags", {"highlevel": "rosbags.highlevel", "typesys": "rosbags.typesys"}, (".bag", "metadata.yaml"),
      read_ros_bag, False),
     ("mcap", {"reader": "mcap.reader", "ros1": "mcap_ros1.decoder", "ros2": "mcap_ros2.decoder",

@@ -517,8 +517,10 @@ fn attention(record: &FlightRecord) -> Vec<String> {
         reasons.push(format!("{more} more {notices} of damage on the flight's page"));
     }
     if let Some(replay) = &record.replay {
-        if replay.coverage.restarts > 0 {
-            reasons.push(format!("velocity gaps: the compensators started anew {} times", replay.coverage.restarts));
+        match replay.coverage.restarts {
+            0 => {}
+            1 => reasons.push("a velocity gap: the compensators started anew once".to_owned()),
+            restarts => reasons.push(format!("velocity gaps: the compensators started anew {restarts} times")),
         }
         if let Some(share) = valid_share(replay).filter(|share| *share < FEW_VALID) {
             reasons.push(format!("compensated for {:.0} % of the time only", 100.0 * share));

@@ -59,7 +59,7 @@ impl Replaying {
             FlightRecord { log: Some(health), binding: Some(binding), delays: Some(delays), notices, ..draft };
         match done {
             Ok(done) => {
-                draft.notices.extend(done.notices);
+                draft.notices.extend_unsaid(done.notices);
                 let record = FlightRecord { outcome: Outcome::Compensated, replay: Some(done.record), ..draft };
                 Studied { record, track: Some(done.track) }
             }
@@ -73,7 +73,7 @@ impl Replaying {
     /// Decides which delay is removed, removes it, and says what others would have done.
     fn compensated(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<Replay, String> {
         let (settings, decided) = self.pipeline.settings_for(case)?;
-        notices.extend(decided.found.notices);
+        notices.extend_unsaid(decided.found.notices);
         let mut done = replay(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
         done.record.sweep = Sweeper::of(case.flight, &settings).ok().and_then(|sweeper| {
             let pair = &done.record.pair;

@@ -411,11 +411,13 @@ fn write_topic(
         kind.payload(row, &mut payload);
         recording.write(&Entry {
             topic: &topic,
+            original: None,
             encoding: "cdr",
             schema_encoding: "ros2msg",
             schema: kind.definition(),
             logged_ns: *logged_ns,
             published_ns: None,
+            sequence: None,
             payload: &payload,
         })?;
     }

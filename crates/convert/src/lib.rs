@@ -1,10 +1,12 @@
 //! Logs in, other files out.
 //!
-//! [`recover`] writes what is good of a damaged log as MCAP, message by message as it stood in the log.
+//! [`recover`] writes what is good of a damaged log as MCAP, message by message as it stood in the log, or as tables that are
+//! read again as the log is.
 //! [`export`] writes bound channels, or every topic, as Parquet, CSV or MCAP. Both write to a temporary name and rename:
 //! an output is absent, the old one, or the new one, whole. What was recovered is read again before it is called done. The
 //! log is only read: an output that is one of its files is refused, and so is one that is no plain file.
 
+mod anew;
 mod error;
 mod export;
 mod guard;

@@ -1,37 +1,46 @@
 //! A table as messages of ROS 2: a definition (`ros2msg`), and each row as CDR.
 
 use flight::{Notices, Severity};
-use ingest::{Column, ColumnData, Table, TopicInfo};
-use std::collections::BTreeSet;
+use ingest::{Column, ColumnData, PAYLOAD_HEX, Table, TopicInfo};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 /// The definition of a table's rows, and how to write them.
+///
+/// Behind each field stands what the log calls it, as JSON: ROS allows few names, and by the log's own a recovered log is
+/// read again. Of a field that not every row has another one tells which have it.
 pub(crate) struct MessageType<'t> {
     table: &'t Table,
     definition: String,
-    /// Values that the log does not have although the column does; text and integers get a placeholder.
-    absent: u64,
+    /// Columns that have no value in some rows.
+    partial: Vec<&'t Column>,
 }
 
 impl<'t> MessageType<'t> {
     pub(crate) fn of(table: &'t Table) -> MessageType<'t> {
         let mut taken = BTreeSet::new();
         let mut definition = String::from("# Written by flightlag. A field's name in the log stands behind it.\n");
-        let mut absent = 0;
+        let partial: Vec<&Column> = table.columns.iter().filter(|column| absent(column) > 0).collect();
+        let quoted = |path: &str| serde_json::Value::from(path).to_string();
+        let mut names = BTreeMap::new();
         for column in &table.columns {
             let kind = match column.data {
                 ColumnData::F64(_) => "float64",
                 ColumnData::I64(_) => "int64",
                 ColumnData::U64(_) => "uint64",
+                ColumnData::Text(_) if is_payload(column) => "uint8[]",
                 ColumnData::Text(_) => "string",
             };
-            let name = field_name(&column.path, &mut taken);
-            // One line, whatever the log's name holds.
-            let path: String = column.path.chars().filter(|c| !c.is_control()).collect();
-            let _ = writeln!(definition, "{kind} {name} # {path}");
-            absent += column.valid.as_ref().map_or(0, |v| v.iter().filter(|v| !**v).count() as u64);
+            let name = field_name(if is_payload(column) { "payload" } else { &column.path }, &mut taken);
+            let _ = writeln!(definition, "{kind} {name} # {}", quoted(&column.path));
+            names.insert(column.path.as_str(), name);
         }
-        MessageType { table, definition, absent }
+        for Column { path, .. } in &partial {
+            let of = names.get(path.as_str()).map_or("", String::as_str);
+            let name = field_name(&format!("{of}_given"), &mut taken);
+            let _ = writeln!(definition, "bool {name} # given {}", quoted(path));
+        }
+        MessageType { table, definition, partial }
     }
 
     /// The topic as its messages are written: typed, and with a type of a name that ROS allows.
@@ -46,15 +55,12 @@ impl<'t> MessageType<'t> {
 
     /// Says that placeholders were written.
     pub(crate) fn note_absent(&self, notices: &mut Notices) {
-        if self.absent > 0 {
-            let text = "values that the log does not have were written as NaN, 0 or empty text";
-            notices.push(
-                Severity::Info,
-                "absent-values",
-                format!("topic {}", self.table.topic.name),
-                self.absent,
-                text,
-            );
+        let absent = self.partial.iter().copied().map(absent).sum();
+        if absent > 0 {
+            let text = "values that the log does not have were written as NaN, 0 or empty text; fields that end in _given \
+                        say which";
+            let place = format!("topic {}", self.table.topic.name);
+            notices.push(Severity::Info, "absent-values", place, absent, text);
         }
     }
 
@@ -62,19 +68,47 @@ impl<'t> MessageType<'t> {
         self.definition.as_bytes()
     }
 
-    /// A row, little-endian CDR with its header. Absent numbers are NaN, absent integers 0, absent texts empty.
+    /// A row, little-endian CDR with its header. Absent numbers are NaN, absent integers 0, absent texts empty. A message
+    /// without a field is one zero.
     pub(crate) fn payload(&self, row: usize, out: &mut Vec<u8>) {
         out.clear();
         out.extend([0, 1, 0, 0]);
+        if self.table.columns.is_empty() {
+            out.push(0);
+        }
         for column in &self.table.columns {
             match &column.data {
                 ColumnData::F64(_) => number(out, column.number(row).unwrap_or(f64::NAN).to_le_bytes()),
                 ColumnData::I64(_) => number(out, column.integer(row).unwrap_or_default().to_le_bytes()),
                 ColumnData::U64(_) => number(out, column.unsigned(row).unwrap_or_default().to_le_bytes()),
+                ColumnData::Text(_) if is_payload(column) => payload_of(out, column, row),
                 ColumnData::Text(_) => text(out, column, row),
             }
         }
+        out.extend(self.partial.iter().map(|column| u8::from(is_given(column, row))));
     }
+}
+
+/// Rows without a value.
+fn absent(column: &Column) -> u64 {
+    column.valid.as_ref().map_or(0, |valid| valid.iter().filter(|valid| !**valid).count() as u64)
+}
+
+fn is_given(column: &Column, row: usize) -> bool {
+    column.valid.as_ref().is_none_or(|valid| valid.get(row).copied().unwrap_or(false))
+}
+
+/// Bytes of a message that nobody decoded.
+fn is_payload(column: &Column) -> bool {
+    column.path == PAYLOAD_HEX
+}
+
+fn payload_of(out: &mut Vec<u8>, column: &Column, row: usize) {
+    let digits = column.text(row).unwrap_or_default();
+    let byte = |pair: &[u8]| std::str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok());
+    align(out, 4);
+    out.extend((digits.len() as u32 / 2).to_le_bytes());
+    out.extend(digits.as_bytes().chunks_exact(2).map(|pair| byte(pair).unwrap_or_default()));
 }
 
 /// CDR aligns from behind its four bytes of header.
@@ -92,13 +126,14 @@ fn number(out: &mut Vec<u8>, bytes: [u8; 8]) {
 
 fn text(out: &mut Vec<u8>, column: &Column, row: usize) {
     let text = column.text(row).unwrap_or_default();
-    // A zero ends a string in CDR.
-    let text = text.split('\0').next().unwrap_or_default();
     align(out, 4);
     out.extend((text.len() as u32 + 1).to_le_bytes());
     out.extend(text.as_bytes());
     out.push(0);
 }
+
+/// Longer names of fields are cut, for ROS has a bound on names.
+const LONGEST_NAME: usize = 200;
 
 /// Small letters, digits and single underscores, beginning with a letter, and no name twice: `TimeUS` becomes `time_us`.
 fn field_name(path: &str, taken: &mut BTreeSet<String>) -> String {
@@ -114,6 +149,7 @@ fn field_name(path: &str, taken: &mut BTreeSet<String>) -> String {
         }
         before = c;
     }
+    name.truncate(LONGEST_NAME);
     let name = name.trim_end_matches('_');
     let name = if name.starts_with(|c: char| c.is_ascii_alphabetic()) { name.to_owned() } else { format!("f_{name}") };
     let mut free = name.trim_end_matches('_').to_owned();
@@ -139,6 +175,34 @@ fn type_name(topic: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_definition_says_the_names_of_the_log_and_which_values_are_placeholders() {
+        let column = |path: &str, data, valid| Column { path: path.to_owned(), data, valid };
+        let columns = vec![
+            column("TimeUS", ColumnData::U64(vec![u64::MAX, 1]), None),
+            column("gyro[0]", ColumnData::F64(vec![0.5, 0.0]), Some(vec![true, false])),
+            column(PAYLOAD_HEX, ColumnData::Text(vec!["00ff".to_owned(), String::new()]), None),
+        ];
+        let topic = TopicInfo::default();
+        let table = Table { topic, rows: 2, logged_ns: None, published_ns: None, origin: None, columns };
+        let messages = MessageType::of(&table);
+        let lines: Vec<&str> = messages.definition.lines().skip(1).collect();
+        let expected = [
+            r#"uint64 time_us # "TimeUS""#,
+            r#"float64 gyro_0 # "gyro[0]""#,
+            r#"uint8[] payload # "payload_hex""#,
+            r#"bool gyro_0_given # given "gyro[0]""#,
+        ];
+        assert_eq!(lines, expected);
+        let mut bytes = vec![];
+        messages.payload(0, &mut bytes);
+        let head = [&[0, 1, 0, 0][..], &u64::MAX.to_le_bytes(), &0.5_f64.to_le_bytes()].concat();
+        assert_eq!(bytes, [&head[..], &2_u32.to_le_bytes(), &[0, 0xff], &[1]].concat());
+        messages.payload(1, &mut bytes);
+        assert!(f64::from_le_bytes(bytes[12..20].try_into().unwrap()).is_nan());
+        assert_eq!(bytes[20..], [0, 0, 0, 0, 0]);
+    }
 
     #[test]
     fn names_are_such_as_ros_allows_and_differ() {

@@ -2,7 +2,7 @@
 
 use crate::error::ConvertError;
 use flight::{Notices, Severity};
-use ingest::{Extra, TopicInfo};
+use ingest::{Extra, OriginalTopic, TopicInfo};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use std::borrow::Cow;
@@ -72,16 +72,21 @@ impl Content {
 /// A message to write.
 pub(crate) struct Entry<'m> {
     pub(crate) topic: &'m TopicInfo,
+    /// What was its topic in a log whose messages are written anew.
+    pub(crate) original: Option<&'m OriginalTopic>,
     /// Encoding of the messages as MCAP calls it.
     pub(crate) encoding: &'m str,
     pub(crate) schema_encoding: &'m str,
     pub(crate) schema: &'m [u8],
     pub(crate) logged_ns: i64,
     pub(crate) published_ns: Option<i64>,
+    /// Where it stood in its log; counted if it is not said.
+    pub(crate) sequence: Option<u32>,
     pub(crate) payload: &'m [u8],
 }
 
 struct Channel {
+    original: Option<OriginalTopic>,
     schema_encoding: String,
     schema: Vec<u8>,
     id: u16,
@@ -126,17 +131,27 @@ impl Recording {
             0
         });
         let published = entry.published_ns.map_or(logged, |t| u64::try_from(t).unwrap_or_default());
-        let (channel_id, sequence) = self.channel(entry)?;
+        let (channel_id, counted) = self.channel(entry)?;
+        let sequence = entry.sequence.unwrap_or(counted);
         let header = MessageHeader { channel_id, sequence, log_time: logged, publish_time: published };
         self.writer.write_to_known_channel(&header, entry.payload).map_err(failed(&self.path))?;
         self.content.message(&entry.topic.name, logged, entry.payload);
         Ok(())
     }
 
-    /// The channel of a message and its next sequence number.
+    /// Makes known a topic of which there may be no message.
+    pub(crate) fn announce(&mut self, entry: &Entry<'_>) -> Result<(), ConvertError> {
+        self.channel(entry).map(drop)
+    }
+
+    /// The channel of a message and its next sequence number, from 1.
     fn channel(&mut self, entry: &Entry<'_>) -> Result<(u16, u32), ConvertError> {
         let known = self.channels.get_mut(entry.topic);
-        let same = |c: &&mut Channel| c.schema_encoding == entry.schema_encoding && c.schema == entry.schema;
+        let same = |c: &&mut Channel| {
+            c.original.as_ref() == entry.original
+                && c.schema_encoding == entry.schema_encoding
+                && c.schema == entry.schema
+        };
         if let Some(channel) = known.and_then(|all| all.iter_mut().find(same)) {
             channel.sequence = channel.sequence.wrapping_add(1);
             return Ok((channel.id, channel.sequence));
@@ -147,17 +162,19 @@ impl Recording {
         } else {
             self.writer.add_schema(type_name, entry.schema_encoding, entry.schema).map_err(failed(&self.path))?
         };
-        let entries = self.of_topics.get(name).cloned().unwrap_or_default();
+        let mut entries = self.of_topics.get(name).cloned().unwrap_or_default();
+        entries.extend(entry.original.iter().flat_map(|original| original.entries()));
         let id = self.writer.add_channel(schema, name, entry.encoding, &entries).map_err(failed(&self.path))?;
         self.content.extra(&Extra::OfTopic { topic: name, entries: &entries });
         let channel = Channel {
+            original: entry.original.cloned(),
             schema_encoding: entry.schema_encoding.to_owned(),
             schema: entry.schema.to_vec(),
             id,
-            sequence: 0,
+            sequence: 1,
         };
         self.channels.entry(entry.topic.clone()).or_default().push(channel);
-        Ok((id, 0))
+        Ok((id, 1))
     }
 
     /// What stands beside the messages.

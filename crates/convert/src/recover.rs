@@ -1,16 +1,16 @@
 //! What is good of a log, as MCAP.
 
+use crate::anew;
 use crate::error::ConvertError;
 use crate::export::about_tie;
 use crate::guard::may_write;
-use crate::message_type::MessageType;
 use crate::output::Output;
 use crate::recording::{Content, Entry, Recording, Tally};
 use crate::row_time::{self, LogTime, RowTime};
 use flight::{LogHealth, Notices, Severity};
 use ingest::{
-    Extra, FlightUnit, LogKind, LogReader, MapLibrary, McapReader, MessageSink, RawMessage, ReadContext, Select,
-    Selection, Table, TopicInfo,
+    Extra, FlightUnit, LogKind, LogReader, MapLibrary, McapReader, MessageSink, OriginalLog, RawMessage, ReadContext,
+    Select, Selection, TopicInfo,
 };
 use serde_json::{Value, json};
 use std::cell::RefCell;
@@ -76,9 +76,11 @@ impl Recovered {
 /// MCAP, ROS 1 and ROS 2 bags are copied message by message with their definitions; the topics of other formats
 /// become one typed topic each. Their rows keep their order and the log's own stamps, which run on where a count of 32 bits
 /// began anew. Rows that nobody logged (a receiver's own output, tables of text) have the best time that they hold
-/// themselves, UTC where `library` says how, or if there is none their place in the log; a notice says which. Attachments, metadata and what is said of topics are carried over; parameters, information
-/// and texts of a ULog become metadata. Metadata `flightlag-recover` say where it all came from and what was lost on the
-/// way. Damage of the log is no error.
+/// themselves, UTC where `library` says how, or if there is none the first time or their place in the log; a notice says
+/// which. Messages that are intact and not decoded are carried as bytes or text. Attachments, metadata and what is said of
+/// topics are carried over; parameters, information and texts of a ULog become metadata. What was rewritten says what it was,
+/// so that reading the output gives what reading the log gives ([`ingest::OriginalTopic`]). Metadata `flightlag-recover` say
+/// where it all came from and what was lost on the way. Damage of the log is no error.
 ///
 /// # Errors
 /// [`ConvertError::Refused`] if `out` is a file of the log or no plain file, [`ConvertError::Log`] if nothing of the log can
@@ -96,13 +98,18 @@ pub fn recover(
     let mut log = ingest::open(unit).read(&taker, context)?;
     let mut recording = taker.into_recording()?;
     let how = if log.tables.is_empty() { How::Copied } else { How::Rewritten };
-    let mut notices = std::mem::take(&mut log.notices);
+    let mut notices = log.notices.clone();
     let times = if how == How::Rewritten { Some(row_time::of_log(&log, library)?) } else { None };
     times.iter().for_each(|t| t.note_run_on(&mut notices));
     let log_times: Vec<LogTime> = times.iter().flat_map(|t| &t.tables).map(RowTime::as_logged).collect();
     let names = log.tables.iter().map(|table| table.topic.name.as_str());
     let said_of_times = row_time::tell(names.zip(&log_times), &mut notices);
-    write_tables(&log.tables, &log_times, &mut recording, &mut notices)?;
+    if let Some(times) = &times {
+        anew::write(&log, times, &log_times, &mut recording, &mut notices)?;
+    } else if let Some(lost) = OriginalLog::lost(&log) {
+        let (name, entries) = lost.metadata();
+        recording.extra(&Extra::Metadata { name, entries: &entries })?;
+    }
     log.tables.clear();
     if recording.content.topics.is_empty() && recording.content.extras.is_empty() {
         return Err(ConvertError::Nothing(format!("{}: no intact message in it", unit.id)));
@@ -190,11 +197,13 @@ impl MessageSink for Taker {
         self.write(|recording| {
             recording.write(&Entry {
                 topic: message.topic,
+                original: None,
                 encoding: &message.topic.encoding,
                 schema_encoding: message.schema_encoding,
                 schema: message.schema,
                 logged_ns: message.logged_ns,
                 published_ns: message.published_ns,
+                sequence: None,
                 payload: message.payload,
             })
         });
@@ -203,43 +212,6 @@ impl MessageSink for Taker {
     fn extra(&self, extra: &Extra<'_>) {
         self.write(|recording| recording.extra(extra));
     }
-}
-
-/// Writes the rows of all tables in the order of their time, and those of one table in the order of the log.
-fn write_tables(
-    tables: &[Table],
-    times: &[LogTime],
-    recording: &mut Recording,
-    notices: &mut Notices,
-) -> Result<(), ConvertError> {
-    let types: Vec<MessageType<'_>> = tables.iter().map(MessageType::of).collect();
-    // The latest time so far, table, row, time.
-    let mut order: Vec<(i64, u32, u32, i64)> = vec![];
-    for (number, (time, kind)) in (0_u32..).zip(times.iter().zip(&types)) {
-        let mut latest = i64::MIN;
-        order.extend(time.nanos.iter().zip(0_u32..).map(|(&t, row)| {
-            latest = latest.max(t);
-            (latest, number, row, t)
-        }));
-        kind.note_absent(notices);
-    }
-    order.sort_unstable();
-    let topics: Vec<TopicInfo> = types.iter().map(MessageType::topic).collect();
-    let mut payload = vec![];
-    for (_, number, row, logged_ns) in order {
-        let (Some(topic), Some(kind)) = (topics.get(number as usize), types.get(number as usize)) else { continue };
-        kind.payload(row as usize, &mut payload);
-        recording.write(&Entry {
-            topic,
-            encoding: "cdr",
-            schema_encoding: "ros2msg",
-            schema: kind.definition(),
-            logged_ns,
-            published_ns: None,
-            payload: &payload,
-        })?;
-    }
-    Ok(())
 }
 
 /// Reads the output from its first byte to its last, and compares.

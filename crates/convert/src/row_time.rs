@@ -37,7 +37,9 @@ enum Basis {
     Log(Clock),
     /// Fields of the rows.
     Fields(Clock, String),
-    /// Nothing says when a row was: its line or number, as nanoseconds.
+    /// Nothing says when a row was, but of other tables something does: the first time in the log.
+    Begin,
+    /// Nothing says when any row was: its line or number, as nanoseconds.
     Order,
 }
 
@@ -62,7 +64,12 @@ pub(crate) fn of_log(log: &Log, library: &MapLibrary) -> Result<LogTimes, Conver
     let RowTimes { tables, utc } = row_times(log, library)?;
     let (logged, run_on) = logged(log);
     let time = |((table, fields), logged)| RowTime::of(table, logged, fields, utc.as_ref());
-    let tables = log.tables.iter().zip(tables).zip(logged).map(time).collect();
+    let mut tables: Vec<RowTime> = log.tables.iter().zip(tables).zip(logged).map(time).collect();
+    let begin =
+        tables.iter().filter(|t| t.basis != Basis::Order).filter_map(|t| t.in_utc().nanos.into_iter().min()).min();
+    for time in tables.iter_mut().filter(|t| t.basis == Basis::Order) {
+        time.begin_at(begin);
+    }
     Ok(LogTimes { tables, utc, run_on })
 }
 
@@ -115,6 +122,19 @@ impl RowTime {
         RowTime { basis, own_ns, utc_ns }
     }
 
+    /// Puts rows that nothing times at the begin of the log, if that is known.
+    fn begin_at(&mut self, begin: Option<i64>) {
+        if let Some(begin) = begin {
+            self.basis = Basis::Begin;
+            self.own_ns.fill(Some(begin));
+        }
+    }
+
+    /// Clock of the stamps that the container has of the rows.
+    pub(crate) fn logged_by(&self) -> Option<Clock> {
+        if let Basis::Log(clock) = self.basis { Some(clock) } else { None }
+    }
+
     /// UTC of each row, unless the container's stamps say it or nothing does.
     pub(crate) fn utc_beside(&self) -> Option<&[Option<i64>]> {
         if self.basis == Basis::Log(Clock::Unix) { None } else { self.utc_ns.as_deref() }
@@ -138,7 +158,7 @@ impl RowTime {
 
     fn log_time(&self, nanos: &[Option<i64>], how: String) -> LogTime {
         let (nanos, lent) = lend(nanos);
-        let (by_order, as_logged) = (self.basis == Basis::Order, matches!(self.basis, Basis::Log(_)));
+        let (by_order, as_logged) = (self.basis.clock().is_none(), matches!(self.basis, Basis::Log(_)));
         LogTime { nanos, how, lent, by_order, as_logged }
     }
 }
@@ -147,7 +167,7 @@ impl Basis {
     fn clock(&self) -> Option<Clock> {
         match self {
             Basis::Log(clock) | Basis::Fields(clock, _) => Some(*clock),
-            Basis::Order => None,
+            Basis::Begin | Basis::Order => None,
         }
     }
 
@@ -155,6 +175,7 @@ impl Basis {
         match self {
             Basis::Log(_) => "the log's stamps",
             Basis::Fields(_, source) => source,
+            Basis::Begin => "the first time in the log",
             Basis::Order => "the order of the rows",
         }
     }
@@ -167,6 +188,7 @@ impl Basis {
         match self.clock() {
             Some(Clock::Unix) => self.in_utc(),
             Some(clock) => format!("{}, clock {clock}, not UTC", self.source()),
+            None if *self == Basis::Begin => format!("{}: nothing says when they were", self.source()),
             None => "the order of the rows alone, counted in nanoseconds: nothing says when they were".to_owned(),
         }
     }

@@ -58,6 +58,15 @@ impl Notices {
         self.0.extend(other.0);
     }
 
+    /// Takes over what is not said yet: two studies of one channel find the same in it.
+    pub fn extend_unsaid(&mut self, other: Notices) {
+        for notice in other.0 {
+            if !self.0.contains(&notice) {
+                self.0.push(notice);
+            }
+        }
+    }
+
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &Notice> {
         self.0.iter()
@@ -85,6 +94,19 @@ impl Notices {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_said_already_is_not_said_again() {
+        let gap = |count| {
+            let mut notices = Notices::new();
+            notices.push(Severity::Warning, "gap-split", "velocity.gps", count, "the record is cut there");
+            notices
+        };
+        let mut notices = gap(2);
+        notices.extend_unsaid(gap(2));
+        notices.extend_unsaid(gap(3));
+        assert_eq!(notices.iter().map(|n| n.count).collect::<Vec<_>>(), [2, 3]);
+    }
 
     #[test]
     fn only_a_loss_marks_a_flight_as_lossy() {

@@ -2,13 +2,16 @@
 
 mod attitude;
 mod clocks;
+mod conditions;
 mod counted;
+mod dated;
 mod order;
 mod restarts;
 mod rows;
 mod stamps;
 mod stated;
 mod times;
+mod told;
 mod trial;
 
 pub use self::times::{RowTimes, TableTimes, row_times};
@@ -56,6 +59,11 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
 fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined>, forced: bool) -> (Flight, Binding) {
     let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
     let mut channels = vec![];
+    for (name, said) in &best.unknown {
+        let text = format!("channel {name} is not bound: the log says {said}, which the channel map does not know");
+        flight.notices.push(Severity::Warning, "unknown-remark", "", 1, text);
+    }
+    told::note_stamps(&best.plans, &mut flight.notices);
     for plan in &best.plans {
         let bound = bind_rows(plan);
         flight.notices.extend(bound.notices);
@@ -101,7 +109,7 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
     );
     notices.push(Severity::Info, "utc-tie", "", tie.pairs, text);
     for repair in &tied.repairs {
-        notices.push(Severity::Warning, repair.code, &tie.source, repair.count, repair.text);
+        notices.push(repair.severity, repair.code, &tie.source, repair.count, &*repair.text);
     }
     if tie.outliers > 0 {
         let text = "messages that date the clock are more than a second off the others and are not used";
@@ -114,10 +122,7 @@ fn note_back_jumps(channels: &[ChannelHealth], notices: &mut Notices) {
     let jumps = |c: &ChannelHealth| c.stamps.as_ref().map_or(0, |s| s.back_jumps);
     let back: Vec<&ChannelHealth> = channels.iter().filter(|c| jumps(c) > 0).collect();
     let Some(first) = back.first() else { return };
-    let which = match back.len() {
-        1 => format!("channel {}", first.name),
-        several => format!("{several} channels, the first {}", first.name),
-    };
+    let which = told::which(&first.name, back.len());
     let topics: BTreeSet<&str> = back.iter().map(|c| c.source.topic.as_str()).collect();
     let place = match topics.len() {
         1 => first.source.topic.clone(),
@@ -127,6 +132,8 @@ fn note_back_jumps(channels: &[ChannelHealth], notices: &mut Notices) {
     notices.push(Severity::Warning, "back-jump", place, back.iter().copied().map(jumps).sum(), text);
 }
 
+/// A driver fills in what its sensor does not have, say with zeros: a channel of a bench without one usable row is no reason
+/// to warn of a flight.
 fn no_rows(health: &ChannelHealth, notices: &mut Notices) {
     let reasons: Vec<String> = health.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
     let text = format!("channel {} has no usable row: {}", health.name, reasons.join(", "));

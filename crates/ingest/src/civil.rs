@@ -169,8 +169,8 @@ fn offset_seconds(text: &str) -> Option<i32> {
     (minutes < 60).then_some(sign * (i32::from(hours) * 3600 + i32::from(minutes) * 60))
 }
 
-/// A date whose order is certain: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `dd.mm.yyyy`, for points stand only behind a
-/// day that comes first, or with the month in English letters, `dd-Mon-yyyy` or `dd Mon yyyy`.
+/// A date whose order is certain: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, or with the month in English letters,
+/// `dd-Mon-yyyy` or `dd Mon yyyy`.
 pub(crate) fn plain_date(text: &str) -> Option<Date> {
     if let Some(date) = named_month(text) {
         return Some(date);
@@ -179,11 +179,6 @@ pub(crate) fn plain_date(text: &str) -> Option<Date> {
         let (year, rest) = text.split_at_checked(4)?;
         let (month, day) = rest.split_at_checked(2)?;
         return iso_date(&format!("{year}-{month}-{day}"));
-    }
-    if let Some((day, rest)) = text.split_once('.') {
-        let (month, year) = rest.split_once('.')?;
-        let two = |part: &str| if part.len() == 1 { format!("0{part}") } else { part.to_owned() };
-        return iso_date(&format!("{year}-{}-{}", two(month), two(day)));
     }
     iso_date(text).or_else(|| iso_date(&text.replace('/', "-")))
 }
@@ -209,45 +204,75 @@ pub(crate) fn iso_date(text: &str) -> Option<Date> {
     Date::new(i16::try_from(unsigned(year)?).ok()?, two_digits(month)?, two_digits(day)?).ok()
 }
 
-/// Which number of `a/b/yyyy` is the day.
+/// The order of day, month and year in dates whose writing leaves it open: `05/06/2021`, `5-6-2021`, `05.06.21`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum SlashDate {
+pub(crate) enum DateOrder {
     /// `23/06/2021`.
-    DayFirst,
+    DayMonthYear,
     /// `06/23/2021`.
-    MonthFirst,
+    MonthDayYear,
+    /// `21/06/23`.
+    YearMonthDay,
 }
 
-impl SlashDate {
-    /// What the dates of a whole column say. `None` if no number above 12 tells, or two disagree:
-    /// then nobody can know.
-    pub(crate) fn of<'a>(dates: impl Iterator<Item = &'a str>) -> Option<SlashDate> {
-        let (mut day_first, mut month_first) = (false, false);
-        for (a, b, _) in dates.filter_map(slash_parts) {
-            day_first |= a > 12;
-            month_first |= b > 12;
-        }
-        match (day_first, month_first) {
-            (true, false) => Some(SlashDate::DayFirst),
-            (false, true) => Some(SlashDate::MonthFirst),
-            _ => None,
+impl DateOrder {
+    const ALL: [DateOrder; 3] = [DateOrder::DayMonthYear, DateOrder::MonthDayYear, DateOrder::YearMonthDay];
+
+    /// What it begins with.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            DateOrder::DayMonthYear => "day",
+            DateOrder::MonthDayYear => "month",
+            DateOrder::YearMonthDay => "year",
         }
     }
 
-    /// The date, if it is one.
+    /// What the dates of a whole column show, and the one that shows it; `None` if none of them is open. Points stand only
+    /// behind a day that comes first.
+    ///
+    /// # Errors
+    /// An open date of which nobody can know what it means.
+    pub(crate) fn shown_by<'a>(dates: impl Iterator<Item = &'a str>) -> Result<Option<(DateOrder, &'a str)>, &'a str> {
+        let (mut left, mut telling, mut last) = (DateOrder::ALL.to_vec(), None, "");
+        for text in dates {
+            if std::mem::replace(&mut last, text) == text {
+                continue;
+            }
+            let fits = |order: &DateOrder| {
+                order.date(text).is_some() && (*order == DateOrder::DayMonthYear || !text.contains('.'))
+            };
+            if DateOrder::ALL.iter().any(fits) {
+                let before = left.len();
+                left.retain(fits);
+                let shows = left.len() < before || telling.is_none();
+                telling = if shows { Some(text) } else { telling };
+            }
+        }
+        match (telling, left.as_slice()) {
+            (None, _) => Ok(None),
+            (Some(text), [order]) => Ok(Some((*order, text))),
+            (Some(text), _) => Err(text),
+        }
+    }
+
+    /// The date, if it is an open one and has this order. Years of two digits are those from 1980 to 2079.
     pub(crate) fn date(self, text: &str) -> Option<Date> {
-        let (a, b, year) = slash_parts(text)?;
-        let (month, day) = if self == SlashDate::DayFirst { (b, a) } else { (a, b) };
-        Date::new(year, month, day).ok()
+        let mut parts = text.split(text.chars().find(|c| matches!(c, '/' | '-' | '.'))?);
+        let parts = [parts.next()?, parts.next()?, parts.next().filter(|_| parts.next().is_none())?];
+        let [day, month, year] = match (self, parts) {
+            (DateOrder::DayMonthYear, [day, month, year]) | (DateOrder::MonthDayYear, [month, day, year]) => {
+                [day, month, year]
+            }
+            (DateOrder::YearMonthDay, [year, month, day]) => [day, month, year],
+        };
+        let small = |part: &str| i8::try_from(unsigned(part).filter(|_| part.len() < 3)?).ok();
+        let year = match (year.len(), self) {
+            (4, DateOrder::DayMonthYear | DateOrder::MonthDayYear) => i16::try_from(unsigned(year)?).ok()?,
+            (2, _) => Some(i16::from(small(year)?)).map(|year| if year < 80 { 2000 + year } else { 1900 + year })?,
+            _ => return None,
+        };
+        Date::new(year, small(month)?, small(day)?).ok()
     }
-}
-
-fn slash_parts(text: &str) -> Option<(i8, i8, i16)> {
-    let mut parts = text.split('/');
-    let small = |part: Option<&str>| part.filter(|p| p.len() < 3).and_then(unsigned).and_then(|v| i8::try_from(v).ok());
-    let (a, b) = (small(parts.next())?, small(parts.next())?);
-    let year = parts.next().filter(|y| y.len() == 4).and_then(unsigned)?;
-    parts.next().is_none().then_some((a, b, i16::try_from(year).ok()?))
 }
 
 #[cfg(test)]
@@ -309,17 +334,41 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_slash_dates_is_what_the_whole_column_says() {
-        assert_eq!(SlashDate::of(["05/06/2021", "23/06/2021"].into_iter()), Some(SlashDate::DayFirst));
-        assert_eq!(SlashDate::of(["06/05/2021", "06/23/2021"].into_iter()), Some(SlashDate::MonthFirst));
-        assert_eq!(SlashDate::of(["05/06/2021"].into_iter()), None);
-        assert_eq!(SlashDate::of(["05/16/2021", "23/06/2021"].into_iter()), None);
-        assert_eq!(SlashDate::DayFirst.date("23/06/2021"), iso_date("2021-06-23"));
+    fn the_order_of_open_dates_is_what_the_whole_column_shows() {
+        let shown =
+            |dates: &[&str]| DateOrder::shown_by(dates.iter().copied()).map(|o| o.map(|o| o.0)).map_err(str::to_owned);
+        assert_eq!(shown(&["05/06/2021", "23/06/2021"]), Ok(Some(DateOrder::DayMonthYear)));
+        assert_eq!(shown(&["06-05-2021", "", "06-23-2021", "n/a", "06-05-2021"]), Ok(Some(DateOrder::MonthDayYear)));
+        assert_eq!(shown(&["05.06.2021"]), Ok(Some(DateOrder::DayMonthYear)));
+        assert_eq!(shown(&["05.06.21"]), Ok(Some(DateOrder::DayMonthYear)));
+        assert_eq!(shown(&["85/06/05"]), Ok(Some(DateOrder::YearMonthDay)));
+        assert_eq!(shown(&["2021-06-05", "20210605", "5 Jun 2021", ""]), Ok(None));
+        // Nobody can know; two disagree; day or year.
+        for unclear in
+            [&["05/06/2021"][..], &["05/16/2021", "23/06/2021"], &["23/06/21"], &["05.06.2021", "06/23/2021"]]
+        {
+            assert!(shown(unclear).is_err(), "{unclear:?}");
+        }
+    }
+
+    #[test]
+    fn an_open_date_is_read_in_its_order_or_not_at_all() {
+        let day = iso_date("2021-06-05");
+        for text in ["05/06/2021", "5-6-2021", "05.06.2021", "5.6.21", "05/06/21"] {
+            assert_eq!(DateOrder::DayMonthYear.date(text), day, "{text}");
+        }
+        assert_eq!(DateOrder::MonthDayYear.date("06/05/2021"), day);
+        assert_eq!(DateOrder::YearMonthDay.date("21-06-05"), day);
+        assert_eq!(DateOrder::DayMonthYear.date("05/06/99"), iso_date("1999-06-05"));
+        for none in ["2021/06/05", "05/06/021", "31/02/2021", "05/06-2021", "5/6", "5/6/21/1", "٥/6/2021", "-5/6/2021"]
+        {
+            assert_eq!(DateOrder::DayMonthYear.date(none), None, "{none}");
+        }
     }
 
     #[test]
     fn a_date_whose_order_is_certain_is_read_in_every_way_to_write_it() {
-        for text in ["2021-06-05", "2021/06/05", "20210605", "05.06.2021", "5.6.2021", "05-Jun-2021", "5 JUN 2021"] {
+        for text in ["2021-06-05", "2021/06/05", "20210605", "05-Jun-2021", "5 JUN 2021"] {
             assert_eq!(plain_date(text), iso_date("2021-06-05"), "{text}");
         }
         for text in [
@@ -328,7 +377,7 @@ mod tests {
             "2021.06.05",
             "210605",
             "2021-6-5",
-            "05.06.21",
+            "05.06.2021",
             "２０２1",
             "5-Juni-2021",
             "05-Jun-21",

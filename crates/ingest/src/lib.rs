@@ -27,7 +27,8 @@ pub use bind::{RowTimes, TableTimes, bind, row_times};
 pub use discover::{Discovery, FlightUnit, discover};
 pub use error::IngestError;
 pub use format::{
-    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader, inert,
+    BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, OriginalLog, OriginalTopic, TlogReader,
+    UbxReader, UlogReader, inert,
 };
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
@@ -39,4 +40,4 @@ pub use reader::{
     Selection, StatedUnit, ValueKind,
 };
 pub use sniff::LogKind;
-pub use table::{Column, ColumnData, Table, TopicInfo};
+pub use table::{Column, ColumnData, PAYLOAD_HEX, Table, TopicInfo};

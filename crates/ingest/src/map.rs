@@ -1,10 +1,10 @@
 //! Channel maps as they are meant: checked, with units and patterns resolved.
 
-use crate::civil::Tick;
+use crate::civil::{DateOrder, Tick};
 use crate::error::IngestError;
 use crate::map_schema::{
     self, ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
-    QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, UtcEntry,
+    OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, UtcEntry, WhenEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
@@ -89,6 +89,7 @@ pub(crate) struct ChannelRule {
     pub(crate) require: Vec<RequireEntry>,
     pub(crate) height_above: Option<HeightAbove>,
     pub(crate) note: Option<String>,
+    pub(crate) when: Option<WhenEntry>,
 }
 
 /// One number that a channel is made of.
@@ -153,6 +154,8 @@ pub(crate) enum AttitudeFrame {
     FluEnu,
     /// Forward, left, up to north, west, up.
     FluNwu,
+    /// Forward, left, up to north, east, down.
+    FluNed,
 }
 
 /// Where stamps are read from.
@@ -179,6 +182,8 @@ pub(crate) enum TimeSource {
         date: String,
         time: String,
         offset: Option<String>,
+        /// Of dates that leave it open; `None` if they are to show it.
+        order: Option<DateOrder>,
     },
     /// Year, month, day, hour, minute, second, and perhaps nanoseconds.
     Calendar {
@@ -241,11 +246,20 @@ impl ChannelRule {
         closeness(&self.topics, &self.types, topic)
     }
 
+    /// What is to be decoded of another topic, for conditions on messages of the same epoch.
+    fn requests_of<'r>(&'r self, topic: &'r TopicInfo) -> impl Iterator<Item = FieldRequest> + 'r {
+        let number = |path: &String| FieldRequest { path: path.clone(), kind: ValueKind::Number };
+        let require = self.require.iter().filter(|r| r.of.contains(&topic.name));
+        require.flat_map(move |r| [Some(&r.field), r.same.as_ref()].into_iter().flatten().map(number))
+    }
+
     /// What is to be decoded for it.
     pub(crate) fn requests(&self) -> impl Iterator<Item = FieldRequest> {
         let number = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
         let parts = self.parts.iter().flat_map(|p| &p.fields).map(move |(path, _)| number(path));
-        let require = self.require.iter().map(move |r| number(&r.field));
+        let require =
+            self.require.iter().filter_map(|r| if r.of.is_empty() { Some(&r.field) } else { r.same.as_ref() });
+        let require = require.map(move |path| number(path));
         let times = self.times.iter().flat_map(|(_, sources)| sources).flat_map(TimeSource::requests);
         parts.chain(require).chain(times)
     }
@@ -317,7 +331,7 @@ impl TimeSource {
                 fields.iter().chain(counter).map(|f| ask(f, ValueKind::Number)).collect()
             }
             TimeSource::Iso { field } => vec![ask(field, ValueKind::Text)],
-            TimeSource::Civil { date, time, offset } => [Some(date), Some(time), offset.as_ref()]
+            TimeSource::Civil { date, time, offset, order: _ } => [Some(date), Some(time), offset.as_ref()]
                 .into_iter()
                 .flatten()
                 .map(|f| ask(f, ValueKind::Text))
@@ -369,8 +383,8 @@ fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     (bare.ends_with(&pattern) && at_boundary && telling).then_some((u8::from(front > 0), instance, front))
 }
 
-/// All channel maps that may be taken.
-#[derive(Debug, Clone)]
+/// All channel maps that may be taken. The default has none: enough to read a log whose fields one can name.
+#[derive(Debug, Clone, Default)]
 pub struct MapLibrary {
     maps: Vec<ChannelMap>,
 }
@@ -381,7 +395,7 @@ impl MapLibrary {
     /// # Errors
     /// [`IngestError::BadMap`]; a test makes sure that this does not happen.
     pub fn shipped() -> Result<MapLibrary, IngestError> {
-        let mut library = MapLibrary { maps: vec![] };
+        let mut library = MapLibrary::default();
         for (name, text) in SHIPPED {
             library.add(ChannelMap::from_toml(Path::new(name), text)?);
         }
@@ -464,7 +478,8 @@ impl Select for MapSelect<'_> {
         let rules = self.maps.iter().flat_map(|m| &m.rules);
         let ties = self.maps.iter().flat_map(|m| &m.ties);
         let mut fields: Vec<FieldRequest> =
-            rules.filter(|r| r.meets(topic).is_some()).flat_map(ChannelRule::requests).collect();
+            rules.clone().filter(|r| r.meets(topic).is_some()).flat_map(ChannelRule::requests).collect();
+        fields.extend(rules.flat_map(|r| r.requests_of(topic)));
         fields.extend(ties.filter(|t| t.meets(topic).is_some()).flat_map(TieRule::requests));
         fields.sort();
         fields.dedup();
@@ -491,7 +506,7 @@ impl ChannelMap {
             let line = 1 + text.bytes().take(entry.span().start).filter(|b| *b == b'\n').count();
             let entry = entry.get_ref();
             let rule = rule_of(entry, &file).map_err(|what| bad(line, format!("channel {}: {what}", entry.name)))?;
-            if rules.iter().any(|r| r.name == rule.name) {
+            if rules.iter().any(|r| r.name == rule.name && !excludes(r, &rule)) {
                 return Err(bad(line, format!("channel {} is there twice", rule.name)));
             }
             rules.push(rule);
@@ -513,6 +528,11 @@ impl ChannelMap {
     }
 }
 
+/// Whether a log never holds both, for a remark of it says one thing only.
+fn excludes(a: &ChannelRule, b: &ChannelRule) -> bool {
+    a.when.as_ref().zip(b.when.as_ref()).is_some_and(|(a, b)| a.remark == b.remark && a.says != b.says)
+}
+
 fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> {
     let (combine, parts) = recipe(entry.quantity, &entry.fields, entry.frame)?;
     let times = times_of(entry.time.as_ref().unwrap_or(&file.time))?;
@@ -522,6 +542,9 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
     for require in &entry.require {
         if require.min.is_none() && require.max.is_none() {
             return Err(format!("require {}: neither min nor max", require.field));
+        }
+        if require.of.is_empty() != require.same.is_none() {
+            return Err(format!("require {}: `of` goes with `same`", require.field));
         }
     }
     Ok(ChannelRule {
@@ -554,6 +577,7 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
         require: entry.require.clone(),
         height_above: entry.height_above,
         note: entry.note.clone(),
+        when: entry.when.clone(),
     })
 }
 
@@ -641,7 +665,8 @@ fn attitude(f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Sl
         Some(FrameName::FrdNed) => AttitudeFrame::FrdNed,
         Some(FrameName::FluEnu) => AttitudeFrame::FluEnu,
         Some(FrameName::FluNwu) => AttitudeFrame::FluNwu,
-        _ => return Err("an attitude needs a frame: frd-ned, flu-enu or flu-nwu".into()),
+        Some(FrameName::FluNed) => AttitudeFrame::FluNed,
+        _ => return Err("an attitude needs a frame: frd-ned, flu-enu, flu-nwu or flu-ned".into()),
     };
     if f.roll.is_some() || f.pitch.is_some() || f.yaw.is_some() {
         let turns = [slot("roll", Angle, &f.roll), slot("pitch", Angle, &f.pitch), slot("yaw", Angle, &f.yaw)];
@@ -745,6 +770,9 @@ fn times_of(table: &TimeTable) -> Result<[(StampKind, Vec<TimeSource>); 3], Stri
 }
 
 fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
+    if entry.require.iter().any(|r| !r.of.is_empty()) {
+        return Err("a condition is one on the message itself".into());
+    }
     let (stamp, utc) = (time_source(&entry.stamp)?, time_source(&entry.utc)?);
     let clock = stamp.clock();
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
@@ -765,8 +793,16 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         ClockName::Elapsed => Clock::Elapsed,
     });
     let entry = entry.clone();
-    let TimeEntry { container, field, unit, text, week, nanos, calendar, counter, date, time, offset, clock: _ } =
+    let TimeEntry { container, field, unit, text, week, nanos, calendar, counter, date, order, time, offset, clock: _ } =
         entry;
+    if order.is_some() && date.is_none() {
+        return Err("an order goes with a date".into());
+    }
+    let order = order.map(|order| match order {
+        OrderName::DayMonthYear => DateOrder::DayMonthYear,
+        OrderName::MonthDayYear => DateOrder::MonthDayYear,
+        OrderName::YearMonthDay => DateOrder::YearMonthDay,
+    });
     if nanos.is_some() && week.is_none() {
         return Err("nanos go with a week".into());
     }
@@ -790,7 +826,7 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         }
         (None, Some(field), None, Some(_), None, None, None, None, None) if of_utc => Ok(TimeSource::Iso { field }),
         (None, None, None, None, None, None, Some(date), Some(time), offset) if of_utc => {
-            Ok(TimeSource::Civil { date, time, offset })
+            Ok(TimeSource::Civil { date, time, offset, order })
         }
         (None, None, None, None, None, Some(fields), None, None, None) if of_utc => match fields.len() {
             6 | 7 => Ok(TimeSource::Calendar { fields, counter: counter.map(|c| (c.field, tick_of(c.unit))) }),

@@ -1,6 +1,7 @@
 //! A channel map as its author writes it. Every struct refuses fields that it does not know.
 
 use crate::error::IngestError;
+use crate::reader::Log;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
@@ -82,9 +83,11 @@ pub(crate) struct TimeEntry {
     /// With a calendar: a counter of the device, which dates rows that have no date, or one that is more than a day off
     /// those of most rows.
     pub(crate) counter: Option<CounterEntry>,
-    /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd` or `dd.mm.yyyy`; or day and month with slashes where
-    /// the column shows the order.
+    /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `dd.mm.yyyy` or `dd-Mon-yyyy`; or one that leaves open
+    /// what is the day, as `05/06/2021`, where the column shows the order or `order` says it.
     pub(crate) date: Option<String>,
+    /// With a date: the order of day, month and year.
+    pub(crate) order: Option<OrderName>,
     /// Column of a time of day, `hh:mm:ss`.
     pub(crate) time: Option<String>,
     /// Column of the offset from UTC, `+hh:mm`.
@@ -137,6 +140,18 @@ pub(crate) enum TimeText {
     /// `2024-05-10T17:27:44.30Z`; without a zone it is UTC.
     #[serde(rename = "iso-8601")]
     Iso8601,
+}
+
+/// What a date begins with.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum OrderName {
+    /// `23/06/2021`.
+    DayMonthYear,
+    /// `06/23/2021`.
+    MonthDayYear,
+    /// `21/06/23`.
+    YearMonthDay,
 }
 
 /// A clock.
@@ -211,6 +226,8 @@ pub(crate) enum FrameName {
     FluEnu,
     /// Of an attitude: it turns forward, left, up to north, west, up (Xsens until 2012).
     FluNwu,
+    /// Of an attitude: it turns forward, left, up to north, east, down.
+    FluNed,
 }
 
 /// What a height is above.
@@ -254,6 +271,33 @@ pub(crate) struct ChannelEntry {
     pub(crate) height_above: Option<HeightAbove>,
     /// An assumption that whoever reads the report should know.
     pub(crate) note: Option<String>,
+    /// What a remark of the log says of it. Channels of one name that go by one remark exclude one another.
+    pub(crate) when: Option<WhenEntry>,
+}
+
+/// A remark of the log itself, as a comment `// Coordinate system: NED` above a table of text.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct WhenEntry {
+    /// What stands before the colon.
+    pub(crate) remark: String,
+    /// What stands behind it; without it the channel is that of logs that have no such remark.
+    pub(crate) says: Option<String>,
+}
+
+impl WhenEntry {
+    /// Whether the log is one of those that the channel is made for.
+    pub(crate) fn met_by(&self, log: &Log) -> bool {
+        self.said_by(log) == self.says.as_deref()
+    }
+
+    /// What the log says; `None` if nothing, or if its files disagree.
+    pub(crate) fn said_by<'l>(&self, log: &'l Log) -> Option<&'l str> {
+        let remarks = log.health.extras.iter().filter_map(|extra| extra.split_once(" = "));
+        let mut said = remarks.filter(|(name, _)| *name == self.remark).map(|(_, text)| text);
+        let first = said.next()?;
+        said.all(|other| other == first).then_some(first)
+    }
 }
 
 /// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read.
@@ -339,12 +383,18 @@ pub(crate) struct FieldEntry {
     pub(crate) unit: String,
 }
 
-/// A condition on a row; rows that fail it are counted and not used. A field that the log does not have is no obstacle.
+/// A condition on a row; rows that fail it are counted and not used. A field that the log does not have is no obstacle, and
+/// neither is an epoch that the other topics do not have.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RequireEntry {
     /// The field.
     pub(crate) field: String,
+    /// Topics that have it in a message of the same epoch, instead of the row itself.
+    #[serde(default)]
+    pub(crate) of: Vec<String>,
+    /// With other topics: the field that numbers the epochs, here and there.
+    pub(crate) same: Option<String>,
     /// Its least value.
     pub(crate) min: Option<f64>,
     /// Its largest value.

@@ -1,8 +1,9 @@
 //! What every format offers: columns of the wanted topics, and where every byte went.
 
 use crate::error::IngestError;
-use crate::table::{Table, TopicInfo};
+use crate::table::{Column, Table, TopicInfo};
 use flight::{Dimension, LogHealth, Notices};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -31,12 +32,15 @@ pub struct Log {
     pub units: Vec<StatedUnit>,
     /// Fields that no column took although all were wanted.
     pub left_out: Vec<LeftOut>,
+    /// Large decimals of tables of text, as they were written, where all fields are wanted: the column of floats beside them
+    /// has lost their last digits, and a stamp must not.
+    pub written: Vec<(TopicInfo, Column)>,
     /// Where the clock since boot of the vehicle that the log is of began anew, in the order of the log.
     pub restarts: Vec<Restart>,
 }
 
 /// A clock since boot that began anew within a log.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Restart {
     /// A log time, ns: messages that the log has at it or later are of the clock that began then.
     pub logged_ns: i64,
@@ -57,7 +61,7 @@ pub struct LeftOut {
 }
 
 /// The unit of a field as the log states it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StatedUnit {
     /// Message type.
     pub type_name: String,
@@ -157,7 +161,8 @@ pub enum Selection {
     /// Every field: numbers as numbers, text as text.
     All,
     /// The messages themselves go to [`Select::sink`] and make no table. Formats whose messages mean nothing
-    /// outside of their file (ULog, DataFlash, tables) are read as with [`Selection::All`] instead.
+    /// outside of their file (ULog, DataFlash, tables) are read as with [`Selection::All`] instead; of a receiver's and of
+    /// MAVLink's, those that are not decoded become text, or bytes in hexadecimal digits ([`crate::PAYLOAD_HEX`]).
     Raw,
 }
 

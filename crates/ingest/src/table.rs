@@ -1,5 +1,8 @@
 //! Columns of one topic, row by row as they stood in the log.
 
+/// The column of messages that are carried as they stand: their bytes in hexadecimal digits.
+pub const PAYLOAD_HEX: &str = "payload_hex";
+
 /// A topic as the log announces it.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TopicInfo {

@@ -22,7 +22,10 @@ use std::ops::Range;
 const FINENESS: u32 = 2;
 /// Margins around a panel, drawing units.
 const EDGE: u32 = 14;
+/// Left of a panel where no label needs more.
 const LEFT: u32 = 140;
+/// Ten letters of a label.
+const TEN_LETTERS: usize = 130;
 const RIGHT: u32 = 64;
 const BETWEEN: u32 = 34;
 const BOTTOM: u32 = 96;
@@ -113,6 +116,13 @@ fn size(figure: &Figure) -> (u32, u32) {
     (EDGE + LEFT + width + RIGHT, total)
 }
 
+/// What the longest label of the vertical axes needs, drawing units: all panels begin at one place.
+fn left(figure: &Figure) -> u32 {
+    let labels = figure.panels.iter().flat_map(|panel| &panel.y.ticks).map(|tick| tick.label.chars().count());
+    let longest = labels.max().unwrap_or(0) * TEN_LETTERS / 10;
+    u32::try_from(longest).map_or(LEFT, |longest| longest.clamp(LEFT, 2 * LEFT))
+}
+
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 type Area<'a, 'b> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<Scale<'b>, Scale<'b>>>;
@@ -132,7 +142,7 @@ fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
             let below = if last { BOTTOM } else { 0 };
             let from = top + row * panel_height;
             let part = area.clone().shrink((0, from), (size.0, panel_height + below));
-            draw_panel(&part, panel, (figure.fine, last), &mut curves)?;
+            draw_panel(&part, panel, (figure.fine, last, left(figure)), &mut curves)?;
         }
         area.present()?;
     }
@@ -152,12 +162,17 @@ fn inner(svg: &str) -> &str {
     svg.get(start..end).unwrap_or("")
 }
 
-fn draw_panel(area: &Area, panel: &Panel, (fine, last): (bool, bool), out: &mut String) -> Result<(), Failure> {
+fn draw_panel(
+    area: &Area,
+    panel: &Panel,
+    (fine, last, left): (bool, bool, u32),
+    out: &mut String,
+) -> Result<(), Failure> {
     let mut chart = ChartBuilder::on(area)
         .margin_top(BETWEEN)
         .margin_left(EDGE)
         .margin_right(RIGHT)
-        .set_label_area_size(LabelAreaPosition::Left, LEFT)
+        .set_label_area_size(LabelAreaPosition::Left, left)
         .set_label_area_size(LabelAreaPosition::Bottom, if last { BOTTOM } else { 1 })
         .build_cartesian_2d(Scale(&panel.x), Scale(&panel.y))?;
     for span in &panel.spans {
@@ -229,8 +244,8 @@ fn font(size: u32) -> TextStyle<'static> {
 
 /// Where each entry stands: column and row, drawing units.
 fn legend_places(figure: &Figure) -> Vec<(i32, u32)> {
-    let left = (EDGE + LEFT) as i32;
-    let width = left + (figure.panel_size.0 * FINENESS) as i32;
+    let left = (EDGE + left(figure)) as i32;
+    let width = (EDGE + LEFT + figure.panel_size.0 * FINENESS) as i32;
     let (mut x, mut row) = (left, 0);
     let mut places = Vec::new();
     for (name, _) in figure.legend() {

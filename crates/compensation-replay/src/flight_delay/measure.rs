@@ -37,7 +37,7 @@ pub(crate) fn measure(
         let mut said = Notices::new();
         found = delay_of(flight, pair, look, settings, &mut said, &mut finding);
         if !matches!(found, Err(NoDelay::MoreSamples)) {
-            notices.extend(said);
+            notices.extend_unsaid(said);
             break;
         }
     }

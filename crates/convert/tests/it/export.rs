@@ -10,7 +10,7 @@ use std::path::Path;
 
 fn exported(log: &Path, what: ExportWhat, to: ExportTo, out: &Path) -> Exported {
     let (unit, library) = (unit(log), library());
-    let order = ExportOrder { unit: &unit, library: &library, map: None, what, to, out, command: "flightlag export" };
+    let order = ExportOrder { unit: &unit, library, map: None, what, to, out, command: "flightlag export" };
     in_context(|context| export(&order, context)).unwrap()
 }
 
@@ -461,7 +461,7 @@ fn stopped(log: &Path, out: &Path) -> convert::ConvertError {
     let context = ingest::ReadContext { limits: Default::default(), cancel: &cancel, on_bytes: &on_bytes };
     let order = ExportOrder {
         unit: &unit,
-        library: &library,
+        library,
         map: None,
         what: ExportWhat::Topics,
         to: ExportTo::Csv,

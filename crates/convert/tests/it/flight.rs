@@ -3,6 +3,7 @@
 use ingest::{FlightUnit, Limits, Loaded, MapLibrary, ReadContext, discover, load};
 use simulate::{Container, FlightSettings, SensorSettings, simulate};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 
 /// Writes a flight of 20 s below `folder`; the path of its file.
@@ -22,17 +23,18 @@ pub fn write(container: Container, folder: &Path) -> PathBuf {
 }
 
 pub fn unit(path: &Path) -> FlightUnit {
-    let mut found = discover(path, &library()).unwrap();
+    let mut found = discover(path, library()).unwrap();
     assert_eq!(found.units.len(), 1, "{found:?}");
     found.units.remove(0)
 }
 
-pub fn library() -> MapLibrary {
-    MapLibrary::shipped().unwrap()
+pub fn library() -> &'static MapLibrary {
+    static SHIPPED: LazyLock<MapLibrary> = LazyLock::new(|| MapLibrary::shipped().unwrap());
+    &SHIPPED
 }
 
 pub fn read(path: &Path) -> Loaded {
-    in_context(|context| load(&unit(path), &library(), None, context)).unwrap()
+    in_context(|context| load(&unit(path), library(), None, context)).unwrap()
 }
 
 pub fn in_context<T>(body: impl FnOnce(&ReadContext<'_>) -> T) -> T {

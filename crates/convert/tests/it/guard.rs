@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 
 fn exported(log: &Path, to: ExportTo, out: &Path) -> Result<(), ConvertError> {
     let (unit, library, what) = (unit(log), library(), ExportWhat::Topics);
-    let order = ExportOrder { unit: &unit, library: &library, map: None, what, to, out, command: "flightlag export" };
+    let order = ExportOrder { unit: &unit, library, map: None, what, to, out, command: "flightlag export" };
     in_context(|context| export(&order, context)).map(drop)
 }
 
 fn recovered(log: &Path, out: &Path) -> Result<(), ConvertError> {
-    in_context(|context| recover(&unit(log), &library(), out, context)).map(drop)
+    in_context(|context| recover(&unit(log), library(), out, context)).map(drop)
 }
 
 #[track_caller]

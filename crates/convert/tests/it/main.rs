@@ -3,4 +3,5 @@
 mod export;
 mod flight;
 mod guard;
+mod original;
 mod recover;

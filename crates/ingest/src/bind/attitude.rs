@@ -34,6 +34,7 @@ fn to_ned(frame: AttitudeFrame, [w, x, y, z]: [f64; 4]) -> [f64; 4] {
     match frame {
         AttitudeFrame::FrdNed => [w, x, y, z],
         AttitudeFrame::FluNwu => [w, x, -y, -z],
+        AttitudeFrame::FluNed => [-x, w, z, -y],
         AttitudeFrame::FluEnu => [w + z, x + y, x - y, w - z].map(|v| v * FRAC_1_SQRT_2),
     }
 }
@@ -76,6 +77,9 @@ mod tests {
         for frame in [AttitudeFrame::FrdNed, AttitudeFrame::FluNwu, AttitudeFrame::FluEnu] {
             assert_near(&down(frame), &[0.0, 0.0, 1.0]);
         }
+        // Forward, left, up along north, east, down: on its back.
+        assert_near(&forward(AttitudeFrame::FluNed), &[1.0, 0.0, 0.0]);
+        assert_near(&down(AttitudeFrame::FluNed), &[0.0, 0.0, -1.0]);
     }
 
     #[test]

@@ -4,7 +4,6 @@
 //! stretches of the flight: of the two the longer stays. A few rows that leap out of line and back again have a wrong
 //! stamp, unless the place where they land is a hole that they fill.
 
-use super::rows::Sample;
 use flight::{Clock, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -21,6 +20,14 @@ const FAR: &str = "stamp more than a day away from the others";
 const PASSED_TWICE: &str = "the clock went back over a time that other rows have";
 const OUT_OF_LINE: &str = "stamp out of line with the rows around it";
 const EQUAL: &str = "stamp equal to the one before";
+
+/// A row that is used: where it stood, when it was, what it says.
+pub(super) struct Sample {
+    pub(super) row: usize,
+    pub(super) stamp: i64,
+    /// As many as the quantity has components, then zeros.
+    pub(super) values: [f64; 4],
+}
 
 /// Calls `rejected` with each row that is left out, and why.
 pub(super) type Reject<'r> = &'r mut dyn FnMut(&'static str, &Sample);

@@ -1,13 +1,13 @@
 //! From the rows of a table to the samples of a channel: what is used, what is not and why.
 
 use super::attitude::{from_euler, from_quaternion, rotate};
-use super::order::{self, FAR_NS};
+use super::conditions::failed;
+use super::order::{self, FAR_NS, Sample};
 use super::stamps::Stamps;
 use super::trial::{Found, Plan};
-use crate::map::{BENCH_ALONE, ChannelRule, Combine, Presence};
+use crate::map::{ChannelRule, Combine, Presence};
 use crate::map_schema::HeightAbove;
 use crate::stamps::{StampStats, distribution};
-use crate::table::numbers;
 use crate::time::suspicion;
 use flight::{
     Channel, ChannelHealth, ChannelSource, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount, Series, Severity,
@@ -24,14 +24,6 @@ pub(super) struct Bound {
     pub(super) channel: Option<Channel>,
     pub(super) health: ChannelHealth,
     pub(super) notices: Notices,
-}
-
-/// A row that is used: where it stood, when it was, what it says.
-pub(super) struct Sample {
-    pub(super) row: usize,
-    pub(super) stamp: i64,
-    /// As many as the quantity has components, then zeros.
-    pub(super) values: [f64; 4],
 }
 
 /// Rows that are not used, by reason, in the order in which the reasons came up.
@@ -151,11 +143,8 @@ fn place(plan: &Plan<'_>, row: usize) -> String {
 fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, row: usize) -> Result<Sample, String> {
     let parts = values_of(plan.rule, columns, row)?;
     let stamp = primary.nanos.get(row).copied().flatten().ok_or("no stamp")?;
-    for require in &plan.rule.require {
-        let Some(value) = numbers(plan.table, &require.field).and_then(|c| c.number(row)) else { continue };
-        if !require.met_by(value) {
-            return Err(requirement_text(require));
-        }
+    if let Some(reason) = failed(plan, row) {
+        return Err(reason);
     }
     let values = combine(plan.rule.combine, &parts)?;
     if values.iter().any(|v| !v.is_finite()) {
@@ -165,12 +154,6 @@ fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, 
         plausible(values)?;
     }
     Ok(Sample { row, stamp, values })
-}
-
-fn requirement_text(require: &crate::map_schema::RequireEntry) -> String {
-    let min = require.min.map(|min| format!("{} is below {min}", require.field));
-    let max = require.max.map(|max| format!("{} is above {max}", require.field));
-    [min, max].into_iter().flatten().collect::<Vec<_>>().join(" or ")
 }
 
 /// The parts of a row in SI units, zero where the log has no such field.
@@ -230,13 +213,11 @@ fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
     if height.abs() > 1e6 { Err("height out of range".into()) } else { Ok(()) }
 }
 
-/// A driver fills in what its sensor does not have, say with zeros: a channel of a bench without one usable row is
-/// no reason to warn of a flight.
+/// Of a channel without one usable row [`no_rows`](super::no_rows) says why.
 fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, notices: &mut Notices) {
-    let absent = unusable && BENCH_ALONE.contains(&plan.rule.quantity);
-    for reject in &rejects.0 {
+    for reject in rejects.0.iter().filter(|_| !unusable) {
         let duplicate = reject.reason.starts_with("stamp equal");
-        let severity = if absent || reject.reason == "no value" { Severity::Info } else { Severity::Warning };
+        let severity = if reject.reason == "no value" { Severity::Info } else { Severity::Warning };
         let code = if duplicate { "duplicate-stamp" } else { "rejected-row" };
         let place = format!("{}, {}", plan.table.topic.name, reject.first);
         let text = format!("channel {}: rows not used, {}", plan.rule.name, reject.reason);
@@ -249,15 +230,6 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     let topic = plan.table.topic.name.as_str();
     let name = &plan.rule.name;
     let rows = plan.table.rows as u64;
-    for remark in &plan.remarks {
-        notices.push(Severity::Warning, "stamp-kind", topic, rows, format!("channel {name}: {remark}"));
-    }
-    for stamps in &plan.stamps {
-        for repair in &stamps.repairs {
-            let text = format!("channel {name}, {} stamps in {}: {}", stamps.kind, stamps.label, repair.text);
-            notices.push(Severity::Warning, repair.code, topic, repair.count, text);
-        }
-    }
     if let Some(note) = &plan.rule.note {
         notices.push(Severity::Warning, "assumption", topic, rows, format!("channel {name}: {note}"));
     }

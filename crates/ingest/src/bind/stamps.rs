@@ -1,12 +1,14 @@
 //! The stamps of a table: read from their source, and put right where a clock is known to go wrong.
 
 use super::counted::date_by_counter;
-use crate::civil::{SlashDate, Tick, calendar_to_unix_ns, iso_to_unix_ns, plain_date, unix_ns};
+use super::dated::dated;
+use crate::civil::{Tick, calendar_to_unix_ns, iso_to_unix_ns};
 use crate::map::{TieRule, TimeSource};
 use crate::reader::Log;
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
-use flight::{Clock, NANOS_PER_SECOND, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
+use flight::{Clock, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Receivers without a fix count from 1970, 1980 or the year of their firmware; no log that ties is from before 2000.
@@ -21,11 +23,12 @@ pub(super) struct Stamps {
     pub(super) repairs: Vec<Repair>,
 }
 
-/// Stamps that were put right.
+/// Stamps that were put right, or of which there was a choice.
 pub(super) struct Repair {
+    pub(super) severity: Severity,
     pub(super) code: &'static str,
     pub(super) count: u64,
-    pub(super) text: &'static str,
+    pub(super) text: Cow<'static, str>,
 }
 
 /// A stamp that was never filled in is no stamp.
@@ -68,6 +71,7 @@ pub(super) fn read_stamps(
             }
             stamps
         }
+        TimeSource::Civil { .. } => dated(source, table, &mut repairs)?,
         _ => nanos_of(source, table)?,
     };
     date_by_counter(source, table, &mut nanos, &mut repairs);
@@ -104,7 +108,7 @@ const NEAREST_TO_RELEASE: &str =
 
 fn note(repairs: &mut Vec<Repair>, code: &'static str, count: u64, text: &'static str) {
     if count > 0 {
-        repairs.push(Repair { code, count, text });
+        repairs.push(Repair { severity: Severity::Warning, code, count, text: text.into() });
     }
 }
 
@@ -121,7 +125,12 @@ fn repair(source: &TimeSource, nanos: &mut [Option<i64>], repairs: &mut Vec<Repa
     }
     if matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) {
         let wraps = unwrap(nanos, tick.nanos() << 32);
-        note(repairs, "stamp-wrap", wraps, "the counter of 32 bits began anew; the stamps run on");
+        note(
+            repairs,
+            "stamp-wrap",
+            wraps,
+            "the counter of 32 bits began anew and the stamps run on; a restart of the device within a minute of its end would look the same",
+        );
     }
     if *clock == Clock::Elapsed {
         let weeks = unwrap(nanos, WEEK_S * NANOS_PER_SECOND);
@@ -146,17 +155,7 @@ fn nanos_of(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
             let column = texts(table, field)?;
             rows.map(|row| iso_to_unix_ns(column.text(row)?)).collect()
         }
-        TimeSource::Civil { date, time, offset } => {
-            let (date, time) = (texts(table, date)?, texts(table, time)?);
-            let offset = offset.as_ref().and_then(|o| texts(table, o));
-            let slash = SlashDate::of(rows.clone().filter_map(|row| date.text(row)));
-            let date_of = |text: &str| plain_date(text).or_else(|| slash?.date(text));
-            rows.map(|row| {
-                let offset = offset.map_or(Some("Z"), |o| o.text(row))?;
-                unix_ns(date_of(date.text(row)?)?, time.text(row)?, offset)
-            })
-            .collect()
-        }
+        TimeSource::Civil { .. } => dated(source, table, &mut vec![])?,
         TimeSource::Calendar { fields, .. } => {
             let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
             rows.map(|row| calendar(&columns, row)).collect()

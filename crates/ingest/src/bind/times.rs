@@ -5,10 +5,11 @@ use super::restarts::{self, Joined};
 use super::stamps::{NO_UTC_BEFORE_NS, tie_of};
 use super::trial::{Trial, stamps_of};
 use crate::error::IngestError;
-use crate::map::{ChannelMap, MapLibrary};
+use crate::map::{ChannelMap, ChannelRule, MapLibrary};
 use crate::reader::Log;
-use crate::table::Table;
+use crate::table::{Column, Table};
 use flight::{Clock, Stamp, UtcTie};
+use std::collections::HashSet;
 
 /// The times of a log's rows, by the channel map that fits it best.
 #[derive(Debug, Default)]
@@ -41,12 +42,17 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
     let trials = library.candidates(None)?.into_iter().map(|map| Trial::new(map, log));
     let best = trials.filter(|t| !t.plans.is_empty()).max_by_key(Trial::rank);
     let Some(Trial { map, plans, .. }) = best else {
-        let tables = log.tables.iter().map(|table| dated_by_any(library, table)).collect();
+        let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
+        let tables = log.tables.iter().map(dated).collect();
         return Ok(RowTimes { tables, utc: None });
     };
     let joined = restarts::join(&plans, &map.ties, log);
     let times = |table: &Table| match (&table.logged_ns, &joined) {
-        (None, _) => times_of(map, table).or_else(|| dated_by_any(library, table)),
+        (None, _) => {
+            let exact = exact(log, library, table);
+            let table = exact.as_ref().unwrap_or(table);
+            times_of(map, table).or_else(|| dated_by_any(library, table))
+        }
         (Some(logged), Some(joined)) => Some(joined_times(joined, table, logged)),
         (Some(_), None) => None,
     };
@@ -56,6 +62,20 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
         None => tie_of(&map.ties, log),
     };
     Ok(RowTimes { tables, utc: tied.map(|tied| tied.tie) })
+}
+
+/// A table with its large decimals as they were written, if it has any, and else the columns that maps know.
+fn exact(log: &Log, library: &MapLibrary, table: &Table) -> Option<Table> {
+    let written = log.written.iter().filter(|(topic, _)| *topic == table.topic).map(|(_, column)| column);
+    let mut columns: Vec<Column> = written.cloned().collect();
+    if columns.is_empty() {
+        return None;
+    }
+    let known: HashSet<String> =
+        library.iter().flat_map(|map| &map.rules).flat_map(ChannelRule::requests).map(|r| r.path).collect();
+    columns.extend(table.columns.iter().filter(|column| known.contains(&column.path)).cloned());
+    let Table { topic, rows, .. } = table;
+    Some(Table { topic: topic.clone(), rows: *rows, logged_ns: None, published_ns: None, origin: None, columns })
 }
 
 /// The container's stamps, those of all sessions on the clock of the first.

@@ -1,6 +1,8 @@
 //! Tries a channel map on a log: which tables and columns its rules find.
 
 use super::binds;
+use super::conditions::{Condition, conditions};
+use super::dated::unclear;
 use super::stamps::{Stamps, is_constant, read_stamps, written_at};
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::reader::Log;
@@ -16,6 +18,8 @@ pub(super) struct Trial<'a> {
     near: Vec<String>,
     /// Rules that found no topic.
     far: Vec<String>,
+    /// Channels of which the log says something that no rule knows, and what it says.
+    pub(super) unknown: Vec<(String, String)>,
     /// How many wanted columns the near rules did find.
     nearness: usize,
 }
@@ -46,6 +50,7 @@ pub(super) struct Plan<'a> {
     pub(super) stamps: Vec<Stamps>,
     /// What was assumed to find them.
     pub(super) remarks: Vec<String>,
+    pub(super) conditions: Vec<Condition<'a>>,
 }
 
 /// A part of a channel in the log.
@@ -63,8 +68,11 @@ enum Miss {
 
 impl<'a> Trial<'a> {
     pub(super) fn new(map: &'a ChannelMap, log: &'a Log) -> Trial<'a> {
-        let mut trial = Trial { map, plans: vec![], near: vec![], far: vec![], nearness: 0 };
+        let mut trial = Trial { map, plans: vec![], near: vec![], far: vec![], unknown: vec![], nearness: 0 };
         for rule in &map.rules {
+            if rule.when.as_ref().is_some_and(|when| !when.met_by(log)) {
+                continue;
+            }
             match plan(rule, log) {
                 Ok(plan) => trial.plans.push(plan),
                 Err(Miss::Near(what, found)) => {
@@ -74,6 +82,7 @@ impl<'a> Trial<'a> {
                 Err(Miss::NoTopic(what)) => trial.far.push(format!("{}: {what}", rule.name)),
             }
         }
+        trial.unknown = unknown(map, log);
         trial
     }
 
@@ -151,13 +160,30 @@ impl<'a> Trial<'a> {
     }
 }
 
+/// Channels whose rules go by a remark of the log, where none of them knows what it says; those whose data the log has.
+fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
+    let mut unknown: Vec<(String, String)> = vec![];
+    for (rule, when) in map.rules.iter().filter_map(|rule| Some((rule, rule.when.as_ref()?))) {
+        let same = |other: &&ChannelRule| other.name == rule.name;
+        let known = map.rules.iter().filter(same).any(|other| other.when.as_ref().is_none_or(|when| when.met_by(log)));
+        if let Some(said) = when.said_by(log)
+            && !known
+            && unknown.iter().all(|(name, _)| *name != rule.name)
+            && plan(rule, log).is_ok()
+        {
+            unknown.push((rule.name.clone(), format!("{} {said}", when.remark)));
+        }
+    }
+    unknown
+}
+
 /// The best table for a rule.
 fn plan<'a>(rule: &'a ChannelRule, log: &'a Log) -> Result<Plan<'a>, Miss> {
     let topics = log.tables.iter().filter_map(|table| Some((rule.meets(&table.topic)?, table)));
     let mut fitting: Vec<(Closeness, Plan<'a>)> = vec![];
     let mut miss = None;
     for (closeness, table) in topics {
-        match columns_of(rule, table, closeness.distance) {
+        match columns_of(rule, table, log, closeness.distance) {
             Ok(plan) => fitting.push((closeness, plan)),
             Err(what) => miss = miss.or(Some((format!("topic {}: {what}", table.topic.name), table))),
         }
@@ -202,7 +228,7 @@ fn no_topic(rule: &ChannelRule, log: &Log) -> String {
     }
 }
 
-fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, distance: u8) -> Result<Plan<'a>, String> {
+fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distance: u8) -> Result<Plan<'a>, String> {
     if table.rows == 0 {
         return Err("has no messages".into());
     }
@@ -218,7 +244,8 @@ fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, distance: u8) -> Resu
         return Err(missing(first));
     }
     let (stamps, remarks) = stamps_of(rule, table)?;
-    Ok(Plan { rule, table, distance, columns, stamps, remarks })
+    let conditions = conditions(&rule.require, table, log);
+    Ok(Plan { rule, table, distance, columns, stamps, remarks, conditions })
 }
 
 fn missing(part: &Part) -> String {
@@ -242,7 +269,10 @@ pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps
     for (kind, sources) in &rule.times {
         for source in sources {
             let written_at = || written_at(rule.times.iter().flat_map(|(_, sources)| sources), table);
-            let Some(stamps) = read_stamps(*kind, source, table, written_at) else { continue };
+            let Some(stamps) = read_stamps(*kind, source, table, written_at) else {
+                remarks.extend(unclear(source, table));
+                continue;
+            };
             if is_constant(&stamps.nanos) {
                 remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
                 continue;
@@ -253,7 +283,8 @@ pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps
     }
     let Some(primary) = found.iter().position(|s| s.kind == rule.timeline).or((!found.is_empty()).then_some(0)) else {
         let names: Vec<String> = rule.times.iter().flat_map(|(_, s)| s).map(TimeSource::label).collect();
-        return Err(format!("no stamps ({})", names.join(" or ")));
+        let why: Vec<String> = remarks.iter().map(|remark| format!("; {remark}")).collect();
+        return Err(format!("no stamps ({}){}", names.join(" or "), why.concat()));
     };
     found.swap(0, primary);
     if let Some(first) = found.first().filter(|f| f.kind != rule.timeline) {

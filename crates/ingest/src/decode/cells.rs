@@ -50,6 +50,15 @@ struct Step {
     path: String,
 }
 
+impl CellLayout {
+    /// These cells in their order.
+    pub(crate) fn of<'p>(fields: impl IntoIterator<Item = (&'p str, CellKind)>) -> CellLayout {
+        let field = |(cell, (path, kind)): (usize, (&str, CellKind))| CellField { path: path.to_owned(), cell, kind };
+        let fields: Vec<CellField> = fields.into_iter().enumerate().map(field).collect();
+        CellLayout { cells: fields.len(), fields }
+    }
+}
+
 impl Plan {
     /// Takes the wanted fields; columns are made in `rows`.
     pub(crate) fn new(layout: &CellLayout, wanted: &Wanted, rows: &mut Rows) -> Plan {
@@ -94,6 +103,12 @@ impl Plan {
 pub(crate) fn cell(line: &str, index: usize, rest: bool) -> Option<&str> {
     let mut cells = if rest { line.splitn(index + 1, ',') } else { line.splitn(index + 2, ',') };
     cells.nth(index).map(str::trim)
+}
+
+/// Writes bytes as hexadecimal digits.
+pub(crate) fn push_hex(bytes: &[u8], line: &mut String) {
+    let digit = |nibble: u8| char::from_digit(nibble.into(), 16).unwrap_or_default();
+    line.extend(bytes.iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 0xf)]));
 }
 
 /// A number as C prints it, `-nan` among them.

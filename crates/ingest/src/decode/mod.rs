@@ -5,6 +5,7 @@ mod common;
 mod idl;
 mod json;
 mod left_out;
+mod named;
 pub(crate) mod packed;
 mod protobuf;
 mod ros;
@@ -12,6 +13,7 @@ pub(crate) mod rows;
 pub(crate) mod schema;
 
 pub(crate) use common::{COMMON, common_definition};
+pub(crate) use named::{NAMED, leave_out_placeholders};
 
 use crate::ledger::{Fate, LogTime};
 use crate::reader::{Extra, Log, RawMessage, Select, Selection};
@@ -141,6 +143,8 @@ struct Topic {
     raw: bool,
     refusal: Option<String>,
     decoders: Vec<Decoder>,
+    /// The one that decoded last.
+    latest: usize,
     rows: Rows,
     messages: u64,
     payload_bytes: u64,
@@ -348,7 +352,8 @@ impl<'w> Topics<'w> {
         self.topics.sort_by(|a, b| a.info.cmp(&b.info));
         let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
         let mut notices = Notices::new();
-        for topic in self.topics {
+        for mut topic in self.topics {
+            topic.deliver();
             if let Some(refusal) = &topic.refusal {
                 refused.entry(refusal.clone()).or_insert((0, topic.info.name.clone())).0 += 1;
             }
@@ -371,6 +376,7 @@ impl Topic {
             raw: *selection == Selection::Raw,
             refusal: None,
             decoders: vec![],
+            latest: 0,
             rows: Rows::default(),
             messages: 0,
             payload_bytes: 0,
@@ -433,7 +439,12 @@ impl Topic {
     }
 
     fn decode(&mut self, decoder: u32, times: Times, payload: &[u8]) -> Fate {
-        let (Some(decoder), Some(wanted)) = (self.decoders.get(decoder as usize), &self.wanted) else {
+        let decoder = decoder as usize;
+        if decoder != self.latest {
+            self.deliver();
+            self.latest = decoder;
+        }
+        let (Some(decoder), Some(wanted)) = (self.decoders.get_mut(decoder), &self.wanted) else {
             return Fate::Skipped;
         };
         let number = self.messages;
@@ -450,6 +461,13 @@ impl Topic {
                 self.undecodable.add(|| format!("message {number}: {reason}"));
                 Fate::Skipped
             }
+        }
+    }
+
+    /// Sets the values that the latest decoder still holds.
+    fn deliver(&mut self) {
+        if let Some(Decoder { how: How::Packed(plan), .. }) = self.decoders.get_mut(self.latest) {
+            plan.deliver(&mut self.rows);
         }
     }
 
@@ -547,8 +565,8 @@ impl Decoder {
         plan + self.definition.len()
     }
 
-    fn decode(&self, payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<usize, String> {
-        match &self.how {
+    fn decode(&mut self, payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<usize, String> {
+        match &mut self.how {
             How::Ros(plan) => plan.decode(payload, rows),
             How::Common(plan) => match plan.decode(payload, rows)? {
                 0 => Ok(0),
@@ -590,6 +608,7 @@ impl How {
         let mut plan = |schema: Result<Schema, String>| Ok(ros::Plan::new(&schema?, wanted, rows));
         let msg = |dialect| Schema::parse(&info.type_name, &read(text), dialect);
         match (info.encoding.as_str(), encoding) {
+            (_, NAMED) => named::plan(&info.type_name, &read(text), wanted, rows).map(How::Ros),
             ("json", _) => Ok(How::Json),
             ("ros1", "ros1msg") => plan(msg(Dialect::Ros1)).map(How::Ros),
             ("cdr", "ros2msg") => plan(msg(Dialect::Ros2)).map(How::Ros),

@@ -6,6 +6,7 @@ use crate::decode::Wanted;
 use crate::decode::rows::{Rows, Value, ValueType};
 use crate::decode::schema::Number;
 use std::borrow::Cow;
+use std::ops::Range;
 
 /// Where everything lies in a record.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -67,44 +68,76 @@ impl PackedKind {
 }
 
 /// How to read the wanted fields of one layout.
+///
+/// Records are held as they came, and once there are some, read field by field: a loop over one kind of number, in
+/// place of a choice for each value.
 #[derive(Debug)]
 pub(crate) struct Plan {
     steps: Vec<Step>,
     shortest: usize,
     longest: usize,
+    /// Where the wanted fields of a record lie.
+    span: Range<usize>,
+    /// These bytes of the records whose values are still to be set.
+    held: Vec<u8>,
+    /// The row of the first of them.
+    first: usize,
 }
 
 #[derive(Debug)]
 struct Step {
     column: usize,
+    /// Within the span.
     offset: usize,
     kind: PackedKind,
     scale: Option<Scale>,
 }
+
+/// So many bytes of records are held at most, and one record: little beside the first cache, even of many topics.
+const MOST_HELD: usize = 4 << 10;
 
 impl Plan {
     /// Takes the wanted fields; columns are made in `rows`.
     pub(crate) fn new(layout: &Layout, wanted: &Wanted, rows: &mut Rows) -> Plan {
         let mut step = |field: &PackedField| {
             let PackedField { path, offset, kind, scale } = field;
-            let column = wanted.has(path).then(|| rows.column(path, kind.value_type(*scale))).flatten()?;
+            // A field of no bytes has no value.
+            let wanted = kind.size() > 0 && wanted.has(path);
+            let column = wanted.then(|| rows.column(path, kind.value_type(*scale))).flatten()?;
             Some(Step { column, offset: *offset, kind: *kind, scale: *scale })
         };
-        let steps: Vec<Step> = layout.fields.iter().filter_map(&mut step).collect();
+        let mut steps: Vec<Step> = layout.fields.iter().filter_map(&mut step).collect();
+        let start = steps.iter().map(|s| s.offset).min().unwrap_or_default();
         let end = steps.iter().map(|s| s.offset.saturating_add(s.kind.size())).max().unwrap_or_default();
         let shortest = layout.shortest.max(end);
-        Plan { steps, shortest, longest: layout.longest.max(shortest) }
+        steps.iter_mut().for_each(|s| s.offset -= start);
+        Plan { steps, shortest, longest: layout.longest.max(shortest), span: start..end, held: vec![], first: 0 }
     }
 
-    /// Sets the wanted values of the open row. Returns how many bytes the record has beyond its layout.
-    pub(crate) fn decode(&self, payload: &[u8], rows: &mut Rows) -> Result<usize, String> {
-        if payload.len() < self.shortest {
-            return Err(format!("{} bytes where its format has {}", payload.len(), self.shortest));
+    /// Takes the record of the open row; its values are set by [`Plan::deliver`] at the latest. No other plan may set
+    /// values of these rows before. Returns how many bytes the record has beyond its layout.
+    pub(crate) fn decode(&mut self, record: &[u8], rows: &mut Rows) -> Result<usize, String> {
+        if record.len() < self.shortest {
+            return Err(format!("{} bytes where its format has {}", record.len(), self.shortest));
         }
-        for step in &self.steps {
-            step.read(payload, rows);
+        if self.held.is_empty() {
+            self.first = rows.len();
         }
-        Ok(payload.len().saturating_sub(self.longest))
+        self.held.extend_from_slice(record.get(self.span.clone()).unwrap_or_default());
+        if self.held.len() >= MOST_HELD {
+            self.deliver(rows);
+        }
+        Ok(record.len().saturating_sub(self.longest))
+    }
+
+    /// Sets the values of the records that are held.
+    pub(crate) fn deliver(&mut self, rows: &mut Rows) {
+        if !self.held.is_empty() {
+            let records = Records { bytes: &self.held, length: self.span.len(), first: self.first };
+            self.steps.iter().for_each(|step| step.deliver(records, rows));
+            self.held.clear();
+            self.held.shrink_to(2 * MOST_HELD);
+        }
     }
 
     /// Memory that the plan takes, bytes, roughly.
@@ -113,31 +146,79 @@ impl Plan {
     }
 }
 
-impl Step {
-    /// The plan has made sure that the payload is long enough.
-    fn read(&self, payload: &[u8], rows: &mut Rows) {
-        let rest = payload.get(self.offset..).unwrap_or_default();
-        let value = match self.kind {
-            PackedKind::Text(length) => {
-                let text = text_of(rest.get(..length).unwrap_or_default());
-                return rows.set(self.column, Value::Text(&text));
-            }
-            PackedKind::Half => half(rest).map(Value::Float),
-            PackedKind::Number(number) => number_of(number, rest),
-        };
-        if let Some(value) = value {
-            rows.set(self.column, self.scale.map_or(value, |scale| scale.apply(value)));
-        }
+/// Records of one length, of rows that follow each other.
+#[derive(Debug, Clone, Copy)]
+struct Records<'r> {
+    bytes: &'r [u8],
+    length: usize,
+    first: usize,
+}
+
+impl<'r> Records<'r> {
+    /// `N` bytes of each record.
+    fn each<const N: usize>(self, at: usize) -> impl Iterator<Item = [u8; N]> + 'r
+    where
+        [u8; N]: Default,
+    {
+        // The plan has made sure that they are there.
+        self.bytes
+            .chunks_exact(self.length)
+            .map(move |record| record.get(at..).and_then(<[u8]>::first_chunk).copied().unwrap_or_default())
     }
 }
 
-impl Scale {
-    fn apply(self, value: Value<'_>) -> Value<'_> {
-        match value {
-            Value::Float(x) => Value::Float(x * self.factor / self.divisor),
-            Value::Integer(x) => Value::Float(x as f64 * self.factor / self.divisor),
-            Value::Large(x) => Value::Float(x as f64 * self.factor / self.divisor),
-            Value::Text(_) => value,
+impl Step {
+    fn deliver(&self, records: Records<'_>, rows: &mut Rows) {
+        let Step { column, offset: at, kind, scale } = *self;
+        match kind {
+            PackedKind::Text(length) => {
+                for (i, record) in records.bytes.chunks_exact(records.length).enumerate() {
+                    let text = text_of(record.get(at..at + length).unwrap_or_default());
+                    rows.set_at(records.first + i, column, Value::Text(&text));
+                }
+            }
+            PackedKind::Half => self.floats(records, rows, |bytes| half(u16::from_le_bytes(bytes))),
+            PackedKind::Number(Number::Bool) => {
+                self.floats(records, rows, |[byte]| f64::from(u8::from(byte != 0)));
+            }
+            PackedKind::Number(Number::U8) => self.floats(records, rows, |b| u8::from_le_bytes(b).into()),
+            PackedKind::Number(Number::I8) => self.floats(records, rows, |b| i8::from_le_bytes(b).into()),
+            PackedKind::Number(Number::U16) => self.floats(records, rows, |b| u16::from_le_bytes(b).into()),
+            PackedKind::Number(Number::I16) => self.floats(records, rows, |b| i16::from_le_bytes(b).into()),
+            PackedKind::Number(Number::U32) => self.floats(records, rows, |b| u32::from_le_bytes(b).into()),
+            PackedKind::Number(Number::I32) => self.floats(records, rows, |b| i32::from_le_bytes(b).into()),
+            PackedKind::Number(Number::F32) => self.floats(records, rows, |b| f32::from_le_bytes(b).into()),
+            PackedKind::Number(Number::F64) => self.floats(records, rows, f64::from_le_bytes),
+            PackedKind::Number(Number::U64) if scale.is_some() => {
+                self.floats(records, rows, |b| u64::from_le_bytes(b) as f64);
+            }
+            PackedKind::Number(Number::I64) if scale.is_some() => {
+                self.floats(records, rows, |b| i64::from_le_bytes(b) as f64);
+            }
+            PackedKind::Number(Number::I64) => {
+                rows.integers(records.first, column, records.each(at).map(i64::from_le_bytes));
+            }
+            PackedKind::Number(Number::U64) => {
+                let values = || records.each(at).map(u64::from_le_bytes);
+                if values().all(|value| i64::try_from(value).is_ok()) {
+                    return rows.integers(records.first, column, values().map(|value| value as i64));
+                }
+                for (i, value) in values().enumerate() {
+                    rows.set_at(records.first + i, column, Value::unsigned(value));
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn floats<const N: usize>(&self, records: Records<'_>, rows: &mut Rows, of: impl Fn([u8; N]) -> f64)
+    where
+        [u8; N]: Default,
+    {
+        let values = records.each(self.offset).map(of);
+        match self.scale {
+            None => rows.floats(records.first, self.column, values),
+            Some(scale) => rows.floats(records.first, self.column, values.map(|x| x * scale.factor / scale.divisor)),
         }
     }
 }
@@ -177,8 +258,7 @@ pub(crate) fn float_of(number: Number, bytes: &[u8]) -> Option<f64> {
 }
 
 /// IEEE 754 binary16: one sign bit, five of exponent, ten of fraction.
-fn half(bytes: &[u8]) -> Option<f64> {
-    let bits = u16::from_le_bytes(*bytes.first_chunk()?);
+fn half(bits: u16) -> f64 {
     let fraction = f64::from(bits & 0x3ff) / 1024.0;
     let exponent = i32::from(bits >> 10 & 0x1f);
     let magnitude = match exponent {
@@ -187,7 +267,7 @@ fn half(bytes: &[u8]) -> Option<f64> {
         31 => f64::INFINITY,
         _ => (1.0 + fraction) * 2f64.powi(exponent - 15),
     };
-    Some(if bits >> 15 == 0 { magnitude } else { -magnitude })
+    if bits >> 15 == 0 { magnitude } else { -magnitude }
 }
 
 #[cfg(test)]
@@ -206,11 +286,12 @@ mod tests {
 
     fn decoded(layout: &Layout, wanted: &Wanted, records: &[&[u8]]) -> Table {
         let mut rows = Rows::default();
-        let plan = Plan::new(layout, wanted, &mut rows);
+        let mut plan = Plan::new(layout, wanted, &mut rows);
         for (i, record) in records.iter().enumerate() {
             plan.decode(record, &mut rows).unwrap();
             rows.close(0, None, i as u64 + 1);
         }
+        plan.deliver(&mut rows);
         rows.into_table(TopicInfo::default())
     }
 
@@ -276,18 +357,17 @@ mod tests {
     fn a_record_that_is_too_short_is_refused_and_one_that_is_too_long_says_by_how_much() {
         let layout = Layout { longest: 3, ..layout(vec![field("a", 0, PackedKind::Number(Number::U16))]) };
         let mut rows = Rows::default();
-        let plan = Plan::new(&layout, &Wanted::All, &mut rows);
+        let mut plan = Plan::new(&layout, &Wanted::All, &mut rows);
         assert!(plan.decode(&[1], &mut rows).is_err());
         assert_eq!([&[0; 2][..], &[0; 3], &[0; 5]].map(|r| plan.decode(r, &mut rows).unwrap()), [0, 0, 2]);
     }
 
     #[test]
     fn halves_of_all_kinds_are_what_ieee_says() {
-        let of = |bits: u16| half(&bits.to_le_bytes()).unwrap();
         assert_eq!(
-            [0x3c00, 0x8000, 0x0001, 0x7bff, 0x3555].map(of),
+            [0x3c00, 0x8000, 0x0001, 0x7bff, 0x3555].map(half),
             [1.0, -0.0, 2f64.powi(-24), 65_504.0, 1365.0 / 4096.0]
         );
-        assert!(of(0x7c00) == f64::INFINITY && of(0xfc00) == f64::NEG_INFINITY && of(0x7e01).is_nan());
+        assert!(half(0x7c00) == f64::INFINITY && half(0xfc00) == f64::NEG_INFINITY && half(0x7e01).is_nan());
     }
 }

@@ -97,13 +97,41 @@ impl Rows {
     /// Sets a value of the open row. One that does not fit the column's type is left out and counted.
     #[inline(always)]
     pub(crate) fn set(&mut self, column: usize, value: Value<'_>) {
+        self.set_at(self.closed, column, value);
+    }
+
+    /// As [`Rows::set`], for a row behind which the column has no value yet.
+    #[inline(always)]
+    pub(crate) fn set_at(&mut self, row: usize, column: usize, value: Value<'_>) {
         let Some(growing) = self.columns.get_mut(column) else { return };
-        if !growing.set(self.closed, value) {
+        if !growing.set(row, value) {
             self.misfits += 1;
             self.first_misfit.get_or_insert_with(|| growing.path.clone());
         }
         if let Value::Text(text) = value {
             self.text_bytes += text.len() as u64;
+        }
+    }
+
+    /// Sets the values of rows from `first` on, behind which the column has none yet.
+    #[inline(always)]
+    pub(crate) fn floats(&mut self, first: usize, column: usize, values: impl Iterator<Item = f64>) {
+        match self.columns.get_mut(column) {
+            Some(Growing { data: ColumnData::F64(held), valid: None, .. }) if held.len() == first => {
+                held.extend(values)
+            }
+            _ => values.enumerate().for_each(|(i, x)| self.set_at(first + i, column, Value::Float(x))),
+        }
+    }
+
+    /// As [`Rows::floats`].
+    #[inline(always)]
+    pub(crate) fn integers(&mut self, first: usize, column: usize, values: impl Iterator<Item = i64>) {
+        match self.columns.get_mut(column) {
+            Some(Growing { data: ColumnData::I64(held), valid: None, .. }) if held.len() == first => {
+                held.extend(values)
+            }
+            _ => values.enumerate().for_each(|(i, x)| self.set_at(first + i, column, Value::Integer(x))),
         }
     }
 

@@ -26,8 +26,10 @@ use std::path::{Path, PathBuf};
 /// Bytes from which the layout is found, unless a line is longer.
 const HEAD: u64 = 256 << 10;
 
-/// `$VAR` lines of FlySight 2 files that are listed.
+/// `$VAR` lines of FlySight 2 files and remarks of others that are listed.
 const EXTRAS: usize = 256;
+/// A longer comment is none, bytes.
+const LONGEST_REMARK: usize = 200;
 
 /// The UTF-8 byte order mark.
 const BOM: &[u8] = b"\xef\xbb\xbf";
@@ -196,8 +198,12 @@ impl Reading<'_> {
                 header = text.to_vec();
             }
             let plain = !text.is_empty() && comment_mark(text) == 0;
-            let again = plain && line >= table.first_row_line && text == header;
+            let again = plain && line >= table.first_row_line && text.first() == header.first() && text == header;
             if !plain || again || line < table.first_row_line {
+                if line < table.first_row_line {
+                    let remark = remark_of(text).filter(|_| self.books.health.extras.len() < EXTRAS);
+                    self.books.health.extras.extend(remark);
+                }
                 let said = [table.header_line, table.units_line].contains(&Some(line));
                 preamble += u64::from(plain && !again && !said);
                 repeated += u64::from(again);
@@ -395,8 +401,9 @@ impl Reading<'_> {
         self.books.health.topics = self.topics.iter().map(Topic::health).collect();
         self.books.health.messages = self.topics.iter().map(|t| t.rows).sum();
         self.books.ledger.finish(&mut self.books.health, &mut self.books.notices);
+        let written = self.topics.iter().flat_map(Topic::written).collect();
         let tables = self.topics.into_iter().filter_map(Topic::into_table).collect();
-        Ok(Log { health: self.books.health, tables, notices: self.books.notices, ..Log::default() })
+        Ok(Log { health: self.books.health, tables, written, notices: self.books.notices, ..Log::default() })
     }
 }
 
@@ -437,12 +444,12 @@ impl Books {
         if extent.broken {
             return self.reject(open, extent, format!("line {line}: quotes that do not match"));
         }
-        if memchr::memchr(0, text).is_some() {
+        if open.lines.may_hold_zeros() && memchr::memchr(0, text).is_some() {
             return self.reject(open, extent, format!("line {line}: zero bytes in the row"));
         }
-        open.fields.split(text, delimiter);
+        open.fields.split_with(text, delimiter, open.lines.may_hold_quotes());
         let width = open.fields.len().saturating_sub(skip);
-        if topic.fits(width, open.fields.get(open.fields.len().saturating_sub(1)).is_empty()) {
+        if topic.fits(width, || open.fields.get(open.fields.len().saturating_sub(1)).is_empty()) {
             topic.push(&open.fields, skip, line, extent);
             self.ledger.count(Fate::Decoded, extent.whole as u64);
             return open.lines.pass(extent);
@@ -458,7 +465,7 @@ impl Books {
         if !topic.decoded {
             topic.count(extent);
             self.ledger.count(Fate::Skipped, extent.whole as u64);
-        } else if topic.fits(open.fields.len(), false) {
+        } else if topic.fits(open.fields.len(), || false) {
             // Its checksum is right, so nothing of it is cut.
             topic.push(&open.fields, 0, line, Extent { ended: true, ..extent });
             self.ledger.count(Fate::Decoded, extent.whole as u64);
@@ -483,6 +490,14 @@ impl Books {
         self.ledger.damaged(open.name, open.lines.offset, extent.whole as u64, reason);
         open.lines.pass(extent);
     }
+}
+
+/// `name = text` of a comment `// name: text`.
+fn remark_of(line: &[u8]) -> Option<String> {
+    let comment = line.get(comment_mark(line)..).filter(|c| (1..=LONGEST_REMARK).contains(&c.len()) && *c != line)?;
+    let (name, text) = std::str::from_utf8(comment).ok()?.split_once(':')?;
+    let (name, text) = (name.trim(), text.trim());
+    (!name.is_empty() && !text.is_empty()).then(|| format!("{name} = {text}"))
 }
 
 /// The beginning of a file: enough for the layout, even if its first line is long.

@@ -3,20 +3,23 @@
 //! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`walk`), for the
 //! crate's own readers trust lengths that a damaged file states.
 
+mod original;
 mod plain;
 mod record;
 mod summary;
 mod visit;
 mod walk;
 
+pub use self::original::{OriginalLog, OriginalTopic};
 pub use self::plain::{mcap_indexed_records, mcap_records};
 
+use self::original::Originals;
 use self::record::{AttachmentHead, WRONG_START};
 use self::summary::{Summary, Trust};
 use self::visit::Visit;
 use self::walk::Walk;
 use crate::bytes::Bytes;
-use crate::decode::{Definition, Route, Tally, Times, Topics};
+use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
@@ -60,9 +63,10 @@ impl LogReader for McapReader {
         let mut log = Log::default();
         let mut headers = vec![];
         let mut extras = Extras::default();
+        let mut originals = Originals::default();
         for file in &mut files {
             super::refuse_foreign(file, WRONG_START, context)?;
-            let mut channels = Channels::new(&mut topics, &mut extras);
+            let mut channels = Channels::new(&mut topics, &mut extras, &mut originals);
             let summary = Summary::read(file, context.limits.record_bytes, &mut channels)?;
             let summary = Walk::new(file, context, &mut ledger, &mut notices, &mut channels, summary).run()?;
             channels.conclude(file.name(), &summary, &mut notices);
@@ -72,6 +76,7 @@ impl LogReader for McapReader {
         log.health.format = format_name(&headers);
         log.health.extras = extras.finish();
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+        originals.restore(&mut log);
         if let Some(metadata) = metadata {
             metadata.compare(&rest, &mut log);
         }
@@ -113,12 +118,40 @@ struct StoredSchema {
     text: Vec<u8>,
 }
 
-/// A channel as far as it matters here: its metadata are not held.
+/// A channel as far as it matters here: other metadata are not held.
 #[derive(PartialEq, Eq)]
 struct Channel {
     topic: String,
     schema_id: u16,
     encoding: String,
+    /// What its topic is to be read as.
+    original: Option<OriginalTopic>,
+}
+
+impl Channel {
+    fn info(&self, schema: Option<&StoredSchema>) -> TopicInfo {
+        let name = self.topic.clone();
+        match &self.original {
+            Some(OriginalTopic { type_name, encoding, .. }) => {
+                TopicInfo { name, type_name: type_name.clone(), encoding: encoding.clone() }
+            }
+            None => {
+                let type_name = schema.map(|s| s.name.clone()).unwrap_or_default();
+                TopicInfo { name, type_name, encoding: self.encoding.clone() }
+            }
+        }
+    }
+
+    /// Bytes.
+    fn weight(&self) -> usize {
+        let original = self.original.as_ref().map_or(0, |o| o.type_name.len() + o.encoding.len());
+        self.topic.len() + self.encoding.len() + original
+    }
+
+    fn definition<'s>(&self, schema: &'s StoredSchema) -> Definition<'s> {
+        let named = self.original.is_some() && (self.encoding.as_str(), schema.encoding.as_str()) == ("cdr", "ros2msg");
+        Definition { encoding: if named { NAMED } else { &schema.encoding }, text: &schema.text }
+    }
 }
 
 /// Where the messages of a channel go, as far as is known.
@@ -127,13 +160,23 @@ enum Way {
     Unknown,
     /// Its channel record has been seen; its schema is looked up with the first message.
     Announced,
-    Open(Route),
+    Open(Route, Stamped),
+}
+
+/// What tells when a message was logged.
+#[derive(Clone, Copy)]
+enum Stamped {
+    AsLogged,
+    /// The time of publishing, in a recovered log: its log time runs on where the log's own clock began anew. The number
+    /// is that of the original topic.
+    AsPublished(usize),
 }
 
 /// Channels and schemas of one file; gives messages to the topics.
 struct Channels<'t, 'w> {
     topics: &'t mut Topics<'w>,
     extras: &'t mut Extras,
+    originals: &'t mut Originals,
     schemas: HashMap<u16, StoredSchema>,
     channels: HashMap<u16, Channel>,
     /// Bytes of all schemas and channels so far.
@@ -151,10 +194,11 @@ struct Channels<'t, 'w> {
 }
 
 impl<'t, 'w> Channels<'t, 'w> {
-    fn new(topics: &'t mut Topics<'w>, extras: &'t mut Extras) -> Channels<'t, 'w> {
+    fn new(topics: &'t mut Topics<'w>, extras: &'t mut Extras, originals: &'t mut Originals) -> Channels<'t, 'w> {
         Channels {
             topics,
             extras,
+            originals,
             schemas: HashMap::new(),
             channels: HashMap::new(),
             definition_bytes: 0,
@@ -174,19 +218,30 @@ impl<'t, 'w> Channels<'t, 'w> {
             return Err("a message is shorter than its own header".to_owned());
         };
         let mut head = Bytes(head);
-        let (Some(channel), Some(_sequence), Some(logged), Some(published)) =
+        let (Some(channel), Some(sequence), Some(logged), Some(published)) =
             (head.u16(), head.u32(), head.u64(), head.u64())
         else {
             return Err("a message is shorter than its own header".to_owned());
         };
         self.found += 1;
-        let Some(route) = self.route(channel) else {
+        let Some((route, stamped)) = self.way(channel) else {
             let why = self.refusal.as_deref().unwrap_or("which no record announces");
             self.unplaced.add(|| format!("channel {channel}, {why}"));
             return Ok(Fate::Skipped);
         };
-        let times = Times { logged_ns: self.stamp(logged), published_ns: Some(self.stamp(published)) };
-        Ok(self.topics.message(route, times, payload))
+        let original = match stamped {
+            Stamped::AsLogged => {
+                let times = Times { logged_ns: self.stamp(logged), published_ns: Some(self.stamp(published)) };
+                return Ok(self.topics.message(route, times, payload));
+            }
+            Stamped::AsPublished(original) => original,
+        };
+        let times = Times { logged_ns: self.stamp(published), published_ns: None };
+        let fate = self.topics.message(route, times, payload);
+        if fate == Fate::Decoded {
+            self.originals.row(original, sequence);
+        }
+        Ok(fate)
     }
 
     /// Unsigned nanoseconds go to the year 2554, ours to 2262.
@@ -198,27 +253,30 @@ impl<'t, 'w> Channels<'t, 'w> {
     }
 
     fn route(&mut self, channel: u16) -> Option<Route> {
+        self.way(channel).map(|(route, _)| route)
+    }
+
+    fn way(&mut self, channel: u16) -> Option<(Route, Stamped)> {
         match self.ways.get(usize::from(channel)) {
-            Some(Way::Open(route)) => Some(*route),
+            Some(Way::Open(route, stamped)) => Some((*route, *stamped)),
             Some(Way::Announced) => self.open(channel),
             Some(Way::Unknown) | None => None,
         }
     }
 
     /// Looks for the channel's schema and asks what is wanted of its topic.
-    fn open(&mut self, id: u16) -> Option<Route> {
+    fn open(&mut self, id: u16) -> Option<(Route, Stamped)> {
         let channel = self.channels.get(&id)?;
         let schema = self.schemas.get(&channel.schema_id);
-        let info = TopicInfo {
-            name: channel.topic.clone(),
-            type_name: schema.map(|s| s.name.clone()).unwrap_or_default(),
-            encoding: channel.encoding.clone(),
+        let info = channel.info(schema);
+        let stamped = match &channel.original {
+            Some(original) => Stamped::AsPublished(self.originals.topic(&info, original.clock)),
+            None => Stamped::AsLogged,
         };
-        let definition = schema.map(|s| Definition { encoding: &s.encoding, text: &s.text });
-        match self.topics.route(info, definition) {
+        match self.topics.route(info, schema.map(|schema| channel.definition(schema))) {
             Ok(route) => {
-                self.set_way(id, Way::Open(route));
-                Some(route)
+                self.set_way(id, Way::Open(route, stamped));
+                Some((route, stamped))
             }
             Err(refusal) => {
                 self.refusal.get_or_insert(refusal);
@@ -248,7 +306,7 @@ impl<'t, 'w> Channels<'t, 'w> {
             self.channels.remove(&id);
             self.set_way(id, Way::Unknown);
         }
-        self.make_room(channel.topic.len() + channel.encoding.len())?;
+        self.make_room(channel.weight())?;
         self.channels.insert(id, channel);
         self.set_way(id, Way::Announced);
         Ok(())
@@ -303,10 +361,13 @@ impl<'t, 'w> Channels<'t, 'w> {
             Record::Channel(channel) => {
                 let mcap::records::Channel { id, schema_id, topic, message_encoding: encoding, metadata } = channel;
                 self.topics.extra(&Extra::OfTopic { topic: &topic, entries: &metadata });
-                self.announce(id, Channel { topic, schema_id, encoding })?;
+                // Whoever takes messages as they stand takes them as they stand here.
+                let original = OriginalTopic::of(&metadata).filter(|_| !self.topics.takes_extras());
+                self.announce(id, Channel { topic, schema_id, encoding, original })?;
             }
             Record::Metadata(metadata) => {
                 self.topics.extra(&Extra::Metadata { name: &metadata.name, entries: &metadata.metadata });
+                self.originals.metadata(&metadata.name, &metadata.metadata);
                 self.extras.add(format!("metadata {:.200}", metadata.name));
             }
             Record::MessageIndex(index) => self.index(&index),

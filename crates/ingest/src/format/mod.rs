@@ -20,7 +20,7 @@ pub use csv::{CsvReader, inert};
 pub use dataflash::DataFlashReader;
 pub(crate) use dataflash::looks_like as looks_like_dataflash;
 pub use db3::Db3Reader;
-pub use mcap::{McapReader, mcap_indexed_records, mcap_records};
+pub use mcap::{McapReader, OriginalLog, OriginalTopic, mcap_indexed_records, mcap_records};
 pub use nmea::NmeaReader;
 pub(crate) use nmea::looks_like as looks_like_nmea;
 pub use tlog::TlogReader;

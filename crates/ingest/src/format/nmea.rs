@@ -12,6 +12,7 @@
 mod book;
 mod sentence;
 
+use self::book::Kind;
 pub(super) use self::book::{Book, Dates};
 pub(super) use self::sentence::Sentence;
 use crate::bytes::is_zero;
@@ -82,10 +83,15 @@ pub(super) fn forget_log_times(log: &mut Log) {
     log.health.topics.iter_mut().for_each(|topic| topic.stamps.clear());
 }
 
-/// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is.
+/// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is; or
+/// sentences of the types that are read, and no checksum anywhere.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
+    looks_checked(head) || (is_bare(head) && looks_bare(head))
+}
+
+fn looks_checked(head: &[u8]) -> bool {
     let mut lines = head.split(|b| *b == b'\n').take(100);
-    let sentence = |line: &[u8]| Some(Sentence::at(line.get(memchr2(b'$', b'!', line)?..)?, false).is_ok());
+    let sentence = |line: &[u8]| Some(Sentence::at(line.get(begin_of(line)?..)?, false).is_ok());
     let (mut good, mut bad) = (0, 0);
     while let (Some(line), true) = (lines.next(), good < 2) {
         match sentence(line) {
@@ -95,6 +101,23 @@ pub(crate) fn looks_like(head: &[u8]) -> bool {
         }
     }
     good >= 2 || (good == 1 && bad == 0)
+}
+
+/// Whether lines are sentences of types that are read, as far as that can be told without a checksum.
+fn looks_bare(head: &[u8]) -> bool {
+    let lines = head.split_inclusive(|b| *b == b'\n').take(100);
+    let is_read = |line: &&[u8]| {
+        let sentence = Sentence::at(line, true).ok().filter(|s| s.body.matches(',').count() > 3);
+        sentence.is_some_and(|sentence| Kind::of(sentence.address().1).is_some())
+    };
+    lines.filter(is_read).count() > 2
+}
+
+/// Where the first sentence of a line would begin. Some receivers double the `$`.
+fn begin_of(line: &[u8]) -> Option<usize> {
+    let at = memchr2(b'$', b'!', line)?;
+    let doubled = line.get(at..)?.iter().take_while(|b| **b == b'$').count();
+    Some(at + doubled.saturating_sub(1))
 }
 
 /// Whether there are sentences and none has a checksum: some loggers take it off. What follows the last line's end does
@@ -127,7 +150,7 @@ struct Counts {
     unchecked: u64,
     /// Text in front of sentences that is no Unix time.
     prefixes: u64,
-    /// Bytes of text in front of the first sentence, and of comments.
+    /// Bytes of text in front of the first sentence, of comments, and of lines of text.
     preamble: u64,
     sentences: u64,
 }
@@ -190,7 +213,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             return self.aside(line);
         }
         let mut from = 0;
-        while let Some(dollar) = line.get(from..).and_then(|rest| memchr2(b'$', b'!', rest)).map(|at| from + at) {
+        while let Some(dollar) = line.get(from..).and_then(begin_of).map(|at| from + at) {
             let rest = line.get(dollar..).unwrap_or_default();
             let prefix = line.get(from..dollar).unwrap_or_default();
             let next = rest.get(1..).and_then(|r| memchr2(b'$', b'!', r)).map_or(line.len(), |at| dollar + 1 + at);
@@ -209,14 +232,24 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         let rest = line.get(from..).unwrap_or_default();
         if rest.iter().all(u8::is_ascii_whitespace) {
             self.ledger.count(Fate::Structure, rest.len() as u64);
-        } else if is_plain(rest) && self.counts.sentences == 0 && memchr(b'*', rest).is_none() {
+        } else if is_plain(rest)
+            && memchr(b'*', rest).is_none()
+            && (self.counts.sentences == 0 || self.is_text(line, rest))
+        {
             self.aside(rest);
         } else {
             self.damaged(from, line.len(), "no sentence");
         }
     }
 
-    /// A comment, or text in front of the first sentence.
+    /// Whether a whole line is text that a receiver or a logger put between the sentences, and no piece of one: these have
+    /// commas, and no blanks. Where text stands in front of the sentences too, it may look as it likes.
+    fn is_text(&self, line: &[u8], rest: &[u8]) -> bool {
+        let has = |byte| memchr(byte, rest).is_some();
+        line == rest && line.ends_with(b"\n") && (self.counts.prefixes > 0 || (has(b' ') && !has(b',')))
+    }
+
+    /// A comment, text in front of the first sentence, or a line of text between.
     fn aside(&mut self, text: &[u8]) {
         self.counts.preamble += text.len() as u64;
         self.ledger.count(Fate::Skipped, text.len() as u64);
@@ -264,12 +297,13 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             Severity::Info,
             "preamble",
             preamble,
-            "bytes of text that is no sentence: comments, and what stands before the first",
+            "bytes of text that is no sentence: comments, what stands before the first, and whole lines between",
         );
     }
 }
 
-fn is_plain(text: &[u8]) -> bool {
+/// Whether it is text and nothing else.
+pub(super) fn is_plain(text: &[u8]) -> bool {
     std::str::from_utf8(text).is_ok_and(|text| text.bytes().all(|b| b >= b' ' || b"\t\r\n".contains(&b)))
 }
 

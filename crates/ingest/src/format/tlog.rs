@@ -2,8 +2,9 @@
 //! bytes, the highest first (<https://mavlink.io/en/file_formats/#tlog>).
 //!
 //! Every frame has a checksum, and it is checked; of a message that is not defined, whether it is the same layout every
-//! time. A topic is named after its message. The vehicle with the smallest number has the plain name; what another
-//! vehicle says is `GPS_RAW_INT@2`, and another component of this one `ODOMETRY@1.197`.
+//! time. A frame from whose end a ground station took zeros under its checksum is intact with them. A topic is named after
+//! its message. The vehicle with the smallest number has the plain name; what another vehicle says is `GPS_RAW_INT@2`, and
+//! another component of this one `ODOMETRY@1.197`.
 //!
 //! The definitions are a table and not the `mavlink` crate: its messages are types of their own, which 27 or 350 hand-made
 //! conversions would have to bring into columns, and its dialect takes half a minute to compile. The table goes into
@@ -13,20 +14,23 @@ mod checksum;
 mod clock;
 mod definition;
 mod frame;
+mod recut;
 mod vehicle;
 
 use self::clock::{BootClock, PLAUSIBLE_US, ReceiveClock};
 use self::definition::Definitions;
 use self::frame::{Finder, Frame, LONGEST, MAGIC, NoFrame};
+use self::recut::Recut;
 use self::vehicle::Vehicle;
 use crate::bytes::is_zero;
+use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::{MOST_ZEROS, Reading};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
-use crate::table::TopicInfo;
+use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Notices, Severity};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -62,11 +66,12 @@ impl LogReader for TlogReader {
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
         log.health.format = "MAVLink telemetry".to_owned();
+        let mut recut = Recut::default();
         let main = match files.first_mut() {
-            Some(first) => main_vehicle(first, context)?,
+            Some(first) => main_vehicle(first, &mut recut, context)?,
             None => Sender::default(),
         };
-        let mut book = Book::new(main, &mut topics);
+        let mut book = Book::new(main, recut, &mut topics);
         for file in &mut files {
             super::refuse_foreign(file, NO_FRAME, context)?;
             let (name, search) = (file.name().to_owned(), Search::default());
@@ -85,8 +90,8 @@ const NO_FRAME: &str = "what stands here is no frame of MAVLink";
 pub(crate) fn looks_like(head: &[u8]) -> bool {
     let plausible = |bytes: &[u8]| time_us(bytes).is_some_and(|time| PLAUSIBLE_US.contains(&time));
     let begins = head.get(TIME).is_some_and(|magic| MAGIC.contains(magic)) && plausible(head);
-    let frame = || Frame::at(head.get(TIME..).unwrap_or_default()).ok().and_then(|f| f.intact);
-    begins && frame() == Some(true)
+    let frame = || Frame::at(head.get(TIME..).unwrap_or_default()).ok();
+    begins && frame().is_some_and(|frame| frame.intact == Some(true) || frame.zeros_cut.is_some())
 }
 
 fn time_us(bytes: &[u8]) -> Option<u64> {
@@ -100,6 +105,12 @@ struct Sender {
     component: u8,
 }
 
+impl Sender {
+    fn of(frame: &Frame<'_>) -> Sender {
+        Sender { system: frame.system, component: frame.component }
+    }
+}
+
 impl Default for Sender {
     /// An autopilot whose numbers nobody has changed.
     fn default() -> Sender {
@@ -107,17 +118,19 @@ impl Default for Sender {
     }
 }
 
-/// The autopilot with the smallest number among those whose heartbeat is near the begin of the log.
-fn main_vehicle(file: &mut LogFile, context: &ReadContext<'_>) -> Result<Sender, IngestError> {
+/// The autopilot with the smallest number among those whose heartbeat is near the begin of the log. Who sends zeros at the
+/// end of payloads is learned on the way.
+fn main_vehicle(file: &mut LogFile, recut: &mut Recut, context: &ReadContext<'_>) -> Result<Sender, IngestError> {
     let (mut at, end) = (0, file.size().min(BEGIN));
     let mut search = Search::default();
     let mut main = None;
     while at < end {
         let bytes = file.up_to(at, TIME + LONGEST)?;
         match Frame::at(bytes.get(TIME..).unwrap_or_default()) {
-            Ok(frame) if frame.intact != Some(false) => {
-                if vehicle::is_autopilot(frame.message, frame.payload) {
-                    let sender = Sender { system: frame.system, component: frame.component };
+            Ok(frame) if frame.intact != Some(false) || frame.zeros_cut.is_some() => {
+                let sender = Sender::of(&frame);
+                recut.learn(sender, time_us(bytes).unwrap_or_default(), &frame);
+                if frame.intact != Some(false) && vehicle::is_autopilot(frame.message, frame.payload) {
                     main = Some(main.map_or(sender, |main: Sender| main.min(sender)));
                 }
                 at += (TIME + frame.length) as u64;
@@ -227,6 +240,9 @@ struct Book<'b, 't> {
     boot: BootClock,
     /// What stands for the layout of a message that is not defined, as its first frame has it.
     unknown: HashMap<u32, u8>,
+    recut: Recut,
+    /// Frames whose zeros were put back.
+    completed: Tally,
     undefined: Tally,
     flagged: Tally,
     unplaced: Tally,
@@ -234,7 +250,7 @@ struct Book<'b, 't> {
 }
 
 impl<'b, 't> Book<'b, 't> {
-    fn new(main: Sender, topics: &'b mut Topics<'t>) -> Book<'b, 't> {
+    fn new(main: Sender, recut: Recut, topics: &'b mut Topics<'t>) -> Book<'b, 't> {
         Book {
             main,
             topics,
@@ -243,6 +259,8 @@ impl<'b, 't> Book<'b, 't> {
             receive: ReceiveClock::default(),
             boot: BootClock::default(),
             unknown: HashMap::new(),
+            recut,
+            completed: Tally::default(),
             undefined: Tally::default(),
             flagged: Tally::default(),
             unplaced: Tally::default(),
@@ -257,7 +275,12 @@ impl<'b, 't> Book<'b, 't> {
             NoFrame::Foreign => NO_FRAME,
             NoFrame::Cut => CUT,
         })?;
+        let sender = Sender::of(&frame);
+        self.recut.learn(sender, time, &frame);
         match frame.intact {
+            Some(false) if self.recut.vouches_for(sender, &frame) => {
+                self.completed.add(|| format!("message {} of {}.{}", frame.message, sender.system, sender.component));
+            }
             Some(false) => return Err("the checksum of a frame is wrong"),
             None if !self.is_consistent(&frame) => return Err(UNKNOWN),
             _ => {}
@@ -283,7 +306,7 @@ impl<'b, 't> Book<'b, 't> {
     }
 
     fn message(&mut self, frame: &Frame<'_>, logged_ns: i64) -> Fate {
-        let sender = Sender { system: frame.system, component: frame.component };
+        let sender = Sender::of(frame);
         let Some(route) = self.route(sender, frame) else {
             self.unplaced.add(|| format!("message {}", frame.message));
             return Fate::Skipped;
@@ -291,7 +314,12 @@ impl<'b, 't> Book<'b, 't> {
         let times = Times { logged_ns, published_ns: None };
         let Some(definition) = Definitions::all().get(frame.message) else {
             self.undefined.add(|| format!("number {}", frame.message));
-            return self.topics.message(route, times, frame.payload);
+            if !self.topics.takes_extras() {
+                return self.topics.message(route, times, frame.payload);
+            }
+            let mut whole = String::new();
+            push_hex(frame.payload, &mut whole);
+            return self.topics.message(route, times, whole.as_bytes());
         };
         // A sender of MAVLink 2 leaves out the zeros at the end.
         let length = if frame.wide { definition.length(true) } else { 0 };
@@ -323,6 +351,9 @@ impl<'b, 't> Book<'b, 't> {
         let info = TopicInfo { name, type_name, encoding: "mavlink".to_owned() };
         let route = match definition {
             Some(d) => self.topics.packed_route(info, d.text(frame.wide).as_bytes(), |_| Ok(d.layout(frame.wide))),
+            None if self.topics.takes_extras() => {
+                self.topics.cells_route(info, &[], || Ok(CellLayout::of([(PAYLOAD_HEX, CellKind::Text)])))
+            }
             None => self.topics.packed_route(info, &[], |_| Err("a message that is not defined".to_owned())),
         };
         let route = route.ok();
@@ -339,6 +370,9 @@ impl<'b, 't> Book<'b, 't> {
         };
         let text = "frames of messages that are not defined were not read";
         say(Severity::Warning, "unknown-message", &self.undefined, text);
+        let text = "frames have the checksum of a payload with zeros at its end, which the ground station left out as it \
+                    wrote them; with the zeros they are intact, and were read";
+        say(Severity::Info, "zeros-cut", &self.completed, text);
         let text = "frames with flags that nobody knows were not read";
         say(Severity::Loss, "unknown-flags", &self.flagged, text);
         let text = "messages found no topic, for there are too many";

@@ -1,8 +1,9 @@
 //! UBX, the binary protocol of u-blox receivers, as it comes from the receiver: NMEA and RTCM 3 may stand between.
 //!
 //! Every frame has a checksum, and it is checked. A topic is named after its message, `NAV-PVT`; messages that are not
-//! read are counted by class and number, and so are corrections. In front of the fields of a message stand `gps_week`,
-//! the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or else the first
+//! read are counted by class and number, and so are corrections; who takes messages as they stand has their bytes.
+//!
+//! In front of the fields of a message stand `gps_week`, the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or else the first
 //! behind it (0 if none did), and `fix_ok`; in front of NAV-HPPOSLLH also `latitude`, `longitude` and `ellipsoid_height`
 //! of all its digits. A receiver's own output has no time at which it was logged.
 //!
@@ -18,15 +19,16 @@ use self::message::Message;
 use self::receiver::{Receiver, Weeks};
 use super::nmea::{self, Book, Dates, Sentence};
 use crate::bytes::is_zero;
+use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::{MOST_ZEROS, Reading};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
-use crate::table::TopicInfo;
+use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Notices, Severity};
-use memchr::{memchr2_iter, memmem};
+use memchr::{memchr, memchr2_iter, memmem};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -39,6 +41,8 @@ const MOST_TOPICS: usize = 2048;
 /// a correction is read; beyond that what looks like one is damage.
 const VAIN: u64 = 4;
 const VAIN_AT_ONCE: u64 = 1 << 20;
+/// The longest text that a logger writes before the first frame, bytes.
+const LONGEST_PREAMBLE: u64 = 64 << 10;
 /// Nobody stamped the messages.
 const UNSTAMPED: Times = Times { logged_ns: 0, published_ns: None };
 
@@ -124,19 +128,38 @@ impl Walk<'_, '_, '_, '_> {
 
     /// Goes on where the next intact frame or sentence begins.
     fn lost(&mut self, reason: Cow<'static, str>) -> Result<(), IngestError> {
-        let length = frame::length_at(self.file.up_to(self.at, frame::HEADER)?);
+        let head = self.file.up_to(self.at, frame::HEADER)?;
+        let length = frame::length_at(head).or_else(|| frame::told_rtcm_length(head));
         self.fetch(self.at + 1)?;
         let correction = length.and_then(|length| self.correction_behind(length));
         let found = self.search(self.at + 1)?;
         let next = correction.map_or(found, |correction| correction.min(found));
-        let cut = next == self.file.size() && reason == CUT;
-        let reason = if cut { "the log ends inside a frame".into() } else { reason };
+        if self.at == 0 && self.begins_with_text(next)? {
+            self.ledger.count(Fate::Skipped, next);
+            self.content.preamble += next;
+            self.at = next;
+            return Ok(());
+        }
+        let reason = match &*reason {
+            CUT if next == self.file.size() => "the log ends inside a frame".into(),
+            NOTHING if self.at == 0 && next < self.file.size() => "the log begins inside a frame".into(),
+            _ => reason,
+        };
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
     }
 
-    /// Where an intact correction begins, right behind the frame of this length that is damaged. Elsewhere none is searched
+    /// Whether there is but text before this place, and no piece of a sentence: what a logger wrote first.
+    fn begins_with_text(&mut self, end: u64) -> Result<bool, IngestError> {
+        if end == self.file.size() || end > LONGEST_PREAMBLE {
+            return Ok(false);
+        }
+        let text = self.file.up_to(0, end as usize)?;
+        Ok(nmea::is_plain(text) && text.ends_with(b"\n") && memchr(b'*', text).is_none())
+    }
+
+    /// Where an intact correction begins, right behind the frame or correction of this length that is damaged. Elsewhere none is searched
     /// for: it would take long, and nothing in it is read.
     fn correction_behind(&mut self, length: usize) -> Option<u64> {
         let (start, finder) = self.searched.as_ref()?;
@@ -192,6 +215,9 @@ struct Content<'b, 't> {
     topics: &'b mut Topics<'t>,
     /// By class and number; RTCM by its own.
     routes: HashMap<(u8, u8), Option<Route>>,
+    /// The same, for messages that are taken whole.
+    whole_routes: HashMap<(u8, u8), Option<Route>>,
+    line: String,
     receiver: Receiver,
     sentences: Book,
     assembled: Vec<u8>,
@@ -202,16 +228,30 @@ struct Content<'b, 't> {
     at: u64,
     /// Bytes summed up for corrections that proved none.
     vain: u64,
+    /// Bytes of text before the first frame.
+    preamble: u64,
 }
 
 /// Stands for corrections among the routes: no class of UBX has this number.
 const CORRECTIONS: (u8, u8) = (0xff, RTCM);
+
+/// Of messages that are not read, for who takes all of them as they stand.
+fn whole_layout() -> CellLayout {
+    let number = CellKind::NumberIfAny;
+    CellLayout::of([("gps_week", number), ("iTOW", number), (PAYLOAD_HEX, CellKind::Text)])
+}
+
+fn name_of(key: (u8, u8)) -> String {
+    if key == CORRECTIONS { "RTCM3".to_owned() } else { message::name(key.0, key.1) }
+}
 
 impl<'b, 't> Content<'b, 't> {
     fn new(topics: &'b mut Topics<'t>) -> Content<'b, 't> {
         Content {
             topics,
             routes: HashMap::new(),
+            whole_routes: HashMap::new(),
+            line: String::new(),
             receiver: Receiver::default(),
             sentences: Book::new(),
             assembled: vec![],
@@ -219,6 +259,7 @@ impl<'b, 't> Content<'b, 't> {
             unplaced: Tally::default(),
             at: 0,
             vain: 0,
+            preamble: 0,
         }
     }
 
@@ -229,6 +270,8 @@ impl<'b, 't> Content<'b, 't> {
                 let frame = Frame::at(bytes)?;
                 Ok((self.frame(frame), frame.length))
             }
+            // Some receivers double it.
+            [b'$', b'$', ..] => Ok((Fate::Structure, 1)),
             [b'$' | b'!', ..] => {
                 let sentence = Sentence::at(bytes, false).map_err(|fault| fault.to_string())?;
                 Ok((self.sentences.sentence(&sentence, None, self.topics), sentence.length))
@@ -236,7 +279,7 @@ impl<'b, 't> Content<'b, 't> {
             [b'\r' | b'\n', ..] => Ok((Fate::Structure, 1)),
             [RTCM, ..] => {
                 let length = self.correction(bytes).ok_or("the checksum of a correction is wrong")?;
-                Ok((self.skip(CORRECTIONS, length), length))
+                Ok((self.skip(CORRECTIONS, bytes.get(..length).unwrap_or_default()), length))
             }
             _ => Err(NOTHING.into()),
         }
@@ -263,7 +306,7 @@ impl<'b, 't> Content<'b, 't> {
         }
         // A frame without payload asks for the message; nothing is in it.
         let Some(message) = Message::of(frame.class, frame.number).filter(|_| !frame.payload.is_empty()) else {
-            return self.skip(key, frame.payload.len());
+            return self.skip(key, frame.payload);
         };
         let derived = self.receiver.tell(message, frame.payload);
         if Weeks::is_untold(derived.week) {
@@ -277,18 +320,42 @@ impl<'b, 't> Content<'b, 't> {
         self.topics.message(route, UNSTAMPED, &self.assembled)
     }
 
-    /// Counts what is not read.
-    fn skip(&mut self, key: (u8, u8), length: usize) -> Fate {
-        match self.route(key) {
-            Some(route) => self.topics.unread(route, UNSTAMPED, length as u64),
-            None => Fate::Skipped,
+    /// Counts what is not read, or hands it on as it stands, with the time of week that was told last.
+    fn skip(&mut self, key: (u8, u8), payload: &[u8]) -> Fate {
+        if !self.topics.takes_extras() {
+            let route = self.route(key);
+            return route.map_or(Fate::Skipped, |route| self.topics.unread(route, UNSTAMPED, payload.len() as u64));
         }
+        let Some(route) = self.whole_route(key) else { return Fate::Skipped };
+        self.line.clear();
+        if let Some((week, itow_ms)) = self.receiver.told() {
+            self.line += &format!("{week},{itow_ms},");
+        } else {
+            self.line += ",,";
+        }
+        push_hex(payload, &mut self.line);
+        self.topics.message(route, UNSTAMPED, self.line.as_bytes())
+    }
+
+    fn whole_route(&mut self, key: (u8, u8)) -> Option<Route> {
+        // One without a payload asks for the message, and is none of them.
+        let poll = if Message::of(key.0, key.1).is_some() { "-poll" } else { "" };
+        let name = name_of(key) + poll;
+        let topics = &mut *self.topics;
+        let route = *self.whole_routes.entry(key).or_insert_with(|| {
+            let info = TopicInfo { name: name.clone(), type_name: name.clone(), encoding: "ubx".to_owned() };
+            topics.cells_route(info, b"whole", || Ok(whole_layout())).ok()
+        });
+        if route.is_none() {
+            self.unplaced.add(|| name);
+        }
+        route
     }
 
     /// Where messages go; `None`, and counted, if there are too many topics.
     fn route(&mut self, key: (u8, u8)) -> Option<Route> {
         let (class, number) = key;
-        let name = if key == CORRECTIONS { "RTCM3".to_owned() } else { message::name(class, number) };
+        let name = name_of(key);
         let topics = &mut *self.topics;
         let route = *self.routes.entry(key).or_insert_with(|| {
             let info = TopicInfo { name: name.clone(), type_name: name.clone(), encoding: "ubx".to_owned() };
@@ -306,6 +373,10 @@ impl<'b, 't> Content<'b, 't> {
         if self.unplaced.count > 0 {
             let text = format!("messages found no topic, for there are too many; the first: {}", self.unplaced.first);
             notices.push(Severity::Loss, "unknown-channel", "", self.unplaced.count, text);
+        }
+        if self.preamble > 0 {
+            let text = "bytes of text stand before the first frame";
+            notices.push(Severity::Info, "preamble", "", self.preamble, text);
         }
         if self.early.count > 0 {
             let text = match self.receiver.weeks.are_told() {

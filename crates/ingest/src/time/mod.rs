@@ -1,10 +1,12 @@
 //! What the clocks of a log do wrong, and what ties them to UTC.
 
+mod midnight;
 mod suspect;
 mod tie;
 mod week;
 mod wrap;
 
+pub(crate) use midnight::redate_days;
 pub(crate) use suspect::suspicion;
 pub(crate) use tie::tie;
 pub(crate) use week::{Week, WeekCount, redate_weeks};

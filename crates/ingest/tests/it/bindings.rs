@@ -306,7 +306,9 @@ fn rows_of_novatel_without_a_solution_are_not_used_and_counted() {
     };
     let text: String = (0..20).map(epoch).collect();
     let loaded = load_as(LogKind::Csv, text.as_bytes());
-    for (name, unusable) in [("position.gps", 2), ("velocity.gps", 2), ("position.ins", 3), ("velocity.ins", 3)] {
+    for (name, unusable) in
+        [("position.gps", 2), ("velocity.gps", 2), ("position.ins", 3), ("velocity.ins", 3), ("attitude.ins", 3)]
+    {
         let health = loaded.binding.iter().flat_map(|b| &b.channels).find(|c| c.name == name).unwrap();
         let rejected: Vec<(&str, u64)> = health.rejected.iter().map(|r| (r.reason.as_str(), r.count)).collect();
         assert_eq!((health.used, rejected), (20 - unusable, vec![("solution_ok is below 1", unusable)]), "{name}");
@@ -314,7 +316,37 @@ fn rows_of_novatel_without_a_solution_are_not_used_and_counted() {
     // The first that is used is the third.
     let velocity = &loaded.flight.channels["velocity.gps"].series;
     assert!((velocity.component(1)[0] - 3.0).abs() < 1e-12, "{:?}", velocity.component(1));
-    assert_eq!(count_of(&loaded, "rejected-row"), 10);
+    assert_eq!(count_of(&loaded, "rejected-row"), 13);
+}
+
+#[test]
+fn angles_of_inertial_systems_are_those_of_aircraft_and_messages_apart_are_bound_as_together() {
+    let row = |n: u32| {
+        let (seconds, latitude) = (561_600.0 + f64::from(n), 47.3 + 1e-5 * f64::from(n));
+        let inertial =
+            |name, fields: &str| novatel(name, seconds, &format!("2445,{seconds:.3},{fields},INS_SOLUTION_GOOD"));
+        let position = inertial("INSPOS", &format!("{latitude},8.5,400.0"));
+        [position, inertial("INSVEL", "1.0,2.0,0.5"), inertial("INSATT", "20.0,0.0,0.0")].concat()
+    };
+    let novatel = load_as(LogKind::Csv, (0..9).map(row).collect::<String>().as_bytes());
+    let half = 10.0_f64.to_radians();
+    assert_all(&novatel, "attitude.ins", &[half.cos(), half.sin(), 0.0, 0.0]);
+    assert_all(&novatel, "velocity.ins", &[1.0, 2.0, -0.5]);
+    assert_eq!(novatel.flight.channels["position.ins"].series.len(), 9);
+    // An RT3000's export in local time: latin text in the header, km/h, a comma too many.
+    let header = "\"Date (UTC+1,00)\",\"Time (UTC+1,00)\",TimeFromStart (s),PosLat (deg),PosLon (deg),PosAlt (m),VelNorth (km/h),\
+                  VelEast (km/h),VelDown (km/h),AccelX (m/s\u{b2}),AngleHeading (deg),AnglePitch (deg),AngleRoll (deg)\r\n";
+    let row = |n: u32| {
+        format!("2026-11-21,13:00:0{n},{n},{},8.5,400,36,18,-3.6,0.1,90,20,0,\r\n", 47.3 + 1e-5 * f64::from(n))
+    };
+    let text = header.to_owned() + &(0..9).map(row).collect::<String>();
+    let latin: Vec<u8> = text.chars().map(|letter| letter as u8).collect();
+    let oxts = load_as(LogKind::Csv, &latin);
+    assert_all(&oxts, "velocity.ins", &[10.0, 5.0, -1.0]);
+    let side = std::f64::consts::FRAC_1_SQRT_2;
+    assert_all(&oxts, "attitude.ins", &[half.cos() * side, -half.sin() * side, half.sin() * side, half.cos() * side]);
+    let timeline = oxts.flight.channels["position.ins"].series.timeline();
+    assert_eq!((timeline.clock(), timeline.stamps()[8].0), (Clock::Elapsed, 8_000_000_000));
 }
 
 #[test]
@@ -364,8 +396,35 @@ fn angles_of_mt_manager_turn_the_sensor_to_east_north_up() {
     let half = 5.0_f64.to_radians();
     assert_all(&loaded, "attitude.ins", &[half.cos(), 0.0, half.sin(), 0.0]);
     assert_all(&loaded, "velocity.xyz", &[20.0, 1.0, -0.5]);
-    let told = |text: &str| loaded.flight.notices.iter().any(|n| n.code == "assumption" && n.text.contains(text));
-    assert!(told("Roll, Pitch, Yaw are taken") && told("Vel_X, Vel_Y, Vel_Z are taken"));
+    assert_eq!(count_of(&loaded, "assumption"), 0);
+}
+
+#[test]
+fn the_frame_that_a_comment_of_mt_manager_says_is_the_one_that_is_bound_and_no_comment_is_an_assumption() {
+    let said = |text: &str| {
+        let text = mt_manager(30, noon).replace("// Coordinate system: ENU\n", text);
+        load_as(LogKind::Csv, text.as_bytes())
+    };
+    let half = 5.0_f64.to_radians();
+    let side = std::f64::consts::FRAC_1_SQRT_2;
+    // Yaw 90 deg about up, or about down, and the pitch about the left axis; forward, right, down of NED.
+    let enu = ([20.0, 1.0, -0.5], [half.cos(), 0.0, half.sin(), 0.0]);
+    let nwu = ([1.0, -20.0, -0.5], [half.cos() * side, half.sin() * side, half.sin() * side, -half.cos() * side]);
+    let ned = ([1.0, 20.0, 0.5], [-half.sin() * side, half.cos() * side, half.cos() * side, half.sin() * side]);
+    for (comment, (velocity, attitude), told) in [
+        ("", enu, 60),
+        ("// Coordinate system: ENU\n", enu, 0),
+        ("//  Coordinate system: NWU \n", nwu, 60),
+        ("// Coordinate system: NED\n", ned, 60),
+    ] {
+        let loaded = said(comment);
+        assert_all(&loaded, "velocity.xyz", &velocity);
+        assert_all(&loaded, "attitude.ins", &attitude);
+        assert_eq!(count_of(&loaded, "assumption"), told, "{comment}");
+    }
+    let unknown = said("// Coordinate system: SEU\n");
+    assert_eq!(unknown.flight.channels.keys().collect::<Vec<_>>(), ["position.ins"]);
+    assert_eq!(count_of(&unknown, "unknown-remark"), 2);
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod dataflash;
 mod db3;
 mod discover;
 mod gps_time;
+mod kept_crates;
 mod made;
 mod maps;
 mod mcap;

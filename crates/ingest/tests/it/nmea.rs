@@ -197,7 +197,7 @@ fn a_unix_time_in_front_of_a_line_is_when_it_was_logged() {
 fn a_bad_line_is_damage_with_its_number_and_the_others_are_read() {
     let good = sealed("GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,");
     let bad = good.replace("545.4", "645.4");
-    let log = text(&["log of the receiver", "# a comment", &good, &bad, "cut in the midd", "", &good, "\u{7}", &good]);
+    let log = text(&["log of the receiver", "# a comment", &good, &bad, "4.5,M,46.9,M,,", "", &good, "\u{7}", &good]);
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
     assert_eq!(reasons[0], "line 4: the checksum is 47 where the sentence has 44");
     assert_eq!(reasons[1..], ["line 5: no sentence", "line 8: no sentence"]);
@@ -205,6 +205,61 @@ fn a_bad_line_is_damage_with_its_number_and_the_others_are_read() {
     // Where the end of a line is damaged both its sentences are read.
     let merged = text(&[&format!("{good}\rJ{good}")]);
     assert_eq!((table(&merged, "GPGGA").rows, merged.health.bytes.damaged), (2, 0), "{:?}", merged.health.damage);
+}
+
+#[test]
+fn a_line_of_text_between_sentences_is_no_damage_and_a_piece_of_one_is() {
+    let good = sealed("GPGLL,4807.038,N,01131.000,E,123520,A");
+    let own = sealed("PSRFTXTClock: 96 kHz, good");
+    let log = text(&[&good, "+ 6: 28 (.....)", &own, "038,N,01131.000", "038", "noise*47", &good]);
+    let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
+    assert_eq!(reasons, [4, 5, 6].map(|line| format!("line {line}: no sentence")));
+    assert_eq!((messages(&log, "GPGLL"), messages(&log, "PSRF")), (2, 1));
+    // A logger that writes text in front of each sentence writes lines of its own too.
+    let logged = format!("12:00:01 | recv - {good}");
+    let log = text(&[&logged, "12:00:02 | main - interrupted, leaving", &logged, "12:00:03 | recv - GPGLL,4807*38"]);
+    assert_eq!((messages(&log, "GPGLL"), log.health.damage_count), (2, 1), "{:?}", log.health.damage);
+    assert!(log.notices.iter().any(|n| n.code == "preamble" && n.count == 40));
+}
+
+#[test]
+fn a_position_that_is_none_is_absent_where_the_sentence_says_that_it_has_no_fix() {
+    let log = text(&[
+        &sealed("GPGGA,235946.005,8960.000000,N,00000.000000,E,0,0,,137.000,M,13.000,M,,"),
+        &sealed("GPRMC,000452.981,V,36000.0000,N,72000.0000,E,0.000000,,190120,,"),
+        &sealed("GPGLL,36000.0000,N,72000.0000,E,000452.981,V"),
+        &sealed("GPGGA,000453,4807.038,N,01131.000,E,0,00,,,M,,M,,"),
+    ]);
+    assert_eq!((log.health.undecodable, log.health.messages), (0, 4), "{:?}", codes(&log));
+    assert_eq!(values(&log, "GPGGA", "latitude"), [None, Some(48.1173)]);
+    assert_eq!(values(&log, "GPGGA", "quality"), [Some(0.0); 2]);
+    assert_eq!((values(&log, "GPRMC", "valid"), values(&log, "GPRMC", "speed")), (vec![Some(0.0)], vec![Some(0.0)]));
+    let wrong = text(&[&sealed("GPGLL,36000.0000,N,72000.0000,E,000452.981,A")]);
+    assert_eq!((wrong.health.undecodable, wrong.notices.any_loss()), (1, true));
+}
+
+#[test]
+fn a_receiver_that_doubles_the_dollar_is_read() {
+    let good = format!("${}", sealed("GPGLL,4807.038,N,01131.000,E,123520,A"));
+    let log = text(&[&good, &good]);
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 0), "{:?}", log.health.damage);
+    let (folder, _path) = file("receiver.log", format!("{good}\r\n{good}\r\n").as_bytes());
+    let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+    assert_eq!(found.units[0].kind, LogKind::Nmea);
+}
+
+#[test]
+fn a_log_without_any_checksum_is_told_by_the_types_of_its_sentences() {
+    let found = |text: &str| {
+        let (folder, _path) = file("receiver.log", text.as_bytes());
+        let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+        found.units.first().map(|unit| unit.kind)
+    };
+    let gga = "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,\r\n";
+    let gsv = "$GPGSV,3,1,09,07,38,351,00,08,60,306,31,11,73,114,35,17,36,265,46\r\n";
+    assert_eq!(found(&format!("# of a receiver\r\n{gga}{gsv}{gga}{gsv}{gga}")), Some(LogKind::Nmea));
+    assert_eq!(found(&format!("{gga}{gsv}")), None);
+    assert_eq!(found("$STI,IC,error=4\r\n$STI,IC,error=4\r\n$STI,IC,error=6\r\n"), None);
 }
 
 #[test]

@@ -113,6 +113,29 @@ fn counters_of_32_bits_run_on_where_they_begin_anew() {
 }
 
 #[test]
+fn what_is_put_right_in_the_stamps_of_a_topic_is_told_once_for_all_its_channels() {
+    let time = "measured = [{ field = \"t\", unit = \"us\", clock = \"boot\" }]";
+    let velocity = "[[channel]]\nname = \"velocity.gps\"\nquantity = \"velocity-ned\"\ntimeline = \"measured\"\n[channel.fields]\n\
+                    north = { field = \"lat\", unit = \"m/s\" }\neast = { field = \"lon\", unit = \"m/s\" }\n";
+    let row = |i: i64| format!("{},3,47.{i:04},8.5\n", ((1 << 32) - 500_000 + i * 100_000) % (1_i64 << 32));
+    let text = (0..10).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
+    let loaded = read(&library(time, velocity), &text).unwrap();
+    assert_eq!(loaded.flight.channels.len(), 2);
+    let told: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "stamp-wrap").collect();
+    assert_eq!((told.len(), told[0].count), (1, 1));
+    assert!(told[0].text.starts_with("2 channels, the first velocity.gps: "), "{}", told[0].text);
+}
+
+#[test]
+fn a_channel_without_a_usable_row_is_told_once_with_its_reasons() {
+    let loaded = read(&library(WEEKS, ""), &weeks(&[(2313, 1000, 1), (2313, 1200, 2), (0, 1400, 3)])).unwrap();
+    let of_channel = |n: &&flight::Notice| n.severity == flight::Severity::Warning && n.text.contains("position.gps");
+    let told: Vec<_> = loaded.flight.notices.iter().filter(of_channel).collect();
+    assert_eq!(told.iter().map(|n| n.code.as_str()).collect::<Vec<_>>(), ["no-usable-row"]);
+    assert!(told[0].text.ends_with("fix is below 3 (2), no stamp (1)"), "{}", told[0].text);
+}
+
+#[test]
 fn numbers_of_a_calendar_and_dates_of_every_order_are_the_same_instants() {
     // date -u -d '2024-05-10T17:27:44Z' +%s
     let expected: Vec<i64> = (0..3).map(|i| 1_715_362_064 * S + 100_000_000 * i).collect();
@@ -132,8 +155,36 @@ fn numbers_of_a_calendar_and_dates_of_every_order_are_the_same_instants() {
 fn the_day_of_a_date_with_slashes_is_not_guessed() {
     let civil = "measured = [{ date = \"date\", time = \"time\" }]";
     let text = |date: &str| format!("date,time,fix,lat,lon\n{date},17:27:44,3,47.0,8.5\n{date},17:27:45,3,47.1,8.5\n");
-    assert_eq!(stamps(&read(&library(civil, ""), &text("23/06/2021")).unwrap())[0], 1_624_469_264 * S);
-    assert!(read(&library(civil, ""), &text("05/06/2021")).unwrap().binding.is_err());
+    let loaded = read(&library(civil, ""), &text("23/06/2021")).unwrap();
+    assert_eq!(stamps(&loaded)[0], 1_624_469_264 * S);
+    assert_eq!(count_of(&loaded, "date-order"), 2);
+    let why = read(&library(civil, ""), &text("05/06/2021")).unwrap().binding.unwrap_err();
+    assert!(why.contains("cannot tell what is the day in date, as 05/06/2021; say order ="), "{why}");
+    for (order, day) in [("day-month-year", 1_622_914_064), ("month-day-year", 1_620_322_064)] {
+        let civil = format!("measured = [{{ date = \"date\", order = \"{order}\", time = \"time\" }}]");
+        let loaded = read(&library(&civil, ""), &text("05/06/2021")).unwrap();
+        assert_eq!((stamps(&loaded)[0], count_of(&loaded, "date-order")), (day * S, 0), "{order}");
+    }
+}
+
+#[test]
+fn a_date_that_stays_the_old_one_after_midnight_moves_no_row_a_day_back() {
+    let civil = "measured = [{ date = \"date\", time = \"time\" }]";
+    // 23:59:50 to 00:00:29; from row 10 on it is the 6th, which the date says from row `known` on.
+    let text = |known: usize| {
+        let row = |i: usize| {
+            let time = if i < 10 { format!("23:59:{}", 50 + i) } else { format!("00:00:{:02}", i - 10) };
+            format!("{},{time},3,47.{i:04},8.5\n", if i < known { "2021-06-05" } else { "2021-06-06" })
+        };
+        (0..40).fold("date,time,fix,lat,lon\n".to_owned(), |text, i| text + &row(i))
+    };
+    // date -u -d '2021-06-05T23:59:50Z' +%s
+    let truth: Vec<i64> = (0..40).map(|i| (1_622_937_590 + i) * S).collect();
+    for (known, stale) in [(10, 0), (25, 15), (40, 30)] {
+        let loaded = read(&library(civil, ""), &text(known)).unwrap();
+        assert_eq!(stamps(&loaded), truth, "{known}");
+        assert_eq!((count_of(&loaded, "stale-date"), count_of(&loaded, "back-jump")), (stale, 0), "{known}");
+    }
 }
 
 const BOOT: &str = "measured = [{ field = \"t\", unit = \"us\", clock = \"boot\" }]";
@@ -352,4 +403,23 @@ fn a_wrong_source_of_time_in_a_map_is_refused_with_the_reason() {
         let error = ChannelMap::from_toml(Path::new("t.toml"), &with_channel).unwrap_err().to_string();
         assert!(error.contains(word), "{error}");
     }
+}
+
+#[test]
+fn decimal_seconds_are_exact_to_the_nanosecond_also_where_every_field_is_wanted() {
+    let time = "measured = [{ field = \"t\", unit = \"s\", clock = \"unix\" }]";
+    let nanos = |i: i64| 1_700_000_000_123_456_789 + 100_000_001 * i;
+    let row = |i: i64| format!("{}.{:09},3,47.{i:04},8.5\n", nanos(i) / S, nanos(i) % S);
+    let text = (0..20).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
+    let truth: Vec<i64> = (0..20).map(nanos).collect();
+    assert_eq!(stamps(&read(&library(time, ""), &text).unwrap()), truth);
+    let (_folder, path) = file("t.csv", text.as_bytes());
+    let log = in_context(|context| {
+        ingest::open(&tables(&[path])).read(&|_: &ingest::TopicInfo| ingest::Selection::All, context).unwrap()
+    });
+    // The column itself stays one of numbers, and there is one of each name.
+    assert_eq!(log.tables[0].columns.len(), 4);
+    assert!(log.tables[0].columns.iter().all(|c| !matches!(c.data, ingest::ColumnData::Text(_))));
+    let times = ingest::row_times(&log, &library(time, "")).unwrap().tables.remove(0).unwrap();
+    assert_eq!(times.nanos, truth.into_iter().map(Some).collect::<Vec<_>>());
 }

@@ -163,6 +163,59 @@ fn garbage_between_frames_is_damage_and_nothing_else_is_lost() {
     assert_eq!((log.health.messages, log.health.bytes.damaged), (15, 300_700), "{:?}", log.health.damage);
 }
 
+/// A DISTANCE_SENSOR of this sender with all of its 39 bytes, the last 17 of them zero; `left_out` of these are taken away
+/// behind the checksum, as a ground station writes the frame.
+fn distance(sender: [u8; 2], time_us: u64, current_cm: u16, left_out: usize) -> Vec<u8> {
+    let mut payload = [&[1, 2, 3, 4, 20, 0, 0x88, 0x13][..], &current_cm.to_le_bytes(), &[1, 1, 25, 255]].concat();
+    payload.extend([0.52_f32; 2].iter().flat_map(|angle| angle.to_le_bytes()));
+    payload.resize(39, 0);
+    let mut frame = tlog_frame_from(sender, 0, time_us, 132, 85, &payload);
+    frame[9] -= left_out as u8;
+    let checksum = frame.split_off(frame.len() - 2);
+    frame.truncate(frame.len() - left_out);
+    [frame, checksum].concat()
+}
+
+#[test]
+fn frames_whose_zeros_a_ground_station_left_out_under_their_old_checksum_are_intact() {
+    let sonar = |i: u64| distance([1, 194], NOON_US + i * 1000, 100 + i as u16, 17);
+    // A sender of another day ends its payload behind another field: 35 bytes, of which 22 are left.
+    let older = |i: u64| {
+        let whole = distance([1, 195], NOON_US + i * 1000, 7, 0);
+        let mut frame = tlog_frame_from([1, 195], 0, NOON_US + i * 1000, 132, 85, &whole[18..18 + 38]);
+        frame[9] = 22;
+        [&frame[..18 + 22], &frame[18 + 38..]].concat()
+    };
+    let bytes = [of_pymavlink(), sonar(0), older(0), sonar(1), of_pymavlink(), older(1), sonar(2)].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (15, 0), "{:?}", log.health.damage);
+    assert_eq!(numbers(&log, "DISTANCE_SENSOR@1.194", "current_distance"), [100.0, 101.0, 102.0]);
+    assert_eq!(numbers(&log, "DISTANCE_SENSOR@1.194", "vertical_fov"), [f64::from(0.52_f32); 3]);
+    assert_eq!(numbers(&log, "DISTANCE_SENSOR@1.194", "signal_quality"), [0.0; 3]);
+    assert_eq!(numbers(&log, "DISTANCE_SENSOR@1.195", "current_distance"), [7.0; 2]);
+    let told = log.notices.iter().find(|n| n.code == "zeros-cut").unwrap();
+    assert_eq!((told.severity, told.count), (Severity::Info, 5));
+    assert!(!log.notices.any_loss());
+}
+
+#[test]
+fn a_checksum_that_zeros_would_make_right_proves_nothing_alone_or_of_who_leaves_them_out() {
+    let sonar = |i: u64| distance([1, 194], NOON_US + i * 1000, 100, 17);
+    let alone = [of_pymavlink(), sonar(0), of_pymavlink()].concat();
+    // The whole payload, but for the zeros, with a checksum of its own; 13 bytes, one less than MAVLink 1 has.
+    let own = tlog_frame_from([1, 194], 0, NOON_US, 132, 85, &[7; 13]);
+    let both = [of_pymavlink(), own, sonar(0), sonar(1), of_pymavlink()].concat();
+    // What leaves zeros out leaves none at the end.
+    let half = |i: u64| distance([1, 194], NOON_US + i * 1000, 100, 9);
+    let unlike = [of_pymavlink(), half(0), half(1), of_pymavlink()].concat();
+    for (bytes, messages, damaged) in [(alone, 10, 1), (both, 11, 2), (unlike, 10, 2)] {
+        let log = read_bytes(READER, &bytes).unwrap();
+        let pieces: u64 = log.health.damage.iter().map(|d| d.length / sonar(0).len() as u64).sum();
+        assert_eq!((log.health.messages, pieces), (messages, damaged), "{:?}", log.health.damage);
+        assert!(codes(&log).iter().all(|code| *code != "zeros-cut"));
+    }
+}
+
 #[test]
 fn what_is_no_log_is_refused() {
     check_refusals(READER, "text");

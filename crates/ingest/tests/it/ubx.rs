@@ -109,6 +109,39 @@ fn around_sunday(told: impl Fn(u32, u32) -> Vec<u8>) -> Vec<u8> {
     (0..10).flat_map(epoch).collect()
 }
 
+#[test]
+fn epochs_of_which_another_message_says_that_there_is_no_fix_are_not_used_and_counted() {
+    let sol = |itow_ms: u32, fix: u8, ok: u8| {
+        let front = [&itow_ms.to_le_bytes()[..], &[0; 4], &2445_u16.to_le_bytes(), &[fix, 0xc | ok]].concat();
+        ubx_frame(1, 6, &[&front[..], &[0; 40]].concat())
+    };
+    let status = |itow_ms: u32, fix: u8, ok: u8| {
+        ubx_frame(1, 3, &[&itow_ms.to_le_bytes()[..], &[fix, ok, 0, 0], &[0; 8]].concat())
+    };
+    // Epochs without a fix, with one that is not good, with one of two dimensions; of the last nothing is said.
+    let say = |n: u32, itow_ms: u32| match n {
+        0 => sol(itow_ms, 0, 0),
+        1 => status(itow_ms, 3, 0),
+        2 => sol(itow_ms, 2, 1),
+        9 => vec![],
+        _ => [sol(itow_ms, 3, 1), status(itow_ms, 3, 1)].concat(),
+    };
+    let loaded = load_ubx(&around_sunday(say));
+    for name in ["position.posllh", "velocity.velned"] {
+        assert_eq!(loaded.flight.channels[name].series.len(), 7, "{name}");
+        let health = loaded.binding.as_ref().unwrap().channels.iter().find(|c| c.name == name).unwrap();
+        let reasons: Vec<(&str, u64)> = health.rejected.iter().map(|r| (r.reason.as_str(), r.count)).collect();
+        assert_eq!(
+            reasons,
+            [
+                ("NAV-SOL of the same epoch: fix_ok is below 1", 1),
+                ("NAV-STATUS of the same epoch: fix_ok is below 1", 1),
+                ("NAV-SOL of the same epoch: gpsFix is below 3 or gpsFix is above 4", 1),
+            ]
+        );
+    }
+}
+
 fn load_ubx(bytes: &[u8]) -> ingest::Loaded {
     let (_folder, path) = file("f.ubx", bytes);
     load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Ubx }).unwrap()
@@ -177,6 +210,33 @@ fn sentences_and_corrections_between_the_frames_are_no_damage() {
         let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
         assert_eq!(found.units[0].kind, LogKind::Ubx, "{name}");
     }
+}
+
+#[test]
+fn a_damaged_correction_does_not_cost_the_one_behind_it() {
+    let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
+    let mut damaged = correction.clone();
+    damaged[9] ^= 1;
+    let bytes = [&of_pyubx2()[..], &damaged, &correction, &correction, &damaged, &of_pyubx2()].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!((messages(&log, "RTCM3"), messages(&log, "NAV-PVT")), (2, 2));
+    assert_eq!((log.health.damage_count, log.health.bytes.damaged), (2, 50), "{:?}", log.health.damage);
+}
+
+#[test]
+fn text_before_the_first_frame_is_no_damage_and_a_piece_of_a_frame_or_sentence_is() {
+    let frames = of_pyubx2();
+    let whole = read_bytes(READER, &frames).unwrap().health.messages;
+    let damage = |front: &[u8]| {
+        let log = read_bytes(READER, &[front, &frames].concat()).unwrap();
+        assert_eq!(log.health.messages, whole);
+        (log.health.damage.first().map(|d| d.reason.clone()), log.notices.iter().any(|n| n.code == "preamble"))
+    };
+    assert_eq!(damage(b"# receiver on the roof\n# begun at noon\n"), (None, true));
+    let begins_inside = Some("the log begins inside a frame".to_owned());
+    assert_eq!(damage(&frames[20..40]), (begins_inside.clone(), false));
+    assert_eq!(damage(b"038,N,01131.000,E,123520,A*47\r\n"), (begins_inside.clone(), false));
+    assert_eq!(damage(b"038,N,01131.000,E,123520"), (begins_inside, false));
 }
 
 #[test]

@@ -87,9 +87,7 @@ fn bars(rows: &[(&str, &HelpfulBand)], x: &Axis) -> Panel {
             worse.push(vec![(harmed, middle), (end(band), middle)]);
         }
     }
-    // There is room for eleven letters: `1-1-as-seen` is of the Padé forms.
-    let label = |name: &str| short_label(name.strip_prefix("pade-").unwrap_or(name));
-    let ticks = rows.iter().enumerate().map(|(row, (name, _))| Tick { at: row as f64, label: label(name) });
+    let ticks = rows.iter().enumerate().map(|(row, (name, _))| Tick { at: row as f64, label: short_label(name) });
     let y = Axis::ticked("", (-0.6, rows.len() as f64 - 0.4), ticks.collect());
     let mut lines = vec![
         Line { name: "helps less".to_owned(), pen: Pen::Uncertainty, pieces: between },

@@ -61,7 +61,8 @@ fn the_figure_of_the_bands_is_drawn_below_the_motion() {
     let record = flight_record();
     let site = flight_site(&FlightPage { name: "n", record: &record, index_href: "index.html", command: "c" });
     let svg = String::from_utf8(site.files["figures/bands.svg"].clone()).unwrap();
-    for part in ["velocity of this flight", "helps", "worse than raw", "exact-async", "frequency (Hz)"] {
+    for part in ["velocity of this flight", "helps", "worse than raw", "\npade-1-1\n", "exact-async", "frequency (Hz)"]
+    {
         assert!(svg.contains(part), "{part}");
     }
     read(&page(&record));

@@ -11,6 +11,9 @@ const TOLERATED: u64 = 100;
 /// Beyond this a double cannot hold every integer.
 const EXACT: u64 = 1 << 53;
 
+/// Seconds since 1970 or 1980 are beyond this, and a float of them is not exact to the nanosecond.
+const LARGE: f64 = 1e8;
+
 /// One topic while its rows come in.
 #[derive(Debug, Default)]
 pub(super) struct Topic {
@@ -89,7 +92,10 @@ impl Written {
             length >>= 7;
         }
         self.0.push(length as u8);
-        self.0.extend_from_slice(cell);
+        match cell {
+            &[digit] => self.0.push(digit),
+            cell => self.0.extend_from_slice(cell),
+        }
     }
 
     fn texts(&self, decimal: Decimal) -> Vec<String> {
@@ -125,8 +131,8 @@ impl Topic {
     }
 
     /// Whether a row with so many fields belongs to this header; a delimiter at its end is one more.
-    pub(super) fn fits(&self, fields: usize, last_is_empty: bool) -> bool {
-        fields == self.names.len() || (fields == self.names.len() + 1 && last_is_empty)
+    pub(super) fn fits(&self, fields: usize, last_is_empty: impl FnOnce() -> bool) -> bool {
+        fields == self.names.len() || (fields == self.names.len() + 1 && last_is_empty())
     }
 
     /// A row that nobody wants.
@@ -183,6 +189,12 @@ impl Topic {
         }
     }
 
+    /// Columns of large decimals as they were written, where every column is wanted.
+    pub(super) fn written(&self) -> Vec<(TopicInfo, Column)> {
+        let columns = self.columns.iter().filter_map(|column| column.written(self.decimal));
+        columns.map(|column| (self.info.clone(), column)).collect()
+    }
+
     /// The table, if anything was wanted of it.
     pub(super) fn into_table(self) -> Option<Table> {
         if !self.decoded {
@@ -235,6 +247,7 @@ impl Building {
         Building::new(&request.path, index, cells)
     }
 
+    #[inline]
     fn push(&mut self, cell: &[u8], decimal: Decimal, line: u64) {
         let valid = match &mut self.cells {
             Cells::Text(texts) => {
@@ -243,9 +256,8 @@ impl Building {
             }
             Cells::Undecided(..) => self.cells.push_undecided(cell, decimal),
             Cells::Integers(_) | Cells::Floats(_) => {
-                let value = self.cells.fitting(decimal.number(cell));
-                self.note(value, cell, line);
-                self.cells.push_number(value)
+                let value = decimal.number(cell);
+                self.cells.push_fitting(value) || self.push_odd(value, cell, line)
             }
         };
         self.filled += u64::from(valid);
@@ -256,6 +268,14 @@ impl Building {
         if !valid || !self.valid.is_empty() {
             self.valid.push(valid);
         }
+    }
+
+    /// A cell that is no number of the column's kind.
+    #[cold]
+    fn push_odd(&mut self, value: Cell, cell: &[u8], line: u64) -> bool {
+        let value = self.cells.fitting(value);
+        self.note(value, cell, line);
+        self.cells.push_number(value)
     }
 
     fn note(&mut self, value: Cell, cell: &[u8], line: u64) {
@@ -296,6 +316,17 @@ impl Building {
         }
     }
 
+    /// The cells of an undecided column whose first number is so large that a float loses nanoseconds of it.
+    fn written(&self, decimal: Decimal) -> Option<Column> {
+        let Cells::Undecided(numbers, written) = &self.cells else { return None };
+        let Cells::Floats(values) = &**numbers else { return None };
+        let is_valid = |row: usize| self.valid.get(row).copied().unwrap_or(true);
+        let (_, first) = values.iter().enumerate().find(|(row, _)| is_valid(*row))?;
+        let data = || ColumnData::Text(written.texts(decimal));
+        let valid = || (!self.valid.is_empty()).then(|| self.valid.clone());
+        (first.abs() >= LARGE).then(|| Column { path: self.path.clone(), data: data(), valid: valid() })
+    }
+
     fn finish(self) -> Column {
         let valid = (!self.valid.is_empty()).then_some(self.valid);
         Column { path: self.path, data: self.cells.finish(), valid }
@@ -322,26 +353,42 @@ impl Cells {
         }
     }
 
+    /// Appends a number if it is one as those before it, which nearly all are.
+    #[inline]
+    fn push_fitting(&mut self, value: Cell) -> bool {
+        match (self, value) {
+            (Cells::Integers(held), Cell::Integer(x)) => held.push(x),
+            (Cells::Floats(held), Cell::Float(x)) => held.push(x),
+            (Cells::Floats(held), Cell::Integer(x)) => held.push(x as f64),
+            _ => return false,
+        }
+        true
+    }
+
     /// Appends a number, or a placeholder. Says whether it is a value.
     fn push_number(&mut self, value: Cell) -> bool {
         if let (Cells::Integers(integers), Cell::Float(_)) = (&mut *self, value) {
             *self = Cells::Floats(std::mem::take(integers).into_floats());
         }
-        match (self, value) {
-            (Cells::Integers(v), Cell::Integer(i)) => v.push(i),
-            (Cells::Floats(v), Cell::Integer(i)) => v.push(i as f64),
-            (Cells::Floats(v), Cell::Float(f)) => v.push(f),
-            (Cells::Integers(v), _) => v.push(0),
-            (Cells::Floats(v), _) => v.push(0.0),
-            (Cells::Text(_) | Cells::Undecided(..), _) => {}
+        if self.push_fitting(value) {
+            return true;
         }
-        matches!(value, Cell::Integer(_) | Cell::Float(_))
+        match self {
+            Cells::Integers(held) => held.push(0),
+            Cells::Floats(held) => held.push(0.0),
+            Cells::Text(_) | Cells::Undecided(..) => {}
+        }
+        false
     }
 
     fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> bool {
         let Cells::Undecided(numbers, written) = self else { return false };
-        let value = numbers.fitting(decimal.number(cell));
+        let value = decimal.number(cell);
         written.push(cell);
+        if numbers.push_fitting(value) {
+            return true;
+        }
+        let value = numbers.fitting(value);
         let valid = numbers.push_number(value);
         if value == Cell::Bad {
             *self = Cells::Text(written.texts(decimal));

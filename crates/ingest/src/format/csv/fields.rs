@@ -15,11 +15,16 @@ pub(super) struct Fields {
 impl Fields {
     /// Takes the fields of `record`.
     pub(super) fn split(&mut self, record: &[u8], delimiter: u8) {
+        self.split_with(record, delimiter, true);
+    }
+
+    /// As [`Fields::split`], of a record that holds quotes only if it `may`.
+    pub(super) fn split_with(&mut self, record: &[u8], delimiter: u8, may: bool) {
         self.text.clear();
         self.spans.clear();
         if delimiter == BLANKS {
             self.split_blanks(record);
-        } else if memchr::memchr(b'"', record).is_some() {
+        } else if may && memchr::memchr(b'"', record).is_some() {
             self.split_quoted(record, delimiter);
         } else {
             self.split_plain(record, delimiter);
@@ -29,11 +34,17 @@ impl Fields {
     fn split_plain(&mut self, record: &[u8], delimiter: u8) {
         self.text.extend_from_slice(record);
         let mut from = 0;
-        for at in memchr::memchr_iter(delimiter, record) {
+        let mut end = |at| {
             self.spans.push((from, at));
             from = at + 1;
+        };
+        // A search in a row of a few numbers takes longer than a look at each byte.
+        if record.len() < 32 {
+            record.iter().enumerate().filter(|(_, byte)| **byte == delimiter).for_each(|(at, _)| end(at));
+        } else {
+            memchr::memchr_iter(delimiter, record).for_each(&mut end);
         }
-        self.spans.push((from, record.len()));
+        end(record.len());
     }
 
     /// Any run of blanks is one delimiter.
@@ -104,6 +115,7 @@ pub(super) enum Decimal {
 
 impl Decimal {
     /// Reads a trimmed cell as a number.
+    #[inline]
     pub(super) fn number(self, cell: &[u8]) -> Cell {
         match self {
             Decimal::Point => number(cell),
@@ -180,12 +192,14 @@ pub(super) enum Cell {
 }
 
 /// Reads a trimmed cell as a number.
+#[inline]
 pub(super) fn number(cell: &[u8]) -> Cell {
+    short_number(cell).unwrap_or_else(|| any_number(cell))
+}
+
+fn any_number(cell: &[u8]) -> Cell {
     if cell.is_empty() {
         return Cell::Empty;
-    }
-    if let Some(cell) = short_number(cell) {
-        return cell;
     }
     let Ok(text) = std::str::from_utf8(cell) else { return Cell::Bad };
     // "-0" must keep its sign, so it is no integer here.
@@ -203,6 +217,7 @@ pub(super) fn number(cell: &[u8]) -> Cell {
 
 /// Of up to fifteen digits with at most one point, at once: both the digits and the power of ten that divides them are
 /// doubles, so that the quotient is the nearest one (Clinger, PLDI 1990).
+#[inline]
 fn short_number(cell: &[u8]) -> Option<Cell> {
     const TENS: [f64; 16] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
     let (negative, unsigned) = cell.strip_prefix(b"-").map_or((false, cell), |rest| (true, rest));

@@ -3,7 +3,7 @@
 use crate::bytes::is_zero;
 use crate::error::IngestError;
 use crate::reader::ReadContext;
-use memchr::{memchr, memchr2};
+use memchr::{memchr, memchr2, memrchr};
 use std::io::Read;
 
 /// How much is read at once.
@@ -22,6 +22,9 @@ pub(super) struct Lines<'a, R> {
     file: &'a str,
     buffer: Vec<u8>,
     start: usize,
+    /// From here on the buffer has no quote, and no zero byte: rows need not be searched one by one.
+    quotes_end: usize,
+    zeros_end: usize,
     ended: bool,
     /// Bytes searched for the end of quoted records that proved none.
     searched_in_vain: u64,
@@ -61,8 +64,19 @@ pub(super) enum Next {
 
 impl<'a, R: Read> Lines<'a, R> {
     pub(super) fn new(input: R, file: &'a str, context: &'a ReadContext<'a>) -> Lines<'a, R> {
-        let buffer = Vec::new();
-        Lines { input, context, file, buffer, start: 0, ended: false, searched_in_vain: 0, offset: 0, number: 1 }
+        Lines {
+            input,
+            context,
+            file,
+            buffer: vec![],
+            start: 0,
+            quotes_end: 0,
+            zeros_end: 0,
+            ended: false,
+            searched_in_vain: 0,
+            offset: 0,
+            number: 1,
+        }
     }
 
     /// Finds the next record. With a delimiter, a quoted field may span lines; without one every
@@ -70,9 +84,10 @@ impl<'a, R: Read> Lines<'a, R> {
     pub(super) fn next(&mut self, delimiter: Option<u8>) -> Result<Next, IngestError> {
         loop {
             let limit = self.context.limits.line_bytes;
+            let quotes = self.may_hold_quotes().then_some(delimiter).flatten();
             let several_lines = self.may_span_lines();
             let rest = self.rest();
-            if let Some(extent) = find(rest, delimiter, several_lines, self.ended) {
+            if let Some(extent) = find(rest, quotes, several_lines, self.ended) {
                 return Ok(if extent.text > limit { Next::TooLong } else { Next::Record(extent) });
             }
             if rest.len() > limit {
@@ -88,6 +103,16 @@ impl<'a, R: Read> Lines<'a, R> {
     /// The text of a record found by [`Lines::next`].
     pub(super) fn text(&self, extent: Extent) -> &[u8] {
         self.rest().get(..extent.text).unwrap_or_default()
+    }
+
+    /// Whether the next record may hold a quote.
+    pub(super) fn may_hold_quotes(&self) -> bool {
+        self.start < self.quotes_end
+    }
+
+    /// Whether the next record may hold a zero byte.
+    pub(super) fn may_hold_zeros(&self) -> bool {
+        self.start < self.zeros_end
     }
 
     /// The first line of a record that spans several and proved none: a quote that was never meant to
@@ -161,7 +186,10 @@ impl<'a, R: Read> Lines<'a, R> {
 
     fn fill(&mut self) -> Result<(), IngestError> {
         self.buffer.drain(..self.start);
+        self.quotes_end = self.quotes_end.saturating_sub(self.start);
+        self.zeros_end = self.zeros_end.saturating_sub(self.start);
         self.start = 0;
+        let held = self.buffer.len();
         let offset = self.offset + self.buffer.len() as u64;
         let got = self
             .input
@@ -170,12 +198,15 @@ impl<'a, R: Read> Lines<'a, R> {
             .read_to_end(&mut self.buffer)
             .map_err(|source| IngestError::Io { file: self.file.to_owned(), offset, source })?;
         self.ended = got == 0;
+        let new = self.buffer.get(held..).unwrap_or_default();
+        self.quotes_end = memrchr(b'"', new).map_or(self.quotes_end, |at| held + at + 1);
+        self.zeros_end = memrchr(0, new).map_or(self.zeros_end, |at| held + at + 1);
         self.context.advance(got as u64)
     }
 }
 
 /// The first record of `data`, if its end is certain. `ended` says that nothing follows `data`.
-/// Comments have no quotes.
+/// Comments have no quotes, and nothing has without a delimiter.
 fn find(data: &[u8], delimiter: Option<u8>, several_lines: bool, ended: bool) -> Option<Extent> {
     let line = find_line(data, ended)?;
     let text = data.get(..line.text)?;
@@ -261,8 +292,11 @@ enum Place {
 
 /// Length of the mark that makes a line a comment, `#` or `//`; 0 if there is none.
 pub(super) fn comment_mark(line: &[u8]) -> usize {
-    let marks: [&[u8]; 2] = [b"#", b"//"];
-    marks.iter().find(|mark| line.starts_with(mark)).map_or(0, |mark| mark.len())
+    match line {
+        [b'#', ..] => 1,
+        [b'/', b'/', ..] => 2,
+        _ => 0,
+    }
 }
 
 #[cfg(test)]

@@ -14,6 +14,12 @@ const FIELDS: &[(&str, &[&str])] = &[
     ("INSPVA", INSPVA),
     ("INSPVAS", INSPVA),
     ("INSPVAX", INSPVAX),
+    ("INSPOS", INSPOS),
+    ("INSPOSS", INSPOS),
+    ("INSVEL", INSVEL),
+    ("INSVELS", INSVEL),
+    ("INSATT", INSATT),
+    ("INSATTS", INSATT),
 ];
 /// Fields of a status.
 const STATUS: &[&str] = &["sol_status", "ins_status", "status"];
@@ -51,6 +57,9 @@ const POSITION: &[&str] = &[
 const VELOCITY: &[&str] = &["sol_status", "vel_type", "latency", "age", "hor_spd", "trk_gnd", "vert_spd"];
 const INSPVA: &[&str] =
     &["week", "seconds", "lat", "lon", "hgt", "north_vel", "east_vel", "up_vel", "roll", "pitch", "azimuth", "status"];
+const INSPOS: &[&str] = &["week", "seconds", "lat", "lon", "hgt", "status"];
+const INSVEL: &[&str] = &["week", "seconds", "north_vel", "east_vel", "up_vel", "status"];
+const INSATT: &[&str] = &["week", "seconds", "roll", "pitch", "azimuth", "status"];
 const INSPVAX: &[&str] = &[
     "ins_status",
     "pos_type",

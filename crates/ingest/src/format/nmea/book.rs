@@ -2,7 +2,7 @@
 
 use super::sentence::{Sentence, degrees, plain, time_of_day_ns};
 use crate::civil::calendar_to_unix_ns;
-use crate::decode::cells::{CellField, CellKind, CellLayout};
+use crate::decode::cells::{CellKind, CellLayout};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
 use crate::reader::Log;
@@ -26,6 +26,8 @@ const LONGEST_NS: i64 = i64::MAX / 8;
 /// Columns that every sentence has: UTC, time since the first sentence, and when the logger had it, ns.
 const STAMPS: [&str; 3] = [UTC, "elapsed_ns", "logged_ns"];
 const UTC: &str = "utc_ns";
+/// Behind the address of sentences that are taken whole; no address has it.
+const WHOLE: &str = " whole";
 
 /// Gives sentences to the topics.
 pub(crate) struct Book {
@@ -55,7 +57,7 @@ enum Value {
 }
 
 /// What is read of a type of sentences.
-struct Kind {
+pub(super) struct Kind {
     /// Field of the time of day; `None` for a type without.
     time: Option<usize>,
     values: &'static [Value],
@@ -63,7 +65,7 @@ struct Kind {
 
 impl Kind {
     /// By the type in the address; `None` for one that is counted and not read.
-    fn of(name: &str) -> Option<Kind> {
+    pub(super) fn of(name: &str) -> Option<Kind> {
         use Value::{Degrees, Height, Is, Number};
         let kind = |time, values| Some(Kind { time, values });
         match name {
@@ -125,6 +127,15 @@ impl Kind {
         }
     }
 
+    /// Whether a sentence says itself that it has no fix. Receivers write into such what they like: 89° 60', 720°.
+    fn has_no_fix(&self, sentence: &Sentence<'_>) -> bool {
+        self.values.iter().any(|value| match *value {
+            Value::Is("valid", field, _) => sentence.field(field) == "V",
+            Value::Number("quality", field) => sentence.field(field) == "0",
+            _ => false,
+        })
+    }
+
     /// Whether a sentence says what its type is for: the first value that is no mere flag.
     fn says_something(&self, sentence: &Sentence<'_>) -> bool {
         let field = self.values.iter().find_map(|value| match *value {
@@ -141,25 +152,26 @@ impl Kind {
                 (*name, CellKind::NumberIfAny)
             }
         });
-        let fields: Vec<CellField> = stamps
-            .chain(values)
-            .enumerate()
-            .map(|(cell, (path, kind))| CellField { path: path.to_owned(), cell, kind })
-            .collect();
-        CellLayout { cells: fields.len(), fields }
+        CellLayout::of(stamps.chain(values))
     }
+}
+
+/// Of sentences that are not read, for who takes all of them as they stand: what is between `$` and the checksum.
+fn whole_layout() -> CellLayout {
+    let stamps = STAMPS.into_iter().map(|name| (name, CellKind::WholeIfAny));
+    CellLayout::of(stamps.chain([("sentence", CellKind::Text)]))
 }
 
 impl Value {
     /// Writes the value as a cell; nothing if it is absent.
-    fn write(&self, sentence: &Sentence<'_>, line: &mut String) {
+    fn write(&self, sentence: &Sentence<'_>, has_fix: bool, line: &mut String) {
         // Writing to a string does not fail.
         let _ = match *self {
             // What is no number shows as such, and the row is refused.
             Value::Number(_, field) => line.write_str(sentence.field(field)),
             Value::Degrees(_, field) => match degrees(sentence.field(field), sentence.field(field + 1)) {
                 Some(degrees) => write!(line, "{degrees}"),
-                None if sentence.field(field).is_empty() => Ok(()),
+                None if sentence.field(field).is_empty() || !has_fix => Ok(()),
                 None => line.write_str("no angle"),
             },
             Value::Is(_, field, letter) => line.write_str(if sentence.field(field) == letter { "1" } else { "0" }),
@@ -197,13 +209,22 @@ impl Book {
     ) -> Fate {
         let (talker, name) = sentence.address();
         self.note(name, sentence);
-        let Some(route) = self.route(talker, name, topics) else {
+        let kind = Kind::of(name).filter(|_| is_read(name, sentence));
+        let whole = kind.is_none() && topics.takes_extras();
+        let Some(route) = self.route(talker, name, whole, topics) else {
             self.unplaced.add(|| format!("{talker}{name}"));
             return Fate::Skipped;
         };
         let times = Times { logged_ns: logged_ns.unwrap_or_default(), published_ns: None };
-        let Some(kind) = Kind::of(name).filter(|_| is_read(name, sentence)) else {
-            return topics.unread(route, times, sentence.length as u64);
+        let Some(kind) = kind else {
+            if !whole {
+                return topics.unread(route, times, sentence.length as u64);
+            }
+            let (utc_ns, elapsed_ns) = self.epochs.stamp(name, None, sentence);
+            self.begin_line(utc_ns, elapsed_ns, logged_ns);
+            self.line.push(',');
+            self.line.push_str(sentence.body);
+            return topics.message(route, times, self.line.as_bytes());
         };
         let (utc_ns, elapsed_ns) = self.epochs.stamp(name, kind.time, sentence);
         match (utc_ns, elapsed_ns) {
@@ -214,6 +235,17 @@ impl Book {
             }
             _ => {}
         }
+        self.begin_line(utc_ns, elapsed_ns, logged_ns);
+        let has_fix = !kind.has_no_fix(sentence);
+        for value in kind.values {
+            self.line.push(',');
+            value.write(sentence, has_fix, &mut self.line);
+        }
+        topics.message(route, times, self.line.as_bytes())
+    }
+
+    /// Writes the stamps of a sentence.
+    fn begin_line(&mut self, utc_ns: Option<i64>, elapsed_ns: Option<i64>, logged_ns: Option<i64>) {
         let utc_ns = utc_ns.or_else(|| elapsed_ns.map(|elapsed_ns| BEFORE_ANY_DATE_NS + elapsed_ns));
         self.line.clear();
         for (index, stamp) in [utc_ns, elapsed_ns, logged_ns].into_iter().enumerate() {
@@ -223,26 +255,28 @@ impl Book {
                 None => self.line.write_str(comma),
             };
         }
-        for value in kind.values {
-            self.line.push(',');
-            value.write(sentence, &mut self.line);
-        }
-        topics.message(route, times, self.line.as_bytes())
     }
 
-    fn route(&mut self, talker: &str, name: &str, topics: &mut Topics<'_>) -> Option<Route> {
+    /// Where sentences of this address go, and where those of them go that are taken whole.
+    fn route(&mut self, talker: &str, name: &str, whole: bool, topics: &mut Topics<'_>) -> Option<Route> {
         let address = format!("{talker}{name}");
-        if let Some(route) = self.routes.get(&address) {
+        let key = if whole { address.clone() + WHOLE } else { address.clone() };
+        if let Some(route) = self.routes.get(&key) {
             return *route;
         }
         if self.routes.len() >= MOST_ADDRESSES {
             return None;
         }
-        let info = TopicInfo { name: address.clone(), type_name: name.to_owned(), encoding: "nmea".to_owned() };
+        // Beside those of its type that are read it has a topic of its own.
+        let topic = if whole && Kind::of(name).is_some() { address.clone() + "-whole" } else { address };
+        let info = TopicInfo { name: topic, type_name: name.to_owned(), encoding: "nmea".to_owned() };
         let layout =
             || Kind::of(name).map(|kind| kind.layout()).ok_or_else(|| "sentences of its type are not read".into());
-        let route = topics.cells_route(info, name.as_bytes(), layout).ok();
-        self.routes.insert(address, route);
+        let route = match whole {
+            true => topics.cells_route(info, WHOLE.as_bytes(), || Ok(whole_layout())).ok(),
+            false => topics.cells_route(info, name.as_bytes(), layout).ok(),
+        };
+        self.routes.insert(key, route);
         route
     }
 

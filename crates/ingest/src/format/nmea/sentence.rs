@@ -5,6 +5,9 @@ use std::fmt;
 /// Longest sentence that is looked for, bytes. The standard says 82; receivers send more.
 pub(crate) const LONGEST: usize = 512;
 
+/// `P` and the three letters of a maker.
+const MAKER: usize = 4;
+
 /// A sentence whose checksum is right, or that has none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Sentence<'t> {
@@ -49,7 +52,9 @@ impl<'t> Sentence<'t> {
         let end = inner.iter().position(|b| !(b' '..=b'~').contains(b) || b"*$".contains(b)).unwrap_or(inner.len());
         let body = inner.get(..end).and_then(|body| std::str::from_utf8(body).ok()).unwrap_or_default();
         let address = body.split(',').next().unwrap_or_default();
-        if address.len() < 3 || !address.as_bytes().iter().all(plain) {
+        // Makers write what they like behind their own letters.
+        let own = if address.starts_with('P') { MAKER.min(address.len()) } else { address.len() };
+        if address.len() < 3 || !address.as_bytes().iter().take(own).all(plain) {
             return Err(Fault::Address);
         }
         let rest = inner.get(end..).unwrap_or_default();
@@ -70,9 +75,12 @@ impl<'t> Sentence<'t> {
         }
     }
 
-    /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it.
+    /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it, or its maker where a text begins
+    /// without a comma, as in `$PSRFTXTWK: 1488`.
     pub(crate) fn address(&self) -> (&'t str, &'t str) {
         let address = self.body.split(',').next().unwrap_or_default();
+        let plain = |b: u8| b.is_ascii_uppercase() || b.is_ascii_digit();
+        let address = if address.bytes().all(plain) { address } else { address.get(..MAKER).unwrap_or(address) };
         let split = if address.starts_with('P') || address.len() != 5 { 0 } else { 2 };
         address.split_at_checked(split).unwrap_or(("", address))
     }
@@ -153,6 +161,17 @@ mod tests {
             assert!(error.contains(reason), "{text}: {error}");
         }
         assert!(Sentence::at(format!("${GGA}\r\n").as_bytes(), true).is_ok());
+    }
+
+    #[test]
+    fn a_maker_may_write_texts_without_a_comma_and_nobody_else() {
+        let sentence = Sentence::at(b"$PSRFTXTWK:   1488*4C\r\n", false).unwrap();
+        assert_eq!((sentence.address(), sentence.checked), (("", "PSRF"), true));
+        let sealed = |body: &str| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, b| sum ^ b));
+        assert_eq!(Sentence::at(sealed("PGRMZ,93,f,3").as_bytes(), false).unwrap().address(), ("", "PGRMZ"));
+        for body in ["GPGG ,1", "GPgga,1", "PS f,1"] {
+            assert_eq!(Sentence::at(sealed(body).as_bytes(), false), Err(Fault::Address), "{body}");
+        }
     }
 
     #[test]

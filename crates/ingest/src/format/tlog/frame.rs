@@ -1,7 +1,7 @@
 //! A frame of MAVLink 1 or 2 (<https://mavlink.io/en/guide/serialization.html>).
 
 use super::checksum::{Checksum, step};
-use super::definition::Definitions;
+use super::definition::{Definition, Definitions};
 
 /// First bytes of a frame.
 pub(super) const MAGIC: [u8; 2] = [0xfe, 0xfd];
@@ -33,6 +33,12 @@ pub(super) struct Frame<'b> {
     pub(super) intact: Option<bool>,
     /// The number that stands for the layout in the checksum: as defined, or the one that makes it right.
     pub(super) extra: Option<u8>,
+    /// The checksum as it stands there.
+    pub(super) told: u16,
+    /// Zeros that are missing at the end of a payload whose checksum is wrong: with them it is right.
+    pub(super) zeros_cut: Option<usize>,
+    /// Bytes of the payload before any zero is left out, without the fields of MAVLink 2, if the message is defined.
+    base: Option<usize>,
 }
 
 /// Why there is no frame.
@@ -101,7 +107,10 @@ impl<'b> Frame<'b> {
         let told = rest.first_chunk().map(|two| u16::from_le_bytes(*two)).ok_or(NoFrame::Cut)?;
         let mut checksum = Checksum::new();
         checksum.add(checked.get(1..).unwrap_or_default());
-        let defined = Definitions::all().get(head.message).map(|d| d.extra);
+        let definition = Definitions::all().get(head.message);
+        let defined = definition.map(|d| d.extra);
+        let intact = defined.map(|extra| checksum.with(extra) == told);
+        let suspect = definition.filter(|_| head.wide && intact == Some(false));
         Ok(Frame {
             wide: head.wide,
             system: head.system,
@@ -110,10 +119,36 @@ impl<'b> Frame<'b> {
             unknown_flags: head.flags & !SIGNED != 0,
             payload: checked.get(head.header..).unwrap_or_default(),
             length,
-            intact: defined.map(|extra| checksum.with(extra) == told),
+            intact,
             extra: defined.or_else(|| checksum.extra_of(told)),
+            told,
+            zeros_cut: suspect.and_then(|definition| zeros_cut(definition, checked, head.payload, told)),
+            base: definition.map(|d| d.length(false)),
         })
     }
+
+    /// Whether its sender left zeros out.
+    pub(super) fn is_shortened(&self) -> bool {
+        self.wide && self.intact == Some(true) && self.base.is_some_and(|base| self.payload.len() < base)
+    }
+}
+
+/// How many zeros behind the payload make the checksum right: none, one behind a text, or as many as complete a field.
+fn zeros_cut(definition: &Definition, checked: &[u8], payload: usize, told: u16) -> Option<usize> {
+    let (_, sent) = checked.split_at_checked(2)?;
+    // What leaves zeros out leaves out all but the first byte.
+    if payload > 1 && sent.last() == Some(&0) {
+        return None;
+    }
+    let with = |length: usize| {
+        let mut checksum = Checksum::new();
+        checksum.add(&[u8::try_from(length).ok()?]);
+        checksum.add(sent);
+        (payload..length).for_each(|_| checksum.add(&[0]));
+        (checksum.with(definition.extra) == told).then_some(length - payload)
+    };
+    let ends = definition.ends().into_iter().filter(|end| *end > payload + 1);
+    [payload + 1].into_iter().chain(ends).find_map(with)
 }
 
 /// Finds intact frames of defined messages in a block; each place takes one step, whatever length stands there.

@@ -97,14 +97,18 @@ impl Finder {
     }
 }
 
-/// Bytes of the intact RTCM 3 frame that the bytes begin with: preamble, ten bits of length, payload, CRC-24Q
-/// (RTCM 10403).
-pub(super) fn rtcm_length(bytes: &[u8]) -> Option<usize> {
+/// Bytes of the RTCM 3 frame that the bytes begin with, as it says: preamble, ten bits of length, payload, CRC-24Q (RTCM
+/// 10403).
+pub(super) fn told_rtcm_length(bytes: &[u8]) -> Option<usize> {
     let &[preamble, high, low] = bytes.first_chunk()?;
-    let checked = 3 + usize::from(u16::from_be_bytes([high, low]) & 0x3ff);
-    let told = bytes.get(checked..checked + 3)?;
-    let crc = crc24(bytes.get(..checked)?).to_be_bytes();
-    (preamble == RTCM && high & 0xfc == 0 && crc.get(1..) == Some(told)).then_some(checked + 3)
+    (preamble == RTCM && high & 0xfc == 0).then_some(3 + usize::from(u16::from_be_bytes([high, low])) + 3)
+}
+
+/// Bytes of the intact RTCM 3 frame that the bytes begin with.
+pub(super) fn rtcm_length(bytes: &[u8]) -> Option<usize> {
+    let length = told_rtcm_length(bytes)?;
+    let (checked, told) = bytes.get(..length)?.split_last_chunk::<3>()?;
+    (crc24(checked).to_be_bytes().get(1..) == Some(told)).then_some(length)
 }
 
 fn crc24(bytes: &[u8]) -> u32 {

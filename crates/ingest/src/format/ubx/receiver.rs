@@ -90,6 +90,11 @@ impl Receiver {
         }
     }
 
+    /// The week and the time of week, ms, that were told last.
+    pub(super) fn told(&self) -> Option<(i64, i64)> {
+        self.week
+    }
+
     /// `MON-VER`: software, hardware, and thirty characters each of more.
     pub(super) fn version(&mut self, payload: &[u8]) {
         let (software, rest) = payload.split_at_checked(30).unwrap_or((payload, &[]));

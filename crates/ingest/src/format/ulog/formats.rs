@@ -85,6 +85,14 @@ pub(super) struct Extent {
     pub(super) stamp: Option<Stamp>,
 }
 
+impl Extent {
+    /// Whether a message has the length that it should have; two bytes stand before its fields.
+    #[inline]
+    pub(super) fn fits(&self, body: &[u8]) -> bool {
+        (self.shortest..=self.full).contains(&body.len().saturating_sub(2))
+    }
+}
+
 /// The field `timestamp`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Stamp {

@@ -39,6 +39,8 @@ pub(super) enum Kind {
 }
 
 impl Kind {
+    pub(super) const DATA: u8 = b'D';
+
     #[inline]
     pub(super) fn of(letter: u8) -> Option<Kind> {
         Some(match letter {
@@ -50,7 +52,7 @@ impl Kind {
             b'Q' => Kind::DefaultParameter,
             b'A' => Kind::Subscribe,
             b'R' => Kind::Unsubscribe,
-            b'D' => Kind::Data,
+            Kind::DATA => Kind::Data,
             b'L' => Kind::Text,
             b'C' => Kind::TaggedText,
             b'S' => Kind::Sync,

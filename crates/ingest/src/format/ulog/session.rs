@@ -95,9 +95,7 @@ impl<'t, 'w> Session<'t, 'w> {
     pub(super) fn judge(&self, kind: Kind, body: &[u8], most: usize) -> Trust {
         match kind {
             Kind::Data => match self.known_of(body).map(|known| &known.meaning.extent) {
-                Some(Ok(extent)) if (extent.shortest..=extent.full).contains(&body.len().saturating_sub(2)) => {
-                    Trust::Sure
-                }
+                Some(Ok(extent)) if extent.fits(body) => Trust::Sure,
                 Some(Ok(_)) => Trust::Wrong("a message whose length does not fit its format"),
                 Some(Err(_)) | None => judge(kind, body, most),
             },
@@ -113,9 +111,16 @@ impl<'t, 'w> Session<'t, 'w> {
         self.known.get(usize::from(Bytes(body).u16()?))?.as_ref()
     }
 
+    /// Takes a message of a topic if it vouches for itself.
+    #[inline]
+    pub(super) fn sure_data(&mut self, body: &[u8]) -> Option<Fate> {
+        let extent = self.known_of(body)?.meaning.extent.as_ref().ok()?;
+        extent.fits(body).then(|| self.data(body))
+    }
+
     /// Takes a message. What is wrong with it is returned.
     pub(super) fn take(&mut self, kind: Kind, body: &[u8]) -> Result<Fate, String> {
-        self.began |= matches!(kind, Kind::Subscribe | Kind::Data | Kind::Text | Kind::TaggedText);
+        self.began |= matches!(kind, Kind::Subscribe | Kind::Text | Kind::TaggedText);
         if kind != Kind::Data && self.topics.takes_extras() {
             let at_us = self.began.then(|| self.latest_us.unwrap_or_default());
             self.beside.take(kind, body, at_us, self.topics);
@@ -204,6 +209,7 @@ impl<'t, 'w> Session<'t, 'w> {
 
     #[inline]
     fn data(&mut self, body: &[u8]) -> Fate {
+        self.began = true;
         let mut rest = Bytes(body);
         let number = rest.u16().unwrap_or_default();
         let payload = rest.0;

@@ -1,0 +1,93 @@
+//! The rows of a log whose messages mean nothing outside of it, as messages of ROS 2.
+//!
+//! What they were stands beside them ([`OriginalTopic`], [`OriginalLog`]), so that the output is read as the log is.
+
+use crate::error::ConvertError;
+use crate::message_type::MessageType;
+use crate::recording::{Entry, Recording};
+use crate::row_time::{LogTime, LogTimes, RowTime};
+use flight::{Clock, Notices, TopicHealth};
+use ingest::{Extra, Log, OriginalLog, OriginalTopic, Table, TopicInfo};
+
+/// A table on its way.
+struct Topic<'t> {
+    table: &'t Table,
+    messages: MessageType<'t>,
+    info: TopicInfo,
+    original: OriginalTopic,
+}
+
+/// Writes what the log stated, its topics without a message, and the rows of all tables in the order of `log_times`, those of
+/// one table in the order of the log.
+pub(crate) fn write(
+    log: &Log,
+    times: &LogTimes,
+    log_times: &[LogTime],
+    recording: &mut Recording,
+    notices: &mut Notices,
+) -> Result<(), ConvertError> {
+    let (name, entries) = OriginalLog::of(log).metadata();
+    recording.extra(&Extra::Metadata { name, entries: &entries })?;
+    for topic in log.health.topics.iter().filter(|topic| topic.messages == 0) {
+        announce(topic, recording)?;
+    }
+    let topic = |(table, time): (_, &RowTime)| Topic::of(table, time.logged_by());
+    let topics: Vec<Topic<'_>> = log.tables.iter().zip(&times.tables).map(topic).collect();
+    topics.iter().for_each(|topic| topic.messages.note_absent(notices));
+    let mut payload = vec![];
+    for (number, row, logged_ns) in in_order(log_times) {
+        let Some(topic) = topics.get(number as usize) else { continue };
+        topic.messages.payload(row as usize, &mut payload);
+        // The stamp as the log has it, also where its clock began anew.
+        let stamp = topic.table.logged_ns.as_ref().and_then(|stamps| stamps.get(row as usize).copied());
+        let sequence = u32::try_from(topic.table.origin_of(row as usize)).ok();
+        recording.write(&Entry { logged_ns, published_ns: stamp, sequence, payload: &payload, ..topic.entry() })?;
+    }
+    Ok(())
+}
+
+/// Table, row and time of all rows by time; a table's own rows stay in their order, whatever their times.
+fn in_order(times: &[LogTime]) -> impl Iterator<Item = (u32, u32, i64)> + use<> {
+    // The latest time so far, table, row, time.
+    let mut order: Vec<(i64, u32, u32, i64)> = vec![];
+    for (number, time) in (0_u32..).zip(times) {
+        let mut latest = i64::MIN;
+        order.extend(time.nanos.iter().zip(0_u32..).map(|(&t, row)| {
+            latest = latest.max(t);
+            (latest, number, row, t)
+        }));
+    }
+    order.sort_unstable();
+    order.into_iter().map(|(_, number, row, time)| (number, row, time))
+}
+
+impl<'t> Topic<'t> {
+    fn of(table: &'t Table, clock: Option<Clock>) -> Topic<'t> {
+        let messages = MessageType::of(table);
+        let TopicInfo { type_name, encoding, .. } = table.topic.clone();
+        Topic { table, info: messages.topic(), original: OriginalTopic { type_name, encoding, clock }, messages }
+    }
+
+    /// A message that is still empty.
+    fn entry(&self) -> Entry<'_> {
+        Entry {
+            topic: &self.info,
+            original: Some(&self.original),
+            encoding: "cdr",
+            schema_encoding: "ros2msg",
+            schema: self.messages.definition(),
+            logged_ns: 0,
+            published_ns: None,
+            sequence: None,
+            payload: &[],
+        }
+    }
+}
+
+/// A topic without a message.
+fn announce(topic: &TopicHealth, recording: &mut Recording) -> Result<(), ConvertError> {
+    let TopicHealth { name, type_name, encoding, .. } = topic.clone();
+    let info = TopicInfo { name, type_name, encoding };
+    let empty = Table { topic: info, rows: 0, logged_ns: None, published_ns: None, origin: None, columns: vec![] };
+    recording.announce(&Topic::of(&empty, None).entry())
+}

@@ -1,0 +1,84 @@
+//! Stamps from a column of dates and one of the time of day.
+
+use super::stamps::Repair;
+use crate::civil::{DateOrder, plain_date, unix_ns};
+use crate::map::TimeSource;
+use crate::table::{Column, Table, texts};
+use crate::time::redate_days;
+use flight::Severity;
+
+const STALE: &str = "rows behind midnight that still have the old date are dated a day later";
+
+/// The columns of [`TimeSource::Civil`].
+struct Civil<'a> {
+    date: &'a Column,
+    time: &'a Column,
+    offset: Option<&'a Column>,
+    order: Option<DateOrder>,
+}
+
+impl<'a> Civil<'a> {
+    fn of(source: &TimeSource, table: &'a Table) -> Option<Civil<'a>> {
+        let TimeSource::Civil { date, time, offset, order } = source else { return None };
+        let offset = offset.as_ref().and_then(|offset| texts(table, offset));
+        Some(Civil { date: texts(table, date)?, time: texts(table, time)?, offset, order: *order })
+    }
+
+    /// The order of dates that leave it open, and the one that shows it if the map does not say it.
+    fn order(&self, rows: usize) -> Result<Option<(DateOrder, Option<&'a str>)>, &'a str> {
+        match self.order {
+            Some(order) => Ok(Some((order, None))),
+            None => {
+                let shown = DateOrder::shown_by((0..rows).filter_map(|row| self.date.text(row)))?;
+                Ok(shown.map(|(order, shows)| (order, Some(shows))))
+            }
+        }
+    }
+}
+
+/// A stamp for each row, ns since 1970; `None` if the table has no such columns, or nobody can know what its dates mean.
+pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
+    let civil = Civil::of(source, table)?;
+    let order = civil.order(table.rows).ok()?;
+    let date_of = |text: &str| order.and_then(|(order, _)| order.date(text)).or_else(|| plain_date(text));
+    let (mut stamps, mut days) = (Vec::with_capacity(table.rows), Vec::with_capacity(table.rows));
+    for row in 0..table.rows {
+        let date = civil.date.text(row).and_then(date_of);
+        let instant = |time: &str| unix_ns(date?, time, civil.offset.map_or(Some("Z"), |offset| offset.text(row))?);
+        days.push(date.and_then(|date| unix_ns(date, "00:00:00", "Z")).map(|midnight| midnight / DAY_NS));
+        stamps.push(civil.time.text(row).and_then(instant));
+    }
+    // A date with points and a year of four digits is told by nobody otherwise.
+    if let Some((order, Some(shows))) = order.filter(|(_, shows)| !shows.is_some_and(is_plain)) {
+        let text = format!("the dates are read with the {} first, as {shows} shows", order.word());
+        repairs.push(Repair {
+            severity: Severity::Info,
+            code: "date-order",
+            count: table.rows as u64,
+            text: text.into(),
+        });
+    }
+    let stale = redate_days(&mut stamps, &days);
+    if stale > 0 {
+        let severity = Severity::Warning;
+        repairs.push(Repair { severity, code: "stale-date", count: stale, text: STALE.into() });
+    }
+    Some(stamps)
+}
+
+const DAY_NS: i64 = 86_400 * flight::NANOS_PER_SECOND;
+
+fn is_plain(date: &str) -> bool {
+    date.rsplit_once('.').is_some_and(|(_, year)| year.len() == 4)
+}
+
+/// Why there are no stamps although the table has the columns.
+pub(super) fn unclear(source: &TimeSource, table: &Table) -> Option<String> {
+    let civil = Civil::of(source, table)?;
+    let date = civil.order(table.rows).err()?;
+    Some(format!(
+        "cannot tell what is the day in {}, as {date}; say order = \"day-month-year\", \"month-day-year\" or \"year-month-day\" beside \
+         date in the channel map",
+        civil.date.path
+    ))
+}

@@ -1,0 +1,56 @@
+//! What is said of the stamps of a topic: once, however many channels have them.
+
+use super::trial::Plan;
+use flight::{Notices, Severity};
+
+/// One thing that is said, and the channels that it is about.
+struct Told<'p> {
+    severity: Severity,
+    code: &'static str,
+    topic: &'p str,
+    count: u64,
+    text: String,
+    first: &'p str,
+    channels: usize,
+}
+
+/// What was put right in the stamps of the plans, and what stands in for others.
+pub(super) fn note_stamps(plans: &[Plan<'_>], notices: &mut Notices) {
+    let mut told: Vec<Told<'_>> = vec![];
+    for said in plans.iter().flat_map(of_plan) {
+        let same =
+            |known: &&mut Told<'_>| (known.code, known.topic, &known.text) == (said.code, said.topic, &said.text);
+        match told.iter_mut().find(same) {
+            Some(known) => known.channels += 1,
+            None => told.push(said),
+        }
+    }
+    for told in told {
+        let text = format!("{}: {}", which(told.first, told.channels), told.text);
+        notices.push(told.severity, told.code, told.topic, told.count, text);
+    }
+}
+
+fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<Told<'p>> {
+    let said = |severity, code, count, text| {
+        let (topic, first) = (plan.table.topic.name.as_str(), plan.rule.name.as_str());
+        Told { severity, code, topic, count, text, first, channels: 1 }
+    };
+    let rows = plan.table.rows as u64;
+    let remarks = plan.remarks.iter().map(|remark| said(Severity::Warning, "stamp-kind", rows, remark.clone()));
+    let repairs = plan.stamps.iter().flat_map(|stamps| {
+        stamps.repairs.iter().map(move |repair| {
+            let text = format!("{} stamps in {}: {}", stamps.kind, stamps.label, repair.text);
+            said(repair.severity, repair.code, repair.count, text)
+        })
+    });
+    remarks.chain(repairs).collect()
+}
+
+/// The channel, or how many there are.
+pub(super) fn which(first: &str, channels: usize) -> String {
+    match channels {
+        1 => format!("channel {first}"),
+        several => format!("{several} channels, the first {first}"),
+    }
+}

@@ -1,0 +1,120 @@
+//! A date that stays the old one for some time after midnight, beside a time of day that runs on.
+
+use flight::NANOS_PER_SECOND;
+
+const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
+/// Across midnight stamps follow one another within this time, ns.
+const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
+
+/// Puts rows behind midnight whose date has not changed yet a day later, and says how many; `days` are the dates of the
+/// stamps, in days of any count, and both are in the order of the log.
+///
+/// The log must show it: the time of day falls by nearly 24 h from one row to the next and the date stays the same. Rows in
+/// disorder, and two halves of a day of which the later comes first, are left as they are.
+pub(crate) fn redate_days(stamps: &mut [Option<i64>], days: &[Option<i64>]) -> u64 {
+    let rows: Vec<(i64, i64)> = stamps.iter().zip(days).filter_map(|(stamp, day)| stamp.zip(*day)).collect();
+    let behind = days_behind(&rows);
+    let moved = behind.iter().filter(|days| **days > 0).count() as u64;
+    if moved == 0 || !runs_on(&rows, &behind) {
+        return 0;
+    }
+    let dated = stamps.iter_mut().zip(days).filter_map(|(stamp, day)| stamp.as_mut().filter(|_| day.is_some()));
+    dated.zip(behind).for_each(|(stamp, days)| *stamp = stamp.saturating_add(days.saturating_mul(DAY_NS)));
+    moved
+}
+
+/// How many days the date of each row, stamp and date, is behind.
+fn days_behind(rows: &[(i64, i64)]) -> Vec<i64> {
+    let close = |step: i64| (0..=CLOSE_NS).contains(&step);
+    let (mut behind, mut before) = (0, None);
+    let mut each = Vec::with_capacity(rows.len());
+    for (stamp, day) in rows {
+        if let Some((last, last_day)) = before.replace((*stamp, *day)) {
+            let step = stamp.saturating_sub(last);
+            if *day != last_day {
+                behind = (behind - (day - last_day)).max(0) * i64::from(*day > last_day);
+            } else if close(step.saturating_add(DAY_NS)) {
+                behind += 1;
+            } else if behind > 0 && close(DAY_NS.saturating_sub(step)) {
+                // Back again for a row that came late.
+                behind -= 1;
+            }
+        }
+        each.push(behind);
+    }
+    each
+}
+
+/// Whether the rows with their new dates are in order, and did not fit as well in front of all others.
+fn runs_on(rows: &[(i64, i64)], behind: &[i64]) -> bool {
+    let dated: Vec<i64> =
+        rows.iter().zip(behind).map(|((stamp, _), days)| stamp.saturating_add(days.saturating_mul(DAY_NS))).collect();
+    let (Some((first, _)), Some((last, _)), Some(last_behind)) = (rows.first(), rows.last(), behind.last()) else {
+        return false;
+    };
+    let in_front = *last_behind > 0 && (0..=CLOSE_NS).contains(&first.saturating_sub(*last));
+    !in_front && dated.windows(2).all(|pair| matches!(pair, [a, b] if b.saturating_sub(*a) >= -CLOSE_NS))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: i64 = NANOS_PER_SECOND;
+
+    /// Rows once a second from `start` seconds of day 0, each with its true date.
+    fn flight(start: i64, rows: i64) -> (Vec<Option<i64>>, Vec<Option<i64>>) {
+        let stamps: Vec<i64> = (start..start + rows).map(|second| second * S).collect();
+        (stamps.iter().copied().map(Some).collect(), stamps.iter().map(|stamp| Some(stamp / DAY_NS)).collect())
+    }
+
+    /// The same with the date behind for rows of this place.
+    fn stale(rows: std::ops::Range<usize>, of: &(Vec<Option<i64>>, Vec<Option<i64>>)) -> [Vec<Option<i64>>; 2] {
+        let (mut stamps, mut days) = of.clone();
+        for row in rows {
+            stamps[row] = stamps[row].map(|stamp| stamp - DAY_NS);
+            days[row] = days[row].map(|day| day - 1);
+        }
+        [stamps, days]
+    }
+
+    #[test]
+    fn rows_behind_midnight_with_the_old_date_are_a_day_later_until_the_date_catches_up_or_to_the_end() {
+        let truth = flight(86_390, 100);
+        for until in [11, 12, 40, 100] {
+            let [mut stamps, days] = stale(10..until, &truth);
+            assert_eq!(redate_days(&mut stamps, &days), until as u64 - 10);
+            assert_eq!(stamps, truth.0, "{until}");
+        }
+    }
+
+    #[test]
+    fn a_right_date_a_row_without_one_and_a_late_row_across_midnight_change_nothing_else() {
+        let truth = flight(86_390, 30);
+        let (mut same, days) = truth.clone();
+        assert_eq!(redate_days(&mut same, &days), 0);
+        let [mut stamps, mut days] = stale(10..30, &truth);
+        (stamps[15], days[20]) = (None, None);
+        stamps.swap(9, 10);
+        days.swap(9, 10);
+        assert_eq!(redate_days(&mut stamps, &days), 18);
+        assert_eq!((stamps[9], stamps[10], stamps[29]), (truth.0[10], truth.0[9], truth.0[29]));
+        assert_eq!(stamps[20], truth.0[20].map(|stamp| stamp - DAY_NS));
+    }
+
+    #[test]
+    fn what_is_only_unsorted_stays_as_it_is() {
+        let (stamps, days) = flight(0, 86_400);
+        let check = |order: &dyn Fn(usize) -> usize| {
+            let ordered = |v: &[Option<i64>]| (0..86_400).map(|i| v[order(i)]).collect::<Vec<_>>();
+            let mut log = ordered(&stamps);
+            assert_eq!(redate_days(&mut log, &ordered(&days)), 0);
+            assert_eq!(log, ordered(&stamps));
+        };
+        // The second half of a day before the first, a day backwards, and a day shuffled.
+        check(&|i| (i + 43_200) % 86_400);
+        check(&|i| 86_399 - i);
+        check(&|i| i * 43_201 % 86_400);
+        assert_eq!(redate_days(&mut [], &[]), 0);
+    }
+}
