@@ -157,6 +157,21 @@ fn check_flips(bits_of_each_byte: usize) {
 }
 
 #[test]
+fn a_signature_that_was_cut_costs_no_other_frame_and_is_told() {
+    let bytes = of_pymavlink();
+    let whole = rows(&read_bytes(READER, &bytes).unwrap());
+    // The last record has 28 bytes of payload.
+    let behind = bytes.len() - (8 + 12 + 28);
+    for missing in 1..=13 {
+        let cut = [&bytes[..behind - missing], &bytes[behind..]].concat();
+        let log = read_bytes(READER, &cut).unwrap();
+        assert_eq!((rows(&log), log.health.bytes.damaged), (whole.clone(), 0), "{missing}");
+        let told = log.notices.iter().find(|n| n.code == "cut-signature").unwrap();
+        assert_eq!((told.severity, told.count), (Severity::Loss, 1), "{missing}");
+    }
+}
+
+#[test]
 fn garbage_between_frames_is_damage_and_nothing_else_is_lost() {
     let bytes = [of_pymavlink(), vec![0xfd; 700], of_pymavlink(), vec![0; 300_000], of_pymavlink()].concat();
     let log = read_bytes(READER, &bytes).unwrap();

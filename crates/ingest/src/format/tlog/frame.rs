@@ -11,7 +11,7 @@ pub(super) const LONGEST: usize = 10 + 255 + 2 + 13;
 const HEADER_1: usize = 6;
 const HEADER_2: usize = 10;
 const CHECKSUM: usize = 2;
-const SIGNATURE: usize = 13;
+pub(super) const SIGNATURE: usize = 13;
 /// The flag of MAVLink 2 that a signature follows.
 const SIGNED: u8 = 1;
 
@@ -23,6 +23,7 @@ pub(super) struct Frame<'b> {
     pub(super) system: u8,
     pub(super) component: u8,
     pub(super) message: u32,
+    pub(super) is_signed: bool,
     /// Flags that this reader does not know: then the payload may mean anything.
     pub(super) unknown_flags: bool,
     pub(super) payload: &'b [u8],
@@ -116,6 +117,7 @@ impl<'b> Frame<'b> {
             system: head.system,
             component: head.component,
             message: head.message,
+            is_signed: head.flags & SIGNED != 0,
             unknown_flags: head.flags & !SIGNED != 0,
             payload: checked.get(head.header..).unwrap_or_default(),
             length,
