@@ -79,7 +79,7 @@ impl Integers {
     }
 }
 
-/// Cells as they stand in the log: first those that are integers as everybody writes them, of which it is enough to know
+/// Cells as they stand in the log: first those that are integers as everybody writes them ([`plain_integer`]), of which it is enough to know
 /// how many, then the others, each behind its length: seven bits a byte, the lowest first, and the eighth bit where more
 /// follow.
 #[derive(Debug, Default)]
@@ -89,11 +89,7 @@ struct Written {
 }
 
 impl Written {
-    fn push(&mut self, cell: &[u8], value: Cell) {
-        if self.others.is_empty() && is_plain_integer(cell, value) {
-            self.integers += 1;
-            return;
-        }
+    fn push(&mut self, cell: &[u8]) {
         let mut length = cell.len();
         while length >= 0x80 {
             self.others.push(length as u8 | 0x80);
@@ -124,10 +120,19 @@ impl Written {
     }
 }
 
-/// Whether the integer, written again, gives the cell.
-fn is_plain_integer(cell: &[u8], value: Cell) -> bool {
-    let digits = cell.strip_prefix(b"-").unwrap_or(cell);
-    matches!(value, Cell::Integer(_)) && matches!(digits, [b'1'..=b'9', ..] | b"0")
+/// A cell that is an integer which, written again, gives the cell, and is no longer than a double can hold.
+#[inline]
+fn plain_integer(cell: &[u8]) -> Option<i64> {
+    let (negative, digits) = cell.strip_prefix(b"-").map_or((false, cell), |rest| (true, rest));
+    let leading = digits.first()?;
+    if digits.len() > 15 || (*leading == b'0' && cell.len() > 1) {
+        return None;
+    }
+    let number = digits.iter().try_fold(0_i64, |number, byte| match byte {
+        b'0'..=b'9' => Some(10 * number + i64::from(byte - b'0')),
+        _ => None,
+    })?;
+    Some(if negative { -number } else { number })
 }
 
 impl Topic {
@@ -401,8 +406,15 @@ impl Cells {
 
     fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> bool {
         let Cells::Undecided(numbers, written) = self else { return false };
+        if let (Cells::Integers(held), true, Some(integer)) =
+            (&mut **numbers, written.others.is_empty(), plain_integer(cell))
+        {
+            written.integers += 1;
+            held.values.push(integer);
+            return true;
+        }
+        written.push(cell);
         let value = decimal.number(cell);
-        written.push(cell, value);
         if numbers.push_fitting(value) {
             return true;
         }
