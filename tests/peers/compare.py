@@ -254,8 +254,16 @@ UBX_NEWER = {("NAV-PVT", name) for name in ("flags3", "headVeh", "magDec", "magA
 UBX_PRECISE = set("lon lat height hMSL lonHp latHp heightHp hMSLHp latitude longitude ellipsoid_height".split())
 
 
+# Fields at the end of messages that pymavlink 2.4.50 does not know yet.
+MAVLINK_NEWER = {("MISSION_CURRENT", f) for f in ("mission_id", "fence_id", "rally_points_id")}
+MAVLINK_NEWER |= {(m, f) for m in ("TIMESYNC", "SERIAL_CONTROL") for f in ("target_system", "target_component")}
+MAVLINK_NEWER |= {("SET_ATTITUDE_TARGET", f"thrust_body[{i}]") for i in range(3)}
+MAVLINK_NEWER |= {(m, "opaque_id") for m in ("MISSION_COUNT", "MISSION_ACK")}
+MAVLINK_NEWER |= {("WIFI_CONFIG_AP", f) for f in ("mode", "response")}
+
+
 def is_beyond(message, field):
-    return (message, field) in UBX_NEWER or (message == "NAV-HPPOSLLH" and field in UBX_PRECISE)
+    return (message, field) in UBX_NEWER | MAVLINK_NEWER or (message == "NAV-HPPOSLLH" and field in UBX_PRECISE)
 
 
 UBX_READ = {f"NAV-{m}" for m in "PVT POSLLH VELNED HPPOSLLH SOL ATT STATUS DOP TIMEGPS TIMEUTC".split()}
