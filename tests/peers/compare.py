@@ -311,7 +311,9 @@ def sentence(body, message, peer):
     kind = address if address.startswith("P") or len(address) != 5 else address[2:]
     topic = peer.topics[(address, kind)]
     of = lambda index: fields[index] if index < len(fields) else ""
-    for name, where in SENTENCES.get(kind, {}).items():
+    # PASHR stands in front of many messages; the one of attitudes begins with a time.
+    values = {} if kind == "PASHR" and not re.fullmatch(r"[\d.]+", of(1)) else SENTENCES.get(kind, {})
+    for name, where in values.items():
         what, index = where if isinstance(where, tuple) else (None, where)
         if what == "deg":
             fix = of(SENTENCES[kind].get("valid", ("", 6))[1]) not in ("0", "V") or kind == "GNS"
