@@ -5,9 +5,9 @@
 use crate::error::ConvertError;
 use crate::message_type::MessageType;
 use crate::recording::{Entry, Recording};
-use crate::row_time::{LogTime, LogTimes, RowTime};
+use crate::row_time::{LogTime, LogTimes};
 use flight::{Clock, Notices, TopicHealth};
-use ingest::{Extra, Log, OriginalLog, OriginalTopic, Table, TopicInfo};
+use ingest::{Column, Extra, Log, OriginalLog, OriginalTopic, Table, TopicInfo};
 
 /// A table on its way.
 struct Topic<'t> {
@@ -31,8 +31,9 @@ pub(crate) fn write(
     for topic in log.health.topics.iter().filter(|topic| topic.messages == 0) {
         announce(topic, recording)?;
     }
-    let topic = |(table, time): (_, &RowTime)| Topic::of(table, time.logged_by());
-    let topics: Vec<Topic<'_>> = log.tables.iter().zip(&times.tables).map(topic).collect();
+    let tables = log.tables.iter().zip(&times.tables);
+    let topics: Vec<Topic<'_>> =
+        tables.map(|(table, time)| Topic::of(table, written(log, table), time.logged_by())).collect();
     topics.iter().for_each(|topic| topic.messages.note_absent(notices));
     let mut payload = vec![];
     for (number, row, logged_ns) in in_order(log_times) {
@@ -44,6 +45,11 @@ pub(crate) fn write(
         recording.write(&Entry { logged_ns, published_ns: stamp, sequence, payload: &payload, ..topic.entry() })?;
     }
     Ok(())
+}
+
+/// Decimals of a table as they were written.
+fn written<'l>(log: &'l Log, table: &Table) -> Vec<&'l Column> {
+    log.written.iter().filter(|(topic, _)| *topic == table.topic).map(|(_, column)| column).collect()
 }
 
 /// Table, row and time of all rows by time; a table's own rows stay in their order, whatever their times.
@@ -62,8 +68,8 @@ fn in_order(times: &[LogTime]) -> impl Iterator<Item = (u32, u32, i64)> + use<> 
 }
 
 impl<'t> Topic<'t> {
-    fn of(table: &'t Table, clock: Option<Clock>) -> Topic<'t> {
-        let messages = MessageType::of(table);
+    fn of(table: &'t Table, written: Vec<&'t Column>, clock: Option<Clock>) -> Topic<'t> {
+        let messages = MessageType::of(table, written);
         let TopicInfo { type_name, encoding, .. } = table.topic.clone();
         Topic { table, info: messages.topic(), original: OriginalTopic { type_name, encoding, clock }, messages }
     }
@@ -89,5 +95,5 @@ fn announce(topic: &TopicHealth, recording: &mut Recording) -> Result<(), Conver
     let TopicHealth { name, type_name, encoding, .. } = topic.clone();
     let info = TopicInfo { name, type_name, encoding };
     let empty = Table { topic: info, rows: 0, logged_ns: None, published_ns: None, origin: None, columns: vec![] };
-    recording.announce(&Topic::of(&empty, None).entry())
+    recording.announce(&Topic::of(&empty, vec![], None).entry())
 }

@@ -401,7 +401,7 @@ fn write_topic(
     notices: &mut Notices,
 ) -> Result<(), ConvertError> {
     let table = as_table(&source.sheet, TopicInfo { name: place.to_owned(), ..TopicInfo::default() });
-    let kind = MessageType::of(&table);
+    let kind = MessageType::of(&table, vec![]);
     kind.note_absent(notices);
     let topic = kind.topic();
     let said = [("log_time".to_owned(), source.log_time_how.clone())].into();

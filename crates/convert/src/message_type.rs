@@ -8,16 +8,20 @@ use std::fmt::Write;
 /// The definition of a table's rows, and how to write them.
 ///
 /// Behind each field stands what the log calls it, as JSON: ROS allows few names, and by the log's own a recovered log is
-/// read again. Of a field that not every row has another one tells which have it.
+/// read again. Of a field that not every row has another one tells which have it, and of large decimals another one says
+/// how they were written.
 pub(crate) struct MessageType<'t> {
     table: &'t Table,
     definition: String,
     /// Columns that have no value in some rows.
     partial: Vec<&'t Column>,
+    /// Decimals as they were written, of which a float has lost the last digits.
+    written: Vec<&'t Column>,
 }
 
 impl<'t> MessageType<'t> {
-    pub(crate) fn of(table: &'t Table) -> MessageType<'t> {
+    /// `written` are columns of text that stand beside those of numbers of the same path.
+    pub(crate) fn of(table: &'t Table, written: Vec<&'t Column>) -> MessageType<'t> {
         let mut taken = BTreeSet::new();
         let mut definition = String::from("# Written by flightlag. A field's name in the log stands behind it.\n");
         let partial: Vec<&Column> = table.columns.iter().filter(|column| absent(column) > 0).collect();
@@ -35,12 +39,16 @@ impl<'t> MessageType<'t> {
             let _ = writeln!(definition, "{kind} {name} # {}", quoted(&column.path));
             names.insert(column.path.as_str(), name);
         }
-        for Column { path, .. } in &partial {
-            let of = names.get(path.as_str()).map_or("", String::as_str);
-            let name = field_name(&format!("{of}_given"), &mut taken);
-            let _ = writeln!(definition, "bool {name} # given {}", quoted(path));
-        }
-        MessageType { table, definition, partial }
+        let mut beside = |kind: &str, what: &str, columns: &[&Column]| {
+            for Column { path, .. } in columns {
+                let of = names.get(path.as_str()).map_or("", String::as_str);
+                let name = field_name(&format!("{of}_{what}"), &mut taken);
+                let _ = writeln!(definition, "{kind} {name} # {what} {}", quoted(path));
+            }
+        };
+        beside("bool", "given", &partial);
+        beside("string", "written", &written);
+        MessageType { table, definition, partial, written }
     }
 
     /// The topic as its messages are written: typed, and with a type of a name that ROS allows.
@@ -86,6 +94,7 @@ impl<'t> MessageType<'t> {
             }
         }
         out.extend(self.partial.iter().map(|column| u8::from(is_given(column, row))));
+        self.written.iter().for_each(|column| text(out, column, row));
     }
 }
 
@@ -186,22 +195,25 @@ mod tests {
         ];
         let topic = TopicInfo::default();
         let table = Table { topic, rows: 2, logged_ns: None, published_ns: None, origin: None, columns };
-        let messages = MessageType::of(&table);
+        let as_written = column("gyro[0]", ColumnData::Text(vec!["0.50".to_owned(), String::new()]), None);
+        let messages = MessageType::of(&table, vec![&as_written]);
         let lines: Vec<&str> = messages.definition.lines().skip(1).collect();
         let expected = [
             r#"uint64 time_us # "TimeUS""#,
             r#"float64 gyro_0 # "gyro[0]""#,
             r#"uint8[] payload # "payload_hex""#,
             r#"bool gyro_0_given # given "gyro[0]""#,
+            r#"string gyro_0_written # written "gyro[0]""#,
         ];
         assert_eq!(lines, expected);
         let mut bytes = vec![];
         messages.payload(0, &mut bytes);
         let head = [&[0, 1, 0, 0][..], &u64::MAX.to_le_bytes(), &0.5_f64.to_le_bytes()].concat();
-        assert_eq!(bytes, [&head[..], &2_u32.to_le_bytes(), &[0, 0xff], &[1]].concat());
+        let text = [&[0][..], &5_u32.to_le_bytes(), b"0.50\0"].concat();
+        assert_eq!(bytes, [&head[..], &2_u32.to_le_bytes(), &[0, 0xff], &[1], &text].concat());
         messages.payload(1, &mut bytes);
         assert!(f64::from_le_bytes(bytes[12..20].try_into().unwrap()).is_nan());
-        assert_eq!(bytes[20..], [0, 0, 0, 0, 0]);
+        assert_eq!(bytes[20..], [0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0]);
     }
 
     #[test]

@@ -203,7 +203,7 @@ impl MessageSink for Taker {
                 schema: message.schema,
                 logged_ns: message.logged_ns,
                 published_ns: message.published_ns,
-                sequence: None,
+                sequence: message.sequence,
                 payload: message.payload,
             })
         });

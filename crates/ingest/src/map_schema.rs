@@ -4,6 +4,7 @@ use crate::error::IngestError;
 use crate::reader::Log;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::collections::BTreeSet;
 use toml::Spanned;
 
 /// A channel map: which topic and field becomes which channel, in which unit, frame and timeline.
@@ -288,15 +289,13 @@ pub(crate) struct WhenEntry {
 impl WhenEntry {
     /// Whether the log is one of those that the channel is made for.
     pub(crate) fn met_by(&self, log: &Log) -> bool {
-        self.said_by(log) == self.says.as_deref()
+        self.said_by(log).into_iter().eq(self.says.as_deref())
     }
 
-    /// What the log says; `None` if nothing, or if its files disagree.
-    pub(crate) fn said_by<'l>(&self, log: &'l Log) -> Option<&'l str> {
+    /// What the log says: nothing, one thing, or several, of which none is then met.
+    pub(crate) fn said_by<'l>(&self, log: &'l Log) -> BTreeSet<&'l str> {
         let remarks = log.health.extras.iter().filter_map(|extra| extra.split_once(" = "));
-        let mut said = remarks.filter(|(name, _)| *name == self.remark).map(|(_, text)| text);
-        let first = said.next()?;
-        said.all(|other| other == first).then_some(first)
+        remarks.filter(|(name, _)| *name == self.remark).map(|(_, text)| text).collect()
     }
 }
 

@@ -141,6 +141,8 @@ pub struct RawMessage<'m> {
     pub logged_ns: i64,
     /// When the log says that it was published, ns.
     pub published_ns: Option<i64>,
+    /// Its number as the container has it; `None` where containers have none.
+    pub sequence: Option<u32>,
     /// Its bytes.
     pub payload: &'m [u8],
 }

@@ -164,7 +164,131 @@ fn a_log_that_was_recovered_twice_is_read_as_the_original() {
         let (before, after) = (read(&log), read(&twice));
         assert_eq!(before.flight.channels, after.flight.channels, "{}", seed.name);
         assert_eq!(before.health.about, after.health.about, "{}", seed.name);
+        let (mut before, mut after) = (tables(&log), tables(&twice));
+        twins(&mut before, &mut after);
+        assert_eq!(shown(&before), shown(&after));
     }
+}
+
+/// A table of text and what it becomes.
+fn of_text(text: &str) -> (Loaded, Loaded) {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.csv"), folder.path().join("out.mcap"));
+    std::fs::write(&log, text).unwrap();
+    in_context(|context| recover(&unit(&log), library(), &out, context)).unwrap();
+    (read(&log), read(&out))
+}
+
+fn stamps(loaded: &Loaded, channel: &str) -> Vec<i64> {
+    loaded.flight.channels[channel].series.timeline().stamps().iter().map(|stamp| stamp.0).collect()
+}
+
+#[test]
+fn decimals_that_a_float_cannot_hold_are_the_same_stamps_in_the_recovered_log() {
+    let nanos = |row: i64| row * 3_333_331 + 123;
+    let row = |row| format!("1700000000.{:09},{}\n", nanos(row), row);
+    let text = (0..100).map(row).collect::<String>();
+    let (before, after) = of_text(&format!("time_unix_s,encoder_angle_deg\n{text}"));
+    let truth: Vec<i64> = (0..100).map(|row| 1_700_000_000_000_000_000 + nanos(row)).collect();
+    assert_eq!(stamps(&after, "encoder.angle"), truth);
+    assert_eq!(before.flight.channels, after.flight.channels);
+}
+
+#[test]
+fn a_date_of_digits_and_an_offset_of_digits_date_the_recovered_log_too() {
+    let row = |row: u32| format!("20210605,09:30:0{row}.5,{},8.5,500\n", 47.3 + 1e-5 * f64::from(row));
+    let rows = (0..10).map(row).collect::<String>();
+    let (_, after) = of_text(&format!("Date,Time,PosLat,PosLon,PosAlt\n{rows}"));
+    // date -u -d '2021-06-05T09:30:00Z' +%s
+    let truth: Vec<i64> = (0..10).map(|row| 1_622_885_400_500_000_000 + row * 1_000_000_000).collect();
+    assert_eq!(stamps(&after, "position.ins"), truth);
+    for offset in ["+0200", "+02", "+02:00", "-0330"] {
+        let rows =
+            (0..10).map(|row| format!("2021-06-05,09:30:0{row},{offset},47.{row},8.5,500\n")).collect::<String>();
+        let (before, after) = of_text(&format!("Lcl Date,Lcl Time,UTCOfst,Latitude,Longitude,AltGPS\n{rows}"));
+        assert_eq!(before.flight.channels, after.flight.channels, "{offset}");
+        assert_eq!(stamps(&after, "position.gps").len(), 10, "{offset}");
+    }
+}
+
+/// An MCAP of one channel for each of these: what its metadata say, and its messages with their sequence numbers.
+fn of_channels(out: &Path, log: &str, channels: &[(Option<&str>, &[u32])]) {
+    let mut writer = mcap::Writer::new(std::fs::File::create(out).unwrap()).unwrap();
+    let entries = |key: &str, value: &str| [(key.to_owned(), value.to_owned())].into();
+    let metadata = mcap::records::Metadata { name: "flightlag-original".to_owned(), metadata: entries("log", log) };
+    writer.write_metadata(&metadata).unwrap();
+    let schema = writer.add_schema("flightlag/msg/A", "ros2msg", b"uint64 a # \"A\"\n").unwrap();
+    for (number, (original, sequences)) in (1_u64..).zip(channels) {
+        let mut entries: std::collections::BTreeMap<String, String> =
+            original.map_or_else(Default::default, |original| entries("flightlag-original", original));
+        // The writer takes channels that are alike for one.
+        entries.insert("number".to_owned(), number.to_string());
+        let channel_id = writer.add_channel(schema, "A", "cdr", &entries).unwrap();
+        for (time, sequence) in (1_u64..).zip(*sequences) {
+            let (log_time, publish_time) = (1_000_000_000 * time, 1_000_000 * time);
+            let header = mcap::records::MessageHeader { channel_id, sequence: *sequence, log_time, publish_time };
+            writer.write_to_known_channel(&header, &[&[0, 1, 0, 0][..], &time.to_le_bytes()].concat()).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn messages_that_are_copied_keep_their_sequence_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.mcap"), folder.path().join("out.mcap"));
+    of_channels(&log, "", &[(None, &[7, 3, u32::MAX])]);
+    in_context(|context| recover(&unit(&log), library(), &out, context)).unwrap();
+    let bytes = std::fs::read(&out).unwrap();
+    let sequences: Vec<u32> = mcap::MessageStream::new(&bytes).unwrap().map(|m| m.unwrap().sequence).collect();
+    assert_eq!(sequences, [7, 3, u32::MAX]);
+}
+
+#[test]
+fn of_channels_that_disagree_on_what_their_topic_was_only_one_is_read_and_the_rest_is_a_loss() {
+    let original = |clock: &str| format!(r#"{{"type_name":"flightlag/msg/A","encoding":"cdr","clock":{clock}}}"#);
+    let (boot, unix, none) = (original("\"boot\""), original("\"unix\""), original("null"));
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.mcap");
+    let plain = None;
+    for (first, second) in [
+        (Some(boot.as_str()), Some(unix.as_str())),
+        (Some(&boot), Some(&none)),
+        (Some(&none), Some(&boot)),
+        (Some(&boot), plain),
+        (plain, Some(&boot)),
+    ] {
+        of_channels(&log, "", &[(first, &[1, 2]), (second, &[3, 4, 5]), (first, &[6])]);
+        let table = tables(&log).remove(0);
+        assert_eq!(table.rows, 3, "{first:?} {second:?}");
+        assert_eq!(table.published_ns.is_some(), first.is_none());
+        let lost = read(&log).flight.notices.iter().find(|n| n.severity == Severity::Loss).cloned().unwrap();
+        assert_eq!((lost.code.as_str(), lost.count), ("unknown-channel", 3));
+        assert!(lost.text.contains("another channel says"), "{}", lost.text);
+    }
+}
+
+#[test]
+fn a_log_that_says_more_of_itself_than_any_log_is_cut_short_and_that_is_told() {
+    let notice = r#"{"severity":"loss","code":"c","place":"","count":1,"text":"t"}"#;
+    let many = |what: &str| vec![what; 2000].join(",");
+    let log = format!(
+        r#"{{"format":"{}","extras":[{}],"about":{{"texts":[{}]}},"units":[],"restarts":[],"notices":[{}]}}"#,
+        "F".repeat(10_000),
+        many("\"e\""),
+        many("\"t\""),
+        many(notice)
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    of_channels(&path, &log, &[(None, &[1])]);
+    let loaded = read(&path);
+    // The metadata record itself is listed, too.
+    assert_eq!((loaded.health.extras.len(), loaded.health.about.texts.len()), (1001, 1000));
+    assert!(loaded.health.format.len() < 300);
+    let count = |code: &str| loaded.flight.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
+    assert_eq!((count("c"), count("original-cut")), (1000, 3000));
+    assert!(!loaded.flight.notices.any_loss());
 }
 
 #[test]

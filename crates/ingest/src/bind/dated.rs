@@ -3,13 +3,19 @@
 use super::stamps::Repair;
 use crate::civil::{DateOrder, plain_date, unix_ns};
 use crate::map::TimeSource;
-use crate::table::{Column, Table, texts};
+use crate::table::{Column, Table, numbers, texts};
 use crate::time::redate_days;
 use flight::Severity;
+use jiff::civil::Date;
+use std::borrow::Cow;
 
+/// No clock is set further from UTC: what is more is hours and minutes, `0530`.
+const MOST_HOURS: u64 = 14;
 const STALE: &str = "rows behind midnight that still have the old date are dated a day later";
 
 /// The columns of [`TimeSource::Civil`].
+///
+/// Where a log's columns have types, as in what was recovered of a table, a date of digits and an offset of digits are numbers.
 struct Civil<'a> {
     date: &'a Column,
     time: &'a Column,
@@ -20,8 +26,28 @@ struct Civil<'a> {
 impl<'a> Civil<'a> {
     fn of(source: &TimeSource, table: &'a Table) -> Option<Civil<'a>> {
         let TimeSource::Civil { date, time, offset, order } = source else { return None };
-        let offset = offset.as_ref().and_then(|offset| texts(table, offset));
-        Some(Civil { date: texts(table, date)?, time: texts(table, time)?, offset, order: *order })
+        let either = |path: &str| texts(table, path).or_else(|| numbers(table, path));
+        let offset = offset.as_ref().and_then(|offset| either(offset));
+        Some(Civil { date: either(date)?, time: texts(table, time)?, offset, order: *order })
+    }
+
+    /// The date of a row; `open` reads one that leaves it open what is the day.
+    fn date(&self, row: usize, open: impl Fn(&str) -> Option<Date>) -> Option<Date> {
+        match self.date.text(row) {
+            Some(text) => open(text).or_else(|| plain_date(text)),
+            None => plain_date(&self.date.integer(row)?.to_string()),
+        }
+    }
+
+    /// The offset of a row from UTC; `+02` and `+0200` are both two hours east.
+    fn offset(&self, row: usize) -> Option<Cow<'a, str>> {
+        let Some(column) = self.offset else { return Some("Z".into()) };
+        if let Some(text) = column.text(row) {
+            return Some(text.into());
+        }
+        let digits = column.integer(row)?;
+        let width = if digits.unsigned_abs() <= MOST_HOURS { 3 } else { 5 };
+        Some(format!("{digits:+0width$}").into())
     }
 
     /// The order of dates that leave it open, and the one that shows it if the map does not say it.
@@ -40,11 +66,11 @@ impl<'a> Civil<'a> {
 pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
     let civil = Civil::of(source, table)?;
     let order = civil.order(table.rows).ok()?;
-    let date_of = |text: &str| order.and_then(|(order, _)| order.date(text)).or_else(|| plain_date(text));
+    let open = |text: &str| order.and_then(|(order, _)| order.date(text));
     let (mut stamps, mut days) = (Vec::with_capacity(table.rows), Vec::with_capacity(table.rows));
     for row in 0..table.rows {
-        let date = civil.date.text(row).and_then(date_of);
-        let instant = |time: &str| unix_ns(date?, time, civil.offset.map_or(Some("Z"), |offset| offset.text(row))?);
+        let date = civil.date(row, open);
+        let instant = |time: &str| unix_ns(date?, time, &civil.offset(row)?);
         days.push(date.and_then(|date| unix_ns(date, "00:00:00", "Z")).map(|midnight| midnight / DAY_NS));
         stamps.push(civil.time.text(row).and_then(instant));
     }

@@ -98,7 +98,8 @@ impl Joined {
                 "the clock since boot began anew; each session is dated by itself and put on the clock of the first";
             notices.push(Severity::Warning, "restart-dated", source, sessions - 1, text);
         }
-        let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, _)| shift.is_none());
+        // A session without a row has nothing to lose.
+        let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, rows)| shift.is_none() && **rows > 0);
         if lost().next().is_some() {
             let text = format!(
                 "the clock since boot began anew, and nothing dates {} of {sessions} sessions: their rows are not used",
@@ -258,5 +259,24 @@ fn summed(first: &UtcTie, sessions: &[Option<UtcTie>]) -> UtcTie {
         pairs: ties().map(|tie| tie.pairs).sum(),
         outliers: ties().map(|tie| tie.outliers).sum(),
         ..first.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_session_that_nothing_dates_is_a_loss_of_its_rows_and_none_if_it_has_none() {
+        let told = |rows: [u64; 3]| {
+            let axis = Axis { shifts: vec![Some(0), None, None], ..Axis::default() };
+            let mut notices = Notices::new();
+            Joined { restarts: vec![], axis, rows: rows.to_vec() }.report(&mut notices);
+            notices.iter().map(|n| (n.severity, n.count, n.text.clone())).collect::<Vec<_>>()
+        };
+        assert_eq!(told([5, 0, 0]), []);
+        let lost = told([5, 7, 0]);
+        assert_eq!((lost.len(), lost[0].0, lost[0].1), (1, Severity::Loss, 7));
+        assert!(lost[0].2.contains("nothing dates 1 of 3 sessions"), "{}", lost[0].2);
     }
 }

@@ -166,11 +166,8 @@ fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
     for (rule, when) in map.rules.iter().filter_map(|rule| Some((rule, rule.when.as_ref()?))) {
         let same = |other: &&ChannelRule| other.name == rule.name;
         let known = map.rules.iter().filter(same).any(|other| other.when.as_ref().is_none_or(|when| when.met_by(log)));
-        if let Some(said) = when.said_by(log)
-            && !known
-            && unknown.iter().all(|(name, _)| *name != rule.name)
-            && plan(rule, log).is_ok()
-        {
+        let said = when.said_by(log).into_iter().collect::<Vec<_>>().join(" and ");
+        if !said.is_empty() && !known && unknown.iter().all(|(name, _)| *name != rule.name) && plan(rule, log).is_ok() {
             unknown.push((rule.name.clone(), format!("{} {said}", when.remark)));
         }
     }

@@ -298,12 +298,17 @@ impl<'w> Topics<'w> {
 
     /// Counts an intact message and decodes it if it is wanted.
     pub(crate) fn message(&mut self, route: Route, times: Times, payload: &[u8]) -> Fate {
+        self.numbered(route, times, None, payload)
+    }
+
+    /// As [`Topics::message`], with the number that the container has of it.
+    pub(crate) fn numbered(&mut self, route: Route, times: Times, sequence: Option<u32>, payload: &[u8]) -> Fate {
         let Some(topic) = self.topics.get_mut(route.topic as usize) else { return Fate::Skipped };
         self.log_time.passes(times.logged_ns);
         topic.count(times, payload.len() as u64);
         let Some(decoder) = route.decoder else { return Fate::Skipped };
         if let (Some(message), Some(sink)) = (topic.as_it_stands(decoder, times, payload), self.want.sink()) {
-            sink.message(&message);
+            sink.message(&RawMessage { sequence, ..message });
             return Fate::Decoded;
         }
         if self.value_bytes > self.most_value_bytes {
@@ -434,6 +439,7 @@ impl Topic {
             schema: &decoder.definition,
             logged_ns: times.logged_ns,
             published_ns: times.published_ns,
+            sequence: None,
             payload,
         })
     }

@@ -4,9 +4,11 @@
 //! ```text
 //! float64 time_us # "TimeUS"
 //! bool time_us_given # given "TimeUS"
+//! string time_us_written # written "TimeUS"
 //! ```
 //!
-//! The second line belongs to a field that not every row has: it is false where the value is a mere placeholder.
+//! The second line belongs to a field that not every row has: it is false where the value is a mere placeholder. The third is
+//! the decimal as it was written, where a float has lost its last digits.
 
 use super::Wanted;
 use super::ros::Plan;
@@ -17,44 +19,69 @@ use std::collections::BTreeSet;
 
 /// Stands for the encoding of such a definition.
 pub(crate) const NAMED: &str = "ros2msg with names";
-/// In front of the path that a field is told to be absent by; no path of a log begins with it.
+/// In front of the path that a field is told to be absent by; a field that is called so itself is refused.
 const GIVEN: &str = "\u{1}";
+/// In front of the path of a field as it was written; likewise.
+const WRITTEN: &str = "\u{2}";
+const MARKS: [char; 2] = ['\u{1}', '\u{2}'];
 
 /// How to read messages of such a definition by the names that the log has.
 pub(super) fn plan(type_name: &str, text: &str, wanted: &Wanted, rows: &mut Rows) -> Result<Plan, String> {
     let mut schema = Schema::parse(type_name, text, Dialect::Ros2)?;
     let names = text.lines().filter_map(name_of).collect::<Result<Vec<String>, String>>()?;
+    check(&names)?;
     let fields = schema.messages.first_mut().map(|message| message.fields.as_mut_slice()).unwrap_or_default();
     if fields.len() != names.len() {
         return Err(format!("it has {} fields and names for {}", fields.len(), names.len()));
     }
     fields.iter_mut().zip(names).for_each(|(field, name)| field.name = name);
-    Ok(Plan::new(&schema, &with_given(wanted), rows))
+    let wanted = with_beside(wanted);
+    let given = fields.iter().map(|field| field.name.as_str()).filter(|name| name.starts_with(GIVEN));
+    for name in given.filter(|name| wanted.has(name)) {
+        rows.telling_column(name).ok_or("it has too many fields that may be absent")?;
+    }
+    Ok(Plan::new(&schema, &wanted, rows))
+}
+
+/// Two fields of one name would be one column, and a field that tells of none would tell nothing.
+fn check(names: &[String]) -> Result<(), String> {
+    let mut distinct = BTreeSet::new();
+    if let Some(twice) = names.iter().find(|name| !distinct.insert(name.as_str())) {
+        return Err(format!("two of its fields are called {:.100}", twice.trim_start_matches(MARKS)));
+    }
+    match names.iter().filter_map(|name| name.strip_prefix(MARKS)).find(|name| !distinct.contains(name)) {
+        Some(name) => Err(format!("it has no field {name:.100} that another could tell of")),
+        None => Ok(()),
+    }
 }
 
 /// What the comment of a field says; `None` for a line that is all comment, or empty.
 fn name_of(line: &str) -> Option<Result<String, String>> {
     let (_, comment) = line.split_once(" # ").filter(|_| !line.starts_with('#'))?;
-    let (given, name) = comment.strip_prefix("given ").map_or(("", comment), |name| (GIVEN, name));
-    let name: Result<String, _> = serde_json::from_str(name.trim_end());
-    Some(name.map(|name| format!("{given}{name}")).map_err(|_| format!("{line:.100}: no name is said")))
+    let behind = |what: &str, mark| comment.strip_prefix(what).map(|name| (mark, name));
+    let (mark, name) = behind("given ", GIVEN).or_else(|| behind("written ", WRITTEN)).unwrap_or(("", comment));
+    let name = serde_json::from_str(name.trim_end()).ok().filter(|name: &String| !name.starts_with(MARKS));
+    Some(name.map(|name| format!("{mark}{name}")).ok_or_else(|| format!("{line:.100}: no name is said")))
 }
 
-/// With a field what tells whether it is there.
-fn with_given(wanted: &Wanted) -> Wanted {
+/// With a field what tells whether it is there, and how it was written.
+fn with_beside(wanted: &Wanted) -> Wanted {
     match wanted {
         Wanted::All => Wanted::All,
         Wanted::Paths(paths) => {
-            let given = paths.iter().map(|path| format!("{GIVEN}{path}"));
-            Wanted::Paths(given.chain(paths.iter().cloned()).collect::<BTreeSet<String>>())
+            let beside = paths.iter().flat_map(|path| ["", GIVEN, WRITTEN].map(|mark| format!("{mark}{path}")));
+            Wanted::Paths(beside.collect::<BTreeSet<String>>())
         }
     }
 }
 
-/// Takes out the columns that tell whether others have a value, and makes these absent where they have none.
-pub(crate) fn leave_out_placeholders(table: &mut Table) {
-    let (given, mut columns): (Vec<Column>, Vec<Column>) =
-        std::mem::take(&mut table.columns).into_iter().partition(|column| column.path.starts_with(GIVEN));
+/// Takes out the columns that tell whether others have a value, and makes these absent where they have none. Gives those that
+/// are others as they were written.
+pub(crate) fn leave_out_placeholders(table: &mut Table) -> Vec<Column> {
+    let of = |mark: &'static str| move |column: &Column| column.path.starts_with(mark);
+    let (given, columns): (Vec<Column>, Vec<Column>) =
+        std::mem::take(&mut table.columns).into_iter().partition(of(GIVEN));
+    let (mut written, mut columns): (Vec<Column>, Vec<Column>) = columns.into_iter().partition(of(WRITTEN));
     for told in given {
         let path = told.path.strip_prefix(GIVEN).unwrap_or_default();
         let Ok(place) = columns.binary_search_by(|column| column.path.as_str().cmp(path)) else { continue };
@@ -64,7 +91,13 @@ pub(crate) fn leave_out_placeholders(table: &mut Table) {
             column.valid = Some(valid);
         }
     }
+    for column in &mut written {
+        column.path = column.path.split_off(WRITTEN.len());
+        let place = columns.binary_search_by(|number| number.path.cmp(&column.path));
+        column.valid = place.ok().and_then(|place| columns.get(place)?.valid.clone());
+    }
     table.columns = columns;
+    written
 }
 
 impl Column {
@@ -100,7 +133,7 @@ mod tests {
             rows.close(0, None, number);
         }
         let mut table = rows.into_table(TopicInfo::default());
-        leave_out_placeholders(&mut table);
+        let _ = leave_out_placeholders(&mut table);
         table
     }
 
@@ -116,8 +149,33 @@ mod tests {
 
     #[test]
     fn a_definition_without_all_names_is_refused() {
-        for text in ["float64 a", "float64 a # b", "float64 a # \"a\"\nfloat64 b"] {
+        for text in ["float64 a", "float64 a # b", "float64 a # \"a\"\nfloat64 b", "float64 a # \"\\u0001a\""] {
             assert!(plan("flightlag/msg/A", text, &Wanted::All, &mut Rows::default()).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_definition_that_calls_two_fields_the_same_or_tells_of_a_field_that_it_lacks_is_refused() {
+        for second in ["float64 b # \"a\"", "bool b # given \"b\"", "bool b # given \"a\"\nbool c # given \"a\""] {
+            let text = format!("float64 a # \"a\"\n{second}");
+            assert!(plan("flightlag/msg/A", &text, &Wanted::All, &mut Rows::default()).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn where_there_are_too_many_columns_for_one_more_a_field_is_still_known_to_be_absent() {
+        let name = |number: usize| format!("f{number:05}");
+        let fields = (0..4100).map(|n| format!("uint64 {} # \"{}\"\n", name(n), name(n))).collect::<String>();
+        let text = fields + "bool given # given \"f00007\"\n";
+        let mut rows = Rows::default();
+        let plan = plan("flightlag/msg/A", &text, &Wanted::All, &mut rows).unwrap();
+        let payload = [&[0, 1, 0, 0][..], &[7; 8 * 4100], &[0]].concat();
+        plan.decode(&payload, &mut rows).unwrap();
+        rows.close(0, None, 1);
+        assert_eq!(rows.turned_away(), 4);
+        let mut table = rows.into_table(TopicInfo::default());
+        let _ = leave_out_placeholders(&mut table);
+        assert_eq!(table.columns.len(), 4096);
+        assert_eq!(["f00006", "f00007"].map(|path| table.column(path).unwrap().number(0).is_some()), [true, false]);
     }
 }

@@ -49,6 +49,8 @@ pub(crate) struct Rows {
     closed: usize,
     columns: Vec<Growing>,
     by_path: HashMap<String, usize>,
+    /// How many of the columns tell whether others have a value.
+    telling: usize,
     logged_ns: Vec<i64>,
     published_ns: Option<Vec<i64>>,
     origin: Option<Vec<u64>>,
@@ -75,7 +77,7 @@ impl Rows {
         if let Some(&column) = self.by_path.get(path) {
             return Some(column);
         }
-        if self.columns.len() >= MOST_COLUMNS || path.len() > LONGEST_PATH {
+        if self.columns.len() - self.telling >= MOST_COLUMNS || path.len() > LONGEST_PATH {
             self.turned_away += 1;
             return None;
         }
@@ -84,9 +86,26 @@ impl Rows {
             ValueType::Integer => ColumnData::I64(vec![]),
             ValueType::Text => ColumnData::Text(vec![]),
         };
+        Some(self.push_column(path, data))
+    }
+
+    /// The column that tells whether another has a value. It takes no other's place, for a field whose
+    /// absence is not told would have a value.
+    pub(super) fn telling_column(&mut self, path: &str) -> Option<usize> {
+        if let Some(&column) = self.by_path.get(path) {
+            return Some(column);
+        }
+        if self.telling >= MOST_COLUMNS {
+            return None;
+        }
+        self.telling += 1;
+        Some(self.push_column(path, ColumnData::F64(vec![])))
+    }
+
+    fn push_column(&mut self, path: &str, data: ColumnData) -> usize {
         self.by_path.insert(path.to_owned(), self.columns.len());
         self.columns.push(Growing { path: path.to_owned(), data, valid: None });
-        Some(self.columns.len() - 1)
+        self.columns.len() - 1
     }
 
     /// Paths of the columns.

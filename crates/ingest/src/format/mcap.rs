@@ -76,7 +76,7 @@ impl LogReader for McapReader {
         log.health.format = format_name(&headers);
         log.health.extras = extras.finish();
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
-        originals.restore(&mut log);
+        originals.restore(want, &mut log);
         if let Some(metadata) = metadata {
             metadata.compare(&rest, &mut log);
         }
@@ -161,6 +161,8 @@ enum Way {
     /// Its channel record has been seen; its schema is looked up with the first message.
     Announced,
     Open(Route, Stamped),
+    /// Its topic cannot be taken; asking again for each message would cost a long name each time.
+    Refused,
 }
 
 /// What tells when a message was logged.
@@ -232,7 +234,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         let original = match stamped {
             Stamped::AsLogged => {
                 let times = Times { logged_ns: self.stamp(logged), published_ns: Some(self.stamp(published)) };
-                return Ok(self.topics.message(route, times, payload));
+                return Ok(self.topics.numbered(route, times, Some(sequence), payload));
             }
             Stamped::AsPublished(original) => original,
         };
@@ -260,7 +262,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         match self.ways.get(usize::from(channel)) {
             Some(Way::Open(route, stamped)) => Some((*route, *stamped)),
             Some(Way::Announced) => self.open(channel),
-            Some(Way::Unknown) | None => None,
+            Some(Way::Unknown | Way::Refused) | None => None,
         }
     }
 
@@ -269,17 +271,17 @@ impl<'t, 'w> Channels<'t, 'w> {
         let channel = self.channels.get(&id)?;
         let schema = self.schemas.get(&channel.schema_id);
         let info = channel.info(schema);
-        let stamped = match &channel.original {
-            Some(original) => Stamped::AsPublished(self.originals.topic(&info, original.clock)),
-            None => Stamped::AsLogged,
-        };
-        match self.topics.route(info, schema.map(|schema| channel.definition(schema))) {
-            Ok(route) => {
+        let route = self.topics.route(info.clone(), schema.map(|schema| channel.definition(schema)));
+        let way = route.and_then(|route| Ok((route, self.originals.topic(info, channel.original.as_ref())?)));
+        match way {
+            Ok((route, original)) => {
+                let stamped = original.map_or(Stamped::AsLogged, Stamped::AsPublished);
                 self.set_way(id, Way::Open(route, stamped));
                 Some((route, stamped))
             }
             Err(refusal) => {
                 self.refusal.get_or_insert(refusal);
+                self.set_way(id, Way::Refused);
                 None
             }
         }

@@ -428,6 +428,15 @@ fn the_frame_that_a_comment_of_mt_manager_says_is_the_one_that_is_bound_and_no_c
 }
 
 #[test]
+fn where_comments_of_mt_manager_contradict_one_another_no_frame_is_assumed() {
+    let text = mt_manager(30, noon).replace("// Coordinate", "// Coordinate system: NED\n// Coordinate");
+    let loaded = load_as(LogKind::Csv, text.as_bytes());
+    assert_eq!(loaded.flight.channels.keys().collect::<Vec<_>>(), ["position.ins"]);
+    let told = loaded.flight.notices.iter().find(|n| n.code == "unknown-remark").unwrap();
+    assert!(told.text.contains("Coordinate system ENU and NED"), "{}", told.text);
+}
+
+#[test]
 fn rows_of_mt_manager_without_utc_are_dated_by_the_devices_counter() {
     // None, and a day of the device's own.
     let absent = |n: u32| if n < 5 { ",,,,,,,0".to_owned() } else { noon(n) };

@@ -7,8 +7,8 @@
 //! that, the MCAP is the log that it comes from.
 
 use crate::decode::leave_out_placeholders;
-use crate::reader::{Log, Restart, StatedUnit};
-use crate::table::TopicInfo;
+use crate::reader::{Log, Restart, Select, Selection, StatedUnit, ValueKind};
+use crate::table::{Column, TopicInfo};
 use flight::{About, Clock, Notices, Severity};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -19,6 +19,10 @@ const ORIGINAL: &str = "flightlag-original";
 const LOG: &str = "log";
 /// What a file may say in all of the logs that it was recovered from, bytes.
 const LONGEST: usize = 4 << 20;
+/// Logs that one file may come from: one, and one more for each time that something of it was lost.
+const MOST_LOGS: usize = 16;
+/// What is believed of each list of one log. What a log that was read says of itself is shorter.
+const MOST_LISTED: usize = 1000;
 /// Begins of a clock that are believed.
 const MOST_RESTARTS: usize = 10_000;
 
@@ -100,8 +104,8 @@ impl OriginalLog {
 /// What the files of an MCAP say of the log that they come from.
 #[derive(Debug, Default)]
 pub(super) struct Originals {
-    /// The number of each, and its clock.
-    topics: BTreeMap<TopicInfo, (usize, Option<Clock>)>,
+    /// The number of each, and its clock; `None` for those that are read as they stand.
+    topics: BTreeMap<TopicInfo, Option<(usize, Option<Clock>)>>,
     /// For each: line or message number of its rows in the original.
     rows: Vec<Vec<u32>>,
     logs: Vec<OriginalLog>,
@@ -110,14 +114,20 @@ pub(super) struct Originals {
 }
 
 impl Originals {
-    /// The number of a topic that is read as the one that it was.
-    pub(super) fn topic(&mut self, info: &TopicInfo, clock: Option<Clock>) -> usize {
-        if let Some((number, _)) = self.topics.get(info) {
-            return *number;
+    /// The number of a topic that is read as the one that it was; `None` for one that is read as it stands.
+    ///
+    /// Fails if another channel of the same topic says something else of it: their stamps are of two clocks.
+    pub(super) fn topic(&mut self, info: TopicInfo, original: Option<&OriginalTopic>) -> Result<Option<usize>, String> {
+        let clock = original.map(|original| original.clock);
+        let next = self.rows.len();
+        let known = *self.topics.entry(info).or_insert_with(|| clock.map(|clock| (next, clock)));
+        if known.map(|(_, clock)| clock) != clock {
+            return Err("of whose topic another channel says that it was something else".to_owned());
         }
-        self.rows.push(vec![]);
-        self.topics.insert(info.clone(), (self.rows.len() - 1, clock));
-        self.rows.len() - 1
+        if known.is_some_and(|(number, _)| number == next) {
+            self.rows.push(vec![]);
+        }
+        Ok(known.map(|(number, _)| number))
     }
 
     /// A row was read of a topic: the message's sequence number says where it stood.
@@ -131,19 +141,19 @@ impl Originals {
     pub(super) fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) {
         let Some(text) = entries.get(LOG).filter(|_| name == ORIGINAL) else { return };
         self.log_bytes = self.log_bytes.saturating_add(text.len());
-        let log = if self.log_bytes <= LONGEST { serde_json::from_str(text).ok() } else { None };
-        match log {
+        let fits = self.log_bytes <= LONGEST && self.logs.len() < MOST_LOGS;
+        match fits.then(|| serde_json::from_str(text).ok()).flatten() {
             Some(log) => self.logs.push(log),
             None => self.unreadable += 1,
         }
     }
 
     /// Makes the log what it was.
-    pub(super) fn restore(self, log: &mut Log) {
+    pub(super) fn restore(self, want: &dyn Select, log: &mut Log) {
         let clock_of = |name: &str, type_name: &str, encoding: &str| {
             let text = str::to_owned;
             let info = TopicInfo { name: text(name), type_name: text(type_name), encoding: text(encoding) };
-            self.topics.get(&info).copied()
+            self.topics.get(&info).copied().flatten()
         };
         for topic in &mut log.health.topics {
             match clock_of(&topic.name, &topic.type_name, &topic.encoding) {
@@ -153,8 +163,16 @@ impl Originals {
             }
         }
         for table in &mut log.tables {
-            let Some((number, clock)) = self.topics.get(&table.topic) else { continue };
-            leave_out_placeholders(table);
+            let Some(Some((number, clock))) = self.topics.get(&table.topic) else { continue };
+            let written = leave_out_placeholders(table);
+            if let Selection::Fields(requests) = want.select(&table.topic) {
+                // As tables of text have a column that is wanted as text and as a number.
+                let as_text = |c: &Column| requests.iter().any(|r| r.path == c.path && r.kind == ValueKind::Text);
+                table.columns.extend(written.into_iter().filter(as_text));
+                table.columns.sort_by(|a, b| a.path.cmp(&b.path));
+            } else {
+                log.written.extend(written.into_iter().map(|column| (table.topic.clone(), column)));
+            }
             let rows = self.rows.get(*number).map(|rows| rows.iter().map(|row| u64::from(*row)).collect::<Vec<u64>>());
             table.origin = rows.filter(|rows| (1..).zip(rows).any(|(row, at)| row != *at));
             if clock.is_none() {
@@ -170,22 +188,45 @@ impl Originals {
 }
 
 impl OriginalLog {
+    /// Shortens what is longer than any log says, for all of it goes onto the page. Says by how many entries.
+    fn shorten(&mut self) -> u64 {
+        let About { receivers, configured_delays, parameter_changes, modes, texts, .. } = &mut self.about;
+        let lists = [&mut self.extras, receivers, parameter_changes, texts].map(|list| cut(list, MOST_LISTED));
+        lists.iter().sum::<u64>()
+            + cut(configured_delays, MOST_LISTED)
+            + cut(modes, MOST_LISTED)
+            + cut(&mut self.restarts, MOST_RESTARTS)
+            + self.notices.len().saturating_sub(MOST_LISTED) as u64
+    }
+
     /// What was lost of the log then is not lost of this one: it is no loss here, but it is told.
-    fn put(self, log: &mut Log) {
+    fn put(mut self, log: &mut Log) {
+        let more = self.shorten();
         let OriginalLog { format, extras, about, units, restarts, notices } = self;
-        log.health.format = format!("{}, recovered from {format}", log.health.format);
+        log.health.format = format!("{}, recovered from {format:.200}", log.health.format);
         log.health.extras.splice(0..0, extras);
         if log.health.about.is_empty() {
             log.health.about = about;
         }
         log.units.extend(units);
-        log.restarts.extend(restarts.into_iter().take(MOST_RESTARTS));
-        for notice in notices.iter() {
+        log.restarts.extend(restarts);
+        for notice in notices.iter().take(MOST_LISTED) {
             let (severity, text) = match notice.severity {
                 Severity::Loss => (Severity::Warning, format!("when the log was recovered: {}", notice.text)),
                 severity => (severity, notice.text.clone()),
             };
             log.notices.push(severity, &notice.code, &notice.place, notice.count, text);
         }
+        if more > 0 {
+            let text = "the file says more of the log that it was recovered from than a log has to say: not all of it is taken";
+            log.notices.push(Severity::Warning, "original-cut", "", more, text);
+        }
     }
+}
+
+/// How many entries of a list were too many.
+fn cut<T>(list: &mut Vec<T>, most: usize) -> u64 {
+    let more = list.len().saturating_sub(most);
+    list.truncate(most);
+    more as u64
 }
