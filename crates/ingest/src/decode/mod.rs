@@ -659,6 +659,34 @@ mod tests {
     }
 
     #[test]
+    fn packed_records_are_read_in_their_rows_however_often_the_layout_changes() {
+        use packed::{Layout, PackedField, PackedKind};
+        let want = |_: &TopicInfo| Selection::All;
+        let mut topics = Topics::new(&want, 10, 1 << 20);
+        let mut route = |path: &str| {
+            let kind = PackedKind::Number(schema::Number::U32);
+            let fields = vec![PackedField { path: path.to_owned(), offset: 0, kind, scale: None }];
+            let layout = |_: &Wanted| Ok(Layout { fields, shortest: 4, longest: 4 });
+            topics.packed_route(text_topic(), path.as_bytes(), layout).unwrap()
+        };
+        let routes = [route("a"), route("b")];
+        // Runs of 1, 2, 4, ... records: fewer and far more than are held.
+        let which = |row: u32| (row + 1).ilog2() as usize % 2;
+        for row in 0..20_000_u32 {
+            topics.message(routes[which(row)], AT_ZERO, &row.to_le_bytes());
+        }
+        let mut log = Log::default();
+        topics.finish(&mut log);
+        let table = &log.tables[0];
+        for row in 0..20_000_u32 {
+            let values = ["a", "b"].map(|path| table.column(path).unwrap().number(row as usize));
+            let mut truth = [None; 2];
+            truth[which(row)] = Some(f64::from(row));
+            assert_eq!(values, truth, "{row}");
+        }
+    }
+
+    #[test]
     fn definitions_have_a_bound_each_and_together() {
         let want = |_: &TopicInfo| Selection::All;
         let mut topics = Topics::new(&want, 1000, 1000);
