@@ -7,7 +7,7 @@ use crate::message_type::MessageType;
 use crate::recording::{Entry, Recording};
 use crate::row_time::{LogTime, LogTimes};
 use flight::{Clock, Notices, TopicHealth};
-use ingest::{Column, Extra, Log, OriginalLog, OriginalTopic, Table, TopicInfo};
+use ingest::{Column, Extra, Log, OriginalLog, OriginalTopic, Places, Table, TopicInfo};
 
 /// A table on its way.
 struct Topic<'t> {
@@ -94,6 +94,7 @@ impl<'t> Topic<'t> {
 fn announce(topic: &TopicHealth, recording: &mut Recording) -> Result<(), ConvertError> {
     let TopicHealth { name, type_name, encoding, .. } = topic.clone();
     let info = TopicInfo { name, type_name, encoding };
-    let empty = Table { topic: info, rows: 0, logged_ns: None, published_ns: None, origin: None, columns: vec![] };
+    let empty =
+        Table { topic: info, rows: 0, logged_ns: None, published_ns: None, origin: Places::default(), columns: vec![] };
     recording.announce(&Topic::of(&empty, vec![], None).entry())
 }

@@ -441,7 +441,7 @@ fn as_table(sheet: &Sheet, topic: TopicInfo) -> Table {
         rows: sheet.rows(),
         logged_ns: None,
         published_ns: None,
-        origin: None,
+        origin: ingest::Places::default(),
         columns: sheet.columns.iter().map(column).collect(),
     }
 }

@@ -194,7 +194,8 @@ mod tests {
             column(PAYLOAD_HEX, ColumnData::Text(vec!["00ff".to_owned(), String::new()]), None),
         ];
         let topic = TopicInfo::default();
-        let table = Table { topic, rows: 2, logged_ns: None, published_ns: None, origin: None, columns };
+        let table =
+            Table { topic, rows: 2, logged_ns: None, published_ns: None, origin: ingest::Places::default(), columns };
         let as_written = column("gyro[0]", ColumnData::Text(vec!["0.50".to_owned(), String::new()]), None);
         let messages = MessageType::of(&table, vec![&as_written]);
         let lines: Vec<&str> = messages.definition.lines().skip(1).collect();

@@ -351,7 +351,7 @@ mod tests {
             rows: 3,
             logged_ns: None,
             published_ns: None,
-            origin: Some(vec![2, 4, 5]),
+            origin: ingest::Places::from_iter([2, 4, 5]),
             columns: vec![],
         };
         let time = RowTime::of(&table, None, None, None).in_utc();
@@ -372,7 +372,7 @@ mod tests {
             rows: 3,
             logged_ns: None,
             published_ns: None,
-            origin: None,
+            origin: ingest::Places::default(),
             columns: vec![],
         };
         let spread_s = ingest::stamps::distribution(&[0.0]).unwrap();

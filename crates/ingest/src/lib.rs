@@ -40,4 +40,4 @@ pub use reader::{
     Selection, StatedUnit, ValueKind,
 };
 pub use sniff::LogKind;
-pub use table::{Column, ColumnData, PAYLOAD_HEX, Table, TopicInfo};
+pub use table::{Column, ColumnData, PAYLOAD_HEX, Places, Table, TopicInfo};

@@ -26,10 +26,48 @@ pub struct Table {
     /// Time at which the container says that each row was published, ns; `None` for formats without.
     pub published_ns: Option<Vec<i64>>,
     /// Line (text formats) or message number (binary formats) of each row, both from 1.
-    /// `None` if row `i` is message `i + 1`.
-    pub origin: Option<Vec<u64>>,
+    pub origin: Places,
     /// Columns in the order of their names.
     pub columns: Vec<Column>,
+}
+
+/// Where rows stand in a log: the number of each one's line or message. Rows that follow one another take no memory.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Places {
+    /// Rows that do not follow the one before, and their numbers; before them row `i` is number `i + 1`.
+    jumps: Vec<(usize, u64)>,
+}
+
+impl Places {
+    /// Takes the number of a row behind all rows that had theirs.
+    #[inline]
+    pub fn push(&mut self, row: usize, number: u64) {
+        if number != self.of(row) {
+            self.jumps.push((row, number));
+        }
+    }
+
+    /// The number of a row, from 1. Where none was given a row follows the one before.
+    #[must_use]
+    #[inline]
+    pub fn of(&self, row: usize) -> u64 {
+        let last = self.jumps.last().filter(|(from, _)| *from <= row);
+        let (from, number) = last.copied().unwrap_or_else(|| self.jump_before(row));
+        number + (row - from) as u64
+    }
+
+    fn jump_before(&self, row: usize) -> (usize, u64) {
+        let behind = self.jumps.partition_point(|(from, _)| *from <= row);
+        behind.checked_sub(1).and_then(|at| self.jumps.get(at)).copied().unwrap_or((0, 1))
+    }
+}
+
+impl FromIterator<u64> for Places {
+    fn from_iter<I: IntoIterator<Item = u64>>(numbers: I) -> Places {
+        let mut places = Places::default();
+        numbers.into_iter().enumerate().for_each(|(row, number)| places.push(row, number));
+        places
+    }
 }
 
 /// One field of all rows.
@@ -66,7 +104,7 @@ impl Table {
     /// Line or message number of a row, from 1.
     #[must_use]
     pub fn origin_of(&self, row: usize) -> u64 {
-        self.origin.as_ref().and_then(|o| o.get(row).copied()).unwrap_or(row as u64 + 1)
+        self.origin.of(row)
     }
 }
 
@@ -134,5 +172,22 @@ impl Column {
             ColumnData::Text(v) => v.get(row).map(String::as_str),
             ColumnData::F64(_) | ColumnData::I64(_) | ColumnData::U64(_) => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_row_has_the_number_that_was_given_and_a_run_of_rows_is_one() {
+        for numbers in [vec![], vec![1, 2, 3], vec![2, 3, 4], vec![1, 3, 4, 9, 10], vec![5, 5, 4, 3], vec![7, 0, 1, 2]]
+        {
+            let places: Places = numbers.iter().copied().collect();
+            assert_eq!((0..numbers.len()).map(|row| places.of(row)).collect::<Vec<u64>>(), numbers);
+            assert_eq!(places.of(numbers.len()), numbers.last().map_or(1, |last| last + 1));
+        }
+        assert_eq!((2..1_000_002).collect::<Places>().jumps.len(), 1);
+        assert_eq!((1..1_000_001).collect::<Places>().jumps.len(), 0);
     }
 }

@@ -20,8 +20,6 @@ fn twins(before: &mut [Table], after: &mut Vec<Table>) {
     let decoded = |twin: &Table| before.iter().any(|table| table.topic == twin.topic);
     after.retain(|twin| !["nmea", "ubx", "mavlink"].contains(&twin.topic.encoding.as_str()) || decoded(twin));
     for (table, twin) in before.iter_mut().zip(after) {
-        let origins = |table: &Table| -> Vec<u64> { (0..table.rows).map(|row| table.origin_of(row)).collect() };
-        (table.origin, twin.origin) = (Some(origins(table)), Some(origins(twin)));
         if table.published_ns.is_none() {
             assert!(twin.published_ns.is_none() || twin.published_ns == twin.logged_ns);
             twin.published_ns = None;

@@ -7,7 +7,7 @@ use super::trial::{Trial, stamps_of};
 use crate::error::IngestError;
 use crate::map::{ChannelMap, ChannelRule, MapLibrary};
 use crate::reader::Log;
-use crate::table::{Column, Table};
+use crate::table::{Column, Places, Table};
 use flight::{Clock, Stamp, UtcTie};
 use std::collections::HashSet;
 
@@ -75,7 +75,14 @@ fn exact(log: &Log, library: &MapLibrary, table: &Table) -> Option<Table> {
         library.iter().flat_map(|map| &map.rules).flat_map(ChannelRule::requests).map(|r| r.path).collect();
     columns.extend(table.columns.iter().filter(|column| known.contains(&column.path)).cloned());
     let Table { topic, rows, .. } = table;
-    Some(Table { topic: topic.clone(), rows: *rows, logged_ns: None, published_ns: None, origin: None, columns })
+    Some(Table {
+        topic: topic.clone(),
+        rows: *rows,
+        logged_ns: None,
+        published_ns: None,
+        origin: Places::default(),
+        columns,
+    })
 }
 
 /// The container's stamps, those of all sessions on the clock of the first.

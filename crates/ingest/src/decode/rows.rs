@@ -1,6 +1,6 @@
 //! Rows that grow message by message and become a [`Table`].
 
-use crate::table::{Column, ColumnData, Table, TopicInfo};
+use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use std::collections::HashMap;
 
 /// Most columns of one topic.
@@ -53,7 +53,7 @@ pub(crate) struct Rows {
     telling: usize,
     logged_ns: Vec<i64>,
     published_ns: Option<Vec<i64>>,
-    origin: Option<Vec<u64>>,
+    origin: Places,
     text_bytes: u64,
     misfits: u64,
     first_misfit: Option<String>,
@@ -159,13 +159,7 @@ impl Rows {
         if let Some(published) = published_ns {
             self.published_ns.get_or_insert_default().push(published);
         }
-        let row = self.closed as u64 + 1;
-        if number != row && self.origin.is_none() {
-            self.origin = Some((1..row).collect());
-        }
-        if let Some(origin) = &mut self.origin {
-            origin.push(number);
-        }
+        self.origin.push(self.closed, number);
         self.logged_ns.push(logged_ns);
         self.closed += 1;
     }

@@ -6,6 +6,7 @@ mod formula;
 mod layout;
 mod lines;
 mod novatel;
+mod plain;
 
 pub use self::formula::inert;
 
@@ -192,7 +193,11 @@ impl Reading<'_> {
         let mut topic = Topic::new(info, table.names.clone(), &selection);
         topic.decimal = table.decimal;
         let (mut preamble, mut header, mut repeated) = (0, vec![], 0);
-        while let Some((extent, line)) = self.books.next_record(open, table.delimiter)? {
+        loop {
+            if topic.decoded && open.lines.number >= table.first_row_line {
+                self.books.plain_rows(open, &mut topic, table.delimiter, &header);
+            }
+            let Some((extent, line)) = self.books.next_record(open, table.delimiter)? else { break };
             let text = open.lines.text(extent).trim_ascii();
             if table.header_line == Some(line) {
                 header = text.to_vec();
@@ -431,6 +436,21 @@ impl Books {
         }
     }
 
+    /// The rows that come next and lie in the buffer, as long as nothing about them is out of the common.
+    fn plain_rows(&mut self, open: &mut Open<'_>, topic: &mut Topic, delimiter: u8, header: &[u8]) {
+        if delimiter == fields::BLANKS {
+            return;
+        }
+        let shape = plain::Shape { delimiter, width: topic.names.len(), header, longest: self.limits.line_bytes };
+        let mut line = open.lines.number;
+        let all = plain::rows(open.lines.plain_block(), shape, |row, extent| {
+            topic.push(row, 0, line, extent);
+            line += 1;
+        });
+        self.ledger.count(Fate::Decoded, all.whole as u64);
+        open.lines.pass(all);
+    }
+
     /// One data row: `skip` fields at its start are no columns.
     fn row(&mut self, open: &mut Open<'_>, extent: Extent, topic: &mut Topic, skip: usize, delimiter: u8) {
         let text = open.lines.text(extent);
@@ -450,7 +470,7 @@ impl Books {
         open.fields.split_with(text, delimiter, open.lines.may_hold_quotes());
         let width = open.fields.len().saturating_sub(skip);
         if topic.fits(width, || open.fields.get(open.fields.len().saturating_sub(1)).is_empty()) {
-            topic.push(&open.fields, skip, line, extent);
+            topic.push(open.fields.row(), skip, line, extent);
             self.ledger.count(Fate::Decoded, extent.whole as u64);
             return open.lines.pass(extent);
         }
@@ -467,7 +487,7 @@ impl Books {
             self.ledger.count(Fate::Skipped, extent.whole as u64);
         } else if topic.fits(open.fields.len(), || false) {
             // Its checksum is right, so nothing of it is cut.
-            topic.push(&open.fields, 0, line, Extent { ended: true, ..extent });
+            topic.push(open.fields.row(), 0, line, Extent { ended: true, ..extent });
             self.ledger.count(Fate::Decoded, extent.whole as u64);
         } else {
             let (width, expected) = (open.fields.len(), topic.names.len());

@@ -217,7 +217,7 @@ fn typed(name: &str, type_name: &str, columns: &[(&str, &[f64])], stamps: &[i64]
         rows: stamps.len(),
         logged_ns: Some(logged.to_vec()),
         published_ns: Some(logged.to_vec()),
-        origin: None,
+        origin: ingest::Places::default(),
         columns,
     }
 }

@@ -166,7 +166,7 @@ fn a_path_wanted_both_ways_is_text_where_it_holds_no_number() {
 fn ragged_rows_are_rejected_with_their_line_and_bytes() {
     let log = read("t,x\n1,2\n3\n4,5,6\n7,8\n");
     assert_eq!(numbers(&log, "t"), [Some(1.0), Some(7.0)]);
-    assert_eq!(log.tables[0].origin, Some(vec![2, 5]));
+    assert_eq!(log.tables[0].origin, ingest::Places::from_iter([2, 5]));
     let damage: Vec<_> = log.health.damage.iter().map(|d| (d.offset, d.length, d.reason.as_str())).collect();
     assert_eq!(
         damage,

@@ -1,9 +1,9 @@
 //! Rows of one topic into columns.
 
-use super::fields::{Cell, Decimal, Fields};
+use super::fields::{Cell, Decimal, Row};
 use super::lines::Extent;
 use crate::reader::{FieldRequest, Selection, ValueKind};
-use crate::table::{Column, ColumnData, Table, TopicInfo};
+use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use flight::{Notices, Severity, TopicHealth};
 
 /// A column of numbers with more cells that are none, one in so many, is a loss.
@@ -30,7 +30,7 @@ pub(super) struct Topic {
     /// Why nothing is decoded although something was wanted.
     reason: String,
     columns: Vec<Building>,
-    lines: Vec<u64>,
+    lines: Places,
     unended: Option<u64>,
 }
 
@@ -165,17 +165,17 @@ impl Topic {
     }
 
     /// A row with its fields, of which the first `skip` are no columns.
-    pub(super) fn push(&mut self, fields: &Fields, skip: usize, line: u64, extent: Extent) {
+    pub(super) fn push(&mut self, row: Row<'_>, skip: usize, line: u64, extent: Extent) {
+        self.lines.push(self.rows as usize, line);
         self.count(extent);
         if !extent.ended {
             self.unended = Some(line);
         }
-        self.lines.push(line);
-        let last = fields.len().saturating_sub(1);
+        let last = row.len().saturating_sub(1);
         for column in &mut self.columns {
             let at = column.index + skip;
             // Without a line end the last value of the file may have lost digits.
-            let cell = if at == last && !extent.ended { b"" } else { fields.get(at) };
+            let cell = if at == last && !extent.ended { b"" } else { row.get(at) };
             column.push(cell, self.decimal, line);
         }
     }
@@ -227,10 +227,10 @@ impl Topic {
         columns.sort_by(|a, b| (&a.path, is_text(a)).cmp(&(&b.path, is_text(b))));
         Some(Table {
             topic: self.info,
-            rows: self.lines.len(),
+            rows: self.rows as usize,
             logged_ns: None,
             published_ns: None,
-            origin: Some(self.lines),
+            origin: self.lines,
             columns,
         })
     }

@@ -5,7 +5,34 @@ use super::formula::restored;
 /// Stands for a delimiter that is any run of spaces and TABs.
 pub(super) const BLANKS: u8 = b' ';
 
-/// The fields of one record, unquoted and without padding. Reused from record to record.
+/// The fields of one record, unquoted and without padding.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row<'t> {
+    text: &'t [u8],
+    spans: &'t [(usize, usize)],
+}
+
+impl<'t> Row<'t> {
+    /// Of fields that lie at `spans` of a text.
+    pub(super) fn new(text: &'t [u8], spans: &'t [(usize, usize)]) -> Row<'t> {
+        Row { text, spans }
+    }
+
+    /// How many fields.
+    #[inline]
+    pub(super) fn len(self) -> usize {
+        self.spans.len()
+    }
+
+    /// One field without padding; empty if there are not so many.
+    #[inline]
+    pub(super) fn get(self, index: usize) -> &'t [u8] {
+        let span = self.spans.get(index).copied().unwrap_or_default();
+        self.text.get(span.0..span.1).unwrap_or_default().trim_ascii()
+    }
+}
+
+/// The fields of one record. Reused from record to record.
 #[derive(Debug, Default)]
 pub(super) struct Fields {
     text: Vec<u8>,
@@ -84,10 +111,14 @@ impl Fields {
         self.spans.len()
     }
 
-    /// One field without padding; empty if there are not so many.
+    /// As [`Row::get`].
     pub(super) fn get(&self, index: usize) -> &[u8] {
-        let span = self.spans.get(index).copied().unwrap_or_default();
-        self.text.get(span.0..span.1).unwrap_or_default().trim_ascii()
+        self.row().get(index)
+    }
+
+    /// Of all of them.
+    pub(super) fn row(&self) -> Row<'_> {
+        Row::new(&self.text, &self.spans)
     }
 
     /// All of them as text.

@@ -25,6 +25,8 @@ pub(super) struct Lines<'a, R> {
     /// From here on the buffer has no quote, and no zero byte: rows need not be searched one by one.
     quotes_end: usize,
     zeros_end: usize,
+    /// Up to here the buffer has whole lines, if it has an LF.
+    lines_end: usize,
     ended: bool,
     /// Bytes searched for the end of quoted records that proved none.
     searched_in_vain: u64,
@@ -72,6 +74,7 @@ impl<'a, R: Read> Lines<'a, R> {
             start: 0,
             quotes_end: 0,
             zeros_end: 0,
+            lines_end: 0,
             ended: false,
             searched_in_vain: 0,
             offset: 0,
@@ -113,6 +116,12 @@ impl<'a, R: Read> Lines<'a, R> {
     /// Whether the next record may hold a zero byte.
     pub(super) fn may_hold_zeros(&self) -> bool {
         self.start < self.zeros_end
+    }
+
+    /// Whole lines that lie in the buffer, if there are neither quotes nor zero bytes in them.
+    pub(super) fn plain_block(&self) -> &[u8] {
+        let plain = !self.may_hold_quotes() && !self.may_hold_zeros();
+        plain.then(|| self.buffer.get(self.start..self.lines_end)).flatten().unwrap_or_default()
     }
 
     /// The first line of a record that spans several and proved none: a quote that was never meant to
@@ -188,6 +197,7 @@ impl<'a, R: Read> Lines<'a, R> {
         self.buffer.drain(..self.start);
         self.quotes_end = self.quotes_end.saturating_sub(self.start);
         self.zeros_end = self.zeros_end.saturating_sub(self.start);
+        self.lines_end = self.lines_end.saturating_sub(self.start);
         self.start = 0;
         let held = self.buffer.len();
         let offset = self.offset + self.buffer.len() as u64;
@@ -201,6 +211,7 @@ impl<'a, R: Read> Lines<'a, R> {
         let new = self.buffer.get(held..).unwrap_or_default();
         self.quotes_end = memrchr(b'"', new).map_or(self.quotes_end, |at| held + at + 1);
         self.zeros_end = memrchr(0, new).map_or(self.zeros_end, |at| held + at + 1);
+        self.lines_end = memrchr(b'\n', new).map_or(self.lines_end, |at| held + at + 1);
         self.context.advance(got as u64)
     }
 }

@@ -173,8 +173,8 @@ impl Originals {
             } else {
                 log.written.extend(written.into_iter().map(|column| (table.topic.clone(), column)));
             }
-            let rows = self.rows.get(*number).map(|rows| rows.iter().map(|row| u64::from(*row)).collect::<Vec<u64>>());
-            table.origin = rows.filter(|rows| (1..).zip(rows).any(|(row, at)| row != *at));
+            let rows = self.rows.get(*number).map(Vec::as_slice).unwrap_or_default();
+            table.origin = rows.iter().map(|row| u64::from(*row)).collect();
             if clock.is_none() {
                 table.logged_ns = None;
             }
