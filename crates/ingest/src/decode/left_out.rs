@@ -116,8 +116,6 @@ fn of_protobuf(types: &Types, root: &str) -> Vec<String> {
 
 impl<'s> Walk<'s, Types> {
     fn fields(&mut self, name: &'s str, prefix: &str, open: &mut Vec<&'s str>) {
-        const GROUP: u64 = 10;
-        const MESSAGE: u64 = 11;
         const BYTES: u64 = 12;
         let types = self.types;
         open.push(name.trim_start_matches('.'));
@@ -127,12 +125,13 @@ impl<'s> Walk<'s, Types> {
             }
             let path = path_of(prefix, &field.name);
             let again = open.contains(&field.type_name.trim_start_matches('.'));
-            match (field.kind, field.repeated) {
-                (MESSAGE, _) if field.is_time() => {}
-                (MESSAGE, false) if !again => self.fields(&field.type_name, &path, open),
-                (MESSAGE, true) => self.found.push(format!("{path}[]")),
-                (GROUP | MESSAGE | BYTES, _) => self.found.push(path),
-                _ => {}
+            match (field.is_message(), field.repeated) {
+                (true, _) if field.is_time() => {}
+                (true, false) if !again => self.fields(&field.type_name, &path, open),
+                (true, true) => self.found.push(format!("{path}[]")),
+                (true, false) => self.found.push(path),
+                (false, _) if field.kind == BYTES => self.found.push(path),
+                (false, _) => {}
             }
         }
         open.pop();

@@ -19,16 +19,8 @@ pub(super) const MOST_ELEMENTS: u32 = 64;
 /// How to read the wanted fields of one message type.
 #[derive(Debug)]
 pub(crate) struct Plan {
-    /// What to do with the fields of a message; the message itself is the first.
-    nodes: Vec<Node>,
-}
-
-#[derive(Debug, Default)]
-struct Node {
-    /// By number.
-    fields: Vec<Step>,
-    /// Steps that count or remember something, so many.
-    memories: usize,
+    /// What to do with the fields of a message, by number; the message itself is the first.
+    nodes: Vec<Vec<Step>>,
 }
 
 #[derive(Debug)]
@@ -36,8 +28,6 @@ struct Step {
     number: u32,
     what: What,
     path: String,
-    /// Place among what is remembered while one message is read.
-    memory: usize,
 }
 
 #[derive(Debug)]
@@ -163,8 +153,18 @@ enum Wire<'p> {
     Fixed64(u64),
     Fixed32(u32),
     Bytes(&'p [u8]),
-    /// A group, which is stepped over.
-    Group,
+    /// What stands between the tags of a group.
+    Group(&'p [u8]),
+}
+
+impl<'p> Wire<'p> {
+    /// A message within a message, which is written in either way.
+    fn message(self) -> Option<&'p [u8]> {
+        match self {
+            Wire::Bytes(bytes) | Wire::Group(bytes) => Some(bytes),
+            Wire::Varint(_) | Wire::Fixed64(_) | Wire::Fixed32(_) => None,
+        }
+    }
 }
 
 fn varint(rest: &mut &[u8]) -> Option<u64> {
@@ -190,10 +190,7 @@ fn fixed<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
 fn field<'p>(rest: &mut &'p [u8]) -> Option<(u32, Wire<'p>)> {
     let (number, kind) = tag(rest)?;
     let value = match kind {
-        3 => {
-            end_of_group(rest, number)?;
-            Wire::Group
-        }
+        3 => Wire::Group(group(rest, number)?),
         kind => wire(rest, kind)?,
     };
     Some((number, value))
@@ -219,10 +216,13 @@ fn wire<'p>(rest: &mut &'p [u8], kind: u8) -> Option<Wire<'p>> {
     })
 }
 
-/// Steps over what is left of a group, and groups in it.
-fn end_of_group(rest: &mut &[u8], number: u32) -> Option<()> {
+/// What is left of a group and the groups in it, up to its end.
+fn group<'p>(rest: &mut &'p [u8], number: u32) -> Option<&'p [u8]> {
+    let whole = *rest;
+    let mut end = whole.len();
     let mut open = vec![number];
     while let Some(innermost) = open.last() {
+        end = whole.len() - rest.len();
         match tag(rest)? {
             (number, 3) if open.len() < MOST_NESTED => open.push(number),
             (number, 4) if number == *innermost => {
@@ -233,7 +233,7 @@ fn end_of_group(rest: &mut &[u8], number: u32) -> Option<()> {
             }
         }
     }
-    Some(())
+    whole.get(..end)
 }
 
 /// All fields of a message, for descriptors. What cannot be read is the error.
@@ -363,6 +363,13 @@ impl Field {
         Ok(field)
     }
 
+    /// Whether it holds a message: a group of proto2 is one too.
+    pub(super) fn is_message(&self) -> bool {
+        const GROUP: u64 = 10;
+        const MESSAGE: u64 = 11;
+        matches!(self.kind, GROUP | MESSAGE)
+    }
+
     pub(super) fn is_time(&self) -> bool {
         matches!(self.type_name.as_str(), ".google.protobuf.Timestamp" | ".google.protobuf.Duration")
     }
@@ -372,7 +379,7 @@ struct Compiler<'t, 'w> {
     types: &'t Types,
     wanted: &'w Wanted,
     rows: &'w mut Rows,
-    nodes: Vec<Node>,
+    nodes: Vec<Vec<Step>>,
     /// Types around the one that is being compiled.
     open: Vec<&'t str>,
     visited: usize,
@@ -397,7 +404,7 @@ impl Plan {
 
     /// Memory that the plan takes, bytes, roughly.
     pub(crate) fn weight(&self) -> usize {
-        let steps = self.nodes.iter().flat_map(|node| &node.fields);
+        let steps = self.nodes.iter().flatten();
         steps.map(|step| size_of::<Step>() + step.path.len() + 16 * step.what.width()).sum()
     }
 }
@@ -414,15 +421,12 @@ impl What {
 
 impl<'t> Compiler<'t, '_> {
     /// Compiles a type into a node; its index.
-    fn message(&mut self, name: &'t str, prefix: &str) -> usize
-    where
-        't: 't,
-    {
+    fn message(&mut self, name: &'t str, prefix: &str) -> usize {
         let index = self.nodes.len();
-        self.nodes.push(Node::default());
+        self.nodes.push(vec![]);
         let Some(fields) = self.types.fields(name) else { return index };
         self.open.push(name);
-        let mut node = Node::default();
+        let mut node = vec![];
         for field in fields {
             self.visited += 1;
             if self.visited > MOST_VISITED {
@@ -430,8 +434,7 @@ impl<'t> Compiler<'t, '_> {
             }
             let path = if prefix.is_empty() { field.name.clone() } else { format!("{prefix}.{}", field.name) };
             if let Some(what) = self.what(field, &path) {
-                node.fields.push(Step { number: field.number, what, path, memory: node.memories });
-                node.memories += 1;
+                node.push(Step { number: field.number, what, path });
             }
         }
         self.open.pop();
@@ -458,10 +461,10 @@ impl<'t> Compiler<'t, '_> {
                 let columns = self.columns(path, ValueType::Integer, MOST_ELEMENTS);
                 (!columns.is_empty()).then_some(What::Times { columns })
             }
-            (None, false) if field.kind == 11 && self.wanted.below(path) && self.may_enter(field) => {
+            (None, false) if field.is_message() && self.wanted.below(path) && self.may_enter(field) => {
                 Some(What::Message { node: self.message(&field.type_name, path) })
             }
-            (None, true) if field.kind == 11 && self.may_enter(field) => {
+            (None, true) if field.is_message() && self.may_enter(field) => {
                 let indexes = self.wanted.elements(path, 0);
                 let node = |index| (index, self.message(&field.type_name, &format!("{path}[{index}]")));
                 let nodes: Vec<(u32, usize)> = indexes.into_iter().map(node).collect();
@@ -488,18 +491,18 @@ impl Plan {
     /// Reads one message. `first` is false if it is the continuation of one that was begun before.
     fn walk(&self, node: usize, mut bytes: &[u8], first: bool, rows: &mut Rows) -> Result<(), String> {
         let Some(node) = self.nodes.get(node) else { return Ok(()) };
-        let mut memory = vec![0_u32; node.memories];
+        // How many values of each field were met.
+        let mut seen = vec![0_u32; node.len()];
         while !bytes.is_empty() {
             let (number, value) = field(&mut bytes).ok_or("the message ends inside a field, or is none")?;
-            let Ok(at) = node.fields.binary_search_by_key(&number, |step| step.number) else { continue };
-            let (Some(step), Some(count)) = (node.fields.get(at), node.fields.get(at)) else { continue };
-            let Some(seen) = memory.get_mut(count.memory) else { continue };
+            let Ok(at) = node.binary_search_by_key(&number, |step| step.number) else { continue };
+            let (Some(step), Some(seen)) = (node.get(at), seen.get_mut(at)) else { continue };
             self.step(step, value, seen, rows).ok_or_else(|| format!("{}: not of its type", step.path))??;
         }
-        for step in &node.fields {
+        for (step, seen) in node.iter().zip(seen) {
             if let What::Scalar { column, scalar, zero: true } = step.what
                 && first
-                && memory.get(step.memory) == Some(&0)
+                && seen == 0
             {
                 rows.set(column, scalar.zero());
             }
@@ -516,25 +519,22 @@ impl Plan {
                 *seen = 1;
             }
             What::Time { column } => {
-                let Wire::Bytes(bytes) = value else { return None };
-                rows.set(*column, Value::Integer(nanoseconds(bytes)?));
+                rows.set(*column, Value::Integer(nanoseconds(value.message()?)?));
             }
             What::Message { node } => {
-                let Wire::Bytes(bytes) = value else { return None };
                 *seen = 1;
-                return Some(self.walk(*node, bytes, here == 0, rows));
+                return Some(self.walk(*node, value.message()?, here == 0, rows));
             }
             What::Scalars { columns, scalar } => return elements(columns, *scalar, value, seen, rows).map(Ok),
             What::Times { columns } => {
-                let Wire::Bytes(bytes) = value else { return None };
-                let nanos = nanoseconds(bytes)?;
+                let nanos = nanoseconds(value.message()?)?;
                 if let Ok(at) = columns.binary_search_by_key(&here, |(index, _)| *index) {
                     rows.set(columns.get(at)?.1, Value::Integer(nanos));
                 }
                 *seen = here.saturating_add(1);
             }
             What::Messages { nodes } => {
-                let Wire::Bytes(bytes) = value else { return None };
+                let bytes = value.message()?;
                 *seen = here.saturating_add(1);
                 if let Ok(at) = nodes.binary_search_by_key(&here, |(index, _)| *index) {
                     return Some(self.walk(nodes.get(at)?.1, bytes, true, rows));
