@@ -5,6 +5,7 @@ mod fields;
 mod formula;
 mod layout;
 mod lines;
+mod meaning;
 mod novatel;
 mod plain;
 
@@ -14,10 +15,11 @@ use self::columns::Topic;
 use self::fields::Fields;
 use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
+use self::meaning::Meaning;
 use crate::error::IngestError;
 use crate::ledger::{Fate, Ledger};
-use crate::reader::{Limits, Log, LogReader, ReadContext, Select};
-use crate::table::TopicInfo;
+use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
+use crate::table::{Table, TopicInfo};
 use flight::{LogHealth, Notices, Severity};
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
@@ -60,7 +62,15 @@ impl LogReader for CsvReader {
         }
         let ledger = Ledger::new(size, context.limits.listed_damage);
         let books = Books { ledger, health: LogHealth::default(), notices: Notices::new(), limits: context.limits };
-        let mut reading = Reading { want, context, books, topics: vec![], formats: vec![], taken: HashSet::new() };
+        let mut reading = Reading {
+            want,
+            context,
+            books,
+            topics: vec![],
+            meanings: HashMap::new(),
+            formats: vec![],
+            taken: HashSet::new(),
+        };
         for path in &self.files {
             reading.file(path, self.files.len() == 1)?;
         }
@@ -103,6 +113,8 @@ struct Reading<'a> {
     context: &'a ReadContext<'a>,
     books: Books,
     topics: Vec<Topic>,
+    /// By the names of the topics, what their columns mean and what is wanted of them.
+    meanings: HashMap<String, (Meaning, Selection)>,
     formats: Vec<String>,
     /// Names of the topics.
     taken: HashSet<String>,
@@ -190,7 +202,13 @@ impl Reading<'_> {
         let info =
             TopicInfo { name: self.free_name(stem, open.name), type_name: String::new(), encoding: "csv".into() };
         let selection = self.want.select(&info);
-        let mut topic = Topic::new(info, table.names.clone(), &selection);
+        let mut meaning = Meaning::of(&table.names);
+        if let Some(text) = meaning.told.take() {
+            self.books.notices.push(Severity::Info, "several-devices", open.name, 1, text);
+        }
+        let names = std::mem::take(&mut meaning.names);
+        let mut topic = Topic::new(info, names, &meaning.sources(&selection));
+        self.meanings.insert(topic.info.name.clone(), (meaning, selection));
         topic.decimal = table.decimal;
         let (mut preamble, mut header, mut repeated) = (0, vec![], 0);
         loop {
@@ -407,7 +425,12 @@ impl Reading<'_> {
         self.books.health.messages = self.topics.iter().map(|t| t.rows).sum();
         self.books.ledger.finish(&mut self.books.health, &mut self.books.notices);
         let written = self.topics.iter().flat_map(Topic::written).collect();
-        let tables = self.topics.into_iter().filter_map(Topic::into_table).collect();
+        let mut tables: Vec<Table> = self.topics.into_iter().filter_map(Topic::into_table).collect();
+        for table in &mut tables {
+            if let Some((meaning, selection)) = self.meanings.get(&table.topic.name) {
+                meaning.complete(table, selection, &mut self.books.notices);
+            }
+        }
         Ok(Log { health: self.books.health, tables, written, notices: self.books.notices, ..Log::default() })
     }
 }
@@ -443,7 +466,7 @@ impl Books {
         }
         let shape = plain::Shape { delimiter, width: topic.names.len(), header, longest: self.limits.line_bytes };
         let mut line = open.lines.number;
-        let all = plain::rows(open.lines.plain_block(), shape, |row, extent| {
+        let all = plain::rows(open.lines.plain_block(), shape, open.fields.room(), |row, extent| {
             topic.push(row, 0, line, extent);
             line += 1;
         });

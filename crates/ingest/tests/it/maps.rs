@@ -2,7 +2,7 @@
 
 use crate::support::*;
 use flight::{Clock, StampKind};
-use ingest::{ChannelMap, Loaded, MapLibrary};
+use ingest::{ChannelMap, FlightUnit, Loaded, LogKind, MapLibrary};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -334,4 +334,210 @@ fn the_old_mti_g_driver_publishes_every_velocity_twice_and_stamps_on_sending() {
     assert_eq!((velocity.len(), velocity.timeline().kind()), (356, StampKind::Published));
     assert_eq!(loaded.flight.channels["position.gps"].series.len(), 356);
     assert_eq!(count_of(&loaded, "duplicate-stamp"), 356);
+}
+
+/// What the shipped maps make of a text.
+fn bound(text: &str) -> Loaded {
+    let (_folder, path) = file("log.csv", text.as_bytes());
+    let unit = FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Csv };
+    let library = MapLibrary::shipped().unwrap();
+    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+/// Clock and first and last stamp of a channel.
+fn times(loaded: &Loaded, channel: &str) -> (Clock, i64, i64) {
+    let channel = loaded.flight.channels.get(channel).unwrap_or_else(|| panic!("no {channel}: {:?}", loaded.binding));
+    let timeline = channel.series.timeline();
+    (timeline.clock(), timeline.stamps()[0].0, timeline.stamps().last().unwrap().0)
+}
+
+/// Rows of a channel that are used, and why others are not.
+fn used(loaded: &Loaded, channel: &str) -> (u64, Vec<(String, u64)>) {
+    let health = loaded.binding.iter().flat_map(|b| &b.channels).find(|c| c.name == channel).unwrap();
+    (health.used, health.rejected.iter().map(|r| (r.reason.clone(), r.count)).collect())
+}
+
+fn lines(header: &str, row: impl Fn(u32) -> String) -> String {
+    format!("{header}\n{}", (0..20).map(|n| row(n) + "\n").collect::<String>())
+}
+
+/// `date -u -d 2026-11-21T12:00:00Z +%s`, in nanoseconds.
+const NOON_NS: i64 = 1_795_262_400_000_000_000;
+/// The same instant in GPS time: 315 964 800 s between the epochs, 18 leap seconds.
+const GPS_NOON_S: i64 = 1_795_262_400 - 315_964_800 + 18;
+
+#[test]
+fn exports_of_oxts_have_the_time_of_their_zone_in_every_way_to_write_it() {
+    let columns = "PosLat (deg);PosLon (deg);PosAlt (m);VelNorth (km/h);VelEast (km/h);VelDown (km/h)";
+    for (zone, date, hour) in [
+        ("UTC+1,00", "21.11.2026", 13),
+        ("UTC+0,00", "2026-11-21", 12),
+        ("UTC-9,50", "2026-11-21", 2),
+        ("UTC", "21/11/2026", 12),
+    ] {
+        let minute = if zone.ends_with(",50") { 30 } else { 0 };
+        let text = lines(&format!("Date ({zone});Time ({zone});TimeFromStart (s);{columns}"), |n| {
+            format!("{date};{hour:02}:{minute:02}:{n:02}.500;{n},0;47,3{n:04};8,5;400,25;36,0;18,0;-3,6")
+        });
+        let loaded = bound(&text);
+        assert_eq!(loaded.binding.as_ref().unwrap().map, "oxts-csv", "{zone}");
+        let half = NOON_NS + 500_000_000;
+        assert_eq!(times(&loaded, "velocity.ins"), (Clock::Unix, half, half + 19_000_000_000), "{zone}");
+        assert_eq!(loaded.flight.channels["velocity.ins"].series.component(0)[0], 10.0, "{zone}");
+    }
+    // A zone that says nothing known leaves the seconds from the start.
+    let text = lines("Date (UTC+X),Time (UTC+X),TimeFromStart (s),PosLat (deg),PosLon (deg),PosAlt (m)", |n| {
+        format!("2026-11-21,12:00:{n:02},{n},47.3{n:04},8.5,400")
+    });
+    assert_eq!(times(&bound(&text), "position.ins").0, Clock::Elapsed);
+}
+
+#[test]
+fn gps_seconds_and_nanoseconds_of_navgraph_are_gps_time_and_the_device_before_the_names_is_left_out() {
+    let header = |device: &str, time: &str| {
+        let names = [time, "Latitude (deg)", "Longitude (deg)", "Altitude (m)", "Velocity north (mph)"];
+        let more = ["Velocity east (mph)", "Velocity down (mph)", "Heading (deg)", "Pitch (deg)", "Roll (deg)"];
+        names.iter().chain(&more).map(|name| format!("{device}{name}")).collect::<Vec<_>>().join(",")
+    };
+    let row = |time: String, n: u32| format!("{time},47.3{n:04},8.5,400.5,10,5,-1,90,20,0");
+    let seconds = |n: u32| format!("{}.{:03}", GPS_NOON_S, 4 * n);
+    let nanos = |n: u32| format!("{}{:03}000001", GPS_NOON_S, 4 * n);
+    let first = GPS_NOON_S * 1_000_000_000;
+    let plain = bound(&lines(&header("", "Time (GPS s)"), |n| row(seconds(n), n)));
+    assert_eq!(times(&plain, "position.ins"), (Clock::Gps, first, first + 76_000_000));
+    let fine = bound(&lines(&header("", "Time (GPS ns)"), |n| row(nanos(n), n)));
+    assert_eq!(times(&fine, "position.ins"), (Clock::Gps, first + 1, first + 76_000_001));
+    // One device, and another one behind it, whose names stay.
+    let (one, two) = ("[Tag 0 SN1234 Real-Time]", "[Tag 1 SN5678 Range]");
+    let alone = bound(&lines(&header(one, "Time (GPS s)"), |n| row(seconds(n), n)));
+    let both = format!("{},{two}Latitude (deg)", header(one, "Time (GPS s)"));
+    let both = bound(&lines(&both, |n| row(seconds(n), n) + ",0"));
+    for (loaded, told) in [(&plain, 0), (&alone, 0), (&both, 1)] {
+        for channel in ["position.ins", "velocity.ins", "attitude.ins"] {
+            assert_eq!(loaded.flight.channels[channel].series, plain.flight.channels[channel].series, "{channel}");
+        }
+        assert_eq!(count_of(loaded, "several-devices"), told);
+    }
+    let north = plain.flight.channels["velocity.ins"].series.component(0)[0];
+    assert!((north - 4.4704).abs() < 1e-12, "{north}");
+}
+
+#[test]
+fn what_ncom_to_csv_writes_has_gps_time_and_not_its_local_time() {
+    let header = " Time(), Date, Local Time, Latitude(deg), Longitude(deg), Altitude(m), Velocity north(m/s), \
+                  Velocity east(m/s), Velocity down(m/s), Velocity up(m/s), Acceleration Xv(m/s²), \
+                  Acceleration Yv(m/s²), Acceleration Zv(m/s²), Heading(deg), Pitch(deg), Roll(deg), \
+                  Angular rate Xv(deg/s), Angular rate Yv(deg/s), Angular rate Zv(deg/s),";
+    let row = |n: u32| {
+        let (ms, place) = (4 * n, format!("47.3{n:04}000,8.50000000,400.125"));
+        let stamp = format!("{GPS_NOON_S}.{ms:03},2026-11-21,12:00:01.{ms:03}");
+        format!("{stamp},{place},10.0,5.0,-1.0,-,0.1,0.2,-9.8,90.0,20.0,0.0,1.0,2.0,3.0,")
+    };
+    let loaded = bound(&lines(header, row));
+    let first = GPS_NOON_S * 1_000_000_000;
+    let channels = ["angular-rate.imu", "attitude.ins", "position.ins", "specific-force.imu", "velocity.ins"];
+    assert_eq!(loaded.flight.channels.keys().collect::<Vec<_>>(), channels);
+    for channel in channels {
+        assert_eq!(times(&loaded, channel), (Clock::Gps, first, first + 76_000_000), "{channel}");
+    }
+    assert_eq!(loaded.flight.channels["specific-force.imu"].series.component(2)[0], -9.8);
+}
+
+#[test]
+fn positions_and_velocities_of_oxts_without_a_gnss_position_are_not_used_and_counted() {
+    let text = |column: &str, mode: &dyn Fn(u32) -> String| {
+        let header = "Time (GPS s),PosLat (deg),PosLon (deg),PosAlt (m),VelNorth (m/s),VelEast (m/s),VelDown (m/s),\
+                      AngleHeading (deg),AnglePitch (deg),AngleRoll (deg)";
+        lines(&format!("{header},{column}"), |n| {
+            format!("{GPS_NOON_S}.{n:02},47.3{n:04},8.5,400,1,2,0,90,0,0,{}", mode(n))
+        })
+    };
+    let number = |n: u32| [0, 1, 2, 3, 4, 5, 10, 11, 12].get(n as usize).unwrap_or(&6).to_string();
+    let words = |n: u32| format!("Mode ({})", number(n));
+    for (column, mode) in [("GpsPosMode", &number as &dyn Fn(u32) -> String), ("GPS position mode ()", &words)] {
+        let loaded = bound(&text(column, mode));
+        for channel in ["position.ins", "velocity.ins"] {
+            assert_eq!(used(&loaded, channel), (14, vec![("fix_ok is below 1".to_owned(), 6)]), "{column} {channel}");
+        }
+        assert_eq!(used(&loaded, "attitude.ins"), (20, vec![]));
+    }
+    // Empty, the mode says nothing; in a word that nobody knows it says nothing either, and that is told.
+    let unknown = bound(&text("GpsPosMode", &|n| if n < 3 { "Fine".to_owned() } else { String::new() }));
+    assert_eq!((used(&unknown, "position.ins").0, count_of(&unknown, "status-unknown")), (20, 3));
+}
+
+/// An export of MT Manager at 100 Hz from noon on, with the status word and the word on UTC as they are told.
+fn of_mt_manager(status: impl Fn(u32) -> String, valid: impl Fn(u32) -> u32) -> Loaded {
+    let header = "// Coordinate system: ENU\nPacketCounter\tSampleTimeFine\tUTC_Nano\tUTC_Year\tUTC_Month\tUTC_Day\tUTC_Hour\t\
+                  UTC_Minute\tUTC_Second\tUTC_Valid\tStatusWord\tRoll\tPitch\tYaw\tLatitude\tLongitude\tAltitude\tVel_E\tVel_N\t\
+                  Vel_U";
+    bound(&lines(header, |n| {
+        let utc = format!("{}\t2026\t11\t21\t12\t0\t0\t{}", 10_000_000 * n, valid(n));
+        format!("{n}\t{}\t{utc}\t{}\t0\t0\t90\t47.3{n:04}\t8.5\t400\t1\t2\t0.5", 500 + 100 * n, status(n))
+    }))
+}
+
+/// Without a fix in the first five rows, then with one.
+fn status(n: u32) -> u32 {
+    if n < 5 { 0x83 } else { 0x0080_0087 }
+}
+
+#[test]
+fn positions_and_velocities_of_xsens_without_a_fix_are_not_used_and_counted() {
+    let decimal = |n| status(n).to_string();
+    let hexadecimal = |n| format!("{:08X}", status(n));
+    let binary = |n| format!("{:032b}", status(n));
+    for loaded in [of_mt_manager(decimal, |_| 55), of_mt_manager(hexadecimal, |_| 55), of_mt_manager(binary, |_| 55)] {
+        for channel in ["position.ins", "velocity.ins"] {
+            assert_eq!(used(&loaded, channel), (15, vec![("fix_ok is below 1".to_owned(), 5)]), "{channel}");
+        }
+        assert_eq!(used(&loaded, "attitude.ins"), (20, vec![]));
+        assert_eq!(times(&loaded, "attitude.ins"), (Clock::Unix, NOON_NS, NOON_NS + 190_000_000));
+        assert_eq!(count_of(&loaded, "utc-not-valid") + count_of(&loaded, "status-unknown"), 0);
+    }
+    let unclear = of_mt_manager(|_| "25165827".to_owned(), |_| 7);
+    assert_eq!((used(&unclear, "position.ins").0, count_of(&unclear, "status-unknown")), (20, 20));
+}
+
+#[test]
+fn utc_of_xsens_that_its_flags_do_not_vouch_for_is_none() {
+    let fixed = |_| status(19).to_string();
+    // Without the leap seconds nothing says when it was; where some rows have them, they date the others.
+    let never = of_mt_manager(fixed, |_| 3);
+    assert_eq!(times(&never, "position.ins"), (Clock::Elapsed, 50_000_000, 240_000_000));
+    assert_eq!(count_of(&never, "utc-not-valid"), 20);
+    let later = of_mt_manager(fixed, |n| if n < 8 { 0 } else { 7 });
+    assert_eq!(times(&later, "position.ins"), (Clock::Unix, NOON_NS, NOON_NS + 190_000_000));
+    assert_eq!((count_of(&later, "utc-not-valid"), count_of(&later, "counter-dated")), (8, 8));
+}
+
+#[test]
+fn zeros_that_mt_manager_writes_for_what_a_sample_does_not_have_are_no_values() {
+    let header = "PacketCounter;SampleTimeFine;UTC_Nano;UTC_Year;UTC_Month;UTC_Day;UTC_Hour;UTC_Minute;UTC_Second;UTC_Valid;\
+                  StatusWord;Acc_X;Acc_Y;Acc_Z;Gyr_X;Gyr_Y;Gyr_Z;Mag_X;Mag_Y;Mag_Z;Roll;Pitch;Yaw;Latitude;Longitude;Altitude;\
+                  Vel_X;Vel_Y;Vel_Z";
+    // Every fourth sample has the slower ones. A zero among others is a value: all is on the equator, at no height.
+    let loaded = bound(&lines(header, |n| {
+        let slow = |text: String| if n % 4 == 0 { text } else { "0;0.000000;0".to_owned() };
+        let utc =
+            if n % 4 == 0 { format!("{};2026;11;21;12;0;0;7;135", 10_000_000 * n) } else { "0;0;0;0;0;0;0;0;0".into() };
+        let (angles, place) = (slow("1.5;0;90".into()), slow(format!("0.000000;8.5{n:04};0.0")));
+        let (field, velocity) = (slow("0.5;0.1;-0.8".into()), slow("1;2;0.5".into()));
+        format!("{n};{};{utc};0;0;9.8;0.001;0;0;{field};{angles};{place};{velocity}", 500 + 100 * n)
+    }));
+    for (channel, lacks) in [
+        ("attitude.ins", "orientation_given"),
+        ("position.ins", "position_given"),
+        ("velocity.xyz", "velocity_given"),
+        ("magnetic-direction.imu", "field_given"),
+    ] {
+        assert_eq!(used(&loaded, channel), (5, vec![(format!("{lacks} is below 1"), 15)]), "{channel}");
+    }
+    for channel in ["angular-rate.imu", "specific-force.imu"] {
+        assert_eq!(used(&loaded, channel), (20, vec![]), "{channel}");
+    }
+    assert_eq!(times(&loaded, "specific-force.imu"), (Clock::Unix, NOON_NS, NOON_NS + 190_000_000));
+    assert_eq!(count_of(&loaded, "status-unknown"), 0);
 }

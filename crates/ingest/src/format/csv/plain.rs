@@ -28,9 +28,14 @@ impl Shape<'_> {
 }
 
 /// Takes the rows that a block of whole lines begins with, up to the first line that may be something else. All of them as
-/// one extent.
-pub(super) fn rows(block: &[u8], shape: Shape<'_>, mut take: impl FnMut(Row<'_>, Extent)) -> Extent {
-    let mut spans = Vec::with_capacity(shape.width);
+/// one extent. `spans` is room for the places of fields.
+pub(super) fn rows(
+    block: &[u8],
+    shape: Shape<'_>,
+    spans: &mut Vec<(usize, usize)>,
+    mut take: impl FnMut(Row<'_>, Extent),
+) -> Extent {
+    spans.clear();
     let (mut line, mut field, mut lines) = (0, 0, 0);
     for at in (Separators { block, delimiter: shape.delimiter, step: 0, found: separators(block, shape.delimiter) }) {
         // The LF of a CR LF.
@@ -51,7 +56,7 @@ pub(super) fn rows(block: &[u8], shape: Shape<'_>, mut take: impl FnMut(Row<'_>,
         if !ends {
             continue;
         }
-        let (row, text) = (Row::new(block, &spans), at - line);
+        let (row, text) = (Row::new(block, spans), at - line);
         if !shape.is_row(row, text) {
             break;
         }
@@ -117,7 +122,7 @@ mod tests {
     fn taken(text: &str, header: &str) -> (Vec<Vec<String>>, usize) {
         let mut all = vec![];
         let shape = Shape { delimiter: b',', width: 3, header: header.as_bytes(), longest: 200 };
-        let extent = rows(text.as_bytes(), shape, |row, extent| {
+        let extent = rows(text.as_bytes(), shape, &mut vec![], |row, extent| {
             all.push((0..row.len()).map(|i| String::from_utf8_lossy(row.get(i)).into_owned()).collect());
             assert!((1..=2).contains(&(extent.whole - extent.text)));
         });
