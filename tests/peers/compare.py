@@ -19,7 +19,7 @@ DAMAGED = re.compile(r"trunc|bitflip|tailjunk|unindexed|corrupt|not_closed|with_
 WHOLE, STRIDE = 2000, 4999  # of a longer array so many elements are compared, and one in so many of the others
 BATCH = 90_000  # bytes of field names in one request
 # Columns that our readers work out from several messages, and `utc_ns`, which is compared where the sentence has a date.
-DERIVED = {"gps_week", "fix_ok", "elapsed_ns", "logged_ns", "utc_ns", "solution_ok"}
+DERIVED = {"gps_week", "gps_tow_ms", "fix_ok", "elapsed_ns", "logged_ns", "utc_ns", "solution_ok"}
 # What may differ: part of the log's path, part of the topic and field, why.
 ALLOWED = [
     ("px4-ulog-rs", "has_vtol_approach", "a bool whose byte is neither 0 nor 1 is 1 with us; pyulog gives the byte"),
@@ -168,27 +168,28 @@ def read_telemetry(path, peer):
     where the log goes from MAVLink 2 to 1.)"""
     log, data = all_messages.MAVLink(None), path.read_bytes()
     main, frames, at = None, [], 0
-    while at + 9 < len(data):
-        head = {0xFE: 8, 0xFD: 12}.get(data[at + 8])
-        signed = 13 if head == 12 and data[at + 10:at + 11] == b"\1" else 0
-        length = head and 8 + head + data[at + 9] + signed
+    front = 0 if path.suffix == ".raw" else 8  # the time of reception
+    while at + front + 1 < len(data):
+        head = {0xFE: 8, 0xFD: 12}.get(data[at + front])
+        signed = 13 if head == 12 and data[at + front + 2:at + front + 3] == b"\1" else 0
+        length = head and front + head + data[at + front + 1] + signed
         try:
-            message = decoded(log, data[at + 8:at + length], head)
+            message = decoded(log, data[at + front:at + length], head)
         except (TypeError, all_messages.MAVError):
-            known = length and data[at + length + 8:at + length + 9] in (b"\xfe", b"\xfd")  # a frame behind it
+            known = length and data[at + length + front:at + length + front + 1] in (b"\xfe", b"\xfd")  # one behind it
             at += length if known else 1
             continue
         sender = message.get_srcSystem(), message.get_srcComponent()
         if message.get_type() == "HEARTBEAT" and message.autopilot != 8 and message.type != 6:
             main = min(main or sender, sender)
-        frames.append((sender, int.from_bytes(data[at:at + 8], "big") * 1000, message))
+        frames.append((sender, int.from_bytes(data[at:at + front], "big") * 1000, message))
         at += length
     main = main or (1, 1)
     for sender, logged, message in frames:
         kind = message.get_type().replace("UNKNOWN_", "MESSAGE_")
         end = "" if sender == main else f"@{sender[0]}" if sender[1] == main[1] else f"@{sender[0]}.{sender[1]}"
         topic = peer.topics[(kind + end, kind)]
-        topic.logged.append(logged)
+        topic.logged.extend([logged] * (front > 0))
         left = len(message.get_payload()) if message.get_msgbuf()[0] == 0xFE else 255
         for name in getattr(message, "ordered_fieldnames", ()):
             at = message.fieldnames.index(name)
@@ -266,7 +267,7 @@ def is_beyond(message, field):
     return (message, field) in UBX_NEWER | MAVLINK_NEWER or (message == "NAV-HPPOSLLH" and field in UBX_PRECISE)
 
 
-UBX_READ = {f"NAV-{m}" for m in "PVT POSLLH VELNED HPPOSLLH SOL ATT STATUS DOP TIMEGPS TIMEUTC".split()}
+UBX_READ = {f"NAV-{m}" for m in "PVT POSECEF POSLLH VELECEF VELNED HPPOSLLH SOL ATT STATUS DOP TIMEGPS TIMEUTC".split()}
 UBX_READ |= {"HNR-PVT", "HNR-INS", "HNR-ATT", "TIM-TP", "TIM-TM2"}
 
 
@@ -289,11 +290,11 @@ def read_nmea(path, peer):
 SENTENCES = {
     "GGA": {"latitude": ("deg", 2), "longitude": ("deg", 4), "quality": 6, "satellites": 7, "hdop": 8, "altitude": 9,
             "separation": 11, "age": 13},
-    "GNS": {"latitude": ("deg", 2), "longitude": ("deg", 4), "satellites": 7, "hdop": 8, "altitude": 9,
-            "separation": 10, "age": 11},
+    "GNS": {"latitude": ("deg", 2), "longitude": ("deg", 4), "valid": ("mode", 6), "satellites": 7, "hdop": 8,
+            "altitude": 9, "separation": 10, "age": 11},
     "RMC": {"valid": ("A", 2), "latitude": ("deg", 3), "longitude": ("deg", 5), "speed": 7, "track": 8},
     "GLL": {"latitude": ("deg", 1), "longitude": ("deg", 3), "valid": ("A", 6)},
-    "VTG": {"track": 1, "speed": 5},
+    "VTG": {"track": 1, "speed": 5, "valid": ("mode", 9)},
     "ZDA": {"day": 2, "month": 3, "year": 4},
     "HDT": {"heading": 1},
     "GST": {"latitude_std": 6, "longitude_std": 7, "altitude_std": 8},
@@ -323,6 +324,8 @@ def sentence(body, message, peer):
                 topic.add(name, float(sign * (Fraction(degrees) + Fraction(minutes) / 60)))
                 theirs = getattr(message, name[:3], None)
                 assert not isinstance(theirs, float) or abs(theirs - topic.columns[name][1][-1]) < 1e-7, (body, theirs)
+        elif what == "mode":  # N is none, of each system
+            topic.add(name, float(not re.fullmatch("N+", of(index))))
         elif what:
             topic.add(name, float(of(index) == what))
         elif of(index):
@@ -497,7 +500,7 @@ def compare(dump, path, ours, peer, keeps_order):
 READERS = [
     ("pyulog", {"pyulog": "pyulog"}, (".ulg", ".ulg.zip"), read_ulog, True),
     ("pymavlink", {"dfreader": "pymavlink.DFReader"}, (".bin",), read_dataflash, True),
-    ("pymavlink", {"all_messages": "pymavlink.dialects.v20.all"}, (".tlog",), read_telemetry, True),
+    ("pymavlink", {"all_messages": "pymavlink.dialects.v20.all"}, (".tlog", ".tlog.raw"), read_telemetry, True),
     ("pyubx2", {"pyubx2": "pyubx2", "pynmeagps": "pynmeagps", "pyrtcm": "pyrtcm"}, (".ubx",), read_ubx, True),
     ("pynmeagps", {"pynmeagps": "pynmeagps"}, (".nmea",), read_nmea, True),
     ("by hand", {}, (".novatel.txt",), read_novatel, True),

@@ -103,8 +103,12 @@ fn a_message_that_is_not_defined_must_have_the_same_layout_every_time() {
     assert_eq!(messages(&log, "MESSAGE_999999"), 2);
     assert_eq!((log.health.messages, log.health.damage_count), (12, 1));
     assert!(log.notices.iter().any(|n| n.code == "unknown-message" && n.count == 2));
+    // One that is alone with its layout does not speak against all that follow.
+    let later = [own(78), own(77), own(77), own(77)].concat();
+    let late = read_bytes(READER, &[of_pymavlink(), later].concat()).unwrap();
+    assert_eq!((messages(&late, "MESSAGE_999999"), late.health.damage_count), (3, 1));
     let reason = &log.health.damage[0].reason;
-    assert!(reason.contains("a message that is not known") && reason.contains("cannot be checked"), "{reason}");
+    assert!(reason.contains("message 999999, which is not known") && reason.contains("cannot be checked"), "{reason}");
     let log =
         read_bytes(READER, &[of_pymavlink(), tlog_frame_from([1, 1], 2, NOON_US, 0, 50, &[0; 9])].concat()).unwrap();
     assert!(log.notices.iter().any(|n| n.code == "unknown-flags" && n.severity == Severity::Loss));
@@ -409,6 +413,119 @@ fn no_flipped_bit_of_a_time_of_reception_moves_a_stamp_far_in_silence() {
     bytes[starts[50]..starts[50] + 8].copy_from_slice(&u64::MAX.to_be_bytes());
     let log = read_bytes(READER, &bytes).unwrap();
     assert!(log.notices.any_loss() && stamps(&log).iter().all(|s| s.abs_diff(truth[0]) < 11_000_000_000));
+}
+
+/// The frames without the times in front.
+fn bare(bytes: &[u8]) -> Vec<u8> {
+    boundaries(bytes).windows(2).flat_map(|pair| &bytes[pair[0] + 8..pair[1]]).copied().collect()
+}
+
+#[test]
+fn a_stream_without_times_of_reception_has_the_same_messages_and_is_told_by_its_content() {
+    let stamped = seed(Container::Tlog);
+    let bytes = bare(&stamped);
+    // The first vehicle that is heard is named by its heartbeat.
+    let (whole, log) = (read_bytes(READER, &stamped).unwrap(), read_bytes(READER, &bytes).unwrap());
+    assert_balanced(&log, bytes.len());
+    let without_log_time = |log: &ingest::Log| {
+        let mut tables = log.tables.clone();
+        tables.iter_mut().for_each(|table| table.logged_ns = None);
+        tables
+    };
+    assert_eq!(log.tables, without_log_time(&whole));
+    assert_eq!((log.health.bytes.damaged, log.health.messages), (0, whole.health.messages));
+    let told = log.notices.iter().find(|n| n.code == "no-receive-time").unwrap();
+    assert_eq!((told.severity, told.count), (Severity::Warning, whole.health.messages));
+    assert!(log.health.topics.iter().all(|topic| topic.stamps.is_empty()));
+    // Begun inside a frame, behind what the autopilot prints as it starts, and with another ending.
+    let (cut, printed) = (bytes[5..].to_vec(), b"\nInit ArduCopter V4.7.0-dev\nBooting 0/0\n".to_vec());
+    let booted = [&printed[..], &bytes].concat();
+    for (name, bytes, lost, text) in [
+        ("flight.tlog.raw", &bytes, 0, 0),
+        ("flight.tlog", &bytes, 0, 0),
+        ("capture.bin", &cut, 1, 0),
+        ("capture.raw", &booted, 0, printed.len() as u64),
+    ] {
+        let (folder, path) = file(name, bytes);
+        let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+        assert_eq!(found.units[0].kind, LogKind::Tlog, "{name}");
+        let log = read(READER, &path).unwrap();
+        assert_eq!(log.health.messages, whole.health.messages - lost, "{name}");
+        assert_eq!((log.health.bytes.damaged > 0, log.health.bytes.skipped), (lost > 0, text), "{name}");
+    }
+}
+
+#[test]
+fn a_stream_without_times_of_reception_is_bound_by_the_clock_since_boot_and_dated_by_system_time() {
+    let boot = Boot { from_ms: 50_000, at_ms: 0, utc: TRUE };
+    let load_bare = |frames: &[u8]| {
+        let (_folder, path) = file("log.tlog.raw", &bare(frames));
+        let loaded = load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap();
+        assert_ledger(&loaded);
+        loaded
+    };
+    let loaded = load_bare(&boot.frames());
+    assert!(off_ms(&loaded, &[boot]).iter().all(|off| *off == 0.0));
+    assert!(!lossy(&loaded));
+    // A vehicle that starts anew is told: whose rows are whose nothing says.
+    let boots = [Boot { from_ms: 50_000, at_ms: 0, utc: TRUE }, Boot { from_ms: 3000, at_ms: 40_000, utc: TRUE }];
+    let loaded = load_bare(&boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
+    assert_eq!(count_of(&loaded, "clock-restart"), 1, "{:?}", loaded.flight.notices);
+    assert!(lossy(&loaded));
+}
+
+#[test]
+fn a_stream_without_times_of_reception_that_is_cut_or_flipped_loses_what_is_hurt_and_says_so() {
+    let stamped = seed(Container::Tlog);
+    let bytes = bare(&stamped);
+    let ends: Vec<usize> = boundaries(&stamped).iter().enumerate().map(|(record, at)| at - 8 * record).collect();
+    // Shorter ones are too short to tell.
+    check_cuts(READER, &bytes, ends[3]..bytes.len(), &ends, |length| ends.contains(&length));
+    let whole = read_bytes(READER, &bytes).unwrap();
+    let truth = rows(&whole);
+    let signed = |at: usize| bytes[at + 2] & 1 == 1;
+    each_flip(READER, &bytes, bits(ends[3]..bytes.len(), 1), |log, place, bit| {
+        assert_eq!(missing(&rows(log), &truth), 0, "byte {place}, bit {bit}: a value changed");
+        let record = ends.iter().position(|at| *at > place).unwrap() - 1;
+        let outside = signed(ends[record]) && place + 13 >= ends[record + 1];
+        assert_eq!(log.health.bytes.damaged > 0, !outside, "byte {place}, bit {bit}");
+        assert_eq!(log.health.messages + u64::from(!outside), whole.health.messages, "byte {place}, bit {bit}");
+    });
+}
+
+#[test]
+fn messages_that_are_not_defined_are_told_by_their_numbers_and_cost_nothing_else() {
+    let own = |number: u32| tlog_frame(NOON_US, number, number as u8, &[1, 2, 3]);
+    let bytes = [of_pymavlink(), own(54_321), own(54_320), own(54_321), of_pymavlink()].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    let told = log.notices.iter().find(|n| n.code == "unknown-message").unwrap();
+    assert_eq!(told.count, 3);
+    assert!(told.text.ends_with(": numbers 54320 (1), 54321 (2)"), "{}", told.text);
+    assert_eq!((log.health.messages, log.health.bytes.damaged, log.health.bytes.skipped), (13, 0, 3 * (8 + 12 + 3)));
+    // A damaged frame does not take the one behind it along, though no checksum vouches for that.
+    let mut damaged = tlog_frame(NOON_US, 0, 50, &[7; 9]);
+    damaged[20] ^= 1;
+    let bytes = [of_pymavlink(), own(54_321), damaged.clone(), own(54_321), of_pymavlink()].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (12, damaged.len() as u64), "{:?}", log.health.damage);
+}
+
+#[test]
+fn frames_with_flags_that_are_not_known_are_dropped_and_no_damage() {
+    // COMMAND_LONG from system 10.0.0.1 to 10.0.0.2, as the tests of the draft have it.
+    let drafted = bytes_of(
+        "fd210600000100000a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa0140e5",
+    );
+    let drafted = [&NOON_US.to_be_bytes()[..], &drafted].concat();
+    // A flag that nobody has given a meaning, on a HEARTBEAT.
+    let other = tlog_frame_from([9, 9], 8, NOON_US, 0, 50, &[0; 9]);
+    let bytes = [of_pymavlink(), drafted.clone(), other.clone(), drafted.clone(), of_pymavlink()].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (10, 0), "{:?}", log.health.damage);
+    assert_eq!(log.health.bytes.skipped as usize, 2 * drafted.len() + other.len());
+    let told = log.notices.iter().find(|n| n.code == "unknown-flags").unwrap();
+    assert_eq!((told.severity, told.count), (Severity::Loss, 3));
+    assert!(told.text.contains("message 76 with flags 0x06"), "{}", told.text);
 }
 
 #[test]

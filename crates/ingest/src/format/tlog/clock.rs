@@ -98,6 +98,9 @@ pub(super) struct BootClock {
     last: Option<Reading>,
     begun: Option<Begun>,
     restarts: Vec<Restart>,
+    /// Messages that say so, where nothing says when they came.
+    unstamped: i64,
+    told_ms: i64,
 }
 
 /// Where it may have begun anew.
@@ -147,15 +150,23 @@ impl Reading {
 }
 
 impl BootClock {
-    /// A message of the vehicle; its payload is as long as its definition says.
-    pub(super) fn message(&mut self, definition: &Definition, number: u32, payload: &[u8], logged_ns: i64) {
+    /// A message of the vehicle; its payload is as long as its definition says. Where nothing says when it came its place
+    /// among the others stands for that: then a clock that goes ahead tells nothing, and one that goes back does.
+    pub(super) fn message(&mut self, definition: &Definition, number: u32, payload: &[u8], logged_ns: Option<i64>) {
         let offset = *self.offsets.entry(number).or_insert_with(|| boot_ms_in(definition));
         let bytes = offset.and_then(|offset| payload.get(offset..)?.first_chunk());
         // Zero is how a sender leaves it that does not know.
         let boot_ms = bytes.map(|four| i64::from(u32::from_le_bytes(*four))).filter(|ms| *ms != 0);
         if let Some(boot_ms) = boot_ms {
-            self.read(Reading { boot_ms, logged_ns });
+            self.unstamped += i64::from(logged_ns.is_none());
+            self.told_ms = boot_ms;
+            self.read(Reading { boot_ms, logged_ns: logged_ns.unwrap_or(self.unstamped) });
         }
+    }
+
+    /// What it said last, ns; 0 before it said anything.
+    pub(super) fn told_ns(&self) -> i64 {
+        self.told_ms.saturating_mul(1_000_000)
     }
 
     fn read(&mut self, now: Reading) {

@@ -1,4 +1,8 @@
 //! A frame of MAVLink 1 or 2 (<https://mavlink.io/en/guide/serialization.html>).
+//!
+//! Who does not know an incompatibility flag must drop the frame, says the specification; it defines one, of signatures. A
+//! draft of 2026 (<https://github.com/ArduPilot/pymavlink/pull/1229>) has two more, which make the header longer: its frames
+//! are dropped as others with such flags are, and the checksum proves where they end.
 
 use super::checksum::{Checksum, step};
 use super::definition::{Definition, Definitions};
@@ -6,7 +10,7 @@ use super::definition::{Definition, Definitions};
 /// First bytes of a frame.
 pub(super) const MAGIC: [u8; 2] = [0xfe, 0xfd];
 /// The longest: header, payload, checksum and signature of MAVLink 2.
-pub(super) const LONGEST: usize = 10 + 255 + 2 + 13;
+pub(super) const LONGEST: usize = HEADER_2 + WIDE_SENDER + WIDE_TARGET + 255 + CHECKSUM + SIGNATURE;
 /// Of the shortest, without payload.
 const HEADER_1: usize = 6;
 const HEADER_2: usize = 10;
@@ -14,6 +18,12 @@ const CHECKSUM: usize = 2;
 pub(super) const SIGNATURE: usize = 13;
 /// The flag of MAVLink 2 that a signature follows.
 const SIGNED: u8 = 1;
+/// Flags of the draft: the number of the sending system has 32 bits, and the header ends in that of a target.
+const SYSID32: u8 = 2;
+const TARGET32: u8 = 4;
+/// What that adds to the header.
+const WIDE_SENDER: usize = 3;
+const WIDE_TARGET: usize = 4;
 
 /// What stands in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,8 +34,8 @@ pub(super) struct Frame<'b> {
     pub(super) component: u8,
     pub(super) message: u32,
     pub(super) is_signed: bool,
-    /// Flags that this reader does not know: then the payload may mean anything.
-    pub(super) unknown_flags: bool,
+    /// Incompatibility flags that this reader does not know: then the payload may mean anything.
+    pub(super) unknown_flags: u8,
     pub(super) payload: &'b [u8],
     /// Bytes of the whole frame.
     pub(super) length: usize,
@@ -65,7 +75,7 @@ struct Head {
 }
 
 impl Head {
-    /// The head that the bytes begin with.
+    /// The head that the bytes begin with, as the specification has it.
     fn at(bytes: &[u8]) -> Result<Head, NoFrame> {
         let (Some(&magic), Some(&payload)) = (bytes.first(), bytes.get(1)) else { return Err(NoFrame::Cut) };
         if !MAGIC.contains(&magic) {
@@ -83,6 +93,15 @@ impl Head {
         Ok(Head { wide, flags, system, component, message, header, payload: payload.into() })
     }
 
+    /// The same as the draft has it, if its flags are set.
+    fn drafted(self, bytes: &[u8]) -> Option<Head> {
+        let sender = if self.flags & SYSID32 == 0 { 0 } else { WIDE_SENDER };
+        let target = if self.flags & TARGET32 == 0 { 0 } else { WIDE_TARGET };
+        let [component, low, middle, high] = *bytes.get(HEADER_1 + sender..)?.first_chunk()?;
+        let (header, message) = (self.header + sender + target, u32::from_le_bytes([low, middle, high, 0]));
+        (sender + target > 0).then_some(Head { component, message, header, ..self })
+    }
+
     /// Bytes from the start of the frame to its checksum.
     fn checked(&self) -> usize {
         self.header + self.payload
@@ -96,12 +115,17 @@ impl Head {
 impl<'b> Frame<'b> {
     /// Bytes of the frame that the bytes begin with, intact or not.
     pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {
-        Head::at(bytes).ok().map(|head| head.length())
+        Head::at(bytes).ok().map(|head| head.drafted(bytes).unwrap_or(head).length())
     }
 
     /// The frame that the bytes begin with.
     pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
         let head = Head::at(bytes)?;
+        let drafted = head.drafted(bytes).and_then(|head| Frame::behind(head, bytes).ok());
+        drafted.filter(|frame| frame.intact == Some(true)).map_or_else(|| Frame::behind(head, bytes), Ok)
+    }
+
+    fn behind(head: Head, bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
         let length = head.length();
         let (checked, rest) =
             bytes.get(..length).and_then(|b| b.split_at_checked(head.checked())).ok_or(NoFrame::Cut)?;
@@ -118,7 +142,7 @@ impl<'b> Frame<'b> {
             component: head.component,
             message: head.message,
             is_signed: head.flags & SIGNED != 0,
-            unknown_flags: head.flags & !SIGNED != 0,
+            unknown_flags: head.flags & !SIGNED,
             payload: checked.get(head.header..).unwrap_or_default(),
             length,
             intact,
@@ -181,12 +205,14 @@ impl Finder {
 
     /// Whether an intact frame of a defined message begins here.
     pub(super) fn is_frame(&self, at: usize) -> bool {
-        self.intact(at).unwrap_or(false)
+        let bytes = self.block.get(at..).unwrap_or_default();
+        Head::at(bytes).is_ok_and(|head| {
+            let heads = [head.drafted(bytes), Some(head)];
+            heads.into_iter().flatten().any(|head| self.is_intact(at, bytes, head).unwrap_or(false))
+        })
     }
 
-    fn intact(&self, at: usize) -> Option<bool> {
-        let bytes = self.block.get(at..)?;
-        let head = Head::at(bytes).ok()?;
+    fn is_intact(&self, at: usize, bytes: &[u8], head: Head) -> Option<bool> {
         let told = bytes.get(..head.length())?.get(head.checked()..)?.first_chunk()?;
         let extra = Definitions::all().get(head.message)?.extra;
         // The magic is not summed up.
@@ -232,20 +258,48 @@ mod tests {
         for i in 0..250_u8 {
             let message = messages[usize::from(i) % messages.len()];
             let length = [9, 3, 28, 255][usize::from(i) % 4];
-            let mut frame = vec![0xfd, length, i & 1, 0, i, 1, 1, message as u8, 0, 0];
+            // Some have flags of the draft and not its header.
+            let flags = if i % 7 == 0 { i % 8 } else { i & 1 };
+            let mut frame = vec![0xfd, length, flags, 0, i, 1, 1, message as u8, 0, 0];
             frame.extend((0..length).map(|at| at.wrapping_mul(i)));
             let mut checksum = Checksum::new();
             checksum.add(&frame[1..]);
             let told = Definitions::all().get(message).map_or(7, |d| checksum.with(d.extra));
             block.extend(vec![i.wrapping_mul(37); usize::from(i % 5)]);
             block.extend(frame.into_iter().chain(told.to_le_bytes()));
-            block.extend(vec![0xfe; if i & 1 == 1 { SIGNATURE } else { 0 }]);
+            block.extend(vec![0xfe; if flags & 1 == 1 { SIGNATURE } else { 0 }]);
         }
         let finder = Finder::new(block.clone());
         let truth = |at: &usize| Frame::at(&block[*at..]).is_ok_and(|frame| frame.intact == Some(true));
         let found: Vec<usize> = (0..block.len()).filter(|at| finder.is_frame(*at)).collect();
         assert_eq!(found, (0..block.len()).filter(truth).collect::<Vec<_>>());
         assert!(found.len() >= 200, "{}", found.len());
+    }
+
+    /// Frames of COMMAND_LONG from system 42 or 10.0.0.1 to 7 or 10.0.0.2, the last one signed: from the tests of the draft.
+    const DRAFTED: [&str; 4] = [
+        "fd210400002a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa018df2",
+        "fd210200000100000a0b4c00000000803f0000004000004040000080400000a0400000c0400000e0402c0107fa019d0f",
+        "fd210600000100000a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa0140e5",
+        "fd210700000100000a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa01d03903e80300\
+         000000349dea1b799d",
+    ];
+
+    #[test]
+    fn a_frame_with_the_longer_header_of_the_draft_is_intact_and_its_flags_are_not_known() {
+        for text in DRAFTED {
+            let digit = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).unwrap();
+            let bytes: Vec<u8> = (0..text.len()).step_by(2).map(digit).collect();
+            let frame = Frame::at(&bytes).unwrap();
+            assert_eq!((frame.message, frame.component, frame.length), (76, 11, bytes.len()), "{text}");
+            assert_eq!((frame.intact, frame.unknown_flags), (Some(true), bytes[2] & !SIGNED));
+            assert!(Finder::new(bytes.clone()).is_frame(0));
+            for bit in 8..8 * (bytes.len() - if frame.is_signed { SIGNATURE } else { 0 }) {
+                let mut damaged = bytes.clone();
+                damaged[bit / 8] ^= 1 << (bit % 8);
+                assert_ne!(Frame::at(&damaged).map(|f| f.intact), Ok(Some(true)), "{text}: {bit}");
+            }
+        }
     }
 
     #[test]

@@ -19,22 +19,25 @@ pub(super) struct Recut {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Habit {
-    /// One frame needs zeros for its checksum to hold: when it was received, and that checksum.
+    /// One frame needs zeros for its checksum to hold: where it stands, and that checksum.
     Suspected(u64, u16),
     SendsZeros,
     LeavesZerosOut,
 }
 
 impl Recut {
-    /// Learns from a frame that was received at this time.
-    pub(super) fn learn(&mut self, sender: Sender, time_us: u64, frame: &Frame<'_>) {
+    /// Learns from a frame that stands at this place of its file.
+    pub(super) fn learn(&mut self, sender: Sender, at: u64, frame: &Frame<'_>) {
+        if frame.unknown_flags != 0 {
+            return;
+        }
         let known = self.senders.get(&sender).copied();
         let habit = match known {
             Some(Habit::LeavesZerosOut | Habit::SendsZeros) => return,
             _ if frame.is_shortened() => Habit::LeavesZerosOut,
             _ if frame.zeros_cut.is_none() => return,
-            None => Habit::Suspected(time_us, frame.told),
-            Some(Habit::Suspected(time, told)) if (time, told) == (time_us, frame.told) => return,
+            None => Habit::Suspected(at, frame.told),
+            Some(Habit::Suspected(place, told)) if (place, told) == (at, frame.told) => return,
             Some(_) => Habit::SendsZeros,
         };
         self.senders.insert(sender, habit);

@@ -4,7 +4,7 @@ use crate::decode::packed::text_of;
 use crate::format::dataflash::modes;
 use crate::format::dataflash::vehicle::Vehicle as ArduPilot;
 use crate::format::ulog::about::configured;
-use flight::{About, Clock, ConfiguredDelay};
+use flight::{About, Clock, ConfiguredDelay, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 
 /// Numbers of messages.
@@ -31,8 +31,10 @@ pub(super) fn is_autopilot(message: u32, payload: &[u8]) -> bool {
 const GROUND_STATION: u8 = 6;
 
 /// What an autopilot has told so far.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Vehicle {
+    /// Of the times at which messages came.
+    clock: Clock,
     /// Keeps what autopilots of all makes tell.
     kept: ArduPilot,
     autopilot: Option<u8>,
@@ -47,6 +49,21 @@ pub(super) struct Vehicle {
 }
 
 impl Vehicle {
+    /// A vehicle whose messages came at times of this clock.
+    pub(super) fn new(clock: Clock) -> Vehicle {
+        Vehicle {
+            clock,
+            kept: ArduPilot::default(),
+            autopilot: None,
+            system: None,
+            firmware: None,
+            board: None,
+            uid: None,
+            delays: BTreeMap::new(),
+            parts: BTreeMap::new(),
+        }
+    }
+
     /// Takes in a message; its payload is as long as its definition says.
     pub(super) fn tell(&mut self, message: u32, payload: &[u8], at_ns: i64) {
         match message {
@@ -99,7 +116,7 @@ impl Vehicle {
         let text = text_of(payload.get(1..=PART).unwrap_or_default());
         let id = payload.get(51..).and_then(<[u8]>::first_chunk).map_or(0, |two| u16::from_le_bytes(*two));
         if id == 0 {
-            return self.kept.message_at(&utc(at_ns), &text);
+            return self.kept.message_at(&self.time(at_ns), &text);
         }
         let room = self.parts.len() < MOST_PARTS || self.parts.contains_key(&id);
         if text.len() == PART && room {
@@ -107,14 +124,26 @@ impl Vehicle {
             return;
         }
         let begun = self.parts.remove(&id).unwrap_or_default();
-        self.kept.message_at(&utc(at_ns), &format!("{begun}{text}"));
+        self.kept.message_at(&self.time(at_ns), &format!("{begun}{text}"));
+    }
+
+    /// To the millisecond.
+    fn time(&self, at_ns: i64) -> String {
+        if self.clock != Clock::Unix {
+            if at_ns == 0 {
+                return "before any time is told".to_owned();
+            }
+            return format!("{:.3} s", at_ns as f64 / NANOS_PER_SECOND as f64);
+        }
+        let time = jiff::Timestamp::from_nanosecond(at_ns.into()).ok();
+        time.map_or_else(String::new, |time| time.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string())
     }
 
     pub(super) fn finish(self) -> About {
         let mut about = self.kept.finish();
         // Heartbeats have no time of their own: a mode begins when the log has it.
         for mode in &mut about.modes {
-            mode.clock = Clock::Unix;
+            mode.clock = self.clock;
         }
         about.system = about.system.or(self.system.map(str::to_owned));
         about.firmware = about.firmware.or(self.firmware);
@@ -123,12 +152,6 @@ impl Vehicle {
         about.configured_delays.extend(self.delays.into_values());
         about
     }
-}
-
-/// To the millisecond.
-fn utc(unix_ns: i64) -> String {
-    let time = jiff::Timestamp::from_nanosecond(unix_ns.into()).ok();
-    time.map_or_else(String::new, |time| time.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string())
 }
 
 /// Who lives, and in which mode.
@@ -240,7 +263,7 @@ mod tests {
     #[test]
     fn whole_parameters_are_floats_of_ardupilot_and_bits_of_px4() {
         let about = |autopilot, bits: [u8; 4], name| {
-            let mut vehicle = Vehicle::default();
+            let mut vehicle = Vehicle::new(Clock::Unix);
             vehicle.tell(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
             vehicle.tell(PARAM_VALUE, &parameter(name, bits, 6), 1);
             vehicle.finish().configured_delays[0].value_s
@@ -251,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_long_text_is_put_together_and_tells_of_the_firmware() {
-        let mut vehicle = Vehicle::default();
+        let mut vehicle = Vehicle::new(Clock::Unix);
         let part = |id: u16, text: &str| {
             let mut field = text.as_bytes().to_vec();
             field.resize(50, 0);
