@@ -358,6 +358,37 @@ fn two_boots_in_one_file_follow_one_another_and_the_restart_is_told() {
 }
 
 #[test]
+fn a_clock_that_goes_on_from_where_it_stepped_back_has_begun_anew_and_one_that_does_not_has_jumped() {
+    let run = |from_us: u64, count: u64| (0..count).map(move |i| from_us + 20_000 * i);
+    let (first, again) = (|| run(60_000_000, 100), |count| run(2_000_000, count));
+    let glitch = |few: u64| first().chain(again(few)).chain(run(62_000_000, 50)).collect::<Vec<_>>();
+    let line = |(i, us): (usize, &u64)| format!("ABC, {us}, {i}\n");
+    for text in [false, true] {
+        let log = |times: &[u64]| {
+            let begin = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 10, 15, ABC, Qf, TimeUS,V\n";
+            let lines: String = times.iter().enumerate().map(line).collect();
+            let packed: Vec<u8> = times.iter().zip(0_u16..).flat_map(|(us, i)| sample(*us, i.into())).collect();
+            let bytes =
+                if text { (begin.to_owned() + &lines).into_bytes() } else { [samples_begin(), packed].concat() };
+            read_bytes(READER, &bytes).unwrap()
+        };
+        // As after a second header, seconds are added: 61.98 s, ten later, on a whole second of the new clock.
+        let anew = log(&first().chain(again(50)).collect::<Vec<_>>());
+        assert_eq!(codes(&anew), ["clock-restart"], "{text}");
+        let times = numbers(&anew, "ABC", "TimeUS");
+        assert!(times.windows(2).all(|w| w[0] < w[1]));
+        assert_eq!((times[99], times[100], times[149] - times[100]), (61_980_000.0, 71_000_000.0, 980_000.0));
+        assert_eq!(numbers(&anew, "ABC", "V"), (0..150).map(f64::from).collect::<Vec<_>>());
+        // What does not last, or ends with the log before it could, stays as it stands.
+        for times in [glitch(1), glitch(8), first().chain(again(8)).collect()] {
+            let jump = log(&times);
+            assert_eq!(codes(&jump), ["clock-jump"], "{text}");
+            assert_eq!(numbers(&jump, "ABC", "TimeUS"), times.iter().map(|us| *us as f64).collect::<Vec<_>>());
+        }
+    }
+}
+
+#[test]
 fn a_clock_that_steps_back_is_told_and_mere_disorder_is_not() {
     let log = |times: &[u64]| {
         let samples: Vec<u8> = times.iter().flat_map(|t| sample(*t, 0.0)).collect();

@@ -2,7 +2,7 @@
 //!
 //! Nothing in it vouches for a record but what stands behind it: a record counts if another begins where it ends.
 
-use super::book::Book;
+use super::book::{Book, CONFIRMED_BY};
 use super::record::{FMT_ID, FMT_LENGTH, Format, HEADER, LONGEST_RECORD, SYNC};
 use crate::bytes::is_zero;
 use crate::error::IngestError;
@@ -21,6 +21,8 @@ const BLOCK: usize = 256 << 10;
 const PIECE: usize = 4 << 10;
 /// Bytes searched in one go: few, for where records and damage alternate every search is short.
 const STRETCH: usize = 4 << 10;
+/// Looked through for records behind one whose clock goes back, bytes.
+const AHEAD: usize = 4 << 10;
 /// Fetched with a record: it, and the start of the next.
 const TOGETHER: usize = LONGEST_RECORD + HEADER;
 
@@ -146,6 +148,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     }
 
     fn take(&mut self, length: usize) -> Result<(), IngestError> {
+        self.look_ahead(length)?;
         let bytes = self.file.bytes(self.at, length)?.unwrap_or_default();
         let id = bytes.get(HEADER - 1).copied().unwrap_or_default();
         match self.book.packed(id, bytes, HEADER) {
@@ -153,6 +156,24 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             Err(reason) => self.ledger.damaged(&self.name, self.at, length as u64, reason),
         }
         self.at += length as u64;
+        Ok(())
+    }
+
+    /// Where the clock goes back the records behind show whether it began anew.
+    fn look_ahead(&mut self, length: usize) -> Result<(), IngestError> {
+        let bytes = self.file.bytes(self.at, length)?.unwrap_or_default();
+        let id = bytes.get(HEADER - 1).copied().unwrap_or_default();
+        let time = self.book.time_of_record(id, bytes, HEADER);
+        let Some(raw_ns) = time.filter(|time| self.book.turns_back(*time)) else { return Ok(()) };
+        let mut rest = self.file.up_to(self.at, AHEAD)?.get(length..).unwrap_or_default();
+        let mut behind_ns = vec![];
+        while let (Some((&[first, second, id], _)), true) = (rest.split_first_chunk(), behind_ns.len() < CONFIRMED_BY) {
+            let known = self.book.format(id).filter(|_| [first, second] == SYNC).and_then(Format::usual_length);
+            let Some((record, next)) = known.and_then(|length| rest.split_at_checked(length)) else { break };
+            behind_ns.extend(self.book.time_of_record(id, record, HEADER));
+            rest = next;
+        }
+        self.book.begins_anew(raw_ns, &behind_ns);
         Ok(())
     }
 

@@ -22,6 +22,14 @@ const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
 const MOST_RESTARTS: usize = 10_000;
 /// A step back of the clock that is longer than this is no mere disorder, ns.
 const STEP_BACK_NS: i64 = NANOS_PER_SECOND;
+/// So many records in a row on both sides, behind one another in time on each, show that a clock that went back began anew.
+pub(super) const CONFIRMED_BY: usize = 8;
+/// Records follow one another within less, ns.
+const NEXT_NS: i64 = 10 * NANOS_PER_SECOND;
+/// A log begins so soon after its autopilot, ns.
+const BEGIN_NS: i64 = 30 * NANOS_PER_SECOND;
+/// Records follow one another within less where a counter begins anew of itself, ns.
+const WRAP_NS: i64 = 60 * NANOS_PER_SECOND;
 
 /// The types of a log; gives its records to the topics.
 pub(super) struct Book<'t, 'w> {
@@ -211,6 +219,39 @@ impl<'t, 'w> Book<'t, 'w> {
     /// The format of a type.
     pub(super) fn format(&self, id: u8) -> Option<&Format> {
         self.types.get(self.known(id)?).map(|t| &t.format)
+    }
+
+    /// What a binary record says of its time, ns; `bytes` with its header.
+    pub(super) fn time_of_record(&self, id: u8, bytes: &[u8], header: usize) -> Option<i64> {
+        let format = self.format(id)?;
+        format.time?.read(format, Body::Packed(bytes.get(header..)?))
+    }
+
+    /// What a line of text says of its time, ns: name and what follows its comma.
+    pub(super) fn time_of_line(&self, name: &str, values: &str) -> Option<i64> {
+        let format = &self.types.get(*self.by_name.get(name)?)?.format;
+        format.time?.read(format, Body::Line(values))
+    }
+
+    /// Whether the clock would go back by more than disorder, and not because a log begins.
+    pub(super) fn turns_back(&self, raw_ns: i64) -> bool {
+        !self.clock.begins && self.clock.turns_back(raw_ns)
+    }
+
+    /// Whether the clock has begun anew although no log begins, as where the begin of the second was lost: a record turns
+    /// back to nearly zero, and these are the times of those behind it. ArduPilot's clock never goes back while it runs; a
+    /// wrong time, on whichever side, and a few that come late, do not last.
+    pub(super) fn begins_anew(&mut self, raw_ns: i64, behind_ns: &[i64]) {
+        let goes_on = |pair: &[i64]| matches!(pair, [a, b] if (-STEP_BACK_NS..NEXT_NS).contains(&b.saturating_sub(*a)));
+        let all = [&[raw_ns], behind_ns].concat();
+        let lasts = behind_ns.len() >= CONFIRMED_BY && all.windows(2).all(goes_on);
+        let from_zero = (0..BEGIN_NS).contains(&raw_ns) && !self.clock.is_wrap(raw_ns);
+        let before = self.clock.latest();
+        let lasted = !before.is_empty() && before.windows(2).all(goes_on);
+        let apart = || before.iter().all(|before| all.iter().all(|ns| self.clock.is_back(*ns, *before)));
+        if from_zero && lasts && lasted && apart() {
+            self.clock.restarts();
+        }
     }
 
     /// A binary record of a known type; `bytes` with its header. Fails if it is damaged.
@@ -448,6 +489,9 @@ impl TimeField {
 #[derive(Debug, Default)]
 struct BootClock {
     last_ns: Option<i64>,
+    /// Stamps so far, and the last of them.
+    stamps: usize,
+    latest: [i64; CONFIRMED_BY],
     /// Added to what the log says since it began anew: a multiple of a second.
     offset_ns: i64,
     begins: bool,
@@ -460,6 +504,28 @@ impl BootClock {
     /// The next stamp may be of another boot.
     fn restarts(&mut self) {
         self.begins = true;
+    }
+
+    /// Whether a record with this time would go back by more than disorder.
+    fn turns_back(&self, raw_ns: i64) -> bool {
+        self.last_ns.is_some_and(|last_ns| self.is_back(raw_ns, last_ns))
+    }
+
+    fn is_back(&self, raw_ns: i64, from_ns: i64) -> bool {
+        raw_ns.saturating_add(self.offset_ns).saturating_add(STEP_BACK_NS) < from_ns
+    }
+
+    /// Whether a counter of 32 bits ends between the last record and one with this time.
+    fn is_wrap(&self, raw_ns: i64) -> bool {
+        let ends = [1000, 1_000_000].map(|tick_ns| tick_ns << 32);
+        let last_ns = self.last_ns.unwrap_or_default().saturating_sub(self.offset_ns);
+        ends.iter().any(|end| (0..WRAP_NS).contains(&(raw_ns + end).saturating_sub(last_ns)))
+    }
+
+    /// The last few stamps, the oldest first; none before there are so many.
+    fn latest(&self) -> Vec<i64> {
+        let (new, old) = self.latest.split_at(self.stamps % CONFIRMED_BY);
+        if self.stamps < CONFIRMED_BY { vec![] } else { [old, new].concat() }
     }
 
     /// The stamp of a record. One without a time of its own has that of the record before.
@@ -483,6 +549,10 @@ impl BootClock {
             self.back.add(|| format!("{file}, from {:.3} s to {:.3} s", seconds(last_ns), seconds(stamp)));
         }
         self.last_ns = Some(stamp);
+        if let Some(place) = self.latest.get_mut(self.stamps % CONFIRMED_BY) {
+            *place = stamp;
+        }
+        self.stamps += 1;
         stamp
     }
 }

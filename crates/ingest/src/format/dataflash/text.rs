@@ -1,6 +1,6 @@
 //! The walk over a text log, line by line: name and values between commas.
 
-use super::book::Book;
+use super::book::{Book, CONFIRMED_BY};
 use super::starts_a_log;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
@@ -10,6 +10,8 @@ use flight::{Notices, Severity};
 
 /// Bytes looked through for lines in one go.
 const BLOCK: usize = 256 << 10;
+/// Looked through for lines behind one whose clock goes back, bytes.
+const AHEAD: usize = 16 << 10;
 
 /// A walk in progress.
 pub(super) struct Walk<'w, 'c, 't, 's> {
@@ -60,15 +62,26 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 
     /// The whole lines of the next block; `false` if it holds none.
     fn lines(&mut self) -> Result<bool, IngestError> {
-        let longest = self.context.limits.line_bytes.max(1);
+        let (longest, size) = (self.context.limits.line_bytes.max(1), self.file.size());
         let mut block = self.file.up_to(self.at, BLOCK.min(longest))?;
         if memchr::memchr(b'\n', block).is_none() {
             block = self.file.up_to(self.at, longest)?;
         }
         let mut taken = 0;
+        let is_last = self.at + block.len() as u64 == size;
         for end in memchr::memchr_iter(b'\n', block) {
             let line = block.get(taken..end).unwrap_or_default();
             let length = (end + 1 - taken) as u64;
+            if let Some(raw_ns) = time_of(line, self.book).filter(|time| self.book.turns_back(*time)) {
+                let behind = block.get(end + 1..).unwrap_or_default();
+                if taken > 0 && behind.len() < AHEAD && !is_last {
+                    // What follows is in the next block.
+                    break;
+                }
+                let times = behind.split(|b| *b == b'\n').filter_map(|line| time_of(line, self.book));
+                let behind_ns: Vec<i64> = times.take(CONFIRMED_BY).collect();
+                self.book.begins_anew(raw_ns, &behind_ns);
+            }
             match fate_of(line, self.book) {
                 Ok(fate) => {
                     self.headless |= !self.begun && fate.is_some() && !starts_a_log(line);
@@ -96,6 +109,12 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         self.ledger.damaged(&self.name, start, self.at - start, reason);
         Ok(())
     }
+}
+
+/// What a line says of its time, ns.
+fn time_of(line: &[u8], book: &Book<'_, '_>) -> Option<i64> {
+    let (name, values) = std::str::from_utf8(line).ok()?.split_once(',')?;
+    book.time_of_line(name.trim(), values.trim_end())
 }
 
 /// What becomes of a line; `None` for an empty one.
