@@ -5,6 +5,7 @@ mod clocks;
 mod conditions;
 mod counted;
 mod dated;
+mod ecef;
 mod order;
 mod restarts;
 mod rows;

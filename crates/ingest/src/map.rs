@@ -126,6 +126,8 @@ pub(crate) enum Presence {
     Vertical,
     /// Still a channel if it has one of the other axes.
     Axis,
+    /// Nothing; but a row without it is one all the same where the first part is zero: what stands still goes nowhere.
+    Direction,
 }
 
 /// How parts, in SI units and in this order, become the components of a channel.
@@ -139,6 +141,10 @@ pub(crate) enum Combine {
     MagneticPolar,
     /// Forward, left, up, and the quaternion x, y, z, w that turns them to east, north, up.
     Body,
+    /// A place: x, y, z of the earth's own axes.
+    EcefPlace,
+    /// A velocity: x, y, z of the earth's own axes, and of the place where it is.
+    EcefVelocity,
     /// Quaternion w, x, y, z.
     Quaternion(AttitudeFrame),
     /// Roll, pitch, yaw: turns by yaw about the third axis, then pitch about the second, then roll about the first.
@@ -250,15 +256,17 @@ impl ChannelRule {
     fn requests_of<'r>(&'r self, topic: &'r TopicInfo) -> impl Iterator<Item = FieldRequest> + 'r {
         let number = |path: &String| FieldRequest { path: path.clone(), kind: ValueKind::Number };
         let require = self.require.iter().filter(|r| r.of.contains(&topic.name));
-        require.flat_map(move |r| [Some(&r.field), r.same.as_ref()].into_iter().flatten().map(number))
+        require.flat_map(move |r| std::iter::once(&r.field).chain(r.same.all()).map(number))
     }
 
     /// What is to be decoded for it.
     pub(crate) fn requests(&self) -> impl Iterator<Item = FieldRequest> {
         let number = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
         let parts = self.parts.iter().flat_map(|p| &p.fields).map(move |(path, _)| number(path));
-        let require =
-            self.require.iter().filter_map(|r| if r.of.is_empty() { Some(&r.field) } else { r.same.as_ref() });
+        let require = self
+            .require
+            .iter()
+            .flat_map(|r| if r.of.is_empty() { std::slice::from_ref(&r.field) } else { r.same.all() });
         let require = require.map(move |path| number(path));
         let times = self.times.iter().flat_map(|(_, sources)| sources).flat_map(TimeSource::requests);
         parts.chain(require).chain(times)
@@ -543,7 +551,7 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
         if require.min.is_none() && require.max.is_none() {
             return Err(format!("require {}: neither min nor max", require.field));
         }
-        if require.of.is_empty() != require.same.is_none() {
+        if require.of.is_empty() != require.same.all().is_empty() {
             return Err(format!("require {}: `of` goes with `same`", require.field));
         }
     }
@@ -606,8 +614,13 @@ fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> R
         presence: Presence::Vertical,
         ..either(slot("down", dimension, &f.down), slot("up", dimension, &f.up))
     };
+    let track = || Slot { presence: Presence::Direction, ..slot("track", Angle, &f.track) };
     let east = |dimension| either(slot("east", dimension, &f.east), slot("west", dimension, &f.west));
     let (combine, slots): (Combine, Vec<Slot<'_>>) = match quantity {
+        QuantityName::PositionGeodetic if frame == Some(FrameName::Ecef) => {
+            (Combine::EcefPlace, vec![slot("x", Length, &f.x), slot("y", Length, &f.y), slot("z", Length, &f.z)])
+        }
+        QuantityName::VelocityNed if frame == Some(FrameName::Ecef) => (Combine::EcefVelocity, ecef_velocity(f)),
         QuantityName::PositionGeodetic => {
             let height = Slot { presence: Presence::Vertical, ..slot("height", Length, &f.height) };
             let places = [slot("latitude", Angle, &f.latitude), slot("longitude", Angle, &f.longitude), height];
@@ -623,11 +636,11 @@ fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> R
         }
         QuantityName::VelocityNed if f.forward.is_some() => (Combine::Body, body_velocity(f)),
         QuantityName::VelocityNed if f.variation.is_some() => {
-            let (speed, track) = (slot("speed", Speed, &f.speed), slot("track", Angle, &f.track));
-            (Combine::MagneticPolar, vec![speed, track, slot("variation", Angle, &f.variation), vertical(Speed)])
+            let (speed, variation) = (slot("speed", Speed, &f.speed), slot("variation", Angle, &f.variation));
+            (Combine::MagneticPolar, vec![speed, track(), variation, vertical(Speed)])
         }
         QuantityName::VelocityNed if f.speed.is_some() => {
-            (Combine::Polar, vec![slot("speed", Speed, &f.speed), slot("track", Angle, &f.track), vertical(Speed)])
+            (Combine::Polar, vec![slot("speed", Speed, &f.speed), track(), vertical(Speed)])
         }
         QuantityName::VelocityNed => {
             (Combine::AsIs, vec![slot("north", Speed, &f.north), east(Speed), vertical(Speed)])
@@ -644,6 +657,18 @@ fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> R
     no_other_fields(f, &slots)?;
     let parts: Result<Vec<Part>, String> = slots.iter().map(part).collect();
     Ok((combine, parts?))
+}
+
+fn ecef_velocity(f: &FieldTable) -> Vec<Slot<'_>> {
+    use Dimension::{Length, Speed};
+    vec![
+        slot("x", Speed, &f.x),
+        slot("y", Speed, &f.y),
+        slot("z", Speed, &f.z),
+        slot("at_x", Length, &f.at_x),
+        slot("at_y", Length, &f.at_y),
+        slot("at_z", Length, &f.at_z),
+    ]
 }
 
 fn body_velocity(f: &FieldTable) -> Vec<Slot<'_>> {
@@ -706,7 +731,7 @@ fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> 
 
 /// A field that the recipe does not use is a mistake of the author.
 fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
-    let all: [(&str, &Option<OneOrMore>); 28] = [
+    let all: [(&str, &Option<OneOrMore>); 31] = [
         ("latitude", &f.latitude),
         ("longitude", &f.longitude),
         ("height", &f.height),
@@ -724,6 +749,9 @@ fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
         ("x", &f.x),
         ("y", &f.y),
         ("z", &f.z),
+        ("at_x", &f.at_x),
+        ("at_y", &f.at_y),
+        ("at_z", &f.at_z),
         ("roll", &f.roll),
         ("pitch", &f.pitch),
         ("yaw", &f.yaw),
@@ -743,7 +771,7 @@ fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
 fn part(slot: &Slot<'_>) -> Result<Part, String> {
     let role = slot.role;
     let entries = match slot.written {
-        None if slot.presence != Presence::Required => vec![],
+        None if matches!(slot.presence, Presence::Vertical | Presence::Axis) => vec![],
         None => return Err(format!("the field {role} is missing")),
         Some(OneOrMore::One(entry)) => vec![entry.clone()],
         Some(OneOrMore::More(entries)) => entries.clone(),

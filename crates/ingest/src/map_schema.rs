@@ -185,11 +185,12 @@ pub(crate) enum KindName {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum QuantityName {
-    /// `latitude`, `longitude` and perhaps `height`.
+    /// `latitude`, `longitude` and perhaps `height`; or `x`, `y`, `z` with the frame `ecef`.
     PositionGeodetic,
     /// `north`, `east` or `west`, and perhaps `down` or `up`.
     PositionNed,
-    /// `north`, `east`; or `speed`, `track` and perhaps `variation`; or `forward`, `left`, `up` and the orientation.
+    /// `north`, `east`; or `speed`, `track` and perhaps `variation`; or `forward`, `left`, `up` and the orientation;
+    /// or `x`, `y`, `z` with the frame `ecef` and the place `at_x`, `at_y`, `at_z`.
     VelocityNed,
     /// `height`.
     Height,
@@ -229,6 +230,8 @@ pub(crate) enum FrameName {
     FluNwu,
     /// Of an attitude: it turns forward, left, up to north, east, down.
     FluNed,
+    /// Of a place or a velocity: earth-centred, earth-fixed (WGS-84).
+    Ecef,
 }
 
 /// What a height is above.
@@ -337,6 +340,12 @@ pub(crate) struct FieldTable {
     pub(crate) y: Option<OneOrMore>,
     /// Along or about the third axis of `frame`.
     pub(crate) z: Option<OneOrMore>,
+    /// With a velocity in the frame `ecef`: where it is, along the first axis.
+    pub(crate) at_x: Option<OneOrMore>,
+    /// Where it is, along the second axis.
+    pub(crate) at_y: Option<OneOrMore>,
+    /// Where it is, along the third axis.
+    pub(crate) at_z: Option<OneOrMore>,
     /// About the first axis of `frame`, last of the three turns (3-2-1).
     pub(crate) roll: Option<OneOrMore>,
     /// About the second axis of `frame`, second of the three turns.
@@ -383,7 +392,7 @@ pub(crate) struct FieldEntry {
 }
 
 /// A condition on a row; rows that fail it are counted and not used. A field that the log does not have is no obstacle, and
-/// neither is an epoch that the other topics do not have.
+/// neither is an epoch that the other topics do not have. Of several messages of one epoch all must fulfil it.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RequireEntry {
@@ -392,12 +401,39 @@ pub(crate) struct RequireEntry {
     /// Topics that have it in a message of the same epoch, instead of the row itself.
     #[serde(default)]
     pub(crate) of: Vec<String>,
-    /// With other topics: the field that numbers the epochs, here and there.
-    pub(crate) same: Option<String>,
+    /// With other topics: the fields that number the epochs, here and there: one, or several that do it together, as a week
+    /// and the time in it.
+    #[serde(default)]
+    pub(crate) same: FieldNames,
     /// Its least value.
     pub(crate) min: Option<f64>,
     /// Its largest value.
     pub(crate) max: Option<f64>,
+}
+
+/// One field, or several that mean something together.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum FieldNames {
+    /// None.
+    #[default]
+    #[serde(skip)]
+    None,
+    /// One.
+    One(String),
+    /// Several.
+    More(Vec<String>),
+}
+
+impl FieldNames {
+    /// The fields.
+    pub(crate) fn all(&self) -> &[String] {
+        match self {
+            FieldNames::None => &[],
+            FieldNames::One(field) => std::slice::from_ref(field),
+            FieldNames::More(fields) => fields,
+        }
+    }
 }
 
 impl RequireEntry {

@@ -35,13 +35,20 @@ pub(super) fn conditions<'a>(require: &'a [RequireEntry], table: &'a Table, log:
     conditions
 }
 
-/// The field in the rows of `other` that have the number of the epoch that each row of `table` has.
+/// The field in the rows of `other` that have the numbers of the epoch that each row of `table` has. Where several have
+/// them, one that fails the condition speaks for all: which of them is of the row nobody can tell.
 fn same_epoch(entry: &RequireEntry, table: &Table, other: &Table) -> Option<Vec<Option<f64>>> {
-    let epoch = entry.same.as_ref()?;
-    let (here, there, field) = (numbers(table, epoch)?, numbers(other, epoch)?, numbers(other, &entry.field)?);
-    let said: HashMap<i64, f64> =
-        (0..other.rows).filter_map(|row| Some((there.integer(row)?, field.number(row)?))).collect();
-    Some((0..table.rows).map(|row| said.get(&here.integer(row)?).copied()).collect())
+    let epochs = |table| entry.same.all().iter().map(|field| numbers(table, field)).collect::<Option<Vec<_>>>();
+    let (here, there, field) = (epochs(table)?, epochs(other)?, numbers(other, &entry.field)?);
+    let epoch = |columns: &[&Column], row| columns.iter().map(|c| c.integer(row)).collect::<Option<Vec<i64>>>();
+    let mut said: HashMap<Vec<i64>, f64> = HashMap::new();
+    for (epoch, value) in (0..other.rows).filter_map(|row| epoch(&there, row).zip(field.number(row))) {
+        let told = said.entry(epoch).or_insert(value);
+        if entry.met_by(*told) {
+            *told = value;
+        }
+    }
+    Some((0..table.rows).map(|row| said.get(&epoch(&here, row)?).copied()).collect())
 }
 
 impl Condition<'_> {

@@ -2,10 +2,11 @@
 
 use super::attitude::{from_euler, from_quaternion, rotate};
 use super::conditions::failed;
+use super::ecef;
 use super::order::{self, FAR_NS, Sample};
 use super::stamps::Stamps;
 use super::trial::{Found, Plan};
-use crate::map::{ChannelRule, Combine, Presence};
+use crate::map::{ChannelRule, Combine, Part, Presence};
 use crate::map_schema::HeightAbove;
 use crate::stamps::{StampStats, distribution};
 use crate::time::suspicion;
@@ -97,7 +98,8 @@ fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, n
 /// A height or vertical speed that most rows lack is left out whole, so that it does not cost the rows.
 fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Option<&'p Found<'p>>> {
     let rows_with_others = |row: usize| {
-        let others = plan.columns.iter().zip(&plan.rule.parts).filter(|(_, part)| part.presence != Presence::Vertical);
+        let needed = |part: &Part| !matches!(part.presence, Presence::Vertical | Presence::Direction);
+        let others = plan.columns.iter().zip(&plan.rule.parts).filter(|(_, part)| needed(part));
         others.filter_map(|(found, _)| found.as_ref()).all(|f| f.column.number(row).is_some())
     };
     let whole = (0..plan.table.rows).filter(|&row| rows_with_others(row)).count();
@@ -164,11 +166,10 @@ fn values_of(rule: &ChannelRule, columns: &[Option<&Found<'_>>], row: usize) -> 
     }
     let mut values = Vec::with_capacity(columns.len());
     for (found, part) in columns.iter().zip(&rule.parts) {
-        let Some(found) = found else {
-            values.push(0.0);
+        let Some((found, value)) = found.and_then(|found| Some((found, found.column.number(row)?))) else {
+            values.push(instead(part, *found, &values)?);
             continue;
         };
-        let value = found.column.number(row).ok_or_else(|| format!("{} is missing", found.column.path))?;
         if !value.is_finite() {
             return Err(format!("{} is not finite", found.column.path));
         }
@@ -178,6 +179,16 @@ fn values_of(rule: &ChannelRule, columns: &[Option<&Found<'_>>], row: usize) -> 
     Ok(values)
 }
 
+/// What stands for a part that a row does not have, behind the parts before it; fails if nothing can.
+fn instead(part: &Part, found: Option<&Found<'_>>, before: &[f64]) -> Result<f64, String> {
+    match (part.presence, found, before.first()) {
+        (Presence::Direction, _, Some(0.0)) => Ok(0.0),
+        (Presence::Direction, ..) => Err(format!("{} is missing, and the speed is not zero", part.role)),
+        (_, Some(found), _) => Err(format!("{} is missing", found.column.path)),
+        (_, None, _) => Ok(0.0),
+    }
+}
+
 /// The components of a channel from the parts; see [`Combine`].
 fn combine(how: Combine, parts: &[f64]) -> Result<[f64; 4], String> {
     Ok(match (how, parts) {
@@ -185,6 +196,14 @@ fn combine(how: Combine, parts: &[f64]) -> Result<[f64; 4], String> {
         (Combine::MagneticPolar, &[speed, track, variation, down]) => {
             let (sin, cos) = (track + variation).sin_cos();
             [speed * cos, speed * sin, down, 0.0]
+        }
+        (Combine::EcefPlace, &[x, y, z]) => {
+            let place = ecef::place([x, y, z])?;
+            [place.latitude, place.longitude, place.height, 0.0]
+        }
+        (Combine::EcefVelocity, &[x, y, z, at_x, at_y, at_z]) => {
+            let [north, east, down] = ecef::to_ned(ecef::place([at_x, at_y, at_z])?, [x, y, z]);
+            [north, east, down, 0.0]
         }
         (Combine::Body, &[forward, left, up, x, y, z, w]) => {
             let turned = rotate([x, y, z, w], [forward, left, up]);

@@ -232,7 +232,7 @@ fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distanc
     let mut columns = vec![];
     for part in &rule.parts {
         let found = find_part(part, table);
-        if found.is_none() && part.presence == Presence::Required {
+        if found.is_none() && is_needed(part, rule) {
             return Err(missing(part));
         }
         columns.push(found);
@@ -256,6 +256,16 @@ fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
         let column = numbers(table, path)?;
         (0..table.rows).any(|row| column.number(row).is_some()).then_some(Found { column, unit: *unit })
     })
+}
+
+/// Whether a channel is nothing without a part that the table does not have. What is known by its name may have stood still
+/// all the time; of any other table a speed alone does not say that it is one.
+fn is_needed(part: &Part, rule: &ChannelRule) -> bool {
+    match part.presence {
+        Presence::Required => true,
+        Presence::Direction => rule.specificity() == Specificity::AnyTable,
+        Presence::Vertical | Presence::Axis => false,
+    }
 }
 
 /// The stamps that the log holds, the wanted kind first. Where it is missing the nearest other kind

@@ -5,7 +5,8 @@
 //!
 //! In front of the fields of a message stand `gps_week`, the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or else the first
 //! behind it (0 if none did), and `fix_ok`; in front of NAV-HPPOSLLH also `latitude`, `longitude` and `ellipsoid_height`
-//! of all its digits. A receiver's own output has no time at which it was logged.
+//! of all its digits, and in front of TIM-TP and TIM-TM2 `gps_tow_ms`, which with `gps_week` is the GPS time of a pulse that
+//! the message may count in UTC. A receiver's own output has no time at which it was logged.
 //!
 //! Layouts are a table and not those of the `ublox` crate: its accessors scale and clip each field, and one conversion
 //! by hand for each message would stand between it and the columns. The table goes into columns as it is.
@@ -385,6 +386,17 @@ impl<'b, 't> Content<'b, 't> {
             };
             let text = format!("{text}; the first: {}", self.early.first);
             notices.push(Severity::Info, "undated", "", self.early.count, text);
+        }
+        let velecef = message::numbers_of("NAV-VELECEF");
+        let others = ["NAV-SOL", "NAV-PVT", "NAV-VELNED", "HNR-PVT"].map(message::numbers_of);
+        let has = |key: &Option<(u8, u8)>| key.is_some_and(|key| self.routes.contains_key(&key));
+        if has(&velecef) && !others.iter().any(has) {
+            let text = "the velocity is in the earth's own axes alone (NAV-VELECEF): no channel map binds it, for it does not \
+                        say where it is";
+            notices.push(Severity::Warning, "unbound-velocity", "NAV-VELECEF", 1, text);
+        }
+        if let Some((text, dates)) = self.receiver.suspicion() {
+            notices.push(Severity::Warning, "week-suspect", "", dates, text);
         }
         log.health.about.receivers = self.receiver.names;
         (self.receiver.weeks, self.sentences.finish(log, notices))

@@ -1,6 +1,7 @@
 //! Two clocks that should agree and are off by a telling amount.
 
-use flight::{Distribution, Stamp, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s};
+use super::week::{counts_early, weeks_of};
+use flight::{Distribution, NANOS_PER_SECOND, Stamp, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s, gps_of_unix};
 
 /// A whole number of seconds with a driver's delay on top.
 const SLACK_S: f64 = 0.5;
@@ -17,6 +18,7 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     let near = |whole: i64, slack: f64| whole != 0 && (size - whole as f64).abs() <= slack;
     let steady = offset.p99 - offset.p01 <= 2.0 * EXACT_S;
     let quarters = (size / QUARTER_S).round();
+    let counts = (size / (weeks_of(1) * WEEK_S) as f64).round() as i64;
     let text = if near(leaps, SLACK_S) {
         format!("one of them seems to count GPS time: leap seconds ({leaps}) left out or applied twice")
     } else if near(2 * leaps, SLACK_S) {
@@ -25,8 +27,13 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
         "one of them seems to count atomic time (TAI)".to_owned()
     } else if steady && (near(1, EXACT_S) || near(2, EXACT_S)) {
         "one of them may have an outdated number of leap seconds".to_owned()
-    } else if near(WEEK_S, QUARTER_S) || near(1024 * WEEK_S, QUARTER_S) {
+    } else if near(WEEK_S, QUARTER_S) {
         "one of them seems to have a wrong GPS week".to_owned()
+    } else if near(counts * weeks_of(1) * WEEK_S, QUARTER_S) {
+        format!(
+            "one of them seems to have a wrong GPS week, {} weeks off: its count of ten bits began anew",
+            weeks_of(counts)
+        )
     } else if quarters >= 1.0 && size <= FARTHEST_ZONE_S + QUARTER_S && (size - quarters * QUARTER_S).abs() <= SLACK_S {
         format!("one of them seems to be local time, {} h away", quarters / 4.0)
     } else {
@@ -35,9 +42,51 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     Some(format!("the clocks differ by {:.3} s: {text}", offset.median))
 }
 
+/// The first day on which a receiver can have said something, and why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Since {
+    /// GPS week.
+    pub(crate) week: i64,
+    pub(crate) why: &'static str,
+}
+
+/// What a date looks like that a receiver has put into its messages before it can have: a counter of GPS weeks of ten bits
+/// begins anew every 1024 weeks, and a receiver that does not know of the last time is 19.6 years behind.
+pub(crate) fn early(unix: Stamp, since: Since) -> Option<String> {
+    const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
+    let gps = gps_of_unix(unix)?;
+    let week = gps.0.div_euclid(WEEK_NS);
+    if week >= since.week {
+        return None;
+    }
+    let date =
+        |unix: Stamp| jiff::Timestamp::from_nanosecond(unix.0.into()).ok().map(|t| t.strftime("%Y-%m-%d").to_string());
+    let guess = counts_early(week, since.week).and_then(|counts| {
+        // The day, whatever leap seconds came between.
+        let later = Stamp(unix.0.checked_add(weeks_of(counts) * WEEK_NS)?);
+        Some(format!("its count of GPS weeks, of ten bits, may have begun anew: then it is {}", date(later)?))
+    });
+    let guess = guess.unwrap_or_else(|| "its date is wrong".to_owned());
+    Some(format!("the receiver says {}, but {}; {guess}. The dates are left as they stand", date(unix)?, since.why))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_date_before_a_receiver_can_have_been_is_suspected_with_the_day_that_it_may_mean() {
+        let since = Since { week: 1691, why: "it is younger" };
+        let said = |unix_s: i64| early(Stamp(unix_s * NANOS_PER_SECOND), since);
+        // date -u -d '2003-09-07T12:00:00Z' +%s; 7168 days later is 2023-04-23.
+        assert_eq!(
+            said(1_062_936_000).unwrap(),
+            "the receiver says 2003-09-07, but it is younger; its count of GPS weeks, of ten bits, may have begun anew: then \
+             it is 2023-04-23. The dates are left as they stand"
+        );
+        assert!(said(1_325_376_000).unwrap().contains("its date is wrong"));
+        assert_eq!(said(1_338_768_000), None);
+    }
 
     fn told(offset_s: f64) -> Option<String> {
         let d = Distribution {
@@ -63,7 +112,8 @@ mod tests {
             (-19_800.0, "local time, 5.5 h"),
             (1.01, "outdated"),
             (604_800.2, "GPS week"),
-            (-619_315_200.0, "GPS week"),
+            (-619_315_200.0, "1024 weeks off"),
+            (1_238_630_401.0, "2048 weeks off"),
         ] {
             let text = told(offset).unwrap_or_default();
             assert!(text.contains(word), "{offset}: {text}");

@@ -69,6 +69,18 @@ impl WeekCount {
     }
 }
 
+/// How many counts of ten bits a week is early that cannot be before `first`; `None` if it is not before, or if no number of
+/// them brings it to a week that a counter can mean.
+pub(crate) fn counts_early(week: i64, first: i64) -> Option<i64> {
+    let counts = (first - week + ROLLOVER - 1).div_euclid(ROLLOVER);
+    (counts > 0 && week + counts * ROLLOVER <= LATEST).then_some(counts)
+}
+
+/// Weeks in so many counts of ten bits.
+pub(crate) fn weeks_of(counts: i64) -> i64 {
+    counts * ROLLOVER
+}
+
 /// Puts epochs that are a week off back to their place, and says how many. At midnight from Saturday to Sunday a
 /// receiver may give the new time of week with the old week, or the other way round, for some epochs
 /// (ArduPilot#31914). The week that most epochs agree on is the right one; of two equally frequent the later.
@@ -131,6 +143,23 @@ mod tests {
         }
         // A full week is none of its business.
         assert_eq!(WeekCount::of([1924].into_iter(), Some(2900)).week(1924), Some(Week::Full(1924)));
+    }
+
+    #[test]
+    fn a_week_that_cannot_be_is_early_by_whole_counts_that_bring_it_to_one_that_can() {
+        // 2002-09-15, 2022-05-01 and 2012-06-03 are the begins of weeks 1184, 2208 and 1691.
+        for (week, first, counts) in [
+            (1184, 1691, Some(1)),
+            (160, 1691, Some(2)),
+            (1690, 1691, None),
+            (1691, 1691, None),
+            (2208, 1691, None),
+            (1473, 1691, Some(1)),
+            (1474, 1691, None),
+            (1000, 1024, Some(1)),
+        ] {
+            assert_eq!(counts_early(week, first), counts, "{week}");
+        }
     }
 
     #[test]

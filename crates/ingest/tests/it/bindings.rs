@@ -249,8 +249,9 @@ fn marks_and_pulses_of_a_receiver_are_stamped_in_its_own_time_to_the_nanosecond(
         let weeks = [40 + n as u16, WEEK, WEEK].map(u16::to_le_bytes).concat();
         ubx_frame(0x0d, 3, &[&[0, 0xc8][..], &weeks, &times, &[0; 4]].concat())
     };
+    // Of a receiver that counts pulses in UTC, as its flags say: 18 leap seconds behind.
     let pulse = |n: u32| {
-        let times = [561_600_000 + 1000 * n, 0, 0].map(u32::to_le_bytes).concat();
+        let times = [561_582_000 + 1000 * n, 0, 0].map(u32::to_le_bytes).concat();
         ubx_frame(0x0d, 1, &[&times[..], &WEEK.to_le_bytes(), &[3, 0]].concat())
     };
     let loaded = load_as(LogKind::Ubx, &(0..5).flat_map(|n| [pulse(n), mark(n)].concat()).collect::<Vec<u8>>());
@@ -263,7 +264,7 @@ fn marks_and_pulses_of_a_receiver_are_stamped_in_its_own_time_to_the_nanosecond(
     );
     assert_eq!(series("pps.time-mark").component(0), [40.0, 41.0, 42.0, 43.0, 44.0]);
     assert_eq!(stamps("pps.receiver"), (0..5).map(|n| (start + 1000 * n) * 1_000_000).collect::<Vec<_>>());
-    assert_eq!(series("pps.receiver").component(0)[0], 561_600.0);
+    assert_eq!(series("pps.receiver").component(0)[0], 561_582.0);
 }
 
 /// A message of NovAtel with its checksum: the CRC-32 of IEEE 802.3 without its first and last inversion.

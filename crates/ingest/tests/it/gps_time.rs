@@ -377,6 +377,50 @@ fn sentences_are_dated_over_midnight_and_a_date_of_another_age_is_suspected() {
     }
 }
 
+#[test]
+fn a_date_before_a_receiver_can_have_been_is_suspected_aloud_and_left_as_it_is() {
+    let library = MapLibrary::shipped().unwrap();
+    let sealed = |body: String| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, byte| sum ^ byte));
+    let nmea = |talker: &str, date: &str, end: &str| {
+        let line =
+            |s: u32| sealed(format!("{talker}RMC,1200{s:02},A,4807.038,N,01131.0{s:02},E,9.0,90.0,{date},,{end}"));
+        (0..20).map(line).collect::<String>().into_bytes()
+    };
+    let utc = |loaded: &ingest::Loaded| loaded.flight.channels["position.gps"].series.timeline().first().unwrap().0 / S;
+    // date -u -d 'YYYY-MM-DDT12:00:00Z' +%s; 7168 days later is 2023-04-23.
+    for (bytes, meant, unix_s) in [
+        // The navigational status of NMEA 4.10, talkers of Galileo and BeiDou.
+        (nmea("GN", "070903", ",A,V"), Some("2023-04-23"), 1_062_936_000),
+        (nmea("GA", "070903", ""), Some("2023-04-23"), 1_062_936_000),
+        // Of an older receiver nobody can know, unless the log is older than any that is read.
+        (nmea("GP", "070903", ",A"), None, 1_062_936_000),
+        (nmea("GP", "070903", ",,V"), None, 1_062_936_000),
+        (nmea("GP", "070990", ",A"), Some("2010-04-23"), 652_708_800),
+        (nmea("GN", "230423", ",A,V"), None, 1_682_251_200),
+    ] {
+        let loaded = load_as(LogKind::Nmea, &bytes, &library, None);
+        let told = loaded.flight.notices.iter().find(|n| n.code == "week-suspect");
+        assert_eq!(told.map(|n| n.count), meant.map(|_| 20), "{:?}", loaded.flight.notices);
+        assert!(told.zip(meant).is_none_or(|(n, meant)| n.text.contains(meant)), "{told:?}");
+        assert_eq!(utc(&loaded), unix_s);
+    }
+    let pvt = |year: u16| -> Vec<u8> {
+        let frame = |row: u32| {
+            let mut payload = [&(43_200_000 + 200 * row).to_le_bytes()[..], &year.to_le_bytes()].concat();
+            payload.extend([9, 7, 12, 0, (row / 5) as u8, 7, 0, 0, 0, 0, 0, 0, 0, 0, 3, 1, 0, 9]);
+            payload.extend([85_455_940, 473_977_420 + row as i32, 5, 5].map(i32::to_le_bytes).concat());
+            payload.resize(92, 0);
+            ubx_frame(1, 7, &payload)
+        };
+        (0..20).flat_map(frame).collect()
+    };
+    for (year, meant) in [(2003, Some("2023-04-23")), (2025, None)] {
+        let loaded = load_as(LogKind::Ubx, &pvt(year), &library, None);
+        let told = loaded.flight.notices.iter().find(|n| n.code == "week-suspect");
+        assert_eq!(told.map(|n| n.text.contains(meant.unwrap())), meant.map(|_| true), "{:?}", loaded.flight.notices);
+    }
+}
+
 /// A boot of a vehicle in a DataFlash log: one epoch each 0.2 s from `boot_ms` on, the first at this time of week.
 fn boot(from_ms: i64, week_ms: i64, fix: u8) -> Vec<u8> {
     let mut all = epochs(2313, week_ms, |_, w| w);
@@ -402,6 +446,22 @@ fn each_boot_in_a_dataflash_log_is_dated_by_its_own_epochs() {
         assert_told(&loaded, "boots", &[("restart-dated", 1), ("utc-outlier", 0), ("restart-undated", 0)], 1);
         assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
     }
+}
+
+#[test]
+fn a_boot_in_a_dataflash_log_whose_begin_is_lost_is_dated_by_its_own_epochs_too() {
+    let library = MapLibrary::shipped().unwrap();
+    const FIRST_MS: i64 = 300_000_000;
+    let later_ms = FIRST_MS + 240_000;
+    let headless = boot(3000, later_ms, 3)[dataflash_from(0, &[]).len()..].to_vec();
+    let loaded = load_as(LogKind::DataFlash, &[boot(BOOT_MS, FIRST_MS, 3), headless].concat(), &library, None);
+    let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
+    let utc: Vec<i64> = stamps.iter().map(|s| loaded.flight.unix(Clock::Boot, *s).unwrap().0).collect();
+    let truth = [FIRST_MS, later_ms].map(|ms| (0..ROWS).map(move |row| unix_ns((2313, ms), row)));
+    assert_eq!(utc, truth.into_iter().flatten().collect::<Vec<_>>());
+    let told = [("restart-dated", 1), ("clock-restart", 1), ("clock-jump", 0), ("utc-outlier", 0)];
+    assert_told(&loaded, "boots", &told, 1);
+    assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
 }
 
 #[test]

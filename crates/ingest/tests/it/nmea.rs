@@ -93,6 +93,61 @@ fn a_slow_epoch_has_a_position_and_no_velocity() {
     assert_eq!(loaded.flight.channels["position.gps"].series.component(2)[0], 5.4 + 46.9);
 }
 
+/// RMC and VTG of twenty seconds at these speeds, none with a track.
+fn load_trackless(speed: impl Fn(usize) -> &'static str) -> ingest::Loaded {
+    let lines = |second: usize| {
+        let (at, minute, speed) = (format!("1200{second:02}"), format!("01131.0{second:02}"), speed(second));
+        [
+            sealed(&format!("GPRMC,{at},A,4807.038,N,{minute},E,{speed},,211126,,")),
+            sealed(&format!("GPVTG,,T,,M,{speed},N,0.0,K")),
+        ]
+        .join("\r\n")
+    };
+    let (_folder, path) = file("f.nmea", (0..20).map(lines).collect::<Vec<_>>().join("\r\n").as_bytes());
+    load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap()
+}
+
+#[test]
+fn what_stands_still_needs_no_track_to_have_a_velocity() {
+    // A receiver on the ground, which does not make up a track (Garmin, u-blox).
+    let parked = load_trackless(|_| "0.00");
+    for name in ["velocity.gps", "velocity.vtg"] {
+        let series = &parked.flight.channels[name].series;
+        assert_eq!((series.len(), series.component(0)[19], series.component(1)[0]), (20, 0.0, 0.0), "{name}");
+    }
+    // One that moves, and never says where to, in some rows or in all.
+    for moving in [3, 20] {
+        let loaded = load_trackless(|second| if second < moving { "1.5" } else { "0.0" });
+        let length = |name: &str| loaded.flight.channels.get(name).map(|c| c.series.len());
+        let still = Some(20 - moving).filter(|rows| *rows > 0);
+        assert_eq!((length("position.gps"), length("velocity.gps"), length("velocity.vtg")), (Some(20), still, still));
+        let told = |n: &&flight::Notice| n.text.contains("track is missing, and the speed is not zero");
+        let counts: Vec<u64> = loaded.flight.notices.iter().filter(told).map(|n| n.count).collect();
+        assert_eq!(counts, [moving as u64; 2]);
+    }
+}
+
+#[test]
+fn what_its_own_mode_says_is_not_valid_is_not_used() {
+    // NMEA 2.3 and above: the last field of VTG, the sixth of GNS with a letter for each system.
+    let lines = |second: u32| {
+        let (at, mode, modes) = if second < 4 { (0, "N", "NN") } else { (second, "A", "AN") };
+        [
+            sealed(&format!("GNRMC,1200{second:02},A,4807.038,N,01131.0{at:02},E,1.0,90.0,211126,,")),
+            sealed(&format!("GNVTG,0.00,T,,M,0.00,N,0.00,K,{mode}")),
+            sealed(&format!("GNGNS,1200{second:02},4807.038,N,01131.0{at:02},E,{modes},09,0.9,5.4,46.9,,")),
+        ]
+        .join("\r\n")
+    };
+    let (_folder, path) = file("f.nmea", (0..20).map(lines).collect::<Vec<_>>().join("\r\n").as_bytes());
+    let loaded = load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap();
+    for name in ["position.gps", "velocity.vtg"] {
+        assert_eq!(loaded.flight.channels[name].series.len(), 16, "{name}");
+        let health = loaded.binding.as_ref().unwrap().channels.iter().find(|c| c.name == name).unwrap();
+        assert_eq!((health.rejected[0].count, health.rejected[0].reason.as_str()), (4, "valid is below 1"));
+    }
+}
+
 #[test]
 fn a_log_without_any_date_is_timed_from_its_begin_over_midnight() {
     let gga = |time: &str, minute: u32| {

@@ -3,7 +3,7 @@
 use crate::stream::*;
 use crate::support::*;
 use crate::wire::ubx_frame;
-use flight::{Clock, Stamp, StampKind, gps_of_unix, unix_of_gps};
+use flight::{Clock, Geodetic, LocalFrame, Stamp, StampKind, gps_of_unix, unix_of_gps};
 use ingest::{LogKind, UbxReader};
 use simulate::Container;
 
@@ -140,6 +140,82 @@ fn epochs_of_which_another_message_says_that_there_is_no_fix_are_not_used_and_co
             ]
         );
     }
+}
+
+#[test]
+fn an_epoch_of_another_week_says_nothing_of_this_one() {
+    // Three epochs at the begin of a week, and the same a week later. The first two have no fix, and the last.
+    let without_fix = |telling: &dyn Fn(u16, u32, u8) -> Vec<u8>| {
+        let epoch = |n: u16| {
+            let itow_ms = 1000 + 200 * u32::from(n % 3);
+            let rest = [85_455_940, 473_977_420, 535_123, 488_123, 1500, 2500].map(i32::to_le_bytes).concat();
+            let place = ubx_frame(1, 2, &[&itow_ms.to_le_bytes()[..], &rest].concat());
+            [telling(2445 + n / 3, itow_ms, if matches!(n, 0 | 1 | 5) { 0 } else { 3 }), place].concat()
+        };
+        let loaded = load_ubx(&(0..6).flat_map(epoch).collect::<Vec<u8>>());
+        let rejected = &loaded.binding.as_ref().unwrap().channels.iter().find(|c| c.name == "position.posllh").unwrap();
+        let said = rejected.rejected.iter().filter(|r| r.reason.contains("of the same epoch"));
+        said.map(|r| r.count).sum::<u64>()
+    };
+    let sol = |week: u16, itow_ms: u32, fix: u8| {
+        let front = [&itow_ms.to_le_bytes()[..], &[0; 4], &week.to_le_bytes(), &[fix, 0xd]].concat();
+        ubx_frame(1, 6, &[&front[..], &[0; 40]].concat())
+    };
+    assert_eq!(without_fix(&sol), 3);
+    // Where nothing tells the week, a time of week counts only if all that have it have a fix.
+    let status =
+        |_, itow_ms: u32, fix: u8| ubx_frame(1, 3, &[&itow_ms.to_le_bytes()[..], &[fix, 1, 0, 0], &[0; 8]].concat());
+    assert_eq!(without_fix(&|week, itow_ms, fix| status(week, itow_ms, if itow_ms == 1400 { 3 } else { fix })), 4);
+}
+
+/// A place and a velocity, north, east, down, in the axes of the earth, cm and cm/s: the velocity from the places half a
+/// second before and behind, so that it owes nothing to how the reader turns it.
+fn in_axes_of_the_earth(at: Geodetic, ned: [f64; 3]) -> [[i32; 3]; 2] {
+    let frame = LocalFrame::new(at);
+    let [a, b] = [-0.5, 0.5].map(|s| frame.to_geodetic(ned.map(|v| s * v)).to_ecef());
+    let (place, velocity) = (at.to_ecef(), [b.x - a.x, b.y - a.y, b.z - a.z]);
+    [[place.x, place.y, place.z], velocity].map(|v| v.map(|v| (100.0 * v).round() as i32))
+}
+
+#[test]
+fn a_position_and_a_velocity_in_the_axes_of_the_earth_are_bound_as_geodetic_and_north_east_down() {
+    let truth = |n: u32| {
+        let at = Geodetic::from_degrees(-33.9 + 1e-4 * f64::from(n), 151.2, 120.0);
+        (at, [12.0, -3.5 + f64::from(n), 1.25])
+    };
+    let sol = |n: u32| {
+        let ([place, velocity], accuracy) = (in_axes_of_the_earth(truth(n).0, truth(n).1), 300_u32.to_le_bytes());
+        let bytes = |v: [i32; 3]| v.map(i32::to_le_bytes).concat();
+        let itow = (1000 + 200 * n).to_le_bytes();
+        // The last one has no fix, and places it at the centre of the earth.
+        let (fix, place) = if n == 10 { (0, [0; 3]) } else { (3, place) };
+        let front = [&itow[..], &[0; 4], &1850_u16.to_le_bytes(), &[fix, 0xd]].concat();
+        let rest = [&bytes(place)[..], &accuracy, &bytes(velocity), &accuracy, &[0; 3], &[9], &[0; 4]].concat();
+        let split = [
+            ubx_frame(1, 1, &[&itow[..], &bytes(place), &accuracy].concat()),
+            ubx_frame(1, 0x11, &[&itow[..], &bytes(velocity), &accuracy].concat()),
+        ];
+        (ubx_frame(1, 6, &[front, rest].concat()), split.concat())
+    };
+    let together = load_ubx(&(0..=10).flat_map(|n| sol(n).0).collect::<Vec<u8>>());
+    let apart = load_ubx(&(0..10).flat_map(|n| sol(n).1).collect::<Vec<u8>>());
+    for (loaded, name) in [(&together, "position.sol"), (&apart, "position.posecef")] {
+        let series = &loaded.flight.channels[name].series;
+        assert_eq!(series.len(), 10, "{name}");
+        for n in 0..10 {
+            let (at, _) = truth(n as u32);
+            let off = [0, 1, 2].map(|i| series.component(i)[n]);
+            // Half a centimetre along each axis.
+            assert!((off[0] - at.latitude).abs() < 0.0087 / 6.3e6 && (off[1] - at.longitude).abs() < 0.0087 / 5.2e6);
+            assert!((off[2] - at.height).abs() < 0.0087, "{off:?}");
+        }
+    }
+    let velocity = &together.flight.channels["velocity.sol"].series;
+    for n in 0..10 {
+        let off = [0, 1, 2].map(|i| velocity.component(i)[n] - truth(n as u32).1[i]);
+        assert!(off.iter().all(|off| off.abs() < 0.0088), "{off:?}");
+    }
+    assert_eq!((count_of(&together, "unbound-velocity"), count_of(&apart, "unbound-velocity")), (0, 1));
 }
 
 fn load_ubx(bytes: &[u8]) -> ingest::Loaded {

@@ -7,7 +7,8 @@ use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
-use flight::{NANOS_PER_SECOND, Notices, Severity};
+use crate::time::{Since, early};
+use flight::{NANOS_PER_SECOND, Notices, Severity, Stamp};
 use std::collections::HashMap;
 use std::fmt::Write;
 
@@ -34,6 +35,7 @@ pub(crate) struct Book {
     /// By address.
     routes: HashMap<String, Option<Route>>,
     epochs: Epochs,
+    age: Age,
     line: String,
     texts: Vec<String>,
     /// Before the first date.
@@ -52,6 +54,9 @@ enum Value {
     Degrees(&'static str, usize),
     /// Whether the field is this letter: 1 or 0.
     Is(&'static str, usize, &'static str),
+    /// Whether the mode is anything but `N`, not valid, of every satellite system: 1 or 0; 1 for sentences from before NMEA 2.3,
+    /// which have none.
+    HasMode(&'static str, usize),
     /// Height above the ellipsoid: above mean sea level, and that above the ellipsoid.
     Height(&'static str, usize, usize),
 }
@@ -66,7 +71,7 @@ pub(super) struct Kind {
 impl Kind {
     /// By the type in the address; `None` for one that is counted and not read.
     pub(super) fn of(name: &str) -> Option<Kind> {
-        use Value::{Degrees, Height, Is, Number};
+        use Value::{Degrees, HasMode, Height, Is, Number};
         let kind = |time, values| Some(Kind { time, values });
         match name {
             "GGA" => kind(
@@ -88,6 +93,7 @@ impl Kind {
                 &[
                     Degrees("latitude", 2),
                     Degrees("longitude", 4),
+                    HasMode("valid", 6),
                     Number("satellites", 7),
                     Number("hdop", 8),
                     Number("altitude", 9),
@@ -107,7 +113,7 @@ impl Kind {
                 ],
             ),
             "GLL" => kind(Some(5), &[Degrees("latitude", 1), Degrees("longitude", 3), Is("valid", 6, "A")]),
-            "VTG" => kind(None, &[Number("track", 1), Number("speed", 5)]),
+            "VTG" => kind(None, &[Number("track", 1), Number("speed", 5), HasMode("valid", 9)]),
             "ZDA" => kind(Some(1), &[Number("day", 2), Number("month", 3), Number("year", 4)]),
             "HDT" => kind(None, &[Number("heading", 1)]),
             "GST" => kind(Some(1), &[Number("latitude_std", 6), Number("longitude_std", 7), Number("altitude_std", 8)]),
@@ -132,6 +138,7 @@ impl Kind {
         self.values.iter().any(|value| match *value {
             Value::Is("valid", field, _) => sentence.field(field) == "V",
             Value::Number("quality", field) => sentence.field(field) == "0",
+            Value::HasMode(_, field) => has_no_mode(sentence.field(field)),
             _ => false,
         })
     }
@@ -140,7 +147,7 @@ impl Kind {
     fn says_something(&self, sentence: &Sentence<'_>) -> bool {
         let field = self.values.iter().find_map(|value| match *value {
             Value::Number(_, field) | Value::Degrees(_, field) | Value::Height(_, field, _) => Some(field),
-            Value::Is(..) => None,
+            Value::Is(..) | Value::HasMode(..) => None,
         });
         field.is_some_and(|field| !sentence.field(field).is_empty())
     }
@@ -148,12 +155,18 @@ impl Kind {
     fn layout(&self) -> CellLayout {
         let stamps = STAMPS.into_iter().map(|name| (name, CellKind::WholeIfAny));
         let values = self.values.iter().map(|value| match value {
-            Value::Number(name, _) | Value::Degrees(name, _) | Value::Is(name, ..) | Value::Height(name, ..) => {
-                (*name, CellKind::NumberIfAny)
-            }
+            Value::Number(name, _)
+            | Value::Degrees(name, _)
+            | Value::Is(name, ..)
+            | Value::HasMode(name, _)
+            | Value::Height(name, ..) => (*name, CellKind::NumberIfAny),
         });
         CellLayout::of(stamps.chain(values))
     }
+}
+
+fn has_no_mode(modes: &str) -> bool {
+    !modes.is_empty() && modes.bytes().all(|mode| mode == b'N')
 }
 
 /// Of sentences that are not read, for who takes all of them as they stand: what is between `$` and the checksum.
@@ -175,6 +188,7 @@ impl Value {
                 None => line.write_str("no angle"),
             },
             Value::Is(_, field, letter) => line.write_str(if sentence.field(field) == letter { "1" } else { "0" }),
+            Value::HasMode(_, field) => line.write_str(if has_no_mode(sentence.field(field)) { "0" } else { "1" }),
             Value::Height(_, altitude, separation) => {
                 let number = |field| plain(sentence.field(field)).and_then(|text| text.parse::<f64>().ok());
                 match number(altitude).zip(number(separation)) {
@@ -191,6 +205,7 @@ impl Book {
         Book {
             routes: HashMap::new(),
             epochs: Epochs::default(),
+            age: Age::default(),
             line: String::new(),
             texts: vec![],
             early: Tally::default(),
@@ -209,6 +224,8 @@ impl Book {
     ) -> Fate {
         let (talker, name) = sentence.address();
         self.note(name, sentence);
+        let date = midnight(name, sentence);
+        self.age.look(talker, name, sentence, date);
         let kind = Kind::of(name).filter(|_| is_read(name, sentence));
         let whole = kind.is_none() && topics.takes_extras();
         let Some(route) = self.route(talker, name, whole, topics) else {
@@ -220,13 +237,13 @@ impl Book {
             if !whole {
                 return topics.unread(route, times, sentence.length as u64);
             }
-            let (utc_ns, elapsed_ns) = self.epochs.stamp(name, None, sentence);
+            let (utc_ns, elapsed_ns) = self.epochs.stamp(date, None, sentence);
             self.begin_line(utc_ns, elapsed_ns, logged_ns);
             self.line.push(',');
             self.line.push_str(sentence.body);
             return topics.message(route, times, self.line.as_bytes());
         };
-        let (utc_ns, elapsed_ns) = self.epochs.stamp(name, kind.time, sentence);
+        let (utc_ns, elapsed_ns) = self.epochs.stamp(date, kind.time, sentence);
         match (utc_ns, elapsed_ns) {
             (None, Some(_)) => self.early.add(|| format!("{talker}{name}")),
             (None, None) if route.is_wanted() && kind.says_something(sentence) => {
@@ -306,6 +323,9 @@ impl Book {
         say(Severity::Loss, "no-time", &self.timeless, text);
         let text = "sentences found no topic, for there are too many";
         say(Severity::Loss, "unknown-channel", &self.unplaced, text);
+        if let Some(text) = self.age.suspicion() {
+            notices.push(Severity::Warning, "week-suspect", "", self.age.told(), text);
+        }
         log.health.about.texts.extend(self.texts);
         Dates { begin_ns: self.epochs.begin_ns }
     }
@@ -364,14 +384,15 @@ struct Epochs {
 impl Epochs {
     /// UTC, and the time since the first sentence with one. A sentence without a time is of the epoch of the one
     /// before it.
-    fn stamp(&mut self, name: &str, time: Option<usize>, sentence: &Sentence<'_>) -> (Option<i64>, Option<i64>) {
+    /// `date` is the begin of the day that the sentence names.
+    fn stamp(&mut self, date: Option<i64>, time: Option<usize>, sentence: &Sentence<'_>) -> (Option<i64>, Option<i64>) {
         let Some(field) = time else { return (self.utc_ns, self.time_of_day_ns.map(|_| self.elapsed_ns)) };
         let Some(time_ns) = time_of_day_ns(sentence.field(field)) else { return (None, None) };
         if let Some(before_ns) = self.time_of_day_ns.replace(time_ns) {
             let elapsed_ns = self.elapsed_ns.saturating_add(nearest_step(time_ns - before_ns));
             self.elapsed_ns = elapsed_ns.clamp(-LONGEST_NS, LONGEST_NS);
         }
-        self.utc_ns = match midnight(name, sentence) {
+        self.utc_ns = match date {
             Some(midnight_ns) => Some(midnight_ns + time_ns),
             // The day that is nearest to the sentence before: at midnight the time is new before the date is.
             None => self
@@ -380,6 +401,59 @@ impl Epochs {
         };
         self.begin_ns = self.begin_ns.or(self.utc_ns.map(|utc_ns| utc_ns.saturating_sub(self.elapsed_ns)));
         (self.utc_ns, Some(self.elapsed_ns))
+    }
+}
+
+/// Since when the receiver can have been, and the earliest date that it says.
+#[derive(Debug)]
+struct Age {
+    since: Since,
+    /// By valid RMC, and by ZDA, which says its date without a fix too: begin of the day and how many say a date.
+    dates: [(Option<i64>, u64); 2],
+}
+
+impl Default for Age {
+    fn default() -> Age {
+        Age { since: NO_LOG_BEFORE, dates: [(None, 0); 2] }
+    }
+}
+
+/// As the weeks of other logs are read, which are below 1024 only in ten bits.
+const NO_LOG_BEFORE: Since =
+    Since { week: 1024, why: "no log that is read here is from before 1999-08-22, when the GPS week first began anew" };
+/// NMEA 0183, version 4.10, of June 2012: it names talkers of Galileo and others, and RMC has a field more.
+const VERSION_4_10: Since =
+    Since { week: 1691, why: "its sentences are those of NMEA 0183, version 4.10, which is of June 2012" };
+
+impl Age {
+    fn look(&mut self, talker: &str, name: &str, sentence: &Sentence<'_>, date: Option<i64>) {
+        // Navigational status: safe, caution, unsafe, not valid. It stands behind the mode.
+        let has_status = || {
+            let [mode, status] = [12, 13].map(|field| sentence.field(field));
+            name == "RMC" && mode.len() == 1 && ["S", "C", "U", "V"].contains(&status)
+        };
+        if self.since != VERSION_4_10 && (["GA", "GB", "GI", "GQ"].contains(&talker) || has_status()) {
+            self.since = VERSION_4_10;
+        }
+        let [by_rmc, by_zda] = &mut self.dates;
+        let (earliest, told) = if name == "RMC" { by_rmc } else { by_zda };
+        if let Some(date) = date {
+            *earliest = Some(earliest.map_or(date, |earliest| earliest.min(date)));
+            *told += 1;
+        }
+    }
+
+    fn trusted(&self) -> (Option<i64>, u64) {
+        let [by_rmc, by_zda] = self.dates;
+        if by_rmc.1 > 0 { by_rmc } else { by_zda }
+    }
+
+    fn told(&self) -> u64 {
+        self.trusted().1
+    }
+
+    fn suspicion(&self) -> Option<String> {
+        early(Stamp(self.trusted().0?), self.since)
     }
 }
 
@@ -415,7 +489,7 @@ mod tests {
         let stamp = |body: &&str| {
             let sentence = Sentence { body, length: 0, checked: true };
             let (_, name) = sentence.address();
-            epochs.stamp(name, Kind::of(name).unwrap().time, &sentence)
+            epochs.stamp(midnight(name, &sentence), Kind::of(name).unwrap().time, &sentence)
         };
         bodies.iter().map(stamp).collect()
     }
@@ -447,11 +521,12 @@ mod tests {
         let mut epochs = Epochs::default();
         for sentence in 0..1_000_000 {
             let body = ["GPGGA,000000", "GPGGA,080000", "GPGGA,160000"][sentence % 3];
-            epochs.stamp("GGA", Some(1), &Sentence { body, length: 0, checked: true });
+            epochs.stamp(None, Some(1), &Sentence { body, length: 0, checked: true });
         }
         assert_eq!(epochs.elapsed_ns, LONGEST_NS);
         let body = "GPRMC,080000,A,,,,,1,2,211126";
-        let (utc_ns, _) = epochs.stamp("RMC", Some(1), &Sentence { body, length: 0, checked: true });
+        let sentence = Sentence { body, length: 0, checked: true };
+        let (utc_ns, _) = epochs.stamp(midnight("RMC", &sentence), Some(1), &sentence);
         assert_eq!(epochs.begin_ns, utc_ns.map(|utc_ns| utc_ns - LONGEST_NS));
     }
 

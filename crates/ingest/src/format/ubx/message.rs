@@ -5,6 +5,7 @@ use crate::decode::schema::Number;
 
 /// Class, number, name, shortest payload, and fields in their order.
 const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
+    (0x01, 0x01, "NAV-POSECEF", 20, "U4 iTOW, I4 ecefX, I4 ecefY, I4 ecefZ, U4 pAcc"),
     (0x01, 0x02, "NAV-POSLLH", 28, "U4 iTOW, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc"),
     (0x01, 0x03, "NAV-STATUS", 16, "U4 iTOW, U1 gpsFix, U1 flags, U1 fixStat, U1 flags2, U4 ttff, U4 msss"),
     (0x01, 0x04, "NAV-DOP", 18, "U4 iTOW, U2 gDOP, U2 pDOP, U2 tDOP, U2 vDOP, U2 hDOP, U2 nDOP, U2 eDOP"),
@@ -32,6 +33,7 @@ const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
          U1 flags2, U1 numSV, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc, I4 velN, I4 velE, I4 velD, \
          I4 gSpeed, I4 headMot, U4 sAcc, U4 headAcc, U2 pDOP",
     ),
+    (0x01, 0x11, "NAV-VELECEF", 20, "U4 iTOW, I4 ecefVX, I4 ecefVY, I4 ecefVZ, U4 sAcc"),
     (
         0x01,
         0x12,
@@ -119,8 +121,10 @@ pub(super) struct Message {
 /// What the reader puts in front of a payload, little-endian.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Derived {
-    /// GPS week of `iTOW`; 0 if nothing has told it yet.
+    /// GPS week of `iTOW`, or of a pulse; 0 if nothing has told it yet.
     pub(super) week: u16,
+    /// Of a pulse: GPS time of week, ms.
+    pub(super) tow_ms: u32,
     /// Whether the receiver trusts its fix; 1 where it does not say.
     pub(super) fix_ok: bool,
     /// Latitude and longitude, deg, and height, m, of all digits.
@@ -130,6 +134,7 @@ pub(super) struct Derived {
 /// Bytes of [`Derived`] in front of a payload.
 const FRONT: usize = 3;
 const FRONT_PRECISE: usize = FRONT + 24;
+const FRONT_PULSE: usize = FRONT + 4;
 
 impl Message {
     /// `None` for a message that is counted and not read.
@@ -142,13 +147,22 @@ impl Message {
         self.name == "NAV-HPPOSLLH"
     }
 
+    /// Whether it is of a pulse: it may count UTC.
+    pub(super) fn is_pulse(self) -> bool {
+        self.name.starts_with("TIM-")
+    }
+
     /// What the reader derives, and where everything lies behind it.
     pub(super) fn layout(self) -> Layout {
         let mut fields = vec![];
         let mut offset = 0;
         let derived = "U2 gps_week, U1 fix_ok";
-        let precise = if self.is_precise() { "R8 latitude, R8 longitude, R8 ellipsoid_height" } else { "" };
-        for field in [derived, precise, self.fields].into_iter().flat_map(|part| part.split(',')) {
+        let more = match (self.is_precise(), self.is_pulse()) {
+            (true, _) => "R8 latitude, R8 longitude, R8 ellipsoid_height",
+            (_, true) => "U4 gps_tow_ms",
+            _ => "",
+        };
+        for field in [derived, more, self.fields].into_iter().flat_map(|part| part.split(',')) {
             let Some((type_name, name)) = field.trim().split_once(' ') else { continue };
             let kind = match type_name {
                 "U1" => Number::U8,
@@ -170,7 +184,11 @@ impl Message {
             }
             offset += kind.size();
         }
-        let front = if self.is_precise() { FRONT_PRECISE } else { FRONT };
+        let front = match (self.is_precise(), self.is_pulse()) {
+            (true, _) => FRONT_PRECISE,
+            (_, true) => FRONT_PULSE,
+            _ => FRONT,
+        };
         // Later protocols add fields at the end.
         Layout { fields, shortest: front + self.shortest, longest: usize::MAX }
     }
@@ -183,8 +201,16 @@ impl Message {
         if self.is_precise() {
             bytes.extend(derived.precise.iter().flat_map(|value| value.to_le_bytes()));
         }
+        if self.is_pulse() {
+            bytes.extend(derived.tow_ms.to_le_bytes());
+        }
         bytes.extend_from_slice(payload);
     }
+}
+
+/// Class and number of a message that is read.
+pub(super) fn numbers_of(name: &str) -> Option<(u8, u8)> {
+    MESSAGES.iter().find(|m| m.2 == name).map(|m| (m.0, m.1))
 }
 
 /// Name of any message, as `NAV-PVT` or `RXM-0x15`.

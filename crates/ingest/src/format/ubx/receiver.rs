@@ -5,7 +5,8 @@ use crate::civil::calendar_to_unix_ns;
 use crate::decode::packed::text_of;
 use crate::reader::Log;
 use crate::table::ColumnData;
-use flight::{Stamp, WEEK_S, gps_of_unix};
+use crate::time::{Since, early};
+use flight::{GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Stamp, WEEK_S, gps_ahead_of_utc_s, gps_of_unix};
 
 /// Receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
@@ -21,8 +22,14 @@ pub(super) struct Receiver {
     week: Option<(i64, i64)>,
     /// What the first week that was told is ahead of the weeks counted until then.
     pub(super) weeks: Weeks,
+    /// The earliest date of a fix, ns of UTC, and how many dates there are.
+    earliest_ns: Option<i64>,
+    dates: u64,
     pub(super) names: Vec<String>,
 }
+
+/// NAV-PVT came with the receivers of generation 7 (protocol 14, 2012), HNR-PVT later.
+const PVT: Since = Since { week: 1669, why: "its messages are those of receivers since 2012" };
 
 impl Receiver {
     /// Takes in a message; gives what is to be put in front of its payload.
@@ -38,16 +45,23 @@ impl Receiver {
             // `weekValid` is bit 1 of NAV-TIMEGPS, bit 2 (and bit 3 for the time of week) of the flags of NAV-SOL.
             "NAV-TIMEGPS" if read.u8(11) & 2 != 0 => self.learn(read.u16(8).into(), itow_ms),
             "NAV-SOL" if read.u8(11) & 0xc == 0xc => self.learn(read.u16(8).into(), itow_ms),
-            "NAV-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => self.learn_date(read, 4, itow_ms),
+            "NAV-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => {
+                let unix_ns = self.learn_date(read, 4, itow_ms);
+                self.earliest_ns = [self.earliest_ns, unix_ns].into_iter().flatten().min();
+                self.dates += 1;
+            }
             // The time of week and the week are valid; without the last bit its leap seconds are a default.
-            "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => self.learn_date(read, 12, itow_ms),
+            "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => drop(self.learn_date(read, 12, itow_ms)),
             _ => {}
         }
-        // TIM says its own week.
-        let timed = !message.name.starts_with("TIM-") && payload.len() >= message.shortest;
-        let week = timed.then(|| self.week_at(itow_ms));
+        let (week, tow_ms) = match payload.len() >= message.shortest {
+            true if message.is_pulse() => pulse(message, read),
+            true => (self.week_at(itow_ms), itow_ms),
+            false => (0, 0),
+        };
         Derived {
-            week: week.and_then(|week| u16::try_from(week).ok()).unwrap_or(0),
+            week: u16::try_from(week).unwrap_or(0),
+            tow_ms: u32::try_from(tow_ms).unwrap_or(0),
             fix_ok: match message.name {
                 "NAV-PVT" => read.u8(21) & 1 != 0,
                 "HNR-PVT" => read.u8(17) & 1 != 0,
@@ -69,14 +83,20 @@ impl Receiver {
         }
     }
 
-    /// The week that the date says whose fields begin at `at`; at its ends the time of week decides.
-    fn learn_date(&mut self, read: Read<'_>, at: usize, itow_ms: i64) {
+    /// What is suspected of the dates, and how many there are.
+    pub(super) fn suspicion(&self) -> Option<(String, u64)> {
+        Some((early(Stamp(self.earliest_ns?), PVT)?, self.dates))
+    }
+
+    /// The week that the date says whose fields begin at `at`; at its ends the time of week decides. Gives the date, UTC.
+    fn learn_date(&mut self, read: Read<'_>, at: usize, itow_ms: i64) -> Option<i64> {
         let [month, day, hour, minute, second] = [2, 3, 4, 5, 6].map(|field| i64::from(read.u8(at + field)));
         let unix = calendar_to_unix_ns([read.u16(at).into(), month, day, hour, minute, second], 0);
         if let Some(gps) = unix.and_then(|unix| gps_of_unix(Stamp(unix))) {
             let start_ms = gps.0 / 1_000_000 - itow_ms;
             self.learn((start_ms + WEEK_S * 500).div_euclid(WEEK_S * 1000), itow_ms);
         }
+        unix
     }
 
     /// The week of a time of week: it begins anew on Sunday, and messages of one epoch come in any order.
@@ -135,6 +155,23 @@ impl Weeks {
             }
         }
     }
+}
+
+/// GPS week and time of week, ms, of a pulse: `TIM-TP`, or the rising edge of `TIM-TM2`. Flags say whether the receiver
+/// counts UTC instead, as it does unless it is told otherwise: weeks and times of week as of GPS, but with leap seconds.
+fn pulse(message: Message, read: Read<'_>) -> (i64, i64) {
+    const WEEK_MS: i64 = WEEK_S * 1000;
+    let (week, tow_ms, counts_utc) = match message.name {
+        "TIM-TP" => (read.u16(12), read.u32(0), read.u8(14) & 1 == 1),
+        _ => (read.u16(4), read.u32(8), read.u8(1) >> 3 & 3 == 2),
+    };
+    let count_ms = i64::from(week) * WEEK_MS + i64::from(tow_ms);
+    let unix_s = GPS_EPOCH_UNIX_S + count_ms.div_euclid(1000);
+    let leaps_s = unix_s.checked_mul(NANOS_PER_SECOND).map_or(0, |ns| gps_ahead_of_utc_s(Stamp(ns)));
+    let gps_ms = count_ms + if counts_utc { 1000 * leaps_s } else { 0 };
+    // A week that is none is told by nobody.
+    let week = gps_ms.div_euclid(WEEK_MS);
+    (if week < LAST { week } else { 0 }, gps_ms.rem_euclid(WEEK_MS))
 }
 
 /// Latitude and longitude, deg, and height, m, of `NAV-HPPOSLLH`: 1e-7 deg and mm, and hundredths and tenths of those.
@@ -199,6 +236,28 @@ mod tests {
         assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2446);
         next[..4].copy_from_slice(&604_799_950_u32.to_le_bytes());
         assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2445);
+    }
+
+    #[test]
+    fn a_pulse_that_counts_utc_is_as_many_leap_seconds_later_in_gps_time() {
+        // A receiver of 2021: the pulse of 237888 s of GPS time is told of at 237887 s, in UTC.
+        let tp = |tow_ms: u32, week: u16, flags: u8| {
+            let payload = [&tow_ms.to_le_bytes()[..], &[0; 8], &week.to_le_bytes(), &[flags, 15]].concat();
+            let derived = tell(&mut Receiver::default(), 0x0d, 1, &payload);
+            (derived.week, derived.tow_ms)
+        };
+        assert_eq!(tp(237_870_000, 2146, 0xb), (2146, 237_888_000));
+        assert_eq!(tp(237_888_000, 2146, 0xa), (2146, 237_888_000));
+        // The last seconds of a week are the first of the next; in 2012 there were 15 and 16 leap seconds.
+        assert_eq!(tp(604_790_000, 2146, 1), (2147, 8000));
+        assert_eq!((tp(604_799_000, 1694, 1), tp(0, 1695, 1)), ((1695, 14_000), (1695, 16_000)));
+        let mut mark = [0; 28];
+        mark[4..6].copy_from_slice(&2146_u16.to_le_bytes());
+        for (base, tow_ms) in [(0, 1000), (1, 1000), (2, 19_000)] {
+            mark[1] = base << 3;
+            mark[8..12].copy_from_slice(&1000_u32.to_le_bytes());
+            assert_eq!(tell(&mut Receiver::default(), 0x0d, 3, &mark).tow_ms, tow_ms);
+        }
     }
 
     #[test]
