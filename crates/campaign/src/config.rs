@@ -153,15 +153,29 @@ impl From<WrittenSensor> for SensorIdentity {
     }
 }
 
+/// Best first.
+const DEFAULT_POSITIONS: [&str; 7] = [
+    "position.gps",
+    "position.ins",
+    "position.ekf",
+    "position.precise",
+    "position.posllh",
+    "position.sol",
+    "position.posecef",
+];
+/// Best first.
+const DEFAULT_VELOCITIES: [&str; 7] =
+    ["velocity.ekf", "velocity.ins", "velocity.gps", "velocity.xyz", "velocity.velned", "velocity.sol", "velocity.vtg"];
+
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WrittenChannels {
     /// Late position, best first. Default: position.gps, position.ins, position.ekf, position.precise,
-    /// position.posllh.
+    /// position.posllh, position.sol, position.posecef.
     #[schemars(with = "Option<Vec<String>>")]
     position: Option<Spanned<Vec<String>>>,
     /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.gps, velocity.xyz,
-    /// velocity.velned, velocity.vtg.
+    /// velocity.velned, velocity.sol, velocity.vtg.
     #[schemars(with = "Option<Vec<String>>")]
     velocity: Option<Spanned<Vec<String>>>,
     /// Independent position to score against. Default: position.truth.
@@ -722,9 +736,7 @@ impl Checker<'_> {
     }
 
     fn channels(&self, written: WrittenChannels) -> Result<MeantChannels, PipelineError> {
-        let position = ["position.gps", "position.ins", "position.ekf", "position.precise", "position.posllh"];
-        let velocity =
-            ["velocity.ekf", "velocity.ins", "velocity.gps", "velocity.xyz", "velocity.velned", "velocity.vtg"];
+        let (position, velocity) = (DEFAULT_POSITIONS, DEFAULT_VELOCITIES);
         Ok(MeantChannels {
             position: self.names(written.position, "position", &position)?,
             velocity: self.names(written.velocity, "velocity", &velocity)?,
@@ -911,6 +923,8 @@ mod tests {
             ("position.gps", "velocity.vtg"),
             ("position.posllh", "velocity.velned"),
             ("position.precise", "velocity.velned"),
+            ("position.sol", "velocity.sol"),
+            ("position.posecef", "velocity.velned"),
             ("position.ins", "velocity.xyz"),
         ] {
             let expected = Ok([position, velocity].map(str::to_owned));
