@@ -66,6 +66,55 @@ fn the_same_table_in_every_dialect_is_the_same_table() {
     }
 }
 
+/// The same numbers for ever.
+fn drawn(seed: u64) -> impl FnMut(usize) -> usize {
+    let mut state = seed;
+    move |below| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    }
+}
+
+#[test]
+fn what_becomes_of_a_line_does_not_depend_on_a_quote_far_behind_it() {
+    // Where a quote is ahead every line is looked at on its own, elsewhere blocks of rows are.
+    const ODD: [&str; 16] = [
+        "",
+        "  ",
+        "# 1,2,3",
+        "//1,2,3",
+        "t,a,b",
+        "t,7,8",
+        ",2,3",
+        " ,2,3",
+        "1,2",
+        "1,2,3,",
+        "1,2,3,4",
+        "-,2,3",
+        "1,,3",
+        "1,x,nan",
+        "\t1 , 2,3 ",
+        "/,2,3",
+    ];
+    for (seed, delimiter) in (0..400).zip([",", ";", "\t", ", "].into_iter().cycle()) {
+        let mut draw = drawn(seed);
+        let rare = 2 + draw(40);
+        let mut text = "t,a,b\n1,2.5,3\n2,2.5,3\n3,2.5,3\n4,2.5,3\n5,2.5,3\n".to_owned();
+        for row in 0..60 + draw(100) {
+            let plain = || format!("{row},{}.{},{}", row % 7, "9".repeat(row % 19), row * row);
+            text += &if draw(rare) == 0 { ODD[draw(ODD.len())].to_owned() } else { plain() };
+            text += if draw(rare) == 0 { ["\r", "\r\r\n", "\r\n", "\n\r"][draw(4)] } else { "\n" };
+        }
+        let text = text.replace(',', delimiter);
+        let [plain, one_by_one] = ["# 'end'\n", "# \"end\"\n"].map(|end| read(&format!("{text}{end}")));
+        assert_eq!(plain.tables, one_by_one.tables, "{seed}");
+        assert_eq!(plain.health.bytes, one_by_one.health.bytes, "{seed}");
+        let notices = |log: &Log| log.notices.iter().cloned().collect::<Vec<_>>();
+        assert_eq!(notices(&plain), notices(&one_by_one), "{seed}");
+        assert!(plain.tables[0].rows > 20, "{seed}");
+    }
+}
+
 #[test]
 fn the_layout_that_was_found_is_stated() {
     let format = |text| read(text).health.format;
