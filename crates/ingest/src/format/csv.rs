@@ -208,6 +208,7 @@ impl Reading<'_> {
         }
         let names = std::mem::take(&mut meaning.names);
         let mut topic = Topic::new(info, names, &meaning.sources(&selection));
+        meaning.kept_as_text().into_iter().for_each(|path| topic.keep_text(path));
         self.meanings.insert(topic.info.name.clone(), (meaning, selection));
         topic.decimal = table.decimal;
         let (mut preamble, mut header, mut repeated) = (0, vec![], 0);

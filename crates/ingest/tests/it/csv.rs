@@ -116,6 +116,30 @@ fn what_becomes_of_a_line_does_not_depend_on_a_quote_far_behind_it() {
 }
 
 #[test]
+fn the_columns_of_the_readers_own_are_the_same_whatever_else_is_wanted() {
+    let row = |n: usize| format!("{n};2026;{};0000008{};0;0;0;{};8.5;400\n", n % 8, 3 + n % 5, n % 2 * 47);
+    let xsens = "SampleTimeFine;UTC_Year;UTC_Valid;StatusWord;Vel_E;Vel_N;Vel_U;Latitude;Longitude;Altitude\n";
+    let oxts = |n: usize| format!("{n},47.0,8.5,{}.000\n", n % 12);
+    for (text, own) in [
+        (xsens.to_owned() + &(0..40).map(row).collect::<String>(), &["fix_ok", "utc_year", "velocity_given"][..]),
+        ("t,PosLat,PosLon,GpsPosMode\n".to_owned() + &(0..40).map(oxts).collect::<String>(), &["fix_ok"]),
+    ] {
+        let all = read(&text);
+        let number = |path: &&str| FieldRequest { path: (*path).to_owned(), kind: ValueKind::Number };
+        let fields = Selection::Fields(own.iter().map(number).collect());
+        let alone = read_limited(text.as_bytes(), &fields, Limits::default()).unwrap();
+        assert_eq!(alone.tables[0].columns.len(), own.len());
+        for path in own {
+            let column = all.tables[0].column(path).unwrap();
+            assert_eq!(Some(column), alone.tables[0].column(path), "{path}");
+            let values: Vec<f64> = (0..40).filter_map(|row| column.number(row)).collect();
+            assert!(values.iter().any(|value| *value != values[0]) || *path != "fix_ok", "{path}: {values:?}");
+        }
+        assert_eq!(all.notices.iter().filter(|n| n.code == "status-unknown").count(), 0);
+    }
+}
+
+#[test]
 fn the_layout_that_was_found_is_stated() {
     let format = |text| read(text).health.format;
     assert_eq!(format("t,x\n1,2\n"), "CSV, ',' delimited, header in line 1");

@@ -541,3 +541,13 @@ fn zeros_that_mt_manager_writes_for_what_a_sample_does_not_have_are_no_values() 
     assert_eq!(times(&loaded, "specific-force.imu"), (Clock::Unix, NOON_NS, NOON_NS + 190_000_000));
     assert_eq!(count_of(&loaded, "status-unknown"), 0);
 }
+
+#[test]
+fn the_velocity_of_a_standing_xsens_is_zero_where_it_has_a_position() {
+    let header = "SampleTimeFine;Latitude;Longitude;Altitude;Vel_E;Vel_N;Vel_U";
+    let loaded = bound(&lines(header, |n| {
+        let place = if n % 4 == 0 { format!("47.3{n:04};8.5;400") } else { "0.0;0.0;0.0".to_owned() };
+        format!("{};{place};0.0;0.0;0.0", 100 * n)
+    }));
+    assert_eq!(used(&loaded, "velocity.ins"), (5, vec![("velocity_given is below 1".to_owned(), 15)]));
+}

@@ -153,6 +153,12 @@ impl Topic {
         Topic { info, decoded: !columns.is_empty(), names, columns, reason, ..Topic::default() }
     }
 
+    /// Keeps a column as it is written although numbers are looked for.
+    pub(super) fn keep_text(&mut self, path: &str) {
+        let undecided = |column: &&mut Building| column.path == path && matches!(column.cells, Cells::Undecided(..));
+        self.columns.iter_mut().filter(undecided).for_each(|column| column.cells = Cells::Text(vec![]));
+    }
+
     /// Whether a row with so many fields belongs to this header; a delimiter at its end is one more.
     pub(super) fn fits(&self, fields: usize, last_is_empty: impl FnOnce() -> bool) -> bool {
         fields == self.names.len() || (fields == self.names.len() + 1 && last_is_empty())

@@ -20,7 +20,7 @@ const OXTS_MODES: [&str; 3] = ["GpsPosMode", "GPS position mode", "GNSS position
 /// Bit of Xsens' status word: the receiver has a fix (MT Low Level Communication Protocol, `StatusWord`).
 const XSENS_FIX: i64 = 1 << 2;
 /// What MT Manager exports in several columns at once. Where it is told to write a zero for what a sample does not have, all
-/// of them are zero: the column's name says whether they are not.
+/// of them are zero: the column's name says whether they are not. A velocity of zero is one where there is a position.
 const XSENS_GIVEN: [(&str, [&str; 3]); 7] = [
     ("position_given", ["Latitude", "Longitude", "Altitude"]),
     ("velocity_given", ["Vel_X", "Vel_Y", "Vel_Z"]),
@@ -30,6 +30,10 @@ const XSENS_GIVEN: [(&str, [&str; 3]); 7] = [
     ("force_given", ["Acc_X", "Acc_Y", "Acc_Z"]),
     ("field_given", ["Mag_X", "Mag_Y", "Mag_Z"]),
 ];
+/// Xsens' position, and the column that says whether there is one.
+const XSENS_POSITION: [&str; 3] = XSENS_GIVEN[0].1;
+/// Xsens' status word. As a number it would lose the zeros that show its base.
+const XSENS_WORD: &str = "StatusWord";
 /// Bits of Xsens' `UTC_Valid`: the date, the time of day, and the leap seconds are known.
 const XSENS_UTC: i64 = 0b111;
 
@@ -63,7 +67,7 @@ impl Meaning {
         let own = [
             offset.map(Own::Offset),
             mode.cloned().map(Own::Mode),
-            (xsens && has("StatusWord")).then_some(Own::Status),
+            (xsens && has(XSENS_WORD)).then_some(Own::Status),
             (xsens && has("UTC_Year")).then_some(Own::Year),
         ];
         let given = XSENS_GIVEN.iter().filter(|(_, columns)| xsens && columns.iter().all(|column| has(column)));
@@ -73,12 +77,22 @@ impl Meaning {
         Meaning { names, told, own }
     }
 
+    /// A column that is to be kept as it is written, whatever else is wanted.
+    pub(super) fn kept_as_text(&self) -> Option<&'static str> {
+        self.own.iter().any(|own| matches!(own, Own::Status)).then_some(XSENS_WORD)
+    }
+
     /// The selection with the columns that its own ones are worked out of.
     pub(super) fn sources(&self, wanted: &Selection) -> Selection {
         let Selection::Fields(fields) = wanted else { return wanted.clone() };
         let asked = self.own.iter().filter(|own| fields.iter().any(|f| f.path == own.path()));
-        let more: Vec<FieldRequest> = asked.flat_map(Own::sources).filter(|source| !fields.contains(source)).collect();
-        Selection::Fields(fields.iter().cloned().chain(more).collect())
+        let mut all = fields.clone();
+        for source in asked.flat_map(Own::sources) {
+            if !all.contains(&source) {
+                all.push(source);
+            }
+        }
+        Selection::Fields(all)
     }
 
     /// Adds the wanted columns of the reader's own, and leaves out those that only they needed.
@@ -128,9 +142,11 @@ impl Own {
             // Any column does: a table of none would not be read.
             Own::Offset(_) => vec![of("Date", ValueKind::Text)],
             Own::Mode(name) => vec![of(name, ValueKind::Text)],
-            Own::Status => vec![of("StatusWord", ValueKind::Text)],
+            Own::Status => vec![of(XSENS_WORD, ValueKind::Text)],
             Own::Year => vec![of("UTC_Year", ValueKind::Number), of("UTC_Valid", ValueKind::Number)],
-            Own::Given(_, columns) => columns.iter().map(|column| of(column, ValueKind::Number)).collect(),
+            Own::Given(_, columns) => {
+                columns.iter().chain(&XSENS_POSITION).map(|column| of(column, ValueKind::Number)).collect()
+            }
         }
     }
 
@@ -149,8 +165,7 @@ impl Own {
                 fixes(column, &words, |text| mode_of(text).map(has_fix), table, notices)
             }
             Own::Status => {
-                // As a number it has lost the zeros that show its base.
-                let column = texts(table, "StatusWord")?;
+                let column = texts(table, XSENS_WORD)?;
                 // A device that measures sets some bit: all zeros stand for no word.
                 let words = rows.map(|row| said(column, row).filter(|word| word.bytes().any(|digit| digit != b'0')));
                 let words: Vec<Option<String>> = words.collect();
@@ -162,7 +177,12 @@ impl Own {
             Own::Given(path, columns) => {
                 let columns: Vec<&Column> = columns.iter().map(|column| table.column(column)).collect::<Option<_>>()?;
                 let values = |row| columns.iter().map(|column| column.number(row)).collect::<Option<Vec<f64>>>();
-                let given = |row| Some(i64::from(values(row)?.iter().any(|value| *value != 0.0)));
+                let is_there = |values: &[f64]| values.iter().any(|value| *value != 0.0);
+                let place = |row| -> Vec<f64> {
+                    XSENS_POSITION.iter().filter_map(|column| table.column(column)?.number(row)).collect()
+                };
+                let stands = |row| path.starts_with("velocity") && is_there(&place(row));
+                let given = |row| Some(i64::from(is_there(&values(row)?) || stands(row)));
                 Some(of_integers(path, &rows.map(given).collect::<Vec<_>>()))
             }
         }
@@ -215,7 +235,8 @@ fn of_integers(path: &str, values: &[Option<i64>]) -> Column {
 /// The mode of an OxTS receiver: `6`, or in words with the number behind, `Integer (6)`.
 fn mode_of(text: &str) -> Option<i64> {
     let number = text.rsplit_once('(').and_then(|(_, number)| number.strip_suffix(')')).unwrap_or(text);
-    number.trim().parse().ok()
+    let number: f64 = number.trim().parse().ok()?;
+    (number.fract() == 0.0).then_some(number as i64)
 }
 
 /// How the words of a column are written: in binary, decimal or hexadecimal digits; `None` if nobody can know.
@@ -286,7 +307,8 @@ fn without_zone(names: Vec<String>) -> (Vec<String>, Option<String>) {
 fn offset_of(zone: &str) -> Option<String> {
     let sign = zone.chars().next().filter(|sign| matches!(sign, '+' | '-'))?;
     let (hours, rest) = zone.get(1..)?.split_once(['.', ',', ':'])?;
-    let hours: u8 = hours.parse().ok().filter(|hours| *hours <= 14)?;
+    let digits = |text: &&str| text.bytes().all(|b| b.is_ascii_digit());
+    let hours: u8 = Some(hours).filter(digits)?.parse().ok().filter(|hours| *hours <= 14)?;
     let minutes = match rest {
         "00" => 0,
         "15" | "25" => 15,
@@ -311,6 +333,7 @@ mod tests {
             ("+5:30", Some("+05:30")),
             ("+14.00", Some("+14:00")),
             ("+15.00", None),
+            ("++1.00", None),
             ("+1", None),
             ("1.00", None),
             ("", None),
@@ -337,6 +360,7 @@ mod tests {
 
     #[test]
     fn a_mode_is_a_number_or_has_one_behind_its_words() {
-        assert_eq!((mode_of("6"), mode_of("Integer (6)"), mode_of("Integer")), (Some(6), Some(6), None));
+        let modes = ["6", "6.000", "Integer (6)", "Integer", "6.5"].map(mode_of);
+        assert_eq!(modes, [Some(6), Some(6), Some(6), None, None]);
     }
 }
