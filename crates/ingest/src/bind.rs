@@ -7,6 +7,7 @@ mod counted;
 mod dated;
 mod ecef;
 mod order;
+mod repair;
 mod restarts;
 mod rows;
 mod stamps;

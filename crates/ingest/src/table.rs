@@ -39,7 +39,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Takes the number of a row behind all rows that had theirs.
+    /// Takes the number of a row that lies behind all rows which were given theirs.
     #[inline]
     pub fn push(&mut self, row: usize, number: u64) {
         if number != self.of(row) {

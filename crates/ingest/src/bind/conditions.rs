@@ -1,6 +1,5 @@
 //! What a map asks of a row before it counts: of its own fields, or of another message of the same epoch.
 
-use super::trial::Plan;
 use crate::map_schema::RequireEntry;
 use crate::reader::Log;
 use crate::table::{Column, Table, numbers};
@@ -72,7 +71,7 @@ impl Condition<'_> {
 }
 
 /// The first condition that a row fails, in words. A row without the field fails none.
-pub(super) fn failed(plan: &Plan<'_>, row: usize) -> Option<String> {
+pub(super) fn failed(conditions: &[Condition<'_>], row: usize) -> Option<String> {
     let fails = |c: &&Condition<'_>| c.value(row).is_some_and(|value| !c.entry.met_by(value));
-    plan.conditions.iter().find(fails).map(Condition::text)
+    conditions.iter().find(fails).map(Condition::text)
 }

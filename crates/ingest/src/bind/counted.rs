@@ -1,7 +1,7 @@
 //! Dates by a device's own counter, for rows that have none.
 
 use super::order::FAR_NS;
-use super::stamps::Repair;
+use super::repair::Repair;
 use crate::map::TimeSource;
 use crate::table::{Table, numbers};
 use crate::time::unwrap;

@@ -1,6 +1,6 @@
 //! Stamps from a column of dates and one of the time of day.
 
-use super::stamps::Repair;
+use super::repair::Repair;
 use crate::civil::{DateOrder, plain_date, unix_ns};
 use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};

@@ -145,7 +145,7 @@ fn place(plan: &Plan<'_>, row: usize) -> String {
 fn sample_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], primary: &Stamps, row: usize) -> Result<Sample, String> {
     let parts = values_of(plan.rule, columns, row)?;
     let stamp = primary.nanos.get(row).copied().flatten().ok_or("no stamp")?;
-    if let Some(reason) = failed(plan, row) {
+    if let Some(reason) = failed(&plan.conditions, row) {
         return Err(reason);
     }
     let values = combine(plan.rule.combine, &parts)?;

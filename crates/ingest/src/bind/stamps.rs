@@ -2,13 +2,13 @@
 
 use super::counted::date_by_counter;
 use super::dated::dated;
+use super::repair::Repair;
 use crate::civil::{Tick, calendar_to_unix_ns, iso_to_unix_ns};
 use crate::map::{TieRule, TimeSource};
 use crate::reader::Log;
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
 use flight::{Clock, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
-use std::borrow::Cow;
 use std::ops::Range;
 
 /// Receivers without a fix count from 1970, 1980 or the year of their firmware; no log that ties is from before 2000.
@@ -21,14 +21,6 @@ pub(super) struct Stamps {
     pub(super) label: String,
     pub(super) nanos: Vec<Option<i64>>,
     pub(super) repairs: Vec<Repair>,
-}
-
-/// Stamps that were put right, or of which there was a choice.
-pub(super) struct Repair {
-    pub(super) severity: Severity,
-    pub(super) code: &'static str,
-    pub(super) count: u64,
-    pub(super) text: Cow<'static, str>,
 }
 
 /// A stamp that was never filled in is no stamp.
