@@ -4,6 +4,7 @@
 //! pymavlink gives them: `c`, `C`, `e`, `E` count hundredths and `L` counts 1e-7 degrees, everything else is as it
 //! stands. A topic is named after its type; of a type with instances the second is `GPS_1`.
 
+mod anew;
 mod binary;
 mod book;
 pub(super) mod modes;

@@ -73,6 +73,12 @@ fn kind_of_text(head: &[u8], context: &ReadContext<'_>) -> String {
     format!("its first line {first:?}")
 }
 
+/// Makes the tables of a format whose messages nobody has stamped as such tables are.
+fn forget_log_times(log: &mut Log) {
+    log.tables.iter_mut().for_each(|table| table.logged_ns = None);
+    log.health.topics.iter_mut().for_each(|topic| topic.stamps.clear());
+}
+
 /// As `context`, with no more topics than a log of a format can reasonably have: each takes a few kilobytes.
 fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c> {
     let limits = Limits { topics: context.limits.topics.min(most), ..context.limits };

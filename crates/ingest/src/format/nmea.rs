@@ -15,7 +15,7 @@ mod sentence;
 use self::book::Kind;
 pub(super) use self::book::{Book, Dates};
 pub(super) use self::sentence::Sentence;
-use crate::bytes::is_zero;
+use crate::bytes::{is_plain, is_zero};
 use crate::civil::Tick;
 use crate::decode::Topics;
 use crate::error::IngestError;
@@ -72,15 +72,9 @@ impl LogReader for NmeaReader {
             return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
         }
         dates.put(&mut log);
-        forget_log_times(&mut log);
+        super::forget_log_times(&mut log);
         Ok(log)
     }
-}
-
-/// Makes the tables of a format whose messages nobody has stamped as such tables are.
-pub(super) fn forget_log_times(log: &mut Log) {
-    log.tables.iter_mut().for_each(|table| table.logged_ns = None);
-    log.health.topics.iter_mut().for_each(|topic| topic.stamps.clear());
 }
 
 /// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is; or
@@ -300,11 +294,6 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             "bytes of text that is no sentence: comments, what stands before the first, and whole lines between",
         );
     }
-}
-
-/// Whether it is text and nothing else.
-pub(super) fn is_plain(text: &[u8]) -> bool {
-    std::str::from_utf8(text).is_ok_and(|text| text.bytes().all(|b| b >= b' ' || b"\t\r\n".contains(&b)))
 }
 
 /// The Unix time in front of a sentence, ns, if that is all there is: seconds, or milli-, micro- or nanoseconds as the

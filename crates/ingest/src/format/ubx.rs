@@ -6,20 +6,22 @@
 //! In front of the fields of a message stand `gps_week`, the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or else the first
 //! behind it (0 if none did), and `fix_ok`; in front of NAV-HPPOSLLH also `latitude`, `longitude` and `ellipsoid_height`
 //! of all its digits, and in front of TIM-TP and TIM-TM2 `gps_tow_ms`, which with `gps_week` is the GPS time of a pulse that
-//! the message may count in UTC. A receiver's own output has no time at which it was logged.
+//! the message may count in UTC or in the time of BeiDou; without one both are 0. A receiver's own output has no time at
+//! which it was logged.
 //!
 //! Layouts are a table and not those of the `ublox` crate: its accessors scale and clip each field, and one conversion
 //! by hand for each message would stand between it and the columns. The table goes into columns as it is.
 
 mod frame;
 mod message;
+mod pulse;
 mod receiver;
 
 use self::frame::{CUT, Finder, Frame, LONGEST, LONGEST_RTCM, RTCM, SYNC, WRONG, rtcm_length};
 use self::message::Message;
 use self::receiver::{Receiver, Weeks};
 use super::nmea::{self, Book, Dates, Sentence};
-use crate::bytes::is_zero;
+use crate::bytes::{is_plain, is_zero};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
@@ -80,7 +82,7 @@ impl LogReader for UbxReader {
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
         weeks.put(&mut log);
         dates.put(&mut log);
-        nmea::forget_log_times(&mut log);
+        super::forget_log_times(&mut log);
         Ok(log)
     }
 }
@@ -157,7 +159,7 @@ impl Walk<'_, '_, '_, '_> {
             return Ok(false);
         }
         let text = self.file.up_to(0, end as usize)?;
-        Ok(nmea::is_plain(text) && text.ends_with(b"\n") && memchr(b'*', text).is_none())
+        Ok(is_plain(text) && text.ends_with(b"\n") && memchr(b'*', text).is_none())
     }
 
     /// Where an intact correction begins, right behind the frame or correction of this length that is damaged. Elsewhere none is searched
@@ -387,13 +389,18 @@ impl<'b, 't> Content<'b, 't> {
             let text = format!("{text}; the first: {}", self.early.first);
             notices.push(Severity::Info, "undated", "", self.early.count, text);
         }
-        let velecef = message::numbers_of("NAV-VELECEF");
         let others = ["NAV-SOL", "NAV-PVT", "NAV-VELNED", "HNR-PVT"].map(message::numbers_of);
         let has = |key: &Option<(u8, u8)>| key.is_some_and(|key| self.routes.contains_key(&key));
-        if has(&velecef) && !others.iter().any(has) {
+        let velocities = self.receiver.velocities_ecef;
+        if velocities > 0 && !others.iter().any(has) {
             let text = "the velocity is in the earth's own axes alone (NAV-VELECEF): no channel map binds it, for it does not \
                         say where it is";
-            notices.push(Severity::Warning, "unbound-velocity", "NAV-VELECEF", 1, text);
+            notices.push(Severity::Warning, "unbound-velocity", "NAV-VELECEF", velocities, text);
+        }
+        let untimed = &self.receiver.untimed;
+        if untimed.count > 0 {
+            let text = format!("pulses have no GPS time; the first: {}", untimed.first);
+            notices.push(Severity::Warning, "untimed-pulse", "", untimed.count, text);
         }
         if let Some((text, dates)) = self.receiver.suspicion() {
             notices.push(Severity::Warning, "week-suspect", "", dates, text);

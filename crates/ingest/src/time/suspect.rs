@@ -2,6 +2,7 @@
 
 use super::week::{counts_early, weeks_of};
 use flight::{Distribution, NANOS_PER_SECOND, Stamp, TAI_LESS_GPS_S, WEEK_S, gps_ahead_of_utc_s, gps_of_unix};
+use std::collections::BTreeMap;
 
 /// A whole number of seconds with a driver's delay on top.
 const SLACK_S: f64 = 0.5;
@@ -10,6 +11,7 @@ const EXACT_S: f64 = 0.1;
 /// Time zones differ by whole quarters of an hour, and at most by this much, s.
 const QUARTER_S: f64 = 900.0;
 const FARTHEST_ZONE_S: f64 = 14.0 * 3600.0;
+const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
 
 /// What an offset between two clocks that both claim UTC looks like, if it looks like a known mistake. `at` is when.
 pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
@@ -50,24 +52,55 @@ pub(crate) struct Since {
     pub(crate) why: &'static str,
 }
 
-/// What a date looks like that a receiver has put into its messages before it can have: a counter of GPS weeks of ten bits
-/// begins anew every 1024 weeks, and a receiver that does not know of the last time is 19.6 years behind.
-pub(crate) fn early(unix: Stamp, since: Since) -> Option<String> {
-    const WEEK_NS: i64 = WEEK_S * NANOS_PER_SECOND;
-    let gps = gps_of_unix(unix)?;
-    let week = gps.0.div_euclid(WEEK_NS);
-    if week >= since.week {
-        return None;
+/// The dates that a receiver says.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct SaidDates {
+    /// The earliest, UTC.
+    earliest: Option<Stamp>,
+    /// How many there are of each GPS week.
+    weeks: BTreeMap<i64, u64>,
+}
+
+impl SaidDates {
+    /// One more date, UTC.
+    pub(crate) fn add(&mut self, unix: Stamp) {
+        let Some(gps) = gps_of_unix(unix) else { return };
+        self.earliest = Some(self.earliest.map_or(unix, |earliest| earliest.min(unix)));
+        *self.weeks.entry(gps.0.div_euclid(WEEK_NS)).or_default() += 1;
     }
-    let date =
-        |unix: Stamp| jiff::Timestamp::from_nanosecond(unix.0.into()).ok().map(|t| t.strftime("%Y-%m-%d").to_string());
-    let guess = counts_early(week, since.week).and_then(|counts| {
-        // The day, whatever leap seconds came between.
-        let later = Stamp(unix.0.checked_add(weeks_of(counts) * WEEK_NS)?);
-        Some(format!("its count of GPS weeks, of ten bits, may have begun anew: then it is {}", date(later)?))
-    });
-    let guess = guess.unwrap_or_else(|| "its date is wrong".to_owned());
-    Some(format!("the receiver says {}, but {}; {guess}. The dates are left as they stand", date(unix)?, since.why))
+
+    /// What those look like that a receiver has put into its messages before it can have, and how many they are: a counter
+    /// of GPS weeks of ten bits begins anew every 1024 weeks, and a receiver that does not know of the last time is 19.6
+    /// years behind.
+    pub(crate) fn suspicion(&self, since: Since) -> Option<(String, u64)> {
+        let early: u64 = self.weeks.range(..since.week).map(|(_, count)| count).sum();
+        let all: u64 = self.weeks.values().sum();
+        let (earliest, week) = (self.earliest?, *self.weeks.keys().next()?);
+        if early == 0 {
+            return None;
+        }
+        let guess = counts_early(week, since.week).and_then(|counts| {
+            // The day, whatever leap seconds came between.
+            let later = Stamp(earliest.0.checked_add(weeks_of(counts) * WEEK_NS)?);
+            Some(format!("its count of GPS weeks, of ten bits, may have begun anew: then it is {}", date(later)?))
+        });
+        let guess = guess.unwrap_or_else(|| "its date is wrong".to_owned());
+        let (date, why) = (date(earliest)?, since.why);
+        let text = format!(
+            "the receiver says {date}, the earliest of {early} such dates among {all}, but {why}; {guess}. The dates are left \
+             as they stand"
+        );
+        Some((text, early))
+    }
+
+    /// Whether there is none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.weeks.is_empty()
+    }
+}
+
+fn date(unix: Stamp) -> Option<String> {
+    jiff::Timestamp::from_nanosecond(unix.0.into()).ok().map(|t| t.strftime("%Y-%m-%d").to_string())
 }
 
 #[cfg(test)]
@@ -77,15 +110,18 @@ mod tests {
     #[test]
     fn a_date_before_a_receiver_can_have_been_is_suspected_with_the_day_that_it_may_mean() {
         let since = Since { week: 1691, why: "it is younger" };
-        let said = |unix_s: i64| early(Stamp(unix_s * NANOS_PER_SECOND), since);
-        // date -u -d '2003-09-07T12:00:00Z' +%s; 7168 days later is 2023-04-23.
-        assert_eq!(
-            said(1_062_936_000).unwrap(),
-            "the receiver says 2003-09-07, but it is younger; its count of GPS weeks, of ten bits, may have begun anew: then \
-             it is 2023-04-23. The dates are left as they stand"
-        );
-        assert!(said(1_325_376_000).unwrap().contains("its date is wrong"));
-        assert_eq!(said(1_338_768_000), None);
+        let said = |unix_s: &[i64]| {
+            let mut dates = SaidDates::default();
+            unix_s.iter().for_each(|s| dates.add(Stamp(s * NANOS_PER_SECOND)));
+            dates.suspicion(since)
+        };
+        // date -u -d '2003-09-07T12:00:00Z' +%s; 7168 days later is 2023-04-23. The others: 2012-01-01 and 2012-06-04.
+        let (early, recent, right) = (1_062_936_000, 1_325_376_000, 1_338_768_000);
+        let text = "the receiver says 2003-09-07, the earliest of 2 such dates among 5, but it is younger; its count of GPS \
+                    weeks, of ten bits, may have begun anew: then it is 2023-04-23. The dates are left as they stand";
+        assert_eq!(said(&[right, recent, right, early, right]), Some((text.to_owned(), 2)));
+        assert!(said(&[recent]).unwrap().0.contains("its date is wrong"));
+        assert_eq!((said(&[right, i64::MIN / NANOS_PER_SECOND]), said(&[])), (None, None));
     }
 
     fn told(offset_s: f64) -> Option<String> {

@@ -373,19 +373,38 @@ fn a_clock_that_goes_on_from_where_it_stepped_back_has_begun_anew_and_one_that_d
             read_bytes(READER, &bytes).unwrap()
         };
         // As after a second header, seconds are added: 61.98 s, ten later, on a whole second of the new clock.
-        let anew = log(&first().chain(again(50)).collect::<Vec<_>>());
+        let anew = log(&first().chain(again(60)).collect::<Vec<_>>());
         assert_eq!(codes(&anew), ["clock-restart"], "{text}");
         let times = numbers(&anew, "ABC", "TimeUS");
         assert!(times.windows(2).all(|w| w[0] < w[1]));
-        assert_eq!((times[99], times[100], times[149] - times[100]), (61_980_000.0, 71_000_000.0, 980_000.0));
-        assert_eq!(numbers(&anew, "ABC", "V"), (0..150).map(f64::from).collect::<Vec<_>>());
-        // What does not last, or ends with the log before it could, stays as it stands.
-        for times in [glitch(1), glitch(8), first().chain(again(8)).collect()] {
+        assert_eq!((times[99], times[100], times[159] - times[100]), (61_980_000.0, 71_000_000.0, 1_180_000.0));
+        assert_eq!(numbers(&anew, "ABC", "V"), (0..160).map(f64::from).collect::<Vec<_>>());
+        // What does not last, or ends with the log before it could, stays as it stands. So do records that come late, however
+        // many they are.
+        let early = || run(5_000_000, 1500).chain(run(20_000_000, 9)).chain(run(35_000_000, 600));
+        let ends = [8, 50].map(|count| first().chain(again(count)).collect());
+        for times in [[1, 8, 9, 100, 400].map(glitch).to_vec(), ends.to_vec(), vec![early().collect()]].concat() {
             let jump = log(&times);
             assert_eq!(codes(&jump), ["clock-jump"], "{text}");
             assert_eq!(numbers(&jump, "ABC", "TimeUS"), times.iter().map(|us| *us as f64).collect::<Vec<_>>());
         }
     }
+}
+
+#[test]
+fn damage_behind_a_clock_that_begins_anew_does_not_hide_it() {
+    let run = |from_us: u64| (0..60).flat_map(move |i| sample(from_us + 20_000 * i, i as f32));
+    let begin = [samples_begin(), run(60_000_000).collect()].concat();
+    let (at, again) = (begin.len(), run(2_000_000).collect::<Vec<u8>>());
+    // Sync bytes, type and time of a record, in the middle and of the next one; and bytes that are no record.
+    for (record, byte, bit) in [(30, 0, 1), (1, 1, 2), (30, 2, 4), (30, 8, 1), (59, 2, 64)] {
+        let mut bytes = [&begin[..], &again].concat();
+        bytes[at + again.len() / 60 * record + byte] ^= bit;
+        let log = read_bytes(READER, &bytes).unwrap();
+        assert!(codes(&log).contains(&"clock-restart"), "{record} {byte}: {:?}", log.notices);
+    }
+    let garbage = [&begin[..], &again[..200], &[0xa3; 700], &again[200..]].concat();
+    assert!(codes(&read_bytes(READER, &garbage).unwrap()).contains(&"clock-restart"));
 }
 
 #[test]

@@ -419,6 +419,17 @@ fn a_date_before_a_receiver_can_have_been_is_suspected_aloud_and_left_as_it_is()
         let told = loaded.flight.notices.iter().find(|n| n.code == "week-suspect");
         assert_eq!(told.map(|n| n.text.contains(meant.unwrap())), meant.map(|_| true), "{:?}", loaded.flight.notices);
     }
+    // One date of another age among right ones.
+    let one_ubx = [&pvt(2003)[..100], &pvt(2025)[100..]].concat();
+    let (early, right) = (nmea("GN", "070903", ",A,V"), nmea("GN", "230423", ",A,V"));
+    let first = early.iter().position(|b| *b == b'\n').unwrap() + 1;
+    let one_nmea = [&early[..first], &right[first..]].concat();
+    for (kind, bytes) in [(LogKind::Ubx, one_ubx), (LogKind::Nmea, one_nmea)] {
+        let loaded = load_as(kind, &bytes, &library, None);
+        let told = loaded.flight.notices.iter().find(|n| n.code == "week-suspect").unwrap();
+        assert_eq!(told.count, 1);
+        assert!(told.text.contains("2003-09-07, the earliest of 1 such dates among 20"), "{}", told.text);
+    }
 }
 
 /// A boot of a vehicle in a DataFlash log: one epoch each 0.2 s from `boot_ms` on, the first at this time of week.

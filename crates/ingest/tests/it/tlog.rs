@@ -467,11 +467,131 @@ fn a_stream_without_times_of_reception_is_bound_by_the_clock_since_boot_and_date
     let loaded = load_bare(&boot.frames());
     assert!(off_ms(&loaded, &[boot]).iter().all(|off| *off == 0.0));
     assert!(!lossy(&loaded));
-    // A vehicle that starts anew is told: whose rows are whose nothing says.
-    let boots = [Boot { from_ms: 50_000, at_ms: 0, utc: TRUE }, Boot { from_ms: 3000, at_ms: 40_000, utc: TRUE }];
-    let loaded = load_bare(&boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
-    assert_eq!(count_of(&loaded, "clock-restart"), 1, "{:?}", loaded.flight.notices);
-    assert!(lossy(&loaded));
+}
+
+#[test]
+fn of_a_stream_without_times_of_reception_only_the_longest_run_of_the_vehicle_is_used() {
+    let boot = |from_ms, at_ms| Boot { from_ms, at_ms, utc: TRUE };
+    let long = [boot(50_000, 0), boot(60_000, 10_000)];
+    let of = |boots: &[Boot]| bare(&boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
+    // What another vehicle says is used wherever it stands.
+    let other = bare(&tlog_frame_from([2, 1], 0, NOON_US, 0, 50, &[0, 0, 0, 0, 6, 8, 0, 4, 3]));
+    let (before, behind) = (of(&[boot(90_000, 0)]), of(&[boot(3000, 40_000)]));
+    let in_one = [&other, &before, &of(&long), &behind, &other].map(Vec::as_slice).concat();
+    let in_three = [before, [of(&long), behind].concat()];
+    for (files, lost) in [(vec![in_one], 220), (in_three.to_vec(), 220), (vec![of(&long)], 0)] {
+        let kept: Vec<_> = files.iter().map(|bytes| file("log.tlog.raw", bytes)).collect();
+        let paths = kept.iter().map(|(_, path)| path.clone()).collect();
+        let loaded = load(&ingest::FlightUnit { id: "log".into(), files: paths, kind: LogKind::Tlog }).unwrap();
+        assert_ledger(&loaded);
+        assert!(off_ms(&loaded, &long).iter().all(|off| *off == 0.0));
+        let stamps = loaded.flight.channels["position.ekf"].series.timeline().stamps();
+        assert_eq!([stamps[0].0, stamps[199].0], [50_000_000_000, 69_900_000_000]);
+        assert_eq!((count_of(&loaded, "clock-restart"), lossy(&loaded)), (lost, lost > 0));
+        let others = loaded.health.topics.iter().filter(|t| t.name == "HEARTBEAT@2").map(|t| t.messages);
+        assert_eq!(others.sum::<u64>(), if files.len() == 1 && lost > 0 { 2 } else { 0 });
+    }
+}
+
+/// What a file of this name and content is found to be.
+fn kind(name: &str, bytes: &[u8]) -> Option<LogKind> {
+    let (folder, _path) = file(name, bytes);
+    let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+    found.units.first().map(|unit| unit.kind)
+}
+
+/// Messages and damaged bytes of a log whose format is called so.
+fn read_as(format: &str, bytes: &[u8]) -> (u64, u64) {
+    let log = read_bytes(READER, bytes).unwrap();
+    assert_eq!(log.health.format, format);
+    (log.health.messages, log.health.bytes.damaged)
+}
+
+const STREAM: &str = "MAVLink stream";
+
+#[test]
+fn a_stream_without_times_of_reception_is_told_wherever_its_first_intact_frames_stand() {
+    let frames: Vec<Vec<u8>> =
+        (0..40).map(|i| bare(&tlog_frame(NOON_US, 0, 50, &[i, 0, 0, 0, 1, 3, 0, 4, 3]))).collect();
+    let own = bare(&tlog_frame(NOON_US, 54_321, 77, &[1; 20]));
+    let mut lost = frames.clone();
+    lost[2].pop();
+    let second = [&frames[..1], std::slice::from_ref(&own), &frames[1..]].concat();
+    let alternating: Vec<Vec<u8>> = frames.iter().flat_map(|frame| [frame.clone(), own.clone()]).collect();
+    let cut = alternating.concat()[5..].to_vec();
+    let holes: Vec<Vec<u8>> =
+        frames.iter().enumerate().map(|(i, frame)| frame[..frame.len() - usize::from(i % 2 == 1)].to_vec()).collect();
+    for (name, bytes, messages, damaged) in [
+        ("byte.bin", lost.concat(), 39, 20),
+        ("second.bin", second.concat(), 41, 0),
+        ("alternating.bin", alternating.concat(), 80, 0),
+        ("cut.bin", cut, 78, 16 + 32),
+        ("holes.bin", holes.concat(), 20, 20 * 20),
+    ] {
+        assert_eq!(kind(name, &bytes), Some(LogKind::Tlog), "{name}");
+        assert_eq!(read_as(STREAM, &bytes), (messages, damaged), "{name}");
+    }
+    // One with times of reception that begins inside a frame.
+    assert_eq!(kind("flight.bin", &of_pymavlink().repeat(3)[3..]), Some(LogKind::Tlog));
+}
+
+#[test]
+fn a_few_frames_of_mavlink_do_not_make_another_log_mavlink() {
+    let frames = bare(&tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(3);
+    let sentence = |i: usize| {
+        let text = format!("GPRMC,12{:02}{:02}.00,A,4724.0{i:03},N,00830.0000,E,10.0,45.0,211126,,,A", i / 60, i % 60);
+        let sum = text.bytes().fold(0, |sum, byte| sum ^ byte);
+        format!("${text}*{sum:02X}\r\n").into_bytes()
+    };
+    let ubx = |i: usize| crate::wire::ubx_frame(1, 7, &[i as u8; 92]);
+    let among = |record: &dyn Fn(usize) -> Vec<u8>| -> Vec<u8> {
+        let (before, behind) = ((0..20).flat_map(record), (20..200).flat_map(record));
+        before.chain(frames.iter().copied()).chain(behind).collect()
+    };
+    assert_eq!(kind("log.bin", &among(&sentence)), Some(LogKind::Nmea));
+    assert_eq!(kind("log.bin", &among(&ubx)[70..]), Some(LogKind::Ubx));
+    assert_eq!(kind("log.dat", &among(&|i| format!("{i},47.4,8.5\n").into_bytes())), None);
+    assert_eq!(kind("log.dat", &among(&|_| vec![])), Some(LogKind::Tlog));
+}
+
+/// A frame of a message that is not defined, which carries others.
+fn tunnel(time_us: u64, inner: &[u8]) -> Vec<u8> {
+    tlog_frame(time_us, 54_321, 77, inner)
+}
+
+#[test]
+fn frames_inside_of_others_that_are_not_defined_make_no_stream_and_are_not_read() {
+    let inner = bare(&tlog_frame_from([9, 1], 0, NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3])).repeat(7);
+    let frame = |i: u64| tlog_frame(NOON_US + i, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]);
+    let bytes: Vec<u8> = (0..20).flat_map(|i| [frame(i), tunnel(NOON_US + i, &inner)].concat()).collect();
+    assert_eq!(read_as("MAVLink telemetry", &bytes), (40, 0));
+    // The first carries others, or is damaged: then what is behind it has no layout that is known.
+    let (first, second) = (frame(0).len(), tunnel(0, &inner).len());
+    assert_eq!(read_as("MAVLink telemetry", &bytes[first..]), (39, 0));
+    assert_eq!(read_as("MAVLink telemetry", &bytes[5..]), (38, (first - 5 + second) as u64));
+    // It is the only one, and nothing stands behind it.
+    assert_eq!(read_as("MAVLink telemetry", &bytes[..first + second]), (2, 0));
+    assert_eq!(read_as(STREAM, &bare(&bytes)), (40, 0));
+}
+
+#[test]
+fn bytes_that_only_look_like_a_frame_swallow_none() {
+    for is_bare in [false, true] {
+        let plain = |frame: Vec<u8>| if is_bare { bare(&frame) } else { frame };
+        let heartbeat = plain(tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]));
+        let position = |told: [u8; 2]| plain(tlog_frame(NOON_US, 32, 185, &[&[7; 16][..], &told, &[7; 10]].concat()));
+        // The checksum that makes it a frame with all up to there stands inside the fifth one.
+        let until = position([0; 2]).len() - 2 - 12;
+        let swallowed = [heartbeat.repeat(4), position([0; 2])[..until].to_vec()].concat();
+        let like = plain(tlog_frame(NOON_US, 3_351_057, 99, &swallowed));
+        let (begin, told) = (&like[..like.len() - 2 - swallowed.len()], &like[like.len() - 2..]);
+        let behind = [heartbeat.repeat(4), position([told[0], told[1]])].concat();
+        let bytes = [&heartbeat.repeat(4), begin, &behind, &heartbeat].concat();
+        assert!(bytes.windows(like.len()).any(|window| window == like));
+        let log = read_bytes(READER, &bytes).unwrap();
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (10, begin.len() as u64), "{is_bare}");
+        assert!(log.health.damage[0].reason.contains("3351057"), "{:?}", log.health.damage);
+    }
 }
 
 #[test]
@@ -526,6 +646,12 @@ fn frames_with_flags_that_are_not_known_are_dropped_and_no_damage() {
     let told = log.notices.iter().find(|n| n.code == "unknown-flags").unwrap();
     assert_eq!((told.severity, told.count), (Severity::Loss, 3));
     assert!(told.text.contains("message 76 with flags 0x06"), "{}", told.text);
+    // Of nothing else there is no log, and no word of damage.
+    let error = read_bytes(READER, &[drafted, other].concat()).unwrap_err().to_string();
+    assert!(
+        error.contains("(2) have incompatibility flags that are not known") && !error.contains("nothing"),
+        "{error}"
+    );
 }
 
 #[test]

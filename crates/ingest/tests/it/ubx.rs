@@ -215,7 +215,55 @@ fn a_position_and_a_velocity_in_the_axes_of_the_earth_are_bound_as_geodetic_and_
         let off = [0, 1, 2].map(|i| velocity.component(i)[n] - truth(n as u32).1[i]);
         assert!(off.iter().all(|off| off.abs() < 0.0088), "{off:?}");
     }
-    assert_eq!((count_of(&together, "unbound-velocity"), count_of(&apart, "unbound-velocity")), (0, 1));
+    assert_eq!((count_of(&together, "unbound-velocity"), count_of(&apart, "unbound-velocity")), (0, 10));
+}
+
+#[test]
+fn pulses_are_in_gps_time_whatever_the_receiver_counts_and_those_without_are_told_of() {
+    // An epoch a second from 2026-11-21T11:59:42Z, 561600 s of GPS week 2445, on, and with it a pulse on its second.
+    let epochs = |pulse: &dyn Fn(u32) -> Vec<u8>| -> Vec<u8> {
+        let epoch = |n: u32| {
+            let mut payload = [&(561_600_000 + 1000 * n).to_le_bytes()[..], &2026_u16.to_le_bytes()].concat();
+            payload.extend([11, 21, 11, 59, 42 + n as u8, 7, 0, 0, 0, 0, 0, 0, 0, 0, 3, 1]);
+            payload.resize(92, 0);
+            [ubx_frame(1, 7, &payload), pulse(n)].concat()
+        };
+        (0..10).flat_map(epoch).collect()
+    };
+    let predicted = |week: u16, ms: i64, flags: u8, reference: u8| {
+        let tow = move |n: u32| (561_600_000 + ms + 1000 * i64::from(n)) as u32;
+        let payload = move |n| [&tow(n).to_le_bytes()[..], &[0; 8], &week.to_le_bytes(), &[flags, reference]].concat();
+        epochs(&move |n| ubx_frame(0x0d, 1, &payload(n)))
+    };
+    let marked = |flags: u8| {
+        let payload = move |n: u32| {
+            let tow_ms = (561_600_000 + 1000 * n).to_le_bytes();
+            let front = [&[0, flags][..], &(n as u16).to_le_bytes(), &2445_u16.to_le_bytes(), &[0; 2]].concat();
+            [&front[..], &tow_ms, &[0; 16]].concat()
+        };
+        epochs(&move |n| ubx_frame(0x0d, 3, &payload(n)))
+    };
+    for (bytes, name, timed) in [
+        (predicted(2445, 0, 0, 0), "pps.receiver", true),
+        (predicted(2445, -18_000, 3, 0x30), "pps.receiver", true),
+        (predicted(1089, -14_000, 0, 0x72), "pps.receiver", true),
+        (predicted(1421, 0, 0, 3), "pps.receiver", true),
+        (predicted(2445, 10_782_000, 0, 0x61), "pps.receiver", false),
+        (predicted(2445, 0, 0, 4), "pps.receiver", false),
+        (marked(0xc8), "pps.time-mark", true),
+        (marked(0x88), "pps.time-mark", false),
+        (marked(0xc0), "pps.time-mark", false),
+    ] {
+        let loaded = load_ubx(&bytes);
+        assert_eq!(count_of(&loaded, "untimed-pulse"), if timed { 0 } else { 10 }, "{:?}", loaded.flight.notices);
+        let Some(pulses) = loaded.flight.channels.get(name) else {
+            assert!(!timed, "{name}");
+            continue;
+        };
+        // date -u -d '2026-11-21T11:59:42Z' +%s
+        let first = gps_of_unix(Stamp(1_795_262_382_000_000_000));
+        assert_eq!((timed, pulses.series.len(), pulses.series.timeline().first()), (true, 10, first), "{name}");
+    }
 }
 
 fn load_ubx(bytes: &[u8]) -> ingest::Loaded {

@@ -2,7 +2,8 @@
 //!
 //! Nothing in it vouches for a record but what stands behind it: a record counts if another begins where it ends.
 
-use super::book::{Book, CONFIRMED_BY};
+use super::anew::Anew;
+use super::book::Book;
 use super::record::{FMT_ID, FMT_LENGTH, Format, HEADER, LONGEST_RECORD, SYNC};
 use crate::bytes::is_zero;
 use crate::error::IngestError;
@@ -21,8 +22,8 @@ const BLOCK: usize = 256 << 10;
 const PIECE: usize = 4 << 10;
 /// Bytes searched in one go: few, for where records and damage alternate every search is short.
 const STRETCH: usize = 4 << 10;
-/// Looked through for records behind one whose clock goes back, bytes.
-const AHEAD: usize = 4 << 10;
+/// Looked through for records behind one whose clock goes back, bytes: a second of a dense log.
+const AHEAD: u64 = 1 << 20;
 /// Fetched with a record: it, and the start of the next.
 const TOGETHER: usize = LONGEST_RECORD + HEADER;
 
@@ -148,10 +149,15 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     }
 
     fn take(&mut self, length: usize) -> Result<(), IngestError> {
-        self.look_ahead(length)?;
-        let bytes = self.file.bytes(self.at, length)?.unwrap_or_default();
+        let mut bytes = self.file.bytes(self.at, length)?.unwrap_or_default();
         let id = bytes.get(HEADER - 1).copied().unwrap_or_default();
-        match self.book.packed(id, bytes, HEADER) {
+        let raw_ns = self.book.time_of_record(id, bytes, HEADER);
+        if let Some(mut anew) = raw_ns.and_then(|raw_ns| self.book.may_begin_anew(raw_ns)) {
+            self.look_ahead(length, &mut anew)?;
+            self.book.begins_anew(&anew);
+            bytes = self.file.bytes(self.at, length)?.unwrap_or_default();
+        }
+        match self.book.packed(id, bytes, HEADER, raw_ns) {
             Ok(fate) => self.ledger.count(fate, length as u64),
             Err(reason) => self.ledger.damaged(&self.name, self.at, length as u64, reason),
         }
@@ -159,21 +165,24 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         Ok(())
     }
 
-    /// Where the clock goes back the records behind show whether it began anew.
-    fn look_ahead(&mut self, length: usize) -> Result<(), IngestError> {
-        let bytes = self.file.bytes(self.at, length)?.unwrap_or_default();
-        let id = bytes.get(HEADER - 1).copied().unwrap_or_default();
-        let time = self.book.time_of_record(id, bytes, HEADER);
-        let Some(raw_ns) = time.filter(|time| self.book.turns_back(*time)) else { return Ok(()) };
-        let mut rest = self.file.up_to(self.at, AHEAD)?.get(length..).unwrap_or_default();
-        let mut behind_ns = vec![];
-        while let (Some((&[first, second, id], _)), true) = (rest.split_first_chunk(), behind_ns.len() < CONFIRMED_BY) {
+    /// Shows the times of the records behind this one; what is damaged is left out.
+    fn look_ahead(&mut self, length: usize, anew: &mut Anew) -> Result<(), IngestError> {
+        let (mut at, end) = (self.at + length as u64, self.at + AHEAD);
+        while at < end {
+            let window = self.file.up_to(at, LONGEST_RECORD)?;
+            let Some((&[first, second, id], _)) = window.split_first_chunk() else { break };
             let known = self.book.format(id).filter(|_| [first, second] == SYNC).and_then(Format::usual_length);
-            let Some((record, next)) = known.and_then(|length| rest.split_at_checked(length)) else { break };
-            behind_ns.extend(self.book.time_of_record(id, record, HEADER));
-            rest = next;
+            let Some((length, record)) = known.and_then(|length| Some((length, window.get(..length)?))) else {
+                // Sync bytes that straddle the end of the window are found in the next.
+                let next = window.get(1..).and_then(|rest| self.sync.find(rest));
+                at += next.map_or(window.len() as u64 - 1, |next| next as u64 + 1);
+                continue;
+            };
+            if self.book.time_of_record(id, record, HEADER).is_some_and(|ns| !anew.goes_on(ns)) {
+                break;
+            }
+            at += length as u64;
         }
-        self.book.begins_anew(raw_ns, &behind_ns);
         Ok(())
     }
 

@@ -1,5 +1,6 @@
 //! What a log says of its own records, and the way of each record to its topic.
 
+use super::anew::{Anew, CONFIRMED_BY, STEP_BACK_NS};
 use super::record::{Body, FMT_ID, FMT_LENGTH, Format, TimeField};
 use super::units::Units;
 use super::vehicle::Vehicle;
@@ -20,14 +21,6 @@ const MOST_INSTANCES: usize = 4096;
 const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
 /// Begins of logs that are remembered.
 const MOST_RESTARTS: usize = 10_000;
-/// A step back of the clock that is longer than this is no mere disorder, ns.
-const STEP_BACK_NS: i64 = NANOS_PER_SECOND;
-/// So many records in a row on both sides, behind one another in time on each, show that a clock that went back began anew.
-pub(super) const CONFIRMED_BY: usize = 8;
-/// Records follow one another within less, ns.
-const NEXT_NS: i64 = 10 * NANOS_PER_SECOND;
-/// A log begins so soon after its autopilot, ns.
-const BEGIN_NS: i64 = 30 * NANOS_PER_SECOND;
 /// Records follow one another within less where a counter begins anew of itself, ns.
 const WRAP_NS: i64 = 60 * NANOS_PER_SECOND;
 
@@ -224,7 +217,8 @@ impl<'t, 'w> Book<'t, 'w> {
     /// What a binary record says of its time, ns; `bytes` with its header.
     pub(super) fn time_of_record(&self, id: u8, bytes: &[u8], header: usize) -> Option<i64> {
         let format = self.format(id)?;
-        format.time?.read(format, Body::Packed(bytes.get(header..)?))
+        let time = format.time.filter(|_| format.fits(bytes.len()))?;
+        time.read(format, Body::Packed(bytes.get(header..)?))
     }
 
     /// What a line of text says of its time, ns: name and what follows its comma.
@@ -233,37 +227,35 @@ impl<'t, 'w> Book<'t, 'w> {
         format.time?.read(format, Body::Line(values))
     }
 
-    /// Whether the clock would go back by more than disorder, and not because a log begins.
-    pub(super) fn turns_back(&self, raw_ns: i64) -> bool {
-        !self.clock.begins && self.clock.turns_back(raw_ns)
+    /// If a record with this time goes back and the clock may have begun anew although no log begins: what is to be told of
+    /// the records behind it.
+    pub(super) fn may_begin_anew(&self, raw_ns: i64) -> Option<Anew> {
+        if self.clock.begins || !self.clock.turns_back(raw_ns) || self.clock.is_wrap(raw_ns) {
+            return None;
+        }
+        let before: Vec<i64> =
+            self.clock.latest().into_iter().map(|ns| ns.saturating_sub(self.clock.offset_ns)).collect();
+        Anew::at(raw_ns, &before)
     }
 
-    /// Whether the clock has begun anew although no log begins, as where the begin of the second was lost: a record turns
-    /// back to nearly zero, and these are the times of those behind it. ArduPilot's clock never goes back while it runs; a
-    /// wrong time, on whichever side, and a few that come late, do not last.
-    pub(super) fn begins_anew(&mut self, raw_ns: i64, behind_ns: &[i64]) {
-        let goes_on = |pair: &[i64]| matches!(pair, [a, b] if (-STEP_BACK_NS..NEXT_NS).contains(&b.saturating_sub(*a)));
-        let all = [&[raw_ns], behind_ns].concat();
-        let lasts = behind_ns.len() >= CONFIRMED_BY && all.windows(2).all(goes_on);
-        let from_zero = (0..BEGIN_NS).contains(&raw_ns) && !self.clock.is_wrap(raw_ns);
-        let before = self.clock.latest();
-        let lasted = !before.is_empty() && before.windows(2).all(goes_on);
-        let apart = || before.iter().all(|before| all.iter().all(|ns| self.clock.is_back(*ns, *before)));
-        if from_zero && lasts && lasted && apart() {
+    /// The next record is the first of a clock that has begun anew, if that is certain.
+    pub(super) fn begins_anew(&mut self, anew: &Anew) {
+        if anew.is_certain() {
             self.clock.restarts();
         }
     }
 
-    /// A binary record of a known type; `bytes` with its header. Fails if it is damaged.
-    pub(super) fn packed(&mut self, id: u8, bytes: &[u8], header: usize) -> Result<Fate, String> {
+    /// A binary record of a known type; `bytes` with its header, and what [`Book::time_of_record`] says of it. Fails if it is
+    /// damaged.
+    pub(super) fn packed(&mut self, id: u8, bytes: &[u8], header: usize, raw_ns: Option<i64>) -> Result<Fate, String> {
         let Some(index) = self.known(id) else { return Err(format!("a record of type {id}, which is not defined")) };
         let Some(kind) = self.types.get(index) else { return Ok(Fate::Skipped) };
-        if kind.format.fault.is_none() && !kind.format.describes(bytes.len()) {
+        if !kind.format.fits(bytes.len()) {
             let name = &kind.format.name;
             self.misfits.add(|| format!("a {name} of {} bytes", bytes.len()));
             return Ok(Fate::Skipped);
         }
-        self.record(index, Body::Packed(bytes.get(header..).unwrap_or_default()))
+        self.record(index, Body::Packed(bytes.get(header..).unwrap_or_default()), raw_ns)
     }
 
     /// A line of text: name and what follows its comma. Fails if it is damaged.
@@ -286,7 +278,8 @@ impl<'t, 'w> Book<'t, 'w> {
                 return Err(format!("a line of type {} whose text is longer than its field", kind.format.name));
             }
         }
-        self.record(index, Body::Line(values))
+        let raw_ns = self.types.get(index).and_then(|t| t.format.time?.read(&t.format, Body::Line(values)));
+        self.record(index, Body::Line(values), raw_ns)
     }
 
     /// The type of the record that a text holds: its own line end, in front of that one, is damaged. A name that is
@@ -301,10 +294,8 @@ impl<'t, 'w> Book<'t, 'w> {
         })
     }
 
-    fn record(&mut self, index: usize, body: Body<'_>) -> Result<Fate, String> {
-        let Some(kind) = self.types.get_mut(index) else { return Ok(Fate::Skipped) };
-        let role = kind.role;
-        let raw_ns = kind.format.time.and_then(|time| time.read(&kind.format, body));
+    fn record(&mut self, index: usize, body: Body<'_>, raw_ns: Option<i64>) -> Result<Fate, String> {
+        let Some(role) = self.types.get(index).map(|kind| kind.role) else { return Ok(Fate::Skipped) };
         let logged_ns = self.clock.stamp(raw_ns, &self.file);
         if role != Role::Samples {
             self.tell(role, index, body, logged_ns)?;
@@ -508,11 +499,8 @@ impl BootClock {
 
     /// Whether a record with this time would go back by more than disorder.
     fn turns_back(&self, raw_ns: i64) -> bool {
-        self.last_ns.is_some_and(|last_ns| self.is_back(raw_ns, last_ns))
-    }
-
-    fn is_back(&self, raw_ns: i64, from_ns: i64) -> bool {
-        raw_ns.saturating_add(self.offset_ns).saturating_add(STEP_BACK_NS) < from_ns
+        let ns = raw_ns.saturating_add(self.offset_ns).saturating_add(STEP_BACK_NS);
+        self.last_ns.is_some_and(|last_ns| ns < last_ns)
     }
 
     /// Whether a counter of 32 bits ends between the last record and one with this time.

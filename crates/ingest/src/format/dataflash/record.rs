@@ -138,8 +138,13 @@ impl Format {
     }
 
     /// Whether records of this length are what the format characters describe.
-    pub(super) fn describes(&self, length: usize) -> bool {
+    fn describes(&self, length: usize) -> bool {
         self.described == Some(length)
+    }
+
+    /// Whether a record of this length is to be read, or cannot be in any case.
+    pub(super) fn fits(&self, length: usize) -> bool {
+        self.fault.is_some() || self.describes(length)
     }
 
     pub(super) fn field(&self, name: &str) -> Option<usize> {

@@ -1,6 +1,7 @@
 //! The walk over a text log, line by line: name and values between commas.
 
-use super::book::{Book, CONFIRMED_BY};
+use super::anew::Anew;
+use super::book::Book;
 use super::starts_a_log;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
@@ -8,10 +9,8 @@ use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
 
-/// Bytes looked through for lines in one go.
-const BLOCK: usize = 256 << 10;
-/// Looked through for lines behind one whose clock goes back, bytes.
-const AHEAD: usize = 16 << 10;
+/// Bytes looked through for lines in one go, and at most where a clock goes back: a second of a dense log.
+const BLOCK: usize = 1 << 20;
 
 /// A walk in progress.
 pub(super) struct Walk<'w, 'c, 't, 's> {
@@ -72,15 +71,13 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         for end in memchr::memchr_iter(b'\n', block) {
             let line = block.get(taken..end).unwrap_or_default();
             let length = (end + 1 - taken) as u64;
-            if let Some(raw_ns) = time_of(line, self.book).filter(|time| self.book.turns_back(*time)) {
+            if let Some(mut anew) = time_of(line, self.book).and_then(|raw_ns| self.book.may_begin_anew(raw_ns)) {
                 let behind = block.get(end + 1..).unwrap_or_default();
-                if taken > 0 && behind.len() < AHEAD && !is_last {
-                    // What follows is in the next block.
+                if look_ahead(behind, &mut anew, self.book) && taken > 0 && !is_last {
+                    // More is to be told by the next block.
                     break;
                 }
-                let times = behind.split(|b| *b == b'\n').filter_map(|line| time_of(line, self.book));
-                let behind_ns: Vec<i64> = times.take(CONFIRMED_BY).collect();
-                self.book.begins_anew(raw_ns, &behind_ns);
+                self.book.begins_anew(&anew);
             }
             match fate_of(line, self.book) {
                 Ok(fate) => {
@@ -109,6 +106,12 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         self.ledger.damaged(&self.name, start, self.at - start, reason);
         Ok(())
     }
+}
+
+/// Shows the times of the lines behind one. Whether more are wanted.
+fn look_ahead(behind: &[u8], anew: &mut Anew, book: &Book<'_, '_>) -> bool {
+    let whole = behind.split_inclusive(|b| *b == b'\n').filter(|line| line.ends_with(b"\n"));
+    whole.filter_map(|line| time_of(line, book)).all(|ns| anew.goes_on(ns))
 }
 
 /// What a line says of its time, ns.

@@ -7,7 +7,7 @@ use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
-use crate::time::{Since, early};
+use crate::time::{SaidDates, Since};
 use flight::{NANOS_PER_SECOND, Notices, Severity, Stamp};
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -323,8 +323,8 @@ impl Book {
         say(Severity::Loss, "no-time", &self.timeless, text);
         let text = "sentences found no topic, for there are too many";
         say(Severity::Loss, "unknown-channel", &self.unplaced, text);
-        if let Some(text) = self.age.suspicion() {
-            notices.push(Severity::Warning, "week-suspect", "", self.age.told(), text);
+        if let Some((text, dates)) = self.age.suspicion() {
+            notices.push(Severity::Warning, "week-suspect", "", dates, text);
         }
         log.health.about.texts.extend(self.texts);
         Dates { begin_ns: self.epochs.begin_ns }
@@ -404,17 +404,17 @@ impl Epochs {
     }
 }
 
-/// Since when the receiver can have been, and the earliest date that it says.
+/// Since when the receiver can have been, and the dates that it says.
 #[derive(Debug)]
 struct Age {
     since: Since,
-    /// By valid RMC, and by ZDA, which says its date without a fix too: begin of the day and how many say a date.
-    dates: [(Option<i64>, u64); 2],
+    /// By valid RMC, and by ZDA, which says its date without a fix too: the begin of the day.
+    dates: [SaidDates; 2],
 }
 
 impl Default for Age {
     fn default() -> Age {
-        Age { since: NO_LOG_BEFORE, dates: [(None, 0); 2] }
+        Age { since: NO_LOG_BEFORE, dates: Default::default() }
     }
 }
 
@@ -436,24 +436,15 @@ impl Age {
             self.since = VERSION_4_10;
         }
         let [by_rmc, by_zda] = &mut self.dates;
-        let (earliest, told) = if name == "RMC" { by_rmc } else { by_zda };
         if let Some(date) = date {
-            *earliest = Some(earliest.map_or(date, |earliest| earliest.min(date)));
-            *told += 1;
+            if name == "RMC" { by_rmc } else { by_zda }.add(Stamp(date));
         }
     }
 
-    fn trusted(&self) -> (Option<i64>, u64) {
-        let [by_rmc, by_zda] = self.dates;
-        if by_rmc.1 > 0 { by_rmc } else { by_zda }
-    }
-
-    fn told(&self) -> u64 {
-        self.trusted().1
-    }
-
-    fn suspicion(&self) -> Option<String> {
-        early(Stamp(self.trusted().0?), self.since)
+    /// What is suspected of the dates, and of how many.
+    fn suspicion(&self) -> Option<(String, u64)> {
+        let [by_rmc, by_zda] = &self.dates;
+        if by_rmc.is_empty() { by_zda } else { by_rmc }.suspicion(self.since)
     }
 }
 

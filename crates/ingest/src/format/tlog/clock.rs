@@ -98,8 +98,6 @@ pub(super) struct BootClock {
     last: Option<Reading>,
     begun: Option<Begun>,
     restarts: Vec<Restart>,
-    /// Messages that say so, where nothing says when they came.
-    unstamped: i64,
     told_ms: i64,
 }
 
@@ -150,17 +148,17 @@ impl Reading {
 }
 
 impl BootClock {
-    /// A message of the vehicle; its payload is as long as its definition says. Where nothing says when it came its place
-    /// among the others stands for that: then a clock that goes ahead tells nothing, and one that goes back does.
-    pub(super) fn message(&mut self, definition: &Definition, number: u32, payload: &[u8], logged_ns: Option<i64>) {
+    /// A message of the vehicle; zeros that are missing at its end count. Where nothing says when it came its place among the
+    /// bytes stands for that: then a clock that goes ahead tells nothing, and one that goes back does.
+    pub(super) fn message(&mut self, definition: &Definition, number: u32, payload: &[u8], logged_ns: i64) {
         let offset = *self.offsets.entry(number).or_insert_with(|| boot_ms_in(definition));
-        let bytes = offset.and_then(|offset| payload.get(offset..)?.first_chunk());
+        let Some(rest) = offset.and_then(|offset| payload.get(offset..)) else { return };
+        let bytes = std::array::from_fn(|at| rest.get(at).copied().unwrap_or(0));
+        let boot_ms = i64::from(u32::from_le_bytes(bytes));
         // Zero is how a sender leaves it that does not know.
-        let boot_ms = bytes.map(|four| i64::from(u32::from_le_bytes(*four))).filter(|ms| *ms != 0);
-        if let Some(boot_ms) = boot_ms {
-            self.unstamped += i64::from(logged_ns.is_none());
+        if boot_ms != 0 {
             self.told_ms = boot_ms;
-            self.read(Reading { boot_ms, logged_ns: logged_ns.unwrap_or(self.unstamped) });
+            self.read(Reading { boot_ms, logged_ns });
         }
     }
 

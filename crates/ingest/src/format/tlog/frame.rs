@@ -115,14 +115,20 @@ impl Head {
 impl<'b> Frame<'b> {
     /// Bytes of the frame that the bytes begin with, intact or not.
     pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {
-        Head::at(bytes).ok().map(|head| head.drafted(bytes).unwrap_or(head).length())
+        let head = Head::at(bytes).ok()?;
+        Some(Frame::drafted(head, bytes).map_or(head.length(), |frame| frame.length))
     }
 
     /// The frame that the bytes begin with.
     pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
         let head = Head::at(bytes)?;
-        let drafted = head.drafted(bytes).and_then(|head| Frame::behind(head, bytes).ok());
-        drafted.filter(|frame| frame.intact == Some(true)).map_or_else(|| Frame::behind(head, bytes), Ok)
+        Frame::drafted(head, bytes).map_or_else(|| Frame::behind(head, bytes), Ok)
+    }
+
+    /// The same as the draft has it, if its checksum proves that.
+    fn drafted(head: Head, bytes: &'b [u8]) -> Option<Frame<'b>> {
+        let frame = head.drafted(bytes).and_then(|head| Frame::behind(head, bytes).ok());
+        frame.filter(|frame| frame.intact == Some(true))
     }
 
     fn behind(head: Head, bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
@@ -274,6 +280,9 @@ mod tests {
         let found: Vec<usize> = (0..block.len()).filter(|at| finder.is_frame(*at)).collect();
         assert_eq!(found, (0..block.len()).filter(truth).collect::<Vec<_>>());
         assert!(found.len() >= 200, "{}", found.len());
+        // However long the header is, by its flags or by its checksum.
+        let lengths = |at: &usize| (Frame::length_at(&block[*at..]), Frame::at(&block[*at..]).ok().map(|f| f.length));
+        assert!(found.iter().map(lengths).all(|(said, true_one)| said == true_one));
     }
 
     /// Frames of COMMAND_LONG from system 42 or 10.0.0.1 to 7 or 10.0.0.2, the last one signed: from the tests of the draft.

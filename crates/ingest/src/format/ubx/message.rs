@@ -123,7 +123,7 @@ pub(super) struct Message {
 pub(super) struct Derived {
     /// GPS week of `iTOW`, or of a pulse; 0 if nothing has told it yet.
     pub(super) week: u16,
-    /// Of a pulse: GPS time of week, ms.
+    /// Of a pulse: GPS time of week, ms; 0 if it is not known.
     pub(super) tow_ms: u32,
     /// Whether the receiver trusts its fix; 1 where it does not say.
     pub(super) fix_ok: bool,
@@ -147,9 +147,9 @@ impl Message {
         self.name == "NAV-HPPOSLLH"
     }
 
-    /// Whether it is of a pulse: it may count UTC.
+    /// Whether it is of a pulse: it may count UTC, or the time of another system than GPS.
     pub(super) fn is_pulse(self) -> bool {
-        self.name.starts_with("TIM-")
+        matches!(self.name, "TIM-TP" | "TIM-TM2")
     }
 
     /// What the reader derives, and where everything lies behind it.

@@ -1,19 +1,21 @@
 //! What the receiver's messages tell of its time and of itself.
 
 use super::message::{Derived, Message};
+use super::pulse::{Pulse, System};
 use crate::civil::calendar_to_unix_ns;
+use crate::decode::Tally;
 use crate::decode::packed::text_of;
 use crate::reader::Log;
 use crate::table::ColumnData;
-use crate::time::{Since, early};
-use flight::{GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Stamp, WEEK_S, gps_ahead_of_utc_s, gps_of_unix};
+use crate::time::{SaidDates, Since};
+use flight::{Stamp, WEEK_S, gps_of_unix};
 
 /// Receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
 /// Stands for the week of the first message until a week is told; no week that is told is near it.
 const UNTOLD: i64 = 0x8000;
 /// Weeks that are told are before this one, of the year 2117.
-const LAST: i64 = 0x1c00;
+pub(super) const LAST: i64 = 0x1c00;
 
 /// What the messages have told so far.
 #[derive(Debug, Default)]
@@ -22,9 +24,14 @@ pub(super) struct Receiver {
     week: Option<(i64, i64)>,
     /// What the first week that was told is ahead of the weeks counted until then.
     pub(super) weeks: Weeks,
-    /// The earliest date of a fix, ns of UTC, and how many dates there are.
-    earliest_ns: Option<i64>,
-    dates: u64,
+    /// Of fixes.
+    dates: SaidDates,
+    /// In whose time pulses are, as TIM-TP said last; TIM-TM2 does not say it itself.
+    pulses_of: System,
+    /// Messages of a velocity in the earth's own axes alone.
+    pub(super) velocities_ecef: u64,
+    /// Pulses of which no GPS time is known, and why the first has none.
+    pub(super) untimed: Tally,
     pub(super) names: Vec<String>,
 }
 
@@ -47,15 +54,15 @@ impl Receiver {
             "NAV-SOL" if read.u8(11) & 0xc == 0xc => self.learn(read.u16(8).into(), itow_ms),
             "NAV-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => {
                 let unix_ns = self.learn_date(read, 4, itow_ms);
-                self.earliest_ns = [self.earliest_ns, unix_ns].into_iter().flatten().min();
-                self.dates += 1;
+                unix_ns.into_iter().for_each(|ns| self.dates.add(Stamp(ns)));
             }
             // The time of week and the week are valid; without the last bit its leap seconds are a default.
             "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => drop(self.learn_date(read, 12, itow_ms)),
+            "NAV-VELECEF" => self.velocities_ecef += 1,
             _ => {}
         }
         let (week, tow_ms) = match payload.len() >= message.shortest {
-            true if message.is_pulse() => pulse(message, read),
+            true if message.is_pulse() => self.pulse(message, read),
             true => (self.week_at(itow_ms), itow_ms),
             false => (0, 0),
         };
@@ -83,9 +90,27 @@ impl Receiver {
         }
     }
 
-    /// What is suspected of the dates, and how many there are.
+    /// What is suspected of the dates, and of how many.
     pub(super) fn suspicion(&self) -> Option<(String, u64)> {
-        Some((early(Stamp(self.earliest_ns?), PVT)?, self.dates))
+        self.dates.suspicion(PVT)
+    }
+
+    /// GPS week and time of week, ms, of a pulse; week 0 if they are not known.
+    fn pulse(&mut self, message: Message, read: Read<'_>) -> (i64, i64) {
+        let pulse = match message.name {
+            "TIM-TP" => {
+                let (flags, reference) = (read.u8(14), read.u8(15));
+                let pulse = Pulse::predicted(read.u16(12), read.u32(0), flags, reference);
+                self.pulses_of = pulse.system().unwrap_or(self.pulses_of);
+                pulse
+            }
+            _ => Pulse::marked(read.u16(4), read.u32(8), read.u8(1), self.pulses_of),
+        };
+        let told = self.week.map(|(week, _)| week);
+        pulse.gps(told).unwrap_or_else(|why| {
+            self.untimed.add(|| format!("{}, {why}", message.name));
+            (0, 0)
+        })
     }
 
     /// The week that the date says whose fields begin at `at`; at its ends the time of week decides. Gives the date, UTC.
@@ -157,23 +182,6 @@ impl Weeks {
     }
 }
 
-/// GPS week and time of week, ms, of a pulse: `TIM-TP`, or the rising edge of `TIM-TM2`. Flags say whether the receiver
-/// counts UTC instead, as it does unless it is told otherwise: weeks and times of week as of GPS, but with leap seconds.
-fn pulse(message: Message, read: Read<'_>) -> (i64, i64) {
-    const WEEK_MS: i64 = WEEK_S * 1000;
-    let (week, tow_ms, counts_utc) = match message.name {
-        "TIM-TP" => (read.u16(12), read.u32(0), read.u8(14) & 1 == 1),
-        _ => (read.u16(4), read.u32(8), read.u8(1) >> 3 & 3 == 2),
-    };
-    let count_ms = i64::from(week) * WEEK_MS + i64::from(tow_ms);
-    let unix_s = GPS_EPOCH_UNIX_S + count_ms.div_euclid(1000);
-    let leaps_s = unix_s.checked_mul(NANOS_PER_SECOND).map_or(0, |ns| gps_ahead_of_utc_s(Stamp(ns)));
-    let gps_ms = count_ms + if counts_utc { 1000 * leaps_s } else { 0 };
-    // A week that is none is told by nobody.
-    let week = gps_ms.div_euclid(WEEK_MS);
-    (if week < LAST { week } else { 0 }, gps_ms.rem_euclid(WEEK_MS))
-}
-
 /// Latitude and longitude, deg, and height, m, of `NAV-HPPOSLLH`: 1e-7 deg and mm, and hundredths and tenths of those.
 fn precise(read: Read<'_>) -> [f64; 3] {
     let whole = |at, fine_at, share: i64| i64::from(read.i32(at)) * share + i64::from(read.u8(fine_at) as i8);
@@ -239,25 +247,22 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_that_counts_utc_is_as_many_leap_seconds_later_in_gps_time() {
-        // A receiver of 2021: the pulse of 237888 s of GPS time is told of at 237887 s, in UTC.
-        let tp = |tow_ms: u32, week: u16, flags: u8| {
-            let payload = [&tow_ms.to_le_bytes()[..], &[0; 8], &week.to_le_bytes(), &[flags, 15]].concat();
-            let derived = tell(&mut Receiver::default(), 0x0d, 1, &payload);
+    fn a_time_mark_is_in_the_time_of_the_pulses_that_the_receiver_gives() {
+        let mut receiver = Receiver::default();
+        let mut mark = [0; 28];
+        mark[1] = 1 << 6 | 1 << 3;
+        mark[4..6].copy_from_slice(&1089_u16.to_le_bytes());
+        mark[8..12].copy_from_slice(&1000_u32.to_le_bytes());
+        let tp = |flags, reference| [&[0; 12][..], &1089_u16.to_le_bytes(), &[flags, reference]].concat();
+        let mut week = |pulse: &[u8]| {
+            tell(&mut receiver, 0x0d, 1, pulse);
+            let derived = tell(&mut receiver, 0x0d, 3, &mark);
             (derived.week, derived.tow_ms)
         };
-        assert_eq!(tp(237_870_000, 2146, 0xb), (2146, 237_888_000));
-        assert_eq!(tp(237_888_000, 2146, 0xa), (2146, 237_888_000));
-        // The last seconds of a week are the first of the next; in 2012 there were 15 and 16 leap seconds.
-        assert_eq!(tp(604_790_000, 2146, 1), (2147, 8000));
-        assert_eq!((tp(604_799_000, 1694, 1), tp(0, 1695, 1)), ((1695, 14_000), (1695, 16_000)));
-        let mut mark = [0; 28];
-        mark[4..6].copy_from_slice(&2146_u16.to_le_bytes());
-        for (base, tow_ms) in [(0, 1000), (1, 1000), (2, 19_000)] {
-            mark[1] = base << 3;
-            mark[8..12].copy_from_slice(&1000_u32.to_le_bytes());
-            assert_eq!(tell(&mut Receiver::default(), 0x0d, 3, &mark).tow_ms, tow_ms);
-        }
+        // By GPS, by BeiDou; one in UTC says nothing of the system; by GLONASS.
+        let marks = [tp(0, 0), tp(0, 2), tp(1, 0), tp(0, 1)].map(|pulse| week(&pulse));
+        assert_eq!(marks, [(1089, 1000), (2445, 15_000), (2445, 15_000), (0, 0)]);
+        assert_eq!((receiver.untimed.count, &*receiver.untimed.first), (2, "TIM-TP, in GLONASS time"));
     }
 
     #[test]

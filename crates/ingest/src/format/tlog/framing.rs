@@ -1,0 +1,196 @@
+//! What stands in front of the frames of a file, and where the next one is.
+
+use super::clock::PLAUSIBLE_US;
+use super::frame::{Finder, Frame, LONGEST, MAGIC};
+use crate::bytes::is_zero;
+use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
+use crate::format::file::LogFile;
+use crate::reader::ReadContext;
+
+/// Bytes of the time in front of a frame.
+pub(super) const TIME: usize = 8;
+/// Bytes searched in one go.
+const BLOCK: usize = 256 << 10;
+
+/// What stands in front of every frame of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Framing {
+    /// The time at which it came.
+    Stamped,
+    /// Nothing: it follows the frame before.
+    Bare,
+}
+
+impl Framing {
+    /// Bytes in front of a frame.
+    pub(super) fn front(self) -> usize {
+        match self {
+            Framing::Stamped => TIME,
+            Framing::Bare => 0,
+        }
+    }
+
+    pub(super) fn of_file(file: &mut LogFile) -> Result<Framing, IngestError> {
+        Ok(Framing::of(file.up_to(0, crate::sniff::HEAD)?))
+    }
+
+    /// As the begin shows, or else most of what follows a frame.
+    fn of(head: &[u8]) -> Framing {
+        if !begins_stamped(head) && Census::of(head).is_bare() { Framing::Bare } else { Framing::Stamped }
+    }
+
+    /// What the bytes behind a frame show, if they show that another one follows.
+    fn ahead(bytes: &[u8]) -> Option<Framing> {
+        let is_magic = |at: usize| bytes.get(at).is_some_and(|magic| MAGIC.contains(magic));
+        if is_magic(0) {
+            return Some(Framing::Bare);
+        }
+        (is_magic(TIME) && is_plausible(bytes)).then_some(Framing::Stamped)
+    }
+
+    /// Whether a frame of a message that is not defined is one and no accident, where nothing else vouches for it: some
+    /// layout makes its checksum right, and the next record or the end of the file stands behind it or else no intact frame
+    /// is lost with it. The record begins with these bytes, and as many follow as the longest frame has.
+    pub(super) fn believes(self, frame: &Frame<'_>, bytes: &[u8]) -> bool {
+        let end = self.front() + frame.length;
+        let follows = || bytes.len() == end || Framing::ahead(bytes.get(end..).unwrap_or_default()) == Some(self);
+        let record = bytes.get(self.front()..).unwrap_or_default();
+        frame.extra.is_some() && (follows() || !holds_another(record, frame.length))
+    }
+}
+
+/// Whether an intact frame begins inside of the one that the bytes begin with.
+fn holds_another(bytes: &[u8], length: usize) -> bool {
+    let inside = bytes.get(1..length).unwrap_or_default();
+    let mut starts = memchr::memchr2_iter(MAGIC[0], MAGIC[1], inside).map(|at| at + 1).peekable();
+    let finder = starts.peek().map(|_| Finder::new(bytes.to_vec()));
+    finder.is_some_and(|finder| starts.any(|at| finder.is_frame(at)))
+}
+
+/// What a walk over the first bytes of a file finds.
+#[derive(Default)]
+struct Census {
+    frames: usize,
+    /// Of all frames.
+    bytes: usize,
+    /// Frames that another one follows, behind its time and at once.
+    stamped: usize,
+    bare: usize,
+}
+
+/// So many frames are no accident.
+const FEWEST: usize = 3;
+
+impl Census {
+    /// Counts intact frames, and those of messages that are not defined where the frame before says that one stands and
+    /// another follows.
+    fn of(head: &[u8]) -> Census {
+        let finder = Finder::new(head.to_vec());
+        let mut census = Census { bare: usize::from(finder.is_frame(0)), ..Census::default() };
+        let (mut at, mut next) = (0, None);
+        while let Some(bytes) = head.get(at..).filter(|bytes| !bytes.is_empty()) {
+            if !finder.is_frame(at) && (next != Some(at) || !is_followed(bytes)) {
+                at += 1;
+                continue;
+            }
+            let length = Frame::length_at(bytes).unwrap_or(1);
+            let ahead = Framing::ahead(bytes.get(length..).unwrap_or_default());
+            census.frames += 1;
+            census.bytes += length;
+            census.stamped += usize::from(ahead == Some(Framing::Stamped));
+            census.bare += usize::from(ahead == Some(Framing::Bare));
+            at += length;
+            next = ahead.map(|framing| at + framing.front());
+        }
+        census
+    }
+
+    fn is_bare(&self) -> bool {
+        self.bare > self.stamped
+    }
+
+    /// Whether the head is of MAVLink: some frames, and half of it is theirs.
+    fn prevails_in(&self, head: &[u8]) -> bool {
+        self.frames >= FEWEST && 2 * self.bytes >= head.len()
+    }
+}
+
+/// Whether a frame of a message that is not defined begins here, and another one behind it.
+fn is_followed(bytes: &[u8]) -> bool {
+    let unknown = Frame::at(bytes).ok().filter(|frame| frame.intact.is_none() && frame.extra.is_some());
+    unknown.is_some_and(|frame| bytes.get(frame.length..).and_then(Framing::ahead).is_some())
+}
+
+/// Whether these first bytes of a file begin with a frame behind its time, or are frames by half.
+pub(crate) fn looks_like(head: &[u8]) -> bool {
+    begins_stamped(head) || Census::of(head).prevails_in(head)
+}
+
+pub(super) fn begins_stamped(head: &[u8]) -> bool {
+    let frame = || Frame::at(head.get(TIME..).unwrap_or_default()).ok();
+    let begins = head.get(TIME).is_some_and(|magic| MAGIC.contains(magic)) && is_plausible(head);
+    begins && frame().is_some_and(|frame| frame.intact == Some(true) || frame.zeros_cut.is_some())
+}
+
+pub(super) fn time_us(bytes: &[u8]) -> Option<u64> {
+    bytes.first_chunk().map(|eight| u64::from_be_bytes(*eight))
+}
+
+fn is_plausible(bytes: &[u8]) -> bool {
+    time_us(bytes).is_some_and(|time| PLAUSIBLE_US.contains(&time))
+}
+
+/// The time in front of a frame that the bytes begin with, and what follows that frame.
+pub(super) fn next_time(bytes: &[u8]) -> Option<(u64, &[u8])> {
+    let time = time_us(bytes).filter(|_| bytes.get(TIME).is_some_and(|magic| MAGIC.contains(magic)))?;
+    let length = Frame::length_at(bytes.get(TIME..)?).unwrap_or(usize::MAX);
+    Some((time, bytes.get(TIME..)?.get(length..).unwrap_or_default()))
+}
+
+/// A search for intact frames. What was learned of a block serves the next search in it.
+pub(super) struct Search {
+    framing: Framing,
+    /// A block and where it begins.
+    searched: Option<(u64, Finder)>,
+}
+
+impl Search {
+    pub(super) fn of(framing: Framing) -> Search {
+        Search { framing, searched: None }
+    }
+
+    /// Where the next intact frame of a defined message begins, at or behind `from`; `end` if there is none before.
+    pub(super) fn next(
+        &mut self,
+        file: &mut LogFile,
+        from: u64,
+        end: u64,
+        context: &ReadContext<'_>,
+    ) -> Result<u64, IngestError> {
+        let (mut at, mut zeros) = (from, 0);
+        let front = self.framing.front();
+        while at < end && zeros <= MOST_ZEROS {
+            if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
+                // What a block of the search begins with may be as long as a record.
+                self.searched = Some((at, Finder::new(file.up_to(at, BLOCK + front + LONGEST)?.to_vec())));
+            }
+            let Some((start, finder)) = &self.searched else { break };
+            let (first, block) = ((at - start) as usize, finder.block());
+            let found = memchr::memchr2_iter(MAGIC[0], MAGIC[1], block.get(first + front..).unwrap_or_default())
+                .map(|hit| first + hit)
+                .take_while(|hit| *hit < BLOCK)
+                .find(|&hit| {
+                    let plausible = front == 0 || block.get(hit..).is_some_and(is_plausible);
+                    plausible && finder.is_frame(hit + front)
+                });
+            if let Some(hit) = found {
+                return Ok((start + hit as u64).min(end));
+            }
+            at = start + BLOCK as u64;
+            zeros = if is_zero(block) { zeros + BLOCK as u64 } else { 0 };
+            file.progress(at.min(end), context)?;
+        }
+        Ok(end)
+    }
+}
