@@ -87,13 +87,18 @@ fn stats(record: &CampaignRecord) -> Markup {
         ul.stats {
             li { b { (number::count(t.flights)) } "flights" }
             li { b { (number::clock(t.duration_s, 0)) } "flown (h:mm:ss)" }
-            li { b { (number::count(t.compensated)) } (badge("ok", "✓", "compensated")) }
-            li { b { (number::count(t.not_measurable)) } (badge("unsure", "○", "not measurable")) }
-            li { b { (number::count(t.failed)) } (badge("bad", "✗", "failed")) }
-            li { b { (number::count(t.lossy)) } (badge("lost", "▲", "log damaged")) }
+            (outcome_count(t.compensated, "ok", "✓", "compensated"))
+            (outcome_count(t.not_measurable, "unsure", "○", "not measurable"))
+            (outcome_count(t.failed, "bad", "✗", "failed"))
+            (outcome_count(t.lossy, "lost", "▲", "log damaged"))
             li { b { (number::bytes(t.bytes)) } "of logs" }
         }
     }
+}
+
+/// A colour warns of something; of no flight at all it would warn of nothing.
+fn outcome_count(flights: u64, class: &str, icon: &str, word: &str) -> Markup {
+    html! { li { b { (number::count(flights)) } (badge(if flights == 0 { "off" } else { class }, icon, word)) } }
 }
 
 /// Failed or lossy flights with their reason; then those that could not be measured.
