@@ -156,11 +156,12 @@ fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {
 
 /// What comes nearest, and which topics there are.
 fn nothing_fits(trials: &[Trial<'_>], log: &Log) -> IngestError {
-    let mut text = match trials {
-        [only] => format!("the channel map {} does not fit", only.map.name),
-        _ => "no channel map fits".to_owned(),
+    // Who asks for one map wants to know all.
+    let (mut text, channels) = match trials {
+        [only] => (format!("the channel map {} does not fit", only.map.name), usize::MAX),
+        _ => ("no channel map fits".to_owned(), 3),
     };
-    let mut near: Vec<(usize, String)> = trials.iter().filter_map(Trial::complaint).collect();
+    let mut near: Vec<(usize, String)> = trials.iter().filter_map(|trial| trial.complaint(channels)).collect();
     near.sort_by_key(|(found, _)| std::cmp::Reverse(*found));
     near.truncate(2);
     if !near.is_empty() {

@@ -153,9 +153,11 @@ impl<'a> Trial<'a> {
         format!("{how}{lacking}; {channels} {}", if channels == 1 { "channel" } else { "channels" })
     }
 
-    /// How near the map comes, and what is missing; `None` if it finds nothing of its own at all.
-    pub(super) fn complaint(&self) -> Option<(usize, String)> {
-        let missing = [self.near.as_slice(), self.far.as_slice()].concat().join(", ");
+    /// How near the map comes, and what is missing in the first so many channels; `None` if it finds nothing of its own at
+    /// all.
+    pub(super) fn complaint(&self, channels: usize) -> Option<(usize, String)> {
+        let missing: Vec<&str> = self.near.iter().chain(&self.far).map(String::as_str).collect();
+        let missing = first_of(&missing, channels, ", ", " and {} more channels");
         (self.nearness > 0).then(|| (self.nearness, format!("{} lacks {missing}", self.map.name)))
     }
 }
@@ -202,10 +204,11 @@ fn plan<'a>(rule: &'a ChannelRule, log: &'a Log) -> Result<Plan<'a>, Miss> {
     }
 }
 
-/// Fields of the rule that the table has, with or without values.
+/// Fields of the rule that the table has, with or without values. A column of the time tells nothing: every table has one.
 fn columns_found(rule: &ChannelRule, table: &Table) -> usize {
     let by_name = usize::from(rule.specificity() > Specificity::AnyTable);
-    by_name + table.columns.iter().filter(|c| rule.requests().any(|r| r.path == c.path)).count()
+    let fields = || rule.parts.iter().flat_map(|part| &part.fields);
+    by_name + table.columns.iter().filter(|c| fields().any(|(field, _)| *field == c.path)).count()
 }
 
 fn no_topic(rule: &ChannelRule, log: &Log) -> String {
@@ -247,7 +250,14 @@ fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distanc
 
 fn missing(part: &Part) -> String {
     let names: Vec<&str> = part.fields.iter().map(|(field, _)| field.as_str()).collect();
-    format!("no {} ({})", part.role, names.join(" or "))
+    format!("no {} ({})", part.role, first_of(&names, 3, " or ", " or {} other names"))
+}
+
+/// A list of no more than so many; `more` says how many there are besides.
+fn first_of(names: &[&str], most: usize, between: &str, more: &str) -> String {
+    let (listed, besides) = names.split_at(names.len().min(most));
+    let more = if besides.is_empty() { String::new() } else { more.replace("{}", &besides.len().to_string()) };
+    listed.join(between) + &more
 }
 
 /// The first of the part's fields that holds a number at all.

@@ -157,6 +157,19 @@ fn what_is_missing_in_the_nearest_map_is_named() {
     assert!(reason.contains("nearest: flysight-1 lacks position.gps: topic f: no longitude (lon)"), "{reason}");
 }
 
+#[test]
+fn a_reason_stays_short_and_a_column_of_the_time_brings_no_map_near() {
+    // The ArduPilot map knows the topic by its name, and has some thirty channels.
+    let (_folder, path) = file("IMU.csv", b"time,a,b\n0.0,1,2\n0.1,1,2\n");
+    let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
+    assert!(reason.contains("nearest: ardupilot lacks angular-rate.imu: topic IMU: no x (GyrX), specific"), "{reason}");
+    assert!(reason.contains(" more channels") && reason.len() < 400, "{reason}");
+    // Garmin's and other maps have its date and time, and nothing else of it.
+    let (_folder, path) = file("fuel.csv", b"Lcl Date,Lcl Time,fuel\n2024-05-10,17:27:02,3\n2024-05-10,17:27:03,3\n");
+    let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
+    assert!(!reason.contains("nearest"), "{reason}");
+}
+
 const SAME: &str = "schema = 1\nname = \"NAME\"\ntitle = \"t\"\n[time]\nlogged = [{ field = \"t\", unit = \"s\", clock = \"boot\" }]\n\
     [[channel]]\nname = \"velocity.x\"\nquantity = \"velocity-ned\"\ntimeline = \"logged\"\n[channel.fields]\n\
     north = { field = \"a\", unit = \"UNIT\" }\neast = { field = \"b\", unit = \"UNIT\" }\nVERTICAL\n";
