@@ -30,7 +30,7 @@ pub(crate) use ubx::looks_like as looks_like_ubx;
 pub use ulog::UlogReader;
 pub(crate) use unpack::{Packing, UnpackingReader, members, named_text};
 
-use crate::bytes::is_zero;
+use crate::bytes::{is_plain, is_zero};
 use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
@@ -83,6 +83,25 @@ fn forget_log_times(log: &mut Log) {
 fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c> {
     let limits = Limits { topics: context.limits.topics.min(most), ..context.limits };
     ReadContext { limits, cancel: context.cancel, on_bytes: context.on_bytes }
+}
+
+/// The longest text before the first frame of a stream, bytes.
+const LONGEST_PREAMBLE: u64 = 64 << 10;
+
+/// The text before this place if a file has nothing else there: what a device prints on its line as it starts, or what a
+/// logger wrote first.
+fn preamble(file: &mut LogFile, end: u64) -> Result<Option<&[u8]>, IngestError> {
+    if end == file.size() || end > LONGEST_PREAMBLE {
+        return Ok(None);
+    }
+    let text = file.up_to(0, end as usize)?;
+    Ok(Some(text).filter(|text| is_plain(text) && text.ends_with(b"\n")))
+}
+
+fn tell_preamble(bytes: u64, notices: &mut Notices) {
+    if bytes > 0 {
+        notices.push(Severity::Info, "preamble", "", bytes, "bytes of text stand before the first frame");
+    }
 }
 
 /// What the readers of messages share while they read.

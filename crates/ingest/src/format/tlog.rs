@@ -29,7 +29,6 @@ use self::frame::{Frame, LONGEST};
 pub(crate) use self::framing::looks_like;
 use self::framing::{Framing, Search, TIME};
 use self::recut::Recut;
-use crate::bytes::is_plain;
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::file::LogFile;
@@ -41,8 +40,6 @@ use std::path::{Path, PathBuf};
 
 /// Bytes in which the heartbeat of every vehicle is expected.
 const BEGIN: u64 = 1 << 20;
-/// The longest text that an autopilot prints before the first frame, bytes.
-const LONGEST_PREAMBLE: usize = 4 << 10;
 /// Bytes of two records and the begin of a third: the times of the next two frames speak for that of this one.
 const LOOK: usize = 2 * (TIME + LONGEST) + TIME + 1;
 
@@ -223,7 +220,8 @@ impl Walk<'_, '_, '_, '_> {
         let behind = self.known_behind()?;
         let found = self.search.next(self.file, self.at + 1, self.file.size(), self.context)?;
         let next = behind.map_or(found, |behind| behind.min(found));
-        if self.at == 0 && self.begins_with_text(next)? {
+        let may_begin_with_text = self.at == 0 && self.framing == Framing::Bare;
+        if may_begin_with_text && super::preamble(self.file, next)?.is_some() {
             self.ledger.count(Fate::Skipped, next);
             self.book.preamble += next;
             self.at = next;
@@ -234,15 +232,6 @@ impl Walk<'_, '_, '_, '_> {
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
-    }
-
-    /// Whether there is but text before this place: what an autopilot prints on its line as it starts.
-    fn begins_with_text(&mut self, end: u64) -> Result<bool, IngestError> {
-        if self.framing == Framing::Stamped || end == self.file.size() || end > LONGEST_PREAMBLE as u64 {
-            return Ok(false);
-        }
-        let text = self.file.up_to(0, end as usize)?;
-        Ok(is_plain(text) && text.ends_with(b"\n"))
     }
 
     /// Where the damaged frame ends, if one of a message that is not defined follows whose layout is known from before.

@@ -21,7 +21,7 @@ use self::frame::{CUT, Finder, Frame, LONGEST, LONGEST_RTCM, RTCM, SYNC, WRONG, 
 use self::message::Message;
 use self::receiver::{Receiver, Weeks};
 use super::nmea::{self, Book, Dates, Sentence};
-use crate::bytes::{is_plain, is_zero};
+use crate::bytes::is_zero;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::error::IngestError;
@@ -44,8 +44,6 @@ const MOST_TOPICS: usize = 2048;
 /// a correction is read; beyond that what looks like one is damage.
 const VAIN: u64 = 4;
 const VAIN_AT_ONCE: u64 = 1 << 20;
-/// The longest text that a logger writes before the first frame, bytes.
-const LONGEST_PREAMBLE: u64 = 64 << 10;
 /// Nobody stamped the messages.
 const UNSTAMPED: Times = Times { logged_ns: 0, published_ns: None };
 
@@ -137,7 +135,9 @@ impl Walk<'_, '_, '_, '_> {
         let correction = length.and_then(|length| self.correction_behind(length));
         let found = self.search(self.at + 1)?;
         let next = correction.map_or(found, |correction| correction.min(found));
-        if self.at == 0 && self.begins_with_text(next)? {
+        // A star ends a sentence: what stands before it is a piece of one.
+        let is_begun = |text: &[u8]| memchr(b'*', text).is_none();
+        if self.at == 0 && super::preamble(self.file, next)?.is_some_and(is_begun) {
             self.ledger.count(Fate::Skipped, next);
             self.content.preamble += next;
             self.at = next;
@@ -151,15 +151,6 @@ impl Walk<'_, '_, '_, '_> {
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
-    }
-
-    /// Whether there is but text before this place, and no piece of a sentence: what a logger wrote first.
-    fn begins_with_text(&mut self, end: u64) -> Result<bool, IngestError> {
-        if end == self.file.size() || end > LONGEST_PREAMBLE {
-            return Ok(false);
-        }
-        let text = self.file.up_to(0, end as usize)?;
-        Ok(is_plain(text) && text.ends_with(b"\n") && memchr(b'*', text).is_none())
     }
 
     /// Where an intact correction begins, right behind the frame or correction of this length that is damaged. Elsewhere none is searched
@@ -377,10 +368,7 @@ impl<'b, 't> Content<'b, 't> {
             let text = format!("messages found no topic, for there are too many; the first: {}", self.unplaced.first);
             notices.push(Severity::Loss, "unknown-channel", "", self.unplaced.count, text);
         }
-        if self.preamble > 0 {
-            let text = "bytes of text stand before the first frame";
-            notices.push(Severity::Info, "preamble", "", self.preamble, text);
-        }
+        super::tell_preamble(self.preamble, notices);
         if self.early.count > 0 {
             let text = match self.receiver.weeks.are_told() {
                 true => "messages stand before the first that tells the week, and are dated backwards from it",

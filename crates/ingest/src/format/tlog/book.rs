@@ -304,10 +304,7 @@ impl<'b, 't> Book<'b, 't> {
             let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));
             notices.push(Severity::Warning, "unknown-message", "", frames, text);
         }
-        if self.preamble > 0 {
-            let text = "bytes of text stand before the first frame";
-            notices.push(Severity::Info, "preamble", "", self.preamble, text);
-        }
+        crate::format::tell_preamble(self.preamble, notices);
         if self.stamped {
             log.restarts = self.boot.finish();
         } else {
