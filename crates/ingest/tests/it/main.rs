@@ -11,6 +11,7 @@ mod csv;
 mod dataflash;
 mod db3;
 mod discover;
+mod drivers;
 mod gps_time;
 mod kept_crates;
 mod made;
