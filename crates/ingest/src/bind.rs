@@ -60,7 +60,7 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
 
 fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined>, forced: bool) -> (Flight, Binding) {
     let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
-    let mut channels = vec![];
+    let (mut channels, mut apart) = (vec![], vec![]);
     for (name, said) in &best.unknown {
         let text = format!("channel {name} is not bound: the log says {said}, which the channel map does not know");
         flight.notices.push(Severity::Warning, "unknown-remark", "", 1, text);
@@ -76,8 +76,10 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined
             }
             None => no_rows(&bound.health, &mut flight.notices),
         }
+        apart.extend(bound.apart.into_iter().map(|offset| (bound.health.clone(), offset)));
         channels.push(bound.health);
     }
+    told::note_apart(&apart, &mut flight.notices);
     note_back_jumps(&channels, &mut flight.notices);
     channels.sort_by(|a, b| a.name.cmp(&b.name));
     let tied = match joined {

@@ -24,6 +24,8 @@ pub(super) struct Bound {
     /// `None` if no row could be used.
     pub(super) channel: Option<Channel>,
     pub(super) health: ChannelHealth,
+    /// Kinds of stamp that are more than a day apart.
+    pub(super) apart: Vec<StampOffset>,
     pub(super) notices: Notices,
 }
 
@@ -70,10 +72,11 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
     }
     let mut health = health_of(plan, &columns, rejects, samples.len());
     health.stamps = stamps;
-    health.offsets = offsets(plan, &samples, &mut notices);
+    let (near, apart) = offsets(plan, &samples, &mut notices);
+    health.offsets = near;
     health.held = held_health;
     let channel = channel_of(plan, primary, &columns, &samples, held, &mut notices);
-    Bound { channel, health, notices }
+    Bound { channel, health, apart, notices }
 }
 
 fn describe(stamps: &Stamps, samples: &[Sample]) -> Option<StampHealth> {
@@ -92,7 +95,7 @@ fn as_used(logged: StampHealth, primary: &Stamps, sorted: &[Sample]) -> StampHea
 }
 
 fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, notices: Notices) -> Bound {
-    Bound { channel: None, health: health_of(plan, columns, rejects, 0), notices }
+    Bound { channel: None, health: health_of(plan, columns, rejects, 0), apart: vec![], notices }
 }
 
 /// A height or vertical speed that most rows lack is left out whole, so that it does not cost the rows.
@@ -312,29 +315,23 @@ fn health_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, 
     }
 }
 
-/// Differences between kinds of stamp on the same rows, as far as their clocks agree. Stamps of a
-/// simulation that claim to be UTC are years away from those of the logger: such a difference is no delay.
-fn offsets(plan: &Plan<'_>, samples: &[Sample], notices: &mut Notices) -> Vec<StampOffset> {
+/// Differences between kinds of stamp on the same rows: those whose clocks agree, and those that are more than a day apart.
+/// Stamps of a simulation that claim to be UTC are years away from those of the logger: such a difference is no delay.
+fn offsets(plan: &Plan<'_>, samples: &[Sample], notices: &mut Notices) -> (Vec<StampOffset>, Vec<StampOffset>) {
     let pairs = [
         (StampKind::Published, StampKind::Measured),
         (StampKind::Logged, StampKind::Measured),
         (StampKind::Logged, StampKind::Published),
     ];
-    let mut offsets: Vec<StampOffset> = pairs.into_iter().filter_map(|pair| offset(plan, samples, pair)).collect();
-    offsets.retain(|o| {
-        let (name, topic) = (&plan.rule.name, plan.table.topic.name.as_str());
-        let which = format!("channel {name}, {} and {} stamps", o.of, o.against);
+    let offsets: Vec<StampOffset> = pairs.into_iter().filter_map(|pair| offset(plan, samples, pair)).collect();
+    for o in &offsets {
         if let Some(what) = first_unix(plan, samples).and_then(|at| suspicion(&o.offset_s, at)) {
-            notices.push(Severity::Warning, "clock-suspect", topic, samples.len() as u64, format!("{which}: {what}"));
+            let text = format!("channel {}, {} and {} stamps: {what}", plan.rule.name, o.of, o.against);
+            notices.push(Severity::Warning, "clock-suspect", &plan.table.topic.name, samples.len() as u64, text);
         }
-        let near = o.offset_s.median.abs() <= FAR_NS as f64 / NANOS_PER_SECOND as f64;
-        if !near {
-            let text = format!("{which}: more than a day apart, so they count different clocks");
-            notices.push(Severity::Warning, "clock-differs", topic, samples.len() as u64, text);
-        }
-        near
-    });
-    offsets
+    }
+    let far_s = FAR_NS as f64 / NANOS_PER_SECOND as f64;
+    offsets.into_iter().partition(|o| o.offset_s.median.abs() <= far_s)
 }
 
 /// When the first sample was, by any of its stamps that knows.

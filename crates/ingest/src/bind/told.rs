@@ -1,7 +1,7 @@
 //! What is said of the stamps of a topic: once, however many channels have them.
 
 use super::trial::Plan;
-use flight::{Notices, Severity};
+use flight::{ChannelHealth, Notices, Severity, StampOffset};
 
 /// One thing that is said, and the channels that it is about.
 struct Told<'p> {
@@ -45,6 +45,29 @@ fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<Told<'p>> {
         })
     });
     remarks.chain(repairs).collect()
+}
+
+/// Kinds of stamp that are more than a day apart in these channels: they count different clocks. As a rule it is one clock
+/// that is wrong, in all of them.
+pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut Notices) {
+    let kinds = |o: &StampOffset| (o.of, o.against);
+    for (at, (health, o)) in apart.iter().enumerate() {
+        if apart.iter().take(at).any(|(_, told)| kinds(told) == kinds(o)) {
+            continue;
+        }
+        let same = || apart.iter().filter(|(_, other)| kinds(other) == kinds(o));
+        let days = o.offset_s.median / 86_400.0;
+        let text = format!(
+            "{}: {} stamps are {:.1} days {} than {} ones, so they count different clocks",
+            which(&health.name, same().count()),
+            o.of,
+            days.abs(),
+            if days > 0.0 { "later" } else { "earlier" },
+            o.against
+        );
+        let rows = same().map(|(health, _)| health.used).sum();
+        notices.push(Severity::Warning, "clock-differs", &health.source.topic, rows, text);
+    }
 }
 
 /// The channel, or how many there are.

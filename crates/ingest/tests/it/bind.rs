@@ -313,6 +313,20 @@ fn stamps_of_another_clock_make_no_offset() {
 }
 
 #[test]
+fn clocks_that_are_days_apart_are_told_once_for_all_channels_with_the_days() {
+    let simulated = [10_000_000_000, 11_000_000_000, 12_000_000_000];
+    let place =
+        typed("/a", "sensor_msgs/NavSatFix", &[("latitude", &[47.0; 3]), ("longitude", &[8.0; 3])], &simulated, LOGGED);
+    let (flight, _) = bound(vec![place, twist("/b", &simulated)]).unwrap();
+    let told: Vec<(u64, &str)> =
+        flight.notices.iter().filter(|n| n.code == "clock-differs").map(|n| (n.count, n.text.as_str())).collect();
+    // 1 699 999 990 s.
+    let text = "2 channels, the first position.gps: logged stamps are 19675.9 days later than measured ones, so they \
+                count different clocks";
+    assert_eq!(told, [(6, text)]);
+}
+
+#[test]
 fn a_number_that_is_not_finite_rejects_its_message() {
     let mut table = fix("/a", "sensor_msgs/NavSatFix");
     for column in &mut table.columns {
