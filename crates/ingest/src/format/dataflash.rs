@@ -65,6 +65,8 @@ impl LogReader for DataFlashReader {
 /// The first definition in a text log, and how all of them begin.
 const TEXT_STARTS: [&str; 2] = ["FMT, 128, 89, FMT", "FMT,128,89,FMT"];
 const TEXT_DEFINITION: &str = "FMT,";
+/// What some editors put in front of a text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 fn starts_a_log(line: &[u8]) -> bool {
     TEXT_STARTS.iter().any(|text| line.starts_with(text.as_bytes()))
@@ -78,6 +80,7 @@ fn is_text(file: &mut LogFile) -> Result<bool, IngestError> {
 /// Whether a text log begins in these first bytes of a file: with the first definition, or with others if that one is
 /// damaged.
 fn text_begins(head: &[u8]) -> bool {
+    let head = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head);
     let mut lines = head.split(|b| *b == b'\n');
     let definitions = head.split(|b| *b == b'\n').filter(|line| line.starts_with(TEXT_DEFINITION.as_bytes()));
     lines.any(starts_a_log) || definitions.take(2).count() == 2

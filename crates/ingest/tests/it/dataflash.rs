@@ -300,6 +300,24 @@ fn a_second_receiver_is_a_topic_of_its_own_with_and_without_units() {
 }
 
 #[test]
+fn the_estimator_that_replay_runs_stands_beside_that_of_the_flight() {
+    let core = |number: u8, time_us: u64, north: f32| {
+        record(10, &[&time_us.to_le_bytes(), &[number], &[0; 6], &[north, 0.0, 0.0].map(f32::to_le_bytes).concat()])
+    };
+    let begin = [dataflash_begin(), dataflash_fmt(10, "XKF1", "QBccCfff", "TimeUS,C,Roll,Pitch,Yaw,PN,PE,PD")].concat();
+    let records: Vec<u8> = (1..5_u64)
+        .flat_map(|i| [core(0, 100_000 * i, i as f32), core(100, 100_000 * i, -(i as f32))].concat())
+        .collect();
+    let (_folder, path) = file("replay.bin", &[begin, records].concat());
+    let unit = ingest::FlightUnit { id: "replay".into(), files: vec![path], kind: LogKind::DataFlash };
+    let loaded = load(&unit).unwrap();
+    let north = |channel: &str| loaded.flight.channels[channel].series.component(0).to_vec();
+    assert_eq!(north("position.ekf"), [1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(north("position.ekf-replay"), [-1.0, -2.0, -3.0, -4.0]);
+    assert_eq!(loaded.flight.channels["attitude.core-replay"].series.len(), 4);
+}
+
+#[test]
 fn a_gps_record_of_2013_is_stamped_when_the_autopilot_had_it_and_not_by_its_time_of_week() {
     let bytes = [
         dataflash_begin(),
@@ -334,6 +352,33 @@ fn a_gps_record_of_2013_is_stamped_when_the_autopilot_had_it_and_not_by_its_time
     let velocity = &loaded.flight.channels["velocity.gps"].series;
     assert!(velocity.component(0)[0].abs() < 1e-12 && velocity.component(1)[0] == 12.34);
     assert_eq!(loaded.flight.channels["angular-rate.imu"].series.timeline().first().unwrap().0, 65_500_000_000);
+}
+
+#[test]
+fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
+    let gps = |time_us: u64, instance: u8| {
+        let (fix, week_ms, week) = if instance == 1 { (3_u8, (time_us / 1000) as u32, 2086_u16) } else { (1, 0, 0) };
+        let place = [473_977_420_i32, 85_455_940, 48_800].map(i32::to_le_bytes).concat();
+        record(10, &[&time_us.to_le_bytes(), &[instance, fix], &week_ms.to_le_bytes(), &week.to_le_bytes(), &place])
+    };
+    let begin =
+        [dataflash_begin(), dataflash_fmt(10, "GPS", "QBBIHLLe", "TimeUS,I,Status,GMS,GWk,Lat,Lng,Alt")].concat();
+    let records: Vec<u8> = (0..40_u64).flat_map(|i| gps(5_000_000 + 100_000 * i, (i % 2) as u8)).collect();
+    let (_folder, path) = file("second.bin", &[begin, records].concat());
+    let unit = ingest::FlightUnit { id: "second".into(), files: vec![path], kind: LogKind::DataFlash };
+    let loaded = load(&unit).unwrap();
+    assert_eq!(loaded.flight.channels.keys().filter(|name| name.starts_with("position")).count(), 1);
+    // Week 2086 of GPS time began on 29 December 2019, 18 leap seconds before that day did in UTC.
+    let utc = loaded.flight.unix(Clock::Boot, flight::Stamp(0)).unwrap();
+    assert_eq!(utc.0, (1_577_577_600 - 18) * 1_000_000_000);
+}
+
+#[test]
+fn a_parameter_that_changes_is_what_was_set_and_has_the_time_of_its_record() {
+    let set = |time_us: u64, value: f32| record(10, &[&time_us.to_le_bytes(), &padded("A", 16), &value.to_le_bytes()]);
+    let begin = [dataflash_begin(), dataflash_fmt(10, "PARM", "QNf", "TimeUS,Name,Value")].concat();
+    let log = read_bytes(READER, &[begin, set(1_000_000, 0.1), set(2_500_000, 0.15)].concat()).unwrap();
+    assert_eq!(log.health.about.parameter_changes, ["A at 2.500 s: 0.1 to 0.15"]);
 }
 
 #[test]
@@ -565,12 +610,38 @@ fn two_records_in_one_line_are_damage_and_commas_of_a_text_are_none() {
 }
 
 #[test]
+fn what_mission_planner_writes_of_characters_that_cannot_be_printed_makes_no_text_too_long() {
+    let line = |text: &str| {
+        let head = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 11, 75, MSG, QZ, TimeUS,Message\n";
+        read_bytes(READER, format!("{head}MSG, 10, {text}\r\n").as_bytes()).unwrap()
+    };
+    // A field has 64 characters.
+    for (written, each) in [("\\n", 2), ("\\x1B", 4), ("\\\\", 2), ("x", 1)] {
+        assert_eq!(written.len(), each);
+        assert_eq!(line(&written.repeat(64)).health.bytes.damaged, 0, "{written}");
+        assert!(line(&written.repeat(65)).health.bytes.damaged > 0, "{written}");
+    }
+    // These are none.
+    assert!(line(&"\\q".repeat(33)).health.bytes.damaged > 0 && line(&"\\xG1".repeat(17)).health.bytes.damaged > 0);
+}
+
+#[test]
 fn a_text_log_without_its_first_line_has_lost_something() {
     let text = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 10, 15, ABC, Qf, TimeUS,V\n\
                 FMT, 11, 15, DEF, Qf, TimeUS,V\nABC, 1, 2.5\n";
     let lost = |text: &str| read_bytes(READER, text.as_bytes()).unwrap().notices.iter().any(|n| n.code == "no-begin");
     assert!(!lost(text));
     assert!(lost(&text.replacen("FMT", "GMT", 1)));
+}
+
+#[test]
+fn a_byte_order_mark_in_front_of_a_text_log_costs_nothing() {
+    let text = "\u{feff}FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 10, 15, ABC, Qf, TimeUS,V\n\
+                ABC, 1, 2.5\n";
+    let log = read_bytes(READER, text.as_bytes()).unwrap();
+    assert_eq!(numbers(&log, "ABC", "V"), [2.5]);
+    assert_eq!((messages(&log, "FMT"), codes(&log)), (2, vec![]));
+    assert_balanced(&log, text.len());
 }
 
 #[test]

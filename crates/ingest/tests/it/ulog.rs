@@ -2,6 +2,7 @@
 
 use crate::stream::{numbers, table};
 use crate::support::*;
+use crate::wire::ulog_begin;
 use flight::{Channel, Clock, Severity, Stamp, StampKind};
 use ingest::{
     FieldRequest, FlightUnit, IngestError, Limits, Loaded, Log, LogKind, LogReader, Selection, Table, TopicInfo,
@@ -184,6 +185,142 @@ fn flight_modes_are_those_of_vehicle_status_in_the_order_of_time() {
         [(0, "Position"), (2_000_000_000, "Mission"), (4_000_000_000, "Return"), (5_000_000_000, "Position")]
     );
     assert_eq!((log.tables.len(), log.health.messages), (0, 6));
+}
+
+#[test]
+fn the_receivers_are_those_that_the_numbers_of_their_devices_name() {
+    let mut made = Made::begin([0; 3]);
+    made.format("sensor_gps:uint64_t timestamp;double latitude_deg;uint32_t device_id;");
+    made.subscribe(0, 0, "sensor_gps");
+    made.subscribe(1, 1, "sensor_gps");
+    // Type, address, bus and kind of bus from the highest byte but one down; zero where the driver does not know.
+    for (i, device) in [0_u32, 0x00aa_0005, 0x00aa_0005, 0x0085_7d03, 0x00fe_0001].into_iter().enumerate() {
+        made.data((i / 3) as u16, 1_000_000 * i as u64, &[&0_f64.to_le_bytes()[..], &device.to_le_bytes()].concat());
+    }
+    assert_eq!(
+        read(&made.0).health.about.receivers,
+        [
+            "GPS 0: u-blox F9P (device 0xaa0005)",
+            "GPS 1: DroneCAN (device 0x857d03)",
+            "GPS 1: of a type that is not known (device 0xfe0001)"
+        ]
+    );
+}
+
+#[test]
+fn a_message_without_a_stamp_does_not_take_a_change_of_parameters_to_the_begin_of_time() {
+    let mut made = Made::begin([0; 3]);
+    definitions(&mut made);
+    made.data(0, 5_000_000, &floats(&[1.0, 2.0]));
+    // As the truth of PX4's bridge to Gazebo.
+    made.data(7, 0, &floats(&[1.0, 2.0]));
+    made.entry(b'P', &[], "float EKF2_GPS_DELAY", &150_f32.to_le_bytes());
+    assert_eq!(read(&made.0).health.about.parameter_changes, ["EKF2_GPS_DELAY at 5.000 s: 110 → 150"]);
+}
+
+/// Loads a log of these topics, with the messages that `rows` writes for each fifth of a second.
+fn load_topics(topics: &[(&str, u8)], rows: impl Fn(u64) -> Vec<Vec<u8>>) -> Loaded {
+    let mut made = Made(ulog_begin(topics));
+    for i in 0..20 {
+        for (number, rest) in rows(i).iter().enumerate().filter(|(_, rest)| !rest.is_empty()) {
+            made.data(number as u16, 10_000_000 + 200_000 * i, rest);
+        }
+    }
+    load_files(&[LogFile { path: "log.ulg".into(), bytes: made.0 }])
+}
+
+/// A place that goes north by a metre in each row.
+fn place(i: u64) -> [f64; 2] {
+    [47.0 + i as f64 / 111_200.0, 8.5]
+}
+
+#[test]
+fn the_height_of_a_simulator_is_that_which_its_bridge_fills_in_and_a_place_that_is_not_valid_is_left_out() {
+    const FIELDS: &str = "uint64_t timestamp;double lat;double lon;float alt;float alt_ellipsoid;bool lat_lon_valid;";
+    let topics =
+        ["vehicle_global_position_groundtruth", "vehicle_global_position"].map(|name| format!("{name}:{FIELDS}"));
+    let loaded = load_topics(&[(&topics[0], 0), (&topics[1], 0)], |i| {
+        let [lat, lon] = place(i).map(f64::to_le_bytes);
+        let row = |ellipsoid: f32, valid: u8| {
+            [&lat[..], &lon, &(488.0 + i as f32).to_le_bytes(), &ellipsoid.to_le_bytes(), &[valid]].concat()
+        };
+        vec![row(0.0, 0), row(535.0 + i as f32, u8::from(i >= 5))]
+    });
+    let height = |channel: &str| loaded.flight.channels[channel].series.component(2).to_vec();
+    assert_eq!(height("position.truth"), (0..20).map(|i| 488.0 + f64::from(i)).collect::<Vec<_>>());
+    assert_eq!(height("position.ekf-global"), (5..20).map(|i| 535.0 + f64::from(i)).collect::<Vec<_>>());
+}
+
+#[test]
+fn magnetometer_and_barometer_of_2017_are_found_in_sensor_combined() {
+    let topic = "sensor_combined:uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;\
+                 float[3] magnetometer_ga;float baro_alt_meter;int32_t accelerometer_timestamp_relative;\
+                 int32_t magnetometer_timestamp_relative;int32_t baro_timestamp_relative;";
+    let gps = "vehicle_gps_position:uint64_t timestamp;int32_t lat;int32_t lon;uint8_t fix_type;";
+    let loaded = load_topics(&[(topic, 0), (gps, 0)], |i| {
+        let [lat, lon] = place(i).map(|deg| ((deg * 1e7) as i32).to_le_bytes());
+        // The largest number stands for a sensor that has not measured yet.
+        let relative = [5, 10, 15].map(|from| if i < from { i32::MAX } else { -3000 }.to_le_bytes()).concat();
+        let values = floats(&[0.0, 0.0, 0.1, 0.0, 0.0, -9.8, 0.25, -0.125, 0.5, 488.0 + i as f32]);
+        vec![[values, relative].concat(), [&lat[..], &lon, &[3]].concat()]
+    });
+    let series = |channel: &str| &loaded.flight.channels[channel].series;
+    // One gauss is 1e-4 tesla.
+    let field: Vec<f64> = series("magnetic-field.imu").components().iter().map(|c| c[0]).collect();
+    assert!(field.iter().zip([0.25e-4, -0.125e-4, 0.5e-4]).all(|(x, y)| (x - y).abs() < 1e-18), "{field:?}");
+    assert_eq!(series("height.baro").component(0), [503.0, 504.0, 505.0, 506.0, 507.0]);
+    let used = ["angular-rate.imu", "specific-force.imu", "magnetic-field.imu"].map(|channel| series(channel).len());
+    assert_eq!(used, [20, 15, 10]);
+}
+
+#[test]
+fn of_a_camera_before_2022_places_and_attitudes_are_read_where_they_are_to_the_north() {
+    let topic = "vehicle_visual_odometry:uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;float[4] q;\
+                 float vx;float vy;float vz;uint8_t local_frame;uint8_t velocity_frame;";
+    let loaded = load_topics(&[(topic, 0)], |i| {
+        let values = floats(&[i as f32, 2.0, -3.0, 1.0, 0.0, 0.0, 0.0, 5.0, 0.0, 0.0]);
+        // From the fifth row on the heading has an origin of its own.
+        vec![[&(9_950_000 + 200_000 * i).to_le_bytes()[..], &values, &[u8::from(i >= 5), 1]].concat()]
+    });
+    let place = &loaded.flight.channels["position.vision"].series;
+    assert_eq!(place.components().iter().map(|c| c[4]).collect::<Vec<_>>(), [4.0, 2.0, -3.0]);
+    assert_eq!((place.len(), place.timeline().first()), (5, Some(Stamp(9_950_000_000))));
+    assert_eq!(loaded.flight.channels["attitude.vision"].series.len(), 5);
+    assert!(!loaded.flight.channels.contains_key("velocity.vision"));
+}
+
+#[test]
+fn a_sensor_replay_of_the_estimator_has_its_magnetometer_and_barometer_too() {
+    let rows = |i: u64| {
+        let us = 40_000 * i;
+        format!(
+            "{us},imu,0.1,0.2,-9.8,0.01,0.02,0.03\n{us},mag,0.25,-0.125,0.5\n{us},baro,{}\n\
+             {us},gps,488099.0,85456074.0,{}.0,1.5,-0.5,0.25\n",
+            487 + i,
+            473_977_508 + i
+        )
+    };
+    let (_folder, path) = file("replay.csv", (0..20).map(rows).collect::<String>().as_bytes());
+    let loaded = load(&tables(&[path])).unwrap();
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "px4-ecl-replay");
+    let first = |channel: &str| -> Vec<f64> {
+        loaded.flight.channels[channel].series.components().iter().map(|component| component[0]).collect()
+    };
+    let field = first("magnetic-field.imu");
+    assert!(field.iter().zip([0.25e-4, -0.125e-4, 0.5e-4]).all(|(x, y)| (x - y).abs() < 1e-18), "{field:?}");
+    assert_eq!((first("height.baro"), first("velocity.gps")), (vec![487.0], vec![1.5, -0.5, 0.25]));
+    assert!((first("position.gps")[0].to_degrees() - 47.397_750_8).abs() < 1e-9);
+}
+
+#[test]
+fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
+    let topic = "sensor_gps:uint64_t timestamp;double latitude_deg;double longitude_deg;uint64_t time_utc_usec;uint8_t fix_type;";
+    let loaded = load_topics(&[(topic, 0), (topic, 1)], |i| {
+        let [lat, lon] = place(i).map(f64::to_le_bytes);
+        let row = |utc: u64, fix: u8| [&lat[..], &lon, &utc.to_le_bytes(), &[fix]].concat();
+        vec![row(0, 0), row(1_520_000_000_000_000 + 200_000 * i, 3)]
+    });
+    assert_eq!(loaded.flight.unix(Clock::Boot, Stamp(10_000_000_000)), Some(Stamp(1_520_000_000_000_000_000)));
 }
 
 #[test]

@@ -344,7 +344,7 @@ impl<'t, 'w> Book<'t, 'w> {
             Role::Multiplier => self.units.multiplier(integer("Id"), number("Mult")),
             Role::Parameter => {
                 if let (Some(name), Some(value)) = (text("Name"), number("Value")) {
-                    self.vehicle.parameter(&name, value);
+                    self.vehicle.parameter_at(at_ns, &name, value);
                 }
             }
             Role::Message => {
@@ -356,7 +356,7 @@ impl<'t, 'w> Book<'t, 'w> {
                 let number = integer("Mode").or_else(|| integer("ModeNum"));
                 self.vehicle.mode(at_ns, number, text("Mode").as_deref());
             }
-            Role::Version => self.vehicle.version(text("FWS").as_deref(), integer("APJ")),
+            Role::Version => self.vehicle.version(text("FWS").as_deref(), integer("BU"), integer("APJ")),
         }
         Ok(())
     }

@@ -103,6 +103,8 @@ const SUB: &[(i64, &str)] = &[
     (9, "SURFACE"),
     (16, "POSHOLD"),
     (19, "MANUAL"),
+    (20, "MOTOR_DETECT"),
+    (21, "SURFTRAK"),
 ];
 
 const TRACKER: &[(i64, &str)] =

@@ -188,7 +188,7 @@ impl Format {
     pub(super) fn text_is_too_long(&self, values: &str) -> bool {
         let last = values.splitn(self.fields.len(), ',').last().unwrap_or_default();
         match self.fields.last().and_then(|f| kind_of(f.code)) {
-            Some((PackedKind::Text(length), _)) => last.trim().chars().count() > length,
+            Some((PackedKind::Text(length), _)) => characters(last.trim()) > length,
             _ => false,
         }
     }
@@ -340,6 +340,23 @@ impl<'r> Body<'r> {
             },
         }
     }
+}
+
+/// Characters that a text had in its field: Mission Planner writes those that cannot be printed as `\n` or `\x1B`.
+fn characters(text: &str) -> usize {
+    let mut rest = text.chars();
+    let mut count = 0;
+    while let Some(character) = rest.next() {
+        count += 1;
+        let mut behind = rest.clone();
+        let digits = |of: &mut std::str::Chars<'_>| of.by_ref().take(2).filter(char::is_ascii_hexdigit).count();
+        match (character, behind.next()) {
+            ('\\', Some('\\' | 'n' | 'r' | 't')) => rest = behind,
+            ('\\', Some('x')) if digits(&mut behind) == 2 => rest = behind,
+            _ => {}
+        }
+    }
+    count
 }
 
 enum Cell<'r> {

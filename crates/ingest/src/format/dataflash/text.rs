@@ -2,7 +2,7 @@
 
 use super::anew::Anew;
 use super::book::Book;
-use super::starts_a_log;
+use super::{BYTE_ORDER_MARK, starts_a_log};
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
@@ -42,6 +42,10 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 
     /// From the first byte to the last.
     pub(super) fn run(mut self) -> Result<(), IngestError> {
+        if self.file.up_to(0, BYTE_ORDER_MARK.len())? == BYTE_ORDER_MARK {
+            self.at = BYTE_ORDER_MARK.len() as u64;
+            self.ledger.count(Fate::Structure, self.at);
+        }
         while self.at < self.file.size() {
             if !self.lines()? {
                 self.long_line()?;

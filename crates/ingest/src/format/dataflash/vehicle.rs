@@ -42,13 +42,23 @@ enum Mode {
 
 impl Vehicle {
     pub(in crate::format) fn parameter(&mut self, name: &str, value: f64) {
+        self.parameter_when(name, value, None);
+    }
+
+    pub(super) fn parameter_at(&mut self, at_ns: i64, name: &str, value: f64) {
+        self.parameter_when(name, value, Some(at_ns));
+    }
+
+    fn parameter_when(&mut self, name: &str, value: f64, at_ns: Option<i64>) {
+        let value = as_set(value);
         let full = self.parameters.len() >= MOST_PARAMETERS;
         match self.parameters.get_mut(name) {
             Some([_, latest]) if latest.to_bits() != value.to_bits() => {
                 if name.starts_with(COUNTER) {
                     // Counts up all the time, and nobody set it.
                 } else if self.changes.len() < MOST_CHANGES {
-                    self.changes.push(format!("{name}: {latest} to {value}"));
+                    let when = at_ns.map_or(String::new(), |at_ns| format!(" at {}", seconds(at_ns)));
+                    self.changes.push(format!("{name}{when}: {latest} to {value}"));
                 } else {
                     self.unlisted_changes += 1;
                 }
@@ -61,7 +71,7 @@ impl Vehicle {
     }
 
     pub(in crate::format) fn message(&mut self, at_ns: i64, text: &str) {
-        self.message_at(&format!("{:.3} s", at_ns as f64 / NANOS_PER_SECOND as f64), text);
+        self.message_at(&seconds(at_ns), text);
     }
 
     /// A text, and when it was said.
@@ -94,11 +104,19 @@ impl Vehicle {
         }
     }
 
-    /// A `VER` record, from ArduPilot 4.3 on.
-    pub(super) fn version(&mut self, firmware_text: Option<&str>, board_id: Option<i64>) {
-        if let Some((system, firmware)) = firmware_text.and_then(firmware) {
-            self.system = Some(system.to_owned());
-            self.firmware = Some(firmware.to_owned());
+    /// A `VER` record, from ArduPilot 4.3 on. A firmware that somebody gave a name of his own is known by what it was built of.
+    pub(super) fn version(&mut self, firmware_text: Option<&str>, build: Option<i64>, board_id: Option<i64>) {
+        let text = firmware_text.map(str::trim).filter(|text| !text.is_empty());
+        let built_of = BUILDS.iter().find(|(number, _)| Some(*number) == build).map(|(_, system)| *system);
+        match text.and_then(firmware) {
+            Some((system, firmware)) => {
+                self.system = Some(system.to_owned());
+                self.firmware = Some(firmware.to_owned());
+            }
+            None => {
+                self.firmware = text.map(str::to_owned).or(self.firmware.take());
+                self.system = built_of.map(str::to_owned).or(self.system.take());
+            }
         }
         self.board_id = board_id.or(self.board_id);
     }
@@ -143,6 +161,16 @@ impl Vehicle {
     }
 }
 
+fn seconds(ns: i64) -> String {
+    format!("{:.3} s", ns as f64 / NANOS_PER_SECOND as f64)
+}
+
+/// A parameter is a 32-bit float: it is what its shortest decimal says, 0.1, and not the double next to it.
+fn as_set(value: f64) -> f64 {
+    let narrow = value as f32;
+    if f64::from(narrow) == value { narrow.to_string().parse().unwrap_or(value) } else { value }
+}
+
 /// What a parameter of a delay counts.
 #[derive(Debug, Clone, Copy)]
 enum DelayUnit {
@@ -170,6 +198,7 @@ const DELAYS: &[(&str, DelayUnit, &str)] = &[
     ("GPS2_DELAY_MS", DelayUnit::Milliseconds, SECOND),
     ("EKF_POS_DELAY", DelayUnit::Milliseconds, POSITION),
     ("EKF_VEL_DELAY", DelayUnit::Milliseconds, VELOCITY),
+    ("EKF_FLOW_DELAY", DelayUnit::Milliseconds, FLOW),
     ("EK2_GPS_DELAY", DelayUnit::Milliseconds, GPS),
     ("EK2_HGT_DELAY", DelayUnit::Milliseconds, HEIGHT),
     ("EK2_FLOW_DELAY", DelayUnit::Milliseconds, FLOW),
@@ -199,6 +228,17 @@ const SYSTEMS: &[(&str, &str)] = &[
     ("Blimp", "Blimp"),
 ];
 
+/// What a firmware was built of (ArduPilot, `AP_Vehicle_Type.h`).
+const BUILDS: &[(i64, &str)] = &[
+    (1, "ArduRover"),
+    (2, "ArduCopter"),
+    (3, "ArduPlane"),
+    (4, "AntennaTracker"),
+    (7, "ArduSub"),
+    (12, "Blimp"),
+    (13, "ArduCopter"),
+];
+
 /// `ArduCopter V4.1.0 (0b517cfc)`.
 fn firmware(text: &str) -> Option<(&'static str, &str)> {
     let (name, version) = text.split_once(' ')?;
@@ -215,8 +255,12 @@ fn board(text: &str) -> Option<(&str, &str)> {
     (words.len() == 3 && words.iter().all(hexadecimal)).then_some((board, serial))
 }
 
+/// `GPS 1: detected as u-blox at 115200 baud`; since 4.5 `GPS 1: detected u-blox` when it is, and in each log that begins
+/// afterwards `GPS 1: probing for u-blox at 230400 baud`; one that is not searched for is `specified as`.
 fn is_receiver(text: &str) -> bool {
-    (text.starts_with("GPS") && text.contains(" detected ")) || (text.starts_with("u-blox ") && text.contains("HW:"))
+    const FOUND: [&str; 3] = [" detected ", " specified as ", " probing for "];
+    (text.starts_with("GPS") && FOUND.iter().any(|found| text.contains(found)))
+        || (text.starts_with("u-blox ") && text.contains("HW:"))
 }
 
 #[cfg(test)]
@@ -246,6 +290,39 @@ mod tests {
         assert_eq!(about.receivers.len(), 2);
         assert_eq!(about.texts[0], "1.500 s: ArduPlane V3.8.2-dev (8178ab40)");
         assert_eq!(about.modes[0].mode, "AUTO");
+    }
+
+    #[test]
+    fn a_firmware_with_a_name_of_its_own_is_known_by_what_it_was_built_of() {
+        let told = |text, build| -> [String; 3] {
+            let mut vehicle = Vehicle::default();
+            vehicle.version(text, build, Some(1063));
+            vehicle.mode(0, Some(20), None);
+            let about = vehicle.finish();
+            [about.system.unwrap_or_default(), about.firmware.unwrap_or_default(), about.modes[0].mode.clone()]
+        };
+        assert_eq!(
+            told(Some("SurveyBird V4.5.7-3 (0b517cfc)"), Some(3)),
+            ["ArduPlane", "SurveyBird V4.5.7-3 (0b517cfc)", "QLAND"]
+        );
+        assert_eq!(told(Some("ArduSub V4.7.0 (0b517cfc)"), Some(7)), ["ArduSub", "V4.7.0 (0b517cfc)", "MOTOR_DETECT"]);
+        assert_eq!(told(Some("SurveyBird V4.3.0"), None), ["", "SurveyBird V4.3.0", "mode 20"]);
+    }
+
+    #[test]
+    fn receivers_are_told_in_the_words_of_every_version() {
+        let mut vehicle = Vehicle::default();
+        let told = [
+            "GPS 1: detected as u-blox at 115200 baud",
+            "GPS 1: detected u-blox",
+            "GPS 1: probing for u-blox at 230400 baud",
+            "GPS 2: specified as DroneCAN1-125",
+        ];
+        for text in ["GPS Glitch", "PreArm: GPS 1: Bad fix", "GPS 1: u-blox solution rate configuration required"] {
+            vehicle.message(0, text);
+        }
+        told.iter().for_each(|text| vehicle.message(0, text));
+        assert_eq!(vehicle.finish().receivers, told);
     }
 
     #[test]

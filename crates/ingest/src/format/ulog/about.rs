@@ -10,6 +10,8 @@ const MOST_NAMES: usize = 16_384;
 const MOST_CHANGES: usize = 1000;
 /// Texts that are kept.
 const MOST_TEXTS: usize = 100;
+/// Receivers that are listed.
+const MOST_RECEIVERS: usize = 20;
 /// Longest text that is kept, characters.
 const LONGEST_TEXT: usize = 1000;
 
@@ -27,6 +29,8 @@ pub(super) struct Gathered {
     changes: Vec<String>,
     modes: Vec<ModeStart>,
     mode: Option<u8>,
+    /// Instance and number of the device.
+    receivers: Vec<(u8, u32)>,
     texts: Vec<String>,
     text_count: u64,
     /// Names and changes that were too many to be kept.
@@ -75,6 +79,14 @@ impl Gathered {
     pub(super) fn mode(&mut self, state: u8, at_ns: i64) {
         if self.mode.replace(state) != Some(state) && self.has_room_for_change(self.modes.len()) {
             self.modes.push(ModeStart { at_ns, clock: Clock::Boot, mode: mode_name(state) });
+        }
+    }
+
+    /// A driver that does not know its device says zero.
+    pub(super) fn receiver(&mut self, instance: u8, device: u32) {
+        let known = device == 0 || self.receivers.contains(&(instance, device));
+        if !known && self.receivers.len() < MOST_RECEIVERS {
+            self.receivers.push((instance, device));
         }
     }
 
@@ -142,7 +154,7 @@ impl Gathered {
             firmware: self.firmware(),
             hardware: self.hardware(),
             vehicle: self.known("sys_uuid").map(str::to_owned),
-            receivers: vec![],
+            receivers: self.receivers.iter().map(|(instance, device)| receiver(*instance, *device)).collect(),
             configured_delays: self.parameters.iter().filter_map(|(name, value)| configured(name, *value)).collect(),
             parameters: self.parameters.len() as u64,
             parameter_changes: self.changes,
@@ -173,6 +185,32 @@ fn release(version: u32) -> String {
     format!("{major}.{minor}.{patch} {kind}")
 }
 
+/// `GPS 0: u-blox F9P (device 0xaa0005)`: the highest byte but one of a device's number is its type (PX4,
+/// `src/drivers/drv_sensor.h`).
+fn receiver(instance: u8, device: u32) -> String {
+    let [_, kind, ..] = device.to_be_bytes();
+    let name = match kind {
+        0x85 => "DroneCAN",
+        0xa0 => "Ashtech",
+        0xa1 => "Emlid Reach",
+        0xa2 => "Femtomes",
+        0xa3 => "MTK",
+        0xa4 => "Septentrio",
+        0xa5 => "u-blox",
+        0xa6 => "u-blox 6",
+        0xa7 => "u-blox 7",
+        0xa8 => "u-blox 8",
+        0xa9 => "u-blox 9",
+        0xaa => "u-blox F9P",
+        0xab => "NMEA",
+        0xac => "u-blox 10",
+        0xad => "u-blox 20",
+        0xaf => "simulated",
+        _ => "of a type that is not known",
+    };
+    format!("GPS {instance}: {name} (device {device:#x})")
+}
+
 /// Parameters that set a delay: name, how many of its units are a second, what they delay.
 const DELAYS: &[(&str, f64, &str)] = &[
     ("EKF2_GPS_DELAY", 1e3, "GPS behind the IMU"),
@@ -183,6 +221,8 @@ const DELAYS: &[(&str, f64, &str)] = &[
     ("EKF2_OF_DELAY", 1e3, "optical flow behind the IMU"),
     ("EKF2_RNG_DELAY", 1e3, "range finder behind the IMU"),
     ("EKF2_AVEL_DELAY", 1e3, "auxiliary velocity behind the IMU"),
+    ("EKF2_AGP_DELAY", 1e3, "auxiliary global position behind the IMU"),
+    ("EKF2_AGP0_DELAY", 1e3, "auxiliary global position 0 behind the IMU"),
     ("EKF2_DELAY_MAX", 1e3, "longest delay that the estimator allows for"),
     ("SENS_GPS0_DELAY", 1e3, "GPS 0 behind the IMU"),
     ("SENS_GPS1_DELAY", 1e3, "GPS 1 behind the IMU"),

@@ -203,13 +203,13 @@ impl Formats {
         Ok(Layout { fields: flat.fields, shortest: extent.shortest, longest: extent.full })
     }
 
-    /// Where a field of one byte lies, such as a state. The extent of the message must be known.
-    pub(super) fn byte_field(&self, name: &str, field: &str) -> Option<usize> {
+    /// Where a single number lies, such as a state. The extent of the message must be known.
+    pub(super) fn place(&self, name: &str, field: &str, number: Number) -> Option<usize> {
         let mut offset = 0_usize;
         for known in self.by_name.get(name)?.fields.iter() {
             if known.name == field {
-                let byte = known.kind == FieldKind::Basic(Basic::Number(Number::U8)) && known.count.is_none();
-                return byte.then_some(offset);
+                let is_it = known.kind == FieldKind::Basic(Basic::Number(number)) && known.count.is_none();
+                return is_it.then_some(offset);
             }
             offset = offset.saturating_add(self.size_of(known));
         }
@@ -329,7 +329,7 @@ mod tests {
         assert_eq!(places, expected);
         let some = formats.layout("esc_status", &Wanted::of_paths(["esc[1].state", "esc[2].state"])).unwrap();
         assert_eq!(some.fields.iter().map(|f| f.offset).collect::<Vec<_>>(), [20]);
-        assert_eq!(formats.byte_field("esc_status", "n"), Some(28));
+        assert_eq!(formats.place("esc_status", "n", Number::U8), Some(28));
     }
 
     #[test]

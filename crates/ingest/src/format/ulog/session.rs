@@ -16,6 +16,8 @@ use std::rc::Rc;
 
 /// The topic that tells flight modes, and its field.
 const STATUS: (&str, &str) = ("vehicle_status", "nav_state");
+/// The topic that tells which receivers there are, and its field.
+const RECEIVER: (&str, &str) = ("sensor_gps", "device_id");
 
 /// The state of one log.
 pub(super) struct Session<'t, 'w> {
@@ -58,8 +60,16 @@ struct Meaning {
     route: Route,
     /// What is wrong with the format, if it cannot be used.
     extent: Result<Extent, Rc<str>>,
-    /// Where [`STATUS`] lies.
-    mode: Option<usize>,
+    tells: Option<Tells>,
+}
+
+/// What a message tells of the vehicle, and where in it.
+#[derive(Debug, Clone, Copy)]
+enum Tells {
+    /// [`STATUS`].
+    Mode(usize),
+    /// [`RECEIVER`].
+    Receiver(usize),
 }
 
 #[derive(Debug, Default)]
@@ -202,9 +212,13 @@ impl<'t, 'w> Session<'t, 'w> {
         let formats = &self.formats;
         let layout = |wanted: &_| extent.clone().and_then(|_| formats.layout(name, wanted));
         let route = self.topics.packed_route(info, formats.identity(name).as_bytes(), layout)?;
-        let mode = if (name, instance) == (STATUS.0, 0) { formats.byte_field(name, STATUS.1) } else { None };
+        let tells = match (name, instance) {
+            (topic, 0) if topic == STATUS.0 => formats.place(name, STATUS.1, Number::U8).map(Tells::Mode),
+            (topic, _) if topic == RECEIVER.0 => formats.place(name, RECEIVER.1, Number::U32).map(Tells::Receiver),
+            _ => None,
+        };
         let Formats { replaced, version, .. } = self.formats;
-        Ok(Meaning { replaced, version, route, extent: extent.map_err(Rc::from), mode })
+        Ok(Meaning { replaced, version, route, extent: extent.map_err(Rc::from), tells })
     }
 
     #[inline]
@@ -217,7 +231,7 @@ impl<'t, 'w> Session<'t, 'w> {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
-        let Meaning { route, extent, mode, .. } = &known.meaning;
+        let Meaning { route, extent, tells, .. } = &known.meaning;
         match extent {
             Ok(Extent { stamp: Some(_), .. }) => {}
             Ok(_) => self.without_stamp.add(|| format!("topic {}", known.name)),
@@ -229,10 +243,11 @@ impl<'t, 'w> Session<'t, 'w> {
             self.back_jumps.add(|| format!("topic {} at {} µs", known.name, known.last_us));
         }
         known.last_us = at_us;
-        self.latest_us = Some(at_us);
+        // A message that was published without a stamp has zero, and says nothing of when the next one was.
+        self.latest_us = if at_us > 0 { Some(at_us) } else { self.latest_us };
         let logged_ns = i64::try_from(at_us.saturating_mul(1000)).unwrap_or(i64::MAX);
-        if let Some(&state) = mode.and_then(|offset| payload.get(offset)) {
-            self.gathered.mode(state, logged_ns);
+        if let Some(tells) = tells {
+            tells.tell(payload, known.instance, logged_ns, &mut self.gathered);
         }
         self.topics.message(*route, Times { logged_ns, published_ns: None }, payload)
     }
@@ -284,6 +299,16 @@ impl<'t, 'w> Session<'t, 'w> {
 /// Information and parameters behind a byte of flags.
 fn behind_flag(body: &[u8]) -> Option<Entry<'_>> {
     Entry::parse(body.get(1..)?)
+}
+
+impl Tells {
+    fn tell(self, payload: &[u8], instance: u8, at_ns: i64, gathered: &mut Gathered) {
+        let behind = |offset: usize| Bytes(payload.get(offset..).unwrap_or_default());
+        match self {
+            Tells::Mode(offset) => behind(offset).u8().into_iter().for_each(|state| gathered.mode(state, at_ns)),
+            Tells::Receiver(offset) => behind(offset).u32().into_iter().for_each(|id| gathered.receiver(instance, id)),
+        }
+    }
 }
 
 impl Dropouts {
