@@ -3,11 +3,12 @@
 //! What they were stands beside them ([`OriginalTopic`], [`OriginalLog`]), so that the output is read as the log is.
 
 use crate::error::ConvertError;
+use crate::export::ROWS_AT_ONCE;
 use crate::message_type::MessageType;
 use crate::recording::{Entry, Recording};
 use crate::row_time::{LogTime, LogTimes};
 use flight::{Clock, Notices, TopicHealth};
-use ingest::{Column, Extra, Log, OriginalLog, OriginalTopic, Places, Table, TopicInfo};
+use ingest::{Column, Extra, Log, OriginalLog, OriginalTopic, Places, ReadContext, Table, TopicInfo};
 
 /// A table on its way.
 struct Topic<'t> {
@@ -25,6 +26,7 @@ pub(crate) fn write(
     log_times: &[LogTime],
     recording: &mut Recording,
     notices: &mut Notices,
+    context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
     let (name, entries) = OriginalLog::of(log).metadata();
     recording.extra(&Extra::Metadata { name, entries: &entries })?;
@@ -36,7 +38,10 @@ pub(crate) fn write(
         tables.map(|(table, time)| Topic::of(table, written(log, table), time.logged_by())).collect();
     topics.iter().for_each(|topic| topic.messages.note_absent(notices));
     let mut payload = vec![];
-    for (number, row, logged_ns) in in_order(log_times) {
+    for (count, (number, row, logged_ns)) in in_order(log_times).enumerate() {
+        if count.is_multiple_of(ROWS_AT_ONCE) {
+            context.advance(0)?;
+        }
         let Some(topic) = topics.get(number as usize) else { continue };
         topic.messages.payload(row as usize, &mut payload);
         // The stamp as the log has it, also where its clock began anew.

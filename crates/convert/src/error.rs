@@ -1,6 +1,6 @@
 //! Why a conversion was not made.
 
-use ingest::IngestError;
+use ingest::{IngestError, ReadContext};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +42,14 @@ pub enum ConvertError {
 }
 
 impl ConvertError {
+    /// What a wish to stop made of it.
+    pub(crate) fn or_stopped(self, context: &ReadContext<'_>) -> ConvertError {
+        match context.advance(0) {
+            Err(stopped) => ConvertError::Log(stopped),
+            Ok(()) => self,
+        }
+    }
+
     pub(crate) fn write(path: &Path, doing: &'static str) -> impl FnOnce(io::Error) -> ConvertError {
         let path = path.to_owned();
         move |source| ConvertError::Write { path, doing, source }

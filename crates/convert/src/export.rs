@@ -17,11 +17,15 @@ use ingest::{
 };
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
+use std::io::{self, Read as _};
 use std::path::Path;
 
 /// Name of the metadata in an MCAP and in Parquet.
 const METADATA: &str = "flightlag-export";
+
+/// Bytes of the log that are hashed, and rows that are written, before a wish to stop is heard.
+const HASHED_AT_ONCE: u64 = 16 << 20;
+pub(crate) const ROWS_AT_ONCE: usize = 4096;
 
 /// What is exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -283,10 +287,18 @@ fn is_device(stem: &str) -> bool {
     matches!(first.as_str(), "con" | "prn" | "aux" | "nul") || numbered("com") || numbered("lpt")
 }
 
-fn provenance(order: &ExportOrder<'_>, read: &Read, places: &[String]) -> Result<Value, ConvertError> {
+fn provenance(
+    order: &ExportOrder<'_>,
+    read: &Read,
+    places: &[String],
+    context: &ReadContext<'_>,
+) -> Result<Value, ConvertError> {
     let input = |path: &Path| -> io::Result<Value> {
-        let mut hash = blake3::Hasher::new();
-        let bytes = io::copy(&mut std::fs::File::open(path)?, &mut hash)?;
+        let (mut hash, mut file, mut bytes) = (blake3::Hasher::new(), std::fs::File::open(path)?, 0);
+        while let part @ 1.. = io::copy(&mut file.by_ref().take(HASHED_AT_ONCE), &mut hash)? {
+            context.advance(0).map_err(io::Error::other)?;
+            bytes += part;
+        }
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
         Ok(json!({ "name": name, "bytes": bytes, "blake3": hash.finalize().to_hex().as_str() }))
     };
@@ -294,7 +306,7 @@ fn provenance(order: &ExportOrder<'_>, read: &Read, places: &[String]) -> Result
         .unit
         .files
         .iter()
-        .map(|path| input(path).map_err(ConvertError::write(path, "read")))
+        .map(|path| input(path).map_err(|e| ConvertError::write(path, "read")(e).or_stopped(context)))
         .collect::<Result<_, _>>()?;
     let sheet = |(source, place): (&Source, &String)| {
         let mut sheet = json!({
@@ -348,15 +360,15 @@ fn write_folder(
     context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
     let mut folder = Folder::begin(order.out, places, &order.unit.files)?;
-    let provenance = provenance(order, read, places)?;
+    let provenance = provenance(order, read, places, context)?;
     for (number, (source, place)) in read.sources.iter().zip(places).enumerate() {
         context.advance(0)?;
-        folder.write(place, |file| match order.to {
+        folder.write(place, context, |file| match order.to {
             ExportTo::Csv => write_csv(&source.sheet, file),
             _ => caught(|| write_parquet_about(&source.sheet, &of_sheet(&provenance, number), file)),
         })?;
     }
-    folder.keep(&provenance)
+    folder.keep(&provenance, context)
 }
 
 /// The part of the provenance that belongs to one sheet.
@@ -383,12 +395,11 @@ fn write_mcap(
     let output = Output::begin(order.out)?;
     let mut recording = Recording::begin(order.out, output.file()?, "")?;
     for (source, place) in read.sources.iter().zip(places) {
-        context.advance(0)?;
-        write_topic(&mut recording, source, place, &mut read.notices)?;
+        write_topic(&mut recording, source, place, &mut read.notices, context)?;
     }
     recording.note_before_epoch(&mut read.notices);
     // Behind the messages: it says what was found while they were written.
-    let entries = [("provenance".to_owned(), provenance(order, read, places)?.to_string())].into();
+    let entries = [("provenance".to_owned(), provenance(order, read, places, context)?.to_string())].into();
     recording.extra(&Extra::Metadata { name: METADATA, entries: &entries })?;
     recording.end()?;
     output.keep()
@@ -399,6 +410,7 @@ fn write_topic(
     source: &Source,
     place: &str,
     notices: &mut Notices,
+    context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
     let table = as_table(&source.sheet, TopicInfo { name: place.to_owned(), ..TopicInfo::default() });
     let kind = MessageType::of(&table, vec![]);
@@ -408,6 +420,9 @@ fn write_topic(
     recording.extra(&Extra::OfTopic { topic: place, entries: &said })?;
     let mut payload = vec![];
     for (row, logged_ns) in source.log_time.iter().enumerate() {
+        if row.is_multiple_of(ROWS_AT_ONCE) {
+            context.advance(0)?;
+        }
         kind.payload(row, &mut payload);
         recording.write(&Entry {
             topic: &topic,

@@ -105,7 +105,7 @@ pub fn recover(
     let names = log.tables.iter().map(|table| table.topic.name.as_str());
     let said_of_times = row_time::tell(names.zip(&log_times), &mut notices);
     if let Some(times) = &times {
-        anew::write(&log, times, &log_times, &mut recording, &mut notices)?;
+        anew::write(&log, times, &log_times, &mut recording, &mut notices, context)?;
     } else if let Some(lost) = OriginalLog::lost(&log) {
         let (name, entries) = lost.metadata();
         recording.extra(&Extra::Metadata { name, entries: &entries })?;

@@ -118,10 +118,20 @@ pub(crate) fn content_of(path: &Path, head: &[u8], context: &ReadContext<'_>) ->
         _ if looks_like_ubx(head) => Content::Log(LogKind::Ubx),
         _ if looks_like_nmea(head) => Content::Log(LogKind::Nmea),
         _ if head.is_empty() => Content::Other("empty file".into()),
-        _ if memchr::memchr(0, head).is_some() => Content::Other("binary file of an unknown format".into()),
-        _ => match looks_like_table(head, context) {
+        _ => match looks_like_table(intact(head), context) {
             Ok(named) => Content::Table { flysight2: head.starts_with(b"$FLYS"), named },
+            Err(_) if memchr::memchr(0, head).is_some() => Content::Other("binary file of an unknown format".into()),
             Err(what) => Content::Other(format!("text, but {what}")),
         },
     }
+}
+
+/// The lines before the first zero byte: those of a table that is damaged further on. A few prove nothing, for a binary
+/// format may begin with some text.
+fn intact(head: &[u8]) -> &[u8] {
+    const FEWEST: usize = 8;
+    let Some(zero) = memchr::memchr(0, head) else { return head };
+    let text = head.get(..zero).unwrap_or_default();
+    let lines = text.get(..memchr::memrchr(b'\n', text).map_or(0, |end| end + 1)).unwrap_or_default();
+    if memchr::memchr_iter(b'\n', lines).count() >= FEWEST { lines } else { b"" }
 }

@@ -2,6 +2,7 @@
 
 use crate::error::ConvertError;
 use crate::guard::{is_of_log, may_write};
+use ingest::ReadContext;
 use serde_json::Value;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -43,22 +44,24 @@ impl<'p> Folder<'p> {
     pub(super) fn write(
         &mut self,
         name: &str,
-        fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+        context: &ReadContext<'_>,
+        fill: impl FnOnce(&mut BufWriter<Heeding<'_>>) -> io::Result<()>,
     ) -> Result<(), ConvertError> {
         let Some(staging) = &self.staging else { return Ok(()) };
         let written = File::create_new(staging.path().join(name)).and_then(|file| {
-            let mut file = BufWriter::new(file);
+            let mut file = BufWriter::new(Heeding { file, context });
             fill(&mut file)?;
-            file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+            file.into_inner().map_err(io::IntoInnerError::into_error)?.file.sync_all()
         });
-        written.map_err(ConvertError::write(&self.path.join(name), "write"))?;
+        let place = self.path.join(name);
+        written.map_err(|e| ConvertError::write(&place, "write")(e).or_stopped(context))?;
         self.names.push(name.to_owned());
         Ok(())
     }
 
     /// Writes the provenance and puts everything in its place, that last. The tables of an earlier export go.
-    pub(super) fn keep(mut self, provenance: &Value) -> Result<(), ConvertError> {
-        self.write(PROVENANCE, |file| {
+    pub(super) fn keep(mut self, provenance: &Value, context: &ReadContext<'_>) -> Result<(), ConvertError> {
+        self.write(PROVENANCE, context, |file| {
             serde_json::to_writer_pretty(&mut *file, provenance)?;
             file.write_all(b"\n")
         })?;
@@ -87,6 +90,24 @@ impl Drop for Folder<'_> {
             // Not if somebody has put something into it.
             let _ = fs::remove_dir(self.path);
         }
+    }
+}
+
+/// A file that is written until somebody wishes to stop: what is half done is then taken away, for nothing of it would be
+/// if the process just ended.
+pub(super) struct Heeding<'c> {
+    file: File,
+    context: &'c ReadContext<'c>,
+}
+
+impl Write for Heeding<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.context.advance(0).map_err(io::Error::other)?;
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
     }
 }
 

@@ -484,3 +484,36 @@ fn an_export_that_ends_early_leaves_nothing_of_itself_and_all_of_an_earlier_one(
     stopped(&log, &out);
     assert_eq!((files(&out), held()), (names, before));
 }
+
+#[test]
+fn a_wish_to_stop_is_heard_while_the_rows_are_written_and_nothing_is_left() {
+    use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.csv");
+    let rows: String = (0..40_000).map(|i| format!("{i},{},{}\n", 47.0 + f64::from(i) * 1e-7, i % 17)).collect();
+    std::fs::write(&log, format!("t,lat,x\n{rows}")).unwrap();
+    let (unit, library, out) = (unit(&log), library(), folder.path().join("out"));
+    let kinds = [Some(ExportTo::Csv), Some(ExportTo::Mcap), Some(ExportTo::Parquet), None];
+    for kind in kinds {
+        let (cancel, heard) = (AtomicBool::new(false), AtomicU32::new(0));
+        // Bytes are read before rows are written, and after: this is said between.
+        let on_bytes = |bytes: u64| {
+            let written = std::fs::read_dir(folder.path()).unwrap().count() > 1;
+            let count = heard.fetch_add(u32::from(written && bytes == 0), Ordering::Relaxed);
+            cancel.store(count > 2, Ordering::Relaxed);
+        };
+        let context = ingest::ReadContext { limits: Default::default(), cancel: &cancel, on_bytes: &on_bytes };
+        let stopped = match kind {
+            Some(to) => {
+                let what = ExportWhat::Topics;
+                let order =
+                    ExportOrder { unit: &unit, library, map: None, what, to, out: &out, command: "flightlag export" };
+                export(&order, &context).map(drop)
+            }
+            None => convert::recover(&unit, library, &out, &context).map(drop),
+        };
+        let stopped = stopped.expect_err("heard");
+        assert!(matches!(stopped, convert::ConvertError::Log(ingest::IngestError::Cancelled)), "{kind:?}: {stopped}");
+        assert_eq!(files(folder.path()), ["log.csv"], "{kind:?}");
+    }
+}

@@ -3,6 +3,7 @@
 mod columns;
 mod fields;
 mod formula;
+mod header;
 mod layout;
 mod lines;
 mod meaning;
@@ -13,6 +14,7 @@ pub use self::formula::inert;
 
 use self::columns::Topic;
 use self::fields::Fields;
+use self::header::{Changes, Header, Other};
 use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
 use self::meaning::Meaning;
@@ -211,7 +213,7 @@ impl Reading<'_> {
         meaning.kept_as_text().into_iter().for_each(|path| topic.keep_text(path));
         self.meanings.insert(topic.info.name.clone(), (meaning, selection));
         topic.decimal = table.decimal;
-        let (mut preamble, mut header, mut repeated) = (0, vec![], 0);
+        let (mut preamble, mut header, mut repeated, mut changes) = (0, Header::default(), 0, Changes::default());
         loop {
             if topic.decoded && open.lines.number >= table.first_row_line {
                 self.books.plain_rows(open, &mut topic, table.delimiter, &header);
@@ -219,10 +221,11 @@ impl Reading<'_> {
             let Some((extent, line)) = self.books.next_record(open, table.delimiter)? else { break };
             let text = open.lines.text(extent).trim_ascii();
             if table.header_line == Some(line) {
-                header = text.to_vec();
+                open.fields.split(text.get(comment_mark(text)..).unwrap_or_default(), table.delimiter);
+                header = Header::new(text, &open.fields, table.delimiter);
             }
             let plain = !text.is_empty() && comment_mark(text) == 0;
-            let again = plain && line >= table.first_row_line && text.first() == header.first() && text == header;
+            let again = plain && line >= table.first_row_line && header.is(text);
             if !plain || again || line < table.first_row_line {
                 if line < table.first_row_line {
                     let remark = remark_of(text).filter(|_| self.books.health.extras.len() < EXTRAS);
@@ -230,11 +233,22 @@ impl Reading<'_> {
                 }
                 let said = [table.header_line, table.units_line].contains(&Some(line));
                 preamble += u64::from(plain && !again && !said);
-                repeated += u64::from(again);
+                if again {
+                    repeated += 1;
+                    topic.follow_first();
+                }
                 self.books.structure(open, extent);
                 continue;
             }
+            if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
+                continue;
+            }
             self.books.row(open, extent, &mut topic, 0, table.delimiter);
+        }
+        changes.tell(open.name, &mut self.books.notices);
+        if let Some((first, rows)) = table.other_rows {
+            let text = format!("rows of another table stand before this one, from line {first} on: they are not read");
+            self.books.notices.push(Severity::Loss, "other-table", open.name, rows, text);
         }
         if topic.rows == 0 && table.header_line.is_some() {
             self.books.notices.push(Severity::Info, "no-rows", open.name, 1, "a header without a row below it");
@@ -461,11 +475,11 @@ impl Books {
     }
 
     /// The rows that come next and lie in the buffer, as long as nothing about them is out of the common.
-    fn plain_rows(&mut self, open: &mut Open<'_>, topic: &mut Topic, delimiter: u8, header: &[u8]) {
+    fn plain_rows(&mut self, open: &mut Open<'_>, topic: &mut Topic, delimiter: u8, header: &Header) {
         if delimiter == fields::BLANKS {
             return;
         }
-        let shape = plain::Shape { delimiter, width: topic.names.len(), header, longest: self.limits.line_bytes };
+        let shape = plain::Shape { delimiter, width: topic.width, header, longest: self.limits.line_bytes };
         let mut line = open.lines.number;
         let all = plain::rows(open.lines.plain_block(), shape, open.fields.room(), |row, extent| {
             topic.push(row, 0, line, extent);
@@ -473,6 +487,27 @@ impl Books {
         });
         self.ledger.count(Fate::Decoded, all.whole as u64);
         open.lines.pass(all);
+    }
+
+    /// Whether the record is another header of the table; the rows below are read by it then.
+    fn other_header(
+        &mut self,
+        open: &mut Open<'_>,
+        extent: Extent,
+        topic: &mut Topic,
+        header: &Header,
+        changes: &mut Changes,
+    ) -> bool {
+        let text = open.lines.text(extent);
+        if extent.broken || !header.may_begin(text) {
+            return false;
+        }
+        open.fields.split(text, header.delimiter);
+        let Some(Other { places, width, new }) = header.other(&open.fields) else { return false };
+        changes.add(open.lines.number, new);
+        topic.follow(&places, width);
+        self.structure(open, extent);
+        true
     }
 
     /// One data row: `skip` fields at its start are no columns.
@@ -499,7 +534,7 @@ impl Books {
             return open.lines.pass(extent);
         }
         let extent = open.lines.first_line_of(extent);
-        let expected = topic.names.len();
+        let expected = topic.width;
         let cut = if extent.ended { "" } else { ", and no line end: the log was cut here" };
         self.reject(open, extent, format!("line {line}: {width} fields where the header has {expected}{cut}"));
     }

@@ -1,22 +1,24 @@
 //! NMEA 0183: lines of text with a checksum, as receivers write them
 //! (<https://gpsd.gitlab.io/gpsd/NMEA.html> gathers what is public of the standard).
 //!
-//! A topic is named after the address, `GNRMC`, and its type is `RMC`. The date comes from RMC and ZDA; a sentence that
+//! A topic is named after the address, `GNRMC`, and its type is `RMC`; where a receiver changed its talker in between, it
+//! is `RMC` alone. The date comes from RMC and ZDA; a sentence that
 //! says the time alone has the day that is nearest to the sentence before it, and VTG, which says neither, its time. What
-//! stands before the first date is dated backwards from it. A logger may have put the Unix time in front of each line:
-//! that is when the sentence was logged.
+//! stands before the first date is dated backwards from it. A logger may have put the Unix time, or a date and time
+//! with its zone, in front of each line: that is when the sentence was logged.
 //!
 //! Fields are taken apart here and not by the `nmea` crate, whose values are single-precision floats and have lost the
 //! last digits of speeds, tracks and heights. Latitude and longitude are the doubles nearest to what the text says.
 
 mod book;
 mod sentence;
+mod talkers;
 
 use self::book::Kind;
 pub(super) use self::book::{Book, Dates};
 pub(super) use self::sentence::Sentence;
 use crate::bytes::{is_plain, is_zero};
-use crate::civil::Tick;
+use crate::civil::{Tick, iso_to_unix_ns};
 use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::format::Reading;
@@ -142,7 +144,7 @@ struct Walk<'w, 'c, 't, 's> {
 #[derive(Debug, Default)]
 struct Counts {
     unchecked: u64,
-    /// Text in front of sentences that is no Unix time.
+    /// Text in front of sentences that is no such time.
     prefixes: u64,
     /// Bytes of text in front of the first sentence, of comments, and of lines of text.
     preamble: u64,
@@ -286,7 +288,12 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             unchecked,
             "sentences have no checksum: nothing shows whether they are intact",
         );
-        say(Severity::Info, "prefix", prefixes, "sentences stand behind text that is no Unix time; it was not read");
+        say(
+            Severity::Info,
+            "prefix",
+            prefixes,
+            "sentences stand behind text that is no Unix time and no date with time and zone; it was not read",
+        );
         say(
             Severity::Info,
             "preamble",
@@ -296,10 +303,14 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     }
 }
 
-/// The Unix time in front of a sentence, ns, if that is all there is: seconds, or milli-, micro- or nanoseconds as the
-/// number of digits tells.
+/// The time in front of a sentence, ns of UTC, if that is all there is: the Unix time, or a date and time with its zone.
 fn logged(prefix: &[u8]) -> Option<i64> {
-    let text = std::str::from_utf8(prefix).ok()?.trim_matches([' ', '\t', ',', ';', ':']);
+    let text = std::str::from_utf8(prefix).ok()?.trim_matches([' ', '\t', ',', ';', ':', '[', ']']);
+    unix_time(text).or_else(|| zoned_time(text))
+}
+
+/// Seconds, or milli-, micro- or nanoseconds as the number of digits tells.
+fn unix_time(text: &str) -> Option<i64> {
     let whole = text.split('.').next().unwrap_or_default();
     let digits = text.bytes().all(|b| b.is_ascii_digit() || b == b'.');
     let tick = match whole.len() {
@@ -312,17 +323,29 @@ fn logged(prefix: &[u8]) -> Option<i64> {
     if digits { tick.of_text(text) } else { None }
 }
 
+/// ISO 8601. Without a zone it is the time of the place where the logger stood, which nobody knows.
+fn zoned_time(text: &str) -> Option<i64> {
+    let behind = text.get("2024-05-10T17:27".len()..)?;
+    let zoned = behind.ends_with(['Z', 'z']) || behind.contains(['+', '-']);
+    if zoned { iso_to_unix_ns(text) } else { None }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_plain_unix_time_in_front_is_when_it_was_logged_and_other_text_is_not() {
+    fn a_unix_time_or_one_with_its_zone_in_front_is_when_it_was_logged_and_other_text_is_not() {
         assert_eq!(logged(b"1699999999.123 "), Some(1_699_999_999_123_000_000));
         assert_eq!(logged(b"1699999999123,"), Some(1_699_999_999_123_000_000));
         assert_eq!(logged(b"1699999999123456\t"), Some(1_699_999_999_123_456_000));
         assert_eq!(logged(b"1699999999123456789: "), Some(1_699_999_999_123_456_789));
-        for text in ["", "[12:00:01] ", "16:99:99", "12.5 ", "1699999999.1.2 ", "x1699999999 "] {
+        for text in ["2023-11-14T22:13:19.123Z ", "[2023-11-14T23:13:19.123+01:00] ", "2023-11-14 22:13:19.123Z,"] {
+            assert_eq!(logged(text.as_bytes()), Some(1_699_999_999_123_000_000), "{text}");
+        }
+        for text in
+            ["2023-11-14T22:13:19.123 ", "", "[12:00:01] ", "16:99:99", "12.5 ", "1699999999.1.2 ", "x1699999999 "]
+        {
             assert_eq!(logged(text.as_bytes()), None, "{text}");
         }
     }

@@ -48,6 +48,10 @@ fn the_same_table_in_every_dialect_is_the_same_table() {
         ("mixed line ends", "t,x\n1,0.5\r\n2,-1.5e-3\r"),
         ("semicolons", "t;x\n1;0.5\n2;-1.5e-3\n"),
         ("TAB", "t\tx\n1\t0.5\n2\t-1.5e-3\n"),
+        ("bars", "t|x\n1|0.5\n2|-1.5e-3\n"),
+        ("bars with padding", "t | x\n1 | 0.5\n2 | -1.5e-3\n"),
+        ("units in words", "t,x\nsec,meters per second\n1,0.5\n2,-1.5e-3\n"),
+        ("units in words and none for one", "t,x\n-,m s-1\n1,0.5\n2,-1.5e-3\n"),
         ("byte order mark", "\u{feff}t,x\n1,0.5\n2,-1.5e-3\n"),
         ("padding", "  t ,  x\n 1 , 0.5 \n   2, -1.5E-03\n"),
         ("quotes", "\"t\",\"x\"\n\"1\",\"0.5\"\n2,\"-1.5e-3\"\n"),
@@ -182,6 +186,13 @@ fn separators_of_thousands_are_refused_with_line_and_column_and_never_misread() 
     // A point in a table with decimal commas may be one of thousands.
     assert_refused("t;x\n1;0,5\n2;7.500\n", "\"7.500\"", "3");
     assert_refused("t,x\n1,1 250\n2,0x1f\n3,5\n", "\"1 250\"", "2, 3");
+    // A whole column of them is lost, one of words is not: it was meant as something else.
+    let lost = |text: &str| {
+        let fields = vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }];
+        read_limited(text.as_bytes(), &Selection::Fields(fields), Limits::default()).unwrap().notices.any_loss()
+    };
+    assert!(lost("t,x\n1,\"1,250.5\"\n2,\"-1,251.5\"\n") && lost("t;x\n1;1,250\n2;12,500\n"));
+    assert!(!lost("t,x\n1,idle\n2,\"on, off\"\n"));
 }
 
 #[test]
@@ -203,10 +214,11 @@ fn empty_and_not_finite_cells_are_missing_and_counted() {
 #[test]
 fn a_column_that_was_wanted_as_a_number_says_where_it_is_none() {
     let fields = vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }];
-    let log = read_limited(b"t,x\n1,a\n2,2\n3,N/A\n4,nan\n", &Selection::Fields(fields), Limits::default()).unwrap();
-    assert_eq!(numbers(&log, "x"), [None, Some(2.0), None, None]);
+    let text = b"t,x\n1,a\n2,2\n3,b\n4,nan\n5,N/A\n";
+    let log = read_limited(text, &Selection::Fields(fields), Limits::default()).unwrap();
+    assert_eq!(numbers(&log, "x"), [None, Some(2.0), None, None, None]);
     let of = |code: &str| log.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
-    assert_eq!((of("bad-number"), of("not-finite")), (2, 1));
+    assert_eq!((of("bad-number"), of("not-finite")), (2, 2));
 }
 
 #[test]
@@ -492,4 +504,136 @@ fn novatel_messages_become_tables_and_a_wrong_checksum_costs_its_line() {
     assert_eq!(numbers(&log, "header.seconds"), [Some(144_088.0), Some(144_088.0)]);
     assert_eq!(log.health.damage[0].reason, "line 3: the CRC-32 is wrong");
     assert_eq!((log.health.messages, log.health.undecodable), (2, 1));
+}
+
+#[test]
+fn words_for_nothing_are_missing_numbers_and_no_loss() {
+    // As pandas, databases, spreadsheets and the C library of Windows write what is not there.
+    let words = ["N/A", "NA", "null", "NULL", "None", "--", "-", "#N/A", "-nan(ind)", "1.#QNAN"];
+    let rows: String = words.iter().map(|word| format!("1,{word}\n2,7.5\n")).collect();
+    for selection in
+        [Selection::All, Selection::Fields(vec![FieldRequest { path: "x".into(), kind: ValueKind::Number }])]
+    {
+        let log = read_limited(format!("t,x\n{rows}").as_bytes(), &selection, Limits::default()).unwrap();
+        assert_eq!(numbers(&log, "x"), [None, Some(7.5)].repeat(words.len()));
+        assert!(!log.notices.any_loss(), "{:?}", log.notices);
+    }
+    // Minus and point alone, a unit behind a number, hexadecimal digits say something that is not understood.
+    for bad in ["+", ".", "5%", "0x1f", "n", "nothing"] {
+        assert_refused(&format!("t,x\n1,{bad}\n2,7.5\n"), bad, "2");
+    }
+}
+
+#[test]
+fn words_for_nothing_among_other_words_or_alone_stay_words() {
+    let texts = |text: &str| {
+        let log = read(text);
+        let column = log.tables[0].column("x").unwrap().clone();
+        (0..log.tables[0].rows).map(|row| column.text(row).map(str::to_owned)).collect::<Vec<_>>()
+    };
+    let some = |texts: &[&str]| texts.iter().map(|text| Some((*text).to_owned())).collect::<Vec<_>>();
+    assert_eq!(texts("t,x\n1,None\n2,Hold\n3,None\n"), some(&["None", "Hold", "None"]));
+    assert_eq!(texts("t,x\n1,None\n2,None\n"), some(&["None", "None"]));
+    assert_eq!(texts("t,x\n1,None\n2,\n3,Hold\n"), [some(&["None"]), vec![None], some(&["Hold"])].concat());
+    assert_eq!(texts("t,x\n1,7\n2,nan\n3,Hold\n"), some(&["7", "nan", "Hold"]));
+}
+
+#[test]
+fn rows_below_another_header_are_read_by_its_order_of_columns() {
+    // Logs that were put together, or a logger that was set anew: another order; a column more in front, so another width;
+    // one less; quotes.
+    for (below, there) in [
+        ("x,t\n30,3\n40,4\n", true),
+        ("x;t\n30;3\n40;4\n", true),
+        ("new,t,x\n7,3,30\n8,4,40\n", true),
+        ("\"x\",\"t\"\n30,3\n40,4\n", true),
+        ("t,y,z\n3,0,0\n4,0,0\n", false),
+    ] {
+        let delimiter = if below.contains(';') { ";" } else { "," };
+        let head = "t,y,x\n1,0,10\n2,0,20\n".replace(',', delimiter);
+        let log = read(&(head + below));
+        assert_eq!(numbers(&log, "t"), [1.0, 2.0, 3.0, 4.0].map(Some), "{below}");
+        let behind = |x: f64| Some(x).filter(|_| there);
+        assert_eq!(numbers(&log, "x"), [Some(10.0), Some(20.0), behind(30.0), behind(40.0)], "{below}");
+        assert_eq!((log.health.bytes.damaged, log.health.messages), (0, 4), "{below}");
+        let told: Vec<_> =
+            log.notices.iter().filter(|n| n.code == "header-changed").map(|n| n.place.as_str()).collect();
+        assert_eq!(told, ["t.csv, line 4"], "{below}");
+        // What the first header does not have finds no column.
+        let new = below.contains("new") || below.contains('z');
+        assert_eq!(log.notices.any_loss(), new, "{below}: {:?}", log.notices);
+    }
+    // Back to the first order, and the same whether the values are wanted or not.
+    let text = "t,x\n1,10\nx,t\n20,2\nt,x\n3,30\n";
+    assert_eq!(numbers(&read(text), "t"), [1.0, 2.0, 3.0].map(Some));
+    let unwanted = read_limited(text.as_bytes(), &Selection::Skip, Limits::default()).unwrap();
+    assert_eq!(unwanted.health.messages, 3);
+    // Words of rows are no header.
+    let log = read("t,mode,x\n1,auto,x\n2,x,auto\n3,t,7\n");
+    assert_eq!(log.health.messages, 3);
+}
+
+#[test]
+fn rows_of_another_table_before_the_header_are_a_loss_and_remarks_are_none() {
+    let rows = |columns: usize, rows: usize| format!("1{}\n", ",2".repeat(columns - 1)).repeat(rows);
+    let log = read(&format!("t,x,y\n{}t,x,y,z\n{}", rows(3, 6), rows(4, 20)));
+    assert_eq!(log.health.messages, 20);
+    let loss = log.notices.iter().find(|n| n.code == "other-table").unwrap();
+    assert_eq!((loss.severity, loss.count), (Severity::Loss, 6));
+    assert!(loss.text.contains("from line 2 on"), "{}", loss.text);
+    let remarks = "Logger,3.0\nSerial,77\nRate,10\nRange,4\nGain,1,2,a,b\n";
+    let log = read(&format!("{remarks}t,x,y,z\n{}", rows(4, 20)));
+    assert!(!log.notices.any_loss() && log.health.messages == 20, "{:?}", log.notices);
+}
+
+#[test]
+fn a_first_row_that_is_no_description_stays_a_row() {
+    for text in [
+        "t,event\n1,start\n2,stop\n",
+        "date,event\n2024-05-06,N/A\n2024-05-07,3\n",
+        "what,how\nstart,fast\nstop,slow\n",
+    ] {
+        assert_eq!(read(text).health.messages, 2, "{text}: {}", read(text).health.format);
+    }
+}
+
+#[test]
+fn a_table_with_binary_bytes_between_its_rows_is_one_whatever_its_name() {
+    let rows: String = (0..100).map(|i| format!("{i},47.4,8.5\n")).collect();
+    let text = [b"time,lat,lon\n", rows.as_bytes()].concat();
+    let garbage = b"\xfe\x09\x00\x01\x01\x00\x00\x00\x00\x00\x02\x03\x51\x04\x03\n";
+    let kinds = |content: &[u8]| {
+        let (_folder, path) = file("table.dat", content);
+        let found = ingest::discover(&path, &ingest::MapLibrary::shipped().unwrap()).unwrap();
+        let reason = found.ignored.first().map(|(_, reason)| reason.clone()).unwrap_or_default();
+        (found.units.iter().map(|unit| unit.kind).collect::<Vec<_>>(), reason)
+    };
+    let damaged = [&text[..], garbage, rows.as_bytes()].concat();
+    assert_eq!(kinds(&damaged).0, [ingest::LogKind::Csv]);
+    let log = read_limited(&damaged, &Selection::All, Limits::default()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (200, garbage.len() as u64));
+    // Some lines before binary numbers prove nothing, nor does text that is no table.
+    for head in ["BEGIN 1.0\nname,size\nx,3\n".to_owned(), "A line of text.\n".repeat(20)] {
+        let (kinds, reason) = kinds(&[head.as_bytes(), garbage].concat());
+        assert_eq!((kinds.len(), reason.as_str()), (0, "binary file of an unknown format"), "{head}");
+    }
+}
+
+#[test]
+fn headers_without_end_in_changing_order_are_read_in_time_and_told_once() {
+    // As made for it: searched name by name, each of these would be 1e9 steps.
+    let names: Vec<String> = (0..30_000).map(|i| format!("c{i}")).collect();
+    let back: Vec<String> = names.iter().rev().cloned().collect();
+    let text = format!("{}\n{}", names.join(","), [back.join(","), names.join(",")].join("\n").repeat(3)) + "\n";
+    let log = read_limited(text.as_bytes(), &Selection::Skip, Limits::default()).unwrap();
+    assert_eq!(log.health.messages, 0);
+    // All of one name, and more of it further down.
+    let text = format!("a,b{}\n{}\n", ",a".repeat(30_000), ["b", &",a".repeat(60_000)].concat());
+    let log = read_limited(text.as_bytes(), &Selection::Skip, Limits::default()).unwrap();
+    assert_eq!(log.health.messages, 0);
+    let few = format!("t,x\n{}", "x,t\n1,2\nt,x\n2,1\n".repeat(1000));
+    let log = read(&few);
+    assert_eq!(numbers(&log, "t"), vec![Some(2.0); 2000]);
+    let told: Vec<u64> = log.notices.iter().filter(|n| n.code == "header-changed").map(|n| n.count).collect();
+    assert_eq!(told, [1000]);
 }

@@ -392,3 +392,96 @@ fn check_flips(bits_of_each_byte: usize) {
 fn what_is_no_log_is_refused() {
     check_refusals(READER, "no NMEA sentence");
 }
+
+/// A log with these lines, bound.
+fn bound(lines: &[String]) -> ingest::Loaded {
+    let (_folder, path) = file("f.nmea", (lines.join("\r\n") + "\r\n").as_bytes());
+    load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap()
+}
+
+/// Fifth `fifth` of a second of a flight to the north, as `talker` says it: GGA with this separation, and RMC of this status.
+fn epoch(talker: &str, fifth: usize, separation: &str, status: &str) -> [String; 2] {
+    let time = format!("1200{:02}.{}0", fifth / 5, 2 * (fifth % 5));
+    let place = format!("4807.{:04},N,01131.0000,E", fifth + 100);
+    let of_sea = if separation.is_empty() { String::new() } else { format!("{separation},M") };
+    let of_sea = if of_sea.is_empty() { ",".to_owned() } else { of_sea };
+    [
+        sealed(&format!("{talker}GGA,{time},{place},1,08,0.9,545.4,M,{of_sea},,")),
+        sealed(&format!("{talker}RMC,{time},{status},{place},20.0,0.0,211126,,")),
+    ]
+}
+
+fn length(loaded: &ingest::Loaded, channel: &str) -> usize {
+    loaded.flight.channels.get(channel).map_or(0, |channel| channel.series.len())
+}
+
+#[test]
+fn a_receiver_that_changes_its_talker_is_one_channel_from_first_to_last() {
+    // As more satellites come into sight, and leave it again.
+    let talker = |fifth| if (20..70).contains(&fifth) { "GN" } else { "GP" };
+    let lines: Vec<String> = (0..100).flat_map(|fifth| epoch(talker(fifth), fifth, "46.9", "A")).collect();
+    let loaded = bound(&lines);
+    for name in ["position.gps", "velocity.gps", "fix.gps"] {
+        assert_eq!(length(&loaded, name), 100, "{name}");
+        let stamps = loaded.flight.channels[name].series.timeline().stamps();
+        assert!(stamps.windows(2).all(|pair| pair[1].0 - pair[0].0 == 200_000_000), "{name}");
+    }
+    assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
+    let told: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "talker-changed").collect();
+    assert_eq!((told.len(), told[0].count), (2, 100));
+    assert!(told[0].text.contains("GNGGA (50), GPGGA (50)"), "{}", told[0].text);
+    let topics: Vec<_> = loaded.health.topics.iter().map(|t| (t.name.as_str(), t.messages)).collect();
+    assert_eq!(topics, [("GGA", 100), ("RMC", 100)]);
+    assert_eq!(loaded.health.messages, 200);
+    // Who said what is not lost.
+    let log = read_bytes(READER, lines.join("\n").as_bytes()).unwrap();
+    let table = log.tables.iter().find(|t| t.topic.name == "GGA").unwrap();
+    let said: Vec<&str> = (0..100).filter_map(|row| table.column("talker")?.text(row)).collect();
+    assert_eq!(said, (0..100).map(talker).collect::<Vec<_>>());
+}
+
+#[test]
+fn what_several_receivers_or_systems_say_stays_apart() {
+    // The same epochs of two systems; a second receiver between the epochs of the first; a slow one beside a fast one.
+    for (every, tenths) in [(1, 0), (1, 1), (5, 1)] {
+        let others = |fifth: usize| epoch("GP", fifth, "46.9", "A").map(|line| later(&line, tenths));
+        let lines = |fifth: usize| {
+            let others = fifth.is_multiple_of(every).then(|| others(fifth)).into_iter().flatten();
+            epoch("GN", fifth, "46.9", "A").into_iter().chain(others).collect::<Vec<_>>()
+        };
+        let loaded = bound(&(0..50).flat_map(lines).collect::<Vec<_>>());
+        assert_eq!(loaded.flight.channels["position.gps"].source.topic, "GNGGA");
+        assert_eq!((length(&loaded, "position.gps"), loaded.health.topics.len()), (50, 4), "{every} {tenths}");
+    }
+}
+
+/// The sentence some tenths of a second later, within its second.
+fn later(line: &str, tenths: u8) -> String {
+    let body = line.trim_start_matches('$').split('*').next().unwrap();
+    let (head, rest) = body.split_at("GPGGA,120000.".len());
+    let tenth: u8 = rest[..1].parse().unwrap();
+    sealed(&format!("{head}{}{}", tenth + tenths, &rest[1..]))
+}
+
+#[test]
+fn a_differential_fix_is_a_fix() {
+    // Some receivers (Unicore among them) say so in the status, where the standard has A and V.
+    let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "46.9", "D")).collect::<Vec<_>>());
+    assert_eq!((length(&loaded, "position.gps"), length(&loaded, "velocity.gps")), (50, 50));
+    // The date of such an RMC counts.
+    assert_eq!(loaded.flight.channels["position.gps"].series.timeline().clock(), Clock::Unix);
+    let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "46.9", "V")).collect::<Vec<_>>());
+    assert_eq!((length(&loaded, "velocity.gps"), lossy(&loaded)), (0, false));
+}
+
+#[test]
+fn heights_without_that_of_the_sea_are_read_and_said_to_be_above_it() {
+    let height = |loaded: &ingest::Loaded| loaded.flight.channels["position.gps"].series.component(2)[0];
+    let above_sea = |loaded: &ingest::Loaded| loaded.flight.notices.iter().any(|n| n.code == "height-datum");
+    let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, "", "A")).collect::<Vec<_>>());
+    assert_eq!((height(&loaded), above_sea(&loaded)), (545.4, true));
+    // Where a sentence here and there lacks it, the others have the height above the ellipsoid.
+    let said = |fifth| if fifth % 10 == 3 { "" } else { "46.9" };
+    let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, said(fifth), "A")).collect::<Vec<_>>());
+    assert_eq!((height(&loaded), above_sea(&loaded)), (545.4 + 46.9, false));
+}

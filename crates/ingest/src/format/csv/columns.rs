@@ -20,6 +20,8 @@ pub(super) struct Topic {
     pub(super) info: TopicInfo,
     /// Columns of the header.
     pub(super) names: Vec<String>,
+    /// How many fields a row has now: another header may stand between the rows.
+    pub(super) width: usize,
     /// What stands before decimals.
     pub(super) decimal: Decimal,
     /// Whether a wanted field exists.
@@ -38,7 +40,10 @@ pub(super) struct Topic {
 #[derive(Debug)]
 struct Building {
     path: String,
+    /// Among the columns of the header.
     index: usize,
+    /// Among the fields of a row; `None` if rows do not have it now.
+    place: Option<usize>,
     cells: Cells,
     rows: usize,
     /// Empty as long as every cell holds a value.
@@ -150,7 +155,7 @@ impl Topic {
         let nothing = columns.is_empty() && *selection != Selection::Skip;
         let reason =
             if nothing { format!("none of the wanted columns is among {}", first_of(&names)) } else { String::new() };
-        Topic { info, decoded: !columns.is_empty(), names, columns, reason, ..Topic::default() }
+        Topic { info, decoded: !columns.is_empty(), width: names.len(), names, columns, reason, ..Topic::default() }
     }
 
     /// Keeps a column as it is written although numbers are looked for.
@@ -161,7 +166,21 @@ impl Topic {
 
     /// Whether a row with so many fields belongs to this header; a delimiter at its end is one more.
     pub(super) fn fits(&self, fields: usize, last_is_empty: impl FnOnce() -> bool) -> bool {
-        fields == self.names.len() || (fields == self.names.len() + 1 && last_is_empty())
+        fields == self.width || (fields == self.width + 1 && last_is_empty())
+    }
+
+    /// Takes the rows from now on by another header of so many columns: where each column of the first one stands.
+    pub(super) fn follow(&mut self, places: &[Option<usize>], width: usize) {
+        self.width = width;
+        for column in &mut self.columns {
+            column.place = places.get(column.index).copied().flatten();
+        }
+    }
+
+    /// Takes the rows from now on by the first header again.
+    pub(super) fn follow_first(&mut self) {
+        self.width = self.names.len();
+        self.columns.iter_mut().for_each(|column| column.place = Some(column.index));
     }
 
     /// A row that nobody wants.
@@ -179,9 +198,11 @@ impl Topic {
         }
         let last = row.len().saturating_sub(1);
         for column in &mut self.columns {
-            let at = column.index + skip;
             // Without a line end the last value of the file may have lost digits.
-            let cell = if at == last && !extent.ended { b"" } else { row.get(at) };
+            let cell = match column.place {
+                Some(place) if place + skip != last || extent.ended => row.get(place + skip),
+                _ => b"",
+            };
             column.push(cell, self.decimal, line);
         }
     }
@@ -229,7 +250,7 @@ impl Topic {
         if !self.decoded {
             return None;
         }
-        let mut columns: Vec<Column> = self.columns.into_iter().map(Building::finish).collect();
+        let mut columns: Vec<Column> = self.columns.into_iter().map(|column| column.finish(self.decimal)).collect();
         columns.sort_by(|a, b| (&a.path, is_text(a)).cmp(&(&b.path, is_text(b))));
         Some(Table {
             topic: self.info,
@@ -248,6 +269,18 @@ fn first_of(names: &[String]) -> String {
     format!("{}{more}", names.iter().take(10).map(String::as_str).collect::<Vec<_>>().join(", "))
 }
 
+/// Whether a cell that is no number has digits, and commas among them.
+fn has_separators(cell: &str) -> bool {
+    let digits = cell.strip_prefix(['+', '-']).unwrap_or(cell);
+    let plain = |c: char| c.is_ascii_digit() || c == ',' || c == '.';
+    digits.contains(',') && digits.starts_with(|c: char| c.is_ascii_digit()) && digits.chars().all(plain)
+}
+
+/// Which texts there are.
+fn filled(texts: &[String]) -> Vec<bool> {
+    texts.iter().map(|text| !text.is_empty()).collect()
+}
+
 fn is_text(column: &Column) -> bool {
     matches!(column.data, ColumnData::Text(_))
 }
@@ -257,6 +290,7 @@ impl Building {
         Building {
             path: path.to_owned(),
             index,
+            place: Some(index),
             cells,
             rows: 0,
             valid: vec![],
@@ -283,7 +317,15 @@ impl Building {
                 texts.push(decimal.text(cell));
                 !cell.is_empty()
             }
-            Cells::Undecided(..) => self.cells.push_undecided(cell, decimal),
+            Cells::Undecided(..) => {
+                let valid = self.cells.push_undecided(cell, decimal);
+                if let Cells::Text(texts) = &self.cells {
+                    // What seemed to say nothing was a word among others.
+                    self.valid = if self.valid.is_empty() { vec![] } else { filled(texts) };
+                    self.valid.pop();
+                }
+                valid
+            }
             Cells::Integers(_) | Cells::Floats(_) => {
                 let value = decimal.number(cell);
                 self.cells.push_fitting(value) || self.push_odd(value, cell, line)
@@ -309,7 +351,7 @@ impl Building {
 
     fn note(&mut self, value: Cell, cell: &[u8], line: u64) {
         match value {
-            Cell::NotFinite => self.not_finite += 1,
+            Cell::NotFinite | Cell::Missing => self.not_finite += 1,
             Cell::Bad => {
                 if self.bad == 0 {
                     self.bad_example = String::from_utf8_lossy(cell).chars().take(40).collect();
@@ -334,13 +376,17 @@ impl Building {
                 self.bad_example,
                 lines.join(", ")
             );
-            // Where no cell is a number, the column was meant as something else.
-            let lost = self.filled > 0 && self.bad * TOLERATED > self.rows as u64;
+            // Where no cell is a number, the column was meant as something else, unless thousands are set apart.
+            let numbers = self.filled > 0 || has_separators(&self.bad_example);
+            let lost = numbers && self.bad * TOLERATED > self.rows as u64;
             let severity = if lost { Severity::Loss } else { Severity::Warning };
             notices.push(severity, "bad-number", place(self.bad_lines.first()), self.bad, text);
         }
         if self.not_finite > 0 {
-            let text = format!("column {}: cells are nan or infinite and count as missing", self.path);
+            let text = format!(
+                "column {}: cells are nan, infinite or words for nothing, as N/A, and count as missing",
+                self.path
+            );
             notices.push(Severity::Info, "not-finite", place(None), self.not_finite, text);
         }
     }
@@ -356,7 +402,18 @@ impl Building {
         (first.abs() >= LARGE).then(|| Column { path: self.path.clone(), data: data(), valid: valid() })
     }
 
-    fn finish(self) -> Column {
+    fn finish(self, decimal: Decimal) -> Column {
+        if let Cells::Undecided(numbers, written) = &self.cells
+            && self.filled == 0
+            && self.rows > 0
+        {
+            // Words for nothing alone may be what the column is about.
+            let texts = written.texts(numbers, decimal);
+            if texts.iter().any(|text| decimal.number(text.as_bytes()) == Cell::Missing) {
+                let valid = Some(filled(&texts)).filter(|valid| valid.contains(&false));
+                return Column { path: self.path, data: ColumnData::Text(texts), valid };
+            }
+        }
         let valid = (!self.valid.is_empty()).then_some(self.valid);
         Column { path: self.path, data: self.cells.finish(), valid }
     }
@@ -461,7 +518,7 @@ mod tests {
             column.push(cell, Decimal::Point, line as u64);
         }
         assert_eq!((column.bad, column.filled), (CELLS as u64, CELLS as u64 + 1));
-        let column = column.finish();
+        let column = column.finish(Decimal::Point);
         assert!(matches!(&column.data, ColumnData::I64(v) if v[CELLS] == 1_700_000_000_123_456_789));
         assert_eq!(column.valid.map(|valid| valid.iter().filter(|v| **v).count()), Some(CELLS + 1));
     }
@@ -478,7 +535,7 @@ mod tests {
             let mut column = Building::new("t", 0, Cells::undecided());
             let cells: Vec<&str> = plain.iter().chain(odd).chain(&["x", "3"]).copied().collect();
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Comma, line));
-            let ColumnData::Text(texts) = column.finish().data else { panic!("a column of numbers") };
+            let ColumnData::Text(texts) = column.finish(Decimal::Comma).data else { panic!("a column of numbers") };
             assert_eq!(texts, cells.iter().map(|cell| cell.replace(',', ".")).collect::<Vec<_>>());
         }
     }

@@ -155,7 +155,10 @@ impl Decimal {
     pub(super) fn number(self, cell: &[u8]) -> Cell {
         match self {
             Decimal::Point => number(cell),
-            Decimal::Comma if memchr::memchr(b'.', cell).is_some() => Cell::Bad,
+            Decimal::Comma if memchr::memchr(b'.', cell).is_some() => match number(cell) {
+                Cell::Missing => Cell::Missing,
+                _ => Cell::Bad,
+            },
             Decimal::Comma => match memchr::memchr(b',', cell) {
                 Some(at) => number_with_point(cell, at),
                 None => number(cell),
@@ -163,7 +166,7 @@ impl Decimal {
         }
     }
 
-    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`. An apostrophe that kept it from being
+    /// A cell as text, its decimals behind a point: `17:27:44,3` is `17:27:44.3`, where numbers have a point too. An apostrophe that kept it from being
     /// a formula is taken away.
     pub(super) fn text(self, cell: &[u8]) -> String {
         let text = text_of(cell);
@@ -172,8 +175,20 @@ impl Decimal {
         }
         let one_comma = || text.bytes().filter(|b| *b == b',').count() == 1;
         let of_number = |b: u8| b.is_ascii_digit() || b"+-:,eETZ ".contains(&b);
-        if self == Decimal::Comma && one_comma() && text.bytes().all(of_number) { text.replace(',', ".") } else { text }
+        let of_decimals = || self == Decimal::Comma && text.bytes().all(of_number);
+        if one_comma() && (of_decimals() || is_time_with_comma(&text)) { text.replace(',', ".") } else { text }
     }
+}
+
+/// Whether the comma is that of ISO 8601 in seconds, as Python's logging writes them: `2024-05-10 17:27:44,300`.
+fn is_time_with_comma(text: &str) -> bool {
+    let Some((time, fraction)) = text.split_once(',') else { return false };
+    let mut parts = time.rsplit(':');
+    let two_digits = |part: &str| part.len() == 2 && part.bytes().all(|b| b.is_ascii_digit());
+    let seconds = [parts.next(), parts.next()].into_iter().all(|part| part.is_some_and(two_digits));
+    let seconds = seconds && parts.next().is_some_and(|hour| hour.ends_with(|c: char| c.is_ascii_digit()));
+    let zone = fraction.trim_start_matches(|c: char| c.is_ascii_digit());
+    seconds && zone.len() < fraction.len() && (zone.is_empty() || zone.starts_with(['Z', '+', '-', ' ']))
 }
 
 /// A number whose decimals stand behind a comma at `at`.
@@ -223,6 +238,8 @@ pub(super) enum Cell {
     Float(f64),
     /// `nan`, `inf` or beyond the range of a double.
     NotFinite,
+    /// A word for nothing, as `N/A`.
+    Missing,
     /// No number.
     Bad,
 }
@@ -231,6 +248,33 @@ pub(super) enum Cell {
 #[inline]
 pub(super) fn number(cell: &[u8]) -> Cell {
     short_number(cell).unwrap_or_else(|| any_number(cell))
+}
+
+/// What databases, spreadsheets and programs write where there is no value, in small letters.
+const NOTHING: &[&str] = &[
+    "-",
+    "--",
+    "---",
+    "n/a",
+    "na",
+    "<na>",
+    "#n/a",
+    "#na",
+    "null",
+    "none",
+    "nil",
+    "-nan(ind)",
+    "nan(ind)",
+    "1.#ind",
+    "-1.#ind",
+    "1.#qnan",
+    "-1.#qnan",
+    "1.#inf",
+    "-1.#inf",
+];
+
+fn is_nothing(text: &str) -> bool {
+    text.len() <= 9 && NOTHING.iter().any(|word| text.eq_ignore_ascii_case(word))
 }
 
 fn any_number(cell: &[u8]) -> Cell {
@@ -247,6 +291,7 @@ fn any_number(cell: &[u8]) -> Cell {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() => Cell::Float(value),
         Ok(_) => Cell::NotFinite,
+        Err(_) if is_nothing(text) => Cell::Missing,
         Err(_) => Cell::Bad,
     }
 }
@@ -318,6 +363,16 @@ mod tests {
         assert_eq!(Decimal::Comma.text(b"17:27:44,3"), "17:27:44.3");
         assert_eq!(Decimal::Comma.text(b"a, b"), "a, b");
         assert_eq!(Decimal::Point.text(b"1,5"), "1,5");
+        for (text, point) in [
+            ("17:27:44,3", "17:27:44.3"),
+            ("2024-05-10 17:27:44,300", "2024-05-10 17:27:44.300"),
+            ("2024-05-10T17:27:44,3+02:00", "2024-05-10T17:27:44.3+02:00"),
+        ] {
+            assert_eq!(Decimal::Point.text(text.as_bytes()), point);
+        }
+        for other in ["17:27:44,", "17:27,5", "a:44,3", "17:27:44,3,4", "17:27:44,3 m/s,x", "at 17:27:44, then"] {
+            assert_eq!(Decimal::Point.text(other.as_bytes()), other);
+        }
     }
 
     #[test]
@@ -374,7 +429,11 @@ mod tests {
         for text in ["nan", "NaN", "inf", "-inf", "1e999"] {
             assert_eq!(number(text.as_bytes()), Cell::NotFinite, "{text}");
         }
-        for text in ["N/A", "0x12", "1,234", "1.2.3", "12:30", "1 2", "\u{ff}", "-"] {
+        for text in ["N/A", "n/a", "null", "None", "-", "--", "#N/A", "-1.#IND", "-nan(ind)"] {
+            assert_eq!(number(text.as_bytes()), Cell::Missing, "{text}");
+            assert_eq!(Decimal::Comma.number(text.as_bytes()), Cell::Missing, "{text}");
+        }
+        for text in ["N/A?", "0x12", "1,234", "1.2.3", "12:30", "1 2", "\u{ff}", "+", "."] {
             assert_eq!(number(text.as_bytes()), Cell::Bad, "{text}");
         }
         assert_eq!(number(b"\xff"), Cell::Bad);

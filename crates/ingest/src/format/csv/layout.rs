@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 /// Records that are looked at.
 const SAMPLE: usize = 64;
 /// In order of preference where two fit equally.
-const DELIMITERS: [u8; 4] = [b',', b';', b'\t', BLANKS];
+const DELIMITERS: [u8; 5] = [b',', b';', b'\t', b'|', BLANKS];
 /// Words that name tables in the first lines of a tagged file; with more they are values.
 const MOST_TAGS: usize = 16;
 /// As few rows of bare numbers say nothing.
@@ -47,6 +47,8 @@ pub(super) struct TableLayout {
     pub(super) units_line: Option<u64>,
     /// Rows begin at this line.
     pub(super) first_row_line: u64,
+    /// First line and number of rows of another table before the header.
+    pub(super) other_rows: Option<(u64, u64)>,
     /// There is a header, a row with a number, and all rows looked at have the same number of fields.
     pub(super) regular: bool,
     /// There is no header, and every cell of all rows looked at, which have the same number of fields, is a number.
@@ -76,7 +78,7 @@ struct Sampled {
 
 impl Sampled {
     fn has_number(&self, decimal: Decimal) -> bool {
-        self.fields.iter().any(|f| !matches!(decimal.number(f.as_bytes()), Cell::Empty | Cell::Bad))
+        self.fields.iter().any(|f| !matches!(decimal.number(f.as_bytes()), Cell::Empty | Cell::Missing | Cell::Bad))
     }
 
     fn is_all_numbers(&self, decimal: Decimal) -> bool {
@@ -92,6 +94,22 @@ impl Sampled {
     fn states_units(&self) -> bool {
         let mut filled = self.fields.iter().filter(|f| !f.is_empty()).peekable();
         filled.peek().is_some() && filled.all(|f| is_unit(f))
+    }
+}
+
+impl Sampled {
+    /// Whether a row below the header says in words what the columns are, as `sec` and `degrees`: where all rows behind it
+    /// have numbers it has text. No such text begins as dates and times do.
+    fn describes(&self, data: &[&Sampled], width: usize, decimal: Decimal) -> bool {
+        let whole: Vec<&&Sampled> = data.iter().filter(|r| r.fields.len() == width).collect();
+        let is_number = |cell: &String| matches!(decimal.number(cell.as_bytes()), Cell::Integer(_) | Cell::Float(_));
+        let numbers = |column: usize| whole.iter().all(|r| r.fields.get(column).is_some_and(is_number));
+        let is_word = |cell: &String| decimal.number(cell.as_bytes()) == Cell::Bad;
+        let of_numbers = || self.fields.iter().enumerate().filter(|(column, _)| numbers(*column));
+        self.fields.len() == width
+            && whole.len() > 1
+            && !self.fields.iter().any(|f| f.starts_with(|c: char| c.is_ascii_digit()))
+            && of_numbers().any(|(_, cell)| is_word(cell))
     }
 }
 
@@ -137,7 +155,7 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
     best.filter(|(_, layout)| layout.delimiter != BLANKS || layout.regular || layout.bare)
         .map(|(_, layout)| Layout::Table(layout))
         .ok_or_else(|| {
-            "no table: no delimiter (comma, semicolon, TAB or blanks) gives most of the first lines the same number of \
+            "no table: no delimiter (comma, semicolon, TAB, bar or blanks) gives most of the first lines the same number of \
              fields"
                 .into()
         })
@@ -217,6 +235,11 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns(decimal)));
     let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
     let units = units.or_else(|| comments().rfind(|c| header.is_some_and(|h| h.line != c.line)));
+    let units = units.or_else(|| {
+        let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
+        let data: Vec<&Sampled> = rows.iter().copied().filter(|r| r.line > below.line).collect();
+        below.describes(&data, width, decimal).then_some(below)
+    });
     let last_before = [header, units].into_iter().flatten().map(|s| s.line).max().unwrap_or(0);
     let mut named = header.map_or_else(|| vec![String::new(); width], |h| h.fields.clone());
     // A delimiter at the end of the lines makes no column.
@@ -242,10 +265,22 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
             header_line: header.map(|h| h.line),
             units_line: units.map(|u| u.line),
             first_row_line: if header.is_none() { 1 } else { last_before + 1 },
+            other_rows: header.and_then(|h| other_rows(rows.iter().take_while(|r| r.line < h.line), decimal)),
             regular,
             bare,
         },
     ))
+}
+
+/// First line and number of the rows that stand there before a header and are no mere remarks: at least three cells, most of
+/// them numbers.
+fn other_rows<'s>(rows: impl Iterator<Item = &'s &'s Sampled>, decimal: Decimal) -> Option<(u64, u64)> {
+    let numbers = |row: &Sampled| {
+        row.fields.iter().filter(|f| matches!(decimal.number(f.as_bytes()), Cell::Integer(_) | Cell::Float(_))).count()
+    };
+    let rows: Vec<&Sampled> =
+        rows.copied().filter(|r| r.fields.len() >= 3 && 2 * numbers(r) >= r.fields.len()).collect();
+    (rows.len() >= FEWEST_BARE).then(|| Some((rows.first()?.line, rows.len() as u64)))?
 }
 
 /// The most frequent number of fields, the larger where two are as frequent, and how often it occurs.

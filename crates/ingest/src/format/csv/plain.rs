@@ -2,6 +2,7 @@
 //! and lines alike.
 
 use super::fields::Row;
+use super::header::Header;
 use super::lines::{Extent, comment_mark};
 
 /// What a search looks at in one step: a bit for each byte.
@@ -14,7 +15,7 @@ pub(super) struct Shape<'h> {
     /// Fields of a row.
     pub(super) width: usize,
     /// The header, which may stand again between the rows.
-    pub(super) header: &'h [u8],
+    pub(super) header: &'h Header,
     /// A longer line is none, bytes.
     pub(super) longest: usize,
 }
@@ -22,7 +23,8 @@ pub(super) struct Shape<'h> {
 impl Shape<'_> {
     fn is_row(&self, row: Row<'_>, bytes: usize) -> bool {
         let cell = row.get(0);
-        let other = cell.is_empty() || comment_mark(cell) > 0 || cell.first() == self.header.first();
+        let last = row.get(row.len().saturating_sub(1));
+        let other = cell.is_empty() || comment_mark(cell) > 0 || self.header.may_be(cell, last);
         row.len() == self.width && bytes <= self.longest && !other
     }
 }
@@ -117,11 +119,18 @@ fn marks(step: &[u8; STEP], delimiter: u8) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::fields::Fields;
     use super::*;
+
+    fn header_of(line: &str) -> Header {
+        let mut fields = Fields::default();
+        fields.split(line.as_bytes(), b',');
+        Header::new(line.as_bytes(), &fields, b',')
+    }
 
     fn taken(text: &str, header: &str) -> (Vec<Vec<String>>, usize) {
         let mut all = vec![];
-        let shape = Shape { delimiter: b',', width: 3, header: header.as_bytes(), longest: 200 };
+        let shape = Shape { delimiter: b',', width: 3, header: &header_of(header), longest: 200 };
         let extent = rows(text.as_bytes(), shape, &mut vec![], |row, extent| {
             all.push((0..row.len()).map(|i| String::from_utf8_lossy(row.get(i)).into_owned()).collect());
             assert!((1..=2).contains(&(extent.whole - extent.text)));
@@ -158,9 +167,21 @@ mod tests {
     #[test]
     fn lines_that_may_be_no_rows_end_the_block() {
         let long = format!("{},2,3", "1".repeat(200));
-        for odd in
-            ["1,2", "1,2,3,", "# 1,2,3", "//1,2,3", "", " ", ",2,3", "t,a,b", "team,2,3", "\r", "1,2,3\r4,5,6", &long]
-        {
+        for odd in [
+            "1,2",
+            "1,2,3,",
+            "# 1,2,3",
+            "//1,2,3",
+            "",
+            " ",
+            ",2,3",
+            "t,a,b",
+            "t,2,3",
+            "1,2,a",
+            "\r",
+            "1,2,3\r4,5,6",
+            &long,
+        ] {
             let text = format!("1,2,3\n4,5,6\r\n{odd}\n7,8,9\n");
             assert_eq!(taken(&text, "t,a,b").1, 13, "{odd:?}");
         }

@@ -1,6 +1,7 @@
 //! The way of each sentence to its topic, and the time that it is given.
 
 use super::sentence::{Sentence, degrees, plain, time_of_day_ns};
+use super::talkers;
 use crate::civil::calendar_to_unix_ns;
 use crate::decode::cells::{CellKind, CellLayout};
 use crate::decode::{Route, Tally, Times, Topics};
@@ -45,6 +46,7 @@ pub(crate) struct Book {
     /// Of types that say the time, without it.
     timeless: Tally,
     unplaced: Tally,
+    heights: Heights,
 }
 
 /// A value of a sentence.
@@ -52,8 +54,8 @@ enum Value {
     Number(&'static str, usize),
     /// Field of the value, and of its hemisphere behind it.
     Degrees(&'static str, usize),
-    /// Whether the field is this letter: 1 or 0.
-    Is(&'static str, usize, &'static str),
+    /// Whether the status is `A`, or as some receivers say of a differential fix `D`: 1 or 0.
+    Valid(&'static str, usize),
     /// Whether the mode is anything but `N`, not valid, of every satellite system: 1 or 0; 1 for sentences from before NMEA 2.3,
     /// which have none.
     HasMode(&'static str, usize),
@@ -71,7 +73,7 @@ pub(super) struct Kind {
 impl Kind {
     /// By the type in the address; `None` for one that is counted and not read.
     pub(super) fn of(name: &str) -> Option<Kind> {
-        use Value::{Degrees, HasMode, Height, Is, Number};
+        use Value::{Degrees, HasMode, Height, Number, Valid};
         let kind = |time, values| Some(Kind { time, values });
         match name {
             "GGA" => kind(
@@ -105,14 +107,14 @@ impl Kind {
             "RMC" => kind(
                 Some(1),
                 &[
-                    Is("valid", 2, "A"),
+                    Valid("valid", 2),
                     Degrees("latitude", 3),
                     Degrees("longitude", 5),
                     Number("speed", 7),
                     Number("track", 8),
                 ],
             ),
-            "GLL" => kind(Some(5), &[Degrees("latitude", 1), Degrees("longitude", 3), Is("valid", 6, "A")]),
+            "GLL" => kind(Some(5), &[Degrees("latitude", 1), Degrees("longitude", 3), Valid("valid", 6)]),
             "VTG" => kind(None, &[Number("track", 1), Number("speed", 5), HasMode("valid", 9)]),
             "ZDA" => kind(Some(1), &[Number("day", 2), Number("month", 3), Number("year", 4)]),
             "HDT" => kind(None, &[Number("heading", 1)]),
@@ -136,7 +138,7 @@ impl Kind {
     /// Whether a sentence says itself that it has no fix. Receivers write into such what they like: 89° 60', 720°.
     fn has_no_fix(&self, sentence: &Sentence<'_>) -> bool {
         self.values.iter().any(|value| match *value {
-            Value::Is("valid", field, _) => sentence.field(field) == "V",
+            Value::Valid(_, field) => sentence.field(field) == "V",
             Value::Number("quality", field) => sentence.field(field) == "0",
             Value::HasMode(_, field) => has_no_mode(sentence.field(field)),
             _ => false,
@@ -147,7 +149,7 @@ impl Kind {
     fn says_something(&self, sentence: &Sentence<'_>) -> bool {
         let field = self.values.iter().find_map(|value| match *value {
             Value::Number(_, field) | Value::Degrees(_, field) | Value::Height(_, field, _) => Some(field),
-            Value::Is(..) | Value::HasMode(..) => None,
+            Value::Valid(..) | Value::HasMode(..) => None,
         });
         field.is_some_and(|field| !sentence.field(field).is_empty())
     }
@@ -157,12 +159,16 @@ impl Kind {
         let values = self.values.iter().map(|value| match value {
             Value::Number(name, _)
             | Value::Degrees(name, _)
-            | Value::Is(name, ..)
+            | Value::Valid(name, _)
             | Value::HasMode(name, _)
             | Value::Height(name, ..) => (*name, CellKind::NumberIfAny),
         });
         CellLayout::of(stamps.chain(values))
     }
+}
+
+fn is_valid(status: &str) -> bool {
+    matches!(status, "A" | "D")
 }
 
 fn has_no_mode(modes: &str) -> bool {
@@ -187,7 +193,7 @@ impl Value {
                 None if sentence.field(field).is_empty() || !has_fix => Ok(()),
                 None => line.write_str("no angle"),
             },
-            Value::Is(_, field, letter) => line.write_str(if sentence.field(field) == letter { "1" } else { "0" }),
+            Value::Valid(_, field) => line.write_str(if is_valid(sentence.field(field)) { "1" } else { "0" }),
             Value::HasMode(_, field) => line.write_str(if has_no_mode(sentence.field(field)) { "0" } else { "1" }),
             Value::Height(_, altitude, separation) => {
                 let number = |field| plain(sentence.field(field)).and_then(|text| text.parse::<f64>().ok());
@@ -212,6 +218,7 @@ impl Book {
             headless: Tally::default(),
             timeless: Tally::default(),
             unplaced: Tally::default(),
+            heights: Heights::default(),
         }
     }
 
@@ -226,6 +233,7 @@ impl Book {
         self.note(name, sentence);
         let date = midnight(name, sentence);
         self.age.look(talker, name, sentence, date);
+        self.heights.look(name, sentence);
         let kind = Kind::of(name).filter(|_| is_read(name, sentence));
         let whole = kind.is_none() && topics.takes_extras();
         let Some(route) = self.route(talker, name, whole, topics) else {
@@ -327,6 +335,7 @@ impl Book {
             notices.push(Severity::Warning, "week-suspect", "", dates, text);
         }
         log.health.about.texts.extend(self.texts);
+        log.health.extras.extend(self.heights.remark());
         Dates { begin_ns: self.epochs.begin_ns }
     }
 }
@@ -338,11 +347,13 @@ pub(crate) struct Dates {
 }
 
 impl Dates {
-    /// Puts them into the tables; without any date in the log such sentences have no UTC.
+    /// Puts them into the tables; without any date in the log such sentences have no UTC. Then what one receiver said
+    /// under several addresses is one table.
     pub(crate) fn put(&self, log: &mut Log) {
         for table in log.tables.iter_mut().filter(|table| table.topic.encoding == "nmea") {
             table.columns.retain_mut(|column| column.path != UTC || self.put_into(column));
         }
+        talkers::unite(log);
     }
 
     /// Whether any row of the column has a date then.
@@ -448,6 +459,31 @@ impl Age {
     }
 }
 
+/// How many sentences say heights, and how many how high the sea is there.
+#[derive(Debug, Default)]
+struct Heights {
+    altitude: u64,
+    separation: u64,
+}
+
+impl Heights {
+    fn look(&mut self, name: &str, sentence: &Sentence<'_>) {
+        let separation = match name {
+            "GGA" => 11,
+            "GNS" => 10,
+            _ => return,
+        };
+        self.altitude += u64::from(plain(sentence.field(9)).is_some());
+        self.separation += u64::from(plain(sentence.field(separation)).is_some());
+    }
+
+    /// What the map asks for: without the separation, as in most sentences of such a log, there is no height above the
+    /// ellipsoid.
+    fn remark(&self) -> Option<String> {
+        (2 * self.separation < self.altitude).then(|| "NMEA height = above mean sea level".to_owned())
+    }
+}
+
 /// A step between two times of day, by less than half a day.
 fn nearest_step(step_ns: i64) -> i64 {
     (step_ns + DAY_NS / 2).rem_euclid(DAY_NS) - DAY_NS / 2
@@ -457,7 +493,7 @@ fn nearest_step(step_ns: i64) -> i64 {
 fn midnight(name: &str, sentence: &Sentence<'_>) -> Option<i64> {
     let number = |text: &str| text.parse::<i64>().ok();
     let [day, month, year] = match name {
-        "RMC" if sentence.field(2) == "A" && sentence.field(9).len() == 6 => {
+        "RMC" if is_valid(sentence.field(2)) && sentence.field(9).len() == 6 => {
             let date = sentence.field(9);
             let two = |at: usize| number(date.get(at..at + 2)?);
             let year = two(4)?;
