@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// The channel maps of a campaign, and the hash of what they mean.
+/// The channel maps of a campaign with the definitions of messages beside them, and the hash of what they mean.
 pub(crate) struct Library {
     maps: MapLibrary,
     blake3: String,
@@ -29,6 +29,7 @@ impl Library {
             Some(name) => hash_map(&mut hasher, maps.get(name).map_err(as_asked)?),
             None => maps.iter().for_each(|map| hash_map(&mut hasher, map)),
         }
+        maps.definitions().flat_map(|(name, text)| [name, text]).for_each(|text| hash_text(&mut hasher, text));
         Ok(Library { blake3: hasher.finalize().to_hex().to_string(), maps })
     }
 
@@ -65,7 +66,10 @@ impl Library {
 
 /// A map as it is meant: its debug text shows every rule, and neither comments nor the file's place.
 fn hash_map(hasher: &mut blake3::Hasher, map: &ingest::ChannelMap) {
-    let text = format!("{map:?}");
+    hash_text(hasher, &format!("{map:?}"));
+}
+
+fn hash_text(hasher: &mut blake3::Hasher, text: &str) {
     hasher.update(&(text.len() as u64).to_le_bytes());
     hasher.update(text.as_bytes());
 }

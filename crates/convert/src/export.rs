@@ -12,9 +12,7 @@ use crate::recording::{Entry, Recording};
 use crate::row_time::{self, LogTime, LogTimes, RowTime};
 use crate::sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet_about};
 use flight::{Binding, Channel, Clock, Flight, LogHealth, Notices, Severity, UtcTie};
-use ingest::{
-    Column, ColumnData, Extra, FlightUnit, LeftOut, Log, MapLibrary, ReadContext, Selection, Table, TopicInfo, load,
-};
+use ingest::{Column, ColumnData, Extra, FlightUnit, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo, load};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read as _};
@@ -165,7 +163,7 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
 }
 
 fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, ConvertError> {
-    let mut log = ingest::open(order.unit).read(&|_: &TopicInfo| Selection::All, context)?;
+    let mut log = ingest::open(order.unit).read(&order.library.select_all(), context)?;
     note_left_out(&mut log);
     let log_times = row_time::of_log(&log, order.library)?;
     log_times.note_run_on(&mut log.notices);

@@ -145,7 +145,7 @@ pub(crate) struct OrderArguments {
     /// Read every flight with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps.
+    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
     /// Hash every log anew instead of trusting its size and times.
@@ -230,7 +230,7 @@ pub(crate) struct BenchArguments {
     /// Read every log with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps.
+    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
     /// Write the sensor card here too.
@@ -254,7 +254,7 @@ pub(crate) struct InspectArguments {
     /// Bind with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps.
+    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
 }
@@ -270,6 +270,9 @@ pub(crate) struct RecoverArguments {
     /// Writes over an OUT that is there.
     #[arg(long)]
     pub(crate) force: bool,
+    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    #[arg(long, value_name = "DIR")]
+    pub(crate) maps: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -293,7 +296,7 @@ pub(crate) struct ExportArguments {
     /// Bind with this channel map.
     #[arg(long, value_name = "NAME", conflicts_with = "topics")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps.
+    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
 }
@@ -369,7 +372,7 @@ pub(crate) struct MapsArguments {
     /// Prints this map, as a start for one of your own.
     #[arg(value_name = "NAME")]
     pub(crate) name: Option<String>,
-    /// Folder with further channel maps.
+    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
 }

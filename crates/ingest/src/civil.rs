@@ -77,16 +77,17 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
 }
 
 /// Nanoseconds since 1970 of an ISO 8601 instant, such as `2024-05-10T17:27:44.30Z`,
-/// `2024-05-10 17:27:44.3+02:00`, or without a zone, which then means UTC.
+/// `2024-05-10 17:27:44.3+02:00`, or without a zone, which then means UTC. Also with another date whose order is certain:
+/// `2024/05/10`, or `10.05.2024`, for points stand only behind a day that comes first.
 pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
     let text = text.trim();
     if text.get(8..9).is_some_and(|t| t.eq_ignore_ascii_case("T")) {
         return basic_to_unix_ns(text);
     }
-    let date = text.get(..10)?;
-    let rest = text.get(10..)?;
-    let rest = rest.strip_prefix(['T', 't', ' '])?;
-    unix_ns(iso_date(date)?, rest, "Z")
+    let (date, time) = text.split_once(['T', 't', ' '])?;
+    let with_points =
+        || Some(date).filter(|date| date.contains('.')).and_then(|date| DateOrder::DayMonthYear.date(date));
+    unix_ns(plain_date(date).or_else(with_points)?, time, "Z")
 }
 
 /// The basic format, `20240510T172744.30Z`.
@@ -97,11 +98,11 @@ fn basic_to_unix_ns(text: &str) -> Option<i64> {
 }
 
 /// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]`, which `AM` or `PM` may follow, and an offset
-/// `+hh:mm` or `Z`. One that stands behind the time counts instead.
+/// `+hh:mm`, `Z`, `UTC` or `GMT`. One that stands behind the time counts instead.
 pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
-    let (time, own) = time.split_at_checked(time.find(['Z', 'z', '+', '-']).unwrap_or(time.len()))?;
+    let (time, own) = time.split_at_checked(time.find(['Z', 'z', '+', '-', 'U', 'G']).unwrap_or(time.len()))?;
     let offset = if own.is_empty() { offset } else { own };
-    let (time, nanos) = time_of_day(time)?;
+    let (time, nanos) = time_of_day(time.trim_end())?;
     let seconds =
         Offset::from_seconds(offset_seconds(offset)?).ok()?.to_timestamp(DateTime::from_parts(date, time)).ok()?;
     seconds.as_second().checked_mul(1_000_000_000)?.checked_add(nanos)
@@ -118,9 +119,15 @@ pub(crate) fn calendar_to_unix_ns(parts: [i64; 6], nanos: i64) -> Option<i64> {
     instant.as_second().checked_add(leap)?.checked_mul(1_000_000_000)?.checked_add(nanos)
 }
 
-/// The whole second, and the fraction in ns. A leap second counts as the second after, as Unix has it.
+/// The whole second, and the fraction in ns, of `hh:mm[:ss[.fff]]`, `hh:mm:ss:fff` or `hhmmss[.fff]`. A leap second counts as
+/// the second after, as Unix has it.
 fn time_of_day(text: &str) -> Option<(Time, i64)> {
     let (text, half) = half_of_day(text);
+    if let Some((digits, rest)) = text.split_at_checked(6).filter(|(digits, _)| unsigned(digits).is_some()) {
+        let (hour, second) = digits.split_at_checked(2)?;
+        let (minute, second) = second.split_at_checked(2)?;
+        return time_of_day(&format!("{hour}:{minute}:{second}{rest}"));
+    }
     let mut parts = text.split(':');
     let hour = parts.next()?;
     let hour = if hour.len() == 1 { i8::try_from(unsigned(hour)?).ok()? } else { two_digits(hour)? };
@@ -130,6 +137,12 @@ fn time_of_day(text: &str) -> Option<(Time, i64)> {
     };
     let minute = two_digits(parts.next()?)?;
     let (second, fraction) = parts.next().map_or(("00", ""), |s| s.split_once('.').unwrap_or((s, "")));
+    // Behind another colon stand milliseconds if there are three digits, else nobody knows what.
+    let fraction = match parts.next() {
+        Some(millis) if millis.len() == 3 && fraction.is_empty() => millis,
+        Some(_) => return None,
+        None => fraction,
+    };
     if parts.next().is_some() {
         return None;
     }
@@ -154,9 +167,9 @@ fn two_digits(text: &str) -> Option<i8> {
     (text.len() == 2).then(|| unsigned(text))?.and_then(|v| i8::try_from(v).ok())
 }
 
-/// `Z`, `+hh:mm`, `+hhmm` or `+hh`, in seconds east.
+/// `Z`, `UTC`, `GMT`, `+hh:mm`, `+hhmm` or `+hh`, in seconds east.
 fn offset_seconds(text: &str) -> Option<i32> {
-    if text.eq_ignore_ascii_case("Z") {
+    if text.eq_ignore_ascii_case("Z") || ["UTC", "GMT"].contains(&text) {
         return Some(0);
     }
     let (sign, rest) = match text.strip_prefix('-') {
@@ -286,6 +299,17 @@ mod tests {
         assert_eq!(iso_to_unix_ns("2024-05-10T17:27:44.000000001"), Some(1_715_362_064_000_000_001));
         assert_eq!(iso_to_unix_ns("2024-05-10 19:27:44.3+02:00"), Some(1_715_362_064_300_000_000));
         assert_eq!(iso_to_unix_ns("2024-05-10T07:57:44.3-0930"), Some(1_715_362_064_300_000_000));
+        for same in [
+            "2024/05/10 17:27:44.30",
+            "10.05.2024 17:27:44.30",
+            "2024-05-10 17:27:44.3 UTC",
+            "2024-05-10 05:27:44.3 PM GMT",
+            "2024-05-10 17:27:44:300",
+            "2024-05-10 172744.3",
+            "20240510T172744.300Z",
+        ] {
+            assert_eq!(iso_to_unix_ns(same), Some(1_715_362_064_300_000_000), "{same}");
+        }
         assert_eq!(iso_to_unix_ns("1970-01-01T00:00:00Z"), Some(0));
         assert_eq!(iso_to_unix_ns("1969-12-31T23:59:59.5Z"), Some(-500_000_000));
         // 2016 ended in a leap second; Unix gives it the number of the second after.
@@ -302,6 +326,11 @@ mod tests {
             "2024-05-10T25:00:00Z",
             "2024-05-10T17:27:44.3x",
             "2024-05-10T1:2:3Z",
+            "05/10/2024 17:27:44",
+            "2024-05-10 17:27:44:30",
+            "2024-05-10 17:27:44.3:300",
+            "2024-05-10 1727445",
+            "2024-05-10 17:27:44 CET",
             "44.3",
             "2024-05-10T17:27:44+99:00",
             "２０２４-05-10T00:00:00",

@@ -10,6 +10,7 @@ mod bind;
 mod bytes;
 mod civil;
 mod decode;
+mod definitions;
 mod discover;
 mod error;
 mod format;
@@ -33,7 +34,7 @@ pub use format::{
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
 pub use load::{Loaded, load, open};
-pub use map::{ChannelMap, MapLibrary, MapSelect};
+pub use map::{ChannelMap, MapLibrary, MapSelect, SelectAll};
 pub use map_schema::channel_map_schema;
 pub use reader::{
     Extra, FieldRequest, LeftOut, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Restart, Select,

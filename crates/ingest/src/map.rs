@@ -1,6 +1,7 @@
 //! Channel maps as they are meant: checked, with units and patterns resolved.
 
 use crate::civil::{DateOrder, Tick};
+use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
     self, ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
@@ -92,7 +93,6 @@ pub(crate) struct ChannelRule {
     pub(crate) combine: Combine,
     pub(crate) parts: Vec<Part>,
     pub(crate) require: Vec<RequireEntry>,
-    pub(crate) height_above: Option<HeightAbove>,
     pub(crate) note: Option<String>,
     pub(crate) when: Option<WhenEntry>,
 }
@@ -105,8 +105,17 @@ pub(crate) struct Part {
     pub(crate) presence: Presence,
     /// The log counts it the other way: up for down, west for east, left for right.
     pub(crate) opposite: bool,
-    /// The first that exists is read.
-    pub(crate) fields: Vec<(String, Unit)>,
+    /// The first that exists is read, of these the first that is not zero throughout.
+    pub(crate) fields: Vec<Source>,
+}
+
+/// A field that a part may be read from.
+#[derive(Debug, Clone)]
+pub(crate) struct Source {
+    pub(crate) path: String,
+    pub(crate) unit: Unit,
+    /// Of a height.
+    pub(crate) above: Option<HeightAbove>,
 }
 
 /// What only a bench measures: beside these, position and velocity.
@@ -267,7 +276,7 @@ impl ChannelRule {
     /// What is to be decoded for it.
     pub(crate) fn requests(&self) -> impl Iterator<Item = FieldRequest> {
         let number = |path: &str| FieldRequest { path: path.to_owned(), kind: ValueKind::Number };
-        let parts = self.parts.iter().flat_map(|p| &p.fields).map(move |(path, _)| number(path));
+        let parts = self.parts.iter().flat_map(|p| &p.fields).map(move |source| number(&source.path));
         let require = self
             .require
             .iter()
@@ -396,10 +405,12 @@ fn stem_matches(stem: &str, pattern: &str) -> Option<(u8, u32, usize)> {
     (bare.ends_with(&pattern) && at_boundary && telling).then_some((u8::from(front > 0), instance, front))
 }
 
-/// All channel maps that may be taken. The default has none: enough to read a log whose fields one can name.
+/// All channel maps that may be taken, and definitions of messages for logs that lack them. The default has none: enough to
+/// read a log whose fields one can name.
 #[derive(Debug, Clone, Default)]
 pub struct MapLibrary {
     maps: Vec<ChannelMap>,
+    definitions: Definitions,
 }
 
 impl MapLibrary {
@@ -415,10 +426,11 @@ impl MapLibrary {
         Ok(library)
     }
 
-    /// Adds the `*.toml` of a folder; a map replaces an earlier one of the same name.
+    /// Adds the `*.toml` of a folder, and the definitions `PACKAGE/msg/TYPE.msg` in it and below it; a map replaces an earlier
+    /// one of the same name.
     ///
     /// # Errors
-    /// [`IngestError::Io`] or [`IngestError::BadMap`].
+    /// [`IngestError::Io`] or [`IngestError::BadMap`]; [`IngestError::Map`] of a definition that is none.
     pub fn with_folder(mut self, folder: &Path) -> Result<MapLibrary, IngestError> {
         let failed = |source| IngestError::Io { file: folder.display().to_string(), offset: 0, source };
         let mut paths: Vec<PathBuf> = vec![];
@@ -431,6 +443,7 @@ impl MapLibrary {
             let text = std::fs::read_to_string(&path).map_err(failed)?;
             self.add(ChannelMap::from_toml(&path, &text)?);
         }
+        self.definitions.add_folder(folder)?;
         Ok(self)
     }
 
@@ -463,7 +476,25 @@ impl MapLibrary {
     /// # Errors
     /// As [`MapLibrary::get`].
     pub fn select(&self, forced: Option<&str>) -> Result<MapSelect<'_>, IngestError> {
-        Ok(MapSelect { maps: self.candidates(forced)? })
+        Ok(MapSelect { maps: self.candidates(forced)?, definitions: &self.definitions })
+    }
+
+    /// Everything of a log.
+    #[must_use]
+    pub fn select_all(&self) -> SelectAll<'_> {
+        SelectAll(&self.definitions)
+    }
+
+    /// The definition of a message type, `px4_msgs/msg/SensorGps`, for logs that lack it: in ROS 2's language, with all that it
+    /// refers to.
+    #[must_use]
+    pub fn definition(&self, type_name: &str) -> Option<String> {
+        self.definitions.of(type_name)
+    }
+
+    /// The definitions that were given: type and text.
+    pub fn definitions(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.definitions.iter()
     }
 
     pub(crate) fn candidates(&self, forced: Option<&str>) -> Result<Vec<&ChannelMap>, IngestError> {
@@ -484,6 +515,7 @@ impl MapLibrary {
 #[derive(Debug)]
 pub struct MapSelect<'a> {
     maps: Vec<&'a ChannelMap>,
+    definitions: &'a Definitions,
 }
 
 impl Select for MapSelect<'_> {
@@ -497,6 +529,24 @@ impl Select for MapSelect<'_> {
         fields.sort();
         fields.dedup();
         if fields.is_empty() { Selection::Skip } else { Selection::Fields(fields) }
+    }
+
+    fn definition(&self, type_name: &str) -> Option<String> {
+        self.definitions.of(type_name)
+    }
+}
+
+/// All topics and fields of a log; definitions that it lacks are those of a library.
+#[derive(Debug)]
+pub struct SelectAll<'a>(&'a Definitions);
+
+impl Select for SelectAll<'_> {
+    fn select(&self, _: &TopicInfo) -> Selection {
+        Selection::All
+    }
+
+    fn definition(&self, type_name: &str) -> Option<String> {
+        self.0.of(type_name)
     }
 }
 
@@ -547,7 +597,16 @@ fn excludes(a: &ChannelRule, b: &ChannelRule) -> bool {
 }
 
 fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> {
-    let (combine, parts) = recipe(entry.quantity, &entry.fields, entry.frame)?;
+    let (combine, mut parts) = recipe(entry.quantity, &entry.fields, entry.frame)?;
+    for part in &mut parts {
+        let is_height = part.role == "height";
+        if !is_height && part.fields.iter().any(|source| source.above.is_some()) {
+            return Err(format!("{}: only a height is above something", part.role));
+        }
+        // Of the earth's own axes the height is worked out.
+        let above = entry.height_above.filter(|_| is_height);
+        part.fields.iter_mut().for_each(|source| source.above = source.above.or(above));
+    }
     let times = times_of(entry.time.as_ref().unwrap_or(&file.time))?;
     if times.iter().all(|(_, sources)| sources.is_empty()) {
         return Err("no source of stamps".into());
@@ -588,7 +647,6 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
         combine,
         parts,
         require: entry.require.clone(),
-        height_above: entry.height_above,
         note: entry.note.clone(),
         when: entry.when.clone(),
     })
@@ -788,7 +846,7 @@ fn part(slot: &Slot<'_>) -> Result<Part, String> {
         if unit.dimension() != slot.dimension && role != "value" && !numbered {
             return Err(format!("{role}: {unit} is no unit of {:?}", slot.dimension));
         }
-        fields.push((entry.field, unit));
+        fields.push(Source { path: entry.field, unit, above: entry.above });
     }
     Ok(Part { role, presence: slot.presence, opposite: slot.opposite, fields })
 }

@@ -302,7 +302,8 @@ impl WhenEntry {
     }
 }
 
-/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read.
+/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read; one that is
+/// zero in every row stands back behind another that is not.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct FieldTable {
@@ -389,6 +390,8 @@ pub(crate) struct FieldEntry {
     pub(crate) field: String,
     /// Unit, as `deg`, `1e-7 deg`, `m`, `mm`, `ft`, `m/s`, `kt`, `ft/min`; `1` for a pure number.
     pub(crate) unit: String,
+    /// Of a height: what it is above, if that is not what the channel says.
+    pub(crate) above: Option<HeightAbove>,
 }
 
 /// A condition on a row; rows that fail it are counted and not used. A field that the log does not have is no obstacle, and

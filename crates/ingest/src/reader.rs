@@ -80,6 +80,11 @@ pub trait Select {
     /// What is wanted of `topic`.
     fn select(&self, topic: &TopicInfo) -> Selection;
 
+    /// The definition of a type of ROS 2 that the log does not define, with all that it refers to.
+    fn definition(&self, _type_name: &str) -> Option<String> {
+        None
+    }
+
     /// Who takes the messages of topics selected as [`Selection::Raw`].
     fn sink(&self) -> Option<&dyn MessageSink> {
         None

@@ -255,7 +255,11 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     if let Some(note) = &plan.rule.note {
         notices.push(Severity::Warning, "assumption", topic, rows, format!("channel {name}: {note}"));
     }
-    if plan.rule.height_above == Some(HeightAbove::MeanSeaLevel) && present(plan, columns).get(2) == Some(&true) {
+    for (found, column) in columns.iter().flatten().filter_map(|found| Some((found, found.passed_over?))) {
+        let text = format!("{} is zero in every row, and {} is read in its place", column.path, found.column.path);
+        notices.push(Severity::Info, "zero-field", topic, rows, format!("channel {name}: {text}"));
+    }
+    if columns.iter().flatten().any(|found| found.above == Some(HeightAbove::MeanSeaLevel)) {
         let text = "the height above mean sea level is taken as the height above the ellipsoid";
         notices.push(Severity::Info, "height-datum", topic, rows, format!("channel {name}: {text}"));
     }

@@ -5,6 +5,7 @@ use super::conditions::{Condition, conditions};
 use super::dated::unclear;
 use super::stamps::{Stamps, is_constant, read_stamps, written_at};
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
+use crate::map_schema::HeightAbove;
 use crate::reader::Log;
 use crate::table::{Column, Table, numbers};
 use flight::{Quantity, Unit};
@@ -54,9 +55,14 @@ pub(super) struct Plan<'a> {
 }
 
 /// A part of a channel in the log.
+#[derive(Clone, Copy)]
 pub(super) struct Found<'a> {
     pub(super) column: &'a Column,
     pub(super) unit: Unit,
+    /// Of a height.
+    pub(super) above: Option<HeightAbove>,
+    /// One that was preferred and is zero throughout.
+    pub(super) passed_over: Option<&'a Column>,
 }
 
 enum Miss {
@@ -208,7 +214,7 @@ fn plan<'a>(rule: &'a ChannelRule, log: &'a Log) -> Result<Plan<'a>, Miss> {
 fn columns_found(rule: &ChannelRule, table: &Table) -> usize {
     let by_name = usize::from(rule.specificity() > Specificity::AnyTable);
     let fields = || rule.parts.iter().flat_map(|part| &part.fields);
-    by_name + table.columns.iter().filter(|c| fields().any(|(field, _)| *field == c.path)).count()
+    by_name + table.columns.iter().filter(|c| fields().any(|source| source.path == c.path)).count()
 }
 
 fn no_topic(rule: &ChannelRule, log: &Log) -> String {
@@ -249,7 +255,7 @@ fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distanc
 }
 
 fn missing(part: &Part) -> String {
-    let names: Vec<&str> = part.fields.iter().map(|(field, _)| field.as_str()).collect();
+    let names: Vec<&str> = part.fields.iter().map(|source| source.path.as_str()).collect();
     format!("no {} ({})", part.role, first_of(&names, 3, " or ", " or {} other names"))
 }
 
@@ -260,12 +266,25 @@ fn first_of(names: &[&str], most: usize, between: &str, more: &str) -> String {
     listed.join(between) + &more
 }
 
-/// The first of the part's fields that holds a number at all.
+/// The first of the part's fields that holds a number at all; one that is zero throughout stands back behind one that is not:
+/// a writer that does not know a value leaves it so.
 fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
-    part.fields.iter().find_map(|(path, unit)| {
-        let column = numbers(table, path)?;
-        (0..table.rows).any(|row| column.number(row).is_some()).then_some(Found { column, unit: *unit })
-    })
+    let mut zero = None;
+    for source in &part.fields {
+        let Some(column) = numbers(table, &source.path) else { continue };
+        let mut values = (0..table.rows).filter_map(|row| column.number(row)).peekable();
+        if values.peek().is_none() {
+            continue;
+        }
+        let is_zero = values.all(|value| value == 0.0);
+        let found =
+            Found { column, unit: source.unit, above: source.above, passed_over: zero.map(|z: Found<'a>| z.column) };
+        if !is_zero {
+            return Some(found);
+        }
+        zero = zero.or(Some(found));
+    }
+    zero
 }
 
 /// Whether a channel is nothing without a part that the table does not have. What is known by its name may have stood still

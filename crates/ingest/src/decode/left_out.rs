@@ -3,7 +3,7 @@
 use super::protobuf::Types;
 use super::rows::Rows;
 use super::schema::{Count, Dialect, Kind, Schema};
-use super::{COMMON, Definition, json, protobuf, ros};
+use super::{COMMON, Definition, GIVEN, json, protobuf, ros};
 use crate::reader::LeftOut;
 use crate::table::TopicInfo;
 use std::collections::BTreeSet;
@@ -36,7 +36,7 @@ fn by_definition(info: &TopicInfo, Definition { encoding, text }: Definition<'_>
     let ros = |schema: Result<Schema, String>| schema.map_or(vec![], |schema| of_ros(&schema));
     match (info.encoding.as_str(), encoding) {
         ("ros1", "ros1msg") => ros(Schema::parse(&info.type_name, &read(text), Dialect::Ros1)),
-        ("cdr", "ros2msg" | COMMON) => ros(Schema::parse(&info.type_name, &read(text), Dialect::Ros2)),
+        ("cdr", "ros2msg" | COMMON | GIVEN) => ros(Schema::parse(&info.type_name, &read(text), Dialect::Ros2)),
         ("cdr", "ros2idl" | "omgidl") => ros(Schema::parse_idl(&info.type_name, &read(text))),
         ("protobuf", "protobuf") => Types::parse(text).map_or(vec![], |types| of_protobuf(&types, &info.type_name)),
         _ => vec![],

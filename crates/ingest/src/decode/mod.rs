@@ -12,7 +12,8 @@ mod ros;
 pub(crate) mod rows;
 pub(crate) mod schema;
 
-pub(crate) use common::{COMMON, common_definition};
+pub(crate) use common::with_all_types;
+use common::{COMMON, GIVEN, lent};
 pub(crate) use named::{NAMED, leave_out_placeholders};
 
 use crate::ledger::{Fate, LogTime};
@@ -141,6 +142,8 @@ struct Topic {
     wanted: Option<Wanted>,
     /// Its messages are wanted as they stand.
     raw: bool,
+    /// Language of a definition that is not the log's own.
+    lent: Option<&'static str>,
     refusal: Option<String>,
     decoders: Vec<Decoder>,
     /// The one that decoded last.
@@ -185,7 +188,7 @@ enum How {
     Raw,
     Ros(ros::Plan),
     /// By a definition that is not the log's own: every byte must fit.
-    Common(ros::Plan),
+    Lent(ros::Plan),
     Protobuf(protobuf::Plan),
     Json,
     Packed(packed::Plan),
@@ -222,14 +225,20 @@ impl<'w> Topics<'w> {
 
     /// Where messages of this topic and definition go. Fails if there are too many topics.
     pub(crate) fn route(&mut self, info: TopicInfo, definition: Option<Definition<'_>>) -> Result<Route, String> {
-        let Definition { encoding, text } = definition.unwrap_or(Definition { encoding: "", text: &[] });
+        let own = definition.unwrap_or(Definition { encoding: "", text: &[] });
+        let lent = lent(&info, own, self.want);
+        let definition = lent.as_ref().map_or(own, |(encoding, text)| Definition { encoding, text: text.as_bytes() });
         let topic = self.topic(info.clone())?;
-        let raw = self.topics.get(topic as usize).is_some_and(|t| t.raw);
-        self.route_by(info, Definition { encoding, text }, |info, wanted, rows| {
+        let topic = self.topics.get_mut(topic as usize);
+        let raw = topic.as_ref().is_some_and(|t| t.raw);
+        if let Some((topic, (whose, _))) = topic.zip(lent.as_ref()).filter(|(topic, _)| topic.raw || topic.wanted.is_some()) {
+            topic.lent = Some(whose);
+        }
+        self.route_by(info, definition, |info, wanted, rows| {
             if raw {
                 return Ok(How::Raw);
             }
-            How::of(info, Definition { encoding, text }, wanted, rows)
+            How::of(info, definition, wanted, rows)
         })
     }
 
@@ -357,6 +366,15 @@ impl<'w> Topics<'w> {
         self.topics.sort_by(|a, b| a.info.cmp(&b.info));
         let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
         let mut notices = Notices::new();
+        let mut say_lent = |whose: &str, code: &str, what: &str| {
+            let topics = self.topics.iter().filter(|topic| topic.lent == Some(whose)).count() as u64;
+            if topics > 0 {
+                let text = format!("topics whose type this log does not define were read by {what}");
+                notices.push(Severity::Info, code, "", topics, text);
+            }
+        };
+        say_lent(COMMON, "common-definition", "the common definition of that name");
+        say_lent(GIVEN, "given-definition", "the definition of that name in the folder of maps");
         for mut topic in self.topics {
             topic.deliver();
             if let Some(refusal) = &topic.refusal {
@@ -379,6 +397,7 @@ impl Topic {
             info,
             wanted: Wanted::of(selection),
             raw: *selection == Selection::Raw,
+            lent: None,
             refusal: None,
             decoders: vec![],
             latest: 0,
@@ -435,7 +454,11 @@ impl Topic {
         let decoder = self.decoders.get(decoder as usize)?;
         matches!(decoder.how, How::Raw).then_some(RawMessage {
             topic: &self.info,
-            schema_encoding: &decoder.schema_encoding,
+            // For others it is a definition as any.
+            schema_encoding: match decoder.schema_encoding.as_str() {
+                COMMON | GIVEN => "ros2msg",
+                own => own,
+            },
             schema: &decoder.definition,
             logged_ns: times.logged_ns,
             published_ns: times.published_ns,
@@ -562,7 +585,7 @@ impl Decoder {
 
     fn weight(&self) -> usize {
         let plan = match &self.how {
-            How::Ros(plan) | How::Common(plan) => plan.weight(),
+            How::Ros(plan) | How::Lent(plan) => plan.weight(),
             How::Protobuf(plan) => plan.weight(),
             How::Packed(plan) => plan.weight(),
             How::Cells(plan) => plan.weight(),
@@ -574,8 +597,11 @@ impl Decoder {
     fn decode(&mut self, payload: &[u8], wanted: &Wanted, rows: &mut Rows) -> Result<usize, String> {
         match &mut self.how {
             How::Ros(plan) => plan.decode(payload, rows),
-            How::Common(plan) => match plan.decode(payload, rows)? {
+            How::Lent(plan) => match plan.decode(payload, rows)? {
                 0 => Ok(0),
+                _ if self.schema_encoding == GIVEN => {
+                    Err("it is longer than the definition of its type that was given".to_owned())
+                }
                 _ => Err("it is longer than the common definition of its type".to_owned()),
             },
             How::Protobuf(plan) => plan.decode(payload, rows).map(|()| 0),
@@ -618,10 +644,15 @@ impl How {
             ("json", _) => Ok(How::Json),
             ("ros1", "ros1msg") => plan(msg(Dialect::Ros1)).map(How::Ros),
             ("cdr", "ros2msg") => plan(msg(Dialect::Ros2)).map(How::Ros),
-            ("cdr", COMMON) => plan(msg(Dialect::Ros2)).map(How::Common),
+            ("cdr", COMMON | GIVEN) => plan(msg(Dialect::Ros2)).map(How::Lent),
             ("cdr", "ros2idl" | "omgidl") => plan(Schema::parse_idl(&info.type_name, &read(text))).map(How::Ros),
             ("protobuf", "protobuf") => protobuf::Plan::new(&info.type_name, text, wanted, rows).map(How::Protobuf),
-            ("ros1" | "cdr" | "protobuf", "") => Err("there is no message definition".to_owned()),
+            ("cdr", "" | "unknown") => {
+                Err("there is no message definition (a folder given with --maps may hold it, as \
+                                            PACKAGE/msg/TYPE.msg)"
+                    .to_owned())
+            }
+            ("ros1" | "protobuf", "" | "unknown") => Err("there is no message definition".to_owned()),
             ("ros1" | "cdr" | "protobuf", other) => Err(format!("definitions in {other} are not read yet")),
             ("flatbuffer", _) => Err("FlatBuffers are not read: no kept crate decodes them by their schema".to_owned()),
             ("", _) => Err("the encoding of its messages is not named".to_owned()),

@@ -226,27 +226,37 @@ impl Parser<'_> {
     }
 
     fn nested(&mut self, owner: &str, base: &str, depth: usize) -> Result<Kind, String> {
-        let full = self.full_name(owner, base);
+        let full = full_name(owner, base, self.dialect);
         if let Some(time) = ros2_time(&full, self.dialect) {
             return Ok(time);
         }
         let section = self.names.section(&full).ok_or_else(|| format!("the type {full} is not defined"))?;
         self.message(section, depth + 1).map(Kind::Message)
     }
+}
 
-    /// A name without a package lies in the package of the message that uses it.
-    fn full_name(&self, owner: &str, base: &str) -> String {
-        if base.contains('/') {
-            return without_msg(base);
-        }
-        if base == "Header" && self.dialect == Dialect::Ros1 {
-            return "std_msgs/Header".to_owned();
-        }
-        match owner.rsplit_once('/') {
-            Some((package, _)) => format!("{package}/{base}"),
-            None => base.to_owned(),
-        }
+/// A name without a package lies in the package of the message that uses it.
+fn full_name(owner: &str, base: &str, dialect: Dialect) -> String {
+    if base.contains('/') {
+        return without_msg(base);
     }
+    if base == "Header" && dialect == Dialect::Ros1 {
+        return "std_msgs/Header".to_owned();
+    }
+    match owner.rsplit_once('/') {
+        Some((package, _)) => format!("{package}/{base}"),
+        None => base.to_owned(),
+    }
+}
+
+/// The types that the fields of a message of ROS 2 are of, beside those that the language has. `owner` is its full name.
+pub(crate) fn types_within(owner: &str, text: &str) -> Vec<String> {
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+    let written = lines.filter_map(|line| line.split_whitespace().next());
+    let bases = written.filter_map(|written| array(written).ok()).map(|(base, _)| base);
+    let nested = bases.filter(|base| plain(base, Dialect::Ros2).is_none());
+    let full = nested.map(|base| full_name(owner, base, Dialect::Ros2));
+    full.filter(|full| ros2_time(full, Dialect::Ros2).is_none()).collect()
 }
 
 /// Splits `float64[9]`, `string<=5[<=3]`, `uint8[]` into element and count.

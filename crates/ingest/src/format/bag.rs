@@ -23,6 +23,8 @@ use std::path::PathBuf;
 
 /// The first line of a bag.
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+/// MD5 of the empty text, the checksum of a message without fields.
+const MD5_OF_NOTHING: &str = "d41d8cd98f00b204e9800998ecf8427e";
 /// Connections in one bag.
 const MOST_CONNECTIONS: usize = 65_536;
 /// Memory that the definitions of a bag may take, bytes.
@@ -64,6 +66,7 @@ fn read_file(
 ) -> Result<u64, IngestError> {
     let name = file.name().to_owned();
     check_version(file, context)?;
+    check_encryption(file)?;
     let mut connections = Connections::new(topics);
     let index = Index::read(file, context, &mut connections)?;
     let start = MAGIC.len() as u64;
@@ -109,6 +112,18 @@ fn check_version(file: &mut LogFile, context: &ReadContext<'_>) -> Result<(), In
     }
 }
 
+/// The bag header of an encrypted bag names the plugin (rosbag, `Encryptor`): then chunks and connections are no records.
+fn check_encryption(file: &mut LogFile) -> Result<(), IngestError> {
+    let mut source = &mut *file;
+    match Record::read(&mut source, MAGIC.len() as u64)?.map(|record| record.kind) {
+        Some(Kind::BagHeader { encryptor: Some(plugin), .. }) => Err(IngestError::NotALog {
+            file: file.name().to_owned(),
+            what: format!("an encrypted ROS bag ({plugin:.100}), which is not read; decrypt it with its key first"),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// What the end of the bag says of the rest.
 #[derive(Debug)]
 enum Index {
@@ -130,7 +145,9 @@ impl Index {
     ) -> Result<Index, IngestError> {
         let mut source = &mut *file;
         let header = Record::read(&mut source, MAGIC.len() as u64)?;
-        let Some(Kind::BagHeader { index_at, chunks }) = header.map(|r| r.kind) else { return Ok(Index::Unreadable) };
+        let Some(Kind::BagHeader { index_at, chunks, .. }) = header.map(|r| r.kind) else {
+            return Ok(Index::Unreadable);
+        };
         match index_at {
             0 => Ok(Index::None),
             at if at > source.size() => Ok(Index::CutOff),
@@ -208,7 +225,7 @@ fn counts(data: &[u8]) -> u64 {
 
 struct Connection {
     info: TopicInfo,
-    definition: Vec<u8>,
+    definition: Option<Vec<u8>>,
     route: Route,
 }
 
@@ -232,24 +249,25 @@ impl<'t, 'w> Connections<'t, 'w> {
         }
     }
 
-    fn add(&mut self, id: u32, info: TopicInfo, definition: &[u8]) -> Result<(), String> {
+    /// `definition` is absent where the recorder had none: that of a message without fields is an empty text.
+    fn add(&mut self, id: u32, info: TopicInfo, definition: Option<&[u8]>) -> Result<(), String> {
         if let Some(known) = self.known.get(&id) {
-            if known.info == info && known.definition == definition {
+            if known.info == info && known.definition.as_deref() == definition {
                 return Ok(());
             }
             self.redefined.add(|| format!("connection {id}, {:.200}", info.name));
             // If there is no room for the new one, messages are not to be taken for the old one's.
             self.known.remove(&id);
         }
-        self.definition_bytes += definition.len();
+        self.definition_bytes += definition.map_or(0, <[u8]>::len);
         if self.known.len() >= MOST_CONNECTIONS || self.definition_bytes > MOST_DEFINITIONS {
             return Err(format!(
                 "the bag has more than {MOST_CONNECTIONS} connections or {MOST_DEFINITIONS} bytes of definitions"
             ));
         }
-        let text = Definition { encoding: "ros1msg", text: definition };
-        let route = self.topics.route(info.clone(), Some(text))?;
-        self.known.insert(id, Connection { info, definition: definition.to_vec(), route });
+        let text = definition.map(|text| Definition { encoding: "ros1msg", text });
+        let route = self.topics.route(info.clone(), text)?;
+        self.known.insert(id, Connection { info, definition: definition.map(<[u8]>::to_vec), route });
         Ok(())
     }
 
@@ -271,11 +289,12 @@ impl Visit for Connections<'_, '_> {
         let fields = Fields::parse(data).ok_or("the fields of a connection are damaged")?;
         let type_name = fields.text("type").ok_or("a connection without a type")?;
         let definition = fields.get("message_definition").unwrap_or_default();
+        let is_whole = !definition.is_empty() || fields.text("md5sum").is_some_and(|sum| sum == MD5_OF_NOTHING);
         let info = TopicInfo { name: topic.to_owned(), type_name, encoding: "ros1".to_owned() };
         let beside = ["callerid", "latching", "md5sum"].iter();
         let entries = beside.filter_map(|name| Some(((*name).to_owned(), fields.text(name)?))).collect();
         self.topics.extra(&Extra::OfTopic { topic, entries: &entries });
-        self.add(connection, info, definition)
+        self.add(connection, info, is_whole.then_some(definition))
     }
 
     fn route(&self, connection: u32) -> Option<Route> {

@@ -18,7 +18,7 @@ use self::pages::Pages;
 use self::tree::Cell;
 use self::wal::{Beside, Wal};
 use self::walk::Walk;
-use crate::decode::{Definition, Route, Topics, common_definition};
+use crate::decode::{Definition, Route, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::bag_folder::Metadata;
@@ -190,7 +190,7 @@ fn read_database(
     context: &ReadContext<'_>,
 ) -> Result<u64, IngestError> {
     let name = pages.place(1).0.to_owned();
-    let utf16 = pages.header.utf16;
+    let (utf16, write_ahead) = (pages.header.utf16, pages.header.write_ahead);
     let mut walk = Walk::new(pages, ledger, context);
     walk.astray |= !sound;
     walk.unused()?;
@@ -209,9 +209,8 @@ fn read_database(
         let found = walk.found(like_message)?;
         tables.messages = merged(walk.spans(&tables.messages)?, found);
     }
-    let announced = announce(&named, &definitions, topics);
-    let built_in = announced.built_in;
-    let mut messages = Messages::new(topics, columns, announced.routes, context.limits.chunk_bytes);
+    let routes = announce(&named, &definitions, topics);
+    let mut messages = Messages::new(topics, columns, routes, context.limits.chunk_bytes);
     walk.read(&tables.messages, &mut messages)?;
     walk.read(&tables.others, &mut PassOver)?;
     let late = walk.account(like_message)?;
@@ -239,10 +238,14 @@ fn read_database(
     raise(Severity::Loss, "undecodable", packed.count, &text);
     let text = "pages of messages that nothing leads to any more were found by their look, and read";
     raise(Severity::Warning, "found-pages", lost.found_pages, text);
-    let text = "topics whose type this bag does not define were read by the common definition of that name";
-    raise(Severity::Info, "common-definition", built_in, text);
     if found == 0 && tables.columns.is_none() {
-        raise(Severity::Loss, "no-messages", 1, "there is no table of messages: is this a ROS 2 bag?");
+        let text = match write_ahead {
+            true => {
+                "there is no table of messages: its recorder kept a write-ahead log (-wal), which belongs beside it"
+            }
+            false => "there is no table of messages: is this a ROS 2 bag?",
+        };
+        raise(Severity::Loss, "no-messages", 1, text);
     }
     Ok(unplaced.count + packed.count)
 }
@@ -292,16 +295,15 @@ fn merged(mut listed: Vec<(i64, i64, u32)>, found: Vec<(i64, u32)>) -> Vec<u32> 
 }
 
 /// Where the messages of each topic go.
-struct Announced {
-    routes: BTreeMap<i64, Route>,
-    built_in: u64,
-}
-
-fn announce(named: &[(i64, Vec<Owned>)], definitions: &[(i64, Vec<Owned>)], topics: &mut Topics<'_>) -> Announced {
+fn announce(
+    named: &[(i64, Vec<Owned>)],
+    definitions: &[(i64, Vec<Owned>)],
+    topics: &mut Topics<'_>,
+) -> BTreeMap<i64, Route> {
     let text = |row: &[Owned], column: usize| row.get(column).and_then(Owned::text).unwrap_or_default().to_owned();
     let known: HashMap<String, (String, String)> =
         definitions.iter().map(|(_, row)| (text(row, 1), (text(row, 2), text(row, 3)))).collect();
-    let mut announced = Announced { routes: BTreeMap::new(), built_in: 0 };
+    let mut routes = BTreeMap::new();
     for (id, row) in named {
         let info = TopicInfo { name: text(row, 1), type_name: text(row, 2), encoding: text(row, 3) };
         // As rosbag2 calls them in an MCAP.
@@ -309,17 +311,10 @@ fn announce(named: &[(i64, Vec<Owned>)], definitions: &[(i64, Vec<Owned>)], topi
         let beside = beside.into_iter().filter(|(_, value)| !value.is_empty());
         let entries = beside.map(|(name, value)| (name.to_owned(), value)).collect();
         topics.extra(&Extra::OfTopic { topic: &info.name, entries: &entries });
-        let own = known.get(&info.type_name).filter(|(encoding, text)| !text.is_empty() && encoding != "unknown");
-        let common = if own.is_none() { common_definition(&info.type_name) } else { None };
-        announced.built_in += u64::from(common.is_some());
-        let definition = match (&own, &common) {
-            (Some((encoding, text)), _) => Some(Definition { encoding, text: text.as_bytes() }),
-            (None, Some(text)) => Some(Definition { encoding: crate::decode::COMMON, text: text.as_bytes() }),
-            (None, None) => None,
-        };
-        if let Ok(route) = topics.route(info, definition) {
-            announced.routes.insert(*id, route);
+        let (encoding, own) = known.get(&info.type_name).map_or(("", ""), |(encoding, text)| (encoding, text));
+        if let Ok(route) = topics.route(info, Some(Definition { encoding, text: own.as_bytes() })) {
+            routes.insert(*id, route);
         }
     }
-    announced
+    routes
 }

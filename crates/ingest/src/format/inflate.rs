@@ -25,6 +25,15 @@ pub(crate) struct Inflated<'b> {
     pub(crate) fault: Option<String>,
 }
 
+/// What a message begins with that was compressed by itself (RFC 8878, 3.1.1). No CDR message does: its first two bytes
+/// name a representation.
+const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
+
+/// Whether a message of a ROS 2 bag was compressed by itself.
+pub(crate) fn is_packed(message: &[u8]) -> bool {
+    message.starts_with(ZSTD)
+}
+
 /// Decoder contexts and the output buffer.
 #[derive(Default)]
 pub(crate) struct Inflater {
@@ -49,6 +58,18 @@ impl Inflater {
         let wrong_length = || format!("the chunk holds {} bytes and declares {declared}", bytes.len());
         let fault = fault.or_else(|| (bytes.len() != declared).then(wrong_length));
         Inflated { bytes, fault }
+    }
+
+    /// A message that was compressed by itself (`compression_mode: MESSAGE`). Its frame says how long it is: rosbag2
+    /// writes it in one piece.
+    pub(crate) fn message<'b>(&'b mut self, data: &'b [u8], limit: u64) -> Result<&'b [u8], String> {
+        let declared = match zstd::zstd_safe::get_frame_content_size(data) {
+            Ok(Some(bytes)) => bytes,
+            Ok(None) => return Err("zstd: the frame does not say how long its content is".to_owned()),
+            Err(_) => return Err("zstd: the head of the frame is damaged".to_owned()),
+        };
+        let inflated = self.inflate(Codec::Zstd, data, declared, limit);
+        inflated.fault.map_or(Ok(inflated.bytes), Err)
     }
 
     /// Straight into the buffer, which is the window as well: no frame can ask for more memory.

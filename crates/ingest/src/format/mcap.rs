@@ -23,6 +23,7 @@ use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
+use crate::format::inflate::{Inflater, is_packed};
 use crate::ledger::Fate;
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
@@ -66,11 +67,11 @@ impl LogReader for McapReader {
         let mut originals = Originals::default();
         for file in &mut files {
             super::refuse_foreign(file, WRONG_START, context)?;
-            let mut channels = Channels::new(&mut topics, &mut extras, &mut originals);
+            let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
             let summary = Summary::read(file, context.limits.record_bytes, &mut channels)?;
             let summary = Walk::new(file, context, &mut ledger, &mut notices, &mut channels, summary).run()?;
             channels.conclude(file.name(), &summary, &mut notices);
-            log.health.undecodable += channels.unplaced.count;
+            log.health.undecodable += channels.unplaced.count + channels.broken.count;
             headers.push(std::mem::take(&mut channels.header));
         }
         log.health.format = format_name(&headers);
@@ -187,6 +188,11 @@ struct Channels<'t, 'w> {
     header: String,
     found: u64,
     unplaced: Tally,
+    inflater: Inflater,
+    /// Bytes that a message may become that was compressed by itself.
+    most: u64,
+    /// Messages whose own compression is broken.
+    broken: Tally,
     /// Why a channel that is known has no topic.
     refusal: Option<String>,
     redefined: Tally,
@@ -196,7 +202,12 @@ struct Channels<'t, 'w> {
 }
 
 impl<'t, 'w> Channels<'t, 'w> {
-    fn new(topics: &'t mut Topics<'w>, extras: &'t mut Extras, originals: &'t mut Originals) -> Channels<'t, 'w> {
+    fn new(
+        topics: &'t mut Topics<'w>,
+        extras: &'t mut Extras,
+        originals: &'t mut Originals,
+        most: u64,
+    ) -> Channels<'t, 'w> {
         Channels {
             topics,
             extras,
@@ -208,6 +219,9 @@ impl<'t, 'w> Channels<'t, 'w> {
             header: String::new(),
             found: 0,
             unplaced: Tally::default(),
+            inflater: Inflater::default(),
+            most,
+            broken: Tally::default(),
             refusal: None,
             redefined: Tally::default(),
             too_long: Tally::default(),
@@ -234,6 +248,9 @@ impl<'t, 'w> Channels<'t, 'w> {
         let original = match stamped {
             Stamped::AsLogged => {
                 let times = Times { logged_ns: self.stamp(logged), published_ns: Some(self.stamp(published)) };
+                if route.is_wanted() && self.is_packed(channel, payload) {
+                    return Ok(self.packed(route, times, sequence, payload));
+                }
                 return Ok(self.topics.numbered(route, times, Some(sequence), payload));
             }
             Stamped::AsPublished(original) => original,
@@ -244,6 +261,21 @@ impl<'t, 'w> Channels<'t, 'w> {
             self.originals.row(original, sequence);
         }
         Ok(fate)
+    }
+
+    fn is_packed(&self, channel: u16, payload: &[u8]) -> bool {
+        is_packed(payload) && self.channels.get(&channel).is_some_and(|channel| channel.encoding == "cdr")
+    }
+
+    /// A message that rosbag2 compressed by itself.
+    fn packed(&mut self, route: Route, times: Times, sequence: u32, payload: &[u8]) -> Fate {
+        match self.inflater.message(payload, self.most) {
+            Ok(plain) => self.topics.numbered(route, times, Some(sequence), plain),
+            Err(why) => {
+                self.broken.add(|| why);
+                self.topics.unread(route, times, payload.len() as u64)
+            }
+        }
     }
 
     /// Unsigned nanoseconds go to the year 2554, ours to 2262.
@@ -271,7 +303,8 @@ impl<'t, 'w> Channels<'t, 'w> {
         let channel = self.channels.get(&id)?;
         let schema = self.schemas.get(&channel.schema_id);
         let info = channel.info(schema);
-        let route = self.topics.route(info.clone(), schema.map(|schema| channel.definition(schema)));
+        let definition = schema.map(|schema| channel.definition(schema));
+        let route = self.topics.route(info.clone(), definition);
         let way = route.and_then(|route| Ok((route, self.originals.topic(info, channel.original.as_ref())?)));
         match way {
             Ok((route, original)) => {
@@ -424,6 +457,8 @@ impl<'t, 'w> Channels<'t, 'w> {
         raise(Severity::Warning, "miscounted-messages", self.found.saturating_sub(stated), text);
         let text = format!("messages that belong to no known topic; the first: {}", self.unplaced.first);
         raise(Severity::Loss, "unknown-channel", self.unplaced.count, text);
+        let text = format!("messages whose compression is broken; the first: {}", self.broken.first);
+        raise(Severity::Loss, "undecodable", self.broken.count, text);
         let text =
             format!("definitions were replaced by others of the same number; the first: {}", self.redefined.first);
         raise(Severity::Warning, "redefined", self.redefined.count, text);

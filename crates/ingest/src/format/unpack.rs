@@ -7,13 +7,14 @@
 mod utf16;
 mod zip;
 
-use crate::bytes::is_zero;
+use crate::bytes::{Bytes, is_zero};
 use crate::discover::FlightUnit;
 use crate::error::IngestError;
 use crate::load::reader_of;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::sniff::LogKind;
 use crate::sniff::{self, Content};
+use flate2::bufread::GzDecoder;
 use flight::{Notices, Severity};
 use std::cell::Cell;
 use std::fs::File;
@@ -57,7 +58,10 @@ impl Packing {
             (b"\xff\xfe", Packing::Utf16 { big: false }),
             (b"\xfe\xff", Packing::Utf16 { big: true }),
         ];
-        let known = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, packing)| *packing);
+        let start = behind_skippable(head);
+        let known = MAGIC.iter().find(|(magic, _)| start.starts_with(magic)).map(|(_, packing)| *packing);
+        let known =
+            known.filter(|packing| start.len() == head.len() || matches!(packing, Packing::Zstd | Packing::Lz4));
         known.or_else(|| utf16::without_mark(head).filter(|_| text))
     }
 
@@ -72,6 +76,19 @@ impl Packing {
             Packing::Utf16 { big: true } => "UTF-16 (big-endian)",
         }
     }
+}
+
+/// What stands behind the skippable frames at the beginning (RFC 8878, 3.1.2; LZ4 has the same): `pzstd` writes one in
+/// front of every frame.
+fn behind_skippable(mut head: &[u8]) -> &[u8] {
+    while let Some(([0x50..=0x5f, 0x2a, 0x4d, 0x18], rest)) = head.split_first_chunk::<4>() {
+        let mut rest = Bytes(rest);
+        match rest.u32().and_then(|length| rest.take(length as usize)) {
+            Some(_) => head = rest.0,
+            None => break,
+        }
+    }
+    head
 }
 
 /// A file in a packed one.
@@ -138,7 +155,7 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
 
 fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) -> Result<Box<dyn Read + 'r>, String> {
     Ok(match packing {
-        Packing::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(packed)),
+        Packing::Gzip => Box::new(GzipMembers(Some(GzDecoder::new(packed)))),
         Packing::Zstd => zstandard(packed)?,
         Packing::Bzip2 => Box::new(bzip2::bufread::MultiBzDecoder::new(packed)),
         Packing::Lz4 => Box::new(Lz4Frames::new(packed).map_err(|e| e.to_string())?),
@@ -179,6 +196,38 @@ impl<R: Read> Read for SmallSteps<R> {
             }
         }
         Ok(filled)
+    }
+}
+
+/// Members of a gzip file (RFC 1952, 2.2), one behind the other. Zeros at the end are padding, as `gzip` has it.
+struct GzipMembers<R>(Option<GzDecoder<R>>);
+
+impl<R: BufRead> Read for GzipMembers<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while let Some(mut decoder) = self.0.take() {
+            let got = decoder.read(buffer)?;
+            if got > 0 || buffer.is_empty() {
+                self.0 = Some(decoder);
+                return Ok(got);
+            }
+            let mut packed = decoder.into_inner();
+            if pass_zeros(&mut packed)? {
+                self.0 = Some(GzDecoder::new(packed));
+            }
+        }
+        Ok(0)
+    }
+}
+
+/// Whether anything is left behind the zeros.
+fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
+    loop {
+        let bytes = packed.fill_buf()?;
+        let zeros = bytes.iter().take_while(|byte| **byte == 0).count();
+        if zeros < bytes.len() || bytes.is_empty() {
+            return Ok(!bytes.is_empty());
+        }
+        packed.consume(zeros);
     }
 }
 
@@ -392,6 +441,9 @@ fn fault_of(error: &io::Error, packing: Packing) -> String {
         // As the library says it.
         _ if packing == Packing::Zstd && text.contains("too much memory") => {
             format!("the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31")
+        }
+        _ if packing == Packing::Zstd && text.contains("Dictionary mismatch") => {
+            "the Zstandard data need the dictionary that they were packed with; unpack them with zstd -d -D".to_owned()
         }
         _ if error.raw_os_error().is_some() => format!("the {name} data could not be read ({text})"),
         io::ErrorKind::UnexpectedEof => format!("the {name} data are cut: they end without their end mark"),

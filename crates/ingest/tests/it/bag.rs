@@ -318,3 +318,49 @@ fn a_topic_of_two_types_makes_two_tables() {
     let names: Vec<&str> = log.tables.iter().map(|t| t.topic.name.as_str()).collect();
     assert_eq!(names, ["/camerb", FIX]);
 }
+
+/// A field of a record's header: its length, `name=value`.
+fn field(name: &str, value: &[u8]) -> Vec<u8> {
+    [&((name.len() + 1 + value.len()) as u32).to_le_bytes()[..], name.as_bytes(), b"=", value].concat()
+}
+
+fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    let header: Vec<u8> = fields.iter().flat_map(|(name, value)| field(name, value)).collect();
+    let length = |bytes: &[u8]| (bytes.len() as u32).to_le_bytes();
+    [&length(&header)[..], &header, &length(data), data].concat()
+}
+
+/// A bag without an index that holds one connection and a message of eight bytes; `encryptor` is a field of its header.
+fn small(type_name: &str, md5: &str, definition: &str, encryptor: Option<&str>) -> Vec<u8> {
+    let mut head: Vec<(&str, &[u8])> =
+        vec![("op", &[3]), ("index_pos", &[0; 8]), ("conn_count", &[0; 4]), ("chunk_count", &[0; 4])];
+    head.extend(encryptor.map(|plugin| ("encryptor", plugin.as_bytes())));
+    let parts = [("topic", FIX), ("type", type_name), ("md5sum", md5), ("message_definition", definition)];
+    let data: Vec<u8> = parts.iter().flat_map(|(name, value)| field(name, value.as_bytes())).collect();
+    let connection = record(&[("op", &[7]), ("conn", &[0; 4]), ("topic", FIX.as_bytes())], &data);
+    let message =
+        record(&[("op", &[2]), ("conn", &[0; 4]), ("time", &[1, 0, 0, 0, 0, 0, 0, 0])], &2.5_f64.to_le_bytes());
+    [b"#ROSBAG V2.0\n".to_vec(), record(&head, &[b' '; 4000]), connection, message].concat()
+}
+
+#[test]
+fn an_encrypted_bag_is_said_to_be_one() {
+    let read = |encryptor| OnDisk::new(&small("p/A", "*", "float64 x", encryptor), true).read();
+    let error = read(Some("rosbag/AesCbcEncryptor")).unwrap_err().to_string();
+    assert!(error.contains("encrypted") && error.contains("rosbag/AesCbcEncryptor"), "{error}");
+    for plain in [None, Some(""), Some("rosbag/NoEncryptor")] {
+        assert_eq!(read(plain).unwrap().tables[0].column("x").unwrap().number(0), Some(2.5));
+    }
+}
+
+#[test]
+fn a_connection_without_a_definition_is_not_one_of_messages_without_fields() {
+    let read =
+        |type_name, md5| OnDisk::new(&small(type_name, md5, "", None), true).read().unwrap().health.topics.remove(0);
+    for (type_name, md5) in [("*", "*"), ("sensor_msgs/NavSatFix", "2d3a8cd499b9b4a0249fb98fd05cfa48")] {
+        let topic = read(type_name, md5);
+        assert_eq!((topic.decoded, topic.reason.as_str()), (false, "there is no message definition"), "{type_name}");
+    }
+    // The checksum of an empty text.
+    assert!(read("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e").decoded);
+}

@@ -193,6 +193,18 @@ fn what_is_only_in_the_write_ahead_log_is_read_without_touching_the_bag() {
 }
 
 #[test]
+fn a_bag_all_of_which_is_in_a_write_ahead_log_that_was_left_behind_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, bag) = (folder.path().join("live.db3"), folder.path().join("bag.db3"));
+    let connection = Connection::open(&path).unwrap();
+    connection.execute_batch("PRAGMA journal_mode=WAL; PRAGMA wal_autocheckpoint=0").unwrap();
+    fill(&connection, &flight(5), 0);
+    fs::copy(&path, &bag).unwrap();
+    let error = read_files(std::slice::from_ref(&bag)).unwrap_err().to_string();
+    assert!(error.contains("no table of messages") && error.contains("-wal"), "{error}");
+}
+
+#[test]
 fn a_write_ahead_log_that_is_cut_or_damaged_gives_its_whole_transactions_and_a_loss() {
     let folder = tempfile::tempdir().unwrap();
     let sent = flight(60);

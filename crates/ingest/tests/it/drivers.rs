@@ -252,3 +252,27 @@ fn px4_in_ros_2_is_dated_by_its_receiver_whether_its_stamps_count_from_boot_or_a
         assert_eq!(flight.channels["position.ekf"].quantity, Quantity::PositionNed);
     }
 }
+
+#[test]
+fn a_height_that_is_zero_in_every_row_stands_back_behind_the_one_above_mean_sea_level_and_both_are_told() {
+    for (ellipsoid, expected, codes) in [
+        ([0.0; 2], [550.0, 551.0], vec!["height-datum", "zero-field"]),
+        ([600.0, 0.0], [600.0, 0.0], vec![]),
+    ] {
+        let receiver = Topic::new("/fmu/out/vehicle_gps_position", "px4_msgs/msg/SensorGps", 2)
+            .with("timestamp", ColumnData::I64(vec![1_000_000, 2_000_000]))
+            .numbers(&[
+                ("fix_type", &[3.0; 2]),
+                ("latitude_deg", &[47.0; 2]),
+                ("longitude_deg", &[8.0; 2]),
+                ("altitude_ellipsoid_m", &ellipsoid),
+                ("altitude_msl_m", &[550.0, 551.0]),
+            ]);
+        let (flight, _) = bound([receiver]);
+        assert_eq!(flight.channels["position.gps"].series.component(2), expected);
+        let told = flight.notices.iter().filter(|n| n.text.contains("position.gps"));
+        let mut told: Vec<&str> = told.map(|n| n.code.as_str()).collect();
+        told.sort_unstable();
+        assert_eq!(told, codes);
+    }
+}

@@ -51,6 +51,7 @@ fn a_wrong_map_is_refused_with_its_file_its_line_and_what_is_wrong() {
         ("east = { field = \"b\", unit = \"kt\" }\n", "", "the field east is missing"),
         ("clock = \"boot\"", "clock = \"moon\"", "line 5"),
         (", clock = \"boot\"", "", "needs a clock"),
+        ("unit = \"kt\"", "unit = \"kt\", above = \"ellipsoid\"", "east: only a height is above something"),
         ("schema = 1", "schema = 2", "schema 2"),
         ("timeline = \"logged\"", "timeline = \"later\"", "line 9"),
     ] {

@@ -5,7 +5,9 @@ use crate::made::{
     each_damage, flight, lost, mcap, mcap_with, notice, reader,
 };
 use crate::support::{in_context, real_logs, with_limits};
-use ingest::{FieldRequest, IngestError, Limits, ReadContext, Selection, TopicInfo, ValueKind};
+use ingest::{
+    FieldRequest, IngestError, Limits, LogReader, MapLibrary, McapReader, ReadContext, Selection, TopicInfo, ValueKind,
+};
 use mcap::records::{MessageHeader, Record, op};
 use serde_json::{Value, json};
 use std::borrow::Cow;
@@ -717,4 +719,159 @@ fn the_other_real_files_have_the_counts_of_the_python_library() {
     let Some(path) = real_logs("mcap-crate/chunk_not_closed.mcap") else { return };
     let error = in_context(|c| reader(path, false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
     assert!(error.to_string().contains("the file ends inside a record (chunk"), "{error}");
+}
+
+/// An unchunked file of one channel `/gps/fix` with these messages.
+fn of_channel(
+    (type_name, schema_encoding, text): (&str, &str, &[u8]),
+    encoding: &str,
+    sent: &[(Sent, Vec<u8>)],
+) -> Vec<u8> {
+    let mut writer = mcap::Writer::new(std::io::Cursor::new(vec![])).unwrap();
+    let schema = writer.add_schema(type_name, schema_encoding, text).unwrap();
+    let channel_id = writer.add_channel(schema, FIX, encoding, &std::collections::BTreeMap::new()).unwrap();
+    for (sent, payload) in sent {
+        let (log_time, publish_time) = (sent.logged_ns as u64, sent.published_ns as u64);
+        writer
+            .write_to_known_channel(&MessageHeader { channel_id, sequence: 0, log_time, publish_time }, payload)
+            .unwrap();
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
+}
+
+/// As `ros2 bag record -s mcap --compression-mode message --compression-format zstd` writes it.
+#[test]
+fn messages_that_rosbag2_compressed_one_by_one_are_read_as_they_were() {
+    let fixes: Vec<Sent> = flight(20).into_iter().filter(|s| s.topic == FIX).collect();
+    let packed = |s: &Sent| zstd::bulk::compress(&Encoding::Cdr.payload(s), 3).unwrap();
+    let definition = "std_msgs/Header header\nint32 status\nfloat64 latitude\nfloat64[3] variance\nuint8[] raw\n===\n\
+        MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n";
+    let schema = ("test_msgs/msg/Fix", "ros2msg", definition.as_bytes());
+    let mut sent: Vec<(Sent, Vec<u8>)> = fixes.iter().map(|s| (s.clone(), packed(s))).collect();
+    let log = OnDisk::new(&of_channel(schema, "cdr", &sent), false).read().unwrap();
+    assert_received(&log, &fixes, true);
+    assert!(log.notices.is_empty(), "{:?}", log.notices);
+
+    sent[7].1.truncate(30);
+    let log = OnDisk::new(&of_channel(schema, "cdr", &sent), false).read().unwrap();
+    assert_eq!((log.tables[0].rows, log.health.messages, log.health.undecodable), (19, 20, 1));
+    assert!(notice(&log, "undecodable").text.contains("zstd"), "{:?}", log.notices);
+}
+
+#[test]
+fn a_message_that_happens_to_begin_as_a_compressed_one_is_none() {
+    let number = 0xfd2f_b528_u32;
+    let sent = [(flight(1)[0].clone(), number.to_le_bytes().to_vec())];
+    let log = OnDisk::new(&of_channel(("p/A", "ros1msg", b"uint32 x"), "ros1", &sent), false).read().unwrap();
+    assert_eq!(log.tables[0].column("x").unwrap().number(0), Some(f64::from(number)));
+}
+
+#[test]
+fn a_type_that_the_recorder_did_not_find_is_read_by_the_common_definition_of_its_name() {
+    let one = flight(1)[0].clone();
+    let vector = [&[0, 1, 0, 0][..], &[1.5_f64, -2.0, 3.25].map(f64::to_le_bytes).concat()].concat();
+    for (encoding, text) in [("", ""), ("unknown", ""), ("unknown", "no such package"), ("ros2msg", "")] {
+        let read = |type_name: &str, payload: &[u8]| {
+            let content = of_channel((type_name, encoding, text.as_bytes()), "cdr", &[(one.clone(), payload.to_vec())]);
+            OnDisk::new(&content, false).read().unwrap()
+        };
+        let log = read("geometry_msgs/msg/Vector3", &vector);
+        assert_eq!(log.tables[0].column("y").unwrap().number(0), Some(-2.0), "{encoding}");
+        assert_eq!(notice(&log, "common-definition").count, 1);
+        // One that does not fit to the byte is not of that type.
+        let log = read("geometry_msgs/msg/Vector3", &vector[..20]);
+        assert!(log.tables.is_empty() && lost(&log), "{:?}", log.notices);
+        if encoding != "ros2msg" {
+            let log = read("my_msgs/msg/Own", &vector);
+            assert!(log.health.topics[0].reason.contains("no message definition"), "{:?}", log.health.topics);
+        }
+    }
+}
+
+/// Keeps the languages of the definitions that come with the messages.
+#[derive(Default)]
+struct Languages(std::sync::Mutex<Vec<(String, usize)>>);
+
+impl ingest::MessageSink for Languages {
+    fn message(&self, message: &ingest::RawMessage<'_>) {
+        self.0.lock().unwrap().push((message.schema_encoding.to_owned(), message.schema.len()));
+    }
+}
+
+impl ingest::Select for Languages {
+    fn select(&self, _: &TopicInfo) -> Selection {
+        Selection::Raw
+    }
+
+    fn sink(&self) -> Option<&dyn ingest::MessageSink> {
+        Some(self)
+    }
+}
+
+#[test]
+fn a_definition_that_a_folder_of_maps_holds_is_read_with_all_that_it_refers_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |path: &str, text: &str| {
+        let path = folder.path().join(path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    // As in a workspace: packages below others' folders, types by their own name, and common ones.
+    write(
+        "stack/my_msgs/msg/Own.msg",
+        "uint8 KIND=3\nPart[2] parts # both\ngeometry_msgs/Vector3 at\nother_msgs/Side side\n",
+    );
+    write("stack/my_msgs/msg/Part.msg", "float32 x\n");
+    write("other_msgs/msg/Side.msg", "uint8 left\n");
+    write("other_msgs/msg/README.md", "no definition");
+    write("other_msgs/Stray.msg", "in no package");
+    let library = MapLibrary::default().with_folder(folder.path()).unwrap();
+    let names: Vec<&str> = library.definitions().map(|(name, _)| name).collect();
+    assert_eq!(names, ["my_msgs/Own", "my_msgs/Part", "other_msgs/Side"]);
+    let one = flight(1)[0].clone();
+    let own = [
+        &[0, 1, 0, 0][..],
+        &[0.5_f32, -1.5].map(f32::to_le_bytes).concat(),
+        &[1.0_f64, 2.0, 3.0].map(f64::to_le_bytes).concat(),
+        &[7],
+    ]
+    .concat();
+    let read = |type_name: &str, payload: &[u8]| {
+        let content = of_channel((type_name, "", b""), "cdr", &[(one.clone(), payload.to_vec())]);
+        in_context(|c| McapReader::new(vec![OnDisk::new(&content, false).path()]).read(&library.select_all(), c))
+            .unwrap()
+    };
+    let log = read("my_msgs/msg/Own", &own);
+    let value = |path: &str| log.tables[0].column(path).unwrap().number(0);
+    assert_eq!([value("parts[1].x"), value("at.z"), value("side.left")], [Some(-1.5), Some(3.0), Some(7.0)]);
+    assert_eq!(notice(&log, "given-definition").count, 1);
+    // Another version of the type is refused and not read wrongly.
+    for other in [&own[..own.len() - 1], &[&own[..], &[0; 8]].concat()] {
+        let log = read("my_msgs/msg/Own", other);
+        assert!(log.tables.is_empty() && lost(&log), "{:?}", log.notices);
+    }
+    let log = read("my_msgs/msg/Unknown", &own);
+    assert!(log.health.topics[0].reason.contains("PACKAGE/msg/TYPE.msg"), "{:?}", log.health.topics);
+}
+
+#[test]
+fn definitions_that_are_none_are_refused_with_their_path() {
+    for bytes in [&b"float32 \xff"[..], &vec![b' '; (1 << 20) + 1]] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(folder.path().join("p/msg")).unwrap();
+        std::fs::write(folder.path().join("p/msg/A.msg"), bytes).unwrap();
+        let error = MapLibrary::default().with_folder(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("A.msg"), "{error}");
+    }
+}
+
+#[test]
+fn who_copies_messages_gets_a_common_definition_in_a_language_that_others_read() {
+    let one = flight(1)[0].clone();
+    let content = of_channel(("geometry_msgs/msg/Vector3", "", b""), "cdr", &[(one, vec![0, 1, 0, 0])]);
+    let (disk, languages) = (OnDisk::new(&content, false), Languages::default());
+    in_context(|c| reader(disk.path(), false).read(&languages, c)).unwrap();
+    let got = languages.0.into_inner().unwrap();
+    assert!(matches!(got.as_slice(), [(language, length)] if language == "ros2msg" && *length > 20), "{got:?}");
 }

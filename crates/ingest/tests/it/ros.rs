@@ -1,8 +1,10 @@
 //! ROS messages: our decoders against those of the Python packages, on real logs.
 
 use crate::made::{reader, sum, whole_sum};
-use crate::support::{in_context, real_logs};
-use ingest::{Selection, TopicInfo};
+use crate::support::{assert_ledger, file, in_context, load, real_logs};
+use ingest::{FlightUnit, LogKind, Selection, TopicInfo};
+use mcap::records::MessageHeader;
+use std::collections::BTreeMap;
 
 #[test]
 fn values_of_real_messages_are_those_of_the_python_decoder() {
@@ -64,6 +66,57 @@ fn values_of_real_messages_are_those_of_the_python_decoder() {
         assert_eq!(whole_sum(table, stamp), stamps, "{file}");
         for &(path, count, total) in sums {
             assert_eq!(sum(table, path), (count, total), "{file} {path}");
+        }
+    }
+}
+
+/// A `std_msgs/Header` in CDR with what stands in front of every message; 16 bytes behind that.
+fn header(second: u32) -> Vec<u8> {
+    [&[0, 1, 0, 0][..], &[second, 0, 4].map(u32::to_le_bytes).concat(), b"imu\0"].concat()
+}
+
+fn fix(second: u32) -> Vec<u8> {
+    let place = [47.0 + 1e-5 * f64::from(second), 8.0, 400.0];
+    let numbers: Vec<u8> = place.into_iter().chain([0.0; 9]).flat_map(f64::to_le_bytes).collect();
+    [header(second), vec![0; 8], numbers, vec![0]].concat()
+}
+
+/// An IMU at rest; `covariances` are the first numbers of the three.
+fn imu(second: u32, covariances: [f64; 3]) -> Vec<u8> {
+    let values: [&[f64]; 3] = [&[0.0, 0.0, 0.0, 1.0], &[0.1, 0.2, 0.3], &[0.0, 0.0, 9.81]];
+    let parts = values.iter().zip(covariances).flat_map(|(value, first)| [value, &[first][..], &[0.0; 8]].concat());
+    [header(second), parts.flat_map(f64::to_le_bytes).collect()].concat()
+}
+
+/// "Please check for a value of -1 in the first element of each covariance matrix, and disregard the associated estimate"
+/// (sensor_msgs/msg/Imu.msg).
+#[test]
+fn what_a_driver_has_no_estimate_of_is_not_taken_for_one() {
+    const COUNT: u32 = 50;
+    let channels = ["attitude.imu", "angular-rate.imu", "specific-force.imu"];
+    for without in 0..4 {
+        let covariances = [0, 1, 2].map(|i| if i == without { -1.0 } else { 0.01 * i as f64 });
+        let mut writer = mcap::Writer::new(std::io::Cursor::new(vec![])).unwrap();
+        let mut channel = |topic: &str, type_name: &str| {
+            let schema = writer.add_schema(type_name, "", b"").unwrap();
+            writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap()
+        };
+        let ids = [channel("/fix", "sensor_msgs/msg/NavSatFix"), channel("/imu", "sensor_msgs/msg/Imu")];
+        for second in 0..COUNT {
+            let log_time = u64::from(second) * 1_000_000_000 + 5;
+            for (channel_id, payload) in ids.into_iter().zip([fix(second), imu(second, covariances)]) {
+                let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
+                writer.write_to_known_channel(&header, &payload).unwrap();
+            }
+        }
+        writer.finish().unwrap();
+        let (_folder, path) = file("imu.mcap", &writer.into_inner().into_inner());
+        let loaded = load(&FlightUnit { id: "imu".to_owned(), files: vec![path], kind: LogKind::Mcap }).unwrap();
+        assert_ledger(&loaded);
+        let bound = &loaded.binding.as_ref().unwrap().channels;
+        for (index, name) in channels.iter().enumerate() {
+            let used = bound.iter().find(|c| c.name == *name).unwrap_or_else(|| panic!("no {name}")).used;
+            assert_eq!(used, if index == without { 0 } else { u64::from(COUNT) }, "{name} of {covariances:?}");
         }
     }
 }

@@ -275,3 +275,52 @@ fn a_wish_to_stop_is_heard_while_unpacking() {
     let library = MapLibrary::shipped().unwrap();
     assert!(matches!(ingest::load(&tables(&[path]), &library, None, &context), Err(IngestError::Cancelled)));
 }
+
+/// A frame that decoders pass over (RFC 8878, 3.1.2), as `pzstd` writes them.
+fn skippable(kind: u8, content: &[u8]) -> Vec<u8> {
+    [&[0x50 + kind, 0x2a, 0x4d, 0x18], &(content.len() as u32).to_le_bytes()[..], content].concat()
+}
+
+#[test]
+fn frames_to_be_passed_over_stand_in_front_of_a_log_as_well_as_behind() {
+    let bag = bag();
+    let (front, back) = bag.split_at(bag.len() / 2);
+    let plain = load_packed("a.bag", &bag).health;
+    for (name, content) in [
+        ("a.bag.zst", [skippable(0, b"size"), zstd(&bag)].concat()),
+        (
+            "a.bag.zst",
+            [skippable(15, b""), skippable(3, &[0; 300]), zstd(front), skippable(0, b"more"), zstd(back)].concat(),
+        ),
+        ("a.bag.lz4", [skippable(7, b"size"), lz4(&bag), skippable(0, b"more")].concat()),
+    ] {
+        let loaded = load_packed(name, &content);
+        assert_eq!((loaded.health.messages, &loaded.health.bytes), (plain.messages, &plain.bytes), "{name}");
+        assert!(!lossy(&loaded), "{name}: {:?}", loaded.flight.notices);
+    }
+}
+
+#[test]
+fn what_was_packed_with_a_dictionary_is_said_to_need_it() {
+    let samples: Vec<Vec<u8>> = (0..2000_u32).map(|i| format!("{i:08} {} fix", i * i).into_bytes()).collect();
+    let dictionary = zstd::dict::from_samples(&samples, 1000).unwrap();
+    let packed = zstd::bulk::Compressor::with_dictionary(3, &dictionary).unwrap().compress(&bag()).unwrap();
+    let why = refused("a.bag.zst", &packed);
+    assert!(why.contains("need the dictionary"), "{why}");
+}
+
+#[test]
+fn zeros_behind_a_gzip_file_are_padding_and_anything_else_is_not() {
+    let bag = bag();
+    let (front, back) = bag.split_at(bag.len() / 2);
+    let members = [gzip(front), gzip(back)].concat();
+    for zeros in [0, 1, 512, 400_000] {
+        let loaded = load_packed("a.bag.gz", &[members.clone(), vec![0; zeros]].concat());
+        assert!(!lossy(&loaded), "{zeros}: {:?}", loaded.flight.notices);
+        assert_eq!((loaded.health.messages, loaded.health.bytes.size), (120, bag.len() as u64));
+    }
+    for tail in [&b"junk"[..], b"\0\0\0junk", &gzip(back)[..9]] {
+        let loaded = load_packed("a.bag.gz", &[&members, tail].concat());
+        assert_eq!((loaded.health.messages, count_of(&loaded, "packed-damage") > 0), (120, true), "{tail:?}");
+    }
+}

@@ -106,7 +106,7 @@ fn time_ns(value: &[u8]) -> Option<i64> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Kind {
     Message { connection: u32, logged_ns: i64 },
-    BagHeader { index_at: u64, chunks: Option<u32> },
+    BagHeader { index_at: u64, chunks: Option<u32>, encryptor: Option<String> },
     Index,
     Chunk { compression: Vec<u8>, size: u32 },
     ChunkInfo,
@@ -134,7 +134,13 @@ impl Kind {
         let [op] = *fields.get("op")? else { return None };
         Some(match op {
             MESSAGE => Kind::Message { connection: fields.u32("conn")?, logged_ns: fields.time_ns("time")? },
-            BAG_HEADER => Kind::BagHeader { index_at: fields.u64("index_pos")?, chunks: fields.u32("chunk_count") },
+            BAG_HEADER => Kind::BagHeader {
+                index_at: fields.u64("index_pos")?,
+                chunks: fields.u32("chunk_count"),
+                encryptor: fields
+                    .text("encryptor")
+                    .filter(|plugin| !["", "rosbag/NoEncryptor"].contains(&plugin.as_str())),
+            },
             INDEX => fields.u32("conn").map(|_| Kind::Index)?,
             CHUNK => Kind::Chunk { compression: fields.get("compression")?.to_vec(), size: fields.u32("size")? },
             CHUNK_INFO => fields.u64("chunk_pos").map(|_| Kind::ChunkInfo)?,

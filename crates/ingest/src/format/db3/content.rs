@@ -3,14 +3,12 @@
 use super::tree::{Cell, Row, Value};
 use super::walk::{Look, Sink};
 use crate::decode::{Route, Tally, Times, Topics};
-use crate::format::inflate::{Codec, Inflater};
+use crate::format::inflate::{Inflater, is_packed};
 use crate::ledger::Fate;
 use std::collections::BTreeMap;
 
 /// Memory that topics and definitions of one file may take, bytes.
 const MOST_TEXT: u64 = 64 << 20;
-/// What a message begins with that was compressed by itself.
-const ZSTD: &[u8] = b"\x28\xb5\x2f\xfd";
 
 /// A value that was copied.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -212,10 +210,10 @@ impl<'t, 'w> Messages<'t, 'w> {
     }
 
     fn message(&mut self, route: Route, found: &Found, data: &[u8]) -> Fate {
-        if !data.starts_with(ZSTD) {
+        if !is_packed(data) {
             return self.topics.message(route, found.times, data);
         }
-        match unpack(&mut self.inflater, data, self.most) {
+        match self.inflater.message(data, self.most) {
             Ok(plain) => self.topics.message(route, found.times, plain),
             Err(why) => {
                 self.packed.add(|| why);
@@ -223,17 +221,6 @@ impl<'t, 'w> Messages<'t, 'w> {
             }
         }
     }
-}
-
-/// Decompresses a message. Its frame says how long it is: rosbag2 writes it in one piece.
-fn unpack<'b>(inflater: &'b mut Inflater, data: &'b [u8], most: u64) -> Result<&'b [u8], String> {
-    let declared = match zstd::zstd_safe::get_frame_content_size(data) {
-        Ok(Some(bytes)) => bytes,
-        Ok(None) => return Err("zstd: the frame does not say how long its content is".to_owned()),
-        Err(_) => return Err("zstd: the head of the frame is damaged".to_owned()),
-    };
-    let inflated = inflater.inflate(Codec::Zstd, data, declared, most);
-    inflated.fault.map_or(Ok(inflated.bytes), Err)
 }
 
 impl Sink for Messages<'_, '_> {

@@ -33,6 +33,8 @@ pub(super) struct Header {
     pub(super) pointer_maps: bool,
     /// Text is UTF-16, big-endian if the inner value is true.
     pub(super) utf16: Option<bool>,
+    /// The database was kept with a write-ahead log, which a recorder that is closed takes away.
+    pub(super) write_ahead: bool,
 }
 
 impl Header {
@@ -61,12 +63,14 @@ impl Header {
                 3 => Some(true),
                 _ => None,
             },
+            write_ahead: head.get(19) == Some(&2),
         })
     }
 
     /// What is assumed where the header is damaged.
     fn assumed(page_bytes: u32) -> Header {
-        Header { page_bytes, usable: page_bytes, pages: None, free: (0, 0), pointer_maps: false, utf16: None }
+        let (free, pointer_maps, write_ahead) = ((0, 0), false, false);
+        Header { page_bytes, usable: page_bytes, pages: None, free, pointer_maps, utf16: None, write_ahead }
     }
 
     /// Pages that hold no content by their place, up to `last`: the one with the lock byte, and pointer maps.

@@ -1,0 +1,82 @@
+//! Definitions of messages that a log lacks. ROS 2 recorded none into its SQLite bags until 2023 (Iron), so that a log of types
+//! of one's own cannot be read without them.
+
+use crate::decode::with_all_types;
+use crate::error::IngestError;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A definition is shorter, bytes.
+const LONGEST: u64 = 1 << 20;
+/// All packages of ROS 2 together have some thousand.
+const MOST: usize = 20_000;
+/// Packages lie no deeper below the folder.
+const DEEPEST: usize = 4;
+
+/// Texts by type, as `px4_msgs/SensorGps`.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Definitions(BTreeMap<String, String>);
+
+impl Definitions {
+    /// Adds the `PACKAGE/msg/TYPE.msg` of a folder and those below it; one replaces an earlier one of its type.
+    ///
+    /// # Errors
+    /// [`IngestError::Io`]; [`IngestError::Map`] if one is no text, too long, or there are too many.
+    pub(crate) fn add_folder(&mut self, folder: &Path) -> Result<(), IngestError> {
+        let mut paths = vec![];
+        collect(folder, 0, &mut paths)?;
+        paths.sort();
+        for path in paths {
+            let Some(name) = type_name(&path) else { continue };
+            let bad = |what: String| IngestError::Map(format!("{}: {what}", path.display()));
+            let length = std::fs::metadata(&path).map_err(|e| failed(&path, e))?.len();
+            if length > LONGEST || self.0.len() >= MOST {
+                let what = format!("longer than {LONGEST} bytes, or one of more than {MOST} definitions");
+                return Err(bad(what));
+            }
+            let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
+            let text = String::from_utf8(bytes).map_err(|e| bad(format!("no text in UTF-8: {e}")))?;
+            self.0.insert(name, text);
+        }
+        Ok(())
+    }
+
+    /// The definition of a type, `px4_msgs/SensorGps` or `px4_msgs/msg/SensorGps`, with all that it refers to and that is known
+    /// here or common; `None` if the type itself is not known here.
+    pub(crate) fn of(&self, type_name: &str) -> Option<String> {
+        let known = |name: &str| self.0.get(name).map(String::as_str);
+        known(&type_name.replace("/msg/", "/"))?;
+        with_all_types(type_name, known)
+    }
+
+    /// Types and texts, in the order of their names.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(name, text)| (name.as_str(), text.as_str()))
+    }
+}
+
+fn failed(path: &Path, source: std::io::Error) -> IngestError {
+    IngestError::Io { file: path.display().to_string(), offset: 0, source }
+}
+
+/// `px4_msgs/SensorGps` of a path that ends in `px4_msgs/msg/SensorGps.msg`.
+fn type_name(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|folder| folder.file_name().is_some_and(|name| name == "msg"))?;
+    let package = std::path::absolute(folder).ok()?.parent()?.file_name()?.to_str()?.to_owned();
+    Some(format!("{package}/{}", path.file_stem()?.to_str()?))
+}
+
+fn collect(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), IngestError> {
+    for entry in std::fs::read_dir(folder).map_err(|e| failed(folder, e))? {
+        let entry = entry.map_err(|e| failed(folder, e))?;
+        let path = entry.path();
+        let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
+        // Also what is linked, as `colcon --symlink-install` does.
+        if path.is_dir() && depth < DEEPEST && !is_hidden {
+            collect(&path, depth + 1, paths)?;
+        } else if path.is_file() && path.extension().is_some_and(|extension| extension == "msg") {
+            paths.push(path);
+        }
+    }
+    Ok(())
+}
