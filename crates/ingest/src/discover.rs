@@ -161,6 +161,7 @@ impl Search<'_> {
     fn join_recording(&mut self, paths: &[PathBuf], first: usize, below: &str, folder: &str) {
         let described = paths.iter().find(|path| path.file_name().is_some_and(|name| name == bag_folder::NAME));
         let metadata = described.and_then(|path| Some((path, Metadata::read(path).ok()??)));
+        self.leave_out_copies(paths, metadata.as_ref().map(|(_, metadata)| metadata), first);
         let names = match &metadata {
             Some((_, metadata)) => metadata.files.clone(),
             None => self.numbered(paths, folder),
@@ -188,6 +189,25 @@ impl Search<'_> {
             files.push(path.clone());
         }
         self.found.units.push(FlightUnit { id, files, kind });
+    }
+
+    /// Who plays a compressed bag leaves its files unpacked beside it: of both, only the one that `metadata.yaml` names is a
+    /// log, and without that the packed one, which the recorder wrote.
+    fn leave_out_copies(&mut self, paths: &[PathBuf], metadata: Option<&Metadata>, first: usize) {
+        for packed in paths.iter().filter(|path| path.extension().is_some_and(|ending| ending == "zstd")) {
+            let plain = packed.with_extension("");
+            let is_named = |path: &Path| metadata.is_some_and(|m| m.files.iter().any(|name| path.ends_with(name)));
+            let (kept, copy) = if is_named(&plain) { (&plain, packed) } else { (packed, &plain) };
+            let unit_of = |found: &Discovery, path: &PathBuf| {
+                let units = found.units.iter().enumerate().skip(first);
+                units.filter(|(_, unit)| unit.files == [path.clone()]).map(|(index, _)| index).next()
+            };
+            if let (Some(_), Some(copy)) = (unit_of(&self.found, kept), unit_of(&self.found, copy)) {
+                let kept = kept.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let copy = self.found.units.remove(copy);
+                self.ignore(&copy.id, format!("the same as {kept}, packed or unpacked"));
+            }
+        }
     }
 
     /// Files named `FOLDER_0.mcap`, `FOLDER_1.mcap`, ... if there are several.

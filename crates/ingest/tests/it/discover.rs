@@ -184,3 +184,28 @@ fn odd_names_are_names() {
     ids.dedup();
     assert_eq!(ids.len(), 5, "two names that are no UTF-8 must not become one");
 }
+
+#[test]
+fn a_part_of_a_bag_that_lies_there_packed_and_unpacked_is_one_flight() {
+    let plain = b"SQLite format 3\0".as_slice();
+    let packed = zstd::bulk::compress(plain, 3).unwrap();
+    let named = |file: &str| {
+        format!(
+            "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  relative_file_paths:\n    - {file}\n"
+        )
+    };
+    for (metadata, kept, copy) in [
+        (Some("f_0.db3.zstd"), "f_0.db3.zstd", "f/f_0.db3"),
+        (Some("f_0.db3"), "f_0.db3", "f/f_0.db3.zstd"),
+        (None, "f_0.db3.zstd", "f/f_0.db3"),
+    ] {
+        let text = metadata.map(named).unwrap_or_default();
+        let mut files = vec![("f/f_0.db3", plain), ("f/f_0.db3.zstd", packed.as_slice())];
+        files.extend(metadata.map(|_| ("f/metadata.yaml", text.as_bytes())));
+        let root = tree(&files);
+        let found = found(root.path());
+        assert_eq!(found.units.len(), 1, "{found:?}");
+        assert!(found.units[0].files[0].ends_with(kept), "{found:?}");
+        assert!(reason(&found, copy).contains(kept), "{found:?}");
+    }
+}
