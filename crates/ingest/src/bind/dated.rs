@@ -98,6 +98,23 @@ fn is_plain(date: &str) -> bool {
     date.rsplit_once('.').is_some_and(|(_, year)| year.len() == 4)
 }
 
+/// The first that stands where an instant should, if it is none.
+pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
+    let first = |column: &Column| {
+        let texts = (0..table.rows).filter_map(|row| column.text(row));
+        texts.map(str::trim).find(|text| !text.is_empty()).map(|text| format!("{}: {text:.40}", column.path))
+    };
+    let said = match source {
+        TimeSource::Iso { field } => first(texts(table, field)?)?,
+        TimeSource::Civil { .. } => {
+            let civil = Civil::of(source, table)?;
+            [civil.date, civil.time].into_iter().filter_map(first).collect::<Vec<_>>().join(", ")
+        }
+        _ => return None,
+    };
+    (!said.is_empty()).then(|| format!("not understood is {said}"))
+}
+
 /// Why there are no stamps although the table has the columns.
 pub(super) fn unclear(source: &TimeSource, table: &Table) -> Option<String> {
     let civil = Civil::of(source, table)?;

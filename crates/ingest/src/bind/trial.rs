@@ -2,7 +2,7 @@
 
 use super::binds;
 use super::conditions::{Condition, conditions};
-use super::dated::unclear;
+use super::dated::{example, unclear};
 use super::stamps::{Stamps, is_constant, read_stamps, written_at};
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::map_schema::HeightAbove;
@@ -319,7 +319,8 @@ pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps
     }
     let Some(primary) = found.iter().position(|s| s.kind == rule.timeline).or((!found.is_empty()).then_some(0)) else {
         let names: Vec<String> = rule.times.iter().flat_map(|(_, s)| s).map(TimeSource::label).collect();
-        let why: Vec<String> = remarks.iter().map(|remark| format!("; {remark}")).collect();
+        let examples = rule.times.iter().flat_map(|(_, s)| s).filter_map(|source| example(source, table));
+        let why: Vec<String> = remarks.into_iter().chain(examples.take(1)).map(|why| format!("; {why}")).collect();
         return Err(format!("no stamps ({}){}", names.join(" or "), why.concat()));
     };
     found.swap(0, primary);

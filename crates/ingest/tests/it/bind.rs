@@ -158,6 +158,14 @@ fn what_is_missing_in_the_nearest_map_is_named() {
 }
 
 #[test]
+fn a_time_that_nobody_understands_is_shown() {
+    let rows = "10h27m02,47,8,1,1,2,3,3\n10h27m03,47,8,1,1,2,3,3\n";
+    let (_folder, path) = file("f.csv", format!("{HEADER}{rows}").as_bytes());
+    let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
+    assert!(reason.contains("no stamps (time); not understood is time: 10h27m02"), "{reason}");
+}
+
+#[test]
 fn a_reason_stays_short_and_a_column_of_the_time_brings_no_map_near() {
     // The ArduPilot map knows the topic by its name, and has some thirty channels.
     let (_folder, path) = file("IMU.csv", b"time,a,b\n0.0,1,2\n0.1,1,2\n");
