@@ -43,6 +43,7 @@ class Peer:
 
     def __init__(self):
         self.topics = collections.defaultdict(Topic)
+        self.joined = collections.defaultdict(Topic)  # sentences of one kind by all talkers
         self.undecoded = {}  # why, by topic
         self.not_compared = 0
 
@@ -310,7 +311,13 @@ def sentence(body, message, peer):
     if not address:
         return
     kind = address if address.startswith("P") or len(address) != 5 else address[2:]
-    topic = peer.topics[(address, kind)]
+    values_of(fields, message, kind, peer.topics[(address, kind)])
+    if kind != address:
+        peer.joined[(kind, kind)].add("talker", address[:2])
+        values_of(fields, message, kind, peer.joined[(kind, kind)])
+
+
+def values_of(fields, message, kind, topic):
     of = lambda index: fields[index] if index < len(fields) else ""
     # PASHR stands in front of many messages; the one of attitudes begins with a time.
     values = {} if kind == "PASHR" and not re.fullmatch(r"[\d.]+", of(1)) else SENTENCES.get(kind, {})
@@ -323,7 +330,7 @@ def sentence(body, message, peer):
                 sign = -1 if of(index + 1) in "SW" else 1
                 topic.add(name, float(sign * (Fraction(degrees) + Fraction(minutes) / 60)))
                 theirs = getattr(message, name[:3], None)
-                assert not isinstance(theirs, float) or abs(theirs - topic.columns[name][1][-1]) < 1e-7, (body, theirs)
+                assert not isinstance(theirs, float) or abs(theirs - topic.columns[name][1][-1]) < 1e-7, (fields, theirs)
         elif what == "mode":  # N is none, of each system
             topic.add(name, float(not re.fullmatch("N+", of(index))))
         elif what:
@@ -456,6 +463,8 @@ def by_time(stamps, rows):
 def compare(dump, path, ours, peer, keeps_order):
     """How many values were compared; notes; differences."""
     differences, values = [], 0
+    for key in peer.joined.keys() & (+ours.counts).keys():  # one receiver that changes its talker is one topic
+        peer.topics = {other: topic for other, topic in peer.topics.items() if other[1] != key[1]} | {key: peer.joined[key]}
     theirs = {key: topic.messages for key, topic in peer.topics.items()}
     for key in sorted((+ours.counts).keys() | theirs.keys()):
         if ours.counts[key] != theirs.get(key, 0):
