@@ -231,7 +231,9 @@ impl<'w> Topics<'w> {
         let topic = self.topic(info.clone())?;
         let topic = self.topics.get_mut(topic as usize);
         let raw = topic.as_ref().is_some_and(|t| t.raw);
-        if let Some((topic, (whose, _))) = topic.zip(lent.as_ref()).filter(|(topic, _)| topic.raw || topic.wanted.is_some()) {
+        if let Some((topic, (whose, _))) =
+            topic.zip(lent.as_ref()).filter(|(topic, _)| topic.raw || topic.wanted.is_some())
+        {
             topic.lent = Some(whose);
         }
         self.route_by(info, definition, |info, wanted, rows| {

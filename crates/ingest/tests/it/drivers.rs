@@ -255,10 +255,9 @@ fn px4_in_ros_2_is_dated_by_its_receiver_whether_its_stamps_count_from_boot_or_a
 
 #[test]
 fn a_height_that_is_zero_in_every_row_stands_back_behind_the_one_above_mean_sea_level_and_both_are_told() {
-    for (ellipsoid, expected, codes) in [
-        ([0.0; 2], [550.0, 551.0], vec!["height-datum", "zero-field"]),
-        ([600.0, 0.0], [600.0, 0.0], vec![]),
-    ] {
+    for (ellipsoid, expected, codes) in
+        [([0.0; 2], [550.0, 551.0], vec!["height-datum", "zero-field"]), ([600.0, 0.0], [600.0, 0.0], vec![])]
+    {
         let receiver = Topic::new("/fmu/out/vehicle_gps_position", "px4_msgs/msg/SensorGps", 2)
             .with("timestamp", ColumnData::I64(vec![1_000_000, 2_000_000]))
             .numbers(&[
