@@ -163,8 +163,8 @@ impl Search<'_> {
         let metadata = described.and_then(|path| Some((path, Metadata::read(path).ok()??)));
         self.leave_out_copies(paths, metadata.as_ref().map(|(_, metadata)| metadata), first);
         let names = match &metadata {
-            Some((_, metadata)) => metadata.files.clone(),
-            None => self.numbered(paths, folder),
+            Some((_, metadata)) if !metadata.files.is_empty() => metadata.files.clone(),
+            _ => self.numbered(paths, folder),
         };
         let mut parts = vec![];
         for name in names {

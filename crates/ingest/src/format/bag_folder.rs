@@ -1,9 +1,7 @@
 //! `metadata.yaml` of a ROS 2 bag: which files make up one recording, in order, and what the recorder
 //! counted. It is a hint: what was read is compared with it.
-//!
-//! Of YAML only what rosbag2 writes is understood, and what other programs make of it: nested keys, lists, plain and
-//! quoted values, collections in brackets. Anchors and tags are text, so that no file can unfold into a larger one.
 
+use super::yaml::{self, ELEMENT};
 use crate::error::IngestError;
 use crate::reader::Log;
 use flight::Severity;
@@ -16,10 +14,10 @@ use std::path::{Path, PathBuf};
 pub(crate) const NAME: &str = "metadata.yaml";
 /// As much of it is read.
 const LONGEST: u64 = 16 << 20;
-/// Keys within each other that are followed.
-const MOST_OPEN: usize = 16;
 /// What its first key is called.
 const ROOT: &str = "rosbag2_bagfile_information";
+/// The key of the list of topics.
+const TOPICS: &str = "topics_with_message_count";
 
 /// What a recorder says of its bag.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -30,6 +28,8 @@ pub(crate) struct Metadata {
     pub(crate) files: Vec<String>,
     /// Messages by topic.
     topics: BTreeMap<String, u64>,
+    /// Where and why the rest of it cannot be read.
+    broken: Option<String>,
 }
 
 impl Metadata {
@@ -59,32 +59,24 @@ impl Metadata {
         let mut found = Metadata::default();
         let (mut topic, mut count) = (None, None);
         let mut known = false;
-        for line in Lines::of(&unfolded(text)) {
-            let path: Vec<&str> = line.path.iter().map(String::as_str).collect();
+        let end = yaml::walk(text, |path, value| {
             known |= path.first() == Some(&ROOT);
-            match path.as_slice() {
-                [ROOT, "relative_file_paths"] if line.item && !line.value.is_empty() => {
-                    let name = line.value.rsplit(['/', '\\']).next().unwrap_or_default();
-                    found.files.push(name.to_owned());
+            match (path, value) {
+                ([ROOT, "relative_file_paths", ELEMENT], Some(name)) if !name.is_empty() => {
+                    found.files.push(name.rsplit(['/', '\\']).next().unwrap_or_default().to_owned());
                 }
-                [ROOT, "topics_with_message_count", rest @ ..] => {
-                    // Deeper lists are those of a topic's qualities of service.
-                    if line.item && rest.len() <= 1 {
-                        (topic, count) = (None, None);
-                    }
-                    match rest {
-                        ["message_count"] => count = line.value.parse::<u64>().ok(),
-                        ["topic_metadata", "name"] => topic = Some(line.value),
-                        _ => {}
-                    }
-                    // A topic of two types is listed twice.
-                    if let Some(messages) = count.filter(|_| topic.is_some()) {
-                        *found.topics.entry(topic.take().unwrap_or_default()).or_default() += messages;
-                    }
-                }
+                ([ROOT, TOPICS, ELEMENT], None) => (topic, count) = (None, None),
+                ([ROOT, TOPICS, ELEMENT, "message_count"], Some(messages)) => count = messages.parse::<u64>().ok(),
+                ([ROOT, TOPICS, ELEMENT, "topic_metadata", "name"], Some(name)) => topic = Some(name.to_owned()),
                 _ => {}
             }
-        }
+            // A topic of two types is listed twice.
+            if let (Some(name), Some(messages)) = (topic.as_ref(), count) {
+                *found.topics.entry(name.clone()).or_default() += messages;
+                (topic, count) = (None, None);
+            }
+        });
+        found.broken = end.err();
         in_order_of_numbers(&mut found.files);
         known.then_some(found)
     }
@@ -96,6 +88,10 @@ impl Metadata {
         let read = files.iter().map(|path| inner(&path.file_name().unwrap_or_default().to_string_lossy()));
         let read: Vec<String> = read.collect();
         let is_there = |name: &&String| read.contains(&inner(name));
+        if let Some(why) = &self.broken {
+            let text = format!("it can be read no further than this: {why:.200}");
+            log.notices.push(Severity::Warning, "metadata", NAME, 1, text);
+        }
         for name in self.files.iter().filter(|name| !is_there(name)) {
             let text = format!("{name:.200} is part of this recording and is not there");
             log.notices.push(Severity::Loss, "missing-file", NAME, 1, text);
@@ -136,150 +132,6 @@ fn in_order_of_numbers(files: &mut [String]) {
     }
 }
 
-/// The text with collections in brackets (`[a, b]`, `{key: value}`, JSON) as lists and keys on lines of their own.
-fn unfolded(text: &str) -> String {
-    let mut out = Unfolded::default();
-    for line in text.trim_start_matches('\u{feff}').lines() {
-        let folded = if out.open.is_empty() { bracket(line) } else { Some(0) };
-        let (front, rest) = folded.and_then(|at| line.split_at_checked(at)).unwrap_or((line, ""));
-        out.text += front;
-        if out.open.is_empty() {
-            out.indent = front.len() - front.trim_start().len() + 2;
-        }
-        rest.chars().for_each(|c| out.take(c));
-        out.text.push(if out.open.is_empty() { '\n' } else { ' ' });
-    }
-    out.text
-}
-
-/// Where a line's value begins with a bracket.
-fn bracket(line: &str) -> Option<usize> {
-    let after_dashes = line.trim_start_matches([' ', '-']);
-    let value = match after_dashes.split_once(": ") {
-        Some((key, value)) if !key.contains(['"', '\'', '[', '{']) => value.trim_start(),
-        _ => after_dashes,
-    };
-    value.starts_with(['[', '{']).then_some(line.len() - value.len())
-}
-
-/// Brackets on the way to lines.
-#[derive(Default)]
-struct Unfolded {
-    text: String,
-    /// Brackets that are open.
-    open: Vec<char>,
-    /// Of the outermost.
-    indent: usize,
-    /// An element begins with what comes next.
-    fresh: bool,
-    quote: Option<char>,
-}
-
-impl Unfolded {
-    fn take(&mut self, c: char) {
-        match (self.quote, c) {
-            (Some(quote), _) => {
-                let ends = quote == c && !(quote == '"' && self.text.ends_with('\\'));
-                self.quote = Some(quote).filter(|_| !ends);
-                self.text.push(c);
-            }
-            (None, '[' | '{') => {
-                self.element();
-                self.open.push(c);
-                self.fresh = true;
-            }
-            (None, ']' | '}') => {
-                self.open.pop();
-                self.fresh = false;
-            }
-            (None, ',') => self.fresh = true,
-            (None, ' ') if self.fresh => {}
-            (None, c) => {
-                let begins = self.fresh || self.text.trim_end().ends_with(':');
-                self.element();
-                // JSON may have no blank behind the colon of a key.
-                let key = c == ':' && self.text.ends_with('"');
-                self.quote = Some(c).filter(|c| begins && ['"', '\''].contains(c));
-                self.text.push(c);
-                self.text += if key { " " } else { "" };
-            }
-        }
-    }
-
-    /// Begins a line if an element begins here.
-    fn element(&mut self) {
-        // A hostile file does not become much longer.
-        let fits = self.text.len() as u64 <= 2 * LONGEST;
-        let Some(kind) = self.open.last().filter(|_| self.fresh && fits) else { return };
-        let indent = self.indent + 2 * self.open.len().min(MOST_OPEN);
-        self.text += &format!("\n{:indent$}{}", "", if *kind == '[' { "- " } else { "" });
-        self.fresh = false;
-    }
-}
-
-/// A value without its quotes and without a comment behind it.
-fn scalar(value: &str) -> &str {
-    let value = value.trim();
-    match value.chars().next() {
-        Some(quote @ ('"' | '\'')) => value.get(1..).and_then(|rest| rest.split(quote).next()).unwrap_or_default(),
-        _ => value.split(" #").next().unwrap_or_default().trim_end(),
-    }
-}
-
-/// A line with the keys above it.
-struct Line {
-    /// Keys from the outermost to this line's own, if it has one.
-    path: Vec<String>,
-    /// It begins an element of a list.
-    item: bool,
-    value: String,
-}
-
-/// The lines of a file with keys in them.
-struct Lines<'t> {
-    text: std::str::Lines<'t>,
-    /// Keys that are open, by their indentation.
-    open: Vec<(usize, String)>,
-}
-
-impl Lines<'_> {
-    fn of(text: &str) -> Lines<'_> {
-        Lines { text: text.lines(), open: vec![] }
-    }
-}
-
-impl Iterator for Lines<'_> {
-    type Item = Line;
-
-    fn next(&mut self) -> Option<Line> {
-        let line = self.text.find(|line| !line.trim().is_empty() && !line.trim_start().starts_with('#'))?;
-        let mut rest = line.trim_start();
-        let mut indent = line.len() - rest.len();
-        let item = rest == "-" || rest.starts_with("- ");
-        if item {
-            // The list may stand as far to the left as its own key.
-            self.open.retain(|(at, _)| *at <= indent);
-            let inner = rest.strip_prefix('-').unwrap_or(rest).trim_start();
-            indent += rest.len() - inner.len();
-            rest = inner;
-        } else {
-            self.open.retain(|(at, _)| *at < indent);
-        }
-        let entry = rest.split_once(": ").or_else(|| rest.strip_suffix(':').map(|key| (key, "")));
-        let is_key =
-            |key: &str| key.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') && self.open.len() < MOST_OPEN;
-        let value = match entry.map(|(key, value)| (key.trim_matches(['"', '\'']), value)) {
-            Some((key, value)) if is_key(key) => {
-                self.open.push((indent, key.to_owned()));
-                value
-            }
-            _ => rest,
-        };
-        let path = self.open.iter().map(|(_, key)| key.clone()).collect();
-        Some(Line { path, item, value: scalar(value).to_owned() })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -302,6 +154,17 @@ mod tests {
             assert_eq!(metadata.files, ["bag_0.db3", "bag_1.db3"]);
             assert_eq!(metadata.topics, BTreeMap::from([("/imu".to_owned(), 4), ("/fix".to_owned(), 3)]));
         }
+    }
+
+    #[test]
+    fn what_stands_before_the_damage_counts_and_the_damage_is_told() {
+        let broken = NEW.replace("offered_qos_profiles: \"", "offered_qos_profiles: ]\"");
+        let metadata = Metadata::parse(&broken).unwrap();
+        assert_eq!(metadata.files, ["bag_0.db3", "bag_1.db3"]);
+        assert_eq!(metadata.topics, BTreeMap::from([("/imu".to_owned(), 4)]));
+        let mut log = Log::default();
+        metadata.compare(&[PathBuf::from("bag_0.db3"), PathBuf::from("bag_1.db3")], &mut log);
+        assert!(log.notices.iter().any(|n| n.code == "metadata" && n.text.contains("line 15")), "{:?}", log.notices);
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod tlog;
 mod ubx;
 mod ulog;
 mod unpack;
+mod yaml;
 
 pub use bag::BagReader;
 pub(crate) use csv::looks_like as looks_like_table;
