@@ -344,7 +344,7 @@ impl<'t, 'w> Book<'t, 'w> {
             Role::Multiplier => self.units.multiplier(integer("Id"), number("Mult")),
             Role::Parameter => {
                 if let (Some(name), Some(value)) = (text("Name"), number("Value")) {
-                    self.vehicle.parameter_at(at_ns, &name, value);
+                    self.vehicle.parameter(at_ns, &name, value);
                 }
             }
             Role::Message => {

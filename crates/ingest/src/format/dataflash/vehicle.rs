@@ -41,15 +41,12 @@ enum Mode {
 }
 
 impl Vehicle {
-    pub(in crate::format) fn parameter(&mut self, name: &str, value: f64) {
-        self.parameter_when(name, value, None);
+    pub(super) fn parameter(&mut self, at_ns: i64, name: &str, value: f64) {
+        self.parameter_at(|| seconds(at_ns), name, value);
     }
 
-    pub(super) fn parameter_at(&mut self, at_ns: i64, name: &str, value: f64) {
-        self.parameter_when(name, value, Some(at_ns));
-    }
-
-    fn parameter_when(&mut self, name: &str, value: f64, at_ns: Option<i64>) {
+    /// What a parameter is, and since when.
+    pub(in crate::format) fn parameter_at(&mut self, when: impl FnOnce() -> String, name: &str, value: f64) {
         let value = as_set(value);
         let full = self.parameters.len() >= MOST_PARAMETERS;
         match self.parameters.get_mut(name) {
@@ -57,8 +54,7 @@ impl Vehicle {
                 if name.starts_with(COUNTER) {
                     // Counts up all the time, and nobody set it.
                 } else if self.changes.len() < MOST_CHANGES {
-                    let when = at_ns.map_or(String::new(), |at_ns| format!(" at {}", seconds(at_ns)));
-                    self.changes.push(format!("{name}{when}: {latest} to {value}"));
+                    self.changes.push(format!("{name} at {}: {latest} to {value}", when()));
                 } else {
                     self.unlisted_changes += 1;
                 }
@@ -329,12 +325,12 @@ mod tests {
     fn a_parameter_that_changes_is_told_and_its_first_value_is_the_configured_delay() {
         let mut vehicle = Vehicle::default();
         for (name, value) in [("SIM_GPS_HZ", 5.0), ("SIM_GPS_DELAY", 1.0), ("GPS_DELAY_MS", 110.0)] {
-            vehicle.parameter(name, value);
-            vehicle.parameter(name, value);
+            vehicle.parameter(0, name, value);
+            vehicle.parameter(0, name, value);
         }
-        vehicle.parameter("GPS_DELAY_MS", 50.0);
+        vehicle.parameter(0, "GPS_DELAY_MS", 50.0);
         let about = vehicle.finish();
-        assert_eq!((about.parameters, about.parameter_changes), (3, vec!["GPS_DELAY_MS: 110 to 50".to_owned()]));
+        assert_eq!((about.parameters, about.parameter_changes), (3, vec!["GPS_DELAY_MS at 0.000 s: 110 to 50".to_owned()]));
         let delays: Vec<(&str, f64)> =
             about.configured_delays.iter().map(|d| (d.parameter.as_str(), d.value_s)).collect();
         assert_eq!(delays, [("GPS_DELAY_MS", 0.11), ("SIM_GPS_DELAY", 0.2)]);

@@ -68,7 +68,7 @@ impl Vehicle {
     pub(super) fn tell(&mut self, message: u32, payload: &[u8], at_ns: i64) {
         match message {
             HEARTBEAT => self.heartbeat(payload, at_ns),
-            PARAM_VALUE => self.parameter(payload),
+            PARAM_VALUE => self.parameter(payload, at_ns),
             AUTOPILOT_VERSION => self.version(payload),
             STATUSTEXT => self.text(payload, at_ns),
             _ => {}
@@ -83,7 +83,7 @@ impl Vehicle {
     }
 
     /// ArduPilot sends whole numbers as floats, PX4 their bits in place of a float's.
-    fn parameter(&mut self, payload: &[u8]) {
+    fn parameter(&mut self, payload: &[u8], at_ns: i64) {
         let (Some(bits), Some(name), Some(&kind)) = (payload.first_chunk(), payload.get(8..24), payload.get(24)) else {
             return;
         };
@@ -92,7 +92,8 @@ impl Vehicle {
         let whole = f64::from(i32::from_le_bytes(*bits));
         let value = if self.autopilot == Some(PX4) && kind < REAL { whole } else { float };
         let name = text_of(name);
-        self.kept.parameter(&name, value);
+        let clock = self.clock;
+        self.kept.parameter_at(|| time(clock, at_ns), &name, value);
         if let (Some(delay), false) = (configured(&name, value), self.delays.contains_key(name.as_ref())) {
             self.delays.insert(name.into_owned(), delay);
         }
@@ -116,7 +117,7 @@ impl Vehicle {
         let text = text_of(payload.get(1..=PART).unwrap_or_default());
         let id = payload.get(51..).and_then(<[u8]>::first_chunk).map_or(0, |two| u16::from_le_bytes(*two));
         if id == 0 {
-            return self.kept.message_at(&self.time(at_ns), &text);
+            return self.kept.message_at(&time(self.clock, at_ns), &text);
         }
         let room = self.parts.len() < MOST_PARTS || self.parts.contains_key(&id);
         if text.len() == PART && room {
@@ -124,19 +125,7 @@ impl Vehicle {
             return;
         }
         let begun = self.parts.remove(&id).unwrap_or_default();
-        self.kept.message_at(&self.time(at_ns), &format!("{begun}{text}"));
-    }
-
-    /// To the millisecond.
-    fn time(&self, at_ns: i64) -> String {
-        if self.clock != Clock::Unix {
-            if at_ns == 0 {
-                return "before any time is told".to_owned();
-            }
-            return format!("{:.3} s", at_ns as f64 / NANOS_PER_SECOND as f64);
-        }
-        let time = jiff::Timestamp::from_nanosecond(at_ns.into()).ok();
-        time.map_or_else(String::new, |time| time.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string())
+        self.kept.message_at(&time(self.clock, at_ns), &format!("{begun}{text}"));
     }
 
     pub(super) fn finish(self) -> About {
@@ -233,6 +222,18 @@ fn firmware(version: u32, custom: &[u8]) -> String {
     format!("V{major}.{minor}.{patch}{kind} ({commit})")
 }
 
+/// A time of the log as text, to the millisecond.
+fn time(clock: Clock, at_ns: i64) -> String {
+    match clock {
+        Clock::Unix => {
+            let time = jiff::Timestamp::from_nanosecond(at_ns.into()).ok();
+            time.map_or_else(String::new, |time| time.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string())
+        }
+        _ if at_ns == 0 => "before any time is told".to_owned(),
+        _ => format!("{:.3} s", at_ns as f64 / NANOS_PER_SECOND as f64),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -270,6 +271,15 @@ mod tests {
         };
         assert_eq!(about(ARDUPILOT, 220_f32.to_le_bytes(), "GPS_DELAY_MS"), 0.22);
         assert_eq!(about(PX4, 110_i32.to_le_bytes(), "EKF2_GPS_DELAY"), 0.11);
+    }
+
+    #[test]
+    fn a_change_of_a_parameter_is_told_with_when_it_came() {
+        let mut vehicle = Vehicle::new(Clock::Unix);
+        for (value, at_ns) in [(0.25_f32, 5_000_000_000), (0.25, 6_000_000_000), (0.5, 7_250_000_000)] {
+            vehicle.tell(PARAM_VALUE, &parameter("A", value.to_le_bytes(), 9), at_ns);
+        }
+        assert_eq!(vehicle.finish().parameter_changes, ["A at 1970-01-01 00:00:07.250 UTC: 0.25 to 0.5"]);
     }
 
     #[test]
