@@ -94,7 +94,7 @@ pub fn recover(
 ) -> Result<Recovered, ConvertError> {
     may_write(out, &unit.files)?;
     let output = Output::begin(out)?;
-    let taker = Taker::new(Recording::begin(out, output.file()?, profile(unit.kind))?, library);
+    let taker = Taker::new(Recording::begin(out, output.file()?, profile(unit.kind))?);
     let mut log = ingest::open(unit).read(&taker, context)?;
     let mut recording = taker.into_recording()?;
     let how = if log.tables.is_empty() { How::Copied } else { How::Rewritten };
@@ -156,15 +156,14 @@ fn profile(kind: LogKind) -> &'static str {
 }
 
 /// Puts messages into the recording as they come.
-struct Taker<'l> {
+struct Taker {
     recording: RefCell<Recording>,
-    library: &'l MapLibrary,
     failure: RefCell<Option<ConvertError>>,
 }
 
-impl Taker<'_> {
-    fn new(recording: Recording, library: &MapLibrary) -> Taker<'_> {
-        Taker { recording: RefCell::new(recording), library, failure: RefCell::new(None) }
+impl Taker {
+    fn new(recording: Recording) -> Taker {
+        Taker { recording: RefCell::new(recording), failure: RefCell::new(None) }
     }
 
     /// Writes unless something could not be written before.
@@ -183,13 +182,9 @@ impl Taker<'_> {
     }
 }
 
-impl Select for Taker<'_> {
+impl Select for Taker {
     fn select(&self, _: &TopicInfo) -> Selection {
         Selection::Raw
-    }
-
-    fn definition(&self, type_name: &str) -> Option<String> {
-        self.library.definition(type_name)
     }
 
     fn sink(&self) -> Option<&dyn MessageSink> {
@@ -197,7 +192,7 @@ impl Select for Taker<'_> {
     }
 }
 
-impl MessageSink for Taker<'_> {
+impl MessageSink for Taker {
     fn message(&self, message: &RawMessage<'_>) {
         self.write(|recording| {
             recording.write(&Entry {

@@ -270,9 +270,6 @@ pub(crate) struct RecoverArguments {
     /// Writes over an OUT that is there.
     #[arg(long)]
     pub(crate) force: bool,
-    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
-    #[arg(long, value_name = "DIR")]
-    pub(crate) maps: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -18,7 +18,7 @@ const MOST_TOPICS: usize = 60;
 
 pub(crate) fn run(arguments: &RecoverArguments, stop: &Stop) -> Result<End, Failure> {
     check_output(&arguments.out, Output::File, arguments.force)?;
-    let library = library(arguments.maps.as_deref())?;
+    let library = library(None)?;
     let unit = unit_of(&arguments.log, &library)?;
     let context = ReadContext { limits: Limits::default(), cancel: stop.flag(), on_bytes: &|_| {} };
     let recovered = recover(&unit, &library, &arguments.out, &context)?;

@@ -81,12 +81,15 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
 /// `2024/05/10`, or `10.05.2024`, for points stand only behind a day that comes first.
 pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
     let text = text.trim();
-    if text.get(8..9).is_some_and(|t| t.eq_ignore_ascii_case("T")) {
+    let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
+    let breaks = text.match_indices(['T', 't', ' ']).map(|(at, _)| at);
+    let at = breaks.into_iter().find(|at| *at > 0 && digit(at - 1) && digit(at + 1))?;
+    let (date, time) = (text.get(..at)?, text.get(at + 1..)?);
+    if date.len() == 8 && unsigned(date).is_some() && text.get(at..=at) != Some(" ") {
         return basic_to_unix_ns(text);
     }
-    let (date, time) = text.split_once(['T', 't', ' '])?;
-    let with_points =
-        || Some(date).filter(|date| date.contains('.')).and_then(|date| DateOrder::DayMonthYear.date(date));
+    let has_points = date.rsplit_once('.').is_some_and(|(_, year)| year.len() == 4);
+    let with_points = || Some(date).filter(|_| has_points).and_then(|date| DateOrder::DayMonthYear.date(date));
     unix_ns(plain_date(date).or_else(with_points)?, time, "Z")
 }
 
@@ -119,15 +122,10 @@ pub(crate) fn calendar_to_unix_ns(parts: [i64; 6], nanos: i64) -> Option<i64> {
     instant.as_second().checked_add(leap)?.checked_mul(1_000_000_000)?.checked_add(nanos)
 }
 
-/// The whole second, and the fraction in ns, of `hh:mm[:ss[.fff]]`, `hh:mm:ss:fff` or `hhmmss[.fff]`. A leap second counts as
-/// the second after, as Unix has it.
+/// The whole second, and the fraction in ns, of `hh:mm[:ss[.fff]]` or `hh:mm:ss:fff`. A leap second counts as the second after,
+/// as Unix has it.
 fn time_of_day(text: &str) -> Option<(Time, i64)> {
     let (text, half) = half_of_day(text);
-    if let Some((digits, rest)) = text.split_at_checked(6).filter(|(digits, _)| unsigned(digits).is_some()) {
-        let (hour, second) = digits.split_at_checked(2)?;
-        let (minute, second) = second.split_at_checked(2)?;
-        return time_of_day(&format!("{hour}:{minute}:{second}{rest}"));
-    }
     let mut parts = text.split(':');
     let hour = parts.next()?;
     let hour = if hour.len() == 1 { i8::try_from(unsigned(hour)?).ok()? } else { two_digits(hour)? };
@@ -305,11 +303,15 @@ mod tests {
             "2024-05-10 17:27:44.3 UTC",
             "2024-05-10 05:27:44.3 PM GMT",
             "2024-05-10 17:27:44:300",
-            "2024-05-10 172744.3",
+            "10-May-2024 17:27:44.3",
             "20240510T172744.300Z",
         ] {
             assert_eq!(iso_to_unix_ns(same), Some(1_715_362_064_300_000_000), "{same}");
         }
+        assert_eq!(iso_to_unix_ns("20240510 17:27:44.3"), Some(1_715_362_064_300_000_000));
+        // The t of a month is no T.
+        assert_eq!(iso_to_unix_ns("05-Oct-2024 10:00:00"), iso_to_unix_ns("2024-10-05T10:00:00"));
+        assert_eq!(iso_to_unix_ns("1.5.2024T10:00:00"), iso_to_unix_ns("2024-05-01T10:00:00"));
         assert_eq!(iso_to_unix_ns("1970-01-01T00:00:00Z"), Some(0));
         assert_eq!(iso_to_unix_ns("1969-12-31T23:59:59.5Z"), Some(-500_000_000));
         // 2016 ended in a leap second; Unix gives it the number of the second after.
@@ -329,7 +331,9 @@ mod tests {
             "05/10/2024 17:27:44",
             "2024-05-10 17:27:44:30",
             "2024-05-10 17:27:44.3:300",
-            "2024-05-10 1727445",
+            "2024-05-10 172744",
+            "24.05.10 17:27:44",
+            "10.5.2024",
             "2024-05-10 17:27:44 CET",
             "44.3",
             "2024-05-10T17:27:44+99:00",

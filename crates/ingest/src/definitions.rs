@@ -18,10 +18,11 @@ const DEEPEST: usize = 4;
 pub(crate) struct Definitions(BTreeMap<String, String>);
 
 impl Definitions {
-    /// Adds the `PACKAGE/msg/TYPE.msg` of a folder and those below it; one replaces an earlier one of its type.
+    /// Adds the `PACKAGE/msg/TYPE.msg` of a folder and those below it; one replaces an earlier one of its type. Folders below
+    /// that cannot be listed have none.
     ///
     /// # Errors
-    /// [`IngestError::Io`]; [`IngestError::Map`] if one is no text, too long, or there are too many.
+    /// [`IngestError::Io`]; [`IngestError::Map`] if one is too long, or there are too many.
     pub(crate) fn add_folder(&mut self, folder: &Path) -> Result<(), IngestError> {
         let mut paths = vec![];
         collect(folder, 0, &mut paths)?;
@@ -35,8 +36,7 @@ impl Definitions {
                 return Err(bad(what));
             }
             let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
-            let text = String::from_utf8(bytes).map_err(|e| bad(format!("no text in UTF-8: {e}")))?;
-            self.0.insert(name, text);
+            self.0.insert(name, String::from_utf8_lossy(&bytes).into_owned());
         }
         Ok(())
     }
@@ -73,7 +73,7 @@ fn collect(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), 
         let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
         // Also what is linked, as `colcon --symlink-install` does.
         if path.is_dir() && depth < DEEPEST && !is_hidden {
-            collect(&path, depth + 1, paths)?;
+            let _ = collect(&path, depth + 1, paths);
         } else if path.is_file() && path.extension().is_some_and(|extension| extension == "msg") {
             paths.push(path);
         }

@@ -192,17 +192,22 @@ impl Search<'_> {
     }
 
     /// Who plays a compressed bag leaves its files unpacked beside it: of both, only the one that `metadata.yaml` names is a
-    /// log, and without that the packed one, which the recorder wrote.
+    /// log, and without that the packed one, which the recorder wrote. A file of another length than the packed one says is
+    /// another one.
     fn leave_out_copies(&mut self, paths: &[PathBuf], metadata: Option<&Metadata>, first: usize) {
         for packed in paths.iter().filter(|path| path.extension().is_some_and(|ending| ending == "zstd")) {
             let plain = packed.with_extension("");
             let is_named = |path: &Path| metadata.is_some_and(|m| m.files.iter().any(|name| path.ends_with(name)));
             let (kept, copy) = if is_named(&plain) { (&plain, packed) } else { (packed, &plain) };
-            let unit_of = |found: &Discovery, path: &PathBuf| {
-                let units = found.units.iter().enumerate().skip(first);
-                units.filter(|(_, unit)| unit.files == [path.clone()]).map(|(index, _)| index).next()
+            let bag_of = |found: &Discovery, path: &PathBuf| {
+                let is_it = |unit: &FlightUnit| {
+                    unit.files == [path.clone()] && matches!(unit.kind, LogKind::Db3 | LogKind::Mcap)
+                };
+                found.units.iter().skip(first).position(is_it).map(|index| first + index)
             };
-            if let (Some(_), Some(copy)) = (unit_of(&self.found, kept), unit_of(&self.found, copy)) {
+            let copy =
+                bag_of(&self.found, kept).and(bag_of(&self.found, copy)).filter(|_| is_packed_of(packed, &plain));
+            if let Some(copy) = copy {
                 let kept = kept.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 let copy = self.found.units.remove(copy);
                 self.ignore(&copy.id, format!("the same as {kept}, packed or unpacked"));
@@ -425,4 +430,12 @@ fn head_of(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut head = vec![];
     File::open(path)?.take(sniff::HEAD as u64).read_to_end(&mut head)?;
     Ok(head)
+}
+/// Whether the head of a zstd file says that it holds as many bytes as the other has.
+fn is_packed_of(packed: &Path, plain: &Path) -> bool {
+    let mut head = [0; 18];
+    let read = File::open(packed).and_then(|mut file| file.read(&mut head)).unwrap_or(0);
+    let told = zstd::zstd_safe::get_frame_content_size(head.get(..read).unwrap_or_default());
+    let length = fs::metadata(plain).map(|about| about.len()).ok();
+    matches!(told, Ok(Some(bytes)) if Some(bytes) == length)
 }

@@ -60,16 +60,24 @@ pub struct ChannelMap {
     pub title: String,
     pub(crate) rules: Vec<ChannelRule>,
     pub(crate) ties: Vec<TieRule>,
+    /// For any log of some types.
+    pub(crate) generic: bool,
     text: String,
 }
 
 impl fmt::Debug for ChannelMap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ChannelMap { name, title, rules, ties, text: _ } = self;
+        let ChannelMap { name, title, rules, ties, generic, text: _ } = self;
         let mut debug = f.debug_struct("ChannelMap");
         debug.field("name", name).field("title", title).field("rules", rules);
         // As without the field where there is none, so that other maps keep their keys.
-        if ties.is_empty() { debug.finish() } else { debug.field("ties", ties).finish() }
+        if !ties.is_empty() {
+            debug.field("ties", ties);
+        }
+        if *generic {
+            debug.field("generic", generic);
+        }
+        debug.finish()
     }
 }
 
@@ -485,13 +493,6 @@ impl MapLibrary {
         SelectAll(&self.definitions)
     }
 
-    /// The definition of a message type, `px4_msgs/msg/SensorGps`, for logs that lack it: in ROS 2's language, with all that it
-    /// refers to.
-    #[must_use]
-    pub fn definition(&self, type_name: &str) -> Option<String> {
-        self.definitions.of(type_name)
-    }
-
     /// The definitions that were given: type and text.
     pub fn definitions(&self) -> impl Iterator<Item = (&str, &str)> {
         self.definitions.iter()
@@ -569,14 +570,15 @@ impl ChannelMap {
             let line = 1 + text.bytes().take(entry.span().start).filter(|b| *b == b'\n').count();
             let entry = entry.get_ref();
             let rule = rule_of(entry, &file).map_err(|what| bad(line, format!("channel {}: {what}", entry.name)))?;
-            if rules.iter().any(|r| r.name == rule.name && !excludes(r, &rule)) {
+            if rules.iter().any(|r| r.name == rule.name && !excludes(r, &rule) && !of_other_types(r, &rule)) {
                 return Err(bad(line, format!("channel {} is there twice", rule.name)));
             }
             rules.push(rule);
         }
         let ties =
             file.utc.iter().map(tie_rule).collect::<Result<_, _>>().map_err(|what| bad(1, format!("utc: {what}")))?;
-        Ok(ChannelMap { name: file.name, title: file.title, rules, ties, text: text.to_owned() })
+        let MapFile { name, title, generic, .. } = file;
+        Ok(ChannelMap { name, title, rules, ties, generic, text: text.to_owned() })
     }
 
     /// Names of the channels that it can bind, such as `position.gps`.
@@ -594,6 +596,12 @@ impl ChannelMap {
 /// Whether a log never holds both, for a remark of it says one thing only.
 fn excludes(a: &ChannelRule, b: &ChannelRule) -> bool {
     a.when.as_ref().zip(b.when.as_ref()).is_some_and(|(a, b)| a.remark == b.remark && a.says != b.says)
+}
+
+/// Whether both are for named types, and for none together.
+fn of_other_types(a: &ChannelRule, b: &ChannelRule) -> bool {
+    let by_type = |rule: &ChannelRule| rule.specificity() == Specificity::ByType;
+    by_type(a) && by_type(b) && a.types.iter().all(|name| !b.types.contains(name))
 }
 
 fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> {

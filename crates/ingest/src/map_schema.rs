@@ -17,13 +17,16 @@ pub(crate) struct MapFile {
     pub(crate) name: String,
     /// One line for people.
     pub(crate) title: String,
+    /// It binds any log that has some types, and is no match for a map that is made for a device.
+    #[serde(default)]
+    pub(crate) generic: bool,
     /// Where stamps are found, for all channels that do not say otherwise.
     #[serde(default)]
     pub(crate) time: TimeTable,
     /// What ties the clock since boot to UTC. Of several the first that the log holds is taken.
     #[serde(default)]
     pub(crate) utc: Vec<UtcEntry>,
-    /// The channels.
+    /// The channels. Of several of one name, for other types, the first is made that finds its data.
     #[schemars(with = "Vec<ChannelEntry>")]
     pub(crate) channel: Vec<Spanned<ChannelEntry>>,
 }
@@ -302,8 +305,8 @@ impl WhenEntry {
     }
 }
 
-/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read; one that is
-/// zero in every row stands back behind another that is not.
+/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read; a height that
+/// is zero in every row stands back behind another that is not.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct FieldTable {

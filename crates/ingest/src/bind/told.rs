@@ -50,13 +50,15 @@ fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<Told<'p>> {
 /// Kinds of stamp that are more than a day apart in these channels: they count different clocks. As a rule it is one clock
 /// that is wrong, in all of them.
 pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut Notices) {
-    let kinds = |o: &StampOffset| (o.of, o.against);
+    let days = |o: &StampOffset| o.offset_s.median / 86_400.0;
+    let is_same =
+        |a: &StampOffset, b: &StampOffset| (a.of, a.against) == (b.of, b.against) && (days(a) - days(b)).abs() < 1.0;
     for (at, (health, o)) in apart.iter().enumerate() {
-        if apart.iter().take(at).any(|(_, told)| kinds(told) == kinds(o)) {
+        if apart.iter().take(at).any(|(_, told)| is_same(told, o)) {
             continue;
         }
-        let same = || apart.iter().filter(|(_, other)| kinds(other) == kinds(o));
-        let days = o.offset_s.median / 86_400.0;
+        let same = || apart.iter().filter(|(_, other)| is_same(other, o));
+        let days = days(o);
         let text = format!(
             "{}: {} stamps are {:.1} days {} than {} ones, so they count different clocks",
             which(&health.name, same().count()),

@@ -29,9 +29,13 @@ pub(super) struct Trial<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rank {
     both: bool,
+    /// A velocity that is zero in every row is as good as none.
+    moves: bool,
     replayed: bool,
     encoder: bool,
     fits: bool,
+    /// Made for a device, and not for any log of some types.
+    of_device: bool,
     specificity: Specificity,
     of_flights: usize,
     channels: usize,
@@ -79,6 +83,9 @@ impl<'a> Trial<'a> {
             if rule.when.as_ref().is_some_and(|when| !when.met_by(log)) {
                 continue;
             }
+            if trial.plans.iter().any(|plan| plan.rule.name == rule.name) {
+                continue;
+            }
             match plan(rule, log) {
                 Ok(plan) => trial.plans.push(plan),
                 Err(Miss::Near(what, found)) => {
@@ -102,9 +109,11 @@ impl<'a> Trial<'a> {
     pub(super) fn rank(&self) -> Rank {
         Rank {
             both: self.both(),
+            moves: self.moves(),
             replayed: self.position() || self.velocity(),
             encoder: self.encoder(),
             fits: self.fits(),
+            of_device: !self.map.generic,
             specificity: self.specificity(),
             of_flights: self.of_flights().count(),
             channels: self.plans.len(),
@@ -125,13 +134,23 @@ impl<'a> Trial<'a> {
         binds(&self.plans, &[Quantity::VelocityNed])
     }
 
+    fn moves(&self) -> bool {
+        let mut velocities = self.plans.iter().filter(|p| p.rule.quantity == Quantity::VelocityNed);
+        velocities.any(|plan| {
+            let horizontal = || plan.columns.iter().take(2).flatten().map(|found| found.column);
+            (0..plan.table.rows).any(|row| horizontal().any(|column| column.number(row).is_some_and(|v| v != 0.0)))
+        })
+    }
+
     /// The encoder of a bench.
     pub(super) fn encoder(&self) -> bool {
         binds(&self.plans, &[Quantity::EncoderCount, Quantity::EncoderAngle])
     }
 
+    /// Positions and velocities.
     fn of_flights(&self) -> impl Iterator<Item = &Plan<'a>> {
-        self.plans.iter().filter(|p| !BENCH_ALONE.contains(&p.rule.quantity))
+        let beside = |quantity| quantity == Quantity::Scalar || BENCH_ALONE.contains(&quantity);
+        self.plans.iter().filter(move |p| !beside(p.rule.quantity))
     }
 
     /// Of the channel that is named least exactly; of those of a flight, if there is one.
@@ -266,8 +285,8 @@ fn first_of(names: &[&str], most: usize, between: &str, more: &str) -> String {
     listed.join(between) + &more
 }
 
-/// The first of the part's fields that holds a number at all; one that is zero throughout stands back behind one that is not:
-/// a writer that does not know a value leaves it so.
+/// The first of the part's fields that holds a number at all. A height that is zero throughout stands back behind one that is
+/// not: a writer that does not know it leaves it so.
 fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
     let mut zero = None;
     for source in &part.fields {
@@ -279,7 +298,7 @@ fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
         let is_zero = values.all(|value| value == 0.0);
         let found =
             Found { column, unit: source.unit, above: source.above, passed_over: zero.map(|z: Found<'a>| z.column) };
-        if !is_zero {
+        if !is_zero || part.role != "height" {
             return Some(found);
         }
         zero = zero.or(Some(found));
@@ -319,8 +338,11 @@ pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps
     }
     let Some(primary) = found.iter().position(|s| s.kind == rule.timeline).or((!found.is_empty()).then_some(0)) else {
         let names: Vec<String> = rule.times.iter().flat_map(|(_, s)| s).map(TimeSource::label).collect();
-        let examples = rule.times.iter().flat_map(|(_, s)| s).filter_map(|source| example(source, table));
-        let why: Vec<String> = remarks.into_iter().chain(examples.take(1)).map(|why| format!("; {why}")).collect();
+        if remarks.is_empty() {
+            let sources = rule.times.iter().flat_map(|(_, sources)| sources);
+            remarks.extend(sources.filter_map(|source| example(source, table)).take(1));
+        }
+        let why: Vec<String> = remarks.iter().map(|remark| format!("; {remark}")).collect();
         return Err(format!("no stamps ({}){}", names.join(" or "), why.concat()));
     };
     found.swap(0, primary);

@@ -17,15 +17,15 @@ pub(crate) const GIVEN: &str = "ros2msg, given";
 const SEPARATOR: &str = "================================================================================";
 const TYPES: &str = include_str!("common.msg");
 
-/// A definition, with its language, in place of one that the log lacks: what the user gave, else the common one. A recorder
+/// A definition, with its language, in place of one that the log lacks: the common one, else what the user gave. A recorder
 /// of ROS 2 that does not find a definition leaves the text empty, or calls its language unknown or nothing.
 pub(crate) fn lent(info: &TopicInfo, own: Definition<'_>, want: &dyn Select) -> Option<(&'static str, String)> {
     let told = !own.text.is_empty() && !["", "unknown"].contains(&own.encoding);
     if told || info.encoding != "cdr" {
         return None;
     }
-    let given = want.definition(&info.type_name).map(|text| (GIVEN, text));
-    given.or_else(|| Some((COMMON, common_definition(&info.type_name)?)))
+    let common = common_definition(&info.type_name).map(|text| (COMMON, text));
+    common.or_else(|| Some((GIVEN, want.definition(&info.type_name)?)))
 }
 
 /// The definition of a type with all that it refers to; `None` if it is not known.

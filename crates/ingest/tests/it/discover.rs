@@ -208,4 +208,12 @@ fn a_part_of_a_bag_that_lies_there_packed_and_unpacked_is_one_flight() {
         assert!(found.units[0].files[0].ends_with(kept), "{found:?}");
         assert!(reason(&found, copy).contains(kept), "{found:?}");
     }
+    // Neither another recording nor tables of one name.
+    let longer = [plain, plain].concat();
+    let root = tree(&[("f/f_0.db3", longer.as_slice()), ("f/f_0.db3.zstd", packed.as_slice())]);
+    assert!(found(root.path()).ignored.is_empty());
+    let table = b"t,x\n0,1\n1,2\n".as_slice();
+    let packed = zstd::bulk::compress(table, 3).unwrap();
+    let root = tree(&[("f.csv", table), ("f.csv.zstd", packed.as_slice())]);
+    assert_eq!(found(root.path()).units.len(), 2);
 }

@@ -275,3 +275,73 @@ fn a_height_that_is_zero_in_every_row_stands_back_behind_the_one_above_mean_sea_
         assert_eq!(told, codes);
     }
 }
+
+/// A fix as gpsd_client or a driver publishes it, at this speed to the north.
+fn gps_fix(speed: f64) -> Topic {
+    Topic::new("/gps", "gps_msgs/msg/GPSFix", 2).numbers(&[
+        ("status.status", &[0.0; 2]),
+        ("latitude", &[47.0, 47.1]),
+        ("longitude", &[8.0; 2]),
+        ("altitude", &[450.0; 2]),
+        ("track", &[0.0; 2]),
+        ("speed", &[speed; 2]),
+        ("climb", &[0.0; 2]),
+        ("status.satellites_used", &[9.0; 2]),
+    ])
+}
+
+#[test]
+fn a_map_for_any_gps_fix_stands_behind_that_of_the_device_and_behind_a_velocity_that_is_not_zero() {
+    let week = Topic::new("/pvtgeodetic", "septentrio_gnss_driver/msg/PVTGeodetic", 2).numbers(&[
+        ("block_header.wnc", &[WEEK; 2]),
+        ("block_header.tow", &[TOW_MS, TOW_MS + 1000.0]),
+        ("mode", &[4.0; 2]),
+        ("error", &[0.0; 2]),
+        ("latitude", &[0.8; 2]),
+        ("longitude", &[0.1; 2]),
+        ("height", &[500.0; 2]),
+        ("vn", &[1.0; 2]),
+        ("ve", &[2.0; 2]),
+        ("vu", &[3.0; 2]),
+    ]);
+    assert_eq!(bound([week, gps_fix(20.0)]).1.map, "septentrio-ros");
+    let standard = || {
+        let place = Topic::new("/fix", "sensor_msgs/msg/NavSatFix", 2).numbers(&[
+            ("status.status", &[0.0; 2]),
+            ("latitude", &[47.0, 47.1]),
+            ("longitude", &[8.0; 2]),
+            ("altitude", &[450.0; 2]),
+        ]);
+        let velocity = Topic::new("/vel", "geometry_msgs/msg/TwistStamped", 2).numbers(&[
+            ("twist.linear.x", &[22.0; 2]),
+            ("twist.linear.y", &[0.0; 2]),
+            ("twist.linear.z", &[0.0; 2]),
+        ]);
+        (place, velocity)
+    };
+    // What was made of a NavSatFix has no speed.
+    for (speed, map) in [(0.0, "navsatfix-twist"), (20.0, "gps-fix")] {
+        let (place, velocity) = standard();
+        assert_eq!(bound([place, velocity, gps_fix(speed)]).1.map, map, "{speed}");
+    }
+}
+
+#[test]
+fn the_height_of_inspvax_is_above_mean_sea_level_and_that_of_inspva_above_the_ellipsoid() {
+    for (type_name, status, is_told) in [("INSPVA", "status.status", false), ("INSPVAX", "ins_status.status", true)] {
+        let solution = Topic::new("/ins", &format!("novatel_oem7_msgs/msg/{type_name}"), 2).numbers(&[
+            ("nov_header.gps_week_number", &[WEEK; 2]),
+            ("nov_header.gps_week_milliseconds", &[TOW_MS, TOW_MS + 1000.0]),
+            ("latitude", &[51.0; 2]),
+            ("longitude", &[-114.0; 2]),
+            ("height", &[1077.0; 2]),
+            ("north_velocity", &[1.0; 2]),
+            ("east_velocity", &[2.0; 2]),
+            ("up_velocity", &[3.0; 2]),
+            (status, &[3.0; 2]),
+        ]);
+        let (flight, _) = bound([solution]);
+        assert_eq!(flight.channels["position.ins"].series.component(2), [1077.0; 2]);
+        assert_eq!(flight.notices.iter().any(|n| n.code == "height-datum"), is_told, "{type_name}");
+    }
+}

@@ -856,14 +856,17 @@ fn a_definition_that_a_folder_of_maps_holds_is_read_with_all_that_it_refers_to()
 }
 
 #[test]
-fn definitions_that_are_none_are_refused_with_their_path() {
-    for bytes in [&b"float32 \xff"[..], &vec![b' '; (1 << 20) + 1]] {
+fn a_definition_in_another_encoding_is_read_and_one_without_end_is_refused_with_its_path() {
+    let library = |bytes: &[u8]| {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(folder.path().join("p/msg")).unwrap();
         std::fs::write(folder.path().join("p/msg/A.msg"), bytes).unwrap();
-        let error = MapLibrary::default().with_folder(folder.path()).unwrap_err().to_string();
-        assert!(error.contains("A.msg"), "{error}");
-    }
+        MapLibrary::default().with_folder(folder.path())
+    };
+    let latin = library(b"float32 x # \xb0C\n").unwrap();
+    assert!(latin.definitions().any(|(name, text)| name == "p/A" && text.starts_with("float32 x")));
+    let error = library(&vec![b' '; (1 << 20) + 1]).unwrap_err().to_string();
+    assert!(error.contains("A.msg"), "{error}");
 }
 
 #[test]

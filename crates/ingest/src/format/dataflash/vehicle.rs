@@ -330,7 +330,10 @@ mod tests {
         }
         vehicle.parameter(0, "GPS_DELAY_MS", 50.0);
         let about = vehicle.finish();
-        assert_eq!((about.parameters, about.parameter_changes), (3, vec!["GPS_DELAY_MS at 0.000 s: 110 to 50".to_owned()]));
+        assert_eq!(
+            (about.parameters, about.parameter_changes),
+            (3, vec!["GPS_DELAY_MS at 0.000 s: 110 to 50".to_owned()])
+        );
         let delays: Vec<(&str, f64)> =
             about.configured_delays.iter().map(|d| (d.parameter.as_str(), d.value_s)).collect();
         assert_eq!(delays, [("GPS_DELAY_MS", 0.11), ("SIM_GPS_DELAY", 0.2)]);
