@@ -219,14 +219,19 @@ impl<R: BufRead> Read for GzipMembers<R> {
     }
 }
 
-/// Whether anything is left behind the zeros.
+/// Whether anything is left behind the zeros. A sparse file has so many that nobody looks for their end.
 fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
+    let mut passed = 0;
     loop {
+        if passed > super::MOST_ZEROS {
+            return Err(io::Error::other("nothing but zeros behind the last member as far as one looks"));
+        }
         let bytes = packed.fill_buf()?;
         let zeros = bytes.iter().take_while(|byte| **byte == 0).count();
         if zeros < bytes.len() || bytes.is_empty() {
             return Ok(!bytes.is_empty());
         }
+        passed += zeros as u64;
         packed.consume(zeros);
     }
 }

@@ -324,3 +324,13 @@ fn zeros_behind_a_gzip_file_are_padding_and_anything_else_is_not() {
         assert_eq!((loaded.health.messages, count_of(&loaded, "packed-damage") > 0), (120, true), "{tail:?}");
     }
 }
+
+#[test]
+fn a_sparse_end_of_a_packed_log_is_told_and_not_read_to_its_last_byte() {
+    let (_folder, path) = file("a.bag.gz", &gzip(&bag()));
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(100 << 30).unwrap();
+    let unit = FlightUnit { id: "test".into(), files: vec![path], kind: LogKind::Bag };
+    let loaded = load(&unit).unwrap();
+    assert_eq!(loaded.health.messages, 120);
+    assert!(count_of(&loaded, "packed-damage") > 0, "{:?}", loaded.flight.notices);
+}
