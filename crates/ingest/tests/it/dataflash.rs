@@ -355,6 +355,28 @@ fn a_gps_record_of_2013_is_stamped_when_the_autopilot_had_it_and_not_by_its_time
 }
 
 #[test]
+fn fixes_before_2013_are_stamped_by_their_time_of_week_for_they_have_no_other() {
+    let lines = [
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        "FMT, 130, 35, GPS, BIBcLLeeEe, Status,Time,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs",
+        "GPS, 2, 302400000, 4, 4.68, 44.1000000, -77.7000000, 3.13, 91.56, 0.00, 0.00",
+        "GPS, 3, 302400200, 9, 1.50, 44.1000000, -77.7000000, 3.13, 91.56, 5.00, 90.00",
+        "GPS, 3, 302400400, 9, 1.50, 44.1000000, -77.6999900, 3.13, 91.56, 5.00, 90.00",
+    ];
+    let (_folder, path) = file("old.log", lines.map(|line| format!("{line}\n")).concat().as_bytes());
+    let unit = ingest::FlightUnit { id: "old".into(), files: vec![path], kind: LogKind::DataFlash };
+    let flight = load(&unit).unwrap().flight;
+    for name in ["position.gps", "velocity.gps"] {
+        let timeline = flight.channels[name].series.timeline();
+        assert_eq!(timeline.clock(), flight::Clock::Elapsed);
+        assert_eq!(
+            timeline.stamps().iter().map(|s| s.0).collect::<Vec<_>>(),
+            [302_400_200_000_000, 302_400_400_000_000]
+        );
+    }
+}
+
+#[test]
 fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
     let gps = |time_us: u64, instance: u8| {
         let (fix, week_ms, week) = if instance == 1 { (3_u8, (time_us / 1000) as u32, 2086_u16) } else { (1, 0, 0) };
@@ -675,4 +697,18 @@ fn values_of_a_damaged_record_are_not_taken_from_the_records_that_its_wrong_type
     let log = read_bytes(READER, &bytes).unwrap();
     assert_eq!((numbers(&log, "ABC", "V"), log.health.bytes.damaged), (vec![1.0, 3.0, 4.0], 15));
     assert_eq!(messages(&log, "BIG"), 0);
+}
+
+#[test]
+fn a_number_that_looks_like_the_head_of_a_record_is_a_number() {
+    // As in real logs of ArduPilot, which have a double of -0.0211 there: its last bytes are a head, and the record that would
+    // begin with it ends where the one with the number ends.
+    let looks_like = f64::from_bits(0x0a95_a3b8_de1c_ec0c);
+    let position = record(12, &[&2_u64.to_le_bytes(), &looks_like.to_le_bytes(), &(-5.02_f64).to_le_bytes(), &[7; 4]]);
+    assert_eq!(position.windows(3).position(|head| head == [0xa3, 0x95, 10]), Some(position.len() - 15));
+    let defined = [samples_begin(), dataflash_fmt(12, "POS", "Qddf", "TimeUS,X,Y,Z")];
+    let bytes = [defined.concat(), sample(1, 1.0), position, sample(3, 3.0)].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!((numbers(&log, "ABC", "V"), numbers(&log, "POS", "X")), (vec![1.0, 3.0], vec![looks_like]));
+    assert_eq!(log.health.bytes.damaged, 0);
 }

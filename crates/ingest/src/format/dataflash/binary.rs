@@ -117,11 +117,14 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         Ok(wrong <= 1 || self.is_padding(at) || (self.padding_from.is_none() && self.is_void(at)?))
     }
 
-    /// Whether a record within this one leads to its very end: then its type, and so its length, is wrong.
+    /// Whether a record within this one leads to its very end: then its type, and so its length, is wrong. Numbers may look
+    /// like the head of a record (-0.0211 as a double does), but hardly with a time that is near behind it.
     fn swallows(&mut self, at: u64, length: usize) -> Result<bool, IngestError> {
         let bytes = self.file.bytes(at, length)?.unwrap_or_default();
         self.inner.look(at, bytes, self.book);
-        Ok(self.inner.leads_to(at + length as u64).is_some_and(|begin| begin >= at + HEADER as u64))
+        let begin = self.inner.leads_to(at + length as u64).and_then(|begin| begin.checked_sub(at));
+        let inner = begin.filter(|begin| *begin >= HEADER as u64).and_then(|begin| bytes.get(begin as usize..));
+        Ok(inner.is_some_and(|inner| self.book.may_be_beside(inner, bytes, HEADER)))
     }
 
     /// Whether nothing but the filling at the end of the file follows.

@@ -23,6 +23,8 @@ const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
 const MOST_RESTARTS: usize = 10_000;
 /// Records follow one another within less where a counter begins anew of itself, ns.
 const WRAP_NS: i64 = 60 * NANOS_PER_SECOND;
+/// Records that stand beside one another differ by less, whatever a log leaves out, ns.
+const FAR_NS: u64 = 3600 * NANOS_PER_SECOND as u64;
 
 /// The types of a log; gives its records to the topics.
 pub(super) struct Book<'t, 'w> {
@@ -219,6 +221,16 @@ impl<'t, 'w> Book<'t, 'w> {
         let format = self.format(id)?;
         let time = format.time.filter(|_| format.fits(bytes.len()))?;
         time.read(format, Body::Packed(bytes.get(header..)?))
+    }
+
+    /// Whether a record may stand beside another, both with their headers, or behind the last one, by its time: all but those
+    /// of types with a time that is far from both.
+    pub(super) fn may_be_beside(&self, bytes: &[u8], other: &[u8], header: usize) -> bool {
+        let id_of = |bytes: &[u8]| bytes.get(header - 1).copied().unwrap_or_default();
+        let time_of = |bytes: &[u8]| self.time_of_record(id_of(bytes), bytes, header);
+        let Some(_) = self.format(id_of(bytes)).and_then(|format| format.time) else { return true };
+        let near = |ns: i64, other: Option<i64>| other.is_some_and(|other| ns.abs_diff(other) <= FAR_NS);
+        time_of(bytes).is_some_and(|ns| near(ns, self.clock.last_raw_ns()) || near(ns, time_of(other)))
     }
 
     /// What a line of text says of its time, ns: name and what follows its comma.
@@ -503,10 +515,15 @@ impl BootClock {
         self.last_ns.is_some_and(|last_ns| ns < last_ns)
     }
 
+    /// The time of the last record as the log says it.
+    fn last_raw_ns(&self) -> Option<i64> {
+        self.last_ns.map(|last_ns| last_ns.saturating_sub(self.offset_ns))
+    }
+
     /// Whether a counter of 32 bits ends between the last record and one with this time.
     fn is_wrap(&self, raw_ns: i64) -> bool {
         let ends = [1000, 1_000_000].map(|tick_ns| tick_ns << 32);
-        let last_ns = self.last_ns.unwrap_or_default().saturating_sub(self.offset_ns);
+        let last_ns = self.last_raw_ns().unwrap_or_default();
         ends.iter().any(|end| (0..WRAP_NS).contains(&(raw_ns + end).saturating_sub(last_ns)))
     }
 
