@@ -28,13 +28,9 @@ pub(crate) fn excitation(
             moving += beside_a_line(&t, &v);
         }
     }
-    let length = |p: &Piece| match (p.rows.first(), p.rows.last()) {
-        (Some(&a), Some(&b)) => first.t[b] - first.t[a],
-        _ => 0.0,
-    };
     DelayExcitation {
         samples: pieces.iter().map(|p| p.rows.len() as u64).sum(),
-        duration_s: pieces.iter().map(length).sum(),
+        duration_s: pieces.iter().map(|piece| piece.duration_s(first)).sum(),
         pieces: pieces.len() as u64,
         speed_p95_mps: percentile(speed, 0.95),
         moving_share: if all > 0.0 { moving / all } else { 0.0 },
@@ -115,8 +111,14 @@ pub(crate) fn refuse_fit(
             fit.delay_s
         ));
     }
+    if !fit.converged {
+        return Some(format!(
+            "no delay stands out: the search between {first} and {second} did not come to rest, as where they do not \
+             belong together or noise is as large as the motion. Fly a minute of turns"
+        ));
+    }
     let known = fit.standard_uncertainty_s.max(fit.crlb_s);
-    if known.is_nan() || known > settings.worst_sigma_s || !fit.converged {
+    if known.is_nan() || known > settings.worst_sigma_s {
         let more = (known / settings.worst_sigma_s).powi(2) * offer.duration_s / 60.0;
         return Some(format!(
             "the delay would be known to ±{:.0} ms (standard uncertainty, limit {:.0} ms) only. Faster and tighter turns \
@@ -133,7 +135,7 @@ pub(crate) fn refuse_fit(
 pub(crate) const SEARCH_STEP_S: f64 = 0.02;
 
 /// Share of the displacement (rms) that the second channel leaves over, over 5, 10 or 20 s, whichever is least: noise
-/// counts less the longer, drift the shorter.
+/// counts less the longer, drift the shorter. Of a flight too short for three of these, over a fifth of its longest piece.
 pub(crate) fn unexplained_share(
     first: &Horizontal,
     pieces: &[Piece],
@@ -161,5 +163,6 @@ pub(crate) fn unexplained_share(
         }
         (count >= 3 && moved2 > 0.0).then(|| (missed2 / moved2).sqrt())
     };
-    [5.0, 10.0, 20.0].into_iter().filter_map(over).min_by(f64::total_cmp)
+    let longest_s = pieces.iter().map(|piece| piece.duration_s(first)).fold(0.0, f64::max);
+    [5.0, 10.0, 20.0].into_iter().filter_map(over).min_by(f64::total_cmp).or_else(|| over(longest_s / 5.0))
 }

@@ -27,6 +27,16 @@ pub(crate) struct Piece {
     pub(crate) begun_by: String,
 }
 
+impl Piece {
+    /// From its first row to its last, s; `first` is the first channel.
+    pub(crate) fn duration_s(&self, first: &Horizontal) -> f64 {
+        match *self.rows.as_slice() {
+            [a, .., b] => first.t[b] - first.t[a],
+            _ => 0.0,
+        }
+    }
+}
+
 /// The second channel as a reference, north and east, over one stretch without gaps.
 pub(crate) type Stretch<'a> = [Box<dyn Reference + 'a>; 2];
 
