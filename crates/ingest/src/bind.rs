@@ -5,6 +5,7 @@ mod clocks;
 mod conditions;
 mod counted;
 mod dated;
+mod daytime;
 mod ecef;
 mod order;
 mod repair;
@@ -15,16 +16,18 @@ mod stated;
 mod times;
 mod told;
 mod trial;
+mod turns;
 
 pub use self::times::{RowTimes, TableTimes, row_times};
 
 use self::restarts::Joined;
-use self::rows::bind_rows;
+use self::rows::{StepBack, bind_rows};
 use self::stamps::{Tied, tie_of};
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
 use crate::map::{BENCH_ALONE, MapLibrary};
 use crate::reader::Log;
+use crate::time::set_back_for;
 use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
 use std::collections::BTreeSet;
 
@@ -48,6 +51,7 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
         return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
     }
     let joined = trials.first_mut().and_then(|best| {
+        turns::align(&mut best.plans);
         let joined = restarts::join(&best.plans, &best.map.ties, log)?;
         for plan in &mut best.plans {
             plan.stamps.iter_mut().for_each(|stamps| joined.shift(plan.table, stamps.clock, &mut stamps.nanos));
@@ -60,7 +64,7 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
 
 fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined>, forced: bool) -> (Flight, Binding) {
     let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
-    let (mut channels, mut apart) = (vec![], vec![]);
+    let (mut channels, mut apart, mut coarse, mut back) = (vec![], vec![], vec![], None);
     for (name, said) in &best.unknown {
         let text = format!("channel {name} is not bound: the log says {said}, which the channel map does not know");
         flight.notices.push(Severity::Warning, "unknown-remark", "", 1, text);
@@ -77,10 +81,13 @@ fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined
             None => no_rows(&bound.health, &mut flight.notices),
         }
         apart.extend(bound.apart.into_iter().map(|offset| (bound.health.clone(), offset)));
+        coarse.extend(bound.coarse_s.map(|step_s| (bound.health.clone(), step_s)));
+        back = back.into_iter().chain(bound.back).max_by(|a, b| a.length_s.total_cmp(&b.length_s));
         channels.push(bound.health);
     }
     told::note_apart(&apart, &mut flight.notices);
-    note_back_jumps(&channels, &mut flight.notices);
+    told::note_coarse(&coarse, &mut flight.notices);
+    note_back_jumps(&channels, back, &mut flight.notices);
     channels.sort_by(|a, b| a.name.cmp(&b.name));
     let tied = match joined {
         Some(joined) => {
@@ -122,7 +129,7 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
 }
 
 /// One notice of all channels whose stamps go back; how often each does is in its health.
-fn note_back_jumps(channels: &[ChannelHealth], notices: &mut Notices) {
+fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notices: &mut Notices) {
     let jumps = |c: &ChannelHealth| c.stamps.as_ref().map_or(0, |s| s.back_jumps);
     let back: Vec<&ChannelHealth> = channels.iter().filter(|c| jumps(c) > 0).collect();
     let Some(first) = back.first() else { return };
@@ -132,7 +139,11 @@ fn note_back_jumps(channels: &[ChannelHealth], notices: &mut Notices) {
         1 => first.source.topic.clone(),
         several => format!("{} and {} more", first.source.topic, several - 1),
     };
-    let text = format!("{which}: stamps go back; the rows were sorted by stamp");
+    let longest = longest.map_or(String::new(), |longest| {
+        let why = set_back_for(longest.length_s, longest.step_s).map_or(String::new(), |why| format!(", {why}"));
+        format!(", at most by {:.3} s{why}", longest.length_s)
+    });
+    let text = format!("{which}: stamps go back{longest}; the rows were sorted by stamp");
     notices.push(Severity::Warning, "back-jump", place, back.iter().copied().map(jumps).sum(), text);
 }
 

@@ -1,11 +1,14 @@
 //! Time written as text or as a number, to integer nanoseconds. Never asks the machine for its time zone.
 
-use jiff::civil::{Date, DateTime, Time};
+use jiff::civil::{Date, DateTime, ISOWeekDate, Time, Weekday};
 use jiff::tz::Offset;
 
 /// Unit of an epoch number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Tick {
+    Days,
+    Hours,
+    Minutes,
     Seconds,
     Millis,
     /// 100 µs.
@@ -18,6 +21,9 @@ impl Tick {
     /// Nanoseconds in one.
     pub(crate) fn nanos(self) -> i64 {
         match self {
+            Tick::Days => 86_400_000_000_000,
+            Tick::Hours => 3_600_000_000_000,
+            Tick::Minutes => 60_000_000_000,
             Tick::Seconds => 1_000_000_000,
             Tick::Millis => 1_000_000,
             Tick::TenthMillis => 100_000,
@@ -28,32 +34,56 @@ impl Tick {
 
     /// Nanoseconds of an exact number of ticks; `None` beyond the range of `i64`.
     pub(crate) fn of_integer(self, ticks: i64) -> Option<i64> {
-        ticks.checked_mul(self.nanos())
-    }
-
-    /// Nanoseconds of a double; `None` beyond the range of `i64`. Only its fraction is rounded: a double of all the
-    /// nanoseconds since 1970 would be a multiple of 256.
-    pub(crate) fn of_float(self, ticks: f64) -> Option<i64> {
-        let whole = Some(ticks.trunc()).filter(|whole| whole.abs() < 9.2e18)?;
-        self.of_integer(whole as i64)?.checked_add(((ticks - whole) * self.nanos() as f64).round() as i64)
+        self.integer_since(ticks, 0)
     }
 
     /// Nanoseconds of a decimal number as text. Plain decimals are exact to the nanosecond;
     /// digits beyond it are rounded. Others, such as `1.5e9`, go through a double.
     pub(crate) fn of_text(self, text: &str) -> Option<i64> {
-        self.of_decimal(text).or_else(|| self.of_float(text.parse().ok().filter(|t: &f64| t.is_finite())?))
+        self.text_since(text, 0)
     }
 
-    fn of_decimal(self, text: &str) -> Option<i64> {
+    /// As [`Tick::of_integer`], of ticks since an instant so many seconds after the one that counts as zero.
+    pub(crate) fn integer_since(self, ticks: i64, zero_s: i64) -> Option<i64> {
+        since(self.wide(ticks), zero_s)
+    }
+
+    /// Nanoseconds of a double of ticks since such an instant; `None` beyond the range of `i64`. Only its fraction is rounded: a
+    /// double of all the nanoseconds since 1970 would be a multiple of 256.
+    pub(crate) fn float_since(self, ticks: f64, zero_s: i64) -> Option<i64> {
+        since(self.wide_of_float(ticks)?, zero_s)
+    }
+
+    /// As [`Tick::of_text`], of ticks since such an instant.
+    pub(crate) fn text_since(self, text: &str, zero_s: i64) -> Option<i64> {
+        let float = || self.wide_of_float(text.parse().ok().filter(|t: &f64| t.is_finite())?);
+        since(self.wide_of_decimal(text).or_else(float)?, zero_s)
+    }
+
+    fn wide(self, ticks: i64) -> i128 {
+        i128::from(ticks) * i128::from(self.nanos())
+    }
+
+    fn wide_of_float(self, ticks: f64) -> Option<i128> {
+        let whole = Some(ticks.trunc()).filter(|whole| whole.abs() < 9.2e18)?;
+        Some(self.wide(whole as i64) + ((ticks - whole) * self.nanos() as f64).round() as i128)
+    }
+
+    fn wide_of_decimal(self, text: &str) -> Option<i128> {
         let (negative, digits) = match text.strip_prefix('-') {
             Some(rest) => (true, rest),
             None => (false, text.strip_prefix('+').unwrap_or(text)),
         };
         let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
         let whole: i64 = if whole.is_empty() && !fraction.is_empty() { 0 } else { unsigned(whole)? };
-        let nanos = self.of_integer(whole)?.checked_add(fraction_of(fraction, self.nanos())?)?;
+        let nanos = self.wide(whole) + i128::from(fraction_of(fraction, self.nanos())?);
         Some(if negative { -nanos } else { nanos })
     }
+}
+
+/// Nanoseconds that begin so many seconds after the instant that counts as zero.
+fn since(nanos: i128, zero_s: i64) -> Option<i64> {
+    i64::try_from(nanos + i128::from(zero_s) * 1_000_000_000).ok()
 }
 
 /// Digits only, at least one.
@@ -66,7 +96,7 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
     if fraction.is_empty() {
         return Some(0);
     }
-    // Eighteen digits of any unit up to 1e9 fit into an i128, and more do not matter.
+    // Eighteen digits of any unit up to a day fit into an i128, and more do not matter.
     let digits = fraction.get(..fraction.len().min(18))?;
     let scale = 10_i128.pow(u32::try_from(digits.len()).ok()?);
     if !fraction.bytes().all(|b| b.is_ascii_digit()) {
@@ -80,35 +110,109 @@ fn fraction_of(fraction: &str, unit: i64) -> Option<i64> {
 /// `2024-05-10 17:27:44.3+02:00`, or without a zone, which then means UTC. Also with another date whose order is certain:
 /// `2024/05/10`, or `10.05.2024`, for points stand only behind a day that comes first.
 pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
+    local_to_unix_ns(text, "Z")
+}
+
+/// As [`iso_to_unix_ns`]; without a zone the instant has the offset from UTC that is given.
+pub(crate) fn local_to_unix_ns(text: &str, offset: &str) -> Option<i64> {
     let text = text.trim();
-    let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
-    let breaks = text.match_indices(['T', 't', ' ']).map(|(at, _)| at);
-    let at = breaks.into_iter().find(|at| *at > 0 && digit(at - 1) && digit(at + 1))?;
+    let at = break_of(text)?;
     let (date, time) = (text.get(..at)?, text.get(at + 1..)?);
-    if date.len() == 8 && unsigned(date).is_some() && text.get(at..=at) != Some(" ") {
-        return basic_to_unix_ns(text);
+    if matches!(date.len(), 7 | 8) && unsigned(date).is_some() && text.get(at..=at) != Some(" ") {
+        let (hour, minute, second) = (time.get(..2)?, time.get(2..4)?, time.get(4..)?);
+        return unix_ns(plain_date(date)?, &format!("{hour}:{minute}:{second}"), offset);
     }
     let has_points = date.rsplit_once('.').is_some_and(|(_, year)| year.len() == 4);
     let with_points = || Some(date).filter(|_| has_points).and_then(|date| DateOrder::DayMonthYear.date(date));
-    unix_ns(plain_date(date).or_else(with_points)?, time, "Z")
+    unix_ns(plain_date(date).or_else(with_points)?, time, offset)
 }
 
-/// The basic format, `20240510T172744.30Z`.
-fn basic_to_unix_ns(text: &str) -> Option<i64> {
-    let rest = text.get(9..)?;
-    let (hour, minute, second) = (rest.get(..2)?, rest.get(2..4)?, rest.get(4..)?);
-    unix_ns(plain_date(text.get(..8)?)?, &format!("{hour}:{minute}:{second}"), "Z")
+/// Where `T` or a blank stands between the date and the time of an instant.
+fn break_of(text: &str) -> Option<usize> {
+    let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
+    let mut breaks = text.match_indices(['T', 't', ' ']).map(|(at, _)| at);
+    breaks.find(|at| *at > 0 && digit(at - 1) && digit(at + 1))
+}
+
+/// Whether an instant says its zone.
+pub(crate) fn says_zone(text: &str) -> bool {
+    let text = text.trim();
+    zone_at(text.get(break_of(text).map_or(0, |at| at + 1)..).unwrap_or_default()).is_some()
+}
+
+/// Where the zone behind a time of day begins.
+fn zone_at(time: &str) -> Option<usize> {
+    time.find(['Z', 'z', '+', '-', 'U', 'G'])
 }
 
 /// Nanoseconds since 1970 of a date, a time of day `hh:mm:ss[.fff]`, which `AM` or `PM` may follow, and an offset
 /// `+hh:mm`, `Z`, `UTC` or `GMT`. One that stands behind the time counts instead.
 pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
-    let (time, own) = time.split_at_checked(time.find(['Z', 'z', '+', '-', 'U', 'G']).unwrap_or(time.len()))?;
+    let (time, own) = time.split_at_checked(zone_at(time).unwrap_or(time.len()))?;
     let offset = if own.is_empty() { offset } else { own };
     let (time, nanos) = time_of_day(time.trim_end())?;
     let seconds =
         Offset::from_seconds(offset_seconds(offset)?).ok()?.to_timestamp(DateTime::from_parts(date, time)).ok()?;
     seconds.as_second().checked_mul(1_000_000_000)?.checked_add(nanos)
+}
+
+/// Nanoseconds since midnight of a time of day `hh:mm:ss[.fff]`.
+pub(crate) fn since_midnight_ns(time: &str) -> Option<i64> {
+    let time = time.trim();
+    let (time, nanos) = time_of_day(time.get(..zone_at(time).unwrap_or(time.len()))?.trim_end())?;
+    let seconds = 3600 * i64::from(time.hour()) + 60 * i64::from(time.minute()) + i64::from(time.second());
+    (seconds * 1_000_000_000).checked_add(nanos)
+}
+
+/// A time of day written as a number, `hhmmss[.fff]`, with colons; zeros in front may be missing. Of one with fewer digits
+/// than four nobody knows whether it is a time of day; of all that are none it is `None`.
+pub(crate) fn with_colons(time: &str) -> Option<String> {
+    let time = time.trim();
+    let whole = time.bytes().take_while(u8::is_ascii_digit).count();
+    let (digits, rest) = time.split_at_checked(whole).filter(|_| (1..=6).contains(&whole))?;
+    let digits = format!("{digits:0>6}");
+    let text = format!("{}:{}:{}{rest}", digits.get(..2)?, digits.get(2..4)?, digits.get(4..)?);
+    (!rest.contains(':') && since_midnight_ns(&text).is_some()).then_some(text)
+}
+
+/// A day of a year and the time in it, as time codes of ranges are written (IRIG 200 counts days like this):
+/// `[yyyy:]ddd:hh:mm:ss[.ffffff]`. Instead of the colons in front of the hours `-`, `/`, `T` or a blank may stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct DayOfYear {
+    /// If it is written.
+    pub(crate) year: Option<i16>,
+    /// From 1.
+    pub(crate) day: i64,
+    /// Since midnight.
+    pub(crate) nanos: i64,
+}
+
+impl DayOfYear {
+    /// `None` if it is none.
+    pub(crate) fn of_text(text: &str) -> Option<DayOfYear> {
+        let (first, rest) = number_in_front(text.trim())?;
+        let (year, day, time) = match (first.len(), rest) {
+            (4, rest) => {
+                let (day, time) = number_in_front(rest)?;
+                (Some(i16::try_from(unsigned(first)?).ok()?), day, time)
+            }
+            (1..=3, rest) => (None, first, rest),
+            _ => return None,
+        };
+        let day = unsigned(day).filter(|n| day.len() <= 3 && (1..=366).contains(n))?;
+        Some(DayOfYear { year, day, nanos: since_midnight_ns(time)? })
+    }
+}
+
+/// Digits, and what stands behind the separator that follows them.
+fn number_in_front(text: &str) -> Option<(&str, &str)> {
+    let (digits, rest) = text.split_at_checked(text.bytes().take_while(u8::is_ascii_digit).count())?;
+    Some((digits, rest.strip_prefix([':', '-', '/', ' ', 'T'])?))
+}
+
+/// Nanoseconds since 1970 at the begin of a year, UTC.
+pub(crate) fn year_begin_unix_ns(year: i16) -> Option<i64> {
+    unix_ns(Date::new(year, 1, 1).ok()?, "00:00", "Z")
 }
 
 /// Nanoseconds since 1970 of year, month, day, hour, minute, second and nanosecond, UTC.
@@ -166,7 +270,7 @@ fn two_digits(text: &str) -> Option<i8> {
 }
 
 /// `Z`, `UTC`, `GMT`, `+hh:mm`, `+hhmm` or `+hh`, in seconds east.
-fn offset_seconds(text: &str) -> Option<i32> {
+pub(crate) fn offset_seconds(text: &str) -> Option<i32> {
     if text.eq_ignore_ascii_case("Z") || ["UTC", "GMT"].contains(&text) {
         return Some(0);
     }
@@ -181,9 +285,9 @@ fn offset_seconds(text: &str) -> Option<i32> {
 }
 
 /// A date whose order is certain: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, or with the month in English letters,
-/// `dd-Mon-yyyy` or `dd Mon yyyy`.
+/// `dd-Mon-yyyy` or `dd Mon yyyy`; by the day of the year, `yyyy-ddd` or `yyyyddd`, or by the week, `yyyy-Www-d`.
 pub(crate) fn plain_date(text: &str) -> Option<Date> {
-    if let Some(date) = named_month(text) {
+    if let Some(date) = named_month(text).or_else(|| ordinal_date(text)).or_else(|| week_date(text)) {
         return Some(date);
     }
     if text.len() == 8 && text.bytes().all(|b| b.is_ascii_digit()) {
@@ -192,6 +296,25 @@ pub(crate) fn plain_date(text: &str) -> Option<Date> {
         return iso_date(&format!("{year}-{month}-{day}"));
     }
     iso_date(text).or_else(|| iso_date(&text.replace('/', "-")))
+}
+
+/// `yyyy-ddd` or `yyyyddd`.
+fn ordinal_date(text: &str) -> Option<Date> {
+    let (year, day) = text.split_at_checked(4)?;
+    let day = day.strip_prefix('-').unwrap_or(day);
+    let day = i16::try_from(unsigned(day).filter(|_| day.len() == 3)?).ok()?;
+    Date::new(i16::try_from(unsigned(year)?).ok()?, 1, 1).ok()?.with().day_of_year(day).build().ok()
+}
+
+/// `yyyy-Www-d` or `yyyyWwwd`; 1 is Monday.
+fn week_date(text: &str) -> Option<Date> {
+    let (year, rest) = text.split_once('W')?;
+    let year = year.strip_suffix('-').unwrap_or(year);
+    let (week, day) = rest.split_at_checked(2)?;
+    let day = day.strip_prefix('-').unwrap_or(day);
+    let year = i16::try_from(unsigned(year).filter(|_| year.len() == 4)?).ok()?;
+    let weekday = Weekday::from_monday_one_offset(i8::try_from(unsigned(day)?).ok()?).ok()?;
+    Some(ISOWeekDate::new(year, two_digits(week)?, weekday).ok()?.date())
 }
 
 fn named_month(text: &str) -> Option<Date> {
@@ -215,7 +338,7 @@ pub(crate) fn iso_date(text: &str) -> Option<Date> {
     Date::new(i16::try_from(unsigned(year)?).ok()?, two_digits(month)?, two_digits(day)?).ok()
 }
 
-/// The order of day, month and year in dates whose writing leaves it open: `05/06/2021`, `5-6-2021`, `05.06.21`.
+/// The order of day, month and year in dates whose writing leaves it open: `05/06/2021`, `5-6-2021`, `05.06.21`, `050621`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum DateOrder {
     /// `23/06/2021`.
@@ -268,6 +391,9 @@ impl DateOrder {
 
     /// The date, if it is an open one and has this order. Years of two digits are those from 1980 to 2079.
     pub(crate) fn date(self, text: &str) -> Option<Date> {
+        if text.bytes().all(|b| b.is_ascii_digit()) {
+            return self.of_digits(text);
+        }
         let mut parts = text.split(text.chars().find(|c| matches!(c, '/' | '-' | '.'))?);
         let parts = [parts.next()?, parts.next()?, parts.next().filter(|_| parts.next().is_none())?];
         let [day, month, year] = match (self, parts) {
@@ -283,6 +409,17 @@ impl DateOrder {
             _ => return None,
         };
         Date::new(year, small(month)?, small(day)?).ok()
+    }
+
+    /// The same without separators: `050621`, or with a year of four digits that stands behind, `05062021`.
+    fn of_digits(self, text: &str) -> Option<Date> {
+        let (first, rest) = text.split_at_checked(2).filter(|_| matches!(text.len(), 6 | 8))?;
+        let (second, third) = rest.split_at_checked(2)?;
+        // No month is 19 or 20, so that yyyymmdd is none of these.
+        if third.len() == 4 && !third.starts_with("19") && !third.starts_with("20") {
+            return None;
+        }
+        self.date(&format!("{first}/{second}/{third}"))
     }
 }
 
@@ -358,12 +495,92 @@ mod tests {
     #[test]
     fn a_double_of_seconds_is_read_to_its_own_last_bit() {
         // Its neighbours are 238 ns away; python3: decimal.Decimal(1700000000.123456) = 1700000000.1234560013...
-        assert_eq!(Tick::Seconds.of_float(1_700_000_000.123_456), Some(1_700_000_000_123_456_001));
-        assert_eq!(Tick::Seconds.of_float(-0.25), Some(-250_000_000));
-        assert_eq!(Tick::Micros.of_float(1.5), Some(1500));
+        assert_eq!(Tick::Seconds.float_since(1_700_000_000.123_456, 0), Some(1_700_000_000_123_456_001));
+        assert_eq!(Tick::Seconds.float_since(-0.25, 0), Some(-250_000_000));
+        assert_eq!(Tick::Micros.float_since(1.5, 0), Some(1500));
         for none in [f64::NAN, f64::INFINITY, 1e10, -1e300] {
-            assert_eq!(Tick::Seconds.of_float(none), None, "{none}");
+            assert_eq!(Tick::Seconds.float_since(none, 0), None, "{none}");
         }
+    }
+
+    #[test]
+    fn days_since_other_epochs_are_exact_although_they_are_beyond_64_bits_of_nanoseconds() {
+        // 2024-05-10T17:27:44.3Z is day 60440.7275960648... of the modified Julian date.
+        let truth = 1_715_362_064_300_000_000_i64;
+        let nanos_of_day = truth % (86_400 * 1_000_000_000);
+        for (day_of_1970, digits) in [(0_i64, 15), (25_569, 15), (719_529, 15), (2_440_588, 15)] {
+            let day = truth / (86_400 * 1_000_000_000) + day_of_1970;
+            let fraction = i128::from(nanos_of_day) * 10_i128.pow(digits) / (86_400 * 1_000_000_000_i128);
+            let text = format!("{day}.{fraction:0width$}", width = digits as usize);
+            let found = Tick::Days.text_since(&text, -day_of_1970 * 86_400).unwrap();
+            assert!(found.abs_diff(truth) <= 1, "{text}: {found}");
+        }
+        assert_eq!(Tick::Days.integer_since(719_529, -719_529 * 86_400), Some(0));
+        assert_eq!(Tick::Days.float_since(2_440_588.0, -2_440_587 * 86_400 - 43_200), Some(43_200_000_000_000));
+        assert_eq!(Tick::Days.of_text("719529"), None);
+    }
+
+    #[test]
+    fn a_day_of_a_year_is_read_in_the_ways_that_time_codes_are_written() {
+        // date -u -d '2024-05-10' +%j is 131.
+        let nanos = ((17 * 60 + 27) * 60 + 44) * 1_000_000_000 + 300_000_000;
+        for text in ["131:17:27:44.300000", "131 17:27:44.3", "131-17:27:44.3", "131/17:27:44:300", " 131:17:27:44.3Z "]
+        {
+            assert_eq!(DayOfYear::of_text(text), Some(DayOfYear { year: None, day: 131, nanos }), "{text}");
+        }
+        for text in ["2024:131:17:27:44.300", "2024-131T17:27:44.3Z", "2024 131 17:27:44.3", "2024/131/17:27:44.3"] {
+            assert_eq!(DayOfYear::of_text(text), Some(DayOfYear { year: Some(2024), day: 131, nanos }), "{text}");
+            let unix = year_begin_unix_ns(2024).unwrap() + 130 * 86_400_000_000_000 + nanos;
+            assert_eq!(unix, 1_715_362_064_300_000_000);
+        }
+        assert_eq!(DayOfYear::of_text("007:00:00:00").map(|d| d.day), Some(7));
+        for text in [
+            "",
+            "131",
+            "000:17:27:44",
+            "367:17:27:44",
+            "24:131:17:27:44",
+            "131:24:27:44",
+            "17:27:44.3",
+            "131:17:27:44.3x",
+        ] {
+            assert_eq!(DayOfYear::of_text(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn dates_by_the_day_of_the_year_and_by_the_week_are_those_that_date_prints() {
+        // date -u -d '2024-05-10' '+%G-W%V-%u' is 2024-W19-5; 2020-12-31 is day 366 and 2020-W53-4; 2021-01-03 is 2020-W53-7.
+        for (text, date) in [
+            ("2024-131", "2024-05-10"),
+            ("2024131", "2024-05-10"),
+            ("2024-W19-5", "2024-05-10"),
+            ("2024W195", "2024-05-10"),
+            ("2020-366", "2020-12-31"),
+            ("2020-W53-7", "2021-01-03"),
+        ] {
+            assert_eq!(plain_date(text), iso_date(date), "{text}");
+        }
+        for none in ["2023-366", "2024-000", "2024-W54-1", "2024-W19-8", "2024-W19", "2024-31"] {
+            assert_eq!(plain_date(none), None, "{none}");
+        }
+        for instant in ["2024-131T17:27:44.30Z", "2024131T172744.3Z", "2024-W19-5T17:27:44.3"] {
+            assert_eq!(iso_to_unix_ns(instant), Some(1_715_362_064_300_000_000), "{instant}");
+        }
+    }
+
+    #[test]
+    fn a_time_of_day_without_colons_is_one_only_if_its_digits_can_be() {
+        for (text, colons) in
+            [("172744.30", "17:27:44.30"), ("92344", "09:23:44"), ("5", "00:00:05"), ("000005.25Z", "00:00:05.25Z")]
+        {
+            assert_eq!(with_colons(text).as_deref(), Some(colons));
+        }
+        for none in ["", "62864.30", "246060", "1727440", "17:27:44", "-5", "x"] {
+            assert_eq!(with_colons(none), None, "{none}");
+        }
+        assert!(says_zone("2024-05-10T17:27:44Z") && says_zone("172744+02") && says_zone("2024-05-10 5:27:44 PM GMT"));
+        assert!(!says_zone("2024-05-10T17:27:44") && !says_zone("05-Oct-2024 10:00:00") && !says_zone("17:27:44.3"));
     }
 
     #[test]
@@ -387,14 +604,24 @@ mod tests {
     #[test]
     fn an_open_date_is_read_in_its_order_or_not_at_all() {
         let day = iso_date("2021-06-05");
-        for text in ["05/06/2021", "5-6-2021", "05.06.2021", "5.6.21", "05/06/21"] {
+        for text in ["05/06/2021", "5-6-2021", "05.06.2021", "5.6.21", "05/06/21", "050621", "05062021"] {
             assert_eq!(DateOrder::DayMonthYear.date(text), day, "{text}");
         }
         assert_eq!(DateOrder::MonthDayYear.date("06/05/2021"), day);
         assert_eq!(DateOrder::YearMonthDay.date("21-06-05"), day);
         assert_eq!(DateOrder::DayMonthYear.date("05/06/99"), iso_date("1999-06-05"));
-        for none in ["2021/06/05", "05/06/021", "31/02/2021", "05/06-2021", "5/6", "5/6/21/1", "٥/6/2021", "-5/6/2021"]
-        {
+        for none in [
+            "2021/06/05",
+            "05/06/021",
+            "31/02/2021",
+            "05/06-2021",
+            "5/6",
+            "5/6/21/1",
+            "50621",
+            "20210605",
+            "٥/6/2021",
+            "-5/6/2021",
+        ] {
             assert_eq!(DateOrder::DayMonthYear.date(none), None, "{none}");
         }
     }

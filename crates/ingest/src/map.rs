@@ -1,15 +1,15 @@
 //! Channel maps as they are meant: checked, with units and patterns resolved.
 
-use crate::civil::{DateOrder, Tick};
+use crate::civil::{DateOrder, Tick, offset_seconds};
 use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
     self, ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
-    OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, UtcEntry, WhenEntry,
+    OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
-use flight::{Clock, Dimension, Quantity, StampKind, Unit};
+use flight::{Clock, Dimension, GPS_EPOCH_UNIX_S, Quantity, StampKind, TAI_LESS_GPS_S, Unit};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -38,6 +38,7 @@ const SHIPPED: &[(&str, &str)] = &[
     ("oxts-csv.toml", include_str!("../../../pipelines/channel-maps/oxts-csv.toml")),
     ("px4-ecl-replay.toml", include_str!("../../../pipelines/channel-maps/px4-ecl-replay.toml")),
     ("px4-ros2.toml", include_str!("../../../pipelines/channel-maps/px4-ros2.toml")),
+    ("px4-sdlog2.toml", include_str!("../../../pipelines/channel-maps/px4-sdlog2.toml")),
     ("px4-ulog.toml", include_str!("../../../pipelines/channel-maps/px4-ulog.toml")),
     ("septentrio-ros.toml", include_str!("../../../pipelines/channel-maps/septentrio-ros.toml")),
     ("ublox-ros.toml", include_str!("../../../pipelines/channel-maps/ublox-ros.toml")),
@@ -195,6 +196,10 @@ pub(crate) enum TimeSource {
         field: String,
         tick: Tick,
         clock: Clock,
+        /// What the number counts from, in seconds of the clock.
+        zero_s: i64,
+        /// Of a counter that begins anew at zero.
+        bits: u32,
     },
     GpsWeek {
         week: String,
@@ -205,19 +210,32 @@ pub(crate) enum TimeSource {
     },
     Iso {
         field: String,
+        /// The offset from UTC of what does not say it.
+        zone: Option<String>,
     },
     Civil {
         date: String,
         time: String,
         offset: Option<String>,
+        zone: Option<String>,
         /// Of dates that leave it open; `None` if they are to show it.
         order: Option<DateOrder>,
     },
     /// Year, month, day, hour, minute, second, and perhaps nanoseconds.
     Calendar {
         fields: Vec<String>,
+        zone: Option<String>,
         /// A counter of the device, which dates rows without a date.
         counter: Option<(String, Tick)>,
+    },
+    DayOfYear {
+        field: String,
+        /// Of the first row, if no row says it.
+        year: Option<i16>,
+        zone: Option<String>,
+    },
+    TimeOfDay {
+        field: String,
     },
 }
 
@@ -323,11 +341,12 @@ fn closeness(topics: &[String], types: &[String], topic: &TopicInfo) -> Option<C
 }
 
 impl TimeSource {
-    /// The clock that it counts.
+    /// The clock that it counts, as far as the map knows it.
     pub(crate) fn clock(&self) -> Clock {
         match self {
             TimeSource::Number { clock, .. } => *clock,
             TimeSource::GpsWeek { .. } => Clock::Gps,
+            TimeSource::DayOfYear { year: None, .. } | TimeSource::TimeOfDay { .. } => Clock::Elapsed,
             _ => Clock::Unix,
         }
     }
@@ -337,7 +356,10 @@ impl TimeSource {
         match self {
             TimeSource::ContainerLogged => "log".into(),
             TimeSource::ContainerPublished => "publish".into(),
-            TimeSource::Number { field, .. } | TimeSource::Iso { field } => field.clone(),
+            TimeSource::Number { field, .. }
+            | TimeSource::Iso { field, .. }
+            | TimeSource::DayOfYear { field, .. }
+            | TimeSource::TimeOfDay { field } => field.clone(),
             TimeSource::GpsWeek { week, field, .. } => format!("{week}, {field}"),
             TimeSource::Civil { date, time, .. } => format!("{date}, {time}"),
             TimeSource::Calendar { fields, .. } => fields.join(", "),
@@ -349,19 +371,23 @@ impl TimeSource {
         match self {
             TimeSource::ContainerLogged | TimeSource::ContainerPublished => vec![],
             // Text keeps every digit of a decimal fraction.
-            TimeSource::Number { field, tick: Tick::Seconds | Tick::Millis, .. } => vec![ask(field, ValueKind::Text)],
-            TimeSource::Number { field, .. } => vec![ask(field, ValueKind::Number)],
+            TimeSource::Number { field, tick: Tick::TenthMillis | Tick::Micros | Tick::Nanos, .. } => {
+                vec![ask(field, ValueKind::Number)]
+            }
+            TimeSource::Number { field, .. } => vec![ask(field, ValueKind::Text)],
             TimeSource::GpsWeek { week, field, tick, nanos } => {
                 let kind = if *tick == Tick::Seconds { ValueKind::Text } else { ValueKind::Number };
                 let nanos = nanos.iter().map(|nanos| ask(nanos, ValueKind::Number));
                 [ask(week, ValueKind::Number), ask(field, kind)].into_iter().chain(nanos).collect()
             }
-            TimeSource::Calendar { fields, counter } => {
+            TimeSource::Calendar { fields, counter, zone: _ } => {
                 let counter = counter.iter().map(|(field, _)| field);
                 fields.iter().chain(counter).map(|f| ask(f, ValueKind::Number)).collect()
             }
-            TimeSource::Iso { field } => vec![ask(field, ValueKind::Text)],
-            TimeSource::Civil { date, time, offset, order: _ } => [Some(date), Some(time), offset.as_ref()]
+            TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {
+                vec![ask(field, ValueKind::Text)]
+            }
+            TimeSource::Civil { date, time, offset, zone: _, order: _ } => [Some(date), Some(time), offset.as_ref()]
                 .into_iter()
                 .flatten()
                 .map(|f| ask(f, ValueKind::Text))
@@ -620,8 +646,8 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
         return Err("no source of stamps".into());
     }
     for require in &entry.require {
-        if require.min.is_none() && require.max.is_none() {
-            return Err(format!("require {}: neither min nor max", require.field));
+        if require.min.is_none() && require.max.is_none() && require.bit.is_none() {
+            return Err(format!("require {}: neither min nor max nor bit", require.field));
         }
         if require.of.is_empty() != require.same.all().is_empty() {
             return Err(format!("require {}: `of` goes with `same`", require.field));
@@ -873,7 +899,8 @@ fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
         return Err("a condition is one on the message itself".into());
     }
     let (stamp, utc) = (time_source(&entry.stamp)?, time_source(&entry.utc)?);
-    let clock = stamp.clock();
+    // A container whose own stamps need a date counts since boot.
+    let clock = if matches!(stamp, TimeSource::ContainerLogged) { Clock::Boot } else { stamp.clock() };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
         return Err("the stamp that is tied counts boot or elapsed".into());
     }
@@ -885,50 +912,63 @@ fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
 }
 
 fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
-    let clock = entry.clock.map(|c| match c {
-        ClockName::Unix => Clock::Unix,
-        ClockName::Gps => Clock::Gps,
-        ClockName::Boot => Clock::Boot,
-        ClockName::Elapsed => Clock::Elapsed,
-    });
+    only_where_it_counts(entry)?;
+    let clock = entry.clock.map(clock_of);
     let entry = entry.clone();
-    let TimeEntry { container, field, unit, text, week, nanos, calendar, counter, date, order, time, offset, clock: _ } =
-        entry;
-    if order.is_some() && date.is_none() {
-        return Err("an order goes with a date".into());
-    }
+    let TimeEntry {
+        container,
+        field,
+        unit,
+        text,
+        week,
+        nanos,
+        calendar,
+        counter,
+        date,
+        order,
+        time,
+        offset,
+        zone,
+        year,
+        bits,
+        clock: _,
+    } = entry;
     let order = order.map(|order| match order {
         OrderName::DayMonthYear => DateOrder::DayMonthYear,
         OrderName::MonthDayYear => DateOrder::MonthDayYear,
         OrderName::YearMonthDay => DateOrder::YearMonthDay,
     });
-    if nanos.is_some() && week.is_none() {
-        return Err("nanos go with a week".into());
-    }
-    if counter.is_some() && calendar.is_none() {
-        return Err("a counter goes with a calendar".into());
-    }
-    let of_utc = matches!(clock, None | Some(Clock::Unix));
+    let of_utc = matches!(clock, None | Some((Clock::Unix, 0)));
     match (container, field, unit, text, week, calendar, date, time, offset) {
         (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => Ok(match container {
             ContainerStamp::Logged => TimeSource::ContainerLogged,
             ContainerStamp::Published => TimeSource::ContainerPublished,
         }),
         (None, Some(field), Some(unit), None, None, None, None, None, None) => {
-            let clock = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
-            Ok(TimeSource::Number { field, tick: tick_of(unit), clock })
+            let (clock, epoch_s) = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
+            let east_s = zone.as_deref().and_then(offset_seconds).map_or(0, i64::from);
+            let (tick, zero_s) = (tick_of(unit), epoch_s - east_s);
+            Ok(TimeSource::Number { field, tick, clock, zero_s, bits: bits.unwrap_or(USUAL_BITS) })
         }
         (None, Some(field), Some(unit), None, Some(week), None, None, None, None)
-            if matches!(clock, None | Some(Clock::Gps)) =>
+            if matches!(clock, None | Some((Clock::Gps, 0))) =>
         {
             Ok(TimeSource::GpsWeek { week, field, tick: tick_of(unit), nanos })
         }
-        (None, Some(field), None, Some(_), None, None, None, None, None) if of_utc => Ok(TimeSource::Iso { field }),
+        (None, Some(field), None, Some(TimeText::Iso8601), None, None, None, None, None) if of_utc => {
+            Ok(TimeSource::Iso { field, zone })
+        }
+        (None, Some(field), None, Some(TimeText::DayOfYear), None, None, None, None, None) if clock.is_none() => {
+            Ok(TimeSource::DayOfYear { field, year, zone })
+        }
+        (None, Some(field), None, Some(TimeText::TimeOfDay), None, None, None, None, None) if clock.is_none() => {
+            Ok(TimeSource::TimeOfDay { field })
+        }
         (None, None, None, None, None, None, Some(date), Some(time), offset) if of_utc => {
-            Ok(TimeSource::Civil { date, time, offset, order })
+            Ok(TimeSource::Civil { date, time, offset, zone, order })
         }
         (None, None, None, None, None, Some(fields), None, None, None) if of_utc => match fields.len() {
-            6 | 7 => Ok(TimeSource::Calendar { fields, counter: counter.map(|c| (c.field, tick_of(c.unit))) }),
+            6 | 7 => Ok(TimeSource::Calendar { fields, zone, counter: counter.map(|c| (c.field, tick_of(c.unit))) }),
             _ => Err("a calendar is year, month, day, hour, minute, second, and perhaps nanoseconds".into()),
         },
         _ => Err("a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with a \
@@ -937,8 +977,54 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
     }
 }
 
+/// A counter of a device, if nobody says otherwise.
+pub(crate) const USUAL_BITS: u32 = 32;
+
+/// Refuses what the rest of a source of stamps does not need.
+fn only_where_it_counts(entry: &TimeEntry) -> Result<(), String> {
+    let refused = |wrong: bool, why: &str| if wrong { Err(why.to_owned()) } else { Ok(()) };
+    let clock = entry.clock.map(clock_of);
+    let counter = entry.week.is_none() && matches!(clock, Some((Clock::Boot | Clock::Elapsed, _)));
+    let days = matches!(entry.text, Some(TimeText::DayOfYear));
+    let dated = match entry.text {
+        Some(text) => !matches!(text, TimeText::TimeOfDay),
+        None => entry.date.is_some() || entry.calendar.is_some() || matches!(clock, Some((Clock::Unix, _))),
+    };
+    refused(entry.order.is_some() && entry.date.is_none(), "an order goes with a date")?;
+    refused(entry.nanos.is_some() && entry.week.is_none(), "nanos go with a week")?;
+    refused(entry.counter.is_some() && entry.calendar.is_none(), "a counter goes with a calendar")?;
+    refused(entry.year.is_some() && !days, "a year goes with days of the year")?;
+    refused(entry.bits.is_some() && !counter, "bits go with a counter of the clock boot or elapsed")?;
+    refused(entry.bits.is_some_and(|bits| !(8..=48).contains(&bits)), "a counter has 8 to 48 bits")?;
+    refused(entry.zone.is_some() && (!dated || entry.offset.is_some()), "a zone goes with a date that has no offset")?;
+    refused(
+        entry.zone.as_deref().is_some_and(|zone| offset_seconds(zone).is_none()),
+        "a zone is an offset from UTC, as +02:00",
+    )
+}
+
+/// The clock, and what is counted from, in seconds of the clock.
+fn clock_of(name: ClockName) -> (Clock, i64) {
+    const DAY_S: i64 = 86_400;
+    match name {
+        ClockName::Unix => (Clock::Unix, 0),
+        ClockName::Gps => (Clock::Gps, 0),
+        ClockName::Boot => (Clock::Boot, 0),
+        ClockName::Elapsed => (Clock::Elapsed, 0),
+        ClockName::Tai => (Clock::Gps, -(GPS_EPOCH_UNIX_S + TAI_LESS_GPS_S)),
+        ClockName::Labview => (Clock::Unix, -24_107 * DAY_S),
+        ClockName::Excel => (Clock::Unix, -25_569 * DAY_S),
+        ClockName::Matlab => (Clock::Unix, -719_529 * DAY_S),
+        ClockName::ModifiedJulian => (Clock::Unix, -40_587 * DAY_S),
+        ClockName::Julian => (Clock::Unix, -2_440_587 * DAY_S - DAY_S / 2),
+    }
+}
+
 fn tick_of(unit: TickName) -> Tick {
     match unit {
+        TickName::D => Tick::Days,
+        TickName::H => Tick::Hours,
+        TickName::Min => Tick::Minutes,
         TickName::S => Tick::Seconds,
         TickName::Ms => Tick::Millis,
         TickName::TenthMs => Tick::TenthMillis,

@@ -63,7 +63,7 @@ pub(crate) struct UtcEntry {
     pub(crate) require: Vec<RequireEntry>,
 }
 
-/// One source of stamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and `offset`,
+/// One source of stamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and `offset` or `zone`,
 /// or `week` with `field` and `unit`, or `calendar`.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -82,20 +82,27 @@ pub(crate) struct TimeEntry {
     pub(crate) week: Option<String>,
     /// With a week: a field of nanoseconds to be added.
     pub(crate) nanos: Option<String>,
-    /// Columns of year, month, day, hour, minute and second (UTC), and perhaps one of the nanoseconds.
+    /// Columns of year, month, day, hour, minute and second, which may have a fraction, and perhaps one of the nanoseconds.
     pub(crate) calendar: Option<Vec<String>>,
     /// With a calendar: a counter of the device, which dates rows that have no date, or one that is more than a day off
     /// those of most rows.
     pub(crate) counter: Option<CounterEntry>,
-    /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `dd.mm.yyyy` or `dd-Mon-yyyy`; or one that leaves open
-    /// what is the day, as `05/06/2021`, where the column shows the order or `order` says it.
+    /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `yyyy-ddd`, `dd.mm.yyyy` or `dd-Mon-yyyy`; or one that leaves
+    /// open what is the day, as `05/06/2021` or `050621`, where the column shows the order or `order` says it.
     pub(crate) date: Option<String>,
     /// With a date: the order of day, month and year.
     pub(crate) order: Option<OrderName>,
-    /// Column of a time of day, `hh:mm:ss`.
+    /// Column of a time of day, `hh:mm:ss`, or `hhmmss` if all its rows can be that.
     pub(crate) time: Option<String>,
     /// Column of the offset from UTC, `+hh:mm`.
     pub(crate) offset: Option<String>,
+    /// The offset from UTC of all rows, `+hh:mm`, for dates that do not say it themselves. Without it they are UTC. It is one
+    /// offset and no zone whose offset changes in spring and autumn.
+    pub(crate) zone: Option<String>,
+    /// The year in which the log begins, for days of the year without one.
+    pub(crate) year: Option<i16>,
+    /// The bits of a counter that begins anew at zero, if they are not 32.
+    pub(crate) bits: Option<u32>,
     /// The clock that is counted; `unix` where text says the instant.
     pub(crate) clock: Option<ClockName>,
 }
@@ -124,6 +131,12 @@ pub(crate) enum ContainerStamp {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum TickName {
+    /// Days.
+    D,
+    /// Hours.
+    H,
+    /// Minutes.
+    Min,
     /// Seconds.
     S,
     /// Milliseconds.
@@ -144,6 +157,11 @@ pub(crate) enum TimeText {
     /// `2024-05-10T17:27:44.30Z`; without a zone it is UTC.
     #[serde(rename = "iso-8601")]
     Iso8601,
+    /// Day of the year and time, as IRIG time codes are written: `131:17:27:44.300000`, or with the year in front. Without a
+    /// year the clock is `elapsed`, since the begin of some year.
+    DayOfYear,
+    /// `17:27:44.300` or `172744.300`, of no known day: the clock is `elapsed`, since midnight.
+    TimeOfDay,
 }
 
 /// What a date begins with.
@@ -170,6 +188,18 @@ pub(crate) enum ClockName {
     Boot,
     /// Since an unnamed start.
     Elapsed,
+    /// Atomic time since 1970, as PTP (IEEE 1588) counts it: leap seconds counted.
+    Tai,
+    /// UTC since 1904, as LabVIEW counts seconds.
+    Labview,
+    /// UTC in days since 1899-12-30, as spreadsheets count.
+    Excel,
+    /// UTC in days since the year 0, as MATLAB's `datenum`.
+    Matlab,
+    /// UTC in days of the modified Julian date.
+    ModifiedJulian,
+    /// UTC in days of the Julian date. A double of it is no better than 20 µs.
+    Julian,
 }
 
 /// A kind of stamp.
@@ -415,6 +445,8 @@ pub(crate) struct RequireEntry {
     pub(crate) min: Option<f64>,
     /// Its largest value.
     pub(crate) max: Option<f64>,
+    /// A bit that is set, counted from 0 at the lowest.
+    pub(crate) bit: Option<u32>,
 }
 
 /// One field, or several that mean something together.
@@ -445,7 +477,10 @@ impl FieldNames {
 impl RequireEntry {
     /// Whether a value fulfils the condition; a NaN does not.
     pub(crate) fn met_by(&self, value: f64) -> bool {
-        self.min.is_none_or(|min| value >= min) && self.max.is_none_or(|max| value <= max)
+        let is_set = |bit: u32| (value / 2_f64.powi(bit as i32)).floor().rem_euclid(2.0) == 1.0;
+        self.min.is_none_or(|min| value >= min)
+            && self.max.is_none_or(|max| value <= max)
+            && self.bit.is_none_or(is_set)
     }
 }
 

@@ -66,7 +66,8 @@ impl Condition<'_> {
         let field = &self.entry.field;
         let min = self.entry.min.map(|min| format!("{field} is below {min}"));
         let max = self.entry.max.map(|max| format!("{field} is above {max}"));
-        topic + &[min, max].into_iter().flatten().collect::<Vec<_>>().join(" or ")
+        let bit = self.entry.bit.map(|bit| format!("bit {bit} of {field} is not set"));
+        topic + &[min, max, bit].into_iter().flatten().collect::<Vec<_>>().join(" or ")
     }
 }
 

@@ -1,7 +1,8 @@
 //! Stamps from a column of dates and one of the time of day.
 
+use super::daytime::{DAY_NS, TimesOfDay};
 use super::repair::Repair;
-use crate::civil::{DateOrder, plain_date, unix_ns};
+use crate::civil::{DateOrder, plain_date, says_zone, unix_ns};
 use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::redate_days;
@@ -18,30 +19,36 @@ const STALE: &str = "rows behind midnight that still have the old date are dated
 /// Where a log's columns have types, as in what was recovered of a table, a date of digits and an offset of digits are numbers.
 struct Civil<'a> {
     date: &'a Column,
-    time: &'a Column,
+    time: TimesOfDay<'a>,
     offset: Option<&'a Column>,
+    /// The offset of rows where no column says it.
+    zone: &'a str,
     order: Option<DateOrder>,
 }
 
 impl<'a> Civil<'a> {
-    fn of(source: &TimeSource, table: &'a Table) -> Option<Civil<'a>> {
-        let TimeSource::Civil { date, time, offset, order } = source else { return None };
+    fn of(source: &'a TimeSource, table: &'a Table) -> Option<Civil<'a>> {
+        let TimeSource::Civil { date, time, offset, zone, order } = source else { return None };
         let either = |path: &str| texts(table, path).or_else(|| numbers(table, path));
         let offset = offset.as_ref().and_then(|offset| either(offset));
-        Some(Civil { date: either(date)?, time: texts(table, time)?, offset, order: *order })
+        let zone = zone.as_deref().unwrap_or("Z");
+        Some(Civil { date: either(date)?, time: TimesOfDay::of(table, time)?, offset, zone, order: *order })
     }
 
     /// The date of a row; `open` reads one that leaves it open what is the day.
     fn date(&self, row: usize, open: impl Fn(&str) -> Option<Date>) -> Option<Date> {
         match self.date.text(row) {
             Some(text) => open(text).or_else(|| plain_date(text)),
-            None => plain_date(&self.date.integer(row)?.to_string()),
+            None => {
+                let digits = format!("{:06}", self.date.integer(row)?);
+                open(&digits).or_else(|| plain_date(&digits))
+            }
         }
     }
 
     /// The offset of a row from UTC; `+02` and `+0200` are both two hours east.
     fn offset(&self, row: usize) -> Option<Cow<'a, str>> {
-        let Some(column) = self.offset else { return Some("Z".into()) };
+        let Some(column) = self.offset else { return Some(self.zone.into()) };
         if let Some(text) = column.text(row) {
             return Some(text.into());
         }
@@ -72,7 +79,7 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
         let date = civil.date(row, open);
         let instant = |time: &str| unix_ns(date?, time, &civil.offset(row)?);
         days.push(date.and_then(|date| unix_ns(date, "00:00:00", "Z")).map(|midnight| midnight / DAY_NS));
-        stamps.push(civil.time.text(row).and_then(instant));
+        stamps.push(civil.time.at(row).and_then(|time| instant(&time)));
     }
     // A date with points and a year of four digits is told by nobody otherwise.
     if let Some((order, Some(shows))) = order.filter(|(_, shows)| !shows.is_some_and(is_plain)) {
@@ -92,7 +99,20 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
     Some(stamps)
 }
 
-const DAY_NS: i64 = 86_400 * flight::NANOS_PER_SECOND;
+/// How many rows say an instant without a zone, where the map does not know it either and no name of a column says that it is
+/// UTC.
+pub(super) fn without_zone(source: &TimeSource, table: &Table) -> u64 {
+    let field = match source {
+        TimeSource::Iso { field, zone: None } => field,
+        TimeSource::Civil { time, offset: None, zone: None, .. } => time,
+        _ => return 0,
+    };
+    let label = source.label();
+    let named = ["utc", "gmt", "zulu"].iter().any(|zone| label.to_ascii_lowercase().contains(zone));
+    let Some(column) = texts(table, field).filter(|_| !named) else { return 0 };
+    let silent = |row: &usize| column.text(*row).is_some_and(|text| !text.trim().is_empty() && !says_zone(text));
+    (0..table.rows).filter(silent).count() as u64
+}
 
 fn is_plain(date: &str) -> bool {
     date.rsplit_once('.').is_some_and(|(_, year)| year.len() == 4)
@@ -105,10 +125,12 @@ pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
         texts.map(str::trim).find(|text| !text.is_empty()).map(|text| format!("{}: {text:.40}", column.path))
     };
     let said = match source {
-        TimeSource::Iso { field } => first(texts(table, field)?)?,
-        TimeSource::Civil { .. } => {
-            let civil = Civil::of(source, table)?;
-            [civil.date, civil.time].into_iter().filter_map(first).collect::<Vec<_>>().join(", ")
+        TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {
+            first(texts(table, field)?)?
+        }
+        TimeSource::Civil { date, time, .. } => {
+            let columns = [date, time].map(|field| texts(table, field).and_then(first));
+            columns.into_iter().flatten().collect::<Vec<_>>().join(", ")
         }
         _ => return None,
     };

@@ -19,7 +19,14 @@ const NEVER_FILLED: &str = "stamp zero, long before the others: never filled in"
 const FAR: &str = "stamp more than a day away from the others";
 const PASSED_TWICE: &str = "the clock went back over a time that other rows have";
 const OUT_OF_LINE: &str = "stamp out of line with the rows around it";
-const EQUAL: &str = "stamp equal to the one before";
+const REPEATED: &str = "stamp equal to the one before";
+/// Which of the two was then nobody knows.
+pub(super) const SHARED: &str = "stamp equal to the one before, and another value";
+
+/// Whether rows that are left out for this reason are as good as the others, and only their time is not known.
+pub(super) fn is_of_clock(reason: &str) -> bool {
+    [FAR, PASSED_TWICE].contains(&reason)
+}
 
 /// A row that is used: where it stood, when it was, what it says.
 pub(super) struct Sample {
@@ -61,8 +68,14 @@ pub(super) fn sort(samples: &mut Vec<Sample>, rejected: Reject<'_>) {
     let mut reasons = reasons.into_iter();
     keep(samples, rejected, |_| reasons.next().flatten());
     samples.sort_by_key(|s| s.stamp);
-    let mut last = None;
-    keep(samples, rejected, |s| (last.replace(s.stamp) == Some(s.stamp)).then_some(EQUAL));
+    let mut last: Option<(i64, [f64; 4])> = None;
+    keep(samples, rejected, |s| match last {
+        Some((stamp, values)) if stamp == s.stamp => Some(if values == s.values { REPEATED } else { SHARED }),
+        _ => {
+            last = Some((s.stamp, s.values));
+            None
+        }
+    });
 }
 
 fn keep(samples: &mut Vec<Sample>, rejected: Reject<'_>, mut why: impl FnMut(&Sample) -> Option<&'static str>) {

@@ -26,7 +26,27 @@ pub(super) struct Bound {
     pub(super) health: ChannelHealth,
     /// Kinds of stamp that are more than a day apart.
     pub(super) apart: Vec<StampOffset>,
+    /// How far apart the stamps are that several rows share.
+    pub(super) coarse_s: Option<f64>,
+    pub(super) back: Option<StepBack>,
     pub(super) notices: Notices,
+}
+
+/// The longest step back of a channel's stamps, in the order of the log.
+#[derive(Clone, Copy)]
+pub(super) struct StepBack {
+    /// By how much the clock was set back: the time between two rows is added.
+    pub(super) length_s: f64,
+    /// Between two rows.
+    pub(super) step_s: f64,
+}
+
+impl StepBack {
+    fn of(samples: &[Sample], logged: &StampHealth) -> Option<StepBack> {
+        let step_s = logged.steps_s.map(|steps| steps.median)?;
+        let back = samples.windows(2).map(|pair| -seconds_between(pair)).fold(0.0, f64::max);
+        (back > 0.0).then_some(StepBack { length_s: back + step_s, step_s })
+    }
 }
 
 /// Rows that are not used, by reason, in the order in which the reasons came up.
@@ -39,6 +59,10 @@ impl Rejects {
             Some(known) => known.count += 1,
             None => self.0.push(RejectCount { reason: reason.to_owned(), count: 1, first: place() }),
         }
+    }
+
+    fn of(&self, reason: &str) -> u64 {
+        self.0.iter().filter(|r| r.reason == reason).map(|r| r.count).sum()
     }
 
     fn total(&self) -> u64 {
@@ -58,10 +82,12 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
     let mut samples = usable_rows(plan, &columns, primary, &mut rejects);
     order::leave_out_far(&mut samples, primary.clock, &mut |why, s| rejects.add(why, || place(plan, s.row)));
     let as_logged = describe(primary, &samples);
+    let back = as_logged.as_ref().and_then(|logged| StepBack::of(&samples, logged));
     order::sort(&mut samples, &mut |why, s| rejects.add(why, || place(plan, s.row)));
     let stamps = as_logged.map(|logged| as_used(logged, primary, &samples));
+    let coarse_s = coarse(&rejects, &samples);
     assumptions(plan, &columns, &mut notices);
-    report(plan, &rejects, samples.is_empty(), &mut notices);
+    report(plan, &rejects, samples.is_empty(), coarse_s.is_some(), &mut notices);
     let (held, held_health) = held_rows(&samples, compared(plan.rule.quantity, columns.len()));
     if let Some(health) = &held_health {
         let text = format!(
@@ -76,7 +102,7 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
     health.offsets = near;
     health.held = held_health;
     let channel = channel_of(plan, primary, &columns, &samples, held, &mut notices);
-    Bound { channel, health, apart, notices }
+    Bound { channel, health, apart, coarse_s, back, notices }
 }
 
 fn describe(stamps: &Stamps, samples: &[Sample]) -> Option<StampHealth> {
@@ -95,7 +121,14 @@ fn as_used(logged: StampHealth, primary: &Stamps, sorted: &[Sample]) -> StampHea
 }
 
 fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, notices: Notices) -> Bound {
-    Bound { channel: None, health: health_of(plan, columns, rejects, 0), apart: vec![], notices }
+    Bound {
+        channel: None,
+        health: health_of(plan, columns, rejects, 0),
+        apart: vec![],
+        coarse_s: None,
+        back: None,
+        notices,
+    }
 }
 
 /// A height or vertical speed that most rows lack is left out whole, so that it does not cost the rows.
@@ -235,11 +268,42 @@ fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
     if height.abs() > 1e6 { Err("height out of range".into()) } else { Ok(()) }
 }
 
-/// Of a channel without one usable row [`no_rows`](super::no_rows) says why.
-fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, notices: &mut Notices) {
-    for reject in rejects.0.iter().filter(|_| !unusable) {
+/// Of so many rows one that shares its stamp with another value is one too many.
+const SHARED_BY: u64 = 4;
+
+/// How coarse a clock is that gives one stamp to several rows, as one of whole seconds, or of a logger that writes its rows in
+/// blocks, s.
+fn coarse(rejects: &Rejects, sorted: &[Sample]) -> Option<f64> {
+    let shared = rejects.of(order::SHARED);
+    let steps: Vec<f64> = sorted.windows(2).map(seconds_between).collect();
+    let all = shared + sorted.len() as u64;
+    (shared > FEW_ROWS && SHARED_BY * shared >= all).then(|| distribution(&steps))?.map(|steps| steps.median)
+}
+
+fn seconds_between(pair: &[Sample]) -> f64 {
+    match pair {
+        [a, b] => Stamp(b.stamp).seconds_since(Stamp(a.stamp)),
+        _ => f64::NAN,
+    }
+}
+
+/// One row in so many that is left out for its clock alone is a loss, if it is more than a few.
+const LOST_BY_CLOCK: u64 = 10;
+const FEW_ROWS: u64 = 5;
+
+/// Of a channel without one usable row [`no_rows`](super::no_rows) says why, and of coarse stamps
+/// [`note_coarse`](super::told::note_coarse).
+fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, notices: &mut Notices) {
+    let told = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == order::SHARED);
+    for reject in rejects.0.iter().filter(told) {
         let duplicate = reject.reason.starts_with("stamp equal");
-        let severity = if reject.reason == "no value" { Severity::Info } else { Severity::Warning };
+        let many = reject.count > FEW_ROWS && LOST_BY_CLOCK * reject.count >= plan.table.rows as u64;
+        let lost = many && order::is_of_clock(&reject.reason);
+        let severity = match reject.reason.as_str() {
+            "no value" => Severity::Info,
+            _ if lost => Severity::Loss,
+            _ => Severity::Warning,
+        };
         let code = if duplicate { "duplicate-stamp" } else { "rejected-row" };
         let place = format!("{}, {}", plan.table.topic.name, reject.first);
         let text = format!("channel {}: rows not used, {}", plan.rule.name, reject.reason);

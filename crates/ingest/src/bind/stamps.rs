@@ -1,10 +1,11 @@
 //! The stamps of a table: read from their source, and put right where a clock is known to go wrong.
 
 use super::counted::date_by_counter;
-use super::dated::dated;
+use super::dated::{dated, without_zone};
+use super::daytime::{DAY_NS, days_of_year, times_of_day};
 use super::repair::Repair;
-use crate::civil::{Tick, calendar_to_unix_ns, iso_to_unix_ns};
-use crate::map::{TieRule, TimeSource};
+use crate::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns, offset_seconds};
+use crate::map::{TieRule, TimeSource, USUAL_BITS};
 use crate::reader::Log;
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
@@ -21,6 +22,22 @@ pub(super) struct Stamps {
     pub(super) label: String,
     pub(super) nanos: Vec<Option<i64>>,
     pub(super) repairs: Vec<Repair>,
+    /// The length of a count that began anew, ns.
+    pub(super) turn_ns: Option<i64>,
+}
+
+impl Stamps {
+    /// Takes the stamps of another source of the same clock for rows that have none, if no row has both: devices of two
+    /// generations may have written one log.
+    pub(super) fn fill(&mut self, other: Stamps) {
+        let both = self.nanos.iter().zip(&other.nanos).any(|(own, other)| own.is_some() && other.is_some());
+        if both || other.clock != self.clock {
+            return;
+        }
+        self.nanos.iter_mut().zip(other.nanos).for_each(|(own, other)| *own = own.or(other));
+        self.label = format!("{} or {}", self.label, other.label);
+        self.repairs.extend(other.repairs);
+    }
 }
 
 /// A stamp that was never filled in is no stamp.
@@ -35,7 +52,7 @@ pub(super) fn is_constant(nanos: &[Option<i64>]) -> bool {
 pub(super) fn written_at<'s>(sources: impl Iterator<Item = &'s TimeSource>, table: &Table) -> Option<i64> {
     let utc = sources.filter(|s| s.clock() == Clock::Unix).chain([&TimeSource::ContainerLogged]);
     utc.filter_map(|source| {
-        let mut stamps: Vec<i64> = nanos_of(source, table)?.into_iter().flatten().collect();
+        let mut stamps: Vec<i64> = nanos_of(source, table, &mut vec![])?.into_iter().flatten().collect();
         stamps.sort_unstable();
         let median = *stamps.get(stamps.len() / 2)?;
         // A container may count from boot.
@@ -63,27 +80,44 @@ pub(super) fn read_stamps(
             }
             stamps
         }
-        TimeSource::Civil { .. } => dated(source, table, &mut repairs)?,
-        _ => nanos_of(source, table)?,
+        _ => nanos_of(source, table, &mut repairs)?,
     };
     date_by_counter(source, table, &mut nanos, &mut repairs);
-    repair(source, &mut nanos, &mut repairs);
+    let turn_ns = repair(source, &mut nanos, &mut repairs);
+    let of_day = matches!(source, TimeSource::TimeOfDay { .. }) && repairs.iter().any(|r| r.code == "stamp-wrap");
+    let turn_ns = turn_ns.or(of_day.then_some(DAY_NS));
     let any = nanos.iter().any(Option::is_some);
+    let silent = if any { without_zone(source, table) } else { 0 };
+    if silent > 0 {
+        let severity = Severity::Info;
+        repairs.push(Repair { severity, code: "no-zone", count: silent, text: NO_ZONE.into() });
+    }
     let clock = clock_of(source, table, &nanos);
-    if clock != source.clock() {
+    if clock != source.clock() && source.clock() == Clock::Boot {
         note(&mut repairs, "unix-stamps", nanos.iter().flatten().count() as u64, UNIX_STAMPS);
     }
-    any.then(|| Stamps { kind, clock, label: source.label(), nanos, repairs })
+    any.then(|| Stamps { kind, clock, label: source.label(), nanos, repairs, turn_ns })
 }
 
+const NO_ZONE: &str = "say no zone and are taken as UTC";
 const UNIX_STAMPS: &str = "taken as UTC and not as a time since boot, for that would be more than thirty years";
 /// Nothing has run since boot for so long, and no log is from so late: 2001 to 2096, ns since 1970.
 const UNIX_AND_NOT_BOOT: Range<i64> = 1_000_000_000 * NANOS_PER_SECOND..4_000_000_000 * NANOS_PER_SECOND;
+
+/// Encodings of containers that say since boot when a message was logged.
+const LOGGED_SINCE_BOOT: [&str; 2] = ["dataflash", "ulog"];
 
 /// What the stamps count. MAVLink's `time_usec` is "UNIX Epoch time or time since system boot", to be told apart by its
 /// size (<https://mavlink.io/en/messages/common.html>); the median of the rows decides for all of them.
 fn clock_of(source: &TimeSource, table: &Table, nanos: &[Option<i64>]) -> Clock {
     let clock = source.clock();
+    if matches!(source, TimeSource::ContainerLogged) && LOGGED_SINCE_BOOT.contains(&table.topic.encoding.as_str()) {
+        return Clock::Boot;
+    }
+    if let TimeSource::DayOfYear { field, year, zone } = source {
+        let said = days_of_year(field, *year, zone.as_deref(), table, &mut vec![]);
+        return said.map_or(clock, |(said, _)| said);
+    }
     if clock != Clock::Boot || table.topic.encoding != "mavlink" {
         return clock;
     }
@@ -104,66 +138,75 @@ fn note(repairs: &mut Vec<Repair>, code: &'static str, count: u64, text: &'stati
     }
 }
 
-/// Puts right what the clock of a source is known to do wrong.
-fn repair(source: &TimeSource, nanos: &mut [Option<i64>], repairs: &mut Vec<Repair>) {
-    let TimeSource::Number { tick, clock, .. } = source else {
+/// Puts right what the clock of a source is known to do wrong. The length of a count that began anew is returned.
+fn repair(source: &TimeSource, nanos: &mut [Option<i64>], repairs: &mut Vec<Repair>) -> Option<i64> {
+    let TimeSource::Number { tick, clock, bits, .. } = source else {
         if matches!(source, TimeSource::GpsWeek { .. }) {
             note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
         }
-        return;
+        return None;
     };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
-        return note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
+        note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
+        return None;
     }
-    if matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) {
-        let wraps = unwrap(nanos, tick.nanos() << 32);
-        note(
-            repairs,
-            "stamp-wrap",
-            wraps,
-            "the counter of 32 bits began anew and the stamps run on; a restart of the device within a minute of its end would look the same",
-        );
+    let counts = matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) || *bits < USUAL_BITS;
+    let counter = tick.nanos().checked_mul(1 << bits).filter(|_| counts);
+    let of_days = [WEEK_S * NANOS_PER_SECOND, DAY_NS].into_iter().filter(|_| *clock == Clock::Elapsed);
+    let mut turn_ns = None;
+    for (range, what) in counter
+        .map(|range| (range, format!("the counter of {bits} bits")))
+        .into_iter()
+        .chain(of_days.zip(["the time of week", "the time of day"].map(str::to_owned)))
+    {
+        let count = unwrap(nanos, range);
+        if count > 0 {
+            turn_ns = Some(range);
+            let text = format!(
+                "{what} began anew and the stamps run on; a restart shortly before its end would look the same"
+            );
+            repairs.push(Repair { severity: Severity::Warning, code: "stamp-wrap", count, text: text.into() });
+        }
     }
-    if *clock == Clock::Elapsed {
-        let weeks = unwrap(nanos, WEEK_S * NANOS_PER_SECOND);
-        note(repairs, "stamp-wrap", weeks, "the time of week began anew; the stamps run on");
-        let days = unwrap(nanos, DAY_S * NANOS_PER_SECOND);
-        note(repairs, "stamp-wrap", days, "the time of day began anew; the stamps run on");
-    }
+    turn_ns
 }
 
 const WEEK_OFF: &str = "stamps a week off their neighbours were put back";
-const DAY_S: i64 = 86_400;
 
-fn nanos_of(source: &TimeSource, table: &Table) -> Option<Vec<Option<i64>>> {
+fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
     let rows = 0..table.rows;
     Some(match source {
         TimeSource::ContainerLogged => table.logged_ns.as_ref()?.iter().copied().map(Some).collect(),
         // Writers that know no publish time repeat the log time there.
         TimeSource::ContainerPublished if table.published_ns == table.logged_ns => return None,
         TimeSource::ContainerPublished => table.published_ns.as_ref()?.iter().copied().map(Some).collect(),
-        TimeSource::Number { field, tick, .. } => ticks(field, *tick, table, rows)?,
-        TimeSource::Iso { field } => {
+        TimeSource::Number { field, tick, zero_s, .. } => ticks(field, *tick, *zero_s, table)?,
+        TimeSource::Iso { field, zone } => {
             let column = texts(table, field)?;
-            rows.map(|row| iso_to_unix_ns(column.text(row)?)).collect()
+            let offset = zone.as_deref().unwrap_or("Z");
+            rows.map(|row| local_to_unix_ns(column.text(row)?, offset)).collect()
         }
-        TimeSource::Civil { .. } => dated(source, table, &mut vec![])?,
-        TimeSource::Calendar { fields, .. } => {
+        TimeSource::Civil { .. } => dated(source, table, repairs)?,
+        TimeSource::DayOfYear { field, year, zone } => days_of_year(field, *year, zone.as_deref(), table, repairs)?.1,
+        TimeSource::TimeOfDay { field } => times_of_day(field, table, repairs)?,
+        TimeSource::Calendar { fields, zone, .. } => {
             let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
-            rows.map(|row| calendar(&columns, row)).collect()
+            let east_ns = i64::from(zone.as_deref().and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
+            rows.map(|row| calendar(&columns, row)?.checked_sub(east_ns)).collect()
         }
         TimeSource::GpsWeek { week, field, tick, .. } => gps_weeks(numbers(table, week)?, field, *tick, None, table)?.0,
     })
 }
 
-/// A number of ticks for each row.
-fn ticks(field: &str, tick: Tick, table: &Table, rows: Range<usize>) -> Option<Vec<Option<i64>>> {
+/// A number of ticks for each row, since so many seconds.
+fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Vec<Option<i64>>> {
+    let rows = 0..table.rows;
     match (texts(table, field), numbers(table, field)) {
-        (Some(text), _) => Some(rows.map(|row| tick.of_text(text.text(row)?)).collect()),
+        (Some(text), _) => Some(rows.map(|row| tick.text_since(text.text(row)?, zero_s)).collect()),
         (None, Some(number)) => {
             let nanos = |row| match number.integer(row) {
-                Some(integer) => tick.of_integer(integer),
-                None => tick.of_float(number.number(row)?),
+                Some(integer) => tick.integer_since(integer, zero_s),
+                None => tick.float_since(number.number(row)?, zero_s),
             };
             Some(rows.map(nanos).collect())
         }
@@ -180,7 +223,7 @@ fn gps_weeks(
     logged: Option<i64>,
     table: &Table,
 ) -> Option<(Vec<Option<i64>>, u64)> {
-    let in_week = ticks(field, tick, table, 0..table.rows)?;
+    let in_week = ticks(field, tick, 0, table)?;
     let count = WeekCount::of((0..table.rows).filter_map(|row| week.integer(row)), logged);
     let mut ten_bit = 0;
     let nanos = in_week.into_iter().enumerate().map(|(row, in_week)| {
@@ -200,13 +243,19 @@ fn add(nanos: &Column, stamps: &mut [Option<i64>]) {
     }
 }
 
+/// Seconds may have a fraction where there is no column of nanoseconds.
 fn calendar(columns: &[&Column], row: usize) -> Option<i64> {
-    let mut parts = [0; 7];
-    for (part, column) in parts.iter_mut().zip(columns) {
-        *part = column.integer(row)?;
-    }
-    let [year, month, day, hour, minute, second, nanos] = parts;
-    calendar_to_unix_ns([year, month, day, hour, minute, second], nanos)
+    let (&[year, month, day, hour, minute, second], nanos) = columns.split_first_chunk::<6>()?;
+    let (second, nanos) = match nanos {
+        [nanos, ..] => (second.integer(row)?, nanos.integer(row)?),
+        [] => {
+            let seconds = second.number(row)?;
+            let fraction = (seconds.rem_euclid(1.0) * NANOS_PER_SECOND as f64).round();
+            (seconds.floor() as i64, fraction as i64)
+        }
+    };
+    let whole = |column: &Column| column.integer(row);
+    calendar_to_unix_ns([whole(year)?, whole(month)?, whole(day)?, whole(hour)?, whole(minute)?, second], nanos)
 }
 
 /// What ties a clock to UTC, and what is to be said of it.

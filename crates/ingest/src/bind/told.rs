@@ -1,5 +1,6 @@
 //! What is said of the stamps of a topic: once, however many channels have them.
 
+use super::order::SHARED;
 use super::trial::Plan;
 use flight::{ChannelHealth, Notices, Severity, StampOffset};
 
@@ -69,6 +70,28 @@ pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut N
         );
         let rows = same().map(|(health, _)| health.used).sum();
         notices.push(Severity::Warning, "clock-differs", &health.source.topic, rows, text);
+    }
+}
+
+/// Channels whose rows share stamps, and how far apart these are, s: once for each topic. Whether the first of the rows is the
+/// one that was then, nobody knows.
+pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices) {
+    let shared = |health: &ChannelHealth| -> u64 {
+        health.rejected.iter().filter(|r| r.reason == SHARED).map(|r| r.count).sum()
+    };
+    for (at, (health, step_s)) in coarse.iter().enumerate() {
+        let same = |other: &&(ChannelHealth, f64)| other.0.source.topic == health.source.topic;
+        if coarse.iter().take(at).any(|told| same(&told)) {
+            continue;
+        }
+        let count = shared(health);
+        let text = format!(
+            "{}: {count} of {} rows have the stamp of another one and another value, and are not used; the stamps are no finer \
+             than {step_s:.3} s, and a delay against others may be wrong by as much",
+            which(&health.name, coarse.iter().filter(same).count()),
+            count + health.used
+        );
+        notices.push(Severity::Warning, "coarse-stamps", &health.source.topic, count, text);
     }
 }
 

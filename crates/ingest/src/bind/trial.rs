@@ -321,20 +321,26 @@ fn is_needed(part: &Part, rule: &ChannelRule) -> bool {
 pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<String>), String> {
     let mut remarks = vec![];
     let mut found: Vec<Stamps> = vec![];
+    let written_at = || written_at(rule.times.iter().flat_map(|(_, sources)| sources), table);
     for (kind, sources) in &rule.times {
+        let mut first: Option<Stamps> = None;
         for source in sources {
-            let written_at = || written_at(rule.times.iter().flat_map(|(_, sources)| sources), table);
+            if first.as_ref().is_some_and(|first| first.nanos.iter().all(Option::is_some)) {
+                break;
+            }
             let Some(stamps) = read_stamps(*kind, source, table, written_at) else {
-                remarks.extend(unclear(source, table));
+                remarks.extend(unclear(source, table).filter(|_| first.is_none()));
                 continue;
             };
-            if is_constant(&stamps.nanos) {
-                remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
-                continue;
+            match &mut first {
+                Some(first) => first.fill(stamps),
+                None if is_constant(&stamps.nanos) => {
+                    remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
+                }
+                None => first = Some(stamps),
             }
-            found.push(stamps);
-            break;
         }
+        found.extend(first);
     }
     let Some(primary) = found.iter().position(|s| s.kind == rule.timeline).or((!found.is_empty()).then_some(0)) else {
         let names: Vec<String> = rule.times.iter().flat_map(|(_, s)| s).map(TimeSource::label).collect();

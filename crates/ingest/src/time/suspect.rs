@@ -44,6 +44,20 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     Some(format!("the clocks differ by {:.3} s: {text}", offset.median))
 }
 
+/// What a clock was set back for, if a step back of this length looks like a known reason. Of rows that follow one another
+/// within `step_s` nothing is said where that is as long as what a leap second would be.
+pub(crate) fn set_back_for(back_s: f64, step_s: f64) -> Option<&'static str> {
+    let quarters = (back_s / QUARTER_S).round();
+    let seconds = back_s.round();
+    if (1.0..=4.0 * 14.0).contains(&quarters) && (back_s - quarters * QUARTER_S).abs() <= SLACK_S {
+        Some("as where a clock is set to another time zone, or to winter time")
+    } else if step_s < SLACK_S && (1.0..=18.0).contains(&seconds) && (back_s - seconds).abs() <= EXACT_S {
+        Some("as where a receiver learns the leap seconds")
+    } else {
+        None
+    }
+}
+
 /// The first day on which a receiver can have said something, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Since {
@@ -153,6 +167,24 @@ mod tests {
         ] {
             let text = told(offset).unwrap_or_default();
             assert!(text.contains(word), "{offset}: {text}");
+        }
+    }
+
+    #[test]
+    fn a_clock_is_set_back_for_a_zone_or_for_leap_seconds() {
+        for (back, step, word) in [
+            (3600.02, 0.2, Some("winter")),
+            (7200.0, 1.0, Some("zone")),
+            (3.0, 0.2, Some("leap")),
+            (17.95, 0.05, Some("leap")),
+            (3.0, 1.0, None),
+            (3.4, 0.2, None),
+            (0.3, 0.2, None),
+            (25.0, 0.2, None),
+            (86_400.0, 0.2, None),
+        ] {
+            let why = set_back_for(back, step);
+            assert_eq!(why.map(|why| word.is_some_and(|word| why.contains(word))), word.map(|_| true), "{back} {step}");
         }
     }
 

@@ -1,28 +1,33 @@
-//! Counts that begin anew: 32 bits of microseconds after 71.6 minutes, of milliseconds after 49.7 days; a time of week
-//! on Sunday, a time of day at midnight.
+//! Counts that begin anew: 32 bits of microseconds after 71.6 minutes, of milliseconds after 49.7 days; 16 bits of
+//! milliseconds after a minute; a time of week on Sunday, a time of day at midnight.
 
 use flight::NANOS_PER_SECOND;
 
-/// Across the end of the count, stamps follow one another within this time; a longer step is a new start of the
-/// device, which cannot be told from a wrap with a hole.
+/// Across the end of the count, stamps follow one another within this time, or a quarter of the count; a longer step is a new
+/// start of the device, which cannot be told from a wrap with a hole.
 const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
+/// Of so many stamps one may lie beyond the count: it is a wrong one, and left as it stands.
+const TOLERATED: usize = 100;
 
 /// Makes the stamps of a count from 0 to `range`, ns, run on where it begins anew, and says how often it did; stamps in
 /// the order of the log.
 ///
 /// The log must show the wrap: a step back by nearly the whole range. One that stays below is taken as it stands.
 pub(crate) fn unwrap(stamps: &mut [Option<i64>], range: i64) -> u64 {
-    if stamps.iter().flatten().any(|s| !(0..range).contains(s)) {
+    let counts = |s: &i64| (0..range).contains(s);
+    let (all, beyond) = stamps.iter().flatten().fold((0, 0), |(all, n), s| (all + 1, n + usize::from(!counts(s))));
+    if TOLERATED * beyond > all {
         return 0;
     }
+    let close = CLOSE_NS.min(range / 4);
     let (mut wraps, mut most, mut before) = (0_i64, 0, None);
-    for stamp in stamps.iter_mut().flatten() {
+    for stamp in stamps.iter_mut().flatten().filter(|s| counts(s)) {
         let raw = *stamp;
         // Forward across the end, or back again for a row that came late.
         let step = before.map_or(0, |before: i64| raw - before);
-        if step + range <= CLOSE_NS {
+        if step + range <= close {
             wraps += 1;
-        } else if wraps > 0 && range - step <= CLOSE_NS {
+        } else if wraps > 0 && range - step <= close {
             wraps -= 1;
         }
         most = most.max(wraps);
@@ -79,6 +84,30 @@ mod tests {
         truth.swap(2, 3);
         stamps.swap(2, 3);
         assert_eq!(unwrap(&mut stamps, MICRO), 1);
+        assert_eq!(stamps, truth);
+    }
+
+    #[test]
+    fn a_counter_of_16_bits_runs_on_over_many_ends_and_gaps_of_a_quarter_of_it() {
+        let mut now = 60_000;
+        let truth: Vec<Option<i64>> = (0..2000)
+            .map(|i| {
+                now += if i % 100 == 99 { 15_000 } else { 200 };
+                Some(now * MILLI)
+            })
+            .collect();
+        let mut stamps: Vec<Option<i64>> = truth.iter().map(|s| s.map(|s| s % (MILLI << 16))).collect();
+        assert_eq!(super::unwrap(&mut stamps, MILLI << 16), (now >> 16) as u64);
+        assert_eq!(stamps, truth);
+    }
+
+    #[test]
+    fn one_wrong_stamp_in_a_hundred_does_not_keep_a_count_from_running_on() {
+        let (mut truth, mut stamps) = wrapped((1 << 32) - 100 * 200, 200, 200, MILLI);
+        for (at, wrong) in [(30, -1), (150, i64::MAX)] {
+            (truth[at], stamps[at]) = (Some(wrong), Some(wrong));
+        }
+        assert_eq!(unwrap(&mut stamps, MILLI), 1);
         assert_eq!(stamps, truth);
     }
 

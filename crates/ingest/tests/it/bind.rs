@@ -69,7 +69,10 @@ fn rows_are_sorted_by_stamp_and_of_equal_stamps_the_first_is_kept() {
     let series = &loaded.flight.channels["position.gps"].series;
     let degrees: Vec<f64> = series.component(0).iter().map(|r| (r.to_degrees() * 10.0).round() / 10.0).collect();
     assert_eq!(degrees, [47.1, 47.2, 47.3]);
-    assert_eq!(reasons(health(&loaded, "position.gps")), [("stamp equal to the one before", 1, "line 4")]);
+    assert_eq!(
+        reasons(health(&loaded, "position.gps")),
+        [("stamp equal to the one before, and another value", 1, "line 4")]
+    );
     assert_eq!(health(&loaded, "position.gps").stamps.as_ref().unwrap().back_jumps, 2);
     // Once for each of the two channels; of the jumps one notice speaks for both.
     assert_eq!((count_of(&loaded, "back-jump"), count_of(&loaded, "duplicate-stamp")), (4, 2));
@@ -167,10 +170,10 @@ fn a_time_that_nobody_understands_is_shown() {
 
 #[test]
 fn a_reason_stays_short_and_a_column_of_the_time_brings_no_map_near() {
-    // The ArduPilot map knows the topic by its name, and has some thirty channels.
+    // The maps of autopilots know the topic by its name, and have some thirty channels.
     let (_folder, path) = file("IMU.csv", b"time,a,b\n0.0,1,2\n0.1,1,2\n");
     let reason = load(&tables(&[path])).unwrap().binding.unwrap_err();
-    assert!(reason.contains("nearest: ardupilot lacks angular-rate.imu: topic IMU: no x (GyrX), specific"), "{reason}");
+    assert!(reason.contains("ardupilot lacks angular-rate.imu: topic IMU: no x (GyrX), specific"), "{reason}");
     assert!(reason.contains(" more channels") && reason.len() < 400, "{reason}");
     // Garmin's and other maps have its date and time, and nothing else of it.
     let (_folder, path) = file("fuel.csv", b"Lcl Date,Lcl Time,fuel\n2024-05-10,17:27:02,3\n2024-05-10,17:27:03,3\n");

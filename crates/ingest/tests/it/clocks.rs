@@ -231,7 +231,8 @@ fn check(format: &Format, case: &str, written: &[i128], truth: &[i128], outcome:
     let true_to = |of: &[i128]| samples.iter().all(|(stamp, row)| *stamp == down(of[*row]));
     let lost = ROWS - samples.len();
     // Loss of rows is counted, by reason, in notices.
-    let counted = count_of(&loaded, "rejected-row") + count_of(&loaded, "duplicate-stamp");
+    let counted: u64 =
+        ["rejected-row", "duplicate-stamp", "coarse-stamps"].iter().map(|code| count_of(&loaded, code)).sum();
     assert_eq!(counted, lost as u64, "{what}: {:?}", loaded.flight.notices);
     let orderly = samples.windows(2).filter(|w| w[1].1 < w[0].1).count() <= 1;
     match outcome {

@@ -377,6 +377,55 @@ fn fixes_before_2013_are_stamped_by_their_time_of_week_for_they_have_no_other() 
 }
 
 #[test]
+fn records_of_px4_before_ulog_have_the_time_of_the_time_record_before_them() {
+    let time = |us: u64| record(129, &[&us.to_le_bytes()]);
+    // 2015-06-01 12:00:00 UTC.
+    let gps = |utc_us: u64, fix: u8, lat_e7: i32| {
+        let [north, east, down] = [3.0_f32, 4.0, -0.5].map(f32::to_le_bytes);
+        let (accuracy, height) = (1.5_f32.to_le_bytes(), 488.25_f32.to_le_bytes());
+        let place = [lat_e7.to_le_bytes(), 85_455_940_i32.to_le_bytes()].concat();
+        record(8, &[&utc_us.to_le_bytes(), &[fix], &accuracy, &accuracy, &place, &height, &north, &east, &down])
+    };
+    let local = |x: f32, flags: u8| record(6, &[&x.to_le_bytes(), &x.to_le_bytes(), &[flags]]);
+    let text = |bytes: &str, length: usize| [bytes.as_bytes(), &vec![0; length - bytes.len()]].concat();
+    let bytes = [
+        dataflash_fmt(129, "TIME", "Q", "StartTime"),
+        dataflash_fmt(130, "VER", "NZ", "Arch,FwGit"),
+        dataflash_fmt(131, "PARM", "Nf", "Name,Value"),
+        dataflash_fmt(8, "GPS", "QBffLLffff", "GPSTime,Fix,EPH,EPV,Lat,Lon,Alt,VelN,VelE,VelD"),
+        dataflash_fmt(6, "LPOS", "ffB", "VX,VY,PFlg"),
+        record(130, &[&text("PX4FMU_V2", 16), &text("9bd3e660", 64)]),
+        record(131, &[&text("PE_POS_DELAY_MS", 16), &210_f32.to_le_bytes()]),
+        time(5_000_000),
+        gps(1_433_160_000_000_000, 3, 473_977_420),
+        local(1.0, 15),
+        time(5_200_000),
+        gps(1_433_160_000_200_000, 3, 473_977_430),
+        local(2.0, 11),
+        time(5_400_000),
+        gps(0, 1, 0),
+        local(3.0, 15),
+        time(5_600_000),
+    ];
+    let (_folder, path) = file("log001.px4log", &bytes.concat());
+    let unit = ingest::FlightUnit { id: "log001".into(), files: vec![path], kind: LogKind::DataFlash };
+    let loaded = load(&unit).unwrap();
+    assert_eq!(loaded.binding.as_ref().map(|binding| binding.map.as_str()), Ok("px4-sdlog2"));
+    let channel = |name: &str| &loaded.flight.channels[name].series;
+    let stamps = |name: &str| channel(name).timeline().stamps().iter().map(|s| s.0).collect::<Vec<_>>();
+    assert_eq!(stamps("position.gps"), [5_000_000_000, 5_200_000_000]);
+    // The velocity of the second is said not to be valid.
+    assert_eq!(stamps("velocity.ekf"), [5_000_000_000, 5_400_000_000]);
+    assert_eq!(channel("position.gps").component(0)[1], 47.397_743_f64.to_radians());
+    assert_eq!(channel("velocity.gps").component(1), [4.0, 4.0]);
+    let unix = loaded.flight.unix(flight::Clock::Boot, flight::Stamp(5_200_000_000));
+    assert_eq!(unix, Some(flight::Stamp(1_433_160_000_200_000_000)));
+    let about = &loaded.health.about;
+    assert_eq!((about.system.as_deref(), about.hardware.as_deref()), (Some("PX4"), Some("PX4FMU_V2")));
+    assert_eq!((about.configured_delays[0].value_s, loaded.health.bytes.damaged), (0.21, 0));
+}
+
+#[test]
 fn a_log_whose_first_receiver_has_no_fix_is_dated_by_the_second() {
     let gps = |time_us: u64, instance: u8| {
         let (fix, week_ms, week) = if instance == 1 { (3_u8, (time_us / 1000) as u32, 2086_u16) } else { (1, 0, 0) };
@@ -563,6 +612,10 @@ fn a_type_that_is_defined_twice_is_read_by_its_last_definition_and_told_if_they_
     let log = read_bytes(READER, &other.concat()).unwrap();
     assert_eq!((numbers(&log, "ABC", "V"), numbers(&log, "XYZ", "H")), (vec![1.0], vec![-5.0, -6.0]));
     assert_eq!(codes_of_trouble(&log), ["redefined"]);
+    // PX4's sdlog2 gave two types one number; where neither was written, nothing is lost.
+    let unused = [samples_begin(), dataflash_fmt(10, "XYZ", "Qh", "TimeUS,H")].concat();
+    let log = read_bytes(READER, &unused).unwrap();
+    assert_eq!((codes(&log), codes_of_trouble(&log)), (vec!["redefined"], vec![]));
     // A hostile log does not take memory without bound.
     let many: Vec<u8> = (0..6000_u32).flat_map(|i| dataflash_fmt(10, "ABC", "Qf", &format!("TimeUS,V{i}"))).collect();
     let log = read_bytes(READER, &[dataflash_begin(), many].concat()).unwrap();

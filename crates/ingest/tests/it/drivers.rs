@@ -163,7 +163,8 @@ fn navpvt_of_the_ublox_driver_is_read_in_the_words_of_ros_1_and_ros_2() {
             ("sec", &[52.0, 53.0, 54.0]),
             // The second begins a quarter of a second early.
             ("nano", &[0.0, -250_000_000.0, 400.0]),
-            ("flags", &[0.0, 1.0, 131.0]),
+            // Others than the lowest bit say of what kind a fix is, whether it is good or not.
+            ("flags", &[130.0, 1.0, 131.0]),
             (fix_type, &[3.0; 3]),
             ("lat", &[470_000_000.0; 3]),
             ("lon", &[80_000_000.0; 3]),
@@ -179,7 +180,7 @@ fn navpvt_of_the_ublox_driver_is_read_in_the_words_of_ros_1_and_ros_2() {
         assert_near(&velocity[0].1, &[1.5, -2.5, 0.25]);
         assert_near(&content(&flight, "position.gps")[0].1, &[47_f64.to_radians(), 8_f64.to_radians(), 450.0]);
         let health = binding.channels.iter().find(|c| c.name == "position.gps").unwrap();
-        assert_eq!(reasons(health), [("flags is below 1", 1)]);
+        assert_eq!(reasons(health), [("bit 0 of flags is not set", 1)]);
     }
 }
 

@@ -475,6 +475,38 @@ fn a_boot_in_a_dataflash_log_whose_begin_is_lost_is_dated_by_its_own_epochs_too(
     assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
 }
 
+/// A log of a version of 2013: its records have the autopilot's time in ms.
+fn old_dataflash(from_ms: i64, epochs: &[Epoch]) -> Vec<u8> {
+    let record = |(row, e): (usize, &Epoch)| {
+        let mut body = vec![e.fix];
+        body.extend((e.ms as u32).to_le_bytes());
+        body.extend((e.week as u16).to_le_bytes());
+        body.extend([470_000_000 + row as i32, 85_000_000, 58_585].map(i32::to_le_bytes).concat());
+        body.extend([10.0_f32, 90.0, 0.5].map(f32::to_le_bytes).concat());
+        body.extend(((boot_ms(row) - BOOT_MS + from_ms) as u32).to_le_bytes());
+        dataflash_record(10, &body)
+    };
+    let columns = "Status,TimeMS,Week,Lat,Lng,Alt,Spd,GCrs,VZ,T";
+    let head = [dataflash_begin(), dataflash_fmt(10, "GPS", "BIHLLefffI", columns)].concat();
+    [head, epochs.iter().enumerate().flat_map(record).collect()].concat()
+}
+
+#[test]
+fn boots_of_autopilots_of_two_generations_in_one_log_are_both_dated() {
+    let library = MapLibrary::shipped().unwrap();
+    let [first, later] = [300_000_000, 300_240_000].map(|ms| epochs(2313, ms, |_, w| w));
+    let (old, new) = (old_dataflash, dataflash_from);
+    let logs = [[old(BOOT_MS, &first), new(3000, &later)], [new(BOOT_MS, &first), old(3000, &later)]];
+    for (log, name) in logs.into_iter().zip(["old first", "new first"]) {
+        let loaded = load_as(LogKind::DataFlash, &log.concat(), &library, None);
+        assert_told(&loaded, name, &[("restart-dated", 1), ("restart-undated", 0)], 1);
+        let stamps = loaded.flight.channels["position.gps"].series.timeline().stamps();
+        let utc: Vec<i64> = stamps.iter().map(|s| loaded.flight.unix(Clock::Boot, *s).unwrap().0).collect();
+        let truth = [300_000_000, 300_240_000].map(|ms| (0..ROWS).map(move |row| unix_ns((2313, ms), row)));
+        assert_eq!(utc, truth.into_iter().flatten().collect::<Vec<_>>(), "{name}");
+    }
+}
+
 #[test]
 fn the_times_of_rows_for_a_table_are_those_of_their_boot() {
     let bytes = [boot(BOOT_MS, 300_000_000, 3), boot(3000, 300_240_000, 3)].concat();

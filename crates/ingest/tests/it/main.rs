@@ -23,6 +23,7 @@ mod ros;
 mod stream;
 mod support;
 mod time;
+mod time_formats;
 mod tlog;
 mod ubx;
 mod ulog;

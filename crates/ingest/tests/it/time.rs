@@ -386,6 +386,102 @@ fn a_position_and_a_velocity_that_never_were_at_the_same_time_are_told() {
 }
 
 #[test]
+fn a_topic_that_begins_behind_the_end_of_a_count_is_in_the_turn_of_the_others_or_told() {
+    let channel = |name: &str, quantity: &str, topic: &str, fields: &str| {
+        format!(
+            "[[channel]]\nname = \"{name}\"\nquantity = \"{quantity}\"\ntopic = [\"{topic}\"]\ntimeline = \"measured\"\n\
+             [channel.fields]\n{fields}\n"
+        )
+    };
+    let position = "latitude = { field = \"a\", unit = \"deg\" }\nlongitude = { field = \"b\", unit = \"deg\" }";
+    let velocity = "north = { field = \"a\", unit = \"m/s\" }\neast = { field = \"b\", unit = \"m/s\" }";
+    let channels = channel("position.gps", "position-geodetic", "the_position", position)
+        + &channel("velocity.gps", "velocity-ned", "the_velocity", velocity);
+    let load = |time: &str, range: i64, begins: [i64; 2]| {
+        let map = format!("schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{time}]\n{channels}");
+        let mut library = MapLibrary::default();
+        library.add(ChannelMap::from_toml(Path::new("t.toml"), &map).unwrap());
+        let folder = tempfile::tempdir().unwrap();
+        let table = |name: &str, begin: i64| {
+            // Every second until 300 s behind the end.
+            let row = |s: i64| format!("{},47.{s:06},8.5\n", s % range);
+            let rows: String = (begin..range + 300).map(row).collect();
+            std::fs::write(folder.path().join(name), format!("t,a,b\n{rows}")).unwrap();
+            folder.path().join(name)
+        };
+        let files = [table("the_position.csv", range + begins[0]), table("the_velocity.csv", range + begins[1])];
+        let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
+        let first = |name: &str| loaded.flight.channels[name].series.timeline().stamps()[0].0 / S - range;
+        ([first("position.gps"), first("velocity.gps")], count_of(&loaded, "turn-unclear"))
+    };
+    let time_of_day = "{ field = \"t\", unit = \"s\", clock = \"elapsed\" }";
+    let counter = "{ field = \"t\", unit = \"s\", clock = \"boot\", bits = 12 }";
+    for (time, range) in [(time_of_day, 86_400), (counter, 4096)] {
+        for begins in [[-200, -100], [100, -100], [-100, 100], [100, 100 - range / 2]] {
+            let (found, unclear) = load(time, range, begins);
+            assert_eq!((found, unclear), (begins, 0), "{time}: {begins:?}");
+        }
+        // It fits before and behind.
+        assert_eq!(load(time, range, [100, 50 - range]), ([100 - range, 50 - range], 200), "{time}");
+    }
+}
+
+#[test]
+fn a_clock_that_gives_several_rows_one_stamp_is_told_with_how_coarse_it_is() {
+    let time = "measured = [{ field = \"t\", unit = \"ms\", clock = \"boot\" }]";
+    let told = |stamp: &dyn Fn(i64) -> i64, value: &dyn Fn(i64) -> i64| {
+        let row = |i: i64| format!("{},3,47.{:04},8.5\n", 10_000 + stamp(i), value(i));
+        let text = (0..200).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
+        let loaded = read(&library(time, ""), &text).unwrap();
+        let notice = loaded.flight.notices.iter().find(|n| n.code == "coarse-stamps").cloned();
+        notice.map(|n| (n.count, n.text))
+    };
+    // Ten rows a second: by a clock of whole seconds, and by a logger that writes twice a second.
+    let (count, text) = told(&|i| i / 10 * 1000, &|i| i).unwrap();
+    assert_eq!(count, 180);
+    assert!(text.contains("180 of 200 rows") && text.contains("no finer than 1.000 s"), "{text}");
+    assert!(told(&|i| (i / 5 + 1) * 500, &|i| i).unwrap().1.contains("no finer than 0.500 s"));
+    // Everything sent twice, one stamp in ten wrong, and a clock as fine as its rows.
+    assert_eq!(told(&|i| i / 2 * 200, &|i| i / 2), None);
+    assert_eq!(told(&|i| if i % 10 == 9 { i * 100 - 100 } else { i * 100 }, &|i| i), None);
+    assert_eq!(told(&|i| i * 100, &|i| i), None);
+}
+
+#[test]
+fn a_clock_that_is_set_back_is_told_with_how_far_and_what_it_looks_like() {
+    let time = "measured = [{ field = \"t\", unit = \"ms\", clock = \"unix\" }]";
+    for (back_ms, told) in [
+        (
+            3_600_000,
+            ", at most by 3600.000 s, as where a clock is set to another time zone, or to winter time; the rows",
+        ),
+        (3000, ", at most by 3.000 s, as where a receiver learns the leap seconds; the rows"),
+        (340, ", at most by 0.340 s; the rows"),
+    ] {
+        let row = |i: i64| {
+            let ms = 1_700_000_000_000 + 100 * i - if i < 100 { 0 } else { back_ms };
+            format!("{ms},3,47.{i:04},8.5\n")
+        };
+        let text = (0..200).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
+        let loaded = read(&library(time, ""), &text).unwrap();
+        let notice = loaded.flight.notices.iter().find(|n| n.code == "back-jump").unwrap();
+        assert!(notice.text.contains(told), "{back_ms}: {}", notice.text);
+    }
+}
+
+#[test]
+fn a_tenth_of_the_rows_lost_by_a_clock_that_was_set_is_a_loss_and_a_few_are_none() {
+    let time = "measured = [{ field = \"t\", unit = \"s\", clock = \"unix\" }]";
+    let day_off = |until: i64| {
+        let row = |i: i64| format!("{},3,47.{i:04},8.5\n", 1_700_000_000 + i - if i < until { 432_000 } else { 0 });
+        let text = (0..200).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
+        let loaded = read(&library(time, ""), &text).unwrap();
+        (count_of(&loaded, "rejected-row"), lossy(&loaded))
+    };
+    assert_eq!([0, 5, 19, 20, 90].map(day_off), [(0, false), (5, false), (19, false), (20, true), (90, true)]);
+}
+
+#[test]
 fn a_wrong_source_of_time_in_a_map_is_refused_with_the_reason() {
     for (time, more, word) in [
         ("measured = [{ week = \"w\", field = \"s\" }]", "", "a week with a"),

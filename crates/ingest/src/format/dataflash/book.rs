@@ -37,7 +37,8 @@ pub(super) struct Book<'t, 'w> {
     vehicle: Vehicle,
     clock: BootClock,
     moved: Vec<u8>,
-    redefined: Tally,
+    /// Types that took the place of others: the old and the new one.
+    redefined: Vec<[usize; 2]>,
     unplaced: Tally,
     misfits: Tally,
     late_instances: Tally,
@@ -178,7 +179,7 @@ impl<'t, 'w> Book<'t, 'w> {
             vehicle: Vehicle::default(),
             clock: BootClock::default(),
             moved: vec![],
-            redefined: Tally::default(),
+            redefined: vec![],
             unplaced: Tally::default(),
             misfits: Tally::default(),
             late_instances: Tally::default(),
@@ -368,7 +369,10 @@ impl<'t, 'w> Book<'t, 'w> {
                 let number = integer("Mode").or_else(|| integer("ModeNum"));
                 self.vehicle.mode(at_ns, number, text("Mode").as_deref());
             }
-            Role::Version => self.vehicle.version(text("FWS").as_deref(), integer("BU"), integer("APJ")),
+            Role::Version => match (text("Arch"), text("FwGit")) {
+                (Some(board), Some(git)) => self.vehicle.version_of_px4(&board, &git),
+                _ => self.vehicle.version(text("FWS").as_deref(), integer("BU"), integer("APJ")),
+            },
         }
         Ok(())
     }
@@ -392,8 +396,8 @@ impl<'t, 'w> Book<'t, 'w> {
         if self.types.len() >= MOST_TYPES {
             return Err(format!("there are more than {MOST_TYPES} definitions"));
         }
-        if let Some(known) = known {
-            self.redefined.add(|| format!("{name} in the place of {} (type {id})", known.format.name));
+        if let Some(index) = self.known(id) {
+            self.redefined.push([index, self.types.len()]);
         }
         self.learn(id, format);
         Ok(())
@@ -409,6 +413,19 @@ impl<'t, 'w> Book<'t, 'w> {
         kind.unit_ids = Some(ids);
     }
 
+    /// Types that took the place of others: those of which there are records, before or behind, and the others.
+    fn redefinitions(&self) -> [Tally; 2] {
+        let mut tallies = [Tally::default(), Tally::default()];
+        for places in &self.redefined {
+            let [Some(old), Some(new)] = places.map(|place| self.types.get(place)) else { continue };
+            let tally = usize::from(!old.is_used() && !new.is_used());
+            if let Some(tally) = tallies.get_mut(tally) {
+                tally.add(|| format!("{} in the place of {}", new.format.name, old.format.name));
+            }
+        }
+        tallies
+    }
+
     /// Writes what the log says of itself, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let file = self.file.as_str();
@@ -417,11 +434,13 @@ impl<'t, 'w> Book<'t, 'w> {
                 notices.push(severity, code, file, tally.count, format!("{text}; the first: {}", tally.first));
             }
         };
+        let [used, unused] = self.redefinitions();
+        say(Severity::Loss, "redefined", &used, "types were defined anew; what follows is read by the new one");
         say(
-            Severity::Loss,
+            Severity::Info,
             "redefined",
-            &self.redefined,
-            "types were defined anew; what follows is read by the new one",
+            &unused,
+            "types were defined anew, and no record is of the old or the new one",
         );
         say(Severity::Loss, "undecodable", &self.misfits, "records are not as long as their definition says");
         say(Severity::Loss, "unknown-channel", &self.unplaced, "records found no topic, for there are too many");

@@ -257,10 +257,16 @@ fn size_of(code: u8) -> Option<usize> {
 }
 
 /// `TimeUS` since 2014, milliseconds before. The `TimeMS` of an old GPS record is the receiver's time of week; when the
-/// autopilot had it is its `T`.
+/// autopilot had it is its `T`. PX4's sdlog2 says the time in a record of its own, for those behind it; one type of
+/// ArduPilot has another name for it.
 fn time_field(name: &str, fields: &[Field]) -> Option<TimeField> {
+    let new = match name {
+        "TIME" => "StartTime",
+        "AIS4" => "US",
+        _ => "TimeUS",
+    };
     let old = if name.starts_with("GPS") { "T" } else { "TimeMS" };
-    [("TimeUS", b'Q', 1000), (old, b'I', 1_000_000)].into_iter().find_map(|(wanted, code, tick_ns)| {
+    [(new, b'Q', 1000), (old, b'I', 1_000_000)].into_iter().find_map(|(wanted, code, tick_ns)| {
         let field = fields.iter().position(|f| f.name == wanted && f.code == code)?;
         let offset = fields.get(field)?.offset;
         Some(TimeField { field, offset, wide: code == b'Q', tick_ns })

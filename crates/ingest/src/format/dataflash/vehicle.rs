@@ -1,6 +1,7 @@
 //! What a log says of its vehicle: firmware, board, receivers, parameters, modes, texts.
 
 use super::modes;
+use crate::format::ulog::about::configured;
 use flight::{About, Clock, ConfiguredDelay, ModeStart, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 
@@ -117,6 +118,13 @@ impl Vehicle {
         self.board_id = board_id.or(self.board_id);
     }
 
+    /// A `VER` record of PX4's sdlog2.
+    pub(super) fn version_of_px4(&mut self, board: &str, git: &str) {
+        self.system = Some("PX4".to_owned());
+        self.firmware = Some(format!("git {git}"));
+        self.board = Some(board.to_owned());
+    }
+
     pub(in crate::format) fn finish(self) -> About {
         let configured_delays = self.delays();
         let mut parameter_changes = self.changes;
@@ -153,7 +161,8 @@ impl Vehicle {
             };
             Some(ConfiguredDelay { parameter: parameter.to_owned(), value_s, meaning: meaning.to_owned() })
         };
-        DELAYS.iter().filter_map(delay).collect()
+        let of_px4 = self.parameters.iter().filter_map(|(name, [first, _])| configured(name, *first));
+        DELAYS.iter().filter_map(delay).chain(of_px4).collect()
     }
 }
 

@@ -1,0 +1,92 @@
+//! Stamps from a day of the year, or from a time of day alone.
+
+use super::repair::Repair;
+use crate::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, year_begin_unix_ns};
+use crate::table::{Column, Table, numbers, texts};
+use crate::time::unwrap;
+use flight::{Clock, NANOS_PER_SECOND, Severity};
+use std::borrow::Cow;
+
+pub(super) const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
+
+/// Times of day as their column writes them.
+#[derive(Clone, Copy)]
+pub(super) struct TimesOfDay<'a> {
+    column: &'a Column,
+    /// All that have no colon can be `hhmmss`, and one has so many digits that it is no smaller number.
+    compact: bool,
+}
+
+impl<'a> TimesOfDay<'a> {
+    /// `None` if the table has no such column. Where a log's columns have types, `hhmmss` is a number.
+    pub(super) fn of(table: &'a Table, field: &str) -> Option<TimesOfDay<'a>> {
+        let column = texts(table, field).or_else(|| numbers(table, field))?;
+        let (mut all, mut long) = (true, false);
+        for text in (0..table.rows).filter_map(|row| said(column, row)).filter(|text| is_compact(text)) {
+            all &= with_colons(&text).is_some();
+            long |= text.bytes().take_while(u8::is_ascii_digit).count() >= 5;
+        }
+        Some(TimesOfDay { column, compact: all && long })
+    }
+
+    /// The time of a row, with colons.
+    pub(super) fn at(self, row: usize) -> Option<Cow<'a, str>> {
+        let text = said(self.column, row)?;
+        if is_compact(&text) {
+            return Some(with_colons(&text).filter(|_| self.compact)?.into());
+        }
+        Some(text)
+    }
+}
+
+fn said(column: &Column, row: usize) -> Option<Cow<'_, str>> {
+    let number = || column.number(row).map(|number| Cow::from(number.to_string()));
+    column.text(row).map(|text| Cow::from(text.trim())).or_else(number).filter(|text| !text.is_empty())
+}
+
+fn is_compact(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_digit()) && !text.contains(':')
+}
+
+/// Stamps since the midnight before the first row; `None` if the table has no such column.
+pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
+    let times = TimesOfDay::of(table, field)?;
+    let mut stamps: Vec<Option<i64>> = (0..table.rows).map(|row| since_midnight_ns(&times.at(row)?)).collect();
+    note_wraps(unwrap(&mut stamps, DAY_NS), "the time of day began anew; the stamps run on", repairs);
+    Some(stamps)
+}
+
+/// Stamps of days of the year, and what they count: UTC if all rows say the year, or if that of the first is known.
+pub(super) fn days_of_year(
+    field: &str,
+    year: Option<i16>,
+    zone: Option<&str>,
+    table: &Table,
+    repairs: &mut Vec<Repair>,
+) -> Option<(Clock, Vec<Option<i64>>)> {
+    let column = texts(table, field)?;
+    let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(column.text(row)?)).collect();
+    let since_begin = |day: &DayOfYear| (day.day - 1) * DAY_NS + day.nanos;
+    let east_ns = i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
+    if days.iter().flatten().all(|day| day.year.is_some()) {
+        let stamp = |day: &DayOfYear| Some(year_begin_unix_ns(day.year?)? + since_begin(day) - east_ns);
+        return Some((Clock::Unix, days.iter().map(|day| day.as_ref().and_then(stamp)).collect()));
+    }
+    let mut stamps: Vec<Option<i64>> = days.iter().map(|day| day.as_ref().map(since_begin)).collect();
+    let begin = year.and_then(year_begin_unix_ns);
+    let length = match year.and_then(|year| year_begin_unix_ns(year.checked_add(1)?)).zip(begin) {
+        Some((next, begin)) => next - begin,
+        None if days.iter().flatten().any(|day| day.day == 366) => 366 * DAY_NS,
+        None => 365 * DAY_NS,
+    };
+    note_wraps(unwrap(&mut stamps, length), "the day of the year began anew; the stamps run on", repairs);
+    let Some(begin) = begin else { return Some((Clock::Elapsed, stamps)) };
+    stamps.iter_mut().flatten().for_each(|stamp| *stamp += begin - east_ns);
+    Some((Clock::Unix, stamps))
+}
+
+fn note_wraps(count: u64, text: &'static str, repairs: &mut Vec<Repair>) {
+    if count > 0 {
+        repairs.push(Repair { severity: Severity::Warning, code: "stamp-wrap", count, text: text.into() });
+    }
+}

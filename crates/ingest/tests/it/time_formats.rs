@@ -1,0 +1,261 @@
+//! One flight with its time written in every way that recorders and spreadsheets write it: the stamps are the same, or
+//! nobody claims to know the day.
+
+use crate::support::*;
+use flight::{Clock, Stamp};
+use ingest::{ChannelMap, Loaded, MapLibrary};
+use std::path::Path;
+
+const S: i64 = 1_000_000_000;
+const MS: i64 = 1_000_000;
+const DAY: i64 = 86_400 * S;
+/// date -u -d '2024-05-10T17:27:44.3Z' +%s: the first row.
+const BEGIN: i64 = 1_715_362_064_300_000_000;
+/// The same since midnight; the day is the 131st.
+const OF_DAY: i64 = ((17 * 60 + 27) * 60 + 44) * S + 300 * MS;
+const ROWS: i64 = 120;
+const STEP: i64 = 100 * MS;
+
+fn load_by(time: &str, header: &str, rows: impl Iterator<Item = String>) -> Loaded {
+    let text = format!(
+        "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{{ {time} }}]\n[[channel]]\nname = \"position.gps\"\n\
+         quantity = \"position-geodetic\"\ntimeline = \"measured\"\n[channel.fields]\nlatitude = {{ field = \"lat\", unit = \"deg\" }}\n\
+         longitude = {{ field = \"lon\", unit = \"deg\" }}\n"
+    );
+    let mut library = MapLibrary::default();
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), &text).unwrap());
+    // A decimal comma is one in every column.
+    let point = |row: &str| if row.contains(',') { ',' } else { '.' };
+    let line = |(i, row): (usize, String)| format!("{row};47{0}{i:04};8{0}5\n", point(&row));
+    let table: String = rows.enumerate().map(line).collect();
+    let (_folder, path) = file("t.csv", format!("{header};lat;lon\n{table}").as_bytes());
+    let loaded = in_context(|context| ingest::load(&tables(&[path]), &library, Some("t"), context)).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+fn stamps(loaded: &Loaded) -> (Clock, Vec<i64>) {
+    let channel = loaded.flight.channels.get("position.gps").unwrap_or_else(|| panic!("{:?}", loaded.binding));
+    let timeline = channel.series.timeline();
+    (timeline.clock(), timeline.stamps().iter().map(|s| s.0).collect())
+}
+
+fn codes(loaded: &Loaded) -> Vec<&str> {
+    loaded.flight.notices.iter().map(|n| n.code.as_str()).filter(|code| *code != "absent-component").collect()
+}
+
+fn truth(begin: i64) -> Vec<i64> {
+    (0..ROWS).map(|i| begin + STEP * i).collect()
+}
+
+/// Nanoseconds as seconds with so many decimals.
+fn decimal(ns: i64, decimals: usize) -> String {
+    let text = format!("{}.{:09}", ns.div_euclid(S), ns.rem_euclid(S));
+    text[..text.len() - 9 + decimals].trim_end_matches('.').to_owned()
+}
+
+/// hh, mm, ss.fff of nanoseconds since midnight.
+fn clock_face(ns: i64) -> [String; 3] {
+    let second = ns % DAY / S;
+    [
+        format!("{:02}", second / 3600),
+        format!("{:02}", second / 60 % 60),
+        format!("{:02}.{:03}", second % 60, ns % S / MS),
+    ]
+}
+
+/// Days with the fraction of a day to 15 decimals, since so many days and half days before 1970.
+fn days(ns: i64, days_before: i64, half: bool) -> String {
+    let ns = ns + if half { DAY / 2 } else { 0 };
+    let fraction = i128::from(ns % DAY) * 1_000_000_000_000_000 / i128::from(DAY);
+    format!("{}.{fraction:015}", ns / DAY + days_before)
+}
+
+/// How a stamp is written, by its time since 1970 and since the midnight before the first row.
+type Write = fn(i64, i64) -> String;
+
+#[test]
+fn a_date_is_the_same_in_every_way_to_write_it() {
+    let ways: &[(&str, &str, Write)] = &[
+        ("field = \"t\", unit = \"s\", clock = \"unix\"", "t", |ns, _| decimal(ns, 3)),
+        ("field = \"t\", unit = \"ms\", clock = \"unix\"", "t", |ns, _| (ns / MS).to_string()),
+        ("field = \"t\", unit = \"us\", clock = \"unix\"", "t", |ns, _| (ns / 1000).to_string()),
+        ("field = \"t\", unit = \"ns\", clock = \"unix\"", "t", |ns, _| ns.to_string()),
+        // 24107 days from 1904 to 1970.
+        ("field = \"t\", unit = \"s\", clock = \"labview\"", "t", |ns, _| decimal(ns + 24_107 * DAY, 3)),
+        ("field = \"t\", unit = \"d\", clock = \"excel\"", "t", |ns, _| days(ns, 25_569, false)),
+        ("field = \"t\", unit = \"d\", clock = \"excel\"", "t", |ns, _| days(ns, 25_569, false).replace('.', ",")),
+        ("field = \"t\", unit = \"d\", clock = \"matlab\"", "t", |ns, _| days(ns, 719_529, false)),
+        ("field = \"t\", unit = \"d\", clock = \"modified-julian\"", "t", |ns, _| days(ns, 40_587, false)),
+        ("field = \"t\", unit = \"d\", clock = \"julian\"", "t", |ns, _| days(ns, 2_440_587, true)),
+        ("field = \"t\", text = \"day-of-year\"", "t", |_, day| format!("2024:131:{}", clock_face(day).join(":"))),
+        ("field = \"t\", text = \"day-of-year\", year = 2024", "t", |_, day| {
+            format!("131:{}", clock_face(day).join(":"))
+        }),
+        ("field = \"t\", text = \"day-of-year\", year = 2024, zone = \"-0500\"", "t", |_, day| {
+            format!("131-{}", clock_face(day - 5 * 3600 * S).join(":"))
+        }),
+        ("field = \"t\", text = \"iso-8601\"", "t", |_, day| format!("2024-131T{}Z", clock_face(day).join(":"))),
+        ("field = \"t\", text = \"iso-8601\"", "t", |_, day| format!("2024-W19-5T{}Z", clock_face(day).join(":"))),
+        ("field = \"t\", text = \"iso-8601\"", "t", |_, day| {
+            format!("2024-05-10T{}+02:00", clock_face(day + 7200 * S).join(":"))
+        }),
+        ("field = \"t\", text = \"iso-8601\", zone = \"+02:00\"", "t", |_, day| {
+            format!("2024-05-10T{}", clock_face(day + 7200 * S).join(":"))
+        }),
+        ("date = \"d\", time = \"t\", zone = \"+0200\"", "d;t", |_, day| {
+            format!("10.05.2024;{}", clock_face(day + 7200 * S).join(":"))
+        }),
+        ("date = \"d\", time = \"t\", zone = \"Z\"", "d;t", |_, day| format!("20240510;{}", clock_face(day).concat())),
+        ("date = \"d\", time = \"t\", order = \"day-month-year\", zone = \"Z\"", "d;t", |_, day| {
+            format!("100524;{}", clock_face(day).concat())
+        }),
+        ("date = \"d\", time = \"t\", order = \"month-day-year\", zone = \"Z\"", "d;t", |_, day| {
+            format!("05102024;{}Z", clock_face(day).concat())
+        }),
+        ("date = \"d\", time = \"t\", zone = \"Z\"", "d;t", |_, day| format!("2024-131;{}", clock_face(day).join(":"))),
+        ("calendar = [\"y\", \"m\", \"d\", \"h\", \"n\", \"s\"]", "y;m;d;h;n;s", |_, day| {
+            format!("2024;5;10;{}", clock_face(day).join(";"))
+        }),
+        ("calendar = [\"y\", \"m\", \"d\", \"h\", \"n\", \"s\"], zone = \"+05:30\"", "y;m;d;h;n;s", |_, day| {
+            format!("2024;5;10;{}", clock_face(day + 19_800 * S).join(";"))
+        }),
+    ];
+    for (time, header, write) in ways {
+        let loaded = load_by(time, header, (0..ROWS).map(|i| write(BEGIN + STEP * i, OF_DAY + STEP * i)));
+        let (clock, found) = stamps(&loaded);
+        let example = write(BEGIN, OF_DAY);
+        assert_eq!((clock, found.len()), (Clock::Unix, ROWS as usize), "{example}: {:?}", codes(&loaded));
+        let off = found.iter().zip(truth(BEGIN)).map(|(found, truth)| found.abs_diff(truth)).max();
+        assert!(off <= Some(1), "{example}: {off:?} ns");
+        assert!(codes(&loaded).is_empty(), "{example}: {:?}", loaded.flight.notices);
+    }
+}
+
+#[test]
+fn atomic_time_is_gps_time_and_nineteen_seconds() {
+    // TAI is 37 s ahead of UTC in 2024.
+    let rows = (0..ROWS).map(|i| (BEGIN + 37 * S + STEP * i).to_string());
+    let loaded = load_by("field = \"t\", unit = \"ns\", clock = \"tai\"", "t", rows);
+    let (clock, found) = stamps(&loaded);
+    assert_eq!(clock, Clock::Gps);
+    let unix: Vec<i64> = found.iter().map(|ns| loaded.flight.unix(clock, Stamp(*ns)).unwrap().0).collect();
+    assert_eq!(unix, truth(BEGIN));
+}
+
+#[test]
+fn a_time_of_no_known_day_runs_on_over_midnight_and_nobody_claims_its_date() {
+    const WRAP: &[&str] = &["stamp-wrap"];
+    // The sixtieth row is the first of the next day; new year's day of the last two.
+    let begin = DAY - 60 * STEP;
+    let ways: &[(&str, i64, &[&str], Write)] = &[
+        ("text = \"time-of-day\"", begin, WRAP, |_, ns| clock_face(ns).join(":")),
+        ("text = \"time-of-day\"", begin, WRAP, |_, ns| clock_face(ns).concat()),
+        // As a number, without the zeros in front.
+        ("text = \"time-of-day\"", begin, WRAP, |_, ns| {
+            let text = clock_face(ns).concat();
+            text.trim_start_matches('0').replacen('.', if text.starts_with("000000") { "0." } else { "." }, 1)
+        }),
+        ("unit = \"s\", clock = \"elapsed\"", begin, WRAP, |_, ns| decimal(ns % DAY, 1)),
+        ("unit = \"min\", clock = \"elapsed\"", begin, WRAP, |_, ns| format!("{:.9}", (ns % DAY) as f64 / 60e9)),
+        ("text = \"day-of-year\"", 130 * DAY + begin, &[], |_, ns| {
+            format!("{:03}:{}", 131 + ns / DAY, clock_face(ns).join(":"))
+        }),
+        ("text = \"day-of-year\"", 364 * DAY + begin, WRAP, |_, ns| {
+            format!("{:03}:{}", if ns < DAY { 365 } else { 1 }, clock_face(ns).join(":"))
+        }),
+        ("text = \"day-of-year\"", 365 * DAY + begin, WRAP, |_, ns| {
+            format!("{:03}:{}", if ns < DAY { 366 } else { 1 }, clock_face(ns).join(":"))
+        }),
+    ];
+    for (time, first, told, write) in ways {
+        let time = format!("field = \"t\", {time}");
+        let loaded = load_by(&time, "t", (0..ROWS).map(|i| write(0, begin + STEP * i)));
+        let (clock, found) = stamps(&loaded);
+        let example = write(0, begin);
+        assert_eq!((clock, loaded.flight.utc.is_none()), (Clock::Elapsed, true), "{example}");
+        let off = found.iter().zip(truth(*first)).map(|(found, truth)| found.abs_diff(truth)).max();
+        assert!(found.len() == ROWS as usize && off <= Some(50), "{example}: {off:?} ns, {:?}", codes(&loaded));
+        assert_eq!(codes(&loaded), *told, "{example}");
+    }
+}
+
+#[test]
+fn a_year_that_is_known_of_the_first_row_goes_over_new_year() {
+    let begin = DAY - 60 * STEP;
+    // date -u -d '2024-12-31' +%s and 2023: one is the 366th day.
+    for (year, day, midnight) in [(2024, 366, 1_735_603_200), (2023, 365, 1_703_980_800)] {
+        let time = format!("field = \"t\", text = \"day-of-year\", year = {year}");
+        let face = |ns: i64| format!("{:03}:{}", if ns < DAY { day } else { 1 }, clock_face(ns).join(":"));
+        let loaded = load_by(&time, "t", (0..ROWS).map(|i| face(begin + STEP * i)));
+        assert_eq!(stamps(&loaded), (Clock::Unix, truth(midnight * S + begin)), "{year}");
+        assert_eq!(codes(&loaded), ["stamp-wrap"]);
+    }
+}
+
+#[test]
+fn instants_that_say_no_zone_are_utc_and_told_once() {
+    let face = |i: i64| clock_face(OF_DAY + STEP * i).join(":");
+    for (time, header, date) in [
+        ("field = \"t\", text = \"iso-8601\"", "t", "2024-05-10T"),
+        ("date = \"d\", time = \"t\"", "d;t", "2024-05-10;"),
+    ] {
+        let loaded = load_by(time, header, (0..ROWS).map(|i| format!("{date}{}", face(i))));
+        assert_eq!(stamps(&loaded), (Clock::Unix, truth(BEGIN)));
+        assert_eq!((codes(&loaded), count_of(&loaded, "no-zone")), (vec!["no-zone"], ROWS as u64), "{time}");
+    }
+    let named =
+        load_by("date = \"d (UTC)\", time = \"t\"", "d (UTC);t", (0..ROWS).map(|i| format!("2024-05-10;{}", face(i))));
+    assert!(codes(&named).is_empty(), "{:?}", codes(&named));
+}
+
+#[test]
+fn seconds_of_the_day_in_a_column_of_times_are_not_taken_for_hours_and_minutes() {
+    let rows = (0..ROWS).map(|i| format!("2024-05-10;{}", decimal(OF_DAY + 600 * MS * i, 1)));
+    let text = "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{ date = \"d\", time = \"t\" }]\n[[channel]]\n\
+                name = \"position.gps\"\nquantity = \"position-geodetic\"\ntimeline = \"measured\"\n[channel.fields]\n\
+                latitude = { field = \"lat\", unit = \"deg\" }\nlongitude = { field = \"lon\", unit = \"deg\" }\n";
+    let mut library = MapLibrary::default();
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), text).unwrap());
+    let table: String = rows.enumerate().map(|(i, row)| format!("{row};47.{i:04};8.5\n")).collect();
+    let (_folder, path) = file("t.csv", format!("d;t;lat;lon\n{table}").as_bytes());
+    let loaded = in_context(|context| ingest::load(&tables(&[path]), &library, Some("t"), context)).unwrap();
+    let why = loaded.binding.unwrap_err();
+    assert!(why.contains("no stamps (d, t); not understood is d: 2024-05-10, t: 62864.3"), "{why}");
+}
+
+#[test]
+fn a_counter_of_sixteen_bits_runs_on_if_the_map_says_that_it_has_no_more() {
+    let ms = |i: i64| 64_000 + 100 * i;
+    let rows = || (0..ROWS).map(|i| (ms(i) & 0xffff).to_string());
+    let loaded = load_by("field = \"t\", unit = \"ms\", clock = \"boot\", bits = 16", "t", rows());
+    assert_eq!(stamps(&loaded), (Clock::Boot, (0..ROWS).map(|i| ms(i) * MS).collect()));
+    assert_eq!(codes(&loaded), ["stamp-wrap"]);
+    // Of seconds as well.
+    let loaded = load_by(
+        "field = \"t\", unit = \"s\", clock = \"elapsed\", bits = 8",
+        "t",
+        (0..ROWS).map(|i| ((200 + i) & 255).to_string()),
+    );
+    assert_eq!(stamps(&loaded).1, (0..ROWS).map(|i| (200 + i) * S).collect::<Vec<_>>());
+}
+
+#[test]
+fn what_does_not_go_together_in_a_source_of_stamps_is_refused_with_the_reason() {
+    for (time, word) in [
+        ("field = \"t\", unit = \"s\", clock = \"boot\", zone = \"+02:00\"", "a zone goes with a date"),
+        ("date = \"d\", time = \"t\", offset = \"o\", zone = \"+02:00\"", "that has no offset"),
+        ("field = \"t\", text = \"iso-8601\", zone = \"Europe/Berlin\"", "a zone is an offset from UTC"),
+        ("field = \"t\", text = \"iso-8601\", year = 2024", "a year goes with days of the year"),
+        ("field = \"t\", unit = \"ms\", clock = \"unix\", bits = 16", "bits go with a counter"),
+        ("field = \"t\", unit = \"ms\", clock = \"boot\", bits = 64", "8 to 48 bits"),
+        ("field = \"t\", text = \"time-of-day\", clock = \"unix\"", "a stamp is a container"),
+    ] {
+        let text = format!(
+            "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{{ {time} }}]\n[[channel]]\nname = \"a.b\"\nquantity = \"scalar\"\n\
+             timeline = \"measured\"\n[channel.fields]\nvalue = {{ field = \"v\", unit = \"1\" }}\n"
+        );
+        let error = ChannelMap::from_toml(Path::new("t.toml"), &text).unwrap_err().to_string();
+        assert!(error.contains(word), "{time}: {error}");
+    }
+}
