@@ -10,7 +10,7 @@ use crate::message_type::MessageType;
 use crate::output::Output;
 use crate::recording::{Entry, Recording};
 use crate::row_time::{self, LogTime, LogTimes, RowTime};
-use crate::sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet_about};
+use crate::sheet::{Cells, Sheet, SheetColumn, with_zero_bytes, write_csv, write_parquet_about};
 use flight::{Binding, Channel, Clock, Flight, LogHealth, Notices, Severity, UtcTie};
 use ingest::{Column, ColumnData, Extra, FlightUnit, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo, load};
 use serde_json::{Value, json};
@@ -133,6 +133,7 @@ pub fn export(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Expo
         let what = format!("{}: nothing in it could be decoded", order.unit.id);
         return Err(ConvertError::Nothing(what));
     }
+    note_zero_bytes(order.to, &mut read);
     let places = places(&read.sources, order.to);
     match order.to {
         ExportTo::Parquet | ExportTo::Csv => write_folder(order, &read, &places, context)?,
@@ -189,6 +190,17 @@ fn note_left_out(log: &mut Log) {
     let others = log.left_out.len().saturating_sub(LISTED) as u64;
     if others > 0 {
         log.notices.push(Severity::Warning, CODE, "", others, "more topics have fields without a column");
+    }
+}
+
+/// A text table cannot hold zero bytes.
+fn note_zero_bytes(to: ExportTo, read: &mut Read) {
+    for source in read.sources.iter().filter(|_| to == ExportTo::Csv) {
+        let texts = with_zero_bytes(&source.sheet);
+        if texts > 0 {
+            let text = "texts hold zero bytes, which no CSV may: \u{2400} stands for each";
+            read.notices.push(Severity::Warning, "zero-bytes", format!("topic {}", source.name), texts, text);
+        }
     }
 }
 

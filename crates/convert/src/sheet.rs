@@ -5,6 +5,7 @@ mod text;
 
 pub use parquet::write_parquet;
 pub(crate) use parquet::write_parquet_about;
+pub(crate) use text::with_zero_bytes;
 pub use text::write_csv;
 
 /// Columns of equal length.

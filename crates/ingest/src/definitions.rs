@@ -4,6 +4,8 @@
 use crate::decode::with_all_types;
 use crate::error::IngestError;
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// A definition is shorter, bytes.
@@ -18,11 +20,12 @@ const DEEPEST: usize = 4;
 pub(crate) struct Definitions(BTreeMap<String, String>);
 
 impl Definitions {
-    /// Adds the `PACKAGE/msg/TYPE.msg` of a folder and those below it; one replaces an earlier one of its type. Folders below
-    /// that cannot be listed have none.
+    /// Adds the `PACKAGE/msg/TYPE.msg` of a folder and those below it; one replaces an earlier one of its type. The package is
+    /// called as its `package.xml` says, or else as its folder.
     ///
     /// # Errors
-    /// [`IngestError::Io`]; [`IngestError::Map`] if one is too long, or there are too many.
+    /// [`IngestError::Io`], also of a folder below that cannot be listed; [`IngestError::Map`] if one is too long, or there
+    /// are too many.
     pub(crate) fn add_folder(&mut self, folder: &Path) -> Result<(), IngestError> {
         let mut paths = vec![];
         collect(folder, 0, &mut paths)?;
@@ -62,8 +65,29 @@ fn failed(path: &Path, source: std::io::Error) -> IngestError {
 /// `px4_msgs/SensorGps` of a path that ends in `px4_msgs/msg/SensorGps.msg`.
 fn type_name(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|folder| folder.file_name().is_some_and(|name| name == "msg"))?;
-    let package = std::path::absolute(folder).ok()?.parent()?.file_name()?.to_str()?.to_owned();
+    let folder = std::path::absolute(folder).ok()?;
+    let package = folder.parent()?;
+    let package = package_name(package).or_else(|| Some(package.file_name()?.to_str()?.to_owned()))?;
     Some(format!("{package}/{}", path.file_stem()?.to_str()?))
+}
+
+/// What the `package.xml` of a package calls it: its folder may be called after a branch, or a download.
+fn package_name(package: &Path) -> Option<String> {
+    let mut text = String::new();
+    let path = package.join("package.xml");
+    // Looked at before it is opened: opening a pipe would wait for its writer.
+    let about = std::fs::metadata(&path).ok().filter(std::fs::Metadata::is_file)?;
+    File::open(path).ok()?.take(LONGEST.min(about.len())).read_to_string(&mut text).ok()?;
+    let text = without_comments(&text);
+    let name = text.split_once("<name>")?.1.split_once("</name>")?.0.trim();
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    (!name.is_empty() && name.chars().all(plain)).then(|| name.to_owned())
+}
+
+fn without_comments(xml: &str) -> String {
+    let mut parts = xml.split("<!--");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + part.split_once("-->").map_or("", |(_, behind)| behind))
 }
 
 fn collect(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), IngestError> {
@@ -73,10 +97,37 @@ fn collect(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), 
         let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
         // Also what is linked, as `colcon --symlink-install` does.
         if path.is_dir() && depth < DEEPEST && !is_hidden {
-            let _ = collect(&path, depth + 1, paths);
+            collect(&path, depth + 1, paths)?;
         } else if path.is_file() && path.extension().is_some_and(|extension| extension == "msg") {
             paths.push(path);
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_package_is_called_as_it_calls_itself_and_else_as_its_folder() {
+        let root = tempfile::tempdir().unwrap();
+        for (folder, xml) in [
+            ("px4_msgs-main", "<package format=\"3\">\n<!-- <name>old</name> -->\n  <name> px4_msgs </name>\n"),
+            ("plain", ""),
+            ("odd", "<name>../x</name>"),
+            ("cut", "<name>half"),
+        ] {
+            let msg = root.path().join(folder).join("msg");
+            std::fs::create_dir_all(&msg).unwrap();
+            std::fs::write(msg.join("A.msg"), "int32 a\n").unwrap();
+            if !xml.is_empty() {
+                std::fs::write(root.path().join(folder).join("package.xml"), xml).unwrap();
+            }
+        }
+        let mut definitions = Definitions::default();
+        definitions.add_folder(root.path()).unwrap();
+        let names: Vec<&str> = definitions.iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["cut/A", "odd/A", "plain/A", "px4_msgs/A"]);
+    }
 }

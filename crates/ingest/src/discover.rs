@@ -179,6 +179,9 @@ impl Search<'_> {
                 }
             }
         }
+        if parts.is_empty() && metadata.is_some() {
+            parts.extend(self.only_bag(paths, first));
+        }
         let Some(one) = parts.first() else { return };
         let id = if parts.len() == 1 { one.id.clone() } else { folder_id(below, folder) };
         let kind = one.kind;
@@ -189,6 +192,15 @@ impl Search<'_> {
             files.push(path.clone());
         }
         self.found.units.push(FlightUnit { id, files, kind });
+    }
+
+    /// The bag of a folder whose `metadata.yaml` names files that are not there, if it is the only one: it was renamed.
+    fn only_bag(&mut self, paths: &[PathBuf], first: usize) -> Option<FlightUnit> {
+        let is_here = |unit: &FlightUnit| unit.files.first().is_some_and(|file| paths.contains(file));
+        let is_bag = |unit: &FlightUnit| matches!(unit.kind, LogKind::Db3 | LogKind::Mcap) && is_here(unit);
+        let mut bags = (first..self.found.units.len()).filter(|&i| self.found.units.get(i).is_some_and(is_bag));
+        let only = bags.next().filter(|_| bags.next().is_none())?;
+        Some(self.found.units.remove(only))
     }
 
     /// Who plays a compressed bag leaves its files unpacked beside it: of both, only the one that `metadata.yaml` names is a

@@ -4,14 +4,17 @@ use super::{Cells, Sheet};
 use ingest::inert;
 use std::io::{self, Write};
 
+/// What stands for a zero byte in a text: no text table may hold one, for readers take it for damage, or for the end.
+const ZERO: char = '\u{2400}';
+
 /// Writes a sheet: a header, then rows, comma, LF. Numbers are the shortest text that reads back to the same bits; absent
-/// cells are empty, and texts are made [`inert`].
+/// cells are empty, and texts are made [`inert`], with `␀` for a zero byte.
 ///
 /// # Errors
 /// What the writer says, and columns of unequal length.
 pub fn write_csv(sheet: &Sheet, file: impl Write) -> io::Result<()> {
     let mut writer = csv::WriterBuilder::new().from_writer(file);
-    writer.write_record(sheet.columns.iter().map(|c| inert(&c.name).into_owned()))?;
+    writer.write_record(sheet.columns.iter().map(|c| text(&c.name)))?;
     let mut cell = String::new();
     for row in 0..sheet.rows() {
         for column in &sheet.columns {
@@ -24,6 +27,20 @@ pub fn write_csv(sheet: &Sheet, file: impl Write) -> io::Result<()> {
     writer.flush()
 }
 
+/// A text as it stands in a table.
+fn text(text: &str) -> String {
+    inert(text).replace('\0', ZERO.encode_utf8(&mut [0; 4]))
+}
+
+/// Texts of a sheet that hold zero bytes.
+pub(crate) fn with_zero_bytes(sheet: &Sheet) -> u64 {
+    let texts = sheet.columns.iter().filter_map(|column| match &column.cells {
+        Cells::Text(texts) => Some(texts.iter().flatten()),
+        _ => None,
+    });
+    texts.flatten().filter(|text| text.contains('\0')).count() as u64
+}
+
 fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
     use std::fmt::Write;
     let short = || io::Error::other("columns of unequal length");
@@ -32,7 +49,7 @@ fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
         Cells::U64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x}")),
         Cells::F64(v) => v.get(row).ok_or_else(short)?.map_or(Ok(()), |x| write!(out, "{x:?}")),
         Cells::Text(v) => {
-            out.push_str(&inert(v.get(row).ok_or_else(short)?.as_deref().unwrap_or_default()));
+            out.push_str(&text(v.get(row).ok_or_else(short)?.as_deref().unwrap_or_default()));
             Ok(())
         }
     };
@@ -42,6 +59,16 @@ fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_zero_byte_goes_into_a_table() {
+        let mut sheet = Sheet::default();
+        sheet.push("a\0", Cells::Text(vec![Some("\0=1".into()), Some("x\0y".into()), Some("plain".into()), None]));
+        let mut bytes = vec![];
+        write_csv(&sheet, &mut bytes).unwrap();
+        assert_eq!(String::from_utf8(bytes).unwrap(), "a␀\n'␀=1\nx␀y\nplain\n\"\"\n");
+        assert_eq!(with_zero_bytes(&sheet), 2);
+    }
 
     #[test]
     fn numbers_read_back_to_the_same_bits_and_absent_cells_are_empty() {

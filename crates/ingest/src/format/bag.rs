@@ -25,6 +25,8 @@ use std::path::PathBuf;
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 /// MD5 of the empty text, the checksum of a message without fields.
 const MD5_OF_NOTHING: &str = "d41d8cd98f00b204e9800998ecf8427e";
+/// Bags one behind another in one file.
+const MOST_BAGS: u64 = 1000;
 /// Connections in one bag.
 const MOST_CONNECTIONS: usize = 65_536;
 /// Memory that the definitions of a bag may take, bytes.
@@ -56,7 +58,7 @@ impl LogReader for BagReader {
     }
 }
 
-/// Reads one bag; the number of messages that belong to no connection.
+/// Reads one file, which may be several bags one behind another; the number of messages that belong to no connection.
 fn read_file(
     file: &mut LogFile,
     context: &ReadContext<'_>,
@@ -64,41 +66,53 @@ fn read_file(
     topics: &mut Topics<'_>,
     notices: &mut Notices,
 ) -> Result<u64, IngestError> {
-    let name = file.name().to_owned();
+    let (name, size) = (file.name().to_owned(), file.size());
     check_version(file, context)?;
     check_encryption(file)?;
-    let mut connections = Connections::new(topics);
-    let index = Index::read(file, context, &mut connections)?;
-    let start = MAGIC.len() as u64;
     let mut inflater = Inflater::default();
-    let intact = file.up_to(0, MAGIC.len())? == MAGIC;
-    let mut walk = Walk {
-        source: &mut *file,
-        name: &name,
-        context,
-        ledger,
-        visit: &mut connections,
-        inflater: Some(&mut inflater),
-        at: 0,
-        messages: 0,
-        padding: 0,
-        padding_of_messages: 0,
-        behind_message: false,
-        seen: None,
-    };
-    walk.begin(start, intact);
-    walk.run()?;
-    let (found, padding, suspect) = (walk.messages, walk.padding, walk.padding_of_messages);
-    if suspect > 0 {
-        let text = "zero bytes behind messages: their lengths may be wrong, and messages swallowed by them";
-        notices.push(Severity::Loss, "suspect-length", name.as_str(), suspect, text);
+    let (mut at, mut bags, mut tried, mut unplaced) = (0, 0, 0, 0);
+    while tried == 0 || at < size && tried < MOST_BAGS {
+        let mut connections = Connections::new(topics);
+        let index = Index::read(file, at, context, &mut connections)?;
+        let mut walk = Walk {
+            source: &mut *file,
+            name: &name,
+            context,
+            ledger,
+            visit: &mut connections,
+            inflater: Some(&mut inflater),
+            at,
+            messages: 0,
+            padding: 0,
+            padding_of_messages: 0,
+            behind_message: false,
+            seen: None,
+            found_any: false,
+        };
+        walk.begin()?;
+        walk.run()?;
+        let (found, padding, suspect) = (walk.messages, walk.padding, walk.padding_of_messages);
+        let found_any = walk.found_any;
+        (at, tried, bags) = (walk.at, tried + 1, bags + u64::from(found_any));
+        if suspect > 0 {
+            let text = "zero bytes behind messages: their lengths may be wrong, and messages swallowed by them";
+            notices.push(Severity::Loss, "suspect-length", name.as_str(), suspect, text);
+        }
+        if padding > 0 {
+            notices.push(Severity::Info, "padding", name.as_str(), padding, "zero bytes between records");
+        }
+        // What stands before the first bag is damage, and nothing else.
+        if found_any || at == size {
+            index.conclude(&name, found, notices);
+        }
+        connections.conclude(&name, notices);
+        unplaced += connections.unplaced.count;
     }
-    if padding > 0 {
-        notices.push(Severity::Info, "padding", name.as_str(), padding, "zero bytes between records");
+    if at < size {
+        ledger.damaged(&name, at, size - at, "more bags in one file than are read");
     }
-    index.conclude(&name, found, notices);
-    connections.conclude(&name, notices);
-    Ok(connections.unplaced.count)
+    super::tell_logs(&name, bags, notices);
+    Ok(unplaced)
 }
 
 fn check_version(file: &mut LogFile, context: &ReadContext<'_>) -> Result<(), IngestError> {
@@ -138,18 +152,20 @@ enum Index {
 }
 
 impl Index {
+    /// Of the bag that begins at `start`.
     fn read(
         file: &mut LogFile,
+        start: u64,
         context: &ReadContext<'_>,
         connections: &mut Connections<'_, '_>,
     ) -> Result<Index, IngestError> {
         let mut source = &mut *file;
-        let header = Record::read(&mut source, MAGIC.len() as u64)?;
+        let header = Record::read(&mut source, start + MAGIC.len() as u64)?;
         let Some(Kind::BagHeader { index_at, chunks, .. }) = header.map(|r| r.kind) else {
             return Ok(Index::Unreadable);
         };
-        match index_at {
-            0 => Ok(Index::None),
+        match start.saturating_add(index_at) {
+            _ if index_at == 0 => Ok(Index::None),
             at if at > source.size() => Ok(Index::CutOff),
             at => Index::records(&mut source, at, chunks, context, connections),
         }
@@ -164,7 +180,8 @@ impl Index {
     ) -> Result<Index, IngestError> {
         let mut at = start;
         let (mut messages, mut seen) = (0_u64, 0_u64);
-        while at < source.size() {
+        // Another bag may follow.
+        while at < source.size() && source.bytes(at, MAGIC.len())? != Some(MAGIC) {
             let Some(record) = Record::read(source, at)? else { return Ok(Index::Unreadable) };
             if u64::from(record.data_length) > context.limits.record_bytes {
                 return Ok(Index::Unreadable);

@@ -4,7 +4,7 @@
 use super::yaml::{self, ELEMENT};
 use crate::error::IngestError;
 use crate::reader::Log;
-use flight::Severity;
+use flight::{Notices, Severity};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -92,10 +92,6 @@ impl Metadata {
             let text = format!("it can be read no further than this: {why:.200}");
             log.notices.push(Severity::Warning, "metadata", NAME, 1, text);
         }
-        for name in self.files.iter().filter(|name| !is_there(name)) {
-            let text = format!("{name:.200} is part of this recording and is not there");
-            log.notices.push(Severity::Loss, "missing-file", NAME, 1, text);
-        }
         let mut found: BTreeMap<&str, u64> = BTreeMap::new();
         for topic in &log.health.topics {
             *found.entry(&topic.name).or_default() += topic.messages;
@@ -109,6 +105,15 @@ impl Metadata {
                 first = format!("{topic:.200}, {stated} by {NAME} and {read} by what was read");
             }
         }
+        for name in self.files.iter().filter(|name| !is_there(name)) {
+            let (severity, text) = if self.topics.is_empty() || fewer + more > 0 {
+                (Severity::Loss, format!("{name:.200} is part of this recording and is not there"))
+            } else {
+                let text = "is not there by this name; what was read has every message that the recorder counted";
+                (Severity::Warning, format!("{name:.200} {text}"))
+            };
+            log.notices.push(severity, "missing-file", NAME, 1, text);
+        }
         if fewer > 0 {
             let text = format!("messages are missing that the recorder counted; the first topic: {first}");
             log.notices.push(Severity::Loss, "missing-messages", NAME, fewer, text);
@@ -120,15 +125,38 @@ impl Metadata {
     }
 }
 
+/// `bag` and 10 of `bag_10.db3`, whatever is behind.
+fn numbered(name: &str) -> Option<(&str, u64)> {
+    let (front, number) = name.split('.').next()?.rsplit_once('_')?;
+    Some((front, number.parse().ok()?))
+}
+
 /// `bag_10.db3` comes behind `bag_2.db3`, however the list was made; files of other names stay as they are listed.
 fn in_order_of_numbers(files: &mut [String]) {
-    let number = |name: &str| {
-        let (front, number) = name.split('.').next()?.rsplit_once('_')?;
-        Some((front.to_owned(), number.parse::<u64>().ok()?))
+    let front = files.first().and_then(|first| numbered(first)).map(|(front, _)| front.to_owned());
+    if front.is_some() && files.iter().all(|name| numbered(name).map(|(front, _)| front) == front.as_deref()) {
+        files.sort_by_key(|name| numbered(name).map(|(_, number)| number));
+    }
+}
+
+/// Says which numbers are missing among the files of a recording that nothing describes. A recorder that keeps only the
+/// newest files takes the first ones away itself.
+pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
+    let names: Vec<String> =
+        files.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
+    let numbers: Vec<u64> = names.iter().filter_map(|name| numbered(name)).map(|(_, number)| number).collect();
+    let (Some(first), true) = (numbers.first(), names.len() > 1 && numbers.len() == names.len()) else { return };
+    let mut tell = |severity, before: u64, number: u64, place: &str| {
+        if let Some(count) = number.checked_sub(before).filter(|&count| count > 0) {
+            let text = "files of this recording are not there, by the numbers in the names of the others";
+            notices.push(severity, "missing-file", place, count, text);
+        }
     };
-    let front = files.first().and_then(|first| number(first)).map(|(front, _)| front);
-    if front.is_some() && files.iter().all(|name| number(name).map(|(front, _)| front) == front) {
-        files.sort_by_key(|name| number(name));
+    tell(Severity::Warning, 0, *first, &format!("before {}", names.first().map_or("", String::as_str)));
+    for (pair, name) in numbers.windows(2).zip(names.iter().skip(1)) {
+        if let [before, number] = *pair {
+            tell(Severity::Loss, before.saturating_add(1), number, &format!("before {name}"));
+        }
     }
 }
 
@@ -214,6 +242,45 @@ mod tests {
         assert_eq!(list(&sorted_as_text), ["a_b_0.db3.zstd", "a_b_1.db3.zstd", "a_b_2.db3.zstd", "a_b_10.db3.zstd"]);
         for by_hand in [["second.db3", "first.db3"], ["b_1.mcap", "a_0.mcap"], ["x_2.db3", "x.db3"]] {
             assert_eq!(list(&by_hand), by_hand);
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_missing_among_the_parts_of_a_recording_are_told() {
+        let told = |names: &[&str]| {
+            let mut notices = Notices::new();
+            tell_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
+            notices.iter().map(|n| (n.severity, n.place.clone(), n.count)).collect::<Vec<_>>()
+        };
+        assert_eq!(told(&["b_0.mcap", "b_1.mcap", "b_2.mcap"]), []);
+        assert_eq!(told(&["b_7.mcap"]), []);
+        assert_eq!(told(&["a.mcap", "b_7.mcap"]), []);
+        let (warning, loss) = (Severity::Warning, Severity::Loss);
+        let gap = |severity, name: &str, count| (severity, format!("before {name}"), count);
+        assert_eq!(told(&["b_0.db3", "b_3.db3.zstd", "b_4.db3"]), [gap(loss, "b_3.db3.zstd", 2)]);
+        assert_eq!(told(&["b_2.db3", "b_3.db3"]), [gap(warning, "b_2.db3", 2)]);
+    }
+
+    #[test]
+    fn a_file_that_was_renamed_is_no_loss_if_every_message_is_there() {
+        let metadata = Metadata::parse(NEW).unwrap();
+        let topic = |name: &str, messages| flight::TopicHealth {
+            name: name.to_owned(),
+            messages,
+            type_name: String::new(),
+            encoding: String::new(),
+            payload_bytes: 0,
+            decoded: true,
+            reason: String::new(),
+            stamps: vec![],
+        };
+        for (messages, severity) in [(4, Severity::Warning), (3, Severity::Loss)] {
+            let mut log = Log::default();
+            log.health.topics = vec![topic("/imu", messages), topic("/fix", 3)];
+            metadata.compare(&[PathBuf::from("renamed.db3")], &mut log);
+            let missing: Vec<Severity> =
+                log.notices.iter().filter(|n| n.code == "missing-file").map(|n| n.severity).collect();
+            assert_eq!(missing, [severity; 2], "{:?}", log.notices);
         }
     }
 

@@ -21,7 +21,7 @@ use self::walk::Walk;
 use crate::decode::{Definition, Route, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::format::bag_folder::Metadata;
+use crate::format::bag_folder::{self, Metadata};
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
@@ -58,7 +58,15 @@ impl LogReader for Db3Reader {
         let mut notices = Notices::new();
         let mut topics = Topics::new(want, context.limits.topics, size);
         let mut log = Log::default();
+        let several = sources.len() > 1;
         for source in &mut sources {
+            let refused = std::mem::replace(&mut source.refused, Ok(()));
+            if !several {
+                refused?;
+            } else if super::is_foreign_part(refused, source.size(), &mut ledger, &mut notices)? {
+                continue;
+            }
+            source.tell_missing_wal(metadata.is_some(), &mut notices);
             log.health.undecodable += source.read(&mut ledger, &mut notices, &mut topics, context)?;
         }
         // What is neither a row nor damaged.
@@ -66,8 +74,9 @@ impl LogReader for Db3Reader {
         log.health.format = "ROS 2 bag (SQLite)".to_owned();
         let files = sources.into_iter().map(|source| source.file).collect();
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
-        if let Some(metadata) = metadata {
-            metadata.compare(&rest, &mut log);
+        match metadata {
+            Some(metadata) => metadata.compare(&rest, &mut log),
+            None => bag_folder::tell_gaps(&rest, &mut log.notices),
         }
         Ok(log)
     }
@@ -85,6 +94,10 @@ struct Source {
     path: PathBuf,
     file: LogFile,
     beside: Beside,
+    /// The database was kept with a write-ahead log.
+    write_ahead: bool,
+    /// Why it is no database, nor a damaged one.
+    refused: Result<(), IngestError>,
 }
 
 impl Source {
@@ -93,10 +106,23 @@ impl Source {
         let head = file.up_to(0, pages::HEADER_BYTES)?.to_vec();
         let header = pages::Header::parse(&head);
         let beside = Wal::beside(path, header.map(|header| header.page_bytes))?;
-        if !matches!(beside, Beside::Wal(_)) {
-            super::refuse_foreign(&mut file, WRONG_START, context)?;
+        let refused = match beside {
+            Beside::Wal(_) => Ok(()),
+            _ => super::refuse_foreign(&mut file, WRONG_START, context),
+        };
+        let write_ahead = header.is_some_and(|header| header.write_ahead);
+        Ok(Source { path: path.to_owned(), file, beside, write_ahead, refused })
+    }
+
+    /// A write-ahead log that was not copied along leaves no trace in the database. A recorder that closes its bag takes the
+    /// log away, and then describes the bag in `metadata.yaml`, whose counts are compared.
+    fn tell_missing_wal(&self, described: bool, notices: &mut Notices) {
+        let is_there = wal::path_of(&self.path).exists();
+        if self.write_ahead && !is_there && !described {
+            let text = "the recorder kept a write-ahead log (-wal), and none stands beside the bag: unless the recorder closed \
+                        it, its last messages are missing, which the file itself cannot show";
+            notices.push(Severity::Warning, "no-write-ahead-log", self.file.name(), 1, text);
         }
-        Ok(Source { path: path.to_owned(), file, beside })
     }
 
     fn size(&self) -> u64 {

@@ -17,7 +17,7 @@ use self::original::Originals;
 use self::record::{AttachmentHead, WRONG_START};
 use self::summary::{Summary, Trust};
 use self::visit::Visit;
-use self::walk::Walk;
+use self::walk::{Walk, Walked};
 use crate::bytes::Bytes;
 use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics};
 use crate::error::IngestError;
@@ -36,6 +36,8 @@ use std::path::PathBuf;
 const MOST_DEFINITIONS: usize = 64 << 20;
 /// Definitions and channels of one file that may take the place of others.
 const MOST_REDEFINED: u64 = 1000;
+/// Logs one behind another in one file.
+const MOST_LOGS: u64 = 1000;
 /// Attachments and metadata that are listed by name.
 const MOST_EXTRAS: usize = 100;
 /// Channel, sequence and two times: the part of a message before its payload.
@@ -65,21 +67,42 @@ impl LogReader for McapReader {
         let mut headers = vec![];
         let mut extras = Extras::default();
         let mut originals = Originals::default();
+        let several = files.len() > 1;
         for file in &mut files {
-            super::refuse_foreign(file, WRONG_START, context)?;
-            let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
-            let summary = Summary::read(file, context.limits.record_bytes, &mut channels)?;
-            let summary = Walk::new(file, context, &mut ledger, &mut notices, &mut channels, summary).run()?;
-            channels.conclude(file.name(), &summary, &mut notices);
-            log.health.undecodable += channels.unplaced.count + channels.broken.count;
-            headers.push(std::mem::take(&mut channels.header));
+            let size = file.size();
+            let refused = super::refuse_foreign(file, WRONG_START, context);
+            if !several {
+                refused?;
+            } else if super::is_foreign_part(refused, size, &mut ledger, &mut notices)? {
+                continue;
+            }
+            let (mut start, mut tried, mut logs) = (0, 0, 0);
+            while tried == 0 || start < size && tried < MOST_LOGS {
+                let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
+                // What ends the file may be of any log in it: only the first one looks whether it is its own.
+                let summary = match start {
+                    0 => Summary::read(file, 0..size, context.limits.record_bytes, &mut channels)?,
+                    _ => Summary::default(),
+                };
+                let walk = Walk::new(file, context, &mut ledger, &mut notices, &mut channels, start, summary);
+                let Walked { summary, end, found_any } = walk.run()?;
+                channels.conclude(file.name(), &summary, &mut notices);
+                log.health.undecodable += channels.unplaced.count + channels.broken.count;
+                headers.push(std::mem::take(&mut channels.header));
+                (start, tried, logs) = (end, tried + 1, logs + u64::from(found_any));
+            }
+            if start < size {
+                ledger.damaged(file.name(), start, size - start, "more logs in one file than are read");
+            }
+            super::tell_logs(file.name(), logs, &mut notices);
         }
         log.health.format = format_name(&headers);
         log.health.extras = extras.finish();
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
         originals.restore(want, &mut log);
-        if let Some(metadata) = metadata {
-            metadata.compare(&rest, &mut log);
+        match metadata {
+            Some(metadata) => metadata.compare(&rest, &mut log),
+            None => bag_folder::tell_gaps(&rest, &mut log.notices),
         }
         Ok(log)
     }

@@ -22,8 +22,8 @@ pub use dataflash::DataFlashReader;
 pub(crate) use dataflash::looks_like as looks_like_dataflash;
 pub use db3::Db3Reader;
 pub use mcap::{McapReader, OriginalLog, OriginalTopic, mcap_indexed_records, mcap_records};
-pub use nmea::NmeaReader;
 pub(crate) use nmea::looks_like as looks_like_nmea;
+pub use nmea::NmeaReader;
 pub use tlog::TlogReader;
 pub(crate) use tlog::looks_like as looks_like_tlog;
 pub use ubx::UbxReader;
@@ -43,17 +43,69 @@ use std::path::PathBuf;
 /// A search for what follows damage ends after this many zero bytes: a sparse file has nothing more.
 const MOST_ZEROS: u64 = 64 << 20;
 
+/// Says that a file is several, put one behind another.
+fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
+    if logs > 1 {
+        let text = "logs stand one behind another in this file; all were read";
+        notices.push(Severity::Warning, "several-logs", file, logs, text);
+    }
+}
+
 /// A file that is empty, zero as far as one looks, or text is no damaged log but none. `wrong_start`
 /// is what the walk would say of its first bytes.
 fn refuse_foreign(file: &mut LogFile, wrong_start: &str, context: &ReadContext<'_>) -> Result<(), IngestError> {
-    let head = file.up_to(0, 4096)?;
-    let what = match head {
+    let nothing = all_zero(file)?;
+    let what = match file.up_to(0, 4096)? {
         [] => "the file is empty".to_owned(),
-        zeros if is_zero(zeros) => "the file begins with nothing but zero bytes".to_owned(),
+        _ if nothing => "the file begins with nothing but zero bytes".to_owned(),
         text if is_text(text) => format!("{wrong_start}: it is text, {}", kind_of_text(text, context)),
         _ => return Ok(()),
     };
     Err(IngestError::NotALog { file: file.name().to_owned(), what })
+}
+
+/// Of one of several files that make up a log: whether it is none itself, which is told then. The others are read all the same.
+fn is_foreign_part(
+    refused: Result<(), IngestError>,
+    size: u64,
+    ledger: &mut Ledger,
+    notices: &mut Notices,
+) -> Result<bool, IngestError> {
+    let Err(IngestError::NotALog { file, what }) = refused else { return refused.map(|()| false) };
+    if size > 0 {
+        ledger.damaged(&file, 0, size, what);
+    } else {
+        notices.push(Severity::Loss, "empty-file", file, 1, "a part of this recording is empty");
+    }
+    Ok(true)
+}
+
+/// What is said of a file that does not begin as it should: `wrong_start`, or that it went through a copy that takes all
+/// files for text, which changes line ends, or what is no UTF-8.
+fn wrong_start(found: &[u8], magic: &[u8], wrong_start: &'static str) -> &'static str {
+    let line = |end: &[u8]| [magic.trim_ascii_end(), end].concat();
+    let all: [Vec<u8>; 3] = [b"\n", &b"\r\n"[..], b"\r\r\n"].map(line);
+    let is_text = |changed: &[u8]| changed != magic && found.starts_with(changed);
+    let not_utf8 = magic.first().is_some_and(|first| !first.is_ascii()) && found.starts_with("\u{fffd}".as_bytes());
+    if not_utf8 || all.iter().any(|changed| is_text(changed)) {
+        return "the file was copied as if it were text, which damages it throughout: copy it again as binary";
+    }
+    wrong_start
+}
+
+/// Whether a file is zero as far as one looks: one that lost its first blocks is not.
+fn all_zero(file: &mut LogFile) -> Result<bool, IngestError> {
+    let end = file.size().min(MOST_ZEROS);
+    let (mut at, mut most) = (0, 4096);
+    while at < end {
+        let block = file.up_to(at, most)?;
+        if !is_zero(block) {
+            return Ok(false);
+        }
+        at += block.len().max(1) as u64;
+        most = 1 << 20;
+    }
+    Ok(true)
 }
 
 /// Text without control characters, of more bytes than a log that was cut could have before the first

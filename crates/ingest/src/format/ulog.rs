@@ -2,11 +2,13 @@
 
 pub(super) mod about;
 mod beside;
+mod boots;
 mod formats;
 mod record;
 mod session;
 mod walk;
 
+use self::boots::Boots;
 use self::session::Session;
 use self::walk::{START, WRONG_START, Walk};
 use crate::decode::Topics;
@@ -23,6 +25,8 @@ const MAGIC: &[u8] = b"ULog\x01\x12\x35";
 /// The newest version of the format.
 const VERSION: u8 = 1;
 
+/// Logs one behind another in one file.
+const MOST_LOGS: u64 = 1000;
 /// Topics in one log: PX4 has some three hundred, and few instances of each.
 const MOST_TOPICS: usize = 8192;
 
@@ -46,44 +50,75 @@ impl LogReader for UlogReader {
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         topics.count_by(Clock::Boot);
         let mut log = Log::default();
+        let mut boots = Boots::default();
         for file in &mut files {
-            read_file(file, context, &mut ledger, &mut topics, &mut notices, &mut log.health)?;
+            read_file(file, context, &mut ledger, &mut topics, &mut boots, &mut notices, &mut log.health)?;
         }
+        log.restarts = boots.restarts;
         Reading { files, ledger, notices, topics }.conclude(log)
     }
 }
 
+/// Reads one file, which may be several logs one behind another.
 fn read_file(
     file: &mut LogFile,
     context: &ReadContext<'_>,
     ledger: &mut Ledger,
     topics: &mut Topics<'_>,
+    boots: &mut Boots,
     notices: &mut Notices,
     health: &mut LogHealth,
 ) -> Result<(), IngestError> {
     super::refuse_foreign(file, WRONG_START, context)?;
-    let name = file.name().to_owned();
-    let head = file.up_to(0, START as usize)?;
-    // A cut head is still one.
-    let intact = head.iter().zip(MAGIC).all(|(a, b)| a == b);
-    let version = head.get(MAGIC.len()).copied().unwrap_or(VERSION);
-    let mut session = Session::new(topics);
+    let (name, size) = (file.name().to_owned(), file.size());
     let mut walk = Walk::new(&name, ledger);
-    walk.begin(file.size(), intact);
-    walk.run(file, context, &mut session)?;
+    let (mut tried, mut logs) = (0, 0);
+    while tried == 0 || walk.at < size && tried < MOST_LOGS {
+        let bytes = file.up_to(walk.at, 2 * START as usize)?;
+        let head = Head::of(bytes);
+        walk.begin(bytes, head.intact);
+        let mut session = Session::new(topics, boots.next_log(head.began_us));
+        walk.run(file, context, &mut session)?;
+        (tried, logs) = (tried + 1, logs + u64::from(walk.found_any));
+        boots.latest(session.latest_us);
+        if head.version > VERSION {
+            let version = head.version;
+            let text =
+                format!("the log is of version {version}; what is new in it since version {VERSION} is not read");
+            notices.push(Severity::Warning, "newer-version", name.as_str(), 1, text);
+        }
+        session.conclude(&name, notices);
+        session.hand_on();
+        health.undecodable += session.unplaced.count;
+        health.extras.extend(session.gathered.extras());
+        let about = session.gathered.about();
+        if health.about.is_empty() {
+            health.about = about;
+        }
+        health.format = format!("ULog {}", head.version);
+    }
     walk.conclude(notices);
-    if version > VERSION {
-        let text = format!("the log is of version {version}; what is new in it since version {VERSION} is not read");
-        notices.push(Severity::Warning, "newer-version", name.as_str(), 1, text);
+    if walk.at < size {
+        walk.leave(size, "more logs in one file than are read");
     }
-    session.conclude(&name, notices);
-    session.hand_on();
-    health.undecodable += session.unplaced.count;
-    health.extras.extend(session.gathered.extras());
-    let about = session.gathered.about();
-    if health.about.is_empty() {
-        health.about = about;
-    }
-    health.format = format!("ULog {version}");
+    super::tell_logs(&name, logs, notices);
     Ok(())
+}
+
+/// The first bytes of a log.
+struct Head {
+    intact: bool,
+    version: u8,
+    /// When the log was begun, by the clock since boot.
+    began_us: Option<u64>,
+}
+
+impl Head {
+    fn of(bytes: &[u8]) -> Head {
+        // A cut head is still one.
+        let intact = bytes.iter().zip(MAGIC).all(|(a, b)| a == b);
+        let began = bytes.get(MAGIC.len() + 1..).and_then(|time| time.first_chunk().copied().map(u64::from_le_bytes));
+        let version = bytes.get(MAGIC.len()).copied().filter(|_| intact).unwrap_or(VERSION);
+        Head { intact, version, began_us: began.filter(|_| intact) }
+    }
 }

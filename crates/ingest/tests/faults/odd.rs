@@ -98,3 +98,34 @@ fn what_is_no_log_is_named_by_discovery() {
         assert!(found.ignored[0].1.contains(what), "{name}: {:?}", found.ignored);
     }
 }
+
+#[test]
+fn a_log_that_was_copied_as_text_is_told_to_be_that() {
+    let mut lab = Lab::new();
+    let lines = |bytes: &[u8], from: &[u8], to: &[u8]| -> Vec<u8> {
+        let mut out = vec![];
+        let mut rest = bytes;
+        while let Some(at) = rest.windows(from.len()).position(|w| w == from) {
+            out.extend([&rest[..at], to].concat());
+            rest = &rest[at + from.len()..];
+        }
+        [out.as_slice(), rest].concat()
+    };
+    for name in ["mcap-cdr-none", "mcap-cdr-zstd", "mcap-cdr-unchunked", "bag-none", "bag-lz4-linked"] {
+        let seed = &seeds(name)[0];
+        let subject = lab.seed(seed, 0);
+        let bytes = &seed.files[0].bytes;
+        let mut changed = vec![lines(bytes, b"\n", b"\r\n")];
+        if name.starts_with("mcap") {
+            changed.push(lines(bytes, b"\r\n", b"\n"));
+            changed.push(String::from_utf8_lossy(bytes).into_owned().into_bytes());
+        }
+        for bytes in changed {
+            let told = match lab.read(&subject, &bytes, name) {
+                Ok(log) => log.notices.iter().map(|n| n.text.clone()).collect(),
+                Err(error) => error.to_string(),
+            };
+            assert!(told.contains("copied as if it were text"), "{name}: {told}");
+        }
+    }
+}

@@ -54,3 +54,26 @@ fn two_logs_in_one_file_are_both_read_or_told() {
         assert!(found >= rows(&intact), "{family}: {found} of {} rows", 2 * rows(&intact));
     }
 }
+
+#[test]
+fn ulogs_of_two_boots_in_one_file_do_not_mix_wherever_the_first_was_cut() {
+    let mut lab = Lab::new();
+    let seed = &seeds("ulog")[0];
+    let (subject, intact) = lab.intact(seed, 0);
+    let bytes = &seed.files[0].bytes;
+    for cut in (1..=bytes.len()).step_by(13).chain([bytes.len()]) {
+        let case = format!("cut at {cut}");
+        let log = lab.read(&subject, &[&bytes[..cut], bytes.as_slice()].concat(), &case).unwrap();
+        let second = log.restarts.first().map_or(i64::MIN, |restart| restart.logged_ns);
+        for table in &log.tables {
+            let whole = intact.tables.iter().find(|t| t.topic == table.topic).unwrap();
+            let times = table.logged_ns.as_ref().unwrap();
+            let behind: Vec<i64> = times.iter().copied().filter(|&t| t >= second).collect();
+            let shift = if second > i64::MIN { second } else { 0 };
+            let expected: Vec<i64> = whole.logged_ns.as_ref().unwrap().iter().map(|t| t + shift).collect();
+            assert_eq!(behind, expected, "{case}: {}", table.topic.name);
+        }
+        assert!(log.restarts.iter().all(|restart| restart.certain), "{case}");
+        assert!(cut < bytes.len() || log.health.damage.is_empty(), "{:?}", log.health.damage);
+    }
+}

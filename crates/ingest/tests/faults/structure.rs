@@ -1,7 +1,7 @@
 //! T7: files whose parts are sound and do not agree: an index is never trusted over the data.
 
 use crate::lab::{Lab, seeds};
-use crate::verdict::{Verdict, first_foreign_row, rows, told};
+use crate::verdict::{Verdict, first_foreign_row, first_unknown_row, rows, told};
 use ingest::Log;
 
 /// Opcode and content of a record.
@@ -155,12 +155,6 @@ fn records_out_of_place_cost_no_row_in_silence() {
     let moved = behind.remove(chunk);
     behind.push(moved);
     same_or_told(&mut lab, &file(&behind), &intact, "data behind the footer");
-    let twice = [file(&sound), file(&sound)].concat();
-    let seed = &seeds("mcap-cdr-none")[0];
-    let subject = lab.seed(seed, 0);
-    let read = lab.read(&subject, &twice, "two files in one");
-    let log = read.as_ref().unwrap();
-    assert!(rows(log) == 48 || told(&read, &intact), "{} rows: {:?}", rows(log), log.notices);
 }
 
 #[test]
@@ -202,6 +196,140 @@ fn the_index_of_a_bag_that_lies_costs_no_row() {
         ] {
             let verdict = Verdict::of(&lab.read(&subject, &bytes, case), &intact);
             assert!([Verdict::Same, Verdict::Told].contains(&verdict), "{name}, {case}: {verdict:?}");
+        }
+    }
+}
+
+/// Rows of one log and of another behind it, and nothing wrong with either.
+fn assert_both_read(lab: &mut Lab, kind: &str, bytes: &[u8], expected: usize, case: &str) {
+    let subject = lab.seed(&seeds(kind)[0], 0);
+    let log = lab.read(&subject, bytes, case).unwrap();
+    assert_eq!((rows(&log), log.health.bytes.damaged), (expected, 0), "{case}: {:?}", log.notices);
+    let told = log.notices.iter().find(|n| n.code == "several-logs").map(|n| n.count);
+    assert_eq!((told, log.notices.any_loss()), (Some(2), false), "{case}: {:?}", log.notices);
+}
+
+#[test]
+fn two_mcaps_one_behind_the_other_are_both_read_and_every_checksum_of_both_holds() {
+    let mut lab = Lab::new();
+    let all = ["mcap-cdr-none", "mcap-cdr-zstd", "mcap-cdr-unchunked", "mcap-cdr-unindexed", "mcap-ros1-none"];
+    let bytes = all.map(|name| seeds(name)[0].files[0].bytes.clone());
+    for (a, first) in all.iter().zip(&bytes) {
+        for (b, second) in all.iter().zip(&bytes) {
+            let both = [first.as_slice(), second].concat();
+            assert_both_read(&mut lab, a, &both, 48, &format!("{a} before {b}"));
+        }
+    }
+    // The summary of the first is looked at too, though another one ends the file.
+    let mut hurt = [bytes[1].as_slice(), &bytes[0]].concat();
+    let footer = bytes[1].len() - 8 - 20;
+    hurt[footer - 20] ^= 1;
+    let subject = lab.seed(&seeds("mcap-cdr-none")[0], 0);
+    let log = lab.read(&subject, &hurt, "a summary in the midst").unwrap();
+    assert!(log.notices.iter().any(|n| n.code == "summary-checksum"), "{:?}", log.notices);
+    assert_eq!(rows(&log), 48);
+}
+
+#[test]
+fn a_log_that_was_written_behind_one_that_was_cut_is_read_whole_and_the_cut_is_told() {
+    let mut lab = Lab::new();
+    for name in ["mcap-cdr-zstd", "mcap-cdr-unchunked", "bag-none", "bag-lz4-linked"] {
+        let seed = &seeds(name)[0];
+        let (subject, intact) = lab.intact(seed, 0);
+        let bytes = &seed.files[0].bytes;
+        for cut in (1..bytes.len()).step_by(97) {
+            let case = format!("{name} cut at {cut}");
+            let both = [&bytes[..cut], bytes.as_slice()].concat();
+            let read = lab.read(&subject, &both, &case);
+            let log = read.as_ref().unwrap();
+            assert!(rows(log) >= rows(&intact), "{case}: {} rows", rows(log));
+            assert!(log.notices.any_loss(), "{case}: {:?}", log.notices);
+            assert_eq!(first_unknown_row(log, &intact), None, "{case}");
+        }
+    }
+}
+
+#[test]
+fn a_log_behind_foreign_bytes_is_read_whole() {
+    let mut lab = Lab::new();
+    let noise: Vec<u8> = (0..5000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    for name in ["mcap-cdr-none", "mcap-cdr-unchunked", "mcap-cdr-unindexed", "bag-none", "bag-unindexed", "ulog"] {
+        let seed = &seeds(name)[0];
+        let (subject, intact) = lab.intact(seed, 0);
+        for junk in [vec![7; 1000], vec![0; 8192], noise.clone()] {
+            let log = lab.read(&subject, &[junk.as_slice(), &seed.files[0].bytes].concat(), name).unwrap();
+            assert_eq!((rows(&log), log.health.bytes.damaged), (rows(&intact), junk.len() as u64), "{name}");
+            assert_eq!(first_unknown_row(&log, &intact), None, "{name}");
+        }
+    }
+}
+
+#[test]
+fn an_unchunked_mcap_that_lost_bytes_or_got_more_is_read_by_the_channels_of_its_summary() {
+    let mut lab = Lab::new();
+    let seed = &seeds("mcap-cdr-unchunked")[0];
+    let (subject, intact) = lab.intact(seed, 0);
+    let bytes = seed.files[0].bytes.as_slice();
+    let messages: Vec<usize> = (0..bytes.len() - 9)
+        .filter(|&at| bytes[at] == MESSAGE && bytes[at + 3..at + 9] == [0; 6] && bytes[at + 11..at + 15] == [0; 4])
+        .collect();
+    let first = messages[0];
+    for (case, hurt, expected) in [
+        ("the beginning is gone", bytes[first - 10..].to_vec(), 24),
+        ("the beginning is zero", [&vec![0; first], &bytes[first..]].concat(), 24),
+        ("junk behind the magic", [MAGIC, &[9; 777], &bytes[8..]].concat(), 24),
+        ("a hole", [&bytes[..first + 40], &bytes[first + 1000..]].concat(), 1),
+    ] {
+        let log = lab.read(&subject, &hurt, case).unwrap();
+        assert!(rows(&log) >= expected && log.notices.any_loss(), "{case}: {} rows, {:?}", rows(&log), log.notices);
+        assert_eq!(first_unknown_row(&log, &intact), None, "{case}");
+    }
+}
+
+#[test]
+fn two_bags_one_behind_the_other_are_both_read_by_their_own_connections_and_indexes() {
+    let mut lab = Lab::new();
+    let all = ["bag-none", "bag-lz4-linked", "bag-bz2"];
+    let bytes = all.map(|name| seeds(name)[0].files[0].bytes.clone());
+    for (a, first) in all.iter().zip(&bytes) {
+        for (b, second) in all.iter().zip(&bytes) {
+            let both = [first.as_slice(), second].concat();
+            assert_both_read(&mut lab, a, &both, 48, &format!("{a} before {b}"));
+        }
+    }
+}
+
+#[test]
+fn a_file_that_lost_its_first_blocks_is_read_from_there_on() {
+    let mut lab = Lab::new();
+    for (name, fewest) in [("mcap-cdr-none", 0), ("mcap-cdr-unchunked", 20), ("bag-none", 20), ("db3-bare", 20)] {
+        let seed = &seeds(name)[0];
+        let (subject, intact) = lab.intact(seed, 0);
+        let mut bytes = seed.files[0].bytes.clone();
+        bytes[..4096].fill(0);
+        let read = lab.read(&subject, &bytes, name);
+        let found = read.as_ref().map_or(0, rows);
+        assert!(found >= fewest && told(&read, &intact), "{name}: {found} rows, {:?}", read.map(|l| l.notices));
+    }
+}
+
+#[test]
+fn a_part_of_a_recording_that_is_empty_or_no_log_at_all_costs_only_itself() {
+    let mut lab = Lab::new();
+    for (name, ending) in [("db3-bare", "db3"), ("mcap-cdr-zstd", "mcap")] {
+        let seed = &seeds(name)[0];
+        let (_, intact) = lab.intact(seed, 0);
+        let names = [0, 1].map(|number| format!("b_{number}.{ending}"));
+        let page = b"<!DOCTYPE html><html><body>404 not found</body></html>\n".to_vec();
+        for bad in [vec![], vec![0; 5000], page] {
+            for damaged in [0, 1] {
+                let mut files = names.each_ref().map(|name| (name.as_str(), seed.files[0].bytes.as_slice()));
+                files[damaged].1 = &[];
+                let subject = lab.subject(crate::lab::kind_of(seed.container), &files, damaged);
+                let log = lab.read(&subject, &bad, name).unwrap();
+                assert_eq!((rows(&log), log.health.bytes.damaged), (rows(&intact), bad.len() as u64), "{name}");
+                assert!(log.notices.any_loss(), "{name}: {:?}", log.notices);
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use flight::Severity;
 use ingest::{Column, ColumnData, IngestError, Log, Table};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The difference that damage made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -96,6 +96,12 @@ fn cell(column: &Column, row: usize) -> Option<String> {
             |integer: i64| integer.to_string(),
         ),
     })
+}
+
+/// A row of `log` that no row of `intact` is.
+pub fn first_unknown_row(log: &Log, intact: &Log) -> Option<String> {
+    let known: BTreeSet<String> = rows_of(intact).collect();
+    rows_of(log).find(|row| !known.contains(row))
 }
 
 /// The first row of `log` that is not the row of the same place in `intact`.

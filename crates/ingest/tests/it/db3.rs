@@ -205,6 +205,31 @@ fn a_bag_all_of_which_is_in_a_write_ahead_log_that_was_left_behind_says_so() {
 }
 
 #[test]
+fn a_bag_whose_write_ahead_log_may_have_been_left_behind_says_so_unless_its_recorder_described_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let sent = flight(60);
+    let bag = killed(folder.path(), &sent);
+    fs::remove_file(folder.path().join("bag.db3-wal")).unwrap();
+    let log = read_files(std::slice::from_ref(&bag)).unwrap();
+    assert_eq!(notice(&log, "no-write-ahead-log").severity, Severity::Warning);
+    // One that has nothing beside it because there is nothing.
+    fs::write(folder.path().join("bag.db3-wal"), []).unwrap();
+    let log = read_files(std::slice::from_ref(&bag)).unwrap();
+    assert!(log.notices.is_empty(), "{:?}", log.notices);
+    fs::remove_file(folder.path().join("bag.db3-wal")).unwrap();
+    let metadata = folder.path().join("metadata.yaml");
+    for (counted, code) in [(messages_of(&log, FIX), None), (60, Some("missing-messages"))] {
+        let text = format!(
+            "rosbag2_bagfile_information:\n  relative_file_paths: [bag.db3]\n  topics_with_message_count:\n  \
+             - {{message_count: {counted}, topic_metadata: {{name: {FIX}}}}}\n"
+        );
+        fs::write(&metadata, text).unwrap();
+        let log = read_files(&[bag.clone(), metadata.clone()]).unwrap();
+        assert_eq!(log.notices.iter().next().map(|n| n.code.as_str()), code, "{:?}", log.notices);
+    }
+}
+
+#[test]
 fn a_write_ahead_log_that_is_cut_or_damaged_gives_its_whole_transactions_and_a_loss() {
     let folder = tempfile::tempdir().unwrap();
     let sent = flight(60);

@@ -217,3 +217,13 @@ fn a_part_of_a_bag_that_lies_there_packed_and_unpacked_is_one_flight() {
     let root = tree(&[("f.csv", table), ("f.csv.zstd", packed.as_slice())]);
     assert_eq!(found(root.path()).units.len(), 2);
 }
+
+#[test]
+fn a_bag_that_was_renamed_is_still_described_by_the_metadata_beside_it() {
+    let metadata = b"rosbag2_bagfile_information:\n  relative_file_paths:\n  - old_0.mcap\n";
+    let mcap: &[u8] = b"\x89MCAP0\r\n";
+    let one = tree(&[("metadata.yaml", metadata), ("new.mcap", mcap), ("deeper/other.mcap", mcap)]);
+    assert_eq!(ids(&found(one.path())), [("deeper/other.mcap", LogKind::Mcap, 1), ("new.mcap", LogKind::Mcap, 2)]);
+    let two = tree(&[("metadata.yaml", metadata), ("new.mcap", mcap), ("newer.mcap", mcap)]);
+    assert_eq!(ids(&found(two.path())), [("new.mcap", LogKind::Mcap, 1), ("newer.mcap", LogKind::Mcap, 1)]);
+}

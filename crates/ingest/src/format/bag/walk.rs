@@ -4,12 +4,13 @@
 //! damage the walk goes on at the next bytes that form a whole header. A bag has no checksums
 //! but those of its compressors, so this is all the certainty there is.
 
+use super::MAGIC;
 use super::record::{Fields, Kind, LONGEST_HEADER, Record, Source};
 use crate::bytes::{Bytes, is_zero};
 use crate::decode::Route;
 use crate::error::IngestError;
-use crate::format::MOST_ZEROS;
 use crate::format::inflate::{Codec, Inflated, Inflater};
+use crate::format::{MOST_ZEROS, wrong_start};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{LogHealth, Notices};
@@ -65,20 +66,31 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) behind_message: bool,
     /// The record that was looked at last, mostly the next one.
     pub(super) seen: Option<Record>,
+    /// Something of the bag was read.
+    pub(super) found_any: bool,
 }
 
 impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
-    /// Takes the first bytes of the file, up to `end`.
-    pub(super) fn begin(&mut self, end: u64, intact: bool) {
-        let end = end.min(self.source.size());
+    /// Takes the line that begins a bag.
+    pub(super) fn begin(&mut self) -> Result<(), IngestError> {
+        let end = (self.at + MAGIC.len() as u64).min(self.source.size());
+        let intact = self.source.bytes(self.at, MAGIC.len())?.is_some_and(|bytes| bytes == MAGIC);
         if intact {
             self.pass(end, Fate::Structure);
         } else {
-            self.damage_to(end, WRONG_START);
+            let mut next = self.at + 1;
+            while next < end && !self.begins_bag(next)? {
+                next += 1;
+            }
+            let most = (MAGIC.len() as u64 + 1).min(self.source.size().saturating_sub(self.at)) as usize;
+            let reason = wrong_start(self.source.bytes(self.at, most)?.unwrap_or_default(), MAGIC, WRONG_START);
+            self.damage_to(next.min(end), reason);
         }
+        self.found_any = false;
+        Ok(())
     }
 
-    /// From where the walk stands to the end.
+    /// From where the walk stands to the end, or to where another bag begins.
     pub(super) fn run(&mut self) -> Result<(), IngestError> {
         while self.at < self.source.size() {
             let seen = self.seen.take().filter(|record| record.start == self.at);
@@ -88,12 +100,22 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
                     self.take(&record)?;
                     self.behind_message = matches!(record.kind, Kind::Message { .. });
                 }
+                None if self.begins_bag(self.at)? => break,
                 None if self.is_padding()? => {}
                 None => self.lost("what stands here is no record, or one that is cut")?,
             }
             self.source.progress(self.at, self.context)?;
         }
         Ok(())
+    }
+
+    /// Whether a whole bag begins here, as where files were put one behind another.
+    fn begins_bag(&mut self, at: u64) -> Result<bool, IngestError> {
+        if self.inflater.is_none() || self.source.bytes(at, MAGIC.len())? != Some(MAGIC) {
+            return Ok(false);
+        }
+        let header = Record::read(&mut self.source, at + MAGIC.len() as u64)?;
+        Ok(header.is_some_and(|record| matches!(record.kind, Kind::BagHeader { .. })))
     }
 
     /// Steps over zero bytes between records, as some tools leave when they write a bag anew.
@@ -142,11 +164,22 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         if !self.may_begin(record.end())? {
             return self.lost("a record whose length leads nowhere");
         }
+        if let Some(bag) = self.swallowed(record)? {
+            self.damage_to(bag, "a record was cut where another bag begins");
+            return Ok(());
+        }
         match self.show(record)? {
             Ok(fate) => self.pass(record.end(), fate),
             Err(reason) => self.damage_to(record.end(), &reason),
         }
         Ok(())
+    }
+
+    /// Where another bag begins whose first line lies in a record, for its header follows.
+    fn swallowed(&mut self, record: &Record) -> Result<Option<u64>, IngestError> {
+        let header_follows = self.seen.as_ref().is_some_and(|next| matches!(next.kind, Kind::BagHeader { .. }));
+        let bag = record.end().saturating_sub(MAGIC.len() as u64);
+        Ok((header_follows && bag > record.start && self.begins_bag(bag)?).then_some(bag))
     }
 
     /// Fetches a record of up to `most` bytes with what follows, so that the look at the next one does not fetch twice.
@@ -186,10 +219,10 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
 
     /// A compressed chunk. One that is cut gives what its decoder vouches for.
     fn chunk(&mut self, codec: Codec, size: u64, record: &Record) -> Result<(), IngestError> {
-        let Some(inflater) = self.inflater.take() else { return self.lost("a chunk inside a chunk") };
         self.fetch(record, self.context.limits.record_bytes)?;
         let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
         let end = if whole { record.end() } else { self.search(record.data_at)? };
+        let Some(inflater) = self.inflater.take() else { return self.lost("a chunk inside a chunk") };
         let fate = self.decompressed(inflater, codec, size, record.data_at..end, whole);
         self.inflater = Some(inflater);
         match fate? {
@@ -227,6 +260,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     fn pass(&mut self, end: u64, fate: Fate) {
         self.ledger.count(fate, end - self.at);
         self.at = end;
+        self.found_any = true;
     }
 
     fn damage_to(&mut self, end: u64, reason: &str) {
@@ -243,7 +277,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         Ok(())
     }
 
-    /// The next whole header; the end if there is none.
+    /// The next whole header, or where another bag begins; the end if there is neither.
     fn search(&mut self, from: u64) -> Result<u64, IngestError> {
         let size = self.source.size();
         let mut at = from;
@@ -252,14 +286,22 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
             let length = BLOCK.min(size - at);
             let block = self.source.bytes(at, length as usize)?.unwrap_or_default();
             zeros = if is_zero(block) { zeros + length } else { 0 };
+            let bags: Vec<u64> = memmem::find_iter(block, MAGIC).map(|bag| at + bag as u64).collect();
             let hits: Vec<u64> = memmem::find_iter(block, OP_FIELD).map(|hit| at + hit as u64).collect();
-            for hit in hits {
+            let mut bag = None;
+            for place in bags {
+                bag = if bag.is_none() && self.begins_bag(place)? { Some(place) } else { bag };
+            }
+            for hit in hits.into_iter().filter(|&hit| bag.is_none_or(|bag| hit < bag)) {
                 if let Some(found) = self.header_around(hit, from)? {
                     return Ok(found);
                 }
             }
-            // A field that straddles two blocks is found in the second.
-            at += if length == BLOCK { BLOCK - OP_FIELD.len() as u64 } else { length };
+            if let Some(bag) = bag {
+                return Ok(bag);
+            }
+            // What straddles two blocks is found in the second.
+            at += if length == BLOCK { BLOCK - MAGIC.len() as u64 } else { length };
             self.source.progress(at, self.context)?;
         }
         Ok(size)
@@ -307,7 +349,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
             return Ok(self.padding_end(at)?.is_some());
         }
         if length > LONGEST_HEADER {
-            return Ok(false);
+            return self.begins_bag(at);
         }
         if let Some(bytes) = self.source.bytes(at + 4, length as usize + 4)? {
             self.seen = Record::parse(bytes, at, length);
@@ -342,6 +384,7 @@ fn inside<V: Visit>(
         padding_of_messages: 0,
         behind_message: false,
         seen: None,
+        found_any: false,
     };
     inner.run()?;
     let messages = inner.messages;

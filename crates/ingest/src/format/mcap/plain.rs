@@ -38,8 +38,9 @@ fn walked(path: &Path, by_index: bool) -> Result<Vec<Record<'static>>, IngestErr
     let mut ledger = Ledger::new(file.size(), 100);
     let mut notices = Notices::new();
     let mut all = Collect(vec![]);
-    let summary = Summary::read(&mut file, context.limits.record_bytes, &mut Collect(vec![]))?;
-    let walk = Walk::new(&mut file, &context, &mut ledger, &mut notices, &mut all, summary);
+    let whole = 0..file.size();
+    let summary = Summary::read(&mut file, whole, context.limits.record_bytes, &mut Collect(vec![]))?;
+    let walk = Walk::new(&mut file, &context, &mut ledger, &mut notices, &mut all, 0, summary);
     if by_index {
         walk.run_by_index()?
     } else {

@@ -6,6 +6,7 @@ use crate::bytes::Bytes;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use mcap::records::{Record, op};
+use memchr::memmem;
 use std::ops::Range;
 
 /// Content of the footer.
@@ -16,6 +17,9 @@ const DATA_END_BYTES: u64 = 4;
 const MOST_CHUNKS: usize = 1 << 20;
 /// Chunks are left closed if they make up at least one in so many bytes.
 const WORTH_CLOSING: u128 = 10;
+/// A summary that is not where it should be is looked for so far in front of the footer, bytes, and at so many places.
+const LOOK_BACK: u64 = 64 << 20;
+const MOST_TRIED: usize = 16;
 /// Bytes of the summary that are summed in one go.
 const BLOCK: usize = 256 << 10;
 
@@ -42,9 +46,11 @@ pub(super) struct IndexedChunk {
     pub(super) wanted: bool,
 }
 
-/// What the end of the file says about the rest.
+/// What the end of a log says about the rest of it.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
+    /// Where the log begins in the file: its places count from there.
+    start: u64,
     pub(super) trust: Trust,
     /// Where the record that ends the data section should be.
     pub(super) data_end: Option<u64>,
@@ -52,16 +58,25 @@ pub(super) struct Summary {
     pub(super) data_crc: Option<u32>,
     /// Chunks, by offset.
     pub(super) chunks: Vec<IndexedChunk>,
+    /// There are some, whether or not their places are known.
+    pub(super) has_chunks: bool,
     /// Messages in the file, from the statistics.
     pub(super) messages: Option<u64>,
+    /// How far behind the place that the footer says the summary stands, if it stands elsewhere.
+    pub(super) shift: Option<i64>,
 }
 
 impl Summary {
-    /// Reads it; channels of a summary that can be believed are shown to `visit`. No record may be
-    /// longer than `most`.
-    pub(super) fn read<V: Visit>(file: &mut LogFile, most: u64, visit: &mut V) -> Result<Summary, IngestError> {
-        let Some(place) = Place::find(file)? else { return Ok(Summary::default()) };
-        let mut summary = Summary::default();
+    /// Reads the summary of a log that begins and ends so in the file; channels of one that can be believed are shown to
+    /// `visit`. No record may be longer than `most`.
+    pub(super) fn read<V: Visit>(
+        file: &mut LogFile,
+        log: Range<u64>,
+        most: u64,
+        visit: &mut V,
+    ) -> Result<Summary, IngestError> {
+        let Some(place) = Place::find(file, &log)? else { return Ok(Summary::default()) };
+        let mut summary = Summary { start: log.start, ..Summary::default() };
         let data_end = place.start.unwrap_or(place.footer).checked_sub(HEAD_BYTES + DATA_END_BYTES);
         summary.data_end = data_end;
         summary.data_crc = match data_end {
@@ -71,11 +86,38 @@ impl Summary {
         let Some(start) = place.start else { return Ok(summary) };
         summary.trust = place.check(file, start)?;
         if summary.trust == Trust::Bad {
-            return Ok(Summary { trust: Trust::Bad, ..Summary::default() });
+            return Summary::elsewhere(file, &log, &place, most, visit);
         }
         if summary.read_records(file, start..place.footer, most, visit)?.is_none() {
             return Ok(Summary { trust: Trust::Bad, ..Summary::default() });
         }
+        Ok(summary)
+    }
+
+    /// A summary that is not where the footer says, because bytes before it are missing or are too many: its channels and
+    /// counts hold, places do not.
+    fn elsewhere<V: Visit>(
+        file: &mut LogFile,
+        log: &Range<u64>,
+        place: &Place,
+        most: u64,
+        visit: &mut V,
+    ) -> Result<Summary, IngestError> {
+        let bad = Summary { trust: Trust::Bad, ..Summary::default() };
+        let (Some(stated), Some(start)) = (place.start, place.look_back(file, log)?) else { return Ok(bad) };
+        let shift = start as i64 - stated as i64;
+        // Then it is that of another log, which begins later in the file.
+        let other = log.start.checked_add_signed(shift).filter(|_| shift > 0);
+        if let Some(other) = other
+            && file.peek::<8>(other)?.as_ref() == Some(MAGIC)
+        {
+            return Ok(Summary::default());
+        }
+        let mut summary = Summary { trust: Trust::Good, shift: Some(shift), ..Summary::default() };
+        if summary.read_records(file, start..place.footer, most, visit)?.is_none() {
+            return Ok(bad);
+        }
+        summary.chunks.clear();
         Ok(summary)
     }
 
@@ -100,6 +142,7 @@ impl Summary {
         }
         let indexes = each_record(file, place, most, |opcode, body| self.index(opcode, body, visit))?;
         self.chunks.sort_by_key(|c| c.offset);
+        self.has_chunks = !self.chunks.is_empty();
         if self.chunks.len() >= MOST_CHUNKS {
             self.chunks.clear();
         }
@@ -130,7 +173,7 @@ impl Summary {
                 let wanted = self.trust != Trust::Good
                     || channels.is_empty()
                     || channels.keys().any(|&channel| visit.may_want(channel));
-                let (offset, length) = (index.chunk_start_offset, index.chunk_length);
+                let (offset, length) = (self.start.checked_add(index.chunk_start_offset)?, index.chunk_length);
                 self.chunks.push(IndexedChunk { offset, length, wanted });
             }
             _ => {}
@@ -188,20 +231,46 @@ struct Place {
 }
 
 impl Place {
-    /// `None` if the file does not end as a file should.
-    fn find(file: &mut LogFile) -> Result<Option<Place>, IngestError> {
+    /// `None` if the log does not end as one should.
+    fn find(file: &mut LogFile, log: &Range<u64>) -> Result<Option<Place>, IngestError> {
         let tail = HEAD_BYTES + FOOTER_BYTES + MAGIC.len() as u64;
-        let Some(footer) = file.size().checked_sub(tail) else { return Ok(None) };
+        let Some(footer) = log.end.checked_sub(tail).filter(|&at| at >= log.start) else { return Ok(None) };
         let Some(bytes) = file.bytes(footer, tail as usize)? else { return Ok(None) };
-        Ok(Place::parse(footer, bytes))
+        Ok(Place::parse(log.start, footer, bytes))
     }
 
-    fn parse(footer: u64, bytes: &[u8]) -> Option<Place> {
+    fn parse(log_start: u64, footer: u64, bytes: &[u8]) -> Option<Place> {
         let mut rest = Bytes(bytes);
         let head = (rest.u8()?, rest.u64()?);
         let (start, _offsets, crc) = (rest.u64()?, rest.u64()?, rest.u32()?);
         let whole = head == (op::FOOTER, FOOTER_BYTES) && rest.0 == MAGIC;
-        whole.then_some(Place { footer, start: (start != 0).then_some(start), crc })
+        // A place beyond all files is none.
+        let start = (start != 0).then(|| log_start.saturating_add(start));
+        whole.then_some(Place { footer, start, crc })
+    }
+
+    /// Where a summary begins that has the checksum: right behind the record that ends the data.
+    fn look_back(&self, file: &mut LogFile, log: &Range<u64>) -> Result<Option<u64>, IngestError> {
+        let ends_data = [&[op::DATA_END][..], &DATA_END_BYTES.to_le_bytes()].concat();
+        let first = self.footer.saturating_sub(LOOK_BACK).max(log.start);
+        let (mut end, mut tried) = (self.footer, 0);
+        while self.crc != 0 && end > first {
+            let at = end.saturating_sub(BLOCK as u64).max(first);
+            let block = file.up_to(at, (end - at) as usize)?;
+            let found: Vec<u64> = memmem::find_iter(block, &ends_data).map(|place| at + place as u64).collect();
+            for start in found.into_iter().rev().map(|place| place + HEAD_BYTES + DATA_END_BYTES) {
+                tried += 1;
+                if tried > MOST_TRIED {
+                    return Ok(None);
+                }
+                if self.check(file, start)? == Trust::Good {
+                    return Ok(Some(start));
+                }
+            }
+            // One that straddles two blocks is found in the second.
+            end = if at == first { first } else { at + HEAD_BYTES - 1 };
+        }
+        Ok(None)
     }
 
     /// The checksum covers the summary and the footer up to the checksum itself.

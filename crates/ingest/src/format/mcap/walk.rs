@@ -11,13 +11,14 @@ use super::visit::Visit;
 use crate::bytes::{Bytes, is_zero};
 use crate::decode::Tally;
 use crate::error::IngestError;
-use crate::format::MOST_ZEROS;
 use crate::format::file::LogFile;
 use crate::format::inflate::Inflater;
+use crate::format::{MOST_ZEROS, wrong_start};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
 use mcap::records::op;
+use memchr::memmem;
 
 /// How much of an attachment is shown where nobody takes it; its content is summed but not held.
 const ATTACHMENT_SHOWN: u64 = 1 << 20;
@@ -37,6 +38,8 @@ pub(super) struct Walk<'w, 'c, V> {
     visit: &'w mut V,
     summary: Summary,
     inflater: Inflater,
+    /// Where this log begins in the file.
+    start: u64,
     at: u64,
     data_crc: Option<crc32fast::Hasher>,
     chunks_seen: bool,
@@ -44,6 +47,10 @@ pub(super) struct Walk<'w, 'c, V> {
     data_ended: bool,
     footer_seen: bool,
     ended: bool,
+    /// Another log begins where the walk stands.
+    another: bool,
+    /// Something of this log was read.
+    found_any: bool,
     damaged: bool,
     unknown: Tally,
     without_crc: u64,
@@ -52,6 +59,16 @@ pub(super) struct Walk<'w, 'c, V> {
     jumps: bool,
     /// The chunk that came last was, or there was none.
     opened: bool,
+}
+
+/// A log that was walked through.
+pub(super) struct Walked {
+    /// What it said of itself.
+    pub(super) summary: Summary,
+    /// Where the next one begins, or the file ends.
+    pub(super) end: u64,
+    /// Something of it was there, and not only damage.
+    pub(super) found_any: bool,
 }
 
 type Verdict = Result<Fate, String>;
@@ -63,6 +80,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         ledger: &'w mut Ledger,
         notices: &'w mut Notices,
         visit: &'w mut V,
+        start: u64,
         summary: Summary,
     ) -> Walk<'w, 'c, V> {
         // Where the data section is known to have no checksum, chunks need not even be read.
@@ -79,13 +97,16 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             visit,
             summary,
             inflater: Inflater::default(),
-            at: 0,
+            start,
+            at: start,
             data_crc,
             chunks_seen: false,
             messages_seen: false,
             data_ended: false,
             footer_seen: false,
             ended: false,
+            another: false,
+            found_any: false,
             damaged: false,
             unknown: Tally::default(),
             without_crc: 0,
@@ -95,10 +116,10 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         }
     }
 
-    /// From the first byte to the last. Gives back what the summary said.
-    pub(super) fn run(mut self) -> Result<Summary, IngestError> {
+    /// From the first byte of a log to its last.
+    pub(super) fn run(mut self) -> Result<Walked, IngestError> {
         self.magic()?;
-        while self.at < self.file.size() && !self.ended {
+        while self.at < self.file.size() && !self.ended && !self.another {
             if self.footer_seen {
                 self.end_magic()?
             } else {
@@ -106,10 +127,17 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             }
             self.file.progress(self.at, self.context)?;
         }
-        self.damage_to(self.file.size(), "bytes behind the end of the log");
+        if self.ended && (self.at < self.file.size() || self.start > 0) {
+            // What was looked at before, if anything, is at the end of the file.
+            let within = self.start..self.at;
+            self.summary = Summary::read(self.file, within, self.context.limits.record_bytes, self.visit)?;
+            if self.at < self.file.size() {
+                self.behind("bytes behind the end of the log")?;
+            }
+        }
         self.file.progress(self.at, self.context)?;
         self.conclude();
-        Ok(self.summary)
+        Ok(Walked { summary: self.summary, end: self.at, found_any: self.found_any })
     }
 
     /// Only the chunks that the summary lists, found by their offsets.
@@ -122,14 +150,18 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     }
 
     fn magic(&mut self) -> Result<(), IngestError> {
-        let found = self.file.up_to(0, MAGIC.len())?;
-        let (end, intact) = (found.len() as u64, found == MAGIC);
+        let found = self.file.up_to(self.at, MAGIC.len())?;
+        let (end, intact) = (self.at + found.len() as u64, found == MAGIC);
         if intact {
-            self.pass(end, Fate::Structure)
-        } else {
-            self.damage_to(end, WRONG_START);
-            Ok(())
+            return self.pass(end, Fate::Structure);
         }
+        let mut next = self.at + 1;
+        while next < end && !self.begins_log(next)? {
+            next += 1;
+        }
+        let reason = wrong_start(self.file.up_to(self.at, MAGIC.len() + 1)?, MAGIC, WRONG_START);
+        self.damage_to(next.min(end), reason);
+        Ok(())
     }
 
     fn end_magic(&mut self) -> Result<(), IngestError> {
@@ -137,13 +169,28 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if self.ended {
             return self.pass(self.at + MAGIC.len() as u64, Fate::Structure);
         }
-        self.damage_to(self.file.size(), "the eight bytes that end the file are missing");
+        self.behind("the eight bytes that end the file are missing")
+    }
+
+    /// The bytes behind a log are of no use, up to where another one begins.
+    fn behind(&mut self, reason: &str) -> Result<(), IngestError> {
+        let next = self.next_log(self.at)?;
+        self.damage_to(next, reason);
         Ok(())
+    }
+
+    /// Where another log begins; the end of the file if none does.
+    fn next_log(&mut self, from: u64) -> Result<u64, IngestError> {
+        self.search(from, |walk, at| walk.begins_log(at))
     }
 
     /// Takes one record, or as much as is damaged.
     fn record(&mut self) -> Result<(), IngestError> {
         let size = self.file.size();
+        self.another = self.at > self.start && self.begins_log(self.at)?;
+        if self.another {
+            return Ok(());
+        }
         let Some(head) = Head::read(self.file, self.at)? else {
             return self.lost("the file ends inside the header of a record");
         };
@@ -154,6 +201,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             let reason = format!("the file ends inside a record ({} of {} bytes)", name(head.opcode), head.length);
             return self.lost(&reason);
         }
+        if self.leads_nowhere(&head)? {
+            return self.lost("a record whose length leads nowhere");
+        }
         match self.take(&head)? {
             Ok(fate) => self.pass(head.end, fate),
             Err(reason) if self.begins_record(head.end)? => {
@@ -162,6 +212,40 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             }
             Err(reason) => self.lost(&reason),
         }
+    }
+
+    /// Whether a record that has no checksum, as all that are in no chunk, is refuted by what follows: a message by the first
+    /// thing behind it, any other if another log begins inside of it.
+    fn leads_nowhere(&mut self, head: &Head) -> Result<bool, IngestError> {
+        if matches!(head.opcode, op::CHUNK | op::ATTACHMENT) || head.length > self.context.limits.record_bytes {
+            return Ok(false);
+        }
+        if head.opcode == op::MESSAGE && !self.leads_on(head.end)? {
+            return Ok(true);
+        }
+        // As far as a log that begins with the last byte.
+        let most = (head.end - head.start) as usize + MAGIC.len() - 2;
+        let inside = memmem::find(self.file.up_to(head.start + 1, most)?, MAGIC);
+        let Some(log) = inside.map(|at| head.start + 1 + at as u64) else { return Ok(false) };
+        // A message may carry a log, but then two records follow it.
+        let next = Head::read(self.file, head.end)?.filter(|next| is_defined(next.opcode));
+        let follow = match next {
+            Some(next) => self.begins_record(head.end)? && self.leads_on(next.end)?,
+            None => false,
+        };
+        Ok(!follow && self.begins_log(log)?)
+    }
+
+    /// Whether a record begins here, or one that the end of the file cuts.
+    fn leads_on(&mut self, at: u64) -> Result<bool, IngestError> {
+        if self.begins_record(at)? {
+            return Ok(true);
+        }
+        let longest = self.context.limits.record_bytes;
+        Ok(match Head::read(self.file, at)? {
+            Some(head) => is_defined(head.opcode) && head.end > self.file.size() && head.length <= longest,
+            None => self.file.peek::<1>(at)?.is_some_and(|[opcode]| is_defined(opcode) || opcode == MAGIC[0]),
+        })
     }
 
     fn take(&mut self, head: &Head) -> Result<Verdict, IngestError> {
@@ -230,9 +314,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     fn check_data(&mut self, stated: u32) {
         let Some(hasher) = self.data_crc.take() else { return };
         if stated != 0 && !self.damaged && hasher.finalize() != stated {
-            let place = format!("{}, bytes 0 to {}", self.file.name(), self.at);
+            let place = format!("{}, bytes {} to {}", self.file.name(), self.start, self.at);
             let text = "the checksum over the data section is wrong: some of its bytes are not what was written";
-            self.notices.push(Severity::Loss, "data-checksum", place, self.at, text);
+            self.notices.push(Severity::Loss, "data-checksum", place, self.at - self.start, text);
         }
     }
 
@@ -311,6 +395,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             self.data_crc = Some(hasher);
         }
         self.ledger.count(fate, end - self.at);
+        self.found_any |= self.at > self.start;
         self.at = end;
         Ok(())
     }
@@ -330,7 +415,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             Some(end) => end,
             None => match self.next_known_chunk(self.at + 1)? {
                 Some(at) => at,
-                None => self.search(self.at + 1)?,
+                None => self.search(self.at + 1, |walk, at| Ok(walk.begins_log(at)? || walk.is_record(at)?))?,
             },
         };
         self.damage_to(next, reason);
@@ -364,8 +449,12 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         }
     }
 
-    /// By the look of the bytes; the end of the file if nothing looks like a record.
-    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
+    /// The first place, by the look of the bytes, that is what is looked for; the end of the file if there is none.
+    fn search(
+        &mut self,
+        from: u64,
+        mut is_it: impl FnMut(&mut Self, u64) -> Result<bool, IngestError>,
+    ) -> Result<u64, IngestError> {
         let size = self.file.size();
         let mut at = from;
         let mut zeros = 0;
@@ -375,7 +464,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             zeros = if is_zero(block) { zeros + fresh } else { 0 };
             let found = candidates(block).map(|i| at + i as u64).collect::<Vec<u64>>();
             for candidate in found {
-                if self.is_record(candidate)? {
+                if is_it(self, candidate)? {
                     return Ok(candidate);
                 }
             }
@@ -388,13 +477,22 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         Ok(size)
     }
 
+    /// Whether a whole log begins here, as where files were put one behind another.
+    fn begins_log(&mut self, at: u64) -> Result<bool, IngestError> {
+        if self.file.peek::<8>(at)?.as_ref() != Some(MAGIC) {
+            return Ok(false);
+        }
+        let head = Head::read(self.file, at + MAGIC.len() as u64)?;
+        Ok(head.is_some_and(|h| h.opcode == op::HEADER && h.length <= LONGEST_FOUND && h.end <= self.file.size()))
+    }
+
     /// Whether a record that may be gone on with begins here, so plainly that chance is no explanation.
     fn is_record(&mut self, at: u64) -> Result<bool, IngestError> {
         let size = self.file.size();
         let Some(head) = Head::read(self.file, at)?.filter(|h| h.end <= size && h.fits_its_type()) else {
             return Ok(false);
         };
-        let without_chunks = !self.chunks_seen && self.summary.chunks.is_empty();
+        let without_chunks = !self.chunks_seen && !self.summary.has_chunks;
         let loose = without_chunks && (self.messages_seen || self.summary.trust == Trust::Good);
         let fits = match head.opcode {
             op::CHUNK => ChunkHead::read(self.file, &head)?.is_ok(),
@@ -423,7 +521,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     /// Whether a record, or what ends a file, may begin here.
     fn begins_record(&mut self, at: u64) -> Result<bool, IngestError> {
         let size = self.file.size();
-        if at == size || (at + MAGIC.len() as u64 == size && self.file.up_to(at, MAGIC.len())? == MAGIC) {
+        if at == size || self.file.up_to(at, MAGIC.len())? == MAGIC {
             return Ok(true);
         }
         if self.footer_seen {
@@ -441,6 +539,10 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
                 self.notices.push(severity, code, file.as_str(), count, text);
             }
         };
+        // What stands before the first log is damage, and nothing else.
+        if self.another && !self.found_any {
+            return;
+        }
         if !self.footer_seen {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
             raise(Severity::Loss, "no-end", 1, text);
@@ -450,6 +552,15 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if self.summary.trust == Trust::Bad {
             let text = "the summary at the end does not have the checksum that it states; it was not used";
             raise(Severity::Loss, "summary-checksum", 1, text);
+        }
+        if let Some(shift) = self.summary.shift {
+            let text = match shift {
+                ..0 => {
+                    "bytes are missing from the file: its summary stands so many before the place that the footer says"
+                }
+                _ => "bytes were put into the file: its summary stands so many behind the place that the footer says",
+            };
+            raise(Severity::Loss, "shifted", shift.unsigned_abs(), text);
         }
         let text = format!("records of unknown types, passed over; the first: {}", self.unknown.first);
         raise(Severity::Warning, "unknown-record", self.unknown.count, &text);
@@ -507,11 +618,11 @@ fn weightier(one: Fate, other: Fate) -> Fate {
     }
 }
 
-/// Where in a block a record may begin: the opcode is defined and the length below 2^40.
+/// Where in a block a record may begin, for the opcode is defined and the length below 2^40, or a log.
 fn candidates(block: &[u8]) -> impl Iterator<Item = usize> {
     let may_begin = |w: &[u8]| match w {
-        [opcode, _, _, _, _, _, a, b, c] => is_defined(*opcode) && (*a | *b | *c) == 0,
-        _ => false,
+        [opcode, _, _, _, _, _, a, b, c] if is_defined(*opcode) => (*a | *b | *c) == 0,
+        window => window.starts_with(MAGIC),
     };
     block.windows(HEAD_BYTES as usize).enumerate().filter(move |(_, w)| may_begin(w)).map(|(i, _)| i)
 }

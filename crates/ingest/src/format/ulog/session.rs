@@ -30,8 +30,10 @@ pub(super) struct Session<'t, 'w> {
     pub(super) gathered: Gathered,
     beside: Beside,
     pub(super) flags: FlagBits,
+    /// Added to the stamps of messages to say when they were logged.
+    offset_us: u64,
     /// Stamp of the last message.
-    latest_us: Option<u64>,
+    pub(super) latest_us: Option<u64>,
     /// Whether the definitions are over.
     began: bool,
     dropouts: Dropouts,
@@ -80,7 +82,7 @@ struct Dropouts {
 }
 
 impl<'t, 'w> Session<'t, 'w> {
-    pub(super) fn new(topics: &'t mut Topics<'w>) -> Session<'t, 'w> {
+    pub(super) fn new(topics: &'t mut Topics<'w>, offset_us: u64) -> Session<'t, 'w> {
         Session {
             topics,
             formats: Formats::default(),
@@ -89,6 +91,7 @@ impl<'t, 'w> Session<'t, 'w> {
             gathered: Gathered::default(),
             beside: Beside::default(),
             flags: FlagBits::default(),
+            offset_us,
             latest_us: None,
             began: false,
             dropouts: Dropouts::default(),
@@ -245,10 +248,11 @@ impl<'t, 'w> Session<'t, 'w> {
         known.last_us = at_us;
         // A message that was published without a stamp has zero, and says nothing of when the next one was.
         self.latest_us = if at_us > 0 { Some(at_us) } else { self.latest_us };
-        let logged_ns = i64::try_from(at_us.saturating_mul(1000)).unwrap_or(i64::MAX);
+        let nanos = |us: u64| i64::try_from(us.saturating_mul(1000)).unwrap_or(i64::MAX);
         if let Some(tells) = tells {
-            tells.tell(payload, known.instance, logged_ns, &mut self.gathered);
+            tells.tell(payload, known.instance, nanos(at_us), &mut self.gathered);
         }
+        let logged_ns = nanos(at_us.saturating_add(self.offset_us));
         self.topics.message(*route, Times { logged_ns, published_ns: None }, payload)
     }
 

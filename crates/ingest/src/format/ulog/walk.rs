@@ -3,6 +3,7 @@
 //! A message that does not vouch for itself must lead to one that does, or at least have none inside that does.
 //! Where neither holds, the walk goes on at the next byte from which it can be sure again.
 
+use super::MAGIC;
 use super::record::{DAMAGED_FORMAT, FLAG_BITS, HEAD, Kind, LONGEST, Trust, is_printable};
 use super::session::Session;
 use crate::bytes::is_zero;
@@ -13,6 +14,7 @@ use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
+use memchr::memmem;
 use std::cell::Cell;
 
 /// Said of a file that does not begin as a ULog does.
@@ -37,7 +39,13 @@ pub(super) struct Walk<'w> {
     /// File name for the ledger.
     name: &'w str,
     ledger: &'w mut Ledger,
-    at: u64,
+    /// Where the log begins in the file.
+    base: u64,
+    pub(super) at: u64,
+    /// Another log begins where the walk stands.
+    another: bool,
+    /// Something of this log was read.
+    pub(super) found_any: bool,
     /// Why the walk is searching, if it is.
     lost: Option<String>,
     /// Zero bytes passed in the search.
@@ -54,6 +62,8 @@ struct View<'v> {
     start: u64,
     /// Whether they reach the end of the file.
     whole: bool,
+    /// Where another log begins in them.
+    log: Option<usize>,
     /// From where to where all bytes may stand in a format; the one behind them may not.
     printable: &'v Cell<(usize, usize)>,
 }
@@ -89,21 +99,42 @@ impl<'v> View<'v> {
 
 impl<'w> Walk<'w> {
     pub(super) fn new(name: &'w str, ledger: &'w mut Ledger) -> Walk<'w> {
-        Walk { name, ledger, at: 0, lost: None, zeros: 0, joints: vec![], wrong_joints: Tally::default() }
-    }
-
-    /// Takes the first bytes of the file.
-    pub(super) fn begin(&mut self, size: u64, intact: bool) {
-        let end = START.min(size);
-        match (intact, end == START) {
-            (true, true) => self.ledger.count(Fate::Structure, end),
-            (true, false) => self.ledger.damaged(self.name, 0, end, "the log ends inside its header"),
-            (false, _) => self.ledger.damaged(self.name, 0, end, WRONG_START),
+        Walk {
+            name,
+            ledger,
+            base: 0,
+            at: 0,
+            another: false,
+            found_any: false,
+            lost: None,
+            zeros: 0,
+            joints: vec![],
+            wrong_joints: Tally::default(),
         }
-        self.at = end;
     }
 
-    /// From where the walk stands to the end of the file.
+    /// Takes the first bytes of a log; `head` are those and as many more, if there are.
+    pub(super) fn begin(&mut self, head: &[u8], intact: bool) {
+        let another = next_log(head).filter(|_| !intact).map_or(START, |log| log as u64);
+        let length = START.min(head.len() as u64).min(another);
+        match (intact, length == START) {
+            (true, true) => self.ledger.count(Fate::Structure, length),
+            (true, false) => self.ledger.damaged(self.name, self.at, length, "the log ends inside its header"),
+            (false, _) => self.ledger.damaged(self.name, self.at, length, WRONG_START),
+        }
+        (self.base, self.another, self.found_any) = (self.at, false, false);
+        (self.lost, self.zeros) = (None, 0);
+        self.joints.clear();
+        self.at += length;
+    }
+
+    /// All bytes up to the end of the file are of no use.
+    pub(super) fn leave(&mut self, size: u64, reason: &str) {
+        self.ledger.damaged(self.name, self.at, size - self.at, reason);
+        self.at = size;
+    }
+
+    /// From where the walk stands to the end of the file, or to where another log begins.
     pub(super) fn run(
         &mut self,
         file: &mut LogFile,
@@ -111,16 +142,15 @@ impl<'w> Walk<'w> {
         session: &mut Session<'_, '_>,
     ) -> Result<(), IngestError> {
         let size = file.size();
-        while self.at < size {
+        while self.at < size && !self.another {
             let start = self.at;
             let there = (size - start).min(BLOCK as u64) as usize;
             let bytes = file.bytes(start, there)?.unwrap_or_default();
-            let (whole, printable) = (start + there as u64 == size, &Cell::default());
-            self.block(View { bytes, start, whole, printable }, session);
-            if self.at == start || self.zeros > MOST_ZEROS {
+            let (whole, log, printable) = (start + there as u64 == size, next_log(bytes), &Cell::default());
+            self.block(View { bytes, start, whole, log, printable }, session);
+            if !self.another && (self.at == start || self.zeros > MOST_ZEROS) {
                 let reason = self.lost.take().unwrap_or_else(|| ENDS_INSIDE.to_owned());
-                self.ledger.damaged(self.name, self.at, size - self.at, reason);
-                self.at = size;
+                self.leave(size, &reason);
             }
             file.progress(self.at, context)?;
         }
@@ -143,9 +173,11 @@ impl<'w> Walk<'w> {
             at = self.go_on(view, (0, 0), stop, reason, session);
         }
         // Behind `stop`, too, stand messages that need no look ahead.
-        while let Some(next) =
-            self.sure(view, at, session).or_else(|| (at < stop).then(|| self.step(view, at, stop, session)))
-        {
+        while !self.another {
+            let sure = self.sure(view, at, session);
+            self.another = sure.is_none() && view.log == Some(at);
+            let next = sure.or_else(|| (at < stop && !self.another).then(|| self.step(view, at, stop, session)));
+            let Some(next) = next else { break };
             at = next;
         }
         self.at = view.start + at as u64;
@@ -155,8 +187,12 @@ impl<'w> Walk<'w> {
     #[inline]
     fn sure(&mut self, view: View<'_>, at: usize, session: &mut Session<'_, '_>) -> Option<usize> {
         let message = view.message(at).filter(|message| message.letter == Kind::DATA && self.joints.is_empty())?;
+        if view.log.is_some_and(|log| log < message.end) {
+            return None;
+        }
         let fate = session.sure_data(message.body)?;
         self.ledger.count(fate, (message.end - at) as u64);
+        self.found_any = true;
         Some(message.end)
     }
 
@@ -166,6 +202,10 @@ impl<'w> Walk<'w> {
             return self.go_on(view, (at, at + 1), stop, ENDS_INSIDE.to_owned(), session);
         };
         let Message { letter, body, end } = message;
+        if let Some(log) = view.log.filter(|&log| log < end) {
+            self.damage(view, at, log, "a message was cut where another log begins");
+            return log;
+        }
         if !self.joints.is_empty()
             && let Some(joint) = self.joint(view, at, end, session)
         {
@@ -174,7 +214,9 @@ impl<'w> Walk<'w> {
         }
         let kind = Kind::of(letter);
         let trust = match kind {
-            Some(Kind::FlagBits) if view.start + at as u64 == START && body.len() >= FLAG_BITS => Trust::Sure,
+            Some(Kind::FlagBits) if view.start + at as u64 == self.base + START && body.len() >= FLAG_BITS => {
+                Trust::Sure
+            }
             Some(Kind::Format) if !view.is_printable(at + HEAD, end) => Trust::Wrong(DAMAGED_FORMAT),
             Some(kind) => session.judge(kind, body, usize::MAX),
             None => Trust::Weak,
@@ -212,6 +254,7 @@ impl<'w> Walk<'w> {
             Some(kind) => session.take(kind, message.body),
             None => Ok(session.take_unknown(message.letter, message.body.len())),
         };
+        self.found_any = true;
         match taken {
             Ok(fate) => self.ledger.count(fate, (message.end - at) as u64),
             Err(reason) => self.damage(view, at, message.end, &reason),
@@ -222,7 +265,8 @@ impl<'w> Walk<'w> {
     }
 
     fn take_joints(&mut self, session: &Session<'_, '_>) {
-        self.joints = session.flags.offsets.iter().copied().filter(|&offset| offset > 0).collect();
+        let offsets = session.flags.offsets.iter().filter(|&&offset| offset > 0);
+        self.joints = offsets.map(|offset| self.base.saturating_add(*offset)).collect();
         self.joints.sort_unstable_by(|a, b| b.cmp(a));
         self.joints.dedup();
     }
@@ -273,9 +317,15 @@ impl<'w> Walk<'w> {
     }
 }
 
-/// Whether a message begins at `at` beyond doubt: one that vouches for itself, at least by its content, and leads on.
+/// Where another log begins, as where files were put one behind another.
+fn next_log(bytes: &[u8]) -> Option<usize> {
+    let leads = |log: usize| bytes.get(log + START as usize + 2).is_none_or(|&letter| Kind::of(letter).is_some());
+    memmem::find_iter(bytes, MAGIC).find(|&log| leads(log))
+}
+
+/// Whether a message begins at `at` beyond doubt, or a log: one that vouches for itself, at least by its content, and leads on.
 fn is_certain(view: View<'_>, at: usize, session: &Session<'_, '_>) -> bool {
-    let Some(kind) = view.bytes.get(at + 2).and_then(|&letter| Kind::of(letter)) else { return false };
+    let Some(kind) = view.bytes.get(at + 2).and_then(|&letter| Kind::of(letter)) else { return view.log == Some(at) };
     let Some(message) = view.message(at) else { return false };
     let trust = session.judge(kind, message.body, GLANCE);
     if kind == Kind::Format && trust == Trust::Fits && !view.is_printable(at + HEAD, message.end) {
@@ -294,6 +344,9 @@ fn leads(view: View<'_>, mut at: usize, session: &Session<'_, '_>) -> bool {
     for _ in 0..HOPS {
         if at == view.bytes.len() {
             return view.whole;
+        }
+        if view.log == Some(at) {
+            return true;
         }
         let Some(message) = view.message(at) else {
             // Cut by the end of the file.

@@ -1,0 +1,71 @@
+//! Since when the vehicle runs, where logs stand one behind another.
+//!
+//! Every log counts from the boot of its vehicle. The messages of a log that began before the one in front of it ended are of
+//! another boot: they are logged behind it, so that those of two boots do not mix, and each is dated by itself.
+
+use crate::reader::Restart;
+
+/// Logged between two boots at least, µs.
+const BETWEEN_US: u64 = 10_000_000;
+const SECOND_US: u64 = 1_000_000;
+
+/// The boots of the logs so far.
+#[derive(Debug, Default)]
+pub(super) struct Boots {
+    /// When the last message was logged.
+    latest_us: Option<u64>,
+    offset_us: u64,
+    pub(super) restarts: Vec<Restart>,
+}
+
+impl Boots {
+    /// Another log begins, at this time of its own boot if it says so. Gives back what is added to its stamps.
+    pub(super) fn next_log(&mut self, began_us: Option<u64>) -> u64 {
+        let Some(latest_us) = self.latest_us else { return 0 };
+        let began_us = began_us.map(|us| us.saturating_add(self.offset_us));
+        let certain = began_us.is_none_or(|began_us| began_us < latest_us);
+        if certain {
+            self.offset_us = (latest_us.saturating_add(BETWEEN_US) / SECOND_US).saturating_mul(SECOND_US);
+        }
+        // Messages that were published before a log began are in it too: nothing is earlier than the boot itself.
+        let first_us = if certain { self.offset_us } else { began_us.unwrap_or_default() };
+        let logged_ns = i64::try_from(first_us.saturating_mul(1000)).unwrap_or(i64::MAX);
+        self.restarts.push(Restart { logged_ns, certain });
+        self.offset_us
+    }
+
+    /// The stamp of the last message of a log, if there is one.
+    pub(super) fn latest(&mut self, stamp_us: Option<u64>) {
+        let logged_us = stamp_us.map(|stamp| stamp.saturating_add(self.offset_us));
+        self.latest_us = self.latest_us.max(logged_us);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_of_another_boot_is_logged_behind_the_one_before_and_one_of_the_same_goes_on() {
+        let mut boots = Boots::default();
+        assert_eq!(boots.next_log(Some(5_000_000)), 0);
+        boots.latest(Some(61_500_000));
+        assert_eq!(boots.next_log(Some(70_000_000)), 0);
+        boots.latest(Some(90_200_000));
+        assert_eq!(boots.next_log(Some(2_000_000)), 100_000_000);
+        boots.latest(Some(30_000_000));
+        assert_eq!(boots.next_log(Some(31_000_000)), 100_000_000);
+        let restarts: Vec<(i64, bool)> =
+            boots.restarts.iter().map(|r| (r.logged_ns / 1_000_000_000, r.certain)).collect();
+        assert_eq!(restarts, [(70, false), (100, true), (131, false)]);
+    }
+
+    #[test]
+    fn a_log_without_a_message_begins_no_boot() {
+        let mut boots = Boots::default();
+        boots.next_log(Some(5_000_000));
+        boots.latest(None);
+        assert_eq!(boots.next_log(Some(1)), 0);
+        assert!(boots.restarts.is_empty());
+    }
+}
