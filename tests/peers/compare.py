@@ -19,7 +19,8 @@ DAMAGED = re.compile(r"trunc|bitflip|tailjunk|unindexed|corrupt|not_closed|with_
 WHOLE, STRIDE = 2000, 4999  # of a longer array so many elements are compared, and one in so many of the others
 BATCH = 90_000  # bytes of field names in one request
 # Columns that our readers work out from several messages, and `utc_ns`, which is compared where the sentence has a date.
-DERIVED = {"gps_week", "gps_tow_ms", "fix_ok", "elapsed_ns", "logged_ns", "utc_ns", "solution_ok"}
+DERIVED = {"gps_week", "gps_tow_ms", "fix_ok", "elapsed_ns", "logged_ns", "utc_ns", "solution_ok", "horizontal_std", "fix", "carrier"}
+DERIVED |= {f"{front}_{axis}" for front in ("at", "place") for axis in "xyz"}
 # What may differ: part of the log's path, part of the topic and field, why.
 ALLOWED = [
     ("px4-ulog-rs", "has_vtol_approach", "a bool whose byte is neither 0 nor 1 is 1 with us; pyulog gives the byte"),
@@ -251,9 +252,10 @@ def frame(raw, peer):
 
 UBX_NAMES = {"second": "sec", "refinfo": "refInfo", "validflags": "valid"}
 # Fields at the end of messages that later protocols added: ours leave them.
-UBX_NEWER = {("NAV-PVT", name) for name in ("flags3", "headVeh", "magDec", "magAcc")}
-# pyubx2 adds up the digits of NAV-HPPOSLLH; these are not compared.
+UBX_NEWER = {(pvt, name) for pvt in ("NAV-PVT", "NAV2-PVT") for name in ("flags3", "headVeh", "magDec", "magAcc")}
+# pyubx2 adds up the digits of NAV-HPPOSLLH and NAV-HPPOSECEF; these are not compared.
 UBX_PRECISE = set("lon lat height hMSL lonHp latHp heightHp hMSLHp latitude longitude ellipsoid_height".split())
+UBX_PRECISE |= {f"{front}ecef{axis}{back}" for axis in "XYZ" for front, back in (("", ""), ("", "Hp"), ("_HP", ""))}
 
 
 # Fields at the end of messages that pymavlink 2.4.50 does not know yet.
@@ -265,11 +267,11 @@ MAVLINK_NEWER |= {("WIFI_CONFIG_AP", f) for f in ("mode", "response")}
 
 
 def is_beyond(message, field):
-    return (message, field) in UBX_NEWER | MAVLINK_NEWER or (message == "NAV-HPPOSLLH" and field in UBX_PRECISE)
+    return (message, field) in UBX_NEWER | MAVLINK_NEWER or (message in ("NAV-HPPOSLLH", "NAV-HPPOSECEF") and field in UBX_PRECISE)
 
 
 UBX_READ = {f"NAV-{m}" for m in "PVT POSECEF POSLLH VELECEF VELNED HPPOSLLH SOL ATT STATUS DOP TIMEGPS TIMEUTC".split()}
-UBX_READ |= {"HNR-PVT", "HNR-INS", "HNR-ATT", "TIM-TP", "TIM-TM2"}
+UBX_READ |= {"NAV-PVAT", "NAV-HPPOSECEF", "NAV2-PVT", "ESF-INS", "HNR-PVT", "HNR-INS", "HNR-ATT", "TIM-TP", "TIM-TM2"}
 
 
 def read_nmea(path, peer):
@@ -299,6 +301,10 @@ SENTENCES = {
     "ZDA": {"day": 2, "month": 3, "year": 4},
     "HDT": {"heading": 1},
     "GST": {"latitude_std": 6, "longitude_std": 7, "altitude_std": 8},
+    "PUBX,00": {"latitude": ("deg", 3), "longitude": ("deg", 5), "height": 7, "horizontal_accuracy": 9,
+                "vertical_accuracy": 10, "speed_kmh": 11, "track": 12, "down": 13, "age": 14, "hdop": 15, "satellites": 18},
+    "PUBX,04": {"utc_tow": 4, "utc_week": 5},
+    "PTNL,GGK": {"latitude": ("deg", 4), "longitude": ("deg", 6), "quality": 8, "satellites": 9, "dop": 10},
     "PASHR": {"heading": 2, "roll": 4, "pitch": 5, "heave": 6, "roll_std": 7, "pitch_std": 8, "heading_std": 9},
 }
 
@@ -310,6 +316,8 @@ def sentence(body, message, peer):
         address = re.match("P[A-Z0-9]{3}|$", address)[0]  # a text of its maker without a comma
     if not address:
         return
+    if address in ("PUBX", "PTNL") and re.fullmatch("[A-Z0-9]{2,3}", ",".join(fields[1:2])):
+        address += "," + fields[1]  # u-blox numbers its messages, Trimble names them
     kind = address if address.startswith("P") or len(address) != 5 else address[2:]
     values_of(fields, message, kind, peer.topics[(address, kind)])
     if kind != address:
@@ -341,6 +349,8 @@ def values_of(fields, message, kind, topic):
         altitude, separation = (of(SENTENCES[kind][name]) for name in ("altitude", "separation"))
         if altitude and separation:
             topic.add("height", float(altitude) + float(separation))
+    if kind == "PTNL,GGK" and of(11).startswith("EHT"):
+        topic.add("height", float(of(11)[3:]))
     if kind == "RMC" and of(2) == "A" and message and message.date and message.time:
         moment = datetime.combine(message.date, message.time, timezone.utc)
         topic.add("utc_ns", round(moment.timestamp() * 10**6) * 1000)

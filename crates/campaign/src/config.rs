@@ -154,28 +154,44 @@ impl From<WrittenSensor> for SensorIdentity {
 }
 
 /// Best first.
-const DEFAULT_POSITIONS: [&str; 7] = [
+const DEFAULT_POSITIONS: [&str; 11] = [
     "position.gps",
     "position.ins",
     "position.ekf",
     "position.precise",
+    "position.precise-ecef",
     "position.posllh",
     "position.sol",
     "position.posecef",
+    "position.hnr",
+    "position.nav2",
+    "position.ekf-global",
 ];
 /// Best first.
-const DEFAULT_VELOCITIES: [&str; 7] =
-    ["velocity.ekf", "velocity.ins", "velocity.gps", "velocity.xyz", "velocity.velned", "velocity.sol", "velocity.vtg"];
+const DEFAULT_VELOCITIES: [&str; 11] = [
+    "velocity.ekf",
+    "velocity.ins",
+    "velocity.gps",
+    "velocity.xyz",
+    "velocity.velned",
+    "velocity.sol",
+    "velocity.pubx",
+    "velocity.vtg",
+    "velocity.hnr",
+    "velocity.nav2",
+    "velocity.ekf-global",
+];
 
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WrittenChannels {
     /// Late position, best first. Default: position.gps, position.ins, position.ekf, position.precise,
-    /// position.posllh, position.sol, position.posecef.
+    /// position.precise-ecef, position.posllh, position.sol, position.posecef, position.hnr, position.nav2,
+    /// position.ekf-global.
     #[schemars(with = "Option<Vec<String>>")]
     position: Option<Spanned<Vec<String>>>,
     /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.gps, velocity.xyz,
-    /// velocity.velned, velocity.sol, velocity.vtg.
+    /// velocity.velned, velocity.sol, velocity.pubx, velocity.vtg, velocity.hnr, velocity.nav2, velocity.ekf-global.
     #[schemars(with = "Option<Vec<String>>")]
     velocity: Option<Spanned<Vec<String>>>,
     /// Independent position to score against. Default: position.truth.
@@ -925,6 +941,10 @@ mod tests {
             ("position.precise", "velocity.velned"),
             ("position.sol", "velocity.sol"),
             ("position.posecef", "velocity.velned"),
+            ("position.precise-ecef", "velocity.pubx"),
+            ("position.hnr", "velocity.hnr"),
+            ("position.nav2", "velocity.nav2"),
+            ("position.ekf-global", "velocity.ekf-global"),
             ("position.ins", "velocity.xyz"),
         ] {
             let expected = Ok([position, velocity].map(str::to_owned));

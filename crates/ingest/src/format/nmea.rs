@@ -1,21 +1,25 @@
 //! NMEA 0183: lines of text with a checksum, as receivers write them
 //! (<https://gpsd.gitlab.io/gpsd/NMEA.html> gathers what is public of the standard).
 //!
-//! A topic is named after the address, `GNRMC`, and its type is `RMC`; where a receiver changed its talker in between, it
-//! is `RMC` alone. The date comes from RMC and ZDA; a sentence that
-//! says the time alone has the day that is nearest to the sentence before it, and VTG, which says neither, its time. What
+//! A topic is named after the address, `GNRMC`, and its type is `RMC`; messages of u-blox and Trimble have their own,
+//! `PUBX,00`; where a receiver changed its talker in between, it is `RMC` alone. The date comes from RMC, ZDA, PUBX,04
+//! and PTNL,GGK; a sentence that says the time alone has the day that is nearest to the sentence before it, and VTG,
+//! which says neither, its time, or that of the sentence behind it if RMC shows that the receiver has it so. What
 //! stands before the first date is dated backwards from it. A logger may have put the Unix time, or a date and time
-//! with its zone, in front of each line: that is when the sentence was logged.
+//! with its zone, in front of each line, or have said it in a tag block (NMEA 0183, version 4): that is when the
+//! sentence was logged.
 //!
 //! Fields are taken apart here and not by the `nmea` crate, whose values are single-precision floats and have lost the
 //! last digits of speeds, tracks and heights. Latitude and longitude are the doubles nearest to what the text says.
 
 mod book;
+mod kind;
+mod order;
 mod sentence;
 mod talkers;
 
-use self::book::Kind;
 pub(super) use self::book::{Book, Dates};
+use self::kind::Kind;
 pub(super) use self::sentence::Sentence;
 use crate::bytes::{is_plain, is_zero};
 use crate::civil::{Tick, iso_to_unix_ns};
@@ -24,7 +28,7 @@ use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::reader::{Log, ReadContext, Select};
 use flight::{Notices, Severity};
 use memchr::{memchr, memchr_iter, memchr2};
 use std::fmt::Display;
@@ -36,47 +40,32 @@ const BLOCK: usize = 256 << 10;
 /// Topics in one log: talkers and types of sentences.
 const MOST_TOPICS: usize = 4096;
 
-/// Reads one NMEA log, or several that make up one flight.
-#[derive(Debug, Clone)]
-pub struct NmeaReader {
-    files: Vec<PathBuf>,
-}
-
-impl NmeaReader {
-    /// A reader of these files. Nothing is opened yet.
-    #[must_use]
-    pub fn new(files: Vec<PathBuf>) -> NmeaReader {
-        NmeaReader { files }
-    }
-}
-
-impl LogReader for NmeaReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let context = &super::with_topics(context, MOST_TOPICS);
-        let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
-        let mut log = Log::default();
-        log.health.format = "NMEA 0183".to_owned();
-        let mut book = Book::new();
-        for file in &mut files {
-            let head = file.up_to(0, crate::sniff::HEAD)?;
-            let (bare, foreign) = (is_bare(head), is_zero(head));
-            if foreign {
-                super::refuse_foreign(file, "", context)?;
-            }
-            let mut walk = Walk::new(file, context, &mut ledger, &mut book, &mut topics, bare);
-            walk.run()?;
-            walk.tell(&mut notices);
+/// Reads the sentences of one log, or of several that make up one flight.
+pub(super) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let context = &super::with_topics(context, MOST_TOPICS);
+    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let mut log = Log::default();
+    log.health.format = "NMEA 0183".to_owned();
+    let mut book = Book::new();
+    for file in &mut files {
+        let head = file.up_to(0, crate::sniff::HEAD)?;
+        let (bare, foreign) = (is_bare(head), is_zero(head));
+        if foreign {
+            super::refuse_foreign(file, "", context)?;
         }
-        let dates = book.finish(&mut log, &mut notices);
-        let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
-        let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
-        if log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
-            return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
-        }
-        dates.put(&mut log);
-        super::forget_log_times(&mut log);
-        Ok(log)
+        let mut walk = Walk::new(file, context, &mut ledger, &mut book, &mut topics, bare);
+        walk.run()?;
+        walk.tell(&mut notices);
     }
+    let dates = book.finish(&mut log, &mut notices);
+    let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
+    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    if log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
+        return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
+    }
+    dates.put(&mut log);
+    super::forget_log_times(&mut log);
+    Ok(log)
 }
 
 /// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is; or
@@ -118,7 +107,7 @@ fn begin_of(line: &[u8]) -> Option<usize> {
 
 /// Whether there are sentences and none has a checksum: some loggers take it off. What follows the last line's end does
 /// not count, for it may be cut.
-fn is_bare(head: &[u8]) -> bool {
+pub(super) fn is_bare(head: &[u8]) -> bool {
     let whole = head.get(..memchr::memrchr(b'\n', head).unwrap_or(0)).unwrap_or_default();
     let lines = whole.split(|b| *b == b'\n').take(1000).filter(|line| memchr(b'$', line).is_some());
     let mut checked = lines.map(|line| memchr(b'*', line).is_some());
@@ -216,7 +205,13 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             match Sentence::at(rest, self.bare) {
                 Ok(sentence) => {
                     let end = dollar + sentence.length;
-                    self.sentence(&sentence, prefix, (end - from) as u64);
+                    let (prefix, from_prefix) = if is_damaged_tag(prefix) {
+                        self.damaged(from, dollar, "the checksum of a tag block is wrong");
+                        (&[][..], dollar)
+                    } else {
+                        (prefix, from)
+                    };
+                    self.sentence(&sentence, prefix, (end - from_prefix) as u64);
                     from = end;
                 }
                 Err(reason) => {
@@ -306,7 +301,29 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 /// The time in front of a sentence, ns of UTC, if that is all there is: the Unix time, or a date and time with its zone.
 fn logged(prefix: &[u8]) -> Option<i64> {
     let text = std::str::from_utf8(prefix).ok()?.trim_matches([' ', '\t', ',', ';', ':', '[', ']']);
-    unix_time(text).or_else(|| zoned_time(text))
+    unix_time(text).or_else(|| zoned_time(text)).or_else(|| tag_time(text))
+}
+
+/// What a tag block says between its backslashes, and its checksum: `\s:r1,c:1699999999*1F\`.
+fn tag(text: &str) -> Option<(&str, u8)> {
+    let (said, sum) = text.strip_prefix('\\')?.strip_suffix('\\')?.rsplit_once('*')?;
+    Some((said, u8::from_str_radix(sum, 16).ok()?))
+}
+
+fn is_intact(said: &str, sum: u8) -> bool {
+    said.bytes().fold(0, |sum, b| sum ^ b) == sum
+}
+
+/// Whether the text in front of a sentence is a tag block whose checksum is wrong.
+fn is_damaged_tag(prefix: &[u8]) -> bool {
+    let text = std::str::from_utf8(prefix).unwrap_or_default().trim();
+    tag(text).is_some_and(|(said, sum)| !is_intact(said, sum))
+}
+
+/// `c` of a tag block: the Unix time at its source, s, or of some ms.
+fn tag_time(text: &str) -> Option<i64> {
+    let (said, _) = tag(text).filter(|(said, sum)| is_intact(said, *sum))?;
+    unix_time(said.split(',').find_map(|part| part.strip_prefix("c:"))?)
 }
 
 /// Seconds, or milli-, micro- or nanoseconds as the number of digits tells.
@@ -343,6 +360,12 @@ mod tests {
         for text in ["2023-11-14T22:13:19.123Z ", "[2023-11-14T23:13:19.123+01:00] ", "2023-11-14 22:13:19.123Z,"] {
             assert_eq!(logged(text.as_bytes()), Some(1_699_999_999_123_000_000), "{text}");
         }
+        // gpsd's AIVDM document.
+        assert_eq!(logged(br"\g:1-2-73874,n:157036,s:r003669945,c:1241544035*4A\"), Some(1_241_544_035_000_000_000));
+        assert!(!is_damaged_tag(br"\g:1-2-73874,n:157036,s:r003669945,c:1241544035*4A\"));
+        assert!(
+            is_damaged_tag(br"\g:1-2-73874,n:157036,s:r003669945,c:1241544036*4A\") && !is_damaged_tag(br"C:\log\")
+        );
         for text in
             ["2023-11-14T22:13:19.123 ", "", "[12:00:01] ", "16:99:99", "12.5 ", "1699999999.1.2 ", "x1699999999 "]
         {

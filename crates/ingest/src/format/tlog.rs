@@ -7,7 +7,8 @@
 //! another component of this one `ODOMETRY@1.197`.
 //!
 //! A stream may also be written as it came, frame behind frame without times (MAVProxy's `.tlog.raw`, a capture of a serial
-//! line). Then the messages' own clocks are all there is, and of a vehicle that starts anew the longest run is read.
+//! line). Then the messages' own clocks are all there is. Of a vehicle that starts anew the longest run has the plain names, and
+//! what it says in its second one, if that is shorter, is `GPS_RAW_INT#2`.
 //!
 //! The definitions are a table and not the `mavlink` crate, which refuses whole messages for one number that its
 //! enumerations do not know, and passes what it cannot read without a count. The table goes into columns as it is, the
@@ -17,6 +18,7 @@ mod book;
 mod checksum;
 mod clock;
 mod definition;
+mod dialect;
 mod frame;
 mod framing;
 mod recut;
@@ -25,6 +27,7 @@ mod vehicle;
 use self::book::{Book, CUT, MOST_TOPICS, NO_FRAME};
 use self::clock::BootClock;
 use self::definition::Definitions;
+use self::dialect::Dialect;
 use self::frame::{Frame, LONGEST};
 pub(crate) use self::framing::looks_like;
 use self::framing::{Framing, Search, TIME};
@@ -35,7 +38,6 @@ use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use std::borrow::Cow;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Bytes in which the heartbeat of every vehicle is expected.
@@ -62,17 +64,17 @@ impl LogReader for TlogReader {
         let context = &super::with_topics(context, MOST_TOPICS);
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
-        let mut recut = Recut::default();
+        let mut learned = Learned::default();
         let framings = files.iter_mut().map(Framing::of_file).collect::<Result<Vec<_>, _>>()?;
         let main = match self.files.first().zip(framings.first()) {
-            Some((first, framing)) => main_vehicle(first, *framing, &mut recut, context)?,
+            Some((first, framing)) => main_vehicle(first, *framing, &mut learned, context)?,
             None => Sender::default(),
         };
         // Times that only some of the frames have would be none of the log's.
         let stamped = !framings.contains(&Framing::Bare);
-        let used = if stamped { 0..u64::MAX } else { longest_boot(&self.files, &framings, main, context)? };
+        let runs = if stamped { Runs::default() } else { Runs::of(&self.files, &framings, main, context)? };
         log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
-        let mut book = Book::new(main, recut, stamped, used, &mut topics);
+        let mut book = Book::new(main, learned, stamped, runs, &mut topics);
         for (file, framing) in files.iter_mut().zip(framings) {
             super::refuse_foreign(file, NO_FRAME, context)?;
             let (name, search) = (file.name().to_owned(), Search::of(framing));
@@ -113,18 +115,26 @@ impl Default for Sender {
     }
 }
 
-/// The autopilot with the smallest number among those whose heartbeat is near the begin of the log. Who sends zeros at the
-/// end of payloads is learned on the way.
+/// What the frames themselves show of how their senders write them.
+#[derive(Debug, Default)]
+struct Learned {
+    recut: Recut,
+    dialect: Dialect,
+}
+
+/// The autopilot with the smallest number among those whose heartbeat is near the begin of the log. How senders write their
+/// frames is learned on the way.
 fn main_vehicle(
     path: &Path,
     framing: Framing,
-    recut: &mut Recut,
+    learned: &mut Learned,
     context: &ReadContext<'_>,
 ) -> Result<Sender, IngestError> {
     let mut main = None;
     skim(path, framing, BEGIN, context, |at, frame| {
         let sender = Sender::of(frame);
-        recut.learn(sender, at, frame);
+        learned.recut.learn(sender, at, frame);
+        learned.dialect.learn(at, frame);
         let is_known = frame.intact != Some(false) && frame.unknown_flags == 0;
         if is_known && vehicle::is_autopilot(frame.message, frame.payload) {
             main = Some(main.map_or(sender, |main: Sender| main.min(sender)));
@@ -133,30 +143,47 @@ fn main_vehicle(
     Ok(main.unwrap_or_default())
 }
 
-/// Between which of the bytes of all files the vehicle ran longest without beginning anew.
-fn longest_boot(
-    paths: &[PathBuf],
-    framings: &[Framing],
-    main: Sender,
-    context: &ReadContext<'_>,
-) -> Result<Range<u64>, IngestError> {
-    let (mut clock, mut before) = (BootClock::default(), 0);
-    for (path, framing) in paths.iter().zip(framings) {
-        before += skim(path, *framing, u64::MAX, context, |at, frame| {
-            let definition = Definitions::all().get(frame.message).filter(|_| frame.intact == Some(true));
-            if let Some(definition) = definition.filter(|_| Sender::of(frame) == main && frame.unknown_flags == 0) {
-                clock.message(definition, frame.message, frame.payload, (before + at) as i64);
-            }
-        })?;
+/// The runs of a vehicle in a stream without times of reception: nothing tells how far apart they are.
+#[derive(Debug, Default)]
+struct Runs {
+    /// Where among the bytes of all files all but the first begin.
+    begins: Vec<u64>,
+    /// The longest, by its bytes.
+    longest: usize,
+}
+
+impl Runs {
+    fn of(
+        paths: &[PathBuf],
+        framings: &[Framing],
+        main: Sender,
+        context: &ReadContext<'_>,
+    ) -> Result<Runs, IngestError> {
+        let (mut clock, mut before) = (BootClock::default(), 0);
+        for (path, framing) in paths.iter().zip(framings) {
+            before += skim(path, *framing, u64::MAX, context, |at, frame| {
+                let definition = Definitions::all().get(frame.message).filter(|_| frame.intact == Some(true));
+                if let Some(definition) = definition.filter(|_| Sender::of(frame) == main && frame.unknown_flags == 0) {
+                    clock.message(definition, frame.message, frame.payload, (before + at) as i64);
+                }
+            })?;
+        }
+        let begins: Vec<u64> = clock.finish().into_iter().map(|restart| restart.logged_ns as u64).collect();
+        let from = [0].iter().chain(&begins);
+        let lengths = from.zip(begins.iter().chain([&before])).map(|(begin, end)| end.saturating_sub(*begin));
+        let longest = lengths.enumerate().max_by_key(|(_, length)| *length).map_or(0, |(run, _)| run);
+        Ok(Runs { begins, longest })
     }
-    let anew = clock.finish().into_iter().map(|restart| restart.logged_ns as u64);
-    let marks: Vec<u64> = [0].into_iter().chain(anew).chain([before]).collect();
-    let boots = marks.iter().zip(marks.iter().skip(1)).map(|(begin, end)| *begin..*end);
-    Ok(boots.max_by_key(|boot| boot.end.saturating_sub(boot.start)).unwrap_or(0..before))
+
+    /// Number of the run that these bytes are of, from 1; `None` for the longest.
+    fn beside(&self, place: u64) -> Option<usize> {
+        let run = self.begins.partition_point(|begin| *begin <= place);
+        (run != self.longest).then_some(run + 1)
+    }
 }
 
 /// Hands on the frames that begin in the first bytes of a file, and where they stand: those that are intact, with or without
-/// the zeros behind them, and those of messages that are not defined. Gives the size of the file.
+/// the zeros behind them, or by another definition, and those of messages that are not defined. Gives the size of the file.
 fn skim(
     path: &Path,
     framing: Framing,
@@ -174,7 +201,9 @@ fn skim(
         let bytes = file.up_to(at, LOOK)?;
         match Frame::at(bytes.get(front..).unwrap_or_default()) {
             Ok(frame)
-                if frame.intact.unwrap_or_else(|| framing.believes(&frame, bytes)) || frame.zeros_cut.is_some() =>
+                if frame.intact.unwrap_or_else(|| framing.believes(&frame, bytes))
+                    || frame.zeros_cut.is_some()
+                    || (frame.other.is_some() && framing.goes_on(&frame, bytes)) =>
             {
                 take(at, &frame);
                 at += (front + frame.length) as u64;

@@ -3,11 +3,18 @@
 //! Every frame has a checksum, and it is checked. A topic is named after its message, `NAV-PVT`; messages that are not
 //! read are counted by class and number, and so are corrections; who takes messages as they stand has their bytes.
 //!
-//! In front of the fields of a message stand `gps_week`, the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or else the first
-//! behind it (0 if none did), and `fix_ok`; in front of NAV-HPPOSLLH also `latitude`, `longitude` and `ellipsoid_height`
-//! of all its digits, and in front of TIM-TP and TIM-TM2 `gps_tow_ms`, which with `gps_week` is the GPS time of a pulse that
-//! the message may count in UTC or in the time of BeiDou; without one both are 0. A receiver's own output has no time at
-//! which it was logged.
+//! In front of the fields of a message the reader puts what it derives:
+//!
+//! - `gps_week`, the week of its `iTOW` as NAV-TIMEGPS, NAV-SOL or the date of NAV-TIMEUTC or a PVT before it says, or
+//!   else the first behind it (0 if none did), and `fix_ok`;
+//! - of NAV-PVT, NAV2-PVT and NAV-PVAT `carrier`, whether the phases of the carriers are solved;
+//! - of NAV-HPPOSLLH `latitude`, `longitude` and `ellipsoid_height` of all its digits, of NAV-HPPOSECEF so `place_x`,
+//!   `place_y` and `place_z`;
+//! - of NAV-VELECEF the place that was told last, `at_x`, `at_y` and `at_z` (0 if none was within ten seconds);
+//! - of TIM-TP and TIM-TM2 `gps_tow_ms`, which with `gps_week` is the GPS time of a pulse that the message may count in
+//!   UTC or in the time of BeiDou; without one both are 0.
+//!
+//! A receiver's own output has no time at which it was logged.
 //!
 //! Layouts are a table and not those of the `ublox` crate: its accessors scale and clip each field, and one conversion
 //! by hand for each message would stand between it and the columns. The table goes into columns as it is.
@@ -19,6 +26,7 @@ mod receiver;
 
 use self::frame::{CUT, Finder, Frame, LONGEST, LONGEST_RTCM, RTCM, SYNC, WRONG, rtcm_length};
 use self::message::Message;
+use self::pulse::EarlyMarks;
 use self::receiver::{Receiver, Weeks};
 use super::nmea::{self, Book, Dates, Sentence};
 use crate::bytes::is_zero;
@@ -31,7 +39,7 @@ use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Notices, Severity};
-use memchr::{memchr, memchr2_iter, memmem};
+use memchr::{memchr, memchr2_iter, memchr3_iter, memmem};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -76,9 +84,10 @@ impl LogReader for UbxReader {
             let name = file.name().to_owned();
             Walk { name, file, context, ledger: &mut ledger, content: &mut content, at: 0, searched: None }.run()?;
         }
-        let (weeks, dates) = content.finish(&mut log, &mut notices);
+        let (weeks, marks, dates) = content.finish(&mut log, &mut notices);
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
         weeks.put(&mut log);
+        marks.put(&mut log);
         dates.put(&mut log);
         super::forget_log_times(&mut log);
         Ok(log)
@@ -91,6 +100,34 @@ const NOTHING: &str = "what stands here is neither a frame nor a sentence";
 /// Whether these first bytes of a file hold an intact frame.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
     memmem::find_iter(head, &SYNC).take(1000).any(|at| Frame::at(head.get(at..).unwrap_or_default()).is_ok())
+}
+
+/// Whether an intact frame of UBX or of RTCM 3 stands anywhere in a file of something else.
+pub(super) fn holds_frames(file: &mut LogFile, context: &ReadContext<'_>) -> Result<bool, IngestError> {
+    // Those who look on are told of each byte once, when it is read.
+    let context = &ReadContext { on_bytes: &|_| (), ..*context };
+    let (mut at, mut vain, mut zeros) = (0, 0, 0);
+    while at < file.size() && zeros <= MOST_ZEROS {
+        let block = file.up_to(at, BLOCK + LONGEST)?;
+        let mut hits = memchr2_iter(SYNC[0], RTCM, block).take_while(|hit| *hit < BLOCK).peekable();
+        if hits.peek().is_some() {
+            let finder = Finder::new(block.to_vec());
+            let is_frame = |hit: usize| match block.get(hit..) {
+                Some(bytes @ [RTCM, ..]) if vain < VAIN_AT_ONCE => {
+                    vain += frame::told_rtcm_length(bytes).unwrap_or(0) as u64;
+                    rtcm_length(bytes).is_some()
+                }
+                _ => finder.is_frame(hit),
+            };
+            if hits.any(is_frame) {
+                return Ok(true);
+            }
+        }
+        zeros = if is_zero(block) { zeros + BLOCK as u64 } else { 0 };
+        at += BLOCK as u64;
+        file.progress(at.min(file.size()), context)?;
+    }
+    Ok(false)
 }
 
 /// A walk in progress.
@@ -127,14 +164,9 @@ impl Walk<'_, '_, '_, '_> {
         Ok(())
     }
 
-    /// Goes on where the next intact frame or sentence begins.
+    /// Goes on where the next intact frame, sentence or correction begins.
     fn lost(&mut self, reason: Cow<'static, str>) -> Result<(), IngestError> {
-        let head = self.file.up_to(self.at, frame::HEADER)?;
-        let length = frame::length_at(head).or_else(|| frame::told_rtcm_length(head));
-        self.fetch(self.at + 1)?;
-        let correction = length.and_then(|length| self.correction_behind(length));
-        let found = self.search(self.at + 1)?;
-        let next = correction.map_or(found, |correction| correction.min(found));
+        let next = self.search(self.at + 1)?;
         // A star ends a sentence: what stands before it is a piece of one.
         let is_begun = |text: &[u8]| memchr(b'*', text).is_none();
         if self.at == 0 && super::preamble(self.file, next)?.is_some_and(is_begun) {
@@ -151,15 +183,6 @@ impl Walk<'_, '_, '_, '_> {
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
-    }
-
-    /// Where an intact correction begins, right behind the frame or correction of this length that is damaged. Elsewhere none is searched
-    /// for: it would take long, and nothing in it is read.
-    fn correction_behind(&mut self, length: usize) -> Option<u64> {
-        let (start, finder) = self.searched.as_ref()?;
-        let behind = self.at + length as u64;
-        let rest = finder.block().get(behind.checked_sub(*start)? as usize..)?;
-        self.content.correction(rest).map(|_| behind)
     }
 
     /// Whether a frame begins here that was already found to be none: its length may be a lie, and summing up all that
@@ -189,10 +212,14 @@ impl Walk<'_, '_, '_, '_> {
             let Some((start, finder)) = &self.searched else { break };
             let (first, block) = ((at - start) as usize, finder.block());
             let is_sentence = |hit: usize| block.get(hit..).is_some_and(|b| Sentence::at(b, false).is_ok());
-            let found = memchr2_iter(SYNC[0], b'$', block.get(first..).unwrap_or_default())
+            let found = memchr3_iter(SYNC[0], b'$', RTCM, block.get(first..).unwrap_or_default())
                 .map(|hit| first + hit)
                 .take_while(|hit| *hit < BLOCK)
-                .find(|&hit| finder.is_frame(hit) || (block.get(hit) == Some(&b'$') && is_sentence(hit)));
+                .find(|&hit| match block.get(hit) {
+                    Some(b'$') => is_sentence(hit),
+                    Some(&RTCM) => block.get(hit..).and_then(|b| self.content.correction(b)).is_some(),
+                    _ => finder.is_frame(hit),
+                });
             if let Some(hit) = found {
                 return Ok(start + hit as u64);
             }
@@ -363,7 +390,7 @@ impl<'b, 't> Content<'b, 't> {
     }
 
     /// Writes what the receiver says of itself, and what was wrong. What is returned dates the tables when they are made.
-    fn finish(self, log: &mut Log, notices: &mut Notices) -> (Weeks, Dates) {
+    fn finish(mut self, log: &mut Log, notices: &mut Notices) -> (Weeks, EarlyMarks, Dates) {
         if self.unplaced.count > 0 {
             let text = format!("messages found no topic, for there are too many; the first: {}", self.unplaced.first);
             notices.push(Severity::Loss, "unknown-channel", "", self.unplaced.count, text);
@@ -377,15 +404,13 @@ impl<'b, 't> Content<'b, 't> {
             let text = format!("{text}; the first: {}", self.early.first);
             notices.push(Severity::Info, "undated", "", self.early.count, text);
         }
-        let others = ["NAV-SOL", "NAV-PVT", "NAV-VELNED", "HNR-PVT"].map(message::numbers_of);
-        let has = |key: &Option<(u8, u8)>| key.is_some_and(|key| self.routes.contains_key(&key));
-        let velocities = self.receiver.velocities_ecef;
-        if velocities > 0 && !others.iter().any(has) {
-            let text = "the velocity is in the earth's own axes alone (NAV-VELECEF): no channel map binds it, for it does not \
-                        say where it is";
-            notices.push(Severity::Warning, "unbound-velocity", "NAV-VELECEF", velocities, text);
+        if self.receiver.nowhere > 0 {
+            let text = "velocities are in the earth's own axes, and no message near them says the place, without which north is \
+                        not known: they are not used";
+            notices.push(Severity::Warning, "unbound-velocity", "NAV-VELECEF", self.receiver.nowhere, text);
         }
-        let untimed = &self.receiver.untimed;
+        let marks = self.receiver.early_marks();
+        let untimed = &self.receiver.pulses.untimed;
         if untimed.count > 0 {
             let text = format!("pulses have no GPS time; the first: {}", untimed.first);
             notices.push(Severity::Warning, "untimed-pulse", "", untimed.count, text);
@@ -394,6 +419,6 @@ impl<'b, 't> Content<'b, 't> {
             notices.push(Severity::Warning, "week-suspect", "", dates, text);
         }
         log.health.about.receivers = self.receiver.names;
-        (self.receiver.weeks, self.sentences.finish(log, notices))
+        (self.receiver.weeks, marks, self.sentences.finish(log, notices))
     }
 }

@@ -392,7 +392,18 @@ fn read_ubx(bytes: &[u8]) -> Log {
 }
 
 /// Columns that our reader puts in front of the fields of a message.
-const DERIVED: [&str; 6] = ["gps_week", "gps_tow_ms", "fix_ok", "latitude", "longitude", "ellipsoid_height"];
+const DERIVED: [&str; 10] = [
+    "gps_week",
+    "gps_tow_ms",
+    "fix_ok",
+    "carrier",
+    "latitude",
+    "longitude",
+    "ellipsoid_height",
+    "at_x",
+    "at_y",
+    "at_z",
+];
 
 #[test]
 fn every_message_of_a_u_blox_receiver_that_we_read_has_the_values_of_the_ublox_crate() {

@@ -2,7 +2,7 @@
 
 use crate::stream::*;
 use crate::support::*;
-use flight::{Clock, Severity, StampKind};
+use flight::{Clock, Severity, Stamp, StampKind};
 use ingest::{Limits, Log, LogKind, NmeaReader};
 use simulate::Container;
 
@@ -484,4 +484,139 @@ fn heights_without_that_of_the_sea_are_read_and_said_to_be_above_it() {
     let said = |fifth| if fifth % 10 == 3 { "" } else { "46.9" };
     let loaded = bound(&(0..50).flat_map(|fifth| epoch("GN", fifth, said(fifth), "A")).collect::<Vec<_>>());
     assert_eq!((height(&loaded), above_sea(&loaded)), (545.4 + 46.9, false));
+}
+
+/// PUBX,00 of u-blox, a second apart, of a flight to the north-east that climbs.
+fn pubx(second: usize, status: &str) -> String {
+    let place = format!("4717.{:05},N,00833.91565,E", 11_437 + second);
+    sealed(&format!(
+        "PUBX,00,1200{second:02}.00,{place},546.589,{status},2.1,3.4,36.000,45.00,-1.500,,0.92,1.19,0.77,9,0,0"
+    ))
+}
+
+#[test]
+fn a_receiver_of_u_blox_that_says_nothing_else_has_a_velocity_in_three_dimensions_and_accuracies() {
+    let status = |second| if second == 7 { "NF" } else { "G3" };
+    let date = sealed("PUBX,04,120000.00,211126,561600.00,2445,18,495176,342.504,21");
+    let lines: Vec<String> = [date].into_iter().chain((0..20).map(|second| pubx(second, status(second)))).collect();
+    let loaded = bound(&lines);
+    assert_eq!(["position.gps", "velocity.gps", "velocity.pubx"].map(|name| length(&loaded, name)), [19; 3]);
+    let first = |name: &str| [0, 1, 2].map(|i| loaded.flight.channels[name].series.component(i)[0]);
+    let [latitude, longitude, height] = first("position.gps");
+    assert!((latitude.to_degrees() - (47.0 + 17.11437 / 60.0)).abs() < 1e-12, "{latitude}");
+    assert!((longitude.to_degrees() - (8.0 + 33.91565 / 60.0)).abs() < 1e-12 && height == 546.589);
+    let horizontal = 10.0 * std::f64::consts::FRAC_1_SQRT_2;
+    let off = first("velocity.gps").into_iter().zip([horizontal, horizontal, -1.5]).map(|(v, truth)| (v - truth).abs());
+    assert!(off.into_iter().all(|off| off < 1e-12), "{:?}", first("velocity.gps"));
+    // date -u -d '2026-11-21T12:00:00Z' +%s
+    let timeline = loaded.flight.channels["position.gps"].series.timeline();
+    assert_eq!((timeline.clock(), timeline.first()), (Clock::Unix, Some(Stamp(1_795_262_400_000_000_000))));
+    let scalar = |name: &str| loaded.flight.channels[name].series.component(0).to_vec();
+    assert_eq!((scalar("horizontal-accuracy.gps"), scalar("vertical-accuracy.gps")), (vec![2.1; 19], vec![3.4; 19]));
+    assert_eq!(scalar("fix.pubx"), (0..20).map(|second| if second == 7 { 0.0 } else { 3.0 }).collect::<Vec<_>>());
+    assert!(!lossy(&loaded), "{:?}", loaded.flight.notices);
+}
+
+#[test]
+fn sentences_of_the_standard_come_before_those_of_a_maker() {
+    let standard = |second: usize| epoch("GN", 5 * second, "46.9", "A").into_iter().chain([pubx(second, "D3")]);
+    let loaded = bound(&(0..12).flat_map(standard).collect::<Vec<_>>());
+    let topic = |name: &str| loaded.flight.channels[name].source.topic.clone();
+    assert_eq!([topic("position.gps"), topic("velocity.gps")], ["GNGGA", "GNRMC"]);
+    assert_eq!((topic("velocity.pubx"), length(&loaded, "velocity.pubx")), ("PUBX,00".to_owned(), 12));
+}
+
+#[test]
+fn a_position_of_trimble_has_its_date_and_its_height_above_the_ellipsoid() {
+    let ggk = |second: usize| {
+        let quality = if second == 3 { 0 } else { 3 };
+        let place = format!("4717.{:08},N,00833.91565000,E", 11_437_000 + second);
+        sealed(&format!("PTNL,GGK,1200{second:02}.00,112126,{place},{quality},09,1.9,EHT150.790,M"))
+    };
+    let loaded = bound(&(0..10).map(ggk).collect::<Vec<_>>());
+    let position = &loaded.flight.channels["position.gps"].series;
+    assert_eq!((position.len(), position.component(2)[0]), (9, 150.79));
+    assert_eq!(position.timeline().first(), Some(Stamp(1_795_262_400_000_000_000)));
+}
+
+#[test]
+fn the_standard_deviations_of_gst_are_accuracies() {
+    let gst = |fifth: usize| {
+        let time = format!("1200{:02}.{}0", fifth / 5, 2 * (fifth % 5));
+        sealed(&format!("GNGST,{time},2.1,1.0,0.9,45.0,3.0,4.0,6.5"))
+    };
+    let lines = (0..20).flat_map(|fifth| epoch("GN", fifth, "46.9", "A").into_iter().chain([gst(fifth)]));
+    let loaded = bound(&lines.collect::<Vec<_>>());
+    let scalar = |name: &str| loaded.flight.channels[name].series.component(0)[0];
+    assert_eq!([scalar("horizontal-accuracy.gps"), scalar("vertical-accuracy.gps")], [5.0, 6.5]);
+}
+
+#[test]
+fn the_time_in_a_tag_block_is_when_it_was_logged_and_a_damaged_block_costs_itself_alone() {
+    let tagged = |second: usize, sum_off: u8| {
+        let said = format!("s:r1,c:{}", 1_795_262_401 + second);
+        let sum = said.bytes().fold(sum_off, |sum, b| sum ^ b);
+        let [gga, _] = epoch("GN", 5 * second, "46.9", "A");
+        format!("\\{said}*{sum:02X}\\{gga}")
+    };
+    let lines: Vec<String> = (0..10).map(|second| tagged(second, u8::from(second == 4))).collect();
+    let log = read_bytes(READER, (lines.join("\r\n") + "\r\n").as_bytes()).unwrap();
+    let table = log.tables.iter().find(|t| t.topic.name == "GNGGA").unwrap();
+    let column = table.column("logged_ns").unwrap();
+    let logged: Vec<Option<i64>> = (0..10).map(|row| column.integer(row)).collect();
+    let truth = |second: i64| (second != 4).then_some((1_795_262_401 + second) * 1_000_000_000);
+    assert_eq!(logged, (0..10).map(truth).collect::<Vec<_>>());
+    assert_eq!(log.health.bytes.damaged, r"\s:r1,c:1795262405*00\".len() as u64);
+}
+
+#[test]
+fn a_velocity_that_stands_in_front_of_its_epoch_has_the_time_of_that() {
+    // VTG first, in the middle or last; a flight whose speed changes, and one that does not.
+    let lines = |place_of_vtg: usize, faster: usize| -> Vec<String> {
+        let second = |second: usize| {
+            let (time, speed) = (format!("1200{second:02}.00"), 20 + faster * second);
+            let place = format!("4807.{:04},N,01131.0000,E", second + 100);
+            let vtg = sealed(&format!("GPVTG,45.0,T,,M,{speed}.0,N,,K,A"));
+            let rmc = sealed(&format!("GPRMC,{time},A,{place},{speed}.0,45.0,211126,,,A"));
+            let gga = sealed(&format!("GPGGA,{time},{place},1,08,0.9,545.4,M,46.9,M,,"));
+            let mut epoch = vec![gga, rmc];
+            epoch.insert(place_of_vtg, vtg);
+            epoch
+        };
+        (0..30).flat_map(second).collect()
+    };
+    for (place, faster) in [(0, 1), (1, 1), (2, 1), (2, 0)] {
+        let loaded = bound(&lines(place, faster));
+        let [rmc, vtg] = ["velocity.gps", "velocity.vtg"].map(|name| &loaded.flight.channels[name].series);
+        // What stands before any time has none.
+        let missing = usize::from(place == 0);
+        assert_eq!((rmc.len(), vtg.len()), (30, 30 - missing), "{place} {faster}");
+        assert_eq!(vtg.timeline().stamps(), &rmc.timeline().stamps()[missing..], "{place} {faster}");
+        assert_eq!(vtg.component(0), &rmc.component(0)[missing..]);
+        let told = loaded.flight.notices.iter().filter(|n| n.code == "epoch-order").count();
+        assert_eq!(told, missing, "{:?}", loaded.flight.notices);
+    }
+}
+
+#[test]
+fn binary_frames_that_a_receiver_was_told_to_send_later_are_read() {
+    // More sentences than are looked at to tell what a file is, then frames of UBX or corrections among them.
+    let second = |n: usize| epoch("GN", n % 300, "46.9", "A").join("\r\n") + "\r\n";
+    let sentences: String = (0..900).map(second).collect();
+    let frame = crate::wire::ubx_frame(1, 7, &[3; 92]);
+    let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");
+    for (between, topic) in [(&frame, "NAV-PVT"), (&correction, "RTCM3")] {
+        let later = (0..10).flat_map(|n| [second(n).as_bytes(), between].concat());
+        let bytes: Vec<u8> = sentences.bytes().chain(later).collect();
+        let (_folder, path) = file("f.nmea", &bytes);
+        let loaded = load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap();
+        assert_ledger(&loaded);
+        let count = |name: &str| loaded.health.topics.iter().find(|t| t.name == name).map(|t| t.messages);
+        assert_eq!(["GNGGA", "GNRMC", topic].map(count), [Some(910), Some(910), Some(10)]);
+        assert_eq!((loaded.health.bytes.damaged, lossy(&loaded)), (0, false), "{:?}", loaded.flight.notices);
+    }
+    // A broken frame makes no such log of it.
+    let broken = [sentences.as_bytes(), &frame[..50], b"\r\n", second(1).as_bytes()].concat();
+    let log = read_bytes(READER, &broken).unwrap();
+    assert_eq!((log.health.format.as_str(), log.health.damage_count), ("NMEA 0183", 1));
 }

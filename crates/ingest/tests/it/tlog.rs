@@ -2,7 +2,7 @@
 
 use crate::stream::*;
 use crate::support::*;
-use crate::wire::{tlog_frame, tlog_frame_from};
+use crate::wire::{crc16, tlog_frame, tlog_frame_from};
 use flight::{Clock, Severity, StampKind};
 use ingest::{LogKind, TlogReader};
 use simulate::Container;
@@ -470,7 +470,7 @@ fn a_stream_without_times_of_reception_is_bound_by_the_clock_since_boot_and_date
 }
 
 #[test]
-fn of_a_stream_without_times_of_reception_only_the_longest_run_of_the_vehicle_is_used() {
+fn of_a_stream_without_times_of_reception_the_longest_run_is_bound_and_the_others_stand_beside_it() {
     let boot = |from_ms, at_ms| Boot { from_ms, at_ms, utc: TRUE };
     let long = [boot(50_000, 0), boot(60_000, 10_000)];
     let of = |boots: &[Boot]| bare(&boots.iter().flat_map(Boot::frames).collect::<Vec<u8>>());
@@ -490,6 +490,11 @@ fn of_a_stream_without_times_of_reception_only_the_longest_run_of_the_vehicle_is
         assert_eq!((count_of(&loaded, "clock-restart"), lossy(&loaded)), (lost, lost > 0));
         let others = loaded.health.topics.iter().filter(|t| t.name == "HEARTBEAT@2").map(|t| t.messages);
         assert_eq!(others.sum::<u64>(), if files.len() == 1 && lost > 0 { 2 } else { 0 });
+        // No word of the other runs is lost: of three, the first and the third.
+        let of_run =
+            |run: &str| loaded.health.topics.iter().filter(|t| t.name.ends_with(run)).map(|t| t.messages).sum();
+        let runs: [u64; 3] = ["#1", "#2", "#3"].map(of_run);
+        assert_eq!(runs, if lost > 0 { [110, 0, 110] } else { [0; 3] });
     }
 }
 
@@ -631,6 +636,52 @@ fn messages_that_are_not_defined_are_told_by_their_numbers_and_cost_nothing_else
 }
 
 #[test]
+fn a_message_that_its_sender_defines_otherwise_is_no_damage_and_is_told_by_its_number() {
+    // BATTERY_STATUS as it was until 2014: the number of its layout was 177, and is 154.
+    let old = |n: u64| tlog_frame(NOON_US + 1000 * n, 147, 177, &[n as u8 + 1, 7, 12, n as u8 * 3, 1, 2, 3, 4]);
+    let record = old(0).len() as u64;
+    let around = |frames: &[Vec<u8>]| [of_pymavlink(), frames.concat(), of_pymavlink()].concat();
+    let mut frames: Vec<Vec<u8>> = (0..6).map(old).collect();
+    let log = read_bytes(READER, &around(&frames)).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged, log.health.bytes.skipped), (16, 0, 6 * record));
+    let told = log.notices.iter().find(|n| n.code == "unknown-message").unwrap();
+    assert!(told.count == 6 && told.text.ends_with(": number 147 (6)"), "{}", told.text);
+    assert!(!log.notices.any_loss());
+    // One of them with a changed byte is damaged still, and two alone show nothing.
+    frames[3][20] ^= 0x10;
+    let log = read_bytes(READER, &around(&frames)).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (15, record), "{:?}", log.health.damage);
+    let log = read_bytes(READER, &around(&frames[..2])).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (10, 2 * record));
+    // Who says the message as it is defined is read beside.
+    let defined = tlog_frame(NOON_US, 147, 154, &[1; 36]);
+    let log = read_bytes(READER, &around(&[old(0), old(1), defined, old(2)])).unwrap();
+    let topics: Vec<_> =
+        log.health.topics.iter().filter(|t| t.name.contains("147") || t.name.contains("BATTERY")).collect();
+    let counts: Vec<_> = topics.iter().map(|t| (t.name.as_str(), t.messages)).collect();
+    assert_eq!((counts, log.health.bytes.damaged), (vec![("BATTERY_STATUS", 1), ("MESSAGE_147", 3)], 0));
+}
+
+#[test]
+fn a_frame_of_the_first_version_may_have_fields_of_the_second_and_they_are_read() {
+    // GPS_RAW_INT as pymavlink writes it if it is told to use MAVLink 1 with the definitions of MAVLink 2.
+    let payload: Vec<u8> = (1..=52).collect();
+    let frame = |length: usize| {
+        let wide = tlog_frame(NOON_US, 24, 24, &payload[..length]);
+        let body = [&[length as u8, 0, 1, 1, 24][..], &payload[..length], &[24]].concat();
+        [&wide[..8], &[0xfe], &body[..body.len() - 1], &crc16(&body).to_le_bytes()].concat()
+    };
+    let log = read_bytes(READER, &[of_pymavlink(), frame(52), frame(30)].concat()).unwrap();
+    let table = log.tables.iter().find(|t| t.topic.name == "GPS_RAW_INT").unwrap();
+    let last = |field: &str| table.column(field).unwrap().number(table.rows - 2);
+    assert_eq!(last("alt_ellipsoid"), Some(f64::from(i32::from_le_bytes([31, 32, 33, 34]))));
+    assert_eq!(last("yaw"), Some(f64::from(u16::from_le_bytes([51, 52]))));
+    // Who sends none of them says nothing of them.
+    assert_eq!(table.column("yaw").unwrap().number(table.rows - 1), None);
+    assert_eq!(log.health.bytes.damaged, 0);
+}
+
+#[test]
 fn frames_with_flags_that_are_not_known_are_dropped_and_no_damage() {
     // COMMAND_LONG from system 10.0.0.1 to 10.0.0.2, as the tests of the draft have it.
     let drafted = bytes_of(
@@ -660,4 +711,49 @@ fn texts_have_the_time_of_reception_as_modes_have() {
     let log = read_bytes(READER, &[of_pymavlink(), tlog_frame(NOON_US + 60_000, 253, 83, &text)].concat()).unwrap();
     assert_eq!(log.health.about.texts, ["2026-11-21 12:00:00.060 UTC: all is well"]);
     assert_eq!(log.health.about.modes[0].at_ns, NOON_US as i64 * 1000);
+}
+
+/// Bound as a log of this name.
+fn load_tlog(bytes: &[u8]) -> ingest::Loaded {
+    let (_folder, path) = file("log.tlog", bytes);
+    let loaded = load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+#[test]
+fn the_second_receiver_has_its_accuracies_and_one_unit_of_several_makes_a_channel() {
+    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let epoch = |n: u64| {
+        let (at_us, boot_us) = (NOON_US + 200_000 * n, (50_000_000 + 200_000 * n).to_le_bytes());
+        let place = [473_977_420_i32, 85_455_940, 488_123].map(i32::to_le_bytes).concat();
+        // GPS2_RAW: age of corrections, hdop, vdop, speed, course, fix, satellites, number of corrections; heading, height
+        // above the ellipsoid, and accuracies.
+        let receiver =
+            [&boot_us[..], &place, &[0; 4], &[90, 0, 120, 0], &1000_u16.to_le_bytes(), &9000_u16.to_le_bytes()];
+        let accuracies = [535_123_u32, 1500, 2500, 300, 0].map(u32::to_le_bytes).concat();
+        let receiver = [&receiver.concat()[..], &[3, 17, 0, 0, 0], &accuracies].concat();
+        // Two units by turns, the second turned the other way.
+        let unit = |id: u8| {
+            let sign = if id == 0 { 1.0 } else { -1.0 };
+            let values = [0.5, 1.0, -9.8, 0.1, 0.2, 0.3, 0.2, 0.1, 0.4, 950.0, 0.0, 500.0, 20.0].map(|v: f32| sign * v);
+            let late = (50_000_000 + 200_000 * n + 1000 * u64::from(id)).to_le_bytes();
+            tlog_frame(at_us, 105, 93, &[&late[..], &floats(&values), &[0xff, 0x1f, id]].concat())
+        };
+        // Of another computer on board.
+        let input = [&boot_us[..], &[0; 4], &place[..8], &floats(&[488.0, 0.9, 1.2, 1.0, 2.0, 3.0, 0.3, 1.5, 2.5])];
+        let flags: u16 = if n < 10 { 0 } else { 8 };
+        let input = [&input.concat()[..], &flags.to_le_bytes(), &[0; 2], &[0, 3, 12]].concat();
+        let input = tlog_frame_from([1, 191], 0, at_us + 50, 232, 151, &input);
+        [tlog_frame(at_us, 124, 87, &receiver), unit(0), unit(1), input].concat()
+    };
+    let loaded = load_tlog(&(0..20).flat_map(epoch).collect::<Vec<u8>>());
+    let series = |name: &str| &loaded.flight.channels[name].series;
+    let scalars = ["horizontal-accuracy.gps-2", "vertical-accuracy.gps-2", "speed-accuracy.gps-2", "fix.gps-2"];
+    assert_eq!(scalars.map(|name| series(name).component(0)[0]), [1.5, 2.5, 0.3, 3.0]);
+    assert_eq!((series("position.gps-2").len(), series("satellites.gps-2").component(0)[0]), (20, 17.0));
+    let turns = series("angular-rate.imu").component(0);
+    assert!(turns.len() == 20 && turns.iter().all(|turn| *turn > 0.0), "{turns:?}");
+    assert_eq!(["position.gps-input", "velocity.gps-input"].map(|name| series(name).len()), [20, 10]);
+    assert_eq!([0, 1, 2].map(|i| series("velocity.gps-input").component(i)[0]), [1.0, 2.0, 3.0]);
 }

@@ -67,13 +67,18 @@ pub fn tlog_frame(time_us: u64, number: u32, extra: u8, payload: &[u8]) -> Vec<u
     tlog_frame_from([1, 1], 0, time_us, number, extra, payload)
 }
 
-/// As [`tlog_frame`], from this system and component, with these flags.
-pub fn tlog_frame_from(sender: [u8; 2], flags: u8, time_us: u64, number: u32, extra: u8, payload: &[u8]) -> Vec<u8> {
-    let crc16 = |crc: u16, byte: &u8| {
+/// CRC-16/MCRF4XX of a frame's bytes and the number of its layout.
+pub fn crc16(bytes: &[u8]) -> u16 {
+    let step = |crc: u16, byte: &u8| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0x8408 })
     };
+    bytes.iter().fold(0xffff, step)
+}
+
+/// As [`tlog_frame`], from this system and component, with these flags.
+pub fn tlog_frame_from(sender: [u8; 2], flags: u8, time_us: u64, number: u32, extra: u8, payload: &[u8]) -> Vec<u8> {
     let ([system, component], [a, b, c, _]) = (sender, number.to_le_bytes());
     let body = [&[payload.len() as u8, flags, 0, 0, system, component, a, b, c], payload].concat();
-    let crc = body.iter().chain([&extra]).fold(0xffff, crc16);
+    let crc = crc16(&[&body[..], &[extra]].concat());
     [&time_us.to_be_bytes()[..], &[0xfd], &body, &crc.to_le_bytes()].concat()
 }

@@ -1,9 +1,10 @@
 //! The way of each sentence to its topic, and the time that it is given.
 
-use super::sentence::{Sentence, degrees, plain, time_of_day_ns};
+use super::kind::{Kind, UTC, is_valid, whole_layout};
+use super::order::{Order, Stamps, Steps};
+use super::sentence::{Sentence, plain, time_of_day_ns};
 use super::talkers;
 use crate::civil::calendar_to_unix_ns;
-use crate::decode::cells::{CellKind, CellLayout};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
 use crate::reader::Log;
@@ -25,9 +26,6 @@ const BEFORE_ANY_DATE_NS: i64 = i64::MIN / 2;
 /// No log is longer, but one whose times are nonsense may step on by half a day with each sentence.
 const LONGEST_NS: i64 = i64::MAX / 8;
 
-/// Columns that every sentence has: UTC, time since the first sentence, and when the logger had it, ns.
-const STAMPS: [&str; 3] = [UTC, "elapsed_ns", "logged_ns"];
-const UTC: &str = "utc_ns";
 /// Behind the address of sentences that are taken whole; no address has it.
 const WHOLE: &str = " whole";
 
@@ -47,163 +45,7 @@ pub(crate) struct Book {
     timeless: Tally,
     unplaced: Tally,
     heights: Heights,
-}
-
-/// A value of a sentence.
-enum Value {
-    Number(&'static str, usize),
-    /// Field of the value, and of its hemisphere behind it.
-    Degrees(&'static str, usize),
-    /// Whether the status is `A`, or as some receivers say of a differential fix `D`: 1 or 0.
-    Valid(&'static str, usize),
-    /// Whether the mode is anything but `N`, not valid, of every satellite system: 1 or 0; 1 for sentences from before NMEA 2.3,
-    /// which have none.
-    HasMode(&'static str, usize),
-    /// Height above the ellipsoid: above mean sea level, and that above the ellipsoid.
-    Height(&'static str, usize, usize),
-}
-
-/// What is read of a type of sentences.
-pub(super) struct Kind {
-    /// Field of the time of day; `None` for a type without.
-    time: Option<usize>,
-    values: &'static [Value],
-}
-
-impl Kind {
-    /// By the type in the address; `None` for one that is counted and not read.
-    pub(super) fn of(name: &str) -> Option<Kind> {
-        use Value::{Degrees, HasMode, Height, Number, Valid};
-        let kind = |time, values| Some(Kind { time, values });
-        match name {
-            "GGA" => kind(
-                Some(1),
-                &[
-                    Degrees("latitude", 2),
-                    Degrees("longitude", 4),
-                    Number("quality", 6),
-                    Number("satellites", 7),
-                    Number("hdop", 8),
-                    Number("altitude", 9),
-                    Number("separation", 11),
-                    Height("height", 9, 11),
-                    Number("age", 13),
-                ],
-            ),
-            "GNS" => kind(
-                Some(1),
-                &[
-                    Degrees("latitude", 2),
-                    Degrees("longitude", 4),
-                    HasMode("valid", 6),
-                    Number("satellites", 7),
-                    Number("hdop", 8),
-                    Number("altitude", 9),
-                    Number("separation", 10),
-                    Height("height", 9, 10),
-                    Number("age", 11),
-                ],
-            ),
-            "RMC" => kind(
-                Some(1),
-                &[
-                    Valid("valid", 2),
-                    Degrees("latitude", 3),
-                    Degrees("longitude", 5),
-                    Number("speed", 7),
-                    Number("track", 8),
-                ],
-            ),
-            "GLL" => kind(Some(5), &[Degrees("latitude", 1), Degrees("longitude", 3), Valid("valid", 6)]),
-            "VTG" => kind(None, &[Number("track", 1), Number("speed", 5), HasMode("valid", 9)]),
-            "ZDA" => kind(Some(1), &[Number("day", 2), Number("month", 3), Number("year", 4)]),
-            "HDT" => kind(None, &[Number("heading", 1)]),
-            "GST" => kind(Some(1), &[Number("latitude_std", 6), Number("longitude_std", 7), Number("altitude_std", 8)]),
-            "PASHR" => kind(
-                Some(1),
-                &[
-                    Number("heading", 2),
-                    Number("roll", 4),
-                    Number("pitch", 5),
-                    Number("heave", 6),
-                    Number("roll_std", 7),
-                    Number("pitch_std", 8),
-                    Number("heading_std", 9),
-                ],
-            ),
-            _ => None,
-        }
-    }
-
-    /// Whether a sentence says itself that it has no fix. Receivers write into such what they like: 89° 60', 720°.
-    fn has_no_fix(&self, sentence: &Sentence<'_>) -> bool {
-        self.values.iter().any(|value| match *value {
-            Value::Valid(_, field) => sentence.field(field) == "V",
-            Value::Number("quality", field) => sentence.field(field) == "0",
-            Value::HasMode(_, field) => has_no_mode(sentence.field(field)),
-            _ => false,
-        })
-    }
-
-    /// Whether a sentence says what its type is for: the first value that is no mere flag.
-    fn says_something(&self, sentence: &Sentence<'_>) -> bool {
-        let field = self.values.iter().find_map(|value| match *value {
-            Value::Number(_, field) | Value::Degrees(_, field) | Value::Height(_, field, _) => Some(field),
-            Value::Valid(..) | Value::HasMode(..) => None,
-        });
-        field.is_some_and(|field| !sentence.field(field).is_empty())
-    }
-
-    fn layout(&self) -> CellLayout {
-        let stamps = STAMPS.into_iter().map(|name| (name, CellKind::WholeIfAny));
-        let values = self.values.iter().map(|value| match value {
-            Value::Number(name, _)
-            | Value::Degrees(name, _)
-            | Value::Valid(name, _)
-            | Value::HasMode(name, _)
-            | Value::Height(name, ..) => (*name, CellKind::NumberIfAny),
-        });
-        CellLayout::of(stamps.chain(values))
-    }
-}
-
-fn is_valid(status: &str) -> bool {
-    matches!(status, "A" | "D")
-}
-
-fn has_no_mode(modes: &str) -> bool {
-    !modes.is_empty() && modes.bytes().all(|mode| mode == b'N')
-}
-
-/// Of sentences that are not read, for who takes all of them as they stand: what is between `$` and the checksum.
-fn whole_layout() -> CellLayout {
-    let stamps = STAMPS.into_iter().map(|name| (name, CellKind::WholeIfAny));
-    CellLayout::of(stamps.chain([("sentence", CellKind::Text)]))
-}
-
-impl Value {
-    /// Writes the value as a cell; nothing if it is absent.
-    fn write(&self, sentence: &Sentence<'_>, has_fix: bool, line: &mut String) {
-        // Writing to a string does not fail.
-        let _ = match *self {
-            // What is no number shows as such, and the row is refused.
-            Value::Number(_, field) => line.write_str(sentence.field(field)),
-            Value::Degrees(_, field) => match degrees(sentence.field(field), sentence.field(field + 1)) {
-                Some(degrees) => write!(line, "{degrees}"),
-                None if sentence.field(field).is_empty() || !has_fix => Ok(()),
-                None => line.write_str("no angle"),
-            },
-            Value::Valid(_, field) => line.write_str(if is_valid(sentence.field(field)) { "1" } else { "0" }),
-            Value::HasMode(_, field) => line.write_str(if has_no_mode(sentence.field(field)) { "0" } else { "1" }),
-            Value::Height(_, altitude, separation) => {
-                let number = |field| plain(sentence.field(field)).and_then(|text| text.parse::<f64>().ok());
-                match number(altitude).zip(number(separation)) {
-                    Some((altitude, separation)) => write!(line, "{}", altitude + separation),
-                    None => Ok(()),
-                }
-            }
-        };
-    }
+    order: Order,
 }
 
 impl Book {
@@ -219,6 +61,7 @@ impl Book {
             timeless: Tally::default(),
             unplaced: Tally::default(),
             heights: Heights::default(),
+            order: Order::default(),
         }
     }
 
@@ -252,6 +95,13 @@ impl Book {
             return topics.message(route, times, self.line.as_bytes());
         };
         let (utc_ns, elapsed_ns) = self.epochs.stamp(date, kind.time, sentence);
+        if let Some(elapsed_ns) = elapsed_ns {
+            match name {
+                "VTG" => self.order.vtg(sentence, Stamps { utc_ns: utc_cell(utc_ns, elapsed_ns), elapsed_ns }),
+                _ if kind.time.is_some() => self.order.timed(name, sentence, elapsed_ns),
+                _ => {}
+            }
+        }
         match (utc_ns, elapsed_ns) {
             (None, Some(_)) => self.early.add(|| format!("{talker}{name}")),
             (None, None) if route.is_wanted() && kind.says_something(sentence) => {
@@ -261,17 +111,13 @@ impl Book {
             _ => {}
         }
         self.begin_line(utc_ns, elapsed_ns, logged_ns);
-        let has_fix = !kind.has_no_fix(sentence);
-        for value in kind.values {
-            self.line.push(',');
-            value.write(sentence, has_fix, &mut self.line);
-        }
+        kind.write(sentence, &mut self.line);
         topics.message(route, times, self.line.as_bytes())
     }
 
     /// Writes the stamps of a sentence.
     fn begin_line(&mut self, utc_ns: Option<i64>, elapsed_ns: Option<i64>, logged_ns: Option<i64>) {
-        let utc_ns = utc_ns.or_else(|| elapsed_ns.map(|elapsed_ns| BEFORE_ANY_DATE_NS + elapsed_ns));
+        let utc_ns = utc_ns.or_else(|| elapsed_ns.map(|elapsed_ns| utc_cell(None, elapsed_ns)));
         self.line.clear();
         for (index, stamp) in [utc_ns, elapsed_ns, logged_ns].into_iter().enumerate() {
             let comma = if index == 0 { "" } else { "," };
@@ -336,20 +182,27 @@ impl Book {
         }
         log.health.about.texts.extend(self.texts);
         log.health.extras.extend(self.heights.remark());
-        Dates { begin_ns: self.epochs.begin_ns }
+        Dates { begin_ns: self.epochs.begin_ns, steps: self.order.finish(notices) }
     }
 }
 
-/// The dates of sentences that stood before the first one.
+/// What the column of UTC holds: before the first date what [`Dates`] puts it into.
+fn utc_cell(utc_ns: Option<i64>, elapsed_ns: i64) -> i64 {
+    utc_ns.unwrap_or(BEFORE_ANY_DATE_NS + elapsed_ns)
+}
+
+/// The dates of sentences that stood before the first one, and the times of those that stood in front of their epoch.
 #[must_use]
 pub(crate) struct Dates {
     begin_ns: Option<i64>,
+    steps: Steps,
 }
 
 impl Dates {
     /// Puts them into the tables; without any date in the log such sentences have no UTC. Then what one receiver said
     /// under several addresses is one table.
     pub(crate) fn put(&self, log: &mut Log) {
+        self.steps.put(log);
         for table in log.tables.iter_mut().filter(|table| table.topic.encoding == "nmea") {
             table.columns.retain_mut(|column| column.path != UTC || self.put_into(column));
         }
@@ -489,17 +342,21 @@ fn nearest_step(step_ns: i64) -> i64 {
     (step_ns + DAY_NS / 2).rem_euclid(DAY_NS) - DAY_NS / 2
 }
 
-/// The begin of the day that the sentence names: `ddmmyy` of a valid RMC, or the fields of ZDA.
+/// The begin of the day that the sentence names: `ddmmyy` of a valid RMC and of PUBX,04, `mmddyy` of PTNL,GGK with a fix,
+/// or the fields of ZDA.
 fn midnight(name: &str, sentence: &Sentence<'_>) -> Option<i64> {
     let number = |text: &str| text.parse::<i64>().ok();
+    let pairs = |field: usize| {
+        let date = Some(sentence.field(field)).filter(|date| date.len() == 6)?;
+        let two = |at: usize| number(date.get(at..at + 2)?);
+        let year = two(4)?;
+        // NMEA has two digits, GPS began in 1980.
+        Some([two(0)?, two(2)?, if year < 80 { 2000 + year } else { 1900 + year }])
+    };
     let [day, month, year] = match name {
-        "RMC" if is_valid(sentence.field(2)) && sentence.field(9).len() == 6 => {
-            let date = sentence.field(9);
-            let two = |at: usize| number(date.get(at..at + 2)?);
-            let year = two(4)?;
-            // NMEA has two digits, GPS began in 1980.
-            [two(0)?, two(2)?, if year < 80 { 2000 + year } else { 1900 + year }]
-        }
+        "RMC" if is_valid(sentence.field(2)) => pairs(9)?,
+        "PUBX,04" => pairs(3)?,
+        "PTNL,GGK" if sentence.field(8) != "0" => pairs(3).map(|[month, day, year]| [day, month, year])?,
         "ZDA" => [number(sentence.field(2))?, number(sentence.field(3))?, number(sentence.field(4))?],
         _ => return None,
     };

@@ -7,6 +7,8 @@ pub(crate) const LONGEST: usize = 512;
 
 /// `P` and the three letters of a maker.
 const MAKER: usize = 4;
+/// Makers whose first field says what the message is: u-blox by a number, Trimble by letters.
+const NUMBERED: [&str; 2] = ["PUBX", "PTNL"];
 
 /// A sentence whose checksum is right, or that has none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,11 +77,15 @@ impl<'t> Sentence<'t> {
         }
     }
 
-    /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it, or its maker where a text begins
-    /// without a comma, as in `$PSRFTXTWK: 1488`.
+    /// Talker and type: `GN` and `RMC`; of a proprietary sentence nothing and all of it, with the message as in `PUBX,00`, or
+    /// its maker where a text begins without a comma, as in `$PSRFTXTWK: 1488`.
     pub(crate) fn address(&self) -> (&'t str, &'t str) {
         let address = self.body.split(',').next().unwrap_or_default();
         let plain = |b: u8| b.is_ascii_uppercase() || b.is_ascii_digit();
+        let message = self.field(1);
+        if NUMBERED.contains(&address) && (2..=3).contains(&message.len()) && message.bytes().all(plain) {
+            return ("", self.body.get(..address.len() + 1 + message.len()).unwrap_or(address));
+        }
         let address = if address.bytes().all(plain) { address } else { address.get(..MAKER).unwrap_or(address) };
         let split = if address.starts_with('P') || address.len() != 5 { 0 } else { 2 };
         address.split_at_checked(split).unwrap_or(("", address))
@@ -185,6 +191,16 @@ mod tests {
         {
             assert_eq!(degrees(text, hemisphere), None, "{text}");
         }
+    }
+
+    #[test]
+    fn a_message_of_a_maker_is_told_by_its_first_field() {
+        let address = |body| Sentence { body, length: 0, checked: true }.address();
+        assert_eq!(address("PUBX,00,081350.00"), ("", "PUBX,00"));
+        assert_eq!(address("PUBX,41"), ("", "PUBX,41"));
+        assert_eq!(address("PTNL,GGK,102939.00"), ("", "PTNL,GGK"));
+        assert_eq!(["PUBX,", "PUBX", "PUBX,x7,1", "PUBX,00000"].map(address), [("", "PUBX"); 4]);
+        assert_eq!(address("PASHR,POS,1"), ("", "PASHR"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A receiver that changes its talker: `GP` as long as it has satellites of GPS alone, `GN` with others beside them. What
 //! it says under several addresses is one topic, named after the type alone.
 
-use super::book::Kind;
+use super::kind::Kind;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use flight::{Notices, Severity};

@@ -1,12 +1,11 @@
 //! What becomes of each frame.
 
-use super::Sender;
 use super::clock::{BootClock, ReceiveClock};
-use super::definition::Definitions;
+use super::definition::{Definition, Definitions};
 use super::frame::{Frame, NoFrame, SIGNATURE};
 use super::framing::{Framing, begins_stamped, next_time, time_us};
-use super::recut::Recut;
 use super::vehicle::Vehicle;
+use super::{Learned, Runs, Sender};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::ledger::Fate;
@@ -15,7 +14,6 @@ use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Clock, Notices, Severity};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::ops::Range;
 
 /// Topics in one log: a hundred vehicles with a hundred messages each need fewer.
 pub(super) const MOST_TOPICS: usize = 8192;
@@ -61,22 +59,33 @@ impl Guess {
     }
 }
 
+/// What messages of one topic and layout have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Key {
+    sender: Sender,
+    message: u32,
+    wide: bool,
+    is_defined: bool,
+    /// Of the vehicle, beside the longest.
+    run: Option<usize>,
+}
+
 /// The way of each message to its topic.
 pub(super) struct Book<'b, 't> {
     main: Sender,
     topics: &'b mut Topics<'t>,
-    routes: HashMap<(Sender, u32, bool), Option<Route>>,
+    routes: HashMap<Key, Option<Route>>,
     vehicle: Vehicle,
     /// Every frame has the time at which it was received.
     stamped: bool,
     receive: ReceiveClock,
     boot: BootClock,
-    /// Which bytes of all files have messages of the vehicle that are used, and how many lie in the files before.
-    used: Range<u64>,
+    runs: Runs,
+    /// Bytes of the files before.
     before: u64,
     /// Layouts of messages that are not defined.
     unknown: HashMap<u32, Guess>,
-    recut: Recut,
+    learned: Learned,
     frames: u64,
     /// Bytes of text before the first frame.
     pub(super) preamble: u64,
@@ -95,9 +104,9 @@ pub(super) struct Book<'b, 't> {
 impl<'b, 't> Book<'b, 't> {
     pub(super) fn new(
         main: Sender,
-        recut: Recut,
+        learned: Learned,
         stamped: bool,
-        used: Range<u64>,
+        runs: Runs,
         topics: &'b mut Topics<'t>,
     ) -> Book<'b, 't> {
         Book {
@@ -108,10 +117,10 @@ impl<'b, 't> Book<'b, 't> {
             stamped,
             receive: ReceiveClock::default(),
             boot: BootClock::default(),
-            used,
+            runs,
             before: 0,
             unknown: HashMap::new(),
-            recut,
+            learned,
             frames: 0,
             preamble: 0,
             completed: Tally::default(),
@@ -131,16 +140,20 @@ impl<'b, 't> Book<'b, 't> {
         framing: Framing,
         at: u64,
     ) -> Result<(Fate, usize), Cow<'static, str>> {
-        let frame = Frame::at(bytes.get(framing.front()..).unwrap_or_default()).map_err(|no| match no {
+        let mut frame = Frame::at(bytes.get(framing.front()..).unwrap_or_default()).map_err(|no| match no {
             NoFrame::Foreign => NO_FRAME,
             NoFrame::Cut => CUT,
         })?;
         let sender = Sender::of(&frame);
-        self.recut.learn(sender, at, &frame);
+        self.learned.recut.learn(sender, at, &frame);
+        if frame.other.is_some() && framing.goes_on(&frame, bytes) {
+            self.learned.dialect.learn(self.before + at, &frame);
+        }
         match frame.intact {
-            Some(false) if self.recut.vouches_for(sender, &frame) => {
+            Some(false) if self.learned.recut.vouches_for(sender, &frame) => {
                 self.completed.add(|| format!("message {} of {}.{}", frame.message, sender.system, sender.component));
             }
+            Some(false) if self.learned.dialect.vouches_for(&frame) => frame = frame.undefined(),
             Some(false) if frame.unknown_flags != 0 => return Err(UNKNOWN_FLAGS.into()),
             Some(false) => return Err("the checksum of a frame is wrong".into()),
             None if !self.has_layout(&frame) && !framing.believes(&frame, bytes) => {
@@ -164,12 +177,7 @@ impl<'b, 't> Book<'b, 't> {
             self.flagged.add(|| format!("message {} with flags {:#04x}", frame.message, frame.unknown_flags));
             return Ok((Fate::Skipped, length));
         }
-        let place = self.before + at;
-        if sender == self.main && !self.used.contains(&place) {
-            self.beside += 1;
-            return Ok((Fate::Skipped, length));
-        }
-        Ok((self.message(&frame, logged_ns, place), length))
+        Ok((self.message(&frame, logged_ns, self.before + at), length))
     }
 
     /// A file of this size has been read.
@@ -203,8 +211,11 @@ impl<'b, 't> Book<'b, 't> {
         cut.unwrap_or(end)
     }
 
-    /// Whether a message is not defined and has the layout that one had before.
+    /// Whether a message is not defined, or otherwise than here, and has the layout that one had before.
     pub(super) fn has_layout(&self, frame: &Frame<'_>) -> bool {
+        if self.learned.dialect.vouches_for(frame) {
+            return true;
+        }
         let known = self.unknown.get(&frame.message).filter(|_| frame.intact.is_none() && frame.extra.is_some());
         known.is_some_and(|guess| [Some(guess.extra), guess.rival].contains(&frame.extra))
     }
@@ -221,12 +232,14 @@ impl<'b, 't> Book<'b, 't> {
     fn message(&mut self, frame: &Frame<'_>, logged_ns: i64, place: u64) -> Fate {
         self.frames += 1;
         let sender = Sender::of(frame);
-        let Some(route) = self.route(sender, frame) else {
+        let run = self.runs.beside(place).filter(|_| sender == self.main);
+        self.beside += u64::from(run.is_some());
+        let Some(route) = self.route(sender, run, frame) else {
             self.unplaced.add(|| format!("message {}", frame.message));
             return Fate::Skipped;
         };
         let times = Times { logged_ns, published_ns: None };
-        let Some(definition) = Definitions::all().get(frame.message) else {
+        let Some(definition) = definition_of(frame) else {
             *self.undefined.entry(frame.message).or_default() += 1;
             if !self.topics.takes_extras() {
                 return self.topics.message(route, times, frame.payload);
@@ -240,7 +253,7 @@ impl<'b, 't> Book<'b, 't> {
         self.restored.clear();
         self.restored.extend_from_slice(frame.payload);
         self.restored.resize(frame.payload.len().max(length), 0);
-        if sender == self.main {
+        if sender == self.main && run.is_none() {
             self.vehicle.tell(frame.message, &self.restored, logged_ns);
             let came = if self.stamped { logged_ns } else { place as i64 };
             self.boot.message(definition, frame.message, &self.restored, came);
@@ -249,20 +262,23 @@ impl<'b, 't> Book<'b, 't> {
     }
 
     /// Where messages of this sender go; `None` if there are too many topics.
-    fn route(&mut self, sender: Sender, frame: &Frame<'_>) -> Option<Route> {
-        if let Some(route) = self.routes.get(&(sender, frame.message, frame.wide)) {
+    fn route(&mut self, sender: Sender, run: Option<usize>, frame: &Frame<'_>) -> Option<Route> {
+        let definition = definition_of(frame);
+        let is_defined = definition.is_some();
+        let key = Key { sender, message: frame.message, wide: frame.wide, is_defined, run };
+        if let Some(route) = self.routes.get(&key) {
             return *route;
         }
         if self.routes.len() >= MOST_TOPICS {
             return None;
         }
-        let definition = Definitions::all().get(frame.message);
         let type_name = definition.map_or_else(|| format!("MESSAGE_{}", frame.message), |d| d.name.to_owned());
         let name = match (sender.system == self.main.system, sender.component == self.main.component) {
             (true, true) => type_name.clone(),
             (false, true) => format!("{type_name}@{}", sender.system),
             (_, false) => format!("{type_name}@{}.{}", sender.system, sender.component),
         };
+        let name = run.map_or(name.clone(), |run| format!("{name}#{run}"));
         let info = TopicInfo { name, type_name, encoding: "mavlink".to_owned() };
         let route = match definition {
             Some(d) => self.topics.packed_route(info, d.text(frame.wide).as_bytes(), |_| Ok(d.layout(frame.wide))),
@@ -272,7 +288,7 @@ impl<'b, 't> Book<'b, 't> {
             None => self.topics.packed_route(info, &[], |_| Err("a message that is not defined".to_owned())),
         };
         let route = route.ok();
-        self.routes.insert((sender, frame.message, frame.wide), route);
+        self.routes.insert(key, route);
         route
     }
 
@@ -301,7 +317,10 @@ impl<'b, 't> Book<'b, 't> {
         say(Severity::Warning, "receive-clock-back", &self.receive.set_back, text);
         let frames = self.undefined.values().sum();
         if frames > 0 {
-            let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));
+            let text = format!(
+                "frames of messages that are not defined, or otherwise than MAVLink has them, were not read: {}",
+                listed(&self.undefined)
+            );
             notices.push(Severity::Warning, "unknown-message", "", frames, text);
         }
         crate::format::tell_preamble(self.preamble, notices);
@@ -314,11 +333,17 @@ impl<'b, 't> Book<'b, 't> {
         }
         if self.beside > 0 {
             let text = "messages are of another run of the vehicle: its clock since boot begins anew, and without times of \
-                        reception nothing tells how far apart the runs are; only the longest is used";
+                        reception nothing tells how far apart the runs are. Channels are made of the longest alone; of the \
+                        others the topics have the number of the run, as ATTITUDE#2";
             notices.push(Severity::Loss, "clock-restart", "", self.beside, text);
         }
         log.health.about = self.vehicle.finish();
     }
+}
+
+/// The definition of a frame's message, unless the frame is of another one.
+fn definition_of(frame: &Frame<'_>) -> Option<&'static Definition> {
+    Definitions::all().get(frame.message).filter(|_| frame.intact.is_some())
 }
 
 /// Numbers of messages with how many frames each has, the first few.

@@ -28,7 +28,7 @@ const WIDE_TARGET: usize = 4;
 /// What stands in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Frame<'b> {
-    /// MAVLink 2: cut zeros are to be restored, and there may be more fields.
+    /// MAVLink 2, or a payload of MAVLink 1 with fields of that: cut zeros are to be restored, and there may be more fields.
     pub(super) wide: bool,
     pub(super) system: u8,
     pub(super) component: u8,
@@ -44,6 +44,8 @@ pub(super) struct Frame<'b> {
     pub(super) intact: Option<bool>,
     /// The number that stands for the layout in the checksum: as defined, or the one that makes it right.
     pub(super) extra: Option<u8>,
+    /// Of a defined message whose checksum is wrong: the number of another layout that would make it right.
+    pub(super) other: Option<u8>,
     /// The checksum as it stands there.
     pub(super) told: u16,
     /// Zeros that are missing at the end of a payload whose checksum is wrong: with them it is right.
@@ -143,7 +145,7 @@ impl<'b> Frame<'b> {
         let intact = defined.map(|extra| checksum.with(extra) == told);
         let suspect = definition.filter(|_| head.wide && intact == Some(false));
         Ok(Frame {
-            wide: head.wide,
+            wide: head.wide || definition.is_some_and(|d| head.payload > d.length(false)),
             system: head.system,
             component: head.component,
             message: head.message,
@@ -153,10 +155,16 @@ impl<'b> Frame<'b> {
             length,
             intact,
             extra: defined.or_else(|| checksum.extra_of(told)),
+            other: checksum.extra_of(told).filter(|_| intact == Some(false)),
             told,
             zeros_cut: suspect.and_then(|definition| zeros_cut(definition, checked, head.payload, told)),
             base: definition.map(|d| d.length(false)),
         })
+    }
+
+    /// The frame as one of a message that is not defined.
+    pub(super) fn undefined(self) -> Frame<'b> {
+        Frame { intact: None, extra: self.other, zeros_cut: None, base: None, ..self }
     }
 
     /// Whether its sender left zeros out.

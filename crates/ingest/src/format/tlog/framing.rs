@@ -53,10 +53,14 @@ impl Framing {
     /// layout makes its checksum right, and the next record or the end of the file stands behind it or else no intact frame
     /// is lost with it. The record begins with these bytes, and as many follow as the longest frame has.
     pub(super) fn believes(self, frame: &Frame<'_>, bytes: &[u8]) -> bool {
-        let end = self.front() + frame.length;
-        let follows = || bytes.len() == end || Framing::ahead(bytes.get(end..).unwrap_or_default()) == Some(self);
         let record = bytes.get(self.front()..).unwrap_or_default();
-        frame.extra.is_some() && (follows() || !holds_another(record, frame.length))
+        frame.extra.is_some() && (self.goes_on(frame, bytes) || !holds_another(record, frame.length))
+    }
+
+    /// Whether another record begins behind that of this frame, or the file ends there.
+    pub(super) fn goes_on(self, frame: &Frame<'_>, bytes: &[u8]) -> bool {
+        let end = self.front() + frame.length;
+        bytes.len() == end || Framing::ahead(bytes.get(end..).unwrap_or_default()) == Some(self)
     }
 }
 

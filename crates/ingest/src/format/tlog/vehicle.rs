@@ -3,8 +3,7 @@
 use crate::decode::packed::text_of;
 use crate::format::dataflash::modes;
 use crate::format::dataflash::vehicle::Vehicle as ArduPilot;
-use crate::format::ulog::about::configured;
-use flight::{About, Clock, ConfiguredDelay, NANOS_PER_SECOND};
+use flight::{About, Clock, NANOS_PER_SECOND};
 use std::collections::BTreeMap;
 
 /// Numbers of messages.
@@ -42,8 +41,6 @@ pub(super) struct Vehicle {
     firmware: Option<String>,
     board: Option<String>,
     uid: Option<String>,
-    /// Delays that PX4 knows, by parameter, as they stood first.
-    delays: BTreeMap<String, ConfiguredDelay>,
     /// Texts in parts by their number.
     parts: BTreeMap<u16, String>,
 }
@@ -59,7 +56,6 @@ impl Vehicle {
             firmware: None,
             board: None,
             uid: None,
-            delays: BTreeMap::new(),
             parts: BTreeMap::new(),
         }
     }
@@ -94,9 +90,6 @@ impl Vehicle {
         let name = text_of(name);
         let clock = self.clock;
         self.kept.parameter_at(|| time(clock, at_ns), &name, value);
-        if let (Some(delay), false) = (configured(&name, value), self.delays.contains_key(name.as_ref())) {
-            self.delays.insert(name.into_owned(), delay);
-        }
     }
 
     fn version(&mut self, payload: &[u8]) {
@@ -138,7 +131,6 @@ impl Vehicle {
         about.firmware = about.firmware.or(self.firmware);
         about.hardware = about.hardware.or(self.board);
         about.vehicle = about.vehicle.or(self.uid);
-        about.configured_delays.extend(self.delays.into_values());
         about
     }
 }

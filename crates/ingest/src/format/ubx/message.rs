@@ -24,15 +24,7 @@ const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
         "U4 iTOW, I4 fTOW, I2 week, U1 gpsFix, U1 flags, I4 ecefX, I4 ecefY, I4 ecefZ, U4 pAcc, I4 ecefVX, I4 ecefVY, \
          I4 ecefVZ, U4 sAcc, U2 pDOP, U1 -, U1 numSV",
     ),
-    (
-        0x01,
-        0x07,
-        "NAV-PVT",
-        84,
-        "U4 iTOW, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U1 valid, U4 tAcc, I4 nano, U1 fixType, U1 flags, \
-         U1 flags2, U1 numSV, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc, I4 velN, I4 velE, I4 velD, \
-         I4 gSpeed, I4 headMot, U4 sAcc, U4 headAcc, U2 pDOP",
-    ),
+    (0x01, 0x07, "NAV-PVT", 84, PVT),
     (0x01, 0x11, "NAV-VELECEF", 20, "U4 iTOW, I4 ecefVX, I4 ecefVY, I4 ecefVZ, U4 sAcc"),
     (
         0x01,
@@ -49,6 +41,23 @@ const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
         "U1 version, U2 -, U1 flags, U4 iTOW, I4 lon, I4 lat, I4 height, I4 hMSL, I1 lonHp, I1 latHp, I1 heightHp, \
          I1 hMSLHp, U4 hAcc, U4 vAcc",
     ),
+    (
+        0x01,
+        0x13,
+        "NAV-HPPOSECEF",
+        28,
+        "U1 version, U3 -, U4 iTOW, I4 ecefX, I4 ecefY, I4 ecefZ, I1 ecefXHp, I1 ecefYHp, I1 ecefZHp, U1 flags, U4 pAcc",
+    ),
+    (
+        0x01,
+        0x17,
+        "NAV-PVAT",
+        116,
+        "U4 iTOW, U1 version, U1 valid, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U3 -, U4 tAcc, I4 nano, \
+         U1 fixType, U1 flags, U1 flags2, U1 numSV, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc, I4 velN, \
+         I4 velE, I4 velD, I4 gSpeed, U4 sAcc, I4 vehRoll, I4 vehPitch, I4 vehHeading, I4 motHeading, U2 accRoll, \
+         U2 accPitch, U2 accHeading, I2 magDec, U2 magAcc, U2 errEllipseOrient, U4 errEllipseMajor, U4 errEllipseMinor",
+    ),
     (0x01, 0x20, "NAV-TIMEGPS", 16, "U4 iTOW, I4 fTOW, I2 week, I1 leapS, U1 valid, U4 tAcc"),
     (
         0x01,
@@ -64,6 +73,13 @@ const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
         "TIM-TM2",
         28,
         "U1 ch, U1 flags, U2 count, U2 wnR, U2 wnF, U4 towMsR, U4 towSubMsR, U4 towMsF, U4 towSubMsF, U4 accEst",
+    ),
+    (
+        0x10,
+        0x15,
+        "ESF-INS",
+        36,
+        "U4 flags, U4 -, U4 iTOW, I4 xAngRate, I4 yAngRate, I4 zAngRate, I4 xAccel, I4 yAccel, I4 zAccel",
     ),
     (
         0x28,
@@ -88,7 +104,13 @@ const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
         36,
         "U4 flags, U4 -, U4 iTOW, I4 xAngRate, I4 yAngRate, I4 zAngRate, I4 xAccel, I4 yAccel, I4 zAccel",
     ),
+    (0x29, 0x07, "NAV2-PVT", 92, PVT),
 ];
+
+/// Of NAV-PVT and of NAV2-PVT, which is the same of a second solution: without dead reckoning.
+const PVT: &str = "U4 iTOW, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U1 valid, U4 tAcc, I4 nano, U1 fixType, U1 flags, \
+         U1 flags2, U1 numSV, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc, I4 velN, I4 velE, I4 velD, \
+         I4 gSpeed, I4 headMot, U4 sAcc, U4 headAcc, U2 pDOP";
 
 /// Classes by number.
 const CLASSES: &[(u8, &str)] = &[
@@ -127,14 +149,18 @@ pub(super) struct Derived {
     pub(super) tow_ms: u32,
     /// Whether the receiver trusts its fix; 1 where it does not say.
     pub(super) fix_ok: bool,
-    /// Latitude and longitude, deg, and height, m, of all digits.
-    pub(super) precise: [f64; 3],
+    /// Whether the phases of the carriers are solved: 0 not, 1 as numbers with fractions, 2 as whole ones.
+    pub(super) carrier: u8,
+    /// Of all digits: latitude and longitude, deg, and height, m, or the place in the earth's own axes, m. Of a velocity in
+    /// these axes: where it is, or the centre of the earth if that is not known.
+    pub(super) place: [f64; 3],
 }
 
 /// Bytes of [`Derived`] in front of a payload.
 const FRONT: usize = 3;
-const FRONT_PRECISE: usize = FRONT + 24;
+const FRONT_PLACE: usize = FRONT + 24;
 const FRONT_PULSE: usize = FRONT + 4;
+const FRONT_CARRIER: usize = FRONT + 1;
 
 impl Message {
     /// `None` for a message that is counted and not read.
@@ -143,8 +169,14 @@ impl Message {
         found.map(|&(_, _, name, shortest, fields)| Message { name, shortest, fields })
     }
 
-    fn is_precise(self) -> bool {
-        self.name == "NAV-HPPOSLLH"
+    /// What [`Derived::place`] is called, if it stands in front.
+    fn place(self) -> Option<&'static str> {
+        Some(match self.name {
+            "NAV-HPPOSLLH" => "R8 latitude, R8 longitude, R8 ellipsoid_height",
+            "NAV-HPPOSECEF" => "R8 place_x, R8 place_y, R8 place_z",
+            "NAV-VELECEF" => "R8 at_x, R8 at_y, R8 at_z",
+            _ => return None,
+        })
     }
 
     /// Whether it is of a pulse: it may count UTC, or the time of another system than GPS.
@@ -152,15 +184,21 @@ impl Message {
         matches!(self.name, "TIM-TP" | "TIM-TM2")
     }
 
+    /// Whether it says how the phases of the carriers are solved.
+    fn has_carrier(self) -> bool {
+        matches!(self.name, "NAV-PVT" | "NAV2-PVT" | "NAV-PVAT")
+    }
+
     /// What the reader derives, and where everything lies behind it.
     pub(super) fn layout(self) -> Layout {
         let mut fields = vec![];
         let mut offset = 0;
         let derived = "U2 gps_week, U1 fix_ok";
-        let more = match (self.is_precise(), self.is_pulse()) {
-            (true, _) => "R8 latitude, R8 longitude, R8 ellipsoid_height",
-            (_, true) => "U4 gps_tow_ms",
-            _ => "",
+        let (more, front) = match (self.place(), self.is_pulse()) {
+            (Some(place), _) => (place, FRONT_PLACE),
+            (None, true) => ("U4 gps_tow_ms", FRONT_PULSE),
+            _ if self.has_carrier() => ("U1 carrier", FRONT_CARRIER),
+            _ => ("", FRONT),
         };
         for field in [derived, more, self.fields].into_iter().flat_map(|part| part.split(',')) {
             let Some((type_name, name)) = field.trim().split_once(' ') else { continue };
@@ -184,11 +222,6 @@ impl Message {
             }
             offset += kind.size();
         }
-        let front = match (self.is_precise(), self.is_pulse()) {
-            (true, _) => FRONT_PRECISE,
-            (_, true) => FRONT_PULSE,
-            _ => FRONT,
-        };
         // Later protocols add fields at the end.
         Layout { fields, shortest: front + self.shortest, longest: usize::MAX }
     }
@@ -198,19 +231,17 @@ impl Message {
         bytes.clear();
         bytes.extend(derived.week.to_le_bytes());
         bytes.push(u8::from(derived.fix_ok));
-        if self.is_precise() {
-            bytes.extend(derived.precise.iter().flat_map(|value| value.to_le_bytes()));
+        if self.place().is_some() {
+            bytes.extend(derived.place.iter().flat_map(|value| value.to_le_bytes()));
         }
         if self.is_pulse() {
             bytes.extend(derived.tow_ms.to_le_bytes());
         }
+        if self.has_carrier() {
+            bytes.push(derived.carrier);
+        }
         bytes.extend_from_slice(payload);
     }
-}
-
-/// Class and number of a message that is read.
-pub(super) fn numbers_of(name: &str) -> Option<(u8, u8)> {
-    MESSAGES.iter().find(|m| m.2 == name).map(|m| (m.0, m.1))
 }
 
 /// Name of any message, as `NAV-PVT` or `RXM-0x15`.
@@ -233,9 +264,11 @@ mod tests {
         for &(class, number, name, shortest, _) in MESSAGES {
             let layout = Message::of(class, number).unwrap().layout();
             let end = layout.fields.iter().map(|f| f.offset + f.kind.size()).max().unwrap();
-            // Of NAV-PVT the protocols 14 and 15 have 84 bytes, and NAV-SOL, HNR-PVT and NAV-PVT end in reserved ones.
+            // Of NAV-PVT the protocols 14 and 15 have 84 bytes, and these end in reserved ones, or fields that are not read.
             let reserved = match name {
                 "NAV-PVT" => 6,
+                "NAV2-PVT" => 14,
+                "NAV-PVAT" => 8,
                 "NAV-SOL" | "HNR-PVT" => 4,
                 _ => 0,
             };
@@ -252,10 +285,14 @@ mod tests {
         };
         assert_eq!(
             [offset(1, 7, "nano"), offset(1, 7, "lon"), offset(1, 7, "velN")],
-            [16, 24, 48].map(|at| at + FRONT)
+            [16, 24, 48].map(|at| at + FRONT_CARRIER)
         );
         assert_eq!([offset(0x28, 0, "lon"), offset(0x28, 0, "headAcc")], [20, 64].map(|at| at + FRONT));
-        assert_eq!([offset(1, 0x14, "lonHp"), offset(1, 0x14, "vAcc")], [24, 32].map(|at| at + FRONT_PRECISE));
+        assert_eq!([offset(1, 0x14, "lonHp"), offset(1, 0x14, "vAcc")], [24, 32].map(|at| at + FRONT_PLACE));
+        assert_eq!([offset(1, 0x13, "ecefXHp"), offset(1, 0x13, "pAcc")], [20, 24].map(|at| at + FRONT_PLACE));
+        let of_attitudes = [offset(1, 0x17, "fixType"), offset(1, 0x17, "vehRoll"), offset(1, 0x17, "accHeading")];
+        assert_eq!(of_attitudes, [24, 72, 92].map(|at| at + FRONT_CARRIER));
+        assert_eq!([offset(0x10, 0x15, "iTOW"), offset(0x10, 0x15, "zAccel")], [8, 32].map(|at| at + FRONT));
         assert_eq!([offset(1, 6, "week"), offset(1, 6, "numSV")], [8, 47].map(|at| at + FRONT));
         assert_eq!([offset(1, 5, "roll"), offset(1, 0x21, "valid")], [8, 19].map(|at| at + FRONT));
     }

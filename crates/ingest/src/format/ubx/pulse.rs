@@ -2,9 +2,13 @@
 //!
 //! Bits and numbers are those of u-blox's interface descriptions (M8, F9, F10), as pyubx2 and the crate `ublox` have them.
 
-use super::receiver::LAST;
+use crate::decode::Tally;
+use crate::reader::Log;
+use crate::table::ColumnData;
 use flight::{GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Stamp, WEEK_S, gps_ahead_of_utc_s};
 
+/// Weeks that are told are before this one, of the year 2117.
+pub(super) const LAST_WEEK: i64 = 0x1c00;
 const WEEK_MS: i64 = WEEK_S * 1000;
 /// BeiDou time begins on 2006-01-01, and had no leap seconds since.
 const BEIDOU_MS: i64 = 1356 * WEEK_MS + 14_000;
@@ -98,8 +102,79 @@ impl Pulse {
         };
         let gps_ms = count_ms + ahead_ms;
         match gps_ms.div_euclid(WEEK_MS) {
-            week if week < LAST => Ok((week, gps_ms.rem_euclid(WEEK_MS))),
+            week if week < LAST_WEEK => Ok((week, gps_ms.rem_euclid(WEEK_MS))),
             _ => Err("in a week that is none"),
+        }
+    }
+}
+
+/// The pulses of a log.
+#[derive(Debug, Default)]
+pub(super) struct Pulses {
+    /// In whose time pulses are, as TIM-TP said last; TIM-TM2 does not say it itself.
+    system: Option<System>,
+    /// What TIM-TP said first.
+    first: Option<System>,
+    /// Those of TIM-TM2 before that; taken to be in GPS time.
+    early: Vec<Pulse>,
+    /// Pulses of which no GPS time is known, and why the first has none.
+    pub(super) untimed: Tally,
+}
+
+impl Pulses {
+    /// One that the receiver gives; GPS week and time of week, ms, or 0 for both. `told` is the week by other messages.
+    pub(super) fn given(&mut self, pulse: Pulse, told: Option<i64>) -> (i64, i64) {
+        self.system = pulse.system().or(self.system);
+        self.first = self.first.or(self.system);
+        self.time(pulse, told, "TIM-TP")
+    }
+
+    /// One that the receiver is given, by the fields of `TIM-TM2`.
+    pub(super) fn taken(&mut self, week: u16, tow_ms: u32, flags: u8, told: Option<i64>) -> (i64, i64) {
+        let pulse = Pulse::marked(week, tow_ms, flags, self.system.unwrap_or_default());
+        if self.first.is_none() {
+            self.early.push(pulse);
+        }
+        self.time(pulse, told, "TIM-TM2")
+    }
+
+    fn time(&mut self, pulse: Pulse, told: Option<i64>, name: &str) -> (i64, i64) {
+        pulse.gps(told).unwrap_or_else(|why| {
+            self.untimed.add(|| format!("{name}, {why}"));
+            (0, 0)
+        })
+    }
+
+    /// The times of the first rows of TIM-TM2, by what TIM-TP said behind them; `None` for one that stays.
+    pub(super) fn early(&mut self, told: Option<i64>) -> EarlyMarks {
+        let Some(system) = self.first.filter(|system| *system != System::Gps) else { return EarlyMarks::default() };
+        let early = std::mem::take(&mut self.early).into_iter();
+        let anew = early.map(|pulse| {
+            let is_of_system = matches!(pulse.base, Base::Of(_));
+            is_of_system.then(|| self.time(Pulse { base: Base::Of(system), ..pulse }, told, "TIM-TM2"))
+        });
+        EarlyMarks(anew.collect())
+    }
+}
+
+/// GPS week and time of week, ms, of the first rows of TIM-TM2.
+#[derive(Debug, Default)]
+pub(super) struct EarlyMarks(Vec<Option<(i64, i64)>>);
+
+impl EarlyMarks {
+    /// Puts them into the table.
+    pub(super) fn put(&self, log: &mut Log) {
+        let tables = log.tables.iter_mut().filter(|t| t.topic.encoding == "ubx" && t.topic.name == "TIM-TM2");
+        for column in tables.flat_map(|table| &mut table.columns) {
+            let part: fn((i64, i64)) -> i64 = match &*column.path {
+                "gps_week" => |(week, _)| week,
+                "gps_tow_ms" => |(_, tow_ms)| tow_ms,
+                _ => continue,
+            };
+            let ColumnData::F64(cells) = &mut column.data else { continue };
+            for (cell, time) in cells.iter_mut().zip(&self.0) {
+                *cell = time.map_or(*cell, |time| part(time) as f64);
+            }
         }
     }
 }

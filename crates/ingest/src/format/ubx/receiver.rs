@@ -1,22 +1,18 @@
 //! What the receiver's messages tell of its time and of itself.
 
 use super::message::{Derived, Message};
-use super::pulse::{Pulse, System};
+use super::pulse::{EarlyMarks, LAST_WEEK, Pulse, Pulses};
 use crate::civil::calendar_to_unix_ns;
-use crate::decode::Tally;
 use crate::decode::packed::text_of;
 use crate::reader::Log;
 use crate::table::ColumnData;
 use crate::time::{SaidDates, Since};
-use flight::{Stamp, WEEK_S, gps_of_unix};
+use flight::{Geodetic, Stamp, WEEK_S, gps_of_unix};
 
 /// Receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
 /// Stands for the week of the first message until a week is told; no week that is told is near it.
 const UNTOLD: i64 = 0x8000;
-/// Weeks that are told are before this one, of the year 2117.
-pub(super) const LAST: i64 = 0x1c00;
-
 /// What the messages have told so far.
 #[derive(Debug, Default)]
 pub(super) struct Receiver {
@@ -26,14 +22,17 @@ pub(super) struct Receiver {
     pub(super) weeks: Weeks,
     /// Of fixes.
     dates: SaidDates,
-    /// In whose time pulses are, as TIM-TP said last; TIM-TM2 does not say it itself.
-    pulses_of: System,
-    /// Messages of a velocity in the earth's own axes alone.
-    pub(super) velocities_ecef: u64,
-    /// Pulses of which no GPS time is known, and why the first has none.
-    pub(super) untimed: Tally,
+    /// The latest place, m in the earth's own axes, and the time of week then, ms.
+    place: Option<([f64; 3], i64)>,
+    /// Velocities in the earth's own axes of which no place is known.
+    pub(super) nowhere: u64,
+    pub(super) pulses: Pulses,
     pub(super) names: Vec<String>,
 }
+
+/// A velocity is turned by the place at most so far from it in time, ms: what has flown on for ten seconds sees north
+/// turned by some 1e-4 rad.
+const NEAR_MS: i64 = 10_000;
 
 /// NAV-PVT came with the receivers of generation 7 (protocol 14, 2012), HNR-PVT later.
 const PVT: Since = Since { week: 1669, why: "its messages are those of receivers since 2012" };
@@ -43,8 +42,8 @@ impl Receiver {
     pub(super) fn tell(&mut self, message: Message, payload: &[u8]) -> Derived {
         let read = Read(payload);
         let itow_at = match message.name {
-            "NAV-HPPOSLLH" => 4,
-            "HNR-INS" => 8,
+            "NAV-HPPOSLLH" | "NAV-HPPOSECEF" => 4,
+            "HNR-INS" | "ESF-INS" => 8,
             _ => 0,
         };
         let itow_ms = i64::from(read.u32(itow_at));
@@ -52,14 +51,14 @@ impl Receiver {
             // `weekValid` is bit 1 of NAV-TIMEGPS, bit 2 (and bit 3 for the time of week) of the flags of NAV-SOL.
             "NAV-TIMEGPS" if read.u8(11) & 2 != 0 => self.learn(read.u16(8).into(), itow_ms),
             "NAV-SOL" if read.u8(11) & 0xc == 0xc => self.learn(read.u16(8).into(), itow_ms),
-            "NAV-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => {
-                let unix_ns = self.learn_date(read, 4, itow_ms);
-                unix_ns.into_iter().for_each(|ns| self.dates.add(Stamp(ns)));
-            }
+            "NAV-PVT" | "NAV2-PVT" | "HNR-PVT" if read.u8(11) & 3 == 3 => self.learn_fix_date(read, 4, itow_ms),
+            "NAV-PVAT" if read.u8(5) & 3 == 3 => self.learn_fix_date(read, 6, itow_ms),
             // The time of week and the week are valid; without the last bit its leap seconds are a default.
             "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => drop(self.learn_date(read, 12, itow_ms)),
-            "NAV-VELECEF" => self.velocities_ecef += 1,
             _ => {}
+        }
+        if let Some(place) = place_of(message.name, read).filter(|_| payload.len() >= message.shortest) {
+            self.place = Some((place, itow_ms));
         }
         let (week, tow_ms) = match payload.len() >= message.shortest {
             true if message.is_pulse() => self.pulse(message, read),
@@ -70,20 +69,46 @@ impl Receiver {
             week: u16::try_from(week).unwrap_or(0),
             tow_ms: u32::try_from(tow_ms).unwrap_or(0),
             fix_ok: match message.name {
-                "NAV-PVT" => read.u8(21) & 1 != 0,
+                "NAV-PVT" | "NAV2-PVT" => read.u8(21) & 1 != 0,
+                "NAV-PVAT" => read.u8(25) & 1 != 0,
                 "HNR-PVT" => read.u8(17) & 1 != 0,
                 "NAV-SOL" => read.u8(11) & 1 != 0,
                 "NAV-STATUS" => read.u8(5) & 1 != 0,
                 // Bit 0 says that the position is invalid.
                 "NAV-HPPOSLLH" => read.u8(3) & 1 == 0,
+                "NAV-HPPOSECEF" => read.u8(23) & 1 == 0,
+                // The turn rates about all three axes are valid.
+                "ESF-INS" | "HNR-INS" => read.u8(1) & 7 == 7,
                 _ => true,
             },
-            precise: precise(read),
+            carrier: match message.name {
+                "NAV-PVT" | "NAV2-PVT" => read.u8(21) >> 6,
+                "NAV-PVAT" => read.u8(25) >> 6,
+                _ => 0,
+            },
+            place: match message.name {
+                "NAV-HPPOSLLH" => precise(read),
+                "NAV-HPPOSECEF" => precise_ecef(read),
+                "NAV-VELECEF" => self.place_at(itow_ms),
+                _ => [0.0; 3],
+            },
         }
     }
 
+    /// Where the receiver is, m in the earth's own axes; their origin, and counted, if no place was told within seconds.
+    fn place_at(&mut self, itow_ms: i64) -> [f64; 3] {
+        let near = self.place.filter(|(_, told_ms)| (itow_ms - told_ms).abs() <= NEAR_MS);
+        self.nowhere += u64::from(near.is_none());
+        near.map_or([0.0; 3], |(place, _)| place)
+    }
+
+    fn learn_fix_date(&mut self, read: Read<'_>, at: usize, itow_ms: i64) {
+        let unix_ns = self.learn_date(read, at, itow_ms);
+        unix_ns.into_iter().for_each(|ns| self.dates.add(Stamp(ns)));
+    }
+
     fn learn(&mut self, week: i64, itow_ms: i64) {
-        if (0..LAST).contains(&week) {
+        if (0..LAST_WEEK).contains(&week) {
             let counted = self.week_at(itow_ms);
             self.weeks.ahead.get_or_insert(week - counted);
             self.week = Some((week, itow_ms));
@@ -97,20 +122,14 @@ impl Receiver {
 
     /// GPS week and time of week, ms, of a pulse; week 0 if they are not known.
     fn pulse(&mut self, message: Message, read: Read<'_>) -> (i64, i64) {
-        let pulse = match message.name {
+        let told = self.week.map(|(week, _)| week);
+        match message.name {
             "TIM-TP" => {
                 let (flags, reference) = (read.u8(14), read.u8(15));
-                let pulse = Pulse::predicted(read.u16(12), read.u32(0), flags, reference);
-                self.pulses_of = pulse.system().unwrap_or(self.pulses_of);
-                pulse
+                self.pulses.given(Pulse::predicted(read.u16(12), read.u32(0), flags, reference), told)
             }
-            _ => Pulse::marked(read.u16(4), read.u32(8), read.u8(1), self.pulses_of),
-        };
-        let told = self.week.map(|(week, _)| week);
-        pulse.gps(told).unwrap_or_else(|why| {
-            self.untimed.add(|| format!("{}, {why}", message.name));
-            (0, 0)
-        })
+            _ => self.pulses.taken(read.u16(4), read.u32(8), read.u8(1), told),
+        }
     }
 
     /// The week that the date says whose fields begin at `at`; at its ends the time of week decides. Gives the date, UTC.
@@ -133,6 +152,12 @@ impl Receiver {
             step if step > HALF_MS => week - 1,
             _ => week,
         }
+    }
+
+    /// The times of marks that stand before what says whose time they are in.
+    pub(super) fn early_marks(&mut self) -> EarlyMarks {
+        let told = self.week.map(|(week, _)| week);
+        self.pulses.early(told)
     }
 
     /// The week and the time of week, ms, that were told last.
@@ -167,7 +192,7 @@ impl Weeks {
 
     /// Whether nothing had told this week of a message when it came.
     pub(super) fn is_untold(week: u16) -> bool {
-        i64::from(week) >= LAST
+        i64::from(week) >= LAST_WEEK
     }
 
     /// Puts the weeks into the tables; 0 if none was ever told.
@@ -175,11 +200,36 @@ impl Weeks {
         let tables = log.tables.iter_mut().filter(|table| table.topic.encoding == "ubx");
         for column in tables.flat_map(|table| &mut table.columns).filter(|column| column.path == "gps_week") {
             let ColumnData::F64(weeks) = &mut column.data else { continue };
-            for week in weeks.iter_mut().filter(|week| **week >= LAST as f64) {
+            for week in weeks.iter_mut().filter(|week| **week >= LAST_WEEK as f64) {
                 *week = self.ahead.map_or(0.0, |ahead| *week + ahead as f64);
             }
         }
     }
+}
+
+/// Where the receiver is, m in the earth's own axes, by messages that say so with an accuracy that is not all bits.
+fn place_of(name: &str, read: Read<'_>) -> Option<[f64; 3]> {
+    let ecef = |at: usize| [at, at + 4, at + 8].map(|at| f64::from(read.i32(at)) / 100.0);
+    let (place, accuracy) = match name {
+        "NAV-POSECEF" => (ecef(4), read.u32(16)),
+        "NAV-SOL" => (ecef(12), read.u32(24)),
+        "NAV-HPPOSECEF" => (precise_ecef(read), read.u32(24)),
+        "NAV-POSLLH" => {
+            let [longitude, latitude] = [4, 8].map(|at| f64::from(read.i32(at)) / 1e7);
+            let at = Geodetic::from_degrees(latitude, longitude, f64::from(read.i32(12)) / 1000.0).to_ecef();
+            ([at.x, at.y, at.z], read.u32(20))
+        }
+        _ => return None,
+    };
+    (accuracy != u32::MAX).then_some(place)
+}
+
+/// The place of `NAV-HPPOSECEF`, m: cm, and tenths of mm.
+fn precise_ecef(read: Read<'_>) -> [f64; 3] {
+    [(8, 20), (12, 21), (16, 22)].map(|(at, fine_at)| {
+        let tenths_mm = i64::from(read.i32(at)) * 100 + i64::from(read.u8(fine_at) as i8);
+        tenths_mm as f64 / 1e4
+    })
 }
 
 /// Latitude and longitude, deg, and height, m, of `NAV-HPPOSLLH`: 1e-7 deg and mm, and hundredths and tenths of those.
@@ -262,7 +312,8 @@ mod tests {
         // By GPS, by BeiDou; one in UTC says nothing of the system; by GLONASS.
         let marks = [tp(0, 0), tp(0, 2), tp(1, 0), tp(0, 1)].map(|pulse| week(&pulse));
         assert_eq!(marks, [(1089, 1000), (2445, 15_000), (2445, 15_000), (0, 0)]);
-        assert_eq!((receiver.untimed.count, &*receiver.untimed.first), (2, "TIM-TP, in GLONASS time"));
+        let untimed = &receiver.pulses.untimed;
+        assert_eq!((untimed.count, &*untimed.first), (2, "TIM-TP, in GLONASS time"));
     }
 
     #[test]
@@ -273,7 +324,7 @@ mod tests {
         payload[16..20].copy_from_slice(&12_345_i32.to_le_bytes());
         payload[24..27].copy_from_slice(&[-67_i8 as u8, 89, 4]);
         let derived = tell(&mut Receiver::default(), 1, 0x14, &payload);
-        assert_eq!((derived.precise, derived.fix_ok), ([37.341_234_589, -122.031_234_567, 12.3454], true));
+        assert_eq!((derived.place, derived.fix_ok), ([37.341_234_589, -122.031_234_567, 12.3454], true));
     }
 
     #[test]

@@ -1,0 +1,48 @@
+//! Messages that a sender defines otherwise than the public definitions: a dialect of its own, or one of years ago, in which
+//! the number of a message stands for another layout. Their checksums are all wrong here, and wrong in the same way.
+
+use super::frame::Frame;
+use std::collections::HashMap;
+
+/// So many frames whose checksums one other layout explains show that this is theirs. One of 256 damaged frames has such a
+/// layout, and of those one of 256 the same.
+const CONFIRMED_BY: u32 = 3;
+/// Messages and layouts that are remembered.
+const MOST: usize = 4096;
+
+/// The layouts of a log that are not the public ones, by message and by the number that stands for them in the checksum.
+#[derive(Debug, Default)]
+pub(super) struct Dialect {
+    seen: HashMap<(u32, u8), Sightings>,
+}
+
+#[derive(Debug, Default)]
+struct Sightings {
+    frames: u32,
+    last: u64,
+}
+
+impl Dialect {
+    /// Learns from a frame at this place, with which the log goes on; one place counts once.
+    pub(super) fn learn(&mut self, place: u64, frame: &Frame<'_>) {
+        let Some(key) = key(frame) else { return };
+        if self.seen.len() >= MOST && !self.seen.contains_key(&key) {
+            return;
+        }
+        let sightings = self.seen.entry(key).or_default();
+        if sightings.frames == 0 || place > sightings.last {
+            *sightings = Sightings { frames: sightings.frames + 1, last: place };
+        }
+    }
+
+    /// Whether the frame is intact, but of another definition.
+    pub(super) fn vouches_for(&self, frame: &Frame<'_>) -> bool {
+        let sightings = key(frame).and_then(|key| self.seen.get(&key));
+        sightings.is_some_and(|sightings| sightings.frames >= CONFIRMED_BY)
+    }
+}
+
+fn key(frame: &Frame<'_>) -> Option<(u32, u8)> {
+    let other = frame.other.filter(|_| frame.unknown_flags == 0)?;
+    Some((frame.message, other))
+}
