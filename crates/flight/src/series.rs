@@ -8,6 +8,7 @@ pub struct Timeline {
     kind: StampKind,
     clock: Clock,
     stamps: Vec<Stamp>,
+    shared_step_s: f64,
 }
 
 /// Why stamps and values do not make a series.
@@ -56,7 +57,20 @@ impl Timeline {
                 return Err(SeriesError::NotRising { index: i + 1, before: pair[0].0, now: pair[1].0 });
             }
         }
-        Ok(Timeline { kind, clock, stamps })
+        Ok(Timeline { kind, clock, stamps, shared_step_s: 0.0 })
+    }
+
+    /// The same timeline of a clock so coarse that several rows had one stamp, of which one row is left: its stamps are
+    /// `step_s` apart, and a row may have been measured at any time between two.
+    #[must_use]
+    pub fn with_shared_step(self, step_s: f64) -> Timeline {
+        Timeline { shared_step_s: step_s, ..self }
+    }
+
+    /// How far apart the stamps are that several rows shared, s; 0 if each row had its own.
+    #[must_use]
+    pub fn shared_step_s(&self) -> f64 {
+        self.shared_step_s
     }
 
     /// Which stamps these are.

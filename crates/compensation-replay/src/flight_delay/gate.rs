@@ -88,6 +88,18 @@ pub(crate) fn refuse_motion(offer: &DelayExcitation, speed: &[f64], settings: &F
     None
 }
 
+/// Why stamps that several rows share cannot show a delay; `stamps_s` is what they are good for, s.
+pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Option<String> {
+    (stamps_s > settings.worst_sigma_s).then(|| {
+        format!(
+            "several rows share one stamp, and the steps between stamps alone leave a delay open by ±{:.0} ms (standard \
+             uncertainty, limit {:.0} ms). Log with a finer clock, or choose stamps that the device itself gives",
+            1e3 * stamps_s,
+            1e3 * settings.worst_sigma_s
+        )
+    })
+}
+
 /// Why this fit is no measurement, and what would make it one.
 pub(crate) fn refuse_fit(
     fit: &DelayFit,

@@ -23,6 +23,9 @@ pub(crate) struct Prepared {
     pub(crate) speed: (Vec<f64>, Vec<f64>),
     /// One sample of the first in so many takes part.
     pub(crate) one_in: usize,
+    /// Standard uncertainty of a delay for the stamps' sake, s: of each channel as of a time that may be anywhere within a
+    /// step before or behind its stamp (JCGM 100:2008, 4.3.7), where several rows shared one.
+    pub(crate) stamps_s: f64,
 }
 
 /// Reads the channels of `pair`; says in words why that cannot be.
@@ -40,8 +43,10 @@ pub(crate) fn prepare(
     };
     let second = channel(names[0])?;
     let clock = first.series.timeline().clock();
+    let mut stamps_s = 0_f64;
     for name in std::iter::once(&pair.first).chain(names.iter().copied()) {
         let channel = channel(name)?;
+        stamps_s = stamps_s.hypot(channel.series.timeline().shared_step_s() / 3_f64.sqrt());
         if channel.series.timeline().clock() != clock {
             let other = channel.series.timeline().clock();
             return Err(format!(
@@ -86,6 +91,7 @@ pub(crate) fn prepare(
         integrate,
         speed,
         one_in,
+        stamps_s,
     })
 }
 

@@ -80,6 +80,9 @@ fn delay_of(
 ) -> Result<MeasuredDelay, NoDelay> {
     let prepared = prepare(flight, pair, look.most_samples, notices)?;
     finding.origin = Some(prepared.origin);
+    if let Some(reason) = gate::refuse_stamps(prepared.stamps_s, settings) {
+        return Err(reason.into());
+    }
     let (fit_first, fit_second) =
         if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
     let names = Names { first: fit_first, second: fit_second };
@@ -114,7 +117,8 @@ fn delay_of(
     if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
         return Err(NoDelay::MoreSamples);
     }
-    let fit = fit?;
+    let mut fit = fit?;
+    fit.standard_uncertainty_s = fit.standard_uncertainty_s.hypot(prepared.stamps_s);
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());

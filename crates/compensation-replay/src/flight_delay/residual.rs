@@ -46,11 +46,10 @@ impl TrackFitter {
         let every = second.t.len().div_ceil(SPEEDS).max(1);
         let speeds = second.axes[0].iter().zip(&second.axes[1]).map(|(n, e)| n.hypot(*e)).step_by(every);
         let speed = (second.t.iter().copied().step_by(every).collect(), speeds.collect());
-        // Only differences of times matter here.
+        // Only differences of times matter here, and tracks are compared by the same stamps.
         let origin = DelayOrigin { origin_ns: 0, clock: Clock::Elapsed };
-        TrackFitter {
-            prepared: Prepared { origin, first: Horizontal::default(), second, integrate: true, speed, one_in: 1 },
-        }
+        let first = Horizontal::default();
+        TrackFitter { prepared: Prepared { origin, first, second, integrate: true, speed, one_in: 1, stamps_s: 0.0 } }
     }
 
     /// The delay of `track` (m), looked for about `expected_s`, or why it cannot be told.

@@ -205,6 +205,24 @@ fn a_velocity_with_swapped_axes_is_no_measurement_however_short_the_flight() {
     }
 }
 
+/// A time anywhere within a step before or behind its stamp has the standard uncertainty of the step over the root of three.
+#[test]
+fn stamps_that_several_rows_share_widen_the_interval_by_their_step_or_forbid_it() {
+    let flight = flown(&receiver(1));
+    let shared = |step_s: f64| {
+        let mut flight = flight.clone();
+        let position = flight.channels.get_mut("position.gps").unwrap();
+        let timeline = position.series.timeline().clone().with_shared_step(step_s);
+        position.series = Series::new(timeline, position.series.components().to_vec()).unwrap();
+        only(&flight, &quick()).0
+    };
+    let of = |pair: &PairDelay| (found(pair).delay_s.value, found(pair).delay_s.standard_uncertainty.unwrap());
+    let ((delay_s, fine), (same_s, coarse)) = (of(&only(&flight, &quick()).0), of(&shared(0.03)));
+    assert_eq!(delay_s, same_s);
+    assert!((coarse * coarse - fine * fine - 0.03 * 0.03 / 3.0).abs() < 1e-12, "{fine} {coarse}");
+    assert!(reason(&shared(0.1)).contains("share one stamp") && reason(&shared(0.1)).contains("±58 ms"));
+}
+
 /// Against the truth both are absolute: the position's 0.4 s and the velocity's 0.15 s, and their difference.
 #[test]
 fn with_a_reference_position_and_velocity_each_have_their_own_delay() {

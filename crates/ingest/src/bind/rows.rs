@@ -101,7 +101,7 @@ pub(super) fn bind_rows(plan: &Plan<'_>) -> Bound {
     let (near, apart) = offsets(plan, &samples, &mut notices);
     health.offsets = near;
     health.held = held_health;
-    let channel = channel_of(plan, primary, &columns, &samples, held, &mut notices);
+    let channel = channel_of(plan, primary, &columns, &samples, held, coarse_s, &mut notices);
     Bound { channel, health, apart, coarse_s, back, notices }
 }
 
@@ -483,12 +483,14 @@ fn channel_of(
     columns: &[Option<&Found<'_>>],
     samples: &[Sample],
     held: Vec<bool>,
+    coarse_s: Option<f64>,
     notices: &mut Notices,
 ) -> Option<Channel> {
     let stamps = samples.iter().map(|s| Stamp(s.stamp)).collect();
     let width = plan.rule.quantity.components().len();
     let component = |i: usize| samples.iter().map(|s| s.values.get(i).copied().unwrap_or(0.0)).collect();
     let series = Timeline::new(primary.kind, primary.clock, stamps)
+        .map(|timeline| timeline.with_shared_step(coarse_s.unwrap_or_default()))
         .and_then(|timeline| Series::new(timeline, (0..width).map(component).collect()));
     match series {
         Ok(series) => (!series.is_empty()).then(|| Channel {

@@ -434,6 +434,9 @@ fn a_clock_that_gives_several_rows_one_stamp_is_told_with_how_coarse_it_is() {
         let text = (0..200).fold("t,fix,lat,lon\n".to_owned(), |text, i| text + &row(i));
         let loaded = read(&library(time, ""), &text).unwrap();
         let notice = loaded.flight.notices.iter().find(|n| n.code == "coarse-stamps").cloned();
+        // Whoever measures by the stamps knows it from them.
+        let step_s = loaded.flight.channels.values().map(|c| c.series.timeline().shared_step_s()).fold(0.0, f64::max);
+        assert_eq!(step_s > 0.0, notice.is_some());
         notice.map(|n| (n.count, n.text))
     };
     // Ten rows a second: by a clock of whole seconds, and by a logger that writes twice a second.
