@@ -166,6 +166,7 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
 fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, ConvertError> {
     let mut log = ingest::open(order.unit).read(&order.library.select_all(), context)?;
     note_left_out(&mut log);
+    note_empty(&mut log);
     let log_times = row_time::of_log(&log, order.library)?;
     log_times.note_run_on(&mut log.notices);
     let LogTimes { tables: times, utc, .. } = log_times;
@@ -190,6 +191,17 @@ fn note_left_out(log: &mut Log) {
     let others = log.left_out.len().saturating_sub(LISTED) as u64;
     if others > 0 {
         log.notices.push(Severity::Warning, CODE, "", others, "more topics have fields without a column");
+    }
+}
+
+/// Says which topics have no table because the log has no message of them.
+fn note_empty(log: &mut Log) {
+    const LISTED: usize = 10;
+    let empty: Vec<&str> = log.health.topics.iter().filter(|t| t.messages == 0).map(|t| t.name.as_str()).collect();
+    if let Some(listed) = empty.get(..empty.len().min(LISTED)).filter(|listed| !listed.is_empty()) {
+        let more = if empty.len() > LISTED { ", ..." } else { "" };
+        let text = format!("topics without a message have no table: {}{more}", listed.join(", "));
+        log.notices.push(Severity::Info, "no-rows", "", empty.len() as u64, text);
     }
 }
 

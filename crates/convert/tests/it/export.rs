@@ -413,13 +413,15 @@ fn integers_of_the_log_stay_integers_in_csv() {
     assert_eq!(csv_column(&out.join("t.csv"), "c"), ["-0.0", "1.0", "2.0"]);
 }
 
-/// A scan of any length, an array of structures, texts, and a hundred numbers.
+/// A scan of any length, an array of structures, texts, and a hundred numbers; and a topic without a message.
 fn log_of_arrays(path: &Path) {
     let text =
         "float64 x\nfloat32[] ranges\np/Point[] points\nstring[] names\nuint8[100] long\n===\nMSG: p/Point\nfloat64 x";
     let mut writer = mcap::Writer::new(File::create(path).unwrap()).unwrap();
     let schema = writer.add_schema("p/msg/Scan", "ros1msg", text.as_bytes()).unwrap();
     let channel = writer.add_channel(schema, "/scan", "ros1", &Default::default()).unwrap();
+    let point = writer.add_schema("p/msg/Point", "ros1msg", b"float64 x").unwrap();
+    writer.add_channel(point, "/empty", "ros1", &Default::default()).unwrap();
     let counts = [0_u32.to_le_bytes(); 3].concat();
     for log_time in [5, 6] {
         let payload = [&1.5_f64.to_le_bytes()[..], &counts, &[7; 100]].concat();
@@ -431,7 +433,7 @@ fn log_of_arrays(path: &Path) {
 }
 
 #[test]
-fn fields_that_no_column_takes_are_told_with_their_names() {
+fn fields_that_no_column_takes_and_topics_without_a_message_are_told_with_their_names() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.mcap"), folder.path().join("tables"));
     log_of_arrays(&log);
@@ -444,7 +446,7 @@ fn fields_that_no_column_takes_are_told_with_their_names() {
     );
     assert!(left_out[0].text.ends_with("long[64..100], names[], points[], ranges[]"), "{}", left_out[0].text);
     let said = provenance(&out)["notices"].to_string();
-    assert!(said.contains("ranges[]"), "{said}");
+    assert!(said.contains("ranges[]") && said.contains("without a message have no table: /empty"), "{said}");
     // The header has what is left.
     assert_eq!(report.sheets[0].columns, 2 + 1 + 64);
 }

@@ -52,7 +52,12 @@ impl Metadata {
         let failed = |source| IngestError::Io { file: NAME.to_owned(), offset: 0, source };
         let bytes = std::fs::metadata(found).map_err(failed)?.len();
         let metadata = Metadata::read(found).map_err(failed)?;
-        Ok((Some(metadata.unwrap_or(Metadata { bytes, ..Metadata::default() })), rest))
+        Ok((Some(metadata.unwrap_or_else(|| Metadata::of_something_else(bytes))), rest))
+    }
+
+    /// A file of this length that has the name alone.
+    fn of_something_else(bytes: u64) -> Metadata {
+        Metadata { bytes, broken: Some(format!("there is no {ROOT} in it")), ..Metadata::default() }
     }
 
     fn parse(text: &str) -> Option<Metadata> {
@@ -193,6 +198,20 @@ mod tests {
         let mut log = Log::default();
         metadata.compare(&[PathBuf::from("bag_0.db3"), PathBuf::from("bag_1.db3")], &mut log);
         assert!(log.notices.iter().any(|n| n.code == "metadata" && n.text.contains("line 15")), "{:?}", log.notices);
+    }
+
+    #[test]
+    fn a_file_that_has_the_name_of_the_metadata_alone_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(NAME);
+        for text in [&[0; 2000][..], b"", b"<html>404</html>"] {
+            std::fs::write(&path, text).unwrap();
+            let (metadata, rest) = Metadata::split_off(&[path.clone(), "bag_0.db3".into()]).unwrap();
+            let mut log = Log::default();
+            metadata.unwrap().compare(&rest, &mut log);
+            let told: Vec<&str> = log.notices.iter().map(|n| n.code.as_str()).collect();
+            assert_eq!(told, ["metadata"], "{:?}", log.notices);
+        }
     }
 
     #[test]
