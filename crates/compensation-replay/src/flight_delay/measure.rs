@@ -12,6 +12,8 @@ use signal::{ComponentFit, DelayFit, DelaySettings, NoiseRule};
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
 const DETECTABLE: f64 = 2.8;
+/// Standard deviations on both sides that hold 95 % of a normal distribution.
+const NORMAL_95: f64 = 1.96;
 
 /// What the pair says, with everything that was left out on the way.
 pub(crate) fn measure(
@@ -117,8 +119,7 @@ fn delay_of(
     if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
         return Err(NoDelay::MoreSamples);
     }
-    let mut fit = fit?;
-    fit.standard_uncertainty_s = fit.standard_uncertainty_s.hypot(prepared.stamps_s);
+    let fit = fit?;
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
@@ -134,13 +135,18 @@ impl View<'_> {
     fn finding(&self, delay_settings: &DelaySettings) -> MeasuredDelay {
         let fit = self.fit;
         let over = over_time::over_time(self);
+        // Stamps err alike throughout a flight: what compares parts of it, or fits, does without.
+        let stamps_s = self.prepared.stamps_s;
+        let uncertainty_s = fit.standard_uncertainty_s.hypot(stamps_s);
+        let [from, to] = fit.interval(0.95);
+        let half_s = (0.5 * (to - from)).hypot(NORMAL_95 * stamps_s);
         MeasuredDelay {
-            delay_s: estimate(fit.delay_s, fit.standard_uncertainty_s),
-            interval_95_s: fit.interval(0.95),
+            delay_s: estimate(fit.delay_s, uncertainty_s),
+            interval_95_s: [fit.delay_s - half_s, fit.delay_s + half_s],
             hessian_s: fit.hessian_s,
             hac_s: fit.hac_s,
             crlb_s: fit.crlb_s,
-            smallest_detectable_s: DETECTABLE * fit.standard_uncertainty_s,
+            smallest_detectable_s: DETECTABLE * uncertainty_s,
             samples: fit.components.iter().map(|c| c.t_used.len() as u64).sum(),
             downweighted_share: fit.downweighted_share,
             rival_s: self.rival(),

@@ -220,6 +220,9 @@ fn stamps_that_several_rows_share_widen_the_interval_by_their_step_or_forbid_it(
     let ((delay_s, fine), (same_s, coarse)) = (of(&only(&flight, &quick()).0), of(&shared(0.03)));
     assert_eq!(delay_s, same_s);
     assert!((coarse * coarse - fine * fine - 0.03 * 0.03 / 3.0).abs() < 1e-12, "{fine} {coarse}");
+    // All of the flight errs alike: what compares its parts stays as it is.
+    let (own, with) = (only(&flight, &quick()).0, shared(0.03));
+    assert_eq!((&found(&own).over_time, &found(&own).splits), (&found(&with).over_time, &found(&with).splits));
     assert!(reason(&shared(0.1)).contains("share one stamp") && reason(&shared(0.1)).contains("±58 ms"));
 }
 
