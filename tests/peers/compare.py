@@ -19,7 +19,7 @@ DAMAGED = re.compile(r"trunc|bitflip|tailjunk|unindexed|corrupt|not_closed|with_
 WHOLE, STRIDE = 2000, 4999  # of a longer array so many elements are compared, and one in so many of the others
 BATCH = 90_000  # bytes of field names in one request
 # Columns that our readers work out from several messages, and `utc_ns`, which is compared where the sentence has a date.
-DERIVED = {"gps_week", "gps_tow_ms", "fix_ok", "elapsed_ns", "logged_ns", "utc_ns", "solution_ok", "horizontal_std", "fix", "carrier"}
+DERIVED = {"gps_week", "gps_tow_ms", "fix_ok", "elapsed_ns", "logged_ns", "utc_ns", "solution_ok", "horizontal_std", "fix", "carrier", "use_flags"}
 DERIVED |= {f"{front}_{axis}" for front in ("at", "place") for axis in "xyz"}
 # What may differ: part of the log's path, part of the topic and field, why.
 ALLOWED = [

@@ -199,7 +199,12 @@ impl DayOfYear {
             (1..=3, rest) => (None, first, rest),
             _ => return None,
         };
-        let day = unsigned(day).filter(|n| day.len() <= 3 && (1..=366).contains(n))?;
+        let days = year.map_or(Some(366), days_in)?;
+        let day = unsigned(day).filter(|n| day.len() <= 3 && (1..=days).contains(n))?;
+        // Without the seconds it may as well be hours, minutes and seconds of no day.
+        if time.matches(':').count() < 2 {
+            return None;
+        }
         Some(DayOfYear { year, day, nanos: since_midnight_ns(time)? })
     }
 }
@@ -208,6 +213,11 @@ impl DayOfYear {
 fn number_in_front(text: &str) -> Option<(&str, &str)> {
     let (digits, rest) = text.split_at_checked(text.bytes().take_while(u8::is_ascii_digit).count())?;
     Some((digits, rest.strip_prefix([':', '-', '/', ' ', 'T'])?))
+}
+
+/// How many days a year has.
+fn days_in(year: i16) -> Option<i64> {
+    Some(i64::from(Date::new(year, 1, 1).ok()?.days_in_year()))
 }
 
 /// Nanoseconds since 1970 at the begin of a year, UTC.
@@ -534,6 +544,7 @@ mod tests {
             assert_eq!(unix, 1_715_362_064_300_000_000);
         }
         assert_eq!(DayOfYear::of_text("007:00:00:00").map(|d| d.day), Some(7));
+        assert_eq!(DayOfYear::of_text("2024:366:00:00:00").map(|d| d.day), Some(366));
         for text in [
             "",
             "131",
@@ -542,6 +553,9 @@ mod tests {
             "24:131:17:27:44",
             "131:24:27:44",
             "17:27:44.3",
+            "17:05:00",
+            "2024:131:17:27",
+            "2023:366:17:27:44",
             "131:17:27:44.3x",
         ] {
             assert_eq!(DayOfYear::of_text(text), None, "{text}");

@@ -980,6 +980,9 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
 /// A counter of a device, if nobody says otherwise.
 pub(crate) const USUAL_BITS: u32 = 32;
 
+/// No clock is set further from UTC.
+const MOST_EAST_S: i32 = 14 * 3600;
+
 /// Refuses what the rest of a source of stamps does not need.
 fn only_where_it_counts(entry: &TimeEntry) -> Result<(), String> {
     let refused = |wrong: bool, why: &str| if wrong { Err(why.to_owned()) } else { Ok(()) };
@@ -998,8 +1001,8 @@ fn only_where_it_counts(entry: &TimeEntry) -> Result<(), String> {
     refused(entry.bits.is_some_and(|bits| !(8..=48).contains(&bits)), "a counter has 8 to 48 bits")?;
     refused(entry.zone.is_some() && (!dated || entry.offset.is_some()), "a zone goes with a date that has no offset")?;
     refused(
-        entry.zone.as_deref().is_some_and(|zone| offset_seconds(zone).is_none()),
-        "a zone is an offset from UTC, as +02:00",
+        entry.zone.as_deref().is_some_and(|zone| offset_seconds(zone).is_none_or(|east| east.abs() > MOST_EAST_S)),
+        "a zone is an offset from UTC, as +02:00, of no more than 14 hours",
     )
 }
 

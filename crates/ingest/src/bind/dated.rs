@@ -35,14 +35,11 @@ impl<'a> Civil<'a> {
         Some(Civil { date: either(date)?, time: TimesOfDay::of(table, time)?, offset, zone, order: *order })
     }
 
-    /// The date of a row; `open` reads one that leaves it open what is the day.
-    fn date(&self, row: usize, open: impl Fn(&str) -> Option<Date>) -> Option<Date> {
+    /// The date of a row; `order` is that of dates that leave it open.
+    fn date(&self, row: usize, order: Option<DateOrder>) -> Option<Date> {
         match self.date.text(row) {
-            Some(text) => open(text).or_else(|| plain_date(text)),
-            None => {
-                let digits = format!("{:06}", self.date.integer(row)?);
-                open(&digits).or_else(|| plain_date(&digits))
-            }
+            Some(text) => date_in(order, text),
+            None => date_in(order, &format!("{:06}", self.date.integer(row)?)),
         }
     }
 
@@ -69,14 +66,23 @@ impl<'a> Civil<'a> {
     }
 }
 
+/// Seven digits with the year behind, `2062021`, have lost the zero of the first of eight; without an order they are a year and
+/// its day.
+fn date_in(order: Option<DateOrder>, text: &str) -> Option<Date> {
+    let seven = text.len() == 7 && text.bytes().all(|b| b.is_ascii_digit());
+    match order {
+        Some(order) if seven && order != DateOrder::YearMonthDay => order.date(&format!("0{text}")),
+        order => order.and_then(|order| order.date(text)).or_else(|| plain_date(text)),
+    }
+}
+
 /// A stamp for each row, ns since 1970; `None` if the table has no such columns, or nobody can know what its dates mean.
 pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Vec<Option<i64>>> {
     let civil = Civil::of(source, table)?;
     let order = civil.order(table.rows).ok()?;
-    let open = |text: &str| order.and_then(|(order, _)| order.date(text));
     let (mut stamps, mut days) = (Vec::with_capacity(table.rows), Vec::with_capacity(table.rows));
     for row in 0..table.rows {
-        let date = civil.date(row, open);
+        let date = civil.date(row, order.map(|(order, _)| order));
         let instant = |time: &str| unix_ns(date?, time, &civil.offset(row)?);
         days.push(date.and_then(|date| unix_ns(date, "00:00:00", "Z")).map(|midnight| midnight / DAY_NS));
         stamps.push(civil.time.at(row).and_then(|time| instant(&time)));

@@ -3,7 +3,7 @@
 use super::repair::Repair;
 use crate::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, year_begin_unix_ns};
 use crate::table::{Column, Table, numbers, texts};
-use crate::time::unwrap;
+use crate::time::{TOLERATED, unwrap};
 use flight::{Clock, NANOS_PER_SECOND, Severity};
 use std::borrow::Cow;
 
@@ -13,7 +13,8 @@ pub(super) const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
 #[derive(Clone, Copy)]
 pub(super) struct TimesOfDay<'a> {
     column: &'a Column,
-    /// All that have no colon can be `hhmmss`, and one has so many digits that it is no smaller number.
+    /// Those that have no colon can be `hhmmss`, but for one in a hundred, and one has so many digits that it is no smaller
+    /// number.
     compact: bool,
 }
 
@@ -21,12 +22,13 @@ impl<'a> TimesOfDay<'a> {
     /// `None` if the table has no such column. Where a log's columns have types, `hhmmss` is a number.
     pub(super) fn of(table: &'a Table, field: &str) -> Option<TimesOfDay<'a>> {
         let column = texts(table, field).or_else(|| numbers(table, field))?;
-        let (mut all, mut long) = (true, false);
+        let (mut all, mut wrong, mut long) = (0, 0, false);
         for text in (0..table.rows).filter_map(|row| said(column, row)).filter(|text| is_compact(text)) {
-            all &= with_colons(&text).is_some();
-            long |= text.bytes().take_while(u8::is_ascii_digit).count() >= 5;
+            let fits = with_colons(&text).is_some();
+            (all, wrong) = (all + 1, wrong + usize::from(!fits));
+            long |= fits && text.bytes().take_while(u8::is_ascii_digit).count() >= 5;
         }
-        Some(TimesOfDay { column, compact: all && long })
+        Some(TimesOfDay { column, compact: long && TOLERATED * wrong <= all })
     }
 
     /// The time of a row, with colons.
@@ -56,7 +58,8 @@ pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>
     Some(stamps)
 }
 
-/// Stamps of days of the year, and what they count: UTC if all rows say the year, or if that of the first is known.
+/// Stamps of days of the year, and what they count: UTC if most rows say the year, or if that of the first is known. Where most
+/// say it the others have no stamp.
 pub(super) fn days_of_year(
     field: &str,
     year: Option<i16>,
@@ -68,8 +71,11 @@ pub(super) fn days_of_year(
     let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(column.text(row)?)).collect();
     let since_begin = |day: &DayOfYear| (day.day - 1) * DAY_NS + day.nanos;
     let east_ns = i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
-    if days.iter().flatten().all(|day| day.year.is_some()) {
-        let stamp = |day: &DayOfYear| Some(year_begin_unix_ns(day.year?)? + since_begin(day) - east_ns);
+    let (said, all) =
+        days.iter().flatten().fold((0, 0), |(n, all), day| (n + usize::from(day.year.is_some()), all + 1));
+    if 2 * said > all || all == 0 {
+        let stamp =
+            |day: &DayOfYear| year_begin_unix_ns(day.year?)?.checked_add(since_begin(day))?.checked_sub(east_ns);
         return Some((Clock::Unix, days.iter().map(|day| day.as_ref().and_then(stamp)).collect()));
     }
     let mut stamps: Vec<Option<i64>> = days.iter().map(|day| day.as_ref().map(since_begin)).collect();
@@ -79,9 +85,14 @@ pub(super) fn days_of_year(
         None if days.iter().flatten().any(|day| day.day == 366) => 366 * DAY_NS,
         None => 365 * DAY_NS,
     };
+    if begin.is_some() {
+        // The year is known and has no such day.
+        stamps.iter_mut().for_each(|stamp| *stamp = stamp.filter(|since| *since < length));
+    }
     note_wraps(unwrap(&mut stamps, length), "the day of the year began anew; the stamps run on", repairs);
     let Some(begin) = begin else { return Some((Clock::Elapsed, stamps)) };
-    stamps.iter_mut().flatten().for_each(|stamp| *stamp += begin - east_ns);
+    let dated = |since: i64| since.checked_add(begin)?.checked_sub(east_ns);
+    stamps.iter_mut().for_each(|stamp| *stamp = stamp.and_then(dated));
     Some((Clock::Unix, stamps))
 }
 

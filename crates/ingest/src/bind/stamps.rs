@@ -7,7 +7,7 @@ use super::repair::Repair;
 use crate::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns, offset_seconds};
 use crate::map::{TieRule, TimeSource, USUAL_BITS};
 use crate::reader::Log;
-use crate::table::{Column, Table, numbers, texts};
+use crate::table::{Column, ColumnData, Table, numbers, texts};
 use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
 use flight::{Clock, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
 use std::ops::Range;
@@ -22,18 +22,31 @@ pub(super) struct Stamps {
     pub(super) label: String,
     pub(super) nanos: Vec<Option<i64>>,
     pub(super) repairs: Vec<Repair>,
-    /// The length of a count that began anew, ns.
-    pub(super) turn_ns: Option<i64>,
+    /// What the stamps may count to before they begin anew; nothing for those of 64 bits, of containers, and of seconds since boot.
+    pub(super) counts: Vec<Count>,
+    /// The one of them that began anew.
+    pub(super) turn: Option<Count>,
+}
+
+/// A count that begins anew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Count {
+    /// Its length, ns.
+    pub(super) range: i64,
+    /// What is counted; `None` of a time of day as text.
+    tick: Option<Tick>,
 }
 
 impl Stamps {
     /// Takes the stamps of another source of the same clock for rows that have none, if no row has both: devices of two
-    /// generations may have written one log.
+    /// generations may have written one log. A source that was never filled in is none.
     pub(super) fn fill(&mut self, other: Stamps) {
         let both = self.nanos.iter().zip(&other.nanos).any(|(own, other)| own.is_some() && other.is_some());
-        if both || other.clock != self.clock {
+        if both || other.clock != self.clock || is_constant(&other.nanos) {
             return;
         }
+        self.turn = self.turn.or(other.turn);
+        self.counts.retain(|count| other.counts.contains(count));
         self.nanos.iter_mut().zip(other.nanos).for_each(|(own, other)| *own = own.or(other));
         self.label = format!("{} or {}", self.label, other.label);
         self.repairs.extend(other.repairs);
@@ -83,9 +96,14 @@ pub(super) fn read_stamps(
         _ => nanos_of(source, table, &mut repairs)?,
     };
     date_by_counter(source, table, &mut nanos, &mut repairs);
-    let turn_ns = repair(source, &mut nanos, &mut repairs);
-    let of_day = matches!(source, TimeSource::TimeOfDay { .. }) && repairs.iter().any(|r| r.code == "stamp-wrap");
-    let turn_ns = turn_ns.or(of_day.then_some(DAY_NS));
+    let mut counts = counts_of(source);
+    let mut turn = repair(source, &counts, &mut nanos, &mut repairs);
+    if matches!(source, TimeSource::TimeOfDay { .. }) && repairs.iter().any(|r| r.code == "stamp-wrap") {
+        turn = counts.first().copied();
+    }
+    if is_wide(source, table) {
+        counts.clear();
+    }
     let any = nanos.iter().any(Option::is_some);
     let silent = if any { without_zone(source, table) } else { 0 };
     if silent > 0 {
@@ -96,7 +114,7 @@ pub(super) fn read_stamps(
     if clock != source.clock() && source.clock() == Clock::Boot {
         note(&mut repairs, "unix-stamps", nanos.iter().flatten().count() as u64, UNIX_STAMPS);
     }
-    any.then(|| Stamps { kind, clock, label: source.label(), nanos, repairs, turn_ns })
+    any.then(|| Stamps { kind, clock, label: source.label(), nanos, repairs, counts, turn })
 }
 
 const NO_ZONE: &str = "say no zone and are taken as UTC";
@@ -138,9 +156,34 @@ fn note(repairs: &mut Vec<Repair>, code: &'static str, count: u64, text: &'stati
     }
 }
 
-/// Puts right what the clock of a source is known to do wrong. The length of a count that began anew is returned.
-fn repair(source: &TimeSource, nanos: &mut [Option<i64>], repairs: &mut Vec<Repair>) -> Option<i64> {
-    let TimeSource::Number { tick, clock, bits, .. } = source else {
+/// What a source may count to.
+fn counts_of(source: &TimeSource) -> Vec<Count> {
+    let TimeSource::Number { tick, clock: clock @ (Clock::Boot | Clock::Elapsed), bits, .. } = source else {
+        let of_day = matches!(source, TimeSource::TimeOfDay { .. });
+        return of_day.then_some(Count { range: DAY_NS, tick: None }).into_iter().collect();
+    };
+    let counts = matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) || *bits < USUAL_BITS;
+    let counter = tick.nanos().checked_mul(1 << bits).filter(|_| counts);
+    let of_days = [WEEK_S * NANOS_PER_SECOND, DAY_NS].into_iter().filter(|_| *clock == Clock::Elapsed);
+    counter.into_iter().chain(of_days).map(|range| Count { range, tick: Some(*tick) }).collect()
+}
+
+/// Whether the type of a column has more bits than a counter that the map does not describe.
+fn is_wide(source: &TimeSource, table: &Table) -> bool {
+    const WITHOUT_TYPES: [&str; 2] = ["csv", "json"];
+    let TimeSource::Number { field, bits: USUAL_BITS, .. } = source else { return false };
+    let long = |column: &Column| matches!(column.data, ColumnData::I64(_) | ColumnData::U64(_));
+    numbers(table, field).is_some_and(long) && !WITHOUT_TYPES.contains(&table.topic.encoding.as_str())
+}
+
+/// Puts right what the clock of a source is known to do wrong. The count that began anew is returned.
+fn repair(
+    source: &TimeSource,
+    counts: &[Count],
+    nanos: &mut [Option<i64>],
+    repairs: &mut Vec<Repair>,
+) -> Option<Count> {
+    let TimeSource::Number { clock, bits, .. } = source else {
         if matches!(source, TimeSource::GpsWeek { .. }) {
             note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
         }
@@ -150,25 +193,20 @@ fn repair(source: &TimeSource, nanos: &mut [Option<i64>], repairs: &mut Vec<Repa
         note(repairs, "week-glitch", redate_weeks(nanos), WEEK_OFF);
         return None;
     }
-    let counts = matches!(tick, Tick::Millis | Tick::TenthMillis | Tick::Micros) || *bits < USUAL_BITS;
-    let counter = tick.nanos().checked_mul(1 << bits).filter(|_| counts);
-    let of_days = [WEEK_S * NANOS_PER_SECOND, DAY_NS].into_iter().filter(|_| *clock == Clock::Elapsed);
-    let mut turn_ns = None;
-    for (range, what) in counter
-        .map(|range| (range, format!("the counter of {bits} bits")))
-        .into_iter()
-        .chain(of_days.zip(["the time of week", "the time of day"].map(str::to_owned)))
-    {
-        let count = unwrap(nanos, range);
-        if count > 0 {
-            turn_ns = Some(range);
+    let days = if *clock == Clock::Elapsed { 2 } else { 0 };
+    let names = std::iter::repeat_n(format!("the counter of {bits} bits"), counts.len().saturating_sub(days));
+    let mut turn = None;
+    for (count, what) in counts.iter().zip(names.chain(["the time of week", "the time of day"].map(str::to_owned))) {
+        let times = unwrap(nanos, count.range);
+        if times > 0 {
+            turn = Some(*count);
             let text = format!(
                 "{what} began anew and the stamps run on; a restart shortly before its end would look the same"
             );
-            repairs.push(Repair { severity: Severity::Warning, code: "stamp-wrap", count, text: text.into() });
+            repairs.push(Repair { severity: Severity::Warning, code: "stamp-wrap", count: times, text: text.into() });
         }
     }
-    turn_ns
+    turn
 }
 
 const WEEK_OFF: &str = "stamps a week off their neighbours were put back";

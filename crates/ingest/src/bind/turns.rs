@@ -1,8 +1,9 @@
 //! Counts of several topics that begin anew together, of which one topic shows it and another only begins behind.
 
 use super::repair::Repair;
-use super::stamps::Stamps;
+use super::stamps::{Count, Stamps};
 use super::trial::Plan;
+use crate::time::TOLERATED;
 use flight::{Clock, Severity};
 
 /// A topic belongs where so much of it lies within the time of the others, of a hundred.
@@ -16,58 +17,77 @@ const UNCLEAR: &str = "in other topics the count began anew, and these stamps fi
 /// From when to when stamps are, ns.
 #[derive(Clone, Copy)]
 struct Span {
-    first: i64,
-    last: i64,
+    first: i128,
+    last: i128,
 }
 
 impl Span {
-    fn of(nanos: &[Option<i64>]) -> Option<Span> {
-        let stamps = || nanos.iter().flatten().copied();
-        Some(Span { first: stamps().min()?, last: stamps().max()? })
+    /// One stamp of [`TOLERATED`] at each end may be a wrong one. What is cut off there is put back by the rate of the others.
+    fn of(stamps: impl Iterator<Item = i64>) -> Option<Span> {
+        let mut stamps: Vec<i64> = stamps.collect();
+        stamps.sort_unstable();
+        let cut = stamps.len() / TOLERATED;
+        let kept = stamps.get(cut..stamps.len() - cut)?;
+        let (least, first) = (i128::from(*stamps.first()?), i128::from(*kept.first()?));
+        let (last, most) = (i128::from(*kept.last()?), i128::from(*stamps.last()?));
+        let share = (last - first) * cut as i128 / kept.len() as i128 + 1;
+        Some(Span { first: least.max(first - share), last: most.min(last + share) })
     }
 
     fn and(self, other: Span) -> Span {
         Span { first: self.first.min(other.first), last: self.last.max(other.last) }
     }
 
+    fn behind(self, turns: i128, range: i128) -> Span {
+        Span { first: self.first + turns * range, last: self.last + turns * range }
+    }
+
     fn is_within(self, other: Span) -> bool {
-        let common = i128::from(self.last.min(other.last)) - i128::from(self.first.max(other.first));
-        common >= 0 && 100 * common >= WITHIN * (i128::from(self.last) - i128::from(self.first))
+        let common = self.last.min(other.last) - self.first.max(other.first);
+        common >= 0 && 100 * common >= WITHIN * (self.last - self.first)
     }
 }
 
-/// Puts the stamps of topics that do not show the end of a count into the turn in which the topics that show it are.
+/// Puts the stamps of topics that do not show the end of a count into the turn in which the topics that show it are. Only what
+/// counts the same to the same end is put there.
 pub(super) fn align(plans: &mut [Plan<'_>]) {
-    let mut turned: Vec<(Clock, i64, Span)> = vec![];
+    let mut turned: Vec<(Clock, Count, Span)> = vec![];
     for stamps in plans.iter().flat_map(|plan| &plan.stamps) {
-        let Some((range, span)) = stamps.turn_ns.zip(Span::of(&stamps.nanos)) else { continue };
-        match turned.iter_mut().find(|(clock, known, _)| (*clock, *known) == (stamps.clock, range)) {
+        let Some((count, span)) = stamps.turn.zip(Span::of(stamps.nanos.iter().flatten().copied())) else { continue };
+        match turned.iter_mut().find(|(clock, known, _)| (*clock, *known) == (stamps.clock, count)) {
             Some((_, _, all)) => *all = all.and(span),
-            None => turned.push((stamps.clock, range, span)),
+            None => turned.push((stamps.clock, count, span)),
         }
     }
-    for stamps in plans.iter_mut().flat_map(|plan| &mut plan.stamps).filter(|stamps| stamps.turn_ns.is_none()) {
-        if let Some((_, range, all)) = turned.iter().find(|(clock, ..)| *clock == stamps.clock) {
-            put_into_turn(stamps, *range, *all);
+    for stamps in plans.iter_mut().flat_map(|plan| &mut plan.stamps).filter(|stamps| stamps.turn.is_none()) {
+        let same = |(clock, count, _): &&(Clock, Count, Span)| *clock == stamps.clock && stamps.counts.contains(count);
+        if let Some((_, count, all)) = turned.iter().find(same) {
+            put_into_turn(stamps, count.range, *all);
         }
     }
 }
 
 fn put_into_turn(stamps: &mut Stamps, range: i64, all: Span) {
-    let Some(own) = Span::of(&stamps.nanos).filter(|own| (0..range).contains(&own.first) && own.last < range) else {
+    let counts = |stamp: &i64| (0..range).contains(stamp);
+    let given = stamps.nanos.iter().flatten().count();
+    let count = stamps.nanos.iter().flatten().filter(|stamp| counts(stamp)).count();
+    let Some(own) = Span::of(stamps.nanos.iter().flatten().copied().filter(counts)) else { return };
+    if TOLERATED * (given - count) > given {
         return;
-    };
-    let behind = |turn: i64| Span { first: own.first + turn * range, last: own.last + turn * range };
-    let fitting: Vec<i64> = (0..=all.last / range).filter(|turn| behind(*turn).is_within(all)).collect();
-    let text = match fitting.as_slice() {
-        [] | [0] => return,
-        [turn] => {
-            stamps.nanos.iter_mut().flatten().for_each(|stamp| *stamp += turn * range);
-            SHIFTED
+    }
+    let wide = i128::from(range);
+    // Before the first of these turns the stamps end before the others begin; beyond the last they begin behind their end.
+    let (first, last) = ((all.first - own.last).div_euclid(wide).max(0), (all.last - own.first).div_euclid(wide));
+    let mut fitting = (first..=last).filter(|turns| own.behind(*turns, wide).is_within(all));
+    let (code, text) = match (fitting.next(), fitting.next()) {
+        (None, _) | (Some(0), None) => return,
+        (Some(turns), None) => {
+            let behind = |stamp: i64| i64::try_from(i128::from(stamp) + turns * wide).ok();
+            let counted = stamps.nanos.iter_mut().filter(|stamp| stamp.is_some_and(|stamp| counts(&stamp)));
+            counted.for_each(|stamp| *stamp = stamp.and_then(behind));
+            ("stamp-wrap", SHIFTED)
         }
-        _ => UNCLEAR,
+        (Some(_), Some(_)) => ("turn-unclear", UNCLEAR),
     };
-    let count = stamps.nanos.iter().flatten().count() as u64;
-    let code = if text == UNCLEAR { "turn-unclear" } else { "stamp-wrap" };
-    stamps.repairs.push(Repair { severity: Severity::Warning, code, count, text: text.into() });
+    stamps.repairs.push(Repair { severity: Severity::Warning, code, count: count as u64, text: text.into() });
 }

@@ -147,20 +147,22 @@ fn in_order_of_numbers(files: &mut [String]) {
 /// Says which numbers are missing among the files of a recording that nothing describes. A recorder that keeps only the
 /// newest files takes the first ones away itself.
 pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
-    let names: Vec<String> =
-        files.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
-    let numbers: Vec<u64> = names.iter().filter_map(|name| numbered(name)).map(|(_, number)| number).collect();
-    let (Some(first), true) = (numbers.first(), names.len() > 1 && numbers.len() == names.len()) else { return };
-    let mut tell = |severity, before: u64, number: u64, place: &str| {
-        if let Some(count) = number.checked_sub(before).filter(|&count| count > 0) {
-            let text = "files of this recording are not there, by the numbers in the names of the others";
-            notices.push(severity, "missing-file", place, count, text);
+    let mut parts = BTreeMap::<_, Vec<(u64, String)>>::new();
+    for path in files {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if let Some((front, number)) = numbered(&name) {
+            parts.entry((path.parent(), front.to_owned())).or_default().push((number, name));
         }
-    };
-    tell(Severity::Warning, 0, *first, &format!("before {}", names.first().map_or("", String::as_str)));
-    for (pair, name) in numbers.windows(2).zip(names.iter().skip(1)) {
-        if let [before, number] = *pair {
-            tell(Severity::Loss, before.saturating_add(1), number, &format!("before {name}"));
+    }
+    for recording in parts.values_mut().filter(|recording| recording.len() > 1) {
+        recording.sort();
+        let (mut severity, mut expected) = (Severity::Warning, 0);
+        for (number, name) in recording {
+            if *number > expected {
+                let text = "files of this recording are not there, by the numbers in the names of the others";
+                notices.push(severity, "missing-file", format!("before {name}"), *number - expected, text);
+            }
+            (severity, expected) = (Severity::Loss, number.saturating_add(1));
         }
     }
 }
@@ -278,6 +280,22 @@ mod tests {
         let gap = |severity, name: &str, count| (severity, format!("before {name}"), count);
         assert_eq!(told(&["b_0.db3", "b_3.db3.zstd", "b_4.db3"]), [gap(loss, "b_3.db3.zstd", 2)]);
         assert_eq!(told(&["b_2.db3", "b_3.db3"]), [gap(warning, "b_2.db3", 2)]);
+    }
+
+    #[test]
+    fn numbers_count_only_among_files_of_one_recording_and_in_their_own_order() {
+        let told = |names: &[&str]| {
+            let mut notices = Notices::new();
+            tell_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
+            notices.iter().map(|n| (n.severity, n.place.clone(), n.count)).collect::<Vec<_>>()
+        };
+        assert_eq!(told(&["a_0.mcap", "b_7.mcap"]), []);
+        assert_eq!(told(&["a_0.mcap", "a_1.mcap", "b_0.mcap", "b_1.mcap", "c.mcap"]), []);
+        assert_eq!(
+            told(&["b_10.mcap", "b_2.mcap", "a_0.mcap", "b_1.mcap", "b_0.mcap", "a_1.mcap"]),
+            [(Severity::Loss, "before b_10.mcap".to_owned(), 7)]
+        );
+        assert_eq!(told(&["one/b_0.mcap", "two/b_4.mcap"]), []);
     }
 
     #[test]

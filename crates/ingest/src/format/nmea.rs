@@ -114,6 +114,27 @@ pub(super) fn is_bare(head: &[u8]) -> bool {
     checked.next().is_some_and(|first| !first && !checked.any(|checked| checked))
 }
 
+/// Whether most of the first lines with a sentence have text in front of it: the time of a logger, a tag block, or what
+/// nobody knows.
+pub(super) fn is_prefixed(head: &[u8]) -> bool {
+    let (mut prefixed, mut others) = (0, 0);
+    for line in head.split(|b| *b == b'\n').take(1000) {
+        let Some((prefix, rest)) = begin_of(line).and_then(|at| line.split_at_checked(at)) else { continue };
+        if Sentence::at(rest, false).is_ok() {
+            let blank = prefix.iter().all(|b| b.is_ascii_whitespace() || *b == b'$');
+            *if !blank && is_plain(prefix) { &mut prefixed } else { &mut others } += 1;
+        }
+    }
+    prefixed > others
+}
+
+/// How much of what stands in front of a sentence is binary: an intact frame, or all up to the last control character.
+fn binary_length(prefix: &[u8]) -> usize {
+    let is_binary = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
+    let whole = super::ubx::frame_length(prefix);
+    whole.or_else(|| Some(prefix.iter().rposition(is_binary)? + 1)).unwrap_or(0)
+}
+
 /// A walk in progress.
 struct Walk<'w, 'c, 't, 's> {
     file: &'w mut LogFile,
@@ -204,14 +225,18 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             let next = rest.get(1..).and_then(|r| memchr2(b'$', b'!', r)).map_or(line.len(), |at| dollar + 1 + at);
             match Sentence::at(rest, self.bare) {
                 Ok(sentence) => {
-                    let end = dollar + sentence.length;
-                    let (prefix, from_prefix) = if is_damaged_tag(prefix) {
+                    let binary = binary_length(prefix);
+                    if binary > 0 {
+                        self.damaged(from, from + binary, "no sentence");
+                        from += binary;
+                    }
+                    let prefix = line.get(from..dollar).filter(|prefix| !is_damaged_tag(prefix));
+                    if prefix.is_none() {
                         self.damaged(from, dollar, "the checksum of a tag block is wrong");
-                        (&[][..], dollar)
-                    } else {
-                        (prefix, from)
-                    };
-                    self.sentence(&sentence, prefix, (end - from_prefix) as u64);
+                        from = dollar;
+                    }
+                    let end = dollar + sentence.length;
+                    self.sentence(&sentence, prefix.unwrap_or_default(), (end - from) as u64);
                     from = end;
                 }
                 Err(reason) => {

@@ -20,8 +20,14 @@ impl NmeaReader {
         NmeaReader { files }
     }
 
-    /// Whether binary frames stand between the sentences, however far behind the first.
+    /// Whether binary frames stand between the sentences, however far behind the first. What a logger wrote in front of
+    /// the lines the reader of frames does not know: there they are damage among sentences.
     fn holds_frames(&self, context: &ReadContext<'_>) -> Result<bool, IngestError> {
+        for path in &self.files {
+            if nmea::is_prefixed(LogFile::open(path)?.up_to(0, crate::sniff::HEAD)?) {
+                return Ok(false);
+            }
+        }
         for path in &self.files {
             let mut file = LogFile::open(path)?;
             if !nmea::is_bare(file.up_to(0, crate::sniff::HEAD)?) && ubx::holds_frames(&mut file, context)? {

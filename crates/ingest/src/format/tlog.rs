@@ -10,6 +10,8 @@
 //! line). Then the messages' own clocks are all there is. Of a vehicle that starts anew the longest run has the plain names, and
 //! what it says in its second one, if that is shorter, is `GPS_RAW_INT#2`.
 //!
+//! In front of the fields of GPS_INPUT the reader puts `use_flags`, the inverse of its `ignore_flags`.
+//!
 //! The definitions are a table and not the `mavlink` crate, which refuses whole messages for one number that its
 //! enumerations do not know, and passes what it cannot read without a count. The table goes into columns as it is, the
 //! checksum of every frame proves its line, and the crate writes and reads every message of it in the tests.

@@ -102,6 +102,14 @@ pub(crate) fn looks_like(head: &[u8]) -> bool {
     memmem::find_iter(head, &SYNC).take(1000).any(|at| Frame::at(head.get(at..).unwrap_or_default()).is_ok())
 }
 
+/// Bytes of the intact frame, of UBX or of RTCM 3, that the bytes begin with.
+pub(super) fn frame_length(bytes: &[u8]) -> Option<usize> {
+    match bytes {
+        [RTCM, ..] => rtcm_length(bytes),
+        _ => Frame::at(bytes).ok().map(|frame| frame.length),
+    }
+}
+
 /// Whether an intact frame of UBX or of RTCM 3 stands anywhere in a file of something else.
 pub(super) fn holds_frames(file: &mut LogFile, context: &ReadContext<'_>) -> Result<bool, IngestError> {
     // Those who look on are told of each byte once, when it is read.

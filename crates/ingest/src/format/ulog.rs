@@ -80,7 +80,7 @@ fn read_file(
         let mut session = Session::new(topics, boots.next_log(head.began_us));
         walk.run(file, context, &mut session)?;
         (tried, logs) = (tried + 1, logs + u64::from(walk.found_any));
-        boots.latest(session.latest_us);
+        boots.latest(session.last_stamp.us);
         if head.version > VERSION {
             let version = head.version;
             let text =

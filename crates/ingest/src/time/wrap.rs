@@ -7,7 +7,7 @@ use flight::NANOS_PER_SECOND;
 /// start of the device, which cannot be told from a wrap with a hole.
 const CLOSE_NS: i64 = 60 * NANOS_PER_SECOND;
 /// Of so many stamps one may lie beyond the count: it is a wrong one, and left as it stands.
-const TOLERATED: usize = 100;
+pub(crate) const TOLERATED: usize = 100;
 
 /// Makes the stamps of a count from 0 to `range`, ns, run on where it begins anew, and says how often it did; stamps in
 /// the order of the log.

@@ -241,7 +241,9 @@ fn every_message_of_mavlink_is_read_as_the_mavlink_crate_writes_and_reads_it() {
                 (compared, columns) = (compared + 1, columns - 1);
             }
         }
-        assert_eq!(columns, 0, "{} has columns that the crate does not know", definition.name());
+        // `use_flags` of GPS_INPUT is worked out of its `ignore_flags`.
+        let derived = usize::from(definition.name() == "GPS_INPUT");
+        assert_eq!(columns, derived, "{} has columns that the crate does not know", definition.name());
         *row += 1;
     }
     assert!(compared > 30_000, "{compared}");

@@ -878,3 +878,44 @@ fn who_copies_messages_gets_a_common_definition_in_a_language_that_others_read()
     let got = languages.0.into_inner().unwrap();
     assert!(matches!(got.as_slice(), [(language, length)] if language == "ros2msg" && *length > 20), "{got:?}");
 }
+
+#[test]
+fn the_last_message_before_a_tail_of_zeros_a_cut_record_or_a_private_one_is_kept_even_if_it_carries_a_log() {
+    let message = |body: &[u8]| bare_record(5, &[&[7, 0][..], &[0; 20], body].concat());
+    let start = [&b"\x89MCAP0\r\n"[..], &bare_record(1, &[0; 8]), &bare_channel(7, "/t", "")].concat();
+    let ten = message(b"{\"x\":1}").repeat(10);
+    let log = [start.clone(), ten.clone()].concat();
+    let mut text = b"{\"x\":2,\"log\":\"".to_vec();
+    text.extend(&log);
+    text.extend(b"\"}");
+    let cut_attachment = [&[9][..], &(10_u64 << 30).to_le_bytes(), &[3; 60]].concat();
+    let private = bare_record(0x90, b"hello");
+    let cut_private = [&[0x90][..], &(10_u64 << 30).to_le_bytes(), b"hello"].concat();
+    let tails = [
+        ("nothing", vec![], 0),
+        ("few zeros", vec![0; 5], 0),
+        ("zeros", vec![0; 5000], 0),
+        ("a cut attachment", cut_attachment, 0),
+        ("a cut message", ten[..20].to_vec(), 0),
+        ("a cut head", ten[..4].to_vec(), 0),
+        ("a cut private record", cut_private, 0),
+        ("a private record", [private, ten.clone()].concat(), 10),
+    ];
+    for (carried, last) in
+        [("nothing", message(b"{\"x\":2}")), ("a log", message(&log)), ("a text with a log", message(&text))]
+    {
+        for (what, tail, more) in &tails {
+            let bytes = [&start, &ten, &last, tail].map(Vec::as_slice).concat();
+            let disk = OnDisk::new(&bytes, false);
+            let all = |_: &TopicInfo| Selection::All;
+            let log = with_limits(Limits::default(), |c| reader(disk.path(), false).read(&all, c)).unwrap();
+            let case = format!("{carried} before {what}: {:?}", log.notices);
+            assert_eq!(log.health.topics[0].messages, 11 + more, "{case}");
+            let damaged = if *more > 0 { 0 } else { tail.len() as u64 };
+            // That what is carried is no JSON is another matter.
+            let undecoded = if carried == "nothing" { 0 } else { last.len() as u64 };
+            assert!([damaged, damaged + undecoded].contains(&log.health.bytes.damaged), "{case}");
+            assert!(!log.notices.iter().any(|n| n.code == "several-logs"), "{case}");
+        }
+    }
+}

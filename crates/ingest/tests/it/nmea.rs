@@ -598,6 +598,78 @@ fn a_velocity_that_stands_in_front_of_its_epoch_has_the_time_of_that() {
     }
 }
 
+/// Fifth `fifth` of a second of a flight that turns and changes its speed, VTG in front of the sentences of its epoch.
+fn turn(fifth: usize) -> [String; 3] {
+    let time = format!("12{:02}{:02}.{}0", fifth / 300, fifth / 5 % 60, 2 * (fifth % 5));
+    let (place, speed, track) = ("4807.0000,N,01131.0000,E", 20.0 + 0.1 * (fifth % 97) as f64, fifth % 360);
+    [
+        sealed(&format!("GPVTG,{track}.0,T,,M,{speed:.1},N,,K,A")),
+        sealed(&format!("GPGGA,{time},{place},1,08,0.9,545.4,M,46.9,M,,")),
+        sealed(&format!("GPRMC,{time},A,{place},{speed:.1},{track}.0,211126,,,A")),
+    ]
+}
+
+/// That each VTG that is used has the time of the RMC that says its track, and that so many are not used.
+fn assert_vtg(loaded: &ingest::Loaded, used: usize, refused: u64) {
+    let [rmc, vtg] = ["velocity.gps", "velocity.vtg"].map(|name| &loaded.flight.channels[name].series);
+    assert_eq!(vtg.len(), used);
+    for (row, stamp) in vtg.timeline().stamps().iter().enumerate() {
+        let at = rmc.timeline().stamps().binary_search(stamp).unwrap();
+        assert_eq!([0, 1].map(|i| vtg.component(i)[row]), [0, 1].map(|i| rmc.component(i)[at]), "{row}");
+    }
+    let told = |code: &str| loaded.flight.notices.iter().filter(|n| n.code == code).map(|n| n.count).sum::<u64>();
+    assert_eq!((told("epoch-order"), told("no-epoch")), (used as u64, refused), "{:?}", loaded.flight.notices);
+}
+
+#[test]
+fn a_velocity_in_front_of_a_gap_is_not_moved_over_it() {
+    let lines = |fifths: std::ops::Range<usize>| fifths.flat_map(turn).collect::<Vec<_>>();
+    // A hole of a minute that begins behind a VTG, or behind its epoch, and ends in front of a VTG, or behind one.
+    // 50 epochs before it and 51 behind; what stands in front of the first time has none.
+    for (last, first, used, refused) in [(1, 0, 98, 2), (3, 0, 99, 1), (1, 1, 98, 1), (3, 1, 99, 0)] {
+        let before = [lines(0..49), turn(49)[..last].to_vec()].concat();
+        let behind = [turn(350)[first..].to_vec(), lines(351..401)].concat();
+        assert_vtg(&bound(&[before, behind].concat()), used, refused);
+    }
+    // A log that ends behind one.
+    assert_vtg(&bound(&[lines(0..50), turn(50)[..1].to_vec()].concat()), 49, 1);
+    // A flight of two files, the second of which begins later.
+    let (folder, first) =
+        file("a.nmea", ([lines(0..49), turn(49)[..1].to_vec()].concat().join("\r\n") + "\r\n").as_bytes());
+    let second = folder.path().join("b.nmea");
+    std::fs::write(&second, lines(350..401).join("\r\n") + "\r\n").unwrap();
+    let unit = ingest::FlightUnit { id: "f".into(), files: vec![first, second], kind: LogKind::Nmea };
+    assert_vtg(&load(&unit).unwrap(), 98, 2);
+}
+
+#[test]
+fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
+    let frame = crate::wire::ubx_frame(1, 3, &[0; 16]);
+    let ns = |fifth: usize| (1_795_262_400_100 + 200 * fifth as i64) * 1_000_000;
+    let stamped = |fifth: usize| format!("{}.{:03} ", ns(fifth) / 1_000_000_000, ns(fifth) / 1_000_000 % 1000);
+    let tagged = |fifth: usize| {
+        let said = format!("s:r1,c:{}", ns(fifth) / 1_000_000);
+        format!("\\{said}*{:02X}\\", said.bytes().fold(0, |sum, b| sum ^ b))
+    };
+    let prefixes: [&dyn Fn(usize) -> String; 2] = [&stamped, &tagged];
+    for prefix in prefixes {
+        let mut bytes = vec![];
+        for fifth in 0..100 {
+            let frame = if fifth == 60 { &frame[..] } else { &[] };
+            let line = format!("{}{}\r\n", prefix(fifth), epoch("GN", fifth, "46.9", "A")[0]);
+            bytes.extend([frame, line.as_bytes()].concat());
+        }
+        let (_folder, path) = file("f.nmea", &bytes);
+        let loaded = load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Nmea }).unwrap();
+        assert_ledger(&loaded);
+        assert_eq!((loaded.health.format.as_str(), loaded.health.damage_count), ("NMEA 0183", 1));
+        assert_eq!(loaded.health.bytes.damaged, frame.len() as u64);
+        let log = read_bytes(READER, &bytes).unwrap();
+        let column = table(&log, "GNGGA").column("logged_ns").unwrap();
+        assert!((0..100).all(|row| column.integer(row) == Some(ns(row))));
+    }
+}
+
 #[test]
 fn binary_frames_that_a_receiver_was_told_to_send_later_are_read() {
     // More sentences than are looked at to tell what a file is, then frames of UBX or corrections among them.

@@ -385,44 +385,77 @@ fn a_position_and_a_velocity_that_never_were_at_the_same_time_are_told() {
     }
 }
 
-#[test]
-fn a_topic_that_begins_behind_the_end_of_a_count_is_in_the_turn_of_the_others_or_told() {
-    let channel = |name: &str, quantity: &str, topic: &str, fields: &str| {
+/// The first stamps of a position and a velocity, s since the end of a count, and how many stamps are told to fit before it as
+/// well. Rows every second until 300 s behind it; in one cell of each table, if so wished, what stands there instead.
+fn turned(
+    [position, velocity]: [&str; 2],
+    range: i64,
+    begins: [i64; 2],
+    wrong: [Option<(i64, i64)>; 2],
+) -> ([i64; 2], u64) {
+    let channel = |name: &str, quantity: &str, topic: &str, time: &str, fields: &str| {
         format!(
             "[[channel]]\nname = \"{name}\"\nquantity = \"{quantity}\"\ntopic = [\"{topic}\"]\ntimeline = \"measured\"\n\
-             [channel.fields]\n{fields}\n"
+             time = {{ measured = [{{ field = \"t\", {time} }}] }}\n[channel.fields]\n{fields}\n"
         )
     };
-    let position = "latitude = { field = \"a\", unit = \"deg\" }\nlongitude = { field = \"b\", unit = \"deg\" }";
-    let velocity = "north = { field = \"a\", unit = \"m/s\" }\neast = { field = \"b\", unit = \"m/s\" }";
-    let channels = channel("position.gps", "position-geodetic", "the_position", position)
-        + &channel("velocity.gps", "velocity-ned", "the_velocity", velocity);
-    let load = |time: &str, range: i64, begins: [i64; 2]| {
-        let map = format!("schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{time}]\n{channels}");
-        let mut library = MapLibrary::default();
-        library.add(ChannelMap::from_toml(Path::new("t.toml"), &map).unwrap());
-        let folder = tempfile::tempdir().unwrap();
-        let table = |name: &str, begin: i64| {
-            // Every second until 300 s behind the end.
-            let row = |s: i64| format!("{},47.{s:06},8.5\n", s % range);
-            let rows: String = (begin..range + 300).map(row).collect();
-            std::fs::write(folder.path().join(name), format!("t,a,b\n{rows}")).unwrap();
-            folder.path().join(name)
-        };
-        let files = [table("the_position.csv", range + begins[0]), table("the_velocity.csv", range + begins[1])];
-        let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
-        let first = |name: &str| loaded.flight.channels[name].series.timeline().stamps()[0].0 / S - range;
-        ([first("position.gps"), first("velocity.gps")], count_of(&loaded, "turn-unclear"))
+    let degrees = "latitude = { field = \"a\", unit = \"deg\" }\nlongitude = { field = \"b\", unit = \"deg\" }";
+    let speeds = "north = { field = \"a\", unit = \"m/s\" }\neast = { field = \"b\", unit = \"m/s\" }";
+    let map = "schema = 1\nname = \"t\"\ntitle = \"t\"\n".to_owned()
+        + &channel("position.gps", "position-geodetic", "the_position", position, degrees)
+        + &channel("velocity.gps", "velocity-ned", "the_velocity", velocity, speeds);
+    let mut library = MapLibrary::default();
+    library.add(ChannelMap::from_toml(Path::new("t.toml"), &map).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let table = |name: &str, begin: i64, wrong: Option<(i64, i64)>| {
+        let cell = |s: i64| wrong.filter(|(at, _)| begin + at == s).map_or(s % range, |(_, cell)| cell);
+        let rows: String = (begin..range + 300).map(|s| format!("{},47.{s:06},8.5\n", cell(s))).collect();
+        std::fs::write(folder.path().join(name), format!("t,a,b\n{rows}")).unwrap();
+        folder.path().join(name)
     };
-    let time_of_day = "{ field = \"t\", unit = \"s\", clock = \"elapsed\" }";
-    let counter = "{ field = \"t\", unit = \"s\", clock = \"boot\", bits = 12 }";
-    for (time, range) in [(time_of_day, 86_400), (counter, 4096)] {
+    let files = [
+        table("the_position.csv", range + begins[0], wrong[0]),
+        table("the_velocity.csv", range + begins[1], wrong[1]),
+    ];
+    let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
+    let first = |name: &str| loaded.flight.channels[name].series.timeline().stamps()[0].0 / S - range;
+    ([first("position.gps"), first("velocity.gps")], count_of(&loaded, "turn-unclear"))
+}
+
+const TIME_OF_DAY: &str = "unit = \"s\", clock = \"elapsed\"";
+const TWELVE_BITS: &str = "unit = \"s\", clock = \"boot\", bits = 12";
+
+#[test]
+fn a_topic_that_begins_behind_the_end_of_a_count_is_in_the_turn_of_the_others_or_told() {
+    for (time, range) in [(TIME_OF_DAY, 86_400), (TWELVE_BITS, 4096)] {
+        let load = |begins| turned([time; 2], range, begins, [None; 2]);
         for begins in [[-200, -100], [100, -100], [-100, 100], [100, 100 - range / 2]] {
-            let (found, unclear) = load(time, range, begins);
-            assert_eq!((found, unclear), (begins, 0), "{time}: {begins:?}");
+            assert_eq!(load(begins), (begins, 0), "{time}: {begins:?}");
         }
         // It fits before and behind.
-        assert_eq!(load(time, range, [100, 50 - range]), ([100 - range, 50 - range], 200), "{time}");
+        assert_eq!(load([100, 50 - range]), ([100 - range, 50 - range], 200), "{time}");
+    }
+}
+
+#[test]
+fn one_wrong_cell_in_either_topic_does_not_keep_it_from_the_turn_of_the_other() {
+    let begins = [100, -2000];
+    for wrong in [9_000_000_000, 5_000_000] {
+        for cells in [[None, Some((150, wrong))], [Some((150, wrong)), None]] {
+            assert_eq!(turned([TWELVE_BITS; 2], 4096, begins, cells), (begins, 0), "{cells:?}");
+        }
+    }
+}
+
+#[test]
+fn only_a_topic_that_counts_the_same_to_the_same_end_is_put_into_the_turn_of_another() {
+    for other in [
+        "unit = \"s\", clock = \"boot\"",
+        "unit = \"s\", clock = \"boot\", bits = 13",
+        "unit = \"s\", clock = \"elapsed\", bits = 12",
+    ] {
+        let (found, unclear) = turned([other, TWELVE_BITS], 4096, [100, -100], [None; 2]);
+        assert_eq!((found, unclear), ([100 - 4096, -100], 0), "{other}");
     }
 }
 

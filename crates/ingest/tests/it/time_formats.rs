@@ -246,6 +246,8 @@ fn what_does_not_go_together_in_a_source_of_stamps_is_refused_with_the_reason() 
         ("field = \"t\", unit = \"s\", clock = \"boot\", zone = \"+02:00\"", "a zone goes with a date"),
         ("date = \"d\", time = \"t\", offset = \"o\", zone = \"+02:00\"", "that has no offset"),
         ("field = \"t\", text = \"iso-8601\", zone = \"Europe/Berlin\"", "a zone is an offset from UTC"),
+        ("field = \"t\", text = \"iso-8601\", zone = \"+14:30\"", "of no more than 14 hours"),
+        ("date = \"d\", time = \"t\", zone = \"-99:00\"", "of no more than 14 hours"),
         ("field = \"t\", text = \"iso-8601\", year = 2024", "a year goes with days of the year"),
         ("field = \"t\", unit = \"ms\", clock = \"unix\", bits = 16", "bits go with a counter"),
         ("field = \"t\", unit = \"ms\", clock = \"boot\", bits = 64", "8 to 48 bits"),
@@ -258,4 +260,93 @@ fn what_does_not_go_together_in_a_source_of_stamps_is_refused_with_the_reason() 
         let error = ChannelMap::from_toml(Path::new("t.toml"), &text).unwrap_err().to_string();
         assert!(error.contains(word), "{time}: {error}");
     }
+}
+
+#[test]
+fn a_day_without_its_year_among_many_that_say_it_costs_its_own_row_only() {
+    let row = |i: i64| {
+        let face = clock_face(OF_DAY + STEP * i).join(":");
+        if i == 50 { format!("131:{face}") } else { format!("2024:131:{face}") }
+    };
+    let loaded = load_by("field = \"t\", text = \"day-of-year\"", "t", (0..ROWS).map(row));
+    let mut expected = truth(BEGIN);
+    expected.remove(50);
+    assert_eq!(stamps(&loaded), (Clock::Unix, expected));
+}
+
+/// Why nothing was bound.
+fn unbound(time: &str, header: &str, row: impl Fn(i64) -> String) -> String {
+    load_by(time, header, (0..ROWS).map(row)).binding.unwrap_err()
+}
+
+#[test]
+fn a_time_of_day_is_no_day_of_a_year_and_no_year_has_days_that_it_has_not() {
+    let day_of_year = "field = \"t\", text = \"day-of-year\"";
+    let face = |i: i64| clock_face(OF_DAY + STEP * i).join(":");
+    let whole = |i: i64| format!("17:{:02}:{:02}", 5 + i / 60, i % 60);
+    assert!(unbound(day_of_year, "t", whole).contains("not understood is t: 17:05:00"));
+    assert!(unbound(day_of_year, "t", |i| format!("2023:366:{}", face(i))).contains("not understood is t: 2023:366"));
+    // Beyond 2262-04-11 there are no nanoseconds since 1970 in 64 bits.
+    assert!(unbound(day_of_year, "t", |i| format!("2262:200:{}", face(i))).contains("not understood is t: 2262:200"));
+    for (year, day) in [(2023, 366), (2262, 200)] {
+        let time = format!("{day_of_year}, year = {year}");
+        let why = unbound(&time, "t", |i| format!("{day}:{}", face(i)));
+        assert!(why.contains(&format!("not understood is t: {day}")), "{why}");
+    }
+}
+
+#[test]
+fn a_date_of_digits_that_lost_its_zero_is_read_in_the_order_of_the_map() {
+    let face = |i: i64| clock_face(OF_DAY + STEP * i).concat();
+    for (order, date, days) in
+        // 2024-05-10 is the day of the other tests; the 2062021 of a spreadsheet would be the 21st day of 2062 as well.
+        [
+            ("month-day-year", "5102024", 0),
+            ("day-month-year", "2062021", -1073),
+            ("day-month-year", "9052024", -1),
+        ]
+    {
+        let time = format!("date = \"d\", time = \"t\", order = \"{order}\", zone = \"Z\"");
+        let loaded = load_by(&time, "d;t", (0..ROWS).map(|i| format!("{date};{}", face(i))));
+        assert_eq!(stamps(&loaded), (Clock::Unix, truth(BEGIN + days * DAY)), "{date}");
+    }
+    // Without an order it is the year and its day; with one that it cannot have it is none.
+    let plain = "date = \"d\", time = \"t\", zone = \"Z\"";
+    let loaded = load_by(plain, "d;t", (0..ROWS).map(|i| format!("2024131;{}", face(i))));
+    assert_eq!(stamps(&loaded), (Clock::Unix, truth(BEGIN)));
+    let why = unbound(&format!("{plain}, order = \"day-month-year\""), "d;t", |i| format!("1902021;{}", face(i)));
+    assert!(why.contains("no stamps"), "{why}");
+}
+
+#[test]
+fn one_wrong_cell_in_a_hundred_does_not_cost_the_other_times_of_day_without_colons() {
+    let row = |i: i64| if i == 70 { "999999.9".to_owned() } else { clock_face(OF_DAY + STEP * i).concat() };
+    let loaded = load_by("field = \"t\", text = \"time-of-day\"", "t", (0..ROWS).map(row));
+    let mut expected = truth(OF_DAY);
+    expected.remove(70);
+    assert_eq!(stamps(&loaded), (Clock::Elapsed, expected));
+    // Two are too many: then it may be no such column at all.
+    let why = unbound("field = \"t\", text = \"time-of-day\"", "t", |i| {
+        if i % 60 == 10 { "999999.9".to_owned() } else { clock_face(OF_DAY + STEP * i).concat() }
+    });
+    assert!(why.contains("not understood") || why.contains("no stamps"), "{why}");
+}
+
+#[test]
+fn a_second_source_that_was_never_filled_in_stands_in_for_no_row() {
+    let time = "field = \"t\", unit = \"s\", clock = \"unix\" }, { field = \"u\", unit = \"s\", clock = \"unix\"";
+    let load = |second: fn(i64) -> i64| {
+        load_by(
+            time,
+            "t;u",
+            (0..ROWS).map(move |i| {
+                let now = BEGIN / S + i;
+                if i % 3 == 2 { format!(";{}", second(now)) } else { format!("{now};") }
+            }),
+        )
+    };
+    let all: Vec<i64> = (0..ROWS).map(|i| (BEGIN / S + i) * S).collect();
+    assert_eq!(stamps(&load(|now| now)).1, all);
+    let own: Vec<i64> = (0..ROWS).filter(|i| i % 3 != 2).map(|i| (BEGIN / S + i) * S).collect();
+    assert_eq!(stamps(&load(|_| 1_700_000_000)).1, own);
 }

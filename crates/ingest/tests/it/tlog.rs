@@ -757,3 +757,34 @@ fn the_second_receiver_has_its_accuracies_and_one_unit_of_several_makes_a_channe
     assert_eq!(["position.gps-input", "velocity.gps-input"].map(|name| series(name).len()), [20, 10]);
     assert_eq!([0, 1, 2].map(|i| series("velocity.gps-input").component(i)[0]), [1.0, 2.0, 3.0]);
 }
+
+#[test]
+fn what_a_gps_input_says_is_to_be_ignored_is_not_used_and_the_rest_is() {
+    // mavlink.io, GPS_INPUT_IGNORE_FLAGS: 1 height, 2 and 4 dilutions, 8 and 16 velocity, 32 to 128 accuracies.
+    let frame = |n: usize, flags: u16| {
+        let front = [&[0; 12][..], &473_977_420_i32.to_le_bytes(), &85_455_940_i32.to_le_bytes()].concat();
+        let numbers = [500.0_f32, 1.0, 1.0, 3.0, -4.0, 0.5, 0.2, 1.0, 2.0].map(f32::to_le_bytes).concat();
+        let payload = [&front[..], &numbers, &flags.to_le_bytes(), &[0, 0, 1, 3, 12]].concat();
+        tlog_frame(NOON_US + 200_000 * n as u64, 232, 151, &payload)
+    };
+    let rows = |flags: u16| {
+        let bytes: Vec<u8> = [of_pymavlink(), (1..=20).flat_map(|n| frame(n, flags)).collect()].concat();
+        let (_folder, path) = file("f.tlog", &bytes);
+        let loaded = load(&ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::Tlog }).unwrap();
+        assert_ledger(&loaded);
+        let series = |name: &str| loaded.flight.channels.get(name).map(|channel| &channel.series);
+        if let Some(position) = series("position.gps-input") {
+            assert_eq!((position.component(2)[0], position.component(0)[0].to_degrees()), (500.0, 47.397_742));
+        }
+        if let Some(velocity) = series("velocity.gps-input") {
+            assert_eq!([0, 1, 2].map(|i| velocity.component(i)[0]), [3.0, -4.0, 0.5]);
+        }
+        ["position.gps-input", "velocity.gps-input"].map(|name| series(name).map_or(0, |series| series.len()))
+    };
+    for flags in [0, 2, 6, 32, 64, 128, 230] {
+        assert_eq!(rows(flags), [20, 20], "{flags}");
+    }
+    for (flags, used) in [(1, [0, 20]), (8, [20, 0]), (16, [20, 0]), (24 + 32, [20, 0]), (255, [0, 0])] {
+        assert_eq!(rows(flags), used, "{flags}");
+    }
+}

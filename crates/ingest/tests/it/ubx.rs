@@ -245,6 +245,39 @@ fn a_velocity_in_the_axes_of_the_earth_is_turned_by_a_place_near_it_and_has_none
     assert!(off.into_iter().all(|off| off < 0.0088), "{series:?}");
 }
 
+#[test]
+fn a_place_that_is_invalid_or_kilometres_off_turns_no_velocity() {
+    let at = Geodetic::from_degrees(47.4, 8.5, 500.0);
+    let [place, velocity] = in_axes_of_the_earth(at, [20.0, -5.0, 1.0]);
+    let bytes = |v: [i32; 3]| v.map(i32::to_le_bytes).concat();
+    let itow = 1000_u32.to_le_bytes();
+    let turned = |place: Vec<u8>| {
+        let velocity = |n: u32| {
+            let itow = (1000 + 200 * n).to_le_bytes();
+            ubx_frame(1, 0x11, &[&itow[..], &bytes(velocity), &300_u32.to_le_bytes()].concat())
+        };
+        let loaded = load_ubx(&[place, (0..20).flat_map(velocity).collect()].concat());
+        let rows = loaded.flight.channels.get("velocity.sol").map_or(0, |channel| channel.series.len());
+        assert_eq!(rows as u64 + count_of(&loaded, "unbound-velocity"), 20);
+        rows > 0
+    };
+    // Accuracies in cm, tenths of mm and mm: just better than 10 km, and 10 km.
+    let ecef = |accuracy: u32| ubx_frame(1, 1, &[&itow[..], &bytes(place), &accuracy.to_le_bytes()].concat());
+    let precise = |flags: u8, accuracy: u32| {
+        let front = [&[0; 4][..], &itow, &bytes(place), &[0, 0, 0, flags]].concat();
+        ubx_frame(1, 0x13, &[front, accuracy.to_le_bytes().to_vec()].concat())
+    };
+    let geodetic = |accuracy: u32| {
+        let [lon, lat, height] = [85_000_000_i32, 474_000_000, 500_000].map(i32::to_le_bytes);
+        let accuracy = accuracy.to_le_bytes();
+        ubx_frame(1, 2, &[&itow[..], &lon, &lat, &height, &height, &accuracy, &accuracy].concat())
+    };
+    assert_eq!([999_999, 1_000_000, u32::MAX].map(|cm| turned(ecef(cm))), [true, false, false]);
+    assert_eq!([99_999_999, 100_000_000].map(|tenths_mm| turned(precise(0, tenths_mm))), [true, false]);
+    assert!(!turned(precise(1, 300)));
+    assert_eq!([9_999_999, 10_000_000].map(|mm| turned(geodetic(mm))), [true, false]);
+}
+
 /// NAV-PVAT, ESF-INS and NAV2-PVT as pyubx2 1.4.0 writes them; it cuts off, where its floats lack a little, what is below one.
 fn of_pyubx2_with_attitude() -> Vec<u8> {
     bytes_of(

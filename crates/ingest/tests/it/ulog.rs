@@ -675,3 +675,66 @@ fn a_simulated_bench_comes_back_from_a_ulog_within_the_quantum_of_its_fields() {
     }
     assert!(compared >= 7, "{:?} {:?}", loaded.flight.channels.keys(), truth.channels.keys());
 }
+
+/// A log of two topics; the payload of one of its messages of `data` begins with `carried`.
+fn carrying(carried: &[u8], rows: u64) -> Vec<u8> {
+    let mut made = Made::begin([0; 3]);
+    made.format(&format!("data:uint64_t timestamp;uint8_t[{}] data;", carried.len()));
+    made.format("pose:uint64_t timestamp;float x;");
+    made.subscribe(0, 0, "data");
+    made.subscribe(1, 0, "pose");
+    for i in 0..rows {
+        let at_us = 1_000_000 + 10_000 * i;
+        let content = if i == rows / 2 { carried.to_vec() } else { vec![0; carried.len()] };
+        made.data(0, at_us, &content);
+        made.data(1, at_us + 10, &floats(&[i as f32]));
+    }
+    made.0
+}
+
+#[test]
+fn a_message_that_carries_the_beginning_of_a_log_is_read_and_so_is_the_log_behind() {
+    let head = [&Made::begin([0; 3]).0[..19], &[0; 45]].concat();
+    // The head alone, a log up to the end of its flag bits, a whole one, and two.
+    let carried = [head, Made::begin([0; 3]).0, small(5), [small(3), small(5)].concat()];
+    for (case, carried) in carried.iter().enumerate() {
+        for rows in [1, 300] {
+            let bytes = carrying(carried, rows);
+            let log = read(&bytes);
+            assert_eq!(log.health.bytes.damaged, 0, "{case}: {:?}", log.notices);
+            let expected: Vec<f64> = (0..rows).map(|i| i as f64).collect();
+            assert_eq!(numbers(&log, "pose", "x"), expected, "{case}");
+            assert!(!loses(&log) && notice(&log, "several-logs").is_none(), "{case}: {:?}", log.notices);
+            let log = read(&[bytes.as_slice(), &bytes, &small(4)].concat());
+            assert_eq!(log.health.bytes.damaged, 0, "{case}: {:?}", log.notices);
+            assert_eq!(notice(&log, "several-logs").map(|(_, count)| count), Some(3), "{case}: {:?}", log.notices);
+        }
+    }
+}
+
+#[test]
+fn a_log_behind_one_that_was_cut_anywhere_is_read_whole() {
+    let second = small(6);
+    let expected = rows(&read(&second));
+    let first = carrying(&[0; 64], 3);
+    for cut in 17..first.len() {
+        let log = read(&[&first[..cut], &second].concat());
+        let found = rows(&log);
+        for topic in ["pose_1", "esc"] {
+            assert_eq!(rows_of(&found, topic).len(), rows_of(&expected, topic).len(), "{topic} cut at {cut}");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_stamp_at_the_end_of_a_log_does_not_move_the_log_behind() {
+    let first = small(20);
+    let mut wrong = Made(first.clone());
+    wrong.data(0, 1 << 62, &floats(&[20.0, 0.5]));
+    let ends = |bytes: &[u8]| {
+        let log = read(&[bytes, &small(20)].concat());
+        table(&log, "esc").logged_ns.as_ref().unwrap().clone()
+    };
+    assert_eq!(ends(&wrong.0), ends(&first));
+    assert!(ends(&first).iter().all(|&ns| ns < 60_000_000_000), "{:?}", ends(&first));
+}

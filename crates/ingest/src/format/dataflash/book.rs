@@ -225,13 +225,14 @@ impl<'t, 'w> Book<'t, 'w> {
     }
 
     /// Whether a record may stand beside another, both with their headers, or behind the last one, by its time: all but those
-    /// of types with a time that is far from both.
+    /// of types with a time that is far from both, as far as these are known.
     pub(super) fn may_be_beside(&self, bytes: &[u8], other: &[u8], header: usize) -> bool {
         let id_of = |bytes: &[u8]| bytes.get(header - 1).copied().unwrap_or_default();
         let time_of = |bytes: &[u8]| self.time_of_record(id_of(bytes), bytes, header);
         let Some(_) = self.format(id_of(bytes)).and_then(|format| format.time) else { return true };
-        let near = |ns: i64, other: Option<i64>| other.is_some_and(|other| ns.abs_diff(other) <= FAR_NS);
-        time_of(bytes).is_some_and(|ns| near(ns, self.clock.last_raw_ns()) || near(ns, time_of(other)))
+        let others = [self.clock.last_raw_ns(), time_of(other)];
+        let near = |ns: i64| others.iter().flatten().any(|other| ns.abs_diff(*other) <= FAR_NS);
+        time_of(bytes).is_some_and(|ns| near(ns) || others == [None; 2])
     }
 
     /// What a line of text says of its time, ns: name and what follows its comma.

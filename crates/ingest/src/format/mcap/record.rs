@@ -54,6 +54,11 @@ pub(super) fn is_defined(opcode: u8) -> bool {
     (op::HEADER..=op::DATA_END).contains(&opcode)
 }
 
+/// Whether the type is one that applications give a meaning of their own.
+pub(super) fn is_private(opcode: u8) -> bool {
+    opcode >= 0x80
+}
+
 /// Name of a record type for people.
 pub(super) fn name(opcode: u8) -> String {
     let name = match opcode {

@@ -5,7 +5,7 @@
 //! bytes that look like a record followed by another. In a file with chunks only whole chunks
 //! are found that way, never the messages inside a broken one: nothing has vouched for them.
 
-use super::record::{AttachmentHead, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, name};
+use super::record::{AttachmentHead, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, is_private, name};
 use super::summary::{Summary, Trust};
 use super::visit::Visit;
 use crate::bytes::{Bytes, is_zero};
@@ -28,6 +28,10 @@ const ATTACHMENT_HEAD_BYTES: u64 = 4096;
 const BLOCK: usize = 256 << 10;
 /// A definition found by searching is believed up to this length.
 const LONGEST_FOUND: u64 = 1 << 20;
+/// A record that the end of the file cuts is believed to be shorter than this.
+const LONGEST_CUT: u64 = 1 << 40;
+/// As many zero bytes behind a message, or all up to the end of the file, are what a loss of power leaves.
+const TELLING_ZEROS: usize = 4096;
 
 /// A walk in progress.
 pub(super) struct Walk<'w, 'c, V> {
@@ -223,28 +227,38 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if head.opcode == op::MESSAGE && !self.leads_on(head.end)? {
             return Ok(true);
         }
+        // A message may carry a log, but then two records follow it, or what ends a file. Looked at first: few bytes tell it.
+        let known = head.opcode == op::MESSAGE && self.is_message(head)?;
+        let follow = match Head::read(self.file, head.end)?.filter(|next| next.end <= self.file.size()) {
+            Some(next) if is_defined(next.opcode) || known && is_private(next.opcode) => {
+                self.begins_record(head.end)? && self.leads_on(next.end)?
+            }
+            _ => known && self.ends_here(head.end)?,
+        };
+        if follow {
+            return Ok(false);
+        }
         // As far as a log that begins with the last byte.
         let most = (head.end - head.start) as usize + MAGIC.len() - 2;
         let inside = memmem::find(self.file.up_to(head.start + 1, most)?, MAGIC);
-        let Some(log) = inside.map(|at| head.start + 1 + at as u64) else { return Ok(false) };
-        // A message may carry a log, but then two records follow it.
-        let next = Head::read(self.file, head.end)?.filter(|next| is_defined(next.opcode));
-        let follow = match next {
-            Some(next) => self.begins_record(head.end)? && self.leads_on(next.end)?,
-            None => false,
-        };
-        Ok(!follow && self.begins_log(log)?)
+        inside.map_or(Ok(false), |at| self.begins_log(head.start + 1 + at as u64))
     }
 
-    /// Whether a record begins here, or one that the end of the file cuts.
+    /// Whether a record begins here, or the file ends as where its recorder was stopped.
     fn leads_on(&mut self, at: u64) -> Result<bool, IngestError> {
-        if self.begins_record(at)? {
+        Ok(self.begins_record(at)? || self.ends_here(at)?)
+    }
+
+    /// Whether nothing follows, or zeros, or a record that the end of the file cuts.
+    fn ends_here(&mut self, at: u64) -> Result<bool, IngestError> {
+        if is_zero(self.file.up_to(at, TELLING_ZEROS)?) {
             return Ok(true);
         }
-        let longest = self.context.limits.record_bytes;
+        let may_begin = |opcode| is_defined(opcode) || is_private(opcode);
         Ok(match Head::read(self.file, at)? {
-            Some(head) => is_defined(head.opcode) && head.end > self.file.size() && head.length <= longest,
-            None => self.file.peek::<1>(at)?.is_some_and(|[opcode]| is_defined(opcode) || opcode == MAGIC[0]),
+            Some(head) => may_begin(head.opcode) && head.end > self.file.size() && head.length < LONGEST_CUT,
+            // The magic begins as a private record does.
+            None => self.file.peek::<1>(at)?.is_some_and(|[opcode]| may_begin(opcode)),
         })
     }
 

@@ -1,6 +1,8 @@
 //! Where VTG, which says no time, stands among the sentences of its epoch: behind one of them, as receivers have it by
-//! themselves, or in front, as receivers may be told. In front it would have the time of the epoch before. Speed and track are told by RMC too, which has a time: most of the
-//! time they change from one to the next, and then VTG agrees with one of its neighbours alone.
+//! themselves, or in front, as receivers may be told. In front it would have the time of the epoch before. Speed and track
+//! are told by RMC too, which has a time: most of the time they change from one to the next, and then VTG agrees with one
+//! of its neighbours alone. In front of a gap, be it a cut or the end of a file, a VTG keeps no time: it may be of the epoch
+//! that was lost.
 
 use super::sentence::{Sentence, plain};
 use crate::reader::Log;
@@ -16,6 +18,8 @@ const SAME: f64 = 0.06;
 const DECIDED_BY: u64 = 5;
 /// The others among them are fewer than one in so many.
 const RARE: u64 = 10;
+/// Steps that are remembered: a day and more at ten a second.
+const MOST_STEPS: usize = 1 << 20;
 
 /// Speed, kt, and track, deg.
 type Motion = [f64; 2];
@@ -30,8 +34,17 @@ pub(super) struct Order {
     before: u64,
     behind: u64,
     /// What stamps a VTG has behind which no sentence with a time has come yet.
-    open: Option<Stamps>,
-    steps: Vec<(Stamps, i64)>,
+    open: Option<Open>,
+    steps: Vec<(Open, i64)>,
+    /// VTG whose steps are too many to be remembered.
+    beyond: u64,
+}
+
+/// What stamps VTG have behind the same sentence, and how many.
+#[derive(Debug, Clone, Copy)]
+struct Open {
+    stamps: Stamps,
+    count: u64,
 }
 
 /// The cells of a sentence: UTC, and the time since the first, ns.
@@ -47,13 +60,17 @@ impl Order {
         if let Some(motion) = motion(sentence, 5, 1) {
             self.by_vtg = Some((motion, self.by_rmc));
         }
-        self.open = (!self.is_behind()).then_some(stamps);
+        let count = self.open.map_or(1, |open| open.count + 1);
+        self.open = (!self.is_behind()).then_some(Open { stamps, count });
     }
 
     /// A sentence with a time.
     pub(super) fn timed(&mut self, name: &str, sentence: &Sentence<'_>, elapsed_ns: i64) {
-        if let Some(open) = self.open.take().filter(|open| open.elapsed_ns != elapsed_ns) {
-            self.steps.push((open, elapsed_ns.saturating_sub(open.elapsed_ns)));
+        if let Some(open) = self.open.take().filter(|open| open.stamps.elapsed_ns != elapsed_ns) {
+            match self.steps.len() < MOST_STEPS {
+                true => self.steps.push((open, elapsed_ns.saturating_sub(open.stamps.elapsed_ns))),
+                false => self.beyond += open.count,
+            }
         }
         if name != "RMC" {
             return;
@@ -68,7 +85,7 @@ impl Order {
         }
         self.by_rmc = rmc;
         if self.is_behind() {
-            self.steps = vec![];
+            (self.steps, self.beyond) = (vec![], 0);
         }
     }
 
@@ -83,12 +100,39 @@ impl Order {
         if self.behind < DECIDED_BY || self.behind <= RARE * self.before || self.steps.is_empty() {
             return Steps::default();
         }
+        let longest_ns = longest(self.steps.iter().map(|(_, step_ns)| *step_ns).collect());
+        let mut steps = Steps { is_whole: self.beyond == 0, ..Steps::default() };
+        let (mut moved, mut lost) = (0, self.beyond);
+        for (open, step_ns) in self.steps {
+            let near = (1..=longest_ns).contains(&step_ns).then_some(step_ns);
+            *if near.is_some() { &mut moved } else { &mut lost } += open.count;
+            steps.add(open.stamps, near);
+        }
+        // The log ends behind it.
+        if let Some(open) = self.open {
+            lost += open.count;
+            steps.add(open.stamps, None);
+        }
         let text = "VTG, which says no time, stands in front of the other sentences of its epoch, for it agrees with the RMC \
                     behind it and not with that before: it has the time of the sentence behind it";
-        notices.push(Severity::Info, "epoch-order", "VTG", self.steps.len() as u64, text);
-        let by = |of: fn(&Stamps) -> i64| self.steps.iter().map(|(stamps, step)| (of(stamps), *step)).collect();
-        Steps { of_utc: by(|stamps| stamps.utc_ns), of_elapsed: by(|stamps| stamps.elapsed_ns) }
+        notices.push(Severity::Info, "epoch-order", "VTG", moved, text);
+        if lost > 0 {
+            let text = "VTG stand in front of their epochs, and the next sentence with a time is of a later epoch, or there is \
+                        none: when they were nobody can tell, and they are not used";
+            notices.push(Severity::Warning, "no-epoch", "VTG", lost, text);
+        }
+        steps
     }
+}
+
+/// The longest step that leads from an epoch to the next and not over a gap, ns: one and a half times the median.
+fn longest(mut steps_ns: Vec<i64>) -> i64 {
+    let middle = steps_ns.len() / 2;
+    if middle >= steps_ns.len() {
+        return 0;
+    }
+    let (_, median_ns, _) = steps_ns.select_nth_unstable(middle);
+    median_ns.saturating_add(*median_ns / 2)
 }
 
 /// Speed and track of a sentence that says both and is not slow.
@@ -101,30 +145,55 @@ fn is_same(vtg: Motion, rmc: Option<Motion>) -> bool {
     rmc.is_some_and(|rmc| vtg.iter().zip(rmc).all(|(a, b)| (a - b).abs() <= SAME))
 }
 
-/// How much later than its cell says a VTG was, ns, by that cell.
-#[derive(Debug, Default)]
+/// How much later than its cell says a VTG was, ns, by that cell; `None` if nobody can tell.
+#[derive(Debug)]
 pub(super) struct Steps {
-    of_utc: HashMap<i64, i64>,
-    of_elapsed: HashMap<i64, i64>,
+    of_utc: HashMap<i64, Option<i64>>,
+    of_elapsed: HashMap<i64, Option<i64>>,
+    /// Whether what has no step here needs none.
+    is_whole: bool,
+}
+
+impl Default for Steps {
+    /// Nothing is to be done.
+    fn default() -> Steps {
+        Steps { of_utc: HashMap::new(), of_elapsed: HashMap::new(), is_whole: true }
+    }
 }
 
 impl Steps {
-    /// Puts the stamps of VTG right.
+    /// Of two that have the same cell and do not agree nobody can tell either.
+    fn add(&mut self, stamps: Stamps, step_ns: Option<i64>) {
+        for (steps, cell) in [(&mut self.of_utc, stamps.utc_ns), (&mut self.of_elapsed, stamps.elapsed_ns)] {
+            let known = steps.entry(cell).or_insert(step_ns);
+            *known = known.filter(|known_ns| Some(*known_ns) == step_ns);
+        }
+    }
+
+    /// Puts the stamps of VTG right, and takes those away that nobody can.
     pub(super) fn put(&self, log: &mut Log) {
+        if self.of_elapsed.is_empty() {
+            return;
+        }
         let is_vtg = |table: &&mut Table| table.topic.encoding == "nmea" && table.topic.type_name == "VTG";
         for column in log.tables.iter_mut().filter(is_vtg).flat_map(|table| &mut table.columns) {
             match &*column.path {
-                "utc_ns" => add(column, &self.of_utc),
-                "elapsed_ns" => add(column, &self.of_elapsed),
+                "utc_ns" => self.put_into(column, &self.of_utc),
+                "elapsed_ns" => self.put_into(column, &self.of_elapsed),
                 _ => {}
             }
         }
     }
-}
 
-fn add(column: &mut Column, steps: &HashMap<i64, i64>) {
-    let ColumnData::I64(cells) = &mut column.data else { return };
-    for cell in cells {
-        *cell = cell.saturating_add(steps.get(cell).copied().unwrap_or(0));
+    fn put_into(&self, column: &mut Column, steps: &HashMap<i64, Option<i64>>) {
+        let ColumnData::I64(cells) = &mut column.data else { return };
+        let valid = column.valid.get_or_insert_with(|| vec![true; cells.len()]);
+        for (cell, valid) in cells.iter_mut().zip(valid) {
+            let unmoved = self.is_whole.then_some(0);
+            match steps.get(cell).copied().unwrap_or(unmoved) {
+                Some(step_ns) => *cell = cell.saturating_add(step_ns),
+                None => (*cell, *valid) = (0, false),
+            }
+        }
     }
 }

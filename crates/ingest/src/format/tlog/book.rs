@@ -258,6 +258,9 @@ impl<'b, 't> Book<'b, 't> {
             let came = if self.stamped { logged_ns } else { place as i64 };
             self.boot.message(definition, frame.message, &self.restored, came);
         }
+        if let Some(derived) = definition.derived(&self.restored) {
+            self.restored.splice(..0, derived);
+        }
         self.topics.message(route, times, &self.restored)
     }
 

@@ -22,6 +22,8 @@ pub(super) struct Definition {
     pub(super) extra: u8,
     /// Bytes of its payload without and with the fields of MAVLink 2.
     lengths: [usize; 2],
+    /// Where in its payload the flags are of what is to be ignored, 16 bits.
+    ignore_at: Option<usize>,
 }
 
 impl Definitions {
@@ -49,7 +51,8 @@ impl Definition {
         let base = all.split(" | ").next().unwrap_or(all);
         let fields = [base, all];
         let lengths = fields.map(|text| fields_of(text).map(|f| f.kind.size() * f.count.unwrap_or(1)).sum());
-        Some(Definition { number: number.parse().ok()?, name, fields, extra: extra(name, base), lengths })
+        let ignore_at = ignore_at(base);
+        Some(Definition { number: number.parse().ok()?, name, fields, extra: extra(name, base), lengths, ignore_at })
     }
 
     /// Bytes of a payload; `wide` with the fields of MAVLink 2.
@@ -75,10 +78,22 @@ impl Definition {
         if wide { all } else { base }
     }
 
-    /// Where everything lies in a payload.
+    /// What the reader puts in front of a payload: of a message with flags that say what is to be ignored the bits that say
+    /// what is to be used, for a map asks for bits that are set.
+    pub(super) fn derived(&self, payload: &[u8]) -> Option<[u8; 2]> {
+        let flags = payload.get(self.ignore_at?..)?.first_chunk()?;
+        Some((!u16::from_le_bytes(*flags)).to_le_bytes())
+    }
+
+    /// Where everything lies in a payload behind what [`Definition::derived`] gives.
     pub(super) fn layout(&self, wide: bool) -> Layout {
         let mut offset = 0;
         let mut fields = vec![];
+        if self.ignore_at.is_some() {
+            let kind = PackedKind::Number(Number::U16);
+            fields.push(PackedField { path: "use_flags".to_owned(), offset, kind, scale: None });
+            offset += kind.size();
+        }
         for field in fields_of(self.text(wide)) {
             let elements = match (field.kind, field.count) {
                 (_, None) | (PackedKind::Text(_), _) => vec![field.name.to_owned()],
@@ -128,6 +143,17 @@ fn fields_of(text: &str) -> impl Iterator<Item = Field<'_>> {
         };
         Some(Field { type_name, name, kind: PackedKind::Number(number), count })
     })
+}
+
+fn ignore_at(text: &str) -> Option<usize> {
+    let mut at = 0;
+    for field in fields_of(text) {
+        if (field.type_name, field.name) == ("uint16", "ignore_flags") {
+            return Some(at);
+        }
+        at += field.kind.size() * field.count.unwrap_or(1);
+    }
+    None
 }
 
 /// `CRC_EXTRA`: the checksum over name, types and names of fields, folded

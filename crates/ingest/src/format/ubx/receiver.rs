@@ -207,21 +207,27 @@ impl Weeks {
     }
 }
 
-/// Where the receiver is, m in the earth's own axes, by messages that say so with an accuracy that is not all bits.
+/// A place is good enough to say where north is if its accuracy is better than this, m: that far off, north is turned by
+/// some 1e-3 rad.
+const WORST_PLACE_M: f64 = 10_000.0;
+
+/// Where the receiver is, m in the earth's own axes, by messages that say so, and how accurately.
 fn place_of(name: &str, read: Read<'_>) -> Option<[f64; 3]> {
     let ecef = |at: usize| [at, at + 4, at + 8].map(|at| f64::from(read.i32(at)) / 100.0);
-    let (place, accuracy) = match name {
-        "NAV-POSECEF" => (ecef(4), read.u32(16)),
-        "NAV-SOL" => (ecef(12), read.u32(24)),
-        "NAV-HPPOSECEF" => (precise_ecef(read), read.u32(24)),
+    let accuracy = |at: usize, per_m: f64| f64::from(read.u32(at)) / per_m;
+    let (place, accuracy_m) = match name {
+        "NAV-POSECEF" => (ecef(4), accuracy(16, 100.0)),
+        "NAV-SOL" => (ecef(12), accuracy(24, 100.0)),
+        // Bit 0 of its flags says that the place is invalid.
+        "NAV-HPPOSECEF" if read.u8(23) & 1 == 0 => (precise_ecef(read), accuracy(24, 1e4)),
         "NAV-POSLLH" => {
             let [longitude, latitude] = [4, 8].map(|at| f64::from(read.i32(at)) / 1e7);
             let at = Geodetic::from_degrees(latitude, longitude, f64::from(read.i32(12)) / 1000.0).to_ecef();
-            ([at.x, at.y, at.z], read.u32(20))
+            ([at.x, at.y, at.z], accuracy(20, 1000.0))
         }
         _ => return None,
     };
-    (accuracy != u32::MAX).then_some(place)
+    (accuracy_m < WORST_PLACE_M).then_some(place)
 }
 
 /// The place of `NAV-HPPOSECEF`, m: cm, and tenths of mm.

@@ -8,6 +8,30 @@ use crate::reader::Restart;
 /// Logged between two boots at least, µs.
 const BETWEEN_US: u64 = 10_000_000;
 const SECOND_US: u64 = 1_000_000;
+/// From one message of a boot to the next at most, µs, unless the one after tells the same.
+const APART_US: u64 = 3_600_000_000;
+/// The latest stamp that is believed, µs: 146 years.
+const LATEST_US: u64 = i64::MAX as u64 / 2000;
+
+/// When the last message of a log was logged, whatever single wrong stamps say.
+#[derive(Debug, Default)]
+pub(super) struct LastStamp {
+    pub(super) us: Option<u64>,
+    /// Far from those before it, and to be confirmed by the next one.
+    doubtful_us: Option<u64>,
+}
+
+impl LastStamp {
+    #[inline]
+    pub(super) fn add(&mut self, stamp_us: u64) {
+        let near = |us: Option<u64>| us.is_some_and(|us| us.abs_diff(stamp_us) <= APART_US);
+        if self.us.is_none() || near(self.us) || near(self.doubtful_us) {
+            (self.us, self.doubtful_us) = (Some(stamp_us), None);
+        } else {
+            self.doubtful_us = Some(stamp_us);
+        }
+    }
+}
 
 /// The boots of the logs so far.
 #[derive(Debug, Default)]
@@ -22,7 +46,7 @@ impl Boots {
     /// Another log begins, at this time of its own boot if it says so. Gives back what is added to its stamps.
     pub(super) fn next_log(&mut self, began_us: Option<u64>) -> u64 {
         let Some(latest_us) = self.latest_us else { return 0 };
-        let began_us = began_us.map(|us| us.saturating_add(self.offset_us));
+        let began_us = began_us.filter(|&us| us < LATEST_US).map(|us| us.saturating_add(self.offset_us));
         let certain = began_us.is_none_or(|began_us| began_us < latest_us);
         if certain {
             self.offset_us = (latest_us.saturating_add(BETWEEN_US) / SECOND_US).saturating_mul(SECOND_US);
@@ -36,7 +60,7 @@ impl Boots {
 
     /// The stamp of the last message of a log, if there is one.
     pub(super) fn latest(&mut self, stamp_us: Option<u64>) {
-        let logged_us = stamp_us.map(|stamp| stamp.saturating_add(self.offset_us));
+        let logged_us = stamp_us.map(|stamp| stamp.saturating_add(self.offset_us)).filter(|&us| us < LATEST_US);
         self.latest_us = self.latest_us.max(logged_us);
     }
 }
@@ -58,6 +82,25 @@ mod tests {
         let restarts: Vec<(i64, bool)> =
             boots.restarts.iter().map(|r| (r.logged_ns / 1_000_000_000, r.certain)).collect();
         assert_eq!(restarts, [(70, false), (100, true), (131, false)]);
+    }
+
+    #[test]
+    fn a_single_wrong_stamp_does_not_move_the_boot_behind_and_a_pause_that_two_messages_tell_does() {
+        let last = |stamps: &[u64]| {
+            let mut last = LastStamp::default();
+            stamps.iter().for_each(|&us| last.add(us));
+            last.us
+        };
+        assert_eq!(last(&[1_000_000, 2_000_000, 1 << 62]), Some(2_000_000));
+        assert_eq!(last(&[1 << 62, 1_000_000, 2_000_000]), Some(2_000_000));
+        assert_eq!(last(&[1_000_000, 1 << 62, 2_000_000, 1 << 50]), Some(2_000_000));
+        assert_eq!(last(&[1_000_000, 9_000_000_000, 9_000_000_010]), Some(9_000_000_010));
+        let mut boots = Boots::default();
+        boots.next_log(Some(0));
+        boots.latest(Some(30_000_000));
+        boots.latest(Some(u64::MAX));
+        assert_eq!(boots.next_log(Some(u64::MAX)), 40_000_000);
+        assert_eq!(boots.restarts.last().map(|restart| restart.logged_ns), Some(40_000_000_000));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::about::Gathered;
 use super::beside::Beside;
+use super::boots::LastStamp;
 use super::formats::{Extent, Formats, Stamp};
 use super::record::{Entry, FlagBits, Kind, Subscription, Trust, judge};
 use crate::bytes::Bytes;
@@ -33,7 +34,9 @@ pub(super) struct Session<'t, 'w> {
     /// Added to the stamps of messages to say when they were logged.
     offset_us: u64,
     /// Stamp of the last message.
-    pub(super) latest_us: Option<u64>,
+    latest_us: Option<u64>,
+    /// The same, but for wrong ones.
+    pub(super) last_stamp: LastStamp,
     /// Whether the definitions are over.
     began: bool,
     dropouts: Dropouts,
@@ -93,6 +96,7 @@ impl<'t, 'w> Session<'t, 'w> {
             flags: FlagBits::default(),
             offset_us,
             latest_us: None,
+            last_stamp: LastStamp::default(),
             began: false,
             dropouts: Dropouts::default(),
             unplaced: Tally::default(),
@@ -247,7 +251,10 @@ impl<'t, 'w> Session<'t, 'w> {
         }
         known.last_us = at_us;
         // A message that was published without a stamp has zero, and says nothing of when the next one was.
-        self.latest_us = if at_us > 0 { Some(at_us) } else { self.latest_us };
+        if at_us > 0 {
+            self.latest_us = Some(at_us);
+            self.last_stamp.add(at_us);
+        }
         let nanos = |us: u64| i64::try_from(us.saturating_mul(1000)).unwrap_or(i64::MAX);
         if let Some(tells) = tells {
             tells.tell(payload, known.instance, nanos(at_us), &mut self.gathered);

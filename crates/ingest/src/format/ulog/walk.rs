@@ -3,9 +3,9 @@
 //! A message that does not vouch for itself must lead to one that does, or at least have none inside that does.
 //! Where neither holds, the walk goes on at the next byte from which it can be sure again.
 
-use super::MAGIC;
 use super::record::{DAMAGED_FORMAT, FLAG_BITS, HEAD, Kind, LONGEST, Trust, is_printable};
 use super::session::Session;
+use super::{MAGIC, VERSION};
 use crate::bytes::is_zero;
 use crate::decode::Tally;
 use crate::error::IngestError;
@@ -62,7 +62,7 @@ struct View<'v> {
     start: u64,
     /// Whether they reach the end of the file.
     whole: bool,
-    /// Where another log begins in them.
+    /// Where another log begins in them, at or behind the place where the walk stands.
     log: Option<usize>,
     /// From where to where all bytes may stand in a format; the one behind them may not.
     printable: &'v Cell<(usize, usize)>,
@@ -115,7 +115,7 @@ impl<'w> Walk<'w> {
 
     /// Takes the first bytes of a log; `head` are those and as many more, if there are.
     pub(super) fn begin(&mut self, head: &[u8], intact: bool) {
-        let another = next_log(head).filter(|_| !intact).map_or(START, |log| log as u64);
+        let another = next_log(head, 0).filter(|_| !intact).map_or(START, |log| log as u64);
         let length = START.min(head.len() as u64).min(another);
         match (intact, length == START) {
             (true, true) => self.ledger.count(Fate::Structure, length),
@@ -146,7 +146,7 @@ impl<'w> Walk<'w> {
             let start = self.at;
             let there = (size - start).min(BLOCK as u64) as usize;
             let bytes = file.bytes(start, there)?.unwrap_or_default();
-            let (whole, log, printable) = (start + there as u64 == size, next_log(bytes), &Cell::default());
+            let (whole, log, printable) = (start + there as u64 == size, next_log(bytes, 0), &Cell::default());
             self.block(View { bytes, start, whole, log, printable }, session);
             if !self.another && (self.at == start || self.zeros > MOST_ZEROS) {
                 let reason = self.lost.take().unwrap_or_else(|| ENDS_INSIDE.to_owned());
@@ -166,11 +166,12 @@ impl<'w> Walk<'w> {
     }
 
     /// Walks until so little is left of the view that one cannot look ahead, or to the end of the file.
-    fn block(&mut self, view: View<'_>, session: &mut Session<'_, '_>) {
+    fn block(&mut self, mut view: View<'_>, session: &mut Session<'_, '_>) {
         let stop = if view.whole { view.bytes.len() } else { view.bytes.len().saturating_sub(MARGIN) };
         let mut at = 0;
         if let Some(reason) = self.lost.take() {
             at = self.go_on(view, (0, 0), stop, reason, session);
+            view.log = view.log.filter(|&log| log >= at).or_else(|| next_log(view.bytes, at));
         }
         // Behind `stop`, too, stand messages that need no look ahead.
         while !self.another {
@@ -179,6 +180,9 @@ impl<'w> Walk<'w> {
             let next = sure.or_else(|| (at < stop && !self.another).then(|| self.step(view, at, stop, session)));
             let Some(next) = next else { break };
             at = next;
+            if view.log.is_some_and(|log| log < at) {
+                view.log = next_log(view.bytes, at);
+            }
         }
         self.at = view.start + at as u64;
     }
@@ -202,16 +206,6 @@ impl<'w> Walk<'w> {
             return self.go_on(view, (at, at + 1), stop, ENDS_INSIDE.to_owned(), session);
         };
         let Message { letter, body, end } = message;
-        if let Some(log) = view.log.filter(|&log| log < end) {
-            self.damage(view, at, log, "a message was cut where another log begins");
-            return log;
-        }
-        if !self.joints.is_empty()
-            && let Some(joint) = self.joint(view, at, end, session)
-        {
-            self.damage(view, at, joint, "a message was cut where data were appended later");
-            return joint;
-        }
         let kind = Kind::of(letter);
         let trust = match kind {
             Some(Kind::FlagBits) if view.start + at as u64 == self.base + START && body.len() >= FLAG_BITS => {
@@ -221,6 +215,18 @@ impl<'w> Walk<'w> {
             Some(kind) => session.judge(kind, body, usize::MAX),
             None => Trust::Weak,
         };
+        if let Some(log) = view.log.filter(|&log| log < end)
+            && !(matches!(trust, Trust::Sure | Trust::Fits) && carries(view, log, end, session))
+        {
+            self.damage(view, at, log, "a message was cut where another log begins");
+            return log;
+        }
+        if !self.joints.is_empty()
+            && let Some(joint) = self.joint(view, at, end, session)
+        {
+            self.damage(view, at, joint, "a message was cut where data were appended later");
+            return joint;
+        }
         let undisputed = || !(at + 1..end).any(|inside| is_certain(view, inside, session));
         let stands = match trust {
             Trust::Sure => true,
@@ -317,10 +323,40 @@ impl<'w> Walk<'w> {
     }
 }
 
-/// Where another log begins, as where files were put one behind another.
-fn next_log(bytes: &[u8]) -> Option<usize> {
-    let leads = |log: usize| bytes.get(log + START as usize + 2).is_none_or(|&letter| Kind::of(letter).is_some());
-    memmem::find_iter(bytes, MAGIC).find(|&log| leads(log))
+/// Where, at or behind `from`, another log begins, as where files were put one behind another.
+fn next_log(bytes: &[u8], from: usize) -> Option<usize> {
+    let rest = bytes.get(from..)?;
+    memmem::find_iter(rest, MAGIC).map(|at| from + at).find(|&log| begins_log(bytes, log))
+}
+
+/// Whether a version that is known and a definition stand behind the magic at `log`, as far as the bytes reach.
+fn begins_log(bytes: &[u8], log: usize) -> bool {
+    if bytes.get(log + MAGIC.len()).is_some_and(|&version| version > VERSION) {
+        return false;
+    }
+    let first = log + START as usize;
+    let Some(&[low, high, letter]) = bytes.get(first..).and_then(|message| message.first_chunk()) else { return true };
+    let length = usize::from(u16::from_le_bytes([low, high]));
+    match Kind::of(letter) {
+        Some(Kind::FlagBits) => length >= FLAG_BITS,
+        Some(Kind::Format | Kind::Info | Kind::InfoPart | Kind::Parameter) => {
+            bytes.get(first + HEAD + length + 2).is_none_or(|&letter| Kind::of(letter).is_some())
+        }
+        _ => false,
+    }
+}
+
+/// Whether a message that fits carries the log inside of it as its content: behind its `end`, this log goes on.
+fn carries(view: View<'_>, log: usize, end: usize, session: &Session<'_, '_>) -> bool {
+    let mut at = log + START as usize;
+    while at < end
+        && let Some(message) = view.message(at).filter(|message| Kind::of(message.letter).is_some())
+    {
+        at = message.end;
+    }
+    // Where a message of the other log, too, begins at the end, only one of a topic tells that it is of this log.
+    let of_this = at != end || view.bytes.get(end + 2) == Some(&Kind::DATA);
+    of_this && leads(view, end, session)
 }
 
 /// Whether a message begins at `at` beyond doubt, or a log: one that vouches for itself, at least by its content, and leads on.
