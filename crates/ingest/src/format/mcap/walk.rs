@@ -227,6 +227,10 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if head.opcode == op::MESSAGE && !self.leads_on(head.end)? {
             return Ok(true);
         }
+        // Where a summary stands that is right, nothing was cut before it.
+        if head.opcode != op::MESSAGE && self.summary.trust == Trust::Good && self.summary.shift.is_none() {
+            return Ok(false);
+        }
         // A message may carry a log, but then two records follow it, or what ends a file. Looked at first: few bytes tell it.
         let known = head.opcode == op::MESSAGE && self.is_message(head)?;
         let follow = match Head::read(self.file, head.end)?.filter(|next| next.end <= self.file.size()) {
