@@ -88,6 +88,7 @@ fn read_file(
             behind_message: false,
             seen: None,
             found_any: false,
+            in_vain: 0,
         };
         walk.begin()?;
         walk.run()?;

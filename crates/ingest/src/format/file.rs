@@ -17,6 +17,8 @@ const READ_AHEAD: usize = 256 << 10;
 const FIRST_AHEAD: usize = 512;
 /// Stepping over so much is no jump: discs read it anyway.
 const LONGEST_STEP: u64 = 64 << 10;
+/// Bytes in front of what is asked for that stay in the buffer: after a look ahead, the walk goes on where it was.
+const KEPT_BEHIND: u64 = 4 << 10;
 /// Progress is reported, and a wish to stop is heard, this often, bytes.
 const PROGRESS_STEP: u64 = 1 << 20;
 
@@ -117,19 +119,21 @@ impl LogFile {
         Ok((self.size, false))
     }
 
-    /// Makes the buffer begin at `offset` and hold at least `length` bytes that the file has.
+    /// Makes the buffer hold at least `length` bytes at `offset`, which the file has.
     fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
         let end = self.start + self.filled as u64;
         let jump = offset < self.start || offset > end + self.longest_step;
         let alone = jump || length >= READ_AHEAD;
         self.ahead = if alone { FIRST_AHEAD } else { READ_AHEAD.min(4 * self.ahead) };
-        let kept = self.keep_from(offset);
-        let wanted = (self.size - offset).min(length.max(self.ahead) as u64) as usize;
+        let held = (self.start..=end).contains(&offset);
+        let front = if held { self.start.max(offset.saturating_sub(KEPT_BEHIND)) } else { offset };
+        let kept = self.keep_from(front);
+        let wanted = (self.size - offset).min(length.max(self.ahead) as u64) as usize + (offset - front) as usize;
         if self.buffer.len() < wanted {
             self.buffer.resize(wanted, 0);
         }
         let mut buffer = std::mem::take(&mut self.buffer);
-        let result = self.read(buffer.get_mut(kept..wanted).unwrap_or_default(), offset + kept as u64);
+        let result = self.read(buffer.get_mut(kept..wanted).unwrap_or_default(), front + kept as u64);
         self.buffer = buffer;
         result?;
         self.filled = wanted;

@@ -14,7 +14,7 @@ struct Hostile {
     kind: LogKind,
     head: Vec<u8>,
     unit: Vec<u8>,
-    /// Messages in each unit that are intact and must be found.
+    /// Messages in each unit that are intact, with one behind them that vouches for them, and must be found.
     intact: u64,
 }
 
@@ -137,8 +137,88 @@ fn receivers() -> Vec<Hostile> {
     ]
 }
 
+fn mcap_record(opcode: u8, length: usize, body: &[u8]) -> Vec<u8> {
+    [&[opcode][..], &(length as u64).to_le_bytes(), body].concat()
+}
+
+fn mcaps() -> Vec<Hostile> {
+    const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+    let record = |opcode, body: &[u8]| mcap_record(opcode, body.len(), body);
+    let text = |text: &[u8]| [&(text.len() as u32).to_le_bytes(), text].concat();
+    let header = record(1, &[0; 8]);
+    let schema = record(3, &[&[1, 0][..], &text(b"m"), &text(b"ros1msg"), &text(b"uint8 x\n")].concat());
+    let channel = record(4, &[&[1, 0, 1, 0][..], &text(b"/m"), &text(b"ros1"), &text(b"")].concat());
+    let message = record(5, &[&[1, 0][..], &[0; 20], &[7]].concat());
+    let metadata = record(12, &[0; 8]);
+    let start = [MAGIC, &header, &schema, &channel, &message].concat();
+    let mcap = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Mcap, start.clone(), unit.concat(), intact);
+    // What seems to reach up to `behind` bytes behind where it stands.
+    let reaching = |opcode, body: &[u8], behind: usize| mcap_record(opcode, behind - 9, body);
+    let chunk = |codec: &[u8], data: usize| {
+        [&[0; 16][..], &64_u64.to_le_bytes(), &1_u32.to_le_bytes(), &text(codec), &(data as u64).to_le_bytes()].concat()
+    };
+    // With what will be the checksum of one before.
+    let attachment = |data: usize| [&[0; 24][..], &(data as u64).to_le_bytes(), &[1; 4]].concat();
+    let other_log = [&[0; 20], MAGIC, &header, &[0; 8]].concat();
+    let heads = 20_000;
+    let over_a_log: Vec<u8> =
+        (1..=heads).rev().flat_map(|left| reaching(12, &[], 9 * left + other_log.len())).collect();
+    // From the beginning of a unit up to the byte that stands behind the heads of a later one, and is none.
+    let far = |unit: &[u8]| (LARGE / 2 / (unit.len() + 1)) * (unit.len() + 1) + unit.len();
+    let behind_each = |opcode, fixed: &dyn Fn(usize) -> Vec<u8>| {
+        let unit = [metadata.clone(), reaching(opcode, &fixed(0), 0x7fff)].concat();
+        let whole = far(&unit) - metadata.len();
+        [metadata.clone(), reaching(opcode, &fixed(whole - (unit.len() - metadata.len())), whole), vec![0]].concat()
+    };
+    vec![
+        mcap("mcap: metadata that reach over another log", &[&over_a_log, &other_log], 0),
+        mcap("mcap: a byte behind every second message", &[&message, &message, &[0]], 1),
+        mcap("mcap: long messages at every byte", &[&[5, 0, 0, 1, 0, 0, 0, 0, 0]], 0),
+        mcap("mcap: a long chunk behind every record", &[&behind_each(6, &|data| chunk(b"", data))], 0),
+        mcap("mcap: a long lz4 chunk behind every record", &[&behind_each(6, &|data| chunk(b"lz4", data))], 0),
+        mcap("mcap: a long attachment behind every record", &[&behind_each(9, &|data| attachment(data))], 0),
+    ]
+}
+
+fn bags() -> Vec<Hostile> {
+    let field = |name: &[u8], value: &[u8]| {
+        [&((name.len() + 1 + value.len()) as u32).to_le_bytes(), name, b"=", value].concat()
+    };
+    let record = |fields: &[Vec<u8>], length: usize, data: &[u8]| {
+        let header = fields.concat();
+        [&(header.len() as u32).to_le_bytes(), &header[..], &(length as u32).to_le_bytes(), data].concat()
+    };
+    let whole = |fields: &[Vec<u8>], data: &[u8]| record(fields, data.len(), data);
+    let op = |kind: u8| field(b"op", &[kind]);
+    let connection = field(b"conn", &[0; 4]);
+    let definition = [
+        field(b"type", b"std_msgs/UInt8"),
+        field(b"md5sum", &[b'0'; 32]),
+        field(b"message_definition", b"uint8 data\n"),
+    ];
+    let about = [field(b"chunk_count", &[0; 4]), field(b"conn_count", &[0; 4]), field(b"index_pos", &[0; 8])];
+    let start = [
+        b"#ROSBAG V2.0\n".to_vec(),
+        whole(&[vec![op(3)], about.to_vec()].concat(), &[b' '; 16]),
+        whole(&[op(7), connection.clone(), field(b"topic", b"/m")], &definition.concat()),
+    ];
+    let message = whole(&[op(2), connection.clone(), field(b"time", &[0; 8])], &[7]);
+    let chunk = |codec: &[u8], length: usize| {
+        record(&[op(5), field(b"compression", codec), field(b"size", &64_u32.to_le_bytes())], length, &[])
+    };
+    let bag = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Bag, start.concat(), unit.concat(), intact);
+    vec![
+        bag("bag: a byte behind every second message", &[&message, &message, b"x"], 1),
+        bag("bag: a byte behind every chunk's header", &[&chunk(b"none", 0), b"x"], 0),
+        bag("bag: a long chunk at every header", &[&chunk(b"lz4", LARGE / 2), b"x"], 0),
+        bag("bag: a long chunk behind every message", &[&message, &chunk(b"bz2", LARGE / 2)], 1),
+        bag("bag: first lines", &[b"#ROSBAG V2.0\n"], 0),
+        bag("bag: types at every eighth byte", &[&op(2)], 0),
+    ]
+}
+
 fn all() -> Vec<Hostile> {
-    [ulogs(), dataflashes(), tlogs(), receivers()].into_iter().flatten().collect()
+    [ulogs(), dataflashes(), tlogs(), receivers(), mcaps(), bags()].into_iter().flatten().collect()
 }
 
 #[test]

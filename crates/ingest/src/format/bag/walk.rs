@@ -15,6 +15,7 @@ use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{LogHealth, Notices};
 use memchr::memmem;
+use std::ops::Range;
 
 /// Said of a file that does not begin as a bag does.
 pub(super) const WRONG_START: &str = "the line that begins the file is wrong";
@@ -30,6 +31,10 @@ const MOST_PADDING: u64 = 4096;
 const MOST_OF_HEADER: u64 = 4 << 10;
 /// Bytes searched, or fetched together, in one go.
 const BLOCK: u64 = 256 << 10;
+/// Chunks that lead nowhere are fetched up to this multiple of the file: of many that reach over one another each would be.
+const MOST_IN_VAIN: u64 = 4;
+/// A search begins with so many: what it looks for is mostly near, and damage may be in many places.
+const FIRST_BLOCK: u64 = 512;
 
 /// Who is shown connections and messages.
 pub(super) trait Visit {
@@ -68,6 +73,8 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) seen: Option<Record>,
     /// Something of the bag was read.
     pub(super) found_any: bool,
+    /// Bytes of chunks that lead nowhere.
+    pub(super) in_vain: u64,
 }
 
 impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
@@ -219,8 +226,12 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
 
     /// A compressed chunk. One that is cut gives what its decoder vouches for.
     fn chunk(&mut self, codec: Codec, size: u64, record: &Record) -> Result<(), IngestError> {
-        self.fetch(record, self.context.limits.record_bytes)?;
+        let patient = self.in_vain / MOST_IN_VAIN <= self.source.size();
+        self.fetch(record, if patient { self.context.limits.record_bytes } else { BLOCK })?;
         let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
+        if !whole {
+            self.in_vain += record.end() - record.start;
+        }
         let end = if whole { record.end() } else { self.search(record.data_at)? };
         let Some(inflater) = self.inflater.take() else { return self.lost("a chunk inside a chunk") };
         let fate = self.decompressed(inflater, codec, size, record.data_at..end, whole);
@@ -237,7 +248,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         inflater: &mut Inflater,
         codec: Codec,
         size: u64,
-        place: std::ops::Range<u64>,
+        place: Range<u64>,
         whole: bool,
     ) -> Result<Result<Fate, String>, IngestError> {
         let length = place.end - place.start;
@@ -282,18 +293,22 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         let size = self.source.size();
         let mut at = from;
         let mut zeros = 0;
+        let mut most = FIRST_BLOCK;
         while at < size && zeros <= MOST_ZEROS {
-            let length = BLOCK.min(size - at);
-            let block = self.source.bytes(at, length as usize)?.unwrap_or_default();
-            zeros = if is_zero(block) { zeros + length } else { 0 };
-            let bags: Vec<u64> = memmem::find_iter(block, MAGIC).map(|bag| at + bag as u64).collect();
-            let hits: Vec<u64> = memmem::find_iter(block, OP_FIELD).map(|hit| at + hit as u64).collect();
+            let length = most.min(size - at);
+            let front = from.max(at.saturating_sub(LOOK_BACK));
+            let block = self.source.bytes(front, (at - front + length) as usize)?.unwrap_or_default();
+            let fresh = block.get((at - front) as usize..).unwrap_or_default();
+            zeros = if is_zero(fresh) { zeros + length } else { 0 };
+            let bags: Vec<u64> = memmem::find_iter(fresh, MAGIC).map(|bag| at + bag as u64).collect();
+            let hits: Vec<u64> = memmem::find_iter(fresh, OP_FIELD).map(|hit| at + hit as u64).collect();
+            let headers = if hits.is_empty() { vec![] } else { possible_headers(block, front) };
             let mut bag = None;
             for place in bags {
                 bag = if bag.is_none() && self.begins_bag(place)? { Some(place) } else { bag };
             }
             for hit in hits.into_iter().filter(|&hit| bag.is_none_or(|bag| hit < bag)) {
-                if let Some(found) = self.header_around(hit, from)? {
+                if let Some(found) = self.header_around(hit, &headers)? {
                     return Ok(found);
                 }
             }
@@ -301,31 +316,23 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
                 return Ok(bag);
             }
             // What straddles two blocks is found in the second.
-            at += if length == BLOCK { BLOCK - MAGIC.len() as u64 } else { length };
+            at += if length == most { most - MAGIC.len() as u64 } else { length };
+            most = BLOCK.min(2 * most);
             self.source.progress(at, self.context)?;
         }
         Ok(size)
     }
 
-    /// The record not before `from` whose header says its type at `hit`.
-    fn header_around(&mut self, hit: u64, from: u64) -> Result<Option<u64>, IngestError> {
-        let start = hit.saturating_sub(LOOK_BACK).max(from);
+    /// The record whose header, one of these, says its type at `hit`.
+    fn header_around(&mut self, hit: u64, headers: &[Range<u64>]) -> Result<Option<u64>, IngestError> {
         let behind = hit + OP_FIELD.len() as u64 + 1;
-        let before = self.source.bytes(start, hit.saturating_sub(start) as usize)?.unwrap_or_default();
-        let reaches = |place: usize, length: &[u8]| {
-            let end = Bytes(length)
-                .u32()
-                .filter(|&l| l <= LONGEST_FOUND_HEADER)
-                .map(|l| start + place as u64 + 4 + u64::from(l));
-            end.is_some_and(|end| end >= behind)
-        };
-        let likely: Vec<u64> =
-            before.windows(4).enumerate().filter(|(i, w)| reaches(*i, w)).map(|(i, _)| start + i as u64).collect();
-        for place in likely {
-            if let Some(record) = Record::read(&mut self.source, place)?
+        let first = headers.partition_point(|header| header.start + LOOK_BACK < hit);
+        let near = headers.get(first..).unwrap_or_default().iter().take_while(|header| header.start < hit);
+        for header in near.filter(|header| header.end >= behind) {
+            if let Some(record) = Record::read(&mut self.source, header.start)?
                 && self.is_plain(&record)?
             {
-                return Ok(Some(place));
+                return Ok(Some(header.start));
             }
         }
         Ok(None)
@@ -362,6 +369,19 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     }
 }
 
+/// Where a header that says its type may stand, by its length and that of its first field, in the order of their beginnings.
+fn possible_headers(block: &[u8], start: u64) -> Vec<Range<u64>> {
+    let shortest = OP_FIELD.len() as u32 + 1;
+    let header = |(place, window): (usize, &[u8])| {
+        let mut lengths = Bytes(window);
+        let (length, first) = (lengths.u32()?, lengths.u32()?);
+        let fits = (shortest..=LONGEST_FOUND_HEADER).contains(&length) && first <= length - 4;
+        let from = start + place as u64;
+        fits.then(|| from..from + 4 + u64::from(length))
+    };
+    block.windows(8).enumerate().filter_map(header).collect()
+}
+
 /// Walks through what was a chunk. The verdict is on the whole chunk; with it the number of messages in it.
 fn inside<V: Visit>(
     chunk: &[u8],
@@ -385,6 +405,7 @@ fn inside<V: Visit>(
         behind_message: false,
         seen: None,
         found_any: false,
+        in_vain: 0,
     };
     inner.run()?;
     let messages = inner.messages;

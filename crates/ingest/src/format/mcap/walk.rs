@@ -26,10 +26,15 @@ const ATTACHMENT_SHOWN: u64 = 1 << 20;
 const ATTACHMENT_HEAD_BYTES: u64 = 4096;
 /// Bytes searched or summed in one go.
 const BLOCK: usize = 256 << 10;
+/// A search begins with so many: what it looks for is mostly near, and damage may be in many places.
+const FIRST_BLOCK: usize = 512;
 /// A definition found by searching is believed up to this length.
 const LONGEST_FOUND: u64 = 1 << 20;
 /// A record that the end of the file cuts is believed to be shorter than this.
 const LONGEST_CUT: u64 = 1 << 40;
+/// Chunks and attachments that proved wrong and lead nowhere are looked into up to this multiple of the file: of many that
+/// reach over one another each would be read.
+const MOST_IN_VAIN: u64 = 4;
 /// As many zero bytes behind a message, or all up to the end of the file, are what a loss of power leaves.
 const TELLING_ZEROS: usize = 4096;
 
@@ -53,6 +58,10 @@ pub(super) struct Walk<'w, 'c, V> {
     ended: bool,
     /// Another log begins where the walk stands.
     another: bool,
+    /// Where the log begins that was last found inside of a record: many damaged records may reach over the same one.
+    log_within: u64,
+    /// Bytes of records that proved wrong and lead nowhere.
+    in_vain: u64,
     /// Something of this log was read.
     found_any: bool,
     damaged: bool,
@@ -110,6 +119,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             footer_seen: false,
             ended: false,
             another: false,
+            log_within: 0,
+            in_vain: 0,
             found_any: false,
             damaged: false,
             unknown: Tally::default(),
@@ -214,14 +225,20 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
                 self.damage_to(head.end, &reason);
                 Ok(())
             }
-            Err(reason) => self.lost(&reason),
+            Err(reason) => {
+                self.in_vain += head.end - head.start;
+                self.lost(&reason)
+            }
         }
     }
 
     /// Whether a record that has no checksum, as all that are in no chunk, is refuted by what follows: a message by the first
     /// thing behind it, any other if another log begins inside of it.
     fn leads_nowhere(&mut self, head: &Head) -> Result<bool, IngestError> {
-        if matches!(head.opcode, op::CHUNK | op::ATTACHMENT) || head.length > self.context.limits.record_bytes {
+        if matches!(head.opcode, op::CHUNK | op::ATTACHMENT) {
+            return Ok(self.in_vain / MOST_IN_VAIN > self.file.size() && !self.begins_record(head.end)?);
+        }
+        if head.length > self.context.limits.record_bytes {
             return Ok(false);
         }
         if head.opcode == op::MESSAGE && !self.leads_on(head.end)? {
@@ -242,10 +259,18 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if follow {
             return Ok(false);
         }
+        if (head.start + 1..head.end).contains(&self.log_within) {
+            return Ok(true);
+        }
         // As far as a log that begins with the last byte.
         let most = (head.end - head.start) as usize + MAGIC.len() - 2;
-        let inside = memmem::find(self.file.up_to(head.start + 1, most)?, MAGIC);
-        inside.map_or(Ok(false), |at| self.begins_log(head.start + 1 + at as u64))
+        let Some(inside) = memmem::find(self.file.up_to(head.start + 1, most)?, MAGIC) else { return Ok(false) };
+        let at = head.start + 1 + inside as u64;
+        let found = self.begins_log(at)?;
+        if found {
+            self.log_within = at;
+        }
+        Ok(found)
     }
 
     /// Whether a record begins here, or the file ends as where its recorder was stopped.
@@ -476,8 +501,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         let size = self.file.size();
         let mut at = from;
         let mut zeros = 0;
+        let mut length = FIRST_BLOCK;
         while at + HEAD_BYTES <= size {
-            let block = self.file.up_to(at, BLOCK)?;
+            let block = self.file.up_to(at, length)?;
             let fresh = block.len() as u64 - (HEAD_BYTES - 1);
             zeros = if is_zero(block) { zeros + fresh } else { 0 };
             let found = candidates(block).map(|i| at + i as u64).collect::<Vec<u64>>();
@@ -490,6 +516,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
                 break;
             }
             at += fresh;
+            length = BLOCK.min(2 * length);
             self.file.progress(at, self.context)?;
         }
         Ok(size)
