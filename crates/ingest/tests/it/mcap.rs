@@ -919,3 +919,31 @@ fn the_last_message_before_a_tail_of_zeros_a_cut_record_or_a_private_one_is_kept
         }
     }
 }
+
+#[test]
+fn a_wrong_length_that_leads_into_a_black_image_costs_its_own_message_only() {
+    let message = |channel: u8, body: &[u8]| bare_record(5, &[&[channel, 0][..], &[0; 20], body].concat());
+    let mut bytes = [&b"\x89MCAP0\r\n"[..], &bare_record(1, &[0; 8])].concat();
+    bytes.extend([bare_channel(7, "/t", ""), bare_channel(8, "/depth", "")].concat());
+    let mut hurt_at = 0;
+    for n in 0..60 {
+        if n % 10 == 0 {
+            bytes.extend(message(8, &[0; 20_000]));
+        }
+        hurt_at = if n == 35 { bytes.len() } else { hurt_at };
+        bytes.extend(message(7, format!("{{\"x\":{n}}}").as_bytes()));
+    }
+    let end = [bare_record(15, &[0; 4]), bare_record(2, &[0; 20]), b"\x89MCAP0\r\n".to_vec()].concat();
+    for (end, bit) in [vec![], end].iter().flat_map(|end| (0..40).map(move |bit| (end, bit))) {
+        let mut hurt = [bytes.as_slice(), end].concat();
+        hurt[hurt_at + 1 + bit / 8] ^= 1 << (bit % 8);
+        let disk = OnDisk::new(&hurt, false);
+        let wanted = |topic: &TopicInfo| if topic.name == "/t" { Selection::All } else { Selection::Skip };
+        let log = with_limits(Limits::default(), |c| reader(disk.path(), false).read(&wanted, c)).unwrap();
+        let found = log.tables[0].column("x").unwrap();
+        let found: Vec<f64> = (0..log.tables[0].rows).filter_map(|row| found.number(row)).collect();
+        let expected: Vec<f64> = (0..60).filter(|n| *n != 35).map(f64::from).collect();
+        assert_eq!(found, expected, "bit {bit}: {:?}", log.notices);
+        assert!(lost(&log), "bit {bit}");
+    }
+}

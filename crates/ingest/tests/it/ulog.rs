@@ -713,16 +713,39 @@ fn a_message_that_carries_the_beginning_of_a_log_is_read_and_so_is_the_log_behin
 }
 
 #[test]
-fn a_log_behind_one_that_was_cut_anywhere_is_read_whole() {
+fn a_log_behind_one_that_was_cut_anywhere_is_read_whole_and_so_is_what_stood_before_the_cut() {
     let second = small(6);
     let expected = rows(&read(&second));
     let first = carrying(&[0; 64], 3);
+    let whole = rows(&read(&first));
+    let (data, ends) = (rows_of(&whole, "data"), ends(&first));
     for cut in 17..first.len() {
         let log = read(&[&first[..cut], &second].concat());
         let found = rows(&log);
         for topic in ["pose_1", "esc"] {
             assert_eq!(rows_of(&found, topic).len(), rows_of(&expected, topic).len(), "{topic} cut at {cut}");
         }
+        // Behind the flag bits stand two formats and two subscriptions, then one message of each topic in turn.
+        let messages = ends.iter().filter(|&&end| end <= cut).count().saturating_sub(6);
+        assert_eq!(rows_of(&found, "data"), &data[..messages.div_ceil(2)], "cut at {cut}");
+        assert_eq!(log.health.messages, messages as u64 + 18, "cut at {cut}");
+        if messages > 0 {
+            assert_eq!(notice(&log, "several-logs").map(|(_, count)| count), Some(2), "cut at {cut}");
+            let stamps = |topic| table(&log, topic).logged_ns.as_ref().unwrap().clone();
+            assert!(stamps("esc")[0] > *stamps("data").last().unwrap(), "cut at {cut}");
+        }
+    }
+}
+
+#[test]
+fn a_log_of_a_later_version_behind_another_is_found() {
+    let mut later = small(5);
+    later[7] = 2;
+    for both in [[small(4), later.clone()], [later, small(4)]] {
+        let log = read(&both.concat());
+        assert_eq!((table(&log, "esc").rows, log.health.bytes.damaged), (9, 0), "{:?}", log.notices);
+        assert_eq!(notice(&log, "several-logs").map(|(_, count)| count), Some(2));
+        assert!(notice(&log, "newer-version").is_some(), "{:?}", log.notices);
     }
 }
 

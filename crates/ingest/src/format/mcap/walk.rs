@@ -35,7 +35,7 @@ const LONGEST_CUT: u64 = 1 << 40;
 /// Chunks and attachments that proved wrong and lead nowhere are looked into up to this multiple of the file: of many that
 /// reach over one another each would be read.
 const MOST_IN_VAIN: u64 = 4;
-/// As many zero bytes behind a message, or all up to the end of the file, are what a loss of power leaves.
+/// As many zero bytes behind a message and at the end of the file, or all between them, are what a loss of power leaves.
 const TELLING_ZEROS: usize = 4096;
 
 /// A walk in progress.
@@ -280,7 +280,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
 
     /// Whether nothing follows, or zeros, or a record that the end of the file cuts.
     fn ends_here(&mut self, at: u64) -> Result<bool, IngestError> {
-        if is_zero(self.file.up_to(at, TELLING_ZEROS)?) {
+        let tail = self.file.size().saturating_sub(TELLING_ZEROS as u64).max(at);
+        if is_zero(self.file.up_to(at, TELLING_ZEROS)?) && is_zero(self.file.up_to(tail, TELLING_ZEROS)?) {
             return Ok(true);
         }
         let may_begin = |opcode| is_defined(opcode) || is_private(opcode);
@@ -566,7 +567,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     /// Whether a record, or what ends a file, may begin here.
     fn begins_record(&mut self, at: u64) -> Result<bool, IngestError> {
         let size = self.file.size();
-        if at == size || self.file.up_to(at, MAGIC.len())? == MAGIC {
+        if at == size || self.file.peek::<8>(at)?.as_ref() == Some(MAGIC) {
             return Ok(true);
         }
         if self.footer_seen {

@@ -3,9 +3,9 @@
 //! A message that does not vouch for itself must lead to one that does, or at least have none inside that does.
 //! Where neither holds, the walk goes on at the next byte from which it can be sure again.
 
+use super::MAGIC;
 use super::record::{DAMAGED_FORMAT, FLAG_BITS, HEAD, Kind, LONGEST, Trust, is_printable};
 use super::session::Session;
-use super::{MAGIC, VERSION};
 use crate::bytes::is_zero;
 use crate::decode::Tally;
 use crate::error::IngestError;
@@ -16,6 +16,7 @@ use crate::reader::ReadContext;
 use flight::{Notices, Severity};
 use memchr::memmem;
 use std::cell::Cell;
+use std::cmp::Ordering;
 
 /// Said of a file that does not begin as a ULog does.
 pub(super) const WRONG_START: &str = "the bytes that begin the file are wrong";
@@ -329,11 +330,8 @@ fn next_log(bytes: &[u8], from: usize) -> Option<usize> {
     memmem::find_iter(rest, MAGIC).map(|at| from + at).find(|&log| begins_log(bytes, log))
 }
 
-/// Whether a version that is known and a definition stand behind the magic at `log`, as far as the bytes reach.
+/// Whether a definition stands behind the magic at `log`, as far as the bytes reach.
 fn begins_log(bytes: &[u8], log: usize) -> bool {
-    if bytes.get(log + MAGIC.len()).is_some_and(|&version| version > VERSION) {
-        return false;
-    }
     let first = log + START as usize;
     let Some(&[low, high, letter]) = bytes.get(first..).and_then(|message| message.first_chunk()) else { return true };
     let length = usize::from(u16::from_le_bytes([low, high]));
@@ -346,7 +344,8 @@ fn begins_log(bytes: &[u8], log: usize) -> bool {
     }
 }
 
-/// Whether a message that fits carries the log inside of it as its content: behind its `end`, this log goes on.
+/// Whether a message that fits carries the log inside of it as its content: behind its `end`, this log goes on, and not the
+/// other.
 fn carries(view: View<'_>, log: usize, end: usize, session: &Session<'_, '_>) -> bool {
     let mut at = log + START as usize;
     while at < end
@@ -354,9 +353,14 @@ fn carries(view: View<'_>, log: usize, end: usize, session: &Session<'_, '_>) ->
     {
         at = message.end;
     }
-    // Where a message of the other log, too, begins at the end, only one of a topic tells that it is of this log.
-    let of_this = at != end || view.bytes.get(end + 2) == Some(&Kind::DATA);
-    of_this && leads(view, end, session)
+    let is_data = view.bytes.get(end + 2) == Some(&Kind::DATA);
+    let this_goes_on = leads(view, end, session);
+    match at.cmp(&end) {
+        Ordering::Less => this_goes_on,
+        // Where a message of the other log, too, begins at the end, only one of a topic tells that it is of this log.
+        Ordering::Equal => is_data && this_goes_on,
+        Ordering::Greater => this_goes_on && (is_certain(view, end, session) && is_data || !leads(view, at, session)),
+    }
 }
 
 /// Whether a message begins at `at` beyond doubt, or a log: one that vouches for itself, at least by its content, and leads on.
@@ -393,6 +397,8 @@ fn leads(view: View<'_>, mut at: usize, session: &Session<'_, '_>) -> bool {
             Some(Trust::Sure) => return true,
             Some(Trust::Wrong(_)) => return false,
             Some(Trust::Fits) => at = message.end,
+            // Zeros are no messages, and lead anywhere.
+            None if message.letter == 0 && message.body.is_empty() => return false,
             Some(Trust::Weak) | None => (at, fit) = (message.end, false),
         }
     }
