@@ -51,7 +51,7 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
         return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
     }
     let joined = trials.first_mut().and_then(|best| {
-        turns::align(&mut best.plans);
+        turns::align(best.plans.iter_mut().flat_map(|plan| &mut plan.stamps));
         let joined = restarts::join(&best.plans, &best.map.ties, log)?;
         for plan in &mut best.plans {
             plan.stamps.iter_mut().for_each(|stamps| joined.shift(plan.table, stamps.clock, &mut stamps.nanos));

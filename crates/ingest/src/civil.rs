@@ -156,12 +156,22 @@ pub(crate) fn unix_ns(date: Date, time: &str, offset: &str) -> Option<i64> {
     seconds.as_second().checked_mul(1_000_000_000)?.checked_add(nanos)
 }
 
-/// Nanoseconds since midnight of a time of day `hh:mm:ss[.fff]`.
+/// Nanoseconds since midnight of a time of day `hh:mm:ss[.fff]`, wherever an offset behind it says that this is.
 pub(crate) fn since_midnight_ns(time: &str) -> Option<i64> {
+    with_offset(time).map(|(nanos, _)| nanos)
+}
+
+/// The same, and how far east of UTC the offset behind it is, if there is one, ns.
+fn with_offset(time: &str) -> Option<(i64, Option<i64>)> {
     let time = time.trim();
-    let (time, nanos) = time_of_day(time.get(..zone_at(time).unwrap_or(time.len()))?.trim_end())?;
+    let (time, own) = time.split_at_checked(zone_at(time).unwrap_or(time.len()))?;
+    let east_ns = match own {
+        "" => None,
+        own => Some(i64::from(Offset::from_seconds(offset_seconds(own)?).ok()?.seconds()) * 1_000_000_000),
+    };
+    let (time, nanos) = time_of_day(time.trim_end())?;
     let seconds = 3600 * i64::from(time.hour()) + 60 * i64::from(time.minute()) + i64::from(time.second());
-    (seconds * 1_000_000_000).checked_add(nanos)
+    Some(((seconds * 1_000_000_000).checked_add(nanos)?, east_ns))
 }
 
 /// A time of day written as a number, `hhmmss[.fff]`, with colons; zeros in front may be missing. Of one with fewer digits
@@ -176,7 +186,8 @@ pub(crate) fn with_colons(time: &str) -> Option<String> {
 }
 
 /// A day of a year and the time in it, as time codes of ranges are written (IRIG 200 counts days like this):
-/// `[yyyy:]ddd:hh:mm:ss[.ffffff]`. Instead of the colons in front of the hours `-`, `/`, `T` or a blank may stand.
+/// `[yyyy:]ddd:hh:mm:ss[.ffffff]`. Instead of the colons in front of the hours `-`, `/`, `T` or a blank may stand; an offset
+/// from UTC may follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct DayOfYear {
     /// If it is written.
@@ -185,6 +196,8 @@ pub(crate) struct DayOfYear {
     pub(crate) day: i64,
     /// Since midnight.
     pub(crate) nanos: i64,
+    /// How far east of UTC this is, ns, if it is written.
+    pub(crate) east_ns: Option<i64>,
 }
 
 impl DayOfYear {
@@ -205,7 +218,8 @@ impl DayOfYear {
         if time.matches(':').count() < 2 {
             return None;
         }
-        Some(DayOfYear { year, day, nanos: since_midnight_ns(time)? })
+        let (nanos, east_ns) = with_offset(time)?;
+        Some(DayOfYear { year, day, nanos, east_ns })
     }
 }
 
@@ -534,12 +548,16 @@ mod tests {
     fn a_day_of_a_year_is_read_in_the_ways_that_time_codes_are_written() {
         // date -u -d '2024-05-10' +%j is 131.
         let nanos = ((17 * 60 + 27) * 60 + 44) * 1_000_000_000 + 300_000_000;
-        for text in ["131:17:27:44.300000", "131 17:27:44.3", "131-17:27:44.3", "131/17:27:44:300", " 131:17:27:44.3Z "]
-        {
-            assert_eq!(DayOfYear::of_text(text), Some(DayOfYear { year: None, day: 131, nanos }), "{text}");
+        let plain = DayOfYear { year: None, day: 131, nanos, east_ns: None };
+        for text in ["131:17:27:44.300000", "131 17:27:44.3", " 131-17:27:44.3 ", "131/17:27:44:300"] {
+            assert_eq!(DayOfYear::of_text(text), Some(plain), "{text}");
         }
-        for text in ["2024:131:17:27:44.300", "2024-131T17:27:44.3Z", "2024 131 17:27:44.3", "2024/131/17:27:44.3"] {
-            assert_eq!(DayOfYear::of_text(text), Some(DayOfYear { year: Some(2024), day: 131, nanos }), "{text}");
+        for (text, east_s) in [("131:17:27:44.3Z ", 0), ("131-17:27:44.3 UTC", 0), ("131:17:27:44.3-0930", -34_200)] {
+            let east_ns = Some(east_s * 1_000_000_000);
+            assert_eq!(DayOfYear::of_text(text), Some(DayOfYear { east_ns, ..plain }), "{text}");
+        }
+        for text in ["2024:131:17:27:44.300", "2024-131T17:27:44.3", "2024 131 17:27:44.3", "2024/131/17:27:44.3"] {
+            assert_eq!(DayOfYear::of_text(text), Some(DayOfYear { year: Some(2024), ..plain }), "{text}");
             let unix = year_begin_unix_ns(2024).unwrap() + 130 * 86_400_000_000_000 + nanos;
             assert_eq!(unix, 1_715_362_064_300_000_000);
         }
@@ -557,6 +575,9 @@ mod tests {
             "2024:131:17:27",
             "2023:366:17:27:44",
             "131:17:27:44.3x",
+            "131:17:27:44.3+garbage",
+            "131:17:27:44.3 Garbage",
+            "131:17:27:44.3+99:00",
         ] {
             assert_eq!(DayOfYear::of_text(text), None, "{text}");
         }
@@ -590,7 +611,7 @@ mod tests {
         {
             assert_eq!(with_colons(text).as_deref(), Some(colons));
         }
-        for none in ["", "62864.30", "246060", "1727440", "17:27:44", "-5", "x"] {
+        for none in ["", "62864.30", "246060", "1727440", "17:27:44", "-5", "x", "172744-x"] {
             assert_eq!(with_colons(none), None, "{none}");
         }
         assert!(says_zone("2024-05-10T17:27:44Z") && says_zone("172744+02") && says_zone("2024-05-10 5:27:44 PM GMT"));

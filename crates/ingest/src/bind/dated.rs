@@ -2,7 +2,7 @@
 
 use super::daytime::{DAY_NS, TimesOfDay};
 use super::repair::Repair;
-use crate::civil::{DateOrder, plain_date, says_zone, unix_ns};
+use crate::civil::{DateOrder, DayOfYear, plain_date, says_zone, unix_ns};
 use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::redate_days;
@@ -108,16 +108,19 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
 /// How many rows say an instant without a zone, where the map does not know it either and no name of a column says that it is
 /// UTC.
 pub(super) fn without_zone(source: &TimeSource, table: &Table) -> u64 {
-    let field = match source {
-        TimeSource::Iso { field, zone: None } => field,
-        TimeSource::Civil { time, offset: None, zone: None, .. } => time,
+    let (field, is_silent): (_, fn(&str) -> bool) = match source {
+        TimeSource::DayOfYear { field, zone: None, .. } => {
+            (field, |text| DayOfYear::of_text(text).is_some_and(|day| day.east_ns.is_none()))
+        }
+        TimeSource::Iso { field, zone: None } | TimeSource::Civil { time: field, offset: None, zone: None, .. } => {
+            (field, |text| !text.trim().is_empty() && !says_zone(text))
+        }
         _ => return 0,
     };
     let label = source.label();
     let named = ["utc", "gmt", "zulu"].iter().any(|zone| label.to_ascii_lowercase().contains(zone));
     let Some(column) = texts(table, field).filter(|_| !named) else { return 0 };
-    let silent = |row: &usize| column.text(*row).is_some_and(|text| !text.trim().is_empty() && !says_zone(text));
-    (0..table.rows).filter(silent).count() as u64
+    (0..table.rows).filter(|row| column.text(*row).is_some_and(is_silent)).count() as u64
 }
 
 fn is_plain(date: &str) -> bool {

@@ -59,7 +59,7 @@ pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>
 }
 
 /// Stamps of days of the year, and what they count: UTC if most rows say the year, or if that of the first is known. Where most
-/// say it the others have no stamp.
+/// say it the others have no stamp. A row that says its offset from UTC is not in the zone of the map.
 pub(super) fn days_of_year(
     field: &str,
     year: Option<i16>,
@@ -70,12 +70,13 @@ pub(super) fn days_of_year(
     let column = texts(table, field)?;
     let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(column.text(row)?)).collect();
     let since_begin = |day: &DayOfYear| (day.day - 1) * DAY_NS + day.nanos;
-    let east_ns = i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
+    let zone_ns = i64::from(zone.and_then(offset_seconds).unwrap_or(0)) * NANOS_PER_SECOND;
+    let east_ns = |day: &DayOfYear| day.east_ns.unwrap_or(zone_ns);
     let (said, all) =
         days.iter().flatten().fold((0, 0), |(n, all), day| (n + usize::from(day.year.is_some()), all + 1));
     if 2 * said > all || all == 0 {
         let stamp =
-            |day: &DayOfYear| year_begin_unix_ns(day.year?)?.checked_add(since_begin(day))?.checked_sub(east_ns);
+            |day: &DayOfYear| year_begin_unix_ns(day.year?)?.checked_add(since_begin(day))?.checked_sub(east_ns(day));
         return Some((Clock::Unix, days.iter().map(|day| day.as_ref().and_then(stamp)).collect()));
     }
     let mut stamps: Vec<Option<i64>> = days.iter().map(|day| day.as_ref().map(since_begin)).collect();
@@ -90,10 +91,11 @@ pub(super) fn days_of_year(
         stamps.iter_mut().for_each(|stamp| *stamp = stamp.filter(|since| *since < length));
     }
     note_wraps(unwrap(&mut stamps, length), "the day of the year began anew; the stamps run on", repairs);
-    let Some(begin) = begin else { return Some((Clock::Elapsed, stamps)) };
-    let dated = |since: i64| since.checked_add(begin)?.checked_sub(east_ns);
-    stamps.iter_mut().for_each(|stamp| *stamp = stamp.and_then(dated));
-    Some((Clock::Unix, stamps))
+    let dated = |since: i64, day: &DayOfYear| since.checked_add(begin.unwrap_or(0))?.checked_sub(east_ns(day));
+    for (stamp, day) in stamps.iter_mut().zip(&days) {
+        *stamp = stamp.zip(day.as_ref()).and_then(|(since, day)| dated(since, day));
+    }
+    Some((if begin.is_some() { Clock::Unix } else { Clock::Elapsed }, stamps))
 }
 
 fn note_wraps(count: u64, text: &'static str, repairs: &mut Vec<Repair>) {

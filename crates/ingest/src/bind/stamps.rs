@@ -105,12 +105,12 @@ pub(super) fn read_stamps(
         counts.clear();
     }
     let any = nanos.iter().any(Option::is_some);
-    let silent = if any { without_zone(source, table) } else { 0 };
+    let clock = clock_of(source, table, &nanos);
+    let silent = if any && clock == Clock::Unix { without_zone(source, table) } else { 0 };
     if silent > 0 {
         let severity = Severity::Info;
         repairs.push(Repair { severity, code: "no-zone", count: silent, text: NO_ZONE.into() });
     }
-    let clock = clock_of(source, table, &nanos);
     if clock != source.clock() && source.clock() == Clock::Boot {
         note(&mut repairs, "unix-stamps", nanos.iter().flatten().count() as u64, UNIX_STAMPS);
     }

@@ -2,8 +2,9 @@
 //! began anew.
 
 use super::restarts::{self, Joined};
-use super::stamps::{NO_UTC_BEFORE_NS, tie_of};
-use super::trial::{Trial, stamps_of};
+use super::stamps::{NO_UTC_BEFORE_NS, Stamps, tie_of};
+use super::trial::{Plan, Trial, stamps_of};
+use super::turns;
 use crate::error::IngestError;
 use crate::map::{ChannelMap, ChannelRule, MapLibrary};
 use crate::reader::Log;
@@ -41,27 +42,41 @@ pub struct TableTimes {
 pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestError> {
     let trials = library.candidates(None)?.into_iter().map(|map| Trial::new(map, log));
     let best = trials.filter(|t| !t.plans.is_empty()).max_by_key(Trial::rank);
-    let Some(Trial { map, plans, .. }) = best else {
+    let Some(Trial { map, mut plans, .. }) = best else {
         let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
-        let tables = log.tables.iter().map(dated).collect();
+        let tables = log.tables.iter().map(|table| dated(table).map(TableTimes::of)).collect();
         return Ok(RowTimes { tables, utc: None });
     };
+    let stamps = |table: &Table| {
+        let exact = exact(log, library, table);
+        let table = exact.as_ref().unwrap_or(table);
+        times_of(map, table).or_else(|| dated_by_any(library, table))
+    };
+    let of_rows = |table: &Table| if table.logged_ns.is_none() { stamps(table) } else { None };
+    let mut said: Vec<Option<Stamps>> = log.tables.iter().map(of_rows).collect();
+    align(&mut plans, log, &mut said);
     let joined = restarts::join(&plans, &map.ties, log);
-    let times = |table: &Table| match (&table.logged_ns, &joined) {
-        (None, _) => {
-            let exact = exact(log, library, table);
-            let table = exact.as_ref().unwrap_or(table);
-            times_of(map, table).or_else(|| dated_by_any(library, table))
-        }
+    let times = |(table, said): (&Table, Option<Stamps>)| match (&table.logged_ns, &joined) {
+        (None, _) => said.map(TableTimes::of),
         (Some(logged), Some(joined)) => Some(joined_times(joined, table, logged)),
         (Some(_), None) => None,
     };
-    let tables = log.tables.iter().map(times).collect();
+    let tables = log.tables.iter().zip(said).map(times).collect();
     let tied = match joined {
         Some(joined) => joined.into_tie(),
         None => tie_of(&map.ties, log),
     };
     Ok(RowTimes { tables, utc: tied.map(|tied| tied.tie) })
+}
+
+/// Puts what each table says into the turn where [`bind`](crate::bind) puts its channels, and then tables of which it makes
+/// none into the turn of the others.
+fn align(plans: &mut [Plan<'_>], log: &Log, said: &mut [Option<Stamps>]) {
+    let bound: Vec<bool> = log.tables.iter().map(|table| plans.iter().any(|p| p.table.topic == table.topic)).collect();
+    let of_plans = plans.iter_mut().flat_map(|plan| &mut plan.stamps);
+    let of_bound = said.iter_mut().zip(bound).filter(|(_, bound)| *bound).filter_map(|(said, _)| said.as_mut());
+    turns::align(of_plans.chain(of_bound));
+    turns::align(said.iter_mut().flatten());
 }
 
 /// A table with its large decimals as they were written, if it has any, and else the columns that maps know.
@@ -93,41 +108,38 @@ fn joined_times(joined: &Joined, table: &Table, logged: &[i64]) -> TableTimes {
 }
 
 /// Of the rules that are made for the table, then of all others.
-fn times_of(map: &ChannelMap, table: &Table) -> Option<TableTimes> {
+fn times_of(map: &ChannelMap, table: &Table) -> Option<Stamps> {
     let own = map.rules.iter().filter(|rule| rule.meets(&table.topic).is_some());
     let found = own.chain(&map.rules).filter_map(|rule| stamps_of(rule, table).ok()).flat_map(|(stamps, _)| stamps);
     let mut first = None;
     for stamps in found {
-        let dated = matches!(stamps.clock, Clock::Unix | Clock::Gps);
-        let times = TableTimes { clock: stamps.clock, source: stamps.label, nanos: stamps.nanos };
-        if dated {
-            return Some(times);
+        if matches!(stamps.clock, Clock::Unix | Clock::Gps) {
+            return Some(stamps);
         }
-        first.get_or_insert(times);
+        first.get_or_insert(stamps);
     }
     first
 }
 
 /// By what any map says of stamps, for tables of which no map reads more. Only what is a date counts: a column may be called
 /// as a stamp and be none.
-fn dated_by_any(library: &MapLibrary, table: &Table) -> Option<TableTimes> {
+fn dated_by_any(library: &MapLibrary, table: &Table) -> Option<Stamps> {
     if table.logged_ns.is_some() {
         return None;
     }
     let maps = library.candidates(None).unwrap_or_default();
     let found = maps.iter().flat_map(|map| &map.rules).filter_map(|rule| stamps_of(rule, table).ok());
-    let mut times = found.flat_map(|(stamps, _)| stamps).map(|stamps| TableTimes {
-        clock: stamps.clock,
-        source: stamps.label,
-        nanos: stamps.nanos,
-    });
-    times.find(TableTimes::is_dated)
+    found.flat_map(|(stamps, _)| stamps).find(is_dated)
+}
+
+/// Whether stamps are UTC or GPS time, and of this century.
+fn is_dated(stamps: &Stamps) -> bool {
+    let unix = |ns: &i64| stamps.clock.unix(Stamp(*ns)).is_some_and(|unix| unix.0 > NO_UTC_BEFORE_NS);
+    stamps.nanos.iter().flatten().all(unix) && stamps.nanos.iter().any(Option::is_some)
 }
 
 impl TableTimes {
-    /// Whether the times are UTC or GPS time, and of this century.
-    fn is_dated(&self) -> bool {
-        let unix = |ns: &i64| self.clock.unix(Stamp(*ns)).is_some_and(|unix| unix.0 > NO_UTC_BEFORE_NS);
-        self.nanos.iter().flatten().all(unix) && self.nanos.iter().any(Option::is_some)
+    fn of(stamps: Stamps) -> TableTimes {
+        TableTimes { clock: stamps.clock, source: stamps.label, nanos: stamps.nanos }
     }
 }

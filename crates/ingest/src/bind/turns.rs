@@ -2,7 +2,6 @@
 
 use super::repair::Repair;
 use super::stamps::{Count, Stamps};
-use super::trial::Plan;
 use crate::time::TOLERATED;
 use flight::{Clock, Severity};
 
@@ -50,16 +49,17 @@ impl Span {
 
 /// Puts the stamps of topics that do not show the end of a count into the turn in which the topics that show it are. Only what
 /// counts the same to the same end is put there.
-pub(super) fn align(plans: &mut [Plan<'_>]) {
+pub(super) fn align<'s>(topics: impl Iterator<Item = &'s mut Stamps>) {
+    let mut topics: Vec<&mut Stamps> = topics.collect();
     let mut turned: Vec<(Clock, Count, Span)> = vec![];
-    for stamps in plans.iter().flat_map(|plan| &plan.stamps) {
+    for stamps in &topics {
         let Some((count, span)) = stamps.turn.zip(Span::of(stamps.nanos.iter().flatten().copied())) else { continue };
         match turned.iter_mut().find(|(clock, known, _)| (*clock, *known) == (stamps.clock, count)) {
             Some((_, _, all)) => *all = all.and(span),
             None => turned.push((stamps.clock, count, span)),
         }
     }
-    for stamps in plans.iter_mut().flat_map(|plan| &mut plan.stamps).filter(|stamps| stamps.turn.is_none()) {
+    for stamps in topics.iter_mut().filter(|stamps| stamps.turn.is_none()) {
         let same = |(clock, count, _): &&(Clock, Count, Span)| *clock == stamps.clock && stamps.counts.contains(count);
         if let Some((_, count, all)) = turned.iter().find(same) {
             put_into_turn(stamps, count.range, *all);

@@ -30,7 +30,8 @@ use crate::format::file::LogFile;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, ReadContext, Select};
 use flight::{Notices, Severity};
-use memchr::{memchr, memchr_iter, memchr2};
+use memchr::{memchr, memchr_iter, memchr2, memchr3};
+use std::borrow::Cow;
 use std::fmt::Display;
 use std::path::PathBuf;
 
@@ -39,6 +40,10 @@ const BLOCK: usize = 256 << 10;
 
 /// Topics in one log: talkers and types of sentences.
 const MOST_TOPICS: usize = 4096;
+
+const STX: u8 = 0x02;
+const ETX: u8 = 0x03;
+const ESC: u8 = 0x1b;
 
 /// Reads the sentences of one log, or of several that make up one flight.
 pub(super) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
@@ -121,18 +126,43 @@ pub(super) fn is_prefixed(head: &[u8]) -> bool {
     for line in head.split(|b| *b == b'\n').take(1000) {
         let Some((prefix, rest)) = begin_of(line).and_then(|at| line.split_at_checked(at)) else { continue };
         if Sentence::at(rest, false).is_ok() {
+            let prefix = unmarked(prefix);
             let blank = prefix.iter().all(|b| b.is_ascii_whitespace() || *b == b'$');
-            *if !blank && is_plain(prefix) { &mut prefixed } else { &mut others } += 1;
+            *if !blank && is_plain(&prefix) { &mut prefixed } else { &mut others } += 1;
         }
     }
     prefixed > others
 }
 
-/// How much of what stands in front of a sentence is binary: an intact frame, or all up to the last control character.
+/// How much of what stands in front of a sentence is binary: an intact frame, or of what is no text all up to the last
+/// control character.
 fn binary_length(prefix: &[u8]) -> usize {
+    if is_plain(&unmarked(prefix)) {
+        return 0;
+    }
     let is_binary = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
     let whole = super::ubx::frame_length(prefix);
     whole.or_else(|| Some(prefix.iter().rposition(is_binary)? + 1)).unwrap_or(0)
+}
+
+/// Text without STX and ETX, which may frame a sentence, and without what colours it on a screen: ESC and the control
+/// sequence that it begins, `ESC[32m` (ECMA-48, 5.4).
+fn unmarked(text: &[u8]) -> Cow<'_, [u8]> {
+    if memchr3(STX, ETX, ESC, text).is_none() {
+        return text.into();
+    }
+    let mut pieces = text.split(|b| *b == ESC);
+    let first = pieces.next().unwrap_or_default();
+    let others = pieces.flat_map(|piece| behind_sequence(piece).unwrap_or(piece));
+    first.iter().chain(others).copied().filter(|b| ![STX, ETX].contains(b)).collect()
+}
+
+/// What follows a control sequence that stands behind its ESC: `[`, parameters, and what it does.
+fn behind_sequence(piece: &[u8]) -> Option<&[u8]> {
+    let sequence = piece.strip_prefix(b"[")?;
+    let end = sequence.iter().position(|b| !(b' '..=b'?').contains(b))?;
+    let (does, rest) = sequence.get(end..)?.split_first()?;
+    (b'@'..=b'~').contains(does).then_some(rest)
 }
 
 /// A walk in progress.
@@ -230,13 +260,13 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
                         self.damaged(from, from + binary, "no sentence");
                         from += binary;
                     }
-                    let prefix = line.get(from..dollar).filter(|prefix| !is_damaged_tag(prefix));
-                    if prefix.is_none() {
+                    let mut prefix = unmarked(line.get(from..dollar).unwrap_or_default());
+                    if is_damaged_tag(&prefix) {
                         self.damaged(from, dollar, "the checksum of a tag block is wrong");
-                        from = dollar;
+                        (from, prefix) = (dollar, Cow::default());
                     }
                     let end = dollar + sentence.length;
-                    self.sentence(&sentence, prefix.unwrap_or_default(), (end - from) as u64);
+                    self.sentence(&sentence, &prefix, (end - from) as u64);
                     from = end;
                 }
                 Err(reason) => {
@@ -246,9 +276,10 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             }
         }
         let rest = line.get(from..).unwrap_or_default();
-        if rest.iter().all(u8::is_ascii_whitespace) {
+        let text = unmarked(rest);
+        if text.iter().all(u8::is_ascii_whitespace) {
             self.ledger.count(Fate::Structure, rest.len() as u64);
-        } else if is_plain(rest)
+        } else if is_plain(&text)
             && memchr(b'*', rest).is_none()
             && (self.counts.sentences == 0 || self.is_text(line, rest))
         {

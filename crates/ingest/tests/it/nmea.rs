@@ -643,6 +643,61 @@ fn a_velocity_in_front_of_a_gap_is_not_moved_over_it() {
 }
 
 #[test]
+fn a_velocity_in_front_of_its_epoch_is_used_at_every_rate_that_the_receiver_is_told() {
+    // One a second and five a second, in fifths of a second.
+    let slow = |seconds: std::ops::Range<usize>| seconds.map(|second| 5 * second);
+    for fifths in [
+        slow(0..300).chain(1500..1900).collect::<Vec<_>>(),
+        (0..1500).chain(slow(300..400)).collect(),
+        (0..100).chain(slow(20..200)).chain(1000..1400).collect(),
+    ] {
+        let loaded = bound(&fifths.iter().copied().flat_map(turn).collect::<Vec<_>>());
+        // What stands in front of the first time has none.
+        assert_vtg(&loaded, fifths.len() - 1, 0);
+    }
+}
+
+#[test]
+fn a_gap_among_fast_epochs_is_one_also_where_most_of_the_log_has_epochs_as_far_apart() {
+    let slow = (0..400).flat_map(|second| turn(5 * second));
+    let before = (2000..2150).flat_map(turn).chain(turn(2150).into_iter().take(1));
+    let lines: Vec<String> = slow.chain(before).chain((2155..2200).flat_map(turn)).collect();
+    // Of 596 the first has no time yet, and nobody can tell when the two at the gap were.
+    assert_vtg(&bound(&lines), 593, 2);
+}
+
+#[test]
+fn what_frames_sentences_or_colours_them_on_a_screen_is_no_damage() {
+    let lines = |before: &str, behind: &str| -> Vec<u8> {
+        let line = |fifth: usize| format!("{before}{}{behind}", epoch("GN", fifth, "46.9", "A")[0]);
+        (0..20).map(line).collect::<String>().into_bytes()
+    };
+    let time = "2026-11-21T12:00:00.000Z";
+    for (before, behind) in [
+        ("\x02".to_owned(), "\r\n\x03"),
+        ("\x02".to_owned(), "\x03\r\n"),
+        ("\x1b[0m".to_owned(), "\r\n"),
+        ("\x1b[1;32m".to_owned(), "\x1b[0m\r\n"),
+        (format!("{time} \x1b[32m"), "\r\n"),
+        (format!("\x1b[2m{time}\x1b[0m "), "\x1b[K\r\n"),
+    ] {
+        let log = read_bytes(READER, &lines(&before, behind)).unwrap();
+        assert_eq!((messages(&log, "GNGGA"), log.health.bytes.damaged), (20, 0), "{before:?}: {:?}", log.health.damage);
+        assert!(!codes(&log).contains(&"prefix") && !log.notices.any_loss(), "{before:?}: {:?}", log.notices);
+        let logged = table(&log, "GNGGA").column("logged_ns").and_then(|column| column.integer(19));
+        assert_eq!(logged, before.contains(time).then_some(1_795_262_400_000_000_000), "{before:?}");
+    }
+    // Other text is told, and what is none is damage.
+    let log = read_bytes(READER, &lines("\x1b[32m[info] \x1b[0m", "\r\n")).unwrap();
+    assert_eq!((log.health.bytes.damaged, codes(&log).contains(&"prefix")), (0, true));
+    for binary in ["\x07", "\0\x02", "\x02\x01"] {
+        let log = read_bytes(READER, &lines(binary, "\r\n")).unwrap();
+        let damaged = 20 * binary.len() as u64;
+        assert_eq!((messages(&log, "GNGGA"), log.health.bytes.damaged), (20, damaged), "{binary:?}");
+    }
+}
+
+#[test]
 fn a_binary_frame_costs_a_log_with_the_times_of_a_logger_nothing_but_itself() {
     let frame = crate::wire::ubx_frame(1, 3, &[0; 16]);
     let ns = |fifth: usize| (1_795_262_400_100 + 200 * fifth as i64) * 1_000_000;

@@ -3,7 +3,7 @@
 use crate::support::*;
 use flight::{Clock, Stamp};
 use ingest::{ChannelMap, IngestError, Loaded, MapLibrary};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const S: i64 = 1_000_000_000;
 const WEEK: i64 = 604_800;
@@ -385,14 +385,8 @@ fn a_position_and_a_velocity_that_never_were_at_the_same_time_are_told() {
     }
 }
 
-/// The first stamps of a position and a velocity, s since the end of a count, and how many stamps are told to fit before it as
-/// well. Rows every second until 300 s behind it; in one cell of each table, if so wished, what stands there instead.
-fn turned(
-    [position, velocity]: [&str; 2],
-    range: i64,
-    begins: [i64; 2],
-    wrong: [Option<(i64, i64)>; 2],
-) -> ([i64; 2], u64) {
+/// A map of a position and a velocity that have their time in this way.
+fn turn_library([position, velocity]: [&str; 2]) -> MapLibrary {
     let channel = |name: &str, quantity: &str, topic: &str, time: &str, fields: &str| {
         format!(
             "[[channel]]\nname = \"{name}\"\nquantity = \"{quantity}\"\ntopic = [\"{topic}\"]\ntimeline = \"measured\"\n\
@@ -406,20 +400,48 @@ fn turned(
         + &channel("velocity.gps", "velocity-ned", "the_velocity", velocity, speeds);
     let mut library = MapLibrary::default();
     library.add(ChannelMap::from_toml(Path::new("t.toml"), &map).unwrap());
-    let folder = tempfile::tempdir().unwrap();
-    let table = |name: &str, begin: i64, wrong: Option<(i64, i64)>| {
-        let cell = |s: i64| wrong.filter(|(at, _)| begin + at == s).map_or(s % range, |(_, cell)| cell);
-        let rows: String = (begin..range + 300).map(|s| format!("{},47.{s:06},8.5\n", cell(s))).collect();
-        std::fs::write(folder.path().join(name), format!("t,a,b\n{rows}")).unwrap();
-        folder.path().join(name)
+    library
+}
+
+/// A table with a row in each of these seconds, which are counted to `range`; one cell may be another, if so wished.
+fn turn_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: Option<(i64, i64)>) -> PathBuf {
+    let begin = seconds.start;
+    let cell = |s: i64| wrong.filter(|(at, _)| begin + at == s).map_or(s % range, |(_, cell)| cell);
+    let rows: String = seconds.map(|s| format!("{},47.{s:06},8.5\n", cell(s))).collect();
+    std::fs::write(&path, format!("t,a,b\n{rows}")).unwrap();
+    path
+}
+
+/// When the first row of each of these tables was, s, where they are read whole.
+fn first_rows(files: &[PathBuf], library: &MapLibrary) -> Vec<i64> {
+    let all = |_: &ingest::TopicInfo| ingest::Selection::All;
+    let log = in_context(|context| ingest::open(&tables(files)).read(&all, context)).unwrap();
+    let times = ingest::row_times(&log, library).unwrap().tables;
+    let first = |file: &PathBuf| {
+        let name = file.file_stem().unwrap().to_str().unwrap();
+        let at = log.tables.iter().position(|table| table.topic.name == name).unwrap();
+        times[at].as_ref().unwrap().nanos[0].unwrap() / S
     };
+    files.iter().map(first).collect()
+}
+
+/// The first stamps of a position and a velocity, s since the end of a count, and how many stamps are told to fit before it as
+/// well. Rows every second until 300 s behind it; in one cell of each table, if so wished, what stands there instead. Their
+/// rows in a table have the same stamps, whatever a table says that is no channel.
+fn turned(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, i64)>; 2]) -> ([i64; 2], u64) {
+    let library = turn_library(times);
+    let folder = tempfile::tempdir().unwrap();
+    let table = |name: &str, begin, wrong| turn_table(folder.path().join(name), range, begin..range + 300, wrong);
     let files = [
         table("the_position.csv", range + begins[0], wrong[0]),
         table("the_velocity.csv", range + begins[1], wrong[1]),
+        table("no_channel.csv", 0, None),
     ];
     let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
     let first = |name: &str| loaded.flight.channels[name].series.timeline().stamps()[0].0 / S - range;
-    ([first("position.gps"), first("velocity.gps")], count_of(&loaded, "turn-unclear"))
+    let found = ["position.gps", "velocity.gps"].map(first);
+    assert_eq!(first_rows(&files, &library)[..2], found.map(|s| s + range));
+    (found, count_of(&loaded, "turn-unclear"))
 }
 
 const TIME_OF_DAY: &str = "unit = \"s\", clock = \"elapsed\"";
@@ -435,6 +457,19 @@ fn a_topic_that_begins_behind_the_end_of_a_count_is_in_the_turn_of_the_others_or
         // It fits before and behind.
         assert_eq!(load([100, 50 - range]), ([100 - range, 50 - range], 200), "{time}");
     }
+}
+
+#[test]
+fn rows_of_a_table_that_is_no_channel_are_in_the_turn_of_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = |name: &str, begin| turn_table(folder.path().join(name), 86_400, begin..86_700, None);
+    let library = turn_library([TIME_OF_DAY; 2]);
+    let crossing = table("the_position.csv", 86_200);
+    let files = [crossing, table("the_velocity.csv", 86_500), table("no_channel.csv", 86_450)];
+    assert_eq!(first_rows(&files, &library), [86_200, 86_500, 86_450]);
+    // It alone shows the midnight.
+    let files = [table("the_position.csv", 86_410), files[1].clone(), table("no_channel.csv", 86_300)];
+    assert_eq!(first_rows(&files, &library), [86_410, 86_500, 86_300]);
 }
 
 #[test]

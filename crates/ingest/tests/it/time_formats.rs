@@ -88,9 +88,14 @@ fn a_date_is_the_same_in_every_way_to_write_it() {
         ("field = \"t\", unit = \"d\", clock = \"matlab\"", "t", |ns, _| days(ns, 719_529, false)),
         ("field = \"t\", unit = \"d\", clock = \"modified-julian\"", "t", |ns, _| days(ns, 40_587, false)),
         ("field = \"t\", unit = \"d\", clock = \"julian\"", "t", |ns, _| days(ns, 2_440_587, true)),
-        ("field = \"t\", text = \"day-of-year\"", "t", |_, day| format!("2024:131:{}", clock_face(day).join(":"))),
+        ("field = \"t\", text = \"day-of-year\", zone = \"Z\"", "t", |_, day| {
+            format!("2024:131:{}", clock_face(day).join(":"))
+        }),
+        ("field = \"t\", text = \"day-of-year\"", "t", |_, day| {
+            format!("2024:131:{}+02:00", clock_face(day + 7200 * S).join(":"))
+        }),
         ("field = \"t\", text = \"day-of-year\", year = 2024", "t", |_, day| {
-            format!("131:{}", clock_face(day).join(":"))
+            format!("131:{} UTC", clock_face(day).join(":"))
         }),
         ("field = \"t\", text = \"day-of-year\", year = 2024, zone = \"-0500\"", "t", |_, day| {
             format!("131-{}", clock_face(day - 5 * 3600 * S).join(":"))
@@ -185,11 +190,44 @@ fn a_year_that_is_known_of_the_first_row_goes_over_new_year() {
     let begin = DAY - 60 * STEP;
     // date -u -d '2024-12-31' +%s and 2023: one is the 366th day.
     for (year, day, midnight) in [(2024, 366, 1_735_603_200), (2023, 365, 1_703_980_800)] {
-        let time = format!("field = \"t\", text = \"day-of-year\", year = {year}");
+        let time = format!("field = \"t\", text = \"day-of-year\", year = {year}, zone = \"Z\"");
         let face = |ns: i64| format!("{:03}:{}", if ns < DAY { day } else { 1 }, clock_face(ns).join(":"));
         let loaded = load_by(&time, "t", (0..ROWS).map(|i| face(begin + STEP * i)));
         assert_eq!(stamps(&loaded), (Clock::Unix, truth(midnight * S + begin)), "{year}");
         assert_eq!(codes(&loaded), ["stamp-wrap"]);
+    }
+}
+
+#[test]
+fn an_offset_behind_a_day_of_the_year_counts_and_not_the_zone_of_the_map() {
+    let row = |i: i64, east_s: i64, offset: &str| {
+        format!("131:{}{offset}", clock_face(OF_DAY + STEP * i + east_s * S).join(":"))
+    };
+    for (east_s, offset) in [(7200, "+02:00"), (-18_000, "-0500"), (0, "Z"), (0, " UTC"), (-3600, "")] {
+        for (map, year) in [("", "2024:"), (", year = 2024", "")] {
+            let time = format!("field = \"t\", text = \"day-of-year\"{map}, zone = \"-01:00\"");
+            let loaded = load_by(&time, "t", (0..ROWS).map(|i| year.to_owned() + &row(i, east_s, offset)));
+            assert_eq!((stamps(&loaded), codes(&loaded)), ((Clock::Unix, truth(BEGIN)), vec![]), "{year} {offset}");
+        }
+    }
+    // A clock that is set to another zone, in a year that nobody knows.
+    let other = |i: i64| if i < 50 { row(i, 7200, "+02:00") } else { row(i, 3600, "+01:00") };
+    let loaded = load_by("field = \"t\", text = \"day-of-year\"", "t", (0..ROWS).map(other));
+    assert_eq!((stamps(&loaded), codes(&loaded)), ((Clock::Elapsed, truth(130 * DAY + OF_DAY)), vec![]));
+    // New year's night where it comes before that of UTC.
+    let new_year = |i: i64| format!("001:{}+02:00", clock_face(STEP * i).join(":"));
+    let loaded = load_by("field = \"t\", text = \"day-of-year\"", "t", (0..ROWS).map(new_year));
+    assert_eq!(stamps(&loaded), (Clock::Elapsed, truth(-7200 * S)));
+}
+
+#[test]
+fn what_stands_behind_a_time_and_is_no_offset_makes_it_none() {
+    for (text, date) in [("day-of-year", "2024:131:"), ("time-of-day", "")] {
+        for rest in ["+garbage", " Garbage", "-", "+99:00"] {
+            let row = |i: i64| format!("{date}{}{rest}", clock_face(OF_DAY + STEP * i).join(":"));
+            let why = unbound(&format!("field = \"t\", text = \"{text}\""), "t", row);
+            assert!(why.contains(&format!("not understood is t: {}", row(0))), "{why}");
+        }
     }
 }
 
@@ -199,6 +237,8 @@ fn instants_that_say_no_zone_are_utc_and_told_once() {
     for (time, header, date) in [
         ("field = \"t\", text = \"iso-8601\"", "t", "2024-05-10T"),
         ("date = \"d\", time = \"t\"", "d;t", "2024-05-10;"),
+        ("field = \"t\", text = \"day-of-year\"", "t", "2024-131-"),
+        ("field = \"t\", text = \"day-of-year\", year = 2024", "t", "131:"),
     ] {
         let loaded = load_by(time, header, (0..ROWS).map(|i| format!("{date}{}", face(i))));
         assert_eq!(stamps(&loaded), (Clock::Unix, truth(BEGIN)));

@@ -18,6 +18,8 @@ const SAME: f64 = 0.06;
 const DECIDED_BY: u64 = 5;
 /// The others among them are fewer than one in so many.
 const RARE: u64 = 10;
+/// So many steps before one and behind it show how far apart epochs were at the time.
+const NEIGHBOURS: usize = 5;
 /// Steps that are remembered: a day and more at ten a second.
 const MOST_STEPS: usize = 1 << 20;
 
@@ -100,11 +102,10 @@ impl Order {
         if self.behind < DECIDED_BY || self.behind <= RARE * self.before || self.steps.is_empty() {
             return Steps::default();
         }
-        let longest_ns = longest(self.steps.iter().map(|(_, step_ns)| *step_ns).collect());
         let mut steps = Steps { is_whole: self.beyond == 0, ..Steps::default() };
         let (mut moved, mut lost) = (0, self.beyond);
-        for (open, step_ns) in self.steps {
-            let near = (1..=longest_ns).contains(&step_ns).then_some(step_ns);
+        for (at, (open, step_ns)) in self.steps.iter().enumerate() {
+            let near = Some(*step_ns).filter(|step_ns| (1..=longest(&self.steps, at)).contains(step_ns));
             *if near.is_some() { &mut moved } else { &mut lost } += open.count;
             steps.add(open.stamps, near);
         }
@@ -117,22 +118,21 @@ impl Order {
                     behind it and not with that before: it has the time of the sentence behind it";
         notices.push(Severity::Info, "epoch-order", "VTG", moved, text);
         if lost > 0 {
-            let text = "VTG stand in front of their epochs, and the next sentence with a time is of a later epoch, or there is \
-                        none: when they were nobody can tell, and they are not used";
+            let text = "VTG stand in front of their epochs, and the next sentence with a time comes later than epochs did at the \
+                        time, or there is none: when they were nobody can tell, and they are not used";
             notices.push(Severity::Warning, "no-epoch", "VTG", lost, text);
         }
         steps
     }
 }
 
-/// The longest step that leads from an epoch to the next and not over a gap, ns: one and a half times the median.
-fn longest(mut steps_ns: Vec<i64>) -> i64 {
-    let middle = steps_ns.len() / 2;
-    if middle >= steps_ns.len() {
-        return 0;
-    }
-    let (_, median_ns, _) = steps_ns.select_nth_unstable(middle);
-    median_ns.saturating_add(*median_ns / 2)
+/// The longest step that leads from an epoch to the next and not over a gap, ns: one and a half times the median of those
+/// around it, for a receiver may be told another rate.
+fn longest(steps: &[(Open, i64)], at: usize) -> i64 {
+    let around = steps.iter().take(at + NEIGHBOURS + 1).skip(at.saturating_sub(NEIGHBOURS));
+    let mut steps_ns: Vec<i64> = around.map(|(_, step_ns)| *step_ns).collect();
+    steps_ns.sort_unstable();
+    steps_ns.get(steps_ns.len() / 2).map_or(0, |median_ns| median_ns.saturating_add(*median_ns / 2))
 }
 
 /// Speed and track of a sentence that says both and is not slow.

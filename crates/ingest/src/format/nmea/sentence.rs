@@ -60,7 +60,8 @@ impl<'t> Sentence<'t> {
             return Err(Fault::Address);
         }
         let rest = inner.get(end..).unwrap_or_default();
-        let ends = |rest: &[u8]| rest.first().is_none_or(|b| b"\r\n\t ".contains(b));
+        // ETX and ESC too: a frame or a colour ends behind it.
+        let ends = |rest: &[u8]| rest.first().is_none_or(|b| b"\r\n\t \x03\x1b".contains(b));
         match *rest {
             [b'*', high, low, ref behind @ ..] if ends(behind) => {
                 let sum = body.bytes().fold(0, |sum, b| sum ^ b);
