@@ -27,6 +27,8 @@ const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 const MD5_OF_NOTHING: &str = "d41d8cd98f00b204e9800998ecf8427e";
 /// Bags one behind another in one file.
 const MOST_BAGS: u64 = 1000;
+/// Indexes are read up to this multiple of the file: of many bags each may say that its index is the same long one.
+const MOST_OF_INDEXES: u64 = 4;
 /// Connections in one bag.
 const MOST_CONNECTIONS: usize = 65_536;
 /// Memory that the definitions of a bag may take, bytes.
@@ -71,9 +73,10 @@ fn read_file(
     check_encryption(file)?;
     let mut inflater = Inflater::default();
     let (mut at, mut bags, mut tried, mut unplaced) = (0, 0, 0, 0);
+    let mut index_bytes = size.saturating_mul(MOST_OF_INDEXES);
     while tried == 0 || at < size && tried < MOST_BAGS {
         let mut connections = Connections::new(topics);
-        let index = Index::read(file, at, context, &mut connections)?;
+        let index = Index::read(file, at, &mut index_bytes, context, &mut connections)?;
         let mut walk = Walk {
             source: &mut *file,
             name: &name,
@@ -153,10 +156,11 @@ enum Index {
 }
 
 impl Index {
-    /// Of the bag that begins at `start`.
+    /// Of the bag that begins at `start`; `left` bytes may be read for it, and then as many fewer.
     fn read(
         file: &mut LogFile,
         start: u64,
+        left: &mut u64,
         context: &ReadContext<'_>,
         connections: &mut Connections<'_, '_>,
     ) -> Result<Index, IngestError> {
@@ -168,13 +172,14 @@ impl Index {
         match start.saturating_add(index_at) {
             _ if index_at == 0 => Ok(Index::None),
             at if at > source.size() => Ok(Index::CutOff),
-            at => Index::records(&mut source, at, chunks, context, connections),
+            at => Index::records(&mut source, at, left, chunks, context, connections),
         }
     }
 
     fn records(
         source: &mut &mut LogFile,
         start: u64,
+        left: &mut u64,
         chunks: Option<u32>,
         context: &ReadContext<'_>,
         connections: &mut Connections<'_, '_>,
@@ -184,6 +189,8 @@ impl Index {
         // Another bag may follow.
         while at < source.size() && source.bytes(at, MAGIC.len())? != Some(MAGIC) {
             let Some(record) = Record::read(source, at)? else { return Ok(Index::Unreadable) };
+            let Some(fewer) = left.checked_sub(record.end() - at) else { return Ok(Index::Unreadable) };
+            *left = fewer;
             if u64::from(record.data_length) > context.limits.record_bytes {
                 return Ok(Index::Unreadable);
             }

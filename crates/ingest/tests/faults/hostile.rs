@@ -177,6 +177,10 @@ fn mcaps() -> Vec<Hostile> {
         mcap("mcap: a long chunk behind every record", &[&behind_each(6, &|data| chunk(b"", data))], 0),
         mcap("mcap: a long lz4 chunk behind every record", &[&behind_each(6, &|data| chunk(b"lz4", data))], 0),
         mcap("mcap: a long attachment behind every record", &[&behind_each(9, &|data| attachment(data))], 0),
+        mcap("mcap: a long schema behind every record", &[&behind_each(3, &|_| vec![0xff; 8])], 0),
+        mcap("mcap: a long message index behind every record", &[&behind_each(7, &|_| vec![0xff; 8])], 0),
+        mcap("mcap: long metadata behind every record", &[&behind_each(12, &|_| vec![0xff; 8])], 0),
+        mcap("mcap: a long private record behind every record", &[&behind_each(0x90, &|_| vec![0xff; 8])], 0),
     ]
 }
 
@@ -206,6 +210,16 @@ fn bags() -> Vec<Hostile> {
     let chunk = |codec: &[u8], length: usize| {
         record(&[op(5), field(b"compression", codec), field(b"size", &64_u32.to_le_bytes())], length, &[])
     };
+    // Headers that seem to reach over all types behind them.
+    let lengths = [1200_u32.to_le_bytes(), 4_u32.to_le_bytes()].concat();
+    let over_types = [lengths.repeat(64), op(2).repeat(400)].concat();
+    let head = |index_at: usize| {
+        let about = field(b"index_pos", &(index_at as u64).to_le_bytes());
+        [&b"#ROSBAG V2.0\n"[..], &whole(&[op(3), about], &[b' '; 16])].concat()
+    };
+    let length = head(0).len();
+    let bags: Vec<u8> = (1..1000).rev().flat_map(|left| head(left * length)).collect();
+    let info = whole(&[op(6), field(b"chunk_pos", &[0; 8])], &[0; 8]);
     let bag = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Bag, start.concat(), unit.concat(), intact);
     vec![
         bag("bag: a byte behind every second message", &[&message, &message, b"x"], 1),
@@ -214,6 +228,8 @@ fn bags() -> Vec<Hostile> {
         bag("bag: a long chunk behind every message", &[&message, &chunk(b"bz2", LARGE / 2)], 1),
         bag("bag: first lines", &[b"#ROSBAG V2.0\n"], 0),
         bag("bag: types at every eighth byte", &[&op(2)], 0),
+        bag("bag: headers over many types", &[&over_types], 0),
+        Hostile::new("bag: a thousand bags with one index", LogKind::Bag, bags, info, 0),
     ]
 }
 

@@ -230,7 +230,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         self.fetch(record, if patient { self.context.limits.record_bytes } else { BLOCK })?;
         let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
         if !whole {
-            self.in_vain += record.end() - record.start;
+            self.in_vain += record.end().min(self.source.size()) - record.start;
         }
         let end = if whole { record.end() } else { self.search(record.data_at)? };
         let Some(inflater) = self.inflater.take() else { return self.lost("a chunk inside a chunk") };
@@ -302,13 +302,13 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
             zeros = if is_zero(fresh) { zeros + length } else { 0 };
             let bags: Vec<u64> = memmem::find_iter(fresh, MAGIC).map(|bag| at + bag as u64).collect();
             let hits: Vec<u64> = memmem::find_iter(fresh, OP_FIELD).map(|hit| at + hit as u64).collect();
-            let headers = if hits.is_empty() { vec![] } else { possible_headers(block, front) };
+            let mut headers = if hits.is_empty() { vec![] } else { possible_headers(block, front) };
             let mut bag = None;
             for place in bags {
                 bag = if bag.is_none() && self.begins_bag(place)? { Some(place) } else { bag };
             }
             for hit in hits.into_iter().filter(|&hit| bag.is_none_or(|bag| hit < bag)) {
-                if let Some(found) = self.header_around(hit, &headers)? {
+                if let Some(found) = self.header_around(hit, &mut headers)? {
                     return Ok(found);
                 }
             }
@@ -323,17 +323,18 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         Ok(size)
     }
 
-    /// The record whose header, one of these, says its type at `hit`.
-    fn header_around(&mut self, hit: u64, headers: &[Range<u64>]) -> Result<Option<u64>, IngestError> {
+    /// The record whose header, one of these, says its type at `hit`. Those that are none are shortened to nothing.
+    fn header_around(&mut self, hit: u64, headers: &mut [Range<u64>]) -> Result<Option<u64>, IngestError> {
         let behind = hit + OP_FIELD.len() as u64 + 1;
         let first = headers.partition_point(|header| header.start + LOOK_BACK < hit);
-        let near = headers.get(first..).unwrap_or_default().iter().take_while(|header| header.start < hit);
+        let near = headers.get_mut(first..).unwrap_or_default().iter_mut().take_while(|header| header.start < hit);
         for header in near.filter(|header| header.end >= behind) {
             if let Some(record) = Record::read(&mut self.source, header.start)?
                 && self.is_plain(&record)?
             {
                 return Ok(Some(header.start));
             }
+            header.end = header.start;
         }
         Ok(None)
     }

@@ -32,8 +32,8 @@ const FIRST_BLOCK: usize = 512;
 const LONGEST_FOUND: u64 = 1 << 20;
 /// A record that the end of the file cuts is believed to be shorter than this.
 const LONGEST_CUT: u64 = 1 << 40;
-/// Chunks and attachments that proved wrong and lead nowhere are looked into up to this multiple of the file: of many that
-/// reach over one another each would be read.
+/// Records that proved wrong and lead nowhere are looked into up to this multiple of the file: of many that reach over one
+/// another each would be read.
 const MOST_IN_VAIN: u64 = 4;
 /// As many zero bytes behind a message and at the end of the file, or all between them, are what a loss of power leaves.
 const TELLING_ZEROS: usize = 4096;
@@ -235,10 +235,10 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     /// Whether a record that has no checksum, as all that are in no chunk, is refuted by what follows: a message by the first
     /// thing behind it, any other if another log begins inside of it.
     fn leads_nowhere(&mut self, head: &Head) -> Result<bool, IngestError> {
-        if matches!(head.opcode, op::CHUNK | op::ATTACHMENT) {
-            return Ok(self.in_vain / MOST_IN_VAIN > self.file.size() && !self.begins_record(head.end)?);
+        if self.in_vain / MOST_IN_VAIN > self.file.size() && !self.begins_record(head.end)? {
+            return Ok(true);
         }
-        if head.length > self.context.limits.record_bytes {
+        if matches!(head.opcode, op::CHUNK | op::ATTACHMENT) || head.length > self.context.limits.record_bytes {
             return Ok(false);
         }
         if head.opcode == op::MESSAGE && !self.leads_on(head.end)? {
@@ -269,6 +269,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         let found = self.begins_log(at)?;
         if found {
             self.log_within = at;
+            self.in_vain += head.end - head.start;
         }
         Ok(found)
     }
