@@ -27,8 +27,6 @@ const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 const MD5_OF_NOTHING: &str = "d41d8cd98f00b204e9800998ecf8427e";
 /// Bags one behind another in one file.
 const MOST_BAGS: u64 = 1000;
-/// Indexes are read up to this multiple of the file: of many bags each may say that its index is the same long one.
-const MOST_OF_INDEXES: u64 = 4;
 /// Connections in one bag.
 const MOST_CONNECTIONS: usize = 65_536;
 /// Memory that the definitions of a bag may take, bytes.
@@ -73,7 +71,8 @@ fn read_file(
     check_encryption(file)?;
     let mut inflater = Inflater::default();
     let (mut at, mut bags, mut tried, mut unplaced) = (0, 0, 0, 0);
-    let mut index_bytes = size.saturating_mul(MOST_OF_INDEXES);
+    // Of many bags each may say that its index is the same long one.
+    let mut index_bytes = size.saturating_mul(super::MOST_IN_VAIN);
     while tried == 0 || at < size && tried < MOST_BAGS {
         let mut connections = Connections::new(topics);
         let index = Index::read(file, at, &mut index_bytes, context, &mut connections)?;

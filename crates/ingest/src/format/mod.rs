@@ -43,6 +43,11 @@ use std::path::PathBuf;
 
 /// A search for what follows damage ends after this many zero bytes: a sparse file has nothing more.
 const MOST_ZEROS: u64 = 64 << 20;
+/// It begins with a block of so many bytes: what it looks for is mostly near, and damage may be in many places.
+const FIRST_BLOCK: usize = 512;
+/// What proves wrong and leads nowhere is looked into up to this multiple of the file: of many records that reach over one
+/// another each would be read whole.
+const MOST_IN_VAIN: u64 = 4;
 
 /// Says that a file is several, put one behind another.
 fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {

@@ -10,7 +10,7 @@ use crate::bytes::{Bytes, is_zero};
 use crate::decode::Route;
 use crate::error::IngestError;
 use crate::format::inflate::{Codec, Inflated, Inflater};
-use crate::format::{MOST_ZEROS, wrong_start};
+use crate::format::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, wrong_start};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{LogHealth, Notices};
@@ -31,10 +31,6 @@ const MOST_PADDING: u64 = 4096;
 const MOST_OF_HEADER: u64 = 4 << 10;
 /// Bytes searched, or fetched together, in one go.
 const BLOCK: u64 = 256 << 10;
-/// Chunks that lead nowhere are fetched up to this multiple of the file: of many that reach over one another each would be.
-const MOST_IN_VAIN: u64 = 4;
-/// A search begins with so many: what it looks for is mostly near, and damage may be in many places.
-const FIRST_BLOCK: u64 = 512;
 
 /// Who is shown connections and messages.
 pub(super) trait Visit {
@@ -293,7 +289,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         let size = self.source.size();
         let mut at = from;
         let mut zeros = 0;
-        let mut most = FIRST_BLOCK;
+        let mut most = FIRST_BLOCK as u64;
         while at < size && zeros <= MOST_ZEROS {
             let length = most.min(size - at);
             let front = from.max(at.saturating_sub(LOOK_BACK));

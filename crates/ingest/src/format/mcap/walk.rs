@@ -13,7 +13,7 @@ use crate::decode::Tally;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::inflate::Inflater;
-use crate::format::{MOST_ZEROS, wrong_start};
+use crate::format::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, wrong_start};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
@@ -26,15 +26,10 @@ const ATTACHMENT_SHOWN: u64 = 1 << 20;
 const ATTACHMENT_HEAD_BYTES: u64 = 4096;
 /// Bytes searched or summed in one go.
 const BLOCK: usize = 256 << 10;
-/// A search begins with so many: what it looks for is mostly near, and damage may be in many places.
-const FIRST_BLOCK: usize = 512;
 /// A definition found by searching is believed up to this length.
 const LONGEST_FOUND: u64 = 1 << 20;
 /// A record that the end of the file cuts is believed to be shorter than this.
 const LONGEST_CUT: u64 = 1 << 40;
-/// Records that proved wrong and lead nowhere are looked into up to this multiple of the file: of many that reach over one
-/// another each would be read.
-const MOST_IN_VAIN: u64 = 4;
 /// As many zero bytes behind a message and at the end of the file, or all between them, are what a loss of power leaves.
 const TELLING_ZEROS: usize = 4096;
 
