@@ -266,13 +266,15 @@ mod tests {
         }
     }
 
+    /// The gaps that are told of files of these names.
+    fn told(names: &[&str]) -> Vec<(Severity, String, u64)> {
+        let mut notices = Notices::new();
+        tell_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
+        notices.iter().map(|n| (n.severity, n.place.clone(), n.count)).collect()
+    }
+
     #[test]
     fn numbers_that_are_missing_among_the_parts_of_a_recording_are_told() {
-        let told = |names: &[&str]| {
-            let mut notices = Notices::new();
-            tell_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
-            notices.iter().map(|n| (n.severity, n.place.clone(), n.count)).collect::<Vec<_>>()
-        };
         assert_eq!(told(&["b_0.mcap", "b_1.mcap", "b_2.mcap"]), []);
         assert_eq!(told(&["b_7.mcap"]), []);
         assert_eq!(told(&["a.mcap", "b_7.mcap"]), []);
@@ -284,11 +286,6 @@ mod tests {
 
     #[test]
     fn numbers_count_only_among_files_of_one_recording_and_in_their_own_order() {
-        let told = |names: &[&str]| {
-            let mut notices = Notices::new();
-            tell_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
-            notices.iter().map(|n| (n.severity, n.place.clone(), n.count)).collect::<Vec<_>>()
-        };
         assert_eq!(told(&["a_0.mcap", "b_7.mcap"]), []);
         assert_eq!(told(&["a_0.mcap", "a_1.mcap", "b_0.mcap", "b_1.mcap", "c.mcap"]), []);
         assert_eq!(
