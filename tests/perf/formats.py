@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Reading what a delay needs of one simulated flight in every format, and of one with a camera and a laser scanner beside
-it, against the least that it can cost and against the Python readers that are installed. CPU seconds (user + system) of whole processes, one after the other in each round;
-ratios are taken round by round. Needs: cargo build --release -p ingest -p simulate --examples"""
+it, against the least that it can cost and against the Python readers that are installed. The least is told in CPU seconds
+(user + system) of whole processes with one thread, one after the other in each round, their ratios round by round; Python in
+wall seconds end to end, ours with all cores. Needs: cargo build --release -p ingest -p simulate --examples"""
 
-import os, re, resource, struct, subprocess, sys, tempfile
+import os, re, resource, struct, subprocess, sys, tempfile, time
 
 ROUNDS = int(os.environ.get("ROUNDS", "7"))
 BIN = os.path.join(os.environ.get("CARGO_TARGET_DIR", "target"), "release", "examples")
@@ -30,13 +31,16 @@ WANTED = {
 }
 
 
-def cpu(command):
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def timed(command, threads=None):
+    """CPU and wall seconds, and what it said."""
+    environment = dict(os.environ, RAYON_NUM_THREADS=str(threads)) if threads else None
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    wall = time.perf_counter() - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
         raise RuntimeError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "failed")
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, done.stdout
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall, done.stdout
 
 
 def median(values):
@@ -84,22 +88,23 @@ def row(name, path):
     limit = limit_of(kind, path, ours, wanted)
     family = "bag" if kind == "db3" else kind.split("-")[0]
     peer = [sys.executable, "-c", PEERS[family], path, *wanted] if family in PEERS else None
-    times, limits, peers = [], [], []
+    times, limits, walls, peers = [], [], [], []
     out, problem = "", ""
     for round in range(ROUNDS + 1):
-        low = cpu(limit)[0]
-        high, out = cpu(ours)
+        low = timed(limit, 1)[0]
+        high = timed(ours, 1)[0]
+        _, wall, out = timed(ours)
         if round:  # the first warms the page cache
-            times.append(high), limits.append(low)
+            times.append(high), limits.append(low), walls.append(wall)
     try:
-        peers = [cpu(peer)[0]] if peer else []
+        peers = [timed(peer)[1]] if peer else []
     except RuntimeError as e:
         problem = str(e)[:40]
     ratios = [a / b for a, b in zip(times, limits)]
     megabytes = size(path) / 1e6
     read, memory = re.search(r"(\d+) bytes read, peak memory (\d+) kB", out).groups()
-    python = f"{min(peers) / median(times):6.0f} x" if peers else f"  {problem or '-'}"
-    print(f"{name:17} {megabytes:7.1f} {median(times):8.3f} {megabytes / median(times):8.0f} {median(limits):8.3f} "
+    python = f"{min(peers) / median(walls):6.0f} x" if peers else f"  {problem or '-'}"
+    print(f"{name:17} {megabytes:7.1f} {median(times):8.3f} {megabytes / median(times):8.0f} {median(walls):8.3f} {median(limits):8.3f} "
           f"{median(ratios):6.2f} [{min(ratios):.2f} to {max(ratios):.2f}] {int(read) / 1e6:8.1f} "
           f"{int(memory) / 1024:8.1f} {python}", flush=True)
     if kind.endswith("split"):
@@ -116,7 +121,7 @@ def main():
     if not os.path.exists(os.path.join(folder, "camera-mcap-split.mcap")):
         subprocess.run([os.path.join(BIN, "perf_logs"), folder, os.environ.get("SECONDS_FLOWN", "900")], check=True)
     files = {f.split(".")[0]: os.path.join(folder, f) for f in sorted(os.listdir(folder))}
-    print(f"{'log':17} {'MB':>7} {'CPU s':>8} {'MB/s':>8} {'limit s':>8}  ratio [least to most]  MB read  peak MiB  Python / ours")
+    print(f"{'log':17} {'MB':>7} {'CPU s':>8} {'MB/s':>8} {'wall s':>8} {'limit s':>8}  ratio [least to most]  MB read  peak MiB  Python / ours")
     for name in FORMATS + [f"camera-{format}" for format in FORMATS]:
         if name in files:
             row(name, files[name])

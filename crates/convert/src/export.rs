@@ -168,7 +168,7 @@ fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, Co
     note_left_out(&mut log);
     note_empty(&mut log);
     let log_times = row_time::of_log(&log, order.library)?;
-    log_times.note_run_on(&mut log.notices);
+    log_times.note(&mut log.notices);
     let LogTimes { tables: times, utc, .. } = log_times;
     if order.to == ExportTo::Mcap {
         let log_times: Vec<LogTime> = times.iter().map(RowTime::in_utc).collect();

@@ -100,7 +100,7 @@ pub fn recover(
     let how = if log.tables.is_empty() { How::Copied } else { How::Rewritten };
     let mut notices = log.notices.clone();
     let times = if how == How::Rewritten { Some(row_time::of_log(&log, library)?) } else { None };
-    times.iter().for_each(|t| t.note_run_on(&mut notices));
+    times.iter().for_each(|t| t.note(&mut notices));
     let log_times: Vec<LogTime> = times.iter().flat_map(|t| &t.tables).map(RowTime::as_logged).collect();
     let names = log.tables.iter().map(|table| table.topic.name.as_str());
     let said_of_times = row_time::tell(names.zip(&log_times), &mut notices);

@@ -18,6 +18,8 @@ pub(crate) struct LogTimes {
     pub(crate) utc: Option<UtcTie>,
     /// Rows whose stamps run on although the log's count of 32 bits began anew.
     run_on: u64,
+    /// What was put right in the stamps of rows.
+    repairs: Notices,
 }
 
 /// The times of the rows of a table.
@@ -61,7 +63,7 @@ pub(crate) struct LogTime {
 
 /// Finds the times of all rows of a log.
 pub(crate) fn of_log(log: &Log, library: &MapLibrary) -> Result<LogTimes, ConvertError> {
-    let RowTimes { tables, utc } = row_times(log, library)?;
+    let RowTimes { tables, utc, notices: repairs } = row_times(log, library)?;
     let (logged, run_on) = logged(log);
     let time = |((table, fields), logged)| RowTime::of(table, logged, fields, utc.as_ref());
     let mut tables: Vec<RowTime> = log.tables.iter().zip(tables).zip(logged).map(time).collect();
@@ -70,12 +72,13 @@ pub(crate) fn of_log(log: &Log, library: &MapLibrary) -> Result<LogTimes, Conver
     for time in tables.iter_mut().filter(|t| t.basis == Basis::Order) {
         time.begin_at(begin);
     }
-    Ok(LogTimes { tables, utc, run_on })
+    Ok(LogTimes { tables, utc, run_on, repairs })
 }
 
 impl LogTimes {
-    /// Says that stamps differ from the log's.
-    pub(crate) fn note_run_on(&self, notices: &mut Notices) {
+    /// Says where times differ from what the log says as it stands.
+    pub(crate) fn note(&self, notices: &mut Notices) {
+        notices.extend(self.repairs.clone());
         if self.run_on > 0 {
             let text =
                 "rows stand behind the place where the log's count of 32 bits began anew; their log_time runs on";

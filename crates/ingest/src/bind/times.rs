@@ -9,7 +9,7 @@ use crate::error::IngestError;
 use crate::map::{ChannelMap, ChannelRule, MapLibrary};
 use crate::reader::Log;
 use crate::table::{Column, Places, Table};
-use flight::{Clock, Stamp, UtcTie};
+use flight::{Clock, Notices, Stamp, UtcTie};
 use std::collections::HashSet;
 
 /// The times of a log's rows, by the channel map that fits it best.
@@ -20,6 +20,8 @@ pub struct RowTimes {
     pub tables: Vec<Option<TableTimes>>,
     /// UTC of a clock of the log that does not know it.
     pub utc: Option<UtcTie>,
+    /// What was put right in stamps.
+    pub notices: Notices,
 }
 
 /// The times of the rows of one table.
@@ -44,8 +46,10 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
     let best = trials.filter(|t| !t.plans.is_empty()).max_by_key(Trial::rank);
     let Some(Trial { map, mut plans, .. }) = best else {
         let dated = |table| dated_by_any(library, exact(log, library, table).as_ref().unwrap_or(table));
-        let tables = log.tables.iter().map(|table| dated(table).map(TableTimes::of)).collect();
-        return Ok(RowTimes { tables, utc: None });
+        let said: Vec<Option<Stamps>> = log.tables.iter().map(dated).collect();
+        let notices = repairs(log, &said);
+        let tables = said.into_iter().map(|said| said.map(TableTimes::of)).collect();
+        return Ok(RowTimes { tables, utc: None, notices });
     };
     let stamps = |table: &Table| {
         let exact = exact(log, library, table);
@@ -55,6 +59,7 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
     let of_rows = |table: &Table| if table.logged_ns.is_none() { stamps(table) } else { None };
     let mut said: Vec<Option<Stamps>> = log.tables.iter().map(of_rows).collect();
     align(&mut plans, log, &mut said);
+    let notices = repairs(log, &said);
     let joined = restarts::join(&plans, &map.ties, log);
     let times = |(table, said): (&Table, Option<Stamps>)| match (&table.logged_ns, &joined) {
         (None, _) => said.map(TableTimes::of),
@@ -66,7 +71,7 @@ pub fn row_times(log: &Log, library: &MapLibrary) -> Result<RowTimes, IngestErro
         Some(joined) => joined.into_tie(),
         None => tie_of(&map.ties, log),
     };
-    Ok(RowTimes { tables, utc: tied.map(|tied| tied.tie) })
+    Ok(RowTimes { tables, utc: tied.map(|tied| tied.tie), notices })
 }
 
 /// Puts what each table says into the turn where [`bind`](crate::bind) puts its channels, and then tables of which it makes
@@ -77,6 +82,21 @@ fn align(plans: &mut [Plan<'_>], log: &Log, said: &mut [Option<Stamps>]) {
     let of_bound = said.iter_mut().zip(bound).filter(|(_, bound)| *bound).filter_map(|(said, _)| said.as_mut());
     turns::align(of_plans.chain(of_bound));
     turns::align(said.iter_mut().flatten());
+}
+
+/// What was put right in what the tables say.
+fn repairs(log: &Log, said: &[Option<Stamps>]) -> Notices {
+    let mut notices = Notices::new();
+    for (table, stamps) in log.tables.iter().zip(said).filter_map(|(table, said)| Some((table, said.as_ref()?))) {
+        for repair in &stamps.repairs {
+            // Aligned first with the channels and then with all tables, stamps may have it twice.
+            let mut told = Notices::new();
+            let text = format!("stamps in {}: {}", stamps.label, repair.text);
+            told.push(repair.severity, repair.code, table.topic.name.as_str(), repair.count, text);
+            notices.extend_unsaid(told);
+        }
+    }
+    notices
 }
 
 /// A table with its large decimals as they were written, if it has any, and else the columns that maps know.

@@ -7,18 +7,19 @@ mod record;
 mod walk;
 
 use self::record::{Fields, Kind, Record, Source};
-use self::walk::{Visit, WRONG_START, Walk};
+use self::walk::{Visit, WRONG_START, Walk, look};
 use crate::bytes::Bytes;
 use crate::decode::{Definition, Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::file::LogFile;
-use crate::format::inflate::Inflater;
+use crate::format::unpacker::{MOST_PLACES, Unpacker};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// The first line of a bag.
@@ -69,20 +70,22 @@ fn read_file(
     let (name, size) = (file.name().to_owned(), file.size());
     check_version(file, context)?;
     check_encryption(file)?;
-    let mut inflater = Inflater::default();
+    let mut unpacker = Unpacker::new(file, context.limits.chunk_bytes);
     let (mut at, mut bags, mut tried, mut unplaced) = (0, 0, 0, 0);
     // Of many bags each may say that its index is the same long one.
     let mut index_bytes = size.saturating_mul(super::MOST_IN_VAIN);
     while tried == 0 || at < size && tried < MOST_BAGS {
         let mut connections = Connections::new(topics);
-        let index = Index::read(file, at, &mut index_bytes, context, &mut connections)?;
+        let mut chunks = vec![];
+        let index = Index::read(file, at, &mut index_bytes, context, &mut connections, &mut chunks)?;
+        unpacker.expect(chunks, look);
         let mut walk = Walk {
             source: &mut *file,
             name: &name,
             context,
             ledger,
             visit: &mut connections,
-            inflater: Some(&mut inflater),
+            unpacker: Some(&mut unpacker),
             at,
             messages: 0,
             padding: 0,
@@ -155,13 +158,15 @@ enum Index {
 }
 
 impl Index {
-    /// Of the bag that begins at `start`; `left` bytes may be read for it, and then as many fewer.
+    /// Of the bag that begins at `start`; `left` bytes may be read for it, and then as many fewer. `places` are those of the
+    /// chunks that it lists.
     fn read(
         file: &mut LogFile,
         start: u64,
         left: &mut u64,
         context: &ReadContext<'_>,
         connections: &mut Connections<'_, '_>,
+        places: &mut Vec<u64>,
     ) -> Result<Index, IngestError> {
         let mut source = &mut *file;
         let header = Record::read(&mut source, start + MAGIC.len() as u64)?;
@@ -171,35 +176,37 @@ impl Index {
         match start.saturating_add(index_at) {
             _ if index_at == 0 => Ok(Index::None),
             at if at > source.size() => Ok(Index::CutOff),
-            at => Index::records(&mut source, at, left, chunks, context, connections),
+            at => Index::records(&mut source, start..at, left, chunks, context, connections, places),
         }
     }
 
     fn records(
         source: &mut &mut LogFile,
-        start: u64,
+        log: Range<u64>,
         left: &mut u64,
         chunks: Option<u32>,
         context: &ReadContext<'_>,
         connections: &mut Connections<'_, '_>,
+        places: &mut Vec<u64>,
     ) -> Result<Index, IngestError> {
-        let mut at = start;
+        let mut at = log.end;
         let (mut messages, mut seen) = (0_u64, 0_u64);
         // Another bag may follow.
         while at < source.size() && source.bytes(at, MAGIC.len())? != Some(MAGIC) {
             let Some(record) = Record::read(source, at)? else { return Ok(Index::Unreadable) };
-            let Some(fewer) = left.checked_sub(record.end() - at) else { return Ok(Index::Unreadable) };
-            *left = fewer;
-            if u64::from(record.data_length) > context.limits.record_bytes {
+            if u64::from(record.data_length) > context.limits.record_bytes || record.end() > source.size() {
                 return Ok(Index::Unreadable);
             }
+            let Some(fewer) = left.checked_sub(record.end() - at) else { return Ok(Index::Unreadable) };
+            *left = fewer;
             let Some(data) = source.bytes(record.data_at, record.data_length as usize)? else {
                 return Ok(Index::Unreadable);
             };
             match &record.kind {
                 // What is wrong with a connection is said when the walk comes by.
                 Kind::Connection { connection, topic } => drop(connections.connection(*connection, topic, data)),
-                Kind::ChunkInfo => {
+                Kind::ChunkInfo { chunk_at } => {
+                    places.extend(log.start.checked_add(*chunk_at).filter(|_| seen < MOST_PLACES as u64));
                     seen += 1;
                     messages = messages.saturating_add(counts(data));
                 }

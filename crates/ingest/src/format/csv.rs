@@ -479,7 +479,8 @@ impl Books {
         if delimiter == fields::BLANKS {
             return;
         }
-        let shape = plain::Shape { delimiter, width: topic.width, header, longest: self.limits.line_bytes };
+        let (width, wanted) = (topic.width, topic.places());
+        let shape = plain::Shape { delimiter, width, wanted: &wanted, header, longest: self.limits.line_bytes };
         let mut line = open.lines.number;
         let all = plain::rows(open.lines.plain_block(), shape, open.fields.room(), |row, extent| {
             topic.push(row, 0, line, extent);

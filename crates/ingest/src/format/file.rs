@@ -9,6 +9,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Bytes fetched in one go when little is asked for again and again.
 const READ_AHEAD: usize = 256 << 10;
@@ -25,8 +26,8 @@ const PROGRESS_STEP: u64 = 1 << 20;
 /// An open log file, its size fixed at the time of opening.
 #[derive(Debug)]
 pub(crate) struct LogFile {
-    file: File,
-    name: String,
+    file: Arc<File>,
+    name: Arc<str>,
     size: u64,
     buffer: Vec<u8>,
     filled: usize,
@@ -46,7 +47,11 @@ impl LogFile {
         }
         let file = File::open(path).map_err(io_error)?;
         let size = file.metadata().map_err(io_error)?.len();
-        Ok(LogFile {
+        Ok(LogFile::new(Arc::new(file), name.into(), size))
+    }
+
+    fn new(file: Arc<File>, name: Arc<str>, size: u64) -> LogFile {
+        LogFile {
             file,
             name,
             size,
@@ -56,12 +61,30 @@ impl LogFile {
             ahead: FIRST_AHEAD,
             longest_step: LONGEST_STEP,
             told: 0,
-        })
+        }
+    }
+
+    /// The same file, to be read from elsewhere.
+    pub(crate) fn again(&self) -> LogFile {
+        LogFile::new(Arc::clone(&self.file), Arc::clone(&self.name), self.size)
+    }
+
+    /// What one has read, the other has, of the same file.
+    pub(crate) fn swap_buffer(&mut self, other: &mut LogFile) {
+        std::mem::swap(&mut self.buffer, &mut other.buffer);
+        std::mem::swap(&mut self.start, &mut other.start);
+        std::mem::swap(&mut self.filled, &mut other.filled);
+        self.ahead = FIRST_AHEAD;
     }
 
     /// From now on only what is asked for is wanted: every step over something is a jump.
     pub(crate) fn expect_jumps(&mut self) {
         self.longest_step = 0;
+    }
+
+    /// Memory of the buffer, bytes.
+    pub(crate) fn held(&self) -> usize {
+        self.buffer.capacity()
     }
 
     /// Name without its folder.

@@ -60,6 +60,17 @@ impl Inflater {
         Inflated { bytes, fault }
     }
 
+    /// Memory of the buffer, bytes.
+    pub(crate) fn held(&self) -> usize {
+        self.out.capacity()
+    }
+
+    /// The first `length` bytes of what [`Inflater::inflate`] gave last, of the same codec and data.
+    pub(crate) fn inflated<'b>(&'b self, codec: Codec, data: &'b [u8], length: usize) -> &'b [u8] {
+        let from = if codec == Codec::None { data } else { self.out.as_slice() };
+        from.get(..length).unwrap_or_default()
+    }
+
     /// A message that was compressed by itself (`compression_mode: MESSAGE`). Its frame says how long it is: rosbag2
     /// writes it in one piece.
     pub(crate) fn message<'b>(&'b mut self, data: &'b [u8], limit: u64) -> Result<&'b [u8], String> {
@@ -76,15 +87,17 @@ impl Inflater {
     fn zstd(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
         let mut room = declared.min(AT_ONCE.max(data.len().saturating_mul(4)));
         loop {
-            self.out.clear();
-            self.out.reserve(room);
+            if self.out.len() < room {
+                self.out.resize(room, 0);
+            }
+            let out = self.out.get_mut(..room).unwrap_or_default();
             let result = match &mut self.zstd {
-                Some(context) => context.decompress_to_buffer(data, &mut self.out),
+                Some(context) => context.decompress_to_buffer(data, out),
                 None => zstd::bulk::Decompressor::new()
-                    .and_then(|new| self.zstd.insert(new).decompress_to_buffer(data, &mut self.out)),
+                    .and_then(|new| self.zstd.insert(new).decompress_to_buffer(data, out)),
             };
             match result {
-                Ok(_) => return (&self.out, None),
+                Ok(filled) => return (self.out.get(..filled).unwrap_or_default(), None),
                 Err(_) if room < declared => room = declared.min(room.saturating_mul(4)),
                 Err(e) => return (&[], Some(zstd_fault(&e.to_string(), declared))),
             }

@@ -14,6 +14,7 @@ mod tlog;
 mod ubx;
 mod ulog;
 mod unpack;
+mod unpacker;
 mod yaml;
 
 pub use bag::BagReader;

@@ -8,7 +8,7 @@ const SMALL: usize = 256 << 10;
 /// Bytes for the table of times that `just faults` prints.
 const LARGE: usize = 4 << 20;
 
-/// A hostile file: `head`, then `unit` again and again.
+/// A hostile file: `head`, then `unit` again and again, and what ends a file that is so long.
 struct Hostile {
     name: &'static str,
     kind: LogKind,
@@ -16,17 +16,20 @@ struct Hostile {
     unit: Vec<u8>,
     /// Messages in each unit that are intact, with one behind them that vouches for them, and must be found.
     intact: u64,
+    tail: fn(usize) -> Vec<u8>,
 }
 
 impl Hostile {
     fn new(name: &'static str, kind: LogKind, head: Vec<u8>, unit: Vec<u8>, intact: u64) -> Hostile {
-        Hostile { name, kind, head, unit, intact }
+        Hostile { name, kind, head, unit, intact, tail: |_| vec![] }
     }
 
     /// A file of about this size, and the messages that are intact in its units.
     fn of_size(&self, bytes: usize) -> (Vec<u8>, u64) {
         let units = bytes / self.unit.len();
-        ([self.head.clone(), self.unit.repeat(units)].concat(), self.intact * units as u64)
+        let body = [self.head.clone(), self.unit.repeat(units)].concat();
+        let tail = (self.tail)(body.len());
+        ([body, tail].concat(), self.intact * units as u64)
     }
 }
 
@@ -141,8 +144,23 @@ fn mcap_record(opcode: u8, length: usize, body: &[u8]) -> Vec<u8> {
     [&[opcode][..], &(length as u64).to_le_bytes(), body].concat()
 }
 
+const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+
+/// A summary at `start` as long as what stands before it, of chunks that should stand within it.
+fn summary_of_no_chunks(start: usize) -> Vec<u8> {
+    let index = |at: usize| {
+        let place = [(start + at) as u64, 100];
+        let content =
+            [&[0; 16], place.map(u64::to_le_bytes).as_flattened(), &[0; 4], &[0; 8], &[0; 4], &[0; 16]].concat();
+        mcap_record(8, content.len(), &content)
+    };
+    let length = index(0).len();
+    let indexes: Vec<u8> = (0..start / length).flat_map(|number| index(20 + number * (length - 13))).collect();
+    let footer = mcap_record(2, 20, &[&(start as u64).to_le_bytes()[..], &[0; 12]].concat());
+    [&indexes, &footer, MAGIC].concat()
+}
+
 fn mcaps() -> Vec<Hostile> {
-    const MAGIC: &[u8] = b"\x89MCAP0\r\n";
     let record = |opcode, body: &[u8]| mcap_record(opcode, body.len(), body);
     let text = |text: &[u8]| [&(text.len() as u32).to_le_bytes(), text].concat();
     let header = record(1, &[0; 8]);
@@ -172,6 +190,10 @@ fn mcaps() -> Vec<Hostile> {
     };
     vec![
         mcap("mcap: metadata that reach over another log", &[&over_a_log, &other_log], 0),
+        Hostile {
+            tail: summary_of_no_chunks,
+            ..mcap("mcap: damage before chunks that are nowhere", &[&[0], &metadata, &metadata], 0)
+        },
         mcap("mcap: a byte behind every second message", &[&message, &message, &[0]], 1),
         mcap("mcap: long messages at every byte", &[&[5, 0, 0, 1, 0, 0, 0, 0, 0]], 0),
         mcap("mcap: a long chunk behind every record", &[&behind_each(6, &|data| chunk(b"", data))], 0),
@@ -219,6 +241,16 @@ fn bags() -> Vec<Hostile> {
     };
     let length = head(0).len();
     let bags: Vec<u8> = (1..1000).rev().flat_map(|left| head(left * length)).collect();
+    // Records that all end where a long header begins that says no type.
+    let untyped = [&65_530_u32.to_le_bytes()[..], &b"\x01\0\0\0=".repeat(13_106), &[0; 4]].concat();
+    let leading = |fields: &[Vec<u8>]| -> Vec<u8> {
+        let one = record(fields, 0, &[]).len();
+        let records = (0..120_000 / one).rev().flat_map(|left| record(fields, left * one, &[]));
+        records.chain(untyped.clone()).collect()
+    };
+    let index = leading(&[op(4), connection.clone()]);
+    let messages = leading(&[op(2), connection.clone(), field(b"time", &[0; 8])]);
+    let chunks = leading(&[op(5), field(b"compression", b"lz4"), field(b"size", &64_u32.to_le_bytes())]);
     let info = whole(&[op(6), field(b"chunk_pos", &[0; 8])], &[0; 8]);
     let bag = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Bag, start.concat(), unit.concat(), intact);
     vec![
@@ -226,6 +258,9 @@ fn bags() -> Vec<Hostile> {
         bag("bag: a byte behind every chunk's header", &[&chunk(b"none", 0), b"x"], 0),
         bag("bag: a long chunk at every header", &[&chunk(b"lz4", LARGE / 2), b"x"], 0),
         bag("bag: a long chunk behind every message", &[&message, &chunk(b"bz2", LARGE / 2)], 1),
+        bag("bag: indexes that lead to one long header", &[&index], 0),
+        bag("bag: messages that lead to one long header", &[&messages], 0),
+        bag("bag: chunks that lead to one long header", &[&chunks], 0),
         bag("bag: first lines", &[b"#ROSBAG V2.0\n"], 0),
         bag("bag: types at every eighth byte", &[&op(2)], 0),
         bag("bag: headers over many types", &[&over_types], 0),

@@ -22,6 +22,7 @@ mod protobuf;
 mod ros;
 mod stream;
 mod support;
+mod threads;
 mod time;
 mod time_formats;
 mod tlog;

@@ -431,6 +431,49 @@ fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
     }
 }
 
+#[test]
+fn lengths_that_are_wrong_cost_no_chunk_but_their_own_and_none_in_front_of_other_damage() {
+    let sent = flight(200);
+    let content = mcap(&sent, Encoding::Cdr, Layout { summary: false, data_crc: false, ..Layout::ZSTD });
+    let chunks = chunk_places(&content);
+    assert!(chunks.len() > 40);
+    let rows = |damaged: &[u8]| OnDisk::new(damaged, false).read().unwrap().tables[0].rows;
+    let with = |flipped: usize, blackened: usize| {
+        let mut damaged = content.clone();
+        for &(start, _) in chunks.iter().skip(1).step_by(2).take(flipped) {
+            // The highest bit with which the end still lies in the file.
+            let length = u64::from_le_bytes(content[start + 1..start + 9].try_into().unwrap());
+            let fits =
+                |bit: &u32| length >> bit & 1 == 0 && start as u64 + 9 + (length | 1 << bit) < content.len() as u64;
+            let longer = length | 1 << (0..40).rev().find(fits).unwrap();
+            damaged[start + 1..start + 9].copy_from_slice(&longer.to_le_bytes());
+        }
+        for &(start, _) in chunks.iter().rev().skip(1).step_by(3).take(blackened) {
+            damaged[start..start + 9].fill(0);
+        }
+        rows(&damaged)
+    };
+    let lost = |flipped, blackened| 200 - with(flipped, blackened);
+    assert!(lost(12, 0) > 0 && lost(0, 4) > 0);
+    assert_eq!(lost(12, 4), lost(12, 0) + lost(0, 4));
+}
+
+#[test]
+fn what_is_said_of_a_chunk_does_not_depend_on_those_before_it() {
+    let sent = flight(100);
+    let content = mcap(&sent, Encoding::Cdr, Layout { chunk_crc: false, data_crc: false, ..Layout::ZSTD });
+    let chunks = chunk_places(&content);
+    let mut lying = content.clone();
+    // It declares ten bytes, behind a chunk that has made room for more.
+    for &(start, _) in chunks.iter().skip(1).step_by(2) {
+        lying[start + 25..start + 33].copy_from_slice(&10_u64.to_le_bytes());
+    }
+    let log = OnDisk::new(&lying, false).read().unwrap();
+    assert!(log.health.damage.len() > 3);
+    let reason = "the zstd data hold more than the declared 10 bytes";
+    assert!(log.health.damage.iter().all(|damage| damage.reason == reason), "{:?}", log.health.damage);
+}
+
 /// The rows before and behind the longest pause, ns after the first row.
 fn around_the_gap(logged: &[i64]) -> [i64; 2] {
     let pair = logged.windows(2).max_by_key(|pair| pair[1] - pair[0]).unwrap();

@@ -412,17 +412,29 @@ fn turn_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: O
     path
 }
 
-/// When the first row of each of these tables was, s, where they are read whole.
-fn first_rows(files: &[PathBuf], library: &MapLibrary) -> Vec<i64> {
+/// When the first row of each of these tables was, s, where they are read whole; with it what is said of the stamps of the
+/// first two, by code and count.
+fn first_rows(files: &[PathBuf], library: &MapLibrary) -> (Vec<i64>, Vec<(String, u64)>) {
     let all = |_: &ingest::TopicInfo| ingest::Selection::All;
     let log = in_context(|context| ingest::open(&tables(files)).read(&all, context)).unwrap();
-    let times = ingest::row_times(&log, library).unwrap().tables;
+    let times = ingest::row_times(&log, library).unwrap();
+    let name = |file: &PathBuf| file.file_stem().unwrap().to_str().unwrap().to_owned();
     let first = |file: &PathBuf| {
-        let name = file.file_stem().unwrap().to_str().unwrap();
-        let at = log.tables.iter().position(|table| table.topic.name == name).unwrap();
-        times[at].as_ref().unwrap().nanos[0].unwrap() / S
+        let at = log.tables.iter().position(|table| table.topic.name == name(file)).unwrap();
+        times.tables[at].as_ref().unwrap().nanos[0].unwrap() / S
     };
-    files.iter().map(first).collect()
+    (
+        files.iter().map(first).collect(),
+        said_of_stamps(&times.notices, &files[..2].iter().map(name).collect::<Vec<_>>()),
+    )
+}
+
+/// What is said of the stamps of these topics, by code and count.
+fn said_of_stamps(notices: &flight::Notices, topics: &[String]) -> Vec<(String, u64)> {
+    let of_stamps = |n: &&flight::Notice| n.text.contains("stamps in ") && topics.contains(&n.place);
+    let mut said: Vec<(String, u64)> = notices.iter().filter(of_stamps).map(|n| (n.code.clone(), n.count)).collect();
+    said.sort_unstable();
+    said
 }
 
 /// The first stamps of a position and a velocity, s since the end of a count, and how many stamps are told to fit before it as
@@ -440,7 +452,11 @@ fn turned(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, i
     let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
     let first = |name: &str| loaded.flight.channels[name].series.timeline().stamps()[0].0 / S - range;
     let found = ["position.gps", "velocity.gps"].map(first);
-    assert_eq!(first_rows(&files, &library)[..2], found.map(|s| s + range));
+    let (rows, said) = first_rows(&files, &library);
+    assert_eq!(rows[..2], found.map(|s| s + range));
+    // The third table may say more of them.
+    let bound = said_of_stamps(&loaded.flight.notices, &["the_position".into(), "the_velocity".into()]);
+    assert!(bound.iter().all(|notice| said.contains(notice)), "{bound:?} in {said:?}");
     (found, count_of(&loaded, "turn-unclear"))
 }
 
@@ -466,10 +482,10 @@ fn rows_of_a_table_that_is_no_channel_are_in_the_turn_of_the_others() {
     let library = turn_library([TIME_OF_DAY; 2]);
     let crossing = table("the_position.csv", 86_200);
     let files = [crossing, table("the_velocity.csv", 86_500), table("no_channel.csv", 86_450)];
-    assert_eq!(first_rows(&files, &library), [86_200, 86_500, 86_450]);
+    assert_eq!(first_rows(&files, &library).0, [86_200, 86_500, 86_450]);
     // It alone shows the midnight.
     let files = [table("the_position.csv", 86_410), files[1].clone(), table("no_channel.csv", 86_300)];
-    assert_eq!(first_rows(&files, &library), [86_410, 86_500, 86_300]);
+    assert_eq!(first_rows(&files, &library).0, [86_410, 86_500, 86_300]);
 }
 
 #[test]

@@ -23,6 +23,11 @@ pub(super) trait Source {
     /// `None` if the source ends before.
     fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError>;
 
+    /// The file, if this is one.
+    fn file(&mut self) -> Option<&mut LogFile> {
+        None
+    }
+
     /// Tells the surroundings how far the walk has come.
     fn progress(&mut self, _offset: u64, _context: &ReadContext<'_>) -> Result<(), IngestError> {
         Ok(())
@@ -36,6 +41,10 @@ impl Source for &mut LogFile {
 
     fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
         LogFile::bytes(self, offset, length)
+    }
+
+    fn file(&mut self) -> Option<&mut LogFile> {
+        Some(self)
     }
 
     fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), IngestError> {
@@ -109,7 +118,7 @@ pub(super) enum Kind {
     BagHeader { index_at: u64, chunks: Option<u32>, encryptor: Option<String> },
     Index,
     Chunk { compression: Vec<u8>, size: u32 },
-    ChunkInfo,
+    ChunkInfo { chunk_at: u64 },
     Connection { connection: u32, topic: String },
 }
 
@@ -143,7 +152,7 @@ impl Kind {
             },
             INDEX => fields.u32("conn").map(|_| Kind::Index)?,
             CHUNK => Kind::Chunk { compression: fields.get("compression")?.to_vec(), size: fields.u32("size")? },
-            CHUNK_INFO => fields.u64("chunk_pos").map(|_| Kind::ChunkInfo)?,
+            CHUNK_INFO => Kind::ChunkInfo { chunk_at: fields.u64("chunk_pos")? },
             CONNECTION => Kind::Connection { connection: fields.u32("conn")?, topic: fields.text("topic")? },
             _ => return None,
         })

@@ -9,7 +9,9 @@ use super::record::{Fields, Kind, LONGEST_HEADER, Record, Source};
 use crate::bytes::{Bytes, is_zero};
 use crate::decode::Route;
 use crate::error::IngestError;
-use crate::format::inflate::{Codec, Inflated, Inflater};
+use crate::format::file::LogFile;
+use crate::format::inflate::Codec;
+use crate::format::unpacker::{Packed, Unpacker};
 use crate::format::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, wrong_start};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
@@ -56,7 +58,7 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) ledger: &'w mut Ledger,
     pub(super) visit: &'w mut V,
     /// `None` within a chunk, where there is nothing left to decompress.
-    pub(super) inflater: Option<&'w mut Inflater>,
+    pub(super) unpacker: Option<&'w mut Unpacker>,
     pub(super) at: u64,
     pub(super) messages: u64,
     /// Zero bytes between records.
@@ -69,7 +71,7 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) seen: Option<Record>,
     /// Something of the bag was read.
     pub(super) found_any: bool,
-    /// Bytes of chunks that lead nowhere.
+    /// Bytes of headers that were looked at and are none.
     pub(super) in_vain: u64,
 }
 
@@ -114,7 +116,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
 
     /// Whether a whole bag begins here, as where files were put one behind another.
     fn begins_bag(&mut self, at: u64) -> Result<bool, IngestError> {
-        if self.inflater.is_none() || self.source.bytes(at, MAGIC.len())? != Some(MAGIC) {
+        if self.unpacker.is_none() || self.source.bytes(at, MAGIC.len())? != Some(MAGIC) {
             return Ok(false);
         }
         let header = Record::read(&mut self.source, at + MAGIC.len() as u64)?;
@@ -216,22 +218,27 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
                 Ok(self.visit.connection(*connection, topic, data).map(|()| Fate::Structure))
             }
             Kind::Connection { .. } => Ok(Err(format!("a connection of {length} bytes is larger than the limit"))),
-            Kind::BagHeader { .. } | Kind::Index | Kind::ChunkInfo | Kind::Chunk { .. } => Ok(Ok(Fate::Structure)),
+            Kind::BagHeader { .. } | Kind::Index | Kind::ChunkInfo { .. } | Kind::Chunk { .. } => {
+                Ok(Ok(Fate::Structure))
+            }
         }
     }
 
     /// A compressed chunk. One that is cut gives what its decoder vouches for.
     fn chunk(&mut self, codec: Codec, size: u64, record: &Record) -> Result<(), IngestError> {
-        let patient = self.in_vain / MOST_IN_VAIN <= self.source.size();
-        self.fetch(record, if patient { self.context.limits.record_bytes } else { BLOCK })?;
+        // Looked at first: what is cut is no longer than the search finds it, and nobody waits for more of it.
         let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
-        if !whole {
-            self.in_vain += record.end().min(self.source.size()) - record.start;
-        }
         let end = if whole { record.end() } else { self.search(record.data_at)? };
-        let Some(inflater) = self.inflater.take() else { return self.lost("a chunk inside a chunk") };
-        let fate = self.decompressed(inflater, codec, size, record.data_at..end, whole);
-        self.inflater = Some(inflater);
+        if whole {
+            if let Some((unpacker, file)) = self.unpacker.as_deref_mut().zip(self.source.file()) {
+                unpacker.come_to(record.start, file);
+            }
+            self.fetch(record, self.context.limits.record_bytes)?;
+        }
+        let Some(unpacker) = self.unpacker.take() else { return self.lost("a chunk inside a chunk") };
+        let packed = Packed { data: record.data_at..end, ..packed(record, codec, size, self.source.size()) };
+        let fate = self.decompressed(unpacker, &packed, whole);
+        self.unpacker = Some(unpacker);
         match fate? {
             Ok(fate) => self.pass(end, fate),
             Err(reason) => self.damage_to(end, &reason),
@@ -241,23 +248,21 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
 
     fn decompressed(
         &mut self,
-        inflater: &mut Inflater,
-        codec: Codec,
-        size: u64,
-        place: Range<u64>,
+        unpacker: &mut Unpacker,
+        packed: &Packed,
         whole: bool,
     ) -> Result<Result<Fate, String>, IngestError> {
-        let length = place.end - place.start;
+        let length = packed.data.end - packed.data.start;
         if length > self.context.limits.record_bytes {
             return Ok(Err(format!("a chunk of {length} bytes is larger than the limit")));
         }
-        let data = self.source.bytes(place.start, length as usize)?.unwrap_or_default();
-        let Inflated { bytes, fault } = inflater.inflate(codec, data, size, self.context.limits.chunk_bytes);
-        match fault {
+        let Some(file) = self.source.file() else { return Ok(Err("a chunk inside a chunk".to_owned())) };
+        let Some(unpacked) = unpacker.unpack(packed, file)? else { return Ok(Err("the chunk is cut".to_owned())) };
+        match unpacked.fault {
             Some(fault) if whole => Ok(Err(format!("the chunk cannot be decompressed: {fault}"))),
             fault => {
                 let fault = fault.map(|_| "the chunk is cut".to_owned());
-                let (verdict, messages) = inside(bytes, fault, self.name, self.context, self.visit)?;
+                let (verdict, messages) = inside(unpacked.bytes, fault, self.name, self.context, self.visit)?;
                 self.messages += messages;
                 Ok(verdict)
             }
@@ -338,10 +343,10 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     /// Whether a record that was searched for is one beyond doubt.
     fn is_plain(&mut self, record: &Record) -> Result<bool, IngestError> {
         match &record.kind {
-            Kind::Chunk { compression, .. } => return Ok(codec(compression).is_some() && self.inflater.is_some()),
+            Kind::Chunk { compression, .. } => return Ok(codec(compression).is_some() && self.unpacker.is_some()),
             Kind::Message { connection, .. } if self.visit.route(*connection).is_none() => return Ok(false),
             Kind::BagHeader { .. } => return Ok(false),
-            Kind::Message { .. } | Kind::Index | Kind::ChunkInfo | Kind::Connection { .. } => {}
+            Kind::Message { .. } | Kind::Index | Kind::ChunkInfo { .. } | Kind::Connection { .. } => {}
         }
         Ok(record.end() <= self.source.size() && self.may_begin(record.end())?)
     }
@@ -352,11 +357,14 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         if length == 0 {
             return Ok(self.padding_end(at)?.is_some());
         }
-        if length > LONGEST_HEADER {
+        // Records without end may all lead to the same long header.
+        let patient = self.in_vain / MOST_IN_VAIN <= self.source.size();
+        if length > if patient { LONGEST_HEADER } else { LOOK_BACK as u32 } {
             return self.begins_bag(at);
         }
         if let Some(bytes) = self.source.bytes(at + 4, length as usize + 4)? {
             self.seen = Record::parse(bytes, at, length);
+            self.in_vain += if self.seen.is_some() { 0 } else { u64::from(length) };
             return Ok(self.seen.is_some());
         }
         match self.source.bytes(at + 4, length as usize)? {
@@ -364,6 +372,23 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
             None => Ok(length <= LONGEST_FOUND_HEADER),
         }
     }
+}
+
+/// A compressed chunk as its record has it, in a file of `size` bytes.
+fn packed(record: &Record, codec: Codec, declared: u64, size: u64) -> Packed {
+    let together = record.end().saturating_add(MOST_OF_HEADER).min(size);
+    Packed { fetched: record.start..together, data: record.data_at..record.end(), codec, declared, summed: false }
+}
+
+/// The compressed chunk of the record at `at`, if it is one.
+pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
+    let mut source = &mut *file;
+    let Some(record) = Record::read(&mut source, at)?.filter(|record| record.end() <= file.size()) else {
+        return Ok(None);
+    };
+    let Kind::Chunk { compression, size } = &record.kind else { return Ok(None) };
+    let packer = codec(compression).filter(|codec| *codec != Codec::None);
+    Ok(packer.map(|codec| packed(&record, codec, u64::from(*size), file.size())))
 }
 
 /// Where a header that says its type may stand, by its length and that of its first field, in the order of their beginnings.
@@ -394,7 +419,7 @@ fn inside<V: Visit>(
         context,
         ledger: &mut ledger,
         visit,
-        inflater: None,
+        unpacker: None,
         at: 0,
         messages: 0,
         padding: 0,

@@ -1,6 +1,6 @@
 //! Rows of one topic into columns.
 
-use super::fields::{Cell, Decimal, Row};
+use super::fields::{Cell, Decimal, EXACT, Row};
 use super::lines::Extent;
 use crate::reader::{FieldRequest, Selection, ValueKind};
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
@@ -8,8 +8,6 @@ use flight::{Notices, Severity, TopicHealth};
 
 /// A column of numbers with more cells that are none, one in so many, is a loss.
 const TOLERATED: u64 = 100;
-/// Beyond this a double cannot hold every integer.
-const EXACT: u64 = 1 << 53;
 
 /// Seconds since 1970 or 1980 are beyond this, and a float of them is not exact to the nanosecond.
 const LARGE: f64 = 1e8;
@@ -181,6 +179,11 @@ impl Topic {
     pub(super) fn follow_first(&mut self) {
         self.width = self.names.len();
         self.columns.iter_mut().for_each(|column| column.place = Some(column.index));
+    }
+
+    /// Which fields of a row are wanted now.
+    pub(super) fn places(&self) -> Vec<usize> {
+        self.columns.iter().filter_map(|column| column.place).collect()
     }
 
     /// A row that nobody wants.

@@ -4,6 +4,7 @@
 use super::fields::Row;
 use super::header::Header;
 use super::lines::{Extent, comment_mark};
+use wide::u8x16;
 
 /// What a search looks at in one step: a bit for each byte.
 const STEP: usize = u64::BITS as usize;
@@ -14,6 +15,8 @@ pub(super) struct Shape<'h> {
     pub(super) delimiter: u8,
     /// Fields of a row.
     pub(super) width: usize,
+    /// Those that are looked at.
+    pub(super) wanted: &'h [usize],
     /// The header, which may stand again between the rows.
     pub(super) header: &'h Header,
     /// A longer line is none, bytes.
@@ -25,78 +28,129 @@ impl Shape<'_> {
         let cell = row.get(0);
         let last = row.get(row.len().saturating_sub(1));
         let other = cell.is_empty() || comment_mark(cell) > 0 || self.header.may_be(cell, last);
-        row.len() == self.width && bytes <= self.longest && !other
+        bytes <= self.longest && !other
+    }
+
+    /// The wanted fields, and those at both ends, which tell whether it is a row.
+    fn looked_at(&self) -> Vec<usize> {
+        let ends = [0, self.width.saturating_sub(1)];
+        let mut fields: Vec<usize> = self.wanted.iter().copied().chain(ends).filter(|&f| f < self.width).collect();
+        fields.sort_unstable();
+        fields.dedup();
+        fields
     }
 }
 
 /// Takes the rows that a block of whole lines begins with, up to the first line that may be something else. All of them as
-/// one extent. `spans` is room for the places of fields.
+/// one extent. Of a row only the wanted fields are there. `spans` is room for the places of fields.
 pub(super) fn rows(
     block: &[u8],
     shape: Shape<'_>,
     spans: &mut Vec<(usize, usize)>,
     mut take: impl FnMut(Row<'_>, Extent),
 ) -> Extent {
+    let looked_at = shape.looked_at();
+    // A field lies between the delimiter of its own number and the one before.
+    let mut needed: Vec<usize> =
+        looked_at.iter().flat_map(|&field| [field.checked_sub(1), Some(field)]).flatten().collect();
+    needed.dedup();
+    let mut delimiters = vec![0; shape.width];
     spans.clear();
-    let (mut line, mut field, mut lines) = (0, 0, 0);
-    for at in (Separators { block, delimiter: shape.delimiter, step: 0, found: separators(block, shape.delimiter) }) {
+    spans.resize(shape.width, (0, 0));
+    let (mut line, mut lines) = (0, 0);
+    let mut search = Search::new(block, shape.delimiter);
+    while let Some(Line { fields, end }) = search.line(&needed, &mut delimiters) {
         // The LF of a CR LF.
-        if at < field {
+        if end < line {
             continue;
         }
-        spans.push((field, at));
-        field = at + 1;
-        let ends = match block.get(at) {
-            Some(b'\n') => true,
-            Some(b'\r') if block.get(field) == Some(&b'\n') => {
-                field += 1;
-                true
-            }
-            Some(b'\r') => break,
-            _ => false,
+        let next = match (block.get(end), block.get(end + 1)) {
+            (Some(b'\n'), _) => end + 1,
+            (_, Some(b'\n')) => end + 2,
+            _ => break,
         };
-        if !ends {
-            continue;
+        if fields != shape.width {
+            break;
         }
-        let (row, text) = (Row::new(block, spans), at - line);
+        for &field in &looked_at {
+            let delimiter = |number: Option<usize>| number.and_then(|number| delimiters.get(number)).copied();
+            let from = delimiter(field.checked_sub(1)).map_or(line, |at| at + 1);
+            let to = if field + 1 == fields { end } else { delimiter(Some(field)).unwrap_or(end) };
+            if let Some(span) = spans.get_mut(field) {
+                *span = (from, to);
+            }
+        }
+        let (row, text) = (Row::new(block, spans), end - line);
         if !shape.is_row(row, text) {
             break;
         }
-        take(row, Extent { text, whole: field - line, lines: 1, ended: true, broken: false });
-        spans.clear();
-        (line, lines) = (field, lines + 1);
+        take(row, Extent { text, whole: next - line, lines: 1, ended: true, broken: false });
+        (line, lines) = (next, lines + 1);
     }
     Extent { text: line, whole: line, lines, ended: true, broken: false }
 }
 
-/// Places of delimiters, CR and LF in a block.
-struct Separators<'b> {
+/// A search for delimiters and line ends from one end of a block to the other.
+struct Search<'b> {
     block: &'b [u8],
-    delimiter: u8,
+    delimiter: u8x16,
     /// Where the step begins.
     step: usize,
     /// Those of the step that are left.
-    found: u64,
+    delimiters: u64,
+    ends: u64,
 }
 
-impl Iterator for Separators<'_> {
-    type Item = usize;
+/// Fields of a line, and where it ends.
+struct Line {
+    fields: usize,
+    end: usize,
+}
 
+impl Search<'_> {
+    fn new(block: &[u8], delimiter: u8) -> Search<'_> {
+        let delimiter = u8x16::splat(delimiter);
+        let (delimiters, ends) = marks_at(block, delimiter);
+        Search { block, delimiter, step: 0, delimiters, ends }
+    }
+
+    /// The next line that has an end; where its delimiters of the `needed` numbers, which ascend, are.
     #[inline]
-    fn next(&mut self) -> Option<usize> {
-        while self.found == 0 {
+    fn line(&mut self, needed: &[usize], places: &mut [usize]) -> Option<Line> {
+        let mut needed = needed.iter().copied().peekable();
+        let mut passed = 0;
+        loop {
+            // All bits, if the line does not end here.
+            let before_end = (self.ends & self.ends.wrapping_neg()).wrapping_sub(1);
+            let mut left = self.delimiters & before_end;
+            let behind = passed + left.count_ones() as usize;
+            let mut number = passed;
+            while let Some(wanted) = needed.next_if(|&wanted| wanted < behind) {
+                for _ in number..wanted {
+                    left &= left.wrapping_sub(1);
+                }
+                number = wanted;
+                if let Some(place) = places.get_mut(wanted) {
+                    *place = self.step + left.trailing_zeros() as usize;
+                }
+            }
+            passed = behind;
+            self.delimiters &= !before_end;
+            if self.ends != 0 {
+                let end = self.step + self.ends.trailing_zeros() as usize;
+                self.ends &= self.ends.wrapping_sub(1);
+                return Some(Line { fields: passed + 1, end });
+            }
             self.step += STEP;
-            self.found = separators(self.block.get(self.step..).filter(|rest| !rest.is_empty())?, self.delimiter);
+            (self.delimiters, self.ends) =
+                marks_at(self.block.get(self.step..).filter(|rest| !rest.is_empty())?, self.delimiter);
         }
-        let at = self.step + self.found.trailing_zeros() as usize;
-        self.found &= self.found - 1;
-        Some(at)
     }
 }
 
-/// A bit for each separator of the first step.
+/// A bit for each delimiter, and one for each LF and CR, of the first step.
 #[inline]
-fn separators(rest: &[u8], delimiter: u8) -> u64 {
+fn marks_at(rest: &[u8], delimiter: u8x16) -> (u64, u64) {
     match rest.first_chunk() {
         Some(step) => marks(step, delimiter),
         None => {
@@ -108,13 +162,17 @@ fn separators(rest: &[u8], delimiter: u8) -> u64 {
 }
 
 #[inline]
-fn marks(step: &[u8; STEP], delimiter: u8) -> u64 {
-    /// Brings the lowest bits of eight bytes together in the highest byte.
-    const GATHER: u64 = 0x0102_0408_1020_4080;
-    let is_one = step.map(|byte| u8::from((byte == delimiter) | (byte == b'\n') | (byte == b'\r')));
-    let (eights, _) = is_one.as_chunks();
-    let gathered = eights.iter().map(|eight| u64::from_le_bytes(*eight).wrapping_mul(GATHER) >> 56);
-    gathered.enumerate().fold(0, |marks, (at, bits)| marks | bits << (8 * at))
+fn marks(step: &[u8; STEP], delimiter: u8x16) -> (u64, u64) {
+    const LANES: usize = 16;
+    let (lf, cr) = (u8x16::splat(b'\n'), u8x16::splat(b'\r'));
+    let (parts, _) = step.as_chunks::<LANES>();
+    let (mut delimiters, mut ends) = (0, 0);
+    for (part, bytes) in parts.iter().enumerate() {
+        let bytes = u8x16::new(*bytes);
+        delimiters |= u64::from(bytes.simd_eq(delimiter).to_bitmask()) << (LANES * part);
+        ends |= u64::from((bytes.simd_eq(lf) | bytes.simd_eq(cr)).to_bitmask()) << (LANES * part);
+    }
+    (delimiters, ends)
 }
 
 #[cfg(test)]
@@ -130,7 +188,7 @@ mod tests {
 
     fn taken(text: &str, header: &str) -> (Vec<Vec<String>>, usize) {
         let mut all = vec![];
-        let shape = Shape { delimiter: b',', width: 3, header: &header_of(header), longest: 200 };
+        let shape = Shape { delimiter: b',', width: 3, wanted: &[0, 1, 2], header: &header_of(header), longest: 200 };
         let extent = rows(text.as_bytes(), shape, &mut vec![], |row, extent| {
             all.push((0..row.len()).map(|i| String::from_utf8_lossy(row.get(i)).into_owned()).collect());
             assert!((1..=2).contains(&(extent.whole - extent.text)));
@@ -153,13 +211,32 @@ mod tests {
     }
 
     #[test]
+    fn a_wanted_field_is_the_same_whatever_else_is_wanted() {
+        let line = |i: usize| (0..90).map(|f| "7".repeat((i * f) % 5)).collect::<Vec<_>>().join(",");
+        let text: String = (0..50).map(|i| format!("{i}x{}\n", line(i))).collect();
+        for wanted in [&[][..], &[0], &[89], &[88], &[3, 4, 5], &[63, 64, 65], &[1, 40, 89], &[7, 95]] {
+            let shape = Shape { delimiter: b',', width: 90, wanted, header: &header_of("t"), longest: 1000 };
+            let mut lines = text.lines();
+            let all = rows(text.as_bytes(), shape, &mut vec![], |row, _| {
+                let fields: Vec<&str> = lines.next().unwrap().split(',').collect();
+                assert_eq!(row.len(), 90);
+                for &field in wanted {
+                    assert_eq!(row.get(field), fields.get(field).map_or(&b""[..], |f| f.as_bytes()), "{field}");
+                }
+            });
+            assert_eq!((all.whole, all.lines), (text.len(), 50));
+        }
+    }
+
+    #[test]
     fn every_place_of_a_step_is_marked() {
         for byte in [b',', b'\n', b'\r'] {
             for at in 0..STEP {
                 let mut step = [b'-'; STEP];
                 step[at] = byte;
-                assert_eq!(marks(&step, b','), 1 << at);
-                assert_eq!(separators(&step[..=at], b','), 1 << at);
+                let expected = if byte == b',' { (1 << at, 0) } else { (0, 1 << at) };
+                assert_eq!(marks(&step, u8x16::splat(b',')), expected);
+                assert_eq!(marks_at(&step[..=at], u8x16::splat(b',')), expected);
             }
         }
     }

@@ -4,6 +4,7 @@ use crate::bytes::Bytes;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::inflate::Codec;
+use crate::format::unpacker::Packed;
 use mcap::records::{Record, op};
 use std::ops::Range;
 
@@ -14,7 +15,7 @@ pub(super) const WRONG_START: &str = "the eight bytes that begin the file are wr
 /// Opcode and length.
 pub(super) const HEAD_BYTES: u64 = 9;
 /// Largest head of a chunk record: the frame, the fixed fields and the name of the compression.
-const CHUNK_HEAD_BYTES: usize = 128;
+pub(super) const CHUNK_HEAD_BYTES: usize = 128;
 /// Writers may add fields that we do not know to a record; more than this is taken for damage.
 const MOST_ADDED: u64 = 256;
 
@@ -163,6 +164,27 @@ impl ChunkHead {
         let compressed = rest.u64()?;
         let data_at = (bytes.len() - rest.0.len()) as u64;
         Some(Ok(ChunkHead { codec, uncompressed, crc, data_at, compressed }))
+    }
+
+    /// As the file has it.
+    pub(super) fn packed(&self, head: &Head) -> Packed {
+        let data_at = head.start + self.data_at;
+        Packed {
+            fetched: head.start..head.end,
+            data: data_at..data_at + self.compressed,
+            codec: self.codec,
+            declared: self.uncompressed,
+            summed: self.crc != 0,
+        }
+    }
+
+    /// The chunk of the record at `at`, if it is one.
+    pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
+        let Some(head) = Head::read(file, at)?.filter(|head| head.opcode == op::CHUNK && head.end <= file.size())
+        else {
+            return Ok(None);
+        };
+        Ok(ChunkHead::read(file, &head)?.ok().map(|chunk| chunk.packed(&head)))
     }
 
     fn fits_in(self, head: &Head) -> Result<ChunkHead, String> {

@@ -5,14 +5,16 @@
 //! bytes that look like a record followed by another. In a file with chunks only whole chunks
 //! are found that way, never the messages inside a broken one: nothing has vouched for them.
 
-use super::record::{AttachmentHead, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, is_private, name};
+use super::record::{
+    AttachmentHead, CHUNK_HEAD_BYTES, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, is_private, name,
+};
 use super::summary::{Summary, Trust};
 use super::visit::Visit;
 use crate::bytes::{Bytes, is_zero};
 use crate::decode::Tally;
 use crate::error::IngestError;
 use crate::format::file::LogFile;
-use crate::format::inflate::Inflater;
+use crate::format::unpacker::Unpacker;
 use crate::format::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, wrong_start};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
@@ -41,7 +43,7 @@ pub(super) struct Walk<'w, 'c, V> {
     notices: &'w mut Notices,
     visit: &'w mut V,
     summary: Summary,
-    inflater: Inflater,
+    unpacker: Unpacker,
     /// Where this log begins in the file.
     start: u64,
     at: u64,
@@ -67,6 +69,8 @@ pub(super) struct Walk<'w, 'c, V> {
     jumps: bool,
     /// The chunk that came last was, or there was none.
     opened: bool,
+    /// No chunk stands any more where the summary says that one should.
+    no_more_known: bool,
 }
 
 /// A log that was walked through.
@@ -97,6 +101,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if jumps {
             file.expect_jumps();
         }
+        let mut unpacker = Unpacker::new(file, context.limits.chunk_bytes);
+        let opened = summary.chunks.iter().filter(|chunk| chunk.wanted).map(|chunk| chunk.offset).collect();
+        unpacker.expect(opened, ChunkHead::look);
         Walk {
             file,
             context,
@@ -104,7 +111,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             notices,
             visit,
             summary,
-            inflater: Inflater::default(),
+            unpacker,
             start,
             at: start,
             data_crc,
@@ -123,6 +130,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             not_opened: 0,
             jumps,
             opened: true,
+            no_more_known: false,
         }
     }
 
@@ -221,10 +229,16 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
                 Ok(())
             }
             Err(reason) => {
-                self.in_vain += head.end - head.start;
+                self.in_vain += self.looked_into(&head)?;
                 self.lost(&reason)
             }
         }
+    }
+
+    /// How much of a record that proved wrong was read, bytes: of a chunk whose own header is wrong no more than that.
+    fn looked_into(&mut self, head: &Head) -> Result<u64, IngestError> {
+        let refused = head.opcode == op::CHUNK && ChunkHead::read(self.file, head)?.is_err();
+        Ok(if refused { CHUNK_HEAD_BYTES as u64 } else { head.end - head.start })
     }
 
     /// Whether a record that has no checksum, as all that are in no chunk, is refuted by what follows: a message by the first
@@ -375,22 +389,21 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             let limit = self.context.limits.record_bytes;
             return Ok(Err(format!("a chunk of {} bytes is larger than the limit of {limit}", head.length)));
         }
-        let Some(record) = self.file.bytes(head.start, (head.end - head.start) as usize)? else {
+        self.unpacker.come_to(head.start, self.file);
+        self.file.bytes(head.start, (head.end - head.start) as usize)?;
+        let Some(unpacked) = self.unpacker.unpack(&chunk.packed(head), self.file)? else {
             return Ok(Err("the chunk is cut".to_owned()));
         };
-        let from = chunk.data_at as usize;
-        let data = record.get(from..from + chunk.compressed as usize).unwrap_or_default();
-        let inflated = self.inflater.inflate(chunk.codec, data, chunk.uncompressed, self.context.limits.chunk_bytes);
-        if let Some(fault) = inflated.fault {
+        if let Some(fault) = unpacked.fault {
             return Ok(Err(fault));
         }
         if chunk.crc == 0 {
             self.without_crc += 1;
-        } else if crc32fast::hash(inflated.bytes) != chunk.crc {
+        } else if unpacked.crc != chunk.crc {
             return Ok(Err("the chunk's checksum is wrong".to_owned()));
         }
         self.opened = true;
-        Ok(contents(inflated.bytes, self.visit, &mut self.unknown))
+        Ok(contents(unpacked.bytes, self.visit, &mut self.unknown))
     }
 
     /// The summary, whose checksum is right, says that this very chunk holds nothing that is wanted.
@@ -477,12 +490,14 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             return Ok(None);
         }
         let mut known = from;
-        while let Some(chunk) = self.summary.chunks_from(known).first().copied() {
+        while let Some(chunk) = self.summary.chunks_from(known).first().copied().filter(|_| !self.no_more_known) {
             if self.is_record(chunk.offset)? {
                 return Ok(Some(chunk.offset));
             }
             known = chunk.offset + 1;
         }
+        // Looked for once, and not again behind every other record that is damaged.
+        self.no_more_known = true;
         match self.summary.data_end.filter(|&at| at >= from && !self.summary.chunks.is_empty()) {
             Some(at) if self.is_record(at)? => Ok(Some(at)),
             _ => Ok(None),

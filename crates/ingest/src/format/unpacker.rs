@@ -1,0 +1,457 @@
+//! Chunks decompressed and summed, some before the walk comes to them, by threads that have nothing else to do.
+//!
+//! What lies ready changes nothing in what is read: the walk looks at every record itself, and takes what was made early
+//! only if it was made of the very bytes that it would decompress. Nobody waits for a thread that is busy elsewhere: a chunk
+//! that none has begun is the walk's own. In a campaign the threads are those of its pool, which all have flights of their
+//! own until the last ones; elsewhere there is a pool for all logs of the process. With one thread nothing is made early.
+
+use crate::error::IngestError;
+use crate::format::file::LogFile;
+use crate::format::inflate::{Codec, Inflater};
+use std::collections::VecDeque;
+use std::iter::Peekable;
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
+
+/// Chunks that are made early are no longer than this, packed and unpacked together, bytes.
+const MOST_HELD: u64 = 8 << 20;
+/// Nearer to one another, chunks take less time than handing them over, bytes.
+const LEAST_APART: u64 = 1 << 10;
+/// Threads that work for one file: its walk could not keep up with more.
+const MOST_THREADS: usize = 4;
+/// Places that are remembered.
+pub(crate) const MOST_PLACES: usize = 1 << 20;
+
+/// A chunk to be decompressed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Packed {
+    /// The record, and what is looked at together with it.
+    pub(crate) fetched: Range<u64>,
+    /// The compressed bytes, within it.
+    pub(crate) data: Range<u64>,
+    pub(crate) codec: Codec,
+    /// What they should become, bytes.
+    pub(crate) declared: u64,
+    /// Whether the content has a CRC-32.
+    pub(crate) summed: bool,
+}
+
+/// Finds the chunk of a record at a place in the file, if there is one.
+pub(crate) type Look = fn(&mut LogFile, u64) -> Result<Option<Packed>, IngestError>;
+
+/// What came out of a chunk, and what went wrong if it is not all that was declared.
+#[derive(Debug)]
+pub(crate) struct Unpacked<'u> {
+    pub(crate) bytes: &'u [u8],
+    /// Of these bytes, if it was asked for.
+    pub(crate) crc: u32,
+    pub(crate) fault: Option<String>,
+}
+
+/// Decompresses the chunks of one file.
+pub(crate) struct Unpacker {
+    /// Bytes that a chunk may become.
+    limit: u64,
+    own: Bench,
+    ahead: Option<Ahead>,
+}
+
+impl Unpacker {
+    pub(crate) fn new(file: &LogFile, limit: u64) -> Unpacker {
+        Unpacker { limit, own: Bench::new(file), ahead: None }
+    }
+
+    /// From now on chunks that should stand at these places may be decompressed early.
+    pub(crate) fn expect(&mut self, mut places: Vec<u64>, look: Look) {
+        places.sort_unstable();
+        places.dedup_by(|next, place| *next - *place < LEAST_APART);
+        let crew = if places.len() > 1 { Crew::at_hand() } else { None };
+        self.ahead = crew.map(|crew| Ahead {
+            file: self.own.file.again(),
+            places: places.into_iter().peekable(),
+            look,
+            limit: self.limit,
+            most: crew.threads() + 1,
+            crew,
+            handed_over: Arc::default(),
+            begun: VecDeque::new(),
+            spare: vec![],
+        });
+    }
+
+    /// Takes what lies ready of the record at `at`: `file` holds its bytes then.
+    pub(crate) fn come_to(&mut self, at: u64, file: &mut LogFile) {
+        let Some(ahead) = &mut self.ahead else { return };
+        if let Some(mut bench) = ahead.take(at) {
+            file.swap_buffer(&mut bench.file);
+            std::mem::swap(&mut self.own, &mut bench);
+            ahead.keep(bench);
+        }
+        ahead.begin();
+    }
+
+    /// The content of a chunk; `None` if the file ends before the chunk does.
+    pub(crate) fn unpack<'u>(
+        &'u mut self,
+        packed: &Packed,
+        file: &'u mut LogFile,
+    ) -> Result<Option<Unpacked<'u>>, IngestError> {
+        let Some(data) = file.bytes(packed.data.start, (packed.data.end - packed.data.start) as usize)? else {
+            return Ok(None);
+        };
+        if self.own.done.as_ref().is_none_or(|done| done.packed != *packed) {
+            self.own.done = Some(Done::of(packed, data, &mut self.own.inflater, self.limit));
+        }
+        let Some(done) = &self.own.done else { return Ok(None) };
+        let bytes = self.own.inflater.inflated(packed.codec, data, done.length);
+        Ok(Some(Unpacked { bytes, crc: done.crc, fault: done.fault.clone() }))
+    }
+}
+
+/// What decompresses one chunk at a time, with the last one in it.
+struct Bench {
+    inflater: Inflater,
+    /// Where a thread reads: its buffer holds the bytes of the chunk.
+    file: LogFile,
+    done: Option<Done>,
+}
+
+/// A chunk that was decompressed: its content lies in the [`Inflater`].
+struct Done {
+    packed: Packed,
+    length: usize,
+    crc: u32,
+    fault: Option<String>,
+}
+
+impl Done {
+    fn of(packed: &Packed, data: &[u8], inflater: &mut Inflater, limit: u64) -> Done {
+        let inflated = inflater.inflate(packed.codec, data, packed.declared, limit);
+        let crc = if packed.summed { crc32fast::hash(inflated.bytes) } else { 0 };
+        Done { packed: packed.clone(), length: inflated.bytes.len(), crc, fault: inflated.fault }
+    }
+}
+
+impl Bench {
+    fn new(file: &LogFile) -> Bench {
+        Bench { inflater: Inflater::default(), file: file.again(), done: None }
+    }
+
+    /// Memory of its buffers, bytes.
+    fn held(&self) -> u64 {
+        (self.inflater.held() + self.file.held()) as u64
+    }
+
+    /// Decompresses the chunk at `at`, unless there is none or it is long. What cannot be read is left to the walk.
+    fn prepare(&mut self, at: u64, look: Look, limit: u64) {
+        self.done = None;
+        let Ok(Some(packed)) = look(&mut self.file, at) else { return };
+        let Range { start, end } = packed.fetched;
+        if (end - start).saturating_add(packed.declared) > MOST_HELD {
+            return;
+        }
+        let Ok(Some(bytes)) = self.file.bytes(start, (end - start) as usize) else { return };
+        let data = (packed.data.start - start) as usize..(packed.data.end - start) as usize;
+        if let Some(data) = bytes.get(data) {
+            self.done = Some(Done::of(&packed, data, &mut self.inflater, limit));
+        }
+    }
+}
+
+/// Who works for the walk.
+#[derive(Clone, Copy)]
+enum Crew {
+    /// The pool of the thread that walks.
+    Own,
+    /// That of the process.
+    Shared(&'static rayon::ThreadPool),
+}
+
+impl Crew {
+    /// `None` if there is but one thread, or none can be started.
+    fn at_hand() -> Option<Crew> {
+        static SHARED: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
+        let start = || rayon::ThreadPoolBuilder::new().num_threads(shared_threads()).build().ok();
+        let crew = match rayon::current_thread_index() {
+            Some(_) => Crew::Own,
+            None if shared_threads() < 2 => return None,
+            None => Crew::Shared(SHARED.get_or_init(start).as_ref()?),
+        };
+        (crew.threads() > 1).then_some(crew)
+    }
+
+    fn threads(self) -> usize {
+        let all = match self {
+            Crew::Own => rayon::current_num_threads(),
+            Crew::Shared(pool) => pool.current_num_threads(),
+        };
+        all.min(MOST_THREADS)
+    }
+
+    fn spawn(self, work: impl FnOnce() + Send + 'static) {
+        match self {
+            Crew::Own => rayon::spawn(work),
+            Crew::Shared(pool) => pool.spawn(work),
+        }
+    }
+}
+
+/// As many as there are cores, or as rayon's own variable says.
+fn shared_threads() -> usize {
+    let asked =
+        std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse().ok()).filter(|&threads| threads > 0);
+    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).min(MOST_THREADS)
+}
+
+/// The chunks that are under way.
+struct Ahead {
+    crew: Crew,
+    /// Work that was handed over and that no thread has got to, though it may not be wanted any more.
+    handed_over: Arc<AtomicUsize>,
+    file: LogFile,
+    /// Those that nobody has begun with.
+    places: Peekable<std::vec::IntoIter<u64>>,
+    look: Look,
+    limit: u64,
+    /// So many are under way or lie ready.
+    most: usize,
+    begun: VecDeque<(u64, Arc<Order>)>,
+    spare: Vec<Bench>,
+}
+
+impl Ahead {
+    /// What was made of the chunk at `at`. What lies before it will not be asked for any more.
+    fn take(&mut self, at: u64) -> Option<Bench> {
+        while self.places.next_if(|&place| place <= at).is_some() {}
+        while let Some((place, order)) = self.begun.pop_front_if(|(place, _)| *place <= at) {
+            let bench = if place == at { order.wait() } else { order.revoke() };
+            match bench {
+                Some(bench) if bench.done.is_some() && place == at => return Some(*bench),
+                Some(bench) => self.keep(*bench),
+                None => {}
+            }
+        }
+        None
+    }
+
+    /// For another chunk. Buffers that a long one has made are given back.
+    fn keep(&mut self, bench: Bench) {
+        if bench.held() <= MOST_HELD {
+            self.spare.push(Bench { done: None, ..bench });
+        }
+    }
+
+    /// Gives the next chunks to whoever has time.
+    fn begin(&mut self) {
+        while self.begun.len() < self.most
+            && self.handed_over.load(Ordering::Relaxed) < self.most
+            && let Some(place) = self.places.next()
+        {
+            let bench = self.spare.pop().unwrap_or_else(|| Bench::new(&self.file));
+            let order = Arc::new(Order::new(bench));
+            self.begun.push_back((place, Arc::clone(&order)));
+            let (look, limit, handed_over) = (self.look, self.limit, Arc::clone(&self.handed_over));
+            handed_over.fetch_add(1, Ordering::Relaxed);
+            self.crew.spawn(move || {
+                handed_over.fetch_sub(1, Ordering::Relaxed);
+                order.carry_out(|bench| bench.prepare(place, look, limit));
+            });
+        }
+    }
+}
+
+impl Drop for Ahead {
+    fn drop(&mut self) {
+        self.begun.drain(..).for_each(|(_, order)| drop(order.revoke()));
+    }
+}
+
+/// Work that a thread may take up.
+struct Order {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+enum State {
+    Open(Box<Bench>),
+    TakenUp,
+    Done(Box<Bench>),
+    /// Handed over, or lost by a thread that failed.
+    Gone,
+}
+
+impl Order {
+    fn new(bench: Bench) -> Order {
+        Order { state: Mutex::new(State::Open(Box::new(bench))), changed: Condvar::new() }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Does the work, if it still is to be done.
+    fn carry_out(&self, work: impl FnOnce(&mut Bench)) {
+        let mut state = self.state();
+        let mut bench = match std::mem::replace(&mut *state, State::TakenUp) {
+            State::Open(bench) => bench,
+            other => {
+                *state = other;
+                return;
+            }
+        };
+        drop(state);
+        // A failure comes again where the walk does the same work.
+        let worked = catch_unwind(AssertUnwindSafe(|| {
+            work(&mut bench);
+            bench
+        }));
+        *self.state() = worked.map_or(State::Gone, State::Done);
+        self.changed.notify_one();
+    }
+
+    /// What came out, as soon as it is there; if nobody has begun yet, nobody will.
+    fn wait(&self) -> Option<Box<Bench>> {
+        let is_under_way = |state: &mut State| matches!(state, State::TakenUp);
+        let mut state = self.changed.wait_while(self.state(), is_under_way).unwrap_or_else(PoisonError::into_inner);
+        match std::mem::replace(&mut *state, State::Gone) {
+            State::Open(bench) | State::Done(bench) => Some(bench),
+            State::TakenUp | State::Gone => None,
+        }
+    }
+
+    /// Nobody wants it any more.
+    fn revoke(&self) -> Option<Box<Bench>> {
+        let mut state = self.state();
+        match std::mem::replace(&mut *state, State::Gone) {
+            State::Open(bench) | State::Done(bench) => Some(bench),
+            State::TakenUp => {
+                *state = State::TakenUp;
+                None
+            }
+            State::Gone => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn file_of(content: &[u8]) -> (tempfile::NamedTempFile, LogFile) {
+        let mut on_disk = tempfile::NamedTempFile::new().unwrap();
+        on_disk.write_all(content).unwrap();
+        let file = LogFile::open(on_disk.path()).unwrap();
+        (on_disk, file)
+    }
+
+    const LENGTH: usize = 2000;
+
+    /// Chunks of as many bytes, uncompressed, one behind the other.
+    fn look(_: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
+        let (place, declared) = (at..at + LENGTH as u64, LENGTH as u64);
+        Ok(Some(Packed { fetched: place.clone(), data: place, codec: Codec::None, declared, summed: true }))
+    }
+
+    #[test]
+    fn what_nobody_has_begun_with_is_given_back_and_never_begun() {
+        let (_on_disk, file) = file_of(b"");
+        let order = Order::new(Bench::new(&file));
+        assert!(order.wait().is_some_and(|bench| bench.done.is_none()));
+        order.carry_out(|_| panic!("begun all the same"));
+        assert!(order.wait().is_none() && order.revoke().is_none());
+    }
+
+    #[test]
+    fn a_thread_that_fails_leaves_its_chunk_to_the_walk() {
+        let (_on_disk, file) = file_of(b"");
+        let order = Order::new(Bench::new(&file));
+        order.carry_out(|_| panic!("this is meant to be seen: a test of failure"));
+        assert!(order.wait().is_none());
+    }
+
+    #[test]
+    fn chunks_are_those_of_the_file_in_whatever_order_they_are_asked_for() {
+        let content: Vec<u8> = (0..10 * LENGTH as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+        for asked in [&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9][..], &[9, 0, 1], &[0, 0, 5, 5, 4, 9], &[3, 9]] {
+            let (_on_disk, mut file) = file_of(&content);
+            pool.install(|| {
+                let mut unpacker = Unpacker::new(&file, u64::MAX);
+                unpacker.expect((0..10).rev().map(|i| LENGTH as u64 * i).collect(), look);
+                assert!(unpacker.ahead.is_some());
+                for &number in asked {
+                    let at = LENGTH * number;
+                    unpacker.come_to(at as u64, &mut file);
+                    let packed = look(&mut file, at as u64).unwrap().unwrap();
+                    let unpacked = unpacker.unpack(&packed, &mut file).unwrap().unwrap();
+                    let expected = &content[at..][..LENGTH];
+                    assert_eq!((unpacked.bytes, unpacked.crc), (expected, crc32fast::hash(expected)));
+                    // Another chunk at the same place is not taken for it.
+                    let shorter = Packed { data: at as u64..at as u64 + 50, declared: 50, ..packed };
+                    assert_eq!(unpacker.unpack(&shorter, &mut file).unwrap().unwrap().bytes, &expected[..50]);
+                }
+            });
+        }
+    }
+
+    #[test]
+    fn buffers_that_a_long_chunk_has_made_are_given_back() {
+        let long = MOST_HELD as usize;
+        let (_on_disk, mut file) = file_of(&vec![7; 2 * LENGTH + long]);
+        rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
+            let mut unpacker = Unpacker::new(&file, u64::MAX);
+            unpacker.expect(vec![0, LENGTH as u64, 2 * LENGTH as u64], look);
+            unpacker.come_to(0, &mut file);
+            assert_eq!(file.bytes(2 * LENGTH as u64, long).unwrap().map(<[u8]>::len), Some(long));
+            unpacker.come_to(LENGTH as u64, &mut file);
+            let spare = unpacker.ahead.iter().flat_map(|ahead| &ahead.spare);
+            assert!(spare.map(Bench::held).all(|held| held <= MOST_HELD));
+        });
+    }
+
+    #[test]
+    fn no_more_is_handed_over_than_threads_get_to() {
+        let (_on_disk, mut file) = file_of(&vec![7; 100 * LENGTH]);
+        let (begun, has_begun) = std::sync::mpsc::channel();
+        let (end, may_end) = std::sync::mpsc::channel::<()>();
+        rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(move || {
+            // The other thread is busy until the walk is through.
+            rayon::spawn(move || {
+                begun.send(()).unwrap();
+                may_end.recv().unwrap_err();
+            });
+            has_begun.recv().unwrap();
+            let mut unpacker = Unpacker::new(&file, u64::MAX);
+            unpacker.expect((0..100).map(|number| (number * LENGTH) as u64).collect(), look);
+            for number in 0..100 {
+                unpacker.come_to((number * LENGTH) as u64, &mut file);
+                let ahead = unpacker.ahead.as_ref().unwrap();
+                assert_eq!((ahead.handed_over.load(Ordering::Relaxed), ahead.most), (3, 3));
+                assert!(ahead.spare.len() <= ahead.most);
+            }
+            drop(end);
+        });
+    }
+
+    #[test]
+    fn long_chunks_wait_for_the_walk_and_one_thread_makes_nothing_early() {
+        let (_on_disk, file) = file_of(&[7; 3 * LENGTH / 2]);
+        let mut bench = Bench::new(&file);
+        let long: Look =
+            |file, at| Ok(look(file, at)?.map(|packed| Packed { declared: MOST_HELD, codec: Codec::Zstd, ..packed }));
+        bench.prepare(0, long, u64::MAX);
+        assert!(bench.done.is_none());
+        bench.prepare(0, look, u64::MAX);
+        assert!(bench.done.as_ref().is_some_and(|done| done.length == LENGTH));
+        bench.prepare(LENGTH as u64, look, u64::MAX);
+        assert!(bench.done.is_none());
+        rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| {
+            let mut unpacker = Unpacker::new(&file, 1000);
+            unpacker.expect(vec![0, LENGTH as u64], look);
+            assert!(unpacker.ahead.is_none());
+        });
+    }
+}
