@@ -13,6 +13,8 @@ pub trait LogReader {
     ///
     /// `want` is asked once for each topic, before its first message. Damage is no error: what
     /// is intact before and after it comes back, with the damage in the health and a notice.
+    /// Messages are decoded in the caller's thread; idle threads of the rayon pool that it belongs to, or else of one of
+    /// up to four threads for all logs, may decompress chunks meanwhile.
     ///
     /// # Errors
     /// Only when nothing at all can be used, when the file cannot be read, or on cancellation.

@@ -18,6 +18,7 @@ use self::header::{Changes, Header, Other};
 use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
 use self::meaning::Meaning;
+use self::plain::Cutter;
 use crate::error::IngestError;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
@@ -214,9 +215,14 @@ impl Reading<'_> {
         self.meanings.insert(topic.info.name.clone(), (meaning, selection));
         topic.decimal = table.decimal;
         let (mut preamble, mut header, mut repeated, mut changes) = (0, Header::default(), 0, Changes::default());
+        let cutter = |topic: &Topic| {
+            let plain = topic.decoded && table.delimiter != fields::BLANKS;
+            plain.then(|| Cutter::new(table.delimiter, topic.width, &topic.places()))
+        };
+        let mut cut = cutter(&topic);
         loop {
-            if topic.decoded && open.lines.number >= table.first_row_line {
-                self.books.plain_rows(open, &mut topic, table.delimiter, &header);
+            if let Some(cutter) = cut.as_mut().filter(|_| open.lines.number >= table.first_row_line) {
+                self.books.plain_rows(open, &mut topic, cutter, &header);
             }
             let Some((extent, line)) = self.books.next_record(open, table.delimiter)? else { break };
             let text = open.lines.text(extent).trim_ascii();
@@ -236,11 +242,13 @@ impl Reading<'_> {
                 if again {
                     repeated += 1;
                     topic.follow_first();
+                    cut = cutter(&topic);
                 }
                 self.books.structure(open, extent);
                 continue;
             }
             if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
+                cut = cutter(&topic);
                 continue;
             }
             self.books.row(open, extent, &mut topic, 0, table.delimiter);
@@ -475,14 +483,9 @@ impl Books {
     }
 
     /// The rows that come next and lie in the buffer, as long as nothing about them is out of the common.
-    fn plain_rows(&mut self, open: &mut Open<'_>, topic: &mut Topic, delimiter: u8, header: &Header) {
-        if delimiter == fields::BLANKS {
-            return;
-        }
-        let (width, wanted) = (topic.width, topic.places());
-        let shape = plain::Shape { delimiter, width, wanted: &wanted, header, longest: self.limits.line_bytes };
+    fn plain_rows(&mut self, open: &mut Open<'_>, topic: &mut Topic, cutter: &mut Cutter, header: &Header) {
         let mut line = open.lines.number;
-        let all = plain::rows(open.lines.plain_block(), shape, open.fields.room(), |row, extent| {
+        let all = cutter.rows(open.lines.plain_block(), header, self.limits.line_bytes, |row, extent| {
             topic.push(row, 0, line, extent);
             line += 1;
         });
@@ -500,7 +503,7 @@ impl Books {
         changes: &mut Changes,
     ) -> bool {
         let text = open.lines.text(extent);
-        if extent.broken || !header.may_begin(text) {
+        if extent.broken || !header.may_begin(text) || changes.are_too_many(topic.names.len(), open.lines.offset) {
             return false;
         }
         open.fields.split(text, header.delimiter);

@@ -85,7 +85,7 @@ impl Inflater {
 
     /// Straight into the buffer, which is the window as well: no frame can ask for more memory.
     fn zstd(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
-        let mut room = declared.min(AT_ONCE.max(data.len().saturating_mul(4)));
+        let mut room = declared.min(AT_ONCE.max(data.len().saturating_mul(4)).max(self.out.len()));
         loop {
             if self.out.len() < room {
                 self.out.resize(room, 0);
@@ -135,7 +135,9 @@ impl Inflater {
 /// What an error means, by the texts of the library (`ZSTD_getErrorString` in its `error_private.c`).
 fn zstd_fault(error: &str, declared: usize) -> String {
     match error {
-        "Destination buffer is too small" => format!("the zstd data hold more than the declared {declared} bytes"),
+        "Destination buffer is too small" => {
+            format!("the zstd data hold more than the declared {declared} bytes, or are damaged")
+        }
         "Src size is incorrect" => format!("the zstd data are cut (decoder: {error})"),
         "Data corruption detected" | "Restored data doesn't match checksum" | "Unknown frame descriptor" => {
             format!("the zstd data are damaged (decoder: {error})")
@@ -228,7 +230,7 @@ mod tests {
         assert!(damaged.starts_with("the zstd data are damaged (decoder: "), "{damaged}");
         let cut = fault(&good[..good.len() / 2], content.len());
         assert!(cut.starts_with("the zstd data are cut (decoder: "), "{cut}");
-        assert_eq!(fault(&good, 1000), "the zstd data hold more than the declared 1000 bytes");
+        assert_eq!(fault(&good, 1000), "the zstd data hold more than the declared 1000 bytes, or are damaged");
     }
 
     #[test]

@@ -55,12 +55,14 @@ pub(crate) struct Unpacker {
     /// Bytes that a chunk may become.
     limit: u64,
     own: Bench,
+    /// What lay ready of the chunk that the walk came to last. The walk's buffer is lent to it.
+    ready: Option<Bench>,
     ahead: Option<Ahead>,
 }
 
 impl Unpacker {
     pub(crate) fn new(file: &LogFile, limit: u64) -> Unpacker {
-        Unpacker { limit, own: Bench::new(file), ahead: None }
+        Unpacker { limit, own: Bench::new(file), ready: None, ahead: None }
     }
 
     /// From now on chunks that should stand at these places may be decompressed early.
@@ -84,10 +86,14 @@ impl Unpacker {
     /// Takes what lies ready of the record at `at`: `file` holds its bytes then.
     pub(crate) fn come_to(&mut self, at: u64, file: &mut LogFile) {
         let Some(ahead) = &mut self.ahead else { return };
-        if let Some(mut bench) = ahead.take(at) {
-            file.swap_buffer(&mut bench.file);
-            std::mem::swap(&mut self.own, &mut bench);
-            ahead.keep(bench);
+        // The walk gets its own buffer back, which may be as long as its longest chunk.
+        if let Some(mut last) = self.ready.take() {
+            file.swap_buffer(&mut last.file);
+            ahead.keep(last);
+        }
+        self.ready = ahead.take(at);
+        if let Some(ready) = &mut self.ready {
+            file.swap_buffer(&mut ready.file);
         }
         ahead.begin();
     }
@@ -101,11 +107,15 @@ impl Unpacker {
         let Some(data) = file.bytes(packed.data.start, (packed.data.end - packed.data.start) as usize)? else {
             return Ok(None);
         };
-        if self.own.done.as_ref().is_none_or(|done| done.packed != *packed) {
-            self.own.done = Some(Done::of(packed, data, &mut self.own.inflater, self.limit));
-        }
-        let Some(done) = &self.own.done else { return Ok(None) };
-        let bytes = self.own.inflater.inflated(packed.codec, data, done.length);
+        let Bench { inflater, done, .. } = match &mut self.ready {
+            Some(ready) if ready.has(packed) => ready,
+            _ => &mut self.own,
+        };
+        let done = match done {
+            Some(done) if done.packed == *packed => done,
+            other => other.insert(Done::of(packed, data, inflater, self.limit)),
+        };
+        let bytes = inflater.inflated(packed.codec, data, done.length);
         Ok(Some(Unpacked { bytes, crc: done.crc, fault: done.fault.clone() }))
     }
 }
@@ -137,6 +147,10 @@ impl Done {
 impl Bench {
     fn new(file: &LogFile) -> Bench {
         Bench { inflater: Inflater::default(), file: file.again(), done: None }
+    }
+
+    fn has(&self, packed: &Packed) -> bool {
+        self.done.as_ref().is_some_and(|done| done.packed == *packed)
     }
 
     /// Memory of its buffers, bytes.
@@ -198,11 +212,12 @@ impl Crew {
     }
 }
 
-/// As many as there are cores, or as rayon's own variable says.
+/// As many as there are cores, or fewer if rayon's own variable says so.
 fn shared_threads() -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
     let asked =
         std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse().ok()).filter(|&threads| threads > 0);
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).min(MOST_THREADS)
+    asked.map_or(cores, |asked| cores.min(asked))
 }
 
 /// The chunks that are under way.
@@ -404,11 +419,15 @@ mod tests {
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
             let mut unpacker = Unpacker::new(&file, u64::MAX);
             unpacker.expect(vec![0, LENGTH as u64, 2 * LENGTH as u64], look);
-            unpacker.come_to(0, &mut file);
             assert_eq!(file.bytes(2 * LENGTH as u64, long).unwrap().map(<[u8]>::len), Some(long));
-            unpacker.come_to(LENGTH as u64, &mut file);
-            let spare = unpacker.ahead.iter().flat_map(|ahead| &ahead.spare);
-            assert!(spare.map(Bench::held).all(|held| held <= MOST_HELD));
+            // The walk keeps its own long buffer, whatever it takes of others.
+            for at in [0, LENGTH as u64, 2 * LENGTH as u64] {
+                unpacker.come_to(at, &mut file);
+                let lent = unpacker.ready.iter().map(Bench::held).sum::<u64>();
+                assert!(lent.max(file.held() as u64) >= MOST_HELD);
+                let spare = unpacker.ahead.iter().flat_map(|ahead| &ahead.spare);
+                assert!(spare.map(Bench::held).all(|held| held <= MOST_HELD));
+            }
         });
     }
 

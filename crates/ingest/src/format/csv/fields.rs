@@ -109,11 +109,6 @@ impl Fields {
         }
     }
 
-    /// Room for the places of fields that lie elsewhere; those of the last record are lost.
-    pub(super) fn room(&mut self) -> &mut Vec<(usize, usize)> {
-        &mut self.spans
-    }
-
     /// How many.
     pub(super) fn len(&self) -> usize {
         self.spans.len()

@@ -9,85 +9,84 @@ use wide::u8x16;
 /// What a search looks at in one step: a bit for each byte.
 const STEP: usize = u64::BITS as usize;
 
-/// How the rows of a table are told from other lines.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Shape<'h> {
-    pub(super) delimiter: u8,
+/// How the rows of a table are cut, with room for it. Made once for a header: lines may be many and short, and columns many.
+pub(super) struct Cutter {
+    delimiter: u8,
     /// Fields of a row.
-    pub(super) width: usize,
-    /// Those that are looked at.
-    pub(super) wanted: &'h [usize],
-    /// The header, which may stand again between the rows.
-    pub(super) header: &'h Header,
-    /// A longer line is none, bytes.
-    pub(super) longest: usize,
+    width: usize,
+    /// Those that are looked at: the wanted ones, and those at both ends, which tell whether it is a row.
+    looked_at: Vec<usize>,
+    /// The delimiters that these lie between, by number.
+    needed: Vec<usize>,
+    delimiters: Vec<usize>,
+    spans: Vec<(usize, usize)>,
 }
 
-impl Shape<'_> {
-    fn is_row(&self, row: Row<'_>, bytes: usize) -> bool {
-        let cell = row.get(0);
-        let last = row.get(row.len().saturating_sub(1));
-        let other = cell.is_empty() || comment_mark(cell) > 0 || self.header.may_be(cell, last);
-        bytes <= self.longest && !other
+impl Cutter {
+    pub(super) fn new(delimiter: u8, width: usize, wanted: &[usize]) -> Cutter {
+        let ends = [0, width.saturating_sub(1)];
+        let mut looked_at: Vec<usize> = wanted.iter().copied().chain(ends).filter(|&field| field < width).collect();
+        looked_at.sort_unstable();
+        looked_at.dedup();
+        // A field lies between the delimiter of its own number and the one before.
+        let around = |&field: &usize| [field.checked_sub(1), Some(field)];
+        let mut needed: Vec<usize> = looked_at.iter().flat_map(around).flatten().collect();
+        needed.dedup();
+        Cutter { delimiter, width, looked_at, needed, delimiters: vec![0; width], spans: vec![(0, 0); width] }
     }
 
-    /// The wanted fields, and those at both ends, which tell whether it is a row.
-    fn looked_at(&self) -> Vec<usize> {
-        let ends = [0, self.width.saturating_sub(1)];
-        let mut fields: Vec<usize> = self.wanted.iter().copied().chain(ends).filter(|&f| f < self.width).collect();
-        fields.sort_unstable();
-        fields.dedup();
-        fields
+    /// Takes the rows that a block of whole lines begins with, up to the first line that may be something else: a longer one
+    /// than `longest`, or the header again. All of them as one extent. Of a row only the wanted fields are there.
+    pub(super) fn rows(
+        &mut self,
+        block: &[u8],
+        header: &Header,
+        longest: usize,
+        mut take: impl FnMut(Row<'_>, Extent),
+    ) -> Extent {
+        let (mut line, mut lines) = (0, 0);
+        let mut search = Search::new(block, self.delimiter);
+        while let Some(Line { fields, end }) = search.line(&self.needed, &mut self.delimiters) {
+            // The LF of a CR LF.
+            if end < line {
+                continue;
+            }
+            let next = match (block.get(end), block.get(end + 1)) {
+                (Some(b'\n'), _) => end + 1,
+                (_, Some(b'\n')) => end + 2,
+                _ => break,
+            };
+            if fields != self.width {
+                break;
+            }
+            self.place(line, end);
+            let (row, text) = (Row::new(block, &self.spans), end - line);
+            if text > longest || !is_row(row, header) {
+                break;
+            }
+            take(row, Extent { text, whole: next - line, lines: 1, ended: true, broken: false });
+            (line, lines) = (next, lines + 1);
+        }
+        Extent { text: line, whole: line, lines, ended: true, broken: false }
     }
-}
 
-/// Takes the rows that a block of whole lines begins with, up to the first line that may be something else. All of them as
-/// one extent. Of a row only the wanted fields are there. `spans` is room for the places of fields.
-pub(super) fn rows(
-    block: &[u8],
-    shape: Shape<'_>,
-    spans: &mut Vec<(usize, usize)>,
-    mut take: impl FnMut(Row<'_>, Extent),
-) -> Extent {
-    let looked_at = shape.looked_at();
-    // A field lies between the delimiter of its own number and the one before.
-    let mut needed: Vec<usize> =
-        looked_at.iter().flat_map(|&field| [field.checked_sub(1), Some(field)]).flatten().collect();
-    needed.dedup();
-    let mut delimiters = vec![0; shape.width];
-    spans.clear();
-    spans.resize(shape.width, (0, 0));
-    let (mut line, mut lines) = (0, 0);
-    let mut search = Search::new(block, shape.delimiter);
-    while let Some(Line { fields, end }) = search.line(&needed, &mut delimiters) {
-        // The LF of a CR LF.
-        if end < line {
-            continue;
-        }
-        let next = match (block.get(end), block.get(end + 1)) {
-            (Some(b'\n'), _) => end + 1,
-            (_, Some(b'\n')) => end + 2,
-            _ => break,
-        };
-        if fields != shape.width {
-            break;
-        }
-        for &field in &looked_at {
-            let delimiter = |number: Option<usize>| number.and_then(|number| delimiters.get(number)).copied();
-            let from = delimiter(field.checked_sub(1)).map_or(line, |at| at + 1);
-            let to = if field + 1 == fields { end } else { delimiter(Some(field)).unwrap_or(end) };
-            if let Some(span) = spans.get_mut(field) {
+    /// Where the fields of a row are that begins and ends there.
+    fn place(&mut self, line: usize, end: usize) {
+        let delimiter = |number: usize| self.delimiters.get(number).copied();
+        for &field in &self.looked_at {
+            let from = field.checked_sub(1).and_then(delimiter).map_or(line, |at| at + 1);
+            let to = if field + 1 == self.width { end } else { delimiter(field).unwrap_or(end) };
+            if let Some(span) = self.spans.get_mut(field) {
                 *span = (from, to);
             }
         }
-        let (row, text) = (Row::new(block, spans), end - line);
-        if !shape.is_row(row, text) {
-            break;
-        }
-        take(row, Extent { text, whole: next - line, lines: 1, ended: true, broken: false });
-        (line, lines) = (next, lines + 1);
     }
-    Extent { text: line, whole: line, lines, ended: true, broken: false }
+}
+
+fn is_row(row: Row<'_>, header: &Header) -> bool {
+    let cell = row.get(0);
+    let last = row.get(row.len().saturating_sub(1));
+    !(cell.is_empty() || comment_mark(cell) > 0 || header.may_be(cell, last))
 }
 
 /// A search for delimiters and line ends from one end of a block to the other.
@@ -117,6 +116,7 @@ impl Search<'_> {
     /// The next line that has an end; where its delimiters of the `needed` numbers, which ascend, are.
     #[inline]
     fn line(&mut self, needed: &[usize], places: &mut [usize]) -> Option<Line> {
+        let all = needed.len() + 1 >= places.len();
         let mut needed = needed.iter().copied().peekable();
         let mut passed = 0;
         loop {
@@ -125,7 +125,14 @@ impl Search<'_> {
             let mut left = self.delimiters & before_end;
             let behind = passed + left.count_ones() as usize;
             let mut number = passed;
-            while let Some(wanted) = needed.next_if(|&wanted| wanted < behind) {
+            while all && left != 0 {
+                if let Some(place) = places.get_mut(number) {
+                    *place = self.step + left.trailing_zeros() as usize;
+                }
+                left &= left.wrapping_sub(1);
+                number += 1;
+            }
+            while !all && let Some(wanted) = needed.next_if(|&wanted| wanted < behind) {
                 for _ in number..wanted {
                     left &= left.wrapping_sub(1);
                 }
@@ -188,8 +195,8 @@ mod tests {
 
     fn taken(text: &str, header: &str) -> (Vec<Vec<String>>, usize) {
         let mut all = vec![];
-        let shape = Shape { delimiter: b',', width: 3, wanted: &[0, 1, 2], header: &header_of(header), longest: 200 };
-        let extent = rows(text.as_bytes(), shape, &mut vec![], |row, extent| {
+        let mut cutter = Cutter::new(b',', 3, &[0, 1, 2]);
+        let extent = cutter.rows(text.as_bytes(), &header_of(header), 200, |row, extent| {
             all.push((0..row.len()).map(|i| String::from_utf8_lossy(row.get(i)).into_owned()).collect());
             assert!((1..=2).contains(&(extent.whole - extent.text)));
         });
@@ -214,10 +221,11 @@ mod tests {
     fn a_wanted_field_is_the_same_whatever_else_is_wanted() {
         let line = |i: usize| (0..90).map(|f| "7".repeat((i * f) % 5)).collect::<Vec<_>>().join(",");
         let text: String = (0..50).map(|i| format!("{i}x{}\n", line(i))).collect();
-        for wanted in [&[][..], &[0], &[89], &[88], &[3, 4, 5], &[63, 64, 65], &[1, 40, 89], &[7, 95]] {
-            let shape = Shape { delimiter: b',', width: 90, wanted, header: &header_of("t"), longest: 1000 };
+        let every: Vec<usize> = (0..90).collect();
+        for wanted in [&[][..], &[0], &[89], &[88], &[3, 4, 5], &[63, 64, 65], &[1, 40, 89], &[7, 95], &every] {
+            let mut cutter = Cutter::new(b',', 90, wanted);
             let mut lines = text.lines();
-            let all = rows(text.as_bytes(), shape, &mut vec![], |row, _| {
+            let all = cutter.rows(text.as_bytes(), &header_of("t"), 1000, |row, _| {
                 let fields: Vec<&str> = lines.next().unwrap().split(',').collect();
                 assert_eq!(row.len(), 90);
                 for &field in wanted {
