@@ -365,15 +365,12 @@ fn eight_digits(text: u64) -> Option<u64> {
 /// the integer quotient has at least eleven bits more than a double, of which the lowest stands for whatever remains.
 #[inline]
 fn quotient(number: u64, tens: usize) -> Option<f64> {
-    const TENS: [u64; 20] = {
-        let mut powers = [1; 20];
-        let mut at = 1;
-        while at < powers.len() {
-            powers[at] = 10 * powers[at - 1];
-            at += 1;
-        }
-        powers
-    };
+    #[rustfmt::skip]
+    const TENS: [u64; 20] = [
+        1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000,
+        10_000_000_000, 100_000_000_000, 1_000_000_000_000, 10_000_000_000_000, 100_000_000_000_000,
+        1_000_000_000_000_000, 10_000_000_000_000_000, 100_000_000_000_000_000, 1_000_000_000_000_000_000, 10_000_000_000_000_000_000,
+    ];
     let divisor = *TENS.get(tens)?;
     if number <= EXACT {
         return Some(number as f64 / divisor as f64);
@@ -383,7 +380,7 @@ fn quotient(number: u64, tens: usize) -> Option<f64> {
     let remains = u128::from(dividend % divisor != 0);
     // A power of two, of which the exponent is all.
     let scale = f64::from_bits(u64::from(1023 - shift) << 52);
-    Some((dividend / divisor | remains) as f64 * scale)
+    Some(((dividend / divisor) | remains) as f64 * scale)
 }
 
 #[cfg(test)]
