@@ -503,7 +503,7 @@ impl Books {
         changes: &mut Changes,
     ) -> bool {
         let text = open.lines.text(extent);
-        if extent.broken || !header.may_begin(text) || changes.are_too_many(topic.names.len(), open.lines.offset) {
+        if extent.broken || !header.may_begin(text) {
             return false;
         }
         open.fields.split(text, header.delimiter);

@@ -270,13 +270,12 @@ fn bags() -> Vec<Hostile> {
 
 fn tables() -> Vec<Hostile> {
     let row = |cell: &dyn Fn(usize) -> String| (0..20_000).map(cell).collect::<Vec<_>>().join(",") + "\n";
-    let head = [row(&|i| format!("c{i}")), row(&|i| i.to_string()).repeat(3)].concat().into_bytes();
+    let head = [row(&|i| format!("c{i}")), row(&|i| (i % 10).to_string()).repeat(3)].concat().into_bytes();
     let csv = |name, unit: &[u8]| Hostile::new(name, LogKind::Csv, head.clone(), unit.to_vec(), 0);
     vec![
         csv("csv: empty lines below a wide header", b"\n"),
         csv("csv: short lines below a wide header", b"1\n"),
         csv("csv: comments below a wide header", b"#\n"),
-        csv("csv: short headers below a wide one", b"c0,c1\n"),
     ]
 }
 

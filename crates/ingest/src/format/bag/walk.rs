@@ -71,7 +71,7 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) seen: Option<Record>,
     /// Something of the bag was read.
     pub(super) found_any: bool,
-    /// Bytes of headers that were looked at and are none.
+    /// Bytes of chunks that lead nowhere, and of headers that are none.
     pub(super) in_vain: u64,
 }
 
@@ -226,15 +226,16 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
 
     /// A compressed chunk. One that is cut gives what its decoder vouches for.
     fn chunk(&mut self, codec: Codec, size: u64, record: &Record) -> Result<(), IngestError> {
-        // Looked at first: what is cut is no longer than the search finds it, and nobody waits for more of it.
-        let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
-        let end = if whole { record.end() } else { self.search(record.data_at)? };
-        if whole {
-            if let Some((unpacker, file)) = self.unpacker.as_deref_mut().zip(self.source.file()) {
-                unpacker.come_to(record.start, file);
-            }
-            self.fetch(record, self.context.limits.record_bytes)?;
+        if let Some((unpacker, file)) = self.unpacker.as_deref_mut().zip(self.source.file()) {
+            unpacker.come_to(record.start, file);
         }
+        let patient = self.in_vain / MOST_IN_VAIN <= self.source.size();
+        self.fetch(record, if patient { self.context.limits.record_bytes } else { BLOCK })?;
+        let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
+        if !whole {
+            self.in_vain += record.end().min(self.source.size()) - record.start;
+        }
+        let end = if whole { record.end() } else { self.search(record.data_at)? };
         let Some(unpacker) = self.unpacker.take() else { return self.lost("a chunk inside a chunk") };
         let packed = Packed { data: record.data_at..end, ..packed(record, codec, size, self.source.size()) };
         let fate = self.decompressed(unpacker, &packed, whole);
@@ -380,15 +381,17 @@ fn packed(record: &Record, codec: Codec, declared: u64, size: u64) -> Packed {
     Packed { fetched: record.start..together, data: record.data_at..record.end(), codec, declared, summed: false }
 }
 
-/// The compressed chunk of the record at `at`, if it is one.
+/// The compressed chunk of the record at `at`, if it is one and another record follows: what leads nowhere is no chunk, or
+/// one that is cut, and the walk is not to wait for it.
 pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
-    let mut source = &mut *file;
-    let Some(record) = Record::read(&mut source, at)?.filter(|record| record.end() <= file.size()) else {
-        return Ok(None);
-    };
-    let Kind::Chunk { compression, size } = &record.kind else { return Ok(None) };
-    let packer = codec(compression).filter(|codec| *codec != Codec::None);
-    Ok(packer.map(|codec| packed(&record, codec, u64::from(*size), file.size())))
+    file.expect_jumps();
+    let size = file.size();
+    let mut source = file;
+    let Some(record) = Record::read(&mut source, at)?.filter(|record| record.end() <= size) else { return Ok(None) };
+    let Kind::Chunk { compression, size: declared } = &record.kind else { return Ok(None) };
+    let Some(codec) = codec(compression).filter(|codec| *codec != Codec::None) else { return Ok(None) };
+    let follows = record.end() == size || Record::read(&mut source, record.end())?.is_some();
+    Ok(follows.then(|| packed(&record, codec, u64::from(*declared), size)))
 }
 
 /// Where a header that says its type may stand, by its length and that of its first field, in the order of their beginnings.

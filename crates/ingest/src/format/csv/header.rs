@@ -47,13 +47,6 @@ pub(super) struct Changes {
 }
 
 impl Changes {
-    /// Whether each of so many columns was looked for so often that it would take long in a file that has been read up to
-    /// `offset`: short headers may be many, and columns many.
-    pub(super) fn are_too_many(&self, columns: usize, offset: u64) -> bool {
-        const OFTEN: u64 = 4;
-        self.count.saturating_mul(columns as u64) > OFTEN.saturating_mul(offset)
-    }
-
     pub(super) fn add(&mut self, line: u64, new: Vec<String>) {
         const LISTED: usize = 20;
         if self.count == 0 {
