@@ -216,7 +216,8 @@ impl Reading<'_> {
         topic.decimal = table.decimal;
         let (mut preamble, mut header, mut repeated, mut changes) = (0, Header::default(), 0, Changes::default());
         let cutter = |topic: &Topic| {
-            let plain = topic.decoded && table.delimiter != fields::BLANKS;
+            // Rows that lack columns are looked at one by one.
+            let plain = topic.decoded && table.delimiter != fields::BLANKS && topic.absent == 0 && !topic.is_lost;
             plain.then(|| Cutter::new(table.delimiter, topic.width, &topic.places()))
         };
         let mut cut = cutter(&topic);
@@ -506,6 +507,16 @@ impl Books {
         if extent.broken || !header.may_begin(text) {
             return false;
         }
+        if !topic.can_afford(open.lines.offset) {
+            topic.is_lost = true;
+            let line = open.lines.number;
+            self.reject(
+                open,
+                extent,
+                format!("line {line}: another header, of too many that lack columns of the first"),
+            );
+            return true;
+        }
         open.fields.split(text, header.delimiter);
         let Some(Other { places, width, new }) = header.other(&open.fields) else { return false };
         changes.add(open.lines.number, new);
@@ -526,6 +537,14 @@ impl Books {
         }
         if extent.broken {
             return self.reject(open, extent, format!("line {line}: quotes that do not match"));
+        }
+        if topic.is_lost {
+            return self.reject(open, extent, format!("line {line}: a row below a header that was not followed"));
+        }
+        if topic.absent > 0 && !topic.can_afford(open.lines.offset) {
+            let reason =
+                format!("line {line}: a row that lacks {} columns of the first header, of too many", topic.absent);
+            return self.reject(open, extent, reason);
         }
         if open.lines.may_hold_zeros() && memchr::memchr(0, text).is_some() {
             return self.reject(open, extent, format!("line {line}: zero bytes in the row"));

@@ -276,6 +276,9 @@ fn tables() -> Vec<Hostile> {
         csv("csv: empty lines below a wide header", b"\n"),
         csv("csv: short lines below a wide header", b"1\n"),
         csv("csv: comments below a wide header", b"#\n"),
+        csv("csv: short headers below a wide one", b"c0,c1\n"),
+        csv("csv: short headers with rows below a wide one", b"c0,c1\n1,2\nc1,c0\n2,1\n"),
+        Hostile { head: [&head[..], b"c0,c1\n"].concat(), ..csv("csv: short rows below a wide header", b"1,2\n") },
     ]
 }
 

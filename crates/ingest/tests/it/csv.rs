@@ -620,6 +620,29 @@ fn a_table_with_binary_bytes_between_its_rows_is_one_whatever_its_name() {
 }
 
 #[test]
+fn of_short_headers_without_end_below_a_wide_one_rows_are_read_rightly_or_told() {
+    const WIDTH: usize = 700;
+    let row = |cell: &dyn Fn(usize) -> String| (0..WIDTH).map(cell).collect::<Vec<_>>().join(",") + "\n";
+    let wide = [row(&|i| format!("c{i}")), row(&|i| (i + 1).to_string()).repeat(100)].concat();
+    // Restarts of two columns in turn: one is 1 in all rows and the other 2.
+    let restarts = "c0,c1\n1,2\nc1,c0\n2,1\n".repeat(8000);
+    let again = [wide.as_str(), &restarts, &wide].concat();
+    let log = read(&again);
+    let rows = log.tables[0].rows;
+    assert!((1200..16_000).contains(&rows), "{rows}");
+    for (column, expected) in [("c0", 1.0), ("c1", 2.0)] {
+        assert!(numbers(&log, column).iter().all(|value| *value == Some(expected)), "{column}");
+    }
+    // The first header is always followed.
+    assert_eq!(numbers(&log, "c699").iter().flatten().count(), 200);
+    assert!(log.health.undecodable > 1000 && log.health.undecodable as usize + rows > 16_200);
+    assert!(log.notices.iter().any(|n| n.severity == Severity::Loss));
+    // Few of them are no matter.
+    let log = read(&[wide.as_str(), &"c0,c1\n1,2\nc1,c0\n2,1\n".repeat(100)].concat());
+    assert_eq!((log.tables[0].rows, log.health.undecodable), (300, 0));
+}
+
+#[test]
 fn headers_without_end_in_changing_order_are_read_in_time_and_told_once() {
     // As made for it: searched name by name, each of these would be 1e9 steps.
     let names: Vec<String> = (0..30_000).map(|i| format!("c{i}")).collect();

@@ -9,6 +9,12 @@ use flight::{Notices, Severity, TopicHealth};
 /// A column of numbers with more cells that are none, one in so many, is a loss.
 const TOLERATED: u64 = 100;
 
+/// Cells that rows below another header may lack, and columns looked for at such headers, for each byte of the file: a few bytes
+/// are no reason to fill a wide table with nothing.
+const ABSENT_PER_BYTE: u64 = 4;
+/// And so many at any rate.
+const ABSENT: u64 = 1 << 20;
+
 /// Seconds since 1970 or 1980 are beyond this, and a float of them is not exact to the nanosecond.
 const LARGE: f64 = 1e8;
 
@@ -22,6 +28,12 @@ pub(super) struct Topic {
     pub(super) width: usize,
     /// What stands before decimals.
     pub(super) decimal: Decimal,
+    /// Columns that rows do not have now.
+    pub(super) absent: usize,
+    /// Another header was not followed: nobody knows what the fields of the rows below are.
+    pub(super) is_lost: bool,
+    /// Cells that rows have lacked, and columns that were looked for at other headers.
+    spent: u64,
     /// Whether a wanted field exists.
     pub(super) decoded: bool,
     /// Intact rows.
@@ -173,12 +185,21 @@ impl Topic {
         for column in &mut self.columns {
             column.place = places.get(column.index).copied().flatten();
         }
+        self.absent = self.columns.iter().filter(|column| column.place.is_none()).count();
+        self.spent += self.names.len() as u64;
+        self.is_lost = false;
+    }
+
+    /// Whether rows that lack columns, and other headers, still are in proportion to the bytes of the file so far.
+    pub(super) fn can_afford(&self, bytes: u64) -> bool {
+        self.spent <= ABSENT + ABSENT_PER_BYTE.saturating_mul(bytes)
     }
 
     /// Takes the rows from now on by the first header again.
     pub(super) fn follow_first(&mut self) {
         self.width = self.names.len();
         self.columns.iter_mut().for_each(|column| column.place = Some(column.index));
+        (self.absent, self.is_lost) = (0, false);
     }
 
     /// Which fields of a row are wanted now.
@@ -195,6 +216,7 @@ impl Topic {
     /// A row with its fields, of which the first `skip` are no columns.
     pub(super) fn push(&mut self, row: Row<'_>, skip: usize, line: u64, extent: Extent) {
         self.lines.push(self.rows as usize, line);
+        self.spent += self.absent as u64;
         self.count(extent);
         if !extent.ended {
             self.unended = Some(line);
