@@ -1,5 +1,6 @@
 //! Text tables: one table in a file, one file per topic, or FlySight 2 with several tables in one file.
 
+mod ahead;
 mod columns;
 mod fields;
 mod formula;
@@ -12,6 +13,7 @@ mod plain;
 
 pub use self::formula::inert;
 
+use self::ahead::Rules;
 use self::columns::Topic;
 use self::fields::Fields;
 use self::header::{Changes, Header, Other};
@@ -20,6 +22,7 @@ use self::lines::{Extent, Lines, Next, comment_mark};
 use self::meaning::Meaning;
 use self::plain::Cutter;
 use crate::error::IngestError;
+use crate::format::crew::Crew;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
 use crate::table::{Table, TopicInfo};
@@ -28,6 +31,7 @@ use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Bytes from which the layout is found, unless a line is longer.
 const HEAD: u64 = 256 << 10;
@@ -36,6 +40,9 @@ const HEAD: u64 = 256 << 10;
 const EXTRAS: usize = 256;
 /// A longer comment is none, bytes.
 const LONGEST_REMARK: usize = 200;
+
+/// Rows of a larger file are shared with idle threads, bytes.
+const LEAST_SHARED: u64 = 1 << 20;
 
 /// The UTF-8 byte order mark.
 const BOM: &[u8] = b"\xef\xbb\xbf";
@@ -147,8 +154,7 @@ impl<'a> Open<'a> {
         file.by_ref().take(BOM.len() as u64).read_to_end(&mut first).map_err(failed)?;
         let skipped = if first == BOM { BOM.len() as u64 } else { 0 };
         file.seek(SeekFrom::Start(skipped)).map_err(failed)?;
-        let mut lines = Lines::new(file.take(size - skipped.min(size)), name, context);
-        lines.offset = skipped;
+        let lines = Lines::new(file.take(size - skipped.min(size)), name, context).from(skipped);
         Ok(Open { name, lines, size, fields: Fields::default() })
     }
 }
@@ -214,22 +220,28 @@ impl Reading<'_> {
         meaning.kept_as_text().into_iter().for_each(|path| topic.keep_text(path));
         self.meanings.insert(topic.info.name.clone(), (meaning, selection));
         topic.decimal = table.decimal;
-        let (mut preamble, mut header, mut repeated, mut changes) = (0, Header::default(), 0, Changes::default());
-        let cutter = |topic: &Topic| {
+        let (mut preamble, mut header, mut repeated, mut changes) = (0, Arc::default(), 0, Changes::default());
+        let longest = self.context.limits.line_bytes;
+        let mut made = 0;
+        let mut rules_of = |topic: &Topic, header: &Arc<Header>| {
             // Rows that lack columns are looked at one by one.
             let plain = topic.decoded && table.delimiter != fields::BLANKS && topic.absent == 0 && !topic.is_lost;
-            plain.then(|| Cutter::new(table.delimiter, topic.width, &topic.places()))
+            let cutter = || Cutter::new(table.delimiter, topic.width, &topic.places());
+            made += 1;
+            plain.then(|| Rules { number: made, cutter: cutter(), header: Arc::clone(header), longest })
         };
-        let mut cut = cutter(&topic);
+        let mut rules = rules_of(&topic, &header);
+        let crew = if open.size > LEAST_SHARED && topic.may_be_parted() { Crew::at_hand() } else { None };
         loop {
-            if let Some(cutter) = cut.as_mut().filter(|_| open.lines.number >= table.first_row_line) {
-                self.books.plain_rows(open, &mut topic, cutter, &header);
+            if let Some(rules) = rules.as_mut().filter(|_| open.lines.number >= table.first_row_line) {
+                self.books.plain_rows(open, &mut topic, rules, crew.as_ref())?;
             }
             let Some((extent, line)) = self.books.next_record(open, table.delimiter)? else { break };
             let text = open.lines.text(extent).trim_ascii();
             if table.header_line == Some(line) {
                 open.fields.split(text.get(comment_mark(text)..).unwrap_or_default(), table.delimiter);
-                header = Header::new(text, &open.fields, table.delimiter);
+                header = Arc::new(Header::new(text, &open.fields, table.delimiter));
+                rules = rules_of(&topic, &header);
             }
             let plain = !text.is_empty() && comment_mark(text) == 0;
             let again = plain && line >= table.first_row_line && header.is(text);
@@ -243,13 +255,13 @@ impl Reading<'_> {
                 if again {
                     repeated += 1;
                     topic.follow_first();
-                    cut = cutter(&topic);
+                    rules = rules_of(&topic, &header);
                 }
                 self.books.structure(open, extent);
                 continue;
             }
             if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
-                cut = cutter(&topic);
+                rules = rules_of(&topic, &header);
                 continue;
             }
             self.books.row(open, extent, &mut topic, 0, table.delimiter);
@@ -467,31 +479,47 @@ impl Books {
             match open.lines.next(Some(delimiter))? {
                 Next::Record(extent) => return Ok(Some((extent, line))),
                 Next::TooLong => {
-                    let bytes = open.lines.pass_too_long()?;
+                    let (bytes, given_up) = open.lines.pass_too_long()?;
                     let limit = self.limits.line_bytes;
                     self.health.undecodable += 1;
+                    if given_up {
+                        let reason = format!("line {line}: zero bytes; nothing behind them is read");
+                        self.ledger.damaged(open.name, offset, open.size - offset, reason);
+                        open.lines.offset = open.size;
+                        return Ok(None);
+                    }
                     self.ledger.damaged(open.name, offset, bytes, format!("line {line}: longer than {limit} bytes"));
-                }
-                Next::Zeros => {
-                    let reason = format!("line {line}: zero bytes; nothing behind them is read");
-                    self.ledger.damaged(open.name, offset, open.size - offset, reason);
-                    open.lines.offset = open.size;
-                    return Ok(None);
                 }
                 Next::End => return Ok(None),
             }
         }
     }
 
-    /// The rows that come next and lie in the buffer, as long as nothing about them is out of the common.
-    fn plain_rows(&mut self, open: &mut Open<'_>, topic: &mut Topic, cutter: &mut Cutter, header: &Header) {
-        let mut line = open.lines.number;
-        let all = cutter.rows(open.lines.plain_block(), header, self.limits.line_bytes, |row, extent| {
-            topic.push(row, 0, line, extent);
-            line += 1;
-        });
-        self.ledger.count(Fate::Decoded, all.whole as u64);
-        open.lines.pass(all);
+    /// The rows that come next, as long as nothing about them is out of the common.
+    fn plain_rows(
+        &mut self,
+        open: &mut Open<'_>,
+        topic: &mut Topic,
+        rules: &mut Rules,
+        crew: Option<&Crew>,
+    ) -> Result<(), IngestError> {
+        loop {
+            // The first rows tell what the columns are.
+            if let Some(crew) = crew.filter(|_| topic.rows > 0) {
+                open.lines.read_ahead(crew, topic, rules)?;
+            }
+            let mut line = open.lines.number;
+            let held = rules.rows(open.lines.plain_block(), |row, extent| {
+                topic.push(row, 0, line, extent);
+                line += 1;
+            });
+            open.lines.pass(held);
+            let others = open.lines.take_rows(topic, rules)?;
+            self.ledger.count(Fate::Decoded, (held.whole + others.map_or(0, |rows| rows.whole)) as u64);
+            if others.is_none() {
+                return Ok(());
+            }
+        }
     }
 
     /// Whether the record is another header of the table; the rows below are read by it then.

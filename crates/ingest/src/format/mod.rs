@@ -2,6 +2,7 @@
 
 mod bag;
 pub(crate) mod bag_folder;
+mod crew;
 mod csv;
 mod dataflash;
 mod db3;

@@ -1,26 +1,21 @@
 //! Chunks decompressed and summed, some before the walk comes to them, by threads that have nothing else to do.
 //!
 //! What lies ready changes nothing in what is read: the walk looks at every record itself, and takes what was made early
-//! only if it was made of the very bytes that it would decompress. Nobody waits for a thread that is busy elsewhere: a chunk
-//! that none has begun is the walk's own. In a campaign the threads are those of its pool, which all have flights of their
-//! own until the last ones; elsewhere there is a pool for all logs of the process. With one thread nothing is made early.
+//! only if it was made of the very bytes that it would decompress.
 
 use crate::error::IngestError;
+use crate::format::crew::{Crew, Order, Outcome};
 use crate::format::file::LogFile;
 use crate::format::inflate::{Codec, Inflater};
 use std::collections::VecDeque;
 use std::iter::Peekable;
 use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 /// Chunks that are made early are no longer than this, packed and unpacked together, bytes.
 const MOST_HELD: u64 = 8 << 20;
 /// Nearer to one another, chunks take less time than handing them over, bytes.
 const LEAST_APART: u64 = 1 << 10;
-/// Threads that work for one file: its walk could not keep up with more.
-const MOST_THREADS: usize = 4;
 /// Places that are remembered.
 pub(crate) const MOST_PLACES: usize = 1 << 20;
 
@@ -75,9 +70,7 @@ impl Unpacker {
             places: places.into_iter().peekable(),
             look,
             limit: self.limit,
-            most: crew.threads() + 1,
             crew,
-            handed_over: Arc::default(),
             begun: VecDeque::new(),
             spare: vec![],
         });
@@ -174,65 +167,15 @@ impl Bench {
     }
 }
 
-/// Who works for the walk.
-#[derive(Clone, Copy)]
-enum Crew {
-    /// The pool of the thread that walks.
-    Own,
-    /// That of the process.
-    Shared(&'static rayon::ThreadPool),
-}
-
-impl Crew {
-    /// `None` if there is but one thread, or none can be started.
-    fn at_hand() -> Option<Crew> {
-        static SHARED: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
-        let start = || rayon::ThreadPoolBuilder::new().num_threads(shared_threads()).build().ok();
-        let crew = match rayon::current_thread_index() {
-            Some(_) => Crew::Own,
-            None if shared_threads() < 2 => return None,
-            None => Crew::Shared(SHARED.get_or_init(start).as_ref()?),
-        };
-        (crew.threads() > 1).then_some(crew)
-    }
-
-    fn threads(self) -> usize {
-        let all = match self {
-            Crew::Own => rayon::current_num_threads(),
-            Crew::Shared(pool) => pool.current_num_threads(),
-        };
-        all.min(MOST_THREADS)
-    }
-
-    fn spawn(self, work: impl FnOnce() + Send + 'static) {
-        match self {
-            Crew::Own => rayon::spawn(work),
-            Crew::Shared(pool) => pool.spawn(work),
-        }
-    }
-}
-
-/// As many as there are cores, or fewer if rayon's own variable says so.
-fn shared_threads() -> usize {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
-    let asked =
-        std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse().ok()).filter(|&threads| threads > 0);
-    asked.map_or(cores, |asked| cores.min(asked))
-}
-
 /// The chunks that are under way.
 struct Ahead {
     crew: Crew,
-    /// Work that was handed over and that no thread has got to, though it may not be wanted any more.
-    handed_over: Arc<AtomicUsize>,
     file: LogFile,
     /// Those that nobody has begun with.
     places: Peekable<std::vec::IntoIter<u64>>,
     look: Look,
     limit: u64,
-    /// So many are under way or lie ready.
-    most: usize,
-    begun: VecDeque<(u64, Arc<Order>)>,
+    begun: VecDeque<(u64, Arc<Order<Bench>>)>,
     spare: Vec<Bench>,
 }
 
@@ -243,36 +186,31 @@ impl Ahead {
         while let Some((place, order)) = self.begun.pop_front_if(|(place, _)| *place <= at) {
             let bench = if place == at { order.wait() } else { order.revoke() };
             match bench {
-                Some(bench) if bench.done.is_some() && place == at => return Some(*bench),
-                Some(bench) => self.keep(*bench),
-                None => {}
+                Some(Outcome::Done(bench)) if bench.done.is_some() && place == at => return Some(bench),
+                Some(Outcome::Open(bench) | Outcome::Done(bench)) => self.keep(bench),
+                Some(Outcome::Failed(_)) | None => {}
             }
         }
         None
     }
 
     /// For another chunk. Buffers that a long one has made are given back.
-    fn keep(&mut self, bench: Bench) {
+    fn keep(&mut self, mut bench: Bench) {
         if bench.held() <= MOST_HELD {
-            self.spare.push(Bench { done: None, ..bench });
+            bench.done = None;
+            self.spare.push(bench);
         }
     }
 
     /// Gives the next chunks to whoever has time.
     fn begin(&mut self) {
-        while self.begun.len() < self.most
-            && self.handed_over.load(Ordering::Relaxed) < self.most
+        while self.crew.has_time(self.begun.len())
             && let Some(place) = self.places.next()
         {
             let bench = self.spare.pop().unwrap_or_else(|| Bench::new(&self.file));
-            let order = Arc::new(Order::new(bench));
-            self.begun.push_back((place, Arc::clone(&order)));
-            let (look, limit, handed_over) = (self.look, self.limit, Arc::clone(&self.handed_over));
-            handed_over.fetch_add(1, Ordering::Relaxed);
-            self.crew.spawn(move || {
-                handed_over.fetch_sub(1, Ordering::Relaxed);
-                order.carry_out(|bench| bench.prepare(place, look, limit));
-            });
+            let (look, limit) = (self.look, self.limit);
+            let order = self.crew.begin(bench, move |bench| bench.prepare(place, look, limit));
+            self.begun.push_back((place, order));
         }
     }
 }
@@ -280,73 +218,6 @@ impl Ahead {
 impl Drop for Ahead {
     fn drop(&mut self) {
         self.begun.drain(..).for_each(|(_, order)| drop(order.revoke()));
-    }
-}
-
-/// Work that a thread may take up.
-struct Order {
-    state: Mutex<State>,
-    changed: Condvar,
-}
-
-enum State {
-    Open(Box<Bench>),
-    TakenUp,
-    Done(Box<Bench>),
-    /// Handed over, or lost by a thread that failed.
-    Gone,
-}
-
-impl Order {
-    fn new(bench: Bench) -> Order {
-        Order { state: Mutex::new(State::Open(Box::new(bench))), changed: Condvar::new() }
-    }
-
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Does the work, if it still is to be done.
-    fn carry_out(&self, work: impl FnOnce(&mut Bench)) {
-        let mut state = self.state();
-        let mut bench = match std::mem::replace(&mut *state, State::TakenUp) {
-            State::Open(bench) => bench,
-            other => {
-                *state = other;
-                return;
-            }
-        };
-        drop(state);
-        // A failure comes again where the walk does the same work.
-        let worked = catch_unwind(AssertUnwindSafe(|| {
-            work(&mut bench);
-            bench
-        }));
-        *self.state() = worked.map_or(State::Gone, State::Done);
-        self.changed.notify_one();
-    }
-
-    /// What came out, as soon as it is there; if nobody has begun yet, nobody will.
-    fn wait(&self) -> Option<Box<Bench>> {
-        let is_under_way = |state: &mut State| matches!(state, State::TakenUp);
-        let mut state = self.changed.wait_while(self.state(), is_under_way).unwrap_or_else(PoisonError::into_inner);
-        match std::mem::replace(&mut *state, State::Gone) {
-            State::Open(bench) | State::Done(bench) => Some(bench),
-            State::TakenUp | State::Gone => None,
-        }
-    }
-
-    /// Nobody wants it any more.
-    fn revoke(&self) -> Option<Box<Bench>> {
-        let mut state = self.state();
-        match std::mem::replace(&mut *state, State::Gone) {
-            State::Open(bench) | State::Done(bench) => Some(bench),
-            State::TakenUp => {
-                *state = State::TakenUp;
-                None
-            }
-            State::Gone => None,
-        }
     }
 }
 
@@ -368,23 +239,6 @@ mod tests {
     fn look(_: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
         let (place, declared) = (at..at + LENGTH as u64, LENGTH as u64);
         Ok(Some(Packed { fetched: place.clone(), data: place, codec: Codec::None, declared, summed: true }))
-    }
-
-    #[test]
-    fn what_nobody_has_begun_with_is_given_back_and_never_begun() {
-        let (_on_disk, file) = file_of(b"");
-        let order = Order::new(Bench::new(&file));
-        assert!(order.wait().is_some_and(|bench| bench.done.is_none()));
-        order.carry_out(|_| panic!("begun all the same"));
-        assert!(order.wait().is_none() && order.revoke().is_none());
-    }
-
-    #[test]
-    fn a_thread_that_fails_leaves_its_chunk_to_the_walk() {
-        let (_on_disk, file) = file_of(b"");
-        let order = Order::new(Bench::new(&file));
-        order.carry_out(|_| panic!("this is meant to be seen: a test of failure"));
-        assert!(order.wait().is_none());
     }
 
     #[test]
@@ -428,30 +282,6 @@ mod tests {
                 let spare = unpacker.ahead.iter().flat_map(|ahead| &ahead.spare);
                 assert!(spare.map(Bench::held).all(|held| held <= MOST_HELD));
             }
-        });
-    }
-
-    #[test]
-    fn no_more_is_handed_over_than_threads_get_to() {
-        let (_on_disk, mut file) = file_of(&vec![7; 100 * LENGTH]);
-        let (begun, has_begun) = std::sync::mpsc::channel();
-        let (end, may_end) = std::sync::mpsc::channel::<()>();
-        rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(move || {
-            // The other thread is busy until the walk is through.
-            rayon::spawn(move || {
-                begun.send(()).unwrap();
-                may_end.recv().unwrap_err();
-            });
-            has_begun.recv().unwrap();
-            let mut unpacker = Unpacker::new(&file, u64::MAX);
-            unpacker.expect((0..100).map(|number| (number * LENGTH) as u64).collect(), look);
-            for number in 0..100 {
-                unpacker.come_to((number * LENGTH) as u64, &mut file);
-                let ahead = unpacker.ahead.as_ref().unwrap();
-                assert_eq!((ahead.handed_over.load(Ordering::Relaxed), ahead.most), (3, 3));
-                assert!(ahead.spare.len() <= ahead.most);
-            }
-            drop(end);
         });
     }
 

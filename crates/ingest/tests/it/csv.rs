@@ -119,6 +119,87 @@ fn what_becomes_of_a_line_does_not_depend_on_a_quote_far_behind_it() {
     }
 }
 
+/// A large table whose rows are seldom out of the common: one in `rare`.
+fn large_table(seed: u64, rare: usize) -> String {
+    let mut draw = drawn(seed);
+    let cell = |row: usize, column: usize| match column {
+        0 => (1_700_000_000_000_000_000 + row as u64 * 5_000_000).to_string(),
+        1 => format!("{}.{:06}", row % 500, row * 7919 % 1_000_000),
+        2 => (row * row % 1000).to_string(),
+        _ => ["up", "down", "level, or so"][row / 3 % 2].to_owned(),
+    };
+    let mut text = "stamp,lat,count,word\n".to_owned();
+    let mut order = [0, 1, 2, 3];
+    let mut row = 0;
+    while text.len() < 2_600_000 {
+        row += 1;
+        let mut cells: Vec<String> = order.iter().map(|&column| cell(row, column)).collect();
+        let place = draw(4);
+        if draw(rare) == 0 {
+            const ODD: [&str; 13] = [
+                "",
+                "nan",
+                "N/A",
+                "x",
+                "2.5",
+                "17",
+                "-",
+                "9007199254740993",
+                "1e300",
+                "\"a,b\"",
+                "\"a\nb\"",
+                "\0",
+                "5\" pipe",
+            ];
+            const LINES: [&str; 9] =
+                ["# a remark", "", "  ", "1,2", "1,2,3,4,5,6", "stamp,lat,count,word", "\"open,1,2,3", "\r", ","];
+            match draw(5) {
+                0 | 1 => cells[place] = ODD[draw(ODD.len())].to_owned(),
+                2 => text += &format!("{}\n", LINES[draw(LINES.len())]),
+                3 if draw(3) == 0 => {
+                    order.rotate_left(1 + draw(3));
+                    let names = ["stamp", "lat", "count", "word"];
+                    text += &format!("{}\n", order.map(|column| names[column]).join(","));
+                    continue;
+                }
+                3 => text += &format!("{}\n", "7,".repeat(100 + draw(9000))),
+                _ => cells[place] = "\0".repeat(draw(20_000)),
+            }
+            if text.ends_with("stamp,lat,count,word\n") {
+                order = [0, 1, 2, 3];
+                continue;
+            }
+        }
+        text += &cells.join(",");
+        text += if draw(rare) == 0 { ["\r", "\r\r\n", "\n\r"][draw(3)] } else { "\n" };
+    }
+    text.truncate(text.len() - draw(30));
+    text
+}
+
+#[test]
+fn a_large_table_is_the_same_to_one_thread_and_to_many() {
+    use ValueKind::{Number, Text};
+    let wants = [("stamp", Number), ("lat", Number), ("count", Number), ("word", Text), ("count", Text)];
+    let fields = wants.map(|(path, kind)| FieldRequest { path: path.to_owned(), kind }).to_vec();
+    let pools = [1, 2, 4].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap());
+    for (seed, rare) in (0..12).zip([3, 40, 1000, 20_000, 300_000].into_iter().cycle()) {
+        let text = large_table(seed, rare);
+        // Lines of more than this many bytes are too long.
+        let limits = Limits { line_bytes: [1 << 20, 15_000][seed as usize % 2], ..Limits::default() };
+        let wanted = Selection::Fields(fields.iter().skip(seed as usize / 2 % 3).cloned().collect());
+        let [one, two, four] = pools.each_ref().map(|pool| {
+            let log = pool.install(|| read_limited(text.as_bytes(), &wanted, limits)).unwrap();
+            assert!(log.tables[0].rows > 1000, "{seed}");
+            (log.health.clone(), log.notices.iter().cloned().collect::<Vec<_>>(), log.tables)
+        });
+        for many in [two, four] {
+            assert_eq!((&one.0, &one.1), (&many.0, &many.1), "{seed}");
+            assert!(one.2 == many.2, "{seed}");
+        }
+    }
+}
+
 #[test]
 fn the_columns_of_the_readers_own_are_the_same_whatever_else_is_wanted() {
     let row = |n: usize| format!("{n};2026;{};0000008{};0;0;0;{};8.5;400\n", n % 8, 3 + n % 5, n % 2 * 47);

@@ -15,6 +15,9 @@ const ABSENT_PER_BYTE: u64 = 4;
 /// And so many at any rate.
 const ABSENT: u64 = 1 << 20;
 
+/// Lines of cells that are no numbers that are remembered of a column.
+const LISTED_BAD: usize = 100;
+
 /// Seconds since 1970 or 1980 are beyond this, and a float of them is not exact to the nanosecond.
 const LARGE: f64 = 1e8;
 
@@ -63,6 +66,22 @@ struct Building {
     bad: u64,
     bad_lines: Vec<u64>,
     bad_example: String,
+}
+
+/// Rows of a topic that are read apart from it, until those before them have come in.
+#[derive(Debug, Default)]
+pub(super) struct Part {
+    rows: Topic,
+    /// What each column of the topic was when they were begun with.
+    began: Vec<Kind>,
+}
+
+/// What the next cell of a column is taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Integer { long: bool },
+    Float,
+    Text,
 }
 
 /// Integers until the first cell that is none: stamps of 19 digits stay exact.
@@ -232,6 +251,28 @@ impl Topic {
         }
     }
 
+    /// Whether its rows may come in in parts.
+    pub(super) fn may_be_parted(&self) -> bool {
+        self.decoded && self.columns.iter().all(|column| column.cells.kind().is_some())
+    }
+
+    /// Takes the rows of a part; the first one is at line `first`. Says whether it has: not if the cells before have
+    /// made another column of one.
+    pub(super) fn append(&mut self, part: &mut Part, first: u64) -> bool {
+        if !self.columns.iter().map(|column| column.cells.kind()).eq(part.began.iter().copied().map(Some)) {
+            return false;
+        }
+        if part.rows.rows > 0 {
+            self.lines.push(self.rows as usize, first);
+        }
+        self.rows += part.rows.rows;
+        self.payload_bytes += part.rows.payload_bytes;
+        for (column, part) in self.columns.iter_mut().zip(&mut part.rows.columns) {
+            column.append(part, first);
+        }
+        true
+    }
+
     /// Raises what happened to the cells.
     pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
         self.drop_numbers_that_are_text();
@@ -288,6 +329,24 @@ impl Topic {
     }
 }
 
+impl Part {
+    /// Begins anew with rows of `topic`, whose columns are as they are now.
+    pub(super) fn renew(&mut self, topic: &Topic) {
+        let columns = std::mem::take(&mut self.rows.columns);
+        let mut used = columns.into_iter();
+        let columns = topic.columns.iter().map(|column| column.successor(used.next())).collect();
+        self.rows = Topic { width: topic.width, decimal: topic.decimal, columns, ..Topic::default() };
+        self.began.clear();
+        self.began.extend(topic.columns.iter().filter_map(|column| column.cells.kind()));
+    }
+
+    /// As [`Topic::push`], at a line counted from 1.
+    #[inline]
+    pub(super) fn push(&mut self, row: Row<'_>, line: u64, extent: Extent) {
+        self.rows.push(row, 0, line, extent);
+    }
+}
+
 /// At most ten of the names.
 fn first_of(names: &[String]) -> String {
     let more = if names.len() > 10 { ", ..." } else { "" };
@@ -325,6 +384,48 @@ impl Building {
             bad_lines: vec![],
             bad_example: String::new(),
         }
+    }
+
+    /// A column for the cells that follow, with the room of one that was used.
+    fn successor(&self, used: Option<Building>) -> Building {
+        let mut next = used.unwrap_or_else(|| Building::new("", self.index, Cells::Text(vec![])));
+        let room = std::mem::replace(&mut next.cells, Cells::Text(vec![]));
+        let cells = match (self.cells.kind(), room) {
+            (Some(Kind::Integer { long }), Cells::Integers(Integers { mut values, .. })) => {
+                values.clear();
+                Cells::Integers(Integers { values, long })
+            }
+            (Some(Kind::Integer { long }), _) => Cells::Integers(Integers { values: vec![], long }),
+            (Some(Kind::Float), Cells::Floats(mut values)) => {
+                values.clear();
+                Cells::Floats(values)
+            }
+            (Some(Kind::Float), _) => Cells::Floats(vec![]),
+            (Some(Kind::Text) | None, _) => Cells::Text(vec![]),
+        };
+        next.valid.clear();
+        Building { place: self.place, valid: next.valid, ..Building::new("", self.index, cells) }
+    }
+
+    /// Takes the cells of a part, which began as this column is now.
+    fn append(&mut self, part: &mut Building, first: u64) {
+        if !part.valid.is_empty() && self.valid.is_empty() {
+            self.valid.resize(self.rows, true);
+        }
+        self.rows += part.rows;
+        if part.valid.is_empty() && !self.valid.is_empty() {
+            self.valid.resize(self.rows, true);
+        }
+        self.valid.append(&mut part.valid);
+        self.filled += part.filled;
+        self.not_finite += part.not_finite;
+        if self.bad == 0 {
+            self.bad_example = std::mem::take(&mut part.bad_example);
+        }
+        self.bad += part.bad;
+        let room = LISTED_BAD.saturating_sub(self.bad_lines.len());
+        self.bad_lines.extend(part.bad_lines.iter().take(room).map(|line| first + line - 1));
+        self.cells.append(&mut part.cells);
     }
 
     fn asked(request: &FieldRequest, index: usize) -> Building {
@@ -381,7 +482,7 @@ impl Building {
                 if self.bad == 0 {
                     self.bad_example = String::from_utf8_lossy(cell).chars().take(40).collect();
                 }
-                if self.bad_lines.len() < 100 {
+                if self.bad_lines.len() < LISTED_BAD {
                     self.bad_lines.push(line);
                 }
                 self.bad += 1;
@@ -447,6 +548,32 @@ impl Building {
 impl Cells {
     fn undecided() -> Cells {
         Cells::Undecided(Box::new(Cells::Integers(Integers::default())), Written::default())
+    }
+
+    /// `None` of what depends on the cells before in other ways.
+    fn kind(&self) -> Option<Kind> {
+        match self {
+            Cells::Integers(held) => Some(Kind::Integer { long: held.long }),
+            Cells::Floats(_) => Some(Kind::Float),
+            Cells::Text(_) => Some(Kind::Text),
+            Cells::Undecided(..) => None,
+        }
+    }
+
+    /// Takes those that follow, which began as these are now: integers may have become floats since.
+    fn append(&mut self, part: &mut Cells) {
+        if let (Cells::Integers(held), Cells::Floats(_)) = (&mut *self, &*part) {
+            *self = Cells::Floats(std::mem::take(held).into_floats());
+        }
+        match (self, part) {
+            (Cells::Integers(held), Cells::Integers(more)) => {
+                held.long |= more.long;
+                held.values.append(&mut more.values);
+            }
+            (Cells::Floats(held), Cells::Floats(more)) => held.append(more),
+            (Cells::Text(held), Cells::Text(more)) => held.append(more),
+            _ => {}
+        }
     }
 
     /// A number as the column can hold it. One broken cell must not round the stamps of 19 digits in all others: among

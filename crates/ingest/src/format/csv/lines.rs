@@ -1,13 +1,14 @@
 //! Cuts a text file into lines and quoted records without losing count of a byte.
 
-use crate::bytes::is_zero;
+use super::ahead::{Rules, Source};
+use super::columns::Topic;
 use crate::error::IngestError;
+use crate::format::MOST_ZEROS;
+use crate::format::crew::Crew;
 use crate::reader::ReadContext;
 use memchr::{memchr, memchr2, memrchr};
 use std::io::Read;
 
-/// How much is read at once.
-const STEP: usize = 256 << 10;
 /// CRs in a row that still belong to one line end.
 const MOST_RETURNS: usize = 8;
 /// So many longest lines may be searched in vain for the end of a quoted record, and so many bytes
@@ -17,7 +18,7 @@ const VAIN: u64 = 16;
 
 /// A reader of lines with bounded memory. Line ends are LF, CR, CR LF and CR CR LF, mixed at will.
 pub(super) struct Lines<'a, R> {
-    input: R,
+    source: Source<R>,
     context: &'a ReadContext<'a>,
     file: &'a str,
     buffer: Vec<u8>,
@@ -37,7 +38,7 @@ pub(super) struct Lines<'a, R> {
 }
 
 /// One record that lies complete in the buffer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Extent {
     /// Bytes of the record without its line end.
     pub(super) text: usize,
@@ -58,8 +59,6 @@ pub(super) enum Next {
     Record(Extent),
     /// A line longer than the limit.
     TooLong,
-    /// At least the line limit of nothing but zero bytes.
-    Zeros,
     /// The end of the file.
     End,
 }
@@ -67,7 +66,7 @@ pub(super) enum Next {
 impl<'a, R: Read> Lines<'a, R> {
     pub(super) fn new(input: R, file: &'a str, context: &'a ReadContext<'a>) -> Lines<'a, R> {
         Lines {
-            input,
+            source: Source::new(input),
             context,
             file,
             buffer: vec![],
@@ -82,6 +81,12 @@ impl<'a, R: Read> Lines<'a, R> {
         }
     }
 
+    /// At this place of the file.
+    pub(super) fn from(mut self, offset: u64) -> Self {
+        (self.offset, self.source.at) = (offset, offset);
+        self
+    }
+
     /// Finds the next record. With a delimiter, a quoted field may span lines; without one every
     /// line stands alone.
     pub(super) fn next(&mut self, delimiter: Option<u8>) -> Result<Next, IngestError> {
@@ -89,11 +94,12 @@ impl<'a, R: Read> Lines<'a, R> {
             let limit = self.context.limits.line_bytes;
             let quotes = self.may_hold_quotes().then_some(delimiter).flatten();
             let several_lines = self.may_span_lines();
-            let rest = self.rest();
-            if let Some(extent) = find(rest, quotes, several_lines, self.ended) {
+            let rest = self.within_reach();
+            let ended = self.ended && rest.len() == self.rest().len();
+            if let Some(extent) = find(rest, quotes, several_lines, ended) {
                 return Ok(if extent.text > limit { Next::TooLong } else { Next::Record(extent) });
             }
-            if rest.len() > limit {
+            if rest.len() == self.reach() {
                 return Ok(self.oversized(delimiter));
             }
             if self.ended {
@@ -101,6 +107,17 @@ impl<'a, R: Read> Lines<'a, R> {
             }
             self.fill()?;
         }
+    }
+
+    /// Bytes that tell whether a record is too long.
+    fn reach(&self) -> usize {
+        self.context.limits.line_bytes + MOST_RETURNS + 1
+    }
+
+    /// As many of those to come: what becomes of a record does not depend on how much was read at once.
+    fn within_reach(&self) -> &[u8] {
+        let rest = self.rest();
+        rest.get(..self.reach()).unwrap_or(rest)
     }
 
     /// The text of a record found by [`Lines::next`].
@@ -146,21 +163,70 @@ impl<'a, R: Read> Lines<'a, R> {
         self.number += extent.lines;
     }
 
-    /// Moves past a line that is too long to be taken into memory.
-    pub(super) fn pass_too_long(&mut self) -> Result<u64, IngestError> {
-        let from = self.offset;
+    /// Moves past a line that is too long to be taken into memory. Says how long it is, and whether the search for its end
+    /// was given up: a sparse file has nothing but zeros.
+    pub(super) fn pass_too_long(&mut self) -> Result<(u64, bool), IngestError> {
+        let (from, mut zeros) = (self.offset, 0);
         loop {
             let rest = self.rest();
             let found = find_line(rest, self.ended).map(|e| e.whole);
-            let step = found.unwrap_or(rest.len());
+            // A CR that is held last may be followed by the LF that it belongs to.
+            let step = found.or_else(|| memchr(b'\r', rest)).unwrap_or(rest.len());
+            let passed = rest.get(..step).unwrap_or_default();
+            let others = |byte: &u8| *byte != 0;
+            let leading = passed.iter().position(others).unwrap_or(step) as u64;
+            let given_up = zeros + leading >= MOST_ZEROS;
+            zeros = passed.iter().rposition(others).map_or(zeros + leading, |at| (step - at - 1) as u64);
             self.start += step;
             self.offset += step as u64;
-            if found.is_some() || self.ended {
+            if found.is_some() || self.ended || given_up {
                 self.number += 1;
-                return Ok(self.offset - from);
+                return Ok((self.offset - from, given_up));
             }
             self.fill()?;
         }
+    }
+
+    /// Leaves rows of `topic` that are to come to others. Only where what is held is whole lines.
+    pub(super) fn read_ahead(&mut self, crew: &Crew, topic: &Topic, rules: &Rules) -> Result<(), IngestError> {
+        if self.source.is_empty() {
+            if self.lines_end <= self.start {
+                return Ok(());
+            }
+            self.source.put_back(&mut self.buffer, self.lines_end);
+            self.quotes_end = self.quotes_end.min(self.lines_end);
+            self.zeros_end = self.zeros_end.min(self.lines_end);
+        }
+        let offset = self.source.at;
+        let got = self.source.read_ahead(crew, topic, rules).map_err(|source| self.failed(offset, source))?;
+        self.context.advance(got)
+    }
+
+    /// Takes rows of `topic` that others have read: those that come next, if the buffer is used up. `None` if nothing was
+    /// read early.
+    pub(super) fn take_rows(&mut self, topic: &mut Topic, rules: &Rules) -> Result<Option<Extent>, IngestError> {
+        if !self.rest().is_empty() {
+            return Ok(None);
+        }
+        let offset = self.offset;
+        let next = self.source.next_piece().map_err(|source| self.failed(offset, source))?;
+        let Some(mut piece) = next else { return Ok(None) };
+        let is_wanted = piece.extent.whole > 0 && piece.rules.number == rules.number;
+        let taken = is_wanted && topic.append(&mut piece.part, self.number);
+        let extent = if taken { piece.extent } else { Extent::default() };
+        std::mem::swap(&mut self.buffer, &mut piece.bytes);
+        self.source.keep(piece);
+        (self.start, self.quotes_end, self.zeros_end, self.lines_end) = (0, 0, 0, 0);
+        self.pass(extent);
+        if self.start < self.buffer.len() {
+            self.look_at(0);
+        }
+        Ok(Some(extent))
+    }
+
+    #[cfg(test)]
+    pub(super) fn finish_what_is_ahead(&self) {
+        self.source.finish();
     }
 
     fn rest(&self) -> &[u8] {
@@ -169,15 +235,14 @@ impl<'a, R: Read> Lines<'a, R> {
 
     /// A record that does not end within the limit: an unclosed quote falls back to its first line.
     fn oversized(&mut self, delimiter: Option<u8>) -> Next {
-        match delimiter.and_then(|_| find_line(self.rest(), self.ended)) {
+        match delimiter.and_then(|_| find_line(self.within_reach(), false)) {
             Some(line) if line.text <= self.context.limits.line_bytes => self.unclosed(line),
-            _ if is_zero(self.rest()) => Next::Zeros,
             _ => Next::TooLong,
         }
     }
 
     fn unclosed(&mut self, line: Extent) -> Next {
-        self.searched_in_vain += self.rest().len() as u64;
+        self.searched_in_vain += self.within_reach().len() as u64;
         Next::Record(Extent { broken: true, ..line })
     }
 
@@ -200,19 +265,23 @@ impl<'a, R: Read> Lines<'a, R> {
         self.lines_end = self.lines_end.saturating_sub(self.start);
         self.start = 0;
         let held = self.buffer.len();
-        let offset = self.offset + self.buffer.len() as u64;
-        let got = self
-            .input
-            .by_ref()
-            .take(STEP as u64)
-            .read_to_end(&mut self.buffer)
-            .map_err(|source| IngestError::Io { file: self.file.to_owned(), offset, source })?;
-        self.ended = got == 0;
+        let offset = self.source.at;
+        let got = self.source.more(&mut self.buffer).map_err(|source| self.failed(offset, source))?;
+        self.ended = self.buffer.len() == held;
+        self.look_at(held);
+        self.context.advance(got)
+    }
+
+    /// Notes what the buffer holds from `held` on.
+    fn look_at(&mut self, held: usize) {
         let new = self.buffer.get(held..).unwrap_or_default();
         self.quotes_end = memrchr(b'"', new).map_or(self.quotes_end, |at| held + at + 1);
         self.zeros_end = memrchr(0, new).map_or(self.zeros_end, |at| held + at + 1);
         self.lines_end = memrchr(b'\n', new).map_or(self.lines_end, |at| held + at + 1);
-        self.context.advance(got as u64)
+    }
+
+    fn failed(&self, offset: u64, source: std::io::Error) -> IngestError {
+        IngestError::Io { file: self.file.to_owned(), offset, source }
     }
 }
 
@@ -330,12 +399,11 @@ mod tests {
                     lines.pass(extent);
                 }
                 Next::TooLong => {
-                    let bytes = lines.pass_too_long().unwrap();
+                    let (bytes, given_up) = lines.pass_too_long().unwrap();
                     found.push((number, format!("<{bytes} bytes>")));
-                }
-                Next::Zeros => {
-                    found.push((number, "<zeros>".into()));
-                    break;
+                    if given_up {
+                        break;
+                    }
                 }
                 Next::End => break,
             }
@@ -393,9 +461,11 @@ mod tests {
     }
 
     #[test]
-    fn a_sea_of_zeros_is_recognised_and_not_searched() {
-        let mut text = b"a\n".to_vec();
-        text.resize(3 << 20, 0);
-        assert_eq!(records(&text, Some(b','), 1 << 20), numbered(&[(1, "a"), (2, "<zeros>")]));
+    fn behind_a_hole_of_zeros_is_read_on_and_a_sea_of_them_is_given_up() {
+        let with = |zeros: usize| [b"a\n", vec![0; zeros].as_slice(), b"\nb\n"].concat();
+        let expected = [(1, "a"), (2, "<3145729 bytes>"), (3, "b")];
+        assert_eq!(records(&with(3 << 20), Some(b','), 1 << 20), numbered(&expected));
+        let sea = records(&with(MOST_ZEROS as usize + 1000), Some(b','), 1 << 20);
+        assert_eq!((sea.len(), &sea[0]), (2, &(1, "a".to_owned())));
     }
 }

@@ -10,6 +10,7 @@ use wide::u8x16;
 const STEP: usize = u64::BITS as usize;
 
 /// How the rows of a table are cut, with room for it. Made once for a header: lines may be many and short, and columns many.
+#[derive(Clone, Default)]
 pub(super) struct Cutter {
     delimiter: u8,
     /// Fields of a row.
