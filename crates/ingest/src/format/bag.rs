@@ -7,7 +7,7 @@ mod record;
 mod walk;
 
 use self::record::{Fields, Kind, Record, Source};
-use self::walk::{Visit, WRONG_START, Walk, look};
+use self::walk::{Visit, WRONG_START, Walk};
 use crate::bytes::Bytes;
 use crate::decode::{Definition, Route, Tally, Times, Topics};
 use crate::error::IngestError;
@@ -76,9 +76,6 @@ fn read_file(
     let mut index_bytes = size.saturating_mul(super::MOST_IN_VAIN);
     while tried == 0 || at < size && tried < MOST_BAGS {
         let mut connections = Connections::new(topics);
-        let mut chunks = vec![];
-        let index = Index::read(file, at, &mut index_bytes, context, &mut connections, &mut chunks)?;
-        unpacker.expect(chunks, look);
         let mut walk = Walk {
             source: &mut *file,
             name: &name,
@@ -94,7 +91,10 @@ fn read_file(
             seen: None,
             found_any: false,
             in_vain: 0,
+            swallowed: 0,
         };
+        let (index, chunks) = Index::read(&mut walk, &mut index_bytes)?;
+        walk.expect(chunks);
         walk.begin()?;
         walk.run()?;
         let (found, padding, suspect) = (walk.messages, walk.padding, walk.padding_of_messages);
@@ -157,65 +157,77 @@ enum Index {
     Counts(u64),
 }
 
+/// A walk through a file that has not begun.
+type IndexWalk<'w, 'c, 'f, 't, 'q> = Walk<'w, 'c, &'f mut LogFile, Connections<'t, 'q>>;
+
 impl Index {
-    /// Of the bag that begins at `start`; `left` bytes may be read for it, and then as many fewer. `places` are those of the
-    /// chunks that it lists.
-    fn read(
-        file: &mut LogFile,
-        start: u64,
-        left: &mut u64,
-        context: &ReadContext<'_>,
-        connections: &mut Connections<'_, '_>,
-        places: &mut Vec<u64>,
-    ) -> Result<Index, IngestError> {
-        let mut source = &mut *file;
-        let header = Record::read(&mut source, start + MAGIC.len() as u64)?;
+    /// Of the bag that `walk` is to begin with; `left` bytes may be read for it, and then as many fewer. With it the places of
+    /// the chunks that it lists.
+    fn read(walk: &mut IndexWalk<'_, '_, '_, '_, '_>, left: &mut u64) -> Result<(Index, Vec<u64>), IngestError> {
+        let start = walk.at;
+        let header = Record::read(&mut walk.source, start + MAGIC.len() as u64)?;
         let Some(Kind::BagHeader { index_at, chunks, .. }) = header.map(|r| r.kind) else {
-            return Ok(Index::Unreadable);
+            return Ok((Index::Unreadable, vec![]));
         };
         match start.saturating_add(index_at) {
-            _ if index_at == 0 => Ok(Index::None),
-            at if at > source.size() => Ok(Index::CutOff),
-            at => Index::records(&mut source, start..at, left, chunks, context, connections, places),
+            _ if index_at == 0 => Ok((Index::None, vec![])),
+            at if at > walk.source.size() => Ok((Index::CutOff, vec![])),
+            at => {
+                let mut places = vec![];
+                let index = Index::records(walk, start..at, left, chunks, &mut places)?;
+                Ok((index, places))
+            }
         }
     }
 
     fn records(
-        source: &mut &mut LogFile,
+        walk: &mut IndexWalk<'_, '_, '_, '_, '_>,
         log: Range<u64>,
         left: &mut u64,
         chunks: Option<u32>,
-        context: &ReadContext<'_>,
-        connections: &mut Connections<'_, '_>,
         places: &mut Vec<u64>,
     ) -> Result<Index, IngestError> {
         let mut at = log.end;
-        let (mut messages, mut seen) = (0_u64, 0_u64);
+        let (mut messages, mut seen, mut is_damaged) = (0_u64, 0_u64, false);
         // Another bag may follow.
-        while at < source.size() && source.bytes(at, MAGIC.len())? != Some(MAGIC) {
-            let Some(record) = Record::read(source, at)? else { return Ok(Index::Unreadable) };
-            if u64::from(record.data_length) > context.limits.record_bytes || record.end() > source.size() {
-                return Ok(Index::Unreadable);
-            }
-            let Some(fewer) = left.checked_sub(record.end() - at) else { return Ok(Index::Unreadable) };
+        while at < walk.source.size() && walk.source.bytes(at, MAGIC.len())? != Some(MAGIC) {
+            let longest = walk.context.limits.record_bytes.min(walk.source.size().saturating_sub(at));
+            let intact = |record: &Record| record.end() - at <= longest && record.fits_its_count();
+            let record = Record::read(&mut walk.source, at)?.filter(intact);
+            let end = match &record {
+                Some(record) => record.end(),
+                // Behind one that is damaged others may be intact.
+                None => walk.search(at + 1)?,
+            };
+            let Some(fewer) = left.checked_sub(end - at) else { return Ok(Index::Unreadable) };
             *left = fewer;
-            let Some(data) = source.bytes(record.data_at, record.data_length as usize)? else {
+            at = end;
+            let Some(record) = record else {
+                is_damaged = true;
+                continue;
+            };
+            let Some(data) = walk.source.bytes(record.data_at, record.data_length as usize)? else {
                 return Ok(Index::Unreadable);
             };
             match &record.kind {
                 // What is wrong with a connection is said when the walk comes by.
-                Kind::Connection { connection, topic } => drop(connections.connection(*connection, topic, data)),
-                Kind::ChunkInfo { chunk_at } => {
+                Kind::Connection { connection, topic } => drop(walk.visit.connection(*connection, topic, data)),
+                Kind::ChunkInfo { chunk_at, .. } => {
                     places.extend(log.start.checked_add(*chunk_at).filter(|_| seen < MOST_PLACES as u64));
                     seen += 1;
                     messages = messages.saturating_add(counts(data));
                 }
                 _ => return Ok(Index::Unreadable),
             }
-            at = record.end();
         }
         let whole = chunks.is_none_or(|chunks| seen >= u64::from(chunks));
-        Ok(if whole { Index::Counts(messages) } else { Index::CutOff })
+        Ok(if is_damaged {
+            Index::Unreadable
+        } else if whole {
+            Index::Counts(messages)
+        } else {
+            Index::CutOff
+        })
     }
 
     fn conclude(&self, file: &str, found: u64, notices: &mut Notices) {

@@ -53,7 +53,7 @@ impl Inflater {
             Codec::None => (data, None),
             Codec::Zstd => self.zstd(data, declared),
             Codec::Lz4 => self.lz4(data, declared),
-            Codec::Bz2 => self.stream(bzip2::read::BzDecoder::new(data), declared),
+            Codec::Bz2 => self.bz2(data, declared),
         };
         let wrong_length = || format!("the chunk holds {} bytes and declares {declared}", bytes.len());
         let fault = fault.or_else(|| (bytes.len() != declared).then(wrong_length));
@@ -110,7 +110,8 @@ impl Inflater {
         (self.out.get(..filled).unwrap_or_default(), fault)
     }
 
-    fn stream(&mut self, mut from: impl Read, declared: usize) -> (&[u8], Option<String>) {
+    fn bz2(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
+        let mut from = bzip2::bufread::BzDecoder::new(data);
         let mut filled = 0;
         let mut fault = None;
         // One byte more than declared, so that the decoder comes to its end mark and checksum.
@@ -128,6 +129,10 @@ impl Inflater {
                 }
             }
         }
+        let behind = data.len() as u64 - from.total_in().min(data.len() as u64);
+        let all_came = filled == declared && fault.is_none();
+        let fault =
+            fault.or_else(|| (all_came && behind > 0).then(|| format!("{behind} bytes stand behind the bzip2 data")));
         (self.out.get(..filled).unwrap_or_default(), fault)
     }
 }

@@ -364,3 +364,94 @@ fn a_connection_without_a_definition_is_not_one_of_messages_without_fields() {
     // The checksum of an empty text.
     assert!(read("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e").decoded);
 }
+
+/// Where records begin, the lengths of their data stand, and their data end; with their types.
+fn records_of(bag: &[u8]) -> Vec<(u8, usize, usize, usize)> {
+    let u32_at = |at: usize| u32::from_le_bytes(bag[at..at + 4].try_into().unwrap()) as usize;
+    let (mut at, mut all) = (13, vec![]);
+    while at < bag.len() {
+        let length_at = at + 4 + u32_at(at);
+        let header = &bag[at + 4..length_at];
+        let op = header.windows(4).find(|w| w.starts_with(b"op=")).unwrap()[3];
+        let end = length_at + 4 + u32_at(length_at);
+        all.push((op, at, length_at, end));
+        at = end;
+    }
+    all
+}
+
+#[test]
+fn one_bit_of_a_length_that_leads_over_other_records_costs_nothing_that_is_intact() {
+    let mut led_over = [0, 0];
+    for (codec, per_chunk) in [(BagCodec::Lz4Independent, 3), (BagCodec::Lz4Linked, 5), (BagCodec::Bz2, 3)] {
+        let sent = flight(120);
+        for closed in [true, false] {
+            let content = bag(&sent, codec, per_chunk, true, closed);
+            let records = records_of(&content);
+            let disk = OnDisk::new(&content, true);
+            for &(op, _, length_at, end) in records.iter().filter(|record| [4, 5].contains(&record.0)) {
+                for bit in 0..24 {
+                    let length = (end - length_at - 4) ^ (1 << bit);
+                    let new_end = length_at + 4 + length;
+                    if new_end < end || !records.iter().any(|record| record.1 == new_end) {
+                        continue;
+                    }
+                    led_over[usize::from(op == 5)] += 1;
+                    disk.write_at(length_at as u64, &(length as u32).to_le_bytes());
+                    let log = disk.read().unwrap();
+                    assert_received(&log, &sent, false);
+                    assert!(log.health.bytes.damaged > 0 && lost(&log), "{codec:?}, {length_at}, bit {bit}");
+                    disk.write_at(length_at as u64, &content[length_at..length_at + 4]);
+                }
+            }
+        }
+    }
+    assert!(led_over.iter().all(|&cases| cases > 3), "{led_over:?}");
+}
+
+#[test]
+fn a_damaged_connection_in_the_index_does_not_hide_those_behind_it() {
+    let sent = flight(60);
+    let mut content = bag(&sent, BagCodec::Lz4Independent, 9, true, true);
+    let records = records_of(&content);
+    // The chunk with the connections, and then the first of the two in the index: that of the fixes comes first.
+    let chunk = records.iter().find(|record| record.0 == 5).unwrap();
+    content[chunk.2 + 20..chunk.3].fill(0);
+    for index in 0..2 {
+        let connection = records.iter().filter(|record| record.0 == 7).nth(index).unwrap();
+        let mut content = content.clone();
+        content[connection.1] ^= 1;
+        let log = OnDisk::new(&content, true).read().unwrap();
+        let topics: Vec<(&str, bool)> = log.health.topics.iter().map(|t| (t.name.as_str(), t.messages > 0)).collect();
+        assert_eq!(topics, [([CAMERA, FIX][index], true)]);
+        assert!(lost(&log) && notice(&log, "bad-index").count == 1);
+    }
+}
+
+#[test]
+fn chunks_of_wrong_lengths_do_not_forbid_long_headers_behind_them() {
+    let (int, md5, definition) = ("std_msgs/Int32", "da5909fbe378aeaf85e547e830cc1bb7", "int32 data\n");
+    let mut content = small(int, md5, definition, None);
+    let long = "x".repeat(1500);
+    let connection = |id: u32| {
+        let topic = format!("/{long}{id}");
+        let parts = [("topic", topic.as_str()), ("type", int), ("md5sum", md5), ("message_definition", definition)];
+        let about: Vec<u8> = parts.iter().flat_map(|(name, value)| field(name, value.as_bytes())).collect();
+        record(&[("op", &[7]), ("conn", &id.to_le_bytes()), ("topic", topic.as_bytes())], &about)
+    };
+    for _ in 0..12 {
+        let mut chunk = record(&[("op", &[5]), ("compression", b"lz4"), ("size", &[9, 0, 0, 0])], &[7; 40]);
+        let length_at = chunk.len() - 44;
+        chunk[length_at..length_at + 4].copy_from_slice(&(1_u32 << 31).to_le_bytes());
+        content.extend(chunk);
+    }
+    for id in 100..150_u32 {
+        content.extend(connection(id));
+        let header: [(&str, &[u8]); 3] =
+            [("op", &[2]), ("conn", &id.to_le_bytes()), ("time", &[1, 0, 0, 0, 0, 0, 0, 0])];
+        content.extend(record(&header, &id.to_le_bytes()));
+    }
+    let disk = OnDisk::new(&content, true);
+    let log = disk.read_where(|topic| if topic.name.len() > 1000 { Selection::All } else { Selection::Skip }).unwrap();
+    assert_eq!(log.tables.iter().map(|table| table.rows).sum::<usize>(), 50);
+}

@@ -276,10 +276,14 @@ pub fn bag(sent: &[Sent], codec: BagCodec, per_chunk: usize, in_chunks: bool, cl
         out.extend(record(&[("compression", name.as_bytes()), ("op", &[5]), ("size", &size)], &data));
         let mut counts = vec![];
         for (id, topic) in [FIX, CAMERA].iter().enumerate() {
-            let count = (messages.iter().filter(|m| m.topic == *topic).count() as u32).to_le_bytes();
-            let id = (id as u32).to_le_bytes();
+            let count = messages.iter().filter(|m| m.topic == *topic).count();
+            // Times and offsets, which no reader of a whole log needs.
+            let entries = vec![0; 12 * count];
+            let (id, count) = ((id as u32).to_le_bytes(), (count as u32).to_le_bytes());
             counts.extend([id, count].concat());
-            out.extend(record(&[("ver", &1_u32.to_le_bytes()), ("op", &[4]), ("conn", &id), ("count", &count)], &[]));
+            let header: [(&str, &[u8]); 4] =
+                [("ver", &1_u32.to_le_bytes()), ("op", &[4]), ("conn", &id), ("count", &count)];
+            out.extend(record(&header, &entries));
         }
         let conns = 2_u32.to_le_bytes();
         infos.push(record(

@@ -116,9 +116,9 @@ fn time_ns(value: &[u8]) -> Option<i64> {
 pub(super) enum Kind {
     Message { connection: u32, logged_ns: i64 },
     BagHeader { index_at: u64, chunks: Option<u32>, encryptor: Option<String> },
-    Index,
+    Index { count: Option<u32> },
     Chunk { compression: Vec<u8>, size: u32 },
-    ChunkInfo { chunk_at: u64 },
+    ChunkInfo { chunk_at: u64, count: Option<u32> },
     Connection { connection: u32, topic: String },
 }
 
@@ -150,9 +150,9 @@ impl Kind {
                     .text("encryptor")
                     .filter(|plugin| !["", "rosbag/NoEncryptor"].contains(&plugin.as_str())),
             },
-            INDEX => fields.u32("conn").map(|_| Kind::Index)?,
+            INDEX => fields.u32("conn").map(|_| Kind::Index { count: fields.u32("count") })?,
             CHUNK => Kind::Chunk { compression: fields.get("compression")?.to_vec(), size: fields.u32("size")? },
-            CHUNK_INFO => Kind::ChunkInfo { chunk_at: fields.u64("chunk_pos")? },
+            CHUNK_INFO => Kind::ChunkInfo { chunk_at: fields.u64("chunk_pos")?, count: fields.u32("count") },
             CONNECTION => Kind::Connection { connection: fields.u32("conn")?, topic: fields.text("topic")? },
             _ => return None,
         })
@@ -173,6 +173,16 @@ pub(super) struct Record {
 impl Record {
     pub(super) fn end(&self) -> u64 {
         self.data_at + u64::from(self.data_length)
+    }
+
+    /// Whether its length is that of the entries which it says it has: of times and offsets, or of connections and counts.
+    pub(super) fn fits_its_count(&self) -> bool {
+        let (count, entry) = match self.kind {
+            Kind::Index { count } => (count, 12),
+            Kind::ChunkInfo { count, .. } => (count, 8),
+            _ => return true,
+        };
+        count.is_none_or(|count| u64::from(count) * entry == u64::from(self.data_length))
     }
 
     /// The record at `start`; `None` if none is there or its header is cut.

@@ -71,8 +71,10 @@ pub(super) struct Walk<'w, 'c, S, V> {
     pub(super) seen: Option<Record>,
     /// Something of the bag was read.
     pub(super) found_any: bool,
-    /// Bytes of chunks that lead nowhere, and of headers that are none.
+    /// Bytes of headers that are none.
     pub(super) in_vain: u64,
+    /// Bytes of chunks that lead over others.
+    pub(super) swallowed: u64,
 }
 
 impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
@@ -93,6 +95,13 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         }
         self.found_any = false;
         Ok(())
+    }
+
+    /// Chunks that should stand at these places may be decompressed early.
+    pub(super) fn expect(&mut self, chunks: Vec<u64>) {
+        if let Some(unpacker) = &mut self.unpacker {
+            unpacker.expect(chunks, look);
+        }
     }
 
     /// From where the walk stands to the end, or to where another bag begins.
@@ -160,6 +169,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
                 None => self.lost(&format!("compression {:?} is not known", String::from_utf8_lossy(compression))),
             },
             _ if record.end() > self.source.size() => self.lost("the data end inside a record"),
+            _ if !record.fits_its_count() => self.lost("a record whose length does not fit its count"),
             _ => self.plain(record),
         }
     }
@@ -218,7 +228,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
                 Ok(self.visit.connection(*connection, topic, data).map(|()| Fate::Structure))
             }
             Kind::Connection { .. } => Ok(Err(format!("a connection of {length} bytes is larger than the limit"))),
-            Kind::BagHeader { .. } | Kind::Index | Kind::ChunkInfo { .. } | Kind::Chunk { .. } => {
+            Kind::BagHeader { .. } | Kind::Index { .. } | Kind::ChunkInfo { .. } | Kind::Chunk { .. } => {
                 Ok(Ok(Fate::Structure))
             }
         }
@@ -229,22 +239,41 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
         if let Some((unpacker, file)) = self.unpacker.as_deref_mut().zip(self.source.file()) {
             unpacker.come_to(record.start, file);
         }
-        let patient = self.in_vain / MOST_IN_VAIN <= self.source.size();
-        self.fetch(record, if patient { self.context.limits.record_bytes } else { BLOCK })?;
+        // Before its bytes are read: a wrong length may be a long one.
         let whole = record.end() <= self.source.size() && self.may_begin(record.end())?;
-        if !whole {
-            self.in_vain += record.end().min(self.source.size()) - record.start;
+        let mut end = if whole { record.end() } else { self.search(record.data_at)? };
+        let mut packed = Packed { data: record.data_at..end, ..packed(record, codec, size, self.source.size()) };
+        // A length may be wrong that leads to a record: one far behind, over others.
+        let next = if whole { self.swallowed_by_chunk(&packed)? } else { None };
+        if let Some(next) = next {
+            (end, packed.data.end) = (next, next);
         }
-        let end = if whole { record.end() } else { self.search(record.data_at)? };
         let Some(unpacker) = self.unpacker.take() else { return self.lost("a chunk inside a chunk") };
-        let packed = Packed { data: record.data_at..end, ..packed(record, codec, size, self.source.size()) };
-        let fate = self.decompressed(unpacker, &packed, whole);
+        let fate = self.decompressed(unpacker, &packed, whole && next.is_none());
         self.unpacker = Some(unpacker);
-        match fate? {
-            Ok(fate) => self.pass(end, fate),
-            Err(reason) => self.damage_to(end, &reason),
+        match (fate?, next) {
+            (Ok(fate), None) => self.pass(end, fate),
+            (Ok(_), Some(_)) => self.damage_to(end, "the length of the chunk leads over other records; it was kept"),
+            (Err(reason), _) => self.damage_to(end, &reason),
         }
         Ok(())
+    }
+
+    /// Where the next chunk or index begins within one that cannot be decompressed.
+    fn swallowed_by_chunk(&mut self, packed: &Packed) -> Result<Option<u64>, IngestError> {
+        let Range { start, end } = packed.data;
+        let is_long = end - start > self.context.limits.record_bytes;
+        let Some((unpacker, file)) = self.unpacker.as_deref_mut().zip(self.source.file()) else { return Ok(None) };
+        if !is_long && unpacker.unpack(packed, file)?.is_none_or(|unpacked| unpacked.fault.is_none()) {
+            return Ok(None);
+        }
+        // Many may lead to the same end.
+        if self.swallowed / MOST_IN_VAIN > self.source.size() {
+            return Ok(None);
+        }
+        self.swallowed += end - start;
+        let of_chunks = |kind: &Kind| matches!(kind, Kind::Chunk { .. } | Kind::Index { .. });
+        Ok(Some(self.search_for(start..end, of_chunks)?).filter(|&next| next < end))
     }
 
     fn decompressed(
@@ -291,8 +320,13 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     }
 
     /// The next whole header, or where another bag begins; the end if there is neither.
-    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
-        let size = self.source.size();
+    pub(super) fn search(&mut self, from: u64) -> Result<u64, IngestError> {
+        self.search_for(from..self.source.size(), |_| true)
+    }
+
+    /// As [`Walk::search`], of such a kind and within `range`.
+    fn search_for(&mut self, range: Range<u64>, is_wanted: fn(&Kind) -> bool) -> Result<u64, IngestError> {
+        let Range { start: from, end: size } = range;
         let mut at = from;
         let mut zeros = 0;
         let mut most = FIRST_BLOCK as u64;
@@ -310,7 +344,7 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
                 bag = if bag.is_none() && self.begins_bag(place)? { Some(place) } else { bag };
             }
             for hit in hits.into_iter().filter(|&hit| bag.is_none_or(|bag| hit < bag)) {
-                if let Some(found) = self.header_around(hit, &mut headers)? {
+                if let Some(found) = self.header_around(hit, &mut headers, is_wanted)? {
                     return Ok(found);
                 }
             }
@@ -326,12 +360,18 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     }
 
     /// The record whose header, one of these, says its type at `hit`. Those that are none are shortened to nothing.
-    fn header_around(&mut self, hit: u64, headers: &mut [Range<u64>]) -> Result<Option<u64>, IngestError> {
+    fn header_around(
+        &mut self,
+        hit: u64,
+        headers: &mut [Range<u64>],
+        is_wanted: fn(&Kind) -> bool,
+    ) -> Result<Option<u64>, IngestError> {
         let behind = hit + OP_FIELD.len() as u64 + 1;
         let first = headers.partition_point(|header| header.start + LOOK_BACK < hit);
         let near = headers.get_mut(first..).unwrap_or_default().iter_mut().take_while(|header| header.start < hit);
         for header in near.filter(|header| header.end >= behind) {
             if let Some(record) = Record::read(&mut self.source, header.start)?
+                && is_wanted(&record.kind)
                 && self.is_plain(&record)?
             {
                 return Ok(Some(header.start));
@@ -347,9 +387,9 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
             Kind::Chunk { compression, .. } => return Ok(codec(compression).is_some() && self.unpacker.is_some()),
             Kind::Message { connection, .. } if self.visit.route(*connection).is_none() => return Ok(false),
             Kind::BagHeader { .. } => return Ok(false),
-            Kind::Message { .. } | Kind::Index | Kind::ChunkInfo { .. } | Kind::Connection { .. } => {}
+            Kind::Message { .. } | Kind::Index { .. } | Kind::ChunkInfo { .. } | Kind::Connection { .. } => {}
         }
-        Ok(record.end() <= self.source.size() && self.may_begin(record.end())?)
+        Ok(record.end() <= self.source.size() && record.fits_its_count() && self.may_begin(record.end())?)
     }
 
     /// Whether a record, or the end, may be here. A header that is cut off by the end may be.
@@ -383,7 +423,7 @@ fn packed(record: &Record, codec: Codec, declared: u64, size: u64) -> Packed {
 
 /// The compressed chunk of the record at `at`, if it is one and another record follows: what leads nowhere is no chunk, or
 /// one that is cut, and the walk is not to wait for it.
-pub(super) fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
+fn look(file: &mut LogFile, at: u64) -> Result<Option<Packed>, IngestError> {
     file.expect_jumps();
     let size = file.size();
     let mut source = file;
@@ -431,6 +471,7 @@ fn inside<V: Visit>(
         seen: None,
         found_any: false,
         in_vain: 0,
+        swallowed: 0,
     };
     inner.run()?;
     let messages = inner.messages;

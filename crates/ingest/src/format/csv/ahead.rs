@@ -155,7 +155,9 @@ impl<R: Read> Source<R> {
     /// As if the others were so quick.
     #[cfg(test)]
     pub(super) fn finish(&self) {
-        self.pieces.iter().for_each(|order| drop(order.carry_out(Piece::read)));
+        for order in &self.pieces {
+            order.carry_out(Piece::read);
+        }
     }
 
     /// For other lines.
