@@ -25,7 +25,7 @@ const INSPECT: &str = "\
 Says what is in a log: topics, time stamps, damage, and which channel map would bind what.
 
 Every byte is accounted for: decoded (holds values that a channel map wants; a compressed chunk counts whole), not wanted \
-(intact, no map asks for it), structure (the container's own: headers, indexes, definitions), damaged. Long lists are cut \
+(intact as far as checksums tell, but no map asks for it), structure (the container's own: headers, indexes, definitions), damaged. Long lists are cut \
 unless --all is given; --json holds everything.";
 
 const RECOVER: &str = "\

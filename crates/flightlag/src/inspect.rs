@@ -28,7 +28,9 @@ pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Fail
     let library = library(arguments.maps.as_deref())?;
     check_name(&library, arguments.map.as_deref())?;
     let unit = unit_of(&arguments.log, &library)?;
-    let context = ReadContext { limits: Limits::default(), cancel: stop.flag(), on_bytes: &|_| {} };
+    // It answers for every byte, wanted or not.
+    let limits = Limits { may_leave_closed: false, ..Limits::default() };
+    let context = ReadContext { limits, cancel: stop.flag(), on_bytes: &|_| {} };
     let loaded = load(&unit, &library, arguments.map.as_deref(), &context)?;
     let text = if arguments.json { json_text(&unit, &loaded) } else { page(&unit, &loaded, arguments) };
     std::io::stdout().lock().write_all(text.as_bytes())?;

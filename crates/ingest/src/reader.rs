@@ -193,7 +193,7 @@ pub enum ValueKind {
     Text,
 }
 
-/// Bounds on what a hostile or damaged file can make us do (faults.md P5).
+/// Bounds on what is done for a file, also for a hostile or damaged one (faults.md P5).
 #[derive(Debug, Clone, Copy)]
 pub struct Limits {
     /// Largest record that is taken into memory, bytes.
@@ -208,6 +208,8 @@ pub struct Limits {
     pub listed_damage: usize,
     /// Longest line of a text log, bytes.
     pub line_bytes: usize,
+    /// Chunks whose index says that nothing in them is wanted need not be read: then nobody knows whether they are intact.
+    pub may_leave_closed: bool,
 }
 
 impl Default for Limits {
@@ -219,6 +221,7 @@ impl Default for Limits {
             topics: 65_536,
             listed_damage: 100,
             line_bytes: 1 << 20,
+            may_leave_closed: true,
         }
     }
 }

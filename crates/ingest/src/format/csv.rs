@@ -221,6 +221,8 @@ impl Reading<'_> {
         self.meanings.insert(topic.info.name.clone(), (meaning, selection));
         topic.decimal = table.decimal;
         let (mut preamble, mut header, mut repeated, mut changes) = (0, Arc::default(), 0, Changes::default());
+        // Whether the header is a comment, and the line of units.
+        let (mut is_marked, mut units) = (false, vec![]);
         let longest = self.context.limits.line_bytes;
         let mut made = 0;
         let mut rules_of = |topic: &Topic, header: &Arc<Header>| {
@@ -237,15 +239,33 @@ impl Reading<'_> {
                 self.books.plain_rows(open, &mut topic, rules, crew.as_ref())?;
             }
             let Some((extent, line)) = self.books.next_record(open, table.delimiter)? else { break };
-            let text = open.lines.text(extent).trim_ascii();
+            // Where files were put one behind another, a mark may stand before a header.
+            let text = without_bom(open.lines.text(extent).trim_ascii());
+            let mark = comment_mark(text);
             if table.header_line == Some(line) {
-                open.fields.split(text.get(comment_mark(text)..).unwrap_or_default(), table.delimiter);
-                header = Arc::new(Header::new(text, &open.fields, table.delimiter));
+                // Names may be missing at the beginning of the line.
+                let names = if mark > 0 { text.get(mark..).unwrap_or_default() } else { open.lines.text(extent) };
+                open.fields.split(without_bom(names), table.delimiter);
+                header = Arc::new(Header::new(text, &open.fields, table.delimiter, table.numbers.clone()));
                 rules = rules_of(&topic, &header);
+                is_marked = mark > 0;
             }
-            let plain = !text.is_empty() && comment_mark(text) == 0;
-            let again = plain && line >= table.first_row_line && header.is(text);
-            if !plain || again || line < table.first_row_line {
+            if table.units_line == Some(line) {
+                units = text.to_vec();
+            }
+            let is_row = line >= table.first_row_line;
+            let plain = !text.is_empty() && mark == 0;
+            let again = is_row && header.is(text);
+            let again_units = is_row && !units.is_empty() && text == units;
+            if is_marked && mark > 0 && is_row && !again {
+                if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
+                    rules = rules_of(&topic, &header);
+                } else {
+                    self.books.structure(open, extent);
+                }
+                continue;
+            }
+            if !plain || again || again_units || line < table.first_row_line {
                 if line < table.first_row_line {
                     let remark = remark_of(text).filter(|_| self.books.health.extras.len() < EXTRAS);
                     self.books.health.extras.extend(remark);
@@ -531,24 +551,33 @@ impl Books {
         header: &Header,
         changes: &mut Changes,
     ) -> bool {
-        let text = open.lines.text(extent);
-        if extent.broken || !header.may_begin(text) {
+        let line = open.lines.number;
+        let text = without_bom(open.lines.text(extent));
+        let mark = comment_mark(text.trim_ascii_start());
+        let names = if mark > 0 { text.trim_ascii_start().get(mark..).unwrap_or_default() } else { text };
+        if extent.broken || (mark == 0 && !header.may_begin(names)) {
             return false;
         }
-        if !topic.can_afford(open.lines.offset) {
+        open.fields.split(names, header.delimiter);
+        if !header.is_other(&open.fields) {
+            return false;
+        }
+        // A short line is no reason to look for all columns of a wide table again and again.
+        let is_wide = open.fields.len() >= header.width() / 8;
+        if !is_wide && !topic.can_afford(open.lines.offset) {
             topic.is_lost = true;
-            let line = open.lines.number;
-            self.reject(
-                open,
-                extent,
-                format!("line {line}: another header, of too many that lack columns of the first"),
-            );
+            let reason = format!("line {line}: another header, of too many that lack columns of the first");
+            self.reject(open, extent, reason);
             return true;
         }
-        open.fields.split(text, header.delimiter);
-        let Some(Other { places, width, new }) = header.other(&open.fields) else { return false };
-        changes.add(open.lines.number, new);
-        topic.follow(&places, width);
+        let Some(Other { places, width, new }) = header.other(&open.fields) else {
+            topic.is_lost = true;
+            let reason = format!("line {line}: the header of another table, which has no column of the first");
+            self.reject(open, extent, reason);
+            return true;
+        };
+        changes.add(line, new);
+        topic.follow(&places, width, is_wide);
         self.structure(open, extent);
         true
     }

@@ -251,6 +251,10 @@ fn bags() -> Vec<Hostile> {
     let index = leading(&[op(4), connection.clone()]);
     let messages = leading(&[op(2), connection.clone(), field(b"time", &[0; 8])]);
     let chunks = leading(&[op(5), field(b"compression", b"lz4"), field(b"size", &64_u32.to_le_bytes())]);
+    // Chunks that all end where a message begins.
+    let lz4 = [op(5), field(b"compression", b"lz4"), field(b"size", &64_u32.to_le_bytes())];
+    let lz4_bytes = record(&lz4, 0, &[]).len();
+    let over_others: Vec<u8> = (0..1500).rev().flat_map(|left| record(&lz4, left * lz4_bytes, &[])).collect();
     let info = whole(&[op(6), field(b"chunk_pos", &[0; 8])], &[0; 8]);
     let bag = |name, unit: &[&[u8]], intact| Hostile::new(name, LogKind::Bag, start.concat(), unit.concat(), intact);
     vec![
@@ -261,6 +265,7 @@ fn bags() -> Vec<Hostile> {
         bag("bag: indexes that lead to one long header", &[&index], 0),
         bag("bag: messages that lead to one long header", &[&messages], 0),
         bag("bag: chunks that lead to one long header", &[&chunks], 0),
+        bag("bag: chunks that lead over others to one message", &[&over_others, &message], 0),
         bag("bag: first lines", &[b"#ROSBAG V2.0\n"], 0),
         bag("bag: types at every eighth byte", &[&op(2)], 0),
         bag("bag: headers over many types", &[&over_types], 0),
@@ -268,17 +273,30 @@ fn bags() -> Vec<Hostile> {
     ]
 }
 
+/// Columns of the hostile tables.
+const COLUMNS: usize = 1000;
+
 fn tables() -> Vec<Hostile> {
-    let row = |cell: &dyn Fn(usize) -> String| (0..20_000).map(cell).collect::<Vec<_>>().join(",") + "\n";
-    let head = [row(&|i| format!("c{i}")), row(&|i| (i % 10).to_string()).repeat(3)].concat().into_bytes();
-    let csv = |name, unit: &[u8]| Hostile::new(name, LogKind::Csv, head.clone(), unit.to_vec(), 0);
+    // Longer than what tells how a table is laid out: the short lines are not to be taken for the table.
+    let head = |columns: usize, cell: &str| {
+        let row = |cell: &dyn Fn(usize) -> String| (0..columns).map(cell).collect::<Vec<_>>().join(",") + "\n";
+        let row_bytes = row(&|_| cell.to_owned());
+        let rows = (300 << 10) / row_bytes.len() + 1;
+        [row(&|i| format!("c{i}")), row_bytes.repeat(rows)].concat().into_bytes()
+    };
+    let csv = |name, head: &[u8], unit: &[u8]| Hostile::new(name, LogKind::Csv, head.to_vec(), unit.to_vec(), 0);
+    let (wide, words) = (head(20_000, "7"), head(COLUMNS, "up"));
+    let below = |head: &[u8]| [head, b"c0,c1\n"].concat();
     vec![
-        csv("csv: empty lines below a wide header", b"\n"),
-        csv("csv: short lines below a wide header", b"1\n"),
-        csv("csv: comments below a wide header", b"#\n"),
-        csv("csv: short headers below a wide one", b"c0,c1\n"),
-        csv("csv: short headers with rows below a wide one", b"c0,c1\n1,2\nc1,c0\n2,1\n"),
-        Hostile { head: [&head[..], b"c0,c1\n"].concat(), ..csv("csv: short rows below a wide header", b"1,2\n") },
+        csv("csv: empty lines below a wide header", &wide, b"\n"),
+        csv("csv: short lines below a wide header", &wide, b"1\n"),
+        csv("csv: comments below a wide header", &wide, b"#\n"),
+        csv("csv: short headers below a wide one", &wide, b"c0,c1\n"),
+        csv("csv: short headers with rows below a wide one", &wide, b"c0,c1\n1,2\nc1,c0\n2,1\n"),
+        csv("csv: short rows below a wide header", &below(&wide), b"1,2\n"),
+        csv("csv: short rows below a wide header of words", &below(&words), b"up,2\n"),
+        csv("csv: short headers below a wide one of words", &words, b"c0,c1\nup,2\n"),
+        csv("csv: quotes that do not end", &wide, b"\"c0,c1\n"),
     ]
 }
 
@@ -317,7 +335,12 @@ fn files_made_to_take_long_give_all_that_is_intact_in_them() {
     for hostile in all() {
         let subject = lab.single(hostile.kind, "hostile.bin");
         let (bytes, intact) = hostile.of_size(SMALL);
-        let messages = lab.read(&subject, &bytes, hostile.name).map_or(0, |log| log.health.messages);
+        let log = lab.read(&subject, &bytes, hostile.name);
+        if hostile.kind == LogKind::Csv {
+            let columns = log.as_ref().ok().and_then(|log| log.tables.first()).map_or(0, |table| table.columns.len());
+            assert!(columns >= COLUMNS, "{}: {columns} columns", hostile.name);
+        }
+        let messages = log.map_or(0, |log| log.health.messages);
         // The last unit may be taken for damage, for nothing vouches for it.
         assert!(messages + 1 >= intact, "{}: {messages} messages of {intact}", hostile.name);
     }

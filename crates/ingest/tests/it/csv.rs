@@ -741,3 +741,103 @@ fn headers_without_end_in_changing_order_are_read_in_time_and_told_once() {
     let told: Vec<u64> = log.notices.iter().filter(|n| n.code == "header-changed").map(|n| n.count).collect();
     assert_eq!(told, [1000]);
 }
+
+/// Rows of a table with a cell for each of `cells`, by row.
+fn rows(count: usize, delimiter: &str, cells: &[&dyn Fn(usize) -> String]) -> String {
+    let row = |i: usize| cells.iter().map(|cell| cell(i)).collect::<Vec<_>>().join(delimiter) + "\n";
+    (0..count).map(row).collect()
+}
+
+#[test]
+fn another_header_is_followed_wherever_names_are_missing_quoted_or_marked() {
+    let (t, x, index) =
+        (&|i: usize| i.to_string(), &|i: usize| (100 + i).to_string(), &|i: usize| (7000 + i).to_string());
+    let expected = |base: usize| (0..100).chain(0..60).map(|i| Some((base + i) as f64)).collect::<Vec<_>>();
+    for (delimiter, first, second, names) in [
+        ("\t", "\tt\tx", "\tx\tt", ["column_1", "t", "x"]),
+        (",", ",t,x", ",x,t", ["column_1", "t", "x"]),
+        (";", "t;;x", "t;x;", ["column_2", "t", "x"]),
+        (",", "# i,t,x", "# i,x,t", ["i", "t", "x"]),
+        (",", ".i,.t,.x", ".x,.t,.i", [".i", ".t", ".x"]),
+        (",", "\"i, s\",t,\"x, m\"", "\"x, m\",t,\"i, s\"", ["i, s", "t", "x, m"]),
+        (",", "\u{feff}i,t,x", "\u{feff}i,t,x", ["i", "t", "x"]),
+        (",", "i,t,x\ns,s,m", "i,t,x\ns,s,m", ["i", "t", "x"]),
+    ] {
+        let cell_of = |header: &str| -> Vec<&dyn Fn(usize) -> String> {
+            let names = header.lines().next().unwrap().trim_start_matches(['#', ' ', '\u{feff}']).replace(", ", "");
+            let cell = |name: &str| -> &dyn Fn(usize) -> String {
+                match name.trim_start_matches(['.', '"']).chars().next() {
+                    Some('t') => t,
+                    Some('x') => x,
+                    _ => index,
+                }
+            };
+            names.split(delimiter).map(cell).collect()
+        };
+        let parts = [first, second].map(|header| rows(60, delimiter, &cell_of(header)));
+        let more = rows(100, delimiter, &cell_of(first));
+        // Whole blocks of rows, and rows one by one.
+        for end in ["", "# \"end\"\n"] {
+            let log = read(&format!("{first}\n{more}{second}\n{}{end}", parts[1]));
+            for (name, base) in names.iter().zip([7000, 0, 100]) {
+                assert_eq!(numbers(&log, name), expected(base), "{first:?} {name} {:#?}", log.notices);
+            }
+            assert_eq!((log.health.undecodable, log.tables[0].rows), (0, 160), "{first:?}");
+        }
+    }
+}
+
+#[test]
+fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first() {
+    let number: &dyn Fn(usize) -> String = &|i: usize| (100 + i).to_string();
+    let text = |first: &str, second: &str| {
+        let width = |header: &str| header.split(',').count();
+        let cells = |header: &str| vec![number; width(header)];
+        format!("{first}\n{}{second}\n{}", rows(400, ",", &cells(first)), rows(200, ",", &cells(second)))
+    };
+    // What the second has in common with the first is read on.
+    for (first, second, common) in [
+        ("time,lat,lon,alt", "time,ax,ay,az", &["time"][..]),
+        ("time,id,lat,lon,alt,hdop", "time,id,ax,ay,az,temp", &["time", "id"]),
+        ("t,x,y,z", "seq,x,t,src", &["t", "x"]),
+        ("t,x,y", "a,b,c", &[]),
+    ] {
+        for end in ["", "# \"end\"\n"] {
+            let log = read(&(text(first, second) + end));
+            assert!(log.notices.iter().any(|n| n.severity == Severity::Loss), "{second}: {:#?}", log.notices);
+            let rows = if common.is_empty() { 400 } else { 600 };
+            assert_eq!(
+                (log.tables[0].rows, log.health.undecodable),
+                (rows, 1 + 600 - rows as u64 - u64::from(rows == 600))
+            );
+            for name in first.split(',') {
+                let values = numbers(&log, name).iter().flatten().count();
+                assert_eq!(values, if common.contains(&name) { 600 } else { 400 }, "{second}: {name}");
+            }
+        }
+    }
+    // Rows of words are rows.
+    for odd in ["ERR,ERR,ERR", "nan,inf,N/A", "x,,", "deg,deg,m", "ok,1,2"] {
+        let log = read(&format!("t,a,b\n{}{odd}\n{}", rows(40, ",", &[number; 3]), rows(40, ",", &[number; 3])));
+        assert_eq!(log.tables[0].rows, 81, "{odd}");
+    }
+    let log = read(&format!("t,mode\n{}", "1,arm\n2,mode\n3,t\n".repeat(30)));
+    assert_eq!((log.tables[0].rows, log.health.undecodable), (90, 0));
+}
+
+#[test]
+fn a_full_header_behind_many_short_ones_is_followed() {
+    const WIDTH: usize = 3000;
+    let row = |cell: &dyn Fn(usize) -> String| (0..WIDTH).map(cell).collect::<Vec<_>>().join(",") + "\n";
+    let names = row(&|i| format!("c{i}"));
+    let wide = row(&|i| (i + 1).to_string()).repeat(100);
+    let short = "c0,c1\n1,2\n".repeat(30_000);
+    let turned = row(&|i| format!("c{}", WIDTH - 1 - i)) + &row(&|i| (WIDTH - i).to_string()).repeat(50);
+    let log = read(&[names.as_str(), &wide, &short, &turned].concat());
+    assert!(log.health.undecodable > 1000, "{:?}", log.health.undecodable);
+    for (name, value) in [("c0", 1.0), (&*format!("c{}", WIDTH - 1), WIDTH as f64)] {
+        let column = numbers(&log, name);
+        assert!(column.iter().flatten().all(|found| *found == value));
+        assert!(column.iter().rev().take(50).all(Option::is_some));
+    }
+}

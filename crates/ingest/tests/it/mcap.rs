@@ -289,6 +289,25 @@ fn with_separate_chunks(sent: &[Sent], layout: Layout) -> Vec<u8> {
 }
 
 #[test]
+fn damage_in_what_nobody_wants_is_found_where_no_chunk_may_stay_closed() {
+    let sent = flight(60);
+    let mut content = with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD });
+    // The camera's chunks come first.
+    content[1000..1040].fill(0);
+    let disk = OnDisk::new(&content, false);
+    let read = |may_leave_closed| {
+        let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
+        let limits = Limits { may_leave_closed, ..Limits::default() };
+        with_limits(limits, |context| McapReader::new(vec![disk.path()]).read(&want, context)).unwrap()
+    };
+    let (quick, whole) = (read(true), read(false));
+    assert!(notice(&quick, "closed-chunks").count > 10 && quick.health.bytes.damaged == 0 && !lost(&quick));
+    assert!(whole.health.bytes.damaged > 0 && lost(&whole));
+    assert!(whole.notices.iter().all(|n| n.code != "closed-chunks"));
+    assert_eq!(quick.tables, whole.tables);
+}
+
+#[test]
 fn chunks_without_a_wanted_topic_stay_closed_and_their_messages_are_counted_all_the_same() {
     let sent = flight(60);
     let closed = OnDisk::new(&with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD }), false);

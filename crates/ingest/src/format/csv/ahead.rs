@@ -200,7 +200,7 @@ mod tests {
     fn rules(number: u64, topic: &Topic) -> Rules {
         let mut fields = Fields::default();
         fields.split(HEADER.as_bytes(), b',');
-        let header = Arc::new(Header::new(HEADER.as_bytes(), &fields, b','));
+        let header = Arc::new(Header::new(HEADER.as_bytes(), &fields, b',', vec![]));
         Rules { number, cutter: Cutter::new(b',', 3, &topic.places()), header, longest: 1 << 20 }
     }
 

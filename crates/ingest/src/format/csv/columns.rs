@@ -9,14 +9,17 @@ use flight::{Notices, Severity, TopicHealth};
 /// A column of numbers with more cells that are none, one in so many, is a loss.
 const TOLERATED: u64 = 100;
 
-/// Cells that rows below another header may lack, and columns looked for at such headers, for each byte of the file: a few bytes
-/// are no reason to fill a wide table with nothing.
-const ABSENT_PER_BYTE: u64 = 4;
-/// And so many at any rate.
-const ABSENT: u64 = 1 << 20;
+/// Memory for cells that rows below another header lack, for each byte of the file: a few bytes are no reason to fill a wide
+/// table with nothing.
+const ABSENT_PER_BYTE: u64 = 16;
+/// And so much at any rate, bytes.
+const ABSENT: u64 = 16 << 20;
 
 /// Lines of cells that are no numbers that are remembered of a column.
 const LISTED_BAD: usize = 100;
+
+/// A column that is looked for at a short header takes as long as so many bytes of cells.
+const LOOKED_FOR: u64 = 16;
 
 /// Seconds since 1970 or 1980 are beyond this, and a float of them is not exact to the nanosecond.
 const LARGE: f64 = 1e8;
@@ -33,9 +36,11 @@ pub(super) struct Topic {
     pub(super) decimal: Decimal,
     /// Columns that rows do not have now.
     pub(super) absent: usize,
+    /// Memory of their cells in a row, bytes.
+    absent_bytes: u64,
     /// Another header was not followed: nobody knows what the fields of the rows below are.
     pub(super) is_lost: bool,
-    /// Cells that rows have lacked, and columns that were looked for at other headers.
+    /// Memory of cells that rows have lacked, with [`LOOKED_FOR`] for each column that was looked for at short headers.
     spent: u64,
     /// Whether a wanted field exists.
     pub(super) decoded: bool,
@@ -45,6 +50,8 @@ pub(super) struct Topic {
     /// Why nothing is decoded although something was wanted.
     reason: String,
     columns: Vec<Building>,
+    /// Those that rows have now, by number. The others are filled up when they come again.
+    present: Vec<usize>,
     lines: Places,
     unended: Option<u64>,
 }
@@ -199,14 +206,18 @@ impl Topic {
     }
 
     /// Takes the rows from now on by another header of so many columns: where each column of the first one stands.
-    pub(super) fn follow(&mut self, places: &[Option<usize>], width: usize) {
+    pub(super) fn follow(&mut self, places: &[Option<usize>], width: usize, is_wide: bool) {
         self.width = width;
         for column in &mut self.columns {
             column.place = places.get(column.index).copied().flatten();
         }
-        self.absent = self.columns.iter().filter(|column| column.place.is_none()).count();
-        self.spent += self.names.len() as u64;
+        let absent = || self.columns.iter().filter(|column| column.place.is_none());
+        (self.absent, self.absent_bytes) = (absent().count(), absent().map(Building::bytes_of_a_cell).sum());
+        self.present.clear();
+        self.present.extend((0..).zip(&self.columns).filter(|(_, column)| column.place.is_some()).map(|(at, _)| at));
+        self.spent += if is_wide { 0 } else { LOOKED_FOR * self.names.len() as u64 };
         self.is_lost = false;
+        self.fill_up();
     }
 
     /// Whether rows that lack columns, and other headers, still are in proportion to the bytes of the file so far.
@@ -218,7 +229,14 @@ impl Topic {
     pub(super) fn follow_first(&mut self) {
         self.width = self.names.len();
         self.columns.iter_mut().for_each(|column| column.place = Some(column.index));
-        (self.absent, self.is_lost) = (0, false);
+        (self.absent, self.absent_bytes, self.is_lost) = (0, 0, false);
+        self.fill_up();
+    }
+
+    /// Gives the columns that rows have now the cells that rows before lacked.
+    fn fill_up(&mut self) {
+        let present = self.columns.iter_mut().filter(|column| column.place.is_some());
+        present.for_each(|column| column.fill_up(self.rows as usize));
     }
 
     /// Which fields of a row are wanted now.
@@ -235,19 +253,26 @@ impl Topic {
     /// A row with its fields, of which the first `skip` are no columns.
     pub(super) fn push(&mut self, row: Row<'_>, skip: usize, line: u64, extent: Extent) {
         self.lines.push(self.rows as usize, line);
-        self.spent += self.absent as u64;
+        self.spent += self.absent_bytes;
         self.count(extent);
         if !extent.ended {
             self.unended = Some(line);
         }
         let last = row.len().saturating_sub(1);
-        for column in &mut self.columns {
+        let decimal = self.decimal;
+        let take = |column: &mut Building| {
             // Without a line end the last value of the file may have lost digits.
             let cell = match column.place {
                 Some(place) if place + skip != last || extent.ended => row.get(place + skip),
                 _ => b"",
             };
-            column.push(cell, self.decimal, line);
+            column.push(cell, decimal, line);
+        };
+        if self.absent == 0 {
+            self.columns.iter_mut().for_each(take);
+        } else {
+            let columns = &mut self.columns;
+            self.present.iter().filter_map(|&at| columns.get_mut(at).map(take)).for_each(drop);
         }
     }
 
@@ -275,6 +300,7 @@ impl Topic {
 
     /// Raises what happened to the cells.
     pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
+        self.columns.iter_mut().for_each(|column| column.fill_up(self.rows as usize));
         self.drop_numbers_that_are_text();
         if let Some(line) = self.unended {
             let text = "the last row has no line end: its last value may be cut and is not used";
@@ -467,6 +493,30 @@ impl Building {
         }
     }
 
+    /// Memory of a cell that is missing, bytes.
+    fn bytes_of_a_cell(&self) -> u64 {
+        let value = match &self.cells {
+            Cells::Integers(_) | Cells::Floats(_) => size_of::<f64>(),
+            Cells::Undecided(..) => size_of::<f64>() + 1,
+            Cells::Text(_) => size_of::<String>(),
+        };
+        (value + size_of::<bool>()) as u64
+    }
+
+    /// Rows up to this number that it has no cell of have none.
+    fn fill_up(&mut self, rows: usize) {
+        let missing = rows.saturating_sub(self.rows);
+        if missing == 0 {
+            return;
+        }
+        if self.valid.is_empty() {
+            self.valid.resize(self.rows, true);
+        }
+        self.rows = rows;
+        self.valid.resize(rows, false);
+        self.cells.fill_up(missing);
+    }
+
     /// A cell that is no number of the column's kind.
     #[cold]
     fn push_odd(&mut self, value: Cell, cell: &[u8], line: u64) -> bool {
@@ -548,6 +598,20 @@ impl Building {
 impl Cells {
     fn undecided() -> Cells {
         Cells::Undecided(Box::new(Cells::Integers(Integers::default())), Written::default())
+    }
+
+    /// So many cells that are empty.
+    fn fill_up(&mut self, missing: usize) {
+        match self {
+            Cells::Integers(held) => held.values.resize(held.values.len() + missing, 0),
+            Cells::Floats(held) => held.resize(held.len() + missing, 0.0),
+            Cells::Text(held) => held.resize(held.len() + missing, String::new()),
+            Cells::Undecided(numbers, written) => {
+                numbers.fill_up(missing);
+                // As many lengths of nothing.
+                written.others.resize(written.others.len() + missing, 0);
+            }
+        }
     }
 
     /// `None` of what depends on the cells before in other ways.

@@ -191,7 +191,7 @@ mod tests {
     fn header_of(line: &str) -> Header {
         let mut fields = Fields::default();
         fields.split(line.as_bytes(), b',');
-        Header::new(line.as_bytes(), &fields, b',')
+        Header::new(line.as_bytes(), &fields, b',', vec![])
     }
 
     fn taken(text: &str, header: &str) -> (Vec<Vec<String>>, usize) {

@@ -409,7 +409,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     /// The summary, whose checksum is right, says that this very chunk holds nothing that is wanted.
     fn can_leave_closed(&self, head: &Head) -> bool {
         let length = head.end - head.start;
-        self.summary.chunk_at(head.start).is_some_and(|c| !c.wanted && c.length == length)
+        let may = self.context.limits.may_leave_closed;
+        may && self.summary.chunk_at(head.start).is_some_and(|c| !c.wanted && c.length == length)
     }
 
     fn attachment(&mut self, head: &Head) -> Result<Verdict, IngestError> {
