@@ -175,7 +175,9 @@ fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, Co
         let names = log.tables.iter().map(|table| table.topic.name.as_str());
         row_time::tell(names.zip(&log_times), &mut log.notices);
     }
-    let source = |(table, time): (&Table, &RowTime)| topic_source(table, time, order.to);
+    let stated: StatedUnits<'_> =
+        log.units.iter().map(|u| ((u.type_name.as_str(), u.path.as_str()), u.text.as_str())).collect();
+    let source = |(table, time): (&Table, &RowTime)| topic_source(table, time, order.to, &stated);
     let sources = log.tables.iter().zip(&times).map(source).collect();
     Ok(Read { sources, health: log.health, notices: log.notices, binding: None, utc })
 }
@@ -216,17 +218,20 @@ fn note_zero_bytes(to: ExportTo, read: &mut Read) {
     }
 }
 
-fn topic_source(table: &Table, time: &RowTime, to: ExportTo) -> Source {
+/// As the log states them, by type and field.
+type StatedUnits<'l> = BTreeMap<(&'l str, &'l str), &'l str>;
+
+fn topic_source(table: &Table, time: &RowTime, to: ExportTo, units: &StatedUnits<'_>) -> Source {
     let LogTime { nanos: log_time, how: log_time_how, .. } = time.in_utc();
     let utc = time.utc_beside().map(|_| log_time_how.as_str());
     let about = json!({ "type": table.topic.type_name, "encoding": table.topic.encoding, "utc": utc });
     let mut columns = About::new();
-    let sheet = table_sheet(table, time, to, &mut columns);
+    let sheet = table_sheet(table, time, to, units, &mut columns);
     Source { name: table.topic.name.clone(), sheet, columns, about, log_time, log_time_how }
 }
 
 /// The container's stamps, UTC where they do not say it, then the fields by their own names.
-fn table_sheet(table: &Table, time: &RowTime, to: ExportTo, about: &mut About) -> Sheet {
+fn table_sheet(table: &Table, time: &RowTime, to: ExportTo, units: &StatedUnits<'_>, about: &mut About) -> Sheet {
     const UTC: &str = "utc_ns";
     let mut sheet = Sheet::default();
     let mut taken = BTreeSet::new();
@@ -245,7 +250,11 @@ fn table_sheet(table: &Table, time: &RowTime, to: ExportTo, about: &mut About) -
     for column in &table.columns {
         let cells = cells(column, table.rows);
         let cells = if to == ExportTo::Csv { cells.whole() } else { cells };
-        sheet.push(free(&mut taken, &column.path, str::to_owned), cells);
+        let name = free(&mut taken, &column.path, str::to_owned);
+        if let Some(unit) = units.get(&(table.topic.type_name.as_str(), column.path.as_str())) {
+            about.insert(name.clone(), json!({ "unit": unit }));
+        }
+        sheet.push(name, cells);
     }
     sheet
 }

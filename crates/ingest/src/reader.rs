@@ -69,12 +69,10 @@ pub struct StatedUnit {
     pub type_name: String,
     /// Dotted path of the field.
     pub path: String,
-    /// As the log writes it.
+    /// As the log writes it, behind a factor where the values are in multiples of it.
     pub text: String,
-    /// What it measures.
-    pub dimension: Dimension,
-    /// One of it in SI units and radians.
-    pub si: f64,
+    /// What it measures, and one of it in SI units and radians; `None` if it is none that channels have.
+    pub measures: Option<(Dimension, f64)>,
 }
 
 /// Decides which topics and fields are decoded.

@@ -394,6 +394,45 @@ fn the_name_of_a_scalar_ends_in_its_unit_and_the_provenance_says_both_units() {
 }
 
 #[test]
+fn topics_as_they_stand_have_the_units_that_the_log_states() {
+    let format = |id: u8, length: u8, name: &[u8], codes: &[u8], names: &[u8]| {
+        let padded = |text: &[u8], width: usize| [text, &vec![0; width - text.len()]].concat();
+        let texts = [padded(name, 4), padded(codes, 16), padded(names, 64)].concat();
+        [&[0xa3, 0x95, 128, id, length][..], &texts].concat()
+    };
+    let padded = |text: &[u8], width: usize| [text, &vec![0; width - text.len()]].concat();
+    let unit = |id: u8, name: &[u8]| [&[0xa3, 0x95, 2][..], &[0; 8], &[id], &padded(name, 64)].concat();
+    let multiplier = |id: u8, by: f64| [&[0xa3, 0x95, 3][..], &[0; 8], &[id], &by.to_le_bytes()].concat();
+    let fields = [&[0xa3, 0x95, 4][..], &[0; 8], &[7], &padded(b"sAmd-", 16), &padded(b"F?B?-", 16)].concat();
+    let head = [
+        format(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns"),
+        format(2, 76, b"UNIT", b"QbZ", b"TimeUS,Id,Label"),
+        format(3, 20, b"MULT", b"Qbd", b"TimeUS,Id,Mult"),
+        format(4, 44, b"FMTU", b"QBNN", b"TimeUS,FmtType,UnitIds,MultIds"),
+        format(7, 27, b"TST", b"Qhfff", b"TimeUS,Cur,Dst,Ang,Raw"),
+        [unit(b's', b"s"), unit(b'A', b"A"), unit(b'm', b"m"), unit(b'd', b"deg")].concat(),
+        [multiplier(b'F', 1e-6), multiplier(b'B', 1e-2), multiplier(b'?', 1.0)].concat(),
+        fields,
+    ];
+    let row = |i: u64| [&[0xa3, 0x95, 7][..], &(i * 10_000).to_le_bytes(), &[5, 0], &[0; 12]].concat();
+    let folder = tempfile::tempdir().unwrap();
+    let (log, out) = (folder.path().join("log.bin"), folder.path().join("tables"));
+    std::fs::write(&log, [head.concat(), (0..20).flat_map(row).collect()].concat()).unwrap();
+    exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
+    let said = provenance(&out);
+    let sheet = said["sheets"].as_array().unwrap().iter().find(|s| s["name"] == "TST").unwrap();
+    let unit_of = |name: &str| {
+        let column = sheet["columns"].as_array().unwrap().iter().find(|c| c["name"] == name).unwrap();
+        column["unit"].clone()
+    };
+    let expected = [("TimeUS", "1.000e-6 s"), ("Cur", "A"), ("Dst", "1.000e-2 m"), ("Ang", "deg")];
+    for (name, unit) in expected {
+        assert_eq!(unit_of(name), unit, "{said:#}");
+    }
+    assert!(unit_of("Raw").is_null());
+}
+
+#[test]
 fn integers_of_the_log_stay_integers_in_csv() {
     let folder = tempfile::tempdir().unwrap();
     let log = write(Container::Ubx, folder.path());

@@ -13,8 +13,8 @@ pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Noti
     for found in plan.columns.iter().flatten().filter(|f| f.unit.dimension() != Dimension::None) {
         let of_field = |s: &&StatedUnit| s.type_name == plan.table.topic.type_name && s.path == found.column.path;
         let Some(stated) = stated.iter().rfind(of_field) else { continue };
-        let same =
-            stated.dimension == found.unit.dimension() && (stated.si / found.unit.to_si(1.0) - 1.0).abs() < SAME_SCALE;
+        let Some((dimension, si)) = stated.measures else { continue };
+        let same = dimension == found.unit.dimension() && (si / found.unit.to_si(1.0) - 1.0).abs() < SAME_SCALE;
         if !same {
             let text = format!(
                 "channel {}: the log states {} in {}, and the channel map takes it for {}; the map is followed",

@@ -3,6 +3,7 @@
 //! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`walk`), for the
 //! crate's own readers trust lengths that a damaged file states.
 
+mod agreement;
 mod original;
 mod plain;
 mod record;

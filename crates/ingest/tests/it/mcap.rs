@@ -1009,3 +1009,60 @@ fn a_wrong_length_that_leads_into_a_black_image_costs_its_own_message_only() {
         assert!(lost(&log), "bit {bit}");
     }
 }
+
+/// Where the contents of the records at the top level begin, by type.
+fn records_of(content: &[u8]) -> Vec<(u8, usize, usize)> {
+    let (mut at, mut all) = (8, vec![]);
+    while at + 9 <= content.len() - 8 {
+        let length = u64::from_le_bytes(content[at + 1..at + 9].try_into().unwrap()) as usize;
+        all.push((content[at], at + 9, length));
+        at += 9 + length;
+    }
+    all
+}
+
+#[test]
+fn an_index_that_says_otherwise_than_the_data_is_told_and_never_followed() {
+    let sent = flight(60);
+    for layout in [Layout { chunk_bytes: 6000, ..Layout::ZSTD }, Layout { chunk_bytes: 6000, ..Layout::PLAIN }] {
+        let mut content = mcap(&sent, Encoding::Cdr, Layout { data_crc: false, ..layout });
+        // A summary without a checksum, which stands before the magic that ends the file.
+        let crc_at = content.len() - 12;
+        content[crc_at..crc_at + 4].fill(0);
+        let intact = OnDisk::new(&content, false).read().unwrap();
+        assert!(intact.notices.iter().all(|n| n.code != "index-differs"), "{:?}", intact.notices);
+        let records = records_of(&content);
+        let first = |opcode: u8| records.iter().find(|record| record.0 == opcode).copied().unwrap();
+        let statistics = first(op::STATISTICS).1;
+        let (_, index, index_length) = first(op::CHUNK_INDEX);
+        let (chunk, group) = (first(op::CHUNK).1, first(op::SUMMARY_OFFSET).1);
+        let places = [
+            ("schemas", statistics + 8),
+            ("channels", statistics + 10),
+            ("attachments", statistics + 14),
+            ("metadata", statistics + 18),
+            ("chunks", statistics + 22),
+            ("times", statistics + 26),
+            ("times", statistics + 34),
+            ("messages by channel", statistics + 48),
+            ("index of the chunk", index),
+            ("index of the chunk", index + 8),
+            ("where none is", index + 16),
+            ("index of the chunk", index + 24),
+            ("index of the chunk", index + 38),
+            ("index of the chunk", index + index_length - 16),
+            ("index of the chunk", index + index_length - 8),
+            ("chunk at byte", chunk),
+            ("chunk at byte", chunk + 8),
+            ("summary offset", group + 1),
+        ];
+        for (what, at) in places {
+            let mut lying = content.clone();
+            lying[at] ^= 1;
+            let log = OnDisk::new(&lying, false).read().unwrap();
+            let told = notice(&log, "index-differs");
+            assert!(told.text.contains(what), "{what}: {told:?}");
+            assert_eq!((&log.tables, log.health.bytes.damaged), (&intact.tables, 0), "{what}");
+        }
+    }
+}

@@ -34,16 +34,14 @@ impl Units {
     /// already, and a multiplier of zero means that there is none.
     pub(super) fn of(&self, format: &Format, units: &[u8], multipliers: &[u8]) -> Vec<StatedUnit> {
         let stated = |(index, field): (usize, &super::record::Field)| {
-            let name = self.names.get(units.get(index)?)?;
-            let (dimension, si) = meaning(name)?;
+            let name = self.names.get(units.get(index)?).filter(|name| !name.trim().is_empty())?;
             let multiplier = multipliers.get(index).and_then(|m| self.multipliers.get(m)).copied();
             let multiplier = multiplier.filter(|m| *m != 0.0 && !field.is_scaled()).unwrap_or(1.0);
             Some(StatedUnit {
                 type_name: format.name.clone(),
                 path: field.name.clone(),
                 text: if multiplier == 1.0 { name.clone() } else { format!("{multiplier:.3e} {name}") },
-                dimension,
-                si: si * multiplier,
+                measures: meaning(name).map(|(dimension, si)| (dimension, si * multiplier)),
             })
         };
         format.fields.iter().enumerate().filter_map(stated).collect()

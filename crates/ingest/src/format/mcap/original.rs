@@ -77,7 +77,12 @@ impl OriginalLog {
             format: log.health.format.clone(),
             extras: log.health.extras.clone(),
             about,
-            units: log.units.iter().filter(|unit| unit.si.is_finite()).cloned().collect(),
+            units: log
+                .units
+                .iter()
+                .filter(|unit| unit.measures.is_none_or(|(_, si)| si.is_finite()))
+                .cloned()
+                .collect(),
             restarts: log.restarts.clone(),
             notices: log.notices.clone(),
         }

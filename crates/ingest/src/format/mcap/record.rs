@@ -135,6 +135,8 @@ pub(super) struct ChunkHead {
     pub(super) codec: Codec,
     pub(super) uncompressed: u64,
     pub(super) crc: u32,
+    /// First and last log time of its messages, as it says, ns.
+    pub(super) times: (u64, u64),
     /// Offset of the compressed bytes from the start of the record.
     pub(super) data_at: u64,
     pub(super) compressed: u64,
@@ -151,7 +153,8 @@ impl ChunkHead {
 
     fn parse(bytes: &[u8]) -> Option<Result<ChunkHead, String>> {
         let mut rest = Bytes(bytes);
-        rest.take(HEAD_BYTES as usize + 16)?;
+        rest.take(HEAD_BYTES as usize)?;
+        let times = (rest.u64()?, rest.u64()?);
         let uncompressed = rest.u64()?;
         let crc = rest.u32()?;
         let Some(compression) = rest.prefixed() else { return Some(Err("compression of unknown name".to_owned())) };
@@ -163,7 +166,7 @@ impl ChunkHead {
         };
         let compressed = rest.u64()?;
         let data_at = (bytes.len() - rest.0.len()) as u64;
-        Some(Ok(ChunkHead { codec, uncompressed, crc, data_at, compressed }))
+        Some(Ok(ChunkHead { codec, uncompressed, crc, times, data_at, compressed }))
     }
 
     /// As the file has it.

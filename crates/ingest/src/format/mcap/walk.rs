@@ -5,6 +5,7 @@
 //! bytes that look like a record followed by another. In a file with chunks only whole chunks
 //! are found that way, never the messages inside a broken one: nothing has vouched for them.
 
+use super::agreement::Agreement;
 use super::record::{
     AttachmentHead, CHUNK_HEAD_BYTES, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, is_private, name,
 };
@@ -63,6 +64,7 @@ pub(super) struct Walk<'w, 'c, V> {
     found_any: bool,
     damaged: bool,
     unknown: Tally,
+    agreement: Agreement,
     without_crc: u64,
     not_opened: u64,
     /// Nothing is summed and some chunks stay closed: what nobody needs is not read.
@@ -126,6 +128,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             found_any: false,
             damaged: false,
             unknown: Tally::default(),
+            agreement: Agreement::default(),
             without_crc: 0,
             not_opened: 0,
             jumps,
@@ -154,7 +157,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             }
         }
         self.file.progress(self.at, self.context)?;
-        self.conclude();
+        self.conclude()?;
         Ok(Walked { summary: self.summary, end: self.at, found_any: self.found_any })
     }
 
@@ -303,6 +306,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     }
 
     fn take(&mut self, head: &Head) -> Result<Verdict, IngestError> {
+        if head.opcode == op::MESSAGE_INDEX && !self.data_ended {
+            self.agreement.message_index(head);
+        }
         match head.opcode {
             op::CHUNK => self.chunk(head),
             op::ATTACHMENT => self.attachment(head),
@@ -338,7 +344,13 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     fn show(&mut self, head: &Head, length: u64) -> Result<Verdict, IngestError> {
         match body(self.file, head, length)? {
             Some(body) if head.opcode == op::MESSAGE_INDEX && !self.opened => Ok(self.visit.index(body)),
-            Some(body) => Ok(self.visit.record(head.opcode, body)),
+            Some(body) => {
+                match self.data_ended {
+                    true => self.agreement.summary(head.opcode, body, self.start),
+                    false => self.agreement.data(head.opcode, body),
+                }
+                Ok(self.visit.record(head.opcode, body))
+            }
             None => Ok(Err("the record is cut".to_owned())),
         }
     }
@@ -380,7 +392,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             Ok(chunk) => chunk,
             Err(reason) => return Ok(Err(reason)),
         };
+        self.agreement.chunk(head, &chunk);
         if self.can_leave_closed(head) {
+            self.agreement.closed();
             self.opened = false;
             self.not_opened += 1;
             return Ok(Ok(Fate::Skipped));
@@ -403,7 +417,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             return Ok(Err("the chunk's checksum is wrong".to_owned()));
         }
         self.opened = true;
-        Ok(contents(unpacked.bytes, self.visit, &mut self.unknown))
+        let verdict = contents(unpacked.bytes, self.visit, &mut self.unknown, &mut self.agreement);
+        self.agreement.end_of_chunk();
+        Ok(verdict)
     }
 
     /// The summary, whose checksum is right, says that this very chunk holds nothing that is wanted.
@@ -590,8 +606,12 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         Ok(head.is_some_and(|h| h.opcode != 0 && h.end <= size && h.fits_its_type()))
     }
 
-    fn conclude(&mut self) {
+    fn conclude(&mut self) -> Result<(), IngestError> {
         let file = self.file.name().to_owned();
+        // Of a log that is damaged nobody knows which of them is wrong.
+        let is_whole = self.footer_seen && self.data_ended && !self.damaged && self.summary.shift.is_none();
+        let agreement = std::mem::take(&mut self.agreement);
+        let differences = if is_whole { agreement.conclude(self.file)? } else { Tally::default() };
         let mut raise = |severity, code: &str, count, text: &str| {
             if count > 0 {
                 self.notices.push(severity, code, file.as_str(), count, text);
@@ -599,7 +619,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         };
         // What stands before the first log is damage, and nothing else.
         if self.another && !self.found_any {
-            return;
+            return Ok(());
         }
         if !self.footer_seen {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
@@ -631,6 +651,12 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
                     which knows neither their size nor when they were published";
         raise(Severity::Info, "closed-chunks", self.not_opened, text);
+        let text = format!(
+            "what the index or the header of a chunk says differs from the data, which are followed; the first: {}",
+            differences.first
+        );
+        raise(Severity::Warning, "index-differs", differences.count, &text);
+        Ok(())
     }
 }
 
@@ -641,7 +667,7 @@ fn body<'f>(file: &'f mut LogFile, head: &Head, length: u64) -> Result<Option<&'
 }
 
 /// Shows the records inside a chunk. The fate is that of the whole chunk.
-fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Verdict {
+fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally, agreement: &mut Agreement) -> Verdict {
     let mut rest = Bytes(data);
     let mut fate = Fate::Structure;
     let mut bad = Tally::default();
@@ -652,6 +678,7 @@ fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Verdic
         let Some(body) = usize::try_from(length).ok().and_then(|length| rest.take(length)) else {
             return Err("a record reaches past the end of its chunk; what came before was kept".to_owned());
         };
+        agreement.data(opcode, body);
         match opcode {
             op::MESSAGE | op::SCHEMA | op::CHANNEL => match visit.record(opcode, body) {
                 Ok(one) => fate = weightier(fate, one),
