@@ -228,7 +228,7 @@ impl Reading<'_> {
         let mut rules_of = |topic: &Topic, header: &Arc<Header>| {
             // Rows that lack columns are looked at one by one.
             let plain = topic.decoded && table.delimiter != fields::BLANKS && topic.absent == 0 && !topic.is_lost;
-            let cutter = || Cutter::new(table.delimiter, topic.width, &topic.places());
+            let cutter = || Cutter::new(table.delimiter, topic.width, &topic.places(), header);
             made += 1;
             plain.then(|| Rules { number: made, cutter: cutter(), header: Arc::clone(header), longest })
         };
@@ -252,6 +252,13 @@ impl Reading<'_> {
             }
             if table.units_line == Some(line) {
                 units = text.to_vec();
+            }
+            if line < table.first_row_line && !units.is_empty() {
+                // Nobody else has the header before the first row.
+                drop(rules.take());
+                let begin = units.split(|b| *b == table.delimiter).next().unwrap_or_default().trim_ascii();
+                Arc::get_mut(&mut header).into_iter().for_each(|header| header.has_units(begin));
+                rules = rules_of(&topic, &header);
             }
             let is_row = line >= table.first_row_line;
             let plain = !text.is_empty() && mark == 0;
@@ -559,7 +566,7 @@ impl Books {
             return false;
         }
         open.fields.split(names, header.delimiter);
-        if !header.is_other(&open.fields) {
+        if !header.is_other(&open.fields) || (mark > 0 && !header.is_of_known(&open.fields)) {
             return false;
         }
         // A short line is no reason to look for all columns of a wide table again and again.
@@ -570,12 +577,7 @@ impl Books {
             self.reject(open, extent, reason);
             return true;
         }
-        let Some(Other { places, width, new }) = header.other(&open.fields) else {
-            topic.is_lost = true;
-            let reason = format!("line {line}: the header of another table, which has no column of the first");
-            self.reject(open, extent, reason);
-            return true;
-        };
+        let Other { places, width, new } = header.other(&open.fields);
         changes.add(line, new);
         topic.follow(&places, width, is_wide);
         self.structure(open, extent);

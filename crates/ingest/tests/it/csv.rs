@@ -173,6 +173,11 @@ fn large_table(seed: u64, rare: usize) -> String {
         text += &cells.join(",");
         text += if draw(rare) == 0 { ["\r", "\r\r\n", "\n\r"][draw(3)] } else { "\n" };
     }
+    if seed % 3 == 1 {
+        // Searched for to the end of the file.
+        text += "\"never closed,1,2,3\n";
+        (0..40).for_each(|row| text += &format!("{}\n", [0, 1, 2, 3].map(|column| cell(row, column)).join(",")));
+    }
     text.truncate(text.len() - draw(30));
     text
 }
@@ -800,7 +805,6 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
         ("time,lat,lon,alt", "time,ax,ay,az", &["time"][..]),
         ("time,id,lat,lon,alt,hdop", "time,id,ax,ay,az,temp", &["time", "id"]),
         ("t,x,y,z", "seq,x,t,src", &["t", "x"]),
-        ("t,x,y", "a,b,c", &[]),
     ] {
         for end in ["", "# \"end\"\n"] {
             let log = read(&(text(first, second) + end));
@@ -816,10 +820,24 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
             }
         }
     }
-    // Rows of words are rows.
-    for odd in ["ERR,ERR,ERR", "nan,inf,N/A", "x,,", "deg,deg,m", "ok,1,2"] {
-        let log = read(&format!("t,a,b\n{}{odd}\n{}", rows(40, ",", &[number; 3]), rows(40, ",", &[number; 3])));
-        assert_eq!(log.tables[0].rows, 81, "{odd}");
+    // Rows of words are rows, and cost nothing that follows.
+    for odd in [
+        "ERR,ERR,ERR",
+        "nan,inf,N/A",
+        "x,,",
+        "deg,deg,m",
+        "ok,1,2",
+        "OVERLOAD,OPEN,SHORT",
+        "WARNING,low,battery",
+        "float,int,double",
+        "# landed, a, b",
+    ] {
+        let text = format!("t,a,b\n{0}{odd}\n{0}", rows(40, ",", &[number; 3]));
+        for end in ["", "# \"end\"\n"] {
+            let log = read(&format!("{text}{end}"));
+            let expected = if odd.starts_with('#') { 80 } else { 81 };
+            assert_eq!((log.tables[0].rows, log.health.undecodable), (expected, 0), "{odd}");
+        }
     }
     let log = read(&format!("t,mode\n{}", "1,arm\n2,mode\n3,t\n".repeat(30)));
     assert_eq!((log.tables[0].rows, log.health.undecodable), (90, 0));

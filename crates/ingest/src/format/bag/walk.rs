@@ -262,16 +262,16 @@ impl<S: Source, V: Visit> Walk<'_, '_, S, V> {
     /// Where the next chunk or index begins within one that cannot be decompressed.
     fn swallowed_by_chunk(&mut self, packed: &Packed) -> Result<Option<u64>, IngestError> {
         let Range { start, end } = packed.data;
-        let is_long = end - start > self.context.limits.record_bytes;
-        let Some((unpacker, file)) = self.unpacker.as_deref_mut().zip(self.source.file()) else { return Ok(None) };
-        if !is_long && unpacker.unpack(packed, file)?.is_none_or(|unpacked| unpacked.fault.is_none()) {
-            return Ok(None);
+        // Where many chunks lead to one end, each is not read as far as there.
+        let is_read =
+            end - start <= self.context.limits.record_bytes && self.swallowed / MOST_IN_VAIN <= self.source.size();
+        if is_read {
+            let Some((unpacker, file)) = self.unpacker.as_deref_mut().zip(self.source.file()) else { return Ok(None) };
+            if unpacker.unpack(packed, file)?.is_none_or(|unpacked| unpacked.fault.is_none()) {
+                return Ok(None);
+            }
+            self.swallowed += end - start;
         }
-        // Many may lead to the same end.
-        if self.swallowed / MOST_IN_VAIN > self.source.size() {
-            return Ok(None);
-        }
-        self.swallowed += end - start;
         let of_chunks = |kind: &Kind| matches!(kind, Kind::Chunk { .. } | Kind::Index { .. });
         Ok(Some(self.search_for(start..end, of_chunks)?).filter(|&next| next < end))
     }

@@ -201,7 +201,7 @@ mod tests {
         let mut fields = Fields::default();
         fields.split(HEADER.as_bytes(), b',');
         let header = Arc::new(Header::new(HEADER.as_bytes(), &fields, b',', vec![]));
-        Rules { number, cutter: Cutter::new(b',', 3, &topic.places()), header, longest: 1 << 20 }
+        Rules { number, cutter: Cutter::new(b',', 3, &topic.places(), &header), header, longest: 1 << 20 }
     }
 
     /// What is read by one, or by two of whom the other is so quick that all is ready; and how many rows came from the other.

@@ -1,8 +1,7 @@
 //! A header that stands again between the rows, as it does where a logger was started anew or logs were put together: the
 //! same, or one with the columns in another order or of another number.
 
-use super::fields::{Cell, Fields, number};
-use super::layout::is_unit;
+use super::fields::{BLANKS, Cell, Fields, number};
 use flight::{Notices, Severity};
 use std::collections::{HashMap, HashSet, VecDeque};
 
@@ -17,8 +16,12 @@ pub(super) struct Header {
     known: HashSet<Vec<u8>>,
     /// What names begin with, by byte.
     begins: Begins,
-    /// Which columns are of numbers, as far as the first rows tell.
+    /// Which columns there are: those of numbers, as far as the first rows tell.
     numbers: Vec<bool>,
+    /// The first of these: a word in it makes a header of a row, or a row that is out of the common.
+    telling: Option<usize>,
+    /// What the line of units begins with, if there is one.
+    units: Vec<u8>,
 }
 
 #[derive(Debug)]
@@ -78,7 +81,7 @@ impl Changes {
 }
 
 impl Header {
-    /// Of a line, its fields, and what stands between them.
+    /// Of a line, its fields, and what stands between them; with which columns are of numbers.
     pub(super) fn new(line: &[u8], fields: &Fields, delimiter: u8, numbers: Vec<bool>) -> Header {
         let names: Vec<Vec<u8>> = (0..fields.len()).map(|index| fields.get(index).to_vec()).collect();
         let known: HashSet<Vec<u8>> = names.iter().filter(|name| !name.is_empty()).cloned().collect();
@@ -88,7 +91,8 @@ impl Header {
                 *begin = true;
             }
         }
-        Header { line: line.to_vec(), delimiter, names, known, begins, numbers }
+        let telling = numbers.iter().position(|of_numbers| *of_numbers);
+        Header { line: line.to_vec(), delimiter, names, known, begins, numbers, telling, units: vec![] }
     }
 
     /// Whether the line is this one.
@@ -96,50 +100,68 @@ impl Header {
         !line.is_empty() && line == self.line
     }
 
-    /// Whether a line may be a header, by its ends.
+    /// Whether a line may be something else than a row: as [`Header::may_be`], unless there are quotes, which hide what it is.
     pub(super) fn may_begin(&self, line: &[u8]) -> bool {
-        let line = line.trim_ascii();
-        let first = line.split(|b| *b == self.delimiter).next().unwrap_or_default();
-        let last = line.rsplit(|b| *b == self.delimiter).find(|cell| !cell.is_empty()).unwrap_or_default();
-        // Quotes may hide delimiters.
-        line.first() == Some(&b'"') || last.ends_with(b"\"") || self.may_be(first.trim_ascii(), last.trim_ascii())
+        let blanks = self.delimiter == BLANKS;
+        let between = |byte: &u8| if blanks { byte.is_ascii_whitespace() } else { *byte == self.delimiter };
+        let mut cells = line.split(between).map(<[u8]>::trim_ascii).filter(|cell| !blanks || !cell.is_empty());
+        let first = cells.clone().next().unwrap_or_default();
+        let telling = self.telling.and_then(|column| cells.clone().nth(column)).unwrap_or_default();
+        let last = cells.next_back().unwrap_or_default();
+        memchr::memchr(b'"', line).is_some() || self.may_be(first, last, telling)
     }
 
-    /// Whether a row with this first and this last field may be a header.
+    /// The line of units below it begins with this cell.
+    pub(super) fn has_units(&mut self, begin: &[u8]) {
+        self.units = begin.to_vec();
+    }
+
+    /// A column that is looked at in every row.
+    pub(super) fn telling(&self) -> Option<usize> {
+        self.telling
+    }
+
+    /// Whether a row with these fields, the first, the last and the [telling](Header::telling) one, may be a header, or the
+    /// units below one.
     #[inline]
-    pub(super) fn may_be(&self, first: &[u8], last: &[u8]) -> bool {
+    pub(super) fn may_be(&self, first: &[u8], last: &[u8], telling: &[u8]) -> bool {
+        const BOM: u8 = 0xef;
         let is_name = |cell: &[u8]| {
             let begin = cell.first().and_then(|byte| self.begins.0.get(usize::from(*byte)));
             begin == Some(&true) && self.known.contains(cell)
         };
-        is_name(first) || is_name(last) || (self.begins_as_word(first, true) || self.begins_as_word(last, false))
+        let is_word = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_' || *byte == b'.' || *byte >= 0x80;
+        // A point begins a number as well.
+        let word = telling.first().is_some_and(is_word) && !telling.get(1).is_some_and(u8::is_ascii_digit);
+        word || is_name(first)
+            || is_name(last)
+            || first.first() == Some(&BOM)
+            || (!first.is_empty() && first == self.units)
     }
 
-    /// Whether the first or the last field begins as words do although its column is one of numbers.
-    #[inline]
-    fn begins_as_word(&self, cell: &[u8], is_first: bool) -> bool {
-        let word = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_' || *byte == b'"' || *byte >= 0x80;
-        let column = || if is_first { self.numbers.first() } else { self.numbers.last() };
-        cell.first().is_some_and(word) && column() == Some(&true)
-    }
-
-    /// Whether a row is another header: half of its fields are names of this one, and two at least, or all are words where
-    /// numbers are expected.
+    /// Whether a row is another header: of its fields half are names of this one, two at least, or all are words and one is
+    /// such a name in its place; and words stand where the first rows have numbers, if they
+    /// have any.
     pub(super) fn is_other(&self, fields: &Fields) -> bool {
         let filled: Vec<(usize, &[u8])> =
             (0..fields.len()).map(|i| (i, fields.get(i))).filter(|f| !f.1.is_empty()).collect();
-        let known = filled.iter().filter(|(_, cell)| self.known.contains(*cell)).count();
-        if known >= 2 && 2 * known >= filled.len() {
-            return true;
-        }
+        let is_known = |cell: &[u8]| self.known.contains(cell);
         let is_word = |cell: &[u8]| number(cell) == Cell::Bad && cell.iter().any(u8::is_ascii_alphabetic);
-        let of_numbers = filled.iter().filter(|(i, _)| self.numbers.get(*i) == Some(&true)).count();
-        let distinct = || filled.iter().map(|f| f.1).collect::<HashSet<_>>().len() == filled.len();
-        of_numbers + known.min(1) >= 2
-            && 2 * filled.len() >= fields.len()
-            && filled.iter().all(|(_, cell)| is_word(cell))
-            && !filled.iter().all(|(_, cell)| std::str::from_utf8(cell).is_ok_and(is_unit))
-            && distinct()
+        let known = filled.iter().filter(|(_, cell)| is_known(cell)).count();
+        let is_at_home = |(index, cell): &(usize, &[u8])| self.names.get(*index).is_some_and(|name| name == cell);
+        let of_numbers = |(index, cell): &(usize, &[u8])| {
+            self.numbers.get(*index) == Some(&true) && (is_known(cell) || is_word(cell))
+        };
+        let all_words = || 2 * filled.len() >= fields.len() && filled.iter().all(|(_, cell)| is_word(cell));
+        (self.telling.is_none() || filled.iter().any(of_numbers))
+            && filled.len() >= 2
+            && (known >= 2 && 2 * known >= filled.len() || all_words() && filled.iter().any(is_at_home))
+    }
+
+    /// Whether all that stands in a row are names of this one: what a comment must say to be a header.
+    pub(super) fn is_of_known(&self, fields: &Fields) -> bool {
+        let mut filled = (0..fields.len()).map(|i| fields.get(i)).filter(|cell| !cell.is_empty());
+        filled.all(|cell| self.known.contains(cell))
     }
 
     /// How many columns there are.
@@ -147,24 +169,20 @@ impl Header {
         self.names.len()
     }
 
-    /// What another header says; `None` if it has no column of this one.
-    pub(super) fn other(&self, fields: &Fields) -> Option<Other> {
+    /// What another header says.
+    pub(super) fn other(&self, fields: &Fields) -> Other {
         let cell = |index: usize| fields.get(index);
         // A delimiter at the end of the line makes no column, unless there are as many as in the first.
-        let trails = fields.len() > 1 && fields.len() != self.names.len() && cell(fields.len() - 1).is_empty();
+        let trails = fields.len() > 1 && fields.len() != self.numbers.len() && cell(fields.len() - 1).is_empty();
         let width = fields.len() - usize::from(trails);
         // Of equal names the first stands for the first, and so it is of columns without a name.
         let mut left: HashMap<&[u8], VecDeque<usize>> = HashMap::new();
         (0..width).for_each(|index| left.entry(cell(index)).or_default().push_back(index));
-        let places: Vec<Option<usize>> =
-            self.names.iter().map(|name| left.get_mut(name.as_slice())?.pop_front()).collect();
-        if places.iter().flatten().all(|&place| cell(place).is_empty()) {
-            return None;
-        }
+        let places = self.names.iter().map(|name| left.get_mut(name.as_slice())?.pop_front()).collect();
         left.remove(&[][..]);
         let mut new: Vec<usize> = left.into_values().flatten().collect();
         new.sort_unstable();
         let new = new.into_iter().map(|index| super::fields::text_of(cell(index))).collect();
-        Some(Other { places, width, new })
+        Other { places, width, new }
     }
 }

@@ -51,7 +51,7 @@ pub(super) struct TableLayout {
     pub(super) other_rows: Option<(u64, u64)>,
     /// There is a header, a row with a number, and all rows looked at have the same number of fields.
     pub(super) regular: bool,
-    /// Which columns are of numbers: those of all rows looked at.
+    /// Which columns are of numbers: of most rows looked at.
     pub(super) numbers: Vec<bool>,
     /// There is no header, and every cell of all rows looked at, which have the same number of fields, is a number.
     pub(super) bare: bool,
@@ -115,7 +115,7 @@ impl Sampled {
     }
 }
 
-pub(super) fn is_unit(cell: &str) -> bool {
+fn is_unit(cell: &str) -> bool {
     let bracketed = |open, close| cell.starts_with(open) && cell.ends_with(close);
     bracketed('(', ')') || bracketed('[', ']') || cell.parse::<flight::Unit>().is_ok_and(|u| u.symbol() != "1")
 }
@@ -254,12 +254,12 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     let regular = header.is_some()
         && rows_looked_at.clone().all(|r| r.fields.len() == width)
         && rows_looked_at.clone().any(|r| r.has_number(decimal));
-    let is_number = |cell: &String| decimal.number(cell.as_bytes()) != Cell::Bad;
-    let whole: Vec<&&Sampled> = rows_looked_at.filter(|r| r.fields.len() == width).collect();
     let of_numbers = |column: usize| {
-        let cells = || whole.iter().filter_map(|r| r.fields.get(column));
-        cells().all(is_number)
-            && cells().any(|cell| matches!(decimal.number(cell.as_bytes()), Cell::Integer(_) | Cell::Float(_)))
+        let cells =
+            || rows_looked_at.clone().filter_map(|r| r.fields.get(column)).map(|c| decimal.number(c.as_bytes()));
+        // Among them may be other headers.
+        let numbers = cells().filter(|cell| matches!(cell, Cell::Integer(_) | Cell::Float(_))).count();
+        numbers > cells().filter(|cell| *cell == Cell::Bad).count()
     };
     let numbers = (0..names.len()).map(of_numbers).collect();
     let bare = header.is_none()

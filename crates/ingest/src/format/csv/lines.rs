@@ -190,7 +190,7 @@ impl<'a, R: Read> Lines<'a, R> {
     /// Leaves rows of `topic` that are to come to others. Only where what is held is whole lines.
     pub(super) fn read_ahead(&mut self, crew: &Crew, topic: &Topic, rules: &Rules) -> Result<(), IngestError> {
         if self.source.is_empty() {
-            if self.lines_end <= self.start {
+            if self.ended || self.lines_end <= self.start {
                 return Ok(());
             }
             self.source.put_back(&mut self.buffer, self.lines_end);

@@ -15,7 +15,7 @@ pub(super) struct Cutter {
     delimiter: u8,
     /// Fields of a row.
     width: usize,
-    /// Those that are looked at: the wanted ones, and those at both ends, which tell whether it is a row.
+    /// Those that are looked at: the wanted ones, and those that tell whether it is a row.
     looked_at: Vec<usize>,
     /// The delimiters that these lie between, by number.
     needed: Vec<usize>,
@@ -24,9 +24,10 @@ pub(super) struct Cutter {
 }
 
 impl Cutter {
-    pub(super) fn new(delimiter: u8, width: usize, wanted: &[usize]) -> Cutter {
-        let ends = [0, width.saturating_sub(1)];
-        let mut looked_at: Vec<usize> = wanted.iter().copied().chain(ends).filter(|&field| field < width).collect();
+    pub(super) fn new(delimiter: u8, width: usize, wanted: &[usize], header: &Header) -> Cutter {
+        let telling = [Some(0), Some(width.saturating_sub(1)), header.telling()];
+        let mut looked_at: Vec<usize> =
+            wanted.iter().copied().chain(telling.into_iter().flatten()).filter(|&field| field < width).collect();
         looked_at.sort_unstable();
         looked_at.dedup();
         // A field lies between the delimiter of its own number and the one before.
@@ -87,7 +88,8 @@ impl Cutter {
 fn is_row(row: Row<'_>, header: &Header) -> bool {
     let cell = row.get(0);
     let last = row.get(row.len().saturating_sub(1));
-    !(cell.is_empty() || comment_mark(cell) > 0 || header.may_be(cell, last))
+    let telling = header.telling().map_or(&b""[..], |column| row.get(column));
+    !(cell.is_empty() || comment_mark(cell) > 0 || header.may_be(cell, last, telling))
 }
 
 /// A search for delimiters and line ends from one end of a block to the other.
@@ -196,8 +198,9 @@ mod tests {
 
     fn taken(text: &str, header: &str) -> (Vec<Vec<String>>, usize) {
         let mut all = vec![];
-        let mut cutter = Cutter::new(b',', 3, &[0, 1, 2]);
-        let extent = cutter.rows(text.as_bytes(), &header_of(header), 200, |row, extent| {
+        let header = header_of(header);
+        let mut cutter = Cutter::new(b',', 3, &[0, 1, 2], &header);
+        let extent = cutter.rows(text.as_bytes(), &header, 200, |row, extent| {
             all.push((0..row.len()).map(|i| String::from_utf8_lossy(row.get(i)).into_owned()).collect());
             assert!((1..=2).contains(&(extent.whole - extent.text)));
         });
@@ -224,9 +227,10 @@ mod tests {
         let text: String = (0..50).map(|i| format!("{i}x{}\n", line(i))).collect();
         let every: Vec<usize> = (0..90).collect();
         for wanted in [&[][..], &[0], &[89], &[88], &[3, 4, 5], &[63, 64, 65], &[1, 40, 89], &[7, 95], &every] {
-            let mut cutter = Cutter::new(b',', 90, wanted);
+            let header = header_of("t");
+            let mut cutter = Cutter::new(b',', 90, wanted, &header);
             let mut lines = text.lines();
-            let all = cutter.rows(text.as_bytes(), &header_of("t"), 1000, |row, _| {
+            let all = cutter.rows(text.as_bytes(), &header, 1000, |row, _| {
                 let fields: Vec<&str> = lines.next().unwrap().split(',').collect();
                 assert_eq!(row.len(), 90);
                 for &field in wanted {
