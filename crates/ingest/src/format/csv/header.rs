@@ -152,10 +152,12 @@ impl Header {
         let of_numbers = |(index, cell): &(usize, &[u8])| {
             self.numbers.get(*index) == Some(&true) && (is_known(cell) || is_word(cell))
         };
+        // Rows of another width would be refused anyway.
+        let is_as_wide = fields.len() == self.names.len() || fields.len() == self.numbers.len();
         let all_words = || 2 * filled.len() >= fields.len() && filled.iter().all(|(_, cell)| is_word(cell));
         (self.telling.is_none() || filled.iter().any(of_numbers))
             && filled.len() >= 2
-            && (known >= 2 && 2 * known >= filled.len() || all_words() && filled.iter().any(is_at_home))
+            && (known >= 2 && 2 * known >= filled.len() || is_as_wide && all_words() && filled.iter().any(is_at_home))
     }
 
     /// Whether all that stands in a row are names of this one: what a comment must say to be a header.
