@@ -278,7 +278,7 @@ impl Reading<'_> {
                     self.books.health.extras.extend(remark);
                 }
                 let said = [table.header_line, table.units_line].contains(&Some(line));
-                preamble += u64::from(plain && !again && !said);
+                preamble += u64::from(plain && !is_row && !said);
                 if again {
                     repeated += 1;
                     topic.follow_first();

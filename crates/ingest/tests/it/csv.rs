@@ -805,6 +805,7 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
         ("time,lat,lon,alt", "time,ax,ay,az", &["time"][..]),
         ("time,id,lat,lon,alt,hdop", "time,id,ax,ay,az,temp", &["time", "id"]),
         ("t,x,y,z", "seq,x,t,src", &["t", "x"]),
+        ("t,a1,b1,end", "n1,a1,t,last", &["t", "a1"]),
     ] {
         for end in ["", "# \"end\"\n"] {
             let log = read(&(text(first, second) + end));

@@ -130,9 +130,12 @@ impl Header {
             let begin = cell.first().and_then(|byte| self.begins.0.get(usize::from(*byte)));
             begin == Some(&true) && self.known.contains(cell)
         };
-        let is_word = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_' || *byte == b'.' || *byte >= 0x80;
-        // A point begins a number as well.
-        let word = telling.first().is_some_and(is_word) && !telling.get(1).is_some_and(u8::is_ascii_digit);
+        let word = match telling {
+            // A number may begin with a point as well.
+            [b'.', digit, ..] if digit.is_ascii_digit() => false,
+            [first, ..] => first.is_ascii_alphabetic() || *first >= 0x80 || b"_.".contains(first),
+            [] => false,
+        };
         word || is_name(first)
             || is_name(last)
             || first.first() == Some(&BOM)
@@ -140,8 +143,7 @@ impl Header {
     }
 
     /// Whether a row is another header: of its fields half are names of this one, two at least, or all are words and one is
-    /// such a name in its place; and words stand where the first rows have numbers, if they
-    /// have any.
+    /// such a name in its place; and words stand where the first rows have numbers, if they have any.
     pub(super) fn is_other(&self, fields: &Fields) -> bool {
         let filled: Vec<(usize, &[u8])> =
             (0..fields.len()).map(|i| (i, fields.get(i))).filter(|f| !f.1.is_empty()).collect();
