@@ -102,6 +102,21 @@ pub(crate) fn looks_like(head: &[u8], context: &ReadContext<'_>) -> Result<bool,
     }
 }
 
+/// What stands behind the mark of a comment, and a blank.
+fn unmarked(comment: &[u8]) -> &[u8] {
+    let text = comment.get(comment_mark(comment)..).unwrap_or_default();
+    text.strip_prefix(b" ").unwrap_or(text)
+}
+
+/// A header as it is compared with others: TABs at its ends may be names that are missing.
+fn bare(line: &[u8]) -> &[u8] {
+    let mut line = without_bom(line);
+    while let Some(rest) = line.strip_prefix(b" ").or_else(|| line.strip_suffix(b" ")) {
+        line = rest;
+    }
+    line
+}
+
 fn without_bom(head: &[u8]) -> &[u8] {
     head.strip_prefix(BOM).unwrap_or(head)
 }
@@ -223,6 +238,8 @@ impl Reading<'_> {
         let (mut preamble, mut header, mut repeated, mut changes) = (0, Arc::default(), 0, Changes::default());
         // Whether the header is a comment, and the line of units.
         let (mut is_marked, mut units) = (false, vec![]);
+        // Whether a header stands again in the line before.
+        let mut behind_header = false;
         let longest = self.context.limits.line_bytes;
         let mut made = 0;
         let mut rules_of = |topic: &Topic, header: &Arc<Header>| {
@@ -244,9 +261,14 @@ impl Reading<'_> {
             let mark = comment_mark(text);
             if table.header_line == Some(line) {
                 // Names may be missing at the beginning of the line.
-                let names = if mark > 0 { text.get(mark..).unwrap_or_default() } else { open.lines.text(extent) };
-                open.fields.split(without_bom(names), table.delimiter);
-                header = Arc::new(Header::new(text, &open.fields, table.delimiter, table.numbers.clone()));
+                let names = if mark > 0 { unmarked(text) } else { without_bom(open.lines.text(extent)) };
+                open.fields.split(names, table.delimiter);
+                header = Arc::new(Header::new(
+                    bare(open.lines.text(extent)),
+                    &open.fields,
+                    table.delimiter,
+                    table.numbers.clone(),
+                ));
                 rules = rules_of(&topic, &header);
                 is_marked = mark > 0;
             }
@@ -262,11 +284,13 @@ impl Reading<'_> {
             }
             let is_row = line >= table.first_row_line;
             let plain = !text.is_empty() && mark == 0;
-            let again = is_row && header.is(text);
-            let again_units = is_row && !units.is_empty() && text == units;
+            let again = is_row && header.is(bare(open.lines.text(extent)));
+            let again_units = is_row && behind_header && !units.is_empty() && text == units;
+            behind_header = again;
             if is_marked && mark > 0 && is_row && !again {
                 if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
                     rules = rules_of(&topic, &header);
+                    behind_header = true;
                 } else {
                     self.books.structure(open, extent);
                 }
@@ -289,6 +313,7 @@ impl Reading<'_> {
             }
             if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
                 rules = rules_of(&topic, &header);
+                behind_header = true;
                 continue;
             }
             self.books.row(open, extent, &mut topic, 0, table.delimiter);
@@ -561,12 +586,12 @@ impl Books {
         let line = open.lines.number;
         let text = without_bom(open.lines.text(extent));
         let mark = comment_mark(text.trim_ascii_start());
-        let names = if mark > 0 { text.trim_ascii_start().get(mark..).unwrap_or_default() } else { text };
+        let names = if mark > 0 { unmarked(text.trim_ascii_start()) } else { text };
         if extent.broken || (mark == 0 && !header.may_begin(names)) {
             return false;
         }
         open.fields.split(names, header.delimiter);
-        if !header.is_other(&open.fields) || (mark > 0 && !header.is_of_known(&open.fields)) {
+        if !header.is_other(&open.fields) || (mark > 0 && !header.is_no_remark(&open.fields)) {
             return false;
         }
         // A short line is no reason to look for all columns of a wide table again and again.

@@ -763,6 +763,8 @@ fn another_header_is_followed_wherever_names_are_missing_quoted_or_marked() {
         (",", ",t,x", ",x,t", ["column_1", "t", "x"]),
         (";", "t;;x", "t;x;", ["column_2", "t", "x"]),
         (",", "# i,t,x", "# i,x,t", ["i", "t", "x"]),
+        (",", "# i,t,x", "# \"i\",\"x\",\"t\"", ["i", "t", "x"]),
+        ("\t", "\tt\tx", "t\tx\t", ["column_1", "t", "x"]),
         (",", ".i,.t,.x", ".x,.t,.i", [".i", ".t", ".x"]),
         (",", "\"i, s\",t,\"x, m\"", "\"x, m\",t,\"i, s\"", ["i, s", "t", "x, m"]),
         (",", "\u{feff}i,t,x", "\u{feff}i,t,x", ["i", "t", "x"]),
@@ -796,7 +798,7 @@ fn another_header_is_followed_wherever_names_are_missing_quoted_or_marked() {
 fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first() {
     let number: &dyn Fn(usize) -> String = &|i: usize| (100 + i).to_string();
     let text = |first: &str, second: &str| {
-        let width = |header: &str| header.split(',').count();
+        let width = |header: &str| header.trim_end_matches(',').split(',').count();
         let cells = |header: &str| vec![number; width(header)];
         format!("{first}\n{}{second}\n{}", rows(400, ",", &cells(first)), rows(200, ",", &cells(second)))
     };
@@ -806,6 +808,8 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
         ("time,id,lat,lon,alt,hdop", "time,id,ax,ay,az,temp", &["time", "id"]),
         ("t,x,y,z", "seq,x,t,src", &["t", "x"]),
         ("t,a1,b1,end", "n1,a1,t,last", &["t", "a1"]),
+        ("t,a,b", "t,x,y,", &["t"]),
+        ("# t,alt,spd", "# t,spd,vario", &["t", "spd"]),
     ] {
         for end in ["", "# \"end\"\n"] {
             let log = read(&(text(first, second) + end));
@@ -815,7 +819,7 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
                 (log.tables[0].rows, log.health.undecodable),
                 (rows, 1 + 600 - rows as u64 - u64::from(rows == 600))
             );
-            for name in first.split(',') {
+            for name in first.trim_start_matches("# ").split(',') {
                 let values = numbers(&log, name).iter().flatten().count();
                 assert_eq!(values, if common.contains(&name) { 600 } else { 400 }, "{second}: {name}");
             }
@@ -833,6 +837,7 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
         "float,int,double",
         "# landed, a, b",
         "t,sync lost",
+        "ERR,ERR,b",
     ] {
         let text = format!("t,a,b\n{0}{odd}\n{0}", rows(40, ",", &[number; 3]));
         for end in ["", "# \"end\"\n"] {
@@ -842,6 +847,10 @@ fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first
             assert_eq!((log.tables[0].rows, log.health.undecodable), (expected, u64::from(short)), "{odd}");
         }
     }
+    let log = read(&format!("time,mode,armed\n{}", "2024-05-10T10:01:40Z,AUTO,armed\n".repeat(60)));
+    assert_eq!((log.tables[0].rows, log.health.undecodable), (60, 0));
+    let log = read(&format!("mode,alt\nINIT,NOFIX\n{}INIT,NOFIX\n", "AUTO,1\n".repeat(30)));
+    assert_eq!((log.tables[0].rows, log.health.undecodable), (32, 0));
     let log = read(&format!("t,mode\n{}", "1,arm\n2,mode\n3,t\n".repeat(30)));
     assert_eq!((log.tables[0].rows, log.health.undecodable), (90, 0));
 }

@@ -142,30 +142,43 @@ impl Header {
             || (!first.is_empty() && first == self.units)
     }
 
-    /// Whether a row is another header: of its fields half are names of this one, two at least, or all are words and one is
-    /// such a name in its place; and words stand where the first rows have numbers, if they have any.
+    /// Whether a row is another header: of its fields half are names of this one, two at least, or all are different words
+    /// and one is such a name in its place; and words stand where the first rows have numbers.
     pub(super) fn is_other(&self, fields: &Fields) -> bool {
         let filled: Vec<(usize, &[u8])> =
             (0..fields.len()).map(|i| (i, fields.get(i))).filter(|f| !f.1.is_empty()).collect();
         let is_known = |cell: &[u8]| self.known.contains(cell);
-        let is_word = |cell: &[u8]| number(cell) == Cell::Bad && cell.iter().any(u8::is_ascii_alphabetic);
+        let is_word = |cell: &[u8]| {
+            let begins_so = cell.first().is_some_and(|byte| !byte.is_ascii_digit());
+            begins_so && number(cell) == Cell::Bad && cell.iter().any(u8::is_ascii_alphabetic)
+        };
         let known = filled.iter().filter(|(_, cell)| is_known(cell)).count();
         let is_at_home = |(index, cell): &(usize, &[u8])| self.names.get(*index).is_some_and(|name| name == cell);
         let of_numbers = |(index, cell): &(usize, &[u8])| {
             self.numbers.get(*index) == Some(&true) && (is_known(cell) || is_word(cell))
         };
         // Rows of another width would be refused anyway.
-        let is_as_wide = fields.len() == self.names.len() || fields.len() == self.numbers.len();
+        let width = self.width_of(fields);
+        let is_as_wide = width == self.names.len() || width == self.numbers.len();
+        let distinct = || filled.iter().map(|(_, cell)| cell).collect::<HashSet<_>>().len() == filled.len();
         let all_words = || 2 * filled.len() >= fields.len() && filled.iter().all(|(_, cell)| is_word(cell));
-        (self.telling.is_none() || filled.iter().any(of_numbers))
-            && filled.len() >= 2
-            && (known >= 2 && 2 * known >= filled.len() || is_as_wide && all_words() && filled.iter().any(is_at_home))
+        let has_words = filled.iter().any(of_numbers);
+        let half = known >= 2 && 2 * known >= filled.len() && (has_words || self.telling.is_none());
+        half || has_words && known > 0 && is_as_wide && filled.iter().any(is_at_home) && all_words() && distinct()
     }
 
-    /// Whether all that stands in a row are names of this one: what a comment must say to be a header.
-    pub(super) fn is_of_known(&self, fields: &Fields) -> bool {
+    /// How many columns a header has. A delimiter at the end of the line makes none, unless there are as many as in the first.
+    fn width_of(&self, fields: &Fields) -> usize {
+        let last = fields.len().saturating_sub(1);
+        let trails = last > 0 && fields.len() != self.numbers.len() && fields.get(last).is_empty();
+        fields.len() - usize::from(trails)
+    }
+
+    /// Whether a comment that may be a header is none of the remarks that hold some of its words: it begins as this one does,
+    /// or has nothing but its names.
+    pub(super) fn is_no_remark(&self, fields: &Fields) -> bool {
         let mut filled = (0..fields.len()).map(|i| fields.get(i)).filter(|cell| !cell.is_empty());
-        filled.all(|cell| self.known.contains(cell))
+        self.names.first().is_some_and(|name| name == fields.get(0)) || filled.all(|cell| self.known.contains(cell))
     }
 
     /// How many columns there are.
@@ -176,9 +189,7 @@ impl Header {
     /// What another header says.
     pub(super) fn other(&self, fields: &Fields) -> Other {
         let cell = |index: usize| fields.get(index);
-        // A delimiter at the end of the line makes no column, unless there are as many as in the first.
-        let trails = fields.len() > 1 && fields.len() != self.numbers.len() && cell(fields.len() - 1).is_empty();
-        let width = fields.len() - usize::from(trails);
+        let width = self.width_of(fields);
         // Of equal names the first stands for the first, and so it is of columns without a name.
         let mut left: HashMap<&[u8], VecDeque<usize>> = HashMap::new();
         (0..width).for_each(|index| left.entry(cell(index)).or_default().push_back(index));

@@ -199,7 +199,7 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
         let comment = comment_mark(text);
         // A record without its line end may be cut anywhere, so it says nothing of the layout.
         if !text.is_empty() && extent.ended {
-            let row = if comment > 0 { text.get(comment..).unwrap_or_default() } else { lines.text(extent) };
+            let row = if comment > 0 { super::unmarked(text) } else { lines.text(extent) };
             fields.split(row, delimiter);
             sampled.push(Sampled { line: lines.number, comment: comment > 0, fields: fields.texts() });
         }
