@@ -17,6 +17,7 @@ pub(super) struct Source<R> {
     input: R,
     /// Where the input is in the file.
     pub(super) at: u64,
+    ended: bool,
     /// Whole lines, in the order of the file.
     pieces: VecDeque<Arc<Order<Piece>>>,
     /// What lies behind them: a line without its end.
@@ -65,7 +66,7 @@ impl Piece {
 
 impl<R: Read> Source<R> {
     pub(super) fn new(input: R) -> Source<R> {
-        Source { input, at: 0, pieces: VecDeque::new(), tail: vec![], spare: vec![] }
+        Source { input, at: 0, ended: false, pieces: VecDeque::new(), tail: vec![], spare: vec![] }
     }
 
     /// Whether everything that was read has been given away.
@@ -91,6 +92,7 @@ impl<R: Read> Source<R> {
     fn read(&mut self, buffer: &mut Vec<u8>) -> std::io::Result<u64> {
         let got = self.input.by_ref().take(STEP as u64).read_to_end(buffer)? as u64;
         self.at += got;
+        self.ended = got == 0;
         Ok(got)
     }
 
@@ -103,7 +105,7 @@ impl<R: Read> Source<R> {
     /// Reads on for as long as the crew has time, and leaves the rows of `topic` to it. Says how many bytes were read.
     pub(super) fn read_ahead(&mut self, crew: &Crew, topic: &Topic, rules: &Rules) -> std::io::Result<u64> {
         let mut all = 0;
-        while crew.has_time(self.pieces.len()) && self.tail.len() < STEP {
+        while !self.ended && crew.has_time(self.pieces.len()) && self.tail.len() < STEP {
             let mut piece = self.spare.pop().unwrap_or_default();
             if piece.rules.number != rules.number {
                 piece.rules = rules.clone();
@@ -118,9 +120,6 @@ impl<R: Read> Source<R> {
             self.tail.extend_from_slice(piece.bytes.get(end..).unwrap_or_default());
             if end == 0 {
                 self.spare.push(piece);
-                if got == 0 {
-                    break;
-                }
                 continue;
             }
             piece.bytes.truncate(end);
