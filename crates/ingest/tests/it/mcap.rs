@@ -1036,6 +1036,7 @@ fn an_index_that_says_otherwise_than_the_data_is_told_and_never_followed() {
         let statistics = first(op::STATISTICS).1;
         let (_, index, index_length) = first(op::CHUNK_INDEX);
         let (chunk, group) = (first(op::CHUNK).1, first(op::SUMMARY_OFFSET).1);
+        let messages = first(op::MESSAGE_INDEX).1;
         let places = [
             ("schemas", statistics + 8),
             ("channels", statistics + 10),
@@ -1055,6 +1056,8 @@ fn an_index_that_says_otherwise_than_the_data_is_told_and_never_followed() {
             ("chunk at byte", chunk),
             ("chunk at byte", chunk + 8),
             ("summary offset", group + 1),
+            ("message index", messages),
+            ("message index", messages + 1),
         ];
         for (what, at) in places {
             let mut lying = content.clone();

@@ -13,6 +13,8 @@ use std::fmt::{Debug, Display};
 
 /// Chunks that are remembered; of more nothing is said.
 const MOST_CHUNKS: usize = 1 << 16;
+/// Numbers of channels up to which messages are counted chunk by chunk.
+const MOST_COUNTED: usize = 1 << 12;
 /// Groups of the summary, of which there are as many as types of records.
 const MOST_GROUPS: usize = 16;
 
@@ -35,6 +37,8 @@ pub(super) struct Agreement {
     metadata: u64,
     /// Messages by the number of their channel.
     messages: Vec<u64>,
+    /// The same in front of the last chunk, if that was opened to its end.
+    before: Option<Vec<u64>>,
     times: Times,
     /// Of the messages of the chunk that is being read.
     times_in_chunk: Times,
@@ -77,6 +81,8 @@ impl Agreement {
             return;
         }
         (self.last, self.times_in_chunk) = (head.start, None);
+        let is_counted = self.messages.len() <= MOST_COUNTED;
+        self.before = is_counted.then(|| self.messages.clone());
         let seen = SeenChunk {
             length: head.end - head.start,
             codec: chunk.codec,
@@ -93,6 +99,7 @@ impl Agreement {
     /// A chunk that was left closed.
     pub(super) fn closed(&mut self) {
         self.is_partial = true;
+        self.before = None;
     }
 
     /// A chunk whose records have all been seen.
@@ -103,12 +110,19 @@ impl Agreement {
         compare(&mut self.differences, place, "times", chunk.times, found);
     }
 
-    /// A message index in the data.
-    pub(super) fn message_index(&mut self, head: &Head) {
-        if let Some(chunk) = self.chunks.get_mut(&self.last) {
-            chunk.indexes += 1;
-            chunk.index_bytes += head.end - head.start;
-        }
+    /// A message index in the data, with the bytes of its channel and of the length of its entries.
+    pub(super) fn message_index(&mut self, head: &Head, frame: Option<[u8; 6]>) {
+        const ENTRY: u64 = 16;
+        let Some(chunk) = self.chunks.get_mut(&self.last) else { return };
+        chunk.indexes += 1;
+        chunk.index_bytes += head.end - head.start;
+        let Some((before, frame)) = self.before.as_ref().zip(frame) else { return };
+        let mut rest = Bytes(&frame);
+        let (Some(channel), Some(bytes)) = (rest.u16(), rest.u32()) else { return };
+        let count = |messages: &[u64]| messages.get(usize::from(channel)).copied().unwrap_or_default();
+        let place = format_args!("message index at byte {}: ", head.start);
+        let found = count(&self.messages) - count(before);
+        compare(&mut self.differences, place, "messages", u64::from(bytes) / ENTRY, found);
     }
 
     /// A record of the data, in a chunk or in none.

@@ -307,7 +307,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
 
     fn take(&mut self, head: &Head) -> Result<Verdict, IngestError> {
         if head.opcode == op::MESSAGE_INDEX && !self.data_ended {
-            self.agreement.message_index(head);
+            let frame = self.file.peek::<6>(head.start + HEAD_BYTES)?;
+            self.agreement.message_index(head, frame);
         }
         match head.opcode {
             op::CHUNK => self.chunk(head),
