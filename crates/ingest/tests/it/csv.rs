@@ -762,6 +762,7 @@ fn another_header_is_followed_wherever_names_are_missing_quoted_or_marked() {
         ("\t", "\tt\tx", "\tx\tt", ["column_1", "t", "x"]),
         (",", ",t,x", ",x,t", ["column_1", "t", "x"]),
         (";", "t;;x", "t;x;", ["column_2", "t", "x"]),
+        (",", ",t,x,", ",x,t,", ["column_1", "t", "x"]),
         (",", "# i,t,x", "# i,x,t", ["i", "t", "x"]),
         (",", "# i,t,x", "# \"i\",\"x\",\"t\"", ["i", "t", "x"]),
         ("\t", "\tt\tx", "t\tx\t", ["column_1", "t", "x"]),

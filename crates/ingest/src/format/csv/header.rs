@@ -134,7 +134,8 @@ impl Header {
             // A number may begin with a point as well.
             [b'.', digit, ..] if digit.is_ascii_digit() => false,
             [first, ..] => first.is_ascii_alphabetic() || *first >= 0x80 || b"_.".contains(first),
-            [] => false,
+            // Names may be missing.
+            [] => self.telling.is_some(),
         };
         word || is_name(first)
             || is_name(last)
