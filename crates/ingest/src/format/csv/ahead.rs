@@ -1,6 +1,7 @@
 //! The bytes of a table, and plain rows among those to come, which idle threads cut and read before the walk comes to them.
 
 use super::columns::{Part, Topic};
+use super::fields::Row;
 use super::header::Header;
 use super::lines::Extent;
 use super::plain::Cutter;
@@ -47,7 +48,7 @@ pub(super) struct Rules {
 
 impl Rules {
     /// The rows that a block of whole lines begins with, without quotes and zero bytes.
-    pub(super) fn rows(&mut self, block: &[u8], take: impl FnMut(super::fields::Row<'_>, Extent)) -> Extent {
+    pub(super) fn rows(&mut self, block: &[u8], take: impl FnMut(Row<'_>, Extent)) -> Extent {
         self.cutter.rows(block, &self.header, self.longest, take)
     }
 }
@@ -174,7 +175,7 @@ impl<R> Drop for Source<R> {
 #[cfg(test)]
 mod tests {
     use super::super::fields::Fields;
-    use super::super::lines::Lines;
+    use super::super::lines::{Lines, Next};
     use super::*;
     use crate::reader::{FieldRequest, Limits, ReadContext, Selection, ValueKind};
     use crate::table::{Table, TopicInfo};
@@ -210,7 +211,7 @@ mod tests {
         let mut lines = Lines::new(text.as_bytes(), "t.csv", &context);
         let (mut topic, mut taken) = (topic(), 0);
         let mut rules = rules(1, &topic);
-        while lines.next(None).unwrap() != super::super::lines::Next::End {
+        while lines.next(None).unwrap() != Next::End {
             loop {
                 if let Some(crew) = crew.filter(|_| topic.rows > 0) {
                     lines.read_ahead(crew, &topic, &rules).unwrap();
