@@ -89,7 +89,7 @@ recover log out *options:
 export log *options:
     @cargo run --release --quiet -p flightlag -- export "$@"
 
-# Fuzzes a parser: mcap bag db3 ulog dataflash csv tlog ubx nmea flight definition channel-map rig card pipeline criteria
+# Fuzzes a parser: mcap bag db3 bag-folder ulog dataflash csv tlog ubx nmea flight definition channel-map rig card pipeline criteria
 fuzz target seconds="60" *options:
     fuzz/run "$@"
 

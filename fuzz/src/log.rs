@@ -10,19 +10,44 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 /// Far below the default, so that a few bytes cannot take a second and a quarter of a gigabyte by asking for them.
-const LIMITS: Limits = Limits {
-    record_bytes: 16 << 20,
-    chunk_bytes: 16 << 20,
-    unpacked_bytes: 16 << 20,
-    topics: 4096,
-    listed_damage: 100,
-    line_bytes: 1 << 20,
-};
+fn limits() -> Limits {
+    Limits {
+        record_bytes: 16 << 20,
+        chunk_bytes: 16 << 20,
+        unpacked_bytes: 16 << 20,
+        topics: 4096,
+        ..Limits::default()
+    }
+}
 
 /// Reads all fields of a log of this kind.
 pub fn of(kind: LogKind) -> Target {
     let disk = Mutex::new(Disk::new("log.csv"));
     Box::new(move |data| disk.lock().unwrap().read(kind, data, &|_: &TopicInfo| Selection::All))
+}
+
+/// Reads a ROS 2 bag with what lies beside it: length of the metadata, metadata, length of the database, database, its
+/// write-ahead log.
+pub fn bag_folder() -> Target {
+    let folder = scratch();
+    let unit = FlightUnit {
+        id: "fuzz".into(),
+        files: ["metadata.yaml", "log.db3"].map(|name| folder.path().join(name)).into(),
+        kind: LogKind::Db3,
+    };
+    let in_turn = Mutex::new(folder);
+    Box::new(move |data| {
+        let folder = in_turn.lock().unwrap();
+        let mut rest = data;
+        for (name, width) in [("metadata.yaml", 2), ("log.db3", 4), ("log.db3-wal", 0)] {
+            let (length, behind) = rest.split_at(width.min(rest.len()));
+            let length = length.iter().rev().fold(0, |length, &byte| length << 8 | usize::from(byte));
+            let (content, behind) = behind.split_at(if width == 0 { behind.len() } else { length.min(behind.len()) });
+            std::fs::write(folder.path().join(name), content).expect("room for the input");
+            rest = behind;
+        }
+        read(&unit, &|_: &TopicInfo| Selection::All);
+    })
 }
 
 /// What a campaign does with a file: told by its content, read for the shipped maps, bound.
@@ -81,9 +106,7 @@ struct Disk {
 
 impl Disk {
     fn new(name: &'static str) -> Disk {
-        let shared = Path::new("/dev/shm");
-        let folder = if shared.is_dir() { tempfile::tempdir_in(shared) } else { tempfile::tempdir() };
-        let folder = folder.expect("a folder for the input");
+        let folder = scratch();
         let file = File::create(folder.path().join(name)).expect("a file for the input");
         Disk { folder, name, file }
     }
@@ -97,15 +120,25 @@ impl Disk {
 
     fn read(&self, kind: LogKind, data: &[u8], want: &dyn Select) {
         self.write(data);
-        let unit = FlightUnit { id: "fuzz".into(), files: vec![self.folder.path().join(self.name)], kind };
-        if let Ok(log) = in_context(|context| ingest::open(&unit).read(want, context)) {
-            assert_adds_up(&log.health.bytes);
-        }
+        read(&FlightUnit { id: "fuzz".into(), files: vec![self.folder.path().join(self.name)], kind }, want);
+    }
+}
+
+/// A folder in memory, where there is one.
+fn scratch() -> tempfile::TempDir {
+    let shared = Path::new("/dev/shm");
+    let folder = if shared.is_dir() { tempfile::tempdir_in(shared) } else { tempfile::tempdir() };
+    folder.expect("a folder for the input")
+}
+
+fn read(unit: &FlightUnit, want: &dyn Select) {
+    if let Ok(log) = in_context(|context| ingest::open(unit).read(want, context)) {
+        assert_adds_up(&log.health.bytes);
     }
 }
 
 fn in_context<T>(read: impl FnOnce(&ReadContext<'_>) -> Result<T, IngestError>) -> Result<T, IngestError> {
-    read(&ReadContext { limits: LIMITS, cancel: &AtomicBool::new(false), on_bytes: &|_| () })
+    read(&ReadContext { limits: limits(), cancel: &AtomicBool::new(false), on_bytes: &|_| () })
 }
 
 /// Every byte has one fate.

@@ -27,6 +27,7 @@ fn target(name: &str) -> Option<Target> {
         "mcap" => log::of(LogKind::Mcap),
         "bag" => log::of(LogKind::Bag),
         "db3" => log::of(LogKind::Db3),
+        "bag-folder" => log::bag_folder(),
         "ulog" => log::of(LogKind::Ulog),
         "dataflash" => log::of(LogKind::DataFlash),
         "csv" => log::of(LogKind::Csv),

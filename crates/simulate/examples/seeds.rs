@@ -1,6 +1,6 @@
 //! Writes the seeds of the fuzz targets, a folder for each target: seeds FOLDER
 
-use simulate::{Container, McapEncoding};
+use simulate::{Container, LogFile, McapEncoding};
 use std::error::Error;
 use std::path::Path;
 
@@ -20,7 +20,35 @@ fn main() -> Result<(), Box<dyn Error>> {
             std::fs::create_dir_all(&folder)?;
             definitions(&seed.files[0].bytes, settings.encoding, &folder.join(seed.name))?;
         }
+        if seed.name == "db3-folder" {
+            bag_folder(&seed.files, &Path::new(&folder).join("bag-folder"))?;
+        }
     }
+    Ok(())
+}
+
+/// Length of the metadata, metadata, length of the database, database, its write-ahead log; as the target takes them.
+fn bag_folder(files: &[LogFile], folder: &Path) -> Result<(), Box<dyn Error>> {
+    let named = |end: &str| files.iter().find(|file| file.path.to_string_lossy().ends_with(end));
+    let (metadata, database) = (named(".yaml").ok_or("no metadata")?, named(".db3").ok_or("no database")?);
+    let scratch = tempfile::tempdir()?;
+    let path = scratch.path().join("log.db3");
+    std::fs::write(&path, &database.bytes)?;
+    let connection = rusqlite::Connection::open(&path)?;
+    connection.execute_batch(
+        "PRAGMA journal_mode = WAL; PRAGMA wal_autocheckpoint = 0;
+        INSERT INTO messages SELECT NULL, topic_id, timestamp + 1, data FROM messages;
+        DELETE FROM messages WHERE id < 5;",
+    )?;
+    let (before, ahead) = (std::fs::read(&path)?, std::fs::read(scratch.path().join("log.db3-wal"))?);
+    let metadata_length = u16::try_from(metadata.bytes.len())?.to_le_bytes();
+    let seed = |database: &[u8], ahead: &[u8]| {
+        let length = u32::try_from(database.len())?.to_le_bytes();
+        Ok::<_, Box<dyn Error>>([&metadata_length[..], &metadata.bytes, &length, database, ahead].concat())
+    };
+    std::fs::create_dir_all(folder)?;
+    std::fs::write(folder.join("with-write-ahead-log"), seed(&before, &ahead)?)?;
+    std::fs::write(folder.join("alone"), seed(&database.bytes, &[])?)?;
     Ok(())
 }
 
