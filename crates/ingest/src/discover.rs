@@ -2,7 +2,7 @@
 
 use crate::error::IngestError;
 use crate::format::bag_folder::{self, Metadata};
-use crate::format::{Packing, members};
+use crate::format::{PACKED_ENDINGS, Packing, members, write_ahead_log_of};
 use crate::map::MapLibrary;
 use crate::reader::{Limits, ReadContext};
 use crate::sniff::{self, Content, LogKind};
@@ -417,11 +417,11 @@ fn join(below: &str, name: &str) -> String {
     if below.is_empty() { name.to_owned() } else { format!("{below}/{name}") }
 }
 
-/// The write-ahead log of a database that was not closed.
+/// The write-ahead log of a database that was not closed, also where the database was packed since.
 fn write_ahead_log(database: &Path) -> Option<PathBuf> {
-    let mut path = database.as_os_str().to_owned();
-    path.push("-wal");
-    let path = PathBuf::from(path);
+    let packed = database.extension().is_some_and(|e| PACKED_ENDINGS.iter().any(|ending| e == *ending));
+    let unpacked = if packed { database.with_extension("") } else { database.to_owned() };
+    let path = write_ahead_log_of(&unpacked);
     fs::metadata(&path).is_ok_and(|about| about.is_file() && about.len() > 0).then_some(path)
 }
 
@@ -429,7 +429,11 @@ fn write_ahead_log(database: &Path) -> Option<PathBuf> {
 fn is_beside_database(path: &Path) -> bool {
     let name = path.to_string_lossy();
     let database = ["-wal", "-shm", "-journal"].iter().find_map(|end| name.strip_suffix(end));
-    database.is_some_and(|database| database.ends_with(".db3") && Path::new(database).is_file())
+    let is_there = |database: &str| {
+        let packed = |ending: &&str| Path::new(&format!("{database}.{ending}")).is_file();
+        Path::new(database).is_file() || PACKED_ENDINGS.iter().any(|ending| packed(ending))
+    };
+    database.is_some_and(|database| database.ends_with(".db3") && is_there(database))
 }
 
 fn content_of(path: &Path, head: &[u8]) -> Content {

@@ -153,6 +153,15 @@ struct Books {
     limits: Limits,
 }
 
+/// What stands between the rows of a table.
+enum Between {
+    Header,
+    /// A row, or a remark.
+    Row {
+        is_split: bool,
+    },
+}
+
 /// A file while its records are taken in.
 struct Open<'a> {
     name: &'a str,
@@ -253,7 +262,9 @@ impl Reading<'_> {
         let crew = if open.size > LEAST_SHARED && topic.may_be_parted() { Crew::at_hand() } else { None };
         loop {
             if let Some(rules) = rules.as_mut().filter(|_| open.lines.number >= table.first_row_line) {
+                let line = open.lines.number;
                 self.books.plain_rows(open, &mut topic, rules, crew.as_ref())?;
+                behind_header &= open.lines.number == line;
             }
             let Some((extent, line)) = self.books.next_record(open, table.delimiter)? else { break };
             // Where files were put one behind another, a mark may stand before a header.
@@ -288,13 +299,22 @@ impl Reading<'_> {
             let again_units = is_row && behind_header && !units.is_empty() && text == units;
             behind_header = again;
             if is_marked && mark > 0 && is_row && !again {
-                if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
-                    rules = rules_of(&topic, &header);
-                    behind_header = true;
-                } else {
-                    self.books.structure(open, extent);
+                match self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
+                    Between::Header => {
+                        rules = rules_of(&topic, &header);
+                        behind_header = true;
+                    }
+                    Between::Row { .. } => self.books.structure(open, extent),
                 }
                 continue;
+            }
+            if mark > 0 && is_row && !again && !is_marked {
+                open.fields.split(text, table.delimiter);
+                if header.has_marked_row(&open.fields) {
+                    self.books.row(open, extent, &mut topic, 0, table.delimiter, false);
+                    continue;
+                }
+                changes.remark(line, open.fields.len() == topic.width);
             }
             if !plain || again || again_units || line < table.first_row_line {
                 if line < table.first_row_line {
@@ -311,12 +331,15 @@ impl Reading<'_> {
                 self.books.structure(open, extent);
                 continue;
             }
-            if self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
-                rules = rules_of(&topic, &header);
-                behind_header = true;
-                continue;
+            match self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
+                Between::Header => {
+                    rules = rules_of(&topic, &header);
+                    behind_header = true;
+                }
+                Between::Row { is_split } => {
+                    self.books.row(open, extent, &mut topic, 0, table.delimiter, is_split);
+                }
             }
-            self.books.row(open, extent, &mut topic, 0, table.delimiter);
         }
         changes.tell(open.name, &mut self.books.notices);
         if let Some((first, rows)) = table.other_rows {
@@ -367,7 +390,7 @@ impl Reading<'_> {
                 b"FLYS" | b"UNIT" | b"DATA" | b"COL" => self.books.structure(open, extent),
                 b"" if open.lines.text(extent).trim_ascii().is_empty() => self.books.structure(open, extent),
                 _ => match by_name.get(&tag).and_then(|&i| self.topics.get_mut(i)) {
-                    Some(topic) => self.books.row(open, extent, topic, 1, b','),
+                    Some(topic) => self.books.row(open, extent, topic, 1, b',', false),
                     None => self.books.reject(open, extent, format!("line {line}: no $COL line announces this row")),
                 },
             }
@@ -427,7 +450,7 @@ impl Reading<'_> {
             let known = by_name.get(&name).copied();
             let topic = if whole { self.named_topic(&name, "tagged", columns, open.name, &mut by_name) } else { known };
             match topic.and_then(|i| self.topics.get_mut(i)) {
-                Some(topic) => self.books.row(open, extent, topic, 0, b','),
+                Some(topic) => self.books.row(open, extent, topic, 0, b',', false),
                 None => self.books.reject(open, extent, format!("line {line}: the second field names no table")),
             }
         }
@@ -574,7 +597,8 @@ impl Books {
         }
     }
 
-    /// Whether the record is another header of the table; the rows below are read by it then.
+    /// Whether the record is another header of the table; the rows below are read by it then. `open.fields` hold it where a
+    /// row is said to be split.
     fn other_header(
         &mut self,
         open: &mut Open<'_>,
@@ -582,17 +606,21 @@ impl Books {
         topic: &mut Topic,
         header: &Header,
         changes: &mut Changes,
-    ) -> bool {
+    ) -> Between {
         let line = open.lines.number;
         let text = without_bom(open.lines.text(extent));
         let mark = comment_mark(text.trim_ascii_start());
         let names = if mark > 0 { unmarked(text.trim_ascii_start()) } else { text };
         if extent.broken || (mark == 0 && !header.may_begin(names)) {
-            return false;
+            return Between::Row { is_split: false };
         }
         open.fields.split(names, header.delimiter);
         if !header.is_other(&open.fields) || (mark > 0 && !header.is_no_remark(&open.fields)) {
-            return false;
+            let is_split = mark == 0 && names.len() == extent.text;
+            if mark == 0 && header.is_of_another(&open.fields) {
+                changes.like_header(line);
+            }
+            return Between::Row { is_split };
         }
         // A short line is no reason to look for all columns of a wide table again and again.
         let is_wide = open.fields.len() >= header.width() / 8;
@@ -600,20 +628,28 @@ impl Books {
             topic.is_lost = true;
             let reason = format!("line {line}: another header, of too many that lack columns of the first");
             self.reject(open, extent, reason);
-            return true;
+            return Between::Header;
         }
         let Other { places, width, new } = header.other(&open.fields);
         changes.add(line, new);
         topic.follow(&places, width, is_wide);
         self.structure(open, extent);
-        true
+        Between::Header
     }
 
-    /// One data row: `skip` fields at its start are no columns.
-    fn row(&mut self, open: &mut Open<'_>, extent: Extent, topic: &mut Topic, skip: usize, delimiter: u8) {
+    /// One data row: `skip` fields at its start are no columns. `open.fields` hold it already if it `is_split`.
+    fn row(
+        &mut self,
+        open: &mut Open<'_>,
+        extent: Extent,
+        topic: &mut Topic,
+        skip: usize,
+        delimiter: u8,
+        is_split: bool,
+    ) {
         let text = open.lines.text(extent);
         let line = open.lines.number;
-        if !topic.decoded {
+        if !topic.decoded && self.limits.may_leave_closed {
             // Nobody asked, so the fields are not looked at.
             topic.count(extent);
             self.ledger.count(Fate::Skipped, extent.whole as u64);
@@ -633,11 +669,19 @@ impl Books {
         if open.lines.may_hold_zeros() && memchr::memchr(0, text).is_some() {
             return self.reject(open, extent, format!("line {line}: zero bytes in the row"));
         }
-        open.fields.split_with(text, delimiter, open.lines.may_hold_quotes());
+        if !is_split {
+            open.fields.split_with(text, delimiter, open.lines.may_hold_quotes());
+        }
         let width = open.fields.len().saturating_sub(skip);
         if topic.fits(width, || open.fields.get(open.fields.len().saturating_sub(1)).is_empty()) {
-            topic.push(open.fields.row(), skip, line, extent);
-            self.ledger.count(Fate::Decoded, extent.whole as u64);
+            let fate = if topic.decoded {
+                topic.push(open.fields.row(), skip, line, extent);
+                Fate::Decoded
+            } else {
+                topic.count(extent);
+                Fate::Skipped
+            };
+            self.ledger.count(fate, extent.whole as u64);
             return open.lines.pass(extent);
         }
         let extent = open.lines.first_line_of(extent);

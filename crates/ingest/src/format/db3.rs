@@ -7,17 +7,23 @@
 //! Of every row its bytes are decoded or skipped; the rest of the file (trees, indexes, unused room,
 //! topics and definitions) is structure.
 
+mod claims;
 mod content;
 mod pages;
 mod tree;
 mod wal;
 mod walk;
 
-use self::content::{Gather, MessageColumns, Messages, Owned, PassOver, looks_like_text};
+pub(crate) use self::wal::path_of as write_ahead_log_of;
+
+use self::content::{
+    Gather, MessageColumns, Messages, OwnedRow, PassOver, Places, column_names, is_encoding, is_type, looks_like_text,
+    table_name,
+};
 use self::pages::Pages;
 use self::tree::Cell;
 use self::wal::{Beside, Wal};
-use self::walk::Walk;
+use self::walk::{Leaf, Walk};
 use crate::decode::{Definition, Route, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
@@ -195,14 +201,40 @@ fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
     }
 }
 
-/// The tables of a bag, by the leaves of their trees.
+/// The tables of a bag, by the leaves of their trees, and the texts that made them.
 #[derive(Default)]
 struct Tables {
-    topics: Vec<u32>,
-    definitions: Vec<u32>,
-    messages: Vec<u32>,
-    others: Vec<u32>,
+    topics: Vec<Leaf>,
+    topics_sql: String,
+    definitions: Vec<Leaf>,
+    definitions_sql: String,
+    messages: Vec<Leaf>,
+    others: Vec<Leaf>,
     columns: Option<MessageColumns>,
+    /// Text is UTF-16, big-endian if the inner value is true.
+    utf16: Option<bool>,
+}
+
+/// Where name, type, serialization, qualities of service and hash of a topic are, and type, encoding and text of a definition.
+struct Columns {
+    topics: Places<5>,
+    definitions: Places<3>,
+    /// The column with the number by which messages name a topic.
+    number: usize,
+}
+
+impl Columns {
+    fn of(tables: &Tables) -> Columns {
+        let sql = &tables.topics_sql;
+        let names = ["name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash"];
+        let number = column_names(sql).iter().position(|name| name == "id").unwrap_or(0);
+        let definition = ["topic_type", "encoding", "encoded_message_definition"];
+        Columns {
+            topics: Places::of(sql, names, 1),
+            definitions: Places::of(&tables.definitions_sql, definition, 1),
+            number,
+        }
+    }
 }
 
 /// Reads one database. Gives back how many of its messages could not be unpacked or placed.
@@ -220,31 +252,31 @@ fn read_database(
     let mut walk = Walk::new(pages, ledger, context);
     walk.astray |= !sound;
     walk.unused()?;
-    let mut tables = tables(&mut walk, utf16)?;
-    let texts = |walk: &mut Walk<'_, '_>, leaves: &mut Vec<u32>, third: fn(&[u8]) -> bool| {
-        if leaves.is_empty() && walk.astray {
-            leaves.extend(walk.found(|cell| looks_like_text(cell, third))?.iter().map(|(_, page)| page));
-        }
-        gather(walk, leaves, utf16)
-    };
-    let definitions = texts(&mut walk, &mut tables.definitions, |text| text == b"ros2msg" || text == b"ros2idl")?;
-    let named = texts(&mut walk, &mut tables.topics, |text| text.windows(5).any(|w| w == b"/msg/"))?;
+    let tables = tables(&mut walk, utf16)?;
+    let columns = Columns::of(&tables);
+    let mut named = gather(&mut walk, &tables.topics, columns.topics.texts())?;
+    let mut definitions = gather(&mut walk, &tables.definitions, columns.definitions.texts())?;
+    if walk.astray {
+        let mut more = |third: fn(&[u8]) -> bool| {
+            let found = walk.found(&|cell| looks_like_text(cell, third))?;
+            let leaves: Vec<Leaf> = found.into_iter().map(|(_, leaf)| leaf).collect();
+            walk.forget_numbers();
+            gather(&mut walk, &leaves, [1, 2])
+        };
+        named.extend(more(is_type)?);
+        definitions.extend(more(is_encoding)?);
+    }
+    let routes = announce(&named, &definitions, &columns, tables.utf16, topics);
     let columns = tables.columns.unwrap_or(MessageColumns::USUAL);
     let like_message = |cell: &Cell<'_>| columns.look_like(cell);
-    if walk.astray {
-        let found = walk.found(like_message)?;
-        tables.messages = merged(walk.spans(&tables.messages)?, found);
-    }
-    let routes = announce(&named, &definitions, topics);
     let mut messages = Messages::new(topics, columns, routes, context.limits.chunk_bytes);
-    walk.read(&tables.messages, &mut messages)?;
+    walk.forget_numbers();
+    walk.read_table(&tables.messages, &like_message, &mut messages)?;
     walk.read(&tables.others, &mut PassOver)?;
-    let late = walk.account(like_message)?;
-    let late: Vec<u32> = late.into_iter().map(|(_, page)| page).collect();
-    walk.read(&late, &mut messages)?;
-    walk.conclude()?;
+    walk.account(&tables.messages, &like_message, &mut messages)?;
+    walk.conclude();
     let Messages { unplaced, packed, found, .. } = messages;
-    let (lost, told) = (std::mem::take(&mut walk.lost), walk.told());
+    let (lost, told, contested) = (std::mem::take(&mut walk.lost), walk.told(), walk.contested());
     let tail = walk.pages.tail();
     context.advance(size.saturating_sub(told))?;
     if tail.1 > 0 {
@@ -257,13 +289,25 @@ fn read_database(
     };
     let text = "the file was cut: the database has more pages than there are in it";
     raise(Severity::Loss, "missing-pages", lost.missing_pages, text);
+    let text =
+        "the database leads to pages that are nowhere: what was on them is missing, unless it was found elsewhere";
+    raise(Severity::Loss, "missing-pages", if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
     raise(Severity::Loss, "bad-rows", lost.bad_rows, "rows that cannot be read");
+    let text =
+        "pages hold rows that belong elsewhere: what belongs there is missing, unless it was found on other pages";
+    raise(Severity::Loss, "misplaced-pages", lost.misplaced_pages, text);
     let text = format!("messages that belong to no known topic; the first: {}", unplaced.first);
     raise(Severity::Loss, "unknown-topic", unplaced.count, &text);
     let text = format!("messages whose compression is broken; the first: {}", packed.first);
     raise(Severity::Loss, "undecodable", packed.count, &text);
     let text = "pages of messages that nothing leads to any more were found by their look, and read";
     raise(Severity::Warning, "found-pages", lost.found_pages, text);
+    let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
+    raise(Severity::Warning, "copied-rows", lost.copies, text);
+    let text = "rows whose numbers do not follow each other were read as they stand";
+    raise(Severity::Warning, "row-numbers", lost.misnumbered, text);
+    let text = "the database does not know which of its pages are unused; those in use were read";
+    raise(Severity::Warning, "unused-pages", contested.max(lost.spare_pages.into()), text);
     if found == 0 && tables.columns.is_none() {
         let text = match write_ahead {
             true => {
@@ -276,70 +320,150 @@ fn read_database(
     Ok(unplaced.count + packed.count)
 }
 
+/// What a row of the first table says.
+struct Listed {
+    is_table: bool,
+    names: [String; 3],
+    /// Zero if it cannot be read.
+    root: u32,
+    sql: String,
+}
+
+impl Listed {
+    fn of(row: &OwnedRow, utf16: Option<bool>) -> Option<Listed> {
+        let text = |column| row.text(column, utf16);
+        let root = row.integer(3).and_then(|root| u32::try_from(root).ok()).unwrap_or_default();
+        let made = table_name(&text(4));
+        // What has no tree of its own, as a view.
+        if root == 0 && made.is_none() {
+            return None;
+        }
+        let is_table = text(0) == "table" || made.is_some();
+        let names = [text(1).to_lowercase(), text(2).to_lowercase(), made.unwrap_or_default()];
+        Some(Listed { is_table, names, root, sql: text(4) })
+    }
+
+    /// A table without them is stored as an index.
+    fn has_row_numbers(&self) -> bool {
+        !self.sql.to_lowercase().contains("without rowid")
+    }
+
+    /// The name stands there three times.
+    fn is(&self, name: &str) -> bool {
+        let [own, table, made] = &self.names;
+        own == name || (table == name && made == name)
+    }
+}
+
 /// The trees that the first table lists.
 fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, IngestError> {
     let first = walk.leaves(1, true)?;
-    let mut tables = Tables::default();
-    for (_, row) in gather(walk, &first, utf16)? {
-        let text = |column: usize| row.get(column).and_then(Owned::text).unwrap_or_default();
-        let root = row.get(3).and_then(Owned::integer).and_then(|root| u32::try_from(root).ok());
-        let Some(root) = root.filter(|&root| root > 0) else { continue };
-        let is_table = text(0) == "table" && !walk.is_index(root)?;
-        let leaves = walk.leaves(root, is_table)?;
-        match (is_table, text(1)) {
-            (false, _) => {}
-            (_, "topics") => tables.topics = leaves,
-            (_, "message_definitions") => tables.definitions = leaves,
-            (_, "messages") => {
-                tables.messages = leaves;
-                tables.columns = MessageColumns::of(text(4));
+    let rows = gather(walk, &first, [0, 1])?;
+    let mut tables = Tables { utf16: encoding_of(&rows, utf16), ..Tables::default() };
+    let (ours, others): (Vec<Listed>, Vec<Listed>) =
+        rows.iter().filter_map(|row| Listed::of(row, tables.utf16)).partition(|listed| {
+            listed.is_table && ["messages", "topics", "message_definitions"].iter().any(|n| listed.is(n))
+        });
+    let mut indexes = vec![];
+    // What is ours is claimed first, by what it is: a root may lead to the tree of another table.
+    let is_topic = |cell: &Cell<'_>| looks_like_text(cell, is_type);
+    let is_definition = |cell: &Cell<'_>| looks_like_text(cell, is_encoding);
+    for listed in &ours {
+        let root = listed.root;
+        let columns = if listed.is("messages") { MessageColumns::of(&listed.sql) } else { None };
+        let usual = columns.unwrap_or(MessageColumns::USUAL);
+        let is_message = |cell: &Cell<'_>| usual.fit(cell);
+        if root == 0 {
+            walk.is_elsewhere();
+        } else if walk.is_index(root)? {
+            match listed.has_row_numbers() {
+                true => walk.is_elsewhere(),
+                false => indexes.push(root),
             }
-            _ => tables.others.extend(leaves),
+        } else if listed.is("messages") {
+            tables.columns = tables.columns.or(columns);
+            match walk.is_like(root, &is_message)? {
+                Some(false) => walk.is_elsewhere(),
+                _ => tables.messages.extend(walk.leaves(root, true)?),
+            }
+        } else if listed.is("topics") {
+            tables.topics_sql.clone_from(&listed.sql);
+            let is_as_usual = Columns::of(&tables).topics.texts() == [1, 2];
+            let is_other = |cell: &Cell<'_>| is_message(cell) || is_as_usual && is_definition(cell);
+            match walk.is_like(root, &is_other)? {
+                Some(true) => walk.is_elsewhere(),
+                _ => tables.topics.extend(walk.leaves(root, true)?),
+            }
+        } else {
+            tables.definitions_sql.clone_from(&listed.sql);
+            let is_as_usual = Columns::of(&tables).definitions.texts() == [1, 2];
+            let is_other = |cell: &Cell<'_>| is_message(cell) || is_as_usual && is_topic(cell);
+            match walk.is_like(root, &is_other)? {
+                Some(true) => walk.is_elsewhere(),
+                _ => tables.definitions.extend(walk.leaves(root, true)?),
+            }
         }
+    }
+    for listed in others {
+        if listed.root == 0 {
+            walk.is_elsewhere();
+        } else if listed.is_table && !walk.is_index(listed.root)? {
+            let leaves = walk.leaves(listed.root, true)?;
+            tables.others.extend(leaves);
+        } else {
+            indexes.push(listed.root);
+        }
+    }
+    for root in indexes {
+        walk.leaves(root, false)?;
     }
     Ok(tables)
 }
 
-fn gather(walk: &mut Walk<'_, '_>, leaves: &[u32], utf16: Option<bool>) -> Result<Vec<(i64, Vec<Owned>)>, IngestError> {
-    let mut gather = Gather::new(utf16);
+/// How texts are written: as the header says, unless what the first table lists are no tables then.
+fn encoding_of(rows: &[OwnedRow], stated: Option<bool>) -> Option<bool> {
+    let kinds = ["table", "index", "view", "trigger"];
+    let fits = |utf16: &Option<bool>| rows.iter().any(|row| kinds.contains(&row.text(0, *utf16).as_str()));
+    [stated, None, Some(false), Some(true)].into_iter().find(fits).unwrap_or(stated)
+}
+
+fn gather(walk: &mut Walk<'_, '_>, leaves: &[Leaf], texts: [usize; 2]) -> Result<Vec<OwnedRow>, IngestError> {
+    let mut gather = Gather::new(texts);
     walk.read(leaves, &mut gather)?;
     walk.lost.bad_rows += gather.turned_away;
     Ok(gather.rows)
 }
 
-/// Leaves in the order of their rows. A page that was found is left out if another holds its rows.
-fn merged(mut listed: Vec<(i64, i64, u32)>, found: Vec<(i64, u32)>) -> Vec<u32> {
-    listed.sort_by_key(|(first, ..)| *first);
-    let holds = |rowid: i64| {
-        let after = listed.partition_point(|(first, ..)| *first <= rowid);
-        after.checked_sub(1).and_then(|i| listed.get(i)).is_some_and(|(_, last, _)| rowid <= *last)
-    };
-    let found = found.into_iter().filter(|(rowid, _)| !holds(*rowid));
-    let mut all: Vec<(i64, u32)> = listed.iter().map(|(first, _, page)| (*first, *page)).chain(found).collect();
-    all.sort_by_key(|(rowid, _)| *rowid);
-    all.into_iter().map(|(_, page)| page).collect()
-}
-
 /// Where the messages of each topic go.
 fn announce(
-    named: &[(i64, Vec<Owned>)],
-    definitions: &[(i64, Vec<Owned>)],
+    named: &[OwnedRow],
+    definitions: &[OwnedRow],
+    columns: &Columns,
+    utf16: Option<bool>,
     topics: &mut Topics<'_>,
 ) -> BTreeMap<i64, Route> {
-    let text = |row: &[Owned], column: usize| row.get(column).and_then(Owned::text).unwrap_or_default().to_owned();
-    let known: HashMap<String, (String, String)> =
-        definitions.iter().map(|(_, row)| (text(row, 1), (text(row, 2), text(row, 3)))).collect();
+    let definition = |row: &OwnedRow| {
+        let [of_type, encoding, text] = columns.definitions.read(row, utf16);
+        (of_type, (encoding, text))
+    };
+    let known: HashMap<String, (String, String)> = definitions.iter().map(definition).collect();
     let mut routes = BTreeMap::new();
-    for (id, row) in named {
-        let info = TopicInfo { name: text(row, 1), type_name: text(row, 2), encoding: text(row, 3) };
+    for row in named {
+        // Messages name the column, which is the number of the row unless the table was made otherwise.
+        let id = row.integer(columns.number).unwrap_or(row.rowid);
+        if routes.contains_key(&id) {
+            continue;
+        }
+        let [name, type_name, encoding, qos, hash] = columns.topics.read(row, utf16);
+        let info = TopicInfo { name, type_name, encoding };
         // As rosbag2 calls them in an MCAP.
-        let beside = [("offered_qos_profiles", text(row, 4)), ("topic_type_hash", text(row, 5))];
+        let beside = [("offered_qos_profiles", qos), ("topic_type_hash", hash)];
         let beside = beside.into_iter().filter(|(_, value)| !value.is_empty());
         let entries = beside.map(|(name, value)| (name.to_owned(), value)).collect();
         topics.extra(&Extra::OfTopic { topic: &info.name, entries: &entries });
         let (encoding, own) = known.get(&info.type_name).map_or(("", ""), |(encoding, text)| (encoding, text));
         if let Ok(route) = topics.route(info, Some(Definition { encoding, text: own.as_bytes() })) {
-            routes.insert(*id, route);
+            routes.insert(id, route);
         }
     }
     routes

@@ -24,6 +24,7 @@ pub use csv::{CsvReader, inert};
 pub use dataflash::DataFlashReader;
 pub(crate) use dataflash::looks_like as looks_like_dataflash;
 pub use db3::Db3Reader;
+pub(crate) use db3::write_ahead_log_of;
 pub use mcap::{McapReader, OriginalLog, OriginalTopic, mcap_indexed_records, mcap_records};
 pub(crate) use nmea::looks_like as looks_like_nmea;
 pub use receiver::NmeaReader;
@@ -32,7 +33,7 @@ pub(crate) use tlog::looks_like as looks_like_tlog;
 pub use ubx::UbxReader;
 pub(crate) use ubx::looks_like as looks_like_ubx;
 pub use ulog::UlogReader;
-pub(crate) use unpack::{Packing, UnpackingReader, members, named_text};
+pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, UnpackingReader, members, named_text};
 
 use crate::bytes::{is_plain, is_zero};
 use crate::decode::Topics;

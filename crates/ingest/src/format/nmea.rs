@@ -20,6 +20,7 @@ mod talkers;
 
 pub(super) use self::book::{Book, Dates};
 use self::kind::Kind;
+use self::sentence::Fault;
 pub(super) use self::sentence::Sentence;
 use crate::bytes::{is_plain, is_zero};
 use crate::civil::{Tick, iso_to_unix_ns};
@@ -38,8 +39,17 @@ use std::path::PathBuf;
 /// Bytes looked through for lines in one go.
 const BLOCK: usize = 256 << 10;
 
+/// Bytes looked through for the first sentence.
+const SOUGHT: u64 = 64 << 20;
+/// Lines by which sentences are told from other text.
+const LOOKED_AT: usize = 100;
+/// So many lines in a row show whether a logger keeps checksums.
+const DECIDED_BY: usize = 20;
 /// Topics in one log: talkers and types of sentences.
 const MOST_TOPICS: usize = 4096;
+
+/// Longest text behind a sentence, as a time, that is passed over.
+const LONGEST_SUFFIX: usize = 64;
 
 const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
@@ -53,11 +63,12 @@ pub(super) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     log.health.format = "NMEA 0183".to_owned();
     let mut book = Book::new();
     for file in &mut files {
-        let head = file.up_to(0, crate::sniff::HEAD)?;
-        let (bare, foreign) = (is_bare(head), is_zero(head));
+        let foreign = is_zero(file.up_to(0, crate::sniff::HEAD)?);
         if foreign {
             super::refuse_foreign(file, "", context)?;
         }
+        let bare = has_bare_sentences(file)?;
+        book.breaks();
         let mut walk = Walk::new(file, context, &mut ledger, &mut book, &mut topics, bare);
         walk.run()?;
         walk.tell(&mut notices);
@@ -76,11 +87,13 @@ pub(super) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
 /// Whether these first bytes of a file hold sentences: two whose checksum is right, or one that is all there is; or
 /// sentences of the types that are read, and no checksum anywhere.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
-    looks_checked(head) || (is_bare(head) && looks_bare(head))
+    // Another logger may have gone on with it.
+    let hundred = memchr_iter(b'\n', head).nth(LOOKED_AT).map_or(head.len(), |end| end + 1);
+    looks_checked(head) || (is_bare(head.get(..hundred).unwrap_or_default()) && looks_bare(head))
 }
 
 fn looks_checked(head: &[u8]) -> bool {
-    let mut lines = head.split(|b| *b == b'\n').take(100);
+    let mut lines = head.split(|b| *b == b'\n').take(LOOKED_AT);
     let sentence = |line: &[u8]| Some(Sentence::at(line.get(begin_of(line)?..)?, false).is_ok());
     let (mut good, mut bad) = (0, 0);
     while let (Some(line), true) = (lines.next(), good < 2) {
@@ -95,7 +108,7 @@ fn looks_checked(head: &[u8]) -> bool {
 
 /// Whether lines are sentences of types that are read, as far as that can be told without a checksum.
 fn looks_bare(head: &[u8]) -> bool {
-    let lines = head.split_inclusive(|b| *b == b'\n').take(100);
+    let lines = head.split_inclusive(|b| *b == b'\n').take(LOOKED_AT);
     let is_read = |line: &&[u8]| {
         let sentence = Sentence::at(line, true).ok().filter(|s| s.body.matches(',').count() > 3);
         sentence.is_some_and(|sentence| Kind::of(sentence.address().1).is_some())
@@ -110,13 +123,52 @@ fn begin_of(line: &[u8]) -> Option<usize> {
     Some(at + doubled.saturating_sub(1))
 }
 
-/// Whether there are sentences and none has a checksum: some loggers take it off. What follows the last line's end does
+/// Whether there are sentences and most have no checksum: some loggers take it off. What follows the last line's end does
 /// not count, for it may be cut.
 pub(super) fn is_bare(head: &[u8]) -> bool {
-    let whole = head.get(..memchr::memrchr(b'\n', head).unwrap_or(0)).unwrap_or_default();
-    let lines = whole.split(|b| *b == b'\n').take(1000).filter(|line| memchr(b'$', line).is_some());
-    let mut checked = lines.map(|line| memchr(b'*', line).is_some());
-    checked.next().is_some_and(|first| !first && !checked.any(|checked| checked))
+    let (bare, checked) = bare_and_checked(head);
+    bare > checked
+}
+
+/// Sentences without a checksum in these lines, and lines that have one, be it a wrong one.
+fn bare_and_checked(head: &[u8]) -> (usize, usize) {
+    let whole = head.get(..memchr::memrchr(b'\n', head).map_or(0, |end| end + 1)).unwrap_or_default();
+    let (mut bare, mut checked) = (0, 0);
+    for line in whole.split_inclusive(|b| *b == b'\n').filter(|line| memchr(b'$', line).is_some()).take(1000) {
+        let is_sentence =
+            || begin_of(line).is_some_and(|at| Sentence::at(line.get(at..).unwrap_or_default(), true).is_ok());
+        match memchr(b'*', line) {
+            Some(_) => checked += 1,
+            None => bare += usize::from(is_sentence()),
+        }
+    }
+    (bare, checked)
+}
+
+/// As [`is_bare`], of the first block of a file that holds sentences: what stands before may be zeros or junk.
+fn has_bare_sentences(file: &mut LogFile) -> Result<bool, IngestError> {
+    let mut at = 0;
+    while at < file.size().min(SOUGHT) {
+        let (bare, checked) = bare_and_checked(file.up_to(at, crate::sniff::HEAD)?);
+        if bare + checked > 0 {
+            return Ok(bare > checked);
+        }
+        at += crate::sniff::HEAD as u64;
+    }
+    Ok(false)
+}
+
+/// Whether the next lines are sentences of types that are read and have all a checksum, or all none: as many as decide, or
+/// those up to the end if there are a few.
+fn are_all(lines: &[u8], checked: bool) -> bool {
+    let mut seen = 0;
+    let with_dollar = |line: &&[u8]| memchr(b'$', line).is_some() && line.ends_with(b"\n");
+    for line in lines.split_inclusive(|b| *b == b'\n').filter(with_dollar).take(DECIDED_BY) {
+        let sentence = begin_of(line).and_then(|at| Sentence::at(line.get(at..)?, true).ok());
+        let Some(sentence) = sentence.filter(|sentence| sentence.checked == checked) else { return false };
+        seen += usize::from(Kind::of(sentence.address().1).is_some());
+    }
+    2 * seen >= DECIDED_BY
 }
 
 /// Whether most of the first lines with a sentence have text in front of it: the time of a logger, a tag block, or what
@@ -236,15 +288,15 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             let line = block.get(from..end).unwrap_or_default();
             if !line.is_empty() {
                 self.line += 1;
-                self.line(line);
+                self.line(line, block.get(from..).unwrap_or_default());
                 self.at += line.len() as u64;
             }
             from = end;
         }
     }
 
-    /// One line with its end. Where a line's end is damaged, two sentences stand in one.
-    fn line(&mut self, line: &[u8]) {
+    /// One line with its end, and what there is from it on. Where a line's end is damaged, two sentences stand in one.
+    fn line(&mut self, line: &[u8], ahead: &[u8]) {
         if line.starts_with(b"#") && is_plain(line) {
             return self.aside(line);
         }
@@ -265,10 +317,15 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
                         self.damaged(from, dollar, "the checksum of a tag block is wrong");
                         (from, prefix) = (dollar, Cow::default());
                     }
+                    // Another logger took over.
+                    if self.bare && sentence.checked && are_all(ahead, true) {
+                        self.bare = false;
+                    }
                     let end = dollar + sentence.length;
                     self.sentence(&sentence, &prefix, (end - from) as u64);
                     from = end;
                 }
+                Err(Fault::Unchecked) if !self.bare && are_all(ahead, false) => self.bare = true,
                 Err(reason) => {
                     self.damaged(from, next, reason);
                     from = next;
@@ -281,7 +338,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             self.ledger.count(Fate::Structure, rest.len() as u64);
         } else if is_plain(&text)
             && memchr(b'*', rest).is_none()
-            && (self.counts.sentences == 0 || self.is_text(line, rest))
+            && (self.counts.sentences == 0 || self.is_text(line, rest) || is_suffix(from, rest))
         {
             self.aside(rest);
         } else {
@@ -296,7 +353,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         line == rest && line.ends_with(b"\n") && (self.counts.prefixes > 0 || (has(b' ') && !has(b',')))
     }
 
-    /// A comment, text in front of the first sentence, or a line of text between.
+    /// A comment, text in front of the first sentence, behind one, or a line of text between.
     fn aside(&mut self, text: &[u8]) {
         self.counts.preamble += text.len() as u64;
         self.ledger.count(Fate::Skipped, text.len() as u64);
@@ -312,6 +369,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     }
 
     fn damaged(&mut self, from: usize, to: usize, reason: impl Display) {
+        self.book.breaks();
         let at = self.at + from as u64;
         self.ledger.damaged(&self.name, at, (to - from) as u64, format!("line {}: {reason}", self.line));
     }
@@ -349,9 +407,14 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             Severity::Info,
             "preamble",
             preamble,
-            "bytes of text that is no sentence: comments, what stands before the first, and whole lines between",
+            "bytes of text that is no sentence: comments, what stands before the first or behind one, and whole lines between",
         );
     }
+}
+
+/// Whether the rest of a line from `from` on, behind a sentence, is what a logger put there.
+fn is_suffix(from: usize, rest: &[u8]) -> bool {
+    from > 0 && rest.first().is_some_and(|b| b",; \t".contains(b)) && rest.len() <= LONGEST_SUFFIX
 }
 
 /// The time in front of a sentence, ns of UTC, if that is all there is: the Unix time, or a date and time with its zone.

@@ -32,7 +32,7 @@ use self::definition::Definitions;
 use self::dialect::Dialect;
 use self::frame::{Frame, LONGEST};
 pub(crate) use self::framing::looks_like;
-use self::framing::{Framing, Search, TIME};
+use self::framing::{Framing, Search, TIME, time_us};
 use self::recut::Recut;
 use crate::error::IngestError;
 use crate::format::Reading;
@@ -78,7 +78,10 @@ impl LogReader for TlogReader {
         log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
         let mut book = Book::new(main, learned, stamped, runs, &mut topics);
         for (file, framing) in files.iter_mut().zip(framings) {
-            super::refuse_foreign(file, NO_FRAME, context)?;
+            // What a serial line said before the stream may be text.
+            if !looks_like(file.up_to(0, crate::sniff::HEAD)?) {
+                super::refuse_foreign(file, NO_FRAME, context)?;
+            }
             let (name, search) = (file.name().to_owned(), Search::of(framing));
             let size = file.size();
             Walk { name, file, context, ledger: &mut ledger, book: &mut book, framing, at: 0, search }.run()?;
@@ -208,6 +211,7 @@ fn skim(
                     || (frame.other.is_some() && framing.goes_on(&frame, bytes)) =>
             {
                 take(at, &frame);
+                search.last_us = time_us(bytes).filter(|_| framing == Framing::Stamped);
                 at += (front + frame.length) as u64;
             }
             _ => at = search.next(&mut file, at + 1, end, context)?,
@@ -236,6 +240,7 @@ impl Walk<'_, '_, '_, '_> {
             let bytes = self.file.up_to(self.at, LOOK)?;
             match self.book.record(bytes, self.framing, self.at) {
                 Ok((fate, length)) => {
+                    self.search.last_us = time_us(bytes).filter(|_| self.framing == Framing::Stamped);
                     self.ledger.count(fate, length as u64);
                     self.at += length as u64;
                 }

@@ -78,7 +78,7 @@ impl LogReader for UbxReader {
         let mut content = Content::new(&mut topics);
         for file in &mut files {
             let head = file.up_to(0, crate::sniff::HEAD)?;
-            if !nmea::looks_like(head) {
+            if !nmea::looks_like(head) && !looks_like(head) {
                 super::refuse_foreign(file, NOTHING, context)?;
             }
             let name = file.name().to_owned();

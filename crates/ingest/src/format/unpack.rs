@@ -7,6 +7,7 @@
 mod utf16;
 mod zip;
 
+use super::db3::write_ahead_log_of;
 use crate::bytes::{Bytes, is_zero};
 use crate::discover::FlightUnit;
 use crate::error::IngestError;
@@ -33,6 +34,9 @@ const WINDOW_LOG: u32 = 27;
 /// not matter.
 const MOST_TIMES: u64 = 100;
 const AT_ANY_RATIO: u64 = 32 << 20;
+
+/// Endings of names of packed files that stand behind the name of what is packed.
+pub(crate) const ENDINGS: &[&str] = &["gz", "gzip", "zst", "zstd", "bz2", "lz4"];
 
 /// How a file is packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -228,11 +232,12 @@ fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
         }
         let bytes = packed.fill_buf()?;
         let zeros = bytes.iter().take_while(|byte| **byte == 0).count();
-        if zeros < bytes.len() || bytes.is_empty() {
-            return Ok(!bytes.is_empty());
+        let (is_end, is_more) = (bytes.is_empty(), zeros < bytes.len());
+        packed.consume(zeros);
+        if is_end || is_more {
+            return Ok(is_more);
         }
         passed += zeros as u64;
-        packed.consume(zeros);
     }
 }
 
@@ -282,8 +287,12 @@ impl LogReader for UnpackingReader {
             return reader_of(self.unit.kind, self.unit.files.clone()).read(want, context);
         };
         let mut unpacking = Unpacking::new(self.unit.kind, context)?;
+        let packed = |(path, packing): (&PathBuf, &Option<Packing>)| Some((path.clone(), (*packing)?));
+        let packed: Vec<_> = self.unit.files.iter().zip(&packings).filter_map(packed).collect();
         for (path, packing) in self.unit.files.iter().zip(&packings) {
             match packing {
+                // It is unpacked along with its database.
+                None if packed.iter().any(|(packed, packing)| *path == newest_pages(packed, *packing)) => {}
                 None => unpacking.files.push(path.clone()),
                 Some(packing) => unpacking.file(path, *packing)?,
             }
@@ -298,6 +307,11 @@ impl LogReader for UnpackingReader {
         log.notices = notices;
         Ok(log)
     }
+}
+
+/// What SQLite keeps beside a database, which was packed since.
+fn newest_pages(packed: &Path, packing: Packing) -> PathBuf {
+    write_ahead_log_of(&packed.with_file_name(inner_name(packed, packing)))
 }
 
 /// How a file is packed, by its first bytes.
@@ -348,31 +362,42 @@ impl<'c> Unpacking<'c> {
             let (read, bad) = (Cell::new(0), Cell::new(0));
             let packed = BufReader::with_capacity(STEP, Counted { inner: file, read: &read });
             let decoder = decoder(packing, packed, &bad).map_err(unusable)?;
-            self.copy((path, size), packing, &inner_name(path, packing), decoder, (&read, 0, size))?;
+            let target = self.target(&inner_name(path, packing))?;
+            self.copy((path, size), packing, &target, decoder, (&read, 0, size))?;
+            self.newest_pages(&newest_pages(path, packing), &target)?;
             if bad.get() > 0 {
                 let text = "characters of UTF-16 that are none became replacement characters";
                 self.notices.push(Severity::Loss, "bad-utf16", file_name(path), bad.get(), text);
             }
             return Ok(());
         }
-        for member in members(path, packing).map_err(unusable)? {
-            let wanted = match sniff::content_of(&member.name, &member.head, self.context) {
+        let members = members(path, packing).map_err(unusable)?;
+        let mut wanted = vec![];
+        for member in &members {
+            let is_wanted = match sniff::content_of(&member.name, &member.head, self.context) {
                 Content::Log(kind) => kind == self.kind,
                 Content::Table { .. } => self.kind == LogKind::Csv,
                 Content::Packed(_) | Content::Other(_) => false,
             };
-            let Some(entry) = member.entry.filter(|_| wanted) else { continue };
+            let Some(entry) = member.entry.as_ref().filter(|_| is_wanted) else { continue };
             if !entry.listed {
                 let text = "the ZIP archive has no list of its files at its end: it was cut there, or is damaged";
                 self.notices.push(Severity::Loss, "no-end", file_name(path), 1, text);
             }
+            let target = self.target(&member.name)?;
+            // What a recorder that was killed left beside its bag belongs to it.
+            let ahead = members.iter().filter_map(|m| m.entry.as_ref()).find(|e| e.is_write_ahead_log_of(entry));
+            let ahead = ahead.filter(|_| self.kind == LogKind::Db3).map(|ahead| (ahead, write_ahead_log_of(&target)));
+            wanted.extend([Some((entry, target)), ahead].into_iter().flatten());
+        }
+        for (entry, target) in wanted {
             let read = Cell::new(0);
-            let packed = zip::open(&mut file, &entry).map_err(|e| io_error(path, e))?;
+            let packed = zip::open(&mut file, entry).map_err(|e| io_error(path, e))?;
             let start = packed.start;
             let packed = zip::Packed { inner: Counted { inner: packed.inner, read: &read }, start, end: packed.end };
-            let decoder = zip::decoder(&entry, packed).map_err(unusable)?;
+            let decoder = zip::decoder(entry, packed).map_err(unusable)?;
             let place = (&read, start, start.saturating_add(entry.packed_bytes));
-            self.copy((path, size), packing, &member.name, decoder, place)?;
+            self.copy((path, size), packing, &target, decoder, place)?;
         }
         if self.files.is_empty() {
             return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
@@ -380,20 +405,41 @@ impl<'c> Unpacking<'c> {
         Ok(())
     }
 
+    /// Where the next log is unpacked to.
+    fn target(&mut self, name: &Path) -> Result<PathBuf, IngestError> {
+        // A folder each, for two may have one name.
+        let folder = self.folder.path().join(self.files.len().to_string());
+        let target = folder.join(name);
+        std::fs::create_dir(&folder).map_err(|e| io_error(&target, e))?;
+        self.files.push(target.clone());
+        Ok(target)
+    }
+
+    /// Copies the write-ahead log that stands beside a packed database.
+    fn newest_pages(&mut self, ahead: &Path, target: &Path) -> Result<(), IngestError> {
+        let bytes = match std::fs::metadata(ahead) {
+            Ok(about) if about.is_file() && self.kind == LogKind::Db3 => about.len(),
+            _ => return Ok(()),
+        };
+        self.written += bytes;
+        let limit = self.context.limits.unpacked_bytes;
+        if self.written > limit {
+            let what = format!("with the database it is larger than the limit of {limit} bytes");
+            return Err(IngestError::Unusable { file: file_name(ahead), what });
+        }
+        std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| io_error(ahead, e))
+    }
+
     /// Unpacks one file of a packed one of this size; `(read, start, end)` count its packed bytes.
     fn copy(
         &mut self,
         (path, size): (&Path, u64),
         packing: Packing,
-        name: &Path,
+        target: &Path,
         mut decoder: Box<dyn Read + '_>,
         (read, start, end): (&Cell<u64>, u64, u64),
     ) -> Result<(), IngestError> {
-        // A folder each, for two may have one name.
-        let folder = self.folder.path().join(self.files.len().to_string());
-        let target = folder.join(name);
-        let mut out =
-            std::fs::create_dir(&folder).and_then(|()| File::create(&target)).map_err(|e| io_error(&target, e))?;
+        let mut out = File::create(target).map_err(|e| io_error(target, e))?;
         let mut buffer = vec![0; STEP];
         let (mut told, mut bytes) = (0, 0_u64);
         let fault = loop {
@@ -415,11 +461,11 @@ impl<'c> Unpacking<'c> {
                 let name = packing.name();
                 break Some(format!("the {name} content is more than {MOST_TIMES} times as large, which no log is"));
             }
-            write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(&target, e))?;
+            write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(target, e))?;
             self.context.advance(read.get() - told)?;
             told = read.get();
         };
-        out.set_len(bytes).map_err(|e| io_error(&target, e))?;
+        out.set_len(bytes).map_err(|e| io_error(target, e))?;
         if let Some(fault) = fault {
             // Decoders read ahead, so that the damage is before this place.
             let at = (start + read.get()).min(end);
@@ -429,12 +475,11 @@ impl<'c> Unpacking<'c> {
             }
             let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
             let place = match packing {
-                Packing::Zip => format!("{file}, {}, before byte {at}", name.display()),
+                Packing::Zip => format!("{file}, {}, before byte {at}", file_name(target)),
                 _ => format!("{file}, before byte {at}"),
             };
             self.notices.push(Severity::Loss, "packed-damage", place, end - at + 1, what);
         }
-        self.files.push(target);
         Ok(())
     }
 }

@@ -796,6 +796,64 @@ fn another_header_is_followed_wherever_names_are_missing_quoted_or_marked() {
 }
 
 #[test]
+fn units_that_stand_far_behind_a_repeated_header_are_a_row_however_much_is_read_at_once() {
+    let block = |from: usize| (from..from + 50_000).map(|i| format!("{i},{}.5,{i}\n", 2 * i)).collect::<String>();
+    for rows in [3, 100_000] {
+        let few = |from: usize| block(from).lines().take(rows).map(|line| format!("{line}\n")).collect::<String>();
+        let text = format!("t,a,b\ns,m,m\n{}t,a,b\n{}s,m,m\n{}", few(0), few(50_000), few(100_000));
+        let log = read(&text);
+        let expected = 3 * rows.min(50_000) + 1;
+        assert_eq!(log.tables[0].rows, expected, "{:?}", log.notices);
+        let paths = ["t", "a"].map(|path| FieldRequest { path: path.into(), kind: ValueKind::Number });
+        let some = read_limited(text.as_bytes(), &Selection::Fields(paths.into()), Limits::default()).unwrap();
+        assert_eq!(some.tables[0].rows, expected, "{:?}", some.notices);
+    }
+}
+
+#[test]
+fn damage_in_a_table_that_nobody_wants_is_found_where_nothing_may_stay_closed() {
+    let text = "t,x\n1,2\n3\n4,5\n\"6,7\n8,9,10\n11,12\n";
+    let read = |may_leave_closed| {
+        let limits = Limits { may_leave_closed, ..Limits::default() };
+        read_limited(text.as_bytes(), &Selection::Skip, limits).unwrap().health
+    };
+    assert_eq!((read(true).bytes.damaged, read(true).messages), (0, 6));
+    let whole = read(false);
+    assert_eq!((whole.damage_count, whole.messages), (3, 3), "{:?}", whole.damage);
+}
+
+#[test]
+fn rows_whose_first_cell_begins_as_a_remark_does_are_rows_where_that_column_has_words() {
+    let row = |i: usize| format!("{}{i},{i},{}.5\n", if i % 3 == 0 { '#' } else { 'A' }, 2 * i);
+    let log = read(&format!("tag,t,b\n{}", (0..300).map(row).collect::<String>()));
+    assert_eq!((log.tables[0].rows, numbers(&log, "t")[6]), (300, Some(6.0)), "{:?}", log.notices);
+    // A row of numbers that somebody took out stays out, and is told.
+    let log = read("t,b\n1,2\n#3,4\n# a remark, of words\n5,6\n");
+    assert_eq!(log.tables[0].rows, 2);
+    assert!(log.notices.iter().any(|n| n.code == "marked-rows" && n.count == 2), "{:?}", log.notices);
+}
+
+#[test]
+fn a_table_behind_another_of_as_many_columns_is_told() {
+    let rows = "1,2,3\n4,5,6\n".repeat(20);
+    let log = read(&format!("t,a,b\n{rows}\nx,y,z\n{rows}"));
+    let told = log.notices.iter().find(|n| n.code == "like-header").unwrap();
+    assert_eq!((told.severity, told.count, told.place.as_str()), (Severity::Warning, 1, "t.csv, line 43"));
+}
+
+#[test]
+fn a_labview_measurement_file_is_the_table_behind_its_preambles() {
+    let preamble = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDate\t2024/05/10\n***End_of_Header***\t\n\t\n\
+                    Channels\t2\t\t\nSamples\t100\t100\t\nX0\t0.0\t0.0\t\n***End_of_Header***\t\t\t\n";
+    for end in ["", "\t"] {
+        let rows: String = (0..100).map(|i| format!("{i}.5\t{}\t20.0{end}\n", 2 * i)).collect();
+        let log = read(&format!("{preamble}X_Value\tVoltage\tTemp\tComment\n{rows}"));
+        assert_eq!((log.tables[0].rows, log.health.bytes.damaged), (100, 0), "{:?}", log.notices);
+        assert_eq!((numbers(&log, "X_Value")[3], numbers(&log, "Voltage")[3]), (Some(3.5), Some(6.0)));
+    }
+}
+
+#[test]
 fn rows_of_another_table_of_the_same_width_are_never_taken_for_rows_of_the_first() {
     let number: &dyn Fn(usize) -> String = &|i: usize| (100 + i).to_string();
     let text = |first: &str, second: &str| {

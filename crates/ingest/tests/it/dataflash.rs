@@ -1,5 +1,6 @@
 //! ArduPilot DataFlash: real logs against pymavlink, a simulated flight, and everything that can go wrong.
 
+use crate::made::lost;
 use crate::stream::*;
 use crate::support::*;
 use crate::wire::*;
@@ -548,7 +549,7 @@ fn filling_at_the_end_is_no_damage_and_garbage_is() {
             assert_eq!(codes(&log), ["padding"]);
         }
     }
-    // The record in front of garbage has nothing behind it that vouches for it.
+    // The record in front of a little garbage has nothing behind it that vouches for it.
     let garbage = b"garbage that is no record";
     let log = read_bytes(READER, &[whole.clone(), garbage.to_vec(), vec![0; 1000]].concat()).unwrap();
     assert_eq!((log.health.bytes.damaged, log.health.bytes.structure, log.health.messages), (15 + 25, 1000, 10));
@@ -556,7 +557,7 @@ fn filling_at_the_end_is_no_damage_and_garbage_is() {
     let log =
         read_bytes(READER, &[whole.clone(), vec![0; 5000], sample(1_000_000, 2.0), sample(1_020_000, 2.0)].concat())
             .unwrap();
-    assert_eq!((log.health.bytes.damaged, log.health.messages), (5015, 12), "{:?}", log.health.damage);
+    assert_eq!((log.health.bytes.damaged, log.health.messages), (5000, 13), "{:?}", log.health.damage);
 }
 
 #[test]
@@ -620,6 +621,92 @@ fn a_type_that_is_defined_twice_is_read_by_its_last_definition_and_told_if_they_
     let many: Vec<u8> = (0..6000_u32).flat_map(|i| dataflash_fmt(10, "ABC", "Qf", &format!("TimeUS,V{i}"))).collect();
     let log = read_bytes(READER, &[dataflash_begin(), many].concat()).unwrap();
     assert!(log.health.bytes.damaged > 0 && codes(&log).contains(&"redefined"));
+}
+
+/// Definitions of three types, `ABC` as [`sample`] and two longer ones, and some records of each.
+fn three_types(records: u64) -> [Vec<u8>; 2] {
+    let begin = [
+        samples_begin(),
+        dataflash_fmt(11, "POS", "QLLf", "TimeUS,Lat,Lng,Alt"),
+        dataflash_fmt(12, "IMU", "QBfff", "TimeUS,I,X,Y,Z"),
+    ];
+    let of = |i: u64| {
+        let time = (1_000_000 + 10_000 * i).to_le_bytes();
+        let value = (i as f32).to_le_bytes();
+        let place = (470_000_000 + i as i32).to_le_bytes();
+        let imu = |instance: u8| record(12, &[&time, &[instance], &value, &value, &value]);
+        [sample(1_000_000 + 10_000 * i, i as f32), record(11, &[&time, &place, &place, &value]), imu(0), imu(1)]
+            .concat()
+    };
+    [begin.concat(), (0..records).flat_map(of).collect()]
+}
+
+#[test]
+fn a_definition_under_the_id_of_another_type_costs_its_own_records_alone() {
+    let [begin, records] = three_types(60);
+    let whole = read_bytes(READER, &[&begin[..], &records].concat()).unwrap();
+    let rows = |log: &Log, topic: &str| log.tables.iter().find(|t| t.topic.name == topic).map_or(0, |t| t.rows);
+    assert_eq!([rows(&whole, "ABC"), rows(&whole, "POS"), rows(&whole, "IMU")], [60, 60, 60]);
+    // Its own definition came first, and comes last.
+    for (taken, left) in [(10, "ABC"), (12, "IMU")] {
+        let mut lying = begin.clone();
+        let fmt = lying.windows(9).position(|w| w[0] == 11 && &w[2..5] == b"POS").unwrap();
+        lying[fmt] = taken;
+        let log = read_bytes(READER, &[&lying[..], &records].concat()).unwrap();
+        assert_eq!(rows(&log, left), 60, "{taken}: {:?}", log.notices);
+        assert!(lost(&log), "{:?}", log.notices);
+    }
+    // Those of another log, in the midst: as a block of a disk.
+    let foreign = [
+        dataflash_fmt(10, "XYZ", "QIII", "TimeUS,A,B,C"),
+        dataflash_fmt(11, "UVW", "Qh", "TimeUS,D"),
+        dataflash_fmt(12, "RST", "Qddd", "TimeUS,E,F,G"),
+    ];
+    let half = records.len() / 2;
+    let log =
+        read_bytes(READER, &[&begin[..], &records[..half], &foreign.concat(), &records[half..]].concat()).unwrap();
+    assert_eq!([rows(&log, "ABC"), rows(&log, "POS"), rows(&log, "IMU")], [60, 60, 60], "{:?}", log.notices);
+    assert!(codes(&log).contains(&"redefined") && lost(&log));
+}
+
+#[test]
+fn units_of_another_type_make_no_instances_and_are_told() {
+    let [begin, records] = three_types(40);
+    let fmtu = dataflash_fmt(13, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds");
+    let units = |id: u8, units: &str| {
+        let text = |text: &str| [text.as_bytes(), &[0; 16][text.len()..]].concat();
+        record(13, &[&0_u64.to_le_bytes(), &[id], &text(units), &text(&"F".repeat(units.len()))])
+    };
+    let with =
+        |more: &[u8]| read_bytes(READER, &[&begin[..], &fmtu, &units(12, "s#ooo"), more, &records].concat()).unwrap();
+    let names = |log: &Log| log.tables.iter().map(|t| t.topic.name.clone()).filter(|n| n != "FMTU").collect::<Vec<_>>();
+    let whole = with(&[]);
+    assert_eq!(names(&whole), ["ABC", "FMT", "IMU", "IMU_1", "POS"]);
+    for (lie, code) in
+        [(units(12, "sDU"), "damaged"), (units(12, "s-ooo"), "units-differ"), (units(10, "sDUm"), "damaged")]
+    {
+        let log = with(&lie);
+        assert_eq!(names(&log), names(&whole), "{:?}", log.notices);
+        assert!(codes(&log).contains(&code), "{code}: {:?}", log.notices);
+    }
+}
+
+#[test]
+fn the_last_record_in_front_of_damage_is_read_and_none_is_made_of_another() {
+    let [begin, records] = three_types(30);
+    let places: Vec<usize> = memchr::memmem::find_iter(&records, b"\xa3\x95").collect();
+    let whole = read_bytes(READER, &[&begin[..], &records].concat()).unwrap().health.messages;
+    for (index, &at) in places.iter().enumerate().skip(3).step_by(5) {
+        // The sync bytes of one, and what stands where none is.
+        let mut overwritten = records.clone();
+        overwritten[at..at + 2].fill(0x11);
+        let zeros = [&records[..at], &[0; 512], &records[at..]].concat();
+        for (damaged, costs) in [(overwritten, 1), (zeros, 0)] {
+            let log = read_bytes(READER, &[&begin[..], &damaged].concat()).unwrap();
+            assert_eq!(log.health.messages + costs, whole, "record {index}: {:?}", log.health.damage);
+            assert!(lost(&log));
+        }
+    }
 }
 
 #[test]

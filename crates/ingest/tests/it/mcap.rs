@@ -430,8 +430,8 @@ fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
         let (start, end) = chunks[chunks.len() / 2];
         let fixes_in = |whole: usize| 100 - whole;
         let worst = (end - start) / 100 + 2;
-        // In its data; in its length; all of its header.
-        for (place, bytes) in [(start + 80, vec![0x55; 8]), (start + 1, vec![0xff; 8]), (start, vec![0; 64])] {
+        // In its data; in its type and length; all of its header.
+        for (place, bytes) in [(start + 80, vec![0x55; 8]), (start, vec![0xff; 9]), (start, vec![0; 64])] {
             let disk = OnDisk::new(&content, false);
             disk.write_at(place as u64, &bytes);
             let log = disk.read().unwrap();
@@ -451,7 +451,7 @@ fn a_damaged_chunk_costs_its_own_messages_only_with_and_without_a_summary() {
 }
 
 #[test]
-fn lengths_that_are_wrong_cost_no_chunk_but_their_own_and_none_in_front_of_other_damage() {
+fn lengths_that_are_wrong_cost_no_chunk_even_in_front_of_other_damage() {
     let sent = flight(200);
     let content = mcap(&sent, Encoding::Cdr, Layout { summary: false, data_crc: false, ..Layout::ZSTD });
     let chunks = chunk_places(&content);
@@ -472,9 +472,68 @@ fn lengths_that_are_wrong_cost_no_chunk_but_their_own_and_none_in_front_of_other
         }
         rows(&damaged)
     };
+    // What a chunk says of its content tells where it ends.
     let lost = |flipped, blackened| 200 - with(flipped, blackened);
-    assert!(lost(12, 0) > 0 && lost(0, 4) > 0);
-    assert_eq!(lost(12, 4), lost(12, 0) + lost(0, 4));
+    assert!(lost(12, 0) == 0 && lost(0, 4) > 0);
+    assert_eq!(lost(12, 4), lost(0, 4));
+}
+
+#[test]
+fn a_length_that_leads_to_the_end_of_a_later_record_costs_nothing_and_is_told() {
+    let sent = flight(60);
+    let open = Layout { summary: false, data_crc: false, chunk_bytes: 3000, ..Layout::ZSTD };
+    let mut lies = 0;
+    for layout in [open, Layout { chunk_bytes: 3000, ..Layout::PLAIN }, Layout { chunked: false, ..open }] {
+        let content = mcap(&sent, Encoding::Cdr, layout);
+        let records = records_of(&content);
+        let data = records.iter().position(|record| record.0 == op::DATA_END).unwrap();
+        for (index, &(opcode, start, length)) in records.iter().enumerate().take(data) {
+            // How long a message is, nothing but its length tells.
+            for later in records[index + 1..data].iter().take(if opcode == op::MESSAGE { 0 } else { 4 }) {
+                let mut lying = content.clone();
+                lying[start - 8..start].copy_from_slice(&((later.1 + later.2 - start) as u64).to_le_bytes());
+                let log = OnDisk::new(&lying, false).read().unwrap();
+                assert_received(&log, &sent, true);
+                assert!(lost(&log) && log.health.bytes.damaged == 9, "{opcode} at {start}: {:?}", log.notices);
+                lies += 1;
+            }
+            // So many bytes of it are missing.
+            for missing in [1, 3, 8].into_iter().filter(|&missing| opcode == op::MESSAGE_INDEX && missing < length) {
+                let mut cut = content.clone();
+                cut.drain(start + length - missing..start + length);
+                let log = OnDisk::new(&cut, false).read().unwrap();
+                assert_received(&log, &sent, true);
+                assert!(lost(&log));
+                lies += 1;
+            }
+        }
+    }
+    assert!(lies > 200, "{lies}");
+}
+
+#[test]
+fn a_chunk_index_that_hides_a_channel_is_not_followed() {
+    let sent = flight(60);
+    let content = with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD });
+    let records = records_of(&content);
+    let ends_data = records.iter().position(|record| record.0 == op::DATA_END).unwrap();
+    let (summary, footer) = (records[ends_data + 1].1 - 9, records.last().unwrap().1);
+    let channel_of = |index: &(u8, usize, usize)| content[index.1 + 36];
+    // Those of one channel.
+    let is_single = |record: &&(u8, usize, usize)| record.0 == op::CHUNK_INDEX && content[record.1 + 32] == 10;
+    let listed: Vec<_> = records.iter().filter(is_single).collect();
+    let (camera, fix) = (channel_of(listed[0]), channel_of(listed[listed.len() - 1]));
+    assert_ne!(camera, fix);
+    let mut lying = content.clone();
+    for index in listed.iter().filter(|index| channel_of(index) == fix) {
+        lying[index.1 + 36] = camera;
+    }
+    let sum = crc32fast::hash(&lying[summary..footer + 16]);
+    lying[footer + 16..footer + 20].copy_from_slice(&sum.to_le_bytes());
+    let log = OnDisk::new(&lying, false).read().unwrap();
+    assert_received(&log, &sent, true);
+    assert!(notice(&log, "closed-chunks").count > 10);
+    assert!(notice(&log, "index-differs").text.contains("channels"), "{:?}", log.notices);
 }
 
 #[test]

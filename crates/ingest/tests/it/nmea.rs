@@ -329,6 +329,125 @@ fn a_log_without_any_checksum_is_read_and_told_of() {
     assert_eq!((log.health.messages, log.health.damage_count), (1, 1));
 }
 
+/// GGA of so many seconds from noon, with and without a checksum.
+fn fixes(seconds: std::ops::Range<usize>, checked: bool) -> String {
+    let body =
+        |i: usize| format!("GPGGA,12{:02}{:02},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,", i / 60, i % 60);
+    let line = |i: usize| if checked { sealed(&body(i)) } else { format!("${}", body(i)) };
+    seconds.map(|i| line(i) + "\r\n").collect()
+}
+
+#[test]
+fn whether_sentences_have_checksums_is_told_by_most_of_them_where_they_stand() {
+    let count = |bytes: &[u8]| {
+        let (folder, path) = file("receiver.log", bytes);
+        let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+        assert_eq!(found.units[0].kind, LogKind::Nmea);
+        let log = read(READER, &path).unwrap();
+        (log.health.messages, log.health.damage_count)
+    };
+    let (bare, checked) = (fixes(0..120, false), fixes(120..240, true));
+    // A point that became the mark of a checksum; a line of another device; half of the log by another logger.
+    let point = bare.find('.').unwrap();
+    let marked = format!("{}*{}", &bare[..point], &bare[point + 1..]);
+    assert_eq!(count(marked.as_bytes()), (119, 1));
+    assert_eq!(count([&bare, &*sealed("GPTXT,01,01,02,hello"), "\r\n"].concat().as_bytes()), (121, 0));
+    assert_eq!(count([&*bare, &checked].concat().as_bytes()), (240, 0));
+    assert_eq!(count([&*checked, &bare].concat().as_bytes()), (240, 0));
+    // Where a logger keeps checksums, single sentences without one are damaged.
+    let mixed = checked.lines().enumerate().map(|(i, line)| {
+        let line = if i % 10 == 5 { &line[..line.len() - 3] } else { line };
+        format!("{line}\r\n")
+    });
+    let mixed: String = mixed.collect();
+    assert_eq!(count(mixed.as_bytes()), (108, 12));
+    for front in [vec![0; 70_000], vec![0xff; 70_000]] {
+        let log = read_bytes(READER, &[&front[..], bare.as_bytes()].concat()).unwrap();
+        assert_eq!(log.health.messages, 120);
+    }
+}
+
+#[test]
+fn what_a_logger_put_behind_a_sentence_costs_it_nothing() {
+    let lines: Vec<String> = fixes(0..50, true).lines().map(|line| format!("{line},1795262400000\r\n")).collect();
+    let log = read_bytes(READER, lines.concat().as_bytes()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 0), "{:?}", log.health.damage);
+    // The end of a line is damaged, and a sentence is longer than the standard has it.
+    let log = read_bytes(READER, fixes(0..50, true).replacen("\r\n", "\u{1d}\n", 9).as_bytes()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 18), "{:?}", log.health.damage);
+    let long = sealed(&format!("PUBX,03,30{}", ",23,-,,,45,010".repeat(60)));
+    let log = read_bytes(READER, [fixes(0..3, true), long + "\r\n"].concat().as_bytes()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (4, 0), "{:?}", log.health.damage);
+}
+
+/// An epoch of a receiver whose VTG stands behind, as most have it.
+fn epoch_behind(talker: &str, tenth: usize) -> [String; 3] {
+    let time = format!("12{:02}{:02}.{}", tenth / 600, tenth / 10 % 60, tenth % 10);
+    let (speed, track) = (20.0 + 0.1 * (tenth % 50) as f64, tenth % 360);
+    let place = "4807.038,N,01131.000,E";
+    [
+        sealed(&format!("{talker}GGA,{time},{place},1,08,0.9,545.4,M,46.9,M,,")),
+        sealed(&format!("{talker}RMC,{time},A,{place},{speed:.1},{track}.0,211126,,,A")),
+        sealed(&format!("{talker}VTG,{track}.0,T,,M,{speed:.1},N,,K,A")),
+    ]
+}
+
+/// That every VTG that has a time has that of the RMC with its track; how many have none.
+fn vtg_without_time(log: &Log, talker: &str) -> usize {
+    let column = |kind: &str, field: &str| table(log, &format!("{talker}{kind}")).column(field).unwrap();
+    let at = |kind: &str, row: usize| column(kind, "utc_ns").integer(row).filter(|ns| *ns != 0);
+    let tracks: Vec<Option<f64>> = values(log, &format!("{talker}RMC"), "track");
+    let vtg = values(log, &format!("{talker}VTG"), "track");
+    let mut without = 0;
+    for (row, track) in vtg.iter().enumerate() {
+        let valid = column("VTG", "utc_ns").number(row).is_some();
+        match at("VTG", row).filter(|_| valid) {
+            Some(ns) => {
+                let rmc = (0..tracks.len()).find(|&i| at("RMC", i) == Some(ns)).expect("the RMC of its time");
+                assert_eq!(tracks[rmc], *track, "VTG {row}");
+            }
+            None => without += 1,
+        }
+    }
+    without
+}
+
+#[test]
+fn a_velocity_behind_damage_has_no_time_of_another_epoch() {
+    let lines: Vec<String> = (0..200).flat_map(|i| epoch_behind("GP", 10 * i)).collect();
+    let whole = lines.join("\r\n") + "\r\n";
+    assert_eq!(vtg_without_time(&read_bytes(READER, whole.as_bytes()).unwrap(), "GP"), 0);
+    let starts: Vec<usize> = std::iter::once(0).chain(whole.match_indices('\n').map(|(at, _)| at + 1)).collect();
+    for (from, to) in [(120, 182), (121, 182), (122, 182), (121, 123), (90, 91), (31, 35)] {
+        // From the midst of one sentence to the midst of another.
+        let mut hit = whole.clone().into_bytes();
+        hit[starts[from] + 9..starts[to] - 9].fill(0);
+        let log = read_bytes(READER, &hit).unwrap();
+        assert!(vtg_without_time(&log, "GP") <= 1, "{from} to {to}");
+    }
+}
+
+#[test]
+fn a_velocity_has_the_time_of_its_own_talker() {
+    let mut lines: Vec<(usize, String)> = vec![];
+    for i in 0..60 {
+        // Once a second and late, and five times a second.
+        lines.extend(epoch_behind("GP", 10 * i).map(|line| (10 * i + 3, line)));
+        lines.extend((0..5).flat_map(|k| epoch_behind("GN", 10 * i + 2 * k).map(|line| (10 * i + 2 * k, line))));
+    }
+    lines.sort_by_key(|(at, _)| *at);
+    // The velocity of the slow one stands behind the next epoch of the other.
+    for at in (0..lines.len()).rev() {
+        if lines[at].1.starts_with("$GPVTG") && at + 3 < lines.len() {
+            let line = lines.remove(at);
+            lines.insert(at + 3, line);
+        }
+    }
+    let text: String = lines.iter().map(|(_, line)| format!("{line}\r\n")).collect();
+    let log = read_bytes(READER, text.as_bytes()).unwrap();
+    assert_eq!((vtg_without_time(&log, "GP"), vtg_without_time(&log, "GN")), (0, 0));
+}
+
 #[test]
 fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
     let log = text(&[

@@ -114,6 +114,43 @@ fn a_message_that_is_not_defined_must_have_the_same_layout_every_time() {
     assert!(log.notices.iter().any(|n| n.code == "unknown-flags" && n.severity == Severity::Loss));
 }
 
+#[test]
+fn damage_in_a_log_whose_clock_was_not_set_costs_its_own_record() {
+    let attitude = |i: u64, at_us: u64| tlog_frame(at_us, 30, 39, &[&(i as u32).to_le_bytes()[..], &[1; 24]].concat());
+    for begin_us in [0, 315_532_800_000_000 - 3_600_000_000, NOON_US] {
+        let records: Vec<Vec<u8>> = (0..100).map(|i| attitude(i, begin_us + 20_000 * i)).collect();
+        for hit in [0, 1, 50, 98, 99] {
+            let mut damaged = records.clone();
+            let middle = damaged[hit].len() / 2;
+            damaged[hit][middle] ^= 1;
+            let log = read_bytes(READER, &damaged.concat()).unwrap();
+            assert_eq!(log.health.messages, 99, "{begin_us}, {hit}: {:?}", log.health.damage);
+            damaged[hit].remove(middle);
+            let log = read_bytes(READER, &damaged.concat()).unwrap();
+            assert_eq!(log.health.messages, 99, "{begin_us}, {hit}: {:?}", log.health.damage);
+        }
+    }
+}
+
+#[test]
+fn what_a_serial_line_said_before_a_stream_costs_it_nothing() {
+    let bare = |i: u64| tlog_frame(NOON_US, 30, 39, &[&(i as u32).to_le_bytes()[..], &[1; 24]].concat())[8..].to_vec();
+    let stream: Vec<u8> = (0..300).flat_map(bare).collect();
+    for front in [100, 4096, 5740] {
+        let text = b"nsh> booting the vehicle\r\n".repeat(front / 26 + 1);
+        let log = read_bytes(READER, &[&text[..front], b"\r\n", &stream].concat()).unwrap();
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (300, 0), "{front}: {:?}", log.health.damage);
+    }
+    for junk in [vec![0; 70_000], vec![0xe5; 70_000]] {
+        let log = read_bytes(READER, &[&junk[..], &stream].concat()).unwrap();
+        assert_eq!(log.health.messages, 300);
+    }
+    // The end of a heartbeat, as a time of 1970 and later that it is not.
+    let front = [0, 6, 8, 0, 0, 3, 0x51, 0x40];
+    let log = read_bytes(READER, &[&front[..], &stream].concat()).unwrap();
+    assert_eq!(log.health.messages, 300, "{:?}", log.health.damage);
+}
+
 /// Where records begin, and the end.
 fn boundaries(bytes: &[u8]) -> Vec<usize> {
     let mut all = vec![0];

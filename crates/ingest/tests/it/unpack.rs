@@ -116,6 +116,7 @@ fn a_packed_log_gives_the_same_flight_and_its_ledger_counts_the_unpacked_bytes()
     for (name, content) in [
         ("jump.csv.gz", gzip(&table)),
         ("jump.csv.gz", [gzip(&table[..half]), gzip(&table[half..])].concat()),
+        ("jump.csv.gz", [gzip(&table[..half]), vec![0; 500], gzip(&table[half..])].concat()),
         ("jump.csv.zst", zstd(&table)),
         ("jump.csv.zst", [zstd(&table[..half]), zstd(&table[half..])].concat()),
         ("jump.csv.bz2", bzip2(&table)),
@@ -144,6 +145,54 @@ fn a_packed_log_of_messages_is_read_as_well() {
         assert_eq!(loaded.health.messages, plain.health.messages, "{name}");
         assert_eq!(loaded.flight.channels, plain.flight.channels, "{name}");
     }
+}
+
+#[test]
+fn a_bag_whose_recorder_was_killed_is_packed_with_what_stands_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = crate::db3::killed(folder.path(), &made::flight(60));
+    let wal = folder.path().join("bag.db3-wal");
+    let plain = load_found(&bag).health.messages;
+    let (database, ahead) = (std::fs::read(&bag).unwrap(), std::fs::read(&wal).unwrap());
+    let packed = zip(&[("b/bag.db3", &database), ("b/bag.db3-wal", &ahead)], true);
+    assert_eq!(load_packed("bag.zip", &packed).health.messages, plain);
+    std::fs::remove_file(&bag).unwrap();
+    for (name, content) in [("bag.db3.gz", gzip(&database)), ("bag.db3.zstd", zstd(&database))] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        assert_eq!(load_found(&path).health.messages, plain, "{name}");
+        std::fs::remove_file(path).unwrap();
+    }
+}
+
+#[test]
+fn a_zip_whose_list_of_files_lacks_one_is_read_by_its_headers() {
+    let (table, bag) = (flysight(300), bag());
+    let archive = zip(&[("readme.md", b"# Hello"), ("flight.bag", &bag), ("another.bag", &bag)], false);
+    let whole = refused("two.zip", &archive);
+    assert!(whole.contains("several logs"), "{whole}");
+    let end = archive.len() - 22;
+    let (bytes, at) = (end + 12, end + 16);
+    let number = |at: usize| u32::from_le_bytes(archive[at..at + 4].try_into().unwrap());
+    let entry = |name: &str| 46 + name.len() as u32;
+    // The last one is cut off, or the first one.
+    let shorter = [(0, entry("another.bag")), (entry("readme.md") + entry("flight.bag"), entry("another.bag"))];
+    for (later, left) in [(0, number(bytes) - shorter[0].1), (shorter[1].0, shorter[1].1)] {
+        let mut lying = archive.clone();
+        lying[bytes..bytes + 4].copy_from_slice(&left.to_le_bytes());
+        lying[at..at + 4].copy_from_slice(&(number(at) + later).to_le_bytes());
+        assert_eq!(refused("two.zip", &lying), whole, "{later} {left}");
+    }
+    // A name that only the list has wrong, and a comment that holds what looks like the end.
+    let mut hidden = zip(&[("jump.csv", &table)], false);
+    let name = hidden.len() - 22 - 8;
+    hidden[name] = b'.';
+    let comment = [&hidden[hidden.len() - 22..], b"and so on"].concat();
+    let length = hidden.len() - 2;
+    hidden[length..].copy_from_slice(&(comment.len() as u16).to_le_bytes());
+    hidden.extend(comment);
+    let loaded = load_packed("jump.zip", &hidden);
+    assert!(loaded.health.messages == 300 && !lossy(&loaded));
 }
 
 #[test]

@@ -40,6 +40,51 @@ impl<'t> Row<'t> {
 pub(super) struct Fields {
     text: Vec<u8>,
     spans: Vec<(usize, usize)>,
+    quoted: Option<Quoted>,
+}
+
+/// Takes records with quotes apart, of which the `csv` crate's core knows the rules. It takes longer to make than a record to
+/// read.
+#[derive(Debug)]
+struct Quoted {
+    delimiter: u8,
+    core: Box<csv_core::Reader>,
+    /// Where the fields of a record end.
+    ends: Vec<usize>,
+}
+
+impl Quoted {
+    fn new(delimiter: u8) -> Quoted {
+        let core = csv_core::ReaderBuilder::new().delimiter(delimiter).terminator(csv_core::Terminator::Any(0)).build();
+        Quoted { delimiter, core: Box::new(core), ends: vec![] }
+    }
+
+    /// Writes the fields of a record one behind the other into `text`, and where they lie into `spans`.
+    fn split(&mut self, mut record: &[u8], text: &mut Vec<u8>, spans: &mut Vec<(usize, usize)>) {
+        self.core.reset();
+        // No field is longer than what stands for it, and behind each but the last stands a delimiter.
+        text.resize(record.len(), 0);
+        self.ends.resize(record.len() + 1, 0);
+        let (mut written, mut count) = (0, 0);
+        loop {
+            let (into, ends) = (text.get_mut(written..), self.ends.get_mut(count..));
+            let (Some(into), Some(ends)) = (into, ends) else { break };
+            let (result, read, wrote, ended) = self.core.read_record(record, into, ends);
+            record = record.get(read..).unwrap_or_default();
+            written += wrote;
+            count += ended;
+            // An empty input ends the record.
+            if result != csv_core::ReadRecordResult::InputEmpty {
+                break;
+            }
+        }
+        text.truncate(written);
+        let mut from = 0;
+        for &end in self.ends.get(..count).unwrap_or_default() {
+            spans.push((from, end));
+            from = end;
+        }
+    }
 }
 
 impl Fields {
@@ -93,20 +138,12 @@ impl Fields {
         }
     }
 
-    /// The `csv` crate knows the rules of quoting.
     fn split_quoted(&mut self, record: &[u8], delimiter: u8) {
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .delimiter(delimiter)
-            .terminator(csv::Terminator::Any(0))
-            .buffer_capacity(record.len().max(64))
-            .from_reader(record);
-        let mut row = csv::ByteRecord::new();
-        if reader.read_byte_record(&mut row).unwrap_or(false) {
-            self.text.extend_from_slice(row.as_slice());
-            self.spans.extend((0..row.len()).filter_map(|i| row.range(i)).map(|r| (r.start, r.end)));
-        }
+        let quoted = match &mut self.quoted {
+            Some(quoted) if quoted.delimiter == delimiter => quoted,
+            other => other.insert(Quoted::new(delimiter)),
+        };
+        quoted.split(record, &mut self.text, &mut self.spans);
     }
 
     /// How many.

@@ -50,9 +50,25 @@ pub(super) struct Changes {
     /// The first names that the first header does not have, and how many there are.
     new: Vec<String>,
     all_new: u64,
+    /// Rows that may be headers of other tables, and the line of the first.
+    like_headers: (u64, u64),
+    /// Remarks with as many fields as the table has columns, and the line of the first.
+    remarks: (u64, u64),
 }
 
 impl Changes {
+    /// A row that is read as one and may be the header of another table.
+    pub(super) fn like_header(&mut self, line: u64) {
+        count_from(&mut self.like_headers, line);
+    }
+
+    /// A remark below a header that is none; `like_row` if it has as many fields.
+    pub(super) fn remark(&mut self, line: u64, like_row: bool) {
+        if like_row {
+            count_from(&mut self.remarks, line);
+        }
+    }
+
     pub(super) fn add(&mut self, line: u64, new: Vec<String>) {
         const LISTED: usize = 20;
         if self.count == 0 {
@@ -65,6 +81,16 @@ impl Changes {
     }
 
     pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
+        let mut warn = |code: &str, (count, line): (u64, u64), text: &str| {
+            if count > 0 {
+                notices.push(Severity::Warning, code, format!("{file}, line {line}"), count, text);
+            }
+        };
+        let text = "a row has words where the others have numbers, as the header of another table would: it and what is below \
+                    it are read as rows of this one";
+        warn("like-header", self.like_headers, text);
+        let text = "remarks with as many fields as the table has columns: they are not read as rows";
+        warn("marked-rows", self.remarks, text);
         if self.count == 0 {
             return;
         }
@@ -78,6 +104,20 @@ impl Changes {
             notices.push(Severity::Loss, "columns-not-read", place, self.all_new, text);
         }
     }
+}
+
+/// Counts what first was in this line.
+fn count_from((count, first): &mut (u64, u64), line: u64) {
+    if *count == 0 {
+        *first = line;
+    }
+    *count += 1;
+}
+
+/// A word as names are: none that begins with a digit.
+fn is_word(cell: &[u8]) -> bool {
+    let begins_so = cell.first().is_some_and(|byte| !byte.is_ascii_digit());
+    begins_so && number(cell) == Cell::Bad && cell.iter().any(u8::is_ascii_alphabetic)
 }
 
 impl Header {
@@ -149,10 +189,6 @@ impl Header {
         let filled: Vec<(usize, &[u8])> =
             (0..fields.len()).map(|i| (i, fields.get(i))).filter(|f| !f.1.is_empty()).collect();
         let is_known = |cell: &[u8]| self.known.contains(cell);
-        let is_word = |cell: &[u8]| {
-            let begins_so = cell.first().is_some_and(|byte| !byte.is_ascii_digit());
-            begins_so && number(cell) == Cell::Bad && cell.iter().any(u8::is_ascii_alphabetic)
-        };
         let known = filled.iter().filter(|(_, cell)| is_known(cell)).count();
         let is_at_home = |(index, cell): &(usize, &[u8])| self.names.get(*index).is_some_and(|name| name == cell);
         let of_numbers = |(index, cell): &(usize, &[u8])| {
@@ -166,6 +202,26 @@ impl Header {
         let has_words = filled.iter().any(of_numbers);
         let half = known >= 2 && 2 * known >= filled.len() && (has_words || self.telling.is_none());
         half || has_words && known > 0 && is_as_wide && filled.iter().any(is_at_home) && all_words() && distinct()
+    }
+
+    /// Whether a row of the table may be the header of another one: different words in all columns, two of numbers at least.
+    pub(super) fn is_of_another(&self, fields: &Fields) -> bool {
+        let words = || (0..fields.len()).map(|index| fields.get(index));
+        let of_numbers = self.numbers.iter().filter(|of_numbers| **of_numbers).count();
+        of_numbers >= 2
+            && fields.len() == self.numbers.len()
+            && words().all(is_word)
+            && words().collect::<HashSet<_>>().len() == fields.len()
+    }
+
+    /// Whether a record behind a mark of remarks is a row for all that, as `#12,3.5,7.0` is where the first column holds words.
+    pub(super) fn has_marked_row(&self, fields: &Fields) -> bool {
+        let is_number = |cell: &[u8]| !matches!(number(cell), Cell::Bad);
+        let agrees = |(index, of_numbers): (usize, &bool)| !of_numbers || is_number(fields.get(index));
+        fields.len() == self.numbers.len()
+            && self.numbers.first() == Some(&false)
+            && self.numbers.contains(&true)
+            && self.numbers.iter().enumerate().all(agrees)
     }
 
     /// How many columns a header has. A delimiter at the end of the line makes none, unless there are as many as in the first.

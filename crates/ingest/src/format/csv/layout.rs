@@ -17,6 +17,11 @@ const MOST_TAGS: usize = 16;
 /// As few rows of bare numbers say nothing.
 const FEWEST_BARE: usize = 4;
 
+/// Ends the preamble of a LabVIEW measurement file, which has one of the file and one of each segment.
+const END_OF_PREAMBLE: &[u8] = b"***End_of_Header***";
+/// The last name in the header of such a segment, whose rows need not have that column.
+const REMARKS: &str = "Comment";
+
 /// How a text file is laid out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Layout {
@@ -198,7 +203,9 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
         let text = lines.text(extent).trim_ascii();
         let comment = comment_mark(text);
         // A record without its line end may be cut anywhere, so it says nothing of the layout.
-        if !text.is_empty() && extent.ended {
+        if text.starts_with(END_OF_PREAMBLE) {
+            sampled.clear();
+        } else if !text.is_empty() && extent.ended {
             let row = if comment > 0 { super::unmarked(text) } else { lines.text(extent) };
             fields.split(row, delimiter);
             sampled.push(Sampled { line: lines.number, comment: comment > 0, fields: fields.texts() });
@@ -236,7 +243,8 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     let comments = || sample.iter().filter(|s| s.comment && s.line < data_line && s.fields.len() == width);
     let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns(decimal)));
     let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
-    let units = units.or_else(|| comments().rfind(|c| header.is_some_and(|h| h.line != c.line)));
+    let no_row = |c: &&Sampled| !c.has_number(decimal);
+    let units = units.or_else(|| comments().filter(no_row).rfind(|c| header.is_some_and(|h| h.line != c.line)));
     let units = units.or_else(|| {
         let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
         let data: Vec<&Sampled> = rows.iter().copied().filter(|r| r.line > below.line).collect();
@@ -303,7 +311,7 @@ fn common_width(rows: &[&Sampled]) -> Option<(usize, usize)> {
 /// Whether a header has a name for each field: one more or less is a delimiter at the end of the line.
 fn fits_width(header: &[String], width: usize, rows: &[&Sampled]) -> bool {
     header.len() == width
-        || (header.len() == width + 1 && header.last().is_some_and(String::is_empty))
+        || (header.len() == width + 1 && header.last().is_some_and(|last| last.is_empty() || last == REMARKS))
         || (header.len() + 1 == width && rows_trail(rows, width))
 }
 

@@ -81,6 +81,10 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             return Ok(Some(FMT_LENGTH));
         }
         let lengths = self.book.format(id).map(Format::lengths).unwrap_or_default();
+        if let Some(former) = self.book.former(id).and_then(Format::usual_length) {
+            let [one, other] = lengths;
+            return self.record_of_either(at, [one, other, Some(former)]);
+        }
         // Nearly always the next record follows, and nothing within this one looks like a third.
         if let [Some(length), _] = lengths
             && window.get(length..).is_some_and(|next| next.starts_with(&SYNC))
@@ -94,6 +98,38 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             }
         }
         Ok(None)
+    }
+
+    /// As [`Walk::record_at`], of a type that was defined anew: what leads on and has a time that is near comes first.
+    fn record_of_either(&mut self, at: u64, lengths: [Option<usize>; 3]) -> Result<Option<usize>, IngestError> {
+        let mut untimely = None;
+        for length in lengths.into_iter().flatten() {
+            if !self.may_begin(at + length as u64)? || self.swallows(at, length)? {
+                continue;
+            }
+            let bytes = self.file.bytes(at, length)?.unwrap_or_default();
+            if self.book.is_timely(bytes, HEADER) {
+                return Ok(Some(length));
+            }
+            untimely = untimely.or(Some(length));
+        }
+        Ok(untimely)
+    }
+
+    /// Length of the record that begins here in front of damage: it leads nowhere, but its time is near, no other begins
+    /// within it, and what stands behind it is more than the rest of a record whose type is wrong, or one that leads to
+    /// `next`.
+    fn record_before_damage(&mut self, at: u64, next: u64) -> Result<Option<usize>, IngestError> {
+        let Some(id) = self.type_at(at)? else { return Ok(None) };
+        let Some(length) = self.book.format(id).and_then(Format::usual_length) else { return Ok(None) };
+        let end = at + length as u64;
+        let is_timely = self.file.bytes(at, length)?.is_some_and(|bytes| self.book.is_timely(bytes, HEADER));
+        if !is_timely || end >= next || self.swallows(at, length)? {
+            return Ok(None);
+        }
+        let damaged = self.file.bytes(end, HEADER)?.and_then(|head| head.last().copied());
+        let leads = damaged.and_then(|id| self.book.format(id)?.usual_length()).is_some_and(|l| end + l as u64 == next);
+        Ok((leads || next > at + LONGEST_RECORD as u64).then_some(length))
     }
 
     fn type_at(&mut self, at: u64) -> Result<Option<u8>, IngestError> {
@@ -194,6 +230,9 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         // Asked before the search, for the file is read forwards.
         let kind = self.type_at(self.at)?;
         let next = self.search(self.at + 1)?;
+        if let Some(length) = self.record_before_damage(self.at, next)? {
+            return self.take(length);
+        }
         let reason = match kind {
             Some(id) if self.book.format(id).is_none() => format!("records of type {id}, which is not defined"),
             Some(_) if next == self.file.size() => "the log ends inside a record".to_owned(),

@@ -1,7 +1,7 @@
 //! What a log says of its own records, and the way of each record to its topic.
 
 use super::anew::{Anew, CONFIRMED_BY, STEP_BACK_NS};
-use super::record::{Body, FMT_ID, FMT_LENGTH, Format, TimeField};
+use super::record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField};
 use super::units::Units;
 use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
@@ -31,6 +31,8 @@ pub(super) struct Book<'t, 'w> {
     topics: &'t mut Topics<'w>,
     types: Vec<Type>,
     by_id: Vec<Option<usize>>,
+    /// What was defined under an id before, if that was something else: records that fit it alone are of it.
+    former: Vec<Option<usize>>,
     by_name: HashMap<String, usize>,
     file: String,
     units: Units,
@@ -42,6 +44,8 @@ pub(super) struct Book<'t, 'w> {
     unplaced: Tally,
     misfits: Tally,
     late_instances: Tally,
+    /// Units that were stated twice and otherwise.
+    other_units: Tally,
 }
 
 /// A type of records.
@@ -173,6 +177,7 @@ impl<'t, 'w> Book<'t, 'w> {
             topics,
             types: vec![],
             by_id: vec![None; 256],
+            former: vec![None; 256],
             by_name: HashMap::new(),
             file: String::new(),
             units: Units::default(),
@@ -183,6 +188,7 @@ impl<'t, 'w> Book<'t, 'w> {
             unplaced: Tally::default(),
             misfits: Tally::default(),
             late_instances: Tally::default(),
+            other_units: Tally::default(),
         }
     }
 
@@ -190,6 +196,7 @@ impl<'t, 'w> Book<'t, 'w> {
     pub(super) fn begin_file(&mut self, name: &str) {
         self.file = name.to_owned();
         self.by_id.fill(None);
+        self.former.fill(None);
         self.by_name.clear();
         self.clock.restarts();
         self.learn(FMT_ID, Format::of_formats());
@@ -217,9 +224,45 @@ impl<'t, 'w> Book<'t, 'w> {
         self.types.get(self.known(id)?).map(|t| &t.format)
     }
 
+    /// The format that a type had before, if it had another one.
+    pub(super) fn former(&self, id: u8) -> Option<&Format> {
+        let index = self.former.get(usize::from(id)).copied().flatten()?;
+        self.types.get(index).map(|t| &t.format)
+    }
+
+    /// The definition by which a binary record is read: the last one of its id, or the one before where only that fits its
+    /// length and the time before it.
+    fn of_record(&self, id: u8, bytes: &[u8], header: usize) -> Option<usize> {
+        let last = self.known(id)?;
+        let Some(before) = self.former.get(usize::from(id)).copied().flatten() else { return Some(last) };
+        let fits = |index: &usize| self.types.get(*index).is_some_and(|t| t.format.fits(bytes.len()));
+        let is_near = |index: &usize| self.is_near(*index, bytes, header);
+        let both = [last, before];
+        let chosen = both.iter().find(|index| fits(index) && is_near(index)).or_else(|| both.iter().find(|i| fits(i)));
+        Some(chosen.copied().unwrap_or(last))
+    }
+
+    /// Whether a record has a time, if its type has one, that is near the last one.
+    fn is_near(&self, index: usize, bytes: &[u8], header: usize) -> bool {
+        let Some(format) = self.types.get(index).map(|t| &t.format) else { return false };
+        let time = |time: TimeField| time.read(format, Body::Packed(bytes.get(header..)?));
+        match (format.time, self.clock.last_raw_ns()) {
+            (Some(field), Some(last_ns)) => time(field).is_some_and(|ns| ns.abs_diff(last_ns) <= FAR_NS),
+            _ => true,
+        }
+    }
+
+    /// Whether a record of this length is one of its type, by its time: only types with a time can tell.
+    pub(super) fn is_timely(&self, bytes: &[u8], header: usize) -> bool {
+        let id = bytes.get(header - 1).copied().unwrap_or_default();
+        let Some(index) = self.of_record(id, bytes, header) else { return false };
+        let has_time = self.types.get(index).is_some_and(|t| t.format.time.is_some() && t.format.fits(bytes.len()));
+        has_time && self.clock.last_ns.is_some() && self.is_near(index, bytes, header)
+    }
+
     /// What a binary record says of its time, ns; `bytes` with its header.
     pub(super) fn time_of_record(&self, id: u8, bytes: &[u8], header: usize) -> Option<i64> {
-        let format = self.format(id)?;
+        let format = &self.types.get(self.of_record(id, bytes, header)?)?.format;
         let time = format.time.filter(|_| format.fits(bytes.len()))?;
         time.read(format, Body::Packed(bytes.get(header..)?))
     }
@@ -262,7 +305,9 @@ impl<'t, 'w> Book<'t, 'w> {
     /// A binary record of a known type; `bytes` with its header, and what [`Book::time_of_record`] says of it. Fails if it is
     /// damaged.
     pub(super) fn packed(&mut self, id: u8, bytes: &[u8], header: usize, raw_ns: Option<i64>) -> Result<Fate, String> {
-        let Some(index) = self.known(id) else { return Err(format!("a record of type {id}, which is not defined")) };
+        let Some(index) = self.of_record(id, bytes, header) else {
+            return Err(format!("a record of type {id}, which is not defined"));
+        };
         let Some(kind) = self.types.get(index) else { return Ok(Fate::Skipped) };
         if !kind.format.fits(bytes.len()) {
             let name = &kind.format.name;
@@ -303,9 +348,22 @@ impl<'t, 'w> Book<'t, 'w> {
             let (before, behind) = (text.get(..at)?, text.get(at + 1..)?.trim_start_matches(' '));
             let digits = behind.bytes().take_while(u8::is_ascii_digit).count();
             let number = digits > 0 && behind.get(digits..)?.starts_with(',');
-            let names = (2..=LONGEST_NAME).rev().filter_map(|length| before.get(before.len().checked_sub(length)?..));
-            names.filter(|_| number).find(|name| self.by_name.contains_key(*name))
+            let mut names =
+                (2..=LONGEST_NAME).rev().filter_map(|length| before.get(before.len().checked_sub(length)?..));
+            names.find(|name| self.by_name.get(*name).is_some_and(|&index| number || self.is_line_of(index, behind)))
         })
+    }
+
+    /// Whether these are as many values as a type has, one of them a number at least, and where it has numbers numbers.
+    fn is_line_of(&self, index: usize, values: &str) -> bool {
+        let Some(format) = self.types.get(index).map(|t| &t.format).filter(|format| format.fault.is_none()) else {
+            return false;
+        };
+        let cells: Vec<&str> = values.split(',').map(str::trim).collect();
+        let is_number = |(cell, field): (&&str, &Field)| field.is_text() || cell.parse::<f64>().is_ok();
+        cells.len() == format.fields.len()
+            && format.fields.iter().any(|field| !field.is_text())
+            && cells.iter().zip(&format.fields).all(is_number)
     }
 
     fn record(&mut self, index: usize, body: Body<'_>, raw_ns: Option<i64>) -> Result<Fate, String> {
@@ -351,7 +409,7 @@ impl<'t, 'w> Book<'t, 'w> {
             Role::FieldUnits => {
                 let ids = ["UnitIds", "MultIds"].map(|name| text(name).unwrap_or_default().into_owned());
                 if let Some(id) = integer("FmtType").and_then(|id| u8::try_from(id).ok()) {
-                    self.set_units(id, ids);
+                    return self.set_units(id, ids);
                 }
             }
             Role::Unit => self.units.unit(integer("Id"), text("Label")),
@@ -380,10 +438,10 @@ impl<'t, 'w> Book<'t, 'w> {
 
     fn define(&mut self, id: u8, length: u8, name: &str, codes: &str, columns: &str) -> Result<(), String> {
         if id == FMT_ID {
-            // The first record of every log. It says nothing new, but that a log begins.
-            self.clock.restarts();
             let usual = usize::from(length) == FMT_LENGTH && name == "FMT";
             return if usual {
+                // The first record of every log. It says nothing new, but that a log begins.
+                self.clock.restarts();
                 Ok(())
             } else {
                 Err("a definition of the definitions that is not the usual one".into())
@@ -394,24 +452,48 @@ impl<'t, 'w> Book<'t, 'w> {
         if known.is_some_and(|known| known.format == format) {
             return Ok(());
         }
+        if self.former(id) == Some(&format) {
+            if let (Some(last), Some(former)) =
+                (self.by_id.get_mut(usize::from(id)), self.former.get_mut(usize::from(id)))
+            {
+                std::mem::swap(last, former);
+            }
+            return Ok(());
+        }
         if self.types.len() >= MOST_TYPES {
             return Err(format!("there are more than {MOST_TYPES} definitions"));
         }
         if let Some(index) = self.known(id) {
             self.redefined.push([index, self.types.len()]);
+            if let Some(former) = self.former.get_mut(usize::from(id)) {
+                *former = Some(index);
+            }
         }
         self.learn(id, format);
         Ok(())
     }
 
-    fn set_units(&mut self, id: u8, ids: [String; 2]) {
-        let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else { return };
+    fn set_units(&mut self, id: u8, ids: [String; 2]) -> Result<(), String> {
+        let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else { return Ok(()) };
+        if ids[0].len() != kind.format.codes() {
+            let name = &kind.format.name;
+            return Err(format!(
+                "units of {} fields for the type {name}, which has {}",
+                ids[0].len(),
+                kind.format.codes()
+            ));
+        }
+        if kind.unit_ids.as_ref().is_some_and(|known| *known != ids) {
+            self.other_units.add(|| kind.format.name.clone());
+            return Ok(());
+        }
         let instance = ids[0].bytes().position(|b| b == b'#').filter(|&field| field < kind.format.fields.len());
         if instance != kind.instance && kind.is_used() {
             self.late_instances.add(|| kind.format.name.clone());
         }
         kind.instance = instance;
         kind.unit_ids = Some(ids);
+        Ok(())
     }
 
     /// Types that took the place of others: those of which there are records, before or behind, and the others.
@@ -436,7 +518,9 @@ impl<'t, 'w> Book<'t, 'w> {
             }
         };
         let [used, unused] = self.redefinitions();
-        say(Severity::Loss, "redefined", &used, "types were defined anew; what follows is read by the new one");
+        let text =
+            "types were defined anew; what follows is read by the new one, or by the old one where only that fits";
+        say(Severity::Loss, "redefined", &used, text);
         say(
             Severity::Info,
             "redefined",
@@ -447,6 +531,9 @@ impl<'t, 'w> Book<'t, 'w> {
         say(Severity::Loss, "unknown-channel", &self.unplaced, "records found no topic, for there are too many");
         let text = "the field that tells instances apart was named after the first records, which are in one topic";
         say(Severity::Warning, "late-instance", &self.late_instances, text);
+        let text = "units and instances of a type are stated twice and otherwise: the first holds, and one of them may be of \
+                    another type";
+        say(Severity::Warning, "units-differ", &self.other_units, text);
         let text = "the clock begins anew within the file; what follows is stamped as if it came ten seconds later";
         say(Severity::Warning, "clock-restart", &self.clock.moved, text);
         say(Severity::Warning, "clock-jump", &self.clock.back, "the clock steps back by more than a second");
@@ -559,7 +646,8 @@ impl BootClock {
         let last_ns = self.last_ns.unwrap_or(i64::MIN);
         let seconds = |ns: i64| ns as f64 / NANOS_PER_SECOND as f64;
         let begins = std::mem::take(&mut self.begins) && self.last_ns.is_some();
-        let certain = begins && raw_ns.saturating_add(self.offset_ns) < last_ns;
+        // No autopilot is so soon where the one before it was.
+        let certain = begins && raw_ns.saturating_add(self.offset_ns).saturating_add(STEP_BACK_NS) < last_ns;
         if certain {
             let second = NANOS_PER_SECOND;
             let gap_ns = last_ns.saturating_sub(raw_ns).saturating_add(BETWEEN_BOOTS_NS);

@@ -147,6 +147,11 @@ impl Format {
         self.fault.is_some() || self.describes(length)
     }
 
+    /// How many format characters there are.
+    pub(super) fn codes(&self) -> usize {
+        self.definition.find('\n').unwrap_or_default()
+    }
+
     pub(super) fn field(&self, name: &str) -> Option<usize> {
         self.fields.iter().position(|f| f.name == name)
     }
@@ -214,6 +219,10 @@ impl Field {
             b'q' | b'Q' => CellKind::Whole,
             _ => CellKind::Number,
         }
+    }
+
+    pub(super) fn is_text(&self) -> bool {
+        self.cell_kind() == CellKind::Text
     }
 
     /// Whether its format character has a scale of its own, which is applied.

@@ -14,20 +14,30 @@ const MOST_TEXT: u64 = 64 << 20;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Owned {
     Integer(i64),
-    Text(String),
+    /// In the encoding of the database.
+    Text(Vec<u8>),
     Other,
 }
 
-impl Owned {
-    pub(super) fn text(&self) -> Option<&str> {
-        match self {
-            Owned::Text(text) => Some(text),
-            _ => None,
-        }
+/// A row that was copied.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct OwnedRow {
+    pub(super) rowid: i64,
+    values: Vec<Owned>,
+}
+
+impl OwnedRow {
+    /// The text in a column, empty if there is none. It is UTF-16 if `utf16` is there, big-endian if that is true.
+    pub(super) fn text(&self, column: usize, utf16: Option<bool>) -> String {
+        let Some(Owned::Text(bytes)) = self.values.get(column) else { return String::new() };
+        let Some(big_endian) = utf16 else { return String::from_utf8_lossy(bytes).into_owned() };
+        let unit = |b: &[u8; 2]| if big_endian { u16::from_be_bytes(*b) } else { u16::from_le_bytes(*b) };
+        let units: Vec<u16> = bytes.as_chunks::<2>().0.iter().map(unit).collect();
+        String::from_utf16_lossy(&units)
     }
 
-    pub(super) fn integer(&self) -> Option<i64> {
-        match self {
+    pub(super) fn integer(&self, column: usize) -> Option<i64> {
+        match self.values.get(column)? {
             Owned::Integer(number) => Some(*number),
             _ => None,
         }
@@ -36,38 +46,32 @@ impl Owned {
 
 /// Copies the rows of a small table.
 pub(super) struct Gather {
-    pub(super) rows: Vec<(i64, Vec<Owned>)>,
-    /// Text is UTF-16, big-endian if the inner value is true.
-    utf16: Option<bool>,
+    pub(super) rows: Vec<OwnedRow>,
+    /// The columns that hold text in every row.
+    texts: [usize; 2],
     bytes: u64,
     pub(super) turned_away: u64,
 }
 
 impl Gather {
-    pub(super) fn new(utf16: Option<bool>) -> Gather {
-        Gather { rows: vec![], utf16, bytes: 0, turned_away: 0 }
+    pub(super) fn new(texts: [usize; 2]) -> Gather {
+        Gather { rows: vec![], texts, bytes: 0, turned_away: 0 }
     }
+}
 
-    fn owned(&self, value: Value<'_>) -> Owned {
-        match value {
-            Value::Integer(number) => Owned::Integer(number),
-            Value::Text(bytes) => Owned::Text(match self.utf16 {
-                None => String::from_utf8_lossy(bytes).into_owned(),
-                Some(big_endian) => {
-                    let unit = |b: &[u8; 2]| if big_endian { u16::from_be_bytes(*b) } else { u16::from_le_bytes(*b) };
-                    let units: Vec<u16> = bytes.as_chunks::<2>().0.iter().map(unit).collect();
-                    String::from_utf16_lossy(&units)
-                }
-            }),
-            Value::Null | Value::Real | Value::Blob(_) => Owned::Other,
-        }
+fn owned(value: Value<'_>) -> Owned {
+    match value {
+        Value::Integer(number) => Owned::Integer(number),
+        Value::Text(bytes) => Owned::Text(bytes.to_vec()),
+        Value::Null | Value::Real | Value::Blob(_) => Owned::Other,
     }
 }
 
 impl Sink for Gather {
     fn look(&mut self, cell: &Cell<'_>) -> Look {
-        if Row::parse(cell).is_none() {
-            return Look::Bad("it is no row");
+        let Some(row) = Row::parse(cell) else { return Look::Bad("it is no row") };
+        if !self.texts.iter().all(|&column| row.is_text(column)) {
+            return Look::Bad("it is none of this table");
         }
         self.bytes = self.bytes.saturating_add(cell.length);
         if self.bytes > MOST_TEXT {
@@ -79,9 +83,8 @@ impl Sink for Gather {
 
     fn whole(&mut self, cell: &Cell<'_>, row: &[u8]) -> Fate {
         if let Some(columns) = Row::parse(cell) {
-            let values = (0..columns.len()).map(|c| columns.value(c, row).map_or(Owned::Other, |v| self.owned(v)));
-            let values = values.collect();
-            self.rows.push((cell.rowid, values));
+            let values = (0..columns.len()).map(|c| columns.value(c, row).map_or(Owned::Other, owned)).collect();
+            self.rows.push(OwnedRow { rowid: cell.rowid, values });
         }
         Fate::Structure
     }
@@ -104,24 +107,75 @@ impl Sink for PassOver {
     fn unwanted(&mut self, _cell: &Cell<'_>) {}
 }
 
-/// The names of the columns in a `CREATE TABLE`, in order.
+/// The names of the stored columns in a `CREATE TABLE`, in order, in lower case.
 pub(super) fn column_names(sql: &str) -> Vec<String> {
     let Some((_, body)) = sql.split_once('(') else { return vec![] };
-    let mut depth = 0;
+    let (mut depth, mut quote) = (0, None);
     let parts = body.split(|c: char| {
-        match c {
-            '(' => depth += 1,
-            ')' => depth -= 1,
+        match (quote, c) {
+            (Some(end), _) => quote = Some(end).filter(|&end| end != c),
+            (None, '\'' | '"' | '`') => quote = Some(c),
+            (None, '[') => quote = Some(']'),
+            (None, '(') => depth += 1,
+            (None, ')') => depth -= 1,
             _ => {}
         }
-        (c == ',' && depth == 0) || depth < 0
+        quote.is_none() && ((c == ',' && depth == 0) || depth < 0)
     });
-    let first_word = |part: &str| part.split_whitespace().next().unwrap_or_default().to_lowercase();
-    let bare = |word: String| word.trim_matches(['"', '`', '\'', '[', ']']).to_owned();
-    let is_column = |word: &String| {
-        !word.is_empty() && !["primary", "unique", "check", "foreign", "constraint"].contains(&word.as_str())
+    let bare = |word: &str| word.trim_matches(['"', '`', '\'', '[', ']']).to_owned();
+    let column = |part: &str| {
+        let words: Vec<String> =
+            part.to_lowercase().replace('(', " ( ").split_whitespace().map(str::to_owned).collect();
+        let first = words.first()?;
+        let is_constraint = ["primary", "unique", "check", "foreign", "constraint"].contains(&first.as_str());
+        // Computed when it is read: there is nothing of it in a row.
+        let is_virtual = words.windows(2).any(|pair| pair == ["as", "("]) && !words.iter().any(|word| word == "stored");
+        (!is_constraint && !is_virtual).then(|| bare(first))
     };
-    parts.map(first_word).filter(is_column).map(bare).collect()
+    parts.filter_map(column).collect()
+}
+
+/// The name of a table in the text that made it.
+pub(super) fn table_name(sql: &str) -> Option<String> {
+    let (head, _) = sql.split_once('(')?;
+    let lower = head.to_lowercase();
+    let name = lower.trim_start().strip_prefix("create table")?.trim();
+    let name = name.strip_prefix("if not exists").unwrap_or(name).trim();
+    Some(name.trim_matches(['"', '`', '\'', '[', ']']).to_owned())
+}
+
+/// Where the columns are that tell of topics or definitions, by the text that made the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Places<const N: usize>([Option<usize>; N]);
+
+impl<const N: usize> Places<N> {
+    /// In the order of `names`. One that the table does not name is where it usually is, `first` being the place of the
+    /// first. Where another stands there, the text that made the table is damaged: all are where they usually are.
+    pub(super) fn of(sql: &str, names: [&str; N], first: usize) -> Places<N> {
+        let there = column_names(sql);
+        let found = names.map(|name| there.iter().position(|n| n == name));
+        let usual: [usize; N] = std::array::from_fn(|index| first + index);
+        let is_taken = |place: &usize| found.contains(&Some(*place));
+        let is_damaged = found.iter().zip(&usual).any(|(found, usual)| found.is_none() && is_taken(usual));
+        Places(std::array::from_fn(|index| {
+            let found = found.get(index).copied().flatten().filter(|_| !is_damaged);
+            found.or(usual.get(index).copied())
+        }))
+    }
+
+    pub(super) fn get(&self, index: usize) -> Option<usize> {
+        self.0.get(index).copied().flatten()
+    }
+
+    /// Where the first two are that are needed.
+    pub(super) fn texts(&self) -> [usize; 2] {
+        [0, 1].map(|index| self.get(index).unwrap_or_default())
+    }
+
+    /// The text of each in a row, empty where there is none.
+    pub(super) fn read(&self, row: &OwnedRow, utf16: Option<bool>) -> [String; N] {
+        self.0.map(|column| column.map_or(String::new(), |column| row.text(column, utf16)))
+    }
 }
 
 /// Where the columns of the messages' table are.
@@ -155,24 +209,44 @@ impl MessageColumns {
         Some(Found { topic, times: Times { logged_ns, published_ns }, data })
     }
 
-    /// Whether a row on a page that nothing leads to looks like a message.
+    /// Whether a row can be a message.
+    pub(super) fn fit(self, cell: &Cell<'_>) -> bool {
+        self.of_row(cell).is_some()
+    }
+
+    /// Whether a row looks like a message.
     pub(super) fn look_like(self, cell: &Cell<'_>) -> bool {
-        self.of_row(cell).is_some() && Row::parse(cell).is_some_and(|row| row.value(0, cell.local) == Some(Value::Null))
+        self.of_row(cell).is_some() && Row::parse(cell).is_some_and(|row| is_number(&row, cell))
     }
 }
 
-/// Whether a row on a page that nothing leads to looks like a topic, or else like a definition.
+/// Whether a row begins with its number: that of the page, or one of its own.
+fn is_number(row: &Row, cell: &Cell<'_>) -> bool {
+    matches!(row.value(0, cell.local), Some(Value::Null | Value::Integer(_)))
+}
+
+/// Whether a row looks like a topic, or else like a definition.
 pub(super) fn looks_like_text(cell: &Cell<'_>, third: fn(&[u8]) -> bool) -> bool {
     let text = |row: &Row, column| match row.value(column, cell.local) {
         Some(Value::Text(text)) => Some(text.to_vec()),
         _ => None,
     };
     Row::parse(cell).is_some_and(|row| {
-        row.value(0, cell.local) == Some(Value::Null)
+        is_number(&row, cell)
             && text(&row, 1).is_some()
             && text(&row, 2).is_some_and(|text| third(&text))
             && row.place(3).is_some()
     })
+}
+
+/// What stands in the third column of a topic.
+pub(super) fn is_type(text: &[u8]) -> bool {
+    text.windows(5).any(|w| w == b"/msg/")
+}
+
+/// What stands in the third column of a definition.
+pub(super) fn is_encoding(text: &[u8]) -> bool {
+    text == b"ros2msg" || text == b"ros2idl"
 }
 
 /// A message as far as its page tells.

@@ -4,6 +4,7 @@
 //! Nothing is opened but for reading, and nothing is executed: a database on read-only media, one
 //! whose log was never copied back, and a hostile one are all the same to us.
 
+use super::tree::{Kind, Node};
 use super::wal::Wal;
 use crate::error::IngestError;
 use crate::format::file::read_exactly;
@@ -15,6 +16,10 @@ const READ_AHEAD: u32 = 256 << 10;
 pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Bytes of the header on the first page.
 pub(super) const HEADER_BYTES: usize = 100;
+/// Bytes by which the size of a page is found where the header is damaged.
+const LOOKED_AT: u64 = 4 << 20;
+/// Pages that are looked through for the bytes of each that are kept free.
+const LOOKED_THROUGH: u32 = 64;
 /// Page size of recorders that do not choose one.
 const USUAL_PAGE_BYTES: u32 = 4096;
 
@@ -40,15 +45,15 @@ pub(super) struct Header {
 impl Header {
     /// `None` if this is no database, or its header is damaged.
     pub(super) fn parse(head: &[u8]) -> Option<Header> {
-        let u16_at = |at: usize| head.get(at..)?.first_chunk().map(|b| u16::from_be_bytes(*b));
+        if head.starts_with(MAGIC) { Header::of(head, stated_page_bytes(head)?) } else { None }
+    }
+
+    /// What the header says besides the size of a page. `None` if it cannot be.
+    fn of(head: &[u8], page_bytes: u32) -> Option<Header> {
         let u32_at = |at: usize| head.get(at..)?.first_chunk().map(|b| u32::from_be_bytes(*b));
-        let page_bytes = match u16_at(16)? {
-            1 => 65_536,
-            bytes => u32::from(bytes),
-        };
-        let sound = head.starts_with(MAGIC) && head.len() >= HEADER_BYTES && page_bytes.is_power_of_two();
         let usable = page_bytes.checked_sub(u32::from(*head.get(20)?))?;
-        if !sound || page_bytes < 512 || usable < 480 {
+        // These three never change.
+        if head.len() < HEADER_BYTES || usable < 480 || head.get(21..24) != Some(&[64, 32, 32]) {
             return None;
         }
         let current = u32_at(24)? == u32_at(92)?;
@@ -73,16 +78,48 @@ impl Header {
         Header { page_bytes, usable: page_bytes, pages: None, free, pointer_maps, utf16: None, write_ahead }
     }
 
-    /// Pages that hold no content by their place, up to `last`: the one with the lock byte, and pointer maps.
-    pub(super) fn special_pages(&self, last: u32) -> Vec<u32> {
-        let lock = (1 << 30) / self.page_bytes + 1;
-        let mut pages = vec![];
-        if self.pointer_maps {
-            pages.extend((2..=last).step_by(self.usable as usize / 5 + 1));
-        }
-        pages.extend(Some(lock).filter(|&page| page <= last));
-        pages
+    /// The page with the byte that is locked, which holds no content.
+    pub(super) fn lock_page(&self) -> u32 {
+        (1 << 30) / self.page_bytes + 1
     }
+
+    /// The pages up to `last` that say who points where.
+    pub(super) fn pointer_maps(&self, last: u32) -> impl Iterator<Item = u32> + use<> {
+        let last = if self.pointer_maps { last } else { 0 };
+        (2..=last).step_by(self.usable as usize / 5 + 1)
+    }
+}
+
+/// The size of a page by the header; `None` if it cannot be.
+fn stated_page_bytes(head: &[u8]) -> Option<u32> {
+    let bytes = match u16::from_be_bytes(*head.get(16..)?.first_chunk()?) {
+        1 => 65_536,
+        bytes => u32::from(bytes),
+    };
+    (bytes.is_power_of_two() && bytes >= 512).then_some(bytes)
+}
+
+/// The size of a page by where pages of rows begin in the first megabytes of a database. Those of 4096 bytes begin where
+/// some of 512 bytes would, and half of them where those of 8192 would: it is the largest size that misses none.
+fn page_bytes_by_look(beginning: &[u8]) -> Option<u32> {
+    let sizes = (9..=16).map(|power| 1_usize << power);
+    let seen = sizes.map(|size| {
+        let pages = beginning.chunks_exact(size).enumerate();
+        let count = pages.filter(|(index, page)| is_filled(u32::try_from(index + 1).unwrap_or(0), page)).count();
+        (size, count)
+    });
+    let seen: Vec<(usize, usize)> = seen.collect();
+    let most = seen.iter().map(|(_, count)| *count).max().filter(|&most| most > 0)?;
+    let size = seen.into_iter().rev().find(|(_, count)| 10 * count >= 9 * most)?.0;
+    u32::try_from(size).ok()
+}
+
+/// Whether a page holds rows that all lie within it.
+fn is_filled(number: u32, page: &[u8]) -> bool {
+    let node = Node::parse(number, page, u32::try_from(page.len()).unwrap_or(0));
+    node.is_some_and(|node| {
+        node.kind == Kind::TableLeaf && node.len() > 0 && (0..node.len()).all(|cell| node.row(cell).is_some())
+    })
 }
 
 /// The pages of one database.
@@ -94,26 +131,63 @@ pub(super) struct Pages {
     size: u64,
     pub(super) header: Header,
     wal: Option<Wal>,
+    /// Pages behind those of the file that the write-ahead log holds, in order.
+    beyond: Vec<u32>,
     window: Vec<u8>,
     window_at: u64,
 }
 
 impl Pages {
-    /// The pages of a file of `size` bytes, whose header is read from the newest first page.
+    /// The pages of a file of `size` bytes, whose header is read from the newest first page. False if that is damaged.
     pub(super) fn open(file: File, name: String, size: u64, wal: Option<Wal>) -> Result<(Pages, bool), IngestError> {
         let page_bytes = wal.as_ref().map_or(USUAL_PAGE_BYTES, |wal| wal.page_bytes);
         let header = Header::assumed(page_bytes);
-        let mut pages = Pages { file, name, size, header, wal, window: vec![], window_at: 0 };
+        let mut pages = Pages { file, name, size, header, wal, beyond: vec![], window: vec![], window_at: 0 };
         let mut head = [0; HEADER_BYTES];
-        let found = if pages.start(1, &mut head)? { Header::parse(&head) } else { None };
+        let there = pages.start(1, &mut head)?;
+        let mut found = if there { Header::parse(&head) } else { None };
+        let sound = found.is_some();
+        if !sound {
+            let page_bytes = match pages.wal {
+                Some(_) => page_bytes,
+                None => stated_page_bytes(&head).or(pages.page_bytes_by_look()?).unwrap_or(page_bytes),
+            };
+            found = Header::of(&head, page_bytes).or(Some(Header::assumed(page_bytes)));
+        }
         pages.header = found.unwrap_or(header);
-        Ok((pages, found.is_some()))
+        let sound = pages.mend_usable()? && sound;
+        let last = pages.last_in_file();
+        pages.beyond = pages.wal.as_ref().map_or(vec![], |wal| wal.pages_behind(last));
+        Ok((pages, sound))
+    }
+
+    fn page_bytes_by_look(&self) -> Result<Option<u32>, IngestError> {
+        let mut beginning = vec![0; usize::try_from(self.size.min(LOOKED_AT)).unwrap_or(0)];
+        read_exactly(&self.file, &self.name, &mut beginning, 0)?;
+        Ok(page_bytes_by_look(&beginning))
+    }
+
+    /// Bytes of each page that are said to be kept free are not where rows reach to the end of a page. False if the header
+    /// was wrong.
+    fn mend_usable(&mut self) -> Result<bool, IngestError> {
+        let whole = self.header.page_bytes;
+        let mut page = vec![];
+        for number in 1..=LOOKED_THROUGH {
+            if self.header.usable == whole || !self.look(number, &mut page)? {
+                return Ok(true);
+            }
+            let reaches_end = |node: Node<'_>| node.end() == whole as usize;
+            if is_filled(number, &page) && Node::parse(number, &page, whole).is_some_and(reaches_end) {
+                self.header.usable = whole;
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Pages that the database has by its own account, or by its length where it does not say.
     pub(super) fn stated(&self) -> u32 {
-        let by_size = u32::try_from(self.size / u64::from(self.header.page_bytes)).unwrap_or(u32::MAX - 1);
-        self.wal.as_ref().map(|wal| wal.pages).or(self.header.pages).unwrap_or(by_size)
+        self.wal.as_ref().map(|wal| wal.pages).or(self.header.pages).unwrap_or(self.in_file())
     }
 
     /// Pages that are in the file whole.
@@ -121,9 +195,34 @@ impl Pages {
         u32::try_from(self.size / u64::from(self.header.page_bytes)).unwrap_or(u32::MAX - 1)
     }
 
-    /// The last page of which there is something.
-    pub(super) fn last(&self) -> u32 {
-        self.in_file().max(self.wal.as_ref().map_or(0, Wal::last_page))
+    /// The last page of the file that is part of the database: a transaction in a sound write-ahead log may have made it
+    /// shorter.
+    fn last_in_file(&self) -> u32 {
+        let sound = self.wal.as_ref().filter(|wal| wal.unfinished == 0);
+        self.in_file().min(sound.map_or(u32::MAX, |wal| wal.pages))
+    }
+
+    /// How many pages there are, in the file and in its write-ahead log.
+    pub(super) fn count(&self) -> usize {
+        self.last_in_file() as usize + self.beyond.len()
+    }
+
+    /// The place of a page among those that there are.
+    pub(super) fn index(&self, page: u32) -> Option<usize> {
+        let in_file = self.last_in_file();
+        match page.checked_sub(1)? {
+            index if index < in_file => Some(index as usize),
+            _ => self.beyond.binary_search(&page).ok().map(|at| in_file as usize + at),
+        }
+    }
+
+    /// The page at a place among those that there are.
+    pub(super) fn at(&self, index: usize) -> u32 {
+        let beyond = index.checked_sub(self.last_in_file() as usize);
+        match beyond {
+            Some(at) => self.beyond.get(at).copied().unwrap_or(0),
+            None => u32::try_from(index + 1).unwrap_or(0),
+        }
     }
 
     /// Where a page begins in the file of the database.
@@ -208,6 +307,7 @@ mod tests {
         let mut head = vec![0; HEADER_BYTES];
         head[..16].copy_from_slice(MAGIC);
         head[16..18].copy_from_slice(&4096_u16.to_be_bytes());
+        head[21..24].copy_from_slice(&[64, 32, 32]);
         head[28..32].copy_from_slice(&7_u32.to_be_bytes());
         for (at, bytes) in change {
             head[*at..at + bytes.len()].copy_from_slice(bytes);
@@ -222,7 +322,8 @@ mod tests {
 
     #[test]
     fn a_header_that_cannot_be_is_none() {
-        for change in [(16, &[0, 0][..]), (16, &[0, 3]), (16, &[1, 0]), (0, b"X"), (16, &[2, 0, 0, 0, 200])] {
+        for change in [(16, &[0, 0][..]), (16, &[0, 3]), (16, &[1, 0]), (0, b"X"), (16, &[2, 0, 0, 0, 200]), (21, &[0])]
+        {
             assert_eq!(Header::parse(&head(&[change])), None, "{change:?}");
         }
         assert_eq!(Header::parse(&head(&[])[..99]), None);

@@ -3,7 +3,7 @@
 use super::pages::HEADER_BYTES;
 
 /// Columns of a row that are looked at.
-const MOST_COLUMNS: usize = 16;
+const MOST_COLUMNS: usize = 24;
 /// Bytes that the smallest cell takes.
 const LEAST_CELL: usize = 4;
 
@@ -70,19 +70,21 @@ impl<'p> Node<'p> {
         self.cells
     }
 
-    fn at(&self, cell: usize) -> Option<usize> {
+    /// Where a cell begins.
+    pub(super) fn at(&self, cell: usize) -> Option<usize> {
         let at = usize::from(u16_at(self.bytes, self.pointers + 2 * cell)?);
         (at >= self.pointers + 2 * self.cells && at < self.usable).then_some(at)
     }
 
-    /// The pages below an interior page, in order; `None` for a pointer that cannot be.
-    pub(super) fn children(&self) -> impl Iterator<Item = Option<u32>> + use<'p> {
+    /// The pages below an interior page, in order, each with the greatest number of a row below it (of a table; the last
+    /// has none); `None` for a pointer that cannot be.
+    pub(super) fn children(&self) -> impl Iterator<Item = Option<(u32, Option<i64>)>> + use<'p> {
         let node = *self;
         let left = (0..node.cells).map(move |cell| {
-            let at = node.at(cell)?;
-            node.bytes.get(at..)?.first_chunk().map(|b| u32::from_be_bytes(*b))
+            let (page, mut rest) = node.bytes.get(node.at(cell)?..)?.split_first_chunk()?;
+            Some((u32::from_be_bytes(*page), varint(&mut rest).map(|key| key as i64)))
         });
-        left.chain(std::iter::once(Some(node.right)))
+        left.chain(std::iter::once(Some((node.right, None))))
     }
 
     /// A row; `None` if it cannot be one.
@@ -95,6 +97,12 @@ impl<'p> Node<'p> {
         let head = room - rest.len();
         let cell = self.cell(rowid, length, rest, self.usable - 35)?;
         Some(Cell { extent: (head + cell.extent).max(LEAST_CELL), ..cell })
+    }
+
+    /// Where the last cell of the page ends.
+    pub(super) fn end(&self) -> usize {
+        let end = |cell| Some(self.at(cell)? + self.row(cell)?.extent);
+        (0..self.cells).filter_map(end).max().unwrap_or(0)
     }
 
     /// Bytes of the page's content that are neither in `cells` bytes of cells nor said to be free: where a cell lies
@@ -208,6 +216,13 @@ impl Row {
     pub(super) fn place(&self, column: usize) -> Option<std::ops::Range<u64>> {
         let (kind, at) = *self.columns.get(..self.count)?.get(column)?;
         (kind >= 12).then(|| at..at + size(kind).unwrap_or_default())
+    }
+
+    pub(super) fn is_text(&self, column: usize) -> bool {
+        self.columns
+            .get(..self.count)
+            .and_then(|columns| columns.get(column))
+            .is_some_and(|(kind, _)| *kind >= 13 && kind % 2 == 1)
     }
 
     /// The value, from as much of the row as there is. `None` if there is no such column, or too little.

@@ -3,7 +3,7 @@
 
 use crate::error::IngestError;
 use crate::format::file::read_exactly;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -37,7 +37,7 @@ pub(super) enum Beside {
 }
 
 /// The path of the log that belongs to a database.
-pub(super) fn path_of(database: &Path) -> PathBuf {
+pub(crate) fn path_of(database: &Path) -> PathBuf {
     let mut path = database.as_os_str().to_owned();
     path.push("-wal");
     path.into()
@@ -89,48 +89,89 @@ impl Wal {
         let magic = u32_at(&head, 0);
         let mut sum = Sum { big_endian: magic & 1 == 1, value: (0, 0) };
         sum.add(head.get(..24).unwrap_or_default());
-        if magic & !1 != MAGIC || sum.value != (u32_at(&head, 24), u32_at(&head, 28)) {
-            return Ok(Beside::Useless(size, "its header is damaged".to_owned()));
-        }
+        let stated = (u32_at(&head, 24), u32_at(&head, 28));
+        let is_sound = magic & !1 == MAGIC && sum.value == stated;
         let own = u32_at(&head, 8);
-        if page_bytes.unwrap_or(own) != own || !own.is_power_of_two() || !(512..=65_536).contains(&own) {
+        let is_size = own.is_power_of_two() && (512..=65_536).contains(&own);
+        if is_sound && (page_bytes.unwrap_or(own) != own || !is_size) {
             return Ok(Beside::Useless(size, "its pages are not as large as those of the database".to_owned()));
         }
-        let mut wal = Wal { file, name, size, page_bytes: own, pages: 0, places: HashMap::new(), unfinished: 0 };
-        wal.walk(&head, sum)?;
+        let page_bytes = if is_sound { own } else { page_bytes.or(is_size.then_some(own)).unwrap_or(4096) };
+        let mut wal = Wal { file, name, size, page_bytes, pages: 0, places: HashMap::new(), unfinished: 0 };
+        if is_sound {
+            wal.walk(head.get(16..24).unwrap_or_default(), sum)?;
+        } else {
+            // What it says of its frames is proven by them: each is summed up on top of the one before.
+            let salt = wal.salt_of_first()?;
+            for big_endian in [false, true] {
+                wal.walk(&salt, Sum { big_endian, value: stated })?;
+                if !wal.places.is_empty() {
+                    break;
+                }
+            }
+            wal.unfinished += 1;
+        }
         Ok(match wal.places.len() {
+            0 if !is_sound => Beside::Useless(size, "its header is damaged".to_owned()),
             0 if wal.unfinished > 0 => Beside::Useless(size, "no transaction in it is whole".to_owned()),
             _ => Beside::Wal(wal),
         })
     }
 
-    fn walk(&mut self, head: &[u8], mut sum: Sum) -> Result<(), IngestError> {
-        let salt = head.get(16..24).unwrap_or_default();
-        let frame_bytes = FRAME_HEAD_BYTES as u64 + u64::from(self.page_bytes);
+    fn frame_bytes(&self) -> u64 {
+        FRAME_HEAD_BYTES as u64 + u64::from(self.page_bytes)
+    }
+
+    /// The salt of the first frame.
+    fn salt_of_first(&self) -> Result<[u8; 8], IngestError> {
+        let mut salt = [0; 8];
+        if self.size >= HEADER_BYTES as u64 + self.frame_bytes() {
+            read_exactly(&self.file, &self.name, &mut salt, HEADER_BYTES as u64 + 8)?;
+        }
+        Ok(salt)
+    }
+
+    /// Takes the frames of this log. Each is summed up on top of the sum that the one before states, which proves both.
+    ///
+    /// A log is written again from its start: behind the last frame of a round stand those of an earlier one, with another
+    /// salt. Behind a frame that is damaged those with the salt of this round are taken again as soon as one proves the next.
+    fn walk(&mut self, salt: &[u8], start: Sum) -> Result<(), IngestError> {
+        let frame_bytes = self.frame_bytes();
         let mut frame = vec![0; frame_bytes as usize];
         let mut open: Vec<(u32, u64)> = vec![];
-        let mut at = HEADER_BYTES as u64;
+        let (mut at, mut before, mut in_sequence) = (HEADER_BYTES as u64, start.value, true);
+        // Frames that were not taken, and how many of them are known to be of this round.
+        let (mut passed, mut lost) = (0, 0);
+        let mut seen = HashSet::new();
+        self.unfinished = 0;
         while at + frame_bytes <= self.size {
             read_exactly(&self.file, &self.name, &mut frame, at)?;
-            // A log is written again from its start: frames with another salt are of an earlier round.
-            if frame.get(8..16) != Some(salt) {
-                break;
-            }
+            let mut sum = Sum { value: before, ..start };
             sum.add(frame.get(..8).unwrap_or_default());
             sum.add(frame.get(FRAME_HEAD_BYTES..).unwrap_or_default());
             let (page, commit) = (u32_at(&frame, 0), u32_at(&frame, 4));
-            if sum.value != (u32_at(&frame, 16), u32_at(&frame, 20)) || page == 0 {
-                self.unfinished += (self.size - at) / frame_bytes;
-                break;
+            before = (u32_at(&frame, 16), u32_at(&frame, 20));
+            let is_of_round = frame.get(8..16) == Some(salt);
+            // One that stands there twice is no newer the second time.
+            let is_new = seen.insert(before);
+            in_sequence = sum.value == before && page != 0 && (in_sequence || is_of_round) && is_new;
+            passed += 1;
+            if in_sequence || is_of_round {
+                lost += passed - u64::from(in_sequence);
+                passed = 0;
             }
-            open.push((page, at + FRAME_HEAD_BYTES as u64));
-            if commit > 0 {
+            if in_sequence {
+                open.push((page, at + FRAME_HEAD_BYTES as u64));
+            }
+            if in_sequence && commit > 0 {
                 self.places.extend(open.drain(..));
                 self.pages = commit;
             }
             at += frame_bytes;
         }
-        self.unfinished += open.len() as u64;
+        // A frame that the file ends inside of.
+        let cut = u64::from(at < self.size);
+        self.unfinished = lost + open.len() as u64 + cut;
         Ok(())
     }
 
@@ -139,8 +180,11 @@ impl Wal {
         if page > self.pages { None } else { self.places.get(&page).copied() }
     }
 
-    /// The last page of which the log holds something.
-    pub(super) fn last_page(&self) -> u32 {
-        self.places.keys().copied().filter(|&page| page <= self.pages).max().unwrap_or(0)
+    /// The pages behind `last` that the log holds, in order.
+    pub(super) fn pages_behind(&self, last: u32) -> Vec<u32> {
+        let mut pages: Vec<u32> =
+            self.places.keys().copied().filter(|page| (last + 1..=self.pages).contains(page)).collect();
+        pages.sort_unstable();
+        pages
     }
 }

@@ -2,9 +2,11 @@
 //! those of pages that nothing leads to any more.
 //!
 //! A table is a tree; its leaves are listed first, from the pages above them, and then read in
-//! order. Where a page above is damaged, the leaves below it are found by their look. In the end
-//! every page belongs to something or is damaged.
+//! order. The numbers of the rows prove that a page stands where it belongs: one that does not, and
+//! the leaves below a page that is damaged, are found by their look. In the end every page belongs
+//! to something or is damaged.
 
+use super::claims::Claims;
 use super::pages::Pages;
 use super::tree::{Cell, Kind, Node};
 use crate::bytes::is_zero;
@@ -13,6 +15,7 @@ use crate::error::IngestError;
 use crate::format::MOST_ZEROS;
 use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
+use std::collections::{BTreeMap, HashSet};
 
 /// SQLite's own trees are never deeper.
 const DEEPEST: usize = 20;
@@ -20,33 +23,48 @@ const DEEPEST: usize = 20;
 const MOST_BETWEEN: u32 = 4;
 const MOST_AHEAD: usize = 64;
 
-/// Pages that belong to something.
-#[derive(Debug)]
-struct Claims {
-    bits: Vec<u64>,
-    last: u32,
-    count: u64,
+const UNLISTED: &str = "a page of rows holds more than it lists";
+
+/// A page that should hold rows, and the numbers that they can have there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leaf {
+    page: u32,
+    from: i64,
+    up_to: i64,
+    /// Nothing led to it: rows that other pages hold are copies.
+    found: bool,
 }
 
-impl Claims {
-    fn new(last: u32) -> Claims {
-        Claims { bits: vec![0; last as usize / 64 + 1], last, count: 0 }
+impl Leaf {
+    fn root(page: u32) -> Leaf {
+        Leaf { page, from: i64::MIN, up_to: i64::MAX, found: false }
     }
 
-    fn has(&self, page: u32) -> bool {
-        self.bits.get(page as usize / 64).is_some_and(|word| word >> (page % 64) & 1 == 1)
+    fn found(page: u32) -> Leaf {
+        Leaf { found: true, ..Leaf::root(page) }
     }
 
-    /// False if there is no such page, or if it belongs to something already.
-    fn claim(&mut self, page: u32) -> bool {
-        if page == 0 || page > self.last || self.has(page) {
-            return false;
+    fn may_hold(&self, rowid: i64) -> bool {
+        (self.from..=self.up_to).contains(&rowid)
+    }
+
+    /// First and last number of the rows, for a page on which most of them can stand.
+    fn span(&self, node: &Node<'_>) -> Option<(i64, i64)> {
+        let number = |index| node.row(index).map(|cell| cell.rowid);
+        let here = |index| number(index).filter(|&rowid| self.may_hold(rowid));
+        // Between two ends that are in their place the order is looked at when the rows are read.
+        if let Some(ends) = here(0).zip(node.len().checked_sub(1).and_then(here)).filter(|(a, b)| a <= b) {
+            return Some(ends);
         }
-        if let Some(word) = self.bits.get_mut(page as usize / 64) {
-            *word |= 1 << (page % 64);
-            self.count += 1;
+        let (mut all, mut span, mut fit) = (0, None, 0);
+        for rowid in (0..node.len()).filter_map(number) {
+            all += 1;
+            if self.may_hold(rowid) {
+                fit += 1;
+                span = span.map_or(Some((rowid, rowid)), |(a, b): (i64, i64)| Some((a.min(rowid), b.max(rowid))));
+            }
         }
-        true
+        span.filter(|_| 2 * fit > all)
     }
 }
 
@@ -83,6 +101,9 @@ pub(super) struct Walk<'w, 'c> {
     put_off: Vec<(u32, u64)>,
     pages_put_off: u64,
     index_leaves: Vec<u32>,
+    /// Numbers of the rows that pages hold to which something leads: first and last of each. Known once something is
+    /// amiss.
+    spans: BTreeMap<i64, i64>,
     /// Something leads nowhere: what is left is to be searched.
     pub(super) astray: bool,
     /// What became of rows and pages.
@@ -96,28 +117,36 @@ pub(super) struct Walk<'w, 'c> {
 /// What could not be read, and what was found without being led to it.
 #[derive(Debug, Default)]
 pub(super) struct Lost {
-    /// Pages that the database should have beyond the end of the file.
+    /// Pages that the database should have and that are nowhere.
     pub(super) missing_pages: u64,
+    /// Places of trees that lead to pages that are nowhere.
+    pub(super) dead_ends: u64,
     /// Rows on pages that can be read.
     pub(super) bad_rows: u64,
+    /// Pages whose rows do not belong where they stand.
+    pub(super) misplaced_pages: u64,
+    /// Rows that were read, whose numbers do not follow each other.
+    pub(super) misnumbered: u64,
+    /// Rows on pages that nothing leads to which are copies of rows that were read.
+    pub(super) copies: u64,
     /// Pages of rows to which nothing led.
     pub(super) found_pages: u64,
-    /// Pages that belong to nothing.
-    pub(super) stray_pages: u64,
+    /// The list of unused pages is not what it says.
+    pub(super) spare_pages: bool,
 }
 
 impl<'w, 'c> Walk<'w, 'c> {
     pub(super) fn new(pages: Pages, ledger: &'w mut Ledger, context: &'w ReadContext<'c>) -> Self {
-        let last = pages.last();
-        let missing_pages = u64::from(pages.stated().saturating_sub(last));
+        let missing_pages = u64::from(pages.stated()).saturating_sub(pages.count() as u64);
         let mut walk = Walk {
+            claims: Claims::new(pages.count()),
             pages,
             ledger,
             context,
-            claims: Claims::new(last),
             put_off: vec![],
             pages_put_off: 0,
             index_leaves: vec![],
+            spans: BTreeMap::new(),
             astray: missing_pages > 0,
             lost: Lost { missing_pages, ..Lost::default() },
             page: vec![],
@@ -125,8 +154,9 @@ impl<'w, 'c> Walk<'w, 'c> {
             row: vec![],
             told: 0,
         };
-        for page in walk.pages.header.special_pages(last) {
-            walk.claims.claim(page);
+        walk.claim(walk.pages.header.lock_page());
+        for page in walk.pages.header.pointer_maps(walk.pages.stated()) {
+            walk.spare(page);
         }
         walk
     }
@@ -135,47 +165,86 @@ impl<'w, 'c> Walk<'w, 'c> {
         self.pages.header.usable
     }
 
-    /// The unused pages; what stands on them is of no interest.
+    /// False if there is no such page, or if it belongs to something already.
+    fn claim(&mut self, page: u32) -> bool {
+        self.pages.index(page).is_some_and(|index| self.claims.claim(index))
+    }
+
+    fn spare(&mut self, page: u32) -> bool {
+        self.pages.index(page).is_some_and(|index| self.claims.spare(index))
+    }
+
+    /// Gives pages back that do not belong to what they were claimed for.
+    fn give_back(&mut self, pages: &[u32], reason: &str) {
+        for &page in pages {
+            if !self.pages.index(page).is_some_and(|index| self.claims.give_back(index)) {
+                self.damaged(page, reason);
+            }
+        }
+    }
+
+    /// The numbers of rows begin anew with every table.
+    pub(super) fn forget_numbers(&mut self) {
+        self.spans.clear();
+    }
+
+    /// Pages that were said to be unused, or to say who points where, and are in use.
+    pub(super) fn contested(&self) -> u64 {
+        self.claims.contested()
+    }
+
+    /// The unused pages; what stands on them is of no interest, unless something leads to it.
     pub(super) fn unused(&mut self) -> Result<(), IngestError> {
         let (mut trunk, stated) = self.pages.header.free;
-        let before = self.claims.count;
-        while trunk != 0 {
-            if !self.claims.claim(trunk) || !self.pages.look(trunk, &mut self.page)? {
-                self.astray = true;
-                break;
+        let most = self.usable() as usize / 4 - 2;
+        let (mut sound, mut listed) = (true, 0_u64);
+        while trunk != 0 && sound {
+            sound = self.spare(trunk) && self.pages.look(trunk, &mut self.page)?;
+            let mut words = self.page.as_chunks::<4>().0.iter().map(|b| u32::from_be_bytes(*b));
+            let next = words.next().unwrap_or(0);
+            let count = words.next().map_or(0, |count| count as usize);
+            sound &= count <= most;
+            if sound {
+                let leaves: Vec<u32> = words.take(count).collect();
+                listed += 1 + leaves.len() as u64;
+                for leaf in leaves {
+                    sound &= self.spare(leaf);
+                }
             }
-            let words = self.page.as_chunks::<4>().0.iter().map(|b| u32::from_be_bytes(*b));
-            let count = words.clone().nth(1).unwrap_or(0) as usize;
-            for leaf in words.clone().skip(2).take(count) {
-                self.astray |= !self.claims.claim(leaf);
-            }
-            trunk = words.clone().next().unwrap_or(0);
+            trunk = next;
         }
-        self.astray |= self.claims.count - before != u64::from(stated);
+        self.lost.spare_pages = !sound || listed != u64::from(stated);
+        self.astray |= self.lost.spare_pages;
         Ok(())
     }
 
     /// The leaves of a tree in order. All its pages are claimed.
-    pub(super) fn leaves(&mut self, root: u32, table: bool) -> Result<Vec<u32>, IngestError> {
+    pub(super) fn leaves(&mut self, root: u32, table: bool) -> Result<Vec<Leaf>, IngestError> {
         let depth = self.depth(root, table)?;
         let mut leaves = vec![];
-        let mut open = vec![(root, 0)];
-        while let Some((page, at)) = open.pop() {
-            if !self.claims.claim(page) {
+        let mut open = vec![(Leaf::root(root), 0)];
+        while let Some((at, above)) = open.pop() {
+            if !self.claim(at.page) {
                 self.astray = true;
-            } else if at == depth {
-                leaves.push(page);
+                self.lost.dead_ends += u64::from(self.pages.index(at.page).is_none());
+            } else if above == depth {
+                leaves.push(at);
             } else {
-                let children = self.children(page, table)?;
-                if children.iter().all(|child| *child > self.pages.last()) {
-                    self.astray = true;
-                    self.damaged(page, "a page of a table's tree cannot be read");
+                match self.below(at, table)? {
+                    // The first way down was a wrong one.
+                    Below::Leaf => leaves.push(at),
+                    Below::Pages(children) if children.iter().any(|child| self.pages.index(child.page).is_some()) => {
+                        open.extend(children.into_iter().rev().map(|child| (child, above + 1)));
+                    }
+                    Below::Pages(_) | Below::Unreadable => {
+                        self.astray = true;
+                        self.damaged(at.page, "a page of a table's tree cannot be read");
+                    }
                 }
-                open.extend(children.into_iter().rev().map(|child| (child, at + 1)));
             }
         }
         if !table {
-            self.index_leaves.extend(&leaves);
+            self.index_leaves.extend(leaves.iter().map(|leaf| leaf.page));
         }
         Ok(leaves)
     }
@@ -184,20 +253,23 @@ impl<'w, 'c> Walk<'w, 'c> {
     fn depth(&mut self, root: u32, table: bool) -> Result<usize, IngestError> {
         let mut page = root;
         for depth in 0..DEEPEST {
-            let mut below = None;
-            let children = self.children(page, table)?;
-            for &child in &children {
-                if self.pages.look(child, &mut self.page)? && Node::parse(child, &self.page, self.usable()).is_some() {
-                    below = Some(child);
-                    break;
-                }
-            }
-            match below {
+            let Below::Pages(children) = self.below(Leaf::root(page), table)? else { return Ok(depth) };
+            match self.first_node(&children)? {
                 Some(child) => page = child,
                 None => return Ok(depth + usize::from(!children.is_empty())),
             }
         }
         Ok(DEEPEST)
+    }
+
+    fn first_node(&mut self, children: &[Leaf]) -> Result<Option<u32>, IngestError> {
+        for child in children {
+            let there = self.pages.look(child.page, &mut self.page)?;
+            if there && Node::parse(child.page, &self.page, self.usable()).is_some() {
+                return Ok(Some(child.page));
+            }
+        }
+        Ok(None)
     }
 
     /// Whether a tree is that of an index: tables without row numbers are stored as one.
@@ -207,71 +279,202 @@ impl<'w, 'c> Walk<'w, 'c> {
         Ok(node.is_some_and(|node| matches!(node.kind, Kind::IndexLeaf | Kind::IndexInterior)))
     }
 
-    /// The pages below an interior page; none if it is a leaf, or damaged.
-    fn children(&mut self, page: u32, table: bool) -> Result<Vec<u32>, IngestError> {
-        let there = self.pages.look(page, &mut self.page)?;
-        let kind = if table { Kind::TableInterior } else { Kind::IndexInterior };
-        let node = Node::parse(page, &self.page, self.usable()).filter(|node| there && node.kind == kind);
-        let Some(node) = node else { return Ok(vec![]) };
-        let children: Vec<u32> = node.children().flatten().collect();
-        self.astray |= children.len() <= node.len();
-        Ok(children)
+    /// Whether most rows of a tree's first leaf `look` so. `None` if it has none.
+    pub(super) fn is_like(&mut self, root: u32, look: &dyn Fn(&Cell<'_>) -> bool) -> Result<Option<bool>, IngestError> {
+        let mut page = root;
+        for _ in 0..DEEPEST {
+            if let Below::Pages(children) = self.below(Leaf::root(page), true)? {
+                let Some(child) = self.first_node(&children)? else { return Ok(None) };
+                page = child;
+                continue;
+            }
+            let there = self.pages.look(page, &mut self.page)?;
+            let node =
+                Node::parse(page, &self.page, self.usable()).filter(|node| there && node.kind == Kind::TableLeaf);
+            return Ok(node.filter(|node| node.len() > 0).map(|node| most_are(&node, look)));
+        }
+        Ok(None)
+    }
+
+    /// What is below a page of a tree.
+    fn below(&mut self, at: Leaf, table: bool) -> Result<Below, IngestError> {
+        let there = self.pages.look(at.page, &mut self.page)?;
+        let node = Node::parse(at.page, &self.page, self.usable()).filter(|_| there);
+        Ok(match node {
+            Some(node) if node.kind == if table { Kind::TableInterior } else { Kind::IndexInterior } => {
+                let children: Vec<Leaf> = children(&node, at, table);
+                self.astray |= children.len() <= node.len();
+                Below::Pages(children)
+            }
+            Some(node) if node.kind == if table { Kind::TableLeaf } else { Kind::IndexLeaf } => Below::Leaf,
+            _ => Below::Unreadable,
+        })
     }
 
     /// Shows the rows of leaves, one after the other.
-    pub(super) fn read(&mut self, leaves: &[u32], sink: &mut dyn Sink) -> Result<(), IngestError> {
-        for (index, &leaf) in leaves.iter().enumerate() {
-            // Neighbours are read in one go; what lies between far ones is not wanted.
-            let near = |pair: &&[u32]| matches!(pair, [a, b] if *b > *a && *b - *a <= MOST_BETWEEN);
-            let rest = leaves.get(index..).unwrap_or_default();
-            let run = rest.windows(2).take(MOST_AHEAD).take_while(near).count();
-            self.pages.ahead(leaf, rest.get(run).copied().unwrap_or(leaf))?;
-            self.rows(leaf, sink)?;
-        }
-        Ok(())
+    pub(super) fn read(&mut self, leaves: &[Leaf], sink: &mut dyn Sink) -> Result<(), IngestError> {
+        (0..leaves.len()).try_for_each(|index| self.rows(leaves, index, sink))
     }
 
-    /// Shows the rows of a leaf.
-    fn rows(&mut self, page: u32, sink: &mut dyn Sink) -> Result<(), IngestError> {
-        let mut bytes = std::mem::take(&mut self.page);
-        let there = self.pages.look(page, &mut bytes)?;
-        let node = Node::parse(page, &bytes, self.usable()).filter(|node| there && node.kind == Kind::TableLeaf);
-        match node {
-            Some(node) => self.rows_of(page, &node, sink)?,
-            None => self.damaged(page, "a page that should hold rows cannot be read"),
+    /// Shows the rows of a table: those to which something leads, and, once something is amiss, among them those of pages
+    /// that hold rows of this `look`.
+    pub(super) fn read_table(
+        &mut self,
+        listed: &[Leaf],
+        look: &dyn Fn(&Cell<'_>) -> bool,
+        sink: &mut dyn Sink,
+    ) -> Result<(), IngestError> {
+        let mut read = 0;
+        while read < listed.len() && !self.astray {
+            self.rows(listed, read, sink)?;
+            read += 1;
         }
-        self.page = bytes;
-        self.progress(self.claims.count + self.pages_put_off)
+        if !self.astray {
+            return Ok(());
+        }
+        let mut rest = self.spans_of(listed, read)?;
+        rest.extend(self.found(look)?);
+        rest.sort_by_key(|(rowid, _)| *rowid);
+        let rest: Vec<Leaf> = rest.into_iter().map(|(_, leaf)| leaf).collect();
+        self.read(&rest, sink)
     }
 
-    fn rows_of(&mut self, page: u32, node: &Node<'_>, sink: &mut dyn Sink) -> Result<(), IngestError> {
+    /// Shows the rows of the leaf at `index`.
+    fn rows(&mut self, leaves: &[Leaf], index: usize, sink: &mut dyn Sink) -> Result<(), IngestError> {
+        let rest = leaves.get(index..).unwrap_or_default();
+        let Some(&leaf) = rest.first() else { return Ok(()) };
+        // Neighbours are read in one go; what lies between far ones is not wanted.
+        let near = |pair: &&[Leaf]| matches!(pair, [a, b] if b.page > a.page && b.page - a.page <= MOST_BETWEEN);
+        let run = rest.windows(2).take(MOST_AHEAD).take_while(near).count();
+        self.pages.ahead(leaf.page, rest.get(run).copied().unwrap_or(leaf).page)?;
+        let mut deeper = vec![];
+        let mut next = Some(leaf);
+        while let Some(leaf) = next {
+            let mut bytes = std::mem::take(&mut self.page);
+            let there = self.pages.look(leaf.page, &mut bytes)?;
+            match Node::parse(leaf.page, &bytes, self.usable()).filter(|_| there) {
+                Some(node) if node.kind == Kind::TableLeaf => self.rows_of(leaf, &node, sink)?,
+                // The tree is deeper here than on its first way.
+                Some(node) if node.kind == Kind::TableInterior && !leaf.found => {
+                    self.astray = true;
+                    let mut below = children(&node, leaf, true);
+                    below.retain(|child| self.claim(child.page));
+                    if below.is_empty() {
+                        self.misplaced(leaf.page);
+                    }
+                    deeper.extend(below.into_iter().rev());
+                }
+                _ => {
+                    self.astray = true;
+                    self.damaged(leaf.page, "a page that should hold rows cannot be read");
+                }
+            }
+            self.page = bytes;
+            next = deeper.pop();
+        }
+        self.progress(self.claims.count() + self.pages_put_off)
+    }
+
+    fn rows_of(&mut self, leaf: Leaf, node: &Node<'_>, sink: &mut dyn Sink) -> Result<(), IngestError> {
+        let Some((first, last)) = leaf.span(node) else {
+            if node.len() > 0 {
+                self.misplaced(leaf.page);
+            } else if node.unlisted(0) > 0 {
+                self.astray = true;
+                self.damaged(leaf.page, UNLISTED);
+            }
+            return Ok(());
+        };
         // Rows that lie over each other would be a way to make much of little.
         let mut room = self.usable() as usize;
         let mut bad = Tally::default();
-        let mut listed = 0;
+        let (mut listed, mut copies) = (0, 0);
+        let mut order = Order::default();
         for index in 0..node.len() {
             let Some(cell) = node.row(index).filter(|cell| cell.local.len() <= room) else {
                 bad.add(|| "it does not fit on its page".to_owned());
                 continue;
             };
+            let belongs = leaf.may_hold(cell.rowid);
+            let follows = belongs && order.follows(node, index, cell.rowid);
+            if !follows && order.is_twice(node, index) {
+                bad.add(|| "it is listed twice".to_owned());
+                continue;
+            }
             listed += cell.extent;
+            if leaf.found && self.is_held(cell.rowid) {
+                copies += 1;
+                continue;
+            }
             match self.take(&cell, sink)? {
-                Ok(()) => room -= cell.local.len(),
+                Ok(()) => {
+                    room -= cell.local.len();
+                    self.lost.misnumbered += u64::from(!follows);
+                }
                 Err(why) => bad.add(|| why),
             }
         }
+        if leaf.found {
+            self.spans.insert(first, last);
+        }
+        let good = (self.usable() as usize - room) as u64;
+        self.lost.bad_rows += bad.count;
+        self.lost.copies += copies;
+        self.astray |= bad.count > 0;
         if bad.count > 0 {
-            self.lost.bad_rows += bad.count;
-            self.astray = true;
-            let good = self.usable() as usize - room;
             let reason =
                 format!("{} of {} rows on a page cannot be read; the first: {}", bad.count, node.len(), bad.first);
-            self.damaged_but(page, good as u64, &reason);
+            self.damaged_but(leaf.page, good, &reason);
+        } else if copies > 0 {
+            self.damaged_but(leaf.page, good, "a page of rows that other pages hold as well");
         } else if node.unlisted(listed) > 0 {
-            let good = self.usable() as usize - room;
-            self.damaged_but(page, good as u64, "a page of rows holds more than it lists");
+            self.astray = true;
+            self.damaged_but(leaf.page, good, UNLISTED);
         }
         Ok(())
+    }
+
+    /// A page whose rows cannot stand where it does. What belongs there is missing; the page may be found again.
+    fn misplaced(&mut self, page: u32) {
+        self.astray = true;
+        self.lost.misplaced_pages += 1;
+        self.give_back(&[page], "a page of rows that belong elsewhere");
+    }
+
+    /// A table that is not where the first page says.
+    pub(super) fn is_elsewhere(&mut self) {
+        self.astray = true;
+        self.lost.misplaced_pages += 1;
+    }
+
+    /// Whether a page to which something leads holds this row.
+    fn is_held(&self, rowid: i64) -> bool {
+        self.spans.range(..=rowid).next_back().is_some_and(|(_, &last)| rowid <= last)
+    }
+
+    /// Notes what numbers the rows of all leaves have. Gives back the leaves from the `read`th on, with the number of their
+    /// first row, but for those that are not in their place.
+    fn spans_of(&mut self, leaves: &[Leaf], read: usize) -> Result<Vec<(i64, Leaf)>, IngestError> {
+        let mut rest = vec![];
+        let mut before = i64::MIN;
+        for (index, &leaf) in leaves.iter().enumerate() {
+            let there = self.pages.look(leaf.page, &mut self.page)?;
+            let node =
+                Node::parse(leaf.page, &self.page, self.usable()).filter(|node| there && node.kind == Kind::TableLeaf);
+            let span = node.as_ref().and_then(|node| leaf.span(node));
+            if let Some((first, last)) = span {
+                self.spans.insert(first, last);
+                before = first;
+            } else if index >= read && node.is_some_and(|node| node.len() > 0) {
+                self.misplaced(leaf.page);
+                continue;
+            }
+            if index >= read {
+                // One that cannot be read keeps its place behind the one before.
+                rest.push((before, leaf));
+            }
+        }
+        Ok(rest)
     }
 
     /// Takes one row and accounts for its bytes.
@@ -313,16 +516,20 @@ impl<'w, 'c> Walk<'w, 'c> {
         while (self.row.len() as u64) < cell.length {
             let left = (cell.length - self.row.len() as u64).div_ceil(room as u64);
             self.pages.ahead(page, page.saturating_add(u32::try_from(left).unwrap_or(u32::MAX) - 1))?;
-            if !self.claims.claim(page) || !self.pages.look(page, &mut self.link)? {
+            if !self.claim(page) {
                 return Ok(Err(self.broken(&walked)));
             }
             walked.push(page);
+            if !self.pages.look(page, &mut self.link)? {
+                return Ok(Err(self.broken(&walked)));
+            }
             let (next, content) = self.link.split_first_chunk::<4>().unwrap_or((&[0; 4], &[]));
             let here = room.min((cell.length - self.row.len() as u64) as usize);
             self.row.extend_from_slice(content.get(..here).unwrap_or_default());
             page = u32::from_be_bytes(*next);
         }
-        Ok(Ok(()))
+        // The last page of a row leads nowhere; one that leads on is of a longer row.
+        Ok(if page == 0 || walked.is_empty() { Ok(()) } else { Err(self.broken(&walked)) })
     }
 
     /// A row that is not wanted. The rest of it on other pages is walked only where something is astray.
@@ -332,7 +539,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             self.ledger.count(Fate::Skipped, local);
             return Ok(Ok(()));
         }
-        self.astray |= self.claims.count + self.pages_put_off + pages > self.pages.last().into();
+        self.astray |= self.claims.count() + self.pages_put_off + pages > self.pages.count() as u64;
         if !self.astray {
             self.ledger.count(Fate::Skipped, local);
             self.put_off.push((cell.overflow, cell.length - local));
@@ -352,18 +559,18 @@ impl<'w, 'c> Walk<'w, 'c> {
         let count = bytes.div_ceil(u64::from(self.usable()) - 4);
         let (mut page, mut walked) = (first, vec![]);
         while (walked.len() as u64) < count {
-            let next = if self.claims.claim(page) { self.pages.link(page)? } else { None };
+            let next = if self.claim(page) { self.pages.link(page)? } else { None };
             let Some(next) = next else { return Ok((walked, false)) };
             walked.push(page);
             page = next;
         }
-        Ok((walked, true))
+        let whole = page == 0 || walked.is_empty();
+        Ok((walked, whole))
     }
 
+    /// A row whose rest cannot be what its pages hold: they may be another's.
     fn broken(&mut self, walked: &[u32]) -> String {
-        for &page in walked {
-            self.damaged(page, "a part of a row whose other parts are not there");
-        }
+        self.give_back(walked, "a part of a row whose other parts are not there");
         "its rest on other pages is not there".to_owned()
     }
 
@@ -380,19 +587,20 @@ impl<'w, 'c> Walk<'w, 'c> {
     }
 
     /// Neighbours at once, where the write-ahead log does not hold them: there may be millions.
-    fn damaged_run(&mut self, first: u32, count: u32) {
+    fn damaged_run(&mut self, pages: std::ops::Range<usize>) {
         let reason = "pages that belong to nothing that can be reached";
-        let mut page = first;
-        while page < first + count {
-            let run = (page..first + count).take_while(|&p| !self.pages.is_in_wal(p)).count() as u32;
+        let mut index = pages.start;
+        while index < pages.end {
+            let page = self.pages.at(index);
+            let run = (index..pages.end).take_while(|&i| !self.pages.is_in_wal(self.pages.at(i))).count();
             if run == 0 {
                 self.damaged(page, reason);
             } else {
-                let bytes = u64::from(run) * u64::from(self.pages.header.page_bytes);
+                let bytes = run as u64 * u64::from(self.pages.header.page_bytes);
                 let (file, at) = self.pages.place(page);
                 self.ledger.damaged(file, at, bytes, reason);
             }
-            page += run.max(1);
+            index += run.max(1);
         }
     }
 
@@ -413,47 +621,30 @@ impl<'w, 'c> Walk<'w, 'c> {
 
     /// Pages to which nothing leads that `look` as if they held rows of a table, by the number of their
     /// first row. They are claimed.
-    pub(super) fn found(&mut self, look: impl Fn(&Cell<'_>) -> bool) -> Result<Vec<(i64, u32)>, IngestError> {
+    pub(super) fn found(&mut self, look: &dyn Fn(&Cell<'_>) -> bool) -> Result<Vec<(i64, Leaf)>, IngestError> {
         let mut found = vec![];
         self.unclaimed(|walk, page| {
             let node = Node::parse(page, &walk.page, walk.usable()).filter(|node| node.kind == Kind::TableLeaf);
-            let Some(node) = node.filter(|node| node.len() > 0) else { return };
-            let good = (0..node.len()).filter_map(|i| node.row(i)).filter(&look);
-            let rowid = good.clone().next().map(|cell| cell.rowid);
-            if let Some(rowid) = rowid.filter(|_| 2 * good.count() > node.len()) {
-                found.push((rowid, page));
-            }
+            let Some(node) = node.filter(|node| most_are(node, look)) else { return };
+            let first = (0..node.len()).filter_map(|i| node.row(i)).find(look);
+            found.extend(first.map(|cell| (cell.rowid, Leaf::found(page))));
         })?;
-        found.sort_unstable();
-        for &(_, page) in &found {
-            self.claims.claim(page);
+        found.sort_unstable_by_key(|(rowid, leaf)| (*rowid, leaf.page));
+        for (_, leaf) in &found {
+            self.claim(leaf.page);
         }
         self.lost.found_pages += found.len() as u64;
         Ok(found)
     }
 
-    /// First and last row of each leaf, for those that can be read.
-    pub(super) fn spans(&mut self, leaves: &[u32]) -> Result<Vec<(i64, i64, u32)>, IngestError> {
-        let mut spans = vec![];
-        for &page in leaves {
-            let there = self.pages.look(page, &mut self.page)?;
-            let node = Node::parse(page, &self.page, self.usable()).filter(|node| there && node.len() > 0);
-            let rowid = |node: &Node<'_>, index| node.row(index).map(|cell| cell.rowid);
-            let span = node.and_then(|node| Some((rowid(&node, 0)?, rowid(&node, node.len() - 1)?)));
-            // One that cannot be read keeps its place behind the one before.
-            let (first, last) = span.unwrap_or(spans.last().map_or((i64::MIN, i64::MIN), |s: &(_, i64, _)| (s.1, s.1)));
-            spans.push((first, last, page));
-        }
-        Ok(spans)
-    }
-
     /// Calls `each` for the pages that belong to nothing, which are then in `self.page`.
     fn unclaimed(&mut self, mut each: impl FnMut(&mut Self, u32)) -> Result<(), IngestError> {
         let mut zeros = 0;
-        for page in 1..=self.pages.last() {
-            if self.claims.has(page) {
+        for index in 0..self.pages.count() {
+            if self.claims.has(index) {
                 continue;
             }
+            let page = self.pages.at(index);
             self.pages.ahead(page, u32::MAX)?;
             if !self.pages.look(page, &mut self.page)? {
                 continue;
@@ -467,31 +658,43 @@ impl<'w, 'c> Walk<'w, 'c> {
                 zeros = 0;
                 each(self, page);
             }
-            if page % 256 == 0 {
+            if index % 256 == 0 {
                 self.context.advance(0)?;
             }
         }
         Ok(())
     }
 
-    /// Accounts for all pages that are left. `look` says what rows of interest look like: their pages are
-    /// given back, for something may be made of them.
-    pub(super) fn account(&mut self, look: impl Fn(&Cell<'_>) -> bool) -> Result<Vec<(i64, u32)>, IngestError> {
+    /// Accounts for all pages that are left, and shows rows of this `look` that are among them; `listed` are the leaves
+    /// of their table that something led to.
+    pub(super) fn account(
+        &mut self,
+        listed: &[Leaf],
+        look: &dyn Fn(&Cell<'_>) -> bool,
+        sink: &mut dyn Sink,
+    ) -> Result<(), IngestError> {
         let put_off = std::mem::take(&mut self.put_off);
-        if !self.astray && self.claims.count + self.pages_put_off == u64::from(self.pages.last()) {
+        if !self.astray && self.claims.count() + self.pages_put_off == self.pages.count() as u64 {
             self.ledger.count(Fate::Skipped, put_off.iter().map(|(_, bytes)| bytes).sum());
-            return Ok(vec![]);
+            return Ok(());
         }
         self.astray = true;
         self.pages_put_off = 0;
         for (first, bytes) in put_off {
             let (walked, whole) = self.chain(first, bytes)?;
-            let there = (walked.len() as u64 * (u64::from(self.usable()) - 4)).min(bytes);
-            self.ledger.count(Fate::Skipped, there);
-            self.lost.bad_rows += u64::from(!whole);
+            if whole {
+                self.ledger.count(Fate::Skipped, bytes);
+            } else {
+                self.lost.bad_rows += 1;
+                self.broken(&walked);
+            }
         }
         self.index_overflow()?;
-        self.found(look)
+        if self.spans.is_empty() {
+            self.spans_of(listed, listed.len())?;
+        }
+        let late: Vec<Leaf> = self.found(look)?.into_iter().map(|(_, leaf)| leaf).collect();
+        self.read(&late, sink)
     }
 
     /// Indexes of long texts have overflow pages too.
@@ -512,19 +715,72 @@ impl<'w, 'c> Walk<'w, 'c> {
     }
 
     /// What still belongs to nothing is damage.
-    pub(super) fn conclude(&mut self) -> Result<(), IngestError> {
+    pub(super) fn conclude(&mut self) {
         if !self.astray {
-            return Ok(());
+            return;
         }
-        let mut stray = 0;
-        let mut page = 1;
-        while page <= self.pages.last() {
-            let run = (page..=self.pages.last()).take_while(|&p| self.claims.claim(p)).count() as u32;
-            self.damaged_run(page, run);
-            stray += u64::from(run);
-            page += run + 1;
+        let mut index = 0;
+        while index < self.pages.count() {
+            let run = (index..self.pages.count()).take_while(|&i| !self.claims.has(i)).count();
+            self.damaged_run(index..index + run);
+            index += run + 1;
         }
-        self.lost.stray_pages = stray;
-        Ok(())
+    }
+}
+
+/// What is below a page of a tree.
+enum Below {
+    /// Pages, as far as their pointers can be.
+    Pages(Vec<Leaf>),
+    /// Rows, or entries of an index.
+    Leaf,
+    /// It is no page of such a tree.
+    Unreadable,
+}
+
+/// The pages below one, each with the numbers that rows can have there.
+fn children(node: &Node<'_>, at: Leaf, table: bool) -> Vec<Leaf> {
+    let mut from = at.from;
+    let child = |(page, key): (u32, Option<i64>)| {
+        if !table {
+            return Leaf::root(page);
+        }
+        let up_to = key.map_or(at.up_to, |key| key.min(at.up_to));
+        let child = Leaf { page, from, up_to, found: false };
+        from = up_to.saturating_add(1);
+        child
+    };
+    node.children().flatten().map(child).collect()
+}
+
+/// Whether more than half of a page's rows `look` so.
+fn most_are(node: &Node<'_>, look: &dyn Fn(&Cell<'_>) -> bool) -> bool {
+    2 * (0..node.len()).filter_map(|i| node.row(i)).filter(look).count() > node.len()
+}
+
+/// Looks whether the rows of a page stand in the order of their numbers, each once.
+#[derive(Default)]
+struct Order {
+    before: Option<i64>,
+    /// Where the rows are that have been seen; kept once one does not follow.
+    seen: Option<HashSet<usize>>,
+}
+
+impl Order {
+    fn follows(&mut self, node: &Node<'_>, index: usize, rowid: i64) -> bool {
+        let follows = self.before.is_none_or(|before| rowid > before);
+        if follows {
+            self.before = Some(rowid);
+            if let Some(seen) = &mut self.seen {
+                seen.extend(node.at(index));
+            }
+        }
+        follows
+    }
+
+    /// Whether the row at `index`, which does not follow the ones before, is one of them.
+    fn is_twice(&mut self, node: &Node<'_>, index: usize) -> bool {
+        let seen = self.seen.get_or_insert_with(|| (0..index).filter_map(|i| node.at(i)).collect());
+        node.at(index).is_some_and(|at| !seen.insert(at))
     }
 }

@@ -67,6 +67,13 @@ struct SeenChunk {
     /// Message indexes behind it, and their bytes.
     indexes: usize,
     index_bytes: u64,
+    /// The channels of these, as one number that is the same for the same channels in any order.
+    channels: u64,
+}
+
+/// A number that few other channels together come to.
+fn mark(channel: u16) -> u64 {
+    (u64::from(channel) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29).wrapping_mul(0xbf58_476d_1ce4_e5b9)
 }
 
 fn spread(times: &mut Times, time: u64) {
@@ -92,6 +99,7 @@ impl Agreement {
             has_messages: false,
             indexes: 0,
             index_bytes: 0,
+            channels: 0,
         };
         self.chunks.insert(head.start, seen);
     }
@@ -116,9 +124,11 @@ impl Agreement {
         let Some(chunk) = self.chunks.get_mut(&self.last) else { return };
         chunk.indexes += 1;
         chunk.index_bytes += head.end - head.start;
-        let Some((before, frame)) = self.before.as_ref().zip(frame) else { return };
+        let Some(frame) = frame else { return };
         let mut rest = Bytes(&frame);
         let (Some(channel), Some(bytes)) = (rest.u16(), rest.u32()) else { return };
+        chunk.channels = chunk.channels.wrapping_add(mark(channel));
+        let Some(before) = &self.before else { return };
         let count = |messages: &[u64]| messages.get(usize::from(channel)).copied().unwrap_or_default();
         let place = format_args!("message index at byte {}: ", head.start);
         let found = count(&self.messages) - count(before);
@@ -208,6 +218,8 @@ impl Agreement {
         compare(told, place, "bytes of message indexes", index.message_index_length, listed.0);
         compare(told, place, "message indexes", offsets.len(), listed.1);
         compare(told, place, "all of them behind the chunk", lead_there, true);
+        let channels = offsets.keys().fold(0, |sum: u64, &channel| sum.wrapping_add(mark(channel)));
+        compare(told, place, "the channels of these", offsets.is_empty() || channels == chunk.channels, true);
         if !self.indexed.insert(at) {
             self.differences.add(|| format!("the chunk at byte {at} is listed twice"));
         }

@@ -16,6 +16,8 @@ pub(super) const WRONG_START: &str = "the eight bytes that begin the file are wr
 pub(super) const HEAD_BYTES: u64 = 9;
 /// Largest head of a chunk record: the frame, the fixed fields and the name of the compression.
 pub(super) const CHUNK_HEAD_BYTES: usize = 128;
+/// An attachment has its own header within this many bytes.
+pub(super) const MOST_ATTACHMENT_HEAD: u64 = 4096;
 /// Writers may add fields that we do not know to a record; more than this is taken for damage.
 const MOST_ADDED: u64 = 256;
 
@@ -37,6 +39,46 @@ impl Head {
         let length = u64::from_le_bytes(length);
         let end = (start + HEAD_BYTES).saturating_add(length);
         Ok(Some(Head { opcode, start, length, end }))
+    }
+
+    /// The same record, of another length.
+    pub(super) fn until(self, end: u64) -> Head {
+        Head { length: end.saturating_sub(self.start + HEAD_BYTES), end, ..self }
+    }
+
+    /// Where the record ends by what it holds, if it tells and that is not where its length leads. `None` too if less was
+    /// written than it holds.
+    pub(super) fn own_end(&self, file: &mut LogFile) -> Result<Option<u64>, IngestError> {
+        let content = self.start + HEAD_BYTES;
+        let end = match self.opcode {
+            op::CHUNK => match ChunkHead::stated(file, self)? {
+                Some(Ok(chunk)) => Some((self.start + chunk.data_at).saturating_add(chunk.compressed)),
+                _ => None,
+            },
+            op::ATTACHMENT => {
+                let start = file.up_to(content, self.length.min(MOST_ATTACHMENT_HEAD) as usize)?;
+                AttachmentHead::parse(start, self.length).map(|head| content + head.data.end + 4)
+            }
+            opcode => {
+                let mut at = content;
+                for part in parts_of(opcode) {
+                    at += match part {
+                        Part::Bytes(count) => *count as u64,
+                        Part::Text | Part::TextMap | Part::Offsets => match file.peek::<4>(at)? {
+                            Some(length) => 4 + u64::from(u32::from_le_bytes(length)),
+                            None => return Ok(None),
+                        },
+                    };
+                }
+                Some(at).filter(|&at| at > content)
+            }
+        };
+        Ok(end.filter(|&end| end < self.end))
+    }
+
+    /// Whether so many bytes behind what a record holds are more than a writer may have added to it.
+    pub(super) fn is_too_long(added: u64) -> bool {
+        added > MOST_ADDED
     }
 
     /// Whether the length is one that the record type can have.
@@ -83,31 +125,41 @@ pub(super) fn name(opcode: u8) -> String {
     name.to_owned()
 }
 
-/// What a record holds, up to its last text.
+/// What a record holds, one behind the other.
 enum Part {
     Bytes(usize),
+    /// Bytes behind their length.
     Text,
     /// Texts, two by two, behind their length together.
     TextMap,
-    /// Ids and offsets of ten bytes, behind their length together.
+    /// Ids and offsets or counts of ten bytes, behind their length together.
     Offsets,
 }
 
 /// Parses a record whose texts have been seen to lie within it: `mcap` makes room for a text of up to 4 GiB before it
 /// looks whether it is there.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
-    let parts: &[Part] = match opcode {
+    parts_fit(parts_of(opcode), body).ok_or("what it holds reaches beyond its end")?;
+    mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())
+}
+
+/// What a record holds; nothing for those with content of any length.
+fn parts_of(opcode: u8) -> &'static [Part] {
+    match opcode {
         op::HEADER => &[Part::Text, Part::Text],
-        op::SCHEMA => &[Part::Bytes(2), Part::Text, Part::Text],
+        op::FOOTER => &[Part::Bytes(20)],
+        op::SCHEMA => &[Part::Bytes(2), Part::Text, Part::Text, Part::Text],
         op::CHANNEL => &[Part::Bytes(4), Part::Text, Part::Text, Part::TextMap],
+        op::MESSAGE_INDEX => &[Part::Bytes(2), Part::Text],
+        op::CHUNK_INDEX => &[Part::Bytes(32), Part::Offsets, Part::Bytes(8), Part::Text, Part::Bytes(16)],
+        op::ATTACHMENT_INDEX => &[Part::Bytes(40), Part::Text, Part::Text],
+        op::STATISTICS => &[Part::Bytes(42), Part::Offsets],
         op::METADATA => &[Part::Text, Part::TextMap],
         op::METADATA_INDEX => &[Part::Bytes(16), Part::Text],
-        op::ATTACHMENT_INDEX => &[Part::Bytes(40), Part::Text, Part::Text],
-        op::CHUNK_INDEX => &[Part::Bytes(32), Part::Offsets, Part::Bytes(8), Part::Text],
+        op::SUMMARY_OFFSET => &[Part::Bytes(17)],
+        op::DATA_END => &[Part::Bytes(4)],
         _ => &[],
-    };
-    parts_fit(parts, body).ok_or("what it holds reaches beyond its end")?;
-    mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())
+    }
 }
 
 fn parts_fit(parts: &[Part], body: &[u8]) -> Option<()> {
@@ -145,10 +197,14 @@ pub(super) struct ChunkHead {
 impl ChunkHead {
     /// Reads and checks the head; what is wrong is for people.
     pub(super) fn read(file: &mut LogFile, head: &Head) -> Result<Result<ChunkHead, String>, IngestError> {
-        let most = head.length.saturating_add(HEAD_BYTES).min(CHUNK_HEAD_BYTES as u64) as usize;
-        let bytes = file.up_to(head.start, most)?;
-        let parsed = ChunkHead::parse(bytes).ok_or_else(|| "the chunk's own header is cut".to_owned());
+        let parsed = ChunkHead::stated(file, head)?.ok_or_else(|| "the chunk's own header is cut".to_owned());
         Ok(parsed.and_then(|inner| inner).and_then(|chunk| chunk.fits_in(head)))
+    }
+
+    /// The head as it stands there.
+    fn stated(file: &mut LogFile, head: &Head) -> Result<Option<Result<ChunkHead, String>>, IngestError> {
+        let most = head.length.saturating_add(HEAD_BYTES).min(CHUNK_HEAD_BYTES as u64) as usize;
+        Ok(ChunkHead::parse(file.up_to(head.start, most)?))
     }
 
     fn parse(bytes: &[u8]) -> Option<Result<ChunkHead, String>> {

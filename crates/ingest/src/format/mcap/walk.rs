@@ -7,7 +7,8 @@
 
 use super::agreement::Agreement;
 use super::record::{
-    AttachmentHead, CHUNK_HEAD_BYTES, ChunkHead, HEAD_BYTES, Head, MAGIC, WRONG_START, is_defined, is_private, name,
+    AttachmentHead, CHUNK_HEAD_BYTES, ChunkHead, HEAD_BYTES, Head, MAGIC, MOST_ATTACHMENT_HEAD, WRONG_START,
+    is_defined, is_private, name,
 };
 use super::summary::{Summary, Trust};
 use super::visit::Visit;
@@ -25,8 +26,6 @@ use memchr::memmem;
 
 /// How much of an attachment is shown where nobody takes it; its content is summed but not held.
 const ATTACHMENT_SHOWN: u64 = 1 << 20;
-/// An attachment that is searched for has its own header within this many bytes.
-const ATTACHMENT_HEAD_BYTES: u64 = 4096;
 /// Bytes searched or summed in one go.
 const BLOCK: usize = 256 << 10;
 /// A definition found by searching is believed up to this length.
@@ -64,6 +63,8 @@ pub(super) struct Walk<'w, 'c, V> {
     found_any: bool,
     damaged: bool,
     unknown: Tally,
+    /// Of types that applications give a meaning of their own.
+    private: Tally,
     agreement: Agreement,
     without_crc: u64,
     not_opened: u64,
@@ -128,6 +129,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             found_any: false,
             damaged: false,
             unknown: Tally::default(),
+            private: Tally::default(),
             agreement: Agreement::default(),
             without_crc: 0,
             not_opened: 0,
@@ -218,12 +220,24 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if head.opcode == 0 || !head.fits_its_type() {
             return self.lost("what stands here is no record");
         }
+        let head = match self.true_end(&head)? {
+            Some(end) => {
+                // It may be read all the same.
+                self.damage_to(self.at + HEAD_BYTES, &format!("a {} whose length is wrong", name(head.opcode)));
+                head.until(end)
+            }
+            None => head,
+        };
         if head.end > size {
             let reason = format!("the file ends inside a record ({} of {} bytes)", name(head.opcode), head.length);
             return self.lost(&reason);
         }
         if self.leads_nowhere(&head)? {
             return self.lost("a record whose length leads nowhere");
+        }
+        if let Some(next) = self.record_within(&head)? {
+            self.damage_to(next, &format!("a {} of which bytes are missing", name(head.opcode)));
+            return Ok(());
         }
         match self.take(&head)? {
             Ok(fate) => self.pass(head.end, fate),
@@ -284,6 +298,55 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             self.in_vain += head.end - head.start;
         }
         Ok(found)
+    }
+
+    /// Where a record ends whose length leads elsewhere: what it holds tells, and another record begins there. A writer may
+    /// have added a few bytes, but no whole records.
+    fn true_end(&mut self, head: &Head) -> Result<Option<u64>, IngestError> {
+        let Some(end) = head.own_end(self.file)? else { return Ok(None) };
+        if !self.begins_record(end)? {
+            return Ok(None);
+        }
+        let mut at = end;
+        while at < head.end && !Head::is_too_long(head.end - end) {
+            match Head::read(self.file, at)?.filter(|next| is_defined(next.opcode) && next.fits_its_type()) {
+                Some(next) => at = next.end,
+                None => return Ok(None),
+            }
+        }
+        Ok((at <= head.end).then_some(end))
+    }
+
+    /// Where the next record begins in one behind which nothing does: bytes of it are missing.
+    fn record_within(&mut self, head: &Head) -> Result<Option<u64>, IngestError> {
+        // Types that this version does not know are too rare to vouch for anything.
+        let is_known = self.file.peek::<1>(head.end)?.is_none_or(|[opcode]| is_defined(opcode) || is_private(opcode));
+        let follows = is_known && self.leads_on(head.end)?;
+        let may = matches!(head.opcode, op::CHUNK | op::MESSAGE) || self.footer_seen || follows;
+        if may || head.own_end(self.file)?.is_some() || self.has_checksum(head)? {
+            return Ok(None);
+        }
+        let from = head.end.saturating_sub(LONGEST_FOUND).max(self.at + 1);
+        self.in_vain += head.end - from;
+        let mut at = from;
+        while at < head.end {
+            let block = self.file.up_to(at, BLOCK)?;
+            let fresh = (block.len() as u64).saturating_sub(HEAD_BYTES - 1).max(1);
+            let found: Vec<u64> = candidates(block).map(|i| at + i as u64).filter(|&i| i < head.end).collect();
+            for candidate in found {
+                if self.is_record(candidate)? {
+                    return Ok(Some(candidate));
+                }
+            }
+            at += fresh;
+        }
+        Ok(None)
+    }
+
+    /// Whether the record is an attachment that tells by itself whether it is intact.
+    fn has_checksum(&mut self, head: &Head) -> Result<bool, IngestError> {
+        let sum_at = head.end.saturating_sub(4).max(head.start);
+        Ok(head.opcode == op::ATTACHMENT && self.file.peek::<4>(sum_at)?.is_some_and(|sum| sum != [0; 4]))
     }
 
     /// Whether a record begins here, or the file ends as where its recorder was stopped.
@@ -365,7 +428,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             return Ok(Err("a chunk whose type byte is damaged".to_owned()));
         }
         let place = format!("{} at byte {}", name(head.opcode), head.start);
-        self.unknown.add(|| place);
+        let tally = if is_private(head.opcode) { &mut self.private } else { &mut self.unknown };
+        tally.add(|| place);
         Ok(Ok(Fate::Structure))
     }
 
@@ -394,7 +458,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             Err(reason) => return Ok(Err(reason)),
         };
         self.agreement.chunk(head, &chunk);
-        if self.can_leave_closed(head) {
+        if self.can_leave_closed(head)? {
             self.agreement.closed();
             self.opened = false;
             self.not_opened += 1;
@@ -423,11 +487,23 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         Ok(verdict)
     }
 
-    /// The summary, whose checksum is right, says that this very chunk holds nothing that is wanted.
-    fn can_leave_closed(&self, head: &Head) -> bool {
+    /// The summary, whose checksum is right, says that this very chunk holds nothing that is wanted, and so do the message
+    /// indexes behind it.
+    fn can_leave_closed(&mut self, head: &Head) -> Result<bool, IngestError> {
         let length = head.end - head.start;
-        let may = self.context.limits.may_leave_closed;
-        may && self.summary.chunk_at(head.start).is_some_and(|c| !c.wanted && c.length == length)
+        let known = self.summary.chunk_at(head.start).is_some_and(|c| !c.wanted && c.length == length);
+        if !known || !self.context.limits.may_leave_closed {
+            return Ok(false);
+        }
+        let mut at = head.end;
+        while let Some(index) = Head::read(self.file, at)?.filter(|head| head.opcode == op::MESSAGE_INDEX) {
+            let channel = self.file.peek::<2>(index.start + HEAD_BYTES)?.map(u16::from_le_bytes);
+            if channel.is_some_and(|channel| self.visit.may_want(channel)) {
+                return Ok(false);
+            }
+            at = index.end;
+        }
+        Ok(true)
     }
 
     fn attachment(&mut self, head: &Head) -> Result<Verdict, IngestError> {
@@ -575,7 +651,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             op::SCHEMA | op::CHANNEL if loose => head.length <= LONGEST_FOUND,
             op::METADATA => head.length <= LONGEST_FOUND,
             op::ATTACHMENT => {
-                let start = body(self.file, &head, head.length.min(ATTACHMENT_HEAD_BYTES))?;
+                let start = body(self.file, &head, head.length.min(MOST_ATTACHMENT_HEAD))?;
                 start.and_then(|b| AttachmentHead::parse(b, head.length)).is_some()
             }
             op::DATA_END => true,
@@ -625,6 +701,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         if !self.footer_seen {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
             raise(Severity::Loss, "no-end", 1, text);
+        } else if !self.data_ended && !self.damaged {
+            let text = "the record that ends the data is missing: it was swallowed, or never written";
+            raise(Severity::Loss, "no-end", 1, text);
         } else if !self.ended && !self.damaged {
             raise(Severity::Loss, "no-end", 1, "the file was cut just behind its footer");
         }
@@ -643,6 +722,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
         }
         let text = format!("records of unknown types, passed over; the first: {}", self.unknown.first);
         raise(Severity::Warning, "unknown-record", self.unknown.count, &text);
+        let text = format!("records of an application's own types, passed over; the first: {}", self.private.first);
+        raise(Severity::Info, "private-record", self.private.count, &text);
         raise(
             Severity::Info,
             "no-chunk-checksum",

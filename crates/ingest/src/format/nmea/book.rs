@@ -17,6 +17,8 @@ use std::fmt::Write;
 const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
 /// Addresses that are told apart.
 const MOST_ADDRESSES: usize = 4096;
+/// Talkers, and addresses of sentences without a time, whose epochs are told apart.
+const MOST_TALKERS: usize = 64;
 /// Texts that are kept.
 const MOST_TEXTS: usize = 100;
 
@@ -44,6 +46,8 @@ pub(crate) struct Book {
     /// Of types that say the time, without it.
     timeless: Tally,
     unplaced: Tally,
+    /// Of types that say no time, behind damage.
+    broken: Tally,
     heights: Heights,
     order: Order,
 }
@@ -60,9 +64,15 @@ impl Book {
             headless: Tally::default(),
             timeless: Tally::default(),
             unplaced: Tally::default(),
+            broken: Tally::default(),
             heights: Heights::default(),
             order: Order::default(),
         }
+    }
+
+    /// Something is missing here: a sentence without a time may be of an epoch that was lost.
+    pub(crate) fn breaks(&mut self) {
+        self.epochs.is_broken = true;
     }
 
     /// A sentence, and when the logger had it, ns of UTC.
@@ -88,21 +98,28 @@ impl Book {
             if !whole {
                 return topics.unread(route, times, sentence.length as u64);
             }
-            let (utc_ns, elapsed_ns) = self.epochs.stamp(date, None, sentence);
+            let (utc_ns, elapsed_ns) = self.epochs.stamp(date, None, (talker, name), sentence);
             self.begin_line(utc_ns, elapsed_ns, logged_ns);
             self.line.push(',');
             self.line.push_str(sentence.body);
             return topics.message(route, times, self.line.as_bytes());
         };
-        let (utc_ns, elapsed_ns) = self.epochs.stamp(date, kind.time, sentence);
+        let (utc_ns, elapsed_ns) = self.epochs.stamp(date, kind.time, (talker, name), sentence);
         if let Some(elapsed_ns) = elapsed_ns {
             match name {
                 "VTG" => self.order.vtg(sentence, Stamps { utc_ns: utc_cell(utc_ns, elapsed_ns), elapsed_ns }),
                 _ if kind.time.is_some() => self.order.timed(name, sentence, elapsed_ns),
                 _ => {}
             }
+            if kind.time.is_none() && self.epochs.is_broken {
+                self.order.doubtful(Stamps { utc_ns: utc_cell(utc_ns, elapsed_ns), elapsed_ns });
+            }
+        }
+        if kind.time.is_none() && elapsed_ns.is_none() && self.epochs.time_of_day_ns.is_some() {
+            self.broken.add(|| sentence.body.to_owned());
         }
         match (utc_ns, elapsed_ns) {
+            (None, None) if kind.time.is_none() && self.epochs.time_of_day_ns.is_some() => {}
             (None, Some(_)) => self.early.add(|| format!("{talker}{name}")),
             (None, None) if route.is_wanted() && kind.says_something(sentence) => {
                 let tally = if kind.time.is_none() { &mut self.headless } else { &mut self.timeless };
@@ -173,6 +190,8 @@ impl Book {
         say(Severity::Info, "undated", &self.early, text);
         let text = "sentences stand before the first time, for the log begins inside an epoch: they are not used";
         say(Severity::Info, "headless", &self.headless, text);
+        let text = "sentences that say no time stand behind damage, and those before them may be of another epoch: they are not used";
+        say(Severity::Warning, "no-epoch", &self.broken, text);
         let text = "sentences lack the time that their type has: nothing dates them";
         say(Severity::Loss, "no-time", &self.timeless, text);
         let text = "sentences found no topic, for there are too many";
@@ -243,14 +262,58 @@ struct Epochs {
     elapsed_ns: i64,
     /// UTC of the first sentence with a time, by the first date.
     begin_ns: Option<i64>,
+    /// UTC and elapsed time of the last sentence with a time, by talker: two receivers may speak in turns.
+    by_talker: Vec<(String, Option<i64>, i64)>,
+    /// What sentences without a time were last given, by address.
+    given: Vec<(String, i64)>,
+    /// Something is missing behind the last sentence with a time.
+    is_broken: bool,
 }
 
 impl Epochs {
     /// UTC, and the time since the first sentence with one. A sentence without a time is of the epoch of the one
-    /// before it.
+    /// before it, of its own talker if that says times.
     /// `date` is the begin of the day that the sentence names.
-    fn stamp(&mut self, date: Option<i64>, time: Option<usize>, sentence: &Sentence<'_>) -> (Option<i64>, Option<i64>) {
-        let Some(field) = time else { return (self.utc_ns, self.time_of_day_ns.map(|_| self.elapsed_ns)) };
+    fn stamp(
+        &mut self,
+        date: Option<i64>,
+        time: Option<usize>,
+        address: (&str, &str),
+        sentence: &Sentence<'_>,
+    ) -> (Option<i64>, Option<i64>) {
+        let Some(field) = time else { return self.of_epoch(address) };
+        let stamps = self.of_time(date, field, sentence);
+        if let (utc_ns, Some(elapsed_ns)) = stamps {
+            self.is_broken = false;
+            if let Some(known) = self.by_talker.iter_mut().find(|(talker, ..)| talker == address.0) {
+                (known.1, known.2) = (utc_ns, elapsed_ns);
+            } else if self.by_talker.len() < MOST_TALKERS {
+                self.by_talker.push((address.0.to_owned(), utc_ns, elapsed_ns));
+            }
+        }
+        stamps
+    }
+
+    /// The stamps of a sentence without a time. Behind damage it has those of the epoch before only if no other of its
+    /// address has them.
+    fn of_epoch(&mut self, (talker, name): (&str, &str)) -> (Option<i64>, Option<i64>) {
+        let own = self.by_talker.iter().find(|(known, ..)| known == talker).map(|(_, utc_ns, at)| (*utc_ns, *at));
+        let Some((utc_ns, elapsed_ns)) = own.or(self.time_of_day_ns.map(|_| (self.utc_ns, self.elapsed_ns))) else {
+            return (None, None);
+        };
+        let is_it = |known: &str| known.strip_prefix(talker) == Some(name);
+        if let Some((_, before_ns)) = self.given.iter_mut().find(|(known, _)| is_it(known)) {
+            if self.is_broken && *before_ns == elapsed_ns {
+                return (None, None);
+            }
+            *before_ns = elapsed_ns;
+        } else if self.given.len() < MOST_TALKERS {
+            self.given.push((format!("{talker}{name}"), elapsed_ns));
+        }
+        (utc_ns, Some(elapsed_ns))
+    }
+
+    fn of_time(&mut self, date: Option<i64>, field: usize, sentence: &Sentence<'_>) -> (Option<i64>, Option<i64>) {
         let Some(time_ns) = time_of_day_ns(sentence.field(field)) else { return (None, None) };
         if let Some(before_ns) = self.time_of_day_ns.replace(time_ns) {
             let elapsed_ns = self.elapsed_ns.saturating_add(nearest_step(time_ns - before_ns));
@@ -373,7 +436,7 @@ mod tests {
         let stamp = |body: &&str| {
             let sentence = Sentence { body, length: 0, checked: true };
             let (_, name) = sentence.address();
-            epochs.stamp(midnight(name, &sentence), Kind::of(name).unwrap().time, &sentence)
+            epochs.stamp(midnight(name, &sentence), Kind::of(name).unwrap().time, sentence.address(), &sentence)
         };
         bodies.iter().map(stamp).collect()
     }
@@ -405,12 +468,12 @@ mod tests {
         let mut epochs = Epochs::default();
         for sentence in 0..1_000_000 {
             let body = ["GPGGA,000000", "GPGGA,080000", "GPGGA,160000"][sentence % 3];
-            epochs.stamp(None, Some(1), &Sentence { body, length: 0, checked: true });
+            epochs.stamp(None, Some(1), ("GP", "GGA"), &Sentence { body, length: 0, checked: true });
         }
         assert_eq!(epochs.elapsed_ns, LONGEST_NS);
         let body = "GPRMC,080000,A,,,,,1,2,211126";
         let sentence = Sentence { body, length: 0, checked: true };
-        let (utc_ns, _) = epochs.stamp(midnight("RMC", &sentence), Some(1), &sentence);
+        let (utc_ns, _) = epochs.stamp(midnight("RMC", &sentence), Some(1), ("GP", "RMC"), &sentence);
         assert_eq!(epochs.begin_ns, utc_ns.map(|utc_ns| utc_ns - LONGEST_NS));
     }
 

@@ -4,11 +4,12 @@
 //! of its neighbours alone. In front of a gap, be it a cut or the end of a file, a VTG keeps no time: it may be of the epoch
 //! that was lost.
 
+use super::kind::Kind;
 use super::sentence::{Sentence, plain};
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, Table};
 use flight::{Notices, Severity};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet, VecDeque};
 
 /// A slower one says nothing, kt: its track is noise, or absent.
 const SLOWEST_KT: f64 = 0.3;
@@ -40,6 +41,13 @@ pub(super) struct Order {
     steps: Vec<(Open, i64)>,
     /// VTG whose steps are too many to be remembered.
     beyond: u64,
+    /// The last stamp of an epoch and how far apart they were.
+    last_ns: Option<i64>,
+    recent: VecDeque<i64>,
+    /// What sentences without a time have behind damage, where no sentence with a time has come yet; and those of them whose
+    /// epoch nobody knows.
+    doubt: Option<Stamps>,
+    lost: Vec<Stamps>,
 }
 
 /// What stamps VTG have behind the same sentence, and how many.
@@ -66,8 +74,36 @@ impl Order {
         self.open = (!self.is_behind()).then_some(Open { stamps, count });
     }
 
+    /// A sentence without a time behind damage, which has these stamps from the sentence before it.
+    pub(super) fn doubtful(&mut self, stamps: Stamps) {
+        self.doubt = Some(stamps);
+    }
+
+    /// Whether damage hides an epoch is shown by the next one: it comes later than epochs did.
+    fn next_epoch(&mut self, elapsed_ns: i64) {
+        let step_ns = elapsed_ns.saturating_sub(self.last_ns.unwrap_or(elapsed_ns));
+        if step_ns == 0 {
+            return;
+        }
+        if let Some(stamps) = self.doubt.take() {
+            let mut usual: Vec<i64> = self.recent.iter().copied().collect();
+            usual.sort_unstable();
+            let usual_ns = usual.get(usual.len() / 2).copied().unwrap_or_default();
+            let is_next = (1..=usual_ns.saturating_add(usual_ns / 2)).contains(&(elapsed_ns - stamps.elapsed_ns));
+            if !is_next && self.lost.len() < MOST_STEPS {
+                self.lost.push(stamps);
+            }
+        }
+        self.recent.push_back(step_ns);
+        if self.recent.len() > NEIGHBOURS {
+            self.recent.pop_front();
+        }
+    }
+
     /// A sentence with a time.
     pub(super) fn timed(&mut self, name: &str, sentence: &Sentence<'_>, elapsed_ns: i64) {
+        self.next_epoch(elapsed_ns);
+        self.last_ns = Some(elapsed_ns);
         if let Some(open) = self.open.take().filter(|open| open.stamps.elapsed_ns != elapsed_ns) {
             match self.steps.len() < MOST_STEPS {
                 true => self.steps.push((open, elapsed_ns.saturating_sub(open.stamps.elapsed_ns))),
@@ -96,8 +132,24 @@ impl Order {
         self.before >= DECIDED_BY && self.before > RARE * self.behind
     }
 
+    /// What is to be done with the stamps of sentences without a time.
+    pub(super) fn finish(mut self, notices: &mut Notices) -> Steps {
+        let lost = std::mem::take(&mut self.lost);
+        let doubt = self.doubt.take();
+        let mut steps = self.steps(notices);
+        steps.lost_utc = lost.iter().chain(&doubt).map(|stamps| stamps.utc_ns).collect();
+        steps.lost_elapsed = lost.iter().chain(&doubt).map(|stamps| stamps.elapsed_ns).collect();
+        let text = "sentences that say no time stand behind damage in which an epoch may be lost: when they were nobody can tell, \
+                    and they are not used";
+        let count = steps.lost_elapsed.len() as u64;
+        if count > 0 {
+            notices.push(Severity::Warning, "no-epoch", "", count, text);
+        }
+        steps
+    }
+
     /// What is to be done with the stamps of VTG: nothing, unless it stands in front of its epoch.
-    pub(super) fn finish(self, notices: &mut Notices) -> Steps {
+    fn steps(self, notices: &mut Notices) -> Steps {
         // In the middle of its epoch it has the right time either way.
         if self.behind < DECIDED_BY || self.behind <= RARE * self.before || self.steps.is_empty() {
             return Steps::default();
@@ -152,12 +204,16 @@ pub(super) struct Steps {
     of_elapsed: HashMap<i64, Option<i64>>,
     /// Whether what has no step here needs none.
     is_whole: bool,
+    /// Cells of sentences without a time that nobody can tell.
+    lost_utc: HashSet<i64>,
+    lost_elapsed: HashSet<i64>,
 }
 
 impl Default for Steps {
     /// Nothing is to be done.
     fn default() -> Steps {
-        Steps { of_utc: HashMap::new(), of_elapsed: HashMap::new(), is_whole: true }
+        let (lost_utc, lost_elapsed) = (HashSet::new(), HashSet::new());
+        Steps { of_utc: HashMap::new(), of_elapsed: HashMap::new(), is_whole: true, lost_utc, lost_elapsed }
     }
 }
 
@@ -172,6 +228,7 @@ impl Steps {
 
     /// Puts the stamps of VTG right, and takes those away that nobody can.
     pub(super) fn put(&self, log: &mut Log) {
+        self.take_away(log);
         if self.of_elapsed.is_empty() {
             return;
         }
@@ -181,6 +238,28 @@ impl Steps {
                 "utc_ns" => self.put_into(column, &self.of_utc),
                 "elapsed_ns" => self.put_into(column, &self.of_elapsed),
                 _ => {}
+            }
+        }
+    }
+
+    fn take_away(&self, log: &mut Log) {
+        if self.lost_elapsed.is_empty() {
+            return;
+        }
+        let is_timeless = |table: &&mut Table| {
+            let kind = Kind::of(&table.topic.type_name);
+            table.topic.encoding == "nmea" && kind.is_some_and(|kind| kind.time.is_none())
+        };
+        for column in log.tables.iter_mut().filter(is_timeless).flat_map(|table| &mut table.columns) {
+            let lost = match &*column.path {
+                "utc_ns" => &self.lost_utc,
+                "elapsed_ns" => &self.lost_elapsed,
+                _ => continue,
+            };
+            let ColumnData::I64(cells) = &mut column.data else { continue };
+            let valid = column.valid.get_or_insert_with(|| vec![true; cells.len()]);
+            for (cell, valid) in cells.iter_mut().zip(valid).filter(|(cell, _)| lost.contains(cell)) {
+                (*cell, *valid) = (0, false);
             }
         }
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 /// Longest sentence that is looked for, bytes. The standard says 82; receivers send more.
-pub(crate) const LONGEST: usize = 512;
+pub(crate) const LONGEST: usize = 2048;
 
 /// `P` and the three letters of a maker.
 const MAKER: usize = 4;
@@ -63,11 +63,13 @@ impl<'t> Sentence<'t> {
         // ETX and ESC too: a frame or a colour ends behind it.
         let ends = |rest: &[u8]| rest.first().is_none_or(|b| b"\r\n\t \x03\x1b".contains(b));
         match *rest {
-            [b'*', high, low, ref behind @ ..] if ends(behind) => {
+            // Nothing that is no digit behind a right checksum is of this sentence, unless another checksum follows.
+            [b'*', high, low, ref behind @ ..] if ends(behind) || is_apart(behind) => {
                 let sum = body.bytes().fold(0, |sum, b| sum ^ b);
                 let told = hexadecimal(high).zip(hexadecimal(low)).map(|(high, low)| high << 4 | low);
                 match told {
                     Some(told) if told == sum => Ok(Sentence { body, length: end + 4, checked: true }),
+                    Some(_) if !ends(behind) => Err(Fault::Cut),
                     Some(told) => Err(Fault::Sum { told, truth: sum }),
                     None => Err(Fault::NoNumber),
                 }
@@ -96,6 +98,12 @@ impl<'t> Sentence<'t> {
     pub(crate) fn field(&self, index: usize) -> &'t str {
         self.body.split(',').nth(index).unwrap_or_default()
     }
+}
+
+/// Whether what stands behind a checksum is no digit of it, and no rest of its sentence with a checksum of its own.
+fn is_apart(behind: &[u8]) -> bool {
+    let rest = behind.split(|b| b"\n$".contains(b)).next().unwrap_or_default();
+    behind.first().is_none_or(|b| hexadecimal(*b).is_none()) && memchr::memchr(b'*', rest).is_none()
 }
 
 fn hexadecimal(digit: u8) -> Option<u8> {
@@ -158,7 +166,8 @@ mod tests {
         for (text, reason) in [
             (format!("${GGA}*48\r\n"), "is 48 where the sentence has 47"),
             (format!("${GGA}*4"), "cut"),
-            (format!("${GGA}*47,7"), "behind it"),
+            (format!("${GGA}*477"), "behind it"),
+            (format!("${GGA}*48,7"), "behind it"),
             (format!("${GGA}*4x"), "no number"),
             (format!("${GGA}\r\n"), "without a checksum"),
             (format!("${GGA}"), "without a checksum"),
@@ -168,6 +177,7 @@ mod tests {
             assert!(error.contains(reason), "{text}: {error}");
         }
         assert!(Sentence::at(format!("${GGA}\r\n").as_bytes(), true).is_ok());
+        assert_eq!(Sentence::at(format!("${GGA}*47,7").as_bytes(), false).unwrap().length, GGA.len() + 4);
     }
 
     #[test]

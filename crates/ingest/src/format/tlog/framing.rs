@@ -10,6 +10,8 @@ use crate::reader::ReadContext;
 
 /// Bytes of the time in front of a frame.
 pub(super) const TIME: usize = 8;
+/// Bytes looked through for the first frames.
+const SOUGHT: u64 = 16 << 20;
 /// Bytes searched in one go.
 const BLOCK: usize = 256 << 10;
 
@@ -31,13 +33,27 @@ impl Framing {
         }
     }
 
+    /// By the first block that holds frames: what stands before may be zeros or junk.
     pub(super) fn of_file(file: &mut LogFile) -> Result<Framing, IngestError> {
+        let mut at = 0;
+        while at < file.size().min(SOUGHT) {
+            let head = file.up_to(at, crate::sniff::HEAD)?;
+            if (at == 0 && begins_stamped(head)) || Census::of(head).frames >= FEWEST {
+                return Ok(Framing::of(head));
+            }
+            at += crate::sniff::HEAD as u64;
+        }
         Ok(Framing::of(file.up_to(0, crate::sniff::HEAD)?))
     }
 
     /// As the begin shows, or else most of what follows a frame.
     fn of(head: &[u8]) -> Framing {
-        if !begins_stamped(head) && Census::of(head).is_bare() { Framing::Bare } else { Framing::Stamped }
+        // The end of a frame of a few bytes may look like a time: then another follows at once.
+        let first =
+            head.get(TIME..).and_then(Frame::length_at).map_or(usize::MAX, |length| TIME.saturating_add(length));
+        let follows = || Framing::ahead(head.get(first..).unwrap_or_default()) == Some(Framing::Bare);
+        let is_bare = (!begins_stamped(head) || follows()) && Census::of(head).is_bare();
+        if is_bare { Framing::Bare } else { Framing::Stamped }
     }
 
     /// What the bytes behind a frame show, if they show that another one follows.
@@ -152,16 +168,33 @@ pub(super) fn next_time(bytes: &[u8]) -> Option<(u64, &[u8])> {
     Some((time, bytes.get(TIME..)?.get(length..).unwrap_or_default()))
 }
 
+/// Times that are near the last one of a file, µs.
+const NEAR_US: u64 = 86_400_000_000;
+
 /// A search for intact frames. What was learned of a block serves the next search in it.
 pub(super) struct Search {
     framing: Framing,
+    /// The time in front of the last frame that was read, µs.
+    pub(super) last_us: Option<u64>,
     /// A block and where it begins.
     searched: Option<(u64, Finder)>,
 }
 
 impl Search {
     pub(super) fn of(framing: Framing) -> Search {
-        Search { framing, searched: None }
+        Search { framing, last_us: None, searched: None }
+    }
+
+    /// Whether a time stands in front of an intact frame: one that is plausible, or near the last one where the clock was not
+    /// set, or whatever it is if a record or the end of the file follows.
+    fn is_stamped(&self, bytes: &[u8]) -> bool {
+        let is_near = || time_us(bytes).zip(self.last_us).is_some_and(|(a, b)| a.abs_diff(b) <= NEAR_US);
+        let follows = || {
+            let length = bytes.get(TIME..).and_then(Frame::length_at).map_or(usize::MAX, |length| TIME + length);
+            let rest = bytes.get(length..).unwrap_or_default();
+            bytes.len() == length || rest.get(TIME).is_some_and(|magic| MAGIC.contains(magic))
+        };
+        is_plausible(bytes) || is_near() || follows()
     }
 
     /// Where the next intact frame of a defined message begins, at or behind `from`; `end` if there is none before.
@@ -185,8 +218,8 @@ impl Search {
                 .map(|hit| first + hit)
                 .take_while(|hit| *hit < BLOCK)
                 .find(|&hit| {
-                    let plausible = front == 0 || block.get(hit..).is_some_and(is_plausible);
-                    plausible && finder.is_frame(hit + front)
+                    let rest = block.get(hit..).unwrap_or_default();
+                    finder.is_frame(hit + front) && (front == 0 || self.is_stamped(rest))
                 });
             if let Some(hit) = found {
                 return Ok((start + hit as u64).min(end));

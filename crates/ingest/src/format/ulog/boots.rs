@@ -22,6 +22,11 @@ pub(super) struct LastStamp {
 }
 
 impl LastStamp {
+    /// Whether a message at this time may stand behind the last one.
+    pub(super) fn is_near(&self, stamp_us: u64) -> bool {
+        self.us.is_some_and(|us| us.abs_diff(stamp_us) <= APART_US)
+    }
+
     #[inline]
     pub(super) fn add(&mut self, stamp_us: u64) {
         let near = |us: Option<u64>| us.is_some_and(|us| us.abs_diff(stamp_us) <= APART_US);

@@ -86,10 +86,12 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Whether a message has the length that it should have; two bytes stand before its fields.
+    /// Whether a message has the length that it should have: with the padding at its end or without. Two bytes stand before
+    /// its fields.
     #[inline]
     pub(super) fn fits(&self, body: &[u8]) -> bool {
-        (self.shortest..=self.full).contains(&body.len().saturating_sub(2))
+        let length = body.len().saturating_sub(2);
+        length == self.shortest || length == self.full
     }
 }
 

@@ -237,6 +237,11 @@ impl FlagBits {
         Some(FlagBits { incompatible, offsets: [rest.u64()?, rest.u64()?, rest.u64()?] })
     }
 
+    /// Whether data were appended.
+    pub(super) fn appended(&self) -> bool {
+        self.incompatible.first().is_some_and(|flags| flags & 1 == 1)
+    }
+
     /// Flags that nobody knows yet. The first one says that data were appended.
     pub(super) fn unknown(&self) -> bool {
         let [first, rest @ ..] = self.incompatible;

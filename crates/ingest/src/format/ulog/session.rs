@@ -46,6 +46,9 @@ pub(super) struct Session<'t, 'w> {
     unknown: Tally,
     back_jumps: Tally,
     without_stamp: Tally,
+    /// Messages of formats that end with padding, with it and without.
+    padded: Tally,
+    unpadded: Tally,
 }
 
 /// A topic that is subscribed to.
@@ -54,6 +57,23 @@ struct Known {
     instance: u8,
     meaning: Meaning,
     last_us: u64,
+    /// What had the number before: messages that fit it alone are its own.
+    former: Option<Box<Known>>,
+}
+
+impl Known {
+    fn fits(&self, body: &[u8]) -> bool {
+        self.meaning.extent.as_ref().is_ok_and(|extent| extent.fits(body))
+    }
+
+    /// This, or what had the number before, where a message fits that alone.
+    #[inline]
+    fn of_message(&self, body: &[u8]) -> &Known {
+        match &self.former {
+            Some(former) if !self.fits(body) && former.fits(body) => former,
+            _ => self,
+        }
+    }
 }
 
 /// How the messages of a topic are to be read.
@@ -105,6 +125,8 @@ impl<'t, 'w> Session<'t, 'w> {
             unknown: Tally::default(),
             back_jumps: Tally::default(),
             without_stamp: Tally::default(),
+            padded: Tally::default(),
+            unpadded: Tally::default(),
         }
     }
 
@@ -124,8 +146,9 @@ impl<'t, 'w> Session<'t, 'w> {
         }
     }
 
+    #[inline]
     fn known_of(&self, body: &[u8]) -> Option<&Known> {
-        self.known.get(usize::from(Bytes(body).u16()?))?.as_ref()
+        self.known.get(usize::from(Bytes(body).u16()?))?.as_ref().map(|known| known.of_message(body))
     }
 
     /// Takes a message of a topic if it vouches for itself.
@@ -133,6 +156,19 @@ impl<'t, 'w> Session<'t, 'w> {
     pub(super) fn sure_data(&mut self, body: &[u8]) -> Option<Fate> {
         let extent = self.known_of(body)?.meaning.extent.as_ref().ok()?;
         extent.fits(body).then(|| self.data(body))
+    }
+
+    /// Whether a message, whose number and length agree with its topic's format, was logged near the last one.
+    pub(super) fn is_near(&self, body: &[u8]) -> bool {
+        let stamp = self.known_of(body).and_then(|known| known.meaning.extent.as_ref().ok()?.stamp);
+        let stamp = stamp.filter(|stamp| stamp.number == Number::U64);
+        let at_us = stamp.zip(body.get(2..)).and_then(|(stamp, payload)| stamp.read(payload, None));
+        at_us.is_some_and(|at_us| at_us > 0 && self.last_stamp.is_near(at_us))
+    }
+
+    /// Whether a message is of a topic that is subscribed to.
+    pub(super) fn is_known(&self, body: &[u8]) -> bool {
+        self.known_of(body).is_some()
     }
 
     /// Takes a message. What is wrong with it is returned.
@@ -187,13 +223,15 @@ impl<'t, 'w> Session<'t, 'w> {
         if self.known.len() <= place {
             self.known.resize_with(place + 1, || None);
         }
-        let before = self.known.get_mut(place).and_then(Option::take);
-        if before.is_some_and(|known| known.name != name || known.instance != instance) {
+        let mut former = self.known.get_mut(place).and_then(Option::take);
+        former = former.filter(|known| known.name != name || known.instance != instance);
+        if former.is_some() {
             self.redefined.add(|| format!("{number}, now {name:.128}"));
         }
         let meaning = self.meaning(name, instance)?;
         if let Some(slot) = self.known.get_mut(place) {
-            *slot = Some(Known { name: name.to_owned(), instance, meaning, last_us: 0 });
+            let former = former.map(|known| Box::new(Known { former: None, ..known }));
+            *slot = Some(Known { name: name.to_owned(), instance, meaning, last_us: 0, former });
         }
         Ok(())
     }
@@ -234,15 +272,27 @@ impl<'t, 'w> Session<'t, 'w> {
         let mut rest = Bytes(body);
         let number = rest.u16().unwrap_or_default();
         let payload = rest.0;
-        let Some(known) = self.known.get_mut(usize::from(number)).and_then(Option::as_mut) else {
+        let Some(mut known) = self.known.get_mut(usize::from(number)).and_then(Option::as_mut) else {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
+        if known.former.as_ref().is_some_and(|former| former.fits(body)) && !known.fits(body) {
+            // Looked for anew, for both are borrowed by `known`.
+            if let Known { former: Some(former), .. } = known {
+                known = former;
+            }
+        }
         let Meaning { route, extent, tells, .. } = &known.meaning;
         match extent {
             Ok(Extent { stamp: Some(_), .. }) => {}
             Ok(_) => self.without_stamp.add(|| format!("topic {}", known.name)),
             Err(reason) => self.bad_formats.add(|| reason.as_ref().to_owned()),
+        }
+        if let Ok(extent) = extent
+            && extent.full > extent.shortest
+        {
+            let tally = if payload.len() == extent.full { &mut self.padded } else { &mut self.unpadded };
+            tally.add(|| known.name.clone());
         }
         let stamp = extent.as_ref().ok().and_then(|extent| extent.stamp);
         let at_us = stamp.and_then(|s| s.read(payload, self.latest_us)).or(self.latest_us).unwrap_or_default();
@@ -298,6 +348,13 @@ impl<'t, 'w> Session<'t, 'w> {
         raise(Severity::Warning, "redefined-format", self.formats.replaced, text);
         let text = first(&self.back_jumps, "messages whose stamp lies before that of the message before");
         raise(Severity::Warning, "back-jump", self.back_jumps.count, text);
+        let rarer = if self.padded.count <= self.unpadded.count { &self.padded } else { &self.unpadded };
+        let both = self.padded.count.min(self.unpadded.count) > 0;
+        let text = first(
+            rarer,
+            "messages that are padded otherwise than all others: their format may not be what they were written by",
+        );
+        raise(Severity::Warning, "odd-padding", if both { rarer.count } else { 0 }, text);
         let text = first(&self.without_stamp, "messages without a stamp: that of the message before stands in");
         raise(Severity::Warning, "no-stamp", self.without_stamp.count, text);
         let text = "names, or changes of parameters and modes, that are too many to be listed".to_owned();

@@ -28,6 +28,8 @@ const HOPS: usize = 4;
 const MARGIN: usize = (HOPS + 2) * LONGEST;
 /// Bytes held at a time.
 const BLOCK: usize = 512 << 10;
+/// Bytes behind the beginning of another log in which this one may go on.
+const SOUGHT: usize = 64 << 10;
 /// Bytes of a message that are looked at from afar.
 const GLANCE: usize = 32;
 /// As many zero bytes at the end of a search have a reason of their own.
@@ -177,6 +179,15 @@ impl<'w> Walk<'w> {
         // Behind `stop`, too, stand messages that need no look ahead.
         while !self.another {
             let sure = self.sure(view, at, session);
+            if sure.is_none()
+                && view.log == Some(at)
+                && let Some(next) = self.resumes(view, at, session)
+            {
+                self.damage(view, at, next, "the beginning of a log in the midst of this one, which goes on behind it");
+                at = next;
+                view.log = next_log(view.bytes, at);
+                continue;
+            }
             self.another = sure.is_none() && view.log == Some(at);
             let next = sure.or_else(|| (at < stop && !self.another).then(|| self.step(view, at, stop, session)));
             let Some(next) = next else { break };
@@ -192,7 +203,9 @@ impl<'w> Walk<'w> {
     #[inline]
     fn sure(&mut self, view: View<'_>, at: usize, session: &mut Session<'_, '_>) -> Option<usize> {
         let message = view.message(at).filter(|message| message.letter == Kind::DATA && self.joints.is_empty())?;
-        if view.log.is_some_and(|log| log < message.end) {
+        // One behind which nothing stands that may be a message is looked at more closely.
+        let follows = view.bytes.get(message.end + 2).is_none_or(|&letter| Kind::of(letter).is_some());
+        if !follows || view.log.is_some_and(|log| log < message.end) {
             return None;
         }
         let fate = session.sure_data(message.body)?;
@@ -208,10 +221,18 @@ impl<'w> Walk<'w> {
         };
         let Message { letter, body, end } = message;
         let kind = Kind::of(letter);
+        let begins = kind == Some(Kind::FlagBits) && view.start + at as u64 == self.base + START;
+        if begins && body.len() > FLAG_BITS && !leads(view, end, session) {
+            // They have been of one length so far.
+            let end = at + HEAD + FLAG_BITS;
+            self.damage(view, at, at + HEAD, "flag bits of a wrong length");
+            let message = Message { letter, body: body.get(..FLAG_BITS).unwrap_or_default(), end };
+            self.take(view, at + HEAD, &message, kind, session);
+            return end;
+        }
         let trust = match kind {
-            Some(Kind::FlagBits) if view.start + at as u64 == self.base + START && body.len() >= FLAG_BITS => {
-                Trust::Sure
-            }
+            Some(Kind::FlagBits) if begins && body.len() == FLAG_BITS => Trust::Sure,
+            Some(Kind::FlagBits) if begins && body.len() > FLAG_BITS => Trust::Fits,
             Some(Kind::Format) if !view.is_printable(at + HEAD, end) => Trust::Wrong(DAMAGED_FORMAT),
             Some(kind) => session.judge(kind, body, usize::MAX),
             None => Trust::Weak,
@@ -223,15 +244,15 @@ impl<'w> Walk<'w> {
             return log;
         }
         if !self.joints.is_empty()
-            && let Some(joint) = self.joint(view, at, end, session)
+            && let Some(joint) =
+                self.joint(view, at, end, trust == Trust::Sure && is_certain(view, end, session), session)
         {
             self.damage(view, at, joint, "a message was cut where data were appended later");
             return joint;
         }
         let undisputed = || !(at + 1..end).any(|inside| is_certain(view, inside, session));
         let stands = match trust {
-            Trust::Sure => true,
-            Trust::Fits => leads(view, end, session) || undisputed(),
+            Trust::Sure | Trust::Fits => leads(view, end, session) || undisputed(),
             Trust::Weak | Trust::Wrong(_) => leads(view, end, session) && undisputed(),
         };
         match (trust, stands) {
@@ -273,13 +294,60 @@ impl<'w> Walk<'w> {
 
     fn take_joints(&mut self, session: &Session<'_, '_>) {
         let offsets = session.flags.offsets.iter().filter(|&&offset| offset > 0);
+        if !session.flags.appended() {
+            offsets
+                .for_each(|offset| self.wrong_joints.add(|| format!("byte {offset}, without the flag that says so")));
+            return;
+        }
         self.joints = offsets.map(|offset| self.base.saturating_add(*offset)).collect();
         self.joints.sort_unstable_by(|a, b| b.cmp(a));
         self.joints.dedup();
     }
 
-    /// Where, inside of `at..end`, data were appended. That the file says so is not enough.
-    fn joint(&mut self, view: View<'_>, at: usize, end: usize, session: &Session<'_, '_>) -> Option<usize> {
+    /// Where this log goes on behind the first bytes of one, of which no more is there, as where blocks of a disk were mixed up:
+    /// a log subscribes to a topic before there are messages of it.
+    fn resumes(&self, view: View<'_>, log: usize, session: &Session<'_, '_>) -> Option<usize> {
+        session.last_stamp.us?;
+        let mut at = log + START as usize;
+        let of_head = |kind| matches!(kind, Kind::FlagBits | Kind::Format | Kind::Info | Kind::InfoPart);
+        let of_head = |kind| of_head(kind) || matches!(kind, Kind::Parameter | Kind::DefaultParameter);
+        let trust = |kind, body: &[u8]| match kind {
+            Kind::FlagBits => Trust::Sure,
+            kind => session.judge(kind, body, GLANCE),
+        };
+        while let Some(message) = view.message(at)
+            && let Some(kind) = Kind::of(message.letter).filter(|&kind| of_head(kind))
+            && !matches!(trust(kind, message.body), Trust::Wrong(_))
+        {
+            at = message.end;
+        }
+        // The last of them may be cut, and reach over what follows.
+        let own_last = at.saturating_sub(LONGEST).max(log + START as usize);
+        let is_own = |place: &usize| {
+            let message = view.message(*place).filter(|message| message.letter == Kind::DATA);
+            message.is_some_and(|message| {
+                session.judge(Kind::Data, message.body, GLANCE) == Trust::Sure && session.is_near(message.body)
+            })
+        };
+        let subscribes = |place: &usize| {
+            let message = view.message(*place).filter(|message| Kind::of(message.letter) == Some(Kind::Subscribe));
+            let trust = message.map(|message| session.judge(Kind::Subscribe, message.body, GLANCE));
+            matches!(trust, Some(Trust::Sure | Trust::Fits))
+        };
+        let end = view.bytes.len().min(at + SOUGHT);
+        let own = (own_last..end).find(is_own)?;
+        (log..own).all(|place| !subscribes(&place)).then_some(own)
+    }
+
+    /// Where, inside of `at..end`, data were appended, unless the message there `is_whole`. That the file says so is not enough.
+    fn joint(
+        &mut self,
+        view: View<'_>,
+        at: usize,
+        end: usize,
+        is_whole: bool,
+        session: &Session<'_, '_>,
+    ) -> Option<usize> {
         let place = |at: usize| view.start + at as u64;
         while let Some(&joint) = self.joints.last().filter(|&&joint| joint < place(end)) {
             self.joints.pop();
@@ -287,7 +355,7 @@ impl<'w> Walk<'w> {
                 continue;
             }
             let within = (joint - view.start) as usize;
-            if leads(view, within, session) {
+            if !is_whole && leads(view, within, session) {
                 return Some(within);
             }
             self.wrong_joints.add(|| format!("byte {joint}"));
@@ -373,6 +441,7 @@ fn is_certain(view: View<'_>, at: usize, session: &Session<'_, '_>) -> bool {
     }
     match (kind, trust) {
         (Kind::Sync, Trust::Sure) => true,
+        (Kind::Data, Trust::Sure) if session.is_near(message.body) => true,
         (_, Trust::Sure | Trust::Fits) => leads(view, message.end, session),
         (_, Trust::Weak | Trust::Wrong(_)) => false,
     }
@@ -395,6 +464,10 @@ fn leads(view: View<'_>, mut at: usize, session: &Session<'_, '_>) -> bool {
         };
         match Kind::of(message.letter).map(|kind| session.judge(kind, message.body, GLANCE)) {
             Some(Trust::Sure) => return true,
+            // The format of its topic may be wrong.
+            Some(Trust::Wrong(_)) if message.letter == Kind::DATA && session.is_known(message.body) => {
+                (at, fit) = (message.end, false);
+            }
             Some(Trust::Wrong(_)) => return false,
             Some(Trust::Fits) => at = message.end,
             // Zeros are no messages, and lead anywhere.

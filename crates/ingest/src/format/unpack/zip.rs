@@ -10,6 +10,8 @@ const END_BYTES: u64 = 22;
 const MOST_COMMENT: u64 = 65_535;
 /// The list of files may take this much memory.
 const MOST_LIST: u64 = 64 << 20;
+/// So many places are looked at that may be the end record.
+const MOST_ENDS: usize = 100;
 /// Stands where the 64-bit field holds the number.
 const IN_EXTRA: u64 = 0xffff_ffff;
 
@@ -33,6 +35,11 @@ impl Entry {
     pub(super) fn file_name(&self) -> PathBuf {
         let name = self.name.rsplit(['/', '\\']).next().filter(|n| !n.is_empty() && *n != "." && *n != "..");
         PathBuf::from(name.unwrap_or("file").replace('\0', ""))
+    }
+
+    /// Whether this is what SQLite kept beside that database.
+    pub(super) fn is_write_ahead_log_of(&self, database: &Entry) -> bool {
+        self.name.strip_suffix("-wal").is_some_and(|name| name == database.name)
     }
 
     fn is_file(&self) -> bool {
@@ -61,6 +68,13 @@ pub(super) fn entries(file: &mut File, most: usize) -> Result<Vec<Entry>, String
         Some(entries) => entries,
         None => headers(file, size, most).map_err(|e| e.to_string())?,
     };
+    for entry in entries.iter_mut().filter(|entry| !entry.is_file()) {
+        // The list may be damaged: each name stands in front of the content as well.
+        let head = read_at(file, entry.header_at, 30 + MOST_COMMENT).map_err(|e| e.to_string())?;
+        if let Some((own, _)) = header(&head, entry.header_at) {
+            entry.name = own.name;
+        }
+    }
     entries.retain(Entry::is_file);
     if entries.len() > most {
         return Err(format!("ZIP archive of {} files; more than {most} are not looked into", entries.len()));
@@ -79,20 +93,22 @@ fn read_at(file: &mut File, offset: u64, length: u64) -> io::Result<Vec<u8>> {
 fn list_at_end(file: &mut File, size: u64) -> io::Result<Option<Vec<Entry>>> {
     let tail_at = size.saturating_sub(END_BYTES + MOST_COMMENT);
     let tail = read_at(file, tail_at, size - tail_at)?;
-    let Some(found) = memchr::memmem::rfind(&tail, b"PK\x05\x06") else { return Ok(None) };
-    let end_at = tail_at + found as u64;
-    let Some((mut list_at, mut list_bytes)) = end_record(tail.get(found..).unwrap_or_default()) else {
-        return Ok(None);
-    };
-    if (list_at == IN_EXTRA || list_bytes == IN_EXTRA)
-        && let Some(end) = end_record_64(file, end_at)?
+    let ends = || memchr::memmem::rfind_iter(&tail, b"PK\x05\x06").take(MOST_ENDS);
+    let record = |found: usize| tail.get(found..).unwrap_or_default();
+    // A comment may hold what looks like one.
+    let reaches_end = |found: &usize| EndRecord::parse(record(*found)).is_some_and(|end| end.reaches_end);
+    let Some(found) = ends().find(reaches_end).or_else(|| ends().next()) else { return Ok(None) };
+    let Some(mut end) = EndRecord::parse(record(found)) else { return Ok(None) };
+    let mut end_at = tail_at + found as u64;
+    if (end.list_at == IN_EXTRA || end.list_bytes == IN_EXTRA)
+        && let Some((list_at, list_bytes, record_at)) = end_record_64(file, end_at)?
     {
-        (list_at, list_bytes) = end;
+        (end.list_at, end.list_bytes, end_at) = (list_at, list_bytes, record_at);
     }
-    if list_bytes > MOST_LIST || list_at.checked_add(list_bytes).is_none_or(|end| end > end_at) {
+    if end.list_bytes > MOST_LIST || end.list_at.checked_add(end.list_bytes) != Some(end_at) {
         return Ok(None);
     }
-    let list = read_at(file, list_at, list_bytes)?;
+    let list = read_at(file, end.list_at, end.list_bytes)?;
     let mut bytes = Bytes(&list);
     let mut entries = vec![];
     while !bytes.0.is_empty() {
@@ -101,17 +117,32 @@ fn list_at_end(file: &mut File, size: u64) -> io::Result<Option<Vec<Entry>>> {
             _ => return Ok(None),
         }
     }
-    Ok(Some(entries))
+    // It counts modulo 65536.
+    Ok(Some(entries).filter(|entries| end.files == u16::MAX || entries.len() & 0xffff == usize::from(end.files)))
 }
 
-fn end_record(record: &[u8]) -> Option<(u64, u64)> {
-    let mut bytes = Bytes(record.get(12..)?);
-    let list_bytes = u64::from(bytes.u32()?);
-    Some((u64::from(bytes.u32()?), list_bytes))
+/// What stands behind the list of files.
+struct EndRecord {
+    files: u16,
+    list_bytes: u64,
+    list_at: u64,
+    /// Its comment ends where the file does.
+    reaches_end: bool,
 }
 
-/// Of an archive over 4 GiB: a locator stands before the end record, and says where the longer one is.
-fn end_record_64(file: &mut File, end_at: u64) -> io::Result<Option<(u64, u64)>> {
+impl EndRecord {
+    fn parse(record: &[u8]) -> Option<EndRecord> {
+        let mut bytes = Bytes(record.get(10..)?);
+        let files = bytes.u16()?;
+        let (list_bytes, list_at) = (u64::from(bytes.u32()?), u64::from(bytes.u32()?));
+        let comment = usize::from(bytes.u16()?);
+        Some(EndRecord { files, list_bytes, list_at, reaches_end: bytes.0.len() == comment })
+    }
+}
+
+/// Of an archive over 4 GiB: a locator stands before the end record, and says where the longer one is: place and bytes of the
+/// list, and where the longer record begins.
+fn end_record_64(file: &mut File, end_at: u64) -> io::Result<Option<(u64, u64, u64)>> {
     let Some(locator_at) = end_at.checked_sub(20) else { return Ok(None) };
     let locator = read_at(file, locator_at, 20)?;
     let record_at = locator.strip_prefix(b"PK\x06\x07").and_then(|rest| Bytes(rest.get(4..)?).u64());
@@ -120,7 +151,7 @@ fn end_record_64(file: &mut File, end_at: u64) -> io::Result<Option<(u64, u64)>>
     let found = record.strip_prefix(b"PK\x06\x06").and_then(|rest| {
         let mut bytes = Bytes(rest.get(36..)?);
         let list_bytes = bytes.u64()?;
-        Some((bytes.u64()?, list_bytes))
+        Some((bytes.u64()?, list_bytes, record_at))
     });
     Ok(found)
 }
