@@ -431,7 +431,7 @@ fn is_beside_database(path: &Path) -> bool {
     let database = ["-wal", "-shm", "-journal"].iter().find_map(|end| name.strip_suffix(end));
     let is_there = |database: &str| {
         let packed = |ending: &&str| Path::new(&format!("{database}.{ending}")).is_file();
-        Path::new(database).is_file() || PACKED_ENDINGS.iter().any(|ending| packed(ending))
+        Path::new(database).is_file() || PACKED_ENDINGS.iter().any(packed)
     };
     database.is_some_and(|database| database.ends_with(".db3") && is_there(database))
 }

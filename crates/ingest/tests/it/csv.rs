@@ -824,7 +824,7 @@ fn damage_in_a_table_that_nobody_wants_is_found_where_nothing_may_stay_closed() 
 
 #[test]
 fn rows_whose_first_cell_begins_as_a_remark_does_are_rows_where_that_column_has_words() {
-    let row = |i: usize| format!("{}{i},{i},{}.5\n", if i % 3 == 0 { '#' } else { 'A' }, 2 * i);
+    let row = |i: usize| format!("{}{i},{i},{}.5\n", if i.is_multiple_of(3) { '#' } else { 'A' }, 2 * i);
     let log = read(&format!("tag,t,b\n{}", (0..300).map(row).collect::<String>()));
     assert_eq!((log.tables[0].rows, numbers(&log, "t")[6]), (300, Some(6.0)), "{:?}", log.notices);
     // A row of numbers that somebody took out stays out, and is told.

@@ -702,8 +702,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
             raise(Severity::Loss, "no-end", 1, text);
         } else if !self.data_ended && !self.damaged {
-            let text = "the record that ends the data is missing: it was swallowed, or never written";
-            raise(Severity::Loss, "no-end", 1, text);
+            let text = "the record that ends the data is missing: it was swallowed by another, or never written";
+            raise(Severity::Warning, "no-data-end", 1, text);
         } else if !self.ended && !self.damaged {
             raise(Severity::Loss, "no-end", 1, "the file was cut just behind its footer");
         }
