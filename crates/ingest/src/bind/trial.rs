@@ -209,7 +209,7 @@ fn plan<'a>(rule: &'a ChannelRule, log: &'a Log) -> Result<Plan<'a>, Miss> {
     for (closeness, table) in topics {
         match columns_of(rule, table, log, closeness.distance) {
             Ok(plan) => fitting.push((closeness, plan)),
-            Err(what) => miss = miss.or(Some((format!("topic {}: {what}", table.topic.name), table))),
+            Err(what) => miss = miss.or_else(|| Some((format!("topic {}: {what}", table.topic.name), table))),
         }
     }
     fitting.sort_by_key(|(closeness, _)| *closeness);
@@ -237,13 +237,13 @@ fn columns_found(rule: &ChannelRule, table: &Table) -> usize {
 }
 
 fn no_topic(rule: &ChannelRule, log: &Log) -> String {
-    let undecodable = log.health.topics.iter().find(|t| {
+    let undecodable = log.health.topics.iter().filter(|t| !t.reason.is_empty()).find(|t| {
         let topic = crate::table::TopicInfo {
             name: t.name.clone(),
             type_name: t.type_name.clone(),
             encoding: t.encoding.clone(),
         };
-        rule.meets(&topic).is_some() && !t.reason.is_empty()
+        rule.meets(&topic).is_some()
     });
     match (undecodable, rule.topics.first(), rule.types.first()) {
         (Some(topic), ..) => format!("topic {}: {}", topic.name, topic.reason),

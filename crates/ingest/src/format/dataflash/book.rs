@@ -33,6 +33,7 @@ pub(super) struct Book<'t, 'w> {
     by_id: Vec<Option<usize>>,
     /// What was defined under an id before, if that was something else: records that fit it alone are of it.
     former: Vec<Option<usize>>,
+    has_former: bool,
     by_name: HashMap<String, usize>,
     file: String,
     units: Units,
@@ -178,6 +179,7 @@ impl<'t, 'w> Book<'t, 'w> {
             types: vec![],
             by_id: vec![None; 256],
             former: vec![None; 256],
+            has_former: false,
             by_name: HashMap::new(),
             file: String::new(),
             units: Units::default(),
@@ -197,6 +199,7 @@ impl<'t, 'w> Book<'t, 'w> {
         self.file = name.to_owned();
         self.by_id.fill(None);
         self.former.fill(None);
+        self.has_former = false;
         self.by_name.clear();
         self.clock.restarts();
         self.learn(FMT_ID, Format::of_formats());
@@ -225,15 +228,23 @@ impl<'t, 'w> Book<'t, 'w> {
     }
 
     /// The format that a type had before, if it had another one.
+    #[inline]
     pub(super) fn former(&self, id: u8) -> Option<&Format> {
+        if !self.has_former {
+            return None;
+        }
         let index = self.former.get(usize::from(id)).copied().flatten()?;
         self.types.get(index).map(|t| &t.format)
     }
 
     /// The definition by which a binary record is read: the last one of its id, or the one before where only that fits its
     /// length and the time before it.
+    #[inline]
     fn of_record(&self, id: u8, bytes: &[u8], header: usize) -> Option<usize> {
         let last = self.known(id)?;
+        if !self.has_former {
+            return Some(last);
+        }
         let Some(before) = self.former.get(usize::from(id)).copied().flatten() else { return Some(last) };
         let fits = |index: &usize| self.types.get(*index).is_some_and(|t| t.format.fits(bytes.len()));
         let is_near = |index: &usize| self.is_near(*index, bytes, header);
@@ -467,6 +478,7 @@ impl<'t, 'w> Book<'t, 'w> {
             self.redefined.push([index, self.types.len()]);
             if let Some(former) = self.former.get_mut(usize::from(id)) {
                 *former = Some(index);
+                self.has_former = true;
             }
         }
         self.learn(id, format);

@@ -155,7 +155,8 @@ impl<'w, 'c> Walk<'w, 'c> {
             told: 0,
         };
         walk.claim(walk.pages.header.lock_page());
-        for page in walk.pages.header.pointer_maps(walk.pages.stated()) {
+        let last = walk.pages.at(walk.pages.count().saturating_sub(1));
+        for page in walk.pages.header.pointer_maps(last) {
             walk.spare(page);
         }
         walk
