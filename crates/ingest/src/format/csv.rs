@@ -311,10 +311,11 @@ impl Reading<'_> {
             if mark > 0 && is_row && !again && !is_marked {
                 open.fields.split(text, table.delimiter);
                 if header.has_marked_row(&open.fields) {
+                    changes.marked_row(line);
                     self.books.row(open, extent, &mut topic, 0, table.delimiter, false);
                     continue;
                 }
-                changes.remark(line, open.fields.len() == topic.width);
+                changes.remark(line, header.is_like_marked_row(&open.fields));
             }
             if !plain || again || again_units || line < table.first_row_line {
                 if line < table.first_row_line {

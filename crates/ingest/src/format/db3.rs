@@ -33,7 +33,7 @@ use crate::ledger::{Fate, Ledger};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -365,6 +365,8 @@ fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, Ingest
             listed.is_table && ["messages", "topics", "message_definitions"].iter().any(|n| listed.is(n))
         });
     let mut indexes = vec![];
+    // No two of them have one.
+    let mut roots = HashSet::new();
     // What is ours is claimed first, by what it is: a root may lead to the tree of another table.
     let is_topic = |cell: &Cell<'_>| looks_like_text(cell, is_type);
     let is_definition = |cell: &Cell<'_>| looks_like_text(cell, is_encoding);
@@ -373,7 +375,7 @@ fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, Ingest
         let columns = if listed.is("messages") { MessageColumns::of(&listed.sql) } else { None };
         let usual = columns.unwrap_or(MessageColumns::USUAL);
         let is_message = |cell: &Cell<'_>| usual.fit(cell);
-        if root == 0 {
+        if root == 0 || !roots.insert(root) {
             walk.is_elsewhere();
         } else if walk.is_index(root)? {
             match listed.has_row_numbers() {
@@ -405,7 +407,7 @@ fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, Ingest
         }
     }
     for listed in others {
-        if listed.root == 0 {
+        if listed.root == 0 || !roots.insert(listed.root) {
             walk.is_elsewhere();
         } else if listed.is_table && !walk.is_index(listed.root)? {
             let leaves = walk.leaves(listed.root, true)?;
@@ -442,11 +444,12 @@ fn announce(
     utf16: Option<bool>,
     topics: &mut Topics<'_>,
 ) -> BTreeMap<i64, Route> {
-    let definition = |row: &OwnedRow| {
+    // Those that were found by their look come last, and may be older.
+    let mut known: HashMap<String, (String, String)> = HashMap::new();
+    for row in definitions {
         let [of_type, encoding, text] = columns.definitions.read(row, utf16);
-        (of_type, (encoding, text))
-    };
-    let known: HashMap<String, (String, String)> = definitions.iter().map(definition).collect();
+        known.entry(of_type).or_insert((encoding, text));
+    }
     let mut routes = BTreeMap::new();
     for row in named {
         // Messages name the column, which is the number of the row unless the table was made otherwise.

@@ -830,7 +830,12 @@ fn rows_whose_first_cell_begins_as_a_remark_does_are_rows_where_that_column_has_
     // A row of numbers that somebody took out stays out, and is told.
     let log = read("t,b\n1,2\n#3,4\n# a remark, of words\n5,6\n");
     assert_eq!(log.tables[0].rows, 2);
-    assert!(log.notices.iter().any(|n| n.code == "marked-rows" && n.count == 2), "{:?}", log.notices);
+    assert!(log.notices.iter().any(|n| n.code == "marked-rows" && n.count == 1), "{:?}", log.notices);
+    // Remarks of a spreadsheet, and rows that were taken out of a table that begins with words.
+    for remark in ["# second part,,", "#second part,,", "# total,1,2", "#2024-01-01 12:00:20,777,9", "// note,1,2"] {
+        let log = read(&format!("name,x,y\na,1,2\nb,3,4\n{remark}\nc,5,6\n"));
+        assert_eq!(log.tables[0].rows, 3, "{remark}");
+    }
 }
 
 #[test]

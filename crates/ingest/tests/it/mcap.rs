@@ -512,6 +512,28 @@ fn a_length_that_leads_to_the_end_of_a_later_record_costs_nothing_and_is_told() 
 }
 
 #[test]
+fn a_log_in_an_attachment_without_checksum_is_not_read_where_the_record_behind_is_damaged() {
+    let sent = flight(60);
+    let layout = Layout { summary: false, data_crc: false, chunk_bytes: 3000, ..Layout::ZSTD };
+    let (log, inner) = (mcap(&sent, Encoding::Cdr, layout), mcap(&flight(9), Encoding::Cdr, layout));
+    let (_, attached) = chunk_places(&log)[2];
+    let name = [&4_u32.to_le_bytes()[..], b"a.mc", &0_u32.to_le_bytes(), &(inner.len() as u64).to_le_bytes()].concat();
+    let attachment = bare_record(op::ATTACHMENT, &[&[0; 16][..], &name, &inner, &[0; 4]].concat());
+    // Behind the message indexes of the chunk.
+    let behind =
+        records_of(&log).into_iter().find(|record| record.1 > attached && record.0 == op::CHUNK).unwrap().1 - 9;
+    let whole = [&log[..behind], &attachment, &log[behind..]].concat();
+    assert_received(&OnDisk::new(&whole, false).read().unwrap(), &sent, true);
+    for opcode in [0, 46] {
+        let mut damaged = whole.clone();
+        damaged[behind + attachment.len()] = opcode;
+        let log = OnDisk::new(&damaged, false).read().unwrap();
+        let rows = assert_subset(&log, &sent, true);
+        assert!(lost(&log) && log.tables[0].rows == rows && rows >= 50, "{opcode}: {rows}, {:?}", log.health.damage);
+    }
+}
+
+#[test]
 fn a_chunk_index_that_hides_a_channel_is_not_followed() {
     let sent = flight(60);
     let content = with_separate_chunks(&sent, Layout { data_crc: false, ..Layout::ZSTD });

@@ -52,14 +52,20 @@ pub(super) struct Changes {
     all_new: u64,
     /// Rows that may be headers of other tables, and the line of the first.
     like_headers: (u64, u64),
-    /// Remarks with as many fields as the table has columns, and the line of the first.
+    /// Remarks with as many fields as the table has columns, and the line of the first; and those that were read as rows.
     remarks: (u64, u64),
+    marked: (u64, u64),
 }
 
 impl Changes {
     /// A row that is read as one and may be the header of another table.
     pub(super) fn like_header(&mut self, line: u64) {
         count_from(&mut self.like_headers, line);
+    }
+
+    /// A row behind a mark of remarks.
+    pub(super) fn marked_row(&mut self, line: u64) {
+        count_from(&mut self.marked, line);
     }
 
     /// A remark below a header that is none; `like_row` if it has as many fields.
@@ -91,6 +97,8 @@ impl Changes {
         warn("like-header", self.like_headers, text);
         let text = "remarks with as many fields as the table has columns: they are not read as rows";
         warn("marked-rows", self.remarks, text);
+        let text = "rows begin as remarks do: they are read, for they have a number wherever the others have one";
+        warn("rows-like-remarks", self.marked, text);
         if self.count == 0 {
             return;
         }
@@ -112,6 +120,10 @@ fn count_from((count, first): &mut (u64, u64), line: u64) {
         *first = line;
     }
     *count += 1;
+}
+
+fn is_number(cell: &[u8]) -> bool {
+    matches!(number(cell), Cell::Integer(_) | Cell::Float(_) | Cell::NotFinite)
 }
 
 /// A word as names are: none that begins with a digit.
@@ -214,14 +226,25 @@ impl Header {
             && words().collect::<HashSet<_>>().len() == fields.len()
     }
 
-    /// Whether a record behind a mark of remarks is a row for all that, as `#12,3.5,7.0` is where the first column holds words.
+    /// Whether a record behind a mark of remarks is a row for all that, as `#12,3.5,7.0` is where the first column holds words:
+    /// a number in every column of numbers, and no time in the first, of a row that somebody took out.
     pub(super) fn has_marked_row(&self, fields: &Fields) -> bool {
-        let is_number = |cell: &[u8]| !matches!(number(cell), Cell::Bad);
         let agrees = |(index, of_numbers): (usize, &bool)| !of_numbers || is_number(fields.get(index));
+        let is_tag = |cell: &[u8]| {
+            let tag = cell.strip_prefix(b"#").unwrap_or_default();
+            !tag.is_empty() && tag.iter().all(|b| b.is_ascii_alphanumeric() || b"_.".contains(b))
+        };
         fields.len() == self.numbers.len()
             && self.numbers.first() == Some(&false)
             && self.numbers.contains(&true)
             && self.numbers.iter().enumerate().all(agrees)
+            && is_tag(fields.get(0))
+    }
+
+    /// Whether a remark has as many fields as the table, all but the first of them numbers or empty.
+    pub(super) fn is_like_marked_row(&self, fields: &Fields) -> bool {
+        let others = || (1..fields.len()).map(|index| fields.get(index)).filter(|cell| !cell.is_empty());
+        fields.len() == self.names.len() && others().next().is_some() && others().all(is_number)
     }
 
     /// How many columns a header has. A delimiter at the end of the line makes none, unless there are as many as in the first.

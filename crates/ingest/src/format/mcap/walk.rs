@@ -334,13 +334,24 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             let fresh = (block.len() as u64).saturating_sub(HEAD_BYTES - 1).max(1);
             let found: Vec<u64> = candidates(block).map(|i| at + i as u64).filter(|&i| i < head.end).collect();
             for candidate in found {
-                if self.is_record(candidate)? {
+                if self.is_record(candidate)? && self.reaches_over(candidate, head.end)? {
                     return Ok(Some(candidate));
                 }
             }
             at += fresh;
         }
         Ok(None)
+    }
+
+    /// Whether records lead from here over a place and not to it: those that a record carries end within it.
+    fn reaches_over(&mut self, mut at: u64, place: u64) -> Result<bool, IngestError> {
+        while at < place {
+            match Head::read(self.file, at)?.filter(|head| is_defined(head.opcode) && head.opcode != op::FOOTER) {
+                Some(head) => at = head.end,
+                None => return Ok(false),
+            }
+        }
+        Ok(at > place)
     }
 
     /// Whether the record is an attachment that tells by itself whether it is intact.
@@ -501,7 +512,7 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             if channel.is_some_and(|channel| self.visit.may_want(channel)) {
                 return Ok(false);
             }
-            at = index.end;
+            at = index.own_end(self.file)?.unwrap_or(index.end);
         }
         Ok(true)
     }

@@ -68,7 +68,7 @@ pub(super) fn entries(file: &mut File, most: usize) -> Result<Vec<Entry>, String
         Some(entries) => entries,
         None => headers(file, size, most).map_err(|e| e.to_string())?,
     };
-    for entry in entries.iter_mut().filter(|entry| !entry.is_file()) {
+    for entry in entries.iter_mut().filter(|entry| !entry.is_file()).take(most) {
         // The list may be damaged: each name stands in front of the content as well.
         let head = read_at(file, entry.header_at, 30 + MOST_COMMENT).map_err(|e| e.to_string())?;
         if let Some((own, _)) = header(&head, entry.header_at) {
@@ -105,7 +105,7 @@ fn list_at_end(file: &mut File, size: u64) -> io::Result<Option<Vec<Entry>>> {
     {
         (end.list_at, end.list_bytes, end_at) = (list_at, list_bytes, record_at);
     }
-    if end.list_bytes > MOST_LIST || end.list_at.checked_add(end.list_bytes) != Some(end_at) {
+    if end.list_bytes > MOST_LIST || end.list_at.checked_add(end.list_bytes).is_none_or(|end| end > end_at) {
         return Ok(None);
     }
     let list = read_at(file, end.list_at, end.list_bytes)?;
