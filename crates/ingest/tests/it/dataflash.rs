@@ -683,7 +683,7 @@ fn units_of_another_type_make_no_instances_and_are_told() {
     let whole = with(&[]);
     assert_eq!(names(&whole), ["ABC", "FMT", "IMU", "IMU_1", "POS"]);
     for (lie, code) in
-        [(units(12, "sDU"), "damaged"), (units(12, "s-ooo"), "units-differ"), (units(10, "sDUm"), "damaged")]
+        [(units(12, "sDU"), "units-differ"), (units(12, "s-ooo"), "units-differ"), (units(10, "sDUm"), "units-differ")]
     {
         let log = with(&lie);
         assert_eq!(names(&log), names(&whole), "{:?}", log.notices);

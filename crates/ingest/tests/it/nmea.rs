@@ -449,6 +449,28 @@ fn a_velocity_has_the_time_of_its_own_talker() {
 }
 
 #[test]
+fn a_heading_has_the_time_of_its_epoch_whoever_says_it() {
+    let heading = |talker: &str, i: usize| sealed(&format!("{talker}HDT,{}.0,T", i % 360));
+    let fix = |talker: &str, i: usize| epoch_behind(talker, 10 * i)[0].clone();
+    let date = sealed("GPZDA,115959.0,21,11,2026,00,00");
+    let stamps = |lines: Vec<String>, topic: &str| -> Vec<i64> {
+        let log = read_bytes(READER, (lines.join("\r\n") + "\r\n").as_bytes()).unwrap();
+        let table = table(&log, topic);
+        let column = table.column("elapsed_ns").unwrap();
+        (0..table.rows).map(|row| column.integer(row).unwrap() / 1_000_000_000).collect()
+    };
+    let seconds: Vec<i64> = (0..60).collect();
+    // The receiver changes its talker and the heading does not; another talker said a time once.
+    let changed = (0..60).flat_map(|i| [fix(if i < 10 { "GP" } else { "GN" }, i), heading("GP", i)]).collect();
+    assert_eq!(stamps(changed, "GPHDT"), seconds);
+    let once = std::iter::once(date).chain((0..60).flat_map(|i| [fix("GN", i), heading("GP", i)])).collect();
+    assert_eq!(stamps(once, "GPHDT"), (1..61).collect::<Vec<i64>>());
+    let turns = |i: usize| if i.is_multiple_of(2) { "GP" } else { "GN" };
+    let alternating = (0..60).flat_map(|i| [fix(turns(i), i), heading("HE", i)]).collect();
+    assert_eq!(stamps(alternating, "HEHDT"), seconds);
+}
+
+#[test]
 fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
     let log = text(&[
         &sealed("GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,high,M,46.9,M,,"),

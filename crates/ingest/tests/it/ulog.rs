@@ -827,6 +827,24 @@ fn definitions_that_are_wrong_cost_their_own_topic_and_are_told() {
 }
 
 #[test]
+fn what_is_of_no_known_format_is_not_read_by_what_had_its_number_before() {
+    let mut made = Made::begin([0; 3]);
+    made.format("a:uint64_t timestamp;float x;");
+    made.subscribe(0, 0, "a");
+    (0..10).for_each(|i| made.data(0, 1_000_000 + 1000 * i, &floats(&[1.0])));
+    made.subscribe(0, 0, "b");
+    (0..10).for_each(|i| made.data(0, 2_000_000 + 1000 * i, &floats(&[2.0])));
+    let log = read(&made.0);
+    assert_eq!((numbers(&log, "a", "x"), loses(&log)), (vec![1.0; 10], true), "{:?}", log.notices);
+    // Of several paddings the last may be left out.
+    let mut made = Made::begin([0; 3]);
+    made.format("a:uint64_t timestamp;uint8_t x;uint8_t[3] _padding0;uint8_t[4] _padding1;");
+    made.subscribe(0, 0, "a");
+    (0..10).for_each(|i| made.data(0, 1_000_000 + 1000 * i, &[7, 0, 0, 0]));
+    assert_eq!(numbers(&read(&made.0), "a", "x"), [7.0; 10]);
+}
+
+#[test]
 fn a_topic_whose_messages_are_padded_otherwise_than_those_of_others_is_told() {
     let mut made = Made::begin([0; 3]);
     made.format("a:uint64_t timestamp;float[3] x;uint8_t[4] _padding0;");

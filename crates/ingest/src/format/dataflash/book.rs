@@ -247,10 +247,11 @@ impl<'t, 'w> Book<'t, 'w> {
         }
         let Some(before) = self.former.get(usize::from(id)).copied().flatten() else { return Some(last) };
         let fits = |index: &usize| self.types.get(*index).is_some_and(|t| t.format.fits(bytes.len()));
-        let is_near = |index: &usize| self.is_near(*index, bytes, header);
-        let both = [last, before];
-        let chosen = both.iter().find(|index| fits(index) && is_near(index)).or_else(|| both.iter().find(|i| fits(i)));
-        Some(chosen.copied().unwrap_or(last))
+        let is_near = |index: usize| self.is_near(index, bytes, header);
+        let has_time = |index: usize| self.types.get(index).is_some_and(|t| t.format.time.is_some());
+        // Only a time can tell that it is of the one before where both fit.
+        let is_former = fits(&before) && (!fits(&last) || !is_near(last) && has_time(before) && is_near(before));
+        Some(if is_former { before } else { last })
     }
 
     /// Whether a record has a time, if its type has one, that is near the last one.
@@ -420,7 +421,7 @@ impl<'t, 'w> Book<'t, 'w> {
             Role::FieldUnits => {
                 let ids = ["UnitIds", "MultIds"].map(|name| text(name).unwrap_or_default().into_owned());
                 if let Some(id) = integer("FmtType").and_then(|id| u8::try_from(id).ok()) {
-                    return self.set_units(id, ids);
+                    self.set_units(id, ids);
                 }
             }
             Role::Unit => self.units.unit(integer("Id"), text("Label")),
@@ -468,6 +469,7 @@ impl<'t, 'w> Book<'t, 'w> {
                 (self.by_id.get_mut(usize::from(id)), self.former.get_mut(usize::from(id)))
             {
                 std::mem::swap(last, former);
+                self.by_name.extend(last.map(|index| (format.name.clone(), index)));
             }
             return Ok(());
         }
@@ -485,19 +487,15 @@ impl<'t, 'w> Book<'t, 'w> {
         Ok(())
     }
 
-    fn set_units(&mut self, id: u8, ids: [String; 2]) -> Result<(), String> {
-        let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else { return Ok(()) };
+    fn set_units(&mut self, id: u8, ids: [String; 2]) {
+        let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else { return };
         if ids[0].len() != kind.format.codes() {
-            let name = &kind.format.name;
-            return Err(format!(
-                "units of {} fields for the type {name}, which has {}",
-                ids[0].len(),
-                kind.format.codes()
-            ));
+            self.other_units.add(|| format!("{}, of {} fields", kind.format.name, ids[0].len()));
+            return;
         }
         if kind.unit_ids.as_ref().is_some_and(|known| *known != ids) {
             self.other_units.add(|| kind.format.name.clone());
-            return Ok(());
+            return;
         }
         let instance = ids[0].bytes().position(|b| b == b'#').filter(|&field| field < kind.format.fields.len());
         if instance != kind.instance && kind.is_used() {
@@ -505,7 +503,6 @@ impl<'t, 'w> Book<'t, 'w> {
         }
         kind.instance = instance;
         kind.unit_ids = Some(ids);
-        Ok(())
     }
 
     /// Types that took the place of others: those of which there are records, before or behind, and the others.
@@ -543,8 +540,8 @@ impl<'t, 'w> Book<'t, 'w> {
         say(Severity::Loss, "unknown-channel", &self.unplaced, "records found no topic, for there are too many");
         let text = "the field that tells instances apart was named after the first records, which are in one topic";
         say(Severity::Warning, "late-instance", &self.late_instances, text);
-        let text = "units and instances of a type are stated twice and otherwise: the first holds, and one of them may be of \
-                    another type";
+        let text = "units and instances of a type are stated twice and otherwise, of which the first holds, or for another number \
+                    of fields: they may be of another type";
         say(Severity::Warning, "units-differ", &self.other_units, text);
         let text = "the clock begins anew within the file; what follows is stamped as if it came ten seconds later";
         say(Severity::Warning, "clock-restart", &self.clock.moved, text);

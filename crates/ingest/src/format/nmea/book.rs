@@ -265,7 +265,7 @@ struct Epochs {
     /// UTC and elapsed time of the last sentence with a time, by talker: two receivers may speak in turns.
     by_talker: Vec<(String, Option<i64>, i64)>,
     /// What sentences without a time were last given, by address.
-    given: Vec<(String, i64)>,
+    given: Vec<Given>,
     /// Something is missing behind the last sentence with a time.
     is_broken: bool,
 }
@@ -285,6 +285,10 @@ impl Epochs {
         let stamps = self.of_time(date, field, sentence);
         if let (utc_ns, Some(elapsed_ns)) = stamps {
             self.is_broken = false;
+            // ZDA is of no epoch: it says the time whenever it likes.
+            if address.1 == "ZDA" {
+                return stamps;
+            }
             if let Some(known) = self.by_talker.iter_mut().find(|(talker, ..)| talker == address.0) {
                 (known.1, known.2) = (utc_ns, elapsed_ns);
             } else if self.by_talker.len() < MOST_TALKERS {
@@ -297,19 +301,25 @@ impl Epochs {
     /// The stamps of a sentence without a time. Behind damage it has those of the epoch before only if no other of its
     /// address has them.
     fn of_epoch(&mut self, (talker, name): (&str, &str)) -> (Option<i64>, Option<i64>) {
+        let Some(common) = self.time_of_day_ns.map(|_| (self.utc_ns, self.elapsed_ns)) else { return (None, None) };
         let own = self.by_talker.iter().find(|(known, ..)| known == talker).map(|(_, utc_ns, at)| (*utc_ns, *at));
-        let Some((utc_ns, elapsed_ns)) = own.or(self.time_of_day_ns.map(|_| (self.utc_ns, self.elapsed_ns))) else {
-            return (None, None);
-        };
-        let is_it = |known: &str| known.strip_prefix(talker) == Some(name);
-        if let Some((_, before_ns)) = self.given.iter_mut().find(|(known, _)| is_it(known)) {
-            if self.is_broken && *before_ns == elapsed_ns {
-                return (None, None);
+        let is_it = |given: &&mut Given| given.address.strip_prefix(talker) == Some(name);
+        let Some(given) = self.given.iter_mut().find(is_it) else {
+            let (utc_ns, elapsed_ns) = own.unwrap_or(common);
+            if self.given.len() < MOST_TALKERS {
+                let (address, own_ns) = (format!("{talker}{name}"), own.map(|(_, at)| at));
+                self.given.push(Given { address, elapsed_ns, own_ns, is_common: false });
             }
-            *before_ns = elapsed_ns;
-        } else if self.given.len() < MOST_TALKERS {
-            self.given.push((format!("{talker}{name}"), elapsed_ns));
+            return (utc_ns, Some(elapsed_ns));
+        };
+        // Its talker says times more seldom, or no more: they are not those of its epochs.
+        let is_behind = own.is_some_and(|(_, at)| given.own_ns == Some(at));
+        given.is_common |= is_behind && !self.is_broken;
+        let (utc_ns, elapsed_ns) = own.filter(|_| !given.is_common).unwrap_or(common);
+        if self.is_broken && given.elapsed_ns == elapsed_ns {
+            return (None, None);
         }
+        (given.elapsed_ns, given.own_ns) = (elapsed_ns, own.map(|(_, at)| at));
         (utc_ns, Some(elapsed_ns))
     }
 
@@ -329,6 +339,17 @@ impl Epochs {
         self.begin_ns = self.begin_ns.or(self.utc_ns.map(|utc_ns| utc_ns.saturating_sub(self.elapsed_ns)));
         (self.utc_ns, Some(self.elapsed_ns))
     }
+}
+
+/// What sentences of one address, which say no time, were last given.
+#[derive(Debug)]
+struct Given {
+    address: String,
+    elapsed_ns: i64,
+    /// When its own talker last said a time then.
+    own_ns: Option<i64>,
+    /// The epochs are not those of its own talker.
+    is_common: bool,
 }
 
 /// Since when the receiver can have been, and the dates that it says.

@@ -70,9 +70,14 @@ impl Known {
     #[inline]
     fn of_message(&self, body: &[u8]) -> &Known {
         match &self.former {
-            Some(former) if !self.fits(body) && former.fits(body) => former,
+            Some(former) if self.is_foreign(body) && former.fits(body) => former,
             _ => self,
         }
+    }
+
+    /// Whether a message is certainly none of this topic, whose format is known.
+    fn is_foreign(&self, body: &[u8]) -> bool {
+        self.meaning.extent.as_ref().is_ok_and(|extent| !extent.fits(body))
     }
 }
 
@@ -276,7 +281,7 @@ impl<'t, 'w> Session<'t, 'w> {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
-        if known.former.as_ref().is_some_and(|former| former.fits(body)) && !known.fits(body) {
+        if known.former.as_ref().is_some_and(|former| former.fits(body)) && known.is_foreign(body) {
             // Looked for anew, for both are borrowed by `known`.
             if let Known { former: Some(former), .. } = known {
                 known = former;
