@@ -348,7 +348,7 @@ impl Listed {
         !self.sql.to_lowercase().contains("without rowid")
     }
 
-    /// The name stands there three times.
+    /// The name stands there three times: its own, that of the table, and in the text that made it. One may be damaged.
     fn is(&self, name: &str) -> bool {
         let [own, table, made] = &self.names;
         own == name || (table == name && made == name)

@@ -135,11 +135,14 @@ fn bare_and_checked(head: &[u8]) -> (usize, usize) {
     let whole = head.get(..memchr::memrchr(b'\n', head).map_or(0, |end| end + 1)).unwrap_or_default();
     let (mut bare, mut checked) = (0, 0);
     for line in whole.split_inclusive(|b| *b == b'\n').filter(|line| memchr(b'$', line).is_some()).take(1000) {
-        let is_sentence =
-            || begin_of(line).is_some_and(|at| Sentence::at(line.get(at..).unwrap_or_default(), true).is_ok());
+        // What other devices write behind a `$` says nothing.
+        let is_read = || {
+            let sentence = begin_of(line).and_then(|at| Sentence::at(line.get(at..)?, true).ok());
+            sentence.is_some_and(|sentence| Kind::of(sentence.address().1).is_some())
+        };
         match memchr(b'*', line) {
             Some(_) => checked += 1,
-            None => bare += usize::from(is_sentence()),
+            None => bare += usize::from(is_read()),
         }
     }
     (bare, checked)

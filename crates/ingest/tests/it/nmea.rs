@@ -1,5 +1,6 @@
 //! NMEA 0183: a simulated flight, sentences of other tools, and everything that can go wrong.
 
+use crate::made::lost;
 use crate::stream::*;
 use crate::support::*;
 use flight::{Clock, Severity, Stamp, StampKind};
@@ -365,6 +366,17 @@ fn whether_sentences_have_checksums_is_told_by_most_of_them_where_they_stand() {
         let log = read_bytes(READER, &[&front[..], bare.as_bytes()].concat()).unwrap();
         assert_eq!(log.health.messages, 120);
     }
+}
+
+#[test]
+fn lines_of_another_device_make_no_log_without_checksums() {
+    // More lines of its own than a logger has sentences, of which one was cut inside of a number.
+    let own = "$LOG,12,34\r\n".repeat(4);
+    let mut lines: Vec<String> = fixes(0..60, true).split_inclusive('\n').map(str::to_owned).collect();
+    lines[30].replace_range(55.., "\r\n");
+    let log = read_bytes(READER, lines.iter().map(|line| line.clone() + &own).collect::<String>().as_bytes()).unwrap();
+    assert_eq!(table(&log, "GPGGA").rows, 59);
+    assert!(lost(&log));
 }
 
 #[test]

@@ -282,7 +282,6 @@ impl<'t, 'w> Session<'t, 'w> {
             return Fate::Skipped;
         };
         if known.former.as_ref().is_some_and(|former| former.fits(body)) && known.is_foreign(body) {
-            // Looked for anew, for both are borrowed by `known`.
             if let Known { former: Some(former), .. } = known {
                 known = former;
             }
