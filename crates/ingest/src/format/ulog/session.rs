@@ -281,10 +281,11 @@ impl<'t, 'w> Session<'t, 'w> {
             self.unplaced.add(|| format!("number {number}"));
             return Fate::Skipped;
         };
-        if known.former.as_ref().is_some_and(|former| former.fits(body)) && known.is_foreign(body) {
-            if let Known { former: Some(former), .. } = known {
-                known = former;
-            }
+        if known.former.as_ref().is_some_and(|former| former.fits(body))
+            && known.is_foreign(body)
+            && let Known { former: Some(former), .. } = known
+        {
+            known = former;
         }
         let Meaning { route, extent, tells, .. } = &known.meaning;
         match extent {
