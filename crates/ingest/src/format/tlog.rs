@@ -26,7 +26,7 @@ mod framing;
 mod recut;
 mod vehicle;
 
-use self::book::{Book, CUT, MOST_TOPICS, NO_FRAME};
+use self::book::{Book, CUT, MOST_TOPICS};
 use self::clock::BootClock;
 use self::definition::Definitions;
 use self::dialect::Dialect;
@@ -67,7 +67,7 @@ impl LogReader for TlogReader {
         let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(&self.files, want, context)?;
         let mut log = Log::default();
         let mut learned = Learned::default();
-        let framings = files.iter_mut().map(Framing::of_file).collect::<Result<Vec<_>, _>>()?;
+        let framings = files.iter_mut().map(|file| Framing::of_file(file, context)).collect::<Result<Vec<_>, _>>()?;
         let main = match self.files.first().zip(framings.first()) {
             Some((first, framing)) => main_vehicle(first, *framing, &mut learned, context)?,
             None => Sender::default(),
@@ -78,10 +78,6 @@ impl LogReader for TlogReader {
         log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
         let mut book = Book::new(main, learned, stamped, runs, &mut topics);
         for (file, framing) in files.iter_mut().zip(framings) {
-            // What a serial line said before the stream may be text.
-            if !looks_like(file.up_to(0, crate::sniff::HEAD)?) {
-                super::refuse_foreign(file, NO_FRAME, context)?;
-            }
             let (name, search) = (file.name().to_owned(), Search::of(framing));
             let size = file.size();
             Walk { name, file, context, ledger: &mut ledger, book: &mut book, framing, at: 0, search }.run()?;
@@ -214,7 +210,7 @@ fn skim(
                 search.last_us = time_us(bytes).filter(|_| framing == Framing::Stamped);
                 at += (front + frame.length) as u64;
             }
-            _ => at = search.next(&mut file, at + 1, end, context)?,
+            _ => at = search.next(&mut file, at + 1, end, &|_, _| false, context)?,
         }
         file.progress(at.min(end), context)?;
     }
@@ -254,10 +250,10 @@ impl Walk<'_, '_, '_, '_> {
     /// Goes on where the next intact frame begins.
     fn lost(&mut self, reason: Cow<'static, str>) -> Result<(), IngestError> {
         let behind = self.known_behind()?;
-        let found = self.search.next(self.file, self.at + 1, self.file.size(), self.context)?;
+        let knows = |message, extra| self.book.knows(message, extra);
+        let found = self.search.next(self.file, self.at + 1, self.file.size(), &knows, self.context)?;
         let next = behind.map_or(found, |behind| behind.min(found));
-        let may_begin_with_text = self.at == 0 && self.framing == Framing::Bare;
-        if may_begin_with_text && super::preamble(self.file, next)?.is_some() {
+        if self.at == 0 && super::preamble(self.file, next)?.is_some() {
             self.ledger.count(Fate::Skipped, next);
             self.book.preamble += next;
             self.at = next;

@@ -141,10 +141,13 @@ fn what_a_serial_line_said_before_a_stream_costs_it_nothing() {
         let log = read_bytes(READER, &[&text[..front], b"\r\n", &stream].concat()).unwrap();
         assert_eq!((log.health.messages, log.health.bytes.damaged), (300, 0), "{front}: {:?}", log.health.damage);
     }
-    for junk in [vec![0; 70_000], vec![0xe5; 70_000]] {
+    for junk in [vec![0; 70_000], vec![0xe5; 70_000], b"nsh> booting the vehicle\r\n".repeat(5000)] {
         let log = read_bytes(READER, &[&junk[..], &stream].concat()).unwrap();
         assert_eq!(log.health.messages, 300);
     }
+    let stamped: Vec<u8> = (0..300).flat_map(|i| tlog_frame(NOON_US + i, 30, 39, &[7; 28])).collect();
+    let log = read_bytes(READER, &[&b"a logger's remark\n"[..], &stamped].concat()).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged, log.health.bytes.skipped), (300, 0, 18));
     // The end of a heartbeat, as a time of 1970 and later that it is not.
     let front = [0, 6, 8, 0, 0, 3, 0x51, 0x40];
     let log = read_bytes(READER, &[&front[..], &stream].concat()).unwrap();
@@ -633,6 +636,47 @@ fn bytes_that_only_look_like_a_frame_swallow_none() {
         let log = read_bytes(READER, &bytes).unwrap();
         assert_eq!((log.health.messages, log.health.bytes.damaged), (10, begin.len() as u64), "{is_bare}");
         assert!(log.health.damage[0].reason.contains("3351057"), "{:?}", log.health.damage);
+    }
+}
+
+#[test]
+fn behind_damage_the_log_goes_on_with_a_message_that_is_not_defined_whose_layout_was_seen_before() {
+    for is_bare in [false, true] {
+        let plain = |frame: Vec<u8>| if is_bare { bare(&frame) } else { frame };
+        let heartbeat = plain(tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]));
+        let own = |i: u8| plain(tlog_frame(NOON_US + u64::from(i), 54_321, 77, &[i; 20]));
+        let (before, behind) = (own(1).repeat(3), (2..17).flat_map(own).collect::<Vec<u8>>());
+        let block = [0xfd; 300];
+        let bytes = [&heartbeat.repeat(4), &before, &block[..], &behind, &heartbeat.repeat(4)].concat();
+        let log = read_bytes(READER, &bytes).unwrap();
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (26, 300), "{is_bare}: {:?}", log.health.damage);
+        // Nothing was seen of it before: then nothing tells it from chance.
+        let bytes = [&heartbeat.repeat(4), &block[..], &behind, &heartbeat.repeat(4)].concat();
+        assert_eq!(read_bytes(READER, &bytes).unwrap().health.messages, 8, "{is_bare}");
+    }
+}
+
+#[test]
+fn a_frame_that_is_not_defined_and_ends_inside_of_an_intact_one_swallows_none() {
+    for is_bare in [false, true] {
+        let plain = |frame: Vec<u8>| if is_bare { bare(&frame) } else { frame };
+        let front = if is_bare { 0 } else { 8 };
+        let heartbeat = plain(tlog_frame(NOON_US, 0, 50, &[0, 0, 0, 0, 1, 3, 0, 4, 3]));
+        // A wrong length leads to the end of the second frame behind, whose checksum is right for some layout.
+        let mut swallowed = 0;
+        for i in 0..1500_u16 {
+            let mut lie = plain(tlog_frame(NOON_US, 54_321, 77, &[&i.to_le_bytes()[..], &[3, 4]].concat()));
+            lie[front + 1] += 2 * heartbeat.len() as u8;
+            let (from, to) = (front + 1, lie.len() + 2 * heartbeat.len() - 2);
+            let bytes = [heartbeat.repeat(4), lie.clone(), heartbeat.repeat(20)].concat();
+            let body = &bytes[4 * heartbeat.len()..];
+            let told = u16::from_le_bytes([body[to], body[to + 1]]);
+            let fits = |extra| crate::wire::crc16(&[&body[from..to], &[extra]].concat()) == told;
+            swallowed += u32::from((0..=u8::MAX).any(fits));
+            let log = read_bytes(READER, &bytes).unwrap();
+            assert_eq!((log.health.messages, log.health.bytes.damaged), (24, lie.len() as u64), "{is_bare} {i}");
+        }
+        assert!(swallowed > 0, "{is_bare}");
     }
 }
 

@@ -220,6 +220,12 @@ impl<'b, 't> Book<'b, 't> {
         known.is_some_and(|guess| [Some(guess.extra), guess.rival].contains(&frame.extra))
     }
 
+    /// Whether several frames showed that a message which is not defined, or otherwise, has this layout.
+    pub(super) fn knows(&self, message: u32, extra: u8) -> bool {
+        let agree = |guess: &Guess| guess.seen > 1 && guess.extra == extra;
+        self.unknown.get(&message).is_some_and(agree) || self.learned.dialect.has(message, extra)
+    }
+
     /// Whether a message that is not defined has the layout that it had before.
     fn is_consistent(&mut self, frame: &Frame<'_>) -> bool {
         let Some(extra) = frame.extra else { return false };

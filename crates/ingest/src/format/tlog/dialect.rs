@@ -37,8 +37,12 @@ impl Dialect {
 
     /// Whether the frame is intact, but of another definition.
     pub(super) fn vouches_for(&self, frame: &Frame<'_>) -> bool {
-        let sightings = key(frame).and_then(|key| self.seen.get(&key));
-        sightings.is_some_and(|sightings| sightings.frames >= CONFIRMED_BY)
+        key(frame).is_some_and(|(message, extra)| self.has(message, extra))
+    }
+
+    /// Whether the layout is one of the log's.
+    pub(super) fn has(&self, message: u32, extra: u8) -> bool {
+        self.seen.get(&(message, extra)).is_some_and(|sightings| sightings.frames >= CONFIRMED_BY)
     }
 }
 

@@ -14,7 +14,7 @@ pub(super) const LONGEST: usize = HEADER_2 + WIDE_SENDER + WIDE_TARGET + 255 + C
 /// Of the shortest, without payload.
 const HEADER_1: usize = 6;
 const HEADER_2: usize = 10;
-const CHECKSUM: usize = 2;
+pub(super) const CHECKSUM: usize = 2;
 pub(super) const SIGNATURE: usize = 13;
 /// The flag of MAVLink 2 that a signature follows.
 const SIGNED: u8 = 1;
@@ -191,7 +191,7 @@ fn zeros_cut(definition: &Definition, checked: &[u8], payload: usize, told: u16)
     [payload + 1].into_iter().chain(ends).find_map(with)
 }
 
-/// Finds intact frames of defined messages in a block; each place takes one step, whatever length stands there.
+/// Finds intact frames in a block; each place takes one step, whatever length stands there.
 ///
 /// A checksum is linear: with Q(i) that of the first i bytes, begun with zero, and A what a zero byte makes of a checksum,
 /// the one of the bytes from i to j, begun with c, is A^(j-i) (c + Q(i)) + Q(j), where + is the exclusive or.
@@ -227,12 +227,25 @@ impl Finder {
     }
 
     fn is_intact(&self, at: usize, bytes: &[u8], head: Head) -> Option<bool> {
+        let defined = Definitions::all().get(head.message)?.extra;
+        Some(self.extra(at, bytes, head)? == defined)
+    }
+
+    /// The number that stands for the layout in the checksum of the frame at `at`, if one does.
+    fn extra(&self, at: usize, bytes: &[u8], head: Head) -> Option<u8> {
         let told = bytes.get(..head.length())?.get(head.checked()..)?.first_chunk()?;
-        let extra = Definitions::all().get(head.message)?.extra;
         // The magic is not summed up.
         let [from, to] = [self.sums.get(at + 1)?, self.sums.get(at + head.checked())?];
         let sum = advanced(Checksum::new().0 ^ from, head.checked() - 1)? ^ to;
-        Some(Checksum(sum).with(extra) == u16::from_le_bytes(*told))
+        Checksum(sum).extra_of(u16::from_le_bytes(*told))
+    }
+
+    /// The message and the layout of the frame at `at`, whether it is defined or not, and the bytes of the frame; `None` if no
+    /// layout makes its checksum right.
+    pub(super) fn layout(&self, at: usize) -> Option<(u32, u8, usize)> {
+        let bytes = self.block.get(at..)?;
+        let head = Head::at(bytes).ok()?;
+        Some((head.message, self.extra(at, bytes, head)?, head.length()))
     }
 }
 

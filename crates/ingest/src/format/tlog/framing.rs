@@ -1,7 +1,8 @@
 //! What stands in front of the frames of a file, and where the next one is.
 
+use super::book::NO_FRAME;
 use super::clock::PLAUSIBLE_US;
-use super::frame::{Finder, Frame, LONGEST, MAGIC};
+use super::frame::{CHECKSUM, Finder, Frame, LONGEST, MAGIC, SIGNATURE};
 use crate::bytes::is_zero;
 use crate::error::IngestError;
 use crate::format::MOST_ZEROS;
@@ -33,8 +34,9 @@ impl Framing {
         }
     }
 
-    /// By the first block that holds frames: what stands before may be zeros or junk.
-    pub(super) fn of_file(file: &mut LogFile) -> Result<Framing, IngestError> {
+    /// By the first block that holds frames: what stands before may be zeros, junk, or text. A file without one is refused if
+    /// it is no log at all.
+    pub(super) fn of_file(file: &mut LogFile, context: &ReadContext<'_>) -> Result<Framing, IngestError> {
         let mut at = 0;
         while at < file.size().min(SOUGHT) {
             let head = file.up_to(at, crate::sniff::HEAD)?;
@@ -43,6 +45,7 @@ impl Framing {
             }
             at += crate::sniff::HEAD as u64;
         }
+        crate::format::refuse_foreign(file, NO_FRAME, context)?;
         Ok(Framing::of(file.up_to(0, crate::sniff::HEAD)?))
     }
 
@@ -66,11 +69,17 @@ impl Framing {
     }
 
     /// Whether a frame of a message that is not defined is one and no accident, where nothing else vouches for it: some
-    /// layout makes its checksum right, and the next record or the end of the file stands behind it or else no intact frame
-    /// is lost with it. The record begins with these bytes, and as many follow as the longest frame has.
+    /// layout makes its checksum right, no intact frame reaches out of its payload, and the next record or the end of the file
+    /// stands behind it or else no intact frame is lost with it. The record begins with these bytes, and as many follow as the
+    /// longest frame has.
     pub(super) fn believes(self, frame: &Frame<'_>, bytes: &[u8]) -> bool {
-        let record = bytes.get(self.front()..).unwrap_or_default();
-        frame.extra.is_some() && (self.goes_on(frame, bytes) || !holds_another(record, frame.length))
+        let inner = || inner_ends(bytes.get(self.front()..).unwrap_or_default(), frame.length);
+        let payload = frame.length - CHECKSUM - if frame.is_signed { SIGNATURE } else { 0 };
+        frame.extra.is_some()
+            && match inner().max() {
+                Some(last) => last <= payload && self.goes_on(frame, bytes),
+                None => true,
+            }
     }
 
     /// Whether another record begins behind that of this frame, or the file ends there.
@@ -80,12 +89,13 @@ impl Framing {
     }
 }
 
-/// Whether an intact frame begins inside of the one that the bytes begin with.
-fn holds_another(bytes: &[u8], length: usize) -> bool {
+/// Where the intact frames end that begin inside of the one that the bytes begin with.
+fn inner_ends(bytes: &[u8], length: usize) -> impl Iterator<Item = usize> {
     let inside = bytes.get(1..length).unwrap_or_default();
     let mut starts = memchr::memchr2_iter(MAGIC[0], MAGIC[1], inside).map(|at| at + 1).peekable();
     let finder = starts.peek().map(|_| Finder::new(bytes.to_vec()));
-    finder.is_some_and(|finder| starts.any(|at| finder.is_frame(at)))
+    let is_frame = move |at: &usize| finder.as_ref().is_some_and(|finder| finder.is_frame(*at));
+    starts.filter(is_frame).filter_map(|at| Some(at + Frame::length_at(bytes.get(at..)?)?))
 }
 
 /// What a walk over the first bytes of a file finds.
@@ -197,12 +207,14 @@ impl Search {
         is_plausible(bytes) || is_near() || follows()
     }
 
-    /// Where the next intact frame of a defined message begins, at or behind `from`; `end` if there is none before.
+    /// Where the next intact frame begins, at or behind `from`; `end` if there is none before. It is of a defined message, or
+    /// of one with a layout that the caller `knows`, and another record behind it.
     pub(super) fn next(
         &mut self,
         file: &mut LogFile,
         from: u64,
         end: u64,
+        knows: &dyn Fn(u32, u8) -> bool,
         context: &ReadContext<'_>,
     ) -> Result<u64, IngestError> {
         let (mut at, mut zeros) = (from, 0);
@@ -219,7 +231,13 @@ impl Search {
                 .take_while(|hit| *hit < BLOCK)
                 .find(|&hit| {
                     let rest = block.get(hit..).unwrap_or_default();
-                    finder.is_frame(hit + front) && (front == 0 || self.is_stamped(rest))
+                    let is_known = || {
+                        finder.layout(hit + front).is_some_and(|(message, extra, length)| {
+                            let next = rest.get(front + length..).and_then(Framing::ahead);
+                            next == Some(self.framing) && knows(message, extra)
+                        })
+                    };
+                    (finder.is_frame(hit + front) || is_known()) && (front == 0 || self.is_stamped(rest))
                 });
             if let Some(hit) = found {
                 return Ok((start + hit as u64).min(end));
