@@ -4,11 +4,14 @@
 //! The ledger of such a log counts the unpacked bytes: it is exact for what was unpacked. Bytes of the packed file that
 //! could not be unpacked are a notice of severity loss with their place.
 
+mod resuming;
 mod utf16;
 mod zip;
 
+use self::resuming::{Holes, Resuming};
 use super::db3::write_ahead_log_of;
 use crate::bytes::{Bytes, is_zero};
+use crate::decode::Tally;
 use crate::discover::FlightUnit;
 use crate::error::IngestError;
 use crate::load::reader_of;
@@ -17,7 +20,7 @@ use crate::sniff::LogKind;
 use crate::sniff::{self, Content};
 use flate2::bufread::GzDecoder;
 use flight::{Notices, Severity};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -359,11 +362,12 @@ impl<'c> Unpacking<'c> {
         let mut file = File::open(path).map_err(|e| io_error(path, e))?;
         let size = file.metadata().map_err(|e| io_error(path, e))?.len();
         if packing != Packing::Zip {
-            let (read, bad) = (Cell::new(0), Cell::new(0));
-            let packed = BufReader::with_capacity(STEP, Counted { inner: file, read: &read });
-            let decoder = decoder(packing, packed, &bad).map_err(unusable)?;
+            let (read, bad, holes) = (Cell::new(0), Cell::new(0), RefCell::new(Holes::default()));
+            let lines = matches!(self.kind, LogKind::Csv | LogKind::Nmea);
+            let decoder = Resuming::new(&file, packing, lines, (&read, &bad), &holes).map_err(unusable)?;
             let target = self.target(&inner_name(path, packing))?;
-            self.copy((path, size), packing, &target, decoder, (&read, 0, size))?;
+            self.copy((path, size), packing, &target, Box::new(decoder), (&read, 0, size))?;
+            self.tell_holes(path, &holes.take());
             self.newest_pages(&newest_pages(path, packing), &target)?;
             if bad.get() > 0 {
                 let text = "characters of UTF-16 that are none became replacement characters";
@@ -403,6 +407,19 @@ impl<'c> Unpacking<'c> {
             return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
         }
         Ok(())
+    }
+
+    fn tell_holes(&mut self, path: &Path, holes: &Holes) {
+        let Tally { count, first } = &holes.count;
+        if *count > 0 {
+            let text = format!(
+                "{first}; what was unpacked before that is read, and so is what is packed behind it, after {} bytes{}",
+                holes.bytes,
+                if *count > 1 { format!(" in {count} such places") } else { String::new() }
+            );
+            let place = format!("{}, near byte {}", file_name(path), holes.first_at);
+            self.notices.push(Severity::Loss, "packed-damage", place, *count, text);
+        }
     }
 
     /// Where the next log is unpacked to.
@@ -467,7 +484,6 @@ impl<'c> Unpacking<'c> {
         };
         out.set_len(bytes).map_err(|e| io_error(target, e))?;
         if let Some(fault) = fault {
-            // Decoders read ahead, so that the damage is before this place.
             let at = (start + read.get()).min(end);
             let file = file_name(path);
             if bytes == 0 {
@@ -475,8 +491,9 @@ impl<'c> Unpacking<'c> {
             }
             let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
             let place = match packing {
+                // It was read ahead.
                 Packing::Zip => format!("{file}, {}, before byte {at}", file_name(target)),
-                _ => format!("{file}, before byte {at}"),
+                _ => format!("{file}, near byte {at}"),
             };
             self.notices.push(Severity::Loss, "packed-damage", place, end - at + 1, what);
         }

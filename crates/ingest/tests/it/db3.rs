@@ -127,11 +127,14 @@ fn whatever_else_is_in_the_database_is_neither_run_nor_damage() {
     connection.execute_batch("PRAGMA page_size=512").unwrap();
     fill(&connection, &sent, 2000);
     let long = "x".repeat(3000);
+    // So many that entries stand above the leaves.
+    let pairs: Vec<String> = (100..140).map(|i| format!("('{i}{long}', 'x')")).collect();
+    let pairs = pairs.join(",");
     connection
         .execute_batch(&format!(
             "CREATE TABLE notes(id INTEGER PRIMARY KEY, text TEXT); CREATE INDEX by_text ON notes (text);\
              INSERT INTO notes (text) VALUES ('{long}a'),('{long}b'),('c');\
-             CREATE TABLE pairs(a TEXT PRIMARY KEY, b TEXT) WITHOUT ROWID; INSERT INTO pairs VALUES ('{long}', 'x');\
+             CREATE TABLE pairs(a TEXT PRIMARY KEY, b TEXT) WITHOUT ROWID; INSERT INTO pairs VALUES {pairs};\
              CREATE VIEW everything AS SELECT * FROM messages a, messages b;\
              CREATE TRIGGER gone AFTER INSERT ON messages BEGIN DELETE FROM messages; END;\
              DROP TRIGGER gone; DELETE FROM messages WHERE id > 60;"

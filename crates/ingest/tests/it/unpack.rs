@@ -379,6 +379,50 @@ fn zeros_behind_a_gzip_file_are_padding_and_anything_else_is_not() {
 }
 
 #[test]
+fn of_several_packed_one_behind_the_other_a_damaged_one_costs_no_other() {
+    let table = flysight(900);
+    let third = |i: usize| {
+        let cut = |i: usize| memchr::memchr(b'\n', &table[i * table.len() / 3..]).unwrap() + 1 + i * table.len() / 3;
+        let (from, to) = (if i == 0 { 0 } else { cut(i) }, if i == 2 { table.len() } else { cut(i + 1) });
+        &table[from..to]
+    };
+    let rows = |text: &[u8]| memchr::memchr_iter(b'\n', text).count() as u64;
+    let others = rows(third(0)) - 2 + rows(third(2));
+    type Pack = fn(&[u8]) -> Vec<u8>;
+    let packers: [(&str, Pack); 4] =
+        [("jump.csv.gz", gzip), ("jump.csv.zst", zstd), ("jump.csv.bz2", bzip2), ("jump.csv.lz4", lz4)];
+    for (name, pack) in packers {
+        let parts = [0, 1, 2].map(|i| pack(third(i)));
+        let unit = |bytes: &[u8]| {
+            let (folder, path) = file(name, bytes);
+            (folder, FlightUnit { id: "test".into(), files: vec![path], kind: LogKind::Csv })
+        };
+        let step = parts[1].len() / 25;
+        for hit in (0..parts[1].len()).step_by(step) {
+            let mut damaged = parts.clone();
+            damaged[1][hit] ^= 0x10;
+            let (_folder, unit) = unit(&damaged.concat());
+            let loaded = load(&unit).unwrap();
+            assert_ledger(&loaded);
+            // LZ4 and Zstandard have checksums only if they are asked for.
+            let told = lossy(&loaded);
+            let messages = loaded.health.messages;
+            assert!(messages >= others, "{name}, byte {hit}: {messages} of {others}, {:?}", loaded.flight.notices);
+            assert!(told || messages == 900, "{name}, byte {hit}: {messages}");
+        }
+    }
+    let checksum_wrong = {
+        let mut parts = [0, 1, 2].map(|i| gzip(third(i)));
+        let end = parts[1].len();
+        parts[1][end - 8] ^= 1;
+        load_packed("jump.csv.gz", &parts.concat())
+    };
+    let told = checksum_wrong.flight.notices.iter().find(|n| n.code == "packed-damage").unwrap();
+    assert!(told.text.contains("what is packed behind it"), "{}", told.text);
+    assert_eq!((checksum_wrong.health.messages, told.count), (900, 1));
+}
+
+#[test]
 fn a_sparse_end_of_a_packed_log_is_told_and_not_read_to_its_last_byte() {
     let (_folder, path) = file("a.bag.gz", &gzip(&bag()));
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(100 << 30).unwrap();

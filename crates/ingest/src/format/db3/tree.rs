@@ -70,6 +70,11 @@ impl<'p> Node<'p> {
         self.cells
     }
 
+    /// Whether it is one of an index: tables without row numbers are stored so, too.
+    pub(super) fn is_index(&self) -> bool {
+        matches!(self.kind, Kind::IndexLeaf | Kind::IndexInterior)
+    }
+
     /// Where a cell begins.
     pub(super) fn at(&self, cell: usize) -> Option<usize> {
         let at = usize::from(u16_at(self.bytes, self.pointers + 2 * cell)?);

@@ -100,7 +100,7 @@ pub(super) struct Walk<'w, 'c> {
     /// the number of pages says that something is amiss.
     put_off: Vec<(u32, u64)>,
     pages_put_off: u64,
-    index_leaves: Vec<u32>,
+    index_pages: Vec<u32>,
     /// Numbers of the rows that pages hold to which something leads: first and last of each. Known once something is
     /// amiss.
     spans: BTreeMap<i64, i64>,
@@ -145,7 +145,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             context,
             put_off: vec![],
             pages_put_off: 0,
-            index_leaves: vec![],
+            index_pages: vec![],
             spans: BTreeMap::new(),
             astray: missing_pages > 0,
             lost: Lost { missing_pages, ..Lost::default() },
@@ -235,6 +235,8 @@ impl<'w, 'c> Walk<'w, 'c> {
                     // The first way down was a wrong one.
                     Below::Leaf => leaves.push(at),
                     Below::Pages(children) if children.iter().any(|child| self.pages.index(child.page).is_some()) => {
+                        // An index has entries there, too.
+                        self.index_pages.extend((!table).then_some(at.page));
                         open.extend(children.into_iter().rev().map(|child| (child, above + 1)));
                     }
                     Below::Pages(_) | Below::Unreadable => {
@@ -245,7 +247,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             }
         }
         if !table {
-            self.index_leaves.extend(leaves.iter().map(|leaf| leaf.page));
+            self.index_pages.extend(leaves.iter().map(|leaf| leaf.page));
         }
         Ok(leaves)
     }
@@ -277,7 +279,7 @@ impl<'w, 'c> Walk<'w, 'c> {
     pub(super) fn is_index(&mut self, root: u32) -> Result<bool, IngestError> {
         let there = self.pages.look(root, &mut self.page)?;
         let node = Node::parse(root, &self.page, self.usable()).filter(|_| there);
-        Ok(node.is_some_and(|node| matches!(node.kind, Kind::IndexLeaf | Kind::IndexInterior)))
+        Ok(node.is_some_and(|node| node.is_index()))
     }
 
     /// Whether most rows of a tree's first leaf `look` so. `None` if it has none.
@@ -700,16 +702,16 @@ impl<'w, 'c> Walk<'w, 'c> {
 
     /// Indexes of long texts have overflow pages too.
     fn index_overflow(&mut self) -> Result<(), IngestError> {
-        for leaf in std::mem::take(&mut self.index_leaves) {
+        for page in std::mem::take(&mut self.index_pages) {
             let mut bytes = vec![];
-            self.pages.look(leaf, &mut bytes)?;
-            match Node::parse(leaf, &bytes, self.usable()).filter(|node| node.kind == Kind::IndexLeaf) {
+            self.pages.look(page, &mut bytes)?;
+            match Node::parse(page, &bytes, self.usable()).filter(|node| node.is_index()) {
                 Some(node) => {
                     for cell in (0..node.len()).filter_map(|i| node.entry(i)) {
                         self.chain(cell.overflow, cell.length - cell.local.len() as u64)?;
                     }
                 }
-                None => self.damaged(leaf, "a page of an index cannot be read"),
+                None => self.damaged(page, "a page of an index cannot be read"),
             }
         }
         Ok(())
