@@ -162,7 +162,13 @@ fn preamble(file: &mut LogFile, end: u64) -> Result<Option<&[u8]>, IngestError> 
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(Severity::Info, "preamble", "", bytes, "bytes of text stand before the first frame");
+        notices.push(
+            Severity::Info,
+            "preamble",
+            "",
+            bytes,
+            "bytes of text stand before the first frame, or between frames as whole lines",
+        );
     }
 }
 

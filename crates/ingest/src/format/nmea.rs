@@ -352,8 +352,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     /// Whether a whole line is text that a receiver or a logger put between the sentences, and no piece of one: these have
     /// commas, and no blanks. Where text stands in front of the sentences too, it may look as it likes.
     fn is_text(&self, line: &[u8], rest: &[u8]) -> bool {
-        let has = |byte| memchr(byte, rest).is_some();
-        line == rest && line.ends_with(b"\n") && (self.counts.prefixes > 0 || (has(b' ') && !has(b',')))
+        line == rest && line.ends_with(b"\n") && (self.counts.prefixes > 0 || is_prose(line))
     }
 
     /// A comment, text in front of the first sentence, behind one, or a line of text between.
@@ -413,6 +412,17 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             "bytes of text that is no sentence: comments, what stands before the first or behind one, and whole lines between",
         );
     }
+}
+
+/// Whether a line of text is no piece of a sentence.
+fn is_prose(line: &[u8]) -> bool {
+    memchr(b' ', line).is_some() && memchr(b',', line).is_none()
+}
+
+/// Whether bytes between the frames and sentences of a receiver are whole lines of text that somebody put there.
+pub(super) fn are_lines_of_text(bytes: &[u8]) -> bool {
+    let mut lines = bytes.split_inclusive(|b| *b == b'\n');
+    bytes.ends_with(b"\n") && is_plain(bytes) && memchr2(b'*', b'$', bytes).is_none() && lines.all(is_prose)
 }
 
 /// Whether the rest of a line from `from` on, behind a sentence, is what a logger put there.

@@ -177,9 +177,12 @@ impl Walk<'_, '_, '_, '_> {
         let next = self.search(self.at + 1)?;
         // A star ends a sentence: what stands before it is a piece of one.
         let is_begun = |text: &[u8]| memchr(b'*', text).is_none();
-        if self.at == 0 && super::preamble(self.file, next)?.is_some_and(is_begun) {
-            self.ledger.count(Fate::Skipped, next);
-            self.content.preamble += next;
+        let is_preamble = self.at == 0 && super::preamble(self.file, next)?.is_some_and(is_begun);
+        let between = (next - self.at).min(super::LONGEST_PREAMBLE) as usize;
+        if is_preamble || nmea::are_lines_of_text(self.file.up_to(self.at, between)?) {
+            let next = if is_preamble { next } else { self.at + between as u64 };
+            self.ledger.count(Fate::Skipped, next - self.at);
+            self.content.preamble += next - self.at;
             self.at = next;
             return Ok(());
         }
@@ -257,7 +260,7 @@ struct Content<'b, 't> {
     at: u64,
     /// Bytes summed up for corrections that proved none.
     vain: u64,
-    /// Bytes of text before the first frame.
+    /// Bytes of text before the first frame, and of lines between.
     preamble: u64,
 }
 

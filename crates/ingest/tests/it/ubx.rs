@@ -565,6 +565,22 @@ fn text_before_the_first_frame_is_no_damage_and_a_piece_of_a_frame_or_sentence_i
 }
 
 #[test]
+fn lines_of_text_between_frames_and_sentences_without_a_line_end_in_front_of_frames_are_no_damage() {
+    let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47";
+    let frame = ubx_frame(1, 4, &[b'*'; 18]);
+    let text = b"logger restarted by its watchdog\r\n";
+    let bytes = [&frame[..], text, &frame, gga, &frame, b"\r\n", gga, b"\r\n", text, text, &frame].concat();
+    let log = read_bytes(READER, &bytes).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (6, 0), "{:?}", log.health.damage);
+    let told = log.notices.iter().find(|n| n.code == "preamble").unwrap();
+    assert_eq!(told.count, 3 * text.len() as u64);
+    for piece in [&b"9,545.4,M,46.9 m,M\r\n"[..], b"battery\r\n", b"battery low"] {
+        let log = read_bytes(READER, &[&frame, piece, &frame].concat()).unwrap();
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (2, piece.len() as u64), "{piece:?}");
+    }
+}
+
+#[test]
 fn what_is_damaged_in_a_mixed_stream_costs_itself_alone() {
     let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n".to_vec();
     let correction = bytes_of("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98");

@@ -100,10 +100,12 @@ impl<'t> Sentence<'t> {
     }
 }
 
-/// Whether what stands behind a checksum is no digit of it, and no rest of its sentence with a checksum of its own.
+/// Whether what stands behind a checksum is no digit of it, and no rest of its sentence with a checksum of its own. A frame,
+/// which does not begin with a character, is neither.
 fn is_apart(behind: &[u8]) -> bool {
     let rest = behind.split(|b| b"\n$".contains(b)).next().unwrap_or_default();
-    behind.first().is_none_or(|b| hexadecimal(*b).is_none()) && memchr::memchr(b'*', rest).is_none()
+    let is_other = |b: &u8| !b.is_ascii() || (hexadecimal(*b).is_none() && memchr::memchr(b'*', rest).is_none());
+    behind.first().is_none_or(is_other)
 }
 
 fn hexadecimal(digit: u8) -> Option<u8> {
