@@ -272,7 +272,9 @@ impl Reading<'_> {
             let mark = comment_mark(text);
             if table.header_line == Some(line) {
                 // Names may be missing at the beginning of the line.
-                let names = if mark > 0 { unmarked(text) } else { without_bom(open.lines.text(extent)) };
+                let whole = open.lines.text(extent);
+                let marked = || unmarked(without_bom(whole.trim_ascii_start()));
+                let names = if mark > 0 { marked() } else { without_bom(whole) };
                 open.fields.split(names, table.delimiter);
                 header = Arc::new(Header::new(
                     bare(open.lines.text(extent)),
@@ -612,7 +614,7 @@ impl Books {
         let text = without_bom(open.lines.text(extent));
         let mark = comment_mark(text.trim_ascii_start());
         let names = if mark > 0 { unmarked(text.trim_ascii_start()) } else { text };
-        if extent.broken || (mark == 0 && !header.may_begin(names)) {
+        if header.width() == 0 || extent.broken || (mark == 0 && !header.may_begin(names)) {
             return Between::Row { is_split: false };
         }
         open.fields.split(names, header.delimiter);

@@ -244,9 +244,6 @@ fn a_decimal_comma_is_read_where_it_is_certain_and_the_layout_says_so() {
         assert_plain(text, text);
         assert!(read(text).health.format.contains("decimal comma"), "{}", read(text).health.format);
     }
-    // Quoted in a table with commas between, it stays text.
-    let log = read("t,x\n1,\"0,5\"\n2,\"1,5\"\n");
-    assert_eq!(log.tables[0].column("x").unwrap().text(0), Some("0,5"));
     // Times with a comma are the same times.
     let log = read("date;time;x\n23.06.2021;17:27:44,3;0,5\n23.06.2021;17:27:44,4;0,5\n");
     assert_eq!(log.tables[0].column("time").unwrap().text(0), Some("17:27:44.3"));
@@ -933,5 +930,82 @@ fn a_full_header_behind_many_short_ones_is_followed() {
         let column = numbers(&log, name);
         assert!(column.iter().flatten().all(|found| *found == value));
         assert!(column.iter().rev().take(50).all(Option::is_some));
+    }
+}
+
+#[test]
+fn rows_with_quotes_below_no_header_are_rows() {
+    for cell in [|i: u32| format!("\"{i}\""), |i: u32| if i % 10 == 3 { "\"7\"".to_owned() } else { i.to_string() }] {
+        let text: String = (0..200).map(|i| format!("{i},{},0.5\n", cell(i))).collect();
+        let log = read(&text);
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (200, 0), "{:?}", log.health.damage);
+        assert_eq!(numbers(&log, "column_3"), vec![Some(0.5); 200]);
+    }
+    let text: String = (0..200).map(|i| format!("{i},\"mode, {i}\",0.5\n")).collect();
+    assert_eq!(read(&text).health.messages, 200);
+}
+
+#[test]
+fn where_a_remark_names_the_columns_rows_without_numbers_are_rows() {
+    let cells = |i: u32| if i < 2 { ",".to_owned() } else { format!("47.1,8.{i}") };
+    let times: String = (0..60).map(|i| format!("12:00:{i:02}.0,{},INIT\n", cells(i))).collect();
+    let log = read(&format!("#utc,lat,lon,mode\n{times}"));
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (60, 0));
+    assert_eq!(numbers(&log, "lat")[..3], [None, None, Some(47.1)]);
+    let events: String = (0..40).map(|i| format!("2024-03-01T12:00:{i:02}Z,MODE,state {i}\n")).collect();
+    let log = read(&format!("# time,event,detail\n{events}"));
+    assert_eq!(log.health.messages, 40);
+    assert!(log.tables[0].column("detail").is_some());
+    // Without such a remark the first line is the header, dates or not.
+    let log = read(&format!("time,event,detail\n{events}"));
+    assert_eq!((log.health.messages, log.tables[0].columns.len()), (40, 3));
+}
+
+#[test]
+fn the_last_name_of_a_marked_header_may_be_missing() {
+    let rows: String = (0..200).map(|i| format!("{i}\t{}\t0.5\t\n", 100 + i)).collect();
+    let log = read(&format!("# t\talt\tspd\t\n{rows}"));
+    assert_eq!((log.health.messages, numbers(&log, "spd")), (200, vec![Some(0.5); 200]));
+    assert!(log.health.format.contains("header in line 1"), "{}", log.health.format);
+}
+
+#[test]
+fn units_are_told_from_rows_where_they_stand_again_cells_are_empty_or_a_remark_is_above() {
+    let row = |i: u32| format!("{i}.0,12,{i},{i}\n");
+    let header = "time,volt,cur,alt\ns,V,A,m\n";
+    let plain: String = (0..200).map(row).collect();
+    let again: String = (0..200).map(|i| format!("{}{}", if i == 10 { header } else { "" }, row(i))).collect();
+    let one = |i: u32, every: u32| if i % every == 0 { String::new() } else { i.to_string() };
+    let sparse: String =
+        (0..200).map(|i| format!("12:00:{:02},{},{},{}\n", i % 60, one(i, 2), one(i, 3), one(i, 5))).collect();
+    for text in [
+        format!("{header}{again}"),
+        format!("time,volt,cur,alt\n-,V,A,m\n{sparse}"),
+        format!("# a,b,c,d\n{header}{plain}"),
+    ] {
+        let log = read(&text);
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (200, 0), "{}", log.health.format);
+        assert!(log.health.format.contains("units in line"), "{}", log.health.format);
+        assert_eq!(numbers(&log, "alt")[7], Some(7.0));
+    }
+}
+
+#[test]
+fn a_quoted_decimal_comma_in_a_table_with_commas_is_one() {
+    let rows: String = (0..50).map(|i| format!("{i},\"{i},5\",\"0,25\"\n")).collect();
+    let log = read(&format!("t,alt,spd\n{rows}"));
+    assert_eq!((numbers(&log, "alt")[7], numbers(&log, "spd")[49]), (Some(7.5), Some(0.25)));
+    assert!(log.health.format.contains("decimal comma"), "{}", log.health.format);
+    let log = read("t,alt\n1,\"1,234\"\n2,\"2,345\"\n3,4\n");
+    assert_eq!(numbers(&log, "t")[2], Some(3.0));
+    assert!(!log.health.format.contains("decimal comma"), "{}", log.health.format);
+}
+
+#[test]
+fn what_tells_a_spreadsheet_the_delimiter_is_no_header() {
+    for (hint, delimiter) in [("sep=;", ";"), ("sep=,", ","), ("SEP=;", ";")] {
+        let rows: String = (0..50).map(|i| format!("{i}{delimiter}{i}.5\n")).collect();
+        let log = read(&format!("{hint}\nt{delimiter}a\n{rows}"));
+        assert_eq!((log.health.messages, numbers(&log, "a")[3]), (50, Some(3.5)), "{hint}");
     }
 }

@@ -92,6 +92,11 @@ impl Sampled {
         self.fields.iter().all(|f| decimal.number(f.as_bytes()) != Cell::Bad) && self.has_number(decimal)
     }
 
+    /// Whether a cell begins as numbers, dates and times do, and names hardly.
+    fn has_digits_in_front(&self) -> bool {
+        self.fields.iter().any(|f| f.starts_with(|c: char| c.is_ascii_digit()))
+    }
+
     fn names_columns(&self, decimal: Decimal) -> bool {
         let filled = self.fields.iter().filter(|f| !f.is_empty()).count();
         !self.has_number(decimal) && 2 * filled >= self.fields.len() && !self.states_units()
@@ -109,13 +114,17 @@ impl Sampled {
     /// have numbers it has text. No such text begins as dates and times do.
     fn describes(&self, data: &[&Sampled], width: usize, decimal: Decimal) -> bool {
         let whole: Vec<&&Sampled> = data.iter().filter(|r| r.fields.len() == width).collect();
-        let is_number = |cell: &String| matches!(decimal.number(cell.as_bytes()), Cell::Integer(_) | Cell::Float(_));
-        let numbers = |column: usize| whole.iter().all(|r| r.fields.get(column).is_some_and(is_number));
+        let cells = |column: usize| whole.iter().filter_map(move |r| r.fields.get(column));
+        let number = |cell: &String| decimal.number(cell.as_bytes());
+        let is_none = |cell: &String| matches!(number(cell), Cell::Empty | Cell::Missing);
+        let is_number = |cell: &String| matches!(number(cell), Cell::Integer(_) | Cell::Float(_));
+        let numbers =
+            |column: usize| cells(column).any(is_number) && cells(column).all(|cell| is_number(cell) || is_none(cell));
         let is_word = |cell: &String| decimal.number(cell.as_bytes()) == Cell::Bad;
         let of_numbers = || self.fields.iter().enumerate().filter(|(column, _)| numbers(*column));
         self.fields.len() == width
             && whole.len() > 1
-            && !self.fields.iter().any(|f| f.starts_with(|c: char| c.is_ascii_digit()))
+            && !self.has_digits_in_front()
             && of_numbers().any(|(_, cell)| is_word(cell))
     }
 }
@@ -205,8 +214,10 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
         // A record without its line end may be cut anywhere, so it says nothing of the layout.
         if text.starts_with(END_OF_PREAMBLE) {
             sampled.clear();
-        } else if !text.is_empty() && extent.ended {
-            let row = if comment > 0 { super::unmarked(text) } else { lines.text(extent) };
+        } else if !text.is_empty() && extent.ended && !(lines.number == 1 && is_hint(text)) {
+            // Names may be missing at the end of the line.
+            let line = lines.text(extent);
+            let row = if comment > 0 { super::unmarked(line.trim_ascii_start()) } else { line };
             fields.split(row, delimiter);
             sampled.push(Sampled { line: lines.number, comment: comment > 0, fields: fields.texts() });
         }
@@ -215,9 +226,14 @@ fn sample(head: &[u8], delimiter: u8, context: &ReadContext<'_>) -> Result<Vec<S
     Ok(sampled)
 }
 
+/// Whether a first line only tells a spreadsheet what stands between fields: `sep=;`.
+fn is_hint(line: &[u8]) -> bool {
+    matches!(line, [b's' | b'S', b'e' | b'E', b'p' | b'P', b'=', _])
+}
+
 /// What stands before decimals. A comma does if some cell says so beyond doubt and none has decimals behind a point;
 /// where all cells with commas may be thousands too, nobody can know, and they are no numbers.
-fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
+fn decimal_of(rows: &[&Sampled]) -> Decimal {
     let cells = || rows.iter().flat_map(|r| &r.fields);
     let of_thousands = |cell: &str| comma_cell(&cell.replace('.', ",")) == Some(CommaCell::Either);
     let pointed = |cell: &String| {
@@ -225,7 +241,7 @@ fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
         number && cell.contains('.') && !of_thousands(cell)
     };
     let certain = cells().any(|cell| comma_cell(cell) == Some(CommaCell::Decimals));
-    if delimiter != b',' && certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
+    if certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
 }
 
 /// The layout with one delimiter, and how many records agree with it. `None` if it makes no table.
@@ -235,21 +251,32 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     if width < 2 || 2 * agree < rows.len() {
         return None;
     }
-    let decimal = decimal_of(&rows, delimiter);
-    let data_at = rows.iter().position(|r| r.fields.len() == width && !r.names_columns(decimal) && !r.states_units());
+    let decimal = decimal_of(&rows);
+    // Where a remark names the columns, dates and times in words below it are no names.
+    let first_line = rows.first().map_or(0, |r| r.line);
+    let is_marked_header = |s: &Sampled| s.comment && s.line < first_line && s.fields.len() == width;
+    let marked = sample.iter().any(|s| is_marked_header(s) && s.names_columns(decimal));
+    let names = |r: &Sampled| r.names_columns(decimal) && !(marked && r.has_digits_in_front());
+    let data_at = rows.iter().position(|r| r.fields.len() == width && !names(r) && !r.states_units());
     let before_data = rows.get(..data_at.unwrap_or(rows.len()))?;
-    let header = before_data.iter().find(|r| fits_width(&r.fields, width, &rows) && r.names_columns(decimal));
+    let header = before_data.iter().find(|r| fits_width(&r.fields, width, &rows) && names(r));
     let data_line = data_at.and_then(|i| rows.get(i)).map_or(u64::MAX, |r| r.line);
     let comments = || sample.iter().filter(|s| s.comment && s.line < data_line && s.fields.len() == width);
     let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns(decimal)));
     let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
-    let no_row = |c: &&Sampled| !c.has_number(decimal);
-    let units = units.or_else(|| comments().filter(no_row).rfind(|c| header.is_some_and(|h| h.line != c.line)));
+    let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
+    let units = units.or_else(|| comments().filter(|c| c.states_units()).rfind(|c| is_other(c)));
     let units = units.or_else(|| {
         let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
-        let data: Vec<&Sampled> = rows.iter().copied().filter(|r| r.line > below.line).collect();
+        // The header may stand again between the rows, with the units behind it.
+        let is_header = |r: &Sampled| header.is_some_and(|h| h.fields == r.fields);
+        let again = |before: &Sampled, r: &Sampled| is_header(r) || (is_header(before) && r.fields == below.fields);
+        let pairs = rows.iter().zip(rows.iter().skip(1)).filter(|(_, r)| r.line > below.line);
+        let data: Vec<&Sampled> = pairs.filter(|(before, r)| !again(before, r)).map(|(_, r)| *r).collect();
         below.describes(&data, width, decimal).then_some(below)
     });
+    let no_row = |c: &&Sampled| !c.has_number(decimal);
+    let units = units.or_else(|| comments().filter(no_row).rfind(|c| is_other(c)));
     let last_before = [header, units].into_iter().flatten().map(|s| s.line).max().unwrap_or(0);
     let mut named = header.map_or_else(|| vec![String::new(); width], |h| h.fields.clone());
     // A delimiter at the end of the lines makes no column.
