@@ -123,9 +123,9 @@ impl Source {
     /// A write-ahead log that was not copied along leaves no trace in the database. A recorder that closes its bag takes the
     /// log away, and then describes the bag in `metadata.yaml`, whose counts are compared.
     fn tell_missing_wal(&self, described: bool, notices: &mut Notices) {
-        let is_there = wal::path_of(&self.path).exists();
+        let is_there = std::fs::metadata(wal::path_of(&self.path)).is_ok_and(|about| about.len() > 0);
         if self.write_ahead && !is_there && !described {
-            let text = "the recorder kept a write-ahead log (-wal), and none stands beside the bag: unless the recorder closed \
+            let text = "the recorder kept a write-ahead log (-wal), and none, or an empty one, stands beside the bag: unless the recorder closed \
                         it, its last messages are missing, which the file itself cannot show";
             notices.push(Severity::Warning, "no-write-ahead-log", self.file.name(), 1, text);
         }
@@ -135,7 +135,7 @@ impl Source {
         let beside = match &self.beside {
             Beside::Nothing => 0,
             Beside::Wal(wal) => wal.size,
-            Beside::Useless(size, _) => *size,
+            Beside::Idle(size) | Beside::Useless(size, _) => *size,
         };
         self.file.size() + beside
     }
@@ -150,7 +150,7 @@ impl Source {
     ) -> Result<u64, IngestError> {
         let name = self.file.name().to_owned();
         let wal = match std::mem::replace(&mut self.beside, Beside::Nothing) {
-            Beside::Nothing => None,
+            Beside::Nothing | Beside::Idle(_) => None,
             Beside::Wal(wal) => {
                 raise_wal(&wal, notices);
                 Some(wal)

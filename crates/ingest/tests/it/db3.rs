@@ -215,10 +215,10 @@ fn a_bag_whose_write_ahead_log_may_have_been_left_behind_says_so_unless_its_reco
     fs::remove_file(folder.path().join("bag.db3-wal")).unwrap();
     let log = read_files(std::slice::from_ref(&bag)).unwrap();
     assert_eq!(notice(&log, "no-write-ahead-log").severity, Severity::Warning);
-    // One that has nothing beside it because there is nothing.
+    // One that is empty may have been cut.
     fs::write(folder.path().join("bag.db3-wal"), []).unwrap();
     let log = read_files(std::slice::from_ref(&bag)).unwrap();
-    assert!(log.notices.is_empty(), "{:?}", log.notices);
+    assert_eq!(notice(&log, "no-write-ahead-log").severity, Severity::Warning);
     fs::remove_file(folder.path().join("bag.db3-wal")).unwrap();
     let metadata = folder.path().join("metadata.yaml");
     for (counted, code) in [(messages_of(&log, FIX), None), (60, Some("missing-messages"))] {
@@ -495,6 +495,71 @@ fn a_table_is_read_by_the_names_of_its_columns_wherever_they_stand() {
         assert!(log.notices.is_empty(), "{change}: {:?}", log.notices);
         assert_eq!(log.tables, plain.tables, "{change}");
     }
+    // Where data come first, topic and time of a long row are on other pages.
+    let plain = read(&bag(&sent, 6000, "")).unwrap();
+    let mut connection = Connection::open_in_memory().unwrap();
+    fill(&connection, &sent, 6000);
+    connection.execute_batch(changes[2]).unwrap();
+    let log = read(&connection.serialize(MAIN_DB).unwrap()).unwrap();
+    assert_received(&log, &sent, false);
+    assert!(log.notices.is_empty(), "{:?}", log.notices);
+    assert_eq!(log.tables, plain.tables);
+}
+
+#[test]
+fn a_database_smaller_than_a_usual_page_and_one_with_room_behind_its_end_are_whole() {
+    let sent = flight(40);
+    let mut connection = Connection::open_in_memory().unwrap();
+    let tables: Vec<&str> = TABLES.split(';').filter(|made| !made.contains("definitions")).collect();
+    connection.execute_batch(&format!("PRAGMA page_size=512; {}", tables.join(";"))).unwrap();
+    connection.execute("INSERT INTO topics VALUES (1,?1,?2,'cdr','')", params![FIX, FIX_TYPE]).unwrap();
+    add(&connection, &sent[..1], 0);
+    let small = connection.serialize(MAIN_DB).unwrap().to_vec();
+    assert!(small.len() < 4096, "{}", small.len());
+    let log = read(&small).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged, lost(&log)), (1, 0, false), "{:?}", log.notices);
+    let log = read(&[bag(&sent, 0, ""), vec![0; 5 * 4096]].concat()).unwrap();
+    assert_received(&log, &sent, false);
+    assert!(log.notices.is_empty() && log.health.bytes.damaged == 0, "{:?}", log.notices);
+}
+
+#[test]
+fn a_block_that_is_missing_before_an_index_costs_the_rows_on_it_alone() {
+    let sent = flight(1500);
+    let content = bag(&sent, 0, "");
+    let plain = bag(&sent, 0, "").len() / 4096;
+    for block in (4..plain - 2).step_by(plain / 12) {
+        let mut missing = content.clone();
+        missing.drain(block * 4096..(block + 1) * 4096);
+        let log = read(&missing).unwrap();
+        let (_, messages) = rows_of(&log, &sent);
+        // A page holds at most some fifty of them.
+        assert!(messages as usize + 60 >= sent.len() && lost(&log), "{block}: {messages} of {}", sent.len());
+    }
+}
+
+#[test]
+fn a_write_ahead_log_that_was_begun_anew_hides_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, bag) = (folder.path().join("live.db3"), folder.path().join("bag.db3"));
+    let sent = flight(60);
+    let connection = Connection::open(&path).unwrap();
+    connection.execute_batch("PRAGMA journal_mode=WAL").unwrap();
+    fill(&connection, &sent, 0);
+    connection.execute_batch("PRAGMA wal_checkpoint(RESTART)").unwrap();
+    let before = fs::read(folder.path().join("live.db3-wal")).unwrap();
+    fs::copy(&path, &bag).unwrap();
+    connection.execute_batch("INSERT INTO topics VALUES (9,'/nine','a/msg/B','cdr','')").unwrap();
+    let begun = fs::read(folder.path().join("live.db3-wal")).unwrap();
+    assert_ne!(begun[..32], before[..32]);
+    // Killed between the new header and its first frame.
+    for wal in [begun[..32].to_vec(), [&begun[..32], &before[32..]].concat()] {
+        fs::write(folder.path().join("bag.db3-wal"), &wal).unwrap();
+        let log = read_files(std::slice::from_ref(&bag)).unwrap();
+        assert_received(&log, &sent, false);
+        assert!(!lost(&log) && log.health.bytes.damaged == 0, "{:?}", log.notices);
+        assert_eq!(log.health.bytes.size, fs::metadata(&bag).unwrap().len() + wal.len() as u64);
+    }
 }
 
 #[test]
@@ -511,6 +576,18 @@ fn every_bit_of_a_frame_of_the_write_ahead_log_costs_little_and_none_in_silence(
         let log = read_files(std::slice::from_ref(&bag)).unwrap();
         let read = assert_subset(&log, &sent, false);
         assert!(read >= 40 && (read == 60 || lost(&log)), "byte {at}: {read}, {:?}", log.notices);
+    }
+    // A block that is lost costs the frames that it hits, be it zeros or missing.
+    for block in 0..whole.len() / 4096 {
+        let (from, to) = (block * 4096, (block + 1) * 4096);
+        // Without its beginning nothing tells where frames begin.
+        let missing = [&whole[..from], if block == 0 { &whole } else { &whole[to..] }].concat();
+        for lying in [[&whole[..from], &[0; 4096], &whole[to..]].concat(), missing] {
+            fs::write(&wal, &lying).unwrap();
+            let log = read_files(std::slice::from_ref(&bag)).unwrap();
+            let read = assert_subset(&log, &sent, false);
+            assert!(read >= 40 && (read == 60 || lost(&log)), "block {block}: {read}, {:?}", log.notices);
+        }
     }
     // Frames of this log that stand behind it once more are older than what they would replace.
     fs::write(&wal, [&whole[..], &whole[32..32 + 5 * 4120]].concat()).unwrap();

@@ -109,6 +109,7 @@ impl Sink for PassOver {
 
 /// The names of the stored columns in a `CREATE TABLE`, in order, in lower case.
 pub(super) fn column_names(sql: &str) -> Vec<String> {
+    let sql = without_remarks(sql);
     let Some((_, body)) = sql.split_once('(') else { return vec![] };
     let (mut depth, mut quote) = (0, None);
     let parts = body.split(|c: char| {
@@ -135,8 +136,34 @@ pub(super) fn column_names(sql: &str) -> Vec<String> {
     parts.filter_map(column).collect()
 }
 
+/// SQL without what stands behind `--` or between `/*` and `*/`, but for quoted text.
+fn without_remarks(sql: &str) -> String {
+    let (mut plain, mut rest, mut quote) = (String::new(), sql, None);
+    while let Some(next) = rest.chars().next() {
+        let behind = match quote {
+            None if rest.starts_with("--") => rest.split_once('\n').map_or("", |(_, behind)| behind),
+            None if rest.starts_with("/*") => rest.split_once("*/").map_or("", |(_, behind)| behind),
+            _ => {
+                quote = match (quote, next) {
+                    (Some(end), _) => Some(end).filter(|&end| end != next),
+                    (None, '\'' | '"' | '`') => Some(next),
+                    (None, '[') => Some(']'),
+                    (None, _) => None,
+                };
+                plain.push(next);
+                rest = rest.get(next.len_utf8()..).unwrap_or_default();
+                continue;
+            }
+        };
+        plain.push(' ');
+        rest = behind;
+    }
+    plain
+}
+
 /// The name of a table in the text that made it.
 pub(super) fn table_name(sql: &str) -> Option<String> {
+    let sql = without_remarks(sql);
     let (head, _) = sql.split_once('(')?;
     let lower = head.to_lowercase();
     let name = lower.trim_start().strip_prefix("create table")?.trim();
@@ -209,14 +236,24 @@ impl MessageColumns {
         Some(Found { topic, times: Times { logged_ns, published_ns }, data })
     }
 
+    /// Whether a row can be a message, and topic or times lie on other pages.
+    fn is_further(self, cell: &Cell<'_>) -> bool {
+        let Some(row) = Row::parse(cell).filter(|_| cell.overflow > 0) else { return false };
+        let needed = [self.topic, self.logged];
+        let is_beyond = |column: usize| row.is_integer(column) && row.integer(column, cell.local).is_none();
+        row.place(self.data).is_some()
+            && needed.iter().all(|column| row.is_integer(*column))
+            && needed.into_iter().chain(self.published).any(is_beyond)
+    }
+
     /// Whether a row can be a message.
     pub(super) fn fit(self, cell: &Cell<'_>) -> bool {
-        self.of_row(cell).is_some()
+        self.of_row(cell).is_some() || self.is_further(cell)
     }
 
     /// Whether a row looks like a message.
     pub(super) fn look_like(self, cell: &Cell<'_>) -> bool {
-        self.of_row(cell).is_some() && Row::parse(cell).is_some_and(|row| is_number(&row, cell))
+        self.fit(cell) && Row::parse(cell).is_some_and(|row| is_number(&row, cell))
     }
 }
 
@@ -299,7 +336,12 @@ impl<'t, 'w> Messages<'t, 'w> {
 
 impl Sink for Messages<'_, '_> {
     fn look(&mut self, cell: &Cell<'_>) -> Look {
-        let Some(found) = self.columns.of_row(cell) else { return Look::Bad("it is no message") };
+        let found = self.columns.of_row(cell);
+        let is_whole = |found: &Found| self.columns.published.is_none() || found.times.published_ns.is_some();
+        if !found.as_ref().is_some_and(is_whole) && self.columns.is_further(cell) {
+            return Look::Further;
+        }
+        let Some(found) = found else { return Look::Bad("it is no message") };
         let route = self.routes.get(&found.topic).copied();
         self.current = Some((found, route));
         if route.is_some_and(Route::is_wanted) { Look::Wanted } else { Look::Unwanted }
@@ -338,7 +380,11 @@ mod tests {
         let newer = "CREATE TABLE messages(id INTEGER, data BLOB, recv_timestamp INTEGER, send_timestamp INTEGER, topic_id INTEGER)";
         let columns = MessageColumns { topic: 4, logged: 2, published: Some(3), data: 1 };
         assert_eq!(MessageColumns::of(newer), Some(columns));
-        for bad in ["", "CREATE TABLE messages", "CREATE TABLE messages(a, b)", "((((", "))))"] {
+        let remarks = "CREATE TABLE messages /* (v4) */ (id INTEGER, -- the row's number\n topic_id INTEGER DEFAULT '--', /* ns, \
+                       (UTC) */ timestamp INTEGER,\n data BLOB) -- end";
+        assert_eq!(MessageColumns::of(remarks), Some(MessageColumns::USUAL));
+        assert_eq!(table_name(remarks).as_deref(), Some("messages"));
+        for bad in ["", "CREATE TABLE messages", "CREATE TABLE messages(a, b)", "((((", "))))", "a(/*", "--"] {
             assert_eq!(MessageColumns::of(bad), None);
         }
     }

@@ -144,7 +144,12 @@ impl Pages {
         let header = Header::assumed(page_bytes);
         let mut pages = Pages { file, name, size, header, wal, beyond: vec![], window: vec![], window_at: 0 };
         let mut head = [0; HEADER_BYTES];
-        let there = pages.start(1, &mut head)?;
+        let mut there = pages.start(1, &mut head)?;
+        if !there && size >= HEADER_BYTES as u64 {
+            // A database may be smaller than a page of the usual size.
+            read_exactly(&pages.file, &pages.name, &mut head, 0)?;
+            there = true;
+        }
         let mut found = if there { Header::parse(&head) } else { None };
         let sound = found.is_some();
         if !sound {

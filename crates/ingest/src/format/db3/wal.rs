@@ -3,6 +3,7 @@
 
 use crate::error::IngestError;
 use crate::format::file::read_exactly;
+use memchr::memmem;
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -11,6 +12,8 @@ const HEADER_BYTES: usize = 32;
 const FRAME_HEAD_BYTES: usize = 24;
 /// The last bit says in which byte order the checksums are taken.
 const MAGIC: u32 = 0x377f_0682;
+/// Frames that are found where none should be: there may be as many salts as one likes.
+const MOST_MOVES: usize = 100;
 
 /// The committed pages of a log.
 #[derive(Debug)]
@@ -32,6 +35,8 @@ pub(super) struct Wal {
 pub(super) enum Beside {
     Nothing,
     Wal(Wal),
+    /// A log that was begun anew and to which nothing was committed since; its bytes.
+    Idle(u64),
     /// A log of which nothing can be used; its bytes and why.
     Useless(u64, String),
 }
@@ -69,6 +74,17 @@ fn u32_at(bytes: &[u8], at: usize) -> u32 {
     bytes.get(at..).and_then(|b| b.first_chunk()).map_or(0, |b| u32::from_be_bytes(*b))
 }
 
+/// The sum of a frame on top of that of the one before, and the one that it states.
+fn sum_of(frame: &[u8], mut sum: Sum) -> (u32, u32) {
+    sum.add(frame.get(..8).unwrap_or_default());
+    sum.add(frame.get(FRAME_HEAD_BYTES..).unwrap_or_default());
+    sum.value
+}
+
+fn stated_in(frame: &[u8]) -> (u32, u32) {
+    (u32_at(frame, 16), u32_at(frame, 20))
+}
+
 impl Wal {
     /// The log beside `database`, whose pages have `page_bytes` bytes if its header can be read.
     pub(super) fn beside(database: &Path, page_bytes: Option<u32>) -> Result<Beside, IngestError> {
@@ -102,8 +118,8 @@ impl Wal {
             wal.walk(head.get(16..24).unwrap_or_default(), sum)?;
         } else {
             // What it says of its frames is proven by them: each is summed up on top of the one before.
-            let salt = wal.salt_of_first()?;
             for big_endian in [false, true] {
+                let salt = wal.salt_of_proven(big_endian)?;
                 wal.walk(&salt, Sum { big_endian, value: stated })?;
                 if !wal.places.is_empty() {
                     break;
@@ -114,6 +130,7 @@ impl Wal {
         Ok(match wal.places.len() {
             0 if !is_sound => Beside::Useless(size, "its header is damaged".to_owned()),
             0 if wal.unfinished > 0 => Beside::Useless(size, "no transaction in it is whole".to_owned()),
+            0 => Beside::Idle(size),
             _ => Beside::Wal(wal),
         })
     }
@@ -122,13 +139,23 @@ impl Wal {
         FRAME_HEAD_BYTES as u64 + u64::from(self.page_bytes)
     }
 
-    /// The salt of the first frame.
-    fn salt_of_first(&self) -> Result<[u8; 8], IngestError> {
-        let mut salt = [0; 8];
-        if self.size >= HEADER_BYTES as u64 + self.frame_bytes() {
-            read_exactly(&self.file, &self.name, &mut salt, HEADER_BYTES as u64 + 8)?;
+    /// The salt of the first frame that the sum of the one before proves, or else of the first.
+    fn salt_of_proven(&self, big_endian: bool) -> Result<[u8; 8], IngestError> {
+        let frame_bytes = self.frame_bytes();
+        let mut frame = vec![0; frame_bytes as usize];
+        let (mut at, mut before, mut first) = (HEADER_BYTES as u64, None, None);
+        while at + frame_bytes <= self.size {
+            read_exactly(&self.file, &self.name, &mut frame, at)?;
+            let salt = frame.get(8..).and_then(|b| b.first_chunk::<8>()).copied().unwrap_or_default();
+            let is_proven = before.is_some_and(|value| sum_of(&frame, Sum { big_endian, value }) == stated_in(&frame));
+            if is_proven && u32_at(&frame, 0) != 0 {
+                return Ok(salt);
+            }
+            first = first.or(Some(salt));
+            before = Some(stated_in(&frame));
+            at += frame_bytes;
         }
-        Ok(salt)
+        Ok(first.unwrap_or_default())
     }
 
     /// Takes the frames of this log. Each is summed up on top of the sum that the one before states, which proves both.
@@ -142,19 +169,17 @@ impl Wal {
         let (mut at, mut before, mut in_sequence) = (HEADER_BYTES as u64, start.value, true);
         // Frames that were not taken, and how many of them are known to be of this round.
         let (mut passed, mut lost) = (0, 0);
-        let mut seen = HashSet::new();
+        let (mut seen, mut moves) = (HashSet::new(), 0);
         self.unfinished = 0;
         while at + frame_bytes <= self.size {
             read_exactly(&self.file, &self.name, &mut frame, at)?;
-            let mut sum = Sum { value: before, ..start };
-            sum.add(frame.get(..8).unwrap_or_default());
-            sum.add(frame.get(FRAME_HEAD_BYTES..).unwrap_or_default());
+            let sum = sum_of(&frame, Sum { value: before, ..start });
             let (page, commit) = (u32_at(&frame, 0), u32_at(&frame, 4));
-            before = (u32_at(&frame, 16), u32_at(&frame, 20));
+            before = stated_in(&frame);
             let is_of_round = frame.get(8..16) == Some(salt);
             // One that stands there twice is no newer the second time.
             let is_new = seen.insert(before);
-            in_sequence = sum.value == before && page != 0 && (in_sequence || is_of_round) && is_new;
+            in_sequence = sum == before && page != 0 && (in_sequence || is_of_round) && is_new;
             passed += 1;
             if in_sequence || is_of_round {
                 lost += passed - u64::from(in_sequence);
@@ -167,12 +192,38 @@ impl Wal {
                 self.places.extend(open.drain(..));
                 self.pages = commit;
             }
-            at += frame_bytes;
+            at = match self.moved_frame(at, salt, in_sequence || is_of_round, &mut moves)? {
+                Some(moved) => moved,
+                None => at + frame_bytes,
+            };
         }
         // A frame that the file ends inside of.
         let cut = u64::from(at < self.size);
         self.unfinished = lost + open.len() as u64 + cut;
         Ok(())
+    }
+
+    /// Where the next frame of this round begins behind one that is none, if it is not where it should be: bytes are missing
+    /// in front of it.
+    fn moved_frame(
+        &self,
+        at: u64,
+        salt: &[u8],
+        is_in_place: bool,
+        moves: &mut usize,
+    ) -> Result<Option<u64>, IngestError> {
+        const SALT_AT: u64 = 8;
+        if is_in_place || *moves >= MOST_MOVES || salt.iter().all(|&byte| byte == 0) {
+            return Ok(None);
+        }
+        let from = at + SALT_AT + 1;
+        let length = (self.frame_bytes() - 1 + salt.len() as u64).min(self.size.saturating_sub(from));
+        let mut bytes = vec![0; usize::try_from(length).unwrap_or(0)];
+        read_exactly(&self.file, &self.name, &mut bytes, from)?;
+        let moved = memmem::find(&bytes, salt).map(|found| at + 1 + found as u64);
+        let moved = moved.filter(|&moved| moved < at + self.frame_bytes());
+        *moves += usize::from(moved.is_some());
+        Ok(moved)
     }
 
     /// Where the newest content of a page begins in the log.

@@ -74,6 +74,8 @@ pub(super) enum Look {
     Wanted,
     /// It is one of this table and not wanted.
     Unwanted,
+    /// What tells lies on other pages: it is to be shown whole.
+    Further,
     /// It cannot be one of this table.
     Bad(&'static str),
 }
@@ -216,6 +218,22 @@ impl<'w, 'c> Walk<'w, 'c> {
         }
         self.lost.spare_pages = !sound || listed != u64::from(stated);
         self.astray |= self.lost.spare_pages;
+        self.beyond_the_end()
+    }
+
+    /// Zeros behind the pages that the database has by its own account: room that was made for more.
+    fn beyond_the_end(&mut self) -> Result<(), IngestError> {
+        let stated = self.pages.stated() as usize;
+        let beyond = self.pages.count().saturating_sub(stated);
+        if beyond as u64 * u64::from(self.pages.header.page_bytes) > MOST_ZEROS {
+            return Ok(());
+        }
+        for index in stated..stated + beyond {
+            let page = self.pages.at(index);
+            if self.pages.look(page, &mut self.page)? && is_zero(&self.page) {
+                self.spare(page);
+            }
+        }
         Ok(())
     }
 
@@ -228,6 +246,9 @@ impl<'w, 'c> Walk<'w, 'c> {
             if !self.claim(at.page) {
                 self.astray = true;
                 self.lost.dead_ends += u64::from(self.pages.index(at.page).is_none());
+            } else if above == depth && !table && self.astray && !self.is_index(at.page)? {
+                // Pages of rows may have moved to where those of the index were.
+                self.give_back(&[at.page], "a page that an index leads to, and that is none of an index");
             } else if above == depth {
                 leaves.push(at);
             } else {
@@ -501,8 +522,28 @@ impl<'w, 'c> Walk<'w, 'c> {
                 }
                 sink.unwanted(cell);
             }
+            Look::Further => return self.take_whole(cell, sink),
         }
         Ok(Ok(()))
+    }
+
+    /// Takes a row of which too little is on its page to tell whether it is wanted.
+    fn take_whole(&mut self, cell: &Cell<'_>, sink: &mut dyn Sink) -> Result<Result<(), String>, IngestError> {
+        if let Err(why) = self.gather(cell)? {
+            return Ok(Err(why));
+        }
+        let row = std::mem::take(&mut self.row);
+        let whole = Cell { local: &row, overflow: 0, ..*cell };
+        let taken = match sink.look(&whole) {
+            Look::Bad(why) => Err(why.to_owned()),
+            Look::Wanted => Ok(sink.whole(&whole, &row)),
+            Look::Unwanted | Look::Further => {
+                sink.unwanted(&whole);
+                Ok(Fate::Skipped)
+            }
+        };
+        self.row = row;
+        Ok(taken.map(|fate| self.ledger.count(fate, cell.length)))
     }
 
     /// Puts a row together from its pages.
