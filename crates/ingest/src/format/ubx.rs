@@ -153,6 +153,7 @@ struct Walk<'w, 'c, 'b, 't> {
 impl Walk<'_, '_, '_, '_> {
     /// From the first byte to the last.
     fn run(mut self) -> Result<(), IngestError> {
+        self.content.sentences.breaks();
         while self.at < self.file.size() {
             let hopeless = self.is_known_to_be_damaged();
             // No more than there may be: a window as long as the longest frame would be moved again and again.
@@ -192,6 +193,7 @@ impl Walk<'_, '_, '_, '_> {
             _ => reason,
         };
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        self.content.sentences.breaks();
         self.at = next;
         Ok(())
     }
@@ -255,6 +257,8 @@ struct Content<'b, 't> {
     assembled: Vec<u8>,
     /// Messages before the first that told the week.
     early: Tally,
+    /// Messages of a receiver that did not know the time yet.
+    untimed: Tally,
     unplaced: Tally,
     /// Where the walk is.
     at: u64,
@@ -288,6 +292,7 @@ impl<'b, 't> Content<'b, 't> {
             sentences: Book::new(),
             assembled: vec![],
             early: Tally::default(),
+            untimed: Tally::default(),
             unplaced: Tally::default(),
             at: 0,
             vain: 0,
@@ -341,7 +346,9 @@ impl<'b, 't> Content<'b, 't> {
             return self.skip(key, frame.payload);
         };
         let derived = self.receiver.tell(message, frame.payload);
-        if Weeks::is_untold(derived.week) {
+        if Weeks::is_untimed(derived.week) {
+            self.untimed.add(|| message.name.to_owned());
+        } else if Weeks::is_untold(derived.week) {
             self.early.add(|| message.name.to_owned());
         }
         let Some(route) = self.route(key) else { return Fate::Skipped };
@@ -414,6 +421,11 @@ impl<'b, 't> Content<'b, 't> {
             };
             let text = format!("{text}; the first: {}", self.early.first);
             notices.push(Severity::Info, "undated", "", self.early.count, text);
+        }
+        if self.untimed.count > 0 && self.receiver.weeks.are_told() {
+            let text = "messages of a receiver that did not know the time yet have none";
+            let text = format!("{text}; the first: {}", self.untimed.first);
+            notices.push(Severity::Info, "untimed", "", self.untimed.count, text);
         }
         if self.receiver.nowhere > 0 {
             let text = "velocities are in the earth's own axes, and no message near them says the place, without which north is \

@@ -483,6 +483,42 @@ fn a_heading_has_the_time_of_its_epoch_whoever_says_it() {
 }
 
 #[test]
+fn one_receiver_that_speaks_as_two_talkers_has_one_time() {
+    for tenths in [1, 10] {
+        // The talker of the velocity says the time of its epoch behind it.
+        let epoch = |i: usize| {
+            let [fix, rmc, _] = epoch_behind("GN", tenths * i);
+            let [_, _, vtg] = epoch_behind("GP", tenths * i);
+            [rmc, vtg, sealed(&format!("GPHDT,{}.0,T", i % 360)), fix.replace("$GNGGA", "$GPGGA")]
+        };
+        let lines: Vec<String> = (0..120).flat_map(epoch).collect();
+        let resealed = lines.iter().map(|line| sealed(line[1..].split('*').next().unwrap()) + "\r\n");
+        let log = read_bytes(READER, resealed.collect::<String>().as_bytes()).unwrap();
+        assert_eq!(log.health.bytes.damaged, 0);
+        for topic in ["GPVTG", "GPHDT", "GPGGA"] {
+            let column = table(&log, topic).column("elapsed_ns").unwrap();
+            let ms: Vec<i64> = (0..120).map(|row| column.integer(row).unwrap() / 1_000_000).collect();
+            assert_eq!(ms, (0..120).map(|i| 100 * tenths as i64 * i).collect::<Vec<i64>>(), "{topic} {tenths}");
+        }
+    }
+}
+
+#[test]
+fn a_heading_has_no_time_while_the_receiver_has_none() {
+    let lines = (0..60).flat_map(|i| {
+        let [_, rmc, _] = epoch_behind("GN", 10 * i);
+        let lost = sealed("GNRMC,,V,,,,,,,,,,N");
+        [if (20..40).contains(&i) { lost } else { rmc }, sealed(&format!("HEHDT,{i}.0,T"))]
+    });
+    let log = read_bytes(READER, lines.map(|line| line + "\r\n").collect::<String>().as_bytes()).unwrap();
+    let table = table(&log, "HEHDT");
+    let column = table.column("elapsed_ns").unwrap();
+    let timed: Vec<usize> = (0..60).filter(|&row| column.number(row).is_some()).collect();
+    assert_eq!(timed, (0..20).chain(40..60).collect::<Vec<usize>>());
+    assert!(log.notices.iter().any(|n| n.code == "no-epoch"), "{:?}", log.notices);
+}
+
+#[test]
 fn a_value_that_is_no_number_costs_its_row_and_is_a_loss() {
     let log = text(&[
         &sealed("GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,high,M,46.9,M,,"),

@@ -491,6 +491,61 @@ fn messages_before_the_first_that_tells_the_week_are_dated_backwards_over_sunday
     }
 }
 
+/// NAV-PVT five times a second from noon of 2026-11-21 on, with these bytes for validity, kind of fix and flags.
+fn pvt(n: u32, itow_ms: u32, [valid, fix_type, flags]: [u8; 3]) -> Vec<u8> {
+    let second = (n / 5 % 60) as u8;
+    let date = [&2026_u16.to_le_bytes()[..], &[11, 21, 12, (n / 300) as u8, second, valid]].concat();
+    let mut payload = [&itow_ms.to_le_bytes()[..], &date, &[0; 8], &[fix_type, flags, 0, 12]].concat();
+    payload.extend([85_455_940_i32, 473_977_420 + n as i32, 500_000, 450_000].map(i32::to_le_bytes).concat());
+    payload.resize(92, 0);
+    ubx_frame(1, 7, &payload)
+}
+
+/// The time of week of noon, UTC, ms.
+const NOON_ITOW_MS: u32 = 6 * 86_400_000 + 12 * 3_600_000 + 18_000;
+
+#[test]
+fn what_a_receiver_says_before_it_knows_the_time_has_none_and_is_no_loss() {
+    for clock_ms in [0, 345_600_000, 604_790_000] {
+        for valid in [0xf0, 0xf1, 0] {
+            let cold = |n: u32| pvt(n, clock_ms + 200 * n, [valid, 0, 0]);
+            let timed = |n: u32| pvt(n, NOON_ITOW_MS + 200 * n, if n < 100 { [0xf3, 0, 0] } else { [0xf7, 3, 1] });
+            let bytes: Vec<u8> = (0..50).flat_map(cold).chain((50..300).flat_map(timed)).collect();
+            let loaded = load_ubx(&bytes);
+            assert!(!lossy(&loaded), "{clock_ms} {valid}: {:?}", loaded.flight.notices);
+            assert_eq!(count_of(&loaded, "untimed"), 50);
+            let timeline = loaded.flight.channels["position.gps"].series.timeline();
+            assert_eq!((timeline.clock(), timeline.stamps().len()), (Clock::Gps, 200));
+            let noon_ns = (2445 * 604_800_000 + i64::from(NOON_ITOW_MS)) * 1_000_000;
+            assert_eq!(timeline.first(), Some(Stamp(noon_ns + 20_000_000_000)));
+        }
+    }
+}
+
+#[test]
+fn a_velocity_between_frames_has_no_time_of_an_epoch_whose_sentences_are_damaged() {
+    let seal = |body: &str| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, b| sum ^ b)).into_bytes();
+    let epoch = |i: u32| {
+        let rmc = format!("GNRMC,12{:02}{:02}.00,A,4807.038,N,01131.000,E,20.0,{i}.0,211126,,,A", i / 60, i % 60);
+        let vtg = seal(&format!("GNVTG,{i}.0,T,,M,20.0,N,,K,A"));
+        [pvt(5 * i, NOON_ITOW_MS + 1000 * i, [0xf7, 3, 1]), seal(&rmc), vtg]
+    };
+    for hit in [0, 1] {
+        let mut pieces: Vec<Vec<u8>> = (0..60).flat_map(epoch).collect();
+        pieces[90 + hit].fill(0);
+        let log = read_bytes(READER, &pieces.concat()).unwrap();
+        let table = log.tables.iter().find(|table| table.topic.name == "GNVTG").unwrap();
+        let column = table.column("elapsed_ns").unwrap();
+        let seconds = |row: usize| column.number(row).map(|_| column.integer(row).unwrap() / 1_000_000_000);
+        let expected = |row: usize| Some(row as i64).filter(|_| hit == 0 || row != 30);
+        assert!(
+            (0..60).all(|row| seconds(row) == expected(row)),
+            "{hit}: {:?}",
+            (28..33).map(seconds).collect::<Vec<_>>()
+        );
+    }
+}
+
 #[test]
 fn a_log_that_never_tells_the_week_is_timed_by_the_time_of_week_alone() {
     // A week that is not valid is not told.

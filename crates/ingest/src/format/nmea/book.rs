@@ -190,7 +190,8 @@ impl Book {
         say(Severity::Info, "undated", &self.early, text);
         let text = "sentences stand before the first time, for the log begins inside an epoch: they are not used";
         say(Severity::Info, "headless", &self.headless, text);
-        let text = "sentences that say no time stand behind damage, and those before them may be of another epoch: they are not used";
+        let text = "sentences that say no time stand behind damage, or where the receiver has lost the time, and those before them \
+                    may be of another epoch: they are not used";
         say(Severity::Warning, "no-epoch", &self.broken, text);
         let text = "sentences lack the time that their type has: nothing dates them";
         say(Severity::Loss, "no-time", &self.timeless, text);
@@ -262,8 +263,8 @@ struct Epochs {
     elapsed_ns: i64,
     /// UTC of the first sentence with a time, by the first date.
     begin_ns: Option<i64>,
-    /// UTC and elapsed time of the last sentence with a time, by talker: two receivers may speak in turns.
-    by_talker: Vec<(String, Option<i64>, i64)>,
+    /// By talker: two receivers may speak in turns.
+    by_talker: Vec<Talker>,
     /// What sentences without a time were last given, by address.
     given: Vec<Given>,
     /// Something is missing behind the last sentence with a time.
@@ -282,27 +283,43 @@ impl Epochs {
         sentence: &Sentence<'_>,
     ) -> (Option<i64>, Option<i64>) {
         let Some(field) = time else { return self.of_epoch(address) };
+        let before_ns = self.elapsed_ns;
         let stamps = self.of_time(date, field, sentence);
         if let (utc_ns, Some(elapsed_ns)) = stamps {
             self.is_broken = false;
             // ZDA is of no epoch: it says the time whenever it likes.
-            if address.1 == "ZDA" {
-                return stamps;
+            if address.1 != "ZDA" {
+                self.says_time(address.0, utc_ns, elapsed_ns, elapsed_ns < before_ns);
             }
-            if let Some(known) = self.by_talker.iter_mut().find(|(talker, ..)| talker == address.0) {
-                (known.1, known.2) = (utc_ns, elapsed_ns);
-            } else if self.by_talker.len() < MOST_TALKERS {
-                self.by_talker.push((address.0.to_owned(), utc_ns, elapsed_ns));
-            }
+        } else if sentence.body.split(',').nth(field) == Some("") {
+            // The receiver has lost the time: what follows is not of the epoch before.
+            self.is_broken = true;
         }
         stamps
+    }
+
+    /// A talker says a time, which may be before the one that was said last.
+    fn says_time(&mut self, talker: &str, utc_ns: Option<i64>, elapsed_ns: i64, is_late: bool) {
+        let mut is_shared = false;
+        for other in self.by_talker.iter_mut().filter(|other| other.name != talker && other.elapsed_ns == elapsed_ns) {
+            (other.is_shared, is_shared) = (true, true);
+        }
+        if let Some(known) = self.by_talker.iter_mut().find(|known| known.name == talker) {
+            (known.utc_ns, known.elapsed_ns) = (utc_ns, elapsed_ns);
+            known.is_shared |= is_shared;
+            known.is_apart |= is_late;
+        } else if self.by_talker.len() < MOST_TALKERS {
+            let name = talker.to_owned();
+            self.by_talker.push(Talker { name, utc_ns, elapsed_ns, is_shared, is_apart: is_late });
+        }
     }
 
     /// The stamps of a sentence without a time. Behind damage it has those of the epoch before only if no other of its
     /// address has them.
     fn of_epoch(&mut self, (talker, name): (&str, &str)) -> (Option<i64>, Option<i64>) {
         let Some(common) = self.time_of_day_ns.map(|_| (self.utc_ns, self.elapsed_ns)) else { return (None, None) };
-        let own = self.by_talker.iter().find(|(known, ..)| known == talker).map(|(_, utc_ns, at)| (*utc_ns, *at));
+        let own = self.by_talker.iter().find(|known| known.name == talker && !known.is_of_all());
+        let own = own.map(|known| (known.utc_ns, known.elapsed_ns));
         let is_it = |given: &&mut Given| given.address.strip_prefix(talker) == Some(name);
         let Some(given) = self.given.iter_mut().find(is_it) else {
             let (utc_ns, elapsed_ns) = own.unwrap_or(common);
@@ -338,6 +355,26 @@ impl Epochs {
         };
         self.begin_ns = self.begin_ns.or(self.utc_ns.map(|utc_ns| utc_ns.saturating_sub(self.elapsed_ns)));
         (self.utc_ns, Some(self.elapsed_ns))
+    }
+}
+
+/// Who says times: UTC and elapsed time of the last one.
+#[derive(Debug)]
+struct Talker {
+    name: String,
+    utc_ns: Option<i64>,
+    elapsed_ns: i64,
+    /// Another talker said one of its times as well.
+    is_shared: bool,
+    /// It said a time behind a later one of another.
+    is_apart: bool,
+}
+
+impl Talker {
+    /// Whether its times are those of all: one receiver may say the one sentence as GN and the other as GP. Two receivers that
+    /// speak in turns have different times, or one comes behind the other.
+    fn is_of_all(&self) -> bool {
+        self.is_shared && !self.is_apart
     }
 }
 

@@ -13,11 +13,17 @@ use flight::{Geodetic, Stamp, WEEK_S, gps_of_unix};
 const MOST_RECEIVERS: usize = 20;
 /// Stands for the week of the first message until a week is told; no week that is told is near it.
 const UNTOLD: i64 = 0x8000;
+/// Stands for the week of a message whose receiver does not know the time yet: its time of week is that of a clock which was
+/// begun anywhere, and leaps when the time is known.
+const UNTIMED: i64 = 0xffff;
+
 /// What the messages have told so far.
 #[derive(Debug, Default)]
 pub(super) struct Receiver {
     /// The latest week that was told, or [`UNTOLD`], and the time of week then, ms.
     week: Option<(i64, i64)>,
+    /// The receiver says that it does not know the time, and never did.
+    is_untimed: bool,
     /// What the first week that was told is ahead of the weeks counted until then.
     pub(super) weeks: Weeks,
     /// Of fixes.
@@ -57,11 +63,20 @@ impl Receiver {
             "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => drop(self.learn_date(read, 12, itow_ms)),
             _ => {}
         }
+        // As far as they have been told by now.
+        let is_timed = match message.name {
+            "NAV-SOL" => Some(read.u8(11) & 0xc == 0xc),
+            "NAV-PVT" | "NAV2-PVT" | "HNR-PVT" => Some(read.u8(11) & 3 == 3),
+            "NAV-PVAT" => Some(read.u8(5) & 3 == 3),
+            _ => None,
+        };
+        self.is_untimed = !is_timed.unwrap_or(!self.is_untimed) && !self.weeks.are_told();
         if let Some(place) = place_of(message.name, read).filter(|_| payload.len() >= message.shortest) {
             self.place = Some((place, itow_ms));
         }
         let (week, tow_ms) = match payload.len() >= message.shortest {
             true if message.is_pulse() => self.pulse(message, read),
+            true if self.is_untimed => (UNTIMED, itow_ms),
             true => (self.week_at(itow_ms), itow_ms),
             false => (0, 0),
         };
@@ -195,13 +210,24 @@ impl Weeks {
         i64::from(week) >= LAST_WEEK
     }
 
-    /// Puts the weeks into the tables; 0 if none was ever told.
+    /// Whether the receiver did not know the time.
+    pub(super) fn is_untimed(week: u16) -> bool {
+        i64::from(week) == UNTIMED
+    }
+
+    /// Puts the weeks into the tables, none where the receiver did not know the time; 0 if none was ever told.
     pub(super) fn put(self, log: &mut Log) {
         let tables = log.tables.iter_mut().filter(|table| table.topic.encoding == "ubx");
         for column in tables.flat_map(|table| &mut table.columns).filter(|column| column.path == "gps_week") {
             let ColumnData::F64(weeks) = &mut column.data else { continue };
+            let is_untimed = |week: &f64| self.are_told() && *week == UNTIMED as f64;
+            if weeks.iter().any(is_untimed) {
+                let valid = column.valid.get_or_insert_with(|| vec![true; weeks.len()]);
+                valid.iter_mut().zip(weeks.iter()).for_each(|(valid, week)| *valid &= !is_untimed(week));
+            }
             for week in weeks.iter_mut().filter(|week| **week >= LAST_WEEK as f64) {
-                *week = self.ahead.map_or(0.0, |ahead| *week + ahead as f64);
+                let ahead = self.ahead.filter(|_| *week != UNTIMED as f64);
+                *week = ahead.map_or(0.0, |ahead| *week + ahead as f64);
             }
         }
     }
