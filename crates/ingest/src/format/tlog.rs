@@ -77,10 +77,12 @@ impl LogReader for TlogReader {
         let runs = if stamped { Runs::default() } else { Runs::of(&self.files, &framings, main, context)? };
         log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
         let mut book = Book::new(main, learned, stamped, runs, &mut topics);
-        for (file, framing) in files.iter_mut().zip(framings) {
+        for ((file, path), framing) in files.iter_mut().zip(&self.files).zip(framings) {
             let (name, search) = (file.name().to_owned(), Search::of(framing));
             let size = file.size();
-            Walk { name, file, context, ledger: &mut ledger, book: &mut book, framing, at: 0, search }.run()?;
+            let ledger = &mut ledger;
+            Walk { name, path, file, context, ledger, book: &mut book, framing, at: 0, search, learned: false }
+                .run()?;
             book.end_file(size);
         }
         if let Some(what) = book.why_nothing() {
@@ -220,6 +222,7 @@ fn skim(
 /// A walk in progress.
 struct Walk<'w, 'c, 'b, 't> {
     file: &'w mut LogFile,
+    path: &'w Path,
     name: String,
     context: &'w ReadContext<'c>,
     ledger: &'w mut Ledger,
@@ -227,6 +230,8 @@ struct Walk<'w, 'c, 'b, 't> {
     framing: Framing,
     at: u64,
     search: Search,
+    /// All of the file was looked over for other definitions.
+    learned: bool,
 }
 
 impl Walk<'_, '_, '_, '_> {
@@ -240,11 +245,18 @@ impl Walk<'_, '_, '_, '_> {
                     self.ledger.count(fate, length as u64);
                     self.at += length as u64;
                 }
+                Err(_) if self.book.suspects() && !self.learned => self.learn()?,
                 Err(reason) => self.lost(reason)?,
             }
             self.file.progress(self.at, self.context)?;
         }
         Ok(())
+    }
+
+    /// Looks over all of the file for messages that are defined otherwise: the first of them should not be damage.
+    fn learn(&mut self) -> Result<(), IngestError> {
+        self.learned = true;
+        skim(self.path, self.framing, u64::MAX, self.context, |at, frame| self.book.learn(at, frame)).map(|_| ())
     }
 
     /// Goes on where the next intact frame begins.

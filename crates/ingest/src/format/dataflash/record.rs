@@ -160,7 +160,13 @@ impl Format {
     pub(super) fn usual_instance(&self) -> Option<usize> {
         let estimator = ["XK", "NK"].iter().any(|start| self.name.starts_with(start));
         self.fields.iter().position(|f| {
-            b"BbHhiI".contains(&f.code) && (matches!(f.name.as_str(), "I" | "Instance") || (estimator && f.name == "C"))
+            let is_named = match f.name.as_str() {
+                "I" | "Instance" | "Inst" => true,
+                "C" => estimator,
+                "IMU" => self.name == "VIBE",
+                _ => false,
+            };
+            is_named && b"BbHhiI".contains(&f.code)
         })
     }
 

@@ -86,6 +86,7 @@ pub(super) struct Book<'b, 't> {
     /// Layouts of messages that are not defined.
     unknown: HashMap<u32, Guess>,
     learned: Learned,
+    suspects: bool,
     frames: u64,
     /// Bytes of text before the first frame.
     pub(super) preamble: u64,
@@ -121,6 +122,7 @@ impl<'b, 't> Book<'b, 't> {
             before: 0,
             unknown: HashMap::new(),
             learned,
+            suspects: false,
             frames: 0,
             preamble: 0,
             completed: Tally::default(),
@@ -146,14 +148,19 @@ impl<'b, 't> Book<'b, 't> {
         })?;
         let sender = Sender::of(&frame);
         self.learned.recut.learn(sender, at, &frame);
-        if frame.other.is_some() && framing.goes_on(&frame, bytes) {
+        let undefined = frame.intact.is_none() && frame.extra.is_some();
+        let may_be_other = (frame.other.is_some() || undefined) && framing.goes_on(&frame, bytes);
+        if may_be_other {
             self.learned.dialect.learn(self.before + at, &frame);
         }
+        let vouched = self.learned.dialect.vouches_for(&frame);
+        self.suspects = may_be_other && !vouched && !(undefined && self.may_be_consistent(&frame));
         match frame.intact {
             Some(false) if self.learned.recut.vouches_for(sender, &frame) => {
                 self.completed.add(|| format!("message {} of {}.{}", frame.message, sender.system, sender.component));
             }
-            Some(false) if self.learned.dialect.vouches_for(&frame) => frame = frame.undefined(),
+            Some(false) if vouched => frame = frame.undefined(),
+            None if vouched => {}
             Some(false) if frame.unknown_flags != 0 => return Err(UNKNOWN_FLAGS.into()),
             Some(false) => return Err("the checksum of a frame is wrong".into()),
             None if !self.has_layout(&frame) && !framing.believes(&frame, bytes) => {
@@ -224,6 +231,21 @@ impl<'b, 't> Book<'b, 't> {
     pub(super) fn knows(&self, message: u32, extra: u8) -> bool {
         let agree = |guess: &Guess| guess.seen > 1 && guess.extra == extra;
         self.unknown.get(&message).is_some_and(agree) || self.learned.dialect.has(message, extra)
+    }
+
+    /// Whether the frame that was refused last may be of another definition, which the rest of the file may confirm.
+    pub(super) fn suspects(&self) -> bool {
+        self.suspects
+    }
+
+    /// Takes in what a look over all of the file that is read shows.
+    pub(super) fn learn(&mut self, at: u64, frame: &Frame<'_>) {
+        self.learned.dialect.learn(self.before + at, frame);
+    }
+
+    /// Whether a message that is not defined is the first one, or has the layout that it had before.
+    fn may_be_consistent(&self, frame: &Frame<'_>) -> bool {
+        !self.unknown.contains_key(&frame.message) || self.has_layout(frame)
     }
 
     /// Whether a message that is not defined has the layout that it had before.

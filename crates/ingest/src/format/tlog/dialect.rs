@@ -1,5 +1,6 @@
 //! Messages that a sender defines otherwise than the public definitions: a dialect of its own, or one of years ago, in which
-//! the number of a message stands for another layout. Their checksums are all wrong here, and wrong in the same way.
+//! the number of a message stands for another layout. Their checksums are all wrong here, and wrong in the same way. And those
+//! that no public definition has: two senders may each have a layout for one number.
 
 use super::frame::Frame;
 use std::collections::HashMap;
@@ -35,7 +36,7 @@ impl Dialect {
         }
     }
 
-    /// Whether the frame is intact, but of another definition.
+    /// Whether the frame has a layout that this log has.
     pub(super) fn vouches_for(&self, frame: &Frame<'_>) -> bool {
         key(frame).is_some_and(|(message, extra)| self.has(message, extra))
     }
@@ -47,6 +48,7 @@ impl Dialect {
 }
 
 fn key(frame: &Frame<'_>) -> Option<(u32, u8)> {
-    let other = frame.other.filter(|_| frame.unknown_flags == 0)?;
-    Some((frame.message, other))
+    let undefined = frame.extra.filter(|_| frame.intact.is_none());
+    let layout = frame.other.or(undefined).filter(|_| frame.unknown_flags == 0)?;
+    Some((frame.message, layout))
 }

@@ -181,6 +181,9 @@ pub(super) fn next_time(bytes: &[u8]) -> Option<(u64, &[u8])> {
 /// Times that are near the last one of a file, µs.
 const NEAR_US: u64 = 86_400_000_000;
 
+/// Behind damage, frames of messages that are not defined are looked for in so many bytes.
+const NEAR_BYTES: u64 = 32 << 10;
+
 /// A search for intact frames. What was learned of a block serves the next search in it.
 pub(super) struct Search {
     framing: Framing,
@@ -188,11 +191,13 @@ pub(super) struct Search {
     pub(super) last_us: Option<u64>,
     /// A block and where it begins.
     searched: Option<(u64, Finder)>,
+    /// From where on a frame of a defined message was searched, and where it was.
+    found: Option<(u64, u64)>,
 }
 
 impl Search {
     pub(super) fn of(framing: Framing) -> Search {
-        Search { framing, last_us: None, searched: None }
+        Search { framing, last_us: None, searched: None, found: None }
     }
 
     /// Whether a time stands in front of an intact frame: one that is plausible, or near the last one where the clock was not
@@ -219,7 +224,12 @@ impl Search {
     ) -> Result<u64, IngestError> {
         let (mut at, mut zeros) = (from, 0);
         let front = self.framing.front();
-        while at < end && zeros <= MOST_ZEROS {
+        // What was found once is not searched again, but for what is known since, in the first bytes.
+        let known_to = from.saturating_add(NEAR_BYTES);
+        let found_before =
+            self.found.filter(|(searched, found)| (*searched..=*found).contains(&from)).map(|(_, at)| at);
+        let to = found_before.map_or(end, |found| found.min(known_to).min(end));
+        while at < to && zeros <= MOST_ZEROS {
             if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
                 // What a block of the search begins with may be as long as a record.
                 self.searched = Some((at, Finder::new(file.up_to(at, BLOCK + front + LONGEST)?.to_vec())));
@@ -228,24 +238,32 @@ impl Search {
             let (first, block) = ((at - start) as usize, finder.block());
             let found = memchr::memchr2_iter(MAGIC[0], MAGIC[1], block.get(first + front..).unwrap_or_default())
                 .map(|hit| first + hit)
-                .take_while(|hit| *hit < BLOCK)
+                .take_while(|hit| *hit < BLOCK && start + (*hit as u64) < to)
                 .find(|&hit| {
                     let rest = block.get(hit..).unwrap_or_default();
+                    let is_defined = found_before.is_none() && finder.is_frame(hit + front);
                     let is_known = || {
                         finder.layout(hit + front).is_some_and(|(message, extra, length)| {
                             let next = rest.get(front + length..).and_then(Framing::ahead);
                             next == Some(self.framing) && knows(message, extra)
                         })
                     };
-                    (finder.is_frame(hit + front) || is_known()) && (front == 0 || self.is_stamped(rest))
+                    let is_known = || start + (hit as u64) < known_to && is_known();
+                    (is_defined || is_known()) && (front == 0 || self.is_stamped(rest))
                 });
             if let Some(hit) = found {
-                return Ok((start + hit as u64).min(end));
+                let place = (start + hit as u64).min(end);
+                if finder.is_frame(hit + front) {
+                    self.found = Some((from, place));
+                }
+                return Ok(place);
             }
             at = start + BLOCK as u64;
             zeros = if is_zero(block) { zeros + BLOCK as u64 } else { 0 };
             file.progress(at.min(end), context)?;
         }
-        Ok(end)
+        let place = found_before.unwrap_or(end);
+        self.found = Some((from, place));
+        Ok(place)
     }
 }

@@ -154,7 +154,7 @@ fn is_name(name: &[u8]) -> bool {
     let inner = |b: &u8| b.is_ascii_alphanumeric() | matches!(b, b'_' | b'-' | b'/');
     // All of it, for that takes less time than to look where it ends.
     let plain = || name.iter().fold(true, |plain, b| plain & inner(b));
-    name.len() <= LONGEST_NAME && name.first().is_some_and(u8::is_ascii_alphanumeric) && plain()
+    name.len() <= LONGEST_NAME && !name.is_empty() && plain()
 }
 
 /// A key with its type, and the value: information, parameters, defaults.
