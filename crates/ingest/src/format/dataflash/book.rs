@@ -47,6 +47,8 @@ pub(super) struct Book<'t, 'w> {
     late_instances: Tally,
     /// Units that were stated twice and otherwise.
     other_units: Tally,
+    /// Units of types that are not defined yet.
+    early_units: HashMap<u8, [String; 2]>,
 }
 
 /// A type of records.
@@ -191,6 +193,7 @@ impl<'t, 'w> Book<'t, 'w> {
             misfits: Tally::default(),
             late_instances: Tally::default(),
             other_units: Tally::default(),
+            early_units: HashMap::new(),
         }
     }
 
@@ -211,6 +214,9 @@ impl<'t, 'w> Book<'t, 'w> {
             *place = Some(self.types.len());
         }
         self.types.push(Type::new(format));
+        if let Some(ids) = self.early_units.remove(&id) {
+            self.set_units(id, ids);
+        }
     }
 
     fn known(&self, id: u8) -> Option<usize> {
@@ -488,7 +494,10 @@ impl<'t, 'w> Book<'t, 'w> {
     }
 
     fn set_units(&mut self, id: u8, ids: [String; 2]) {
-        let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else { return };
+        let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else {
+            self.early_units.entry(id).or_insert(ids);
+            return;
+        };
         if ids[0].len() != kind.format.codes() {
             self.other_units.add(|| format!("{}, of {} fields", kind.format.name, ids[0].len()));
             return;

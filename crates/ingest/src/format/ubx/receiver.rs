@@ -162,11 +162,15 @@ impl Receiver {
     fn week_at(&mut self, itow_ms: i64) -> i64 {
         const HALF_MS: i64 = WEEK_S * 500;
         let (week, told_ms) = *self.week.get_or_insert((UNTOLD, itow_ms));
-        match itow_ms - told_ms {
+        let week = match itow_ms - told_ms {
             step if step < -HALF_MS => week + 1,
-            step if step > HALF_MS => week - 1,
+            step if step > HALF_MS => return week - 1,
+            step if step < 0 => return week,
             _ => week,
-        }
+        };
+        // A log may go on for more than half a week behind the last that says it.
+        self.week = Some((week, itow_ms));
+        week
     }
 
     /// The times of marks that stand before what says whose time they are in.
@@ -326,6 +330,14 @@ mod tests {
         assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2446);
         next[..4].copy_from_slice(&604_799_950_u32.to_le_bytes());
         assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2445);
+        // Weeks behind the last that was told, and epochs that come late.
+        for hour in 1..24 * 17 {
+            for (back, expected) in [(0, hour), (1, hour - 1)] {
+                let now_ms = 3_600_000 * u64::from(hour - back);
+                next[..4].copy_from_slice(&((now_ms % (WEEK_S as u64 * 1000)) as u32).to_le_bytes());
+                assert_eq!(u32::from(tell(&mut receiver, 1, 2, &next).week), 2446 + expected / (24 * 7), "{hour}");
+            }
+        }
     }
 
     #[test]

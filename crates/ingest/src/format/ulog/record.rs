@@ -17,6 +17,8 @@ pub(super) const SYNC: [u8; 8] = [0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12
 pub(super) const FLAG_BITS: usize = 40;
 /// Longest name that PX4 could give a format or a topic.
 const LONGEST_NAME: usize = 128;
+/// Zeros that fill a text up.
+const MOST_ZEROS_OF_TEXT: usize = 8;
 /// Longest type of an information, as `uint16_t[1000]`.
 const LONGEST_TYPE: usize = 64;
 
@@ -140,9 +142,10 @@ fn is_field(field: &[u8]) -> bool {
 fn text_trust(body: &[u8], head: usize, most: usize) -> Trust {
     let Some((head, text)) = body.split_at_checked(head) else { return Trust::Wrong("a text that is too short") };
     let level = head.first().is_some_and(|level| matches!(level, b'0'..=b'7'));
-    // Some loggers write the zero behind a text.
-    let text = text.strip_suffix(&[0]).unwrap_or(text);
-    let control = |b: &u8| *b < b' ' && !b"\t\n\r\x1b".contains(b);
+    // Some loggers write zeros behind a text.
+    let zeros = text.iter().rev().take(MOST_ZEROS_OF_TEXT).take_while(|b| **b == 0).count();
+    let text = text.get(..text.len() - zeros).unwrap_or_default();
+    let control = |b: &u8| *b < b' ' && !b"\x07\x08\t\n\r\x1b".contains(b);
     match level && head.last() == Some(&0) && !text.iter().take(most).any(control) {
         true => Trust::Fits,
         false => Trust::Wrong("a logged text that is damaged"),
@@ -310,7 +313,12 @@ mod tests {
     fn what_is_no_format_no_text_and_no_sync_is_told() {
         assert_eq!(judge(Kind::Format, b"a:float x;", 64), Trust::Sure);
         assert_eq!(judge(Kind::Format, b"a:float x", 64), Trust::Fits);
-        assert_eq!(judge(Kind::Text, b"6\0\0\0\0\0\0\0\0hello", 64), Trust::Fits);
+        for text in [&b"6\0\0\0\0\0\0\0\0hello"[..], b"6\0\0\0\0\0\0\0\0hello\x07\0\0", b"6\0\0\0\0\0\0\0\0"] {
+            assert_eq!(judge(Kind::Text, text, 64), Trust::Fits);
+        }
+        for name in ["/fmu/out/x", "_x", "-x", "a/b-c_d"] {
+            assert_eq!(judge(Kind::Format, format!("{name}:float x;").as_bytes(), 64), Trust::Sure, "{name}");
+        }
         assert_eq!(judge(Kind::Sync, &SYNC, 64), Trust::Sure);
         for (kind, body) in [
             (Kind::Format, &b"a:float "[..]),
@@ -319,6 +327,8 @@ mod tests {
             (Kind::Text, b"9\0\0\0\0\0\0\0\0hello"),
             (Kind::Text, b"6\0\0\0\0\0\0\0\x01hello"),
             (Kind::Text, b"6\0\0\0\0\0\0\0\0he\x02lo"),
+            (Kind::Text, b"6\0\0\0\0\0\0\0\0he\0lo"),
+            (Kind::Format, b":uint64_t timestamp;"),
             (Kind::Sync, &SYNC[1..]),
             (Kind::Subscribe, b"\0\0\0"),
         ] {
