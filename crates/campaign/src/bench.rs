@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
-pub const BENCH_ANALYSIS_VERSION: u32 = 6;
+pub const BENCH_ANALYSIS_VERSION: u32 = 7;
 
 /// What is asked for.
 #[derive(Debug, Clone, PartialEq)]

@@ -975,7 +975,7 @@ fn units_are_told_from_rows_where_they_stand_again_cells_are_empty_or_a_remark_i
     let header = "time,volt,cur,alt\ns,V,A,m\n";
     let plain: String = (0..200).map(row).collect();
     let again: String = (0..200).map(|i| format!("{}{}", if i == 10 { header } else { "" }, row(i))).collect();
-    let one = |i: u32, every: u32| if i % every == 0 { String::new() } else { i.to_string() };
+    let one = |i: u32, every: u32| if i.is_multiple_of(every) { String::new() } else { i.to_string() };
     let sparse: String =
         (0..200).map(|i| format!("12:00:{:02},{},{},{}\n", i % 60, one(i, 2), one(i, 3), one(i, 5))).collect();
     for text in [

@@ -122,6 +122,7 @@ fn a_packed_log_gives_the_same_flight_and_its_ledger_counts_the_unpacked_bytes()
         ("jump.csv.bz2", bzip2(&table)),
         ("jump.csv.lz4", lz4(&table)),
         ("jump.zip", zip(&[("card/jump.csv", &table)], true)),
+        ("jump.zip", zip(&[("card/.ros/log/jump.csv", &table), ("card/._jump.csv", b"\0\x05\x16\x07")], true)),
         ("jump.zip", zip(&[("../../../jump.csv", &table)], true)),
         ("jump.zip", zip(&[("jump.csv", &table), ("card/readme.md", b"# Hello"), ("photo.png", b"\x89PNG")], false)),
         ("jump.csv", utf16(&table, false, true)),

@@ -43,9 +43,9 @@ impl Entry {
     }
 
     fn is_file(&self) -> bool {
-        let is_hidden = |part: &str| part.starts_with('.') && ![".", ".."].contains(&part);
-        let hidden = self.name.split('/').any(|part| is_hidden(part) || part == "__MACOSX");
-        !self.name.ends_with('/') && !hidden
+        // Logs of ROS are below `.ros`.
+        let hidden = self.name.rsplit('/').next().is_some_and(|name| name.starts_with('.'));
+        !self.name.ends_with('/') && !hidden && !self.name.split('/').any(|part| part == "__MACOSX")
     }
 }
 
