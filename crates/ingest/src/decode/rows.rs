@@ -191,6 +191,8 @@ impl Rows {
         let mut columns: Vec<Column> = self.columns.into_iter().filter_map(|c| c.finish(rows)).collect();
         columns.sort_by(|a, b| a.path.cmp(&b.path));
         let Rows { logged_ns, published_ns, origin, .. } = Rows { columns: vec![], ..self };
+        // One that some rows lack says nothing of the others.
+        let published_ns = published_ns.filter(|published| published.len() == logged_ns.len());
         Table { topic, rows, logged_ns: Some(logged_ns), published_ns, origin, columns }
     }
 }

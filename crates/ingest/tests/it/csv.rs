@@ -244,6 +244,9 @@ fn a_decimal_comma_is_read_where_it_is_certain_and_the_layout_says_so() {
         assert_plain(text, text);
         assert!(read(text).health.format.contains("decimal comma"), "{}", read(text).health.format);
     }
+    // Quoted in a table with commas between, it may be a list: it stays text.
+    let log = read("t,x\n1,\"0,5\"\n2,\"1,5\"\n");
+    assert_eq!(log.tables[0].column("x").unwrap().text(0), Some("0,5"));
     // Times with a comma are the same times.
     let log = read("date;time;x\n23.06.2021;17:27:44,3;0,5\n23.06.2021;17:27:44,4;0,5\n");
     assert_eq!(log.tables[0].column("time").unwrap().text(0), Some("17:27:44.3"));
@@ -991,14 +994,25 @@ fn units_are_told_from_rows_where_they_stand_again_cells_are_empty_or_a_remark_i
 }
 
 #[test]
-fn a_quoted_decimal_comma_in_a_table_with_commas_is_one() {
-    let rows: String = (0..50).map(|i| format!("{i},\"{i},5\",\"0,25\"\n")).collect();
-    let log = read(&format!("t,alt,spd\n{rows}"));
-    assert_eq!((numbers(&log, "alt")[7], numbers(&log, "spd")[49]), (Some(7.5), Some(0.25)));
-    assert!(log.health.format.contains("decimal comma"), "{}", log.health.format);
-    let log = read("t,alt\n1,\"1,234\"\n2,\"2,345\"\n3,4\n");
-    assert_eq!(numbers(&log, "t")[2], Some(3.0));
-    assert!(!log.health.format.contains("decimal comma"), "{}", log.health.format);
+fn what_is_in_doubt_below_a_remark_or_with_gaps_stays_what_it_was() {
+    // Names that begin with a digit.
+    let rows: String = (0..100).map(|i| format!("{i}.5,{i},5.0\n")).collect();
+    for header in ["# sec,meters,volts\ntime,alt,5V_rail\n", "# Flight log, firmware x, board y\ntime,3d_fix,alt\n"] {
+        let log = read(&format!("{header}{rows}"));
+        assert_eq!((log.health.messages, numbers(&log, "time")[1]), (100, Some(1.5)), "{header}");
+    }
+    // Events are no units.
+    let events: String = (0..100).map(|i| format!("P{i},{}\n", if i % 2 == 0 { "" } else { "7" })).collect();
+    assert_eq!(read(&format!("event,value\nFIRMWARE,v43\n{events}")).health.messages, 101);
+    let sparse: String = (0..100).map(|i| format!("MODE,auto,{}\n", if i % 2 == 0 { "" } else { "7" })).collect();
+    assert_eq!(read(&format!("what,how,alt\nARM,by stick,ground\n{sparse}")).health.messages, 101);
+    // A TAB behind the names or the units, and none behind the rows.
+    let tabs: String = (0..100).map(|i| format!("{i}\t{i}\t7\n")).collect();
+    for header in ["# t\talt\tspd\t\n", "# t\talt\tspd\t\n# s\tm\tm/s\t\n", "t\talt\tspd\n# s\tm\tm/s\t\n"] {
+        let log = read(&format!("{header}{tabs}"));
+        assert_eq!((log.health.messages, numbers(&log, "spd")), (100, vec![Some(7.0); 100]), "{header}");
+        assert_eq!(log.health.format.contains("units in"), header.contains("m/s"), "{}", log.health.format);
+    }
 }
 
 #[test]
@@ -1007,5 +1021,7 @@ fn what_tells_a_spreadsheet_the_delimiter_is_no_header() {
         let rows: String = (0..50).map(|i| format!("{i}{delimiter}{i}.5\n")).collect();
         let log = read(&format!("{hint}\nt{delimiter}a\n{rows}"));
         assert_eq!((log.health.messages, numbers(&log, "a")[3]), (50, Some(3.5)), "{hint}");
+        let log = read(&format!("{hint}\n{rows}"));
+        assert_eq!((log.health.messages, log.health.bytes.damaged), (50, 0), "{hint}");
     }
 }

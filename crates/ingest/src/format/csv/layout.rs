@@ -92,9 +92,14 @@ impl Sampled {
         self.fields.iter().all(|f| decimal.number(f.as_bytes()) != Cell::Bad) && self.has_number(decimal)
     }
 
-    /// Whether a cell begins as numbers, dates and times do, and names hardly.
-    fn has_digits_in_front(&self) -> bool {
-        self.fields.iter().any(|f| f.starts_with(|c: char| c.is_ascii_digit()))
+    /// Whether a cell is a date or a time: digits, and what stands between them.
+    fn has_moment(&self) -> bool {
+        let is_moment = |f: &String| {
+            f.starts_with(|c: char| c.is_ascii_digit())
+                && f.contains([':', '-', '/'])
+                && f.bytes().all(|b| b.is_ascii_digit() || b":-/.+ TZ".contains(&b))
+        };
+        self.fields.iter().any(is_moment)
     }
 
     fn names_columns(&self, decimal: Decimal) -> bool {
@@ -114,18 +119,29 @@ impl Sampled {
     /// have numbers it has text. No such text begins as dates and times do.
     fn describes(&self, data: &[&Sampled], width: usize, decimal: Decimal) -> bool {
         let whole: Vec<&&Sampled> = data.iter().filter(|r| r.fields.len() == width).collect();
-        let cells = |column: usize| whole.iter().filter_map(move |r| r.fields.get(column));
         let number = |cell: &String| decimal.number(cell.as_bytes());
         let is_none = |cell: &String| matches!(number(cell), Cell::Empty | Cell::Missing);
         let is_number = |cell: &String| matches!(number(cell), Cell::Integer(_) | Cell::Float(_));
-        let numbers =
-            |column: usize| cells(column).any(is_number) && cells(column).all(|cell| is_number(cell) || is_none(cell));
+        let all = |column: usize, fits: &dyn Fn(&String) -> bool| {
+            whole.iter().all(|r| r.fields.get(column).is_some_and(fits))
+        };
+        let numbers = |column: usize| all(column, &is_number);
+        // With gaps, a row of words may be one of events: units stand over several columns, and nowhere else.
+        let gappy = |column: usize| {
+            let filled = whole.iter().filter_map(|r| r.fields.get(column)).any(is_number);
+            filled && all(column, &|cell| is_number(cell) || is_none(cell))
+        };
         let is_word = |cell: &String| decimal.number(cell.as_bytes()) == Cell::Bad;
         let of_numbers = || self.fields.iter().enumerate().filter(|(column, _)| numbers(*column));
+        let of_gappy = || {
+            let (over, beside): (Vec<_>, Vec<_>) =
+                self.fields.iter().enumerate().partition(|(column, _)| gappy(*column));
+            over.iter().filter(|(_, cell)| is_word(cell)).count() > 1 && beside.iter().all(|(_, cell)| is_none(cell))
+        };
         self.fields.len() == width
             && whole.len() > 1
-            && !self.has_digits_in_front()
-            && of_numbers().any(|(_, cell)| is_word(cell))
+            && !self.fields.iter().any(|f| f.starts_with(|c: char| c.is_ascii_digit()))
+            && (of_numbers().any(|(_, cell)| is_word(cell)) || of_gappy())
     }
 }
 
@@ -152,6 +168,8 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
     let never = AtomicBool::new(false);
     let quiet = ReadContext { limits: context.limits, cancel: &never, on_bytes: &|_| () };
     let mut best: Option<(Rank, TableLayout)> = None;
+    let first_line = head.split(|b| b"\r\n".contains(b)).next().unwrap_or_default();
+    let hinted = is_hint(super::without_bom(first_line).trim_ascii());
     for delimiter in DELIMITERS {
         // Blanks stand in padding too, so they count only where nothing else fits.
         if delimiter == BLANKS && best.is_some() {
@@ -162,6 +180,8 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
             return Ok(Layout::Tagged);
         }
         if let Some((agree, layout)) = lay_out(&sample, delimiter) {
+            let first_row_line = layout.first_row_line + u64::from(hinted && layout.header_line.is_none());
+            let layout = TableLayout { first_row_line, ..layout };
             let rank = (layout.regular, agree, layout.names.len());
             if best.as_ref().is_none_or(|(known, _)| rank > *known) {
                 best = Some((rank, layout));
@@ -233,7 +253,7 @@ fn is_hint(line: &[u8]) -> bool {
 
 /// What stands before decimals. A comma does if some cell says so beyond doubt and none has decimals behind a point;
 /// where all cells with commas may be thousands too, nobody can know, and they are no numbers.
-fn decimal_of(rows: &[&Sampled]) -> Decimal {
+fn decimal_of(rows: &[&Sampled], delimiter: u8) -> Decimal {
     let cells = || rows.iter().flat_map(|r| &r.fields);
     let of_thousands = |cell: &str| comma_cell(&cell.replace('.', ",")) == Some(CommaCell::Either);
     let pointed = |cell: &String| {
@@ -241,7 +261,7 @@ fn decimal_of(rows: &[&Sampled]) -> Decimal {
         number && cell.contains('.') && !of_thousands(cell)
     };
     let certain = cells().any(|cell| comma_cell(cell) == Some(CommaCell::Decimals));
-    if certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
+    if delimiter != b',' && certain && !cells().any(pointed) { Decimal::Comma } else { Decimal::Point }
 }
 
 /// The layout with one delimiter, and how many records agree with it. `None` if it makes no table.
@@ -251,21 +271,25 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
     if width < 2 || 2 * agree < rows.len() {
         return None;
     }
-    let decimal = decimal_of(&rows);
+    let decimal = decimal_of(&rows, delimiter);
     // Where a remark names the columns, dates and times in words below it are no names.
     let first_line = rows.first().map_or(0, |r| r.line);
-    let is_marked_header = |s: &Sampled| s.comment && s.line < first_line && s.fields.len() == width;
+    let is_marked_header = |s: &Sampled| s.comment && s.line < first_line && fits_width(&s.fields, width, &rows);
     let marked = sample.iter().any(|s| is_marked_header(s) && s.names_columns(decimal));
-    let names = |r: &Sampled| r.names_columns(decimal) && !(marked && r.has_digits_in_front());
+    let names = |r: &Sampled| r.names_columns(decimal) && !(marked && r.has_moment());
     let data_at = rows.iter().position(|r| r.fields.len() == width && !names(r) && !r.states_units());
     let before_data = rows.get(..data_at.unwrap_or(rows.len()))?;
     let header = before_data.iter().find(|r| fits_width(&r.fields, width, &rows) && names(r));
     let data_line = data_at.and_then(|i| rows.get(i)).map_or(u64::MAX, |r| r.line);
-    let comments = || sample.iter().filter(|s| s.comment && s.line < data_line && s.fields.len() == width);
+    let comments = || sample.iter().filter(|s| s.comment && s.line < data_line && fits_width(&s.fields, width, &rows));
     let header = header.copied().or_else(|| comments().rfind(|c| c.names_columns(decimal)));
     let units = before_data.iter().copied().find(|r| r.states_units() && r.fields.len().abs_diff(width) < 2);
     let is_other = |s: &Sampled| header.is_some_and(|h| h.line != s.line);
-    let units = units.or_else(|| comments().filter(|c| c.states_units()).rfind(|c| is_other(c)));
+    // What a remark says above the header is not of its columns, unless it says units.
+    let is_below = |c: &Sampled| header.is_some_and(|h| h.comment || c.line > h.line);
+    let no_row = |c: &&Sampled| !c.has_number(decimal);
+    let says = |c: &&Sampled| is_other(c) && (c.states_units() || (is_below(c) && no_row(c)));
+    let units = units.or_else(|| comments().rfind(says));
     let units = units.or_else(|| {
         let below = before_data.iter().copied().find(|r| header.is_some_and(|h| r.line > h.line))?;
         // The header may stand again between the rows, with the units behind it.
@@ -275,7 +299,6 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
         let data: Vec<&Sampled> = pairs.filter(|(before, r)| !again(before, r)).map(|(_, r)| *r).collect();
         below.describes(&data, width, decimal).then_some(below)
     });
-    let no_row = |c: &&Sampled| !c.has_number(decimal);
     let units = units.or_else(|| comments().filter(no_row).rfind(|c| is_other(c)));
     let last_before = [header, units].into_iter().flatten().map(|s| s.line).max().unwrap_or(0);
     let mut named = header.map_or_else(|| vec![String::new(); width], |h| h.fields.clone());

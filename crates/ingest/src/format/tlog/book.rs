@@ -142,6 +142,7 @@ impl<'b, 't> Book<'b, 't> {
         framing: Framing,
         at: u64,
     ) -> Result<(Fate, usize), Cow<'static, str>> {
+        self.suspects = false;
         let mut frame = Frame::at(bytes.get(framing.front()..).unwrap_or_default()).map_err(|no| match no {
             NoFrame::Foreign => NO_FRAME,
             NoFrame::Cut => CUT,

@@ -242,13 +242,13 @@ impl Search {
                 .find(|&hit| {
                     let rest = block.get(hit..).unwrap_or_default();
                     let is_defined = found_before.is_none() && finder.is_frame(hit + front);
+                    let is_near = start + (hit as u64) < known_to;
                     let is_known = || {
-                        finder.layout(hit + front).is_some_and(|(message, extra, length)| {
+                        finder.layout(hit + front).filter(|_| is_near).is_some_and(|(message, extra, length)| {
                             let next = rest.get(front + length..).and_then(Framing::ahead);
                             next == Some(self.framing) && knows(message, extra)
                         })
                     };
-                    let is_known = || start + (hit as u64) < known_to && is_known();
                     (is_defined || is_known()) && (front == 0 || self.is_stamped(rest))
                 });
             if let Some(hit) = found {
