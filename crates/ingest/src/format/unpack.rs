@@ -8,7 +8,7 @@ mod resuming;
 mod utf16;
 mod zip;
 
-use self::resuming::{Holes, Resuming};
+use self::resuming::{Holes, Marks, Resuming};
 use super::db3::write_ahead_log_of;
 use crate::bytes::{Bytes, is_zero};
 use crate::decode::Tally;
@@ -18,11 +18,12 @@ use crate::load::reader_of;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::sniff::LogKind;
 use crate::sniff::{self, Content};
+use bzip2::bufread::BzDecoder;
 use flate2::bufread::GzDecoder;
 use flight::{Notices, Severity};
 use std::cell::{Cell, RefCell};
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Unpacked in one go; between two the user may stop.
@@ -117,7 +118,10 @@ pub(crate) struct Member {
 pub(crate) fn members(path: &Path, packing: Packing) -> Result<Vec<Member>, String> {
     let mut file = File::open(path).map_err(|e| e.to_string())?;
     if packing != Packing::Zip {
-        let (head, fault) = head_of(decoder(packing, BufReader::new(file), &Cell::new(0)), packing, sniff::HEAD);
+        let (marks, holes) = (Marks::default(), RefCell::default());
+        let unpacked = Resuming::new(&file, packing, named_text(path), &marks, &holes);
+        let unpacked = unpacked.map(|unpacked| Box::new(unpacked) as Box<dyn Read + '_>);
+        let (head, fault) = head_of(unpacked, packing, sniff::HEAD);
         return Ok(vec![Member { name: inner_name(path, packing), head, fault, entry: None }]);
     }
     let entries = zip::entries(&mut file, MOST_MEMBERS)?;
@@ -160,13 +164,14 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
     }
 }
 
-fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) -> Result<Box<dyn Read + 'r>, String> {
+fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, marks: &'r Marks) -> Result<Box<dyn Read + 'r>, String> {
+    marks.begun.set(marks.at.get());
     Ok(match packing {
-        Packing::Gzip => Box::new(GzipMembers(Some(GzDecoder::new(packed)))),
+        Packing::Gzip => Box::new(GzipMembers(Some(GzDecoder::new(packed)), marks)),
         Packing::Zstd => zstandard(packed)?,
-        Packing::Bzip2 => Box::new(bzip2::bufread::MultiBzDecoder::new(packed)),
-        Packing::Lz4 => Box::new(Lz4Frames::new(packed).map_err(|e| e.to_string())?),
-        Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, bad)),
+        Packing::Bzip2 => Box::new(Bzip2Streams(Some(BzDecoder::new(packed)), marks)),
+        Packing::Lz4 => Box::new(Lz4Frames(Some(lz4::Decoder::new(packed).map_err(|e| e.to_string())?), marks)),
+        Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, &marks.bad)),
         Packing::Zip => return Err("a ZIP archive in a packed file".to_owned()),
     })
 }
@@ -207,9 +212,9 @@ impl<R: Read> Read for SmallSteps<R> {
 }
 
 /// Members of a gzip file (RFC 1952, 2.2), one behind the other. Zeros at the end are padding, as `gzip` has it.
-struct GzipMembers<R>(Option<GzDecoder<R>>);
+struct GzipMembers<'r, R>(Option<GzDecoder<R>>, &'r Marks);
 
-impl<R: BufRead> Read for GzipMembers<R> {
+impl<R: BufRead> Read for GzipMembers<'_, R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         while let Some(mut decoder) = self.0.take() {
             let got = decoder.read(buffer)?;
@@ -219,6 +224,7 @@ impl<R: BufRead> Read for GzipMembers<R> {
             }
             let mut packed = decoder.into_inner();
             if pass_zeros(&mut packed)? {
+                self.1.begun.set(self.1.at.get());
                 self.0 = Some(GzDecoder::new(packed));
             }
         }
@@ -244,16 +250,31 @@ fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
     }
 }
 
-/// LZ4 frames, one behind the other.
-struct Lz4Frames<R>(Option<lz4::Decoder<R>>);
+/// Streams of bzip2, one behind the other.
+struct Bzip2Streams<'r, R>(Option<BzDecoder<R>>, &'r Marks);
 
-impl<R: BufRead> Lz4Frames<R> {
-    fn new(packed: R) -> io::Result<Lz4Frames<R>> {
-        Ok(Lz4Frames(Some(lz4::Decoder::new(packed)?)))
+impl<R: BufRead> Read for Bzip2Streams<'_, R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while let Some(mut decoder) = self.0.take() {
+            let got = decoder.read(buffer)?;
+            if got > 0 || buffer.is_empty() {
+                self.0 = Some(decoder);
+                return Ok(got);
+            }
+            let mut packed = decoder.into_inner();
+            if !packed.fill_buf()?.is_empty() {
+                self.1.begun.set(self.1.at.get());
+                self.0 = Some(BzDecoder::new(packed));
+            }
+        }
+        Ok(0)
     }
 }
 
-impl<R: BufRead> Read for Lz4Frames<R> {
+/// LZ4 frames, one behind the other.
+struct Lz4Frames<'r, R>(Option<lz4::Decoder<R>>, &'r Marks);
+
+impl<R: BufRead> Read for Lz4Frames<'_, R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         while let Some(mut decoder) = self.0.take() {
             let got = decoder.read(buffer)?;
@@ -264,6 +285,7 @@ impl<R: BufRead> Read for Lz4Frames<R> {
             let (mut packed, end) = decoder.finish();
             end.map_err(|_| io::Error::new(io::ErrorKind::UnexpectedEof, "the frame has no end"))?;
             if !packed.fill_buf()?.is_empty() {
+                self.1.begun.set(self.1.at.get());
                 self.0 = Some(lz4::Decoder::new(packed)?);
             }
         }
@@ -362,16 +384,16 @@ impl<'c> Unpacking<'c> {
         let mut file = File::open(path).map_err(|e| io_error(path, e))?;
         let size = file.metadata().map_err(|e| io_error(path, e))?.len();
         if packing != Packing::Zip {
-            let (read, bad, holes) = (Cell::new(0), Cell::new(0), RefCell::new(Holes::default()));
+            let (marks, holes) = (Marks::default(), RefCell::new(Holes::default()));
             let lines = matches!(self.kind, LogKind::Csv | LogKind::Nmea);
-            let decoder = Resuming::new(&file, packing, lines, (&read, &bad), &holes).map_err(unusable)?;
+            let decoder = Resuming::new(&file, packing, lines, &marks, &holes).map_err(unusable)?;
             let target = self.target(&inner_name(path, packing))?;
-            self.copy((path, size), packing, &target, Box::new(decoder), (&read, 0, size))?;
+            self.copy((path, size), packing, &target, Box::new(decoder), (&marks.at, 0, size))?;
             self.tell_holes(path, &holes.take());
             self.newest_pages(&newest_pages(path, packing), &target)?;
-            if bad.get() > 0 {
+            if marks.bad.get() > 0 {
                 let text = "characters of UTF-16 that are none became replacement characters";
-                self.notices.push(Severity::Loss, "bad-utf16", file_name(path), bad.get(), text);
+                self.notices.push(Severity::Loss, "bad-utf16", file_name(path), marks.bad.get(), text);
             }
             return Ok(());
         }
@@ -479,8 +501,9 @@ impl<'c> Unpacking<'c> {
                 break Some(format!("the {name} content is more than {MOST_TIMES} times as large, which no log is"));
             }
             write_sparse(&mut out, buffer.get(..got).unwrap_or_default()).map_err(|e| io_error(target, e))?;
-            self.context.advance(read.get() - told)?;
-            told = read.get();
+            // What a wrong length took along is read again.
+            self.context.advance(read.get().saturating_sub(told))?;
+            told = told.max(read.get());
         };
         out.set_len(bytes).map_err(|e| io_error(target, e))?;
         if let Some(fault) = fault {

@@ -424,6 +424,67 @@ fn of_several_packed_one_behind_the_other_a_damaged_one_costs_no_other() {
 }
 
 #[test]
+fn whichever_of_several_packed_is_damaged_the_others_are_found_and_read() {
+    let sentence = |i: usize| {
+        let body = format!(
+            "GPGGA,12{:02}{:02}.00,4807.{:03},N,01131.000,E,1,08,0.9,5.4,M,46.9,M,,",
+            i / 60,
+            i % 60,
+            i * 7 % 1000
+        );
+        format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, b| sum ^ b))
+    };
+    type Pack = fn(&[u8]) -> Vec<u8>;
+    let packers: [(&str, Pack); 4] =
+        [("a.nmea.gz", gzip), ("a.nmea.zst", zstd), ("a.nmea.bz2", bzip2), ("a.nmea.lz4", lz4)];
+    for (name, pack) in packers {
+        let parts: Vec<Vec<u8>> = (0..5)
+            .map(|part| pack((0..200).map(|i| sentence(200 * part + i)).collect::<String>().as_bytes()))
+            .collect();
+        for hurt in 0..5 {
+            let mut zeros = parts.clone();
+            let middle = zeros[hurt].len() / 2;
+            zeros[hurt][middle..middle + 64].fill(0);
+            let mut missing = parts.clone();
+            missing[hurt].drain(middle..middle + 64);
+            for damaged in [zeros, missing] {
+                let loaded = load_packed(name, &damaged.concat());
+                assert!(loaded.health.messages >= 800, "{name} {hurt}: {}", loaded.health.messages);
+                let told: Vec<&flight::Notice> =
+                    loaded.flight.notices.iter().filter(|n| n.code == "packed-damage").collect();
+                assert!(lossy(&loaded) && told.len() == 1, "{name} {hurt}: {told:?}");
+                assert!(hurt == 4 || told[0].count == 1, "{name} {hurt}: {told:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_packed_within_a_packed_log_is_none_of_its_members() {
+    // As the chunks of an MCAP, which cannot be packed any further.
+    let noise = |seed: u32| {
+        (0..3000_u32).map(|i| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 11) as u8).collect::<Vec<u8>>()
+    };
+    let inner: Vec<u8> = (0..60).flat_map(|i| [zstd(&noise(i * 7919)), vec![7; 9]].concat()).collect();
+    for (name, pack) in [("a.ulg.zst", zstd as fn(&[u8]) -> Vec<u8>), ("a.ulg.lz4", lz4)] {
+        let log = [b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".to_vec(), inner.clone()].concat();
+        let mut packed = pack(&log);
+        let half = packed.len() / 2;
+        packed.truncate(half + 20_000);
+        packed[half..half + 700].fill(0);
+        let (_folder, path) = file(name, &packed);
+        let unit = FlightUnit { id: "test".into(), files: vec![path], kind: LogKind::Ulog };
+        let told = match load(&unit) {
+            Ok(loaded) => {
+                loaded.flight.notices.iter().filter(|n| n.code == "packed-damage").map(|n| n.text.clone()).collect()
+            }
+            Err(error) => vec![error.to_string()],
+        };
+        assert!(!told.iter().any(|text| text.contains("what is packed behind it")), "{name}: {told:?}");
+    }
+}
+
+#[test]
 fn a_sparse_end_of_a_packed_log_is_told_and_not_read_to_its_last_byte() {
     let (_folder, path) = file("a.bag.gz", &gzip(&bag()));
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(100 << 30).unwrap();

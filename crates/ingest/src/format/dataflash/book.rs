@@ -201,6 +201,7 @@ impl<'t, 'w> Book<'t, 'w> {
     pub(super) fn begin_file(&mut self, name: &str) {
         self.file = name.to_owned();
         self.by_id.fill(None);
+        self.early_units.clear();
         self.former.fill(None);
         self.has_former = false;
         self.by_name.clear();
@@ -460,6 +461,7 @@ impl<'t, 'w> Book<'t, 'w> {
             return if usual {
                 // The first record of every log. It says nothing new, but that a log begins.
                 self.clock.restarts();
+                self.early_units.clear();
                 Ok(())
             } else {
                 Err("a definition of the definitions that is not the usual one".into())

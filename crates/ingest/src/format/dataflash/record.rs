@@ -159,14 +159,12 @@ impl Format {
     /// The field of the instance where no `FMTU` tells: as ArduPilot calls it.
     pub(super) fn usual_instance(&self) -> Option<usize> {
         let estimator = ["XK", "NK"].iter().any(|start| self.name.starts_with(start));
-        self.fields.iter().position(|f| {
-            let is_named = match f.name.as_str() {
-                "I" | "Instance" | "Inst" => true,
-                "C" => estimator,
-                "IMU" => self.name == "VIBE",
-                _ => false,
-            };
-            is_named && b"BbHhiI".contains(&f.code)
+        self.fields.iter().position(|f| match f.name.as_str() {
+            "I" | "Instance" => b"BbHhiI".contains(&f.code),
+            "C" => estimator && b"BbHhiI".contains(&f.code),
+            "Inst" => b"Bb".contains(&f.code),
+            "IMU" => self.name == "VIBE" && b"Bb".contains(&f.code),
+            _ => false,
         })
     }
 

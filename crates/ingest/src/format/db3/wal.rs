@@ -119,8 +119,9 @@ impl Wal {
         } else {
             // What it says of its frames is proven by them: each is summed up on top of the one before.
             for big_endian in [false, true] {
-                let salt = wal.salt_of_proven(big_endian)?;
-                wal.walk(&salt, Sum { big_endian, value: stated })?;
+                let start = Sum { big_endian, value: stated };
+                let salt = wal.salt_of_proven(start)?;
+                wal.walk(&salt, start)?;
                 if !wal.places.is_empty() {
                     break;
                 }
@@ -139,20 +140,24 @@ impl Wal {
         FRAME_HEAD_BYTES as u64 + u64::from(self.page_bytes)
     }
 
-    /// The salt of the first frame that the sum of the one before proves, or else of the first.
-    fn salt_of_proven(&self, big_endian: bool) -> Result<[u8; 8], IngestError> {
+    /// The salt of the first frame that the sum before proves, or else of the first. Behind the frames of this round stand those
+    /// of earlier ones: where the first frame is of a later round than that, nothing else is known of its round.
+    fn salt_of_proven(&self, start: Sum) -> Result<[u8; 8], IngestError> {
+        const MOST_ROUNDS: u32 = 1 << 20;
         let frame_bytes = self.frame_bytes();
         let mut frame = vec![0; frame_bytes as usize];
-        let (mut at, mut before, mut first) = (HEADER_BYTES as u64, None, None);
+        let (mut at, mut before, mut first) = (HEADER_BYTES as u64, start.value, None::<[u8; 8]>);
+        // The first half is counted up with every round.
+        let is_later = |a: &[u8], b: &[u8]| (1..MOST_ROUNDS).contains(&u32_at(a, 0).wrapping_sub(u32_at(b, 0)));
         while at + frame_bytes <= self.size {
             read_exactly(&self.file, &self.name, &mut frame, at)?;
             let salt = frame.get(8..).and_then(|b| b.first_chunk::<8>()).copied().unwrap_or_default();
-            let is_proven = before.is_some_and(|value| sum_of(&frame, Sum { big_endian, value }) == stated_in(&frame));
+            let is_proven = sum_of(&frame, Sum { value: before, ..start }) == stated_in(&frame);
             if is_proven && u32_at(&frame, 0) != 0 {
-                return Ok(salt);
+                return Ok(first.filter(|first| is_later(first, &salt)).unwrap_or(salt));
             }
             first = first.or(Some(salt));
-            before = Some(stated_in(&frame));
+            before = stated_in(&frame);
             at += frame_bytes;
         }
         Ok(first.unwrap_or_default())
