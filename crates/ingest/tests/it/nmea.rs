@@ -503,6 +503,57 @@ fn one_receiver_that_speaks_as_two_talkers_has_one_time() {
     }
 }
 
+/// The seconds, to a millisecond, that the rows of a topic have.
+fn elapsed_ms(log: &Log, topic: &str) -> Vec<i64> {
+    let table = table(log, topic);
+    let column = table.column("elapsed_ns").unwrap();
+    (0..table.rows).map(|row| column.integer(row).unwrap_or(-1) / 1_000_000).collect()
+}
+
+#[test]
+fn two_receivers_on_one_line_keep_their_own_times() {
+    // As a multiplexer at 4800 baud puts them: what the slow one says comes in pieces between the epochs of the other.
+    let heading = |talker: &str, i: usize| sealed(&format!("{talker}HDT,{}.0,T", i % 360));
+    let mut lines = vec![];
+    for second in 0..60 {
+        let [slow, slow_rmc, _] = epoch_behind("GP", 10 * second);
+        let fast = [0, 5].map(|tenth| epoch_behind("GN", 10 * second + tenth));
+        lines.extend([fast[0][1].clone(), slow_rmc, slow, heading("GN", second)]);
+        lines.extend([fast[1][1].clone(), heading("GP", second), heading("GN", second)]);
+    }
+    let text: String = lines.iter().map(|line| format!("{line}\r\n")).collect();
+    let log = read_bytes(READER, text.as_bytes()).unwrap();
+    assert_eq!(elapsed_ms(&log, "GPHDT"), (0..60).map(|i| 1000 * i).collect::<Vec<i64>>());
+    assert_eq!(elapsed_ms(&log, "GNHDT"), (0..120).map(|i| 500 * i).collect::<Vec<i64>>());
+}
+
+#[test]
+fn a_date_and_time_beside_the_epochs_times_no_velocity() {
+    let epoch = |i: usize, zda: &str, leads: bool| {
+        let [gga, rmc, vtg] = epoch_behind("GN", 10 * i);
+        let zda = sealed(&format!("GNZDA,12{:02}{:02}.{zda},21,11,2026,00,00", i / 60, i % 60));
+        if leads { vec![zda, vtg, rmc, gga] } else { vec![rmc, gga, zda, vtg] }
+    };
+    for (zda, leads) in [("05", false), ("0", false), ("0", true)] {
+        let lines = (0..60).flat_map(|i| epoch(i, zda, leads)).map(|line| line + "\r\n");
+        let log = read_bytes(READER, lines.collect::<String>().as_bytes()).unwrap();
+        assert_eq!(elapsed_ms(&log, "GNVTG"), (0..60).map(|i| 1000 * i).collect::<Vec<i64>>(), "{zda} {leads}");
+    }
+}
+
+#[test]
+fn a_talker_without_times_ends_no_epoch_of_another() {
+    let lines = (0..60).flat_map(|i| {
+        let [_, rmc, vtg] = epoch_behind("GN", 10 * i);
+        let empty = sealed("GPGGA,,,,,,0,00,99.9,,,,,,");
+        [rmc, empty, vtg, sealed(&format!("HEHDT,{i}.0,T"))]
+    });
+    let log = read_bytes(READER, lines.map(|line| line + "\r\n").collect::<String>().as_bytes()).unwrap();
+    for topic in ["GNVTG", "HEHDT"] {
+        assert_eq!(elapsed_ms(&log, topic), (0..60).map(|i| 1000 * i).collect::<Vec<i64>>(), "{topic}");
+    }
+}
+
 #[test]
 fn a_heading_has_no_time_while_the_receiver_has_none() {
     let lines = (0..60).flat_map(|i| {

@@ -269,7 +269,19 @@ struct Epochs {
     given: Vec<Given>,
     /// Something is missing behind the last sentence with a time.
     is_broken: bool,
+    /// The receiver has lost the time.
+    is_timeless: bool,
+    /// Stamps of the last sentence with a time that is no ZDA, which says the time whenever it likes.
+    epoch: Option<Stamped>,
+    /// Stamps of a ZDA behind it, and whether ZDA says the time of the epoch behind.
+    by_zda: Option<Stamped>,
+    zda_leads: Votes,
+    /// Addresses of sentences of the epoch that have a time as a rule.
+    said: Vec<String>,
 }
+
+/// UTC and elapsed time, ns.
+type Stamped = (Option<i64>, i64);
 
 impl Epochs {
     /// UTC, and the time since the first sentence with one. A sentence without a time is of the epoch of the one
@@ -283,43 +295,76 @@ impl Epochs {
         sentence: &Sentence<'_>,
     ) -> (Option<i64>, Option<i64>) {
         let Some(field) = time else { return self.of_epoch(address) };
-        let before_ns = self.elapsed_ns;
         let stamps = self.of_time(date, field, sentence);
         if let (utc_ns, Some(elapsed_ns)) = stamps {
-            self.is_broken = false;
-            // ZDA is of no epoch: it says the time whenever it likes.
-            if address.1 != "ZDA" {
-                self.says_time(address.0, utc_ns, elapsed_ns, elapsed_ns < before_ns);
+            (self.is_broken, self.is_timeless) = (false, false);
+            if address.1 == "ZDA" {
+                self.by_zda = Some((utc_ns, elapsed_ns));
+            } else {
+                self.says_time(address, (utc_ns, elapsed_ns));
             }
         } else if sentence.body.split(',').nth(field) == Some("") {
-            // The receiver has lost the time: what follows is not of the epoch before.
-            self.is_broken = true;
+            self.says_no_time(address);
         }
         stamps
     }
 
-    /// A talker says a time, which may be before the one that was said last.
-    fn says_time(&mut self, talker: &str, utc_ns: Option<i64>, elapsed_ns: i64, is_late: bool) {
-        let mut is_shared = false;
-        for other in self.by_talker.iter_mut().filter(|other| other.name != talker && other.elapsed_ns == elapsed_ns) {
-            (other.is_shared, is_shared) = (true, true);
+    fn says_time(&mut self, (talker, name): (&str, &str), stamped: Stamped) {
+        if self.epoch.is_none_or(|(_, elapsed_ns)| elapsed_ns != stamped.1) {
+            self.said.clear();
+            if let Some((_, zda_ns)) = self.by_zda {
+                self.zda_leads.add(zda_ns == stamped.1);
+            }
         }
-        if let Some(known) = self.by_talker.iter_mut().find(|known| known.name == talker) {
-            (known.utc_ns, known.elapsed_ns) = (utc_ns, elapsed_ns);
-            known.is_shared |= is_shared;
-            known.is_apart |= is_late;
-        } else if self.by_talker.len() < MOST_TALKERS {
-            let name = talker.to_owned();
-            self.by_talker.push(Talker { name, utc_ns, elapsed_ns, is_shared, is_apart: is_late });
+        self.note(talker, name);
+        (self.epoch, self.by_zda) = (Some(stamped), None);
+        if let Some(known) = self.talker(talker) {
+            if let Some(common_ns) = known.pending_ns.take() {
+                let own_ns = known.own.map(|(_, elapsed_ns)| elapsed_ns);
+                known.shares.add(common_ns == stamped.1 && own_ns != Some(common_ns));
+            }
+            known.own = Some(stamped);
         }
+    }
+
+    /// A sentence that lacks the time: the receiver has lost it, unless another one says the times, or another sentence has
+    /// said that of this epoch.
+    fn says_no_time(&mut self, (talker, name): (&str, &str)) {
+        let says_times = |known: &Talker| known.own.is_some();
+        let is_other = self.by_talker.iter().any(says_times)
+            && !self.by_talker.iter().any(|known| known.name == talker && says_times(known));
+        let is_next = self.said.iter().any(|said| said.strip_prefix(talker) == Some(name));
+        self.is_timeless |= is_next && !is_other;
+        self.note(talker, name);
+    }
+
+    fn note(&mut self, talker: &str, name: &str) {
+        let is_it = |said: &String| said.strip_prefix(talker) == Some(name);
+        if self.said.len() < MOST_TALKERS && !self.said.iter().any(is_it) {
+            self.said.push(format!("{talker}{name}"));
+        }
+    }
+
+    /// What is known of a talker; `None` if there are too many.
+    fn talker(&mut self, talker: &str) -> Option<&mut Talker> {
+        let known = self.by_talker.iter().position(|known| known.name == talker);
+        let index = known.unwrap_or(self.by_talker.len());
+        if known.is_none() && index < MOST_TALKERS {
+            self.by_talker.push(Talker { name: talker.to_owned(), ..Talker::default() });
+        }
+        self.by_talker.get_mut(index)
     }
 
     /// The stamps of a sentence without a time. Behind damage it has those of the epoch before only if no other of its
     /// address has them.
     fn of_epoch(&mut self, (talker, name): (&str, &str)) -> (Option<i64>, Option<i64>) {
-        let Some(common) = self.time_of_day_ns.map(|_| (self.utc_ns, self.elapsed_ns)) else { return (None, None) };
-        let own = self.by_talker.iter().find(|known| known.name == talker && !known.is_of_all());
-        let own = own.map(|known| (known.utc_ns, known.elapsed_ns));
+        let by_zda = self.by_zda.filter(|_| self.epoch.is_none() || self.zda_leads.are_most());
+        let Some(common) = by_zda.or(self.epoch) else { return (None, None) };
+        let own = self.talker(talker).and_then(|known| {
+            known.pending_ns = Some(common.1);
+            known.own.filter(|_| !known.shares.are_most())
+        });
+        let is_broken = self.is_broken || self.is_timeless;
         let is_it = |given: &&mut Given| given.address.strip_prefix(talker) == Some(name);
         let Some(given) = self.given.iter_mut().find(is_it) else {
             let (utc_ns, elapsed_ns) = own.unwrap_or(common);
@@ -331,9 +376,9 @@ impl Epochs {
         };
         // Its talker says times more seldom, or no more: they are not those of its epochs.
         let is_behind = own.is_some_and(|(_, at)| given.own_ns == Some(at));
-        given.is_common |= is_behind && !self.is_broken;
+        given.is_common |= is_behind && !is_broken;
         let (utc_ns, elapsed_ns) = own.filter(|_| !given.is_common).unwrap_or(common);
-        if self.is_broken && given.elapsed_ns == elapsed_ns {
+        if is_broken && given.elapsed_ns == elapsed_ns {
             return (None, None);
         }
         (given.elapsed_ns, given.own_ns) = (elapsed_ns, own.map(|(_, at)| at));
@@ -358,23 +403,34 @@ impl Epochs {
     }
 }
 
-/// Who says times: UTC and elapsed time of the last one.
-#[derive(Debug)]
+/// Who says something.
+#[derive(Debug, Default)]
 struct Talker {
     name: String,
-    utc_ns: Option<i64>,
-    elapsed_ns: i64,
-    /// Another talker said one of its times as well.
-    is_shared: bool,
-    /// It said a time behind a later one of another.
-    is_apart: bool,
+    /// The last time that it said.
+    own: Option<Stamped>,
+    /// The last time that anybody had said when it said something without one.
+    pending_ns: Option<i64>,
+    /// Whether that was the time which it said next: one receiver may say the one sentence as GN and the other as GP. Two
+    /// receivers that speak in turns have different times, or one comes behind the other.
+    shares: Votes,
 }
 
-impl Talker {
-    /// Whether its times are those of all: one receiver may say the one sentence as GN and the other as GP. Two receivers that
-    /// speak in turns have different times, or one comes behind the other.
-    fn is_of_all(&self) -> bool {
-        self.is_shared && !self.is_apart
+/// How often something was so, and how often not.
+#[derive(Debug, Default)]
+struct Votes {
+    ayes: u64,
+    noes: u64,
+}
+
+impl Votes {
+    fn add(&mut self, aye: bool) {
+        *if aye { &mut self.ayes } else { &mut self.noes } += 1;
+    }
+
+    /// Whether it nearly always was.
+    fn are_most(&self) -> bool {
+        self.ayes > 2 * self.noes
     }
 }
 
