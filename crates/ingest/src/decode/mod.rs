@@ -175,6 +175,14 @@ impl Tally {
         }
         self.count += 1;
     }
+
+    /// Takes in what was counted behind.
+    pub(crate) fn extend(&mut self, behind: Tally) {
+        if self.count == 0 {
+            self.first = behind.first;
+        }
+        self.count += behind.count;
+    }
 }
 
 struct Decoder {

@@ -255,9 +255,10 @@ struct Content<'b, 't> {
     receiver: Receiver,
     sentences: Book,
     assembled: Vec<u8>,
-    /// Messages before the first that told the week.
+    /// Messages before the first that told the week, of this run of the receiver's clock, and of earlier ones, in which it did
+    /// not know the time.
     early: Tally,
-    /// Messages of a receiver that did not know the time yet.
+    early_run: i64,
     untimed: Tally,
     unplaced: Tally,
     /// Where the walk is.
@@ -292,6 +293,7 @@ impl<'b, 't> Content<'b, 't> {
             sentences: Book::new(),
             assembled: vec![],
             early: Tally::default(),
+            early_run: 0,
             untimed: Tally::default(),
             unplaced: Tally::default(),
             at: 0,
@@ -346,9 +348,11 @@ impl<'b, 't> Content<'b, 't> {
             return self.skip(key, frame.payload);
         };
         let derived = self.receiver.tell(message, frame.payload);
-        if Weeks::is_untimed(derived.week) {
-            self.untimed.add(|| message.name.to_owned());
-        } else if Weeks::is_untold(derived.week) {
+        if Weeks::is_untold(derived.week) {
+            if Weeks::run_of(derived.week) != self.early_run {
+                self.early_run = Weeks::run_of(derived.week);
+                self.untimed.extend(std::mem::take(&mut self.early));
+            }
             self.early.add(|| message.name.to_owned());
         }
         let Some(route) = self.route(key) else { return Fate::Skipped };
@@ -414,6 +418,12 @@ impl<'b, 't> Content<'b, 't> {
             notices.push(Severity::Loss, "unknown-channel", "", self.unplaced.count, text);
         }
         super::tell_preamble(self.preamble, notices);
+        if !self.receiver.weeks.are_of(self.early_run) {
+            self.untimed.extend(std::mem::take(&mut self.early));
+        }
+        if !self.receiver.weeks.are_told() {
+            self.early = std::mem::take(&mut self.untimed);
+        }
         if self.early.count > 0 {
             let text = match self.receiver.weeks.are_told() {
                 true => "messages stand before the first that tells the week, and are dated backwards from it",
@@ -422,7 +432,7 @@ impl<'b, 't> Content<'b, 't> {
             let text = format!("{text}; the first: {}", self.early.first);
             notices.push(Severity::Info, "undated", "", self.early.count, text);
         }
-        if self.untimed.count > 0 && self.receiver.weeks.are_told() {
+        if self.untimed.count > 0 {
             let text = "messages of a receiver that did not know the time yet have none";
             let text = format!("{text}; the first: {}", self.untimed.first);
             notices.push(Severity::Info, "untimed", "", self.untimed.count, text);

@@ -523,6 +523,49 @@ fn what_a_receiver_says_before_it_knows_the_time_has_none_and_is_no_loss() {
 }
 
 #[test]
+fn a_clock_that_does_not_leap_when_its_time_is_known_was_right_before() {
+    let itow_ms = |n: u32| NOON_ITOW_MS + 200 * n;
+    let place = |n: u32| {
+        ubx_frame(
+            1,
+            2,
+            &[itow_ms(n), 85_455_940, 473_977_420 + n, 500_000, 450_000, 2000, 3000].map(u32::to_le_bytes).concat(),
+        )
+    };
+    let time_gps = |n: u32| {
+        ubx_frame(
+            1,
+            0x20,
+            &[&itow_ms(n).to_le_bytes()[..], &[0; 4], &2445_u16.to_le_bytes(), &[18, 7, 0, 0, 0, 0]].concat(),
+        )
+    };
+    // A fix without a valid date, until another message tells the week; and one that never does.
+    for (told_at, clock) in [(49, Clock::Gps), (1000, Clock::Elapsed)] {
+        let epoch = |n: u32| {
+            [place(n), pvt(n, itow_ms(n), [0, 3, 1]), if n == told_at { time_gps(n) } else { vec![] }].concat()
+        };
+        let loaded = load_ubx(&(0..200).flat_map(epoch).collect::<Vec<u8>>());
+        for channel in ["position.gps", "position.posllh"] {
+            let timeline = loaded.flight.channels[channel].series.timeline();
+            assert_eq!((timeline.clock(), timeline.stamps().len()), (clock, 200), "{channel}");
+        }
+        assert_eq!((count_of(&loaded, "untimed"), lossy(&loaded)), (0, false), "{:?}", loaded.flight.notices);
+        assert_eq!(count_of(&loaded, "undated"), if clock == Clock::Gps { 100 } else { 400 });
+    }
+    // Behind a cold start the place of the first epoch with a time stands before what says so.
+    let cold =
+        |n: u32| [ubx_frame(1, 2, &[[0; 4], (200 * n).to_le_bytes()].concat()), pvt(n, 200 * n, [0, 0, 0])].concat();
+    let warm = |n: u32| [place(n), pvt(n, itow_ms(n), [0xf7, 3, 1])].concat();
+    let log = read_bytes(READER, &(0..50).flat_map(cold).chain((50..100).flat_map(warm)).collect::<Vec<u8>>()).unwrap();
+    assert_eq!(values(&log, "NAV-POSLLH", "gps_week").last(), Some(&Some(2445.0)));
+    let table = log.tables.iter().find(|table| table.topic.name == "NAV-PVT").unwrap();
+    let weeks: Vec<Option<f64>> = (0..100).map(|row| table.column("gps_week").unwrap().number(row)).collect();
+    assert_eq!(weeks, [vec![None; 50], vec![Some(2445.0); 50]].concat());
+    let table = log.tables.iter().find(|table| table.topic.name == "NAV-POSLLH").unwrap();
+    assert_eq!((table.rows, table.column("gps_week").unwrap().number(0)), (50, Some(2445.0)));
+}
+
+#[test]
 fn a_velocity_between_frames_has_no_time_of_an_epoch_whose_sentences_are_damaged() {
     let seal = |body: &str| format!("${body}*{:02X}\r\n", body.bytes().fold(0, |sum, b| sum ^ b)).into_bytes();
     let epoch = |i: u32| {

@@ -13,16 +13,22 @@ use flight::{Geodetic, Stamp, WEEK_S, gps_of_unix};
 const MOST_RECEIVERS: usize = 20;
 /// Stands for the week of the first message until a week is told; no week that is told is near it.
 const UNTOLD: i64 = 0x8000;
-/// Stands for the week of a message whose receiver does not know the time yet: its time of week is that of a clock which was
-/// begun anywhere, and leaps when the time is known.
-const UNTIMED: i64 = 0xffff;
-
+/// Weeks that stand for those of one run of a receiver's clock before a week is told. A clock that does not know the time is
+/// begun anywhere, and leaps when the time is known: then a new run begins.
+const OF_RUN: i64 = 64;
+const MOST_RUNS: i64 = 500;
+/// What is no leap: messages of one epoch come in any order, and some are missing, ms.
+const LATE_MS: i64 = 1000;
+const GAP_MS: i64 = 10_000;
 /// What the messages have told so far.
 #[derive(Debug, Default)]
 pub(super) struct Receiver {
     /// The latest week that was told, or [`UNTOLD`], and the time of week then, ms.
     week: Option<(i64, i64)>,
-    /// The receiver says that it does not know the time, and never did.
+    /// The time of week of the last message before any week was told, ms.
+    last_ms: Option<i64>,
+    /// The receiver said in this run of its clock that it does not know the time, and said so last.
+    is_untimed_run: bool,
     is_untimed: bool,
     /// What the first week that was told is ahead of the weeks counted until then.
     pub(super) weeks: Weeks,
@@ -53,6 +59,10 @@ impl Receiver {
             _ => 0,
         };
         let itow_ms = i64::from(read.u32(itow_at));
+        let is_dated = payload.len() >= message.shortest && !message.is_pulse();
+        if is_dated {
+            self.runs_to(itow_ms);
+        }
         match message.name {
             // `weekValid` is bit 1 of NAV-TIMEGPS, bit 2 (and bit 3 for the time of week) of the flags of NAV-SOL.
             "NAV-TIMEGPS" if read.u8(11) & 2 != 0 => self.learn(read.u16(8).into(), itow_ms),
@@ -63,20 +73,21 @@ impl Receiver {
             "NAV-TIMEUTC" if read.u8(19) & 3 == 3 => drop(self.learn_date(read, 12, itow_ms)),
             _ => {}
         }
-        // As far as they have been told by now.
         let is_timed = match message.name {
+            "NAV-TIMEGPS" => Some(read.u8(11) & 2 != 0),
             "NAV-SOL" => Some(read.u8(11) & 0xc == 0xc),
             "NAV-PVT" | "NAV2-PVT" | "HNR-PVT" => Some(read.u8(11) & 3 == 3),
             "NAV-PVAT" => Some(read.u8(5) & 3 == 3),
+            "NAV-TIMEUTC" => Some(read.u8(19) & 3 == 3),
             _ => None,
         };
-        self.is_untimed = !is_timed.unwrap_or(!self.is_untimed) && !self.weeks.are_told();
+        self.is_untimed = !is_timed.unwrap_or(!self.is_untimed);
+        self.is_untimed_run |= self.is_untimed;
         if let Some(place) = place_of(message.name, read).filter(|_| payload.len() >= message.shortest) {
             self.place = Some((place, itow_ms));
         }
         let (week, tow_ms) = match payload.len() >= message.shortest {
             true if message.is_pulse() => self.pulse(message, read),
-            true if self.is_untimed => (UNTIMED, itow_ms),
             true => (self.week_at(itow_ms), itow_ms),
             false => (0, 0),
         };
@@ -161,7 +172,7 @@ impl Receiver {
     /// The week of a time of week: it begins anew on Sunday, and messages of one epoch come in any order.
     fn week_at(&mut self, itow_ms: i64) -> i64 {
         const HALF_MS: i64 = WEEK_S * 500;
-        let (week, told_ms) = *self.week.get_or_insert((UNTOLD, itow_ms));
+        let (week, told_ms) = *self.week.get_or_insert((UNTOLD + OF_RUN * self.weeks.run, itow_ms));
         let week = match itow_ms - told_ms {
             step if step < -HALF_MS => week + 1,
             step if step > HALF_MS => return week - 1,
@@ -169,8 +180,25 @@ impl Receiver {
             _ => week,
         };
         // A log may go on for more than half a week behind the last that says it.
-        self.week = Some((week, itow_ms));
+        if !(self.is_untimed && self.weeks.are_told()) {
+            self.week = Some((week, itow_ms));
+        }
         week
+    }
+
+    /// The clock has come to this time of week; before any week was told it may have leapt.
+    fn runs_to(&mut self, itow_ms: i64) {
+        const HALF_MS: i64 = WEEK_S * 500;
+        if self.weeks.are_told() {
+            return;
+        }
+        let step = |last_ms: i64| (itow_ms - last_ms + HALF_MS).rem_euclid(2 * HALF_MS) - HALF_MS;
+        let leaps = self.last_ms.is_some_and(|last_ms| !(-LATE_MS..=GAP_MS).contains(&step(last_ms)));
+        if leaps && self.is_untimed_run && self.weeks.run < MOST_RUNS {
+            self.weeks.run += 1;
+            (self.week, self.is_untimed_run) = (None, false);
+        }
+        self.last_ms = Some(itow_ms);
     }
 
     /// The times of marks that stand before what says whose time they are in.
@@ -201,6 +229,8 @@ impl Receiver {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Weeks {
     ahead: Option<i64>,
+    /// The run of the clock in which it was told.
+    run: i64,
 }
 
 impl Weeks {
@@ -209,28 +239,34 @@ impl Weeks {
         self.ahead.is_some()
     }
 
+    /// Whether a week was told in this run of the clock.
+    pub(super) fn are_of(self, run: i64) -> bool {
+        self.are_told() && self.run == run
+    }
+
     /// Whether nothing had told this week of a message when it came.
     pub(super) fn is_untold(week: u16) -> bool {
         i64::from(week) >= LAST_WEEK
     }
 
-    /// Whether the receiver did not know the time.
-    pub(super) fn is_untimed(week: u16) -> bool {
-        i64::from(week) == UNTIMED
+    /// The run of the clock that a week stands for which nothing had told.
+    pub(super) fn run_of(week: u16) -> i64 {
+        (i64::from(week) - UNTOLD + OF_RUN / 2).div_euclid(OF_RUN)
     }
 
-    /// Puts the weeks into the tables, none where the receiver did not know the time; 0 if none was ever told.
+    /// Puts the weeks into the tables, none for runs of a clock that did not know the time; 0 if none was ever told.
     pub(super) fn put(self, log: &mut Log) {
         let tables = log.tables.iter_mut().filter(|table| table.topic.encoding == "ubx");
         for column in tables.flat_map(|table| &mut table.columns).filter(|column| column.path == "gps_week") {
             let ColumnData::F64(weeks) = &mut column.data else { continue };
-            let is_untimed = |week: &f64| self.are_told() && *week == UNTIMED as f64;
+            let is_untold = |week: &f64| *week >= LAST_WEEK as f64;
+            let is_untimed = |week: &f64| self.are_told() && is_untold(week) && Weeks::run_of(*week as u16) != self.run;
             if weeks.iter().any(is_untimed) {
                 let valid = column.valid.get_or_insert_with(|| vec![true; weeks.len()]);
                 valid.iter_mut().zip(weeks.iter()).for_each(|(valid, week)| *valid &= !is_untimed(week));
             }
-            for week in weeks.iter_mut().filter(|week| **week >= LAST_WEEK as f64) {
-                let ahead = self.ahead.filter(|_| *week != UNTIMED as f64);
+            for week in weeks.iter_mut().filter(|week| is_untold(week)) {
+                let ahead = self.ahead.filter(|_| !is_untimed(week));
                 *week = ahead.map_or(0.0, |ahead| *week + ahead as f64);
             }
         }
