@@ -24,6 +24,7 @@ use flight::{Notices, Severity};
 use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::{self, BufRead, Read, Seek, SeekFrom, Write};
+use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 /// Unpacked in one go; between two the user may stop.
@@ -165,12 +166,12 @@ fn inner_name(path: &Path, packing: Packing) -> PathBuf {
 }
 
 fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, marks: &'r Marks) -> Result<Box<dyn Read + 'r>, String> {
-    marks.begun.set(marks.at.get());
+    let text = |error: io::Error| error.to_string();
     Ok(match packing {
-        Packing::Gzip => Box::new(GzipMembers(Some(GzDecoder::new(packed)), marks)),
+        Packing::Gzip => Box::new(Parts::<_, GzDecoder<_>>::begin(packed, marks).map_err(text)?),
         Packing::Zstd => zstandard(packed)?,
-        Packing::Bzip2 => Box::new(Bzip2Streams(Some(BzDecoder::new(packed)), marks)),
-        Packing::Lz4 => Box::new(Lz4Frames(Some(lz4::Decoder::new(packed).map_err(|e| e.to_string())?), marks)),
+        Packing::Bzip2 => Box::new(Parts::<_, BzDecoder<_>>::begin(packed, marks).map_err(text)?),
+        Packing::Lz4 => Box::new(Parts::<_, lz4::Decoder<_>>::begin(packed, marks).map_err(text)?),
         Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, &marks.bad)),
         Packing::Zip => return Err("a ZIP archive in a packed file".to_owned()),
     })
@@ -211,21 +212,79 @@ impl<R: Read> Read for SmallSteps<R> {
     }
 }
 
-/// Members of a gzip file (RFC 1952, 2.2), one behind the other. Zeros at the end are padding, as `gzip` has it.
-struct GzipMembers<'r, R>(Option<GzDecoder<R>>, &'r Marks);
+/// Unpacks one of several that may stand one behind the other: a member of gzip (RFC 1952, 2.2), a stream of bzip2, a frame of
+/// LZ4.
+trait Part<R>: Read + Sized {
+    /// Zeros behind the last are padding.
+    const PADDED: bool = false;
 
-impl<R: BufRead> Read for GzipMembers<'_, R> {
+    fn begin(packed: R) -> io::Result<Self>;
+
+    /// What is behind it, if it has an end.
+    fn end(self) -> io::Result<R>;
+}
+
+impl<R: BufRead> Part<R> for GzDecoder<R> {
+    /// As `gzip` has it.
+    const PADDED: bool = true;
+
+    fn begin(packed: R) -> io::Result<Self> {
+        Ok(GzDecoder::new(packed))
+    }
+
+    fn end(self) -> io::Result<R> {
+        Ok(self.into_inner())
+    }
+}
+
+impl<R: BufRead> Part<R> for BzDecoder<R> {
+    fn begin(packed: R) -> io::Result<Self> {
+        Ok(BzDecoder::new(packed))
+    }
+
+    fn end(self) -> io::Result<R> {
+        Ok(self.into_inner())
+    }
+}
+
+impl<R: BufRead> Part<R> for lz4::Decoder<R> {
+    fn begin(packed: R) -> io::Result<Self> {
+        lz4::Decoder::new(packed)
+    }
+
+    fn end(self) -> io::Result<R> {
+        let (packed, end) = self.finish();
+        end.map_err(|_| io::Error::new(io::ErrorKind::UnexpectedEof, "the frame has no end"))?;
+        Ok(packed)
+    }
+}
+
+/// All parts of a file; `marks` know where each begins.
+struct Parts<'r, R, D> {
+    decoder: Option<D>,
+    marks: &'r Marks,
+    packed: PhantomData<R>,
+}
+
+impl<'r, R, D: Part<R>> Parts<'r, R, D> {
+    fn begin(packed: R, marks: &'r Marks) -> io::Result<Parts<'r, R, D>> {
+        marks.begun.set(marks.at.get());
+        Ok(Parts { decoder: Some(D::begin(packed)?), marks, packed: PhantomData })
+    }
+}
+
+impl<R: BufRead, D: Part<R>> Read for Parts<'_, R, D> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while let Some(mut decoder) = self.0.take() {
+        while let Some(mut decoder) = self.decoder.take() {
             let got = decoder.read(buffer)?;
             if got > 0 || buffer.is_empty() {
-                self.0 = Some(decoder);
+                self.decoder = Some(decoder);
                 return Ok(got);
             }
-            let mut packed = decoder.into_inner();
-            if pass_zeros(&mut packed)? {
-                self.1.begun.set(self.1.at.get());
-                self.0 = Some(GzDecoder::new(packed));
+            let mut packed = decoder.end()?;
+            let is_more = if D::PADDED { pass_zeros(&mut packed)? } else { !packed.fill_buf()?.is_empty() };
+            if is_more {
+                *self = Parts::begin(packed, self.marks)?;
             }
         }
         Ok(0)
@@ -247,49 +306,6 @@ fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
             return Ok(is_more);
         }
         passed += zeros as u64;
-    }
-}
-
-/// Streams of bzip2, one behind the other.
-struct Bzip2Streams<'r, R>(Option<BzDecoder<R>>, &'r Marks);
-
-impl<R: BufRead> Read for Bzip2Streams<'_, R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while let Some(mut decoder) = self.0.take() {
-            let got = decoder.read(buffer)?;
-            if got > 0 || buffer.is_empty() {
-                self.0 = Some(decoder);
-                return Ok(got);
-            }
-            let mut packed = decoder.into_inner();
-            if !packed.fill_buf()?.is_empty() {
-                self.1.begun.set(self.1.at.get());
-                self.0 = Some(BzDecoder::new(packed));
-            }
-        }
-        Ok(0)
-    }
-}
-
-/// LZ4 frames, one behind the other.
-struct Lz4Frames<'r, R>(Option<lz4::Decoder<R>>, &'r Marks);
-
-impl<R: BufRead> Read for Lz4Frames<'_, R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while let Some(mut decoder) = self.0.take() {
-            let got = decoder.read(buffer)?;
-            if got > 0 || buffer.is_empty() {
-                self.0 = Some(decoder);
-                return Ok(got);
-            }
-            let (mut packed, end) = decoder.finish();
-            end.map_err(|_| io::Error::new(io::ErrorKind::UnexpectedEof, "the frame has no end"))?;
-            if !packed.fill_buf()?.is_empty() {
-                self.1.begun.set(self.1.at.get());
-                self.0 = Some(lz4::Decoder::new(packed)?);
-            }
-        }
-        Ok(0)
     }
 }
 
