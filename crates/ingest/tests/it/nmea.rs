@@ -546,11 +546,13 @@ fn a_talker_without_times_ends_no_epoch_of_another() {
     let lines = (0..60).flat_map(|i| {
         let [_, rmc, vtg] = epoch_behind("GN", 10 * i);
         let empty = sealed("GPGGA,,,,,,0,00,99.9,,,,,,");
-        [rmc, empty, vtg, sealed(&format!("HEHDT,{i}.0,T"))]
+        let heading = |tenth: usize| sealed(&format!("HEHDT,{i}.{tenth},T"));
+        [rmc, empty, vtg, heading(0), heading(5)]
     });
     let log = read_bytes(READER, lines.map(|line| line + "\r\n").collect::<String>().as_bytes()).unwrap();
-    for topic in ["GNVTG", "HEHDT"] {
-        assert_eq!(elapsed_ms(&log, topic), (0..60).map(|i| 1000 * i).collect::<Vec<i64>>(), "{topic}");
+    // The heading stands twice in each.
+    for (topic, rows) in [("GNVTG", 1), ("HEHDT", 2)] {
+        assert_eq!(elapsed_ms(&log, topic), (0..60 * rows).map(|i| 1000 * (i / rows)).collect::<Vec<i64>>(), "{topic}");
     }
 }
 
