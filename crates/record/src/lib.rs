@@ -17,6 +17,8 @@ mod bench;
 mod campaign;
 mod card;
 mod criteria;
+mod delay_network;
+mod delay_over_time;
 mod flight;
 mod flight_delay;
 mod monte_carlo;

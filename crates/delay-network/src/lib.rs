@@ -1,0 +1,1 @@
+//! One lateness per channel, from all measured pairs of a flight.

@@ -1,0 +1,1 @@
+//! How a delay changes during a flight.

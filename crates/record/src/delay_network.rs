@@ -1,0 +1,1 @@
+//! One lateness per channel: what the delay network of a flight says.

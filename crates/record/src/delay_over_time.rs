@@ -1,0 +1,1 @@
+//! A delay that may vary during a flight.
