@@ -6,6 +6,11 @@ set positional-arguments
 default:
     @just --list --unsorted
 
+# How late the position of each log is: just delay LOG|FOLDER ... [--json|--csv]
+[no-exit-message]
+delay +logs:
+    @cargo run --release --quiet -p flightlag -- delay "$@"
+
 # Replay every flight of a folder and write the pages: just campaign FLIGHTS [--pipeline P] [--out DIR] ...
 [no-exit-message]
 campaign flights *options:

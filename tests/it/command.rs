@@ -141,6 +141,7 @@ fn the_shipped_maps_are_listed() {
 fn help_is_there_for_every_command() {
     for arguments in [
         vec!["--help"],
+        vec!["delay", "--help"],
         vec!["campaign", "--help"],
         vec!["campaign", "plan", "--help"],
         vec!["campaign", "task", "--help"],
@@ -181,6 +182,8 @@ impl Judging {
     fn new() -> Judging {
         let folder = tempfile::tempdir().unwrap();
         simulate::write_campaign(&folder.path().join("flights"), 1, 60.0, 1).unwrap();
+        let known = "schema = 1\n[delay]\nposition_s = 0.4\nsource = \"simulated\"\n";
+        fs::write(folder.path().join("known.toml"), known).unwrap();
         Judging { folder }
     }
 
@@ -202,7 +205,8 @@ impl Judging {
 
     fn run(&self, added: &[&str], exit: i32) -> String {
         let (flights, out) = (self.path("flights"), self.path("out"));
-        let ran = run(["campaign", &flights, "--out", &out].iter().chain(added), exit);
+        let known = self.path("known.toml");
+        let ran = run(["campaign", &flights, "--out", &out, "--pipeline", &known].iter().chain(added), exit);
         text(&ran.stdout) + &text(&ran.stderr)
     }
 
@@ -231,7 +235,7 @@ fn a_criterion_that_is_not_met_ends_with_4_and_another_limit_reads_no_log() {
 
     let met = campaign.criteria("4 Hz", "2 s");
     let said = campaign.run(&["--criteria", &met], 0);
-    assert!(said.contains("0 results to make") && said.contains("1 page made"), "{said}");
+    assert!(said.contains("0 flights to replay") && said.contains("1 page made"), "{said}");
     assert!(said.contains("gravest verdict: 1 PASS") && !said.contains("FAIL"), "{said}");
     assert!(campaign.page().contains("criterion ≥ 4\u{a0}Hz: PASS"));
     let judged: serde_json::Value =

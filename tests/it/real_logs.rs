@@ -1,7 +1,7 @@
 //! Whole campaigns over real logs of others, where they are at hand.
 
 use crate::program::{flightlag, results, text};
-use record::{CampaignRecord, Finding, FlightRecord, FlightRow, Outcome};
+use record::{CampaignRecord, EffectVerdict, Finding, FlightRecord, FlightRow, Outcome};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -25,10 +25,23 @@ struct Report {
 
 impl Report {
     fn of(flights: &Path) -> Report {
+        Report::with(flights, "schema = 1\n")
+    }
+
+    /// With a stated delay, s.
+    fn stated(flights: &Path, delay_s: f64) -> Report {
+        Report::with(flights, &format!("schema = 1\n[delay]\nposition_s = {delay_s}\nsource = \"stated\"\n"))
+    }
+
+    fn with(flights: &Path, pipeline: &str) -> Report {
         let out = tempfile::tempdir().unwrap();
-        let (flights, folder) = (flights.as_os_str(), out.path().as_os_str());
-        let output =
-            flightlag(["campaign".as_ref(), flights, "--out".as_ref(), folder, "--quiet".as_ref()]).output().unwrap();
+        let settings = tempfile::tempdir().unwrap();
+        let file = settings.path().join("p.toml");
+        std::fs::write(&file, pipeline).unwrap();
+        let (flights, folder, file) = (flights.as_os_str(), out.path().as_os_str(), file.as_os_str());
+        let arguments =
+            ["campaign".as_ref(), flights, "--out".as_ref(), folder, "--quiet".as_ref(), "--pipeline".as_ref(), file];
+        let output = flightlag(arguments).output().unwrap();
         let campaign =
             std::fs::read(out.path().join("campaign.json")).unwrap_or_else(|e| panic!("{e}: {}", text(&output.stderr)));
         Report { exit: output.status.code(), campaign: serde_json::from_slice(&campaign).unwrap(), out }
@@ -48,7 +61,7 @@ impl Report {
 #[test]
 fn the_intact_containers_of_a_real_flight_give_one_record_apart_from_provenance() {
     let Some(folder) = logs("derived-alfa") else { return };
-    let report = Report::of(&folder);
+    let report = Report::stated(&folder, 0.2166);
     let intact = [
         "alfa_none.bag",
         "alfa_bz2.bag",
@@ -154,10 +167,11 @@ fn every_real_flight_gets_a_result_or_a_reason_and_its_delay_agrees_with_the_ref
         let Some(path) = logs(folder) else { return };
         let report = Report::of(&path);
         assert!(matches!(report.exit, Some(0 | 3)), "{folder}: exit {:?}", report.exit);
+        assert_eq!(report.campaign.totals.harmed, 0, "{folder}: the default makes no flight worse");
         for row in &report.campaign.flights {
             match &row.outcome {
                 Outcome::Compensated => assert!(row.correction_rms_m.is_some(), "{}", row.flight),
-                Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
+                Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
                     assert!(!reason.is_empty() && !reason.contains("panicked"), "{}: {reason}", row.flight);
                 }
             }
@@ -181,7 +195,7 @@ fn the_real_mti_g_that_does_not_travel_is_not_measurable() {
 #[test]
 fn ros_2_bags_of_a_real_flight_give_the_record_of_its_ros_1_bag() {
     let Some(folder) = logs("derived-alfa") else { return };
-    let report = Report::of(&folder);
+    let report = Report::stated(&folder, 0.2166);
     let first = report.record("alfa_none.bag");
     for name in [
         "alfa_db3/alfa_db3.db3",
@@ -192,6 +206,47 @@ fn ros_2_bags_of_a_real_flight_give_the_record_of_its_ros_1_bag() {
         assert_eq!(record.replay, first.replay, "{name}");
         assert_eq!(record.log.unwrap().messages, 2196, "{name}");
         assert!(!report.row(name).lossy, "{name} is whole");
+    }
+}
+
+/// Truth of the DeLorean flights, s.
+const DELOREAN_S: f64 = 0.2033;
+
+/// Lateness without the reference: within 15 ms of the truth, inside the interval; the default brings the error down to what
+/// the true delay would leave.
+#[test]
+fn the_lateness_of_a_simulated_copter_is_the_truth_and_the_default_removes_it() {
+    let Some(folder) = logs("DeLorean") else { return };
+    let report = Report::of(&folder);
+    let moving: Vec<&FlightRow> =
+        report.campaign.flights.iter().filter(|r| r.outcome == Outcome::Compensated).collect();
+    assert_eq!(moving.len(), 8);
+    for row in moving {
+        let found = row.lateness.as_ref().unwrap().lateness.as_ref().unwrap();
+        let [low, high] = found.interval_95_s;
+        assert!((found.lateness_s.value - DELOREAN_S).abs() < 0.015, "{}: {:?}", row.flight, found.lateness_s);
+        assert!(low <= DELOREAN_S && DELOREAN_S <= high, "{}: {low} to {high}", row.flight);
+        let effect = row.effect.as_ref().unwrap();
+        assert_eq!(effect.verdict, EffectVerdict::Helped, "{}: {}", row.flight, effect.words);
+        let (after, best) = (effect.error_compensated_m.unwrap().value, effect.best_m.unwrap());
+        assert!(after < 1.3 * best, "{}: {after} m, where {best} m is possible", row.flight);
+    }
+    assert_eq!(report.campaign.totals.harmed, 0);
+}
+
+/// Whatever is stated for these flights, each that it harms says so.
+#[test]
+fn a_stated_delay_that_harms_a_flight_is_called_harm_and_ends_with_4() {
+    for folder in ["SSScoring", "flightlogstats-G1000"] {
+        let Some(path) = logs(folder) else { return };
+        let report = Report::stated(&path, 0.4);
+        assert_eq!(report.exit, Some(4), "{folder}");
+        for row in report.campaign.flights.iter().filter(|r| r.outcome == Outcome::Compensated) {
+            let apart = row.lateness.as_ref().unwrap().position_minus_velocity_s;
+            let harmed = row.effect.as_ref().unwrap().verdict == EffectVerdict::Harmed;
+            let surely = apart.is_some_and(|e| e.value + 3.0 * e.standard_uncertainty.unwrap() < 0.19);
+            assert!(harmed || !surely, "{}: {:?} {:?}", row.flight, apart, row.effect);
+        }
     }
 }
 

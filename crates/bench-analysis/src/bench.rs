@@ -11,6 +11,7 @@ use crate::gate::{Gate, gate};
 use crate::magnetometer::magnetic_swings;
 use crate::motion::Motion;
 use crate::mount::mount_finding;
+use crate::reference_error::{ReferenceErrors, sensitivity};
 use crate::references::{ChannelReference, ComponentReference, References};
 use crate::rig::Rig;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent};
@@ -276,6 +277,7 @@ fn channels(
         rate: &rate,
         zoom: liveliest(&t, &rate),
         still_rate: STILL_COUNTS_PER_S * lsb,
+        errors: &ReferenceErrors::of(motion),
         closed,
     };
     let of = |found: &ChannelReference| {
@@ -294,6 +296,8 @@ fn sensed(component: &ComponentReference) -> SensedComponent<'_> {
         unit: &component.unit,
         values: &component.measured,
         reference: &component.reference,
+        reference_std: component.uncertainty,
+        sensitivity: sensitivity(&component.reference, &component.slope),
         excited: component.excited.as_ref().copied().map_err(String::as_str),
         drift: component.drift,
     }

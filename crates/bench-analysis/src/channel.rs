@@ -2,6 +2,7 @@
 
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
+use crate::reference_error::with_reference;
 use crate::response::response;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement, rate_hz};
 use crate::verdict::{Evidence, millis};
@@ -12,7 +13,7 @@ use record::{
 };
 use signal::{
     ComponentFit, DelayFit, DelaySettings, LagChoice, Measurement, NoiseRule, Uncertain, autocorrelation,
-    choose_lag_model, delay_by_segment, delay_objective, fit_delay, homogeneity, jitter_from_residuals, kurtosis,
+    choose_lag_model_against, delay_by_segment, delay_excess, fit_delay, homogeneity, jitter_from_residuals, kurtosis,
     ljung_box, resolution, static_deviation, static_segments,
 };
 
@@ -51,12 +52,14 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
             return found;
         }
     };
-    let delay = delay_finding(channel, bench, &updates, &fit);
+    let reference_s = bench.errors.of_delay(&measurements, &fit, &updates.sensitivities(channel));
+    let delay = delay_finding(channel, bench, &updates, &fit, reference_s);
     found.predicted_s = Some(fit.crlb_s);
     (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
     found.rejected = unused(&updates, &fit);
     found.components = components(channel, bench, &updates, &fit);
-    found.model = model(&choose_lag_model(&measurements, &fit, &settings));
+    let reference_std = updates.reference_std(channel);
+    found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));
     found.reason += &found.model.found().map(beside_the_delay).unwrap_or_default();
     found.response = response(channel, &updates, &fit, &found.model);
     found.checks = Some(checks(&measurements, &fit, bench.search_s));
@@ -127,11 +130,13 @@ fn delay_finding(
     bench: &Circumstances<'_>,
     updates: &Updates,
     fit: &DelayFit,
+    reference_s: f64,
 ) -> DelayFinding {
     let stamps_s = stamp_uncertainty(channel, updates);
     let is_anchor = matches!(bench.basis, TimeBasis::Anchor { channel: anchor } if anchor == channel.name);
     let anchor_s = if is_anchor { 0.0 } else { bench.anchor_s };
-    let standard_uncertainty_s = fit.standard_uncertainty_s.hypot(stamps_s).hypot(anchor_s);
+    let own_s = with_reference(fit.standard_uncertainty_s, reference_s, fit.components.len());
+    let standard_uncertainty_s = own_s.hypot(stamps_s).hypot(anchor_s);
     let judgement = evidence(bench, updates, fit, standard_uncertainty_s).judge();
     let as_seen = updates
         .mean_age_s
@@ -141,6 +146,7 @@ fn delay_finding(
         standard_uncertainty_s,
         hessian_s: fit.hessian_s,
         hac_s: fit.hac_s,
+        reference_s,
         stamps_s,
         anchor_s,
         interval_95_s: judgement.interval_95_s,
@@ -364,14 +370,9 @@ fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64,
     let grid = |from: f64, to: f64| -> Vec<f64> {
         (0..OBJECTIVE_POINTS).map(|k| from + (to - from) * k as f64 / (OBJECTIVE_POINTS - 1) as f64).collect()
     };
-    let above = |delays: &[f64]| {
-        let values = delay_objective(measurements, fit, delays);
-        let least = delay_objective(measurements, fit, &[fit.delay_s]).first().copied().unwrap_or(0.0);
-        values.into_iter().map(|v| v - least).collect()
-    };
-    let delay_s = grid(from, to);
-    let near_delay_s = grid(fit.delay_s - half, fit.delay_s + half);
-    ObjectiveCurve { value: above(&delay_s), near_value: above(&near_delay_s), delay_s, near_delay_s }
+    let (delay_s, value) = delay_excess(measurements, fit, &grid(from, to));
+    let (near_delay_s, near_value) = delay_excess(measurements, fit, &grid(fit.delay_s - half, fit.delay_s + half));
+    ObjectiveCurve { delay_s, value, near_delay_s, near_value }
 }
 
 fn stationarity(measurements: &[Measurement<'_>], fit: &DelayFit) -> Finding<Stationarity> {

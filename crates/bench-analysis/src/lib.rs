@@ -17,6 +17,7 @@ mod magnetometer;
 mod motion;
 mod mount;
 mod pattern;
+mod reference_error;
 mod references;
 mod response;
 mod rig;

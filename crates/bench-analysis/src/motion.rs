@@ -123,6 +123,11 @@ impl Motion {
         (0..=steps).map(|k| (first + (last - first) * k as f64 / steps as f64).min(last)).collect()
     }
 
+    /// What the smoother makes of other readings at the encoder's stamps, with all its settings as they are; it is linear.
+    pub(crate) fn smoothed_as_the_encoder(&self, readings: &[f64]) -> Option<SmoothedMotion> {
+        signal::smooth(&self.encoder.t_s, readings, self.encoder.variance(), self.smoothed.log10_q).ok()
+    }
+
     /// Samples of the encoder per second.
     #[must_use]
     pub fn rate_hz(&self) -> f64 {

@@ -23,8 +23,15 @@ const SCALE_TOLERANCE: f64 = 0.01;
 /// Misalignment that needs no remark (1°).
 const MISALIGNMENT_TOLERANCE_RAD: f64 = 0.0175;
 
+/// Source of an angle that the rig file states.
+const STATED: &str = "rig file";
+/// A bar that bends swings its tip further than it is long, by less than this share at the paces of a hand.
+const BENDING: f64 = 0.05;
+
 /// What each check is made from.
 struct Look<'a> {
+    /// The rig file states a first mode: the bar is known to bend.
+    bends: bool,
     around: &'a Surroundings,
     alignment: &'a Alignment,
 }
@@ -37,7 +44,7 @@ pub fn mount_finding(
     alignment: &Alignment,
     swings: &[MagneticSwing],
 ) -> (MountFinding, Notices) {
-    let look = Look { around, alignment };
+    let look = Look { bends: rig.bar.first_mode_hz.is_some(), around, alignment };
     let detected = detected(&look);
     let mut checks = angle_checks(&look);
     for clue in &alignment.clues {
@@ -60,6 +67,20 @@ pub fn mount_finding(
 }
 
 impl Look<'_> {
+    /// A length beside that of the rig, whole length `of_m`. One that a bend explains is no contradiction.
+    fn length_check(
+        &self,
+        name: String,
+        fitted: Estimate,
+        stated: f64,
+        of_m: f64,
+        (tolerance, text): (f64, String),
+    ) -> MountCheck {
+        let bent = if self.bends { BENDING * of_m } else { 0.0 };
+        let of_rig = (fitted.value - stated).abs() > 3.0 * u(&fitted) + tolerance + bent;
+        MountCheck { of_rig, ..check(name, "m", fitted, Some(stated), tolerance, text) }
+    }
+
     fn checks(&self, clue: &Clue) -> Vec<MountCheck> {
         match clue.quantity {
             Quantity::SpecificForce => accelerometer::checks(self, clue),
@@ -123,7 +144,10 @@ fn angle_checks(look: &Look<'_>) -> Vec<MountCheck> {
         let used = alignment.azimuth_rad?;
         Some(angle_check(format!("azimuth by {channel}"), *found, used, &alignment.azimuth_source))
     });
-    zeros.chain(azimuths).collect()
+    // A barometer is slow: what it is off by is its own.
+    let is_slow =
+        |name: &str| alignment.clues.iter().any(|c| c.quantity == Quantity::Height && name.ends_with(&c.name));
+    zeros.chain(azimuths).map(|check| MountCheck { of_rig: check.of_rig && !is_slow(&check.name), ..check }).collect()
 }
 
 fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> MountCheck {
@@ -139,6 +163,7 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
         fitted: Finding::Found(value),
         stated: Some(used.value),
         agrees: Some(agrees),
+        of_rig: source == STATED,
     }
 }
 
@@ -149,7 +174,12 @@ fn u(e: &Estimate) -> f64 {
 /// A fitted number beside what the rig says.
 fn check(name: String, unit: &str, fitted: Estimate, stated: Option<f64>, tolerance: f64, text: String) -> MountCheck {
     let agrees = stated.map(|s| (fitted.value - s).abs() <= 3.0 * u(&fitted) + tolerance);
-    MountCheck { name, unit: unit.to_owned(), fitted: Finding::Found(fitted), stated, agrees, text }
+    MountCheck { name, unit: unit.to_owned(), fitted: Finding::Found(fitted), stated, agrees, of_rig: true, text }
+}
+
+/// A scale beside one: where it is another, that is the sensor, not the rig.
+fn scale_check(name: String, fitted: Estimate, text: String) -> MountCheck {
+    MountCheck { of_rig: false, ..check(name, "1", fitted, Some(1.0), SCALE_TOLERANCE, text) }
 }
 
 /// What cannot be told, and why.
@@ -160,6 +190,7 @@ fn untold(name: String, unit: &str, why: &str) -> MountCheck {
         fitted: Finding::CannotTell(why.to_owned()),
         stated: None,
         agrees: None,
+        of_rig: false,
         text: String::new(),
     }
 }

@@ -31,6 +31,8 @@ pub struct ComponentReference {
     pub reference: CubicSpline,
     /// Standard uncertainty of the reference from the encoder's smoothing, median over the record, same unit.
     pub uncertainty: f64,
+    /// Derivatives of the reference by the bar's angle, rate and acceleration, at its knots.
+    pub slope: Vec<[f64; 3]>,
     /// Rms of the reference about its mean, same unit.
     pub reference_rms: f64,
     /// Whether the swing moves it enough to count in the delay; if not, why, in words.
@@ -88,6 +90,7 @@ struct Maker<'a> {
 /// A reference on the grid.
 struct Curve {
     values: Vec<f64>,
+    slope: Vec<[f64; 3]>,
     uncertainty: f64,
     unit_gain: bool,
 }
@@ -131,6 +134,7 @@ impl<'a> Maker<'a> {
                 measured,
                 reference,
                 uncertainty: curve.uncertainty,
+                slope: curve.slope,
                 reference_rms: rms_about_mean(&curve.values),
                 excited: Ok(()),
                 unit_gain: curve.unit_gain,
@@ -182,14 +186,16 @@ impl<'a> Maker<'a> {
             })
         };
         let mut values = Vec::with_capacity(self.grid.len());
+        let mut slope = Vec::with_capacity(self.grid.len());
         let mut spread = Vec::with_capacity(self.grid.len());
         for t in &self.grid {
             let reading = sensed(&self.motion.at(*t)?)?;
             values.push(reading.value[component]);
+            slope.push(reading.slope[component]);
             spread.push(reading.standard_deviation(&self.motion.covariance_at(*t)?)[component]);
         }
         let uncertainty = signal::median_in_place(&mut spread).unwrap_or(0.0);
-        Some(Curve { values, uncertainty, unit_gain: false })
+        Some(Curve { values, slope, uncertainty, unit_gain: false })
     }
 
     /// The field of the reference; a direction has length one.
@@ -213,15 +219,11 @@ impl<'a> Maker<'a> {
         let angle_u = self.motion.typical_uncertainty()[0];
         let curve = |coefficients: &[f64]| -> Option<Curve> {
             let [offset, sine, cosine] = *coefficients else { return None };
-            let values: Option<Vec<f64>> = self
-                .grid
-                .iter()
-                .map(|t| {
-                    let (s, c) = self.motion.at(*t)?.angle.sin_cos();
-                    Some(offset + sine * s + cosine * c)
-                })
-                .collect();
-            Some(Curve { values: values?, uncertainty: angle_u * sine.hypot(cosine), unit_gain: true })
+            let turns: Option<Vec<(f64, f64)>> =
+                self.grid.iter().map(|t| Some(self.motion.at(*t)?.angle.sin_cos())).collect();
+            let (values, slope) =
+                turns?.iter().map(|(s, c)| (offset + sine * s + cosine * c, [sine * c - cosine * s, 0.0, 0.0])).unzip();
+            Some(Curve { values, slope, uncertainty: angle_u * sine.hypot(cosine), unit_gain: true })
         };
         fit.fits.iter().map(|f| curve(&f.coefficients)).collect()
     }

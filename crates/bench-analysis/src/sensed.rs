@@ -1,6 +1,7 @@
 //! A channel before its analysis, and what all channels share.
 
 use crate::clock::ChannelTime;
+use crate::reference_error::{ReferenceErrors, Sensitivity};
 use flight::Channel;
 use record::TimeBasis;
 use signal::{DelaySettings, Gain, Measurement, Reference, Sign};
@@ -12,6 +13,10 @@ pub(crate) struct SensedComponent<'a> {
     /// One for each row of the channel.
     pub(crate) values: &'a [f64],
     pub(crate) reference: &'a dyn Reference,
+    /// Standard uncertainty of the reference at any one instant.
+    pub(crate) reference_std: f64,
+    /// How the reference follows the bar.
+    pub(crate) sensitivity: Sensitivity<'a>,
     /// `Err` with the reason if the swing does not move it enough to count.
     pub(crate) excited: Result<(), &'a str>,
     /// Whether its offset may drift.
@@ -46,6 +51,8 @@ pub(crate) struct Circumstances<'a> {
     pub(crate) zoom: (f64, f64),
     /// Bar rates below this are standing still, rad/s.
     pub(crate) still_rate: f64,
+    /// What the encoder's steps do to the references.
+    pub(crate) errors: &'a ReferenceErrors,
     /// Why no channel gets a verdict, if the gate says so.
     pub(crate) closed: Option<String>,
 }
@@ -89,6 +96,15 @@ impl Updates {
 
     pub(crate) fn measurements<'m>(&'m self, channel: &'m SensedChannel<'_>) -> Vec<Measurement<'m>> {
         self.excited.iter().map(|&k| measurement(&channel.components[k], &self.t, &self.values[k])).collect()
+    }
+
+    /// How well the references of the components of the fit are known.
+    pub(crate) fn reference_std(&self, channel: &SensedChannel<'_>) -> Vec<f64> {
+        self.excited.iter().map(|&k| channel.components[k].reference_std).collect()
+    }
+
+    pub(crate) fn sensitivities<'m>(&self, channel: &'m SensedChannel<'_>) -> Vec<Sensitivity<'m>> {
+        self.excited.iter().map(|&k| channel.components[k].sensitivity).collect()
     }
 
     pub(crate) fn rate_hz(&self) -> Option<f64> {

@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
-pub const BENCH_ANALYSIS_VERSION: u32 = 7;
+pub const BENCH_ANALYSIS_VERSION: u32 = 8;
 
 /// What is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,11 +78,13 @@ pub struct BenchVerdict {
 }
 
 impl BenchVerdict {
-    /// 0 if every record was read whole and measured, 3 if some failed or lost data.
+    /// 0 if every record was read whole and measured, 3 if some failed or lost data, or if the data contradict the rig file of
+    /// a record behind the card.
     #[must_use]
     pub fn exit(&self) -> Exit {
         let whole = |row: &BenchRow| row.outcome == BenchOutcome::Measured && !row.lossy;
-        if self.card.is_some() && self.rows.iter().all(whole) { Exit::Well } else { Exit::Incomplete }
+        let rigs_hold = self.channels().iter().all(|c| c.contradicted.is_empty());
+        if self.card.is_some() && rigs_hold && self.rows.iter().all(whole) { Exit::Well } else { Exit::Incomplete }
     }
 
     /// The channels of the card.

@@ -47,7 +47,7 @@ impl Case {
     fn run(&self) -> (CampaignRecord, FlightRecord, Vec<Why>) {
         let why = Mutex::new(vec![]);
         let listener = |event: &Event| {
-            if let Event::Started { why: reasons, .. } = event {
+            if let Event::Started { why: reasons, stage: crate::Stage::Replay, .. } = event {
                 why.lock().unwrap().extend(reasons.clone());
             }
         };
@@ -112,11 +112,11 @@ fn an_expired_card_is_used_and_its_flight_wants_attention() {
 fn a_card_that_does_not_know_the_position_of_a_flight_leaves_it_uncompensated_with_the_reason() {
     let case = Case::new(|card| card.channels[0].name = "position.ins".into());
     let (_, flight, _) = case.run();
-    let Outcome::NotMeasurable { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
+    let Outcome::Uncompensated { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
     assert!(reason.contains("no channel position.gps, which this flight replays; it has position.ins"), "{reason}");
     case.write_card(|card| card.channels[0].verdict = Verdict::Inconclusive);
     let (_, flight, _) = case.run();
-    let Outcome::NotMeasurable { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
+    let Outcome::Uncompensated { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
     assert!(reason.contains("inconclusive"), "{reason}");
 }
 
@@ -132,10 +132,16 @@ fn shards_of_a_cluster_need_the_manifest_and_no_card() {
         verify: false,
         command: "c".into(),
     };
-    let manifest = crate::plan_shards(&order, &desk, 4).unwrap();
-    manifest.write(&case.path("m.json")).unwrap();
     std::fs::remove_file(case.path("m.card.toml")).unwrap();
-    let manifest = crate::Manifest::read(&case.path("m.json")).unwrap();
-    assert_eq!(crate::task(&manifest, 0, &desk).unwrap().made, 1);
+    let planned = || {
+        crate::plan_shards(&order, &desk, 4).unwrap().write(&case.path("m.json")).unwrap();
+        crate::Manifest::read(&case.path("m.json")).unwrap()
+    };
+    for stage in [crate::Stage::Measure, crate::Stage::Replay] {
+        let manifest = planned();
+        assert_eq!(manifest.stage(), Some(stage));
+        assert_eq!(crate::task(&manifest, 0, &desk).unwrap().made, 1);
+    }
+    let manifest = planned();
     assert_eq!(crate::reduce(&manifest, &desk).unwrap().totals.compensated, 1);
 }

@@ -10,17 +10,14 @@ pub(crate) use over_flights::campaign_delay;
 use crate::cards::UsedCard;
 use flight::{Binding, Channel, Delay, Flight, Notices, Severity};
 use record::{
-    CardUse, DelayCandidate, DelayChoice, DelayPairKind, DelaySource, Estimate, Finding, FlightDelays, MeasuredDelay,
-    SweepMethod, SweepOptimum,
+    CardDelay, CardUse, Decision, DelayCandidate, DelayChoice, DelayPairKind, DelaySource, Estimate, Finding,
+    FlightDelays, FlightLateness, MeasuredDelay, SweepMethod, SweepOptimum,
 };
-
-/// Two delays that are farther apart than so many standard uncertainties of their difference contradict each other.
-const CONTRADICTS: f64 = 3.0;
 
 /// Where delays come from.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct DelayRule {
-    /// What is removed. Where a flight has no such delay, the card stands in, then the stated number, if there are any.
+    /// What is asked for.
     pub(crate) from: DelaySource,
     /// The number that the pipeline states for all flights.
     pub(crate) fixed: Option<FixedDelay>,
@@ -77,85 +74,111 @@ pub(crate) struct Decided {
 /// A source and the delay it has for the flight, or why it has none.
 type Candidate = (DelaySource, Result<FoundDelay, String>);
 
+/// What is known of a flight when its delay is removed.
+pub(crate) struct Known<'a> {
+    pub(crate) decision: &'a Decision,
+    pub(crate) lateness: &'a FlightLateness,
+    /// What the flight says of the pair that is replayed.
+    pub(crate) measured: &'a Finding<MeasuredDelay>,
+}
+
 impl DelayRule {
-    /// The delay of a flight, or why there is none to remove. `measured` is what the flight itself says of the pair;
-    /// `best` the optimum of its sweep, called only if that is asked for.
-    pub(crate) fn decide(
+    /// What the card of this flight says; `None` if the pipeline names none.
+    pub(crate) fn card_delay(&self, case: &Case<'_>) -> Option<Finding<CardDelay>> {
+        (!self.cards.is_empty()).then(|| match card::delay_of(&self.cards, case) {
+            Ok(FoundDelay { delay, standard_uncertainty_s, source, card: Some(card), notices }) => {
+                let delay_s = Estimate { value: delay.seconds(), standard_uncertainty: standard_uncertainty_s };
+                Finding::Found(CardDelay { delay_s, words: source, card, notices })
+            }
+            Ok(_) => Finding::CannotTell("the card has no delay".to_owned()),
+            Err(why) => Finding::CannotTell(why),
+        })
+    }
+
+    /// The delay that is removed from a flight, or why there is none. `best` is the optimum of its sweep, called only if
+    /// that is asked for.
+    pub(crate) fn chosen(
         &self,
         case: &Case<'_>,
-        measured: &Finding<MeasuredDelay>,
+        known: &Known<'_>,
         best: impl FnOnce() -> Finding<SweepOptimum>,
     ) -> Result<Decided, String> {
+        let Known { decision, lateness, measured } = known;
         let optimum = (self.from == DelaySource::Sweep).then(best);
         let mut candidates: Vec<Candidate> = vec![];
         if let Some(optimum) = &optimum {
             candidates.push((DelaySource::Sweep, of_sweep(case, optimum)));
         }
-        if !self.cards.is_empty() {
-            candidates.push((DelaySource::Card, card::delay_of(&self.cards, case)));
+        if decision.used == Some(DelaySource::OthersFlights) {
+            candidates.push((DelaySource::OthersFlights, decided(decision)));
+        }
+        candidates.push((DelaySource::OwnNetwork, of_network(lateness)));
+        if let Some(card) = &lateness.card {
+            candidates.push((DelaySource::Card, of_card(card)));
         }
         if let Some(fixed) = &self.fixed {
             candidates.push((DelaySource::Fixed, Ok(fixed.found())));
         }
         candidates.push((DelaySource::Flight, of_flight(case, measured)));
-        candidates.sort_by_key(|(source, _)| *source != self.from);
-        let used = self.used(&candidates)?;
-        let (source, found) = match candidates.get(used) {
-            Some((source, Ok(found))) => (*source, found.clone()),
-            _ => return Err("there is no delay".to_owned()),
+        let swept = optimum.is_some() && candidates.first().is_some_and(|c| c.1.is_ok());
+        let source = if swept { DelaySource::Sweep } else { decision.used.ok_or_else(|| decision.words.clone())? };
+        let used = candidates.iter().position(|c| c.0 == source).ok_or_else(|| decision.words.clone())?;
+        let mut found = match &candidates[used].1 {
+            Ok(found) => found.clone(),
+            Err(why) => return Err(why.clone()),
         };
-        let mut decided = Decided {
-            choice: DelayChoice {
-                asked: self.from,
-                used: source,
-                why: self.why(source, &candidates),
-                circular: matches!(source, DelaySource::Flight | DelaySource::Sweep),
-                candidates: vec![],
-            },
-            found,
-            optimum,
-        };
-        contradiction(&candidates, measured, case, &mut decided.found.notices);
-        if source != self.from {
-            let why = decided.choice.why.clone();
-            decided.found.notices.push(Severity::Warning, "delay-fallback", case.position.0, 1, why);
+        if let (false, Some(delay)) = (swept, decision.delay_s.and_then(Delay::from_seconds)) {
+            (found.delay, found.standard_uncertainty_s) = (delay, decision.standard_uncertainty_s);
+        }
+        if let Some(contradicted) = &decision.contradicted {
+            found.notices.push(Severity::Warning, "delay-contradicted", case.position.0, 1, contradicted.clone());
         }
         candidates.swap(0, used);
-        decided.choice.candidates = candidates.into_iter().map(listed).collect();
-        Ok(decided)
-    }
-
-    /// Which candidate is used: the first is what is asked for; the flight's own delay never stands in unasked.
-    fn used(&self, candidates: &[Candidate]) -> Result<usize, String> {
-        let may = |source: DelaySource| source == self.from || source != DelaySource::Flight;
-        let usable = |(source, delay): &Candidate| delay.is_ok() && may(*source);
-        candidates.iter().position(usable).ok_or_else(|| {
-            let asked: Vec<&str> =
-                candidates.iter().filter(|c| may(c.0)).filter_map(|c| c.1.as_ref().err()).map(String::as_str).collect();
-            let none = match self.from {
-                DelaySource::Flight | DelaySource::Sweep if asked.len() == 1 => {
-                    "; and the pipeline names no card and no number to fall back on"
-                }
-                _ => "",
-            };
-            format!("{}{none}", asked.join("; and "))
-        })
-    }
-
-    fn why(&self, used: DelaySource, candidates: &[Candidate]) -> String {
-        let asks = match self.from {
-            DelaySource::Fixed => "the pipeline states it",
-            DelaySource::Card => "the pipeline asks for the sensor card",
-            DelaySource::Flight => "the pipeline asks for the delay that each flight shows itself",
-            DelaySource::Sweep => "the pipeline asks for the optimum of each flight's delay sweep",
+        let choice = DelayChoice {
+            asked: self.from,
+            used: source,
+            why: if swept { "the pipeline asks for it".to_owned() } else { decision.words.clone() },
+            circular: swept || decision.circular,
+            candidates: candidates.into_iter().map(listed).collect(),
         };
-        if used == self.from {
-            return asks.to_owned();
-        }
-        let because = candidates.first().and_then(|c| c.1.as_ref().err()).map(String::as_str).unwrap_or_default();
-        let stand_in =
-            if used == DelaySource::Card { "the sensor card" } else { "the number that the pipeline states" };
-        format!("{asks}, but {because}: {stand_in} stands in")
+        Ok(Decided { found, choice, optimum })
+    }
+}
+
+fn decided(decision: &Decision) -> Result<FoundDelay, String> {
+    let delay = decision.delay_s.and_then(Delay::from_seconds).ok_or_else(|| decision.words.clone())?;
+    Ok(FoundDelay {
+        delay,
+        standard_uncertainty_s: decision.standard_uncertainty_s,
+        source: decision.words.clone(),
+        card: None,
+        notices: Notices::new(),
+    })
+}
+
+/// The lateness that the flight's own network gives, where it has a datum.
+fn of_network(lateness: &FlightLateness) -> Result<FoundDelay, String> {
+    let channel = lateness.lateness.as_ref().filter(|c| c.relative_to.is_none());
+    let found = channel.map(|c| c.lateness_s).ok_or_else(|| lateness.words.clone())?;
+    Ok(FoundDelay {
+        delay: Delay::from_seconds(found.value).ok_or_else(|| lateness.words.clone())?,
+        standard_uncertainty_s: found.standard_uncertainty,
+        source: lateness.words.clone(),
+        card: None,
+        notices: Notices::new(),
+    })
+}
+
+fn of_card(card: &Finding<CardDelay>) -> Result<FoundDelay, String> {
+    match card {
+        Finding::CannotTell(why) => Err(why.clone()),
+        Finding::Found(card) => Ok(FoundDelay {
+            delay: Delay::from_seconds(card.delay_s.value).ok_or("the card's delay is out of range")?,
+            standard_uncertainty_s: card.delay_s.standard_uncertainty,
+            source: card.words.clone(),
+            card: Some(card.card.clone()),
+            notices: card.notices.clone(),
+        }),
     }
 }
 
@@ -240,30 +263,6 @@ fn late(case: &Case<'_>, delay_s: Estimate, source: String) -> Result<FoundDelay
     })
 }
 
-/// Says if the flight shows another delay than the card has or the pipeline states.
-fn contradiction(candidates: &[Candidate], measured: &Finding<MeasuredDelay>, case: &Case<'_>, notices: &mut Notices) {
-    let of = |wanted: DelaySource| {
-        candidates.iter().find(|c| c.0 == wanted).and_then(|c| c.1.as_ref().ok()).map(FoundDelay::estimate)
-    };
-    let Some(flight) = measured.found().filter(|m| m.rival_s.is_none()).map(|m| m.delay_s) else { return };
-    for (source, name) in [(DelaySource::Card, "the sensor card"), (DelaySource::Fixed, "the pipeline")] {
-        let Some(stated) = of(source) else { continue };
-        let u = flight.standard_uncertainty.unwrap_or(0.0).hypot(stated.standard_uncertainty.unwrap_or(0.0));
-        let apart = (flight.value - stated.value).abs();
-        if apart > CONTRADICTS * u {
-            let text = format!(
-                "the flight shows a delay of {} ms, {name} has {} ms: {:.1} ms apart, where {:.1} ms are explained (three \
-                 standard uncertainties)",
-                shown(&flight),
-                shown(&stated),
-                1e3 * apart,
-                1e3 * CONTRADICTS * u
-            );
-            notices.push(Severity::Warning, "delay-contradicted", case.position.0, 1, text);
-        }
-    }
-}
-
 fn shown(delay_s: &Estimate) -> String {
     match delay_s.standard_uncertainty {
         Some(u) => milliseconds(delay_s.value, u),
@@ -272,7 +271,7 @@ fn shown(delay_s: &Estimate) -> String {
 }
 
 /// `400.0 ± 2.1`, the expanded uncertainty with k = 2: as many digits as it bears.
-fn milliseconds(seconds: f64, standard_uncertainty_s: f64) -> String {
+pub(crate) fn milliseconds(seconds: f64, standard_uncertainty_s: f64) -> String {
     let (value, uncertainty) = (seconds * 1e3, 2.0 * standard_uncertainty_s * 1e3);
     let digits = match uncertainty {
         u if u >= 10.0 => 0,

@@ -2,14 +2,16 @@
 
 use crate::config::Pipeline;
 use crate::event::Event;
-use crate::manifest::{Manifest, Planned, Why};
+use crate::manifest::{Manifest, Planned, Stage, Why};
 use crate::plan::{Desk, Order};
 use crate::reduce::Verdict;
-use crate::run::run_with;
+use crate::run::{plan_shards, run_with};
+use crate::status::status;
 use crate::study::{Interrupted, Studied, Study, failed_record};
+use crate::task::make;
 use crate::{CampaignError, Exit};
 use compensation_replay::{Track, TrackColumn};
-use record::{CampaignRecord, FlightRecord, Outcome};
+use record::{CampaignRecord, FlightRecord, MeasuredFlight, Outcome};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,16 +30,34 @@ struct Scripted {
 }
 
 impl Study for Scripted {
-    fn study(&self, flight: &Planned, manifest: &Manifest, desk: &Desk<'_>) -> Result<Studied, Interrupted> {
+    fn measure(&self, flight: &Planned, _: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted> {
         let text = fs::read_to_string(&flight.files[0].path).map_err(|e| Interrupted::Trouble(e.to_string()))?;
         if self.stop_at == Some(flight.flight.as_str()) {
             desk.cancel.store(true, Ordering::Relaxed);
             return Err(Interrupted::Cancelled);
         }
+        let key = flight.measure_key.as_deref().unwrap();
+        let words: Vec<&str> = text.lines().nth(1).unwrap_or_default().split([',', ' ']).skip(1).collect();
+        match words.as_slice() {
+            ["panic", ..] => panic!("index 7 out of range"),
+            ["busy", ..] => Err(Interrupted::Trouble("the disk does not answer".into())),
+            ["late", seconds, ..] => Ok(late(key, seconds.parse().unwrap())),
+            _ => Ok(crate::answer::failed(key, String::new())),
+        }
+    }
+
+    fn study(
+        &self,
+        flight: &Planned,
+        measured: MeasuredFlight,
+        manifest: &Manifest,
+        _: &Desk<'_>,
+    ) -> Result<Studied, Interrupted> {
+        let text = fs::read_to_string(&flight.files[0].path).map_err(|e| Interrupted::Trouble(e.to_string()))?;
         let failed = failed_record(flight, manifest, "cut before the first message".into());
+        let (decision, lateness) = (flight.decision.clone(), Some(measured.lateness));
+        let failed = FlightRecord { decision, lateness, ..failed };
         match text.lines().nth(1).and_then(|l| l.split([',', ' ']).nth(1)) {
-            Some("panic") => panic!("index 7 out of range"),
-            Some("busy") => Err(Interrupted::Trouble("the disk does not answer".into())),
             Some("bad") => Ok(Studied { record: failed, track: None }),
             _ => Ok(Studied {
                 record: FlightRecord { outcome: Outcome::Compensated, ..failed },
@@ -45,6 +65,24 @@ impl Study for Scripted {
             }),
         }
     }
+}
+
+/// A measurement of a position that is late by so much, ± 8 ms.
+fn late(key: &str, lateness_s: f64) -> MeasuredFlight {
+    let mut measured = crate::answer::failed(key, String::new());
+    let channel = serde_json::json!({
+        "channel": "position.gps", "lateness_s": { "value": lateness_s, "standard_uncertainty": 0.008 },
+        "model_uncertainty_s": 0.0078, "interval_95_s": [lateness_s - 0.016, lateness_s + 0.016], "part": 0,
+        "datum": "imu", "relative_to": null, "derived": false, "weak": false, "at_least_s": null,
+        "filter_not_a_delay": null, "earlier_than_datum": false, "against_refused_datum_s": null, "rests_on": null,
+    });
+    let lateness = &mut measured.lateness;
+    lateness.failed = None;
+    (lateness.position, lateness.velocity) = (Some("position.gps".into()), Some("velocity.ekf".into()));
+    lateness.lateness = Some(serde_json::from_value(channel).unwrap());
+    (lateness.datum, lateness.verdict) = (record::NetworkDatum::Imu, Some(record::NetworkVerdict::Consistent));
+    lateness.kind = record::DelayKind::Constant;
+    measured
 }
 
 fn track(text: &str) -> Track {
@@ -66,9 +104,14 @@ struct Ran {
 }
 
 impl Ran {
+    /// Flights whose log was read in any stage, with the reason.
     fn started(&self) -> BTreeMap<String, Vec<Why>> {
+        [Stage::Measure, Stage::Replay].into_iter().flat_map(|stage| self.started_to(stage)).collect()
+    }
+
+    fn started_to(&self, wanted: Stage) -> BTreeMap<String, Vec<Why>> {
         let of = |e: &Event| match e {
-            Event::Started { flight, why, .. } => Some((flight.clone(), why.clone())),
+            Event::Started { flight, stage, why, .. } if *stage == wanted => Some((flight.clone(), why.clone())),
             _ => None,
         };
         self.events.iter().filter_map(of).collect()
@@ -122,17 +165,21 @@ impl Bench {
         let events = Mutex::new(vec![]);
         let sink = |event: &Event| events.lock().unwrap().push(event.clone());
         let cancel = AtomicBool::new(false);
-        let order = Order {
+        let order = self.order(out, verify);
+        let desk = Desk { threads, cancel: &cancel, events: &sink };
+        let stop_at = self.stop_at;
+        let verdict = run_with(&order, &desk, &|_| Ok(Box::new(Scripted { stop_at })));
+        Ran { verdict, events: events.into_inner().unwrap() }
+    }
+
+    fn order(&self, out: &Path, verify: bool) -> Order {
+        Order {
             flights: self.flights(),
             out: out.to_owned(),
             pipeline: Pipeline::parse(&self.pipeline, Path::new("p.toml")).unwrap(),
             verify,
             command: "flightlag campaign flights --out REPORT".into(),
-        };
-        let desk = Desk { threads, cancel: &cancel, events: &sink };
-        let stop_at = self.stop_at;
-        let verdict = run_with(&order, &desk, &|_| Ok(Box::new(Scripted { stop_at })));
-        Ran { verdict, events: events.into_inner().unwrap() }
+        }
     }
 
     /// Every output but what depends on the hour and on this machine.
@@ -215,6 +262,83 @@ fn a_changed_setting_reruns_all_and_says_which_setting() {
     assert!(again.started().values().all(|why| *why == [Why::SettingsChanged { settings: settings.clone() }]));
     bench.pipeline = bench.pipeline.replace("0.35", "0.4");
     assert!(bench.run().started().is_empty(), "the first results are still there");
+}
+
+#[test]
+fn a_changed_number_to_remove_replays_and_measures_nothing() {
+    let mut bench = Bench::five();
+    bench.run();
+    bench.pipeline = bench.pipeline.replace("0.4", "0.35");
+    let again = bench.run();
+    assert_eq!((again.started_to(Stage::Measure).len(), again.started_to(Stage::Replay).len()), (0, 5));
+    bench.pipeline += "[measure]\nsearch_s = [-1.0, 1.0]\n";
+    let again = bench.run();
+    assert_eq!((again.started_to(Stage::Measure).len(), again.started_to(Stage::Replay).len()), (5, 5));
+}
+
+/// A group of flights that tell their lateness.
+fn group() -> Bench {
+    let names = ["a.csv", "b.csv", "c.csv", "d.csv", "e.csv", "f.csv", "g.csv"];
+    let texts = ["late 0.2001", "late 0.2012", "late 0.1998", "late 0.2003", "late 0.1995", "late 0.2006", "late 0.2"];
+    let flights: Vec<(&str, &str)> = names.into_iter().zip(texts).collect();
+    let mut bench = Bench::new(&flights);
+    bench.pipeline = "schema = 1\n".to_owned();
+    bench
+}
+
+#[test]
+fn one_more_flight_of_a_group_replays_that_flight_alone() {
+    let bench = group();
+    assert_eq!(bench.run().started_to(Stage::Replay).len(), 7);
+    let removed = |b: &Bench| {
+        let of = |r: &record::FlightRow| r.decision.as_ref().and_then(|d| d.delay_s);
+        b.record().flights.iter().map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(removed(&bench), [Some(0.2); 7], "the mean of the others, on a grid");
+    bench.log("h.csv", "late 0.2004");
+    let again = bench.run();
+    assert_eq!(again.started_to(Stage::Measure), BTreeMap::from([("h.csv".to_owned(), vec![Why::NewFlight])]));
+    assert_eq!(again.started_to(Stage::Replay), BTreeMap::from([("h.csv".to_owned(), vec![Why::NewFlight])]));
+    assert_eq!(bench.record().groups.iter().map(|g| (g.flights, g.pooled)).collect::<Vec<_>>(), [(8, 8)]);
+}
+
+#[test]
+fn a_group_that_moves_replays_its_flights_and_says_why() {
+    let bench = group();
+    bench.run();
+    for name in ["b.csv", "c.csv", "d.csv", "e.csv", "f.csv", "g.csv"] {
+        bench.log(name, "late 0.25");
+    }
+    let again = bench.run();
+    assert_eq!(again.started_to(Stage::Measure).len(), 6);
+    let why = again.started_to(Stage::Replay).remove("a.csv").unwrap();
+    assert!(matches!(why.as_slice(), [Why::DelayChanged { was, is }] if was != is), "{why:?}");
+}
+
+#[test]
+fn the_stages_take_shards_and_give_the_bytes_of_one_machine() {
+    let bench = group();
+    bench.run();
+    let alone = bench.tree(&bench.out());
+    let out = bench.folder.path().join("cluster");
+    let (store, cancel) = (crate::store::Store::open(&out).unwrap(), AtomicBool::new(false));
+    let sink = |_: &Event| {};
+    let desk = Desk { threads: 1, cancel: &cancel, events: &sink };
+    let order = bench.order(&out, false);
+    let mut stages = vec![];
+    let manifest = loop {
+        let manifest = plan_shards(&order, &desk, 3).unwrap();
+        let Some(stage) = manifest.stage() else { break manifest };
+        stages.push((stage, manifest.shards()));
+        for shard in 0..manifest.shards() {
+            let flights = manifest.of_shard(shard);
+            make(&flights, &manifest, &Scripted { stop_at: None }, &store, &desk).unwrap();
+        }
+        assert_eq!(status(&manifest).unwrap().exit(), Exit::Well, "{stage}");
+    };
+    assert_eq!(stages, [(Stage::Measure, 3), (Stage::Replay, 3)]);
+    crate::reduce::reduce(&manifest, &desk).unwrap();
+    assert_eq!(bench.tree(&out), alone);
 }
 
 #[test]
@@ -352,7 +476,8 @@ fn a_run_that_was_stopped_goes_on_and_ends_with_the_same_bytes() {
     assert!(!bench.out().join("index.html").exists());
     bench.stop_at = None;
     let resumed = bench.run();
-    assert!(resumed.started().len() < 5, "finished flights are not redone: {:?}", resumed.started());
+    let again = resumed.started_to(Stage::Measure);
+    assert!((1..5).contains(&again.len()), "flights that are measured are not measured again: {again:?}");
     assert_eq!(bench.tree(&bench.out()), whole.tree(&whole.out()));
 }
 

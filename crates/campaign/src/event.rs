@@ -1,7 +1,7 @@
 //! What happens while a campaign runs. The engine prints nothing: listeners do.
 
-use crate::manifest::Why;
-use record::{CampaignTotals, VerdictTally};
+use crate::manifest::{Stage, Why};
+use record::{CampaignTotals, DelayKind, EffectVerdict, Estimate, VerdictTally};
 use serde::Serialize;
 
 /// One thing that happened.
@@ -29,8 +29,10 @@ pub enum Event {
         /// Bytes.
         bytes: u64,
     },
-    /// It is known what is left to do.
+    /// It is known what is left to do. A campaign that has to measure tells it twice: once for each stage.
     Planned {
+        /// Stage whose work is to be done; `None` if there is none.
+        stage: Option<Stage>,
         /// Flights in all.
         flights: usize,
         /// Results that are there already.
@@ -49,6 +51,8 @@ pub enum Event {
     Started {
         /// Its flight.
         flight: String,
+        /// What for.
+        stage: Stage,
         /// Why it is read: every reason.
         why: Vec<Why>,
         /// Its size.
@@ -59,16 +63,29 @@ pub enum Event {
         /// Bytes.
         bytes: u64,
     },
+    /// The delays of a flight are measured.
+    DelayMeasured {
+        /// Its name.
+        flight: String,
+        /// What kind of delay it is.
+        kind: DelayKind,
+        /// How late the position is, s, if that is known.
+        lateness_s: Option<Estimate>,
+        /// The same in words.
+        words: String,
+    },
     /// A flight has a result.
     Finished {
         /// Its name.
         flight: String,
-        /// `compensated`, `not-measurable` or `failed`.
+        /// `compensated`, `uncompensated`, `not-measurable` or `failed`.
         outcome: &'static str,
         /// Why it is not compensated.
         reason: Option<String>,
         /// Bytes or messages were lost.
         lossy: bool,
+        /// Whether what was removed helped.
+        effect: Option<EffectVerdict>,
     },
     /// A flight has no lasting result: the next run tries again.
     Troubled {

@@ -18,17 +18,23 @@
 //! assert!(error.to_string().starts_with("mine.toml:5: unknown key `window`"));
 //! ```
 
+mod answer;
 mod bench;
 #[cfg(test)]
 mod card_tests;
 mod cards;
 mod config;
 mod criteria;
+mod decide;
 mod delay;
+mod delay_report;
 #[cfg(test)]
 mod engine_tests;
 mod error;
 mod event;
+mod group;
+mod lever;
+mod line;
 mod lock;
 mod logs;
 mod manifest;
@@ -52,9 +58,12 @@ pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipel
 pub use criteria::{
     Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes, criteria_schema,
 };
+pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report, delay_schema};
 pub use error::{CampaignError, Exit};
 pub use event::{Event, EventSink};
-pub use manifest::{Manifest, Why};
+pub use group::{content_of, duplicates, fingerprint, group_of, receiver_number, shared_content, usual_rate_hz};
+pub use line::{DelayLine, LineAlarm, LineSetting};
+pub use manifest::{Manifest, Stage, Why};
 pub use plan::{Desk, Order};
 pub use reduce::{Verdict, reduce};
 pub use run::{plan_shards, run};
@@ -64,4 +73,4 @@ pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
-pub const ANALYSIS_VERSION: u32 = 14;
+pub const ANALYSIS_VERSION: u32 = 15;

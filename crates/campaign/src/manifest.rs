@@ -1,4 +1,8 @@
-//! What is to be done: every flight with its key, and the shard that makes its result.
+//! What is to be done: every flight with its keys, and the shard that does its work.
+//!
+//! A campaign has two stages. *Measure* finds how late each flight's channels are; *replay* removes a delay that may come
+//! from all flights of a group, and so needs all measurements first. A manifest deals the work of one stage: plan, run its
+//! tasks, plan again, until a plan has no shards left.
 //!
 //! A manifest is written once and changed by nobody. Shard number in, exit code out is all that
 //! an engine (a job array, a loop in a shell) has to know.
@@ -9,13 +13,13 @@ use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::store::{Keep, Store};
 use ingest::{FlightUnit, LogKind};
-use record::{CriteriaUse, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
+use record::{CriteriaUse, Decision, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-const MANIFEST_VERSION: u32 = 3;
+const MANIFEST_VERSION: u32 = 4;
 
 /// Version of this flightlag.
 pub(crate) const FLIGHTLAG_VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -34,6 +38,8 @@ pub struct Manifest {
     /// Output folder, absolute.
     pub(crate) out: PathBuf,
     pub(crate) pipeline: PipelineUse,
+    /// Hash of the settings that a measurement depends on.
+    pub(crate) measure_blake3: String,
     /// What flights are judged by; no part of a result's key.
     pub(crate) criteria: Option<CriteriaUse>,
     /// Sensor cards that delays are taken from; their hashes are part of the pipeline.
@@ -62,14 +68,39 @@ pub(crate) struct Planned {
     pub(crate) files: Vec<PlannedFile>,
     /// Hash of the names and contents of its files; `None` if one cannot be read.
     pub(crate) content: Option<String>,
-    /// Name of its result; `None` as above.
+    /// Name of the measurement of its delays; `None` as above.
+    pub(crate) measure_key: Option<String>,
+    /// What is removed from its position; `None` until every flight is measured.
+    pub(crate) decision: Option<Decision>,
+    /// Name of its result; `None` until it is decided what is removed.
     pub(crate) key: Option<String>,
     /// Why a file cannot be read.
     pub(crate) trouble: Option<String>,
-    /// Why a result has to be made; empty if it is there.
+    /// The stage whose work is to be done; `None` if its result is there, or cannot be made.
+    pub(crate) stage: Option<Stage>,
+    /// Why that work has to be done; empty if there is none.
     pub(crate) why: Vec<Why>,
-    /// Which shard makes it; `None` if it is there, or another flight with the same key makes it.
+    /// Which shard does it; `None` if there is no work, or another flight with the same key has it done.
     pub(crate) shard: Option<u32>,
+}
+
+/// A stage of a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stage {
+    /// How late each channel of a flight is.
+    Measure,
+    /// What compensation does with the delay that is removed.
+    Replay,
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Stage::Measure => "measure",
+            Stage::Replay => "replay",
+        })
+    }
 }
 
 /// A file of a flight.
@@ -112,6 +143,13 @@ pub enum Why {
         /// Version now.
         is: u32,
     },
+    /// Another delay is removed: the measurements of the flight or of its group have changed.
+    DelayChanged {
+        /// Delay and source before.
+        was: String,
+        /// Delay and source now.
+        is: String,
+    },
     /// It was made before, but is not whole any more.
     ResultMissing,
     /// An earlier attempt ended in something that may be over.
@@ -127,6 +165,7 @@ impl fmt::Display for Why {
             Why::MapsChanged => f.write_str("channel maps have changed"),
             Why::AnalysisChanged { was, is } => write!(f, "analysis version was {was}, is {is}"),
             Why::RecordsChanged { was, is } => write!(f, "record version was {was}, is {is}"),
+            Why::DelayChanged { was, is } => write!(f, "the delay to remove was {was}, is {is}"),
             Why::ResultMissing => f.write_str("its result is missing or damaged"),
             Why::EarlierTrouble => f.write_str("the attempt before ran into trouble"),
         }
@@ -134,6 +173,31 @@ impl fmt::Display for Why {
 }
 
 impl Planned {
+    /// A flight of which nothing is known but its name.
+    pub(crate) fn unread(flight: String) -> Planned {
+        Planned {
+            flight,
+            kind: None,
+            files: vec![],
+            content: None,
+            measure_key: None,
+            decision: None,
+            key: None,
+            trouble: None,
+            stage: None,
+            why: vec![],
+            shard: None,
+        }
+    }
+
+    /// Name of what its stage makes.
+    pub(crate) fn work_key(&self) -> Option<&str> {
+        match self.stage? {
+            Stage::Measure => self.measure_key.as_deref(),
+            Stage::Replay => self.key.as_deref(),
+        }
+    }
+
     /// Size of all its files.
     pub(crate) fn bytes(&self) -> u64 {
         self.files.iter().map(|f| f.stamp.bytes).sum()
@@ -164,18 +228,17 @@ impl PlannedFile {
     }
 }
 
-/// What names a result besides the log.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct KeyContext<'a> {
-    pub(crate) pipeline: &'a PipelineUse,
-    pub(crate) maps_blake3: &'a str,
-}
-
-impl KeyContext<'_> {
-    /// Name of the result of a flight with this content.
-    pub(crate) fn key(&self, content: &str) -> String {
+impl Manifest {
+    /// Name of the measurement of a flight with this content.
+    pub(crate) fn measure_key(&self, content: &str) -> String {
         let (analysis, records) = (ANALYSIS_VERSION.to_string(), RECORD_VERSION.to_string());
-        hash_of_parts(&["flightlag result", content, &self.pipeline.blake3, self.maps_blake3, &analysis, &records])
+        hash_of_parts(&["flightlag measure", content, &self.measure_blake3, &self.maps_blake3, &analysis, &records])
+    }
+
+    /// Name of the result of a flight: what was measured, the settings, and what is removed.
+    pub(crate) fn result_key(&self, measure_key: &str, decision: &Decision) -> String {
+        let decided = serde_json::to_string(decision).unwrap_or_default();
+        hash_of_parts(&["flightlag result", measure_key, &self.pipeline.blake3, &decided])
     }
 }
 
@@ -204,7 +267,7 @@ impl Manifest {
         name: String,
         root: PathBuf,
         out: PathBuf,
-        pipeline: PipelineUse,
+        (pipeline, measure_blake3): (PipelineUse, String),
         cards: Vec<CardFile>,
         maps_folder: Option<PathBuf>,
         maps_blake3: String,
@@ -220,6 +283,7 @@ impl Manifest {
             root,
             out,
             pipeline,
+            measure_blake3,
             criteria: None,
             cards,
             maps_folder,
@@ -254,7 +318,7 @@ impl Manifest {
         self.flights.len()
     }
 
-    /// How many results have to be made.
+    /// How many flights have work to be done.
     #[must_use]
     pub fn stale_count(&self) -> usize {
         self.flights.iter().filter(|f| f.shard.is_some()).count()
@@ -265,13 +329,14 @@ impl Manifest {
         largest_first(self.flights.iter().filter(|f| f.shard == Some(shard)))
     }
 
-    /// Every flight that makes a result, largest first: the last to finish is then a small one.
-    pub(crate) fn stale(&self) -> Vec<&Planned> {
-        largest_first(self.flights.iter().filter(|f| f.shard.is_some()))
+    /// Every flight with work of a stage, largest first: the last to finish is then a small one.
+    pub(crate) fn stale(&self, stage: Stage) -> Vec<&Planned> {
+        largest_first(self.flights.iter().filter(|f| f.shard.is_some() && f.stage == Some(stage)))
     }
 
     /// Gives every result that is to be made to one of at most `max_shards` shards of like size.
     pub(crate) fn deal(&mut self, max_shards: u32) {
+        self.flights.iter_mut().for_each(|flight| flight.shard = None);
         let first_of_key = self.first_of_each_key();
         let mut order: Vec<usize> = first_of_key.into_values().collect();
         let (flights, count) = (&mut self.flights, order.len());
@@ -289,12 +354,18 @@ impl Manifest {
         self.shards = shards;
     }
 
-    /// Stale flights by key: flights with the same content share a result, and it is made once.
+    /// The stage whose work is dealt; `None` if nothing is left to do.
+    #[must_use]
+    pub fn stage(&self) -> Option<Stage> {
+        self.flights.iter().filter_map(|f| f.stage).min()
+    }
+
+    /// Flights with work by key: flights with the same content share a result, and it is made once.
     fn first_of_each_key(&self) -> BTreeMap<&str, usize> {
         let mut first = BTreeMap::new();
-        for (i, flight) in self.flights.iter().enumerate().filter(|(_, f)| !f.why.is_empty()) {
-            if let Some(key) = &flight.key {
-                first.entry(key.as_str()).or_insert(i);
+        for (i, flight) in self.flights.iter().enumerate() {
+            if let Some(key) = flight.work_key() {
+                first.entry(key).or_insert(i);
             }
         }
         first
@@ -349,8 +420,11 @@ pub(crate) mod tests {
             kind: Some(LogKind::Csv),
             files: vec![PlannedFile { path, stamp, blake3: key.to_owned() }],
             content: Some(key.to_owned()),
-            key: Some(key.to_owned()),
+            measure_key: Some(key.to_owned()),
+            decision: None,
+            key: None,
             trouble: None,
+            stage: Some(Stage::Measure),
             why: vec![Why::NewFlight],
             shard: None,
         }
@@ -358,8 +432,17 @@ pub(crate) mod tests {
 
     fn manifest(flights: Vec<Planned>) -> Manifest {
         let pipeline = PipelineUse { title: "t".into(), blake3: "p".into(), toml: String::new() };
-        let mut manifest =
-            Manifest::new("n".into(), "/r".into(), "/o".into(), pipeline, vec![], None, "m".into(), "c".into(), vec![]);
+        let mut manifest = Manifest::new(
+            "n".into(),
+            "/r".into(),
+            "/o".into(),
+            (pipeline, "m".into()),
+            vec![],
+            None,
+            "m".into(),
+            "c".into(),
+            vec![],
+        );
         manifest.flights = flights;
         manifest
     }
@@ -371,7 +454,7 @@ pub(crate) mod tests {
         let mut flights: Vec<Planned> =
             sizes.iter().map(|&n| planned(&format!("f{n}"), &format!("k{n}"), n, folder.path())).collect();
         flights.push(planned("twin", "k900", 900, folder.path()));
-        flights.push(Planned { why: vec![], ..planned("done", "kd", 9, folder.path()) });
+        flights.push(Planned { why: vec![], stage: None, ..planned("done", "kd", 9, folder.path()) });
         let mut manifest = manifest(flights);
         manifest.deal(2);
         let loads: Vec<u64> = (0..2).map(|s| manifest.of_shard(s).iter().map(|f| f.bytes()).sum()).collect();

@@ -2,19 +2,20 @@
 
 use crate::config::Pipeline;
 use crate::criteria::Criteria;
+use crate::decide::decide;
 use crate::error::CampaignError;
 use crate::event::{Event, EventSink};
 use crate::logs::{self, Library};
 
 use crate::lock::LOCK;
-use crate::manifest::{KeyContext, Manifest, Planned, PlannedFile, content_hash};
+use crate::manifest::{Manifest, Planned, PlannedFile, Stage, content_hash};
 use crate::memory::{FileStamp, Memory, hash_file};
 use crate::results;
-use crate::state::{State, stand};
+use crate::state::State;
 use crate::store::{Store, is_temporary};
 use crate::work::Workers;
 use ingest::FlightUnit;
-use record::IgnoredInput;
+use record::{Decision, FlightLateness, IgnoredInput};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -70,7 +71,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
         root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         root.clone(),
         out,
-        order.pipeline.as_used(),
+        (order.pipeline.as_used(), order.pipeline.measure_blake3()),
         order.pipeline.card_files(),
         order.pipeline.maps_folder().map(absolute).transpose()?,
         library.blake3().to_owned(),
@@ -90,7 +91,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     manifest.flights = found.units.into_iter().map(|unit| contents.planned(unit)).collect();
     manifest.flights.extend(found.unreadable.into_iter().map(unreadable));
     manifest.flights.sort_by(|a, b| a.flight.cmp(&b.flight));
-    judge(&mut manifest, store, state);
+    judge(&mut manifest, &order.pipeline, store, state, Retry::Troubled)?;
     Ok(manifest)
 }
 
@@ -115,19 +116,71 @@ fn no_logs(ignored: &[IgnoredInput]) -> String {
     }
 }
 
-/// Gives every flight its key, and every flight without a result the reasons why.
-fn judge(manifest: &mut Manifest, store: &Store, state: &State) {
-    let context = KeyContext { pipeline: &manifest.pipeline.clone(), maps_blake3: &manifest.maps_blake3.clone() };
-    let mut flights = std::mem::take(&mut manifest.flights);
-    for flight in &mut flights {
-        flight.key = flight.content.as_deref().map(|content| context.key(content));
-        let Some(key) = &flight.key else { continue };
-        let whole = results::is_there(store, key) && state.results.get(key).is_none_or(|files| stand(store, files));
-        if !whole {
-            flight.why = state.why(flight, manifest, results::had_trouble(store, key));
+/// What becomes of flights whose last attempt ended in trouble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Retry {
+    /// They are tried again.
+    Troubled,
+    /// They were tried a moment ago.
+    Nobody,
+}
+
+/// Finds the work that is left: measurements first; once every flight is measured that can be, what is removed and replayed.
+pub(crate) fn judge(
+    manifest: &mut Manifest,
+    pipeline: &Pipeline,
+    store: &Store,
+    state: &State,
+    retry: Retry,
+) -> Result<(), CampaignError> {
+    let mut lateness: Vec<Option<FlightLateness>> = vec![];
+    let mut untried = false;
+    for i in 0..manifest.flights.len() {
+        let key = manifest.flights[i].content.as_deref().map(|content| manifest.measure_key(content));
+        let found = match &key {
+            Some(key) if state.stands(store, key) => results::read_lateness(store, key)?,
+            _ => None,
+        };
+        let why = match (&key, &found) {
+            (Some(key), None) => {
+                let had_trouble = results::had_trouble(store, key);
+                untried |= !had_trouble;
+                let again = !had_trouble || retry == Retry::Troubled;
+                let flight = Planned { measure_key: Some(key.clone()), ..manifest.flights[i].clone() };
+                if again { state.why(&flight, manifest, Stage::Measure, had_trouble) } else { vec![] }
+            }
+            _ => vec![],
+        };
+        let flight = &mut manifest.flights[i];
+        (flight.decision, flight.key, flight.shard) = (None, None, None);
+        flight.stage = (!why.is_empty()).then_some(Stage::Measure);
+        (flight.measure_key, flight.why) = (key, why);
+        lateness.push(found);
+    }
+    if !untried {
+        let decided = decide(&manifest.flights, &lateness, pipeline);
+        for (i, decision) in decided.into_iter().enumerate() {
+            judge_replay(manifest, i, decision, store, state);
         }
     }
-    manifest.flights = flights;
+    Ok(())
+}
+
+/// Gives a flight the key of its result, and the reasons why it has to be made if it is not there.
+fn judge_replay(manifest: &mut Manifest, i: usize, decision: Option<Decision>, store: &Store, state: &State) {
+    let measured = manifest.flights[i].measure_key.clone().filter(|_| manifest.flights[i].stage.is_none());
+    let (Some(decision), Some(measured)) = (decision, measured) else { return };
+    let key = manifest.result_key(&measured, &decision);
+    let whole = results::is_there(store, &key) && state.stands(store, &key);
+    let had_trouble = results::had_trouble(store, &key);
+    let flight = &mut manifest.flights[i];
+    (flight.key, flight.decision) = (Some(key), Some(decision));
+    if !whole {
+        let flight = flight.clone();
+        let why = state.why(&flight, manifest, Stage::Replay, had_trouble);
+        let flight = &mut manifest.flights[i];
+        (flight.stage, flight.why) = (Some(Stage::Replay), why);
+    }
 }
 
 /// The absolute path without links that a folder has, or will have once it is made.
@@ -188,8 +241,7 @@ fn absolute(path: &Path) -> Result<PathBuf, CampaignError> {
 /// What could not be looked at is a flight that failed, until somebody can look at it.
 fn unreadable(input: IgnoredInput) -> Planned {
     let trouble = Some(format!("{}: {}", input.path, input.reason));
-    let (content, key, why) = (None, None, vec![]);
-    Planned { flight: input.path, kind: None, files: vec![], content, key, trouble, why, shard: None }
+    Planned { trouble, ..Planned::unread(input.path) }
 }
 
 /// The path below the folder of flights; the file's name if that folder is a file itself.
@@ -291,7 +343,7 @@ impl Contents {
         };
         let files: Vec<PlannedFile> = looked.iter().filter_map(file).collect();
         let content = (trouble.is_none() && files.len() == unit.files.len()).then(|| content_hash(&files));
-        Planned { flight: unit.id, kind: Some(unit.kind), files, content, key: None, trouble, why: vec![], shard: None }
+        Planned { kind: Some(unit.kind), files, content, trouble, ..Planned::unread(unit.id) }
     }
 }
 

@@ -1,10 +1,14 @@
 //! All results become one table, one record, and pages. Safe to run again at any time: a page or
 //! a row that was made from the same things stands.
 
+use crate::config::Pipeline;
 use crate::criteria::{Criteria, row_verdicts};
+use crate::decide;
 use crate::delay::{campaign_delay, instant};
+use crate::delay_report::GroupLine;
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
+use crate::line::DelayLine;
 use crate::lock::OutputLock;
 use crate::manifest::{Manifest, Planned, hash_of_parts};
 use crate::plan::Desk;
@@ -19,8 +23,8 @@ use crate::task::caught;
 use crate::work::Workers;
 use flight::{Notice, Severity, Stamp};
 use record::{
-    CampaignCriteria, CampaignRecord, CampaignTotals, CompensatorResult, CriterionVerdict, DelaySource, Estimate,
-    FlightRecord, FlightRow, Outcome,
+    CampaignCriteria, CampaignRecord, CampaignTotals, CompensatorResult, CriterionVerdict, DelaySource, EffectVerdict,
+    Estimate, FlightRecord, FlightRow, Gravity, Outcome,
 };
 use report::{FlightPage, REPORT_VERSION, Site};
 use std::collections::{BTreeMap, BTreeSet};
@@ -37,6 +41,10 @@ pub struct Verdict {
     pub criteria: Option<CampaignCriteria>,
     /// Flights without a lasting result; they are among the failed ones.
     pub troubled: u64,
+    /// How late the position is, by group of flights.
+    pub groups: Vec<GroupLine>,
+    /// One line for each flight.
+    pub lines: Vec<DelayLine>,
     /// The page to open.
     pub page: PathBuf,
     /// Whether everything stood already.
@@ -44,13 +52,14 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// 4 if a flight fails a criterion, else 3 if some failed or lost data, else 0.
+    /// 4 if a flight fails a criterion or was harmed, else 3 if some failed, lost data or have a delay that changes, else 0.
     #[must_use]
     pub fn exit(&self) -> Exit {
-        if self.criteria.as_ref().is_some_and(|c| c.flights.fail > 0) {
+        if self.totals.harmed > 0 || self.criteria.as_ref().is_some_and(|c| c.flights.fail > 0) {
             return Exit::CriterionFailed;
         }
-        let whole = self.totals.failed == 0 && self.totals.lossy == 0 && self.troubled == 0;
+        let CampaignTotals { failed, lossy, varying, .. } = self.totals;
+        let whole = failed == 0 && lossy == 0 && varying == 0 && self.troubled == 0;
         if whole { Exit::Well } else { Exit::Incomplete }
     }
 }
@@ -89,15 +98,18 @@ pub(crate) fn reduce_locked(
 ) -> Result<Reduction, CampaignError> {
     let lines = lines(manifest, store);
     let made_from = whole_hash(manifest, &lines);
-    if let Some(whole) = state.whole.as_ref().filter(|w| w.made_from == made_from && everything_stands(store, state, w))
-    {
+    let old = old_record(store, state);
+    let stands = |w: &&WholeState| w.made_from == made_from && everything_stands(store, state, w);
+    if let (Some(whole), Some(old)) = (state.whole.as_ref().filter(stands), &old) {
         desk.tell(Event::NothingChanged);
-        let verdict = verdict(store, whole, true);
+        let verdict = verdict(store, whole, old, true);
         desk.tell(done(&verdict));
         return Ok(Reduction::Finished(Box::new(verdict)));
     }
     let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
-    let reducer = Reducer { manifest, criteria, desk, store, rows: old_rows(store, state) };
+    let rows = old.into_iter().flat_map(|r| r.flights).map(|row| (row.flight.clone(), row)).collect();
+    let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
+    let reducer = Reducer { manifest, pipeline, criteria, desk, store, rows };
     reducer.reduce(&lines, made_from, state)
 }
 
@@ -133,7 +145,8 @@ fn source_of(planned: &Planned, manifest: &Manifest, store: &Store) -> Source {
     if let Some(key) = planned.key.as_ref().filter(|key| results::is_there(store, key)) {
         return Source::Result(key.clone());
     }
-    let attempt = planned.key.as_ref().and_then(|key| results::read_trouble(store, key));
+    let keys = [&planned.key, &planned.measure_key];
+    let attempt = keys.into_iter().flatten().find_map(|key| results::read_trouble(store, key));
     let unread = || planned.trouble.clone().unwrap_or_else(|| "no result has been made yet".to_owned());
     Source::Without(Box::new(attempt.unwrap_or_else(|| failed_record(planned, manifest, unread()))))
 }
@@ -163,19 +176,19 @@ fn everything_stands(store: &Store, state: &State, whole: &WholeState) -> bool {
         && state.results.values().all(|files| stand(store, files))
 }
 
-/// Rows of the campaign's record, by flight, if that record is the one we wrote.
-fn old_rows(store: &Store, state: &State) -> BTreeMap<String, FlightRow> {
-    let Some(whole) = &state.whole else { return BTreeMap::new() };
-    let bytes = store.read(RECORD).ok().flatten().unwrap_or_default();
+/// The campaign's record, if it is the one we wrote.
+fn old_record(store: &Store, state: &State) -> Option<CampaignRecord> {
+    let whole = state.whole.as_ref()?;
+    let bytes = store.read(RECORD).ok().flatten()?;
     if blake3::hash(&bytes).to_hex().as_str() != whole.record_blake3 {
-        return BTreeMap::new();
+        return None;
     }
-    let record = serde_json::from_slice::<CampaignRecord>(&bytes).ok();
-    record.into_iter().flat_map(|r| r.flights).map(|row| (row.flight.clone(), row)).collect()
+    serde_json::from_slice::<CampaignRecord>(&bytes).ok()
 }
 
 struct Reducer<'a> {
     manifest: &'a Manifest,
+    pipeline: Pipeline,
     criteria: Option<Criteria>,
     desk: &'a Desk<'a>,
     store: &'a Store,
@@ -245,6 +258,13 @@ impl Reducer<'_> {
 
     fn result_files(&self, line: &Line<'_>, state: &State) -> Option<(String, Sizes)> {
         let Source::Result(key) = &line.source else { return None };
+        let files = state.results.get(key).cloned().unwrap_or_else(|| results::sizes(self.store, key));
+        Some((key.clone(), files))
+    }
+
+    /// Files of the measurement of a line.
+    fn measured_files(&self, line: &Line<'_>, state: &State) -> Option<(String, Sizes)> {
+        let key = line.planned.measure_key.as_ref().filter(|key| results::is_measured(self.store, key))?;
         let files = state.results.get(key).cloned().unwrap_or_else(|| results::sizes(self.store, key));
         Some((key.clone(), files))
     }
@@ -321,7 +341,8 @@ impl Reducer<'_> {
         state: &mut State,
     ) -> Result<Reduction, CampaignError> {
         let mut rows = vec![];
-        state.results.clear();
+        let measured: Vec<_> = lines.iter().filter_map(|line| self.measured_files(line, state)).collect();
+        state.results = measured.into_iter().collect();
         state.pages.clear();
         for (line, done) in lines.iter().zip(reduced) {
             rows.push(done.row);
@@ -333,7 +354,7 @@ impl Reducer<'_> {
         let (files, record_blake3) = self.write_whole(&record)?;
         let (totals, criteria) = (record.totals.clone(), record.criteria.clone());
         let whole = WholeState { made_from, files, record_blake3, totals, criteria, troubled };
-        let verdict = verdict(self.store, &whole, false);
+        let verdict = verdict(self.store, &whole, &record, false);
         state.whole = Some(whole);
         state.learn(self.manifest);
         state.save(self.store)?;
@@ -378,8 +399,16 @@ impl Reducer<'_> {
         Ok((files, blake3::hash(&text).to_hex().to_string()))
     }
 
-    fn campaign_record(&self, flights: Vec<FlightRow>) -> CampaignRecord {
+    fn campaign_record(&self, mut flights: Vec<FlightRow>) -> CampaignRecord {
+        let decided = decide::of_rows(&flights, &self.pipeline);
+        let groups = decided.groups;
+        let duplicate_of: BTreeMap<String, String> =
+            decided.duplicate_of.into_iter().map(|(copy, of)| (copy.to_owned(), of.to_owned())).collect();
+        for row in &mut flights {
+            row.duplicate_of = duplicate_of.get(&row.flight).cloned();
+        }
         CampaignRecord {
+            groups,
             record_version: self.manifest.record_version,
             analysis_version: self.manifest.analysis_version,
             flightlag_version: self.manifest.flightlag_version.clone(),
@@ -409,9 +438,11 @@ fn is_ours(name: &str) -> bool {
     }
 }
 
-fn verdict(store: &Store, whole: &WholeState, nothing_changed: bool) -> Verdict {
+fn verdict(store: &Store, whole: &WholeState, record: &CampaignRecord, nothing_changed: bool) -> Verdict {
     let WholeState { totals, criteria, troubled, .. } = whole.clone();
-    Verdict { totals, criteria, troubled, page: store.root().join("index.html"), nothing_changed }
+    let (groups, lines) =
+        (record.groups.iter().map(GroupLine::of).collect(), record.flights.iter().map(DelayLine::of_row).collect());
+    Verdict { totals, criteria, troubled, groups, lines, page: store.root().join("index.html"), nothing_changed }
 }
 
 fn done(verdict: &Verdict) -> Event {
@@ -455,6 +486,10 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         exact_error_rms_m: error("exact-async").and_then(known),
         valid_share: replay.and_then(valid_share),
         criteria: record.criteria.as_ref().map(row_verdicts),
+        lateness: record.lateness.clone(),
+        decision: record.decision.clone(),
+        effect: record.effect.clone(),
+        duplicate_of: None,
         attention: attention(record),
         warnings: count(Severity::Warning),
         losses: count(Severity::Loss),
@@ -502,8 +537,13 @@ const FEW_VALID: f64 = 0.95;
 /// Why somebody should look at this flight.
 fn attention(record: &FlightRecord) -> Vec<String> {
     let told = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
-    let mut reasons: Vec<String> =
+    let harmed = record.effect.as_ref().filter(|e| e.verdict == EffectVerdict::Harmed);
+    let alarms = record.lateness.iter().flat_map(|l| &l.alarms).filter(|a| a.gravity != Gravity::Grey);
+    let mut reasons: Vec<String> = harmed.map(|e| e.words.clone()).into_iter().collect();
+    reasons.extend(alarms.map(|a| a.text.clone()));
+    let grave: Vec<String> =
         record.notices.iter().filter(|n| GRAVE.contains(&n.code.as_str())).map(|n| n.text.clone()).collect();
+    reasons.extend(grave);
     let findings = record.criteria.iter().flat_map(|c| &c.findings);
     reasons.extend(findings.filter(|f| f.verdict == CriterionVerdict::Fail).map(report::criterion_sentence));
     if let Some(damage) = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0) {
@@ -535,9 +575,14 @@ fn rate(record: &FlightRecord, channel: Option<&str>) -> Option<f64> {
 
 fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
     let count = |of: &dyn Fn(&&FlightRow) -> bool| rows.iter().filter(of).count() as u64;
+    let effect = |row: &FlightRow| row.effect.as_ref().map(|e| e.verdict);
     CampaignTotals {
         flights: rows.len() as u64,
         compensated: count(&|r| r.outcome == Outcome::Compensated),
+        uncompensated: count(&|r| matches!(r.outcome, Outcome::Uncompensated { .. })),
+        harmed: count(&|r| effect(r) == Some(EffectVerdict::Harmed)),
+        helped: count(&|r| effect(r) == Some(EffectVerdict::Helped)),
+        varying: count(&|r| r.lateness.as_ref().is_some_and(|l| l.kind.varies())),
         not_measurable: count(&|r| matches!(r.outcome, Outcome::NotMeasurable { .. })),
         failed: count(&|r| matches!(r.outcome, Outcome::Failed { .. })),
         lossy: count(&|r| r.lossy),

@@ -3,8 +3,8 @@
 use crate::error::CampaignError;
 use crate::event::Event;
 use crate::lock::OutputLock;
-use crate::manifest::{FLIGHTLAG_VERSION, Manifest};
-use crate::plan::{Desk, Order, check_output, plan};
+use crate::manifest::{FLIGHTLAG_VERSION, Manifest, Stage};
+use crate::plan::{Desk, Order, Retry, check_output, judge, plan};
 use crate::reduce::{Reduction, Verdict, reduce_locked};
 use crate::state::State;
 use crate::store::{Keep, Store, host_name};
@@ -49,7 +49,7 @@ pub(crate) fn run_with(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> 
     }
 }
 
-/// Plan, make, reduce, once.
+/// Plan, measure, decide, replay, reduce, once.
 fn round(
     order: &Order,
     desk: &Desk<'_>,
@@ -57,15 +57,27 @@ fn round(
     state: &mut State,
     prepare: Prepare<'_>,
 ) -> Result<(TaskReport, Reduction), CampaignError> {
-    let manifest = planned(order, desk, store, state, 1)?;
-    let report = match manifest.stale_count() {
-        0 => TaskReport::default(),
-        _ => make(&manifest.stale(), &manifest, prepare(&manifest)?.as_ref(), store, desk)?,
-    };
+    let mut manifest = planned(order, desk, store, state, 1)?;
+    let mut report = TaskReport::default();
+    if manifest.stale_count() > 0 {
+        let study = prepare(&manifest)?;
+        let to_measure = manifest.stale(Stage::Measure);
+        if !to_measure.is_empty() {
+            report.add(make(&to_measure, &manifest, study.as_ref(), store, desk)?);
+            judge(&mut manifest, &order.pipeline, store, state, Retry::Nobody)?;
+            manifest.deal(1);
+            tell_plan(&manifest, desk);
+        }
+        let to_replay = manifest.stale(Stage::Replay);
+        if !to_replay.is_empty() {
+            report.add(make(&to_replay, &manifest, study.as_ref(), store, desk)?);
+        }
+    }
     Ok((report, reduce_locked(&manifest, desk, store, state)?))
 }
 
-/// Plans a campaign for a cluster: at most `max_shards` shards of like size.
+/// Plans a campaign for a cluster: at most `max_shards` shards of like size, all of one stage. Plan again when their tasks
+/// are done, until a plan has no shards.
 ///
 /// # Errors
 /// See [`CampaignError`].
@@ -96,16 +108,22 @@ fn planned(
 ) -> Result<Manifest, CampaignError> {
     let mut manifest = plan(order, desk, store, state)?;
     manifest.deal(max_shards);
-    for flight in manifest.flights.iter().filter(|f| f.why.is_empty() && f.key.is_some()) {
+    for flight in manifest.flights.iter().filter(|f| f.stage.is_none() && f.key.is_some()) {
         desk.tell(Event::Reused { flight: flight.flight.clone() });
     }
-    desk.tell(Event::Planned {
-        flights: manifest.flights.len(),
-        reused: manifest.flights.iter().filter(|f| f.why.is_empty() && f.key.is_some()).count(),
-        to_run: manifest.stale_count(),
-        bytes: manifest.stale().iter().map(|f| f.bytes()).sum(),
-    });
+    tell_plan(&manifest, desk);
     Ok(manifest)
+}
+
+fn tell_plan(manifest: &Manifest, desk: &Desk<'_>) {
+    let work = manifest.flights.iter().filter(|f| f.shard.is_some());
+    desk.tell(Event::Planned {
+        stage: manifest.stage(),
+        flights: manifest.flights.len(),
+        reused: manifest.flights.iter().filter(|f| f.stage.is_none() && f.key.is_some()).count(),
+        to_run: manifest.stale_count(),
+        bytes: work.map(|f| f.bytes()).sum(),
+    });
 }
 
 /// The only output that knows the time of day, the host, and how long it took.

@@ -4,14 +4,14 @@
 //! replaced, the claim that it stands is withdrawn.
 
 use crate::error::CampaignError;
-use crate::manifest::{Manifest, Planned, Why};
+use crate::manifest::{Manifest, Planned, Stage, Why};
 use crate::store::{Keep, Store};
-use record::{CampaignCriteria, CampaignTotals};
+use record::{CampaignCriteria, CampaignTotals, Decision};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 const STATE: &str = ".flightlag/state.json";
-const STATE_VERSION: u32 = 1;
+const STATE_VERSION: u32 = 2;
 
 /// Sizes of files by name below the output folder.
 pub(crate) type Sizes = BTreeMap<String, u64>;
@@ -37,6 +37,8 @@ pub(crate) struct State {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct KnownFlight {
     content: Option<String>,
+    measure_key: Option<String>,
+    decision: Option<Decision>,
     key: Option<String>,
 }
 
@@ -88,24 +90,43 @@ impl State {
         self.maps_blake3.clone_from(&manifest.maps_blake3);
         self.analysis_version = manifest.analysis_version;
         self.record_version = manifest.record_version;
-        let known = |f: &Planned| KnownFlight { content: f.content.clone(), key: f.key.clone() };
+        let known = |f: &Planned| KnownFlight {
+            content: f.content.clone(),
+            measure_key: f.measure_key.clone(),
+            decision: f.decision.clone(),
+            key: f.key.clone(),
+        };
         self.flights = manifest.flights.iter().map(|f| (f.flight.clone(), known(f))).collect();
     }
 
-    /// Why the result of `flight` has to be made, given that it is not there.
-    pub(crate) fn why(&self, flight: &Planned, manifest: &Manifest, had_trouble: bool) -> Vec<Why> {
-        let Some(known) = self.flights.get(&flight.flight) else {
-            return vec![if had_trouble { Why::EarlierTrouble } else { Why::NewFlight }];
+    /// Why the work of a stage has to be done for `flight`, given that its result is not there.
+    pub(crate) fn why(&self, flight: &Planned, manifest: &Manifest, stage: Stage, had_trouble: bool) -> Vec<Why> {
+        if had_trouble {
+            return vec![Why::EarlierTrouble];
+        }
+        let Some(known) = self.flights.get(&flight.flight) else { return vec![Why::NewFlight] };
+        let same = match stage {
+            Stage::Measure => known.measure_key == flight.measure_key,
+            Stage::Replay => known.key == flight.key,
         };
-        if known.key == flight.key || had_trouble {
-            return vec![if had_trouble { Why::EarlierTrouble } else { Why::ResultMissing }];
+        if same {
+            return vec![Why::ResultMissing];
         }
         let mut why = vec![];
         if known.content != flight.content {
             why.push(Why::LogChanged);
         }
         why.extend(self.what_changed(manifest));
+        if why.is_empty() && stage == Stage::Replay && known.decision != flight.decision {
+            let [was, is] = [&known.decision, &flight.decision].map(|d| told(d.as_ref()));
+            why.push(Why::DelayChanged { was, is });
+        }
         if why.is_empty() { vec![Why::ResultMissing] } else { why }
+    }
+
+    /// Whether the files of a result are as they were left, as far as is known.
+    pub(crate) fn stands(&self, store: &Store, key: &str) -> bool {
+        self.results.get(key).is_none_or(|files| stand(store, files))
     }
 
     fn what_changed(&self, now: &Manifest) -> Vec<Why> {
@@ -130,4 +151,12 @@ impl State {
 /// Whether all files are there with the sizes they had.
 pub(crate) fn stand(store: &Store, files: &Sizes) -> bool {
     files.iter().all(|(name, bytes)| store.size(name) == Some(*bytes))
+}
+
+/// A decision in a few words.
+fn told(decision: Option<&Decision>) -> String {
+    match decision.and_then(|d| Some((d.delay_s?, d.used?))) {
+        Some((delay_s, used)) => format!("{:.1} ms ({})", 1e3 * delay_s, used.name()),
+        None => "none".to_owned(),
+    }
 }

@@ -1,7 +1,7 @@
 //! How far a planned campaign is, from the results alone.
 
 use crate::error::{CampaignError, Exit};
-use crate::manifest::Manifest;
+use crate::manifest::{Manifest, Stage};
 use crate::results;
 use crate::store::Store;
 use serde::Serialize;
@@ -9,9 +9,11 @@ use serde::Serialize;
 /// Counts of a manifest's flights, and the names of those without a result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Status {
+    /// Stage that the manifest deals; `None` if it has no work.
+    pub stage: Option<Stage>,
     /// All flights of the manifest.
     pub flights: usize,
-    /// With a result.
+    /// With the result of that stage.
     pub done: usize,
     /// Without one, because of trouble at the last attempt or a file that cannot be read.
     pub troubled: Vec<Trouble>,
@@ -36,19 +38,24 @@ impl Status {
     }
 }
 
-/// Looks which flights of a manifest have a result.
+/// Looks which flights of a manifest have the result of its stage.
 ///
 /// # Errors
 /// The output folder cannot be opened.
 pub fn status(manifest: &Manifest) -> Result<Status, CampaignError> {
     let store = Store::open(manifest.out())?;
-    let mut status = Status { flights: manifest.flights.len(), done: 0, troubled: vec![], missing: vec![] };
+    let mut status =
+        Status { stage: manifest.stage(), flights: manifest.flights.len(), done: 0, troubled: vec![], missing: vec![] };
     for planned in &manifest.flights {
         let key = planned.key.as_deref().unwrap_or_default();
-        let attempt = || results::read_trouble(&store, key);
+        let is_done = match planned.stage {
+            Some(Stage::Measure) => planned.measure_key.as_deref().is_some_and(|key| results::is_measured(&store, key)),
+            _ => planned.key.is_some() && results::is_there(&store, key),
+        };
+        let attempt = || results::read_trouble(&store, planned.work_key().unwrap_or(key));
         let reason = || attempt().and_then(|r| crate::table::outcome_reason(&r.outcome).map(str::to_owned));
         let flight = planned.flight.clone();
-        if planned.key.is_some() && results::is_there(&store, key) {
+        if is_done {
             status.done += 1;
         } else if let Some(reason) = planned.trouble.clone().or_else(reason) {
             status.troubled.push(Trouble { flight, reason });

@@ -1,5 +1,6 @@
-//! One flight: log in, record and track out.
+//! One flight: log in; what it says of delays, then record and track out.
 
+use crate::answer;
 use crate::config::{FlightCase, Pipeline};
 use crate::delay::measured_pair;
 use crate::error::CampaignError;
@@ -7,10 +8,10 @@ use crate::event::Event;
 use crate::logs::Library;
 use crate::manifest::{Manifest, Planned};
 use crate::plan::Desk;
-use compensation_replay::{FlightDelaySettings, Replay, Sweeper, Track, measure_delays, replay};
-use flight::{Binding, Flight, LogHealth, Notices};
-use ingest::{IngestError, Limits, ReadContext};
-use record::{FlightRecord, Outcome};
+use compensation_replay::{Replay, Sweeper, Track, TruthEffect, effect, replay};
+use flight::{Flight, Notices};
+use ingest::{IngestError, Limits, Loaded, ReadContext};
+use record::{Decision, Effect, FlightLateness, FlightRecord, MeasuredFlight, Outcome};
 
 /// What was found in a flight, for good: the same log and settings always give it.
 #[derive(Debug)]
@@ -28,9 +29,19 @@ pub(crate) enum Interrupted {
     Trouble(String),
 }
 
-/// Makes the record of one flight. There is one real study; tests put others in its place.
+/// Makes the results of one flight. There is one real study; tests put others in its place.
 pub(crate) trait Study: Sync {
-    fn study(&self, flight: &Planned, manifest: &Manifest, desk: &Desk<'_>) -> Result<Studied, Interrupted>;
+    /// What the flight says of its delays.
+    fn measure(&self, flight: &Planned, manifest: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted>;
+
+    /// Its record with the delay removed that the plan decided on.
+    fn study(
+        &self,
+        flight: &Planned,
+        measured: MeasuredFlight,
+        manifest: &Manifest,
+        desk: &Desk<'_>,
+    ) -> Result<Studied, Interrupted>;
 }
 
 /// Reads the log and replays the compensators.
@@ -50,13 +61,31 @@ impl Replaying {
         Ok(Replaying { library, pipeline })
     }
 
-    fn replayed(&self, flight: Flight, health: LogHealth, binding: Binding, draft: FlightRecord) -> Studied {
-        let mut notices = flight.notices.clone();
-        let (delays, of_delays) = measure_delays(&flight, &FlightDelaySettings::default());
-        notices.extend(of_delays);
-        let done = self.compensated(&FlightCase { flight: &flight, binding: &binding, delays: &delays }, &mut notices);
-        let mut draft =
-            FlightRecord { log: Some(health), binding: Some(binding), delays: Some(delays), notices, ..draft };
+    fn load(&self, planned: &Planned, desk: &Desk<'_>) -> Result<Result<Loaded, String>, Interrupted> {
+        let on_bytes = |bytes| desk.tell(Event::Read { bytes });
+        let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
+        let trouble = || Interrupted::Trouble("its format is not known".to_owned());
+        let unit = planned.unit().ok_or_else(trouble)?;
+        match self.library.load(&unit, self.pipeline.forced_map(), &context) {
+            Ok(loaded) => Ok(Ok(loaded)),
+            Err(IngestError::Cancelled) => Err(Interrupted::Cancelled),
+            Err(e @ (IngestError::Io { .. } | IngestError::Changed { .. })) => Err(Interrupted::Trouble(e.to_string())),
+            Err(e) => Ok(Err(e.to_string())),
+        }
+    }
+
+    fn replayed(&self, flight: &Flight, case: &FlightCase<'_>, draft: FlightRecord) -> Studied {
+        let mut draft = draft;
+        let lateness = case.lateness;
+        if let Some(reason) = &lateness.failed {
+            return Studied {
+                record: FlightRecord { outcome: Outcome::Failed { reason: reason.clone() }, ..draft },
+                track: None,
+            };
+        }
+        let done = self.compensated(case, &mut draft.notices);
+        let removed_s = done.as_ref().ok().map(|done| done.record.settings.delay.seconds());
+        draft.effect = self.effect(flight, lateness, case.decision, removed_s);
         match done {
             Ok(done) => {
                 draft.notices.extend_unsaid(done.notices);
@@ -64,13 +93,29 @@ impl Replaying {
                 Studied { record, track: Some(done.track) }
             }
             Err(reason) => {
-                let outcome = Outcome::NotMeasurable { reason };
+                let outcome = match lateness.lateness {
+                    Some(_) => Outcome::Uncompensated { reason },
+                    None => Outcome::NotMeasurable { reason },
+                };
                 Studied { record: FlightRecord { outcome, ..draft }, track: None }
             }
         }
     }
 
-    /// Decides which delay is removed, removes it, and says what others would have done.
+    /// Whether what was removed helped; `None` where the channels cannot be compared at all.
+    fn effect(
+        &self,
+        flight: &Flight,
+        lateness: &FlightLateness,
+        decision: &Decision,
+        removed_s: Option<f64>,
+    ) -> Option<Effect> {
+        let truth = TruthEffect::of(flight, &self.pipeline.provisional(), removed_s.unwrap_or(0.0)).ok().flatten();
+        lateness.velocity.as_ref()?;
+        Some(effect(truth.as_ref(), answer::known(lateness, decision).as_ref(), lateness.speed_rms_mps, removed_s))
+    }
+
+    /// Removes the delay that was decided on, and says what others would have done.
     fn compensated(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<Replay, String> {
         let (settings, decided) = self.pipeline.settings_for(case)?;
         notices.extend_unsaid(decided.found.notices);
@@ -88,24 +133,59 @@ impl Replaying {
 }
 
 impl Study for Replaying {
-    fn study(&self, planned: &Planned, manifest: &Manifest, desk: &Desk<'_>) -> Result<Studied, Interrupted> {
-        let on_bytes = |bytes| desk.tell(Event::Read { bytes });
-        let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
-        let trouble = || Interrupted::Trouble("its format is not known".to_owned());
-        let unit = planned.unit().ok_or_else(trouble)?;
+    fn measure(&self, planned: &Planned, _manifest: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted> {
+        let key = planned.measure_key.as_deref().unwrap_or_default();
+        Ok(match self.load(planned, desk)? {
+            Ok(Loaded { flight, health, binding: Ok(binding), .. }) => {
+                answer::measure(key, &flight, &health, &binding, &self.pipeline)
+            }
+            Ok(Loaded { binding: Err(reason), .. }) | Err(reason) => answer::failed(key, reason),
+        })
+    }
+
+    fn study(
+        &self,
+        planned: &Planned,
+        measured: MeasuredFlight,
+        manifest: &Manifest,
+        desk: &Desk<'_>,
+    ) -> Result<Studied, Interrupted> {
         let failed = |reason| failed_record(planned, manifest, reason);
-        match self.library.load(&unit, self.pipeline.forced_map(), &context) {
-            Ok(loaded) => Ok(match loaded.binding {
-                Ok(binding) => self.replayed(loaded.flight, loaded.health, binding, failed(String::new())),
-                Err(reason) => {
-                    let (log, notices) = (Some(loaded.health), loaded.flight.notices);
-                    Studied { record: FlightRecord { log, notices, ..failed(reason) }, track: None }
-                }
-            }),
-            Err(IngestError::Cancelled) => Err(Interrupted::Cancelled),
-            Err(e @ (IngestError::Io { .. } | IngestError::Changed { .. })) => Err(Interrupted::Trouble(e.to_string())),
-            Err(e) => Ok(Studied { record: failed(e.to_string()), track: None }),
-        }
+        let decision = planned.decision.clone();
+        let loaded = match self.load(planned, desk)? {
+            Ok(loaded) => loaded,
+            Err(reason) => return Ok(Studied { record: failed(reason), track: None }),
+        };
+        let Loaded { flight, health, binding, .. } = loaded;
+        let mut notices = flight.notices.clone();
+        notices.extend(measured.notices);
+        let (binding, decision) = match (binding, decision) {
+            (Ok(binding), Some(decision)) => (binding, decision),
+            (binding, _) => {
+                let reason = binding.err().unwrap_or_else(|| "it is not decided what is removed".to_owned());
+                let (log, notices) = (Some(health), flight.notices);
+                return Ok(Studied { record: FlightRecord { log, notices, ..failed(reason) }, track: None });
+            }
+        };
+        let delays = measured.delays.unwrap_or_default();
+        let case = FlightCase {
+            flight: &flight,
+            binding: &binding,
+            delays: &delays,
+            lateness: &measured.lateness,
+            decision: &decision,
+        };
+        let draft = FlightRecord {
+            log: Some(health),
+            binding: Some(binding.clone()),
+            delays: Some(delays.clone()),
+            lateness: Some(measured.lateness.clone()),
+            network: measured.network,
+            decision: Some(decision.clone()),
+            notices,
+            ..failed(String::new())
+        };
+        Ok(self.replayed(&flight, &case, draft))
     }
 }
 
@@ -122,6 +202,10 @@ pub(crate) fn failed_record(planned: &Planned, manifest: &Manifest, reason: Stri
         binding: None,
         replay: None,
         delays: None,
+        lateness: None,
+        network: None,
+        decision: None,
+        effect: None,
         criteria: None,
         notices: Notices::new(),
     }

@@ -1,10 +1,11 @@
 //! Result tables. What writes them can panic on odd input: callers run it where a panic is caught.
 
 use crate::error::CampaignError;
+use crate::line::DelayLine;
 use crate::store::{Keep, Store};
 use compensation_replay::{Track, TrackColumn};
 use convert::{Cells, Sheet, SheetColumn, write_csv, write_parquet};
-use record::{CriterionVerdict, DelaySource, Estimate, FlightRow, Outcome, RowVerdicts};
+use record::{CriterionVerdict, Estimate, FlightRow, Outcome, RowVerdicts};
 
 /// Writes the compensated track of a flight.
 pub(crate) fn write_track(store: &Store, name: &str, track: &Track) -> Result<(), CampaignError> {
@@ -41,8 +42,10 @@ fn flight_sheet(rows: &[FlightRow]) -> Sheet {
     };
     let value = |e: &Option<Estimate>| e.map(|e| e.value);
     let spread = |e: &Option<Estimate>| e.and_then(|e| e.standard_uncertainty);
-    let columns = vec![
-        text("flight", &|r| Some(r.flight.clone())),
+    let lines: Vec<DelayLine> = rows.iter().map(DelayLine::of_row).collect();
+    let mut columns = line_columns(&lines);
+    columns.extend([
+        text("duplicate_of", &|r| r.duplicate_of.clone()),
         text("outcome", &|r| Some(outcome_name(&r.outcome).to_owned())),
         text("reason", &|r| outcome_reason(&r.outcome).map(str::to_owned)),
         count("lossy", &|r| u64::from(r.lossy)),
@@ -55,10 +58,6 @@ fn flight_sheet(rows: &[FlightRow]) -> Sheet {
         number("position_rate_hz", &|r| r.position_rate_hz),
         number("velocity_rate_hz", &|r| r.velocity_rate_hz),
         number("speed_median_mps", &|r| r.speed_median_mps),
-        number("delay_s", &|r| r.delay_s),
-        text("delay_from", &|r| r.delay_from.map(|from| source_name(from).to_owned())),
-        number("measured_delay_s", &|r| value(&r.measured_delay_s)),
-        number("measured_delay_standard_uncertainty_s", &|r| spread(&r.measured_delay_s)),
         number("card_delay_s", &|r| value(&r.card_delay_s)),
         number("card_delay_standard_uncertainty_s", &|r| spread(&r.card_delay_s)),
         number("sweep_optimum_s", &|r| value(&optimum(r))),
@@ -66,8 +65,8 @@ fn flight_sheet(rows: &[FlightRow]) -> Sheet {
         text("flown_at", &|r| r.flown_at.clone()),
         number("correction_rms_m", &|r| value(&r.correction_rms_m)),
         number("correction_rms_standard_uncertainty_m", &|r| spread(&r.correction_rms_m)),
-        number("raw_error_rms_m", &|r| value(&r.raw_error_rms_m)),
-        number("raw_error_rms_standard_uncertainty_m", &|r| spread(&r.raw_error_rms_m)),
+        number("raw_held_error_rms_m", &|r| value(&r.raw_error_rms_m)),
+        number("raw_held_error_rms_standard_uncertainty_m", &|r| spread(&r.raw_error_rms_m)),
         number("pade_error_rms_m", &|r| value(&r.pade_error_rms_m)),
         number("pade_error_rms_standard_uncertainty_m", &|r| spread(&r.pade_error_rms_m)),
         number("exact_error_rms_m", &|r| value(&r.exact_error_rms_m)),
@@ -79,23 +78,58 @@ fn flight_sheet(rows: &[FlightRow]) -> Sheet {
         count("losses", &|r| r.losses),
         text("key", &|r| Some(r.key.clone())),
         text("page", &|r| Some(r.page.clone())),
-    ];
+    ]);
     Sheet { columns }
+}
+
+/// The columns of the answer, which `flightlag delay` and the campaign's table share.
+fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
+    let column = |name: &str, cells| SheetColumn { name: name.to_owned(), cells };
+    let said = |name: &str, of: &dyn Fn(&DelayLine) -> &str| {
+        let cell = |line: &DelayLine| Some(of(line).to_owned()).filter(|text| !text.is_empty());
+        column(name, Cells::Text(lines.iter().map(cell).collect()))
+    };
+    let told =
+        |name: &str, of: &dyn Fn(&DelayLine) -> Option<f64>| column(name, Cells::F64(lines.iter().map(of).collect()));
+    let alarms = |line: &DelayLine| line.alarms.iter().map(|a| a.code.as_str()).collect::<Vec<_>>().join(" ");
+    vec![
+        said("flight", &|l| &l.flight),
+        said("group", &|l| &l.group),
+        said("kind", &|l| &l.kind),
+        told("lateness_s", &|l| l.lateness_s),
+        told("lateness_u_s", &|l| l.lateness_u_s),
+        told("lateness_low_s", &|l| l.lateness_low_s),
+        told("lateness_high_s", &|l| l.lateness_high_s),
+        said("datum", &|l| &l.datum),
+        told("position_minus_velocity_s", &|l| l.position_minus_velocity_s),
+        told("removed_s", &|l| l.removed_s),
+        said("removed_from", &|l| &l.removed_from),
+        said("effect", &|l| &l.effect),
+        told("error_raw_m", &|l| l.error_raw_m),
+        told("error_compensated_m", &|l| l.error_compensated_m),
+        column("alarms", Cells::Text(lines.iter().map(|l| Some(alarms(l)).filter(|a| !a.is_empty())).collect())),
+        said("data", &|l| &l.data),
+        told("position_minus_velocity_u_s", &|l| l.position_minus_velocity_u_s),
+        said("answer", &|l| &l.words),
+        said("effect_words", &|l| &l.effect_words),
+    ]
+}
+
+/// The answers as CSV.
+pub(crate) fn write_lines(lines: &[DelayLine], out: &mut dyn std::io::Write) -> std::io::Result<()> {
+    let mut sheet = Sheet { columns: line_columns(lines) };
+    sheet.columns.push(SheetColumn {
+        name: "duplicate_of".to_owned(),
+        cells: Cells::Text(lines.iter().map(|l| l.duplicate_of.clone()).collect()),
+    });
+    let mut bytes = vec![];
+    write_csv(&sheet, &mut bytes).map_err(std::io::Error::other)?;
+    out.write_all(&bytes)
 }
 
 /// The best delay of the flight's sweep.
 fn optimum(row: &FlightRow) -> Option<Estimate> {
     Some(row.sweep.as_ref()?.optimum.found()?.delay_s)
-}
-
-/// Where a delay comes from, as the pipeline calls it.
-fn source_name(source: DelaySource) -> &'static str {
-    match source {
-        DelaySource::Fixed => "fixed",
-        DelaySource::Card => "card",
-        DelaySource::Flight => "flight",
-        DelaySource::Sweep => "sweep",
-    }
 }
 
 /// A verdict as records name it.
@@ -119,6 +153,7 @@ fn failed_criteria(verdicts: &RowVerdicts) -> String {
 pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
     match outcome {
         Outcome::Compensated => "compensated",
+        Outcome::Uncompensated { .. } => "uncompensated",
         Outcome::NotMeasurable { .. } => "not-measurable",
         Outcome::Failed { .. } => "failed",
     }
@@ -128,7 +163,9 @@ pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
 pub(crate) fn outcome_reason(outcome: &Outcome) -> Option<&str> {
     match outcome {
         Outcome::Compensated => None,
-        Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => Some(reason),
+        Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
+            Some(reason)
+        }
     }
 }
 
@@ -166,6 +203,10 @@ mod tests {
             exact_error_rms_m: None,
             valid_share: Some(1.0),
             criteria: None,
+            lateness: None,
+            decision: None,
+            effect: None,
+            duplicate_of: None,
             attention: vec![],
             warnings: 3,
             losses: 0,
@@ -229,8 +270,8 @@ mod tests {
         let name = "=HYPERLINK(\"http://x\",\"y\"),\n2";
         write_flights(&store, &[row(name)]).unwrap();
         let text = std::fs::read_to_string(folder.path().join("flights.csv")).unwrap();
-        assert!(text.contains("\"'=HYPERLINK(\"\"http://x\"\",\"\"y\"\"),\n2\",compensated"), "{text}");
-        assert!(text.contains(",-1.5,0.4,,,,,,,,,6.983999999999999,"), "{text}");
+        assert!(text.contains("\"'=HYPERLINK(\"\"http://x\"\",\"\"y\"\"),\n2\",,cannot-tell,"), "{text}");
+        assert!(text.contains(",-1.5,,,,,,6.983999999999999,"), "{text}");
     }
 
     #[test]

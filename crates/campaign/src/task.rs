@@ -2,7 +2,7 @@
 
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
-use crate::manifest::{Manifest, Planned};
+use crate::manifest::{Manifest, Planned, Stage};
 use crate::plan::Desk;
 use crate::results;
 use crate::store::Store;
@@ -27,6 +27,13 @@ pub struct TaskReport {
 }
 
 impl TaskReport {
+    /// Counts what another step has done.
+    pub(crate) fn add(&mut self, other: TaskReport) {
+        self.made += other.made;
+        self.found += other.found;
+        self.troubled.extend(other.troubled);
+    }
+
     /// 0 if every flight has a result (an unusable log is one), 75 if trying again may help.
     #[must_use]
     pub fn exit(&self) -> Exit {
@@ -48,7 +55,7 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
     make(&manifest.of_shard(shard), manifest, &Replaying::prepare(manifest)?, &store, desk)
 }
 
-/// Makes the results of `flights`, largest first.
+/// Does the work of `flights`, largest first.
 pub(crate) fn make(
     flights: &[&Planned],
     manifest: &Manifest,
@@ -114,14 +121,21 @@ impl Worker<'_> {
     }
 
     fn result_of(&self, flight: &Planned) -> Result<Attempt, CampaignError> {
-        if flight.key.as_deref().is_some_and(|key| results::is_there(self.store, key))
-            && !self.is_to_be_replaced(flight)
-        {
+        let (Some(stage), Some(key)) = (flight.stage, flight.work_key()) else { return Ok(Attempt::NotDone) };
+        let is_there = match stage {
+            Stage::Measure => results::is_measured(self.store, key),
+            Stage::Replay => results::is_there(self.store, key),
+        };
+        if is_there && !self.is_to_be_replaced(flight) {
             return Ok(Attempt::Found);
         }
         let (name, why) = (flight.flight.clone(), flight.why.clone());
-        self.desk.tell(Event::Started { flight: name, why, bytes: flight.bytes() });
-        match caught(|| self.studied(flight)) {
+        self.desk.tell(Event::Started { flight: name, stage, why, bytes: flight.bytes() });
+        let work = || match stage {
+            Stage::Measure => self.measured(flight),
+            Stage::Replay => self.studied(flight),
+        };
+        match caught(work) {
             Ok(Ok(attempt)) => Ok(attempt),
             Ok(Err(Stop::Cancelled)) => Ok(Attempt::NotDone),
             Ok(Err(Stop::Trouble(reason))) => self.troubled(flight, reason),
@@ -135,26 +149,49 @@ impl Worker<'_> {
         flight.why.contains(&crate::manifest::Why::ResultMissing)
     }
 
+    fn measured(&self, flight: &Planned) -> Result<Attempt, Stop> {
+        let measured = self.study.measure(flight, self.manifest, self.desk)?;
+        refuse_changed(flight)?;
+        results::write_measured(self.store, &measured)?;
+        let lateness = &measured.lateness;
+        self.desk.tell(Event::DelayMeasured {
+            flight: flight.flight.clone(),
+            kind: lateness.kind,
+            lateness_s: lateness.lateness_s(),
+            words: lateness.words.clone(),
+        });
+        Ok(Attempt::Made)
+    }
+
     fn studied(&self, flight: &Planned) -> Result<Attempt, Stop> {
-        let Studied { record, track } = self.study.study(flight, self.manifest, self.desk)?;
-        if let Some(file) = flight.changed_file() {
-            return Err(Stop::Trouble(format!("{}: the file changed while it was read", file.name())));
-        }
+        let again = || Stop::Trouble("its measurement was not whole and is made again by the next run".to_owned());
+        let key = flight.measure_key.as_deref().unwrap_or_default();
+        let measured = results::read_measured(self.store, key)?.ok_or_else(again)?;
+        let Studied { record, track } = self.study.study(flight, measured, self.manifest, self.desk)?;
+        refuse_changed(flight)?;
         results::write(self.store, &record, track.as_ref())?;
         self.desk.tell(Event::Finished {
             flight: flight.flight.clone(),
             outcome: outcome_name(&record.outcome),
             reason: outcome_reason(&record.outcome).map(str::to_owned),
             lossy: record.has_loss(),
+            effect: record.effect.as_ref().map(|e| e.verdict),
         });
         Ok(Attempt::Made)
     }
 
     fn troubled(&self, flight: &Planned, reason: String) -> Result<Attempt, CampaignError> {
-        results::write_trouble(self.store, &failed_record(flight, self.manifest, reason.clone()))?;
+        let key = flight.work_key().unwrap_or_default();
+        results::write_trouble(self.store, key, &failed_record(flight, self.manifest, reason.clone()))?;
         self.desk.tell(Event::Troubled { flight: flight.flight.clone(), reason: reason.clone() });
         Ok(Attempt::Troubled(reason))
     }
+}
+
+/// A result of a log that changed meanwhile would stand under the wrong key.
+fn refuse_changed(flight: &Planned) -> Result<(), Stop> {
+    let changed = |name: String| Stop::Trouble(format!("{name}: the file changed while it was read"));
+    flight.changed_file().map_or(Ok(()), |file| Err(changed(file.name())))
 }
 
 /// Why a study did not end in a result.

@@ -4,6 +4,7 @@
 //! The same holds for a velocity and the acceleration, and without the integral for two tracks. Only differences of
 //! delays can be seen that way: δ = Tp − Tv and so on (design note 4). The estimator is [`signal::fit_delay`].
 
+mod coarse;
 mod disturbance;
 mod fit;
 mod gate;
@@ -16,8 +17,10 @@ mod pieces;
 mod reference;
 pub(crate) mod residual;
 mod split;
+mod varies;
 
 use flight::{Flight, Notices};
+use rayon::prelude::*;
 use record::FlightDelays;
 
 /// How delays are looked for.
@@ -25,9 +28,11 @@ use record::FlightDelays;
 pub struct FlightDelaySettings {
     /// Delays that are looked at, s.
     pub search_s: (f64, f64),
+    /// Delays that are looked at where the best of those is at their edge, s.
+    pub wide_search_s: (f64, f64),
     /// A delay known less well than this is not measurable, s (standard uncertainty).
     pub worst_sigma_s: f64,
-    /// Least Σ‖P⊥v‖²/Σ‖v‖²: below, the flight is too straight and steady.
+    /// Σ‖P⊥v‖²/Σ‖v‖² below which a delay that is not known well enough is put down to straight and steady flight.
     pub least_moving_share: f64,
     /// A flight that is never faster is static, m/s (99th percentile of the ground speed).
     pub least_speed_mps: f64,
@@ -38,6 +43,8 @@ pub struct FlightDelaySettings {
     pub window_sigma_s: f64,
     /// Delays that are put into the second half and found again, s.
     pub inject_s: Vec<f64>,
+    /// Position and velocity whose pair is looked at in detail: splits, injections, objective. `None`: every pair.
+    pub detailed: Option<(String, String)>,
     /// Probability by chance below which a changing delay raises an alarm.
     pub alarm_p: f64,
     /// Sources (behind the dot of a channel's name) that are on time by definition.
@@ -54,13 +61,15 @@ impl Default for FlightDelaySettings {
     fn default() -> FlightDelaySettings {
         let references = ["truth", "mocap", "vicon", "rtk", "reference"];
         FlightDelaySettings {
-            search_s: (-1.0, 1.5),
+            search_s: (-2.5, 13.0),
+            wide_search_s: (-5.0, 30.0),
             worst_sigma_s: 0.05,
             least_moving_share: 0.05,
-            least_speed_mps: 1.0,
+            least_speed_mps: 0.3,
             bridge_s: None,
             window_sigma_s: 0.01,
             inject_s: vec![0.1],
+            detailed: None,
             alarm_p: 1e-3,
             references: references.map(str::to_owned).to_vec(),
             first_look_samples: 8_000,
@@ -82,6 +91,18 @@ impl Default for FlightDelaySettings {
 pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (FlightDelays, Notices) {
     let mut notices = Notices::new();
     let pairs = pairs::pairs_of(flight, settings);
-    let pairs = pairs.iter().map(|pair| measure::measure(flight, pair, settings, &mut notices)).collect();
-    (FlightDelays { pairs }, notices)
+    // Pairs are independent; idle threads of the caller's pool help with them.
+    let measured: Vec<_> = pairs
+        .par_iter()
+        .map(|pair| {
+            let mut said = Notices::new();
+            (measure::measure(flight, pair, settings, &mut said), said)
+        })
+        .collect();
+    let mut all = vec![];
+    for (pair, said) in measured {
+        all.push(pair);
+        notices.extend_unsaid(said);
+    }
+    (FlightDelays { pairs: all }, notices)
 }

@@ -13,11 +13,14 @@
 
 mod compensator;
 mod curves;
+mod effect;
+mod ekf_values;
 mod estimate;
 mod exact;
 mod export;
 mod flight_delay;
 mod input;
+mod lever_arm;
 mod pade;
 mod replay;
 mod rows;
@@ -33,6 +36,8 @@ pub use compensator::{
     PadeRefusal, Replayed, Smoothed, StateValue, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis,
     rts_smooth,
 };
+pub use effect::{KnownLateness, TruthEffect, effect};
+pub use ekf_values::{EkfChannelFacts, ekf_values, ekf_values_toml};
 pub use exact::ExactAsync;
 pub use export::{
     AutopilotAdvice, AutopilotParameter, CExport, CFloat, CSource, ExportError, MeasuredAgainst, ParameterFit,
@@ -40,6 +45,10 @@ pub use export::{
 };
 pub use flight_delay::{FlightDelaySettings, measure_delays};
 pub use input::{Picked, Refusal, pick_pair};
+pub use lever_arm::{
+    AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity,
+    lever_sensitivity_of_speeds,
+};
 pub use pade::PadeTustin;
 pub use replay::{Replay, replay};
 pub use settings::Settings;

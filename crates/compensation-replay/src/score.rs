@@ -10,9 +10,10 @@ mod truthless;
 mod updates;
 
 pub(crate) use all::{Played, scores};
+pub(crate) use jackknife::{Blocks, root_mean};
 pub(crate) use onboard::onboard;
 
-use self::jackknife::percentiles;
+use self::jackknife::{percentiles, recorded};
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
 use crate::input::{AXES, Horizontal, Input};
@@ -131,9 +132,9 @@ pub(crate) fn warn_of_contradiction(
     }
 }
 
-/// rms with its standard error; `None` without rows.
+/// rms with its standard uncertainty, if the record is long enough for one; `None` without rows.
 fn rms(squares: &[f64]) -> Option<Estimate> {
-    signal::block_jackknife_rms(squares).map(|r| Estimate { value: r.value, standard_uncertainty: r.standard_error })
+    signal::block_jackknife_rms(squares).map(recorded)
 }
 
 /// What velocity predicts for raw − compensated, m.
@@ -200,17 +201,23 @@ fn steps_at_fix<'a>(track: &Positions, raw2: &'a [f64], exact2: &'a [f64]) -> Op
     }
 }
 
-/// The 95th percentile of the error, with the spread of its ten consecutive parts as standard error.
+/// The 95th percentile of the error. Its uncertainty is from the spread of its ten consecutive parts, with Student's quantile
+/// for nine; in proportion it is no smaller than that of the rms, and there is none where that has none.
 fn percentile_95(squares: &[f64]) -> Option<Estimate> {
     const PARTS: usize = 10;
+    const STUDENT: f64 = 2.262_157;
     let p95 = |squares: &[f64]| percentiles(&mut squares.to_vec(), &[0.95]).first().map(|p| p.sqrt());
     let value = p95(squares)?;
     let n = squares.len();
-    let standard_uncertainty = (n >= 20 * PARTS).then(|| {
+    let of_parts = (n >= 20 * PARTS).then(|| {
         let parts: Vec<f64> = (0..PARTS).filter_map(|b| p95(&squares[b * n / PARTS..(b + 1) * n / PARTS])).collect();
         let mean = parts.iter().sum::<f64>() / PARTS as f64;
-        (parts.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / ((PARTS - 1) * PARTS) as f64).sqrt()
+        let spread = parts.iter().map(|p| (p - mean).powi(2)).sum::<f64>();
+        0.5 * STUDENT * (spread / ((PARTS - 1) * PARTS) as f64).sqrt()
     });
+    let of_rms = |rms: Estimate| Some(rms.standard_uncertainty? / rms.value.max(f64::MIN_POSITIVE));
+    let share = rms(squares).and_then(of_rms);
+    let standard_uncertainty = of_parts.zip(share).map(|(u, share)| u.max(value * share));
     Some(Estimate { value, standard_uncertainty })
 }
 

@@ -2,7 +2,7 @@
 
 use crate::compensator::{CompensatorKind, Discretisation};
 use flight::Delay;
-use record::{CardUse, StartRule};
+use record::{CardUse, Estimate, StartRule};
 
 /// Settings of a replay, as they are meant.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +15,9 @@ pub struct Settings {
     pub delay_source: String,
     /// The sensor card that it comes from, if it does.
     pub card: Option<CardUse>,
+    /// How much later the position is than the velocity, s, if that is known apart from how late each is: what a right
+    /// compensation leaves between the two.
+    pub position_minus_velocity_s: Option<Estimate>,
     /// What is assumed before the first velocity.
     pub start: StartRule,
     /// Velocity gaps up to this long are bridged by a straight line, s. `None`: 2 Td, and
@@ -50,6 +53,7 @@ impl Settings {
             delay_uncertainty_s: None,
             delay_source: source.to_owned(),
             card: None,
+            position_minus_velocity_s: None,
             start: StartRule::Warm,
             bridge_s: None,
             min_speed_mps: 2.0,

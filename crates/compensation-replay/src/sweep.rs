@@ -13,8 +13,10 @@ mod objective;
 
 pub(crate) use objective::objective;
 
+use crate::effect::TruthEffect;
 use crate::input::{AXES, Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
+use crate::score::{Blocks, root_mean};
 use crate::settings::Settings;
 use flight::{Flight, Notices};
 use items::Items;
@@ -99,6 +101,27 @@ impl Sweeper {
         Some(DelaySweep { score, samples: scored.samples() as u64, delay_s, rms_m, at, optimum })
     }
 
+    /// Errors against the reference without compensation and with `delay_s` removed, on the same rows; `None` without a
+    /// reference, or if too little of the flight has one.
+    pub(crate) fn truth_effect(&self, delay_s: f64) -> Option<TruthEffect> {
+        let reference = self.input.names.reference.clone()?;
+        let best_s = self.least_error().found().map(|o| o.delay_s.value).filter(|d| d.abs() <= LONGEST_S);
+        let all = [0.0, delay_s, best_s.unwrap_or(0.0)];
+        let (low, high) = (all.iter().copied().fold(0.0, f64::min), all.iter().copied().fold(0.0, f64::max));
+        let items = self.errors((low, high)).filter(|items| items.len() >= LEAST_ITEMS)?;
+        let (before, after) = (self.squares(&items, 0.0), self.squares(&items, delay_s));
+        let rows = || before.iter().zip(&after).map(|(b, a)| [*b, *a, 1.0]);
+        let blocks = Blocks::of(before.len(), rows());
+        let rms = |sum: f64, n: f64| root_mean([sum, n]);
+        Some(TruthEffect {
+            reference,
+            raw_m: blocks.size(|[b, _, n]| rms(b, n))?,
+            compensated_m: blocks.size(|[_, a, n]| rms(a, n))?,
+            change_m: paired_change(&before, &after),
+            best_m: best_s.map(|d| self.mean_square(&items, d).sqrt()),
+        })
+    }
+
     /// Errors against the reference where there are any, else steps at fixes.
     fn scored(&self, marked: &[(DelaySource, Estimate)], delay_s: &[f64]) -> Option<Items> {
         let reach = |e: &Estimate| e.standard_uncertainty.unwrap_or(0.0).min(BEYOND_S);
@@ -116,9 +139,42 @@ impl Sweeper {
             let u = u.min(BEYOND_S);
             change(delay_s.value - u).max(change(delay_s.value + u))
         });
-        let standard_uncertainty = rms.standard_error.map(|u| u.hypot(of_delay));
+        let standard_uncertainty = rms.standard_uncertainty.map(|u| u.hypot(of_delay));
         Some(SweepPoint { source, delay_s, rms_m: Estimate { value: rms.value, standard_uncertainty } })
     }
+}
+
+/// Blocks of the paired comparison.
+const PAIRED_BLOCKS: usize = 20;
+
+/// Root mean square after less before, m, from squares row by row. Both have the same noise, so that their difference is
+/// known better than either: its uncertainty is that of a delete-one jackknife over twenty blocks (Künsch 1989). `None` for
+/// the uncertainty with fewer than two rows a block.
+fn paired_change(before: &[f64], after: &[f64]) -> Estimate {
+    let n = before.len();
+    let sums = |from: usize, to: usize| {
+        let of = |x: &[f64]| x.get(from..to).unwrap_or_default().iter().sum::<f64>();
+        [of(before), of(after)]
+    };
+    let change = |[before, after]: [f64; 2], rows: usize| {
+        let rms = |sum: f64| (sum.max(0.0) / rows.max(1) as f64).sqrt();
+        rms(after) - rms(before)
+    };
+    let all = sums(0, n);
+    let value = change(all, n);
+    if n < 2 * PAIRED_BLOCKS {
+        return Estimate { value, standard_uncertainty: None };
+    }
+    let without = |b: usize| {
+        let (from, to) = (b * n / PAIRED_BLOCKS, (b + 1) * n / PAIRED_BLOCKS);
+        let part = sums(from, to);
+        change([all[0] - part[0], all[1] - part[1]], n - (to - from))
+    };
+    let left: Vec<f64> = (0..PAIRED_BLOCKS).map(without).collect();
+    let mean = left.iter().sum::<f64>() / PAIRED_BLOCKS as f64;
+    let spread: f64 = left.iter().map(|x| (x - mean).powi(2)).sum();
+    let u = (spread * (PAIRED_BLOCKS - 1) as f64 / PAIRED_BLOCKS as f64).sqrt();
+    Estimate { value, standard_uncertainty: Some(u) }
 }
 
 /// Multiples of a step from below the least to above the largest, and the marked ones themselves.

@@ -1,1 +1,103 @@
-//! How a delay changes during a flight.
+//! A delay that may vary during a flight.
+//!
+//! The order is: first the delay that may vary, with its noise; then the question whether it varies; then the word for
+//! it (`delay-over-time.md`). [`analyse`] takes slices and gives a [`record::DelayOverTime`].
+
+mod bin_statistics;
+mod bins;
+mod change;
+mod coarse;
+mod comparison;
+mod constancy;
+mod delays;
+mod describe;
+mod fixes;
+mod input;
+mod jitter;
+mod motion;
+mod noise_shape;
+mod odd;
+mod refine;
+mod settings;
+mod shape;
+mod stages;
+mod stamps;
+mod verdict;
+mod whitening;
+mod windows;
+mod words;
+
+pub use crate::input::{CannotAnalyse, PositionAgainstVelocity};
+pub use crate::settings::OverTimeSettings;
+
+use record::{CurvePoint, DelayOverTime, DeviceTime, Estimate};
+
+/// How the delay of a position against a velocity behaves over a flight. Positive is late.
+///
+/// Same input, same result: random draws come from a generator with a fixed seed. All instants of the result are on the
+/// clock of the stamps. The cost is bounded: about 15 ms for ten minutes of 10 Hz fixes that are constant, 70 ms where they
+/// vary, 80 ms for two hours (`examples/over_time_study.rs`, one core).
+///
+/// # Errors
+/// In words, why the input says nothing. A flight that moves too little is no error: its kind is
+/// [`record::DelayKind::CannotTell`].
+pub fn analyse(record: &PositionAgainstVelocity, settings: &OverTimeSettings) -> Result<DelayOverTime, CannotAnalyse> {
+    record.check()?;
+    input::check_range(settings.search_s)?;
+    input::check_range(settings.wide_search_s)?;
+    let found = stages::run(record, settings);
+    let verdict = verdict::judge(&found, settings);
+    let level_s = match verdict.level.and_then(verdict::estimate) {
+        Some(level) => level,
+        None => {
+            let value = found.map.as_ref().map_or(0.0, |m| m.constant_s);
+            Estimate { value, standard_uncertainty: None }
+        }
+    };
+    let curve = verdict::curve(&found, &verdict);
+    let sure = |pick: fn(&delays::Delays) -> delays::Effect| {
+        let effect = pick(&found.test.as_ref()?.all);
+        verdict::estimate(effect).filter(|_| effect.size.abs() > 3.0 * effect.uncertainty)
+    };
+    Ok(DelayOverTime {
+        kind: verdict.kind,
+        words: words::sentence(&found, &verdict),
+        level_s,
+        level_widening_s: verdict.widening_s,
+        jitters: verdict::jitter_record(&found),
+        jitter_limit_s: found.jitter.limit_s,
+        late_fixes: found.odd.late.clone(),
+        odd_fixes: found.odd.rows.len() as u64,
+        bursts: found.queued.bursts.clone(),
+        device_time: device_time(record, &curve),
+        curve,
+        terms: verdict::terms(&found),
+        span_s: verdict.shape.as_ref().map_or(0.0, shape::Shape::span_s),
+        lever_arm_m: sure(|d| d.lever_m),
+        speed_after_direction_s: sure(|d| d.speed_lag_s),
+        remarks: words::remarks(&found, &verdict),
+        two_delays_fit: verdict.two_delays,
+        search_s: found.search_s,
+        edge_hit: found.map.as_ref().is_some_and(|m| m.edge),
+        advice: words::advice(&verdict),
+        what_to_fly: words::what_to_fly(&found, &verdict, settings),
+        configured_contradicted: words::contradiction(&found, &verdict, settings),
+        fixes_used: found.fixes_used as u64,
+        fixes_given: record.t.len() as u64,
+        constancy: verdict.constancy,
+    })
+}
+
+/// Lateness by the device's own time, and whether it agrees with the motion.
+fn device_time(record: &PositionAgainstVelocity, curve: &[CurvePoint]) -> Option<DeviceTime> {
+    let (lateness, mut summary) = stamps::device_lateness(record.device_time_s?, record.t)?;
+    let (t, delay): (Vec<f64>, Vec<f64>) = curve.iter().map(|p| (p.t_s, p.delay_s)).unzip();
+    if t.len() >= 3 {
+        let difference: Vec<f64> =
+            record.t.iter().zip(&lateness).map(|(at, l)| coarse::interpolate(&t, &delay, *at) - l).collect();
+        let middle = signal::median_in_place(&mut difference.clone())?;
+        let square = difference.iter().map(|d| (d - middle).powi(2)).sum::<f64>() / difference.len() as f64;
+        summary.disagreement_rms_s = Some(square.sqrt());
+    }
+    Some(summary)
+}

@@ -2,6 +2,7 @@
 
 use crate::time::Clock;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// What a log says of the vehicle, its software and its settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -21,6 +22,12 @@ pub struct About {
     /// Receivers and drivers as they name themselves, such as `u-blox M8 3.01`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub receivers: Vec<String>,
+    /// What the log says of each receiver, in the order of their numbers. Several texts of one receiver are one entry.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub receiver_identities: Vec<ReceiverIdentity>,
+    /// Where antennas and IMU sit on the vehicle, as the parameters say at the start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lever_arms: Vec<LeverArm>,
     /// Parameters that set a delay, as they stood at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub configured_delays: Vec<ConfiguredDelay>,
@@ -43,6 +50,80 @@ impl About {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == About::default()
+    }
+
+    /// What the log says of the receiver with this number; the first is 1.
+    #[must_use]
+    pub fn receiver_identity(&self, number: u32) -> Option<&ReceiverIdentity> {
+        self.receiver_identities.iter().find(|identity| identity.number == number)
+    }
+
+    /// The lever arm that the parameters state for a sensor: `gps`, `gps-2`, `imu`. One that is zero in all axes is the
+    /// default of the autopilot: nobody measured it, so it is not given.
+    #[must_use]
+    pub fn lever_arm(&self, sensor: &str) -> Option<&LeverArm> {
+        self.lever_arms.iter().find(|arm| arm.sensor == sensor && arm.is_set())
+    }
+}
+
+/// What a log says of one receiver. Absent is what the log does not say.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReceiverIdentity {
+    /// Number of the receiver; the first is 1 (PX4 counts from 0: its instance 0 is receiver 1).
+    pub number: u32,
+    /// Make and model, such as `u-blox M8` or `NEO-M8N-0`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// Firmware of the receiver, such as `SPG 3.01`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub firmware: Option<String>,
+    /// Serial number, or the chip's unique number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub serial: Option<String>,
+    /// Rate of the fixes as configured, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
+    /// Speed of its serial line, baud.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baud: Option<u32>,
+    /// Protocol that it speaks, such as `UBX`, `NMEA`, `DroneCAN`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub protocol: Option<String>,
+    /// Where each of these was found: name of the field, and the parameter or text.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub sources: BTreeMap<String, String>,
+}
+
+impl ReceiverIdentity {
+    /// Whether the log says anything of it but its number.
+    #[must_use]
+    pub fn is_told(&self) -> bool {
+        let texts = [&self.model, &self.firmware, &self.serial, &self.protocol];
+        texts.iter().any(|text| text.is_some()) || self.rate_hz.is_some() || self.baud.is_some()
+    }
+}
+
+/// Where a sensor sits on the vehicle, as configured: in body axes, from the point that the autopilot calls the
+/// vehicle's origin (PX4 and ArduPilot: the centre of gravity, as a rule).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeverArm {
+    /// `gps` and `gps-2` for antennas, `imu` for the inertial sensors.
+    pub sensor: String,
+    /// The parameters, as `EKF2_GPS_POS_X/Y/Z`.
+    pub parameter: String,
+    /// Ahead of the origin, m.
+    pub forward_m: f64,
+    /// Right of it, m.
+    pub right_m: f64,
+    /// Below it, m.
+    pub down_m: f64,
+}
+
+impl LeverArm {
+    /// Whether anybody set it: zero in all axes is the default.
+    #[must_use]
+    pub fn is_set(&self) -> bool {
+        [self.forward_m, self.right_m, self.down_m].iter().any(|axis| *axis != 0.0)
     }
 }
 
@@ -70,4 +151,33 @@ pub struct ModeStart {
     pub clock: Clock,
     /// Name of the mode.
     pub mode: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arm(sensor: &str, forward_m: f64) -> LeverArm {
+        LeverArm { sensor: sensor.to_owned(), parameter: String::new(), forward_m, right_m: 0.0, down_m: 0.0 }
+    }
+
+    #[test]
+    fn a_lever_arm_of_zero_was_set_by_nobody() {
+        let about = About { lever_arms: vec![arm("gps", 0.0), arm("imu", 0.1)], ..About::default() };
+        assert_eq!(about.lever_arm("gps"), None);
+        assert_eq!(about.lever_arm("imu").map(|arm| arm.forward_m), Some(0.1));
+    }
+
+    #[test]
+    fn what_a_log_does_not_say_is_not_written() {
+        let about = About {
+            receiver_identities: vec![ReceiverIdentity { number: 2, ..Default::default() }],
+            ..About::default()
+        };
+        let text = serde_json::to_string(&about).unwrap();
+        assert_eq!(text, r#"{"receiver_identities":[{"number":2}]}"#);
+        assert_eq!(serde_json::from_str::<About>(&text).unwrap(), about);
+        assert_eq!(about.receiver_identity(2).map(ReceiverIdentity::is_told), Some(false));
+        assert_eq!(serde_json::from_str::<About>("{}").unwrap(), About::default());
+    }
 }

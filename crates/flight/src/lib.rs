@@ -25,7 +25,7 @@ mod series;
 mod time;
 mod unit;
 
-pub use about::{About, ConfiguredDelay, ModeStart};
+pub use about::{About, ConfiguredDelay, LeverArm, ModeStart, ReceiverIdentity};
 pub use channel::{Channel, ChannelSource, Flight, Quantity};
 pub use distribution::Distribution;
 pub use geodesy::{Ecef, Geodetic, LocalFrame, WGS84_A, WGS84_E2, WGS84_F};

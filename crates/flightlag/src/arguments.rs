@@ -8,8 +8,8 @@ Exit codes:
   0    all well
   1    failed
   2    wrong command, pipeline, criteria, rig file, sensor card or channel map
-  3    finished, but some flights or records failed or lost data
-  4    finished, but a flight fails a criterion (whether or not 3 holds too)
+  3    finished, but some flights or records failed, lost data, have a delay that changes, or contradict their rig file
+  4    finished, but a flight fails a criterion or was harmed (whether or not 3 holds too)
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
 
@@ -82,8 +82,22 @@ pub(crate) struct Arguments {
     pub(crate) command: Command,
 }
 
+const DELAY: &str = "\
+Show how late the position of each log is, and what to do about it.
+
+For each flight: lateness of the position with its expanded uncertainty (k = 2) and what it is counted from, what kind of \
+delay it is (constant, on time, early, steps, drifts, queues, ... or why it cannot be told and what to fly), how far apart \
+position and velocity are, what `flightlag campaign` would remove and whether that helps, settings that remove the delay, and \
+alarms. Flights of one receiver, firmware, rate and log kind are pooled. Nothing is written.
+
+Lateness against `imu` is absolute as far as the IMU is on time; `relative to velocity.gps` means that the log cannot tell how \
+late both are.";
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    /// Show how late the position of each log is, and what to do about it.
+    #[command(long_about = DELAY, after_help = EXIT_CODES)]
+    Delay(DelayArguments),
     /// A folder of flight logs in, a report out: tables, records, pages.
     #[command(long_about = CAMPAIGN, after_help = EXIT_CODES)]
     Campaign(Box<CampaignArguments>),
@@ -125,6 +139,37 @@ pub(crate) struct CampaignArguments {
     pub(crate) desk: DeskArguments,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct DelayArguments {
+    /// Logs, or folders of logs; they are only read.
+    #[arg(value_name = "LOG|FOLDER", required_unless_present = "schema")]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Print JSON; `--schema` prints its schema.
+    #[arg(long, conflicts_with = "csv")]
+    pub(crate) json: bool,
+    /// Print CSV, one row for each flight.
+    #[arg(long)]
+    pub(crate) csv: bool,
+    /// Print the JSON schema of `--json` and stop.
+    #[arg(long)]
+    pub(crate) schema: bool,
+    /// Settings (TOML), as for `flightlag campaign`: a delay that they state is tested against each flight.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) pipeline: Option<PathBuf>,
+    /// Read every flight with this channel map.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) map: Option<String>,
+    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    #[arg(long, value_name = "DIR")]
+    pub(crate) maps: Option<PathBuf>,
+    /// Number of threads. Default: all cores, or SLURM_CPUS_PER_TASK.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+    /// Show no progress.
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
 /// Which campaign.
 #[derive(Debug, Args)]
 pub(crate) struct OrderArguments {
@@ -135,7 +180,7 @@ pub(crate) struct OrderArguments {
     /// FLIGHTS.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Settings (TOML). Without it those of `pipelines/default.toml` hold, which assume a delay.
+    /// Settings (TOML). Default: those of `pipelines/default.toml`, which remove what the flights themselves tell.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
     /// What flights are judged by (TOML), instead of the file that the pipeline names, if any. `flightlag criteria` lists
@@ -169,7 +214,8 @@ pub(crate) struct DeskArguments {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Step {
-    /// Decides what is to be done and writes it down: a manifest with shards of like size.
+    /// Decide what is to be done and write it down: a manifest with shards of roughly equal size, all of one stage
+    /// (measure, then replay). Run its tasks, plan again, until a plan has no shards; then reduce.
     Plan {
         #[command(flatten)]
         order: OrderArguments,

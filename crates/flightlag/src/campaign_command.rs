@@ -1,11 +1,12 @@
 //! `flightlag campaign`: the whole on this machine, or one step of it on a cluster.
 
 use crate::arguments::{CampaignArguments, DeskArguments, OrderArguments, Step};
+use crate::delay_command;
 use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{count, visible};
 use crate::stop::Stop;
-use campaign::{Criteria, Desk, EventSink, Exit, Manifest, Order, Pipeline, Status, TaskReport, Verdict};
+use campaign::{Criteria, Desk, EventSink, Exit, GroupLine, Manifest, Order, Pipeline, Status, TaskReport, Verdict};
 use record::{CampaignCriteria, CriterionSummary, VerdictTally};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -58,7 +59,11 @@ fn plan(
     let manifest = campaign::plan_shards(&order, &desk(arguments, stop, events.as_ref()), max_shards)?;
     manifest.write(path)?;
     let (flights, stale, shards) = (manifest.flight_count(), manifest.stale_count(), manifest.shards());
-    say(arguments, &format!("flights={flights} stale={stale} shards={shards} manifest={}", path.display()))?;
+    let stage = manifest.stage().map_or("done".to_owned(), |stage| stage.to_string());
+    say(
+        arguments,
+        &format!("flights={flights} stage={stage} stale={stale} shards={shards} manifest={}", path.display()),
+    )?;
     Ok(Exit::Well.into())
 }
 
@@ -89,7 +94,11 @@ fn status(path: &Path, json: bool) -> Result<End, Failure> {
 }
 
 fn status_text(status: &Status) -> String {
-    let mut text = format!("{} of {} flights have a result\n", status.done, status.flights);
+    let what = match status.stage {
+        Some(campaign::Stage::Measure) => "are measured",
+        _ => "have a result",
+    };
+    let mut text = format!("{} of {} flights {what}\n", status.done, status.flights);
     for trouble in &status.troubled {
         text += &format!("  in trouble: {}: {}\n", visible(&trouble.flight), visible(&trouble.reason));
     }
@@ -101,8 +110,15 @@ fn status_text(status: &Status) -> String {
 
 fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Result<(), Failure> {
     let totals = &verdict.totals;
-    let mut parts = vec![format!("{} compensated", totals.compensated)];
+    let groups: Vec<GroupLine> = verdict.groups.clone();
+    for line in delay_command::short_text(&verdict.lines, &groups).lines() {
+        say(arguments, line)?;
+    }
+    let mut parts = vec![format!("{} helped", totals.helped)];
     let others = [
+        (totals.harmed, "HARMED"),
+        (totals.varying, "with a delay that changes"),
+        (totals.uncompensated, "with nothing removed"),
         (totals.not_measurable, "not measurable"),
         (totals.failed, "failed"),
         (totals.lossy, "with damaged logs"),
@@ -171,14 +187,23 @@ fn threads(arguments: &DeskArguments) -> usize {
     arguments.threads.map(usize::from).or_else(of_cluster).unwrap_or_else(cores)
 }
 
-fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
-    let pipeline = match &arguments.pipeline {
+/// The pipeline of a file, else the shipped one.
+pub(crate) fn pipeline_of(
+    file: Option<&Path>,
+    map: Option<String>,
+    maps: Option<PathBuf>,
+) -> Result<Pipeline, Failure> {
+    let pipeline = match file {
         Some(path) => Pipeline::read(path).map_err(campaign::CampaignError::from)?,
         None => Pipeline::shipped_default().map_err(campaign::CampaignError::from)?,
     };
+    Ok(pipeline.with_forced_map(map).with_maps_folder(maps))
+}
+
+fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
+    let pipeline = pipeline_of(arguments.pipeline.as_deref(), arguments.map.clone(), arguments.maps.clone())?;
     let criteria = arguments.criteria.as_deref().map(Criteria::read).transpose();
     let pipeline = pipeline.with_criteria(criteria.map_err(campaign::CampaignError::from)?);
-    let pipeline = pipeline.with_forced_map(arguments.map.clone()).with_maps_folder(arguments.maps.clone());
     Ok(Order {
         flights: arguments.flights.clone(),
         out: out_of(arguments),

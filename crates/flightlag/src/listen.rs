@@ -2,8 +2,9 @@
 
 use crate::arguments::DeskArguments;
 use crate::show::{bytes, count, visible};
-use campaign::{Event, EventSink, Why};
+use campaign::{Event, EventSink, Stage, Why};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use record::EffectVerdict;
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -34,12 +35,17 @@ fn sentence(event: &Event) -> Option<String> {
         Event::Hashing { files, bytes: size } => {
             Some(format!("hashing {}, {}", count(*files as u64, "file"), bytes(*size)))
         }
+        Event::Planned { stage: Some(Stage::Measure), to_run, .. } => {
+            Some(format!("{} to measure", count(*to_run as u64, "flight")))
+        }
         Event::Planned { reused, to_run, .. } => Some(format!(
-            "{} to make, {} with a result already",
-            count(*to_run as u64, "result"),
+            "{} to replay, {} with a result already",
+            count(*to_run as u64, "flight"),
             count(*reused as u64, "flight")
         )),
-        Event::Finished { flight, outcome, reason, lossy } => {
+        Event::DelayMeasured { flight, words, .. } => Some(format!("{flight}: {words}")),
+        Event::Finished { flight, outcome, reason, lossy, effect } => {
+            let outcome = effect.map_or(*outcome, effect_word);
             Some(finished(flight, outcome, reason.as_deref(), *lossy))
         }
         Event::Troubled { flight, reason } => Some(format!("{flight}: no result: {reason}")),
@@ -52,6 +58,15 @@ fn sentence(event: &Event) -> Option<String> {
         }
         Event::NothingChanged => Some("nothing changed".to_owned()),
         _ => None,
+    }
+}
+
+fn effect_word(effect: EffectVerdict) -> &'static str {
+    match effect {
+        EffectVerdict::Helped => "helped",
+        EffectVerdict::NoChange => "no change",
+        EffectVerdict::Harmed => "HARMED",
+        EffectVerdict::CannotTell => "effect unknown",
     }
 }
 
@@ -79,10 +94,10 @@ impl EventSink for Lines {
                 *progress = (0, *to_run);
                 sentence(event)
             }
-            Event::Started { flight, why, bytes: size } => {
-                Some(format!("{flight}: reading {}: {}", bytes(*size), reasons(why)))
+            Event::Started { flight, stage, why, bytes: size } => {
+                Some(format!("{flight}: {stage}: reading {}: {}", bytes(*size), reasons(why)))
             }
-            Event::Finished { .. } | Event::Troubled { .. } => {
+            Event::Finished { .. } | Event::DelayMeasured { .. } | Event::Troubled { .. } => {
                 progress.0 += 1;
                 sentence(event).map(|s| format!("[{}/{}] {s}", progress.0, progress.1))
             }
@@ -143,14 +158,18 @@ impl EventSink for Bar {
         match event {
             Event::Hashing { bytes, .. } => self.begin("hashing".to_owned(), *bytes),
             Event::Planned { to_run, bytes, .. } => {
-                self.say(event);
+                if *to_run > 1 {
+                    self.say(event);
+                }
                 *self.flights.lock().unwrap_or_else(|e| e.into_inner()) = (0, *to_run);
                 self.begin(format!("0 of {to_run} flights"), *bytes);
             }
             Event::Hashed { bytes } | Event::Read { bytes } => self.advance(*bytes),
-            Event::Finished { outcome, lossy, .. } => {
+            Event::DelayMeasured { .. } => self.flight_done(),
+            Event::Finished { outcome, lossy, effect, .. } => {
                 self.flight_done();
-                if *outcome != "compensated" || *lossy {
+                let fine = matches!(*outcome, "compensated" | "uncompensated");
+                if !fine || *lossy || *effect == Some(EffectVerdict::Harmed) {
                     self.say(event);
                 }
             }

@@ -5,6 +5,7 @@ mod bench_command;
 mod campaign_command;
 mod compensator;
 mod criteria;
+mod delay_command;
 mod demo;
 mod export;
 mod failure;
@@ -35,6 +36,7 @@ fn run(command: Command) -> Result<End, Failure> {
     let deaf = |e| Failure::new(Exit::Failed, format!("cannot listen for signals: {e}"));
     let stop = stop::Stop::listen().map_err(deaf)?;
     match command {
+        Command::Delay(arguments) => delay_command::run(&arguments, &stop),
         Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
         Command::Bench(arguments) => bench_command::run(&arguments, &stop),
         Command::Inspect(arguments) => inspect::run(&arguments, &stop),

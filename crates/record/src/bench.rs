@@ -275,13 +275,17 @@ pub enum Verdict {
 pub struct DelayFinding {
     /// Best value; positive is late.
     pub delay: Delay,
-    /// Standard uncertainty, s: the larger of the next two, with the stamps' and the anchor's own uncertainty in
+    /// Standard uncertainty, s: the larger of the next two, with what the reference, the stamps and the anchor add in
     /// quadrature.
     pub standard_uncertainty_s: f64,
     /// From the Hessian of the generalised least squares, s.
     pub hessian_s: f64,
     /// From the heteroscedasticity and autocorrelation consistent sandwich, s.
     pub hac_s: f64,
+    /// From the reference, which errs with the encoder's steps, s. The noise of the fit holds it as if each component had its
+    /// own: `1 − 1/components` of its variance is added, and the whole is no less than it.
+    #[serde(default)]
+    pub reference_s: f64,
     /// From stamps that are coarse: a held value is seen one row late at most, a tick is cut or rounded, s.
     pub stamps_s: f64,
     /// From the delay of the anchor channel, s; zero where delays are absolute.
@@ -436,7 +440,7 @@ pub struct FitChecks {
     pub second_minimum_s: Option<f64>,
 }
 
-/// The objective that was minimised.
+/// The objective that was minimised, −2 log likelihood above the least of each curve: that is 0, at the delay of the fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ObjectiveCurve {
     /// Over the search range: delay, s.
@@ -564,6 +568,9 @@ pub struct MountCheck {
     pub stated: Option<f64>,
     /// Whether they agree (within three standard uncertainties and the check's tolerance); `None` if either is missing.
     pub agrees: Option<bool>,
+    /// Whether it is the rig file that is wrong where they do not agree; a scale is the sensor's own.
+    #[serde(default)]
+    pub of_rig: bool,
     /// In words.
     pub text: String,
 }

@@ -1,6 +1,9 @@
 //! The record of one campaign.
 
-use crate::{CampaignCriteria, CampaignDelay, DelaySource, DelaySweep, Estimate, Outcome, RowVerdicts};
+use crate::{
+    CampaignCriteria, CampaignDelay, Decision, DelaySource, DelaySweep, Effect, Estimate, FlightLateness,
+    GroupLateness, Outcome, RowVerdicts,
+};
 use serde::{Deserialize, Serialize};
 
 /// One line of the table of flights.
@@ -65,6 +68,18 @@ pub struct FlightRow {
     /// What the criteria say; `None` where none were given.
     #[serde(default)]
     pub criteria: Option<RowVerdicts>,
+    /// How late the position is; `None` if the log could not be read.
+    #[serde(default)]
+    pub lateness: Option<FlightLateness>,
+    /// What is removed, and why.
+    #[serde(default)]
+    pub decision: Option<Decision>,
+    /// Whether that helped.
+    #[serde(default)]
+    pub effect: Option<Effect>,
+    /// The flight with the same samples that counts in its place; `None` if this one counts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub duplicate_of: Option<String>,
     /// Why somebody should look at this flight, in words: damage, contradictions, restarts.
     pub attention: Vec<String>,
     /// Notices of severity warning.
@@ -89,12 +104,24 @@ pub struct CampaignTotals {
     pub flights: u64,
     /// With a replay.
     pub compensated: u64,
+    /// Measured, but no delay was removed.
+    #[serde(default)]
+    pub uncompensated: u64,
     /// Read, but nothing to say.
     pub not_measurable: u64,
     /// Unusable.
     pub failed: u64,
     /// With lost data.
     pub lossy: u64,
+    /// Made worse by what was removed.
+    #[serde(default)]
+    pub harmed: u64,
+    /// Made better.
+    #[serde(default)]
+    pub helped: u64,
+    /// With a delay that changes during the flight.
+    #[serde(default)]
+    pub varying: u64,
     /// Bytes of all logs.
     pub bytes: u64,
     /// Seconds flown in compensated flights.
@@ -125,6 +152,9 @@ pub struct CampaignRecord {
     pub ignored: Vec<IgnoredInput>,
     /// Counts.
     pub totals: CampaignTotals,
+    /// Lateness by group of flights that may share a delay.
+    #[serde(default)]
+    pub groups: Vec<GroupLateness>,
     /// Delays over all flights; `None` if no flight has a sweep or a measured delay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay: Option<CampaignDelay>,

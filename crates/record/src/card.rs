@@ -46,6 +46,10 @@ pub struct CardChannel {
     /// Lags of the chosen model, s; empty for a pure delay.
     #[serde(default)]
     pub lags_s: Vec<f64>,
+    /// How late slow motion is, s: delay and lags of the chosen model together; only where it has a lag. `delay_s` is the pure
+    /// delay that fits the bench's swing best, which is less.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slow_motion_delay_s: Option<f64>,
     /// Delay or lag, in words.
     pub model: String,
     /// Mean gain of the excited components.
@@ -67,6 +71,10 @@ pub struct CardChannel {
     /// Files of records that were left out as outliers.
     #[serde(default)]
     pub outliers: Vec<String>,
+    /// On what records contradict their rig file, each with the record's name: the delay is measured against a motion that
+    /// was not the bar's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contradicted: Vec<String>,
 }
 
 /// Hard and soft iron of a magnetometer: `read = soft_iron · field + hard_iron`, in body axes forward, right, down.

@@ -1,6 +1,6 @@
 //! The record of one flight.
 
-use crate::{FlightCriteria, FlightDelays, ReplayRecord};
+use crate::{Decision, DelayNetwork, Effect, FlightCriteria, FlightDelays, FlightLateness, ReplayRecord};
 use flight::{Binding, LogHealth, Notices};
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,11 @@ pub struct PipelineUse {
 pub enum Outcome {
     /// There is a [`ReplayRecord`].
     Compensated,
+    /// The log was read and its delay looked for, but no delay was removed.
+    Uncompensated {
+        /// Why.
+        reason: String,
+    },
     /// The log was read, but compensation says nothing here.
     NotMeasurable {
         /// Why, and what would make it so.
@@ -70,6 +75,18 @@ pub struct FlightRecord {
     /// Delays measured from the flight itself; `None` if no channel was bound.
     #[serde(default)]
     pub delays: Option<FlightDelays>,
+    /// How late the position is; `None` if the log could not be read.
+    #[serde(default)]
+    pub lateness: Option<FlightLateness>,
+    /// One lateness for each channel; `None` if no pair gave a delay.
+    #[serde(default)]
+    pub network: Option<DelayNetwork>,
+    /// What is removed, and why; `None` before it is decided.
+    #[serde(default)]
+    pub decision: Option<Decision>,
+    /// Whether that helped; `None` where nothing could be compared.
+    #[serde(default)]
+    pub effect: Option<Effect>,
     /// What the criteria say; `None` where none were given. Not part of the result under its key: it is judged anew
     /// whenever pages are made, so that another limit recomputes no flight.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,6 +1,7 @@
 //! How late the channels of a flight are against each other, found from the flight itself.
 
 use crate::bench::{Finding, ObjectiveCurve};
+use crate::delay_over_time::DelayOverTime;
 use crate::replay::Estimate;
 use flight::Clock;
 use serde::{Deserialize, Serialize};
@@ -45,6 +46,16 @@ pub struct PairDelay {
     pub excitation: Option<DelayExcitation>,
     /// The delay, or why there is none and which manoeuvre would give one.
     pub delay: Finding<MeasuredDelay>,
+    /// Whether the delay stays the same; `None` where that was not asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub varies: Option<DelayOverTime>,
+    /// Why the pair must not take part in the delay network; `None` if it may.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_for_network: Option<String>,
+    /// Change of the delay for each 0.1 m by which the antenna is ahead of where velocity is taken, s; `None` if the
+    /// lever arm is known or does not matter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lever_arm_s_per_decimetre: Option<f64>,
 }
 
 /// What the flown path says about a delay, whatever the noise (design note 4).
@@ -103,6 +114,12 @@ pub struct MeasuredDelay {
     pub splits: Vec<DelaySplit>,
     /// Known delays put into the second half of the flight and found again.
     pub injections: Vec<FlightInjection>,
+    /// What was done to the delay after the fit, such as taking a lever arm out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
+    /// What else is doubtful about the delay, the gravest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alarms: Vec<String>,
 }
 
 /// A stretch with an offset and drift of its own.

@@ -19,8 +19,11 @@ mod card;
 mod criteria;
 mod delay_network;
 mod delay_over_time;
+mod ekf;
 mod flight;
 mod flight_delay;
+mod group;
+mod lateness;
 mod monte_carlo;
 mod replay;
 mod score;
@@ -40,10 +43,24 @@ pub use crate::criteria::{
     CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionUnit, CriterionVerdict, DecisionRule,
     FlightCriteria, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,
 };
+pub use crate::delay_network::{
+    ChannelLateness, DelayLoop, DelayNetwork, DelayPool, EffectKind, EffectName, FlightsDiffer, GroupSplit,
+    NetworkDatum, NetworkEffect, NetworkVerdict, PairSuggestion, PoolMember, ReferenceJudgement, RemovedDelay,
+    RemovedFrom, UnusedPair, UsedPair,
+};
+pub use crate::delay_over_time::{
+    Burst, Constancy, CurvePoint, DelayJitter, DelayKind, DelayOverTime, DelayTerm, DelayTermKind, DeviceTime, LateFix,
+};
+pub use crate::ekf::{EkfChannel, EkfValue, EkfValueKind, EkfValues};
 pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
 pub use crate::flight_delay::{
     DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit,
     DelayStep, FlightDelays, FlightInjection, MeasuredDelay, PairDelay, WindowDelay,
+};
+pub use crate::group::{DuplicateFlight, FlightContent, GroupPart, ReceiverGroup};
+pub use crate::lateness::{
+    CardDelay, Decision, DelayAdvice, DelayAlarm, DelaySetting, Effect, EffectVerdict, FlightLateness, Gravity,
+    GroupLateness, JudgedBy, MeasuredFlight,
 };
 pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::replay::{

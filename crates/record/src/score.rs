@@ -151,8 +151,12 @@ pub struct ReferenceScore {
 pub struct ErrorBudget {
     /// All terms, also those that are not known.
     pub terms: Vec<BudgetTerm>,
-    /// Root of the sum of the squares of those that are known, 2-D rms, m.
-    pub total_m: f64,
+    /// Root of the sum of the squares of all terms, 2-D rms, m; `None` where one of them is not known, for then nobody knows
+    /// the sum.
+    pub total_m: Option<f64>,
+    /// Root of the sum of the squares of those that are known, 2-D rms, m: the error is at least about this.
+    #[serde(default)]
+    pub known_m: f64,
     /// Measured against the reference, 2-D rms, m.
     pub measured_m: Option<Estimate>,
 }

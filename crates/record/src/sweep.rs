@@ -12,10 +12,32 @@ pub enum DelaySource {
     Fixed,
     /// A sensor card of the bench.
     Card,
+    /// The delay network: the mean of the other flights of the group, else the flight's own.
+    Network,
+    /// The mean lateness over the other flights of the group.
+    OthersFlights,
+    /// The flight's own lateness, from its delay network.
+    OwnNetwork,
     /// Measured in the flight itself: position against the integral of velocity.
     Flight,
     /// The optimum of the flight's delay sweep.
     Sweep,
+}
+
+impl DelaySource {
+    /// The name that pipelines, tables and records use.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            DelaySource::Fixed => "fixed",
+            DelaySource::Card => "card",
+            DelaySource::Network => "network",
+            DelaySource::OthersFlights => "others-flights",
+            DelaySource::OwnNetwork => "own-network",
+            DelaySource::Flight => "flight",
+            DelaySource::Sweep => "sweep",
+        }
+    }
 }
 
 /// A delay that could be removed, or why this source has none for the flight.

@@ -7,6 +7,7 @@ mod criteria;
 mod flight;
 mod flight_delay;
 mod health;
+mod lateness;
 mod method;
 mod monte_carlo;
 mod provenance;
@@ -50,15 +51,6 @@ fn document(title: &str, wide: bool, body: Markup) -> String {
         }
     }
     .into_string()
-}
-
-/// A word that is told from the others by icon, text and colour.
-fn outcome_word(outcome: &Outcome) -> Markup {
-    match outcome {
-        Outcome::Compensated => badge("ok", "✓", "Compensated"),
-        Outcome::NotMeasurable { .. } => badge("unsure", "○", "Not measurable"),
-        Outcome::Failed { .. } => badge("bad", "✗", "Failed"),
-    }
 }
 
 fn data_lost() -> Markup {
@@ -111,7 +103,9 @@ fn badge(class: &str, icon: &str, word: &str) -> Markup {
 fn reason(outcome: &Outcome) -> Option<&str> {
     match outcome {
         Outcome::Compensated => None,
-        Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => Some(reason),
+        Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
+            Some(reason)
+        }
     }
 }
 

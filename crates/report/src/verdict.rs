@@ -43,7 +43,10 @@ pub(crate) fn source_phrase(source: DelaySource) -> &'static str {
     match source {
         DelaySource::Fixed => "stated in the pipeline",
         DelaySource::Card => "sensor card",
-        DelaySource::Flight => "measured in this flight",
+        DelaySource::Network => "the delay network",
+        DelaySource::OthersFlights => "other flights of the group",
+        DelaySource::OwnNetwork => "this flight's own lateness",
+        DelaySource::Flight => "position against velocity in this flight",
         DelaySource::Sweep => "best of the sweep",
     }
 }
@@ -53,6 +56,9 @@ pub(crate) fn source_word(source: DelaySource) -> &'static str {
     match source {
         DelaySource::Fixed => "pipeline",
         DelaySource::Card => "card",
+        DelaySource::Network => "network",
+        DelaySource::OthersFlights => "other flights",
+        DelaySource::OwnNetwork => "own",
         DelaySource::Flight => "flight",
         DelaySource::Sweep => "sweep",
     }

@@ -8,10 +8,12 @@ mod rounds;
 mod search;
 mod segments;
 mod uncertainty;
+mod windows;
 
 pub use bound::delay_crlb;
-pub use objective::delay_objective;
+pub use objective::{delay_objective, delay_objective_above};
 pub use segments::{SegmentDelay, delay_by_segment, homogeneity};
+pub use windows::{DelayWindow, delay_windows};
 
 pub(crate) use rounds::KEPT_POWER;
 pub(crate) use uncertainty::{andrews_lags, bartlett_sum};
@@ -144,6 +146,8 @@ pub struct DelayFit {
     pub degrees_of_freedom: f64,
     /// Lag of the Bartlett window of the sandwich, samples.
     pub hac_lags: usize,
+    /// Coefficients of the shared columns of the references, see [`Reference::shared`].
+    pub shared: Vec<Uncertain>,
     /// Skew of the clocks, seconds per second, if asked for.
     pub skew: Option<Uncertain>,
     /// Instant that offset, drift and skew refer to, s: the middle of the used rows.
@@ -207,6 +211,12 @@ pub enum DelayError {
         /// Least number.
         needed: usize,
     },
+    /// Shared columns beside a gain that is to be fitted.
+    #[error("component {component}: a reference with shared columns needs a gain that is known")]
+    SharedNeedsGain {
+        /// Which, from 0.
+        component: usize,
+    },
     /// The settings make no sense.
     #[error("cannot search {step_s} s apart from {from_s} s to {to_s} s")]
     SearchRange {
@@ -258,6 +268,31 @@ pub fn fit_delay(components: &[Measurement], settings: &DelaySettings) -> Result
     rounds::fit(components, settings)
 }
 
+/// Where a fit begins that needs no search.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DelayStart {
+    /// A delay that is nearly right, s: within a fraction of the signal's period.
+    pub delay_s: f64,
+    /// Noise of each component.
+    pub noise: Vec<NoiseModel>,
+    /// Whether the noise is known; else it is where the search for it starts.
+    pub keep_noise: bool,
+}
+
+/// [`fit_delay`] from a delay and a noise that are nearly right: the range of the settings is not searched, and no other
+/// minimum is looked for.
+///
+/// # Errors
+/// In words, why the delay cannot be found.
+pub fn fit_delay_near(
+    components: &[Measurement],
+    settings: &DelaySettings,
+    start: &DelayStart,
+) -> Result<DelayFit, DelayError> {
+    check(components)?;
+    rounds::fit_near(components, settings, start)
+}
+
 /// Least samples of a component within the reference.
 const LEAST_SAMPLES: usize = 8;
 
@@ -268,6 +303,9 @@ fn check(components: &[Measurement]) -> Result<(), DelayError> {
     for (component, m) in components.iter().enumerate() {
         if m.t.len() != m.y.len() {
             return Err(DelayError::LengthsDiffer { component, stamps: m.t.len(), values: m.y.len() });
+        }
+        if matches!(m.gain, Gain::Free { .. }) && !m.reference.shared().is_empty() {
+            return Err(DelayError::SharedNeedsGain { component });
         }
         if let Some(k) = m.t.windows(2).position(|w| w[0].partial_cmp(&w[1]) != Some(std::cmp::Ordering::Less)) {
             return Err(DelayError::StampsNotRising { component, row: k + 1 });

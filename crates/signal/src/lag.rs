@@ -6,7 +6,7 @@ mod lagged;
 pub use lagged::LaggedReference;
 
 use crate::delay::{DelayFit, DelaySettings, Measurement, Uncertain};
-use candidate::Trial;
+use candidate::{Fitted, Trial};
 
 /// Ways to be late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +58,8 @@ pub struct LagCandidate {
 pub struct LagChoice {
     /// The candidates that could be fitted, the best first.
     pub candidates: Vec<LagCandidate>,
-    /// The best one, or `None` if another that means something else is as good within ΔBIC 6.
+    /// The best one, or `None` if another that means something else is as good within ΔBIC 6, or is told from it by the
+    /// error of the reference alone.
     pub chosen: Option<LagModel>,
     /// The best candidate that means something else than the best, with its ΔBIC.
     pub rival: Option<(LagModel, f64)>,
@@ -78,20 +79,40 @@ const SAME_SHARE: f64 = 0.2;
 /// `fit`, less a lead-in of 6.2 delays or so in which a lag remembers what happened before the reference began.
 ///
 /// Delay and lag apart are known far worse than their sum; narrow swings with a free gain cannot tell them at all.
+///
+/// The reference counts as exact; see [`choose_lag_model_against`].
 #[must_use]
 pub fn choose_lag_model(components: &[Measurement], fit: &DelayFit, settings: &DelaySettings) -> LagChoice {
-    let mut candidates = match Trial::new(components, fit, settings) {
-        Some(mut trial) => trial.candidates(),
-        None => vec![],
+    choose_lag_model_against(components, fit, settings, &[])
+}
+
+/// [`choose_lag_model`] against references that err: `reference_std` is the standard uncertainty of the reference of each
+/// component at any one instant, unit of the component (nothing: exact).
+///
+/// Candidates whose values differ by less than that (rms) are not told apart, however clear the criterion: it would be an
+/// error of the reference that decides. And no delay beside a lag is negative, unless that is better by ΔBIC 6 than what
+/// has no negative delay, and by more than the reference errs: on the border of what is allowed, delay or lag is zero.
+#[must_use]
+pub fn choose_lag_model_against(
+    components: &[Measurement],
+    fit: &DelayFit,
+    settings: &DelaySettings,
+    reference_std: &[f64],
+) -> LagChoice {
+    let undecided = LagChoice { candidates: vec![], chosen: None, rival: None };
+    let Some(trial) = Trial::new(components, fit, settings, reference_std) else { return undecided };
+    let mut fitted = trial.candidates();
+    fitted.sort_by(|a, b| a.bic.total_cmp(&b.bic));
+    let Some((best, others)) = fitted.split_first() else { return undecided };
+    let is_as_good = |c: &&Fitted| {
+        let only_by_the_reference = !c.is_richer_than(best) && !trial.differ(best, c);
+        c.bic - best.bic < DISTINGUISHED || only_by_the_reference
     };
-    candidates.sort_by(|a, b| a.bic.total_cmp(&b.bic));
-    let Some(best) = candidates.first() else {
-        return LagChoice { candidates, chosen: None, rival: None };
-    };
-    let rival = candidates[1..].iter().find(|c| !mean_the_same(best, c)).map(|c| (c.model, c.bic - best.bic));
-    let clear = rival.is_none_or(|(_, excess)| excess >= DISTINGUISHED);
-    let chosen = (clear && candidates.len() > 1).then_some(best.model);
-    LagChoice { candidates, chosen, rival }
+    let rivals = || others.iter().filter(|c| !mean_the_same(best, c));
+    let equal = rivals().find(is_as_good);
+    let rival = equal.or_else(|| rivals().next()).map(|c| (c.model, c.bic - best.bic));
+    let chosen = (equal.is_none() && !others.is_empty()).then_some(best.model);
+    LagChoice { chosen, rival, candidates: fitted.into_iter().map(|f| f.candidate).collect() }
 }
 
 /// Whether `other` leaves no delay open that is far from that of `best`.

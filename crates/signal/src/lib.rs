@@ -9,10 +9,12 @@
 //! assert_eq!(distance, 2.25); // ∫₀^1.5 2τ dτ
 //! ```
 
+mod blocks;
 mod coarse_lag;
 mod decimate;
 mod delay;
 mod distributions;
+mod excess;
 mod frequency_response;
 mod hermite;
 mod hull;
@@ -25,6 +27,7 @@ mod piecewise;
 mod reference;
 mod regression;
 mod residuals;
+mod shift;
 mod smooth;
 mod spectrum;
 mod spline;
@@ -33,30 +36,34 @@ mod statistics;
 mod whiten;
 mod window;
 
+pub use blocks::{BlockEstimate, BlockSums};
 pub use coarse_lag::{CoarseLag, coarse_lag};
 pub use decimate::{Decimated, min_max};
 pub use delay::{
-    ComponentFit, DelayError, DelayFit, DelaySettings, Gain, Measurement, OtherMinimum, SegmentDelay, Sign, Uncertain,
-    delay_by_segment, delay_crlb, delay_objective, fit_delay, homogeneity,
+    ComponentFit, DelayError, DelayFit, DelaySettings, DelayStart, DelayWindow, Gain, Measurement, OtherMinimum,
+    SegmentDelay, Sign, Uncertain, delay_by_segment, delay_crlb, delay_objective, delay_objective_above, delay_windows,
+    fit_delay, fit_delay_near, homogeneity,
 };
 pub use distributions::{chi_squared_tail, normal_quantile, student_quantile};
+pub use excess::delay_excess;
 pub use frequency_response::{FrequencyPoint, FrequencyResponse, ResponseError, frequency_response};
 pub use hermite::septic_hermite;
 pub use hull::{HullLine, lower_hull};
 pub use integral::CumulativeIntegral;
-pub use lag::{LagCandidate, LagChoice, LagModel, LaggedReference, choose_lag_model};
+pub use lag::{LagCandidate, LagChoice, LagModel, LaggedReference, choose_lag_model, choose_lag_model_against};
 pub use noise::NoiseRule;
 pub use path::thin_path;
 pub use piecewise::{PiecewiseClock, PulseError};
-pub use reference::Reference;
+pub use reference::{Cursor, Reference, SharedColumn};
 pub use regression::{Regression, RegressionError, regress};
 pub use residuals::{autocorrelation, jitter_from_residuals, kurtosis, ljung_box};
+pub use shift::DelayResponse;
 pub use smooth::{SmoothError, SmoothedMotion, Smoother, smooth, smooth_by_gcv};
 pub use spectrum::{Spectrum, power_spectrum};
 pub use spline::{CubicSpline, SplineError};
 pub use static_noise::{
     AllanPoint, allan_deviation, modal_repeat_length, resolution, static_deviation, static_segments,
 };
-pub use statistics::{RmsEstimate, block_jackknife_rms, median_in_place, percentile_of_sorted, robust_sigma};
+pub use statistics::{block_jackknife_rms, median_by_selection, median_in_place, percentile_of_sorted, robust_sigma};
 pub use whiten::{NoiseModel, whiten};
 pub use window::{Window, largest_sum};

@@ -65,6 +65,12 @@ pub(crate) struct NoiseFit {
 }
 
 impl NoiseFit {
+    /// A noise to start from: white as it is, a wander as where a search ended.
+    pub(crate) fn from_model(model: NoiseModel, t: &[f64]) -> NoiseFit {
+        let shape = shape_at(&model, Intervals::of(t).median);
+        NoiseFit { model, shape }
+    }
+
     /// A noise that was not searched for.
     pub(crate) fn given(model: NoiseModel) -> NoiseFit {
         NoiseFit { model, shape: None }
@@ -111,7 +117,8 @@ impl NoiseProblem {
         NoiseFit { model: NoiseModel::white(self.white_likelihood().scale), shape: None }
     }
 
-    /// The noise that fits best, from where `before` ended if that was a wander.
+    /// The noise that fits best, from where `before` ended if that was a wander. Without that, many samples are searched
+    /// on every second, third, … of them first.
     pub(crate) fn wander_and_white(&self, before: Option<&NoiseFit>) -> NoiseFit {
         let white = self.white_likelihood();
         let n = self.samples();
@@ -119,7 +126,8 @@ impl NoiseProblem {
             return self.white();
         }
         let f = |shape: &Shape| self.likelihood(shape).map_or(f64::INFINITY, |l| l.minus_log);
-        let lowest = self.search(f, before.and_then(|b| b.shape));
+        let start = before.and_then(|b| b.shape).or_else(|| self.shape_of_few());
+        let lowest = self.search(f, start);
         match self.likelihood(&lowest.at) {
             Some(l) if l.minus_log < white.minus_log - WORTH_A_WANDER => {
                 NoiseFit { model: self.model(&lowest.at, l.scale), shape: Some(lowest.at) }
@@ -163,6 +171,28 @@ impl NoiseProblem {
         Some(best)
     }
 
+    /// The best shape on every n-th sample, for all samples; `None` if they are few anyway or show no wander.
+    fn shape_of_few(&self) -> Option<Shape> {
+        const FEW: usize = 800;
+        let every = self.samples() / FEW;
+        if every < 2 {
+            return None;
+        }
+        let few = self.thinned(every);
+        let f = |shape: &Shape| few.likelihood(shape).map_or(f64::INFINITY, |l| l.minus_log);
+        let lowest = few.search(f, None);
+        let scale = few.likelihood(&lowest.at)?.scale;
+        self.shape_of(&few.model(&lowest.at, scale)).map(|[time, ratio]| [time, ratio.clamp(-13.0, 13.0)])
+    }
+
+    fn thinned(&self, every: usize) -> NoiseProblem {
+        let rows = self.rows.chunks_exact(self.columns).step_by(every).flatten().copied().collect();
+        let weights = self.weights.as_ref().map(|w| w.iter().step_by(every).copied().collect());
+        let between: Vec<f64> = self.intervals.between.chunks_exact(every).map(|c| c.iter().sum()).collect();
+        let intervals = Intervals::of_steps(between);
+        NoiseProblem { rows, columns: self.columns, intervals, weights, kept_power: self.kept_power }
+    }
+
     fn search(&self, mut f: impl FnMut(&Shape) -> f64, before: Option<Shape>) -> Lowest<2> {
         let (start, step) = match before {
             Some(shape) => (shape, [0.3, 0.3]),
@@ -194,10 +224,7 @@ impl NoiseProblem {
 
     /// The shape that [`NoiseProblem::model`] makes this of; `None` without both parts.
     fn shape_of(&self, model: &NoiseModel) -> Option<Shape> {
-        let ratio = (model.white_std / model.wander_std).powi(2);
-        let gained = -(-2.0 * self.intervals.median / model.time_constant_s).exp_m1();
-        let shape = [model.time_constant_s.ln(), (ratio / gained).ln()];
-        shape.iter().all(|x| x.is_finite()).then_some(shape)
+        shape_at(model, self.intervals.median)
     }
 
     /// White variance over the wander's.
@@ -309,6 +336,14 @@ impl NoiseProblem {
         }
         (gram, -log_det.sum())
     }
+}
+
+/// The shape of a noise at stamps `median_s` apart; `None` without both parts.
+fn shape_at(model: &NoiseModel, median_s: f64) -> Option<Shape> {
+    let ratio = (model.white_std / model.wander_std).powi(2);
+    let gained = -(-2.0 * median_s / model.time_constant_s).exp_m1();
+    let shape = [model.time_constant_s.ln(), (ratio / gained).ln()];
+    shape.iter().all(|x| x.is_finite()).then_some(shape)
 }
 
 /// Rows whose gains are worked out together.
@@ -428,7 +463,7 @@ impl Gram {
 }
 
 /// A sum of logarithms with few logarithms.
-struct LogProduct {
+pub(crate) struct LogProduct {
     product: f64,
     factors: u32,
     sum: f64,
@@ -441,16 +476,21 @@ impl Default for LogProduct {
 }
 
 impl LogProduct {
-    fn times(&mut self, factor: f64) {
+    /// A product beyond these is taken the logarithm of.
+    const LARGEST: f64 = 1e100;
+
+    #[inline]
+    pub(crate) fn times(&mut self, factor: f64) {
         self.product *= factor;
         self.factors += 1;
-        if self.factors == 16 {
+        let beyond = !(1.0 / Self::LARGEST..Self::LARGEST).contains(&self.product);
+        if self.factors == 16 || beyond {
             self.sum += self.product.ln();
             (self.product, self.factors) = (1.0, 0);
         }
     }
 
-    fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         self.sum + self.product.ln()
     }
 }
@@ -470,8 +510,11 @@ const MOST_KINDS: usize = 12;
 
 impl Intervals {
     fn of(t: &[f64]) -> Intervals {
-        let between: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-        let median = crate::median_in_place(&mut between.clone()).unwrap_or(1.0);
+        Intervals::of_steps(t.windows(2).map(|w| w[1] - w[0]).collect())
+    }
+
+    fn of_steps(between: Vec<f64>) -> Intervals {
+        let median = crate::median_by_selection(&mut between.clone()).unwrap_or(1.0);
         let mut common: Vec<f64> = vec![];
         let kinds = between.iter().map(|dt| kind_of(*dt, &mut common)).collect();
         let total = between.iter().sum::<f64>().max(median);

@@ -1,5 +1,7 @@
 //! Noise that wanders, and how to make it white.
 
+use crate::noise::LogProduct;
+
 /// Stationary noise: an Ornstein–Uhlenbeck process plus white noise, in the unit of the series.
 ///
 /// Covariance of the samples i and j: `wander_std² exp(−|tᵢ − tⱼ| / time_constant_s) + white_std² δᵢⱼ`.
@@ -52,13 +54,58 @@ pub fn whiten(t: &[f64], columns: &mut [&mut [f64]], noise: &NoiseModel) -> f64 
 
 /// What the filter does at one sample.
 #[derive(Debug, Clone, Copy)]
-struct Step {
+pub(crate) struct Step {
     /// Share of the innovation that is wander.
-    gain: f64,
+    pub(crate) gain: f64,
     /// Decay of the wander to the next sample.
-    decay: f64,
+    pub(crate) decay: f64,
     /// One over the standard deviation of the innovation.
-    weight: f64,
+    pub(crate) weight: f64,
+}
+
+/// The steps of the filter, sample by sample. Intervals that come again have their decay at hand, and where nothing
+/// changes any more the last step is kept.
+pub(crate) struct Steps {
+    noise: NoiseModel,
+    /// Variance of the wander that is not known before the sample.
+    known: f64,
+    last: Step,
+    pub(crate) variance: f64,
+    interval: f64,
+    steady: bool,
+}
+
+impl Steps {
+    pub(crate) fn new(noise: &NoiseModel) -> Steps {
+        let last = Step { gain: 0.0, decay: 0.0, weight: 0.0 };
+        let known = noise.wander_std * noise.wander_std;
+        Steps { noise: *noise, known, last, variance: 1.0, interval: f64::NAN, steady: false }
+    }
+
+    /// The step of the next sample, which is followed by another after `interval` s (by none: infinite), and whose
+    /// variance is over `weight`.
+    #[inline]
+    pub(crate) fn next(&mut self, interval: f64, weight: Option<f64>) -> Step {
+        let same = interval == self.interval || (interval - self.interval).abs() <= SAME * interval;
+        if self.steady && same {
+            return self.last;
+        }
+        let (wander, white) =
+            (self.noise.wander_std * self.noise.wander_std, self.noise.white_std * self.noise.white_std);
+        if !same {
+            self.interval = interval;
+            self.last.decay = if wander > 0.0 { (-interval / self.noise.time_constant_s).exp() } else { 0.0 };
+        }
+        let decay = self.last.decay;
+        let before = self.known;
+        let variance = (before + white) / weight.unwrap_or(1.0);
+        let gain = before / variance;
+        self.known = wander + decay * decay * ((1.0 - gain) * before - wander);
+        self.last = Step { gain, decay, weight: 1.0 / variance.sqrt() };
+        self.variance = variance;
+        self.steady = same && weight.is_none() && (self.known - before).abs() <= 1e-16 * before;
+        self.last
+    }
 }
 
 /// The whitening of one set of stamps under one noise, ready for any number of columns.
@@ -70,27 +117,24 @@ pub(crate) struct WhiteningFilter {
     pub(crate) log_det: f64,
 }
 
+/// Intervals that differ by less than this share have the same decay.
+const SAME: f64 = 1e-10;
+
 impl WhiteningFilter {
     /// `weights` (0 to 1) multiply the square of a whitened row: the variance of that innovation is taken as so much
     /// larger, and the wander learns so much less from it.
     pub(crate) fn new(t: &[f64], noise: &NoiseModel, weights: Option<&[f64]>) -> WhiteningFilter {
-        let (wander, white) = (noise.wander_std * noise.wander_std, noise.white_std * noise.white_std);
-        let mut known = wander;
-        let mut log_det = 0.0;
+        let mut determinant = LogProduct::default();
+        let mut all = Steps::new(noise);
         let steps = (0..t.len())
             .map(|k| {
-                let variance = (known + white) / weights.map_or(1.0, |w| w[k]);
-                let gain = known / variance;
-                let decay = match t.get(k + 1) {
-                    Some(next) if wander > 0.0 => (-(next - t[k]) / noise.time_constant_s).exp(),
-                    _ => 0.0,
-                };
-                known = wander + decay * decay * ((1.0 - gain) * known - wander);
-                log_det += variance.ln();
-                Step { gain, decay, weight: 1.0 / variance.sqrt() }
+                let interval = t.get(k + 1).map_or(f64::INFINITY, |next| next - t[k]);
+                let step = all.next(interval, weights.map(|w| w[k]));
+                determinant.times(all.variance);
+                step
             })
             .collect();
-        WhiteningFilter { steps, white: wander == 0.0, log_det }
+        WhiteningFilter { steps, white: noise.wander_std == 0.0, log_det: determinant.sum() }
     }
 
     /// Whitens `N` columns side by side, which hides the wait for one multiplication behind the next column's.

@@ -65,6 +65,7 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     let several: Vec<Several<'_>> =
         names.into_iter().filter_map(|name| Several::of(name, &usable, &mut left_out)).collect();
     tell(&left_out, &mut notices);
+    tell_of_rigs(&usable, &mut notices);
     let channels: Vec<CardChannel> = several.iter().filter_map(|s| s.card(&mut notices)).collect();
     if channels.is_empty() {
         return Err(error(first_name, format!("nothing was measured of {}: no card", sensor_name(&sensor))));
@@ -165,6 +166,31 @@ fn tell(left_out: &[LeftOut<'_>], notices: &mut Notices) {
     }
 }
 
+/// On what the data of a record contradict its rig file. Every reference is made with the rig, so that no channel of such a
+/// record can be trusted.
+fn contradictions(record: &BenchRecord) -> Vec<String> {
+    let told = |code: &str, what: &str| record.notices.iter().any(|n| n.code == code).then(|| what.to_owned());
+    let checks = record.findings.iter().flat_map(|f| &f.mount.checks);
+    let wrong = checks.filter(|c| c.of_rig && c.agrees == Some(false)).map(|c| c.name.clone());
+    let sign = told("encoder-sign-differs", "encoder sign");
+    let side = told("mount-side-differs", "side of the pivot");
+    sign.into_iter().chain(side).chain(wrong).collect()
+}
+
+fn tell_of_rigs(records: &[&(String, BenchRecord)], notices: &mut Notices) {
+    for (name, record) in records {
+        let wrong = contradictions(record);
+        if !wrong.is_empty() {
+            let text = format!(
+                "the data contradict the rig file on {}: its channels are marked on the card; put the rig file right and \
+                 measure again",
+                wrong.join(", ")
+            );
+            notices.push(Severity::Warning, "rig-contradicted", name, wrong.len() as u64, text);
+        }
+    }
+}
+
 /// First to last day, as asked for by the rig.
 fn validity(days: &[&str], terms: &CardTerms<'_>, notices: &mut Notices) -> [Option<String>; 3] {
     let days: Vec<Date> = days.iter().filter_map(|day| day.parse().ok()).collect();
@@ -235,6 +261,8 @@ struct Several<'a> {
     runs: Vec<Run<'a>>,
     /// Records left out as outliers.
     outliers: Vec<String>,
+    /// On what those of the mean contradict their rig files.
+    contradicted: Vec<String>,
 }
 
 impl<'a> Several<'a> {
@@ -263,7 +291,11 @@ impl<'a> Several<'a> {
             left_out.push(LeftOut { code: "outlier", record: run.record, channel: name, why });
         }
         let outliers = left.into_iter().map(|run| run.record.to_owned()).collect();
-        (!kept.is_empty()).then_some(Several { name, runs: kept, outliers })
+        let behind = records.iter().filter(|(record, _)| kept.iter().any(|run| run.record == record));
+        let contradicted = behind
+            .flat_map(|(record, found)| contradictions(found).into_iter().map(move |what| format!("{record}: {what}")))
+            .collect();
+        (!kept.is_empty()).then_some(Several { name, runs: kept, outliers, contradicted })
     }
 
     fn card(&self, notices: &mut Notices) -> Option<CardChannel> {
@@ -275,7 +307,7 @@ impl<'a> Several<'a> {
             [only] => only.delay.standard_uncertainty_s,
             _ => delay.standard_uncertainty.hypot(shared),
         };
-        let (model, lags_s) = self.model();
+        let (model, lags_s, slow_motion_delay_s) = self.model();
         Some(CardChannel {
             name: self.name.to_owned(),
             quantity: first.channel.quantity,
@@ -284,6 +316,7 @@ impl<'a> Several<'a> {
             delay_standard_uncertainty_s: delay.standard_uncertainty,
             as_seen_delay_s: self.mean_age().map(|age| delay.value + age),
             lags_s,
+            slow_motion_delay_s,
             model,
             gain: gain.value,
             gain_standard_uncertainty: gain.standard_uncertainty,
@@ -293,6 +326,7 @@ impl<'a> Several<'a> {
             records: self.runs.len() as u64,
             between_runs_s: delay.between,
             outliers: self.outliers.clone(),
+            contradicted: self.contradicted.clone(),
         })
     }
 
@@ -320,8 +354,9 @@ impl<'a> Several<'a> {
         (!ages.is_empty()).then(|| ages.iter().sum::<f64>() / ages.len() as f64)
     }
 
-    /// The model that more than half of the records show, with its mean lags; else what they show.
-    fn model(&self) -> (String, Vec<f64>) {
+    /// The model that more than half of the records show, with its mean lags and, if it has any, how late it makes slow
+    /// motion; else what they show.
+    fn model(&self) -> (String, Vec<f64>, Option<f64>) {
         let kinds: BTreeSet<&str> = self.runs.iter().map(Run::model).collect();
         let with = |kind: &str| self.runs.iter().filter(|r| r.model() == kind).collect::<Vec<_>>();
         let counted: Vec<(&str, Vec<&Run<'_>>)> = kinds.into_iter().map(|kind| (kind, with(kind))).collect();
@@ -331,12 +366,16 @@ impl<'a> Several<'a> {
                 let words = model_in_words(kind);
                 let text =
                     if runs.len() < n { format!("{words} ({} of {n} records)", runs.len()) } else { words.into() };
-                (text, mean_lags(runs))
+                let lags_s = mean_lags(runs);
+                let sums: Vec<f64> = runs.iter().filter_map(|r| Some(r.channel.model.found()?.sum_s.value)).collect();
+                let slow = sums.iter().sum::<f64>() / sums.len().max(1) as f64;
+                let has_lag = lags_s.iter().any(|lag| *lag > 0.0) && !sums.is_empty();
+                (text, lags_s, has_lag.then_some(slow))
             }
             None => {
                 let part = |(kind, runs): &(&str, Vec<&Run<'_>>)| format!("{} ({})", model_in_words(kind), runs.len());
                 let parts: Vec<String> = counted.iter().map(part).collect();
-                (format!("differs between records: {}", parts.join(", ")), vec![])
+                (format!("differs between records: {}", parts.join(", ")), vec![], None)
             }
         }
     }

@@ -36,6 +36,8 @@ pub(crate) fn card() -> SensorCard {
         records: 1,
         between_runs_s: None,
         outliers: vec![],
+        slow_motion_delay_s: None,
+        contradicted: vec![],
     };
     let velocity = CardChannel {
         name: "velocity.ins".into(),
@@ -106,6 +108,7 @@ pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
             standard_uncertainty_s: u_s,
             hessian_s: u_s,
             hac_s: u_s,
+            reference_s: 0.0,
             stamps_s: 0.0,
             anchor_s: 0.0,
             interval_95_s: [delay_s - 2.0 * u_s, delay_s + 2.0 * u_s],

@@ -29,6 +29,8 @@ const ORIGIN: &str = "\
 const CHANNEL: &str = "\
 # One entry for each channel. `verdict` is delayed, early, equivalent-to-zero, inconclusive or not-measurable.
 # `basis` says what the delay is measured against: one clock for all, a pulse per second, or an anchor channel.
+# `slow_motion_delay_s` is delay and lags together. `contradicted` says on what a record contradicts its rig file: do not use
+# the channel before the rig file is right.
 ";
 const RECORD: &str = "\
 # The records that were measured for this card; `records` of a channel says how many of them its mean is made of.
@@ -41,7 +43,7 @@ const MAGNETOMETER: &str = "\
 const SENSOR_KEYS: [&str; 5] = ["model", "serial", "firmware", "baud", "configuration"];
 const VALIDITY_KEYS: [&str; 3] = ["measured_on", "valid_from", "valid_until"];
 const ORIGIN_KEYS: [&str; 4] = ["rig", "method", "flightlag_version", "analysis_version"];
-const CHANNEL_KEYS: [&str; 16] = [
+const CHANNEL_KEYS: [&str; 18] = [
     "name",
     "quantity",
     "verdict",
@@ -50,6 +52,7 @@ const CHANNEL_KEYS: [&str; 16] = [
     "as_seen_delay_s",
     "model",
     "lags_s",
+    "slow_motion_delay_s",
     "gain",
     "gain_standard_uncertainty",
     "update_rate_hz",
@@ -58,6 +61,7 @@ const CHANNEL_KEYS: [&str; 16] = [
     "records",
     "between_runs_s",
     "outliers",
+    "contradicted",
 ];
 const RECORD_KEYS: [&str; 4] = ["files", "blake3", "date", "rig_blake3"];
 const MAGNETOMETER_KEYS: [&str; 4] = ["channel", "unit", "azimuths_rad", "iron"];
@@ -245,6 +249,7 @@ impl Reader<'_> {
         let (not_negative, is_not_negative) = ("finite and not negative", |v: f64| v >= 0.0);
         check("delay_s", Some(channel.delay_s), is_delay, delay)?;
         check("as_seen_delay_s", channel.as_seen_delay_s, is_delay, delay)?;
+        check("slow_motion_delay_s", channel.slow_motion_delay_s, is_delay, delay)?;
         let uncertainty = Some(channel.delay_standard_uncertainty_s);
         check("delay_standard_uncertainty_s", uncertainty, is_not_negative, not_negative)?;
         check("gain", Some(channel.gain), |_| true, "finite")?;
@@ -373,6 +378,8 @@ mod tests {
             as_seen_delay_s: Some(0.5),
             between_runs_s: Some(0.001),
             outliers: vec!["r".into()],
+            slow_motion_delay_s: Some(0.6),
+            contradicted: vec!["r: encoder sign".into()],
             ..card.channels[0].clone()
         };
         let of = |table: toml::Table| table.keys().cloned().collect::<BTreeSet<String>>();

@@ -1,6 +1,6 @@
 //! Lever arm, scale, biases and misalignment by the accelerometer.
 
-use super::{ARM_TOLERANCE_M, Look, MISALIGNMENT_TOLERANCE_RAD, SCALE_TOLERANCE, Side, check, coefficient, u, untold};
+use super::{ARM_TOLERANCE_M, Look, MISALIGNMENT_TOLERANCE_RAD, Side, check, coefficient, scale_check, u, untold};
 use crate::alignment::{Clue, ForceFit, estimate, force_fit};
 use crate::kinematics::specific_force;
 use record::MountCheck;
@@ -43,7 +43,7 @@ fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
         let label = format!("lever arm {axis} of {name}");
         let why = "acceleration and gravity swing alike at one frequency: vary the pace, or swing wider";
         if fit.arm_is_fitted {
-            check(label, "m", fitted, Some(stated), ARM_TOLERANCE_M, text)
+            look.length_check(label, fitted, stated, x.hypot(z), (ARM_TOLERANCE_M, text))
         } else {
             untold(label, "m", why)
         }
@@ -64,7 +64,7 @@ fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
     vec![
         arm("z", fitted_z, z, "from the angular acceleration and the square of the rate".to_owned()),
         arm("x", fitted_x, x, pitched),
-        check(format!("scale of {name}"), "1", scale, Some(1.0), SCALE_TOLERANCE, gravity),
+        scale_check(format!("scale of {name}"), scale, gravity),
         bias("x", 4),
         bias("z", 5),
     ]

@@ -1,7 +1,8 @@
 //! Length of the bar by position and velocity.
 
-use super::{LENGTH_TOLERANCE, Look, Side, check};
+use super::{LENGTH_TOLERANCE, Look, Side};
 use crate::alignment::{Circle, Clue, estimate};
+use flight::Quantity;
 use record::MountCheck;
 
 /// A length less well known than this share is not told.
@@ -25,7 +26,9 @@ pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
     let stated = x.hypot(z);
     let text = "radius of the circle, times the sensor's gain; a bar that bends raises it too".to_owned();
     let label = format!("distance from the axis by {}", clue.name);
-    vec![check(label, "m", estimate(radius, u), Some(stated), LENGTH_TOLERANCE * stated, text)]
+    let found = look.length_check(label, estimate(radius, u), stated, stated, (LENGTH_TOLERANCE * stated, text));
+    // The gain of a barometer is its own: it is slow, and wind and tubes play with it.
+    vec![MountCheck { of_rig: found.of_rig && clue.quantity != Quantity::Height, ..found }]
 }
 
 /// Below or above the pivot in the middle of the swing, by the vertical component alone.

@@ -1,6 +1,6 @@
 //! Scale, biases and misalignment by the gyro.
 
-use super::{Look, MISALIGNMENT_TOLERANCE_RAD, SCALE_TOLERANCE, check, coefficient};
+use super::{Look, MISALIGNMENT_TOLERANCE_RAD, check, coefficient, scale_check};
 use crate::alignment::{Clue, estimate};
 use record::MountCheck;
 
@@ -12,7 +12,7 @@ pub(super) fn checks(look: &Look<'_>, clue: &Clue) -> Vec<MountCheck> {
     if let Some(y) = clue.regression(1) {
         let scale = estimate(sign * y.coefficients[1], y.standard_uncertainty(1));
         let text = "rate as measured over that of the encoder; a bar that bends raises it too".to_owned();
-        checks.push(check(format!("scale y of {name}"), "1", scale, Some(1.0), SCALE_TOLERANCE, text));
+        checks.push(scale_check(format!("scale y of {name}"), scale, text));
     }
     for (axis, about, factor) in [(0, "z", sign), (2, "x", -sign)] {
         if let Some(fit) = clue.regression(axis) {

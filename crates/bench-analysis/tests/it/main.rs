@@ -1,6 +1,7 @@
 //! Tests of the bench from outside.
 
 mod alignment;
+mod dynamics;
 mod encoder;
 mod iron;
 mod kinematics;

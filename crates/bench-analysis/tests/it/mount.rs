@@ -125,6 +125,24 @@ fn what_is_wrong_with_a_sensor_is_found_with_its_size() {
     }
 }
 
+/// What is longer than the rig says contradicts it, unless a bar that is known to bend explains it, or a barometer says so.
+#[test]
+fn a_longer_arm_contradicts_a_stiff_rig_and_not_one_that_bends_a_little() {
+    let swing = Swing::by_hand(0.05);
+    for (longer, bar, contradicts) in
+        [(1.0, "", false), (1.03, "", true), (1.03, "first_mode_hz = 5.0", false), (1.12, "first_mode_hz = 5.0", true)]
+    {
+        let sensor = everything(&swing, &Sensor { arm: [0.0, 0.0, -LENGTH * longer], ..Sensor::upright(0.5) });
+        let (finding, _) = found(&swing, &sensor, &rig(bar, "", ""));
+        for name in ["lever arm z of specific-force.imu", "distance from the axis by velocity.ins"] {
+            let check = check(&finding, name);
+            assert_eq!(check.agrees, Some(longer == 1.0), "{check:?}");
+            assert_eq!(check.of_rig && check.agrees == Some(false), contradicts, "{longer} {bar}: {check:?}");
+        }
+        assert!(finding.checks.iter().all(|c| !c.of_rig || !c.name.contains("height.baro")), "{:?}", finding.checks);
+    }
+}
+
 fn gain(value: f64, u: f64) -> Estimate {
     Estimate { value, standard_uncertainty: Some(u) }
 }

@@ -197,6 +197,23 @@ fn two_records_make_a_card_with_the_simulated_delay_and_the_same_bytes_with_any_
     assert!(a.contains_key("index.html") && a.contains_key("records/pair/record.json"), "{:?}", a.keys());
 }
 
+/// A bar of 1.3 m whose rig file says 1.2 m: the velocity shows it.
+#[test]
+fn a_rig_that_the_data_contradict_marks_the_card_and_the_exit_code() {
+    let folder = bench();
+    let text = rig(&simulated(1), "1");
+    assert!(text.contains("-1.3]"), "{text}");
+    std::fs::write(folder.path().join("m.rig.toml"), text.replace("-1.3]", "-1.2]")).unwrap();
+    let verdict = go(&order(folder.path(), &["logs"], "out"), 2).unwrap();
+    assert_eq!(verdict.exit(), Exit::Incomplete);
+    let marked = &verdict.channels()[0].contradicted;
+    assert_eq!(marked.len(), 2, "{marked:?}");
+    assert!(marked[0].starts_with("one.mcap: distance from the axis by velocity.ins"), "{marked:?}");
+    assert!(verdict.notices.iter().any(|n| n.code == "rig-contradicted" && n.place == "pair"), "{:?}", verdict.notices);
+    let page = std::fs::read_to_string(verdict.page).unwrap();
+    assert!(page.contains("rig contradicted"));
+}
+
 #[test]
 fn a_record_without_a_number_is_a_row_of_its_own_and_no_card_is_made_of_nothing() {
     let folder = bench();

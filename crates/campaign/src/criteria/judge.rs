@@ -34,8 +34,8 @@ impl Reading {
     }
 }
 
-const NO_UNCERTAINTY: &str = "the record gives no uncertainty of this number, so that its 95 % interval is not known; decision = \"value\" would \
-     compare the number alone";
+const NO_UNCERTAINTY: &str = "the record gives no uncertainty of this number, so that its 95 % interval is not known (a flight that is short against \
+     what its errors remember gives none: fly longer); decision = \"value\" would compare the number alone";
 
 /// What follows, and why where numbers and rule do not say it.
 pub(super) fn judge(reading: &Reading, limit: Limit, rule: DecisionRule) -> (CriterionVerdict, &'static str) {

@@ -5,8 +5,8 @@ use super::metric::Metric;
 use crate::rate::rate_of;
 use flight::{ChannelHealth, LogHealth, Severity};
 use record::{
-    CompensatorResult, CompensatorScore, DelayPairKind, DelaySource, DelaySweep, Estimate, Finding, FlightRecord,
-    MeasuredDelay, Outcome, PairDelay, ReferenceScore, ReplayRecord, SweepScore,
+    CompensatorResult, CompensatorScore, DelayKind, DelayPairKind, DelaySource, DelaySweep, Estimate, Finding,
+    FlightRecord, MeasuredDelay, Outcome, PairDelay, ReferenceScore, ReplayRecord, SweepScore,
 };
 
 /// A record, and the part of it that a criterion asks for.
@@ -25,6 +25,8 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
     let plain = |value: f64| Ok(Reading::plain(value));
     let own = || of.delay(PositionAgainstVelocity);
     let reading = match metric {
+        Metric::Lateness => of.lateness(),
+        Metric::DelayVaries => of.delay_varies(),
         Metric::Delay => own().map(delay),
         Metric::VelocityDelay => of.delay(VelocityAgainstAcceleration).map(delay),
         Metric::DelayAgainstReference => of.delay(PositionAgainstReference).map(delay),
@@ -86,10 +88,28 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
     reading?.finite()
 }
 
+impl Subject<'_> {
+    fn lateness(&self) -> Result<Reading, String> {
+        let lateness = self.record.lateness.as_ref().ok_or_else(|| no_replay(self.record))?;
+        let found = lateness.lateness.as_ref().ok_or_else(|| lateness.words.clone())?;
+        Ok(Reading::within(found.lateness_s, found.interval_95_s))
+    }
+
+    fn delay_varies(&self) -> Result<Reading, String> {
+        let lateness = self.record.lateness.as_ref().ok_or_else(|| no_replay(self.record))?;
+        match lateness.kind {
+            kind if kind.varies() => Ok(Reading::plain(1.0)),
+            DelayKind::OnTime | DelayKind::Constant | DelayKind::Early => Ok(Reading::plain(0.0)),
+            _ => Err("the flight does not tell whether its delay stays the same".to_owned()),
+        }
+    }
+}
+
 /// Whatever stands in the way of a replay, in words.
 fn no_replay(record: &FlightRecord) -> String {
     match &record.outcome {
         Outcome::Compensated => "the record holds no replay".to_owned(),
+        Outcome::Uncompensated { reason } => format!("nothing was removed: {reason}"),
         Outcome::NotMeasurable { reason } => format!("the flight was not compensated: {reason}"),
         Outcome::Failed { reason } => format!("the log could not be used: {reason}"),
     }

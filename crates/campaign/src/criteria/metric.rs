@@ -7,6 +7,8 @@ use std::borrow::Cow;
 /// A number that the record of a flight holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Metric {
+    Lateness,
+    DelayVaries,
     Delay,
     VelocityDelay,
     DelayAgainstReference,
@@ -118,6 +120,28 @@ pub const METRICS: &[MetricEntry] = {
             Pair,
             Signed,
             "How late position is against velocity, measured from the flight itself; positive is late.",
+        ),
+        entry(
+            Metric::Lateness,
+            "lateness",
+            "T(position)",
+            Time,
+            UNSURE,
+            Nothing,
+            Signed,
+            "How late position is, from all pairs of the flight together: against the IMU, or relative to the velocity where \
+             the log has no datum; positive is late.",
+        ),
+        entry(
+            Metric::DelayVaries,
+            "delay-varies",
+            "delay varies",
+            Count,
+            PLAIN,
+            Nothing,
+            Positive,
+            "1 if the delay was seen to change during the flight, 0 if it stays the same; not evaluated where the flight \
+             cannot tell.",
         ),
         entry(
             Metric::VelocityDelay,

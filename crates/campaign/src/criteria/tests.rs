@@ -168,7 +168,7 @@ fn score(name: &str) -> Value {
             "across_m": [estimate(0.0, 0.1), estimate(0.4, 0.02)], "north_m": [estimate(0.0, 0.1), estimate(0.7, 0.1)],
             "east_m": [estimate(0.0, 0.1), estimate(0.7, 0.1)], "by_speed": [], "bands_rms_m": found(json!([])),
             "residual_delay_s": found(estimate(0.005, 0.001)) })),
-        "budget": { "terms": [], "total_m": 0.9, "measured_m": null },
+        "budget": { "terms": [], "total_m": 0.9, "known_m": 0.9, "measured_m": null },
         "band": found(json!({ "factor": 0.7, "helps_below_hz": 0.5, "halves_below_hz": 0.3, "worse_above_hz": 1.0,
             "delays_s": [0.4, 0.0, 0.39], "motion_share": [0.9, 0.08, 0.02] })),
     })
@@ -232,7 +232,24 @@ fn record_json() -> Value {
             pair("position-against-reference", "position.gps", "position.truth", shifted(0.02)),
             pair("velocity-against-reference", "velocity.ekf", "position.truth", shifted(-0.38)),
         ] },
+        "lateness": lateness(),
         "notices": [notice("loss"), notice("warning"), notice("warning"), notice("info")],
+    })
+}
+
+fn lateness() -> Value {
+    json!({
+        "key": "", "failed": null, "position": "position.gps", "velocity": "velocity.ekf",
+        "group": { "name": "", "key": "", "parts": [], "told_by_log": false }, "content": null,
+        "kind": "constant", "also": [], "words": "w", "datum": "imu", "against": "imu", "verdict": "consistent",
+        "lateness": {
+            "channel": "position.gps", "lateness_s": estimate(0.41, 0.008), "model_uncertainty_s": 0.007,
+            "interval_95_s": [0.394, 0.426], "part": 0, "datum": "imu", "relative_to": null, "derived": false,
+            "weak": false, "at_least_s": null, "filter_not_a_delay": null, "earlier_than_datum": false,
+            "against_refused_datum_s": null, "rests_on": null,
+        },
+        "position_minus_velocity_s": null, "card": null, "speed_rms_mps": 17.0, "lever_arm_s_per_decimetre": null,
+        "alarms": [], "advice": { "set": [], "fly": null },
     })
 }
 
@@ -263,6 +280,8 @@ fn expected() -> BTreeMap<&'static str, (f64, Option<[f64; 2]>)> {
     let step = 2.241_402_727_604_947 * 0.005;
     [
         ("delay", (0.4, Some([0.379, 0.421]))),
+        ("lateness", (0.41, Some([0.394, 0.426]))),
+        ("delay-varies", plain(0.0)),
         ("velocity-delay", (0.01, Some([-0.011, 0.031]))),
         ("delay-against-reference", (0.42, Some([0.399, 0.441]))),
         ("velocity-delay-against-reference", (0.02, Some([-0.001, 0.041]))),
@@ -415,7 +434,7 @@ fn without_a_number_nothing_is_evaluated_and_the_reason_is_told() {
     let failed = |json: &mut Value| {
         json["outcome"] = json!("failed");
         json["reason"] = json!("cut at byte 13");
-        for part in ["log", "binding", "replay", "delays"] {
+        for part in ["log", "binding", "replay", "delays", "lateness"] {
             json[part] = Value::Null;
         }
         json["notices"] = json!([]);

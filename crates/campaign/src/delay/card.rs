@@ -119,11 +119,8 @@ impl<'a> Reading<'a> {
             || format!("{}: {} is not later than velocity: nothing to remove", self.used.name(), position.name);
         let delay = Delay::from_seconds(seconds).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
         self.warn_of_configuration(position, self.case.position);
-        if position.lags_s.iter().any(|lag| *lag > 0.0) {
-            let text =
-                format!("{} shows {}: removed as the pure delay that fits it best", position.name, position.model);
-            self.tell(Severity::Info, "card-lag", text);
-        }
+        self.warn_of_lag(position);
+        self.warn_of_rig(position);
         let validity = self.validity();
         let source = format!("{}{}{validity}", self.origin(position), velocity.words);
         let estimate =
@@ -192,6 +189,8 @@ impl<'a> Reading<'a> {
             }
             Verdict::Delayed | Verdict::Early if is_comparable(position, velocity) => {
                 self.warn_of_configuration(velocity, self.case.velocity);
+                self.warn_of_lag(velocity);
+                self.warn_of_rig(velocity);
                 let subtracted = Some((velocity.delay_s, velocity.delay_standard_uncertainty_s));
                 OfVelocity { subtracted, words: format!(", less that of {name}: {shown} ms") }
             }
@@ -204,6 +203,37 @@ impl<'a> Reading<'a> {
                 self.warn_of_anchor(position);
                 on_time(format!("; {name}, not comparable, taken as on time"))
             }
+        }
+    }
+
+    /// A lag that is removed as a delay is right for the bench's swing: slower motion is later.
+    fn warn_of_lag(&mut self, on_card: &CardChannel) {
+        if on_card.lags_s.iter().all(|lag| *lag <= 0.0) {
+            return;
+        }
+        let slow_s = on_card.slow_motion_delay_s.or_else(|| only_lags(on_card));
+        let slow = slow_s.map_or_else(
+            || "the card does not say how late slow motion is".to_owned(),
+            |s| format!("slow motion is {:.1} ms late (delay and lags together)", 1e3 * s),
+        );
+        let text = format!(
+            "{} shows {}; it is removed as the pure delay that fits the bench's swing best, {:.1} ms, but {slow}",
+            on_card.name,
+            on_card.model,
+            1e3 * on_card.delay_s
+        );
+        self.tell(Severity::Warning, "card-lag", text);
+    }
+
+    fn warn_of_rig(&mut self, on_card: &CardChannel) {
+        if !on_card.contradicted.is_empty() {
+            let text = format!(
+                "{}: the bench's data contradict its rig file ({}): the delay is measured against a wrong motion; put the rig \
+                 file right and measure again",
+                on_card.name,
+                on_card.contradicted.join(", ")
+            );
+            self.tell(Severity::Warning, "card-rig-contradicted", text);
         }
     }
 
@@ -266,6 +296,11 @@ impl<'a> Reading<'a> {
         let shown = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
         format!("sensor card {} of {sensor}{day}, {records}: {} {shown} ms (k = 2)", self.used.name(), position.name)
     }
+}
+
+/// Slow motion of a channel that is all lag, for cards that do not say it.
+fn only_lags(channel: &CardChannel) -> Option<f64> {
+    (channel.model.starts_with("first-order lag")).then(|| channel.lags_s.iter().sum())
 }
 
 /// Whether two delays are measured against the same thing.

@@ -25,6 +25,8 @@ fn on_card(name: &str, quantity: Quantity, verdict: Verdict, delay_s: f64, u_s: 
         records: 3,
         between_runs_s: Some(0.001),
         outliers: vec![],
+        slow_motion_delay_s: None,
+        contradicted: vec![],
     }
 }
 
@@ -99,18 +101,6 @@ impl Flown {
         card::delay_of(cards, &case)
     }
 
-    /// What is decided under a rule, if the flight shows `measured` and its sweep is best at `best`.
-    fn decided(
-        &self,
-        rule: &DelayRule,
-        measured: &Finding<MeasuredDelay>,
-        best: Finding<SweepOptimum>,
-    ) -> Result<Decided, String> {
-        let pick = |name: &'static str| (name, &self.flight.channels[name]);
-        let (position, velocity) = (pick("position.gps"), pick("velocity.ins"));
-        rule.decide(&Case { flight: &self.flight, binding: &self.binding, position, velocity }, measured, || best)
-    }
-
     fn with(&self, card: &SensorCard) -> Result<FoundDelay, String> {
         self.delay(&[used("m.card.toml", card)])
     }
@@ -172,6 +162,35 @@ fn a_late_velocity_is_taken_off_with_its_uncertainty() {
         found.source
     );
     assert_eq!(found.card.unwrap().delay_s.value, 0.4, "the card's own number");
+}
+
+#[test]
+fn a_lag_that_is_removed_as_a_delay_is_warned_of_with_the_lateness_of_slow_motion() {
+    let mut card = card("1", "2026-02-03");
+    let told = |card: &SensorCard| {
+        let found = usual().with(card).unwrap();
+        assert_eq!(codes(&found), [(Severity::Warning, "card-lag")]);
+        found.notices.iter().map(|n| n.text.clone()).collect::<String>()
+    };
+    let position = card.channels[0].clone();
+    let lagged = CardChannel { lags_s: vec![0.1], model: "delay and first-order lag".into(), ..position };
+    card.channels[0] = CardChannel { slow_motion_delay_s: Some(0.43), ..lagged.clone() };
+    let text = told(&card);
+    assert!(text.contains("fits the bench's swing best, 400.0 ms, but slow motion is 430.0 ms late"), "{text}");
+    // Cards that were written before: a pure lag says it itself, a delay beside a lag does not.
+    card.channels[0] = CardChannel { model: "first-order lag (2 of 3 records)".into(), ..lagged.clone() };
+    assert!(told(&card).contains("slow motion is 100.0 ms late"));
+    card.channels[0] = lagged;
+    assert!(told(&card).contains("the card does not say how late slow motion is"));
+}
+
+#[test]
+fn a_card_from_a_rig_that_the_data_contradict_is_warned_of() {
+    let mut card = card("1", "2026-02-03");
+    card.channels[0].contradicted = vec!["swing-1: encoder sign".into()];
+    let found = usual().with(&card).unwrap();
+    assert_eq!(codes(&found), [(Severity::Warning, "card-rig-contradicted")]);
+    assert!(found.notices.iter().any(|n| n.text.contains("swing-1: encoder sign")));
 }
 
 #[test]
@@ -313,116 +332,34 @@ fn a_delay_against_an_anchor_is_told_unless_the_difference_to_velocity_is_free_o
     assert_eq!(codes(&found), [(Severity::Info, "card-velocity"), (Severity::Warning, "card-relative")]);
 }
 
-fn shows(delay_s: f64, u_s: f64) -> Finding<MeasuredDelay> {
+fn of_pair(kind: &str, first: &str, second: &str, delay_s: f64) -> record::PairDelay {
+    let u_s = 0.001;
     let measured = serde_json::json!({
-        "delay_s": {"value": delay_s, "standard_uncertainty": u_s},
-        "interval_95_s": [delay_s - 1.96 * u_s, delay_s + 1.96 * u_s],
-        "hessian_s": u_s, "hac_s": u_s, "crlb_s": u_s, "smallest_detectable_s": 2.8 * u_s,
-        "samples": 100, "downweighted_share": 0.0, "rival_s": null, "pieces": [], "over_time": [],
-        "homogeneity": null, "alarm": null, "splits": [], "injections": [],
+        "kind": kind, "first": first, "second": second, "meaning": "", "origin": null, "excitation": null,
+        "delay": { "found": {
+            "delay_s": {"value": delay_s, "standard_uncertainty": u_s},
+            "interval_95_s": [delay_s - 1.96 * u_s, delay_s + 1.96 * u_s],
+            "hessian_s": u_s, "hac_s": u_s, "crlb_s": u_s, "smallest_detectable_s": 2.8 * u_s,
+            "samples": 100, "downweighted_share": 0.0, "rival_s": null, "pieces": [], "over_time": [],
+            "homogeneity": null, "alarm": null, "splits": [], "injections": [],
+        } },
     });
-    Finding::Found(serde_json::from_value(measured).unwrap())
+    serde_json::from_value(measured).unwrap()
 }
 
-fn hidden() -> Finding<MeasuredDelay> {
-    Finding::CannotTell("the flight is too straight".into())
-}
-
-fn no_sweep() -> Finding<SweepOptimum> {
-    Finding::CannotTell("too few fixes".into())
-}
-
-fn fixed(seconds: f64, standard_uncertainty_s: Option<f64>) -> Option<FixedDelay> {
-    Some(FixedDelay {
-        delay: Delay::from_seconds(seconds).unwrap(),
-        standard_uncertainty_s,
-        source: "data sheet".into(),
-    })
-}
-
-fn rule(from: DelaySource, fixed: Option<FixedDelay>, with_card: bool) -> DelayRule {
-    let cards = if with_card { vec![used("m.card.toml", &card("1", "2026-02-03"))] } else { vec![] };
-    DelayRule { from, fixed, cards }
-}
-
+/// Position against velocity is that kind, that first and that second channel, all three.
 #[test]
-fn the_flights_own_delay_is_used_with_its_uncertainty_if_the_pipeline_asks_for_it() {
-    let decided = usual().decided(&rule(DelaySource::Flight, None, true), &shows(0.397, 0.002), no_sweep()).unwrap();
-    assert_eq!((decided.found.delay.seconds(), decided.found.standard_uncertainty_s), (0.397, Some(0.002)));
-    assert!(
-        decided.found.source.starts_with("measured in this flight: position.gps against velocity.ins, 397.0 ± 4.0 ms")
-    );
-    assert!(decided.found.card.is_none(), "the card is beside it, not behind it");
-    assert!(decided.choice.circular);
-    let listed: Vec<_> = decided.choice.candidates.iter().map(|c| c.source).collect();
-    assert_eq!(listed, [DelaySource::Flight, DelaySource::Card], "the used one first");
-    assert_eq!(codes(&decided.found), [], "3 ms apart, 3 √(2² + 3²) = 10.8 ms are explained");
-}
-
-#[test]
-fn where_the_flight_hides_its_delay_the_card_stands_in_then_the_number_and_that_is_said() {
-    let with = |rule: DelayRule| usual().decided(&rule, &hidden(), no_sweep());
-    let decided = with(rule(DelaySource::Flight, fixed(0.3, None), true)).unwrap();
-    assert_eq!((decided.choice.used, decided.found.delay.seconds()), (DelaySource::Card, 0.4));
-    assert!(
-        decided.choice.why.contains("the flight is too straight: the sensor card stands in"),
-        "{}",
-        decided.choice.why
-    );
-    assert_eq!(codes(&decided.found), [(Severity::Warning, "delay-fallback")]);
-    assert!(!decided.choice.circular && decided.found.card.is_some());
-    let decided = with(rule(DelaySource::Flight, fixed(0.3, None), false)).unwrap();
-    assert_eq!((decided.choice.used, decided.found.delay.seconds()), (DelaySource::Fixed, 0.3));
-    let refused = with(rule(DelaySource::Flight, None, false)).unwrap_err();
-    assert!(
-        refused.contains("too straight") && refused.ends_with("names no card and no number to fall back on"),
-        "{refused}"
-    );
-    let refused = with(rule(DelaySource::Sweep, None, false)).unwrap_err();
-    assert!(refused.starts_with("the delay sweep has no optimum: too few fixes"), "{refused}");
-}
-
-#[test]
-fn the_flights_own_delay_never_stands_in_unasked() {
-    let mut without = card("1", "2026-02-03");
-    without.channels[0].name = "position.other".into();
-    let rule = DelayRule { from: DelaySource::Card, fixed: None, cards: vec![used("m.card.toml", &without)] };
-    let refused = usual().decided(&rule, &shows(0.4, 0.001), no_sweep()).unwrap_err();
-    assert!(refused.starts_with("m.card.toml: the card has no channel position.gps"), "{refused}");
-}
-
-#[test]
-fn a_delay_of_the_flight_that_is_none_or_not_the_only_one_is_not_removed() {
-    for delay_s in [0.0, -0.02] {
-        let refused = usual().decided(&rule(DelaySource::Flight, None, false), &shows(delay_s, 0.001), no_sweep());
-        assert!(refused.unwrap_err().contains("is not later than velocity.ins"));
-    }
-    let Finding::Found(mut two) = shows(0.4, 0.001) else { unreachable!() };
-    two.rival_s = Some(0.9);
-    let refused = usual().decided(&rule(DelaySource::Flight, None, false), &Finding::Found(two), no_sweep());
-    assert!(refused.unwrap_err().contains("900 ms explain it almost equally well"));
-}
-
-#[test]
-fn the_optimum_of_the_sweep_is_used_if_the_pipeline_asks_for_it() {
-    let best = SweepOptimum {
-        delay_s: Estimate { value: 0.41, standard_uncertainty: Some(0.001) },
-        interval_95_s: [0.408, 0.412],
-        method: SweepMethod::Jackknife,
+fn the_pair_that_is_replayed_is_found_by_its_kind_and_both_names() {
+    let kind = "position-against-velocity";
+    let delays = FlightDelays {
+        pairs: vec![
+            of_pair(kind, "position.ekf", "velocity.ins", 0.1),
+            of_pair(kind, "position.gps", "velocity.ekf", 0.2),
+            of_pair("velocity-against-acceleration", "position.gps", "velocity.ins", 0.3),
+            of_pair(kind, "position.gps", "velocity.ins", 0.4),
+        ],
     };
-    let decided = usual().decided(&rule(DelaySource::Sweep, None, false), &hidden(), Finding::Found(best)).unwrap();
-    assert_eq!((decided.found.delay.seconds(), decided.choice.used), (0.41, DelaySource::Sweep));
-    assert!(decided.found.source.contains("least error against the reference"), "{}", decided.found.source);
-    assert!(decided.choice.circular);
-}
-
-#[test]
-fn a_flight_that_is_late_by_another_delay_than_its_card_is_told_whichever_is_removed() {
-    for from in [DelaySource::Card, DelaySource::Flight] {
-        let decided = usual().decided(&rule(from, None, true), &shows(0.43, 0.002), no_sweep()).unwrap();
-        assert_eq!(codes(&decided.found), [(Severity::Warning, "delay-contradicted")], "30 ms, and 10.8 explained");
-    }
-    let sheet = rule(DelaySource::Fixed, fixed(0.4, None), false);
-    let of = |delay_s| codes(&usual().decided(&sheet, &shows(delay_s, 0.002), no_sweep()).unwrap().found).len();
-    assert_eq!((of(0.405), of(0.407)), (0, 1), "without an uncertainty of the number, three of the flight's");
+    let found = measured_pair(&delays, "position.gps", "velocity.ins");
+    assert_eq!(found.found().map(|m| m.delay_s.value), Some(0.4));
+    assert!(measured_pair(&delays, "position.ekf", "velocity.ekf").found().is_none());
 }

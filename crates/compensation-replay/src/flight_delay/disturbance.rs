@@ -33,7 +33,7 @@ pub(crate) fn disturbances(values: &[f64], least: f64) -> Disturbances {
 /// Rows far from the median of their neighbours, where the neighbours before and after agree.
 fn glitches(values: &[f64], least: f64) -> Vec<usize> {
     let n = values.len();
-    let median = |range: std::ops::Range<usize>| signal::median_in_place(&mut values[range].to_vec());
+    let median = |range: std::ops::Range<usize>| median_of_few(&values[range]);
     let away: Vec<(f64, f64)> = (0..n)
         .map(|k| {
             let before = median(k.saturating_sub(NEIGHBOURS)..k);
@@ -56,7 +56,7 @@ fn resets(values: &[f64], least: f64) -> Vec<usize> {
     if n < 2 * NEIGHBOURS {
         return vec![];
     }
-    let median = |range: std::ops::Range<usize>| signal::median_in_place(&mut values[range].to_vec()).unwrap_or(0.0);
+    let median = |range: std::ops::Range<usize>| median_of_few(&values[range]).unwrap_or(0.0);
     let shift = |k: usize| median(k..(k + NEIGHBOURS).min(n)) - median(k.saturating_sub(NEIGHBOURS)..k);
     let shifts: Vec<f64> = (0..n).map(|k| if k == 0 { 0.0 } else { shift(k) }).collect();
     let step = |k: usize| values[k] - values[k - 1];
@@ -78,11 +78,29 @@ fn resets(values: &[f64], least: f64) -> Vec<usize> {
     candidates.iter().copied().filter(|&k| shifts[k].abs() > bar).collect()
 }
 
+/// The median of at most [`NEIGHBOURS`] values; `None` without any.
+fn median_of_few(values: &[f64]) -> Option<f64> {
+    let mut sorted = [f64::INFINITY; NEIGHBOURS];
+    let n = values.len().min(NEIGHBOURS);
+    for (k, value) in values.iter().take(n).enumerate() {
+        let mut at = k;
+        while at > 0 && sorted[at - 1] > *value {
+            sorted[at] = sorted[at - 1];
+            at -= 1;
+        }
+        sorted[at] = *value;
+    }
+    match n {
+        0 => None,
+        n if n % 2 == 1 => Some(sorted[n / 2]),
+        n => Some(sorted[n / 2 - 1] + 0.5 * (sorted[n / 2] - sorted[n / 2 - 1])),
+    }
+}
+
 /// What one in a hundred of `values` reaches.
 fn tail_of(values: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
-    sizes.sort_unstable_by(f64::total_cmp);
-    signal::percentile_of_sorted(&sizes, 0.99).unwrap_or(0.0)
+    let sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
+    super::gate::percentile(&sizes, 0.99)
 }
 
 /// Robust standard deviation of the stretch about a row.
@@ -151,6 +169,15 @@ mod tests {
             })
             .collect();
         assert_eq!(disturbances(&values, 0.5), Disturbances::default());
+    }
+
+    #[test]
+    fn the_median_of_few_is_the_median() {
+        let values = heavy(9, 3);
+        for n in 0..=NEIGHBOURS {
+            let few = &values[..n];
+            assert_eq!(median_of_few(few), signal::median_in_place(&mut few.to_vec()));
+        }
     }
 
     #[test]

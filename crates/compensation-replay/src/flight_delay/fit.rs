@@ -6,15 +6,14 @@ use super::pieces::{Piece, Stretch};
 use crate::input::{AXES, Horizontal};
 use flight::Flight;
 use record::Estimate;
-use signal::{DelayError, DelayFit, DelaySettings, Gain, Measurement, NoiseRule, fit_delay};
+use signal::{DelayError, DelayFit, DelaySettings, DelayStart, Gain, Measurement, fit_delay, fit_delay_near};
 
 /// [`fit_delay`], once more with the noise that all components share, if theirs are alike.
 pub(crate) fn fit_shared(measurements: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
     let fit = fit_delay(measurements, settings)?;
-    match pooled(&fit) {
-        Some(noise) => fit_delay(measurements, &DelaySettings { noise: NoiseRule::Known(noise), ..*settings }),
-        None => Ok(fit),
-    }
+    let Some(noise) = pooled(&fit) else { return Ok(fit) };
+    let start = DelayStart { delay_s: fit.delay_s, noise: vec![noise; measurements.len()], keep_noise: true };
+    Ok(DelayFit { second_minimum: fit.second_minimum, ..fit_delay_near(measurements, settings, &start)? })
 }
 
 /// The noise that all components share, if theirs are alike: one from twice the data is known better than two. On the

@@ -23,7 +23,9 @@ pub(crate) fn excitation(
     for piece in pieces {
         let t: Vec<f64> = piece.rows.iter().map(|&k| first.t[k]).collect();
         for axis in AXES {
-            let v = t.iter().map(|t| stretches[piece.stretch][axis].value_and_rate(t - delay_s).1).collect::<Vec<_>>();
+            let instants: Vec<f64> = t.iter().map(|t| t - delay_s).collect();
+            let (mut values, mut v) = (vec![0.0; t.len()], vec![0.0; t.len()]);
+            stretches[piece.stretch][axis].fill(&instants, &mut values, &mut v);
             all += v.iter().map(|v| v * v).sum::<f64>();
             moving += beside_a_line(&t, &v);
         }
@@ -39,10 +41,13 @@ pub(crate) fn excitation(
     }
 }
 
-fn percentile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    signal::percentile_of_sorted(&sorted, share).unwrap_or(0.0)
+pub(crate) fn percentile(values: &[f64], share: f64) -> f64 {
+    let mut values = values.to_vec();
+    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
+    let position = share.clamp(0.0, 1.0) * last as f64;
+    let (_, below, above) = values.select_nth_unstable_by(position as usize, f64::total_cmp);
+    let next = above.iter().copied().min_by(f64::total_cmp).unwrap_or(*below);
+    *below + position.fract() * (next - *below)
 }
 
 /// Sum of squares of `y` beside its best straight line over `t`.
@@ -60,7 +65,7 @@ pub(crate) fn beside_a_line(t: &[f64], y: &[f64]) -> f64 {
     (yy - if tt > 0.0 { ty * ty / tt } else { 0.0 }).max(0.0)
 }
 
-/// Why this motion cannot show a delay, and what would.
+/// Why this motion cannot show a delay at all: too short, or at rest.
 pub(crate) fn refuse_motion(offer: &DelayExcitation, speed: &[f64], settings: &FlightDelaySettings) -> Option<String> {
     if offer.duration_s < SHORTEST_S {
         return Some(format!(
@@ -69,24 +74,74 @@ pub(crate) fn refuse_motion(offer: &DelayExcitation, speed: &[f64], settings: &F
         ));
     }
     let fastest = percentile(speed, 0.99);
-    if fastest < settings.least_speed_mps {
-        return Some(format!(
+    (fastest < settings.least_speed_mps).then(|| {
+        format!(
             "the vehicle does not travel: 99 % of ground speeds are below {fastest:.2} m/s (limit {} m/s); standing \
              still, late and on time look alike. Fly a minute of turns",
             settings.least_speed_mps
-        ));
-    }
-    if offer.moving_share < settings.least_moving_share {
-        return Some(format!(
-            "the flight is too straight and steady: {:.1} % of the squared velocity is neither constant nor a steady \
-             change (at least {:.0} % are needed), and a constant lag looks like an offset. Fly circles or figures of \
-             eight for a minute, or change speed quickly and often",
-            100.0 * offer.moving_share,
-            100.0 * settings.least_moving_share
-        ));
-    }
-    None
+        )
+    })
 }
+
+/// What is likely missing where a fit is refused: the motion, in words. `None` if it is rich enough.
+pub(crate) fn poor_motion(offer: &DelayExcitation, speed: &[f64], settings: &FlightDelaySettings) -> Option<String> {
+    let fastest = percentile(speed, 0.99);
+    if fastest < SLOW_MPS {
+        return Some(format!(
+            "the vehicle hardly travels: 99 % of ground speeds are below {fastest:.2} m/s. Fly a minute of turns"
+        ));
+    }
+    (offer.moving_share < settings.least_moving_share).then(|| {
+        format!(
+            "the flight is too straight and steady: {:.1} % of the squared velocity is neither constant nor a steady \
+             change, and a constant lag looks like an offset. Fly circles or figures of eight for a minute, or change \
+             speed quickly and often",
+            100.0 * offer.moving_share
+        )
+    })
+}
+
+/// Below this, noise may pass for motion, m/s.
+const SLOW_MPS: f64 = 1.0;
+
+/// Least rate of specific force that is an acceleration for a delay, Hz.
+const LEAST_FORCE_HZ: f64 = 10.0;
+/// And least ratio of it to the frequency below which 95 % of the acceleration lies.
+const LEAST_FORCE_RATIO: f64 = 4.0;
+
+/// Why an acceleration is sampled too slowly to be a datum (delay network, section 3); `None` if it is not.
+pub(crate) fn too_slow_for_datum(force: &Horizontal) -> Option<String> {
+    let mut steps: Vec<f64> = force.t.windows(2).map(|w| w[1] - w[0]).collect();
+    let rate_hz = 1.0 / signal::median_by_selection(&mut steps).filter(|s| *s > 0.0)?;
+    if rate_hz < LEAST_FORCE_HZ {
+        return Some(format!("the IMU is logged at {rate_hz:.1} Hz, and at least {LEAST_FORCE_HZ} Hz are needed"));
+    }
+    // Vibration above 5 Hz is no motion that a velocity could follow.
+    let below = |axis: usize| {
+        let spectrum = signal::power_spectrum(&force.axes[axis], rate_hz);
+        let motion = spectrum.frequency_hz.iter().zip(&spectrum.power).filter(|(f, _)| **f <= MOTION_HZ);
+        let power: Vec<(f64, f64)> = motion.map(|(f, p)| (*f, *p)).collect();
+        let total: f64 = power.iter().map(|p| p.1).sum();
+        let mut sum = 0.0;
+        power
+            .iter()
+            .find(|(_, p)| {
+                sum += p;
+                sum >= 0.95 * total
+            })
+            .map_or(0.0, |p| p.0)
+    };
+    let highest_hz = below(0).max(below(1));
+    (rate_hz < LEAST_FORCE_RATIO * highest_hz).then(|| {
+        format!(
+            "the IMU is logged at {rate_hz:.1} Hz, and the motion reaches {highest_hz:.1} Hz: at least \
+             {LEAST_FORCE_RATIO} times that is needed"
+        )
+    })
+}
+
+/// Accelerations above this are vibration, Hz.
+const MOTION_HZ: f64 = 5.0;
 
 /// Why stamps that several rows share cannot show a delay; `stamps_s` is what they are good for, s.
 pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Option<String> {
@@ -112,15 +167,6 @@ pub(crate) fn refuse_fit(
             "{first} does not move as {second} says: {:.0} % of its displacement is left over at the best delay. Check \
              axes, signs and units of both",
             100.0 * share
-        ));
-    }
-    let (from, to) = settings.search_s;
-    let edge = 2.0 * SEARCH_STEP_S;
-    if fit.delay_s < from + edge || fit.delay_s > to - edge {
-        return Some(format!(
-            "the best delay, {:.3} s, is at the edge of what was searched ({from} to {to} s): search wider, or check the \
-             clocks of both",
-            fit.delay_s
         ));
     }
     if !fit.converged {

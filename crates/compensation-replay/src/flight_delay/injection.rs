@@ -4,9 +4,9 @@
 //! difference must be what was put in. A half that shows no delay on its own gives no finding; a delay that is not the
 //! same in both halves shows here as well.
 
-use super::fit::{View, estimate, fit_shared};
+use super::fit::{View, estimate};
 use record::FlightInjection;
-use signal::{DelayFit, DelaySettings, Measurement, student_quantile};
+use signal::{DelayFit, DelaySettings, DelayStart, Measurement, fit_delay_near, student_quantile};
 
 /// Fewest samples of a component that take part in a half.
 const LEAST_ROWS: usize = 20;
@@ -16,6 +16,7 @@ pub(crate) fn injections(view: &View, settings: &DelaySettings) -> Vec<FlightInj
     let Some(split_s) = half_said(view.fit) else { return vec![] };
     let whole = view.record.measurements();
     let half = |later: bool, delay_s: f64| -> Option<DelayFit> {
+        // The noise is that of the whole: only the delay is to be found again.
         let parts: Vec<(usize, Vec<f64>, &[f64])> = whole
             .iter()
             .enumerate()
@@ -28,7 +29,9 @@ pub(crate) fn injections(view: &View, settings: &DelaySettings) -> Vec<FlightInj
             .collect();
         let measurements: Vec<Measurement> = parts.iter().map(|(c, t, y)| Measurement { t, y, ..whole[*c] }).collect();
         let known = |fit: &DelayFit| fit.converged && fit.standard_uncertainty_s <= view.settings.worst_sigma_s;
-        fit_shared(&measurements, settings).ok().filter(known)
+        let noise = parts.iter().filter_map(|(c, ..)| view.fit.components.get(*c)).map(|c| c.noise).collect();
+        let start = DelayStart { delay_s: view.fit.delay_s, noise, keep_noise: true };
+        fit_delay_near(&measurements, settings, &start).ok().filter(known)
     };
     let Some(before) = half(false, 0.0) else { return vec![] };
     let one = |&injected_s: &f64| {

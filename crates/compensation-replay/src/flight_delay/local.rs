@@ -19,6 +19,8 @@ pub(crate) struct Prepared {
     pub(crate) second: Horizontal,
     /// Whether the second is a rate.
     pub(crate) integrate: bool,
+    /// North and east of each body axis at the samples of the second: where a bias of the accelerometers points.
+    pub(crate) body: Option<BodyAxes>,
     /// Ground speed over time, m/s, if a velocity or a track tells it.
     pub(crate) speed: (Vec<f64>, Vec<f64>),
     /// One sample of the first in so many takes part.
@@ -27,6 +29,9 @@ pub(crate) struct Prepared {
     /// step before or behind its stamp (JCGM 100:2008, 4.3.7), where several rows shared one.
     pub(crate) stamps_s: f64,
 }
+
+/// Body axes forward, right and down, each with its north and its east component.
+pub(crate) type BodyAxes = [[Vec<f64>; 2]; 3];
 
 /// Reads the channels of `pair`; says in words why that cannot be.
 pub(crate) fn prepare(
@@ -77,11 +82,14 @@ pub(crate) fn prepare(
         _ => components(channel, &channel.update_rows(), origin),
     };
     let (first_local, one_in) = thinned(located(first, &pair.first, notices), most_samples, &pair.first, notices);
-    let (second_local, integrate) = match &pair.second {
-        Second::Position(name) => (located(second, name, notices), false),
-        Second::Rate(_) => (components(second, &second.update_rows(), origin), false),
-        Second::Velocity(_) => (turned(second, first, origin, frame.as_ref()), true),
-        Second::Acceleration { attitude, .. } => (rotated(second, channel(attitude)?, origin), true),
+    let (second_local, integrate, body) = match &pair.second {
+        Second::Position(name) => (located(second, name, notices), false, None),
+        Second::Rate(_) => (components(second, &second.update_rows(), origin), false, None),
+        Second::Velocity(_) => (turned(second, first, origin, frame.as_ref()), true, None),
+        Second::Acceleration { attitude, .. } => {
+            let (force, body) = rotated(second, channel(attitude)?, origin);
+            (force, true, Some(body))
+        }
     };
     let speed = speed_of(pair, &first_local, &second_local);
     Ok(Prepared {
@@ -89,6 +97,7 @@ pub(crate) fn prepare(
         first: first_local,
         second: second_local,
         integrate,
+        body,
         speed,
         one_in,
         stamps_s,
@@ -175,11 +184,12 @@ fn turned(velocity: &Channel, position: &Channel, origin: Stamp, frame: Option<&
 
 /// Specific force in north and east: gravity has no part there. Attitude is interpolated between its samples; where
 /// there is none, no acceleration.
-fn rotated(force: &Channel, attitude: &Channel, origin: Stamp) -> Horizontal {
+fn rotated(force: &Channel, attitude: &Channel, origin: Stamp) -> (Horizontal, BodyAxes) {
     let known = attitude.update_rows();
     let turns = attitude.series.timeline().stamps();
     let stamps = force.series.timeline().stamps();
     let mut out = Horizontal::default();
+    let mut body = BodyAxes::default();
     let mut next = 0;
     for row in force.update_rows() {
         while next < known.len() && turns[known[next]] <= stamps[row] {
@@ -191,8 +201,12 @@ fn rotated(force: &Channel, attitude: &Channel, origin: Stamp) -> Horizontal {
         let ned = turn(q, [0, 1, 2].map(|k| force.series.component(k)[row]));
         out.t.push(stamps[row].seconds_since(origin));
         (0..2).for_each(|k| out.axes[k].push(ned[k]));
+        for (axis, columns) in body.iter_mut().enumerate() {
+            let along = turn(q, std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 }));
+            (0..2).for_each(|k| columns[k].push(along[k]));
+        }
     }
-    out
+    (out, body)
 }
 
 type Quaternion = [f64; 4];

@@ -1,14 +1,16 @@
 //! One pair of channels, from the flight to the finding.
 
+use super::coarse::{self, Coarse};
 use super::fit::{Record, View, estimate, fit_shared};
 use super::gate::{self, SEARCH_STEP_S};
 use super::local::prepare;
 use super::pairs::Pair;
-use super::pieces::{self, Names, Piece};
-use super::{FlightDelaySettings, injection, over_time, split};
+use super::pieces::{self, Names, Piece, Stretch};
+use super::{FlightDelaySettings, injection, over_time, split, varies};
+use crate::input::Horizontal;
 use flight::{Flight, Notices};
 use record::{DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
-use signal::{ComponentFit, DelayFit, DelaySettings, NoiseRule};
+use signal::{ComponentFit, DelayFit, DelaySettings, Measurement, NoiseRule, OtherMinimum};
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
 const DETECTABLE: f64 = 2.8;
@@ -31,6 +33,9 @@ pub(crate) fn measure(
         origin: None,
         excitation: None,
         delay: Finding::CannotTell(String::new()),
+        varies: None,
+        not_for_network: None,
+        lever_arm_s_per_decimetre: None,
     };
     let first_look = Look { most_samples: settings.first_look_samples, enough_s: settings.enough_s };
     let second_look = Look { most_samples: settings.most_samples, enough_s: f64::INFINITY };
@@ -80,7 +85,7 @@ fn delay_of(
     notices: &mut Notices,
     finding: &mut PairDelay,
 ) -> Result<MeasuredDelay, NoDelay> {
-    let prepared = prepare(flight, pair, look.most_samples, notices)?;
+    let mut prepared = prepare(flight, pair, look.most_samples, notices)?;
     finding.origin = Some(prepared.origin);
     if let Some(reason) = gate::refuse_stamps(prepared.stamps_s, settings) {
         return Err(reason.into());
@@ -88,51 +93,123 @@ fn delay_of(
     let (fit_first, fit_second) =
         if pair.reversed { (&finding.second, &finding.first) } else { (&finding.first, &finding.second) };
     let names = Names { first: fit_first, second: fit_second };
-    let despiked =
-        if prepared.integrate { pieces::without_spikes(&prepared.second, names.second, notices) } else { None };
+    if prepared.body.is_some() {
+        finding.not_for_network = gate::too_slow_for_datum(&prepared.second);
+    }
+    let mut body = prepared.body.take();
+    let despiked = match prepared.integrate {
+        true => pieces::without_spikes(&prepared.second, &mut body, names.second, notices),
+        false => None,
+    };
     let second = despiked.as_ref().unwrap_or(&prepared.second);
     let ranges = pieces::stretches(&second.t, pieces::longest_gap(&second.t, settings));
-    let stretches = pieces::references(second, &ranges, prepared.integrate);
-    let coarse = pieces::coarse_delay(&prepared.first, &stretches, settings.search_s).ok_or_else(|| {
-        format!(
-            "{} and {} do not overlap for long enough at any delay searched: log both through the flight",
-            names.first, names.second
-        )
-    })?;
-    let cut = pieces::pieces(&prepared, &stretches, coarse, &names, notices);
-    let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse, &prepared.speed.1);
+    let stretches = pieces::references(second, &ranges, prepared.integrate, body.as_ref());
+    let coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
+    let cut = pieces::pieces(&prepared, &stretches, coarse.delay_s, &names, notices);
+    let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse.delay_s, &prepared.speed.1);
     finding.excitation = Some(offer.clone());
     if let Some(reason) = gate::refuse_motion(&offer, &prepared.speed.1, settings) {
         return Err(reason.into());
     }
+    if finding.varies.is_none() {
+        finding.varies = varies::over_time(pair, &prepared, second, &cut, settings);
+    }
     let record = Record::of(&prepared, &cut, &stretches);
     let delay_settings = DelaySettings {
-        search_s: settings.search_s,
+        search_s: about(coarse.delay_s),
         search_step_s: SEARCH_STEP_S,
         noise: NoiseRule::WanderAndWhite,
         skew: false,
         robust: true,
     };
     let measurements = record.measurements();
-    let fit = fit_shared(&measurements, &delay_settings).map_err(|e| e.to_string());
+    let fit = fit_of_rivals(&measurements, &delay_settings, &coarse);
     let knows = |fit: &DelayFit| fit.standard_uncertainty_s <= look.enough_s;
     if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
         return Err(NoDelay::MoreSamples);
     }
-    let fit = fit?;
+    let fit = fit.map_err(|e| gate::poor_motion(&offer, &prepared.speed.1, settings).unwrap_or(e))?;
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
     if let Some(reason) = gate::refuse_fit(&fit, &offer, settings, [names.first, names.second]) {
-        return Err(reason.into());
+        let why = finding.varies.as_ref().filter(|v| v.kind.varies()).map(|v| v.words.clone());
+        let why = why.or_else(|| gate::poor_motion(&offer, &prepared.speed.1, settings));
+        return Err(why.map_or_else(|| reason.clone(), |why| format!("{why} ({reason})")).into());
     }
     let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
-    let measured = view.finding(&delay_settings);
+    let wanted = |(p, v): &(String, String)| finding.first == *p && finding.second == *v;
+    let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
+    varies::doubt(&mut measured, finding.varies.as_ref(), settings.alarm_p);
     Ok(if pair.reversed { turned_round(measured) } else { measured })
 }
 
+/// Half the width of the delays that the fit looks at about the coarse delay, s.
+const HALF_SEARCH_S: f64 = 0.6;
+
+fn about(delay_s: f64) -> (f64, f64) {
+    (delay_s - HALF_SEARCH_S, delay_s + HALF_SEARCH_S)
+}
+
+/// The coarse delay in the range of the settings, or in the wide one if it is at the edge of the first.
+fn coarse_delay(
+    first: &Horizontal,
+    stretches: &[Stretch],
+    settings: &FlightDelaySettings,
+    names: &Names,
+) -> Result<Coarse, String> {
+    let none = || {
+        format!(
+            "{} and {} do not overlap for long enough at any delay searched: log both through the flight",
+            names.first, names.second
+        )
+    };
+    let found = coarse::coarse_delay(first, stretches, settings.search_s).ok_or_else(none)?;
+    if !found.at_edge {
+        return Ok(found);
+    }
+    let wide = coarse::coarse_delay(first, stretches, settings.wide_search_s).ok_or_else(none)?;
+    if wide.at_edge {
+        let (from, to) = settings.wide_search_s;
+        return Err(format!(
+            "{} follows {} best at the edge of all delays searched ({from} to {to} s): check the clocks of both",
+            names.first, names.second
+        ));
+    }
+    Ok(wide)
+}
+
+/// By so much −2 ln L must be lower at a rival for it to be believed instead of the delay nearer to none.
+const WORTH_A_RIVAL: f64 = 12.0;
+
+/// The fit about the coarse delay, or about its rival if that explains the samples clearly better. The one not taken is
+/// the second minimum.
+fn fit_of_rivals(measurements: &[Measurement], settings: &DelaySettings, coarse: &Coarse) -> Result<DelayFit, String> {
+    let fit = fit_shared(measurements, settings).map_err(|e| e.to_string());
+    let Some(rival_s) = coarse.rival_s else { return fit };
+    let rival = fit_shared(measurements, &DelaySettings { search_s: about(rival_s), ..*settings });
+    let (mut fit, mut rival) = match (fit, rival) {
+        (Ok(fit), Ok(rival)) => (fit, rival),
+        (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => return Ok(fit),
+        (Err(error), Err(_)) => return Err(error),
+    };
+    let [here, there] = signal::delay_objective(measurements, &fit, &[fit.delay_s, rival.delay_s])[..] else {
+        return Ok(fit);
+    };
+    let mut excess = there - here;
+    if excess < -WORTH_A_RIVAL {
+        std::mem::swap(&mut fit, &mut rival);
+        excess = -excess;
+    }
+    let other = OtherMinimum { delay_s: rival.delay_s, excess };
+    if fit.second_minimum.is_none_or(|m| m.excess > excess) {
+        fit.second_minimum = Some(other);
+    }
+    Ok(fit)
+}
+
 impl View<'_> {
-    fn finding(&self, delay_settings: &DelaySettings) -> MeasuredDelay {
+    fn finding(&self, delay_settings: &DelaySettings, in_detail: bool) -> MeasuredDelay {
         let fit = self.fit;
         let over = over_time::over_time(self);
         // Stamps err alike throughout a flight: what compares parts of it, or fits, does without.
@@ -150,13 +227,16 @@ impl View<'_> {
             samples: fit.components.iter().map(|c| c.t_used.len() as u64).sum(),
             downweighted_share: fit.downweighted_share,
             rival_s: self.rival(),
-            objective: Some(crate::sweep::objective(&self.record.measurements(), fit, self.settings.search_s)),
+            objective: in_detail
+                .then(|| crate::sweep::objective(&self.record.measurements(), fit, delay_settings.search_s)),
             pieces: self.pieces.iter().zip(fit.components.chunks_exact(2)).map(piece).collect(),
             over_time: over.windows,
             homogeneity: over.homogeneity,
             alarm: over.alarm,
-            splits: split::splits(self),
-            injections: injection::injections(self, delay_settings),
+            splits: if in_detail { split::splits(self) } else { vec![] },
+            injections: if in_detail { injection::injections(self, delay_settings) } else { vec![] },
+            remarks: vec![],
+            alarms: vec![],
         }
     }
 

@@ -81,10 +81,11 @@ pub(crate) fn pairs_of(flight: &Flight, settings: &FlightDelaySettings) -> Vec<P
     let attitudes = of(&[Quantity::Attitude]);
     let accelerations = of(&[Quantity::SpecificForce])
         .into_iter()
-        .filter_map(|force| {
-            // An attitude of the same device before any other.
-            let attitude = attitudes.iter().find(|a| source(a) == source(force)).or(attitudes.first())?;
-            Some((*attitude, force))
+        .flat_map(|force| {
+            // Attitudes of the same device before any other; which one serves best is seen from the delays.
+            let mut usable: Vec<&str> = attitudes.iter().copied().filter(|a| same_clock(flight, a, force)).collect();
+            usable.sort_by_key(|a| source(a) != source(force));
+            usable.into_iter().take(MOST_ATTITUDES).map(move |attitude| (attitude, force))
         })
         .collect();
     let channels = Channels {
@@ -96,6 +97,14 @@ pub(crate) fn pairs_of(flight: &Flight, settings: &FlightDelaySettings) -> Vec<P
     let mut pairs = channels.all();
     pairs.sort_by_key(|p| (p.kind, p.names()));
     pairs
+}
+
+/// Attitudes that are tried with one specific force.
+const MOST_ATTITUDES: usize = 4;
+
+fn same_clock(flight: &Flight, a: &str, b: &str) -> bool {
+    let clock = |name: &str| flight.channels.get(name).map(|c| c.series.timeline().clock());
+    clock(a) == clock(b)
 }
 
 impl Channels<'_> {
@@ -127,7 +136,13 @@ impl Channels<'_> {
             }
         }
         for v in &velocities {
+            // A filter's velocity is made from this IMU and says little of it: one attitude is enough.
+            let mut forces: Vec<&str> = vec![];
             for (attitude, force) in &self.accelerations {
+                if !is_receiver(v) && forces.contains(force) {
+                    continue;
+                }
+                forces.push(force);
                 let second = Second::Acceleration { attitude: owned(attitude), specific_force: owned(force) };
                 add(DelayPairKind::VelocityAgainstAcceleration, v, second, false);
             }

@@ -2,7 +2,7 @@
 
 use super::FlightDelaySettings;
 use super::disturbance::disturbances;
-use super::local::Prepared;
+use super::local::{BodyAxes, Prepared};
 use super::reference::{Integral, Interpolated};
 use crate::input::{AXES, Horizontal};
 use flight::{Notices, Severity};
@@ -47,8 +47,14 @@ pub(crate) struct Names<'a> {
 }
 
 /// Leaves out single samples of a rate that no vehicle can follow: away and back by more than 100 m/s² (or 20 robust
-/// deviations of what its second difference usually is, whichever is more). Each would shift its integral for good.
-pub(crate) fn without_spikes(rate: &Horizontal, name: &str, notices: &mut Notices) -> Option<Horizontal> {
+/// deviations of what its second difference usually is, whichever is more). Each would shift its integral for good. `body`
+/// loses the same samples.
+pub(crate) fn without_spikes(
+    rate: &Horizontal,
+    body: &mut Option<BodyAxes>,
+    name: &str,
+    notices: &mut Notices,
+) -> Option<Horizontal> {
     const HARDEST: f64 = 100.0;
     let n = rate.t.len();
     let bend = |y: &[f64], k: usize| y[k] - 0.5 * (y[k - 1] + y[k + 1]);
@@ -70,6 +76,7 @@ pub(crate) fn without_spikes(rate: &Horizontal, name: &str, notices: &mut Notice
     let text = format!("{name}: {count} sample(s) that jump away and back by more than {HARDEST} m/s² left out");
     notices.push(Severity::Warning, "velocity-spike", name, count as u64, text);
     let keep = |x: &[f64]| x.iter().zip(&spike).filter(|(_, s)| !**s).map(|(x, _)| *x).collect();
+    body.iter_mut().flatten().flatten().for_each(|column| *column = keep(column));
     Some(Horizontal { t: keep(&rate.t), axes: [keep(&rate.axes[0]), keep(&rate.axes[1])] })
 }
 
@@ -89,15 +96,31 @@ pub(crate) fn stretches(t: &[f64], gap_s: f64) -> Vec<Range<usize>> {
 /// The longest gap that is bridged: 2.5 usual intervals, and half a second.
 pub(crate) fn longest_gap(t: &[f64], settings: &FlightDelaySettings) -> f64 {
     let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    let usual = signal::median_in_place(&mut steps).unwrap_or(0.0);
+    let usual = signal::median_by_selection(&mut steps).unwrap_or(0.0);
     settings.bridge_s.unwrap_or((2.5 * usual).max(0.5))
 }
 
-/// References over the stretches.
-pub(crate) fn references<'a>(second: &'a Horizontal, stretches: &[Range<usize>], integrate: bool) -> Vec<Stretch<'a>> {
+/// What an accelerometer's bias is known to before the fit, m/s²: tilt errors of some degrees look like one.
+const BIAS_PRIOR_MPS2: f64 = 1.0;
+
+/// References over the stretches. With `body` axes a bias along each of them is fitted with the delay: in a turn a bias
+/// ahead is parallel to the jerk, and would pass for a delay (delay network, section 9).
+pub(crate) fn references<'a>(
+    second: &'a Horizontal,
+    stretches: &[Range<usize>],
+    integrate: bool,
+    body: Option<&BodyAxes>,
+) -> Vec<Stretch<'a>> {
     let of = |s: &Range<usize>, axis: usize| -> Box<dyn Reference + 'a> {
         let (t, y) = (&second.t[s.clone()], &second.axes[axis][s.clone()]);
-        if integrate { Box::new(Integral::new(t, y)) } else { Box::new(Interpolated::new(t, y)) }
+        match (integrate, body) {
+            (false, _) => Box::new(Interpolated::new(t, y)),
+            (true, None) => Box::new(Integral::new(t, y)),
+            (true, Some(body)) => {
+                let columns = body.each_ref().map(|column| &column[axis][s.clone()]);
+                Box::new(Integral::new(t, y).with_shared(&columns, BIAS_PRIOR_MPS2))
+            }
+        }
     };
     stretches.iter().map(|s| AXES.map(|axis| of(s, axis))).collect()
 }
@@ -115,47 +138,6 @@ fn stretch_of(first: &Horizontal, stretches: &[Stretch], delay_s: f64) -> Vec<Op
             (s < stretches.len() && t - delay_s >= stretches[s][0].span().0).then_some(s)
         })
         .collect()
-}
-
-/// A first delay that offsets, resets and outliers do not mislead: the one at which displacements over three seconds
-/// agree best in the mean of their absolute differences. `None` if there are none.
-pub(crate) fn coarse_delay(first: &Horizontal, stretches: &[Stretch], search_s: (f64, f64)) -> Option<f64> {
-    const BASE_S: f64 = 3.0;
-    const ENOUGH: usize = 400;
-    let mut ends: Vec<(usize, usize)> = vec![];
-    let mut after = 0;
-    for before in 0..first.t.len() {
-        while after < first.t.len() && first.t[after] - first.t[before] < BASE_S {
-            after += 1;
-        }
-        if after < first.t.len() && first.t[after] - first.t[before] < 3.0 * BASE_S {
-            ends.push((before, after));
-        }
-    }
-    let every = ends.len().div_ceil(ENOUGH).max(1);
-    let ends: Vec<(usize, usize)> = ends.into_iter().step_by(every).collect();
-    let misfit = |delay_s: f64| -> f64 {
-        let (mut sum, mut count) = (0.0, 0_usize);
-        let holds = |s: &Stretch, t: f64| t - delay_s >= s[0].span().0 && t - delay_s <= s[0].span().1;
-        for &(a, b) in &ends {
-            let k = stretches.partition_point(|s| s[0].span().1 < first.t[a] - delay_s);
-            let Some(s) = stretches.get(k).filter(|s| holds(s, first.t[a]) && holds(s, first.t[b])) else { continue };
-            count += 1;
-            for axis in AXES {
-                let moved = first.axes[axis][b] - first.axes[axis][a];
-                let at = |row: usize| s[axis].value_and_rate(first.t[row] - delay_s).0;
-                sum += (moved - (at(b) - at(a))).abs();
-            }
-        }
-        if count >= 5 && 2 * count >= ends.len().min(ENOUGH) / 2 { sum / count as f64 } else { f64::INFINITY }
-    };
-    let lowest = |from: f64, to: f64, step: f64| {
-        let steps = ((to - from) / step).round() as usize;
-        let points = (0..=steps).map(|k| from + step * k as f64).map(|d| (d, misfit(d)));
-        points.filter(|p| p.1.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1)).map(|p| p.0)
-    };
-    let near = lowest(search_s.0, search_s.1, 0.05)?;
-    lowest(near - 0.05, near + 0.05, 0.01)
 }
 
 /// Cuts the first channel into pieces about the delay `delay_s`; every cut and every sample left out is said.
@@ -184,14 +166,13 @@ pub(crate) fn pieces(
             continue;
         }
         let (mut away, mut resets_here) = (vec![false; rows.len()], vec![]);
-        for axis in AXES {
-            let residual = |&k: &usize| first.axes[axis][k] - references[axis].value_and_rate(first.t[k] - delay_s).0;
-            let residuals: Vec<f64> = rows.iter().map(residual).collect();
-            let found = disturbances(&residuals, LEAST_RESET);
+        let residuals = AXES.map(|axis| residuals(first, &*references[axis], axis, &rows, delay_s));
+        for residuals in &residuals {
+            let found = disturbances(residuals, LEAST_RESET);
             found.glitches.iter().for_each(|&k| away[k] = true);
             resets_here.extend(found.resets);
         }
-        let wild_here = disturbed(first, references, &rows, delay_s, &prepared.speed);
+        let wild_here = disturbed(first, &residuals, &rows, &prepared.speed);
         wild += wild_here.iter().filter(|w| **w).count() as u64;
         away.iter_mut().zip(&wild_here).for_each(|(a, w)| *a |= w);
         resets_here.retain(|&k| !wild_here[k] && !wild_here[k - 1]);
@@ -242,6 +223,14 @@ pub(crate) fn pieces(
     keep_the_best(out, first, names, notices)
 }
 
+/// First channel less the second at the delay `delay_s`, at each of `rows`.
+fn residuals(first: &Horizontal, reference: &dyn Reference, axis: usize, rows: &[usize], delay_s: f64) -> Vec<f64> {
+    let instants: Vec<f64> = rows.iter().map(|&k| first.t[k] - delay_s).collect();
+    let (mut values, mut rates) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
+    reference.fill(&instants, &mut values, &mut rates);
+    rows.iter().zip(&values).map(|(&k, value)| first.axes[axis][k] - value).collect()
+}
+
 /// Rest that is kept before and after the motion, s.
 const REST_KEPT_S: f64 = 10.0;
 
@@ -255,7 +244,7 @@ fn moving_part((t, speed): &(Vec<f64>, Vec<f64>)) -> (f64, f64) {
     let mut first = true;
     while a < t.len() {
         let b = t.partition_point(|x| *x < t[a] + LOOK_S).max(a + 1);
-        if signal::median_in_place(&mut speed[a..b].to_vec()).is_some_and(|v| v > MOVES_MPS) {
+        if signal::median_by_selection(&mut speed[a..b].to_vec()).is_some_and(|v| v > MOVES_MPS) {
             if first {
                 (from, first) = (t[a], false);
             }
@@ -276,15 +265,13 @@ const LEAST_WILD: f64 = 1.0;
 /// Rows of blocks that scatter wildly from sample to sample.
 fn disturbed(
     first: &Horizontal,
-    references: &Stretch,
+    residuals: &[Vec<f64>; 2],
     rows: &[usize],
-    delay_s: f64,
     (speed_t, speed): &(Vec<f64>, Vec<f64>),
 ) -> Vec<bool> {
-    let scatter = |block: &[usize]| -> f64 {
+    let scatter = |block: std::ops::Range<usize>| -> f64 {
         let of = |axis: usize| {
-            let left = |k: usize| first.axes[axis][k] - references[axis].value_and_rate(first.t[k] - delay_s).0;
-            let steps: Vec<f64> = block.windows(2).map(|w| left(w[1]) - left(w[0])).collect();
+            let steps: Vec<f64> = residuals[axis][block.clone()].windows(2).map(|w| w[1] - w[0]).collect();
             signal::robust_sigma(&steps).unwrap_or(0.0)
         };
         of(0).max(of(1))
@@ -293,7 +280,9 @@ fn disturbed(
         let at = |k: &usize| speed.get(speed_t.partition_point(|t| *t <= first.t[*k]).saturating_sub(1));
         at(&block[block.len() / 2]).is_some_and(|v| *v > 1.0)
     };
-    let blocks: Vec<(f64, bool)> = rows.chunks(BLOCK).map(|b| (scatter(b), moves(b))).collect();
+    let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(rows.len());
+    let blocks: Vec<(f64, bool)> =
+        (0..rows.len().div_ceil(BLOCK)).map(|b| (scatter(block(b)), moves(&rows[block(b)]))).collect();
     let mut usual: Vec<f64> = blocks.iter().filter(|b| b.1).map(|b| b.0).collect();
     if usual.len() < 10 {
         return vec![false; rows.len()];

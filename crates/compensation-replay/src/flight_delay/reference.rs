@@ -1,24 +1,43 @@
 //! What a channel is compared with: the integral of a rate, or a track between its samples.
 
-use signal::Reference;
+use signal::{Cursor, Reference, SharedColumn};
 
 /// `∫ v dτ` from the first sample, with `v` linear between samples: continuous with its derivative, exact, and as
 /// symmetric in time as the samples are, so that interpolation shifts nothing.
 pub(crate) struct Integral<'a> {
     t: &'a [f64],
-    v: &'a [f64],
-    sum: Vec<f64>,
+    /// Integral and rate at the begin of each interval, and half the slope of the rate within it; the last one goes on as
+    /// it ended.
+    pieces: Vec<[f64; 3]>,
+    /// What else is fitted with it.
+    shared: Vec<(Integral<'a>, f64)>,
 }
 
 impl<'a> Integral<'a> {
     /// Of `v` (unit/s) at the rising times `t` (s); both as long as each other and not empty.
-    pub(crate) fn new(t: &'a [f64], v: &'a [f64]) -> Integral<'a> {
-        let mut total = 0.0;
-        let steps = t.windows(2).zip(v.windows(2)).map(|(t, v)| {
-            total += 0.5 * (v[0] + v[1]) * (t[1] - t[0]);
-            total
-        });
-        Integral { t, v, sum: std::iter::once(0.0).chain(steps).collect() }
+    pub(crate) fn new(t: &'a [f64], v: &[f64]) -> Integral<'a> {
+        let mut sum = 0.0;
+        let mut pieces = Vec::with_capacity(t.len());
+        for (t, v) in t.windows(2).zip(v.windows(2)) {
+            let step = t[1] - t[0];
+            pieces.push([sum, v[0], 0.5 * (v[1] - v[0]) / step]);
+            sum += 0.5 * (v[0] + v[1]) * step;
+        }
+        pieces.push([sum, v.last().copied().unwrap_or(0.0), 0.0]);
+        Integral { t, pieces, shared: vec![] }
+    }
+
+    /// With the integrals of `rates`, whose coefficients are known to `prior_std` before the fit, as shared columns.
+    pub(crate) fn with_shared(mut self, rates: &[&[f64]], prior_std: f64) -> Integral<'a> {
+        self.shared = rates.iter().map(|v| (Integral::new(self.t, v), prior_std)).collect();
+        self
+    }
+
+    #[inline]
+    fn at(&self, k: usize, t: f64) -> (f64, f64) {
+        let [sum, rate, half] = self.pieces[k];
+        let h = t - self.t[k];
+        (sum + h * (rate + half * h), rate + 2.0 * half * h)
     }
 }
 
@@ -28,15 +47,18 @@ impl Reference for Integral<'_> {
     }
 
     fn value_and_rate(&self, t: f64) -> (f64, f64) {
-        let k = interval(self.t, t);
-        let h = t - self.t[k];
-        match self.t.get(k + 1) {
-            Some(next) => {
-                let slope = (self.v[k + 1] - self.v[k]) / (next - self.t[k]);
-                (self.sum[k] + h * (self.v[k] + 0.5 * slope * h), self.v[k] + slope * h)
-            }
-            None => (self.sum[k] + h * self.v[k], self.v[k]),
+        self.at(interval(self.t, t), t)
+    }
+
+    fn fill(&self, instants: &[f64], values: &mut [f64], rates: &mut [f64]) {
+        let mut cursor = Cursor::default();
+        for ((t, value), rate) in instants.iter().zip(values).zip(rates) {
+            (*value, *rate) = self.at(cursor.interval(self.t, *t), *t);
         }
+    }
+
+    fn shared(&self) -> Vec<SharedColumn<'_>> {
+        self.shared.iter().map(|(reference, prior_std)| SharedColumn { reference, prior_std: *prior_std }).collect()
     }
 }
 
@@ -72,7 +94,20 @@ impl Reference for Interpolated<'_> {
     }
 
     fn value_and_rate(&self, t: f64) -> (f64, f64) {
-        let k = interval(self.t, t);
+        self.at(interval(self.t, t), t)
+    }
+
+    fn fill(&self, instants: &[f64], values: &mut [f64], rates: &mut [f64]) {
+        let mut cursor = Cursor::default();
+        for ((t, value), rate) in instants.iter().zip(values).zip(rates) {
+            (*value, *rate) = self.at(cursor.interval(self.t, *t), *t);
+        }
+    }
+}
+
+impl Interpolated<'_> {
+    #[inline]
+    fn at(&self, k: usize, t: f64) -> (f64, f64) {
         let Some(next) = self.t.get(k + 1) else { return (self.y[k], self.slope[k]) };
         let (h, s) = (next - self.t[k], t - self.t[k]);
         let rise = (self.y[k + 1] - self.y[k]) / h;
@@ -132,6 +167,20 @@ mod tests {
         for knot in [0.3, 0.31, 1.7, 2.0] {
             let (before, after) = (track.value_and_rate(knot - 1e-9).1, track.value_and_rate(knot + 1e-9).1);
             assert!((before - after).abs() < 1e-6, "{knot}");
+        }
+    }
+
+    #[test]
+    fn many_instants_at_once_are_as_one_by_one() {
+        let y = T.map(|t| (3.0 * t).sin());
+        let (integral, track) = (Integral::new(&T, &y), Interpolated::new(&T, &y));
+        let instants = [-1.0, 0.0, 0.2, 0.305, 0.31, 1.0, 1.9, 0.3, 8.0, 9.0, 10.0];
+        for reference in [&integral as &dyn Reference, &track] {
+            let (mut values, mut rates) = ([0.0; 11], [0.0; 11]);
+            reference.fill(&instants, &mut values, &mut rates);
+            for (k, t) in instants.iter().enumerate() {
+                assert_eq!((values[k], rates[k]), reference.value_and_rate(*t), "{t}");
+            }
         }
     }
 

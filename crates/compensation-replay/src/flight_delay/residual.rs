@@ -40,7 +40,7 @@ pub(crate) struct TrackFitter {
 
 impl TrackFitter {
     pub(crate) fn new(velocity: &Horizontal) -> TrackFitter {
-        let second = pieces::without_spikes(velocity, "velocity", &mut Notices::new());
+        let second = pieces::without_spikes(velocity, &mut None, "velocity", &mut Notices::new());
         let second = second.unwrap_or_else(|| velocity.clone());
         // Speed tells rest from motion only.
         let every = second.t.len().div_ceil(SPEEDS).max(1);
@@ -49,7 +49,9 @@ impl TrackFitter {
         // Only differences of times matter here, and tracks are compared by the same stamps.
         let origin = DelayOrigin { origin_ns: 0, clock: Clock::Elapsed };
         let first = Horizontal::default();
-        TrackFitter { prepared: Prepared { origin, first, second, integrate: true, speed, one_in: 1, stamps_s: 0.0 } }
+        TrackFitter {
+            prepared: Prepared { origin, first, second, integrate: true, body: None, speed, one_in: 1, stamps_s: 0.0 },
+        }
     }
 
     /// The delay of `track` (m), looked for about `expected_s`, or why it cannot be told.
@@ -67,13 +69,15 @@ impl TrackFitter {
         }
         let names = Names { first: "the output", second: "the velocity" };
         let ranges = pieces::stretches(&prepared.second.t, pieces::longest_gap(&prepared.second.t, &settings));
-        let stretches = pieces::references(&prepared.second, &ranges, true);
-        let coarse = pieces::coarse_delay(&prepared.first, &stretches, search_s)
-            .ok_or("output and velocity do not overlap for long enough at any delay searched")?;
+        let stretches = pieces::references(&prepared.second, &ranges, true, None);
+        let coarse = super::coarse::coarse_delay(&prepared.first, &stretches, search_s)
+            .ok_or("output and velocity do not overlap for long enough at any delay searched")?
+            .delay_s;
         // What is masked was said where the delays of the flight are measured.
         let cut = pieces::pieces(prepared, &stretches, coarse, &names, &mut Notices::new());
         let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse, &prepared.speed.1);
-        if let Some(reason) = gate::refuse_motion(&offer, &prepared.speed.1, &settings) {
+        let refused = gate::refuse_motion(&offer, &prepared.speed.1, &settings);
+        if let Some(reason) = refused.or_else(|| gate::poor_motion(&offer, &prepared.speed.1, &settings)) {
             return Err(reason);
         }
         let components = components(&prepared.first, &cut);

@@ -139,8 +139,10 @@ impl Rows {
     fn solve(&self, kept: &[usize]) -> Option<(DMatrix<f64>, DVector<f64>, f64)> {
         const HUBER: f64 = 1.345;
         const ROUNDS: usize = 8;
+        // Of a standard uncertainty.
+        const STEADY: f64 = 0.01;
         let mut weights = vec![1.0; self.residual.len()];
-        let mut last = None;
+        let mut last: Option<(DMatrix<f64>, DVector<f64>, f64)> = None;
         for _ in 0..ROUNDS {
             let product =
                 |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).zip(&weights).map(|((a, b), w)| a * b * w).sum() };
@@ -154,7 +156,12 @@ impl Rows {
             }
             let scale = signal::robust_sigma(&left)?.max(f64::MIN_POSITIVE);
             weights = left.iter().map(|e| (HUBER * scale / e.abs().max(f64::MIN_POSITIVE)).min(1.0)).collect();
+            let moved = last.as_ref().map_or(f64::INFINITY, |(_, before, _)| (&step - before).amax());
+            let steady = moved * a.diagonal().max().sqrt() < STEADY * scale;
             last = Some((a, step, scale));
+            if steady {
+                break;
+            }
         }
         last
     }

@@ -78,12 +78,16 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         row_step_s: median_step(&rows.t),
     };
     let expected = |track: &Positions| {
+        // The fit compares with the velocity: a right compensation leaves Tp − Td − Tv (delay network, section 1).
+        let apart = settings.position_minus_velocity_s;
         if track.is_raw() {
-            return Estimate { value: td, standard_uncertainty: settings.delay_uncertainty_s };
+            return apart.unwrap_or(Estimate { value: td, standard_uncertainty: settings.delay_uncertainty_s });
         }
+        let left = apart.map_or(0.0, |e| e.value - td);
+        let u = apart.and_then(|e| e.standard_uncertainty).unwrap_or(0.0);
         let truncation = ground.truncation_delay_s(track);
-        let value = truncation + updates.unknown_age_s(track);
-        Estimate { value, standard_uncertainty: Some(0.5 * truncation.abs()) }
+        let value = left + truncation + updates.unknown_age_s(track);
+        Estimate { value, standard_uncertainty: Some(u.hypot(0.5 * truncation)) }
     };
     let score = |(k, track): (usize, &Positions)| CompensatorScore {
         name: track.name.clone(),
@@ -199,5 +203,5 @@ fn differences(raw: &Positions, track: &Positions, valid: &[usize]) -> [Estimate
     let square = |r: usize, axis: usize| (raw.axes[axis][r] - track.axes[axis][r]).powi(2);
     let blocks = Blocks::of(said.clone().count(), said.map(|&r| [square(r, 0), square(r, 1), 1.0]));
     let nothing = Estimate { value: 0.0, standard_uncertainty: None };
-    AXES.map(|axis| blocks.estimate(|sums| root_mean([sums[axis], sums[2]])).unwrap_or(nothing))
+    AXES.map(|axis| blocks.size(|sums| root_mean([sums[axis], sums[2]])).unwrap_or(nothing))
 }

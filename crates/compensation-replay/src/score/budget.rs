@@ -99,8 +99,9 @@ impl Ground<'_> {
         if !track.is_raw() && !knows_age(track) {
             terms.push(self.hold(track));
         }
-        let total2: f64 = terms.iter().filter_map(|t| t.size_m.found()).map(|m| m * m).sum();
-        ErrorBudget { terms, total_m: total2.sqrt(), measured_m }
+        let known_m = terms.iter().filter_map(|t| t.size_m.found()).map(|m| m * m).sum::<f64>().sqrt();
+        let total_m = terms.iter().all(|t| t.size_m.found().is_some()).then_some(known_m);
+        ErrorBudget { terms, total_m, known_m, measured_m }
     }
 
     /// What is left of the delay, where this flight shows it.

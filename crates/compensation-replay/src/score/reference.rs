@@ -91,11 +91,11 @@ impl<'a> Judge<'a> {
         let blocks = Blocks::of(errors.len(), sums);
         let both = |count: usize, first: usize| {
             let mean = blocks.estimate(|s| s[first] / s[count])?;
-            Some([mean, blocks.estimate(|s| root_mean([s[first + 1], s[count]]))?])
+            Some([mean, blocks.size(|s| root_mean([s[first + 1], s[count]]))?])
         };
         Some(ReferenceScore {
             rows: errors.len() as u64,
-            rms_m: blocks.estimate(|s| root_mean([s[2] + s[4], s[0]]))?,
+            rms_m: blocks.size(|s| root_mean([s[2] + s[4], s[0]]))?,
             percentiles_m: [0, 1, 2, 3].map(|k| quantiles[k]),
             max_m: quantiles[4],
             north_m: both(0, 1)?,

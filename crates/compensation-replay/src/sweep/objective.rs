@@ -1,29 +1,41 @@
 //! What the delay estimator minimises, as a curve.
 
 use record::ObjectiveCurve;
-use signal::{DelayFit, Measurement, delay_objective};
+use signal::{DelayFit, Measurement, delay_objective_above};
 
 /// Points over the whole search, and near the minimum.
 const WIDE_POINTS: usize = 51;
-const NEAR_POINTS: usize = 21;
+const NEAR_POINTS: usize = 11;
+/// Samples of a component that the curve over the whole search is drawn from.
+const WIDE_SAMPLES: usize = 600;
 /// The near curve reaches so many standard uncertainties to either side.
 const NEAR_U: f64 = 5.0;
 
 /// −2 ln L above its least, over the search and near the minimum; noise as fitted, offsets and drifts free.
 pub(crate) fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64, f64)) -> ObjectiveCurve {
     let half = NEAR_U * fit.standard_uncertainty_s;
-    let above = |delays: &[f64]| -> Vec<f64> {
-        let mut all = delays.to_vec();
-        all.push(fit.delay_s);
-        let mut values = delay_objective(measurements, fit, &all);
-        let least = values.pop().unwrap_or(0.0);
-        values.into_iter().map(|v| v - least).collect()
-    };
-    let delay_s = grid(from, to, WIDE_POINTS);
-    let near_delay_s = grid(fit.delay_s - half, fit.delay_s + half, NEAR_POINTS);
-    ObjectiveCurve { value: above(&delay_s), near_value: above(&near_delay_s), delay_s, near_delay_s }
+    let delay_s = grid(from, to, WIDE_POINTS, fit.delay_s);
+    let near_delay_s = grid(fit.delay_s - half, fit.delay_s + half, NEAR_POINTS, fit.delay_s);
+    ObjectiveCurve {
+        value: from_zero(delay_objective_above(measurements, fit, &delay_s, WIDE_SAMPLES)),
+        near_value: from_zero(delay_objective_above(measurements, fit, &near_delay_s, usize::MAX)),
+        delay_s,
+        near_delay_s,
+    }
 }
 
-fn grid(from: f64, to: f64, points: usize) -> Vec<f64> {
-    (0..points).map(|k| from + (to - from) * k as f64 / (points - 1) as f64).collect()
+/// Delays from `from` to `to`, with `best` among them.
+fn grid(from: f64, to: f64, points: usize, best: f64) -> Vec<f64> {
+    let mut all: Vec<f64> = (0..points).map(|k| from + (to - from) * k as f64 / (points - 1) as f64).collect();
+    all.push(best);
+    all.sort_unstable_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// The same curve with its least at 0: fewer samples may have it elsewhere than the fit.
+fn from_zero(mut values: Vec<f64>) -> Vec<f64> {
+    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+    values.iter_mut().for_each(|v| *v -= least);
+    values
 }

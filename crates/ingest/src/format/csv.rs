@@ -23,6 +23,7 @@ use self::meaning::Meaning;
 use self::plain::Cutter;
 use crate::error::IngestError;
 use crate::format::crew::Crew;
+use crate::format::identity::{GARMIN, of_table_head};
 use crate::ledger::{Fate, Ledger};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
 use crate::table::{Table, TopicInfo};
@@ -534,6 +535,7 @@ impl Reading<'_> {
         let others = self.formats.len().saturating_sub(1);
         let others = if others > 0 { format!(" (and {others} more files)") } else { String::new() };
         self.books.health.format = format!("{}{others}", self.formats.first().map_or("no table", String::as_str));
+        self.books.health.about.receiver_identities = of_table_head(&self.books.health.extras);
         self.topics.sort_by(|a, b| a.info.cmp(&b.info));
         self.books.health.topics = self.topics.iter().map(Topic::health).collect();
         self.books.health.messages = self.topics.iter().map(|t| t.rows).sum();
@@ -727,8 +729,12 @@ impl Books {
 
 /// `name = text` of a comment `// name: text`.
 fn remark_of(line: &[u8]) -> Option<String> {
-    let comment = line.get(comment_mark(line)..).filter(|c| (1..=LONGEST_REMARK).contains(&c.len()) && *c != line)?;
-    let (name, text) = std::str::from_utf8(comment).ok()?.split_once(':')?;
+    const LONGEST_OF_GARMIN: usize = 1000;
+    let comment = line.get(comment_mark(line)..).filter(|comment| *comment != line)?;
+    let longest = if comment.starts_with(GARMIN.as_bytes()) { LONGEST_OF_GARMIN } else { LONGEST_REMARK };
+    let comment = std::str::from_utf8(comment).ok().filter(|comment| comment.len() <= longest)?;
+    let of_garmin = comment.strip_prefix(GARMIN).map(|rest| (GARMIN, rest.trim_start_matches(',')));
+    let (name, text) = of_garmin.or_else(|| comment.split_once(':'))?;
     let (name, text) = (name.trim(), text.trim());
     (!name.is_empty() && !text.is_empty()).then(|| format!("{name} = {text}"))
 }

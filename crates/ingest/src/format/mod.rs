@@ -7,6 +7,7 @@ mod csv;
 mod dataflash;
 mod db3;
 mod file;
+mod identity;
 mod inflate;
 mod mcap;
 mod nmea;

@@ -20,6 +20,7 @@
 //! by hand for each message would stand between it and the columns. The table goes into columns as it is.
 
 mod frame;
+mod identity;
 mod message;
 mod pulse;
 mod receiver;
@@ -343,6 +344,7 @@ impl<'b, 't> Content<'b, 't> {
         if key == MON_VER {
             self.receiver.version(frame.payload);
         }
+        self.receiver.identity.tell(key, frame.payload);
         // A frame without payload asks for the message; nothing is in it.
         let Some(message) = Message::of(frame.class, frame.number).filter(|_| !frame.payload.is_empty()) else {
             return self.skip(key, frame.payload);
@@ -452,6 +454,7 @@ impl<'b, 't> Content<'b, 't> {
             notices.push(Severity::Warning, "week-suspect", "", dates, text);
         }
         log.health.about.receivers = self.receiver.names;
+        log.health.about.receiver_identities = self.receiver.identity.finish();
         (self.receiver.weeks, marks, self.sentences.finish(log, notices))
     }
 }

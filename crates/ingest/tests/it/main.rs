@@ -13,6 +13,7 @@ mod db3;
 mod discover;
 mod drivers;
 mod gps_time;
+mod identity;
 mod kept_crates;
 mod made;
 mod maps;

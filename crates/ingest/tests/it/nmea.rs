@@ -13,7 +13,7 @@ fn text(lines: &[&str]) -> Log {
     read_bytes(READER, (lines.join("\r\n") + "\r\n").as_bytes()).unwrap()
 }
 
-fn sealed(body: &str) -> String {
+pub fn sealed(body: &str) -> String {
     format!("${body}*{:02X}", body.bytes().fold(0, |sum, byte| sum ^ byte))
 }
 

@@ -3,8 +3,8 @@
 use super::Head::{self, Number, Text};
 use super::flight_delay::normalised_difference;
 use super::{
-    badge, command_block, criteria, data_lost, document, estimate, figure, finding, maybe, more, no_number,
-    outcome_word, pipeline_details, pipeline_rows, plain, reason, table, versions,
+    badge, command_block, criteria, data_lost, document, estimate, figure, finding, lateness, maybe, more, no_number,
+    pipeline_details, pipeline_rows, plain, reason, table, versions,
 };
 use crate::draw;
 use crate::figure::{Figure, control_chart, overview, pooled_sweep};
@@ -13,7 +13,9 @@ use crate::site::Site;
 use crate::text::{href, label, shown};
 use crate::verdict::{in_millis, source_word};
 use maud::{Markup, html};
-use record::{CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, Estimate, Finding, FlightRow, Outcome};
+use record::{
+    CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, EffectVerdict, Estimate, Finding, FlightRow, Outcome,
+};
 use std::collections::BTreeMap;
 
 /// Most paths listed under one reason; the record holds all.
@@ -74,10 +76,13 @@ fn answer(record: &CampaignRecord) -> Markup {
     let t = &record.totals;
     html! {
         p.answer {
-            b { (number::count(t.compensated)) " of " (number::counted(t.flights, "flight", "flights")) }
-            " compensated, " (number::clock(t.duration_s, 0)) " flown; " (number::count(t.not_measurable)) " not measurable, "
-            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs."
+            b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) }
+            @if t.harmed > 0 { ", " (badge("bad", "✗", "HARMED")) " " b { (number::count(t.harmed)) } }
+            @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
+            ", " (number::count(t.uncompensated)) " with nothing removed; " (number::count(t.not_measurable)) " not measurable, "
+            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs; " (number::clock(t.duration_s, 0)) " compensated."
         }
+        (lateness::groups(&record.groups))
     }
 }
 
@@ -87,7 +92,9 @@ fn stats(record: &CampaignRecord) -> Markup {
         ul.stats {
             li { b { (number::count(t.flights)) } "flights" }
             li { b { (number::clock(t.duration_s, 0)) } "flown (h:mm:ss)" }
-            (outcome_count(t.compensated, "ok", "✓", "compensated"))
+            (outcome_count(t.helped, "ok", "✓", "helped"))
+            (outcome_count(t.harmed, "bad", "✗", "harmed"))
+            (outcome_count(t.varying, "unsure", "!", "delay changes"))
             (outcome_count(t.not_measurable, "unsure", "○", "not measurable"))
             (outcome_count(t.failed, "bad", "✗", "failed"))
             (outcome_count(t.lossy, "lost", "▲", "log damaged"))
@@ -105,11 +112,16 @@ fn outcome_count(flights: u64, class: &str, icon: &str, word: &str) -> Markup {
 fn attention(flights: &[FlightRow]) -> Markup {
     let troubled: Vec<&FlightRow> = flights
         .iter()
-        .filter(|row| row.lossy || !row.attention.is_empty() || !matches!(row.outcome, Outcome::Compensated))
+        .filter(|row| {
+            let done = matches!(row.outcome, Outcome::Compensated | Outcome::Uncompensated { .. });
+            row.lossy || !row.attention.is_empty() || !done
+        })
         .collect();
+    let harmed = |row: &FlightRow| row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed);
     let rank = |row: &FlightRow| match row.outcome {
         Outcome::Failed { .. } => 0,
-        Outcome::Compensated if !row.lossy => 2,
+        _ if harmed(row) => 0,
+        Outcome::Compensated | Outcome::Uncompensated { .. } if !row.lossy => 2,
         Outcome::NotMeasurable { .. } if !row.lossy => 3,
         _ => 1,
     };
@@ -118,7 +130,7 @@ fn attention(flights: &[FlightRow]) -> Markup {
             @for row in troubled.iter().filter(|row| rank(row) == wanted) {
                 tr {
                     th scope="row" { (link(row)) }
-                    td { (outcome_word(&row.outcome)) @if row.lossy { " " (data_lost()) } }
+                    td { (lateness::row_badges(row)) }
                     td.any { (why(row)) }
                 }
             }
@@ -127,7 +139,7 @@ fn attention(flights: &[FlightRow]) -> Markup {
     let head = [Text("Flight"), Text("Outcome"), Text("Reason")];
     html! {
         h2 #attention { "Needs attention" }
-        @if troubled.is_empty() { p { "Nothing: every flight was compensated, no log is damaged, and no number contradicts another." } }
+        @if troubled.is_empty() { p { "Nothing: no flight was harmed, no log is damaged, and no number contradicts another." } }
         @else { (table("Failed, damaged, doubtful, or not measurable", &head, body)) }
     }
 }
@@ -165,14 +177,19 @@ fn flights(flights: &[FlightRow]) -> Markup {
 fn head(scored: bool, judged: bool) -> Vec<Head> {
     let mut head = vec![
         Text("Flight"),
-        Text("Outcome"),
+        Text("Effect"),
+        Text("Kind"),
+        Number("Lateness (ms)"),
+        Text("Against"),
+        Number("Removed (ms)"),
+        Text("Removed from"),
+        Number("Error before (m)"),
+        Number("Error after (m)"),
         Text("Data"),
         Number("Valid (% of time)"),
         Number("Warnings"),
         Number("Duration (h:mm:ss)"),
-        Number("Td (ms)"),
-        Text("Td from"),
-        Number("Delay the flight shows (ms)"),
+        Number("Position − velocity (ms)"),
         Number("Correction, 2‑D rms (m)"),
     ];
     if judged {
@@ -190,14 +207,16 @@ fn flight_row(row: &FlightRow, scored: bool, judged: bool) -> Markup {
     html! {
         tr {
             th scope="row" { (link(row)) }
-            td { (outcome_word(&row.outcome)) }
+            td { (lateness::result_badge(&row.outcome, row.effect.as_ref())) }
             @if judged { (criteria::cell(row)) }
+            (lateness::lateness_cells(row))
+            (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
+            td { (maybe(row.delay_from, |from| html! { (source_word(from)) })) }
+            (lateness::effect_cells(row))
             td { (data_word(row)) }
             (share_cell(row.valid_share))
             td.n { (number::count(row.warnings)) }
             (cell(row.duration_s, |s| number::clock(s, 0)))
-            (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
-            td { (maybe(row.delay_from, |from| html! { (source_word(from)) })) }
             (estimate_cell(row.measured_delay_s.as_ref().map(in_millis).as_ref()))
             (estimate_cell(row.correction_rms_m.as_ref()))
             @if scored {

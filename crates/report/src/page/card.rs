@@ -189,12 +189,16 @@ fn channel_row(channel: &CardChannel) -> Markup {
     html! {
         tr {
             th scope="row" { (shown(&channel.name)) }
-            td { (verdict_badge(channel.verdict)) }
+            td {
+                (verdict_badge(channel.verdict))
+                @if !channel.contradicted.is_empty() { " " (badge("bad", "✗", "rig contradicted")) }
+            }
             td.n { (estimate(&delay_ms(channel))) }
             td.n { (or_why(channel.as_seen_delay_s, "not held", |s| plain(s * 1e3, 4))) }
             td.n {
                 @if channel.lags_s.is_empty() { (no_number("no lag")) }
                 @for (i, lag) in channel.lags_s.iter().enumerate() { @if i > 0 { ", " } (plain(lag * 1e3, 3)) }
+                @if let Some(slow) = channel.slow_motion_delay_s { "; slow motion " (plain(slow * 1e3, 4)) }
             }
             td.any { (shown(&channel.model)) }
             td.n { (estimate(&gain)) }
@@ -216,6 +220,15 @@ fn one_channel(channel: &CardChannel, rows: &[Forest], forest: Option<&Figure>) 
         @match forest {
             Some(forest) => { (figure(forest)) }
             None => { p { code { (shown(&channel.name)) } ": " (no_number("no record at hand holds a delay of it")) } }
+        }
+        @if !channel.contradicted.is_empty() {
+            p {
+                (badge("bad", "✗", "rig contradicted")) " The data contradict the rig file, so that this delay is measured \
+                 against a motion that was not the bar's: "
+                @for (i, what) in channel.contradicted.iter().take(20).enumerate() { @if i > 0 { ", " } (shown(what)) }
+                @if channel.contradicted.len() > 20 { " and " (channel.contradicted.len() - 20) " more" }
+                ". Put the rig file right and measure again."
+            }
         }
         @if !channel.outliers.is_empty() {
             p {

@@ -2,8 +2,8 @@
 
 use super::Head::{Number, Text};
 use super::{
-    criteria, document, estimate, figure, flight_delay, health, maybe, maybe_estimate, method, outcome_word,
-    provenance, reason, rows, score, sweep, table,
+    criteria, document, estimate, figure, flight_delay, health, lateness, maybe, maybe_estimate, method, provenance,
+    reason, rows, score, sweep, table,
 };
 use crate::draw;
 use crate::figure::{Figure, flight_figures};
@@ -71,6 +71,7 @@ fn body(
             (first_words(record, delays.as_ref()))
             @if let Some(criteria) = &record.criteria { (criteria::section(criteria)) }
             @if let Some(replay) = &record.replay { (results(replay, figures)) }
+            @if let Some(network) = &record.network { (lateness::network(network)) }
             @if let Some(delays) = &delays { (flight_delay::section(delays, over_time)) }
             @if let Some(replay) = &record.replay { (sweep::section(replay, of_sweep)) }
             @if let Some(replay) = &record.replay { (score::section(replay, of_bands)) }
@@ -86,7 +87,7 @@ fn body(
 fn verdict(record: &FlightRecord) -> Markup {
     html! {
         div.strip role="status" {
-            (outcome_word(&record.outcome))
+            (lateness::result_badge(&record.outcome, record.effect.as_ref()))
             (health::notice_words(&record.notices))
         }
     }
@@ -96,7 +97,12 @@ fn verdict(record: &FlightRecord) -> Markup {
 fn first_words(record: &FlightRecord, delays: Option<&flight_delay::DelaySection>) -> Markup {
     let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
     html! {
-        @if let Some(reason) = reason(&record.outcome) { p class=(class) { (shown_block(reason)) } }
+        @if let (Some(reason), None | Some(Outcome::Failed { .. } | Outcome::NotMeasurable { .. })) =
+            (reason(&record.outcome), record.decision.as_ref().map(|_| &record.outcome))
+        {
+            p class=(class) { (shown_block(reason)) }
+        }
+        (lateness::answer(record))
         @match (&record.replay, &record.outcome) {
             (Some(replay), _) => { (answer(replay, delays.is_some_and(|d| d.tests_the_replay()))) }
             (None, Outcome::Compensated) => { p.why { "The record says compensated, but holds no replay." } }
@@ -122,7 +128,6 @@ fn answer(replay: &ReplayRecord, is_tested: bool) -> Markup {
             }
             b { (estimate(&delay(replay))) " ms" }
             " (" (shown(&replay.settings.delay_source)) ")."
-            @if let Some(sentence) = against_reference(replay, main) { " " (sentence) }
         }
         @if is_tested {
             p.answer { "What the flight itself says of Td stands under " a href="#delay" { "Delay from the flight" } "." }
@@ -136,17 +141,6 @@ fn answer(replay: &ReplayRecord, is_tested: bool) -> Markup {
 fn best(replay: &ReplayRecord) -> Option<&CompensatorResult> {
     let others = || replay.compensators.iter().skip(1);
     others().find(|c| c.name.starts_with("exact")).or_else(|| others().last())
-}
-
-/// What the error against the reference was and is, if there is one.
-fn against_reference(replay: &ReplayRecord, main: Option<&CompensatorResult>) -> Option<Markup> {
-    let reference = replay.pair.reference.as_ref()?;
-    let raw = replay.compensators.first()?.error_rms_m.as_ref()?;
-    let after = main?.error_rms_m.as_ref()?;
-    Some(html! {
-        "Against " code { (shown(reference)) } " the error goes from " b { (estimate(raw)) " m" }
-        " to " b { (estimate(after)) " m" } " rms."
-    })
 }
 
 /// The delay in ms, with U if the pipeline states an uncertainty.

@@ -15,9 +15,10 @@ pub(super) fn section(replay: &ReplayRecord) -> Markup {
         (frame(replay))
         p {
             "Each number is given with its expanded uncertainty U = k u, k = 2, where u is the standard uncertainty \
-             in the record. For rms values u is a delete-one jackknife over twenty stretches of the flight: with \
-             the normal distribution U covers about 95 % of flights like this one, as long as errors are correlated \
-             over much less than a twentieth of it; a receiver that wanders more slowly is covered less. \
+             in the record. For rms values u is a delete-one jackknife over 8 to 20 stretches of the flight, each at least four \
+             times as long as the error remembers what it was: U covers about 95 % of flights like this one. Where the \
+             error changes so slowly that fewer than 8 such stretches fit into the flight, no U is given: one flight \
+             cannot tell. \
              Rms values are 2‑D: north and east together. "
             "“Way flown in Td and the age of the fix” is one velocity, taken half way back, times that time: the \
              midpoint rule beside the compensators' integrals, and made of the same velocity and Td."

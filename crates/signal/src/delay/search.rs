@@ -18,6 +18,11 @@ pub(crate) struct Scan {
 }
 
 impl Scan {
+    /// Where nothing was searched.
+    pub(crate) fn none() -> Scan {
+        Scan { points: vec![], follows: true }
+    }
+
     /// The delay with the lowest objective, s.
     pub(crate) fn lowest(&self) -> Option<f64> {
         self.points.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|p| p.0)

@@ -25,7 +25,7 @@ impl Reference for Sines {
     }
 }
 
-fn swing() -> Sines {
+pub(crate) fn swing() -> Sines {
     Sines { terms: vec![[0.9, 0.53, 0.0], [0.25, 0.81, 0.7], [0.1, 1.37, -1.1]], span: (-5.0, 80.0) }
 }
 
@@ -70,9 +70,9 @@ fn the_deterministic_record_gives_delay_gain_offset_and_both_uncertainties_of_th
     let block = Block::new(&measurements[0], rows, &component.noise, None, 1);
     let mut alignment = Alignment { measurements: &measurements, blocks: vec![block], middle_s: fit.middle_s };
     let at = Lateness { delay_s: fit.delay_s, skew: 0.0 };
-    let projections = alignment.normal(&at).projections;
+    let normal = alignment.normal(&at);
     let conditions = Conditions { weights: None, known_scale: false, textbook_lags: Some(10) };
-    let found = uncertainties(&alignment, &at, &projections, &conditions).unwrap();
+    let found = uncertainties(&alignment, &at, &normal, &conditions).unwrap();
     for k in 0..3 {
         assert!((found.hessian[k] / list("se_ols")[k] - 1.0).abs() < 1e-5, "{:?}", found.hessian);
         assert!((found.hac[k] / list("se_hac")[k] - 1.0).abs() < 1e-5, "{:?}", found.hac);

@@ -1,8 +1,9 @@
 //! How well the parameters are known: from the curvature, and from the scores whatever the noise.
 
 use super::Gain;
-use super::block::{Projection, nuisance_columns};
+use super::block::{Normal, nuisance_columns};
 use super::descent::{Alignment, Lateness};
+use super::rounds::Shape;
 use nalgebra::DMatrix;
 
 /// Standard uncertainties of all parameters: those that are not linear first, then gain (if free), offset and drift
@@ -18,6 +19,8 @@ pub(crate) struct Uncertainties {
     pub(crate) degrees_of_freedom: f64,
     /// Of the delay, if the noise is as in the model.
     pub(crate) crlb: f64,
+    /// Place of the first coefficient that all components share.
+    pub(crate) first_shared: usize,
     /// Place of the first linear parameter of each component.
     pub(crate) first_linear: Vec<usize>,
 }
@@ -57,22 +60,31 @@ struct Jacobian {
 pub(crate) fn uncertainties(
     alignment: &Alignment,
     at: &Lateness,
-    projections: &[Projection],
+    normal: &Normal,
     conditions: &Conditions,
 ) -> Option<Uncertainties> {
     let curved = alignment.blocks.first()?.columns.len() - 1;
     let mut first_linear = vec![];
-    let mut parameters = curved;
+    let prior_std: &[f64] = &alignment.blocks.first()?.shared.prior_std;
+    let first_shared = curved;
+    let mut parameters = curved + normal.shared.len();
     for block in &alignment.blocks {
         first_linear.push(parameters);
         parameters += block.linear_parameters();
     }
     let jacobians: Vec<Jacobian> = (0..alignment.blocks.len())
-        .map(|c| jacobian(alignment, c, at, projections[c].gain, curved, first_linear[c]))
+        .map(|c| {
+            let shape = Shape::of(alignment, c, at, normal);
+            jacobian(alignment, c, shape, &Places { curved, first_linear: first_linear[c] })
+        })
         .collect();
     let n: usize = alignment.blocks.iter().map(|b| b.t.len()).sum();
     let degrees_of_freedom = n.checked_sub(parameters).filter(|d| *d > 0)? as f64;
-    let (information, bread) = matrices(&jacobians, parameters, conditions.weights);
+    let (mut information, mut bread) = matrices(&jacobians, parameters, conditions.weights);
+    for (k, std) in prior_std.iter().enumerate().take(normal.shared.len()) {
+        information[(first_shared + k, first_shared + k)] += std.powi(-2);
+        bread[(first_shared + k, first_shared + k)] += std.powi(-2);
+    }
     let inverse = inverse_of(&bread)?;
     let rss: f64 = alignment.blocks.iter().map(|b| b.residuals.iter().map(|e| e * e).sum::<f64>()).sum();
     let scale = if conditions.known_scale { 1.0 } else { score_power(alignment, conditions, rss) / degrees_of_freedom };
@@ -93,13 +105,14 @@ pub(crate) fn uncertainties(
     let hessian: Vec<f64> = (0..parameters).map(|p| covariance[(p, p)].max(0.0).sqrt()).collect();
     let of_sandwich = bartlett_degrees_of_freedom(&delay_series, lags);
     let degrees_of_freedom = if hac[0] > hessian[0] { degrees_of_freedom.min(of_sandwich) } else { degrees_of_freedom };
-    Some(Uncertainties { hessian, hac, lags, degrees_of_freedom, crlb, first_linear })
+    Some(Uncertainties { hessian, hac, lags, degrees_of_freedom, crlb, first_shared, first_linear })
 }
 
 /// Cramér–Rao bound of the delay at `at` and `gain`, in the unit of the blocks' time.
 pub(crate) fn information_of_delay(alignment: &Alignment, at: &Lateness, gain: f64) -> Option<f64> {
     let parameters = 1 + alignment.blocks.first()?.linear_parameters();
-    let jacobian = jacobian(alignment, 0, at, gain, 1, 1);
+    let shape = Shape::with(alignment, 0, at, gain, &[]);
+    let jacobian = jacobian(alignment, 0, shape, &Places { curved: 1, first_linear: 1 });
     let (information, _) = matrices(&[jacobian], parameters, None);
     Some(inverse_of(&information)?[(0, 0)].sqrt())
 }
@@ -113,25 +126,26 @@ fn score_power(alignment: &Alignment, conditions: &Conditions, rss: f64) -> f64 
     alignment.blocks.iter().zip(weights).map(power).sum()
 }
 
-fn jacobian(alignment: &Alignment, c: usize, at: &Lateness, gain: f64, curved: usize, first: usize) -> Jacobian {
+/// Where the parameters of a component stand: shared coefficients follow those that are not linear.
+struct Places {
+    curved: usize,
+    first_linear: usize,
+}
+
+fn jacobian(alignment: &Alignment, c: usize, shape: Shape, places: &Places) -> Jacobian {
     let (block, measurement) = (&alignment.blocks[c], &alignment.measurements[c]);
-    let (start, end) = measurement.reference.span();
-    let shape: Vec<(f64, f64)> = block
-        .t
-        .iter()
-        .map(|t| measurement.reference.value_and_rate(at.true_instant(*t, alignment.middle_s).clamp(start, end)))
-        .collect();
-    let mut columns = vec![(0, shape.iter().map(|(_, rate)| -gain * rate).collect::<Vec<f64>>())];
-    if curved > 1 {
-        let by_skew = shape.iter().zip(&block.t).map(|((_, rate), t)| gain * rate * (t - alignment.middle_s));
+    let mut columns = vec![(0, shape.slope.iter().map(|rate| -rate).collect::<Vec<f64>>())];
+    if places.curved > 1 {
+        let by_skew = shape.slope.iter().zip(&block.t).map(|(rate, t)| rate * (t - alignment.middle_s));
         columns.push((1, by_skew.collect()));
     }
+    columns.extend(shape.shared.into_iter().enumerate().map(|(k, column)| (places.curved + k, column)));
     let mut linear: Vec<Vec<f64>> = vec![];
     if let Gain::Free { .. } = block.gain {
-        linear.push(shape.iter().map(|(value, _)| *value).collect());
+        linear.push(shape.values);
     }
     linear.extend(nuisance_columns(&block.t, measurement.drift, alignment.middle_s));
-    columns.extend(linear.into_iter().enumerate().map(|(k, column)| (first + k, column)));
+    columns.extend(linear.into_iter().enumerate().map(|(k, column)| (places.first_linear + k, column)));
     for (_, column) in &mut columns {
         block.filter.apply([column]);
     }

@@ -1,10 +1,10 @@
 //! The fit of one way to be late.
 
 use super::lagged::LaggedReference;
-use super::{LagCandidate, LagModel};
-use crate::delay::block::{Block, MOST_CURVED, Normal, nuisance_columns};
+use super::{DISTINGUISHED, LagCandidate, LagModel};
+use crate::delay::block::{Block, MOST_CURVED, Normal, middle, nuisance_columns};
 use crate::delay::{DelayFit, DelaySettings, Gain, Measurement, Uncertain};
-use crate::noise::{BestNoise, NoiseProblem, NoiseRule};
+use crate::noise::{BestNoise, NoiseProblem, NoiseRule, orthonormal_to, remove};
 use crate::whiten::NoiseModel;
 
 /// Grid of the lagged references, s.
@@ -25,6 +25,31 @@ pub(super) struct Trial<'a> {
     noise: Vec<NoiseModel>,
     rule: NoiseRule,
     delay_s: f64,
+    /// Standard uncertainty of the reference of each component, at any one instant.
+    reference_std: Vec<f64>,
+}
+
+/// A candidate with what it says that was measured.
+#[derive(Clone)]
+pub(super) struct Fitted {
+    pub(super) candidate: LagCandidate,
+    /// Gain times shape at the rows of each component, offset and drift taken out.
+    shapes: Vec<Vec<f64>>,
+}
+
+impl Fitted {
+    /// Whether it has more parameters than `other`.
+    pub(super) fn is_richer_than(&self, other: &Fitted) -> bool {
+        parameters(self.model) > parameters(other.model)
+    }
+}
+
+impl std::ops::Deref for Fitted {
+    type Target = LagCandidate;
+
+    fn deref(&self) -> &LagCandidate {
+        &self.candidate
+    }
 }
 
 /// Delay plus lags (s) and the squares of the lags (s²): near no lag at all the likelihood is smooth in the square,
@@ -43,6 +68,7 @@ impl<'a> Trial<'a> {
         components: &'a [Measurement<'a>],
         fit: &DelayFit,
         settings: &DelaySettings,
+        reference_std: &[f64],
     ) -> Option<Trial<'a>> {
         let delay_s = fit.delay_s;
         let mut references = vec![];
@@ -63,10 +89,12 @@ impl<'a> Trial<'a> {
         let held_back = weights.iter().flatten().any(|w| *w < 1.0);
         let noise = fit.components.iter().map(|c| c.noise).collect();
         let weights = held_back.then_some(weights);
-        Some(Trial { components, references, rows, weights, noise, rule: settings.noise, delay_s })
+        let reference_std = (0..components.len()).map(|c| reference_std.get(c).copied().unwrap_or(0.0)).collect();
+        Some(Trial { components, references, rows, weights, noise, rule: settings.noise, delay_s, reference_std })
     }
 
-    pub(super) fn candidates(&mut self) -> Vec<LagCandidate> {
+    /// All candidates that can be fitted. Beside a lag no delay is negative, unless the data demand it.
+    pub(super) fn candidates(&self) -> Vec<Fitted> {
         let delay = self.delay_s;
         let guess = delay.abs().max(0.02);
         let only_delay = self.best(LagModel::D, &[[delay, 0.0, 0.0]]);
@@ -79,7 +107,42 @@ impl<'a> Trial<'a> {
         let two_lags = self.best(LagModel::DLL, &starts);
         let fitted =
             [(LagModel::D, only_delay), (LagModel::L, only_lag), (LagModel::DL, both), (LagModel::DLL, two_lags)];
-        fitted.into_iter().filter_map(|(model, best)| self.candidate(model, best?)).collect()
+        let free = fitted.into_iter().filter_map(|(model, best)| self.candidate(model, best?)).collect();
+        self.without_negative_delays(free)
+    }
+
+    /// A sensor that shows a value before it was true and smears it besides is no sensor, but a reference that is too lively
+    /// looks like one: `e^{sT}/(1 + sT)` is a low pass. Such an optimum gives way to the one on the border, where either the
+    /// lag is zero or the delay: the better of the candidates without a negative delay, with parameters that say nothing.
+    /// It stays if it is better by ΔBIC 6 than all of these and differs from them by more than the reference's own error.
+    fn without_negative_delays(&self, free: Vec<Fitted>) -> Vec<Fitted> {
+        let is_negative = |f: &Fitted| !f.lags_s.is_empty() && f.delay_s.is_some_and(|d| d.value < 0.0);
+        let proper: Vec<Fitted> = free.iter().filter(|f| !is_negative(f)).cloned().collect();
+        let Some(border) = proper.iter().min_by(|a, b| a.bic.total_cmp(&b.bic)).cloned() else { return free };
+        let rows: usize = self.rows.iter().map(Vec::len).sum();
+        let on_the_border = |f: Fitted| {
+            if !is_negative(&f) || f.bic + DISTINGUISHED <= border.bic && self.differ(&f, &border) {
+                return f;
+            }
+            let idle = parameters(f.model).saturating_sub(parameters(border.model));
+            let mut lags_s = border.lags_s.clone();
+            let none = Uncertain { value: 0.0, standard_uncertainty: border.sum_s.standard_uncertainty };
+            lags_s.resize(parameters(f.model) - 1, none);
+            let delay_s = Some(border.delay_s.unwrap_or(none));
+            let bic = border.bic + idle as f64 * (rows as f64).ln();
+            let own = LagCandidate { model: f.model, bic, delay_s, lags_s, ..border.candidate.clone() };
+            Fitted { candidate: own, shapes: border.shapes.clone() }
+        };
+        free.into_iter().map(on_the_border).collect()
+    }
+
+    /// Whether two candidates say anything else of the measured values, beyond the error of the reference.
+    pub(super) fn differ(&self, a: &Fitted, b: &Fitted) -> bool {
+        let of = |((a, b), std): ((&Vec<f64>, &Vec<f64>), &f64)| {
+            let square = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len().max(1) as f64;
+            square > std * std
+        };
+        a.shapes.iter().zip(&b.shapes).zip(&self.reference_std).any(of)
     }
 
     /// The best point of `model` under the noise that fits it best, and its Bayesian information criterion.
@@ -190,7 +253,21 @@ impl<'a> Trial<'a> {
         self.rows[c].iter().map(|&k| m.y[k] - gain * value(m.t[k])).collect()
     }
 
-    fn candidate(&self, model: LagModel, (best, bic): (Best, f64)) -> Option<LagCandidate> {
+    /// What `best` says that component `c` measures, offset and drift taken out.
+    fn shape(&self, model: LagModel, c: usize, best: &Best) -> Vec<f64> {
+        let m = &self.components[c];
+        let t: Vec<f64> = self.rows[c].iter().map(|&k| m.t[k]).collect();
+        let left = self.residuals(model, c, best);
+        let mut shape: Vec<f64> = self.rows[c].iter().zip(left).map(|(&k, left)| m.y[k] - left).collect();
+        let mut nuisances: Vec<Vec<f64>> = vec![];
+        for column in nuisance_columns(&t, m.drift, middle(&t)) {
+            nuisances.extend(orthonormal_to(&column, &nuisances));
+        }
+        nuisances.iter().for_each(|q| remove(&mut shape, q));
+        shape
+    }
+
+    fn candidate(&self, model: LagModel, (best, bic): (Best, f64)) -> Option<Fitted> {
         let covariance = covariance(&best.normal);
         let (delay, lags) = delay_and_lags(model, &best.at);
         let sum = best.at[0];
@@ -222,14 +299,10 @@ impl<'a> Trial<'a> {
         };
         let gains = self.gains(&best);
         let finite = bic.is_finite() && sum_s.standard_uncertainty.is_finite();
-        finite.then_some(LagCandidate {
-            model,
-            bic,
-            delay_s: (model != LagModel::L).then_some(delay_s),
-            lags_s,
-            gains,
-            sum_s,
-            delay_range_s,
+        let delay_s = (model != LagModel::L).then_some(delay_s);
+        finite.then(|| Fitted {
+            candidate: LagCandidate { model, bic, delay_s, lags_s, gains, sum_s, delay_range_s },
+            shapes: (0..self.components.len()).map(|c| self.shape(model, c, &best)).collect(),
         })
     }
 

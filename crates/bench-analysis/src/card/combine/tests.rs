@@ -187,3 +187,32 @@ fn a_card_without_a_day_has_no_validity_and_says_so() {
 fn told_codes(notices: &Notices) -> Vec<&str> {
     notices.iter().map(|n| n.code.as_str()).collect()
 }
+
+/// Sign, lever arm, azimuth or mount: what is wrong with the rig is wrong with every channel that was measured with it.
+#[test]
+fn a_record_that_contradicts_its_rig_file_marks_its_channels() {
+    let check = |name: &str, of_rig: bool, agrees: Option<bool>| record::MountCheck {
+        name: name.into(),
+        unit: "m".into(),
+        fitted: record::Finding::CannotTell(String::new()),
+        stated: None,
+        agrees,
+        of_rig,
+        text: String::new(),
+    };
+    let mut all = runs(&[400.0, 401.0, 399.0]);
+    let findings = all[1].1.findings.as_mut().unwrap();
+    findings.mount.checks = vec![
+        check("lever arm z of imu", true, Some(false)),
+        check("lever arm x of imu", true, Some(true)),
+        check("azimuth by imu", true, None),
+        check("scale of imu", false, Some(false)),
+    ];
+    all[2].1.notices.push(Severity::Warning, "encoder-sign-differs", "", 1, "the other way round");
+    let combined = combine(&all, &TERMS).unwrap();
+    let position = &combined.card.channels[0];
+    assert_eq!(position.contradicted, ["swing-02: lever arm z of imu", "swing-03: encoder sign"]);
+    assert_eq!(told(&combined), [("rig-contradicted", "swing-02"), ("rig-contradicted", "swing-03")]);
+    assert_eq!(parse_card(&card_text(&combined.card), Path::new("c")).unwrap(), combined.card);
+    assert!(combine(&runs(&[400.0]), &TERMS).unwrap().card.channels[0].contradicted.is_empty());
+}

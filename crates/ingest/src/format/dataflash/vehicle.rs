@@ -1,8 +1,9 @@
 //! What a log says of its vehicle: firmware, board, receivers, parameters, modes, texts.
 
 use super::modes;
+use crate::format::identity::{lever_arms, of_ardupilot, of_px4};
 use crate::format::ulog::about::configured;
-use flight::{About, Clock, ConfiguredDelay, ModeStart, NANOS_PER_SECOND};
+use flight::{About, Clock, ConfiguredDelay, ModeStart, NANOS_PER_SECOND, ReceiverIdentity};
 use std::collections::BTreeMap;
 
 /// Parameters that are remembered.
@@ -127,6 +128,7 @@ impl Vehicle {
 
     pub(in crate::format) fn finish(self) -> About {
         let configured_delays = self.delays();
+        let (receiver_identities, lever_arms) = (self.receiver_identities(), lever_arms(&|name| self.first(name)));
         let mut parameter_changes = self.changes;
         if self.unlisted_changes > 0 {
             parameter_changes.push(format!("and {} more", self.unlisted_changes));
@@ -143,6 +145,8 @@ impl Vehicle {
             hardware: self.board.or_else(|| self.board_id.map(|id| format!("board {id} of ArduPilot's list"))),
             vehicle: self.serial,
             receivers: self.receivers,
+            receiver_identities,
+            lever_arms,
             configured_delays,
             parameters: self.parameters.len() as u64,
             parameter_changes,
@@ -151,8 +155,19 @@ impl Vehicle {
         }
     }
 
+    /// Value of a parameter at the start.
+    fn first(&self, name: &str) -> Option<f64> {
+        self.parameters.get(name).map(|[first, _]| *first)
+    }
+
+    fn receiver_identities(&self) -> Vec<ReceiverIdentity> {
+        let mut receivers = of_ardupilot(&|name| self.first(name), &self.receivers);
+        of_px4(&|name| self.first(name), &mut receivers);
+        receivers
+    }
+
     fn delays(&self) -> Vec<ConfiguredDelay> {
-        let first = |name: &str| self.parameters.get(name).map(|[first, _]| *first);
+        let first = |name: &str| self.first(name);
         let delay = |&(parameter, unit, meaning): &(&str, DelayUnit, &str)| {
             let value = first(parameter)?;
             let value_s = match unit {

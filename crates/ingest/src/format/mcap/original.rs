@@ -195,11 +195,22 @@ impl Originals {
 impl OriginalLog {
     /// Shortens what is longer than any log says, for all of it goes onto the page. Says by how many entries.
     fn shorten(&mut self) -> u64 {
-        let About { receivers, configured_delays, parameter_changes, modes, texts, .. } = &mut self.about;
+        let About {
+            receivers,
+            receiver_identities,
+            lever_arms,
+            configured_delays,
+            parameter_changes,
+            modes,
+            texts,
+            ..
+        } = &mut self.about;
         let lists = [&mut self.extras, receivers, parameter_changes, texts].map(|list| cut(list, MOST_LISTED));
         lists.iter().sum::<u64>()
             + cut(configured_delays, MOST_LISTED)
             + cut(modes, MOST_LISTED)
+            + cut(receiver_identities, MOST_LISTED)
+            + cut(lever_arms, MOST_LISTED)
             + cut(&mut self.restarts, MOST_RESTARTS)
             + self.notices.len().saturating_sub(MOST_LISTED) as u64
     }

@@ -6,6 +6,7 @@ use super::sentence::{Sentence, plain, time_of_day_ns};
 use super::talkers;
 use crate::civil::calendar_to_unix_ns;
 use crate::decode::{Route, Tally, Times, Topics};
+use crate::format::identity::of_version;
 use crate::ledger::Fate;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
@@ -199,6 +200,9 @@ impl Book {
         say(Severity::Loss, "unknown-channel", &self.unplaced, text);
         if let Some((text, dates)) = self.age.suspicion() {
             notices.push(Severity::Warning, "week-suspect", "", dates, text);
+        }
+        if log.health.about.receiver_identities.is_empty() {
+            log.health.about.receiver_identities = of_version(&self.texts, "TXT", "NMEA").into_iter().collect();
         }
         log.health.about.texts.extend(self.texts);
         log.health.extras.extend(self.heights.remark());

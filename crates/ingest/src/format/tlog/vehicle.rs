@@ -266,6 +266,24 @@ mod tests {
     }
 
     #[test]
+    fn receiver_and_antenna_are_told_by_parameters_of_either_autopilot() {
+        let about = |autopilot, parameters: &[(&str, f32)]| {
+            let mut vehicle = Vehicle::new(Clock::Unix);
+            vehicle.tell(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
+            for (name, value) in parameters {
+                vehicle.tell(PARAM_VALUE, &parameter(name, value.to_le_bytes(), 9), 1);
+            }
+            vehicle.finish()
+        };
+        let places = [("GPS1_POS_X", 0.25), ("GPS1_POS_Y", 0.0), ("GPS1_POS_Z", -0.1)];
+        let ardupilot = about(ARDUPILOT, &[&places[..], &[("GPS1_TYPE", 2.0), ("GPS1_RATE_MS", 100.0)]].concat());
+        assert_eq!(ardupilot.receiver_identities[0].rate_hz, Some(10.0));
+        assert_eq!(ardupilot.lever_arm("gps").map(|arm| arm.forward_m), Some(0.25));
+        let px4 = about(PX4, &[("GPS_1_CONFIG", 201.0), ("SER_GPS1_BAUD", 115_200.0)]);
+        assert_eq!(px4.receiver_identities[0].baud, Some(115_200));
+    }
+
+    #[test]
     fn a_change_of_a_parameter_is_told_with_when_it_came() {
         let mut vehicle = Vehicle::new(Clock::Unix);
         for (value, at_ns) in [(0.25_f32, 5_000_000_000), (0.25, 6_000_000_000), (0.5, 7_250_000_000)] {

@@ -1,5 +1,6 @@
 //! What the receiver's messages tell of its time and of itself.
 
+use super::identity::Identity;
 use super::message::{Derived, Message};
 use super::pulse::{EarlyMarks, LAST_WEEK, Pulse, Pulses};
 use crate::civil::calendar_to_unix_ns;
@@ -40,6 +41,7 @@ pub(super) struct Receiver {
     pub(super) nowhere: u64,
     pub(super) pulses: Pulses,
     pub(super) names: Vec<String>,
+    pub(super) identity: Identity,
 }
 
 /// A velocity is turned by the place at most so far from it in time, ms: what has flown on for ten seconds sees north

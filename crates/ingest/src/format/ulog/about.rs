@@ -1,7 +1,8 @@
 //! What a ULog says of the vehicle: information, parameters, modes and texts.
 
 use super::record::Entry;
-use flight::{About, Clock, ConfiguredDelay, ModeStart};
+use crate::format::identity::{lever_arms, of_px4, tell_px4_versions};
+use flight::{About, Clock, ConfiguredDelay, ModeStart, ReceiverIdentity};
 use std::collections::BTreeMap;
 
 /// Different keys of information, and parameters, that are kept.
@@ -12,6 +13,8 @@ const MOST_CHANGES: usize = 1000;
 const MOST_TEXTS: usize = 100;
 /// Receivers that are listed.
 const MOST_RECEIVERS: usize = 20;
+/// So much of what drivers print is looked into, bytes.
+const LONGEST_CONSOLE: usize = 1 << 16;
 /// Longest text that is kept, characters.
 const LONGEST_TEXT: usize = 1000;
 
@@ -20,6 +23,8 @@ const LONGEST_TEXT: usize = 1000;
 pub(super) struct Gathered {
     /// By key; `None` for what is neither a text nor a number.
     information: BTreeMap<String, Option<String>>,
+    /// What drivers printed when they began.
+    console: String,
     /// Parts of long information by key.
     parts: BTreeMap<String, u64>,
     /// At the start.
@@ -47,6 +52,9 @@ impl Gathered {
     }
 
     pub(super) fn part(&mut self, entry: &Entry<'_>) {
+        if entry.name == "boot_console_output" && self.console.len() < LONGEST_CONSOLE {
+            self.console.push_str(&entry.text().map(cut).unwrap_or_default());
+        }
         if self.has_room(self.parts.len(), self.parts.contains_key(entry.name)) {
             *self.parts.entry(entry.name.to_owned()).or_default() += 1;
         }
@@ -148,6 +156,24 @@ impl Gathered {
         information.chain(parts).chain(defaults).collect()
     }
 
+    fn receiver_identities(&self) -> Vec<ReceiverIdentity> {
+        let mut receivers: Vec<ReceiverIdentity> = vec![];
+        for (instance, device) in &self.receivers {
+            let number = u32::from(*instance) + 1;
+            let Some(model) = kind_of(*device).filter(|_| receivers.iter().all(|r| r.number != number)) else {
+                continue;
+            };
+            let sources = [("model".to_owned(), format!("device {device:#x}"))].into();
+            receivers.push(ReceiverIdentity { number, model: Some(model.to_owned()), sources, ..Default::default() });
+        }
+        receivers.sort_by_key(|receiver| receiver.number);
+        of_px4(&|name| self.parameters.get(name).copied(), &mut receivers);
+        let console = self.console.lines().map(str::to_owned);
+        let lines: Vec<String> = console.chain(self.texts.iter().cloned()).collect();
+        tell_px4_versions(&mut receivers, &lines);
+        receivers
+    }
+
     pub(super) fn about(self) -> About {
         About {
             system: self.known("sys_name").map(str::to_owned),
@@ -155,6 +181,8 @@ impl Gathered {
             hardware: self.hardware(),
             vehicle: self.known("sys_uuid").map(str::to_owned),
             receivers: self.receivers.iter().map(|(instance, device)| receiver(*instance, *device)).collect(),
+            receiver_identities: self.receiver_identities(),
+            lever_arms: lever_arms(&|name| self.parameters.get(name).copied()),
             configured_delays: self.parameters.iter().filter_map(|(name, value)| configured(name, *value)).collect(),
             parameters: self.parameters.len() as u64,
             parameter_changes: self.changes,
@@ -188,8 +216,13 @@ fn release(version: u32) -> String {
 /// `GPS 0: u-blox F9P (device 0xaa0005)`: the highest byte but one of a device's number is its type (PX4,
 /// `src/drivers/drv_sensor.h`).
 fn receiver(instance: u8, device: u32) -> String {
+    let name = kind_of(device).unwrap_or("of a type that is not known");
+    format!("GPS {instance}: {name} (device {device:#x})")
+}
+
+fn kind_of(device: u32) -> Option<&'static str> {
     let [_, kind, ..] = device.to_be_bytes();
-    let name = match kind {
+    Some(match kind {
         0x85 => "DroneCAN",
         0xa0 => "Ashtech",
         0xa1 => "Emlid Reach",
@@ -206,9 +239,8 @@ fn receiver(instance: u8, device: u32) -> String {
         0xac => "u-blox 10",
         0xad => "u-blox 20",
         0xaf => "simulated",
-        _ => "of a type that is not known",
-    };
-    format!("GPS {instance}: {name} (device {device:#x})")
+        _ => return None,
+    })
 }
 
 /// Parameters that set a delay: name, how many of its units are a second, what they delay.

@@ -104,7 +104,8 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
         }))
         (fact("Standard uncertainty", html! {
             (ms(found.standard_uncertainty_s)) ": the larger of " (ms(found.hessian_s)) " (Hessian) and "
-            (ms(found.hac_s)) " (sandwich, HAC), with " (ms(found.stamps_s)) " of the stamps and " (ms(found.anchor_s))
+            (ms(found.hac_s)) " (sandwich, HAC), with what the components share of " (ms(found.reference_s))
+            " of the reference, " (ms(found.stamps_s)) " of the stamps and " (ms(found.anchor_s))
             " of the anchor in quadrature"
         }))
         (fact("Cramér–Rao bound at the fitted noise", html! {

@@ -1,0 +1,84 @@
+//! What the encoder's steps do to the delays, by way of the reference that is made from them.
+//!
+//! All components of a channel err together with the motion of the bar, so that their number does not average this error
+//! away; the noise of a fit is each component's own and cannot know. The smoother is linear in the encoder: what it makes of
+//! the encoder's noise is drawn, and carried through slope and fit of every channel.
+
+use crate::motion::Motion;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use signal::{DelayFit, DelayResponse, Measurement, Reference, SmoothedMotion};
+
+/// The uncertainty of a delay is then known to 1/√(2·16) = 18 %.
+const DRAWS: usize = 16;
+const SEED: u64 = 20_101_025;
+
+/// Draws of the error of the smoothed motion.
+pub(crate) struct ReferenceErrors {
+    draws: Vec<SmoothedMotion>,
+    sign: f64,
+}
+
+/// What a component of a channel takes of an error of the motion.
+#[derive(Clone, Copy)]
+pub(crate) struct Sensitivity<'a> {
+    /// Where the slopes stand: evenly over this span, s.
+    pub(crate) span: (f64, f64),
+    /// Derivatives by the bar's angle, rate and acceleration.
+    pub(crate) slope: &'a [[f64; 3]],
+}
+
+impl ReferenceErrors {
+    /// Of the motion as it is oriented: steps of ±σ with chance signs, σ² = LSB²/12, through the same smoother.
+    pub(crate) fn of(motion: &Motion) -> ReferenceErrors {
+        let mut random = Pcg64::seed_from_u64(SEED);
+        let sigma = motion.encoder().variance().sqrt();
+        let samples = motion.encoder().t_s.len();
+        let draws = (0..DRAWS).filter_map(|_| {
+            let noise: Vec<f64> =
+                (0..samples).map(|_| if random.next_u64() >> 63 == 0 { sigma } else { -sigma }).collect();
+            motion.smoothed_as_the_encoder(&noise)
+        });
+        ReferenceErrors { draws: draws.collect(), sign: motion.sign() }
+    }
+
+    /// Standard uncertainty of the delay of `fit` from the reference alone, s; `sensitivities` are of its components.
+    pub(crate) fn of_delay(
+        &self,
+        measurements: &[Measurement<'_>],
+        fit: &DelayFit,
+        sensitivities: &[Sensitivity<'_>],
+    ) -> f64 {
+        let Some(response) = DelayResponse::of(measurements, fit) else { return 0.0 };
+        let shift = |draw: &SmoothedMotion| {
+            let components = sensitivities.iter().zip(&fit.components);
+            let errors: Vec<Vec<f64>> = components
+                .map(|(s, c)| c.t_used.iter().map(|t| c.gain.value * self.error(draw, s, t - fit.delay_s)).collect())
+                .collect();
+            response.shift_s(&errors)
+        };
+        let shifts: Vec<f64> = self.draws.iter().filter_map(shift).collect();
+        (shifts.iter().map(|s| s * s).sum::<f64>() / shifts.len().max(1) as f64).sqrt()
+    }
+
+    /// Error of a reference at `t`.
+    fn error(&self, draw: &SmoothedMotion, by: &Sensitivity<'_>, t: f64) -> f64 {
+        let (first, last) = by.span;
+        let place = (t - first) / (last - first) * by.slope.len().saturating_sub(1) as f64;
+        let row = place.round().max(0.0) as usize;
+        let Some((slope, error)) = by.slope.get(row).zip(draw.at(t)) else { return 0.0 };
+        self.sign * (slope[0] * error[0] + slope[1] * error[1] + slope[2] * error[2])
+    }
+}
+
+/// Standard uncertainty of a delay with that of its reference. The noise of the fit holds the error of the reference as if
+/// each of `components` had its own: what that averages away is put back.
+pub(crate) fn with_reference(fit_s: f64, reference_s: f64, components: usize) -> f64 {
+    let averaged = 1.0 - 1.0 / components.max(1) as f64;
+    fit_s.hypot(averaged.sqrt() * reference_s).max(reference_s)
+}
+
+/// Sensitivity of a component by its reference.
+pub(crate) fn sensitivity<'a>(reference: &dyn Reference, slope: &'a [[f64; 3]]) -> Sensitivity<'a> {
+    Sensitivity { span: reference.span(), slope }
+}

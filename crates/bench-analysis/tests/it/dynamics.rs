@@ -1,0 +1,115 @@
+//! What whole records say of their channels.
+
+use bench_analysis::{BenchInput, Rig, bench};
+use rayon::prelude::*;
+use record::{ChannelDynamics, DelayFinding, Estimate};
+use simulate::{BenchChannel, BenchSensor, BenchSettings, RigText, simulate_bench};
+use std::path::Path;
+
+/// One gyro on the paper's bench.
+fn gyro(settings: BenchSettings, sensor: BenchSensor) -> ChannelDynamics {
+    alone(BenchChannel::AngularRate, settings, sensor)
+}
+
+/// One channel on the paper's bench.
+fn alone(channel: BenchChannel, settings: BenchSettings, sensor: BenchSensor) -> ChannelDynamics {
+    let settings = settings.only(&[channel]).with(channel, sensor);
+    let simulated = simulate_bench(&settings).unwrap();
+    let what = RigText { model: "M".into(), serial: "1".into(), to_be_fitted: false };
+    let mut rig = Rig::parse(&simulated.rig_text(&what), Path::new("simulated.rig.toml")).unwrap();
+    rig.analysis.inject_s = vec![];
+    let flight = simulated.to_flight().unwrap();
+    let found = bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig).unwrap();
+    found.findings.channels.into_iter().next().unwrap()
+}
+
+/// A gyro that is 2 ms late, against an encoder of few counts: what is said of delay and lag.
+fn pure_delay(seed: u64) -> (Option<String>, bool) {
+    let mut settings = BenchSettings { seed, ..BenchSettings::default() };
+    settings.encoder.lines = 500;
+    let found = gyro(settings, BenchSensor::noisy(100.0, 0.01).late(0.002));
+    let model = found.model.found().unwrap();
+    let negative = model.candidates.iter().any(|c| c.delay_s.is_some_and(|d| d.value < 0.0) && !c.lags_s.is_empty());
+    (model.chosen.clone(), negative)
+}
+
+fn wrong_of(trials: u64) -> usize {
+    let answers: Vec<(Option<String>, bool)> = (0..trials).into_par_iter().map(pure_delay).collect();
+    answers.iter().filter(|(chosen, negative)| *negative || !matches!(chosen.as_deref(), None | Some("D"))).count()
+}
+
+/// What it was: "−12 ms and a lag of 14 ms" was the best model of 7 in 40, for a reference of few counts is too lively and
+/// `e^{sT}/(1 + sT)` is a low pass. Where the old rule runs, none of 24 is wrong once in 100 runs.
+#[test]
+fn a_pure_delay_is_not_called_a_negative_delay_and_a_lag() {
+    assert_eq!(wrong_of(24), 0);
+}
+
+#[test]
+#[ignore = "40 s: cargo test -p bench-analysis --test it -- --ignored of_200_gyros"]
+fn of_200_gyros_with_a_pure_delay_at_most_one_in_a_hundred_is_wrong() {
+    let wrong = wrong_of(200);
+    assert!(wrong <= 2, "{wrong} of 200");
+}
+
+/// Where a sensor's stamps make more than good for its lag, the data demand a negative delay, and it is said.
+#[test]
+fn a_negative_delay_beside_a_lag_is_found_where_the_data_demand_it() {
+    let mut settings = BenchSettings { seed: 3, ..BenchSettings::default() };
+    settings.encoder.lines = 8000;
+    let sensor = BenchSensor { lags_s: vec![0.06], ..BenchSensor::noisy(100.0, 0.003).late(-0.04) };
+    let found = gyro(settings, sensor);
+    let model = found.model.found().unwrap();
+    let best = &model.candidates[0];
+    let excess = |name: &str| model.candidates.iter().find(|c| c.name == name).unwrap().delta_bic;
+    assert!(best.name == "DL" && excess("D") > 1000.0 && excess("L") > 1000.0, "{model:?}");
+    let near = |found: Estimate, truth: f64| (found.value - truth).abs() < 0.003;
+    assert!(near(best.delay_s.unwrap(), -0.04) && near(best.lags_s[0], 0.06), "{best:?}");
+    assert!(near(model.sum_s, 0.02), "{model:?}");
+}
+
+/// A channel that is 30 ms late, at an azimuth that moves north and east alike, against an encoder of few counts.
+fn late_by_30_ms(channel: BenchChannel, lines: u32, noise: f64, seed: u64) -> DelayFinding {
+    let mut settings = BenchSettings { seed, swing_s: 40.0, rest_s: [2.0, 2.0], ..BenchSettings::default() };
+    settings.encoder.lines = lines;
+    settings.bar.azimuth_rad = 0.7;
+    alone(channel, settings, BenchSensor::noisy(100.0, noise).late(0.03)).delay.unwrap()
+}
+
+/// A position that errs by a tenth of a millimetre shows nothing but the encoder's steps: what they do to its delay must be
+/// as large as stated. North, east and down err together, so that the fit alone is too sure of itself.
+#[test]
+fn the_encoders_steps_move_the_delay_by_as_much_as_stated() {
+    let trials = 16;
+    let found: Vec<DelayFinding> =
+        (0..trials).into_par_iter().map(|seed| late_by_30_ms(BenchChannel::PositionIns, 500, 1e-4, seed)).collect();
+    let rms =
+        |of: &dyn Fn(&DelayFinding) -> f64| (found.iter().map(|d| (of(d)).powi(2)).sum::<f64>() / trials as f64).sqrt();
+    // Sixteen records know an rms to 18 %, and each states it to 18 %: three standard deviations.
+    let ratio = rms(&|d| (d.delay.seconds() - 0.03) / d.reference_s);
+    assert!((0.45..1.55).contains(&ratio), "{ratio}");
+    assert!(found.iter().all(|d| d.standard_uncertainty_s >= d.reference_s), "{found:?}");
+    let of_the_fit = rms(&|d| d.hessian_s.max(d.hac_s) / d.standard_uncertainty_s);
+    assert!(of_the_fit < 0.9, "the reference must widen it: {of_the_fit}");
+}
+
+/// Of 60 records each, before and with the reference's own uncertainty: position against 250 counts 91.7 and 95.0 %, against
+/// 1000 counts 85.0 and 95.0 %, specific force against 250 counts 93.3 and 96.7 %; velocity and gyro 98 % or more.
+#[test]
+#[ignore = "5 min: cargo test -p bench-analysis --test it -- --ignored intervals_hold_against_a_coarse_encoder"]
+fn intervals_hold_against_a_coarse_encoder() {
+    use BenchChannel::{AngularRate, PositionIns, SpecificForce, VelocityIns};
+    let trials = 150;
+    for (channel, noise) in [(PositionIns, 0.002), (VelocityIns, 0.002), (SpecificForce, 0.02), (AngularRate, 0.002)] {
+        for lines in [250, 1000] {
+            let inside = |seed: u64| {
+                let [low, high] = late_by_30_ms(channel, lines, noise, seed).interval_95_s;
+                (low..=high).contains(&0.03)
+            };
+            let held = (0..trials).into_par_iter().map(inside).filter(|held| *held).count();
+            println!("{channel:?}, {lines} lines: {held} of {trials}");
+            // 93 % less two standard deviations of 150 trials.
+            assert!(held >= 133, "{channel:?}, {lines} lines: {held} of {trials}");
+        }
+    }
+}

@@ -1,0 +1,420 @@
+//! How late the position of one flight is: from all measured delays to the answer.
+
+use crate::config::Pipeline;
+use crate::decide::in_ms;
+use crate::group::{content_of, group_of};
+use crate::lever;
+use crate::rate::rate_of;
+use compensation_replay::{
+    FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, autopilot_advice, measure_delays, pick_pair,
+};
+use delay_network::{NetworkSettings, PairObservation, difference, lineage_from_name, solve};
+use flight::{Binding, Delay, Flight, LogHealth, Notices};
+use record::{
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
+    DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredDelay,
+    MeasuredFlight, NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
+};
+
+/// A delay whose 90 % interval lies within this is none, s.
+const ON_TIME_S: f64 = 0.020;
+/// Outliers above this share are an alarm.
+const MANY_OUTLIERS: f64 = 0.05;
+/// Share of normal noise that Huber's weights (k = 1.345) hold back, and that is no outlier.
+const HELD_BACK_BY_CHANCE: f64 = 0.179;
+
+/// A measurement of a log that could not be used.
+pub(crate) fn failed(key: &str, reason: String) -> MeasuredFlight {
+    let words = format!("the log could not be used: {reason}");
+    measured_with(FlightLateness { failed: Some(reason), words, ..unknown(key) }, None, None, Notices::new())
+}
+
+/// Measures the delays of a flight.
+pub(crate) fn measure(
+    key: &str,
+    flight: &Flight,
+    health: &LogHealth,
+    binding: &Binding,
+    pipeline: &Pipeline,
+) -> MeasuredFlight {
+    let (positions, velocities) = pipeline.position_and_velocity();
+    let has_position = flight.first_of(positions).is_some();
+    let picked = pick_pair(flight, positions, velocities);
+    let detailed = picked.as_ref().ok().map(|[p, v]| (p.0.to_owned(), v.0.to_owned()));
+    let settings = FlightDelaySettings { detailed, ..pipeline.measure_settings() };
+    let (mut delays, notices) = measure_delays(flight, &settings);
+    lever::take_out(&mut delays, flight, &health.about, pipeline.antenna());
+    let names = match &picked {
+        Ok([position, velocity]) => (Some(position.0.to_owned()), Some(velocity.0.to_owned())),
+        Err(_) => (flight.first_of(positions).map(|p| p.0.to_owned()), None),
+    };
+    let network = network_of(&delays, names.1.as_deref());
+    let grouped = names.0.as_deref().and_then(|position| {
+        let kind = flight.channels.get(position)?.series.timeline().kind();
+        let rate = rate_of(&binding.channels, position);
+        Some((group_of(&health.about, binding, &health.format, position, rate, kind), content_of(flight, position)))
+    });
+    let (group, content) = grouped.unwrap_or_default();
+    let base = FlightLateness {
+        position: names.0,
+        velocity: names.1,
+        group,
+        content,
+        card: pipeline.card_delay(flight, binding),
+        speed_rms_mps: speed_rms(picked.as_ref().ok().map(|p| p[1].1)),
+        ..unknown(key)
+    };
+    let lateness = match picked {
+        Ok(_) => answered(base, &delays, network.as_ref(), health),
+        Err(refusal) if !has_position => {
+            let reason = refusal.to_string();
+            FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
+        }
+        Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
+    };
+    measured_with(lateness, Some(delays), network, notices)
+}
+
+fn measured_with(
+    lateness: FlightLateness,
+    delays: Option<FlightDelays>,
+    network: Option<DelayNetwork>,
+    notices: Notices,
+) -> MeasuredFlight {
+    MeasuredFlight {
+        record_version: RECORD_VERSION,
+        analysis_version: crate::ANALYSIS_VERSION,
+        key: lateness.key.clone(),
+        lateness,
+        delays,
+        network,
+        notices,
+    }
+}
+
+fn unknown(key: &str) -> FlightLateness {
+    FlightLateness {
+        key: key.to_owned(),
+        failed: None,
+        position: None,
+        velocity: None,
+        group: ReceiverGroup::default(),
+        content: None,
+        kind: DelayKind::CannotTell,
+        also: vec![],
+        words: String::new(),
+        lateness: None,
+        datum: NetworkDatum::None,
+        against: String::new(),
+        verdict: None,
+        position_minus_velocity_s: None,
+        card: None,
+        speed_rms_mps: None,
+        lever_arm_s_per_decimetre: None,
+        alarms: vec![],
+        advice: DelayAdvice::default(),
+    }
+}
+
+/// One lateness for each channel from the measured pairs.
+fn network_of(delays: &FlightDelays, velocity: Option<&str>) -> Option<DelayNetwork> {
+    let pairs: Vec<PairObservation> = delays.pairs.iter().map(observation).collect();
+    let settings = NetworkSettings { compensation_velocity: velocity.map(str::to_owned), ..NetworkSettings::default() };
+    solve(&pairs, &lineage_from_name, &settings)
+}
+
+fn observation(pair: &PairDelay) -> PairObservation {
+    let observed = PairObservation::from(pair);
+    match (&pair.delay, &pair.not_for_network) {
+        (_, Some(why)) => observed.not_used(why.clone()),
+        (Finding::Found(found), None) => match found.rival_s {
+            Some(rival) => observed.not_used(format!(
+                "{:.0} and {:.0} ms explain it almost equally well",
+                1e3 * found.delay_s.value,
+                1e3 * rival
+            )),
+            None => observed,
+        },
+        _ => observed,
+    }
+}
+
+/// The pair that compensation uses.
+pub(crate) fn compensated_pair<'a>(delays: &'a FlightDelays, position: &str, velocity: &str) -> Option<&'a PairDelay> {
+    delays
+        .pairs
+        .iter()
+        .find(|p| p.kind == DelayPairKind::PositionAgainstVelocity && p.first == position && p.second == velocity)
+}
+
+/// What the flight says of its position.
+fn answered(
+    base: FlightLateness,
+    delays: &FlightDelays,
+    network: Option<&DelayNetwork>,
+    health: &LogHealth,
+) -> FlightLateness {
+    let (position, velocity) = (base.position.clone().unwrap_or_default(), base.velocity.clone().unwrap_or_default());
+    let pair = compensated_pair(delays, &position, &velocity);
+    let over_time = pair.and_then(|p| p.varies.as_ref());
+    let channel = network.and_then(|n| n.channel(&position)).cloned();
+    let measured = pair.and_then(|p| p.delay.found());
+    let position_minus_velocity_s =
+        network.and_then(|n| difference(n, &position, &velocity)).or_else(|| measured.map(|m| m.delay_s));
+    let mut out = FlightLateness {
+        datum: channel.as_ref().map_or(NetworkDatum::None, |c| c.datum),
+        against: against(channel.as_ref(), &velocity),
+        verdict: network.map(|n| n.verdict),
+        position_minus_velocity_s,
+        lateness: channel,
+        lever_arm_s_per_decimetre: pair.and_then(|p| p.lever_arm_s_per_decimetre),
+        ..base
+    };
+    out.kind = kind_of(&out, over_time);
+    out.also = also(over_time);
+    out.alarms = alarms(&out, network, measured, over_time);
+    out.words = words(&out, pair, over_time);
+    let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
+    let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::NotTested);
+    if let Some(lateness_s) = out.lateness_s().filter(|_| absolute && one_delay) {
+        out.advice = advice(&lateness_s, &out, health);
+    }
+    out.advice.fly = fly(&out, pair, over_time);
+    out
+}
+
+fn against(channel: Option<&ChannelLateness>, velocity: &str) -> String {
+    match channel {
+        Some(ChannelLateness { relative_to: Some(zero), .. }) => format!("relative to {zero}"),
+        Some(ChannelLateness { datum: NetworkDatum::Imu, .. }) => "imu".to_owned(),
+        Some(ChannelLateness { datum: NetworkDatum::Reference, .. }) => "reference".to_owned(),
+        _ => format!("relative to {velocity}"),
+    }
+}
+
+fn kind_of(out: &FlightLateness, over_time: Option<&DelayOverTime>) -> DelayKind {
+    if let Some(varies) = over_time.map(|o| o.kind).filter(|k| k.varies()) {
+        return varies;
+    }
+    let Some(Estimate { value, standard_uncertainty: Some(u) }) = out.lateness_s() else {
+        return DelayKind::CannotTell;
+    };
+    let tested = over_time.is_some_and(|o| o.constancy.tested);
+    if value.abs() + 1.645 * u < ON_TIME_S {
+        DelayKind::OnTime
+    } else if value + 1.96 * u < 0.0 {
+        DelayKind::Early
+    } else if tested {
+        DelayKind::Constant
+    } else {
+        DelayKind::NotTested
+    }
+}
+
+fn also(over_time: Option<&DelayOverTime>) -> Vec<String> {
+    let Some(over_time) = over_time else { return vec![] };
+    let seen = [
+        (over_time.jitters.is_some(), "jitters"),
+        (!over_time.late_fixes.is_empty(), "late-fixes"),
+        (!over_time.bursts.is_empty(), "bursts"),
+    ];
+    seen.into_iter().filter(|(seen, _)| *seen).map(|(_, name)| name.to_owned()).collect()
+}
+
+fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayOverTime>) -> String {
+    let position = out.position.as_deref().unwrap_or("position");
+    if let Some(over_time) = over_time.filter(|o| o.kind.varies()) {
+        return over_time.words.clone();
+    }
+    let Some(channel) = &out.lateness else {
+        return match pair.map(|p| &p.delay) {
+            Some(Finding::CannotTell(why)) => why.clone(),
+            _ => format!("{position} was compared with no velocity"),
+        };
+    };
+    let value = in_ms(&channel.lateness_s);
+    let mut text = match (&channel.relative_to, out.kind) {
+        (Some(zero), _) if channel.lateness_s.value >= 0.0 => {
+            format!("{position} is {value} ms later than {zero}; how late both are is not known")
+        }
+        (Some(zero), _) => {
+            let earlier = Estimate { value: -channel.lateness_s.value, ..channel.lateness_s };
+            format!("{position} is {} ms earlier than {zero}; how late both are is not known", in_ms(&earlier))
+        }
+        (None, DelayKind::OnTime) => format!("{position} is on time ({value} ms against the IMU)"),
+        (None, DelayKind::Early) => format!("{position} is early ({value} ms against the IMU)"),
+        (None, _) if channel.weak => {
+            let least = 1e3 * channel.at_least_s.unwrap_or(channel.lateness_s.value);
+            format!("{position} is at least {least:.0} ms late against the IMU ({value} ms)")
+        }
+        (None, _) => format!("{position} is {value} ms late against the IMU"),
+    };
+    if let Some(rests_on) = &channel.rests_on {
+        text += &format!(". This rests on {rests_on}");
+    }
+    if let Some(x) = out.lever_arm_s_per_decimetre {
+        text += &format!(". ± {:.0} ms for each 0.1 m of unknown lever arm", 1e3 * x.abs());
+    }
+    text
+}
+
+/// Everything that a reader must know, the gravest first.
+fn alarms(
+    out: &FlightLateness,
+    network: Option<&DelayNetwork>,
+    measured: Option<&MeasuredDelay>,
+    over_time: Option<&DelayOverTime>,
+) -> Vec<DelayAlarm> {
+    let mut all = vec![];
+    let mut raise = |gravity, code: &str, text: String| {
+        all.push(DelayAlarm { gravity, code: code.to_owned(), text });
+    };
+    if let Some(o) = over_time {
+        if o.kind.varies() {
+            raise(Gravity::Red, &format!("delay-{}", o.kind.word().replace(' ', "-")), o.words.clone());
+        }
+        if let Some(note) = &o.constancy.note {
+            raise(Gravity::Grey, "delay-differs-between-parts", note.clone());
+        }
+        if let Some([a, b]) = o.two_delays_fit.filter(|_| out.lateness.is_some()) {
+            raise(Gravity::Red, "two-delays-fit", format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
+        }
+        if let Some(jitter) = &o.jitters {
+            let text = format!(
+                "the delay jitters by {:.0} ms from fix to fix; {:.2} m remain after its mean is removed",
+                1e3 * jitter.standard_deviation_s,
+                jitter.remains_m
+            );
+            raise(Gravity::Amber, "delay-jitters", text);
+        }
+        if !o.late_fixes.is_empty() {
+            let text = format!("{} lie far behind the others", counted(o.late_fixes.len(), "fix"));
+            raise(Gravity::Amber, "late-fixes", text);
+        }
+        if !o.bursts.is_empty() {
+            let text = format!("{} of fixes after a pause: they waited in a queue", counted(o.bursts.len(), "burst"));
+            raise(Gravity::Amber, "bursts", text);
+        }
+        for remark in &o.remarks {
+            raise(Gravity::Grey, "delay-remark", remark.clone());
+        }
+    }
+    match (network, out.verdict) {
+        (Some(n), Some(NetworkVerdict::Undecided | NetworkVerdict::Scattered)) => {
+            raise(Gravity::Amber, "pairs-disagree", n.verdict_words.clone());
+        }
+        (Some(n), Some(NetworkVerdict::Named)) => raise(Gravity::Amber, "channel-lies", n.verdict_words.clone()),
+        _ => {}
+    }
+    if out.datum == NetworkDatum::Refused {
+        let text = network.map(|n| n.datum_words.clone()).unwrap_or_default();
+        raise(Gravity::Amber, "datum-refused", text);
+    }
+    if let Some(m) = measured {
+        if let Some(rival) = m.rival_s {
+            let text = format!("{:.0} and {:.0} ms explain it almost equally well", 1e3 * m.delay_s.value, 1e3 * rival);
+            raise(Gravity::Red, "two-delays-fit", text);
+        }
+        let outliers = (m.downweighted_share - HELD_BACK_BY_CHANCE) / (1.0 - HELD_BACK_BY_CHANCE);
+        if outliers > MANY_OUTLIERS {
+            let text = format!("about {:.0} % of the samples are outliers", 100.0 * outliers);
+            raise(Gravity::Amber, "outliers", text);
+        }
+        for text in &m.alarms {
+            raise(Gravity::Amber, "delay-doubtful", text.clone());
+        }
+    }
+    all.sort();
+    all.dedup();
+    all
+}
+
+/// What to fly so that the next log tells what this one does not.
+fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayOverTime>) -> Option<String> {
+    if out.lateness.is_some() && out.kind != DelayKind::NotTested {
+        return None;
+    }
+    over_time.and_then(|o| o.what_to_fly.clone()).or_else(|| match pair.map(|p| &p.delay) {
+        Some(Finding::CannotTell(_)) => Some("fly a minute of turns".to_owned()),
+        _ => None,
+    })
+}
+
+/// Settings that remove this delay; those of the autopilot that wrote the log.
+fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> DelayAdvice {
+    let mut set = vec![];
+    if lateness_s.value <= 0.0 {
+        return DelayAdvice::default();
+    }
+    let value = (lateness_s.value * 1e3).round() / 1e3;
+    set.push(DelaySetting { name: "position_s".into(), value, unit: "s".into(), note: String::new() });
+    let inertial = out.datum == NetworkDatum::Imu && out.lateness.as_ref().is_some_and(|l| !l.weak);
+    let system = health.about.system.as_deref().unwrap_or_default().to_ascii_lowercase();
+    let is_px4 = system.contains("px4");
+    let is_ardupilot = system.contains("ardu") || system.contains("apm") || health.format.contains("DataFlash");
+    let stated = |name: &str| health.about.configured_delays.iter().find(|c| c.parameter == name);
+    let wanted = match (inertial, is_px4, is_ardupilot) {
+        (true, true, _) => "EKF2_GPS_DELAY",
+        (true, _, true) if stated("GPS_DELAY_MS").is_some() => "GPS_DELAY_MS",
+        (true, _, true) => "GPS1_DELAY_MS",
+        _ => return DelayAdvice { set, fly: None },
+    };
+    let delay = Delay::from_seconds(lateness_s.value).unwrap_or(Delay::ZERO);
+    let all = autopilot_advice(delay, lateness_s.standard_uncertainty, MeasuredAgainst::Inertial);
+    if let Some(p) = all.parameters.iter().find(|p| p.name == wanted) {
+        let range = format!("{} takes {} to {} ms", p.name, p.range_ms[0], p.range_ms[1]);
+        let now = stated(wanted).map(|c| format!("it is {:.0} ms in this log", 1e3 * c.value_s));
+        let note = match p.fit {
+            ParameterFit::OutOfRange => Some(range),
+            ParameterFit::RoundsToAutomatic => Some("0 means automatic".to_owned()),
+            ParameterFit::Fits | ParameterFit::AtTheEdge => now,
+        };
+        let (name, value) = (p.name.to_owned(), p.value_ms as f64);
+        set.push(DelaySetting { name, value, unit: "ms".into(), note: note.unwrap_or_default() });
+    }
+    DelayAdvice { set, fly: None }
+}
+
+/// The settings of a flight's advice with another delay.
+pub(crate) fn advice_for(lateness_s: &Estimate, like: &FlightLateness) -> DelayAdvice {
+    let with = |s: &DelaySetting| {
+        let factor = if s.unit == "ms" { 1e3 } else { 1.0 };
+        let value =
+            if s.unit == "ms" { (lateness_s.value * factor).round() } else { (lateness_s.value * 1e3).round() / 1e3 };
+        DelaySetting { value, ..s.clone() }
+    };
+    DelayAdvice { set: like.advice.set.iter().map(with).collect(), fly: None }
+}
+
+fn speed_rms(velocity: Option<&flight::Channel>) -> Option<f64> {
+    let channel = velocity?;
+    let rows = channel.update_rows();
+    let square = |row: &usize| channel.series.component(0)[*row].powi(2) + channel.series.component(1)[*row].powi(2);
+    let sum: f64 = rows.iter().map(square).sum();
+    (!rows.is_empty()).then(|| (sum / rows.len() as f64).sqrt()).filter(|v| v.is_finite())
+}
+
+/// What an effect is judged by: the flight's own lateness, else what is known of its group, else the velocity alone.
+pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<KnownLateness> {
+    let channel = lateness.lateness.as_ref();
+    let undecided = lateness.verdict == Some(NetworkVerdict::Undecided);
+    if let Some(own) = channel.filter(|c| c.relative_to.is_none() && !c.weak && !undecided) {
+        return Some(KnownLateness { lateness_s: own.lateness_s, judged_by: JudgedBy::Lateness });
+    }
+    if let (Some(DelaySource::OthersFlights), Some(value)) = (decision.used, decision.delay_s) {
+        let lateness_s = Estimate { value, standard_uncertainty: decision.standard_uncertainty_s };
+        return Some(KnownLateness { lateness_s, judged_by: JudgedBy::Lateness });
+    }
+    let velocity = lateness.velocity.clone()?;
+    let lateness_s = lateness.position_minus_velocity_s?;
+    Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity) })
+}
+
+/// `1 flight`, `2 flights`, `3 fixes`.
+pub(crate) fn counted(n: usize, what: &str) -> String {
+    match (n, what) {
+        (1, _) => format!("1 {what}"),
+        (_, "fix") => format!("{n} fixes"),
+        _ => format!("{n} {what}s"),
+    }
+}

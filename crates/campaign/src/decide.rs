@@ -1,0 +1,297 @@
+//! What is removed from each flight, decided over all flights of its group, and what the groups say.
+//!
+//! The table is that of the delay network ([`delay_network::decide`]). What enters the key of a result is rounded, and free
+//! of the number of flights: one more flight must not redo ten thousand.
+
+use crate::config::Pipeline;
+use crate::manifest::Planned;
+use delay_network::{AskedSource, FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
+use record::{
+    Decision, DelayAdvice, DelayPool, DelaySource, Estimate, Finding, FlightContent, FlightLateness, FlightRow,
+    GroupLateness, NetworkDatum, RemovedDelay, RemovedFrom,
+};
+use std::collections::BTreeMap;
+
+/// What is removed from each flight; `None` for a flight without a measurement.
+pub(crate) fn decide(
+    flights: &[Planned],
+    lateness: &[Option<FlightLateness>],
+    pipeline: &Pipeline,
+) -> Vec<Option<Decision>> {
+    let measured: Vec<(&str, &FlightLateness)> =
+        flights.iter().zip(lateness).filter_map(|(f, l)| Some((f.flight.as_str(), l.as_ref()?))).collect();
+    let decided = over(&measured, pipeline);
+    let mut by_name: BTreeMap<&str, Decision> = decided.decisions;
+    flights.iter().map(|flight| by_name.remove(flight.flight.as_str())).collect()
+}
+
+/// Decisions and groups of flights, and which flight is the same as another.
+#[derive(Debug, Default)]
+pub(crate) struct Decided<'a> {
+    pub(crate) decisions: BTreeMap<&'a str, Decision>,
+    pub(crate) groups: Vec<GroupLateness>,
+    /// The flight that counts in place of this one.
+    pub(crate) duplicate_of: BTreeMap<&'a str, &'a str>,
+}
+
+/// Decides over measured flights, by name.
+pub(crate) fn over<'a>(measured: &[(&'a str, &'a FlightLateness)], pipeline: &Pipeline) -> Decided<'a> {
+    let mut out = Decided { duplicate_of: duplicates(measured), ..Decided::default() };
+    let mut groups: BTreeMap<(&str, &str), Vec<(&'a str, &'a FlightLateness)>> = BTreeMap::new();
+    for (flight, lateness) in measured.iter().filter(|(flight, _)| !out.duplicate_of.contains_key(flight)) {
+        let position = lateness.position.as_deref().unwrap_or_default();
+        groups.entry((&lateness.group.key, position)).or_default().push((flight, lateness));
+    }
+    for members in groups.into_values() {
+        decide_group(&members, pipeline, &mut out);
+    }
+    let copies: Vec<(&str, Decision)> =
+        out.duplicate_of.iter().filter_map(|(copy, of)| Some((*copy, out.decisions.get(of)?.clone()))).collect();
+    out.decisions.extend(copies);
+    out.groups.sort_by(|a, b| b.flights.cmp(&a.flights).then_with(|| a.group.key.cmp(&b.group.key)));
+    out
+}
+
+/// The same samples under another name or in another container, whole or in part: the one with the most fixes counts.
+fn duplicates<'a>(measured: &[(&'a str, &FlightLateness)]) -> BTreeMap<&'a str, &'a str> {
+    let prints: Vec<(&str, Option<FlightContent>)> = measured.iter().map(|(f, l)| (*f, l.content.clone())).collect();
+    let names: BTreeMap<&str, &'a str> = measured.iter().map(|(flight, _)| (*flight, *flight)).collect();
+    let known = |name: &str| names.get(name).copied();
+    let all = crate::group::duplicates(&prints);
+    let pairs = all.iter().flat_map(|d| d.duplicates.iter().map(|copy| (copy.as_str(), d.counts.as_str())));
+    pairs.filter_map(|(copy, of)| Some((known(copy)?, known(of)?))).collect()
+}
+
+fn decide_group<'a>(members: &[(&'a str, &'a FlightLateness)], pipeline: &Pipeline, out: &mut Decided<'a>) {
+    let asked = match pipeline.asked() {
+        DelaySource::Fixed => AskedSource::Fixed,
+        DelaySource::Card => AskedSource::Card,
+        DelaySource::Flight => AskedSource::Pair,
+        DelaySource::Sweep => AskedSource::Sweep,
+        DelaySource::Network | DelaySource::OthersFlights | DelaySource::OwnNetwork => AskedSource::Network,
+    };
+    let sources: Vec<FlightSources> = members.iter().map(|(flight, l)| sources_of(flight, l, pipeline)).collect();
+    let decision = delay_network::decide(&sources, asked, NetworkSettings::default().datum_uncertainty_s);
+    for ((flight, lateness), removed) in members.iter().zip(&decision.removed) {
+        out.decisions.insert(flight, decision_of(pipeline.asked(), removed, lateness));
+    }
+    out.groups.extend(group_lateness(members, &decision.pools));
+}
+
+fn sources_of(flight: &str, lateness: &FlightLateness, pipeline: &Pipeline) -> FlightSources {
+    let position = lateness.lateness.as_ref().map(|found| PositionLateness {
+        lateness_s: found.lateness_s,
+        model_uncertainty_s: found.model_uncertainty_s,
+        datum: found.datum,
+        verdict: lateness.verdict.unwrap_or(record::NetworkVerdict::Unchecked),
+        weak: found.weak,
+    });
+    let relative = lateness
+        .position_minus_velocity_s
+        .zip(lateness.velocity.clone())
+        .map(|(delay_s, velocity)| RelativeLateness { delay_s, velocity, velocity_lateness_s: None });
+    FlightSources {
+        flight: flight.to_owned(),
+        position,
+        relative,
+        card_s: lateness.card.as_ref().and_then(|card| card.found()).map(|card| card.delay_s),
+        stated_s: pipeline.stated(),
+        sweep_s: None,
+        reference_s: None,
+        keep_out_of_pool: lateness.kind.varies().then(|| format!("its delay {}", lateness.kind.word())),
+    }
+}
+
+/// What was decided, in a form that one more flight leaves alone.
+fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLateness) -> Decision {
+    let used = match removed.source {
+        RemovedFrom::OthersFlights => Some(DelaySource::OthersFlights),
+        RemovedFrom::OwnNetwork => Some(DelaySource::OwnNetwork),
+        RemovedFrom::Card => Some(DelaySource::Card),
+        RemovedFrom::Stated => Some(DelaySource::Fixed),
+        RemovedFrom::Pair => Some(DelaySource::Flight),
+        RemovedFrom::Sweep => Some(DelaySource::Sweep),
+        RemovedFrom::None => None,
+    };
+    let from_others = removed.source == RemovedFrom::OthersFlights;
+    let mut decision = Decision {
+        asked,
+        row: removed.row,
+        used,
+        delay_s: removed.value_s,
+        standard_uncertainty_s: match removed.standard_uncertainty_s {
+            Some(u) if from_others => Some(rounded_up(u)),
+            other => other,
+        },
+        circular: removed.circular,
+        words: if from_others { others_words(removed) } else { removed.words.clone() },
+        contradicted: removed.contradicted.clone(),
+    };
+    if let (None, Some(Finding::CannotTell(why))) = (decision.used, &lateness.card) {
+        decision.words = why.clone();
+    }
+    refuse_what_is_not_late(&mut decision, lateness);
+    decision
+}
+
+/// Words without the number of flights, which stands in the campaign's table.
+fn others_words(removed: &RemovedDelay) -> String {
+    match removed.row {
+        1 => "the mean of the other flights of its group; what is left in this flight is a test of it".to_owned(),
+        3 => "the mean of the other flights of its group; this flight does not tell its own delay".to_owned(),
+        _ => "the mean of the other flights of its group".to_owned(),
+    }
+}
+
+/// Only a late position can be compensated, and one delay only where the delay is one.
+fn refuse_what_is_not_late(decision: &mut Decision, lateness: &FlightLateness) {
+    let forced = matches!(decision.asked, DelaySource::Fixed | DelaySource::Card);
+    if !forced && lateness.kind.varies() {
+        nothing(decision, format!("no one delay: it {} during the flight", lateness.kind.word()));
+    } else if let Some(delay_s) = decision.delay_s
+        && delay_s <= 0.0
+    {
+        let words = format!("the position is not late ({:.1} ms): nothing to remove", 1e3 * delay_s);
+        nothing(decision, words);
+    }
+}
+
+fn nothing(decision: &mut Decision, words: String) {
+    (decision.used, decision.delay_s, decision.standard_uncertainty_s) = (None, None, None);
+    (decision.circular, decision.words) = (false, words);
+}
+
+/// The next of 1, 2, 5 times a power of ten.
+fn rounded_up(u: f64) -> f64 {
+    if !(u.is_finite() && u > 0.0) {
+        return u;
+    }
+    let power = u.log10().floor() as i32;
+    // Negative powers divide, so that 0.02 is the float that 0.02 is written as.
+    let scaled = |step: f64| if power < 0 { step / 10_f64.powi(-power) } else { step * 10_f64.powi(power) };
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(scaled).find(|step| *step >= u * (1.0 - 1e-12)).unwrap_or(u)
+}
+
+fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> Vec<GroupLateness> {
+    let Some((_, first)) = members.first() else { return vec![] };
+    let empty = GroupLateness {
+        group: first.group.clone(),
+        flights: members.len() as u64,
+        pooled: 0,
+        lateness_s: None,
+        interval_95_s: None,
+        against: first.against.clone(),
+        between_s: None,
+        words: "no flight of this group tells how late its position is".to_owned(),
+        outliers: vec![],
+        advice: DelayAdvice::default(),
+    };
+    if pools.is_empty() {
+        return vec![relative_group(members, empty)];
+    }
+    let whole = pools.iter().map(|pool| pooled(members, pool, empty.clone()));
+    whole.collect()
+}
+
+fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLateness) -> GroupLateness {
+    let of = |name: &str| members.iter().find(|(flight, _)| *flight == name).map(|(_, lateness)| *lateness);
+    let against = pool.members.iter().find_map(|m| of(&m.flight)).map_or("imu".to_owned(), |l| l.against.clone());
+    let outliers: Vec<String> = pool.members.iter().filter(|m| m.outlier).map(|m| m.flight.clone()).collect();
+    let mut words = format!(
+        "position {} ms late against {against} ({} of {})",
+        in_ms(&pool.mean_s),
+        pool.flights,
+        crate::answer::counted(members.len(), "flight")
+    );
+    if !outliers.is_empty() {
+        words += &format!("; {} from the others: {}", differ(outliers.len()), outliers.join(", "));
+    }
+    if let Some(split) = &pool.split {
+        words += &format!("; {}", split.words);
+    }
+    let advice = match members.iter().find(|(_, l)| !l.advice.set.is_empty()) {
+        Some((_, l)) => crate::answer::advice_for(&pool.mean_s, l),
+        None => DelayAdvice::default(),
+    };
+    GroupLateness {
+        pooled: u64::from(pool.flights),
+        lateness_s: Some(pool.mean_s),
+        interval_95_s: Some(pool.interval_95_s),
+        against,
+        between_s: pool.tau_s,
+        words,
+        outliers,
+        advice,
+        ..empty
+    }
+}
+
+fn differ(flights: usize) -> String {
+    match flights {
+        1 => "one flight differs".to_owned(),
+        n => format!("{n} flights differ"),
+    }
+}
+
+/// A group without a datum: how far position and velocity are apart, weighted over its flights.
+fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> GroupLateness {
+    let told: Vec<(f64, f64)> = members
+        .iter()
+        .filter(|(_, l)| matches!(l.datum, NetworkDatum::None | NetworkDatum::Refused))
+        .filter_map(|(_, l)| l.lateness_s())
+        .filter_map(|e| Some((e.value, e.standard_uncertainty.filter(|u| *u > 0.0)?)))
+        .collect();
+    let flights: Vec<delay_network::FlightLateness> = told
+        .iter()
+        .enumerate()
+        .map(|(k, (lateness_s, u))| delay_network::FlightLateness {
+            flight: k.to_string(),
+            lateness_s: *lateness_s,
+            standard_uncertainty_s: *u,
+            model_uncertainty_s: 0.0,
+        })
+        .collect();
+    let Some(pool) = delay_network::pool(&flights, 0.0) else { return empty };
+    let words = format!(
+        "position {} ms {} ({} of {}); how late both are is not known",
+        in_ms(&pool.mean_s),
+        empty.against,
+        pool.flights,
+        crate::answer::counted(members.len(), "flight")
+    );
+    GroupLateness {
+        pooled: u64::from(pool.flights),
+        lateness_s: Some(pool.mean_s),
+        interval_95_s: Some(pool.interval_95_s),
+        between_s: pool.tau_s,
+        words,
+        ..empty
+    }
+}
+
+/// `203.4 ± 16.2`, expanded uncertainty with k = 2.
+pub(crate) fn in_ms(e: &Estimate) -> String {
+    match e.standard_uncertainty {
+        Some(u) => crate::delay::milliseconds(e.value, u),
+        None => format!("{:.1}", 1e3 * e.value),
+    }
+}
+
+/// Groups and duplicates of the flights of a table.
+pub(crate) fn of_rows<'a>(rows: &'a [FlightRow], pipeline: &Pipeline) -> Decided<'a> {
+    let measured: Vec<(&str, &FlightLateness)> =
+        rows.iter().filter_map(|r| Some((r.flight.as_str(), r.lateness.as_ref()?))).collect();
+    over(&measured, pipeline)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_uncertainty_is_rounded_up_to_a_coarse_grid() {
+        for (u, up) in [(0.0078, 0.01), (0.01, 0.01), (0.0101, 0.02), (0.021, 0.05), (0.3, 0.5), (2.0, 2.0)] {
+            assert_eq!(rounded_up(u), up, "{u}");
+        }
+    }
+}

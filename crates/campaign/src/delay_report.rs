@@ -1,0 +1,344 @@
+//! `flightlag delay`: how late the positions of some logs are. Reads, measures, decides; writes nothing.
+
+use crate::answer;
+use crate::config::Pipeline;
+use crate::decide;
+use crate::error::{CampaignError, Exit};
+use crate::event::Event;
+use crate::line::{DelayLine, LineParts, LineSetting};
+use crate::logs::Library;
+use crate::plan::Desk;
+use crate::task::caught;
+use crate::work::Workers;
+use compensation_replay::{TruthEffect, effect};
+use flight::Severity;
+use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
+use record::{Decision, DelaySource, Effect, FlightLateness, GroupLateness};
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Logs are kept in memory between measuring and judging up to this size; larger ones are read again where a reference
+/// judges them, bytes.
+const KEPT_BYTES: u64 = 64 << 20;
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DelayOrder {
+    /// Logs and folders of logs.
+    pub paths: Vec<PathBuf>,
+    /// Settings.
+    pub pipeline: Pipeline,
+}
+
+/// How late the positions of some flights are.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
+pub struct DelayReport {
+    /// Version of this layout: 1.
+    pub schema: u32,
+    /// One entry for each flight, sorted by name.
+    pub flights: Vec<DelayLine>,
+    /// One entry for each group of flights that may share a delay, the largest first.
+    pub groups: Vec<GroupLine>,
+}
+
+/// How late the position is in one group of flights.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct GroupLine {
+    /// Receiver, firmware, rate, map and log kind.
+    pub group: String,
+    /// Flights, duplicates counted once.
+    pub flights: u64,
+    /// Flights in the mean.
+    pub pooled: u64,
+    /// Mean lateness, s.
+    pub lateness_s: Option<f64>,
+    /// Its standard uncertainty (k = 1), s.
+    pub lateness_u_s: Option<f64>,
+    /// Lower end of its 95 % interval, s.
+    pub lateness_low_s: Option<f64>,
+    /// Upper end, s.
+    pub lateness_high_s: Option<f64>,
+    /// What the lateness is counted from.
+    pub datum: String,
+    /// Spread between flights beyond their own uncertainties, s.
+    pub between_s: Option<f64>,
+    /// In a sentence.
+    pub words: String,
+    /// Flights that differ from the others.
+    pub outliers: Vec<String>,
+    /// Settings that remove the delay.
+    pub set: Vec<LineSetting>,
+}
+
+impl GroupLine {
+    /// The line of a group.
+    #[must_use]
+    pub fn of(group: &GroupLateness) -> GroupLine {
+        GroupLine {
+            group: group.group.name.clone(),
+            flights: group.flights,
+            pooled: group.pooled,
+            lateness_s: group.lateness_s.map(|e| e.value),
+            lateness_u_s: group.lateness_s.and_then(|e| e.standard_uncertainty),
+            lateness_low_s: group.interval_95_s.map(|i| i[0]),
+            lateness_high_s: group.interval_95_s.map(|i| i[1]),
+            datum: group.against.clone(),
+            between_s: group.between_s,
+            words: group.words.clone(),
+            outliers: group.outliers.clone(),
+            set: group.advice.set.iter().cloned().map(LineSetting::of).collect(),
+        }
+    }
+}
+
+impl DelayReport {
+    /// 4 if a flight is harmed by the delay that the pipeline states, else 3 if some failed, are damaged or have a delay
+    /// that changes, else 0; 1 if the only log cannot be used.
+    #[must_use]
+    pub fn exit(&self) -> Exit {
+        let any = |of: &dyn Fn(&DelayLine) -> bool| self.flights.iter().any(of);
+        if any(&|l| l.effect == "harmed") {
+            Exit::CriterionFailed
+        } else if self.flights.len() == 1 && any(&|l| l.data == "failed") {
+            Exit::Failed
+        } else if any(&|l| l.data != "whole" || l.varies()) {
+            Exit::Incomplete
+        } else {
+            Exit::Well
+        }
+    }
+
+    /// The flights as CSV.
+    ///
+    /// # Errors
+    /// `out` cannot be written.
+    pub fn write_csv(&self, out: &mut dyn std::io::Write) -> std::io::Result<()> {
+        crate::table::write_lines(&self.flights, out)
+    }
+}
+
+/// The JSON schema of [`DelayReport`], as text.
+#[must_use]
+pub fn delay_schema() -> String {
+    let schema = schemars::schema_for!(DelayReport);
+    serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
+}
+
+/// A flight that was measured.
+struct Measured {
+    lateness: FlightLateness,
+    damaged: bool,
+    has_reference: bool,
+    kept: Option<Loaded>,
+}
+
+/// Measures the flights of `order`.
+///
+/// # Errors
+/// A path that is not there, a folder without a flight, a wrong map, or the user stopped. A log that cannot be read is a line
+/// of the report.
+pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, CampaignError> {
+    let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
+    library.check(&order.pipeline)?;
+    let units = units_of(order, &library)?;
+    let size = |unit: &FlightUnit| -> u64 {
+        unit.files.iter().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum()
+    };
+    let sizes: Vec<u64> = units.iter().map(|(_, unit)| size(unit)).collect();
+    let bytes = sizes.iter().sum();
+    let stage = Some(crate::manifest::Stage::Measure);
+    desk.tell(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
+    let reader = Reader { library: &library, pipeline: &order.pipeline, desk, keep: bytes <= KEPT_BYTES };
+    let mut queue: Vec<usize> = (0..units.len()).collect();
+    queue.sort_by_key(|&i| std::cmp::Reverse(sizes[i]));
+    let workers = Workers::start(desk.threads)?;
+    let answers = workers.each(&queue, desk.cancel, || (), |(), &i| reader.measure(&units[i].0, &units[i].1));
+    desk.stopped()?;
+    let mut measured: Vec<Option<Measured>> = units.iter().map(|_| None).collect();
+    for (&i, answer) in queue.iter().zip(answers) {
+        measured[i] = answer;
+    }
+    let measured: Vec<Measured> =
+        measured.into_iter().map(|m| m.unwrap_or_else(|| Measured::failed("stopped"))).collect();
+    let named: Vec<(&str, &FlightLateness)> =
+        units.iter().zip(&measured).map(|((name, _), m)| (name.as_str(), &m.lateness)).collect();
+    let decided = decide::over(&named, &order.pipeline);
+    let line = |(): &mut (), &i: &usize| {
+        let (name, unit) = &units[i];
+        let decision = decided.decisions.get(name.as_str());
+        let effect = decision.and_then(|decision| reader.effect(unit, &measured[i], decision));
+        DelayLine::of(&LineParts {
+            flight: name,
+            lateness: Some(&measured[i].lateness),
+            decision,
+            effect: effect.as_ref(),
+            failed: measured[i].lateness.failed.as_deref(),
+            damaged: measured[i].damaged,
+            replayed: decision.is_some_and(|d| measured[i].may_be_replayed(d)),
+            duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
+        })
+    };
+    let all: Vec<usize> = (0..units.len()).collect();
+    let flights = workers.each(&all, desk.cancel, || (), line).into_iter().flatten().collect();
+    desk.stopped()?;
+    Ok(DelayReport { schema: 1, flights, groups: decided.groups.iter().map(GroupLine::of).collect() })
+}
+
+/// The flights of all paths with their names, sorted.
+fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, FlightUnit)>, CampaignError> {
+    let mut units = vec![];
+    for path in &order.paths {
+        let found = library.discover(path).map_err(|e| match e {
+            IngestError::Io { file, source, .. } => CampaignError::Asked(format!("{file}: {source}")),
+            other => CampaignError::Ingest(other),
+        })?;
+        if found.units.is_empty() {
+            let reasons: Vec<String> = found
+                .ignored
+                .iter()
+                .chain(&found.unreadable)
+                .take(3)
+                .map(|(file, why)| format!("{file}: {why}"))
+                .collect();
+            let what = if reasons.is_empty() { "it holds no file".to_owned() } else { reasons.join("; ") };
+            return Err(CampaignError::NoFlights { path: path.clone(), what });
+        }
+        let several = order.paths.len() > 1 && path.is_dir();
+        let name = |unit: &FlightUnit| match several {
+            true => format!("{}/{}", path.display(), unit.id),
+            false => unit.id.clone(),
+        };
+        units.extend(found.units.into_iter().map(|unit| (name(&unit), unit)));
+    }
+    units.sort_by(|a, b| a.0.cmp(&b.0));
+    units.dedup_by(|a, b| a.1.files == b.1.files);
+    Ok(units)
+}
+
+struct Reader<'a> {
+    library: &'a Library,
+    pipeline: &'a Pipeline,
+    desk: &'a Desk<'a>,
+    /// Whether logs stay in memory until they are judged.
+    keep: bool,
+}
+
+impl Measured {
+    fn failed(reason: &str) -> Measured {
+        let lateness = answer::failed("", reason.to_owned()).lateness;
+        Measured { lateness, damaged: false, has_reference: false, kept: None }
+    }
+}
+
+impl Measured {
+    /// A vehicle at rest is not replayed, whatever is decided.
+    fn may_be_replayed(&self, decision: &Decision) -> bool {
+        let forced = decision.asked == DelaySource::Fixed;
+        self.lateness.lateness.is_some() || forced || self.lateness.speed_rms_mps.is_some_and(|v| v > AT_REST_MPS)
+    }
+}
+
+/// Slower than this, rms, a vehicle is at rest, m/s.
+const AT_REST_MPS: f64 = 0.3;
+
+impl Reader<'_> {
+    fn load(&self, unit: &FlightUnit) -> Result<Loaded, String> {
+        let on_bytes = |bytes| self.desk.tell(Event::Read { bytes });
+        let context = ReadContext { limits: Limits::default(), cancel: self.desk.cancel, on_bytes: &on_bytes };
+        self.library.load(unit, self.pipeline.forced_map(), &context).map_err(|e| e.to_string())
+    }
+
+    fn measure(&self, name: &str, unit: &FlightUnit) -> Measured {
+        let measured = caught(|| self.measured(unit))
+            .unwrap_or_else(|panic| Measured::failed(&format!("a defect in flightlag, please report it: {panic}")));
+        let lateness = &measured.lateness;
+        self.desk.tell(Event::DelayMeasured {
+            flight: name.to_owned(),
+            kind: lateness.kind,
+            lateness_s: lateness.lateness_s(),
+            words: lateness.words.clone(),
+        });
+        measured
+    }
+
+    fn measured(&self, unit: &FlightUnit) -> Measured {
+        let loaded = match self.load(unit) {
+            Ok(loaded) => loaded,
+            Err(reason) => return Measured::failed(&reason),
+        };
+        let damaged = loaded.flight.notices.iter().any(|n| n.severity == Severity::Loss);
+        let lateness = match &loaded.binding {
+            Ok(binding) => answer::measure("", &loaded.flight, &loaded.health, binding, self.pipeline).lateness,
+            Err(reason) => answer::failed("", reason.clone()).lateness,
+        };
+        let has_reference = loaded.flight.first_of(self.pipeline.reference()).is_some();
+        let kept = (self.keep && has_reference).then_some(loaded);
+        Measured { lateness, damaged, has_reference, kept }
+    }
+
+    /// What the removal does: against the reference where the log has one, else by the lateness.
+    fn effect(&self, unit: &FlightUnit, measured: &Measured, decision: &Decision) -> Option<Effect> {
+        measured.lateness.velocity.as_ref()?;
+        let read;
+        let flight = match (&measured.kept, measured.has_reference) {
+            (Some(kept), _) => Some(&kept.flight),
+            (None, true) => {
+                read = self.load(unit).ok();
+                read.as_ref().map(|loaded| &loaded.flight)
+            }
+            (None, false) => None,
+        };
+        let settings = self.pipeline.provisional();
+        let truth = |flight| TruthEffect::of(flight, &settings, decision.delay_s.unwrap_or(0.0)).ok().flatten();
+        let truth = flight.and_then(|flight| caught(|| truth(flight)).ok().flatten());
+        let known = answer::known(&measured.lateness, decision);
+        let removed_s = decision.delay_s.filter(|_| measured.may_be_replayed(decision));
+        Some(effect(truth.as_ref(), known.as_ref(), measured.lateness.speed_rms_mps, removed_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_published_schema_is_that_of_the_report() {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/delay.schema.json");
+        if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
+            std::fs::write(&file, delay_schema()).unwrap();
+        }
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), delay_schema(), "accept a change with `just bless`");
+    }
+
+    #[test]
+    fn a_harmed_flight_outweighs_a_damaged_one() {
+        let parts = LineParts {
+            flight: "a",
+            lateness: None,
+            decision: None,
+            effect: None,
+            failed: None,
+            damaged: false,
+            replayed: false,
+            duplicate_of: None,
+        };
+        let whole = DelayLine::of(&parts);
+        let report = |flights: Vec<DelayLine>| DelayReport { schema: 1, flights, groups: vec![] }.exit();
+        let with = |change: &dyn Fn(&mut DelayLine)| {
+            let mut line = whole.clone();
+            change(&mut line);
+            line
+        };
+        let harmed = with(&|l| l.effect = "harmed".into());
+        let damaged = with(&|l| l.data = "damaged".into());
+        let queues = with(&|l| l.kind = "queues+bursts".into());
+        let failed = with(&|l| l.data = "failed".into());
+        assert_eq!(report(vec![whole.clone()]), Exit::Well);
+        assert_eq!(report(vec![whole.clone(), damaged.clone()]), Exit::Incomplete);
+        assert_eq!(report(vec![queues]), Exit::Incomplete, "a delay that changes is no result to rely on");
+        assert_eq!(report(vec![failed.clone()]), Exit::Failed);
+        assert_eq!(report(vec![failed, whole.clone()]), Exit::Incomplete);
+        assert_eq!(report(vec![damaged, harmed]), Exit::CriterionFailed);
+    }
+}

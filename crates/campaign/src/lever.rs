@@ -1,0 +1,86 @@
+//! The lever arm of the antenna, taken out of the delays of positions against velocities.
+
+use compensation_replay::{AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity};
+use delay_network::{Lineage, lineage_from_name};
+use flight::{About, Flight, Stamp};
+use record::{DelayPairKind, Finding, FlightDelays, MeasuredDelay};
+
+use crate::group::receiver_number;
+
+/// Most velocities that are looked at.
+const MOST_ROWS: usize = 20_000;
+
+/// Where a pipeline says that the antenna is.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Antenna {
+    /// Ahead of the point where velocity is taken, m.
+    pub(crate) ahead_m: Option<f64>,
+    /// Its standard uncertainty, m.
+    pub(crate) uncertainty_m: Option<f64>,
+}
+
+/// Takes the lever arm out of every pair of a receiver's position and a velocity that is not of the antenna. Where nobody
+/// says how long it is, the pair says what each decimetre would do.
+pub(crate) fn take_out(delays: &mut FlightDelays, flight: &Flight, about: &About, antenna: Antenna) {
+    for pair in delays.pairs.iter_mut().filter(|p| p.kind == DelayPairKind::PositionAgainstVelocity) {
+        let measured = lineage_from_name(&pair.first) == Lineage::Measured;
+        if !measured || lineage_from_name(&pair.second) != Lineage::Derived {
+            continue;
+        }
+        let Finding::Found(found) = &mut pair.delay else { continue };
+        let Some(sensitivity) = sensitivity(flight, &pair.second) else { continue };
+        let stated = antenna_arm(about, receiver_number(&pair.first), VelocityPoint::Origin);
+        match arm_of(antenna, stated) {
+            Some(arm) => take(found, &sensitivity, &arm),
+            None => pair.lever_arm_s_per_decimetre = Some(0.1 * sensitivity.shift_s_per_m),
+        }
+    }
+}
+
+/// The pipeline's arm before that of the log's parameters.
+fn arm_of(antenna: Antenna, stated: Option<AntennaArm>) -> Option<AntennaArm> {
+    let uncertainty_m = antenna.uncertainty_m.unwrap_or(0.0);
+    // A standard uncertainty as the half width of a rectangle that has it.
+    let tolerance_m = uncertainty_m * 3_f64.sqrt();
+    match (antenna.ahead_m, stated) {
+        (Some(forward_m), _) => {
+            Some(AntennaArm { forward_m, right_m: 0.0, tolerance_m, from: "the pipeline".to_owned() })
+        }
+        (None, Some(stated)) => Some(AntennaArm { tolerance_m, ..stated }),
+        (None, None) if uncertainty_m > 0.0 => {
+            Some(AntennaArm { forward_m: 0.0, right_m: 0.0, tolerance_m, from: "the pipeline".to_owned() })
+        }
+        (None, None) => None,
+    }
+}
+
+fn take(found: &mut MeasuredDelay, sensitivity: &LeverSensitivity, arm: &AntennaArm) {
+    let before = found.delay_s;
+    found.delay_s = sensitivity.corrected(before, arm);
+    let shift = found.delay_s.value - before.value;
+    let wider = sensitivity.shift_s(arm).standard_uncertainty.unwrap_or(0.0);
+    let middle = before.value;
+    for end in &mut found.interval_95_s {
+        let half = *end - middle;
+        *end = middle + shift + half.signum() * half.hypot(1.96 * wider);
+    }
+    for window in &mut found.over_time {
+        window.delay_s.value += shift;
+    }
+    if shift != 0.0 {
+        found.remarks.push(sensitivity.words_of(arm));
+    }
+}
+
+fn sensitivity(flight: &Flight, velocity: &str) -> Option<LeverSensitivity> {
+    let channel = flight.channels.get(velocity)?;
+    let rows = channel.update_rows();
+    let every = rows.len().div_ceil(MOST_ROWS).max(1);
+    let rows: Vec<usize> = rows.into_iter().step_by(every).collect();
+    let stamps = channel.series.timeline().stamps();
+    let origin = stamps.first().copied().unwrap_or(Stamp(0));
+    let time_s: Vec<f64> = rows.iter().map(|&r| stamps[r].seconds_since(origin)).collect();
+    let axis = |k: usize| rows.iter().map(|&r| channel.series.component(k)[r]).collect::<Vec<f64>>();
+    let (north, east) = (axis(0), axis(1));
+    lever_sensitivity(&LeverMotion { time_s: &time_s, velocity_mps: [&north, &east], ..LeverMotion::default() })
+}

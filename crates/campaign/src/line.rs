@@ -1,0 +1,184 @@
+//! One flight in one line: what `flightlag delay` prints, and the first columns of the campaign's table.
+
+use record::{Decision, DelayAdvice, DelayAlarm, DelayKind, Effect, EffectVerdict, FlightLateness, FlightRow, Outcome};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// The answer for one flight. Seconds and metres; a number that is not known is `null`.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct DelayLine {
+    /// Path of the log.
+    pub flight: String,
+    /// Receiver, firmware, rate, map and log kind.
+    pub group: String,
+    /// `constant`, `on-time`, `early`, `not-tested`, `steps`, `switches`, `drifts`, `queues`, `builds-up`, `wanders` or
+    /// `cannot-tell`, with `+jitters`, `+late-fixes`, `+bursts` where seen.
+    pub kind: String,
+    /// How late the position is, s; positive is late.
+    pub lateness_s: Option<f64>,
+    /// Its standard uncertainty (k = 1), s.
+    pub lateness_u_s: Option<f64>,
+    /// Lower end of its 95 % interval, s.
+    pub lateness_low_s: Option<f64>,
+    /// Upper end, s.
+    pub lateness_high_s: Option<f64>,
+    /// What the lateness is counted from: `imu`, `reference`, or `relative to CHANNEL`.
+    pub datum: String,
+    /// How much later the position is than the velocity that compensates it, s.
+    pub position_minus_velocity_s: Option<f64>,
+    /// Its standard uncertainty, s.
+    pub position_minus_velocity_u_s: Option<f64>,
+    /// Delay that is removed, s.
+    pub removed_s: Option<f64>,
+    /// Where it comes from; `none` if nothing is removed.
+    pub removed_from: String,
+    /// `helped`, `no-change`, `harmed` or `cannot-tell`; empty if nothing could be compared.
+    pub effect: String,
+    /// Error of the position before, 2-D rms, m.
+    pub error_raw_m: Option<f64>,
+    /// Error after, 2-D rms, m.
+    pub error_compensated_m: Option<f64>,
+    /// What a reader must know, the gravest first.
+    pub alarms: Vec<LineAlarm>,
+    /// `whole`, `damaged` or `failed`.
+    pub data: String,
+    /// How late, in a sentence.
+    pub words: String,
+    /// Whether it helped, in a sentence.
+    pub effect_words: String,
+    /// Settings that remove the delay.
+    pub set: Vec<LineSetting>,
+    /// What to fly to know more.
+    pub fly: Option<String>,
+    /// The flight with the same samples that counts in place of this one.
+    pub duplicate_of: Option<String>,
+}
+
+/// An alarm of a flight.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct LineAlarm {
+    /// `red`, `amber` or `grey`.
+    pub gravity: String,
+    /// Short stable name.
+    pub code: String,
+    /// A sentence.
+    pub text: String,
+}
+
+/// A setting that removes a delay.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct LineSetting {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// `s` or `ms`.
+    pub unit: String,
+    /// What to beware of.
+    pub note: String,
+}
+
+/// What a line is made from.
+pub(crate) struct LineParts<'a> {
+    pub(crate) flight: &'a str,
+    pub(crate) lateness: Option<&'a FlightLateness>,
+    pub(crate) decision: Option<&'a Decision>,
+    pub(crate) effect: Option<&'a Effect>,
+    pub(crate) failed: Option<&'a str>,
+    pub(crate) damaged: bool,
+    /// Whether the decision could be carried out.
+    pub(crate) replayed: bool,
+    pub(crate) duplicate_of: Option<&'a str>,
+}
+
+impl DelayLine {
+    pub(crate) fn of(parts: &LineParts<'_>) -> DelayLine {
+        let lateness = parts.lateness;
+        let channel = lateness.and_then(|l| l.lateness.as_ref());
+        let relative = lateness.and_then(|l| l.position_minus_velocity_s);
+        let removed = parts.decision.filter(|_| parts.replayed).and_then(|d| d.delay_s.zip(d.used));
+        let advice = lateness.map_or_else(DelayAdvice::default, |l| l.advice.clone());
+        DelayLine {
+            flight: parts.flight.to_owned(),
+            group: lateness.map(|l| l.group.name.clone()).unwrap_or_default(),
+            kind: lateness.map_or_else(|| "cannot-tell".to_owned(), FlightLateness::kind_name),
+            lateness_s: channel.map(|c| c.lateness_s.value),
+            lateness_u_s: channel.and_then(|c| c.lateness_s.standard_uncertainty),
+            lateness_low_s: channel.map(|c| c.interval_95_s[0]),
+            lateness_high_s: channel.map(|c| c.interval_95_s[1]),
+            datum: channel.and(lateness).map(|l| l.against.clone()).unwrap_or_default(),
+            position_minus_velocity_s: relative.map(|e| e.value),
+            position_minus_velocity_u_s: relative.and_then(|e| e.standard_uncertainty),
+            removed_s: removed.map(|(delay_s, _)| delay_s),
+            removed_from: removed.map_or("none", |(_, used)| used.name()).to_owned(),
+            effect: parts.effect.map(|e| effect_name(e.verdict)).unwrap_or_default().to_owned(),
+            error_raw_m: parts.effect.and_then(|e| e.error_raw_m).map(|e| e.value),
+            error_compensated_m: parts.effect.and_then(|e| e.error_compensated_m).map(|e| e.value),
+            alarms: lateness.map(|l| l.alarms.iter().map(alarm).collect()).unwrap_or_default(),
+            data: match (parts.failed, parts.damaged) {
+                (Some(_), _) => "failed",
+                (None, true) => "damaged",
+                (None, false) => "whole",
+            }
+            .to_owned(),
+            words: parts.failed.or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
+            effect_words: parts.effect.map(|e| e.words.clone()).unwrap_or_default(),
+            set: advice.set.into_iter().map(LineSetting::of).collect(),
+            fly: advice.fly,
+            duplicate_of: parts.duplicate_of.map(str::to_owned),
+        }
+    }
+
+    /// The line of a row of the campaign's table.
+    #[must_use]
+    pub fn of_row(row: &FlightRow) -> DelayLine {
+        DelayLine::of(&LineParts {
+            flight: &row.flight,
+            lateness: row.lateness.as_ref(),
+            decision: row.decision.as_ref(),
+            effect: row.effect.as_ref(),
+            failed: match &row.outcome {
+                Outcome::Failed { reason } => Some(reason),
+                _ => None,
+            },
+            damaged: row.lossy,
+            replayed: row.outcome == Outcome::Compensated,
+            duplicate_of: row.duplicate_of.as_deref(),
+        })
+    }
+
+    /// Whether the delay was seen to change.
+    #[must_use]
+    pub fn varies(&self) -> bool {
+        let changes = [DelayKind::Steps, DelayKind::Switches, DelayKind::Drifts, DelayKind::Queues];
+        let more = [DelayKind::BuildsUp, DelayKind::Wanders];
+        let base = self.kind.split('+').next().unwrap_or_default();
+        changes.iter().chain(&more).any(|kind| kind.word().replace(' ', "-") == base)
+    }
+}
+
+fn alarm(alarm: &DelayAlarm) -> LineAlarm {
+    let gravity = match alarm.gravity {
+        record::Gravity::Red => "red",
+        record::Gravity::Amber => "amber",
+        record::Gravity::Grey => "grey",
+    };
+    LineAlarm { gravity: gravity.to_owned(), code: alarm.code.clone(), text: alarm.text.clone() }
+}
+
+impl LineSetting {
+    pub(crate) fn of(setting: record::DelaySetting) -> LineSetting {
+        let record::DelaySetting { name, value, unit, note } = setting;
+        LineSetting { name, value, unit, note }
+    }
+}
+
+/// A verdict as tables name it.
+pub(crate) fn effect_name(verdict: EffectVerdict) -> &'static str {
+    match verdict {
+        EffectVerdict::Helped => "helped",
+        EffectVerdict::NoChange => "no-change",
+        EffectVerdict::Harmed => "harmed",
+        EffectVerdict::CannotTell => "cannot-tell",
+    }
+}

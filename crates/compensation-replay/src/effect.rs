@@ -1,0 +1,241 @@
+//! Whether the removal of a delay brought a position closer to the truth.
+//!
+//! With a reference the errors before and after are compared row by row. Without one the lateness decides: removing `Td`
+//! from a position that is late by `T` leaves `T − Td`, so that `|T − Td| < |T|` exactly where `T > Td/2` (for `Td > 0`).
+//! Metres are that lateness times the rms ground speed. Both count the position at its own timestamps: how old a held fix
+//! gets before the next one is no part of it.
+
+use crate::input::Refusal;
+use crate::settings::Settings;
+use crate::sweep::Sweeper;
+use flight::Flight;
+use record::{Effect, EffectVerdict, Estimate, JudgedBy};
+
+/// Standard uncertainties that a change must exceed to be shown.
+const SHOWN: f64 = 2.0;
+/// A change of the error by less than this share of it is none.
+const LEAST_SHARE: f64 = 0.05;
+/// An error above the best by this factor is said.
+const SHORT: f64 = 1.3;
+/// Errors below this are not compared by their ratio, m.
+const LEAST_ERROR_M: f64 = 0.02;
+
+/// Error of the position against a reference, before and after a delay was removed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TruthEffect {
+    /// The reference channel.
+    pub reference: String,
+    /// 2-D rms before, m.
+    pub raw_m: Estimate,
+    /// 2-D rms after, m.
+    pub compensated_m: Estimate,
+    /// After less before, m; its uncertainty counts that both have the same noise.
+    pub change_m: Estimate,
+    /// 2-D rms with the best delay, m; `None` if the flight does not tell it.
+    pub best_m: Option<f64>,
+}
+
+impl TruthEffect {
+    /// Of removing `delay_s` (0 for nothing) from the flight that `settings` name; `None` without a reference.
+    ///
+    /// # Errors
+    /// As [`crate::replay`], when the channels cannot be compared.
+    pub fn of(flight: &Flight, settings: &Settings, delay_s: f64) -> Result<Option<TruthEffect>, Refusal> {
+        Ok(Sweeper::of(flight, settings)?.truth_effect(delay_s))
+    }
+}
+
+/// What is known of the lateness of a position.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownLateness {
+    /// Lateness, s.
+    pub lateness_s: Estimate,
+    /// What it is counted from: [`JudgedBy::Lateness`] or [`JudgedBy::Velocity`].
+    pub judged_by: JudgedBy,
+}
+
+/// The effect of removing `removed_s` (`None`: nothing was removed).
+#[must_use]
+pub fn effect(
+    truth: Option<&TruthEffect>,
+    known: Option<&KnownLateness>,
+    speed_rms_mps: Option<f64>,
+    removed_s: Option<f64>,
+) -> Effect {
+    match (truth, known) {
+        (Some(truth), _) => by_truth(truth, removed_s),
+        (None, Some(known)) => by_lateness(known, speed_rms_mps.unwrap_or(0.0), removed_s),
+        (None, None) => Effect {
+            verdict: if removed_s.is_some() { EffectVerdict::CannotTell } else { EffectVerdict::NoChange },
+            judged_by: JudgedBy::Nothing,
+            error_raw_m: None,
+            error_compensated_m: None,
+            best_m: None,
+            short_by: None,
+            words: match removed_s {
+                Some(s) => format!("{} were removed, and nothing in this flight shows whether that is right", ms(s)),
+                None => "nothing was removed: how late the position is, is not known".to_owned(),
+            },
+        },
+    }
+}
+
+fn by_truth(truth: &TruthEffect, removed_s: Option<f64>) -> Effect {
+    let (raw, after) = (truth.raw_m.value, truth.compensated_m.value);
+    let verdict = match (removed_s, truth.change_m.standard_uncertainty) {
+        (None, _) => EffectVerdict::NoChange,
+        (_, None) => EffectVerdict::CannotTell,
+        (_, Some(u)) => {
+            let (change, least) = (truth.change_m.value, LEAST_SHARE * raw);
+            verdict_of(change, u, least)
+        }
+    };
+    let judged_by = JudgedBy::Truth(truth.reference.clone());
+    let against = format!("against {}", truth.reference);
+    finished(verdict, judged_by, &against, [truth.raw_m, truth.compensated_m], truth.best_m, removed_s, [raw, after])
+}
+
+/// Of a change (negative is better) with its uncertainty; smaller ones than `least` are none.
+fn verdict_of(change: f64, u: f64, least: f64) -> EffectVerdict {
+    let least = least.max(LEAST_ERROR_M);
+    if change - SHOWN * u > least {
+        EffectVerdict::Harmed
+    } else if change + SHOWN * u < -least {
+        EffectVerdict::Helped
+    } else if change.abs() + SHOWN * u <= least || (change.abs() <= least && u <= least) {
+        EffectVerdict::NoChange
+    } else {
+        EffectVerdict::CannotTell
+    }
+}
+
+fn by_lateness(known: &KnownLateness, speed_mps: f64, removed_s: Option<f64>) -> Effect {
+    let lateness_s = known.lateness_s.value;
+    let u_s = known.lateness_s.standard_uncertainty.unwrap_or(f64::INFINITY);
+    let removed = removed_s.unwrap_or(0.0);
+    // |T − Td| − |T| changes at −2 per second of T between 0 and Td, and not at all outside.
+    let change = (lateness_s - removed).abs() - lateness_s.abs();
+    let inside = |t: f64| t.clamp(removed.min(0.0), removed.max(0.0));
+    let reach = 2.0 * (inside(lateness_s + SHOWN * u_s) - inside(lateness_s - SHOWN * u_s)).abs() / (2.0 * SHOWN);
+    let verdict = match removed_s {
+        None => EffectVerdict::NoChange,
+        Some(_) if !u_s.is_finite() => EffectVerdict::CannotTell,
+        Some(_) => verdict_of(change * speed_mps, reach * speed_mps, LEAST_SHARE * lateness_s.abs() * speed_mps),
+    };
+    let metres = |s: f64| Estimate {
+        value: s.abs() * speed_mps,
+        standard_uncertainty: Some(u_s * speed_mps).filter(|u| u.is_finite()),
+    };
+    let errors = [metres(lateness_s), metres(lateness_s - removed)];
+    // A delay that is known to u leaves u, even if it is removed whole.
+    let best_m = u_s.is_finite().then_some(u_s * speed_mps);
+    let against = match &known.judged_by {
+        JudgedBy::Velocity(name) => format!("against {name}, whose own lateness is not known"),
+        _ => "by the lateness that is left".to_owned(),
+    };
+    let values = errors.map(|e| e.value);
+    finished(verdict, known.judged_by.clone(), &against, errors, best_m, removed_s, values)
+}
+
+fn finished(
+    verdict: EffectVerdict,
+    judged_by: JudgedBy,
+    against: &str,
+    [raw, after]: [Estimate; 2],
+    best_m: Option<f64>,
+    removed_s: Option<f64>,
+    [raw_m, after_m]: [f64; 2],
+) -> Effect {
+    let short_by = best_m
+        .filter(|_| removed_s.is_some())
+        .map(|best| after_m / best.max(LEAST_ERROR_M))
+        .filter(|ratio| *ratio > SHORT && clearly_above(&after, best_m.unwrap_or(0.0)));
+    let metres = format!("{} → {} m", metres(raw_m), metres(after_m));
+    let words = match (verdict, removed_s) {
+        (_, None) => format!("nothing was removed; the position errs by {} m ({against})", self::metres(raw_m)),
+        (EffectVerdict::Helped, Some(_)) => match short_by {
+            Some(ratio) => format!("helped: {metres} ({against}), but {ratio:.1} × short of what was possible"),
+            None => format!("helped: {metres} ({against})"),
+        },
+        (EffectVerdict::Harmed, Some(s)) => {
+            format!("harmed: {metres} ({against}). Removing {} made the position worse", ms(s))
+        }
+        (EffectVerdict::NoChange, Some(_)) => format!("no change: {metres} ({against})"),
+        (EffectVerdict::CannotTell, Some(_)) => {
+            format!("cannot tell: {metres} ({against}), a difference within its uncertainty")
+        }
+    };
+    Effect { verdict, judged_by, error_raw_m: Some(raw), error_compensated_m: Some(after), best_m, short_by, words }
+}
+
+fn clearly_above(after: &Estimate, best_m: f64) -> bool {
+    after.standard_uncertainty.is_some_and(|u| after.value - SHOWN * u > best_m)
+}
+
+fn metres(m: f64) -> String {
+    if m >= 10.0 { format!("{m:.1}") } else { format!("{m:.2}") }
+}
+
+fn ms(s: f64) -> String {
+    format!("{:.0} ms", 1e3 * s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn known(lateness_s: f64, u_s: f64) -> KnownLateness {
+        let lateness_s = Estimate { value: lateness_s, standard_uncertainty: Some(u_s) };
+        KnownLateness { lateness_s, judged_by: JudgedBy::Lateness }
+    }
+
+    fn verdict(lateness_s: f64, u_s: f64, removed_s: Option<f64>) -> EffectVerdict {
+        effect(None, Some(&known(lateness_s, u_s)), Some(10.0), removed_s).verdict
+    }
+
+    #[test]
+    fn removing_more_than_twice_the_lateness_harms() {
+        assert_eq!(verdict(0.15, 0.005, Some(0.4)), EffectVerdict::Harmed);
+        assert_eq!(verdict(0.0, 0.005, Some(0.4)), EffectVerdict::Harmed);
+        assert_eq!(verdict(-0.5, 0.005, Some(0.4)), EffectVerdict::Harmed);
+        assert_eq!(verdict(0.25, 0.005, Some(0.4)), EffectVerdict::Helped);
+        assert_eq!(verdict(0.4, 0.005, Some(0.4)), EffectVerdict::Helped);
+        assert_eq!(verdict(0.2, 0.005, Some(0.4)), EffectVerdict::CannotTell, "half of what is removed: it depends");
+        assert_eq!(verdict(0.2, 0.0001, Some(0.4)), EffectVerdict::NoChange);
+    }
+
+    #[test]
+    fn removing_a_part_of_a_long_lateness_helps_by_that_part_however_badly_the_rest_is_known() {
+        let effect = effect(None, Some(&known(1.0, 0.1)), Some(10.0), Some(0.4));
+        assert_eq!(effect.verdict, EffectVerdict::Helped);
+        assert!((effect.error_raw_m.unwrap().value - 10.0).abs() < 1e-12);
+        assert!((effect.error_compensated_m.unwrap().value - 6.0).abs() < 1e-12);
+        assert!((effect.short_by.unwrap() - 6.0).abs() < 1e-9, "6 m where 1 m was possible");
+        assert!(effect.words.contains("6.0 × short"), "{}", effect.words);
+    }
+
+    #[test]
+    fn nothing_removed_changes_nothing_and_nothing_known_cannot_tell() {
+        assert_eq!(verdict(0.0, 0.005, None), EffectVerdict::NoChange);
+        assert_eq!(effect(None, None, None, Some(0.4)).verdict, EffectVerdict::CannotTell);
+        assert_eq!(effect(None, None, None, None).verdict, EffectVerdict::NoChange);
+        assert_eq!(verdict(0.2, f64::INFINITY, Some(0.2)), EffectVerdict::CannotTell);
+    }
+
+    #[test]
+    fn against_the_truth_the_paired_difference_decides() {
+        let e = |value, u| Estimate { value, standard_uncertainty: Some(u) };
+        let truth = |change: f64, u: f64| TruthEffect {
+            reference: "position.truth".into(),
+            raw_m: e(1.0, 0.3),
+            compensated_m: e(1.0 + change, 0.3),
+            change_m: e(change, u),
+            best_m: Some(0.05),
+        };
+        let of = |change, u| effect(Some(&truth(change, u)), None, None, Some(0.4)).verdict;
+        assert_eq!(of(-0.5, 0.1), EffectVerdict::Helped, "although each error alone is known to 0.3 m only");
+        assert_eq!(of(0.5, 0.1), EffectVerdict::Harmed);
+        assert_eq!(of(-0.03, 0.005), EffectVerdict::NoChange);
+        assert_eq!(of(0.2, 0.2), EffectVerdict::CannotTell);
+    }
+}

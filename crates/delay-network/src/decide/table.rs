@@ -1,0 +1,249 @@
+//! The decision table, row by row.
+
+use super::group::Evidence;
+use super::{AskedSource, FlightSources, RelativeLateness, grid, words};
+use crate::isolate::K95;
+use crate::solve::trusted;
+use record::{Estimate, NetworkDatum, RemovedDelay, RemovedFrom};
+
+/// What a row of the table chooses.
+#[derive(Debug, Clone)]
+pub(crate) struct Choice {
+    pub(crate) row: u8,
+    pub(crate) source: RemovedFrom,
+    pub(crate) delay_s: Option<Estimate>,
+    pub(crate) circular: bool,
+    /// Other flights in the mean.
+    pub(crate) pooled: usize,
+    pub(crate) words: String,
+    pub(crate) contradicted: Option<String>,
+    pub(crate) card_e_n: Option<f64>,
+}
+
+impl Choice {
+    fn new(row: u8, source: RemovedFrom, delay_s: Option<Estimate>, words: String) -> Choice {
+        let circular = matches!(source, RemovedFrom::OwnNetwork | RemovedFrom::Pair | RemovedFrom::Sweep);
+        let source = if delay_s.is_some() { source } else { RemovedFrom::None };
+        Choice { row, source, delay_s, circular, pooled: 0, words, contradicted: None, card_e_n: None }
+    }
+
+    fn nothing(row: u8, words: &str) -> Choice {
+        Choice { circular: false, ..Choice::new(row, RemovedFrom::None, None, words.to_owned()) }
+    }
+
+    /// Flights that stand for the value.
+    fn flights(&self) -> usize {
+        if self.source == RemovedFrom::OwnNetwork { 1 } else { self.pooled }
+    }
+}
+
+/// Table for one flight.
+#[derive(Debug)]
+pub(crate) struct Table<'a> {
+    pub(crate) flight: &'a FlightSources,
+    pub(crate) evidence: Evidence,
+}
+
+impl Table<'_> {
+    /// Delay removed if the pipeline asks for this source.
+    pub(crate) fn removed(&self, asked: AskedSource) -> RemovedDelay {
+        let choice = match asked {
+            AskedSource::Network => self.network(),
+            AskedSource::Pair => self.pair(),
+            AskedSource::Card => self.card(),
+            AskedSource::Fixed => self.fixed(),
+            AskedSource::Sweep => self.sweep(),
+        };
+        let delay_s = choice.delay_s.map(|delay_s| match (choice.source, delay_s.standard_uncertainty) {
+            (RemovedFrom::OthersFlights | RemovedFrom::OwnNetwork | RemovedFrom::Pair, Some(u)) => {
+                Estimate { value: grid::on_grid(delay_s.value, u), standard_uncertainty: Some(grid::rounded_up(u)) }
+            }
+            _ => delay_s,
+        });
+        RemovedDelay {
+            flight: self.flight.flight.clone(),
+            value_s: delay_s.map(|delay_s| delay_s.value),
+            standard_uncertainty_s: delay_s.and_then(|delay_s| delay_s.standard_uncertainty),
+            row: choice.row,
+            source: choice.source,
+            circular: choice.circular,
+            words: choice.words,
+            pooled_flights: u32::try_from(choice.pooled).unwrap_or(u32::MAX),
+            z: self.evidence.z,
+            card_e_n: choice.card_e_n,
+            reference_e_n: delay_s
+                .zip(self.flight.reference_s.filter(sound))
+                .and_then(|(delay_s, truth)| e_n(delay_s, truth)),
+            contradicted: choice.contradicted,
+        }
+    }
+
+    /// Rows 1 to 8.
+    fn network(&self) -> Choice {
+        match (self.by_flights(), self.card_delay()) {
+            (Some(choice), Some(card)) => with_card(choice, card),
+            (Some(choice), None) => choice,
+            (None, card) => self.not_told(card),
+        }
+    }
+
+    /// Rows 1 to 4; `None` if neither this flight nor others know a delay.
+    fn by_flights(&self) -> Option<Choice> {
+        let (row, delay_s) = match (self.evidence.others, self.evidence.own) {
+            (Some(_), Some(own)) if self.evidence.differs() => (2, own),
+            (Some(others), own) => {
+                let mean = Estimate { value: others.mean_s, standard_uncertainty: Some(others.uncertainty_s) };
+                (if own.is_some() { 1 } else { 3 }, mean)
+            }
+            (None, Some(own)) => (4, own),
+            (None, None) => return None,
+        };
+        let source = if row % 2 == 1 { RemovedFrom::OthersFlights } else { RemovedFrom::OwnNetwork };
+        let mut choice = Choice::new(row, source, Some(delay_s), String::new());
+        choice.pooled = self.evidence.others.map_or(0, |others| others.flights);
+        choice.words = words::by_flights(self.flight, &self.evidence, &choice);
+        Some(choice)
+    }
+
+    /// Rows 7 and 8.
+    fn not_told(&self, card: Option<Estimate>) -> Choice {
+        if let (Some(card), None) = (card, self.relative()) {
+            let text = "The delay on the sensor card is removed. It was not seen in flight.".to_owned();
+            return Choice { contradicted: self.contradiction("The card", card), ..card_choice(7, card, text) };
+        }
+        let stated = self.flight.stated_s.filter(sound);
+        let (source, delay_s) = match (card, stated) {
+            (Some(card), _) => (RemovedFrom::Card, Some(card)),
+            (None, Some(stated)) => (RemovedFrom::Stated, Some(stated)),
+            (None, None) => (RemovedFrom::None, None),
+        };
+        let mut choice = Choice::new(8, source, delay_s, words::not_told(self.flight, &self.evidence, source));
+        choice.contradicted = delay_s.and_then(|number| {
+            let what = if source == RemovedFrom::Card { "The card" } else { "The stated delay" };
+            self.contradiction(what, number)
+        });
+        choice
+    }
+
+    /// Row 9.
+    fn pair(&self) -> Choice {
+        match self.relative() {
+            Some(pair) => Choice::new(9, RemovedFrom::Pair, Some(pair.delay_s), words::pair(pair)),
+            None => {
+                Choice::nothing(9, "Position against velocity was not measured in this flight. Nothing is removed.")
+            }
+        }
+    }
+
+    /// Rows 5 to 7 where the card was asked for: it is removed whatever the flights say.
+    fn card(&self) -> Choice {
+        let Some(card) = self.card_delay() else {
+            return Choice::nothing(0, "There is no valid card of this sensor. Nothing is removed.");
+        };
+        let told = self.by_flights();
+        let found = told.as_ref().and_then(|told| e_n(card, told.delay_s?));
+        let (row, text) = match (&told, found) {
+            (Some(_), Some(e)) if e <= 1.0 => (5, "Card and flights agree. The card's delay is removed.".to_owned()),
+            (Some(told), Some(_)) => (
+                6,
+                format!(
+                    "Card contradicted by {}. It is removed because the pipeline asks for it.",
+                    count(told.flights())
+                ),
+            ),
+            _ => (7, "The delay on the sensor card is removed. It was not seen in flight.".to_owned()),
+        };
+        let contradicted = self.contradiction("The card", card);
+        Choice { card_e_n: found, contradicted, ..card_choice(row, card, text) }
+    }
+
+    /// A number that the pipeline insists on.
+    fn fixed(&self) -> Choice {
+        let Some(stated) = self.flight.stated_s.filter(sound) else {
+            return Choice::nothing(0, "A fixed delay was asked for and none is stated. Nothing is removed.");
+        };
+        let contradicted = self.contradiction("The stated delay", stated);
+        let text = match (&contradicted, self.told()) {
+            (Some(_), _) => "The number stated in the pipeline is removed. The flight contradicts it.",
+            (None, Some(_)) => "The number stated in the pipeline is removed. The flight does not contradict it.",
+            (None, None) => "The number stated in the pipeline is removed, and nothing tests it.",
+        };
+        Choice { contradicted, ..Choice::new(0, RemovedFrom::Stated, Some(stated), text.to_owned()) }
+    }
+
+    /// Row 10 where the sweep was asked for.
+    fn sweep(&self) -> Choice {
+        match self.flight.sweep_s.filter(sound) {
+            Some(best) => {
+                let text =
+                    "The best delay against this flight's own reference: its error is the least by construction.";
+                Choice::new(10, RemovedFrom::Sweep, Some(best), text.to_owned())
+            }
+            None => Choice::nothing(10, "There is no sweep against a reference in this flight. Nothing is removed."),
+        }
+    }
+
+    /// Card with an uncertainty.
+    fn card_delay(&self) -> Option<Estimate> {
+        self.flight.card_s.filter(|card| sound(card) && card.standard_uncertainty.is_some())
+    }
+
+    /// Position against velocity, if its figure can be used.
+    fn relative(&self) -> Option<&RelativeLateness> {
+        self.flight.relative.as_ref().filter(|pair| sound(&pair.delay_s))
+    }
+
+    /// What this flight says of its delay, weak figures included; else what the others say.
+    fn told(&self) -> Option<Estimate> {
+        let weak = self.flight.position.as_ref().filter(|position| {
+            sound(&position.lateness_s)
+                && trusted(position.verdict)
+                && matches!(position.datum, NetworkDatum::Imu | NetworkDatum::Reference)
+        });
+        self.evidence
+            .own
+            .or_else(|| self.by_flights().and_then(|choice| choice.delay_s))
+            .or_else(|| weak.map(|position| position.lateness_s))
+    }
+
+    fn contradiction(&self, what: &str, number: Estimate) -> Option<String> {
+        words::contradiction(what, number, self.told())
+    }
+}
+
+/// Rows 5 and 6: the flights' choice with a card.
+fn with_card(choice: Choice, card: Estimate) -> Choice {
+    let Some(flights) = choice.delay_s else { return choice };
+    let Some(e) = e_n(card, flights) else { return choice };
+    let card_e_n = Some(e);
+    if e > 1.0 {
+        let text = format!("Card contradicted by {}. {}", count(choice.flights()), choice.words);
+        return Choice { row: 6, words: text, card_e_n, ..choice };
+    }
+    if card.standard_uncertainty < flights.standard_uncertainty {
+        let text = "Card and flights agree. The card's delay is removed: it is the better known.".to_owned();
+        let pooled = choice.pooled;
+        return Choice { card_e_n, pooled, ..card_choice(5, card, text) };
+    }
+    Choice { row: 5, words: format!("Card and flights agree. {}", choice.words), card_e_n, ..choice }
+}
+
+fn card_choice(row: u8, card: Estimate, words: String) -> Choice {
+    Choice::new(row, RemovedFrom::Card, Some(card), words)
+}
+
+fn count(flights: usize) -> String {
+    if flights == 1 { "1 flight".to_owned() } else { format!("{flights} flights") }
+}
+
+/// Whether an estimate holds numbers that can be used.
+fn sound(estimate: &Estimate) -> bool {
+    estimate.value.is_finite() && estimate.standard_uncertainty.is_none_or(|u| u.is_finite() && u >= 0.0)
+}
+
+/// `|a − b| / (1.96 √(u_a² + u_b²))`; `None` without uncertainties.
+fn e_n(a: Estimate, b: Estimate) -> Option<f64> {
+    let u = a.standard_uncertainty?.hypot(b.standard_uncertainty?);
+    let e = (a.value - b.value).abs() / (K95 * u);
+    e.is_finite().then_some(e)
+}

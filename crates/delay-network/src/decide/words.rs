@@ -1,0 +1,110 @@
+//! What was decided, in plain English.
+
+use super::RelativeLateness;
+use super::group::{Evidence, why_not_own};
+use super::table::Choice;
+use crate::FlightSources;
+use crate::words::ms;
+use record::{Estimate, RemovedFrom};
+
+/// `201.5 ± 15.7 ms`, with twice the standard uncertainty.
+pub(crate) fn with_uncertainty(estimate: Estimate) -> String {
+    match estimate.standard_uncertainty {
+        Some(u) => format!("{} ± {} ms", ms(estimate.value), ms(2.0 * u)),
+        None => format!("{} ms", ms(estimate.value)),
+    }
+}
+
+fn flights(count: usize) -> String {
+    if count == 1 { "1 other flight".to_owned() } else { format!("{count} other flights") }
+}
+
+/// Rows 1 to 4.
+pub(crate) fn by_flights(flight: &FlightSources, evidence: &Evidence, choice: &Choice) -> String {
+    let count = flights(choice.pooled);
+    let own = evidence.own.map(with_uncertainty).unwrap_or_default();
+    match choice.row {
+        1 => format!("From {count} of this group. Its own delay, {own}, agrees, so what is left is a fair test."),
+        2 => {
+            let apart = evidence.own.zip(evidence.others).map_or(0.0, |(own, others)| own.value - others.mean_s);
+            let side = if apart > 0.0 { "later" } else { "earlier" };
+            format!(
+                "Differs from its group: {} ms {side} than {count}. Its own delay, {own}, is removed, so the residual \
+                 is zero by construction.",
+                ms(apart.abs())
+            )
+        }
+        3 => format!("From {count} of this group. Its own delay is not known: {}.", why(flight)),
+        _ => {
+            let alone = match (evidence.cluster_unknown, choice.pooled) {
+                (true, _) => "its group is not one, and no other flight is sure to share its delay",
+                _ => "there are not enough other flights to test it",
+            };
+            format!("Its own delay, {own}: the residual is zero by construction, and {alone}.")
+        }
+    }
+}
+
+/// Why the flight has no delay of its own.
+pub(crate) fn why(flight: &FlightSources) -> String {
+    match flight.position.as_ref().map(why_not_own) {
+        Some(Some(why)) => why.to_owned(),
+        Some(None) => "its figures have no usable uncertainty".to_owned(),
+        None => "no pair of channels gave one".to_owned(),
+    }
+}
+
+/// `position is 147.1 ms later than velocity.ekf`.
+pub(crate) fn relative(relative: &RelativeLateness) -> String {
+    let side = if relative.delay_s.value < 0.0 { "earlier" } else { "later" };
+    format!("position is {} ms {side} than {}", ms(relative.delay_s.value.abs()), relative.velocity)
+}
+
+/// Row 8, and its use of a card or a stated number.
+pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: RemovedFrom) -> String {
+    let known = match &flight.relative {
+        Some(pair) => {
+            let sentence = relative(pair);
+            let mut letters = sentence.chars();
+            let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
+            format!("{first}{}; how late both are is not known: {}", letters.as_str(), why(flight))
+        }
+        None => format!("How late the position is is not known: {}", why(flight)),
+    };
+    let cluster = match evidence.cluster_unknown {
+        true => " Its group is not one, and which part this flight belongs to is not known.",
+        false => "",
+    };
+    let done = match source {
+        RemovedFrom::Card => "The delay on the sensor card is removed.",
+        RemovedFrom::Stated => "The number stated in the pipeline is removed, and nothing tests it.",
+        _ => "Nothing is removed.",
+    };
+    format!("{known}.{cluster} {done}")
+}
+
+/// Row 9.
+pub(crate) fn pair(pair: &RelativeLateness) -> String {
+    let late = match pair.velocity_lateness_s {
+        Some(tv) => format!("which is {} late", with_uncertainty(tv)),
+        None => "and how late that is is not known".to_owned(),
+    };
+    format!("Puts the position where {} is, {late}. The residual is zero by construction.", pair.velocity)
+}
+
+/// What the flights say against a number; `None` if it is within 3 standard uncertainties.
+pub(crate) fn contradiction(what: &str, number: Estimate, told: Option<Estimate>) -> Option<String> {
+    let told = told?;
+    let u = told.standard_uncertainty?.hypot(number.standard_uncertainty.unwrap_or(0.0));
+    let apart = number.value - told.value;
+    (apart.abs() > 3.0 * u).then(|| {
+        let side = if apart > 0.0 { "more" } else { "less" };
+        format!(
+            "{what}, {} ms, is contradicted: the flight says {}. That is {} ms {side}, {:.1} standard uncertainties.",
+            ms(number.value),
+            with_uncertainty(told),
+            ms(apart.abs()),
+            apart.abs() / u
+        )
+    })
+}

@@ -1,0 +1,94 @@
+//! Pairs as the network takes them.
+
+use record::{DelayPairKind, Estimate, Finding, PairDelay};
+
+/// Measured delay of one pair of channels, or why there is none.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairObservation {
+    /// Which comparison this is.
+    pub kind: DelayPairKind,
+    /// First channel, such as `position.gps`.
+    pub first: String,
+    /// Second channel, or two as `attitude.ins + specific-force.imu`.
+    pub second: String,
+    /// Lateness of the first less that of the second, s, with its standard uncertainty; or why it was not measured.
+    pub delay_s: Finding<Estimate>,
+    /// Reason not to use a delay that was measured, such as the words of [`acceleration_gate`]; `None` to use it.
+    pub not_used: Option<String>,
+}
+
+impl PairObservation {
+    /// Pair with a delay, s, and its standard uncertainty, s.
+    #[must_use]
+    pub fn measured(kind: DelayPairKind, first: &str, second: &str, delay_s: f64, standard_uncertainty_s: f64) -> Self {
+        let delay_s = Estimate { value: delay_s, standard_uncertainty: Some(standard_uncertainty_s) };
+        PairObservation {
+            kind,
+            first: first.to_owned(),
+            second: second.to_owned(),
+            delay_s: Finding::Found(delay_s),
+            not_used: None,
+        }
+    }
+
+    /// The same pair, listed but not used.
+    #[must_use]
+    pub fn not_used(self, why: impl Into<String>) -> Self {
+        PairObservation { not_used: Some(why.into()), ..self }
+    }
+}
+
+impl From<&PairDelay> for PairObservation {
+    fn from(pair: &PairDelay) -> Self {
+        let delay_s = match &pair.delay {
+            Finding::Found(delay) => Finding::Found(delay.delay_s),
+            Finding::CannotTell(why) => Finding::CannotTell(why.clone()),
+        };
+        PairObservation {
+            kind: pair.kind,
+            first: pair.first.clone(),
+            second: pair.second.clone(),
+            delay_s,
+            not_used: None,
+        }
+    }
+}
+
+/// Least rate of an IMU whose accelerations can be a datum, Hz (section 3.2).
+const LEAST_IMU_RATE_HZ: f64 = 10.0;
+
+/// Least rate of the IMU over the frequency below which 95 % of the acceleration lies (section 3.2).
+const LEAST_RATE_RATIO: f64 = 4.0;
+
+/// Reason not to use the pairs of an acceleration: it is sampled too slowly to be a datum. `None` if it is fast enough.
+///
+/// `imu_rate_hz` is the rate of the specific force, `acceleration_95_hz` the frequency below which 95 % of the power
+/// of the acceleration lies, if known.
+#[must_use]
+pub fn acceleration_gate(imu_rate_hz: f64, acceleration_95_hz: Option<f64>) -> Option<String> {
+    if !imu_rate_hz.is_finite() {
+        return Some("the rate of the IMU is not known".to_owned());
+    }
+    if imu_rate_hz < LEAST_IMU_RATE_HZ {
+        return Some(format!(
+            "the IMU is logged at {imu_rate_hz:.1} Hz, and at least {LEAST_IMU_RATE_HZ:.0} Hz are needed"
+        ));
+    }
+    let least_hz = LEAST_RATE_RATIO * acceleration_95_hz.filter(|hz| hz.is_finite())?;
+    (imu_rate_hz < least_hz)
+        .then(|| format!("the IMU is logged at {imu_rate_hz:.1} Hz, and this motion needs at least {least_hz:.1} Hz"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_imu_is_not_a_datum() {
+        assert!(acceleration_gate(2.5, None).is_some_and(|why| why.contains("2.5 Hz")));
+        assert!(acceleration_gate(f64::NAN, None).is_some());
+        assert!(acceleration_gate(25.0, Some(7.0)).is_some_and(|why| why.contains("28.0 Hz")));
+        assert_eq!(acceleration_gate(50.0, Some(7.0)), None);
+        assert_eq!(acceleration_gate(10.0, None), None);
+    }
+}

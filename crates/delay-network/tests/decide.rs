@@ -1,0 +1,331 @@
+//! The decision table, each row by a case made by hand.
+
+use delay_network::{AskedSource, FlightSources, PositionLateness, RelativeLateness, decide};
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
+use record::{Estimate, NetworkDatum, NetworkVerdict, RemovedDelay, RemovedFrom};
+
+const DATUM_S: f64 = 0.005;
+
+fn estimate(value: f64, u: f64) -> Estimate {
+    Estimate { value, standard_uncertainty: Some(u) }
+}
+
+/// Flight with a network of its own.
+fn flight(name: &str, lateness_s: f64) -> FlightSources {
+    FlightSources {
+        flight: name.to_owned(),
+        position: Some(PositionLateness {
+            lateness_s: estimate(lateness_s, 0.0081),
+            model_uncertainty_s: 0.0078,
+            datum: NetworkDatum::Imu,
+            verdict: NetworkVerdict::Consistent,
+            weak: false,
+        }),
+        ..FlightSources::default()
+    }
+}
+
+/// Flight whose network does not tell.
+fn untold(name: &str, change: impl Fn(&mut PositionLateness)) -> FlightSources {
+    let mut flight = flight(name, 0.5);
+    flight.position.as_mut().into_iter().for_each(change);
+    flight
+}
+
+fn relative() -> Option<RelativeLateness> {
+    Some(RelativeLateness {
+        delay_s: estimate(0.1471, 0.0087),
+        velocity: "velocity.ekf".to_owned(),
+        velocity_lateness_s: Some(estimate(0.0549, 0.0117)),
+    })
+}
+
+fn group(count: usize) -> Vec<FlightSources> {
+    let values = [0.200, 0.203, 0.198, 0.201, 0.204, 0.199, 0.202, 0.2015];
+    (0..count).map(|at| flight(&format!("f{at}"), values[at % values.len()])).collect()
+}
+
+fn with(mut group: Vec<FlightSources>, flight: FlightSources) -> Vec<FlightSources> {
+    group.push(flight);
+    group
+}
+
+/// Decision for the last flight of a group.
+fn last(group: &[FlightSources], asked: AskedSource) -> RemovedDelay {
+    let mut removed = decide(group, asked, DATUM_S).removed;
+    assert_eq!(removed.len(), group.len());
+    removed.pop().unwrap()
+}
+
+fn by_default(group: &[FlightSources]) -> RemovedDelay {
+    last(group, AskedSource::Network)
+}
+
+#[test]
+fn row_1_takes_the_mean_of_the_others() {
+    let removed = by_default(&with(group(4), flight("own", 0.210)));
+    assert_eq!((removed.row, removed.source, removed.circular), (1, RemovedFrom::OthersFlights, false));
+    assert_eq!((removed.value_s, removed.pooled_flights), (Some(0.201), 4), "the 0.210 is not in it");
+    assert!(removed.z.unwrap() > 0.5 && removed.z.unwrap() < 3.0);
+    assert!(removed.words.starts_with("From 4 other flights"), "{}", removed.words);
+    let u = removed.standard_uncertainty_s.unwrap();
+    assert!((0.0078..0.009).contains(&u));
+}
+
+#[test]
+fn row_2_takes_the_own_delay_of_a_flight_that_differs() {
+    let all = with(group(5), flight("odd", 0.262));
+    let removed = by_default(&all);
+    assert_eq!((removed.row, removed.source, removed.circular), (2, RemovedFrom::OwnNetwork, true));
+    assert_eq!(removed.value_s, Some(0.262));
+    assert!(removed.z.unwrap() > 3.0);
+    assert!(removed.words.contains("Differs from its group: 60.8 ms later"), "{}", removed.words);
+    // and it is in nobody's mean
+    for other in &decide(&all, AskedSource::Network, DATUM_S).removed[..5] {
+        assert_eq!((other.row, other.pooled_flights), (1, 4));
+        assert!((other.value_s.unwrap() - 0.201).abs() < 0.0015);
+    }
+}
+
+#[test]
+fn row_3_takes_the_others_where_the_own_delay_is_not_told() {
+    for (own, why) in [
+        (untold("own", |p| p.verdict = NetworkVerdict::Undecided), "which one is wrong is not known"),
+        (untold("own", |p| p.verdict = NetworkVerdict::Scattered), "do not agree"),
+        (untold("own", |p| p.datum = NetworkDatum::Refused), "its IMU is itself late"),
+        (untold("own", |p| p.datum = NetworkDatum::None), "nothing in this flight ties it to true time"),
+        (untold("own", |p| p.weak = true), "leads through a filter"),
+        (FlightSources { flight: "own".to_owned(), ..FlightSources::default() }, "no pair of channels gave one"),
+    ] {
+        let removed = by_default(&with(group(4), own));
+        assert_eq!((removed.row, removed.source, removed.circular), (3, RemovedFrom::OthersFlights, false));
+        assert_eq!((removed.value_s, removed.pooled_flights, removed.z), (Some(0.201), 4, None));
+        assert!(removed.words.contains(why), "{}", removed.words);
+    }
+}
+
+#[test]
+fn row_4_takes_the_own_delay_without_enough_others() {
+    for others in [0, 1] {
+        let removed = by_default(&with(group(others), flight("own", 0.2104)));
+        assert_eq!((removed.row, removed.source, removed.circular), (4, RemovedFrom::OwnNetwork, true));
+        assert_eq!((removed.value_s, removed.z), (Some(0.21), None));
+        assert!(removed.words.contains("zero by construction"), "{}", removed.words);
+    }
+}
+
+#[test]
+fn row_5_takes_the_card_if_it_agrees_and_is_better_known() {
+    let own = |u| FlightSources { card_s: Some(estimate(0.2041, u)), ..flight("own", 0.202) };
+    let better = by_default(&with(group(4), own(0.002)));
+    assert_eq!((better.row, better.source, better.circular), (5, RemovedFrom::Card, false));
+    assert_eq!((better.value_s, better.standard_uncertainty_s), (Some(0.2041), Some(0.002)), "a card is not rounded");
+    assert!(better.card_e_n.unwrap() < 1.0 && better.words.contains("Card and flights agree"));
+    let worse = by_default(&with(group(4), own(0.02)));
+    assert_eq!((worse.row, worse.source, worse.value_s), (5, RemovedFrom::OthersFlights, Some(0.201)));
+    let alone = by_default(&[own(0.002)]);
+    assert_eq!((alone.row, alone.source), (5, RemovedFrom::Card));
+}
+
+#[test]
+fn row_6_keeps_the_flights_against_a_card_that_they_contradict() {
+    let own = FlightSources { card_s: Some(estimate(0.1, 0.002)), ..flight("own", 0.202) };
+    let removed = by_default(&with(group(4), own.clone()));
+    assert_eq!((removed.row, removed.source, removed.value_s), (6, RemovedFrom::OthersFlights, Some(0.201)));
+    assert!(removed.card_e_n.unwrap() > 1.0);
+    assert!(removed.words.starts_with("Card contradicted by 4 flights."), "{}", removed.words);
+    let alone = by_default(&[own]);
+    assert_eq!((alone.row, alone.source, alone.circular), (6, RemovedFrom::OwnNetwork, true));
+    assert!(alone.words.starts_with("Card contradicted by 1 flight."));
+}
+
+#[test]
+fn row_7_takes_a_card_alone() {
+    let own = FlightSources {
+        flight: "own".to_owned(),
+        card_s: Some(estimate(0.1234, 0.002)),
+        stated_s: Some(estimate(0.4, 0.01)),
+        ..FlightSources::default()
+    };
+    let removed = by_default(&[own]);
+    assert_eq!((removed.row, removed.source, removed.value_s), (7, RemovedFrom::Card, Some(0.1234)));
+    assert!(removed.words.contains("not seen in flight"));
+}
+
+#[test]
+fn row_8_does_not_take_a_relative_figure_for_a_delay() {
+    let own = |card_s, stated_s| FlightSources {
+        relative: relative(),
+        card_s,
+        stated_s,
+        ..untold("own", |p| p.datum = NetworkDatum::None)
+    };
+    let (card, stated) = (Some(estimate(0.2, 0.004)), Some(estimate(0.4, 0.01)));
+    let nothing = by_default(&[own(None, None)]);
+    assert_eq!((nothing.row, nothing.source, nothing.value_s), (8, RemovedFrom::None, None));
+    let words = "Position is 147.1 ms later than velocity.ekf; how late both are is not known";
+    assert!(nothing.words.starts_with(words) && nothing.words.ends_with("Nothing is removed."), "{}", nothing.words);
+    let by_card = by_default(&[own(card, stated)]);
+    assert_eq!((by_card.row, by_card.source, by_card.value_s), (8, RemovedFrom::Card, Some(0.2)));
+    let by_number = by_default(&[own(None, stated)]);
+    assert_eq!((by_number.row, by_number.source, by_number.value_s), (8, RemovedFrom::Stated, Some(0.4)));
+    assert_eq!(by_number.contradicted, None);
+    // a weak figure cannot be removed, but it can contradict
+    let weak = FlightSources {
+        stated_s: Some(estimate(0.9, 0.01)),
+        relative: relative(),
+        ..untold("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
+    };
+    assert!(by_default(&[weak]).contradicted.unwrap().contains("770.0 ms more"));
+}
+
+#[test]
+fn row_9_puts_the_position_where_the_velocity_is_if_asked() {
+    let own = FlightSources { relative: relative(), ..flight("own", 0.202) };
+    let removed = last(&with(group(4), own), AskedSource::Pair);
+    assert_eq!((removed.row, removed.source, removed.circular), (9, RemovedFrom::Pair, true));
+    assert_eq!(removed.value_s, Some(0.147));
+    assert!(removed.words.contains("where velocity.ekf is, which is 54.9 ± 23.4 ms late"), "{}", removed.words);
+    let none = last(&[flight("own", 0.2)], AskedSource::Pair);
+    assert_eq!((none.value_s, none.source, none.circular), (None, RemovedFrom::None, false));
+}
+
+#[test]
+fn row_10_lets_a_reference_judge_and_a_sweep_be_circular() {
+    let own = FlightSources {
+        reference_s: Some(estimate(0.2033, 0.001)),
+        sweep_s: Some(estimate(0.2036, 0.0011)),
+        ..flight("own", 0.202)
+    };
+    let all = with(group(4), own);
+    let judged = by_default(&all);
+    assert_eq!((judged.row, judged.source, judged.value_s), (1, RemovedFrom::OthersFlights, Some(0.201)));
+    let u = judged.standard_uncertainty_s.unwrap().hypot(0.001);
+    assert!((judged.reference_e_n.unwrap() - 0.0023 / (1.96 * u)).abs() < 1e-9);
+    let swept = last(&all, AskedSource::Sweep);
+    assert_eq!((swept.row, swept.source, swept.circular, swept.value_s), (10, RemovedFrom::Sweep, true, Some(0.2036)));
+}
+
+#[test]
+fn a_stated_number_is_removed_if_asked_and_tested_against_the_flight() {
+    let own = |stated| FlightSources {
+        stated_s: Some(Estimate { value: stated, standard_uncertainty: None }),
+        ..flight("own", 0.203)
+    };
+    let wrong = last(&[own(0.4)], AskedSource::Fixed);
+    assert_eq!((wrong.value_s, wrong.source, wrong.row), (Some(0.4), RemovedFrom::Stated, 0));
+    let words = wrong.contradicted.unwrap();
+    assert!(
+        words.contains("400.0 ms") && words.contains("203.0 ± 16.2 ms") && words.contains("197.0 ms more"),
+        "{words}"
+    );
+    assert_eq!(last(&[own(0.203 + 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted, None);
+    assert!(last(&[own(0.203 - 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted.is_some());
+    // a flight without a delay of its own is spoken for by the others
+    let mut silent = own(0.4);
+    silent.position = None;
+    assert!(last(&with(group(4), silent), AskedSource::Fixed).contradicted.is_some());
+}
+
+#[test]
+fn a_card_that_was_asked_for_is_removed_and_tested() {
+    let own = FlightSources { card_s: Some(estimate(0.1, 0.002)), ..flight("own", 0.202) };
+    let removed = last(&with(group(4), own), AskedSource::Card);
+    assert_eq!((removed.row, removed.source, removed.value_s), (6, RemovedFrom::Card, Some(0.1)));
+    assert!(removed.contradicted.is_some() && removed.card_e_n.unwrap() > 1.0);
+    let none = last(&group(4), AskedSource::Card);
+    assert_eq!((none.value_s, none.source), (None, RemovedFrom::None));
+}
+
+#[test]
+fn a_group_of_two_receivers_is_pooled_one_by_one() {
+    let mut all = Vec::new();
+    for at in 0..5 {
+        all.push(flight(&format!("a{at}"), 0.200 + 0.001 * f64::from(at % 3)));
+        all.push(flight(&format!("b{at}"), 0.300 + 0.001 * f64::from(at % 3)));
+    }
+    all.push(untold("silent", |p| p.verdict = NetworkVerdict::Undecided));
+    let decision = decide(&all, AskedSource::Network, DATUM_S);
+    for removed in &decision.removed[..10] {
+        let near = if removed.flight.starts_with('a') { 0.201 } else { 0.301 };
+        assert_eq!((removed.row, removed.pooled_flights), (1, 4), "{}", removed.words);
+        assert!((removed.value_s.unwrap() - near).abs() < 0.0015);
+    }
+    let silent = &decision.removed[10];
+    assert_eq!((silent.row, silent.value_s), (8, None));
+    assert!(silent.words.contains("Its group is not one"), "{}", silent.words);
+    assert_eq!(decision.pools.len(), 3, "the whole, and both sides");
+    assert_eq!(decision.pools[0].split.as_ref().unwrap().early, ["a0", "a1", "a2", "a3", "a4"]);
+    assert_eq!(decision.pools[1].flights, 5);
+}
+
+#[test]
+fn a_flight_whose_delay_varies_is_in_nobodys_mean() {
+    let varying = FlightSources { keep_out_of_pool: Some("its delay steps".to_owned()), ..flight("own", 0.215) };
+    let all = with(group(4), varying);
+    let decision = decide(&all, AskedSource::Network, DATUM_S);
+    assert!(decision.removed[..4].iter().all(|removed| removed.pooled_flights == 3));
+    let own = &decision.removed[4];
+    assert_eq!((own.row, own.pooled_flights, own.value_s), (1, 4, Some(0.201)));
+    assert!(own.z.unwrap() > 1.0 && own.z.unwrap() < 3.0);
+    assert_eq!(decision.pools[0].flights, 4);
+}
+
+#[test]
+fn the_order_of_flights_does_not_matter_and_names_may_repeat() {
+    let mut all = with(group(7), flight("odd", 0.262));
+    let of = |all: &[FlightSources]| {
+        let mut values: Vec<(String, Option<f64>, u8)> = decide(all, AskedSource::Network, DATUM_S)
+            .removed
+            .into_iter()
+            .map(|removed| (removed.flight, removed.value_s, removed.row))
+            .collect();
+        values.sort_by(|a, b| a.0.cmp(&b.0));
+        values
+    };
+    let first = of(&all);
+    all.reverse();
+    assert_eq!(of(&all), first);
+    all.iter_mut().for_each(|flight| flight.flight = "same".to_owned());
+    assert_eq!(of(&all).iter().filter(|(_, _, row)| *row == 1).count(), 7);
+}
+
+#[test]
+fn twenty_thousand_flights_are_decided_together() {
+    let mut rng = Pcg64::seed_from_u64(7);
+    let mut many: Vec<FlightSources> = (0..20_000)
+        .map(|at| flight(&format!("f{at:05}"), 0.2033 + 0.004 * rng.sample::<f64, _>(StandardNormal)))
+        .collect();
+    let before = decide(&many, AskedSource::Network, DATUM_S).removed;
+    assert!(before.iter().all(|removed| removed.row == 1));
+    assert!(before.iter().all(|removed| removed.value_s == Some(0.203)));
+    // one flight more, and an odd one at that, changes nothing that a result depends on
+    many.push(flight("new", 0.212));
+    let after = decide(&many, AskedSource::Network, DATUM_S).removed;
+    let key = |removed: &RemovedDelay| (removed.value_s, removed.standard_uncertainty_s, removed.source);
+    assert!(before.iter().zip(&after).all(|(before, after)| key(before) == key(after)));
+}
+
+#[test]
+fn nonsense_never_panics() {
+    assert!(decide(&[], AskedSource::Network, DATUM_S).removed.is_empty());
+    let broken = [
+        flight("nan", f64::NAN),
+        untold("no u", |p| p.lateness_s.standard_uncertainty = None),
+        untold("negative", |p| p.model_uncertainty_s = -1.0),
+        FlightSources {
+            card_s: Some(estimate(f64::NAN, 0.0)),
+            stated_s: Some(estimate(f64::NAN, -1.0)),
+            ..flight("card", 0.2)
+        },
+        FlightSources { card_s: Some(estimate(0.2, 0.0)), sweep_s: Some(estimate(0.1, 0.0)), ..flight("zero", 0.2) },
+    ];
+    for asked in [AskedSource::Network, AskedSource::Pair, AskedSource::Card, AskedSource::Fixed, AskedSource::Sweep] {
+        for removed in decide(&broken, asked, DATUM_S).removed {
+            assert!(removed.value_s.is_none_or(f64::is_finite), "{asked:?}: {removed:?}");
+            assert!(removed.source != RemovedFrom::None || removed.value_s.is_none());
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! What a network says of lies, lanes, references, parts and nonsense.
+
+use delay_network::{
+    Lineage, NetworkSettings, PairObservation, PositionLateness, RelativeLateness, difference, expected_residual,
+    lineage_from_name, solve,
+};
+use record::DelayPairKind::{
+    PositionAgainstReference, PositionAgainstVelocity, VelocityAgainstAcceleration, VelocityAgainstReference,
+};
+use record::{DelayNetwork, EffectKind, Estimate, NetworkDatum, NetworkVerdict};
+
+const IMU: &str = "attitude.ahrs2 + specific-force.imu";
+
+fn solved(pairs: &[PairObservation]) -> DelayNetwork {
+    solve(pairs, &lineage_from_name, &NetworkSettings::default()).unwrap()
+}
+
+fn position_velocity(position: (&str, f64), velocity: (&str, f64), u: f64) -> PairObservation {
+    PairObservation::measured(PositionAgainstVelocity, position.0, velocity.0, position.1 - velocity.1, u)
+}
+
+/// All positions against all velocities, and the measured velocities against the IMU.
+fn complete(positions: &[(&str, f64)], velocities: &[(&str, f64)]) -> Vec<PairObservation> {
+    let mut pairs: Vec<PairObservation> =
+        positions.iter().flat_map(|p| velocities.iter().map(|v| position_velocity(*p, *v, 0.003))).collect();
+    for (name, late) in velocities.iter().filter(|(name, _)| lineage_from_name(name) == Lineage::Measured) {
+        pairs.push(PairObservation::measured(VelocityAgainstAcceleration, name, IMU, *late, 0.002));
+    }
+    pairs
+}
+
+fn lie(pair: &PairObservation, by_s: f64) -> PairObservation {
+    let told = *pair.delay_s.found().unwrap();
+    let u = told.standard_uncertainty.unwrap();
+    PairObservation::measured(pair.kind, &pair.first, &pair.second, told.value + by_s, u)
+}
+
+fn covers(network: &DelayNetwork, channel: &str, truth: f64) -> bool {
+    let [low, high] = network.channel(channel).unwrap().interval_95_s;
+    (low..=high).contains(&truth)
+}
+
+/// Four pairs of a real flight (DeLorean 159): position.gps is 203.3 ms late in truth, velocity.ekf 56.2 ms.
+fn delorean() -> Vec<PairObservation> {
+    vec![
+        PairObservation::measured(PositionAgainstVelocity, "position.gps", "velocity.ekf", 0.145_57, 0.009_133),
+        PairObservation::measured(PositionAgainstVelocity, "position.gps", "velocity.gps", 0.000_178, 0.001_793),
+        PairObservation::measured(VelocityAgainstAcceleration, "velocity.ekf", IMU, -0.002_294, 0.002_033),
+        PairObservation::measured(VelocityAgainstAcceleration, "velocity.gps", IMU, 0.201_972, 0.000_929),
+    ]
+}
+
+const POSITIONS: [(&str, f64); 3] = [("position.gps", 0.200), ("position.gps2", 0.120), ("position.vision", 0.050)];
+const VELOCITIES: [(&str, f64); 3] = [("velocity.gps", 0.180), ("velocity.vo", 0.060), ("velocity.ekf", 0.040)];
+
+#[test]
+fn the_order_of_the_pairs_does_not_matter() {
+    let mut pairs = complete(&POSITIONS, &VELOCITIES);
+    pairs.push(lie(&pairs[4], 0.1));
+    pairs.push(PairObservation::measured(PositionAgainstReference, "position.gps", "position.truth", 0.2, 0.001));
+    pairs.push(position_velocity(("position.a", 0.0), ("velocity.b", 0.0), 0.001).not_used("too slow"));
+    let first = solved(&pairs);
+    for turn in 1..pairs.len() {
+        pairs.rotate_left(1);
+        if turn % 3 == 0 {
+            pairs.reverse();
+        }
+        assert_eq!(solved(&pairs), first);
+    }
+}
+
+#[test]
+fn a_reference_judges_and_changes_nothing() {
+    let without = solved(&delorean());
+    let mut pairs = delorean();
+    pairs.push(PairObservation::measured(
+        PositionAgainstReference,
+        "position.gps",
+        "position.simulation",
+        0.2033,
+        0.001,
+    ));
+    pairs.push(PairObservation::measured(VelocityAgainstReference, "velocity.ekf", "position.truth", 0.0562, 0.001));
+    let with = solved(&pairs);
+    assert_eq!(with.judged.len(), 2);
+    assert_eq!(with.unused_pairs.len(), 2);
+    assert!(with.judged.iter().all(|judged| judged.e_n < 1.0), "the truth of this flight: {:?}", with.judged);
+    let position = &with.judged[0];
+    let u = with.channels[1].lateness_s.standard_uncertainty.unwrap().hypot(0.001);
+    assert!((position.e_n - (0.2033 - with.channels[1].lateness_s.value) / (1.96 * u)).abs() < 1e-9);
+    let blind = DelayNetwork { judged: Vec::new(), unused_pairs: Vec::new(), ..with };
+    assert_eq!(blind, without);
+}
+
+#[test]
+fn a_reference_is_the_datum_only_if_asked_for() {
+    let mut pairs = delorean();
+    pairs.push(PairObservation::measured(PositionAgainstReference, "position.gps", "position.truth", 0.2033, 0.001));
+    let settings = NetworkSettings { use_reference: true, ..NetworkSettings::default() };
+    let network = solve(&pairs, &lineage_from_name, &settings).unwrap();
+    assert_eq!(network.datum, NetworkDatum::Reference);
+    let position = network.channel("position.gps").unwrap();
+    assert!((position.lateness_s.value - 0.2033).abs() < 0.0005);
+    assert!(position.lateness_s.standard_uncertainty.unwrap() < 0.002);
+}
+
+#[test]
+fn a_lie_in_a_network_of_three_families_is_named() {
+    let truth = complete(&POSITIONS, &VELOCITIES);
+    for at in 0..9 {
+        for by_s in [0.2, -0.2, 5.0] {
+            let mut pairs = truth.clone();
+            pairs[at] = lie(&pairs[at], by_s);
+            let network = solved(&pairs);
+            let names = (&pairs[at].first, &pairs[at].second);
+            assert_eq!(network.verdict, NetworkVerdict::Named, "{names:?} {by_s}: {}", network.verdict_words);
+            assert_eq!(network.named.len(), 1);
+            assert_eq!((&network.named[0].first, &network.named[0].second), names);
+            let found = network.effects.iter().find(|effect| effect.name == network.named[0]).unwrap();
+            assert!((found.size_s.unwrap() - by_s).abs() < 0.01);
+            for (channel, late) in POSITIONS.iter().chain(&VELOCITIES) {
+                assert!(covers(&network, channel, *late), "{channel} with a lie in {names:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_lie_in_a_network_of_two_families_is_undecided_and_the_hull_holds_the_truth() {
+    let (positions, velocities) = (&[("position.gps", 0.2), ("position.ekf", 0.07)], &VELOCITIES[..1]);
+    let velocities = [velocities[0], ("velocity.ekf", 0.06)];
+    let truth = complete(positions, &velocities);
+    for at in 0..4 {
+        let mut pairs = truth.clone();
+        pairs[at] = lie(&pairs[at], 0.2);
+        let network = solved(&pairs);
+        assert_eq!(network.verdict, NetworkVerdict::Undecided, "{}", network.verdict_words);
+        assert_eq!(network.undecided_between.len(), 4);
+        assert!(network.named.is_empty());
+        for (channel, late) in positions.iter().chain(&velocities) {
+            assert!(covers(&network, channel, *late), "{channel} with a lie in pair {at}");
+        }
+    }
+}
+
+#[test]
+fn lanes_that_contradict_each_other_are_scattered_and_widened() {
+    let [gps, ekf, lane] = [("velocity.gps", 0.2), ("velocity.ekf", 0.06), ("velocity.ekf-2", 0.06)];
+    let mut pairs = complete(&[("position.gps", 0.2), ("position.ekf", 0.07)], &[gps, ekf, lane]);
+    let quiet = solved(&pairs);
+    // the lanes share the error of a filter, so nothing but noise may part them
+    for pair in pairs.iter_mut().filter(|pair| pair.first == "position.ekf" && pair.second == "velocity.ekf-2") {
+        *pair = lie(pair, 0.03);
+    }
+    let network = solved(&pairs);
+    assert_eq!(network.verdict, NetworkVerdict::Scattered, "{}", network.verdict_words);
+    let expected = (network.chi2 / f64::from(network.degrees_of_freedom)).sqrt();
+    assert!((network.birge - expected).abs() < 1e-12 && network.birge > 1.5);
+    let width = |network: &DelayNetwork| {
+        let [low, high] = network.channel("position.gps").unwrap().interval_95_s;
+        high - low
+    };
+    assert!((width(&network) / width(&quiet) - network.birge).abs() < 1e-6);
+    let u = network.channel("position.gps").unwrap().lateness_s.standard_uncertainty.unwrap();
+    assert!((width(&network) - 2.0 * 1.96 * u).abs() < 1e-12, "interval, uncertainty and covariance tell one story");
+    assert!((network.covariance_s2[2][2].sqrt() - u).abs() < 1e-12 || network.channels[2].channel != "position.gps");
+}
+
+#[test]
+fn a_filter_is_shown_as_no_delay_and_a_figure_says_what_it_rests_on() {
+    let network = solved(&delorean());
+    let filter = network.channel("velocity.ekf").unwrap().filter_not_a_delay.unwrap();
+    assert!((filter.value - -0.002_294).abs() < 1e-4, "what its own IMU sees: {}", filter.value);
+    let position = network.channel("position.gps").unwrap();
+    assert_eq!(position.filter_not_a_delay, None);
+    assert_eq!(position.rests_on.as_deref(), Some("velocity.gps against acceleration, unchecked"));
+    assert!(!position.weak && !position.derived && position.at_least_s.is_none());
+    assert!(network.datum_words.contains("Its own lateness cannot be seen"));
+}
+
+#[test]
+fn a_filter_as_the_only_way_to_the_imu_is_weak_and_gives_a_lower_bound() {
+    let pairs = [
+        position_velocity(("position.gps", 0.09), ("velocity.ekf", 0.0), 0.005),
+        PairObservation::measured(VelocityAgainstAcceleration, "velocity.ekf", IMU, 0.04, 0.003),
+    ];
+    let network = solved(&pairs);
+    let position = network.channel("position.gps").unwrap();
+    assert!(position.weak);
+    let Estimate { value, standard_uncertainty } = position.lateness_s;
+    let own = standard_uncertainty.unwrap().powi(2) - position.model_uncertainty_s.powi(2);
+    assert!((position.at_least_s.unwrap() - (value - 2.0 * own.sqrt())).abs() < 1e-12);
+    assert_eq!(position.filter_not_a_delay, None, "without another way there is nothing to compare with");
+}
+
+#[test]
+fn separate_parts_have_their_own_zero_and_the_pair_that_would_join_them_is_suggested() {
+    let pairs = [
+        position_velocity(("position.gps", 0.002), ("velocity.gps", 0.0), 0.003),
+        position_velocity(("position.ekf", -0.028), ("velocity.ekf", 0.0), 0.009),
+        position_velocity(("position.gps", 0.1), ("velocity.ekf", 0.0), 0.009).not_used("the flight was too straight"),
+    ];
+    let network = solved(&pairs);
+    assert_eq!(network.datum, NetworkDatum::None);
+    assert_eq!(difference(&network, "position.gps", "position.ekf"), None);
+    let words: Vec<&str> = network.suggestions.iter().map(|s| s.words.as_str()).collect();
+    assert!(words[0].contains("tie position.gps and velocity.ekf together; not used: the flight was too straight"));
+    assert!(words.iter().any(|words| words.contains("10 Hz")), "{words:?}");
+    assert!(network.datum_words.contains("relative to velocity.ekf") && !network.datum_words.contains("IMU"));
+}
+
+#[test]
+fn the_velocity_of_compensation_is_the_zero_of_a_part_without_datum() {
+    let pairs = [
+        position_velocity(("position.gps", 0.2), ("velocity.ekf", 0.05), 0.003),
+        position_velocity(("position.gps", 0.2), ("velocity.gps", 0.2), 0.003),
+    ];
+    let settings =
+        NetworkSettings { compensation_velocity: Some("velocity.gps".to_owned()), ..NetworkSettings::default() };
+    let network = solve(&pairs, &lineage_from_name, &settings).unwrap();
+    let zero = network.channel("velocity.gps").unwrap();
+    assert_eq!((zero.lateness_s.value, zero.lateness_s.standard_uncertainty), (0.0, Some(0.0)));
+    assert!((network.channel("velocity.ekf").unwrap().lateness_s.value - -0.15).abs() < 1e-9);
+    // the difference of both ends is the pair, whatever the zero
+    let between = difference(&network, "position.gps", "velocity.ekf").unwrap();
+    assert!((between.value - 0.15).abs() < 1e-9);
+    assert!((between.standard_uncertainty.unwrap() - 0.003_f64.hypot(0.008)).abs() < 1e-5);
+}
+
+#[test]
+fn a_right_compensation_leaves_the_lateness_of_the_velocity() {
+    let network = solved(&delorean());
+    let position = network.channel("position.gps").unwrap().lateness_s.value;
+    let velocity = network.channel("velocity.ekf").unwrap().lateness_s.value;
+    let expected = expected_residual(&network, "position.gps", "velocity.ekf", position).unwrap();
+    assert!((expected.value + velocity).abs() < 1e-12);
+    let separate = network.channel("velocity.ekf").unwrap().lateness_s.standard_uncertainty.unwrap();
+    assert!(expected.standard_uncertainty.unwrap() < separate.hypot(0.008), "the datum cancels");
+}
+
+#[test]
+fn the_channel_map_knows_better_than_the_name() {
+    let pairs = [position_velocity(("position.gps", 0.1), ("velocity.ekf", 0.0), 0.001)];
+    let lineage = |name: &str| if name == "velocity.ekf" { Lineage::Measured } else { lineage_from_name(name) };
+    let network = solve(&pairs, &lineage, &NetworkSettings::default()).unwrap();
+    assert_eq!(network.effects[0].name.kind, EffectKind::MeasuredMeasured);
+    assert!(!network.channel("velocity.ekf").unwrap().derived);
+}
+
+#[test]
+fn loops_close_within_what_the_model_allows() {
+    let network = solved(&delorean());
+    assert_eq!(network.loops.len(), 1);
+    let round = &network.loops[0];
+    assert_eq!(round.channels.len(), 4);
+    let sum = 0.145_57 - 0.002_294 - 0.201_972 - 0.000_178;
+    assert!((round.misclosure_s.value.abs() - f64::abs(sum)).abs() < 1e-12);
+    let z = round.misclosure_s.value / round.misclosure_s.standard_uncertainty.unwrap();
+    assert!((z * z - network.chi2).abs() < 1e-6, "one loop: its z² is the χ²");
+}
+
+#[test]
+fn nonsense_is_listed_and_never_panics() {
+    let measured = |a: &str, b: &str, y: f64, u: f64| PairObservation::measured(PositionAgainstVelocity, a, b, y, u);
+    let pairs = [
+        measured("a", "a", 0.1, 0.001),
+        measured("a", "b", f64::NAN, 0.001),
+        measured("a", "b", 0.1, 0.0),
+        measured("a", "b", 0.1, -1.0),
+        measured("a", "b", 0.1, f64::INFINITY),
+        measured("", "", 0.1, 0.1),
+    ];
+    assert_eq!(solve(&[], &lineage_from_name, &NetworkSettings::default()), None);
+    assert_eq!(solve(&pairs, &lineage_from_name, &NetworkSettings::default()), None);
+    let strange = [
+        measured("position.a", "velocity.b", 1e9, 1e-300),
+        measured("position.a", "velocity.b", -1e9, 1e12),
+        measured("velocity.b", "position.a", 0.3, 1e-9),
+        PairObservation::measured(VelocityAgainstAcceleration, "velocity.b", "", 0.1, 1.0),
+        PairObservation::measured(VelocityAgainstAcceleration, "acc[x]", "acc[y]", 0.1, 1.0),
+        PairObservation::measured(PositionAgainstReference, "position.truth", "position.truth", 0.1, 1.0),
+        PairObservation::measured(PositionAgainstReference, "position.truth", "position.rtk", 0.1, 1.0),
+    ];
+    for settings in [
+        NetworkSettings::default(),
+        NetworkSettings { use_reference: true, ..NetworkSettings::default() },
+        NetworkSettings { shared_noise: 1.0, suspect_w: 0.0, most_freed: 99, ..NetworkSettings::default() },
+    ] {
+        let all: Vec<PairObservation> = pairs.iter().chain(&strange).cloned().collect();
+        for count in 0..all.len() {
+            if let Some(network) = solve(&all[count..], &lineage_from_name, &settings) {
+                let values = network.channels.iter().flat_map(|c| [c.lateness_s.value, c.interval_95_s[0]]);
+                assert!(values.into_iter().all(f64::is_finite));
+                serde_json::to_string(&network).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn the_best_attitude_serves_all_velocities_and_the_others_are_listed() {
+    let against = |velocity: &str, attitude: &str, late: f64, u: f64| {
+        let second = format!("attitude.{attitude} + specific-force.imu");
+        PairObservation::measured(VelocityAgainstAcceleration, velocity, &second, late, u)
+    };
+    let mut pairs = delorean();
+    pairs.retain(|pair| pair.kind == PositionAgainstVelocity);
+    pairs.extend([
+        // the first by name is the worst; a third was compared with one velocity alone, and well
+        against("velocity.gps", "ahrs2", 0.190, 0.004),
+        against("velocity.ekf", "ahrs2", -0.010, 0.004),
+        against("velocity.gps", "ekf", 0.202, 0.001),
+        against("velocity.ekf", "ekf", -0.002, 0.002),
+        against("velocity.ekf", "ins", -0.001, 0.0005),
+        against("velocity.gps-2", "ahrs2", 0.2, 0.004),
+    ]);
+    let network = solved(&pairs);
+    let used: Vec<(&str, &str)> = network
+        .used_pairs
+        .iter()
+        .filter(|pair| pair.second.starts_with("acc["))
+        .map(|pair| (pair.first.as_str(), pair.second.as_str()))
+        .collect();
+    // ahrs2 was compared with two measured velocities, so it wins for all; and only then what is left
+    assert_eq!(
+        used,
+        [("velocity.ekf", "acc[ahrs2+imu]"), ("velocity.gps", "acc[ahrs2+imu]"), ("velocity.gps-2", "acc[ahrs2+imu]")]
+    );
+    pairs.pop();
+    let network = solved(&pairs);
+    let used: Vec<&str> = network.used_pairs.iter().map(|pair| pair.second.as_str()).collect();
+    assert_eq!(used.iter().filter(|second| **second == "acc[ekf+imu]").count(), 2);
+    assert_eq!(network.unused_pairs.len(), 3);
+    assert!(network.unused_pairs.iter().all(|pair| pair.why.contains("one IMU is one witness")));
+    let every = NetworkSettings { every_attitude: true, ..NetworkSettings::default() };
+    assert!(solve(&pairs, &lineage_from_name, &every).unwrap().unused_pairs.is_empty());
+}
+
+#[test]
+fn the_decision_takes_what_the_network_says() {
+    let network = solved(&delorean());
+    let position = PositionLateness::from_network(&network, "position.gps").unwrap();
+    assert_eq!(position.lateness_s, network.channel("position.gps").unwrap().lateness_s);
+    assert_eq!((position.datum, position.weak), (NetworkDatum::Imu, false));
+    let pair = RelativeLateness::from_network(&network, "position.gps", "velocity.ekf").unwrap();
+    assert!((pair.delay_s.value - (0.201_569 - 0.054_863)).abs() < 1e-5, "not the lateness of the position");
+    assert!(pair.velocity_lateness_s.is_some());
+    assert_eq!(RelativeLateness::from_network(&network, "position.gps", "velocity.none"), None);
+}
+
+#[test]
+fn a_record_survives_its_json() {
+    let network = solved(&delorean());
+    let text = serde_json::to_string(&network).unwrap();
+    assert!(text.contains("\"datum\":\"imu\"") && text.contains("\"verdict\":\"consistent\""));
+    assert_eq!(serde_json::from_str::<DelayNetwork>(&text).unwrap(), network);
+}

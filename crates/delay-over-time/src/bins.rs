@@ -1,0 +1,383 @@
+//! The flexible fit (S3): a delay that is constant in each bin and walks from bin to bin.
+
+use crate::fixes::Fixes;
+use crate::motion::Motion;
+use crate::whitening::{NoiseShape, Step, steps};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// A bin's column is dropped once the filter remembers less than this share of it.
+const FORGOTTEN: f64 = 1e-7;
+/// Most bins whose columns are kept at a time: bounds the cost where the filter forgets slowly.
+const MOST_ACTIVE: usize = 24;
+/// Keeps nuisances that the data do not know from dividing by zero, as a share of their information.
+const RIDGE: f64 = 1e-12;
+
+/// Noise of the position with its scale.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Noise {
+    pub(crate) shape: NoiseShape,
+    /// Standard deviation of the white part, m.
+    pub(crate) white_m: f64,
+}
+
+/// Whitened residuals and the columns of the bins, offset and drift of every piece projected out.
+pub(crate) struct Normal {
+    /// Products of the bins' columns.
+    pub(crate) a: DMatrix<f64>,
+    /// Products with the residuals.
+    pub(crate) b: DVector<f64>,
+    /// Square of the whitened residuals.
+    pub(crate) rss: f64,
+    /// Logarithm of the determinants of noise and nuisances.
+    pub(crate) log_det: f64,
+}
+
+/// Rows that [`normal`] works on: residuals and velocities at the linearisation, and the bin of each.
+pub(crate) struct Rows<'a> {
+    pub(crate) t: &'a [f64],
+    pub(crate) e: &'a [[f64; 2]],
+    pub(crate) v: &'a [[f64; 2]],
+    pub(crate) bin: &'a [usize],
+    /// First row of each piece, and the number of rows.
+    pub(crate) starts: &'a [usize],
+}
+
+/// Normal equations of `bins` bins, without any prior.
+pub(crate) fn normal(rows: &Rows, bins: usize, noise: &Noise) -> Normal {
+    let mut out = Normal { a: DMatrix::zeros(bins, bins), b: DVector::zeros(bins), rss: 0.0, log_det: 0.0 };
+    let mut filter = vec![];
+    for w in rows.starts.windows(2) {
+        let piece = w[0]..w[1];
+        for axis in 0..2 {
+            if axis == 0 || noise.shape.jitter > 0.0 {
+                let extra = |k: usize| (noise.shape.jitter * rows.v[piece.start + k][axis]).powi(2);
+                out.log_det += steps(&rows.t[piece.clone()], &noise.shape, extra, &mut filter);
+            } else {
+                out.log_det += filter_log_det(&filter);
+            }
+            out.log_det += 2.0 * piece.len() as f64 * noise.white_m.ln();
+            add_axis(&mut out, rows, piece.clone(), axis, &filter, noise.white_m);
+        }
+    }
+    let bins = out.a.nrows();
+    for i in 0..bins {
+        for j in i + 1..bins {
+            out.a[(i, j)] = out.a[(j, i)];
+        }
+    }
+    out
+}
+
+fn filter_log_det(filter: &[Step]) -> f64 {
+    filter.iter().map(|s| -2.0 * s.weight.ln()).sum()
+}
+
+/// The part of one axis of one piece; lower triangle of `a` only.
+fn add_axis(out: &mut Normal, rows: &Rows, piece: std::ops::Range<usize>, axis: usize, filter: &[Step], white_m: f64) {
+    let Some(&first) = rows.bin.get(piece.start) else { return };
+    let (start, end) = crate::input::span(&rows.t[piece.clone()]);
+    let length = (end - start).max(1e-9);
+    let scale = 1.0 / white_m;
+    let mut lo = first;
+    let mut active = [0.0; MOST_ACTIVE + 1];
+    let mut x = [0.0; MOST_ACTIVE + 1];
+    let mut held = 1;
+    let (mut wander, mut drift) = ([0.0; 2], 0.0);
+    let last = rows.bin[piece.end - 1];
+    let mut with = vec![[0.0; 2]; last + 1 - first];
+    let (mut products, mut with_residual) = ([0.0; 3], [0.0; 2]);
+    for (k, step) in piece.zip(filter) {
+        let bin = rows.bin[k];
+        while lo + held <= bin {
+            if held == MOST_ACTIVE {
+                active.copy_within(1..held, 0);
+                lo += 1;
+                held -= 1;
+            }
+            active[held] = 0.0;
+            held += 1;
+        }
+        let weight = step.weight * scale;
+        let v = rows.v[k][axis];
+        for i in 0..held {
+            let column = if lo + i == bin { -v } else { 0.0 };
+            let innovation = column - active[i];
+            x[i] = innovation * weight;
+            active[i] = step.decay * (active[i] + step.gain * innovation);
+        }
+        let white = |value: f64, wander: &mut f64| {
+            let innovation = value - *wander;
+            *wander = step.decay * (*wander + step.gain * innovation);
+            innovation * weight
+        };
+        let e = white(rows.e[k][axis], &mut drift);
+        let one = white(1.0, &mut wander[0]);
+        let slope = white((rows.t[k] - start) / length - 0.5, &mut wander[1]);
+        out.rss += e * e;
+        products = [products[0] + one * one, products[1] + one * slope, products[2] + slope * slope];
+        with_residual = [with_residual[0] + one * e, with_residual[1] + slope * e];
+        for i in 0..held {
+            out.b[lo + i] += x[i] * e;
+            with[lo + i - first][0] += x[i] * one;
+            with[lo + i - first][1] += x[i] * slope;
+            for j in 0..=i {
+                out.a[(lo + i, lo + j)] += x[i] * x[j];
+            }
+        }
+        let mut gone = 0;
+        while gone + 1 < held && active[gone].abs() < FORGOTTEN * (v.abs() + 0.1) {
+            gone += 1;
+        }
+        if gone > 0 {
+            active.copy_within(gone..held, 0);
+            lo += gone;
+            held -= gone;
+        }
+    }
+    project(out, first, &with, products, with_residual);
+}
+
+/// Takes offset and drift of one axis of one piece out.
+fn project(out: &mut Normal, first: usize, with: &[[f64; 2]], products: [f64; 3], with_residual: [f64; 2]) {
+    let d = [1.0 / (products[0] + 1e-300).sqrt(), 1.0 / (products[2] + 1e-300).sqrt()];
+    let (aa, ab, bb) =
+        (products[0] * d[0] * d[0] + RIDGE, products[1] * d[0] * d[1], products[2] * d[1] * d[1] + RIDGE);
+    let det = aa * bb - ab * ab;
+    let inverse = [bb / det, -ab / det, aa / det];
+    let solve = |x: [f64; 2]| [inverse[0] * x[0] + inverse[1] * x[1], inverse[1] * x[0] + inverse[2] * x[1]];
+    let m = [with_residual[0] * d[0], with_residual[1] * d[1]];
+    let solved_m = solve(m);
+    out.rss -= m[0] * solved_m[0] + m[1] * solved_m[1];
+    out.log_det += det.ln() - 2.0 * (d[0].ln() + d[1].ln());
+    for (i, w) in with.iter().enumerate() {
+        let w = [w[0] * d[0], w[1] * d[1]];
+        out.b[first + i] -= w[0] * solved_m[0] + w[1] * solved_m[1];
+        let s = solve(w);
+        for (j, u) in with[..=i].iter().enumerate() {
+            out.a[(first + i, first + j)] -= s[0] * u[0] * d[0] + s[1] * u[1] * d[1];
+        }
+    }
+}
+
+/// The most likely delays under a random walk from bin to bin.
+pub(crate) struct Walk {
+    /// −2 log restricted likelihood.
+    pub(crate) cost: f64,
+    /// Delay of each bin, s.
+    pub(crate) delay_s: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
+}
+
+impl Walk {
+    /// Standard uncertainty of each bin's delay, s.
+    pub(crate) fn uncertainty_s(&self) -> Vec<f64> {
+        self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
+    }
+}
+
+/// The walk of variance `q` (s²) per bin; `z = b + A θ` at the linearisation θ, `c` the constant part of the cost.
+pub(crate) fn walk(a: &DMatrix<f64>, z: &DVector<f64>, c: f64, q: f64) -> Option<Walk> {
+    let bins = z.len();
+    let mut sum = a.clone();
+    for i in 0..bins {
+        let neighbours = usize::from(i > 0) + usize::from(i + 1 < bins);
+        sum[(i, i)] += neighbours as f64 / q + 1e-12;
+        if i + 1 < bins {
+            sum[(i, i + 1)] -= 1.0 / q;
+            sum[(i + 1, i)] -= 1.0 / q;
+        }
+    }
+    let factor = sum.cholesky()?;
+    let delay_s = factor.solve(z);
+    let log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
+    let cost = c - z.dot(&delay_s) + 2.0 * log_det + (bins as f64 - 1.0) * q.ln() - (bins as f64).ln();
+    (cost.is_finite() && delay_s.iter().all(|d| d.is_finite())).then_some(Walk { cost, delay_s, factor })
+}
+
+/// The flexible fit.
+pub(crate) struct Flexible {
+    pub(crate) middle_s: Vec<f64>,
+    /// Products of the bins' columns, and A θ + b: sufficient for all descriptions.
+    pub(crate) a: DMatrix<f64>,
+    pub(crate) z: DVector<f64>,
+    pub(crate) delay_s: Vec<f64>,
+    pub(crate) uncertainty_s: Vec<f64>,
+    pub(crate) cost: f64,
+    /// Number of fixes that took part.
+    used: usize,
+}
+
+/// Variances of the walk that are tried, s² per bin.
+const WALKS: [f64; 8] = [1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1];
+const ROUNDS: usize = 4;
+const LARGEST_STEP_S: f64 = 0.4;
+const STEADY_S: f64 = 3e-3;
+/// Guard about the velocity's record, s.
+const GUARD_S: f64 = 0.3;
+
+/// Fits bins of `length_s` from the delay `start`; `None` if too little is within the velocity's record.
+pub(crate) fn fit(
+    fixes: &Fixes,
+    motion: &Motion,
+    noise: &Noise,
+    start: &dyn Fn(f64) -> f64,
+    length_s: f64,
+) -> Option<Flexible> {
+    let known = |t: f64| motion.knows(t - start(t) - GUARD_S) && motion.knows(t - start(t) + GUARD_S);
+    let rows: Vec<usize> = (0..fixes.len()).filter(|k| known(fixes.t[*k])).collect();
+    let (first, last) = (fixes.t[*rows.first()?], fixes.t[*rows.last()?]);
+    if rows.len() < 12 || last - first < length_s {
+        return None;
+    }
+    let bins = ((last - first) / length_s).ceil().max(1.0) as usize;
+    let t: Vec<f64> = rows.iter().map(|k| fixes.t[*k]).collect();
+    let bin: Vec<usize> = t.iter().map(|t| (((t - first) / length_s) as usize).min(bins - 1)).collect();
+    let mut starts: Vec<usize> = fixes.starts.iter().map(|s| rows.partition_point(|r| r < s)).collect();
+    starts.dedup();
+    let middle_s: Vec<f64> = (0..bins).map(|b| first + length_s * (b as f64 + 0.5)).collect();
+    let mut base = bin_means(&bin, bins, &t.iter().map(|t| start(*t)).collect::<Vec<f64>>(), &middle_s, start);
+    let mut best: Option<(Normal, DVector<f64>, Walk)> = None;
+    for _ in 0..ROUNDS {
+        let (e, v) = residuals(fixes, &rows, motion, &bin, &base);
+        let of = normal(&Rows { t: &t, e: &e, v: &v, bin: &bin, starts: &starts }, bins, noise);
+        let at = DVector::from_vec(base.clone());
+        let z = &of.b + &of.a * &at;
+        let c = of.rss + 2.0 * of.b.dot(&at) + at.dot(&(&of.a * &at)) + of.log_det;
+        let found = WALKS.iter().filter_map(|q| walk(&of.a, &z, c, *q)).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        let mut largest = 0.0f64;
+        for (b, d) in base.iter_mut().zip(found.delay_s.iter()) {
+            let step = (d - *b).clamp(-LARGEST_STEP_S, LARGEST_STEP_S);
+            largest = largest.max(step.abs());
+            *b += step;
+        }
+        best = Some((of, z, found));
+        if largest < STEADY_S {
+            break;
+        }
+    }
+    let (of, z, found) = best?;
+    Some(Flexible {
+        middle_s,
+        uncertainty_s: found.uncertainty_s(),
+        delay_s: found.delay_s.iter().copied().collect(),
+        cost: found.cost,
+        a: of.a,
+        z,
+        used: rows.len(),
+    })
+}
+
+impl Flexible {
+    /// Whether this fits better than `other` on as many fixes.
+    pub(crate) fn beats(&self, other: &Flexible) -> bool {
+        let more = self.used as f64 / other.used.max(1) as f64;
+        if (more - 1.0).abs() < 0.02 {
+            self.cost / self.used as f64 <= other.cost / other.used as f64
+        } else {
+            more > 1.0
+        }
+    }
+}
+
+fn bin_means(bin: &[usize], bins: usize, start: &[f64], middle_s: &[f64], of: &dyn Fn(f64) -> f64) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0); bins];
+    for (b, s) in bin.iter().zip(start) {
+        sums[*b].0 += s;
+        sums[*b].1 += 1.0;
+    }
+    sums.iter().zip(middle_s).map(|(s, m)| if s.1 > 0.0 { s.0 / s.1 } else { of(*m) }).collect()
+}
+
+type Pairs = Vec<[f64; 2]>;
+
+fn residuals(fixes: &Fixes, rows: &[usize], motion: &Motion, bin: &[usize], base: &[f64]) -> (Pairs, Pairs) {
+    let mut hint = 0;
+    let mut origin = None;
+    rows.iter()
+        .zip(bin)
+        .map(|(k, b)| {
+            let s = motion.at(fixes.t[*k] - base[*b], &mut hint);
+            let e = [fixes.y[*k][0] - s.place[0], fixes.y[*k][1] - s.place[1]];
+            let o = *origin.get_or_insert(e);
+            ([e[0] - o[0], e[1] - o[1]], s.velocity)
+        })
+        .unzip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bin_statistics::bin_statistics;
+
+    fn vectors() -> serde_json::Value {
+        serde_json::from_str(include_str!("../tests/vectors.json")).unwrap()
+    }
+
+    fn close(found: f64, expected: &serde_json::Value, what: &str) {
+        let expected = expected.as_f64().unwrap();
+        let tolerance = 1e-9 * expected.abs().max(1.0);
+        assert!((found - expected).abs() < tolerance, "{what}: {found} instead of {expected}");
+    }
+
+    /// `algebra` of the acceptance vectors.
+    #[test]
+    fn the_normal_equations_and_the_walk_equal_the_acceptance_vectors() {
+        let all = vectors();
+        let v = &all["algebra"];
+        let t: Vec<f64> = (0..24).map(|k| 0.5 * f64::from(k) + 0.05 * (1.7 * f64::from(k)).sin()).collect();
+        let vel: Vec<[f64; 2]> = t.iter().map(|t| [15.0 * (0.5 * t).cos(), 15.0 * (0.5 * t).sin()]).collect();
+        let e: Vec<[f64; 2]> = (0..24)
+            .map(|k| {
+                let k = f64::from(k);
+                [0.3 * (2.1 * k).sin() + 0.2 * (0.3 * k).cos(), 0.25 * (1.3 * k).cos() - 0.1 * (0.2 * k).sin()]
+            })
+            .collect();
+        let bin: Vec<usize> = t.iter().map(|x| (((x - t[0]) / 2.0) as usize).min(5)).collect();
+        let shape = NoiseShape { wander: 0.8 / 0.3, time_constant_s: 15.0, jitter: 0.0 };
+        let rows = Rows { t: &t, e: &e, v: &vel, bin: &bin, starts: &[0, 24] };
+        let n = normal(&rows, 6, &Noise { shape, white_m: 0.3 });
+        for i in 0..6 {
+            for j in 0..6 {
+                close(n.a[(i, j)], &v["A_projected"][i][j], "A");
+            }
+            close(n.b[i], &v["b_projected"][i], "b");
+        }
+        close(n.rss, &v["rss_projected"], "rss");
+        let theta: DVector<f64> = DVector::from_vec(serde_json::from_value(v["theta_lin"].clone()).unwrap());
+        let z = &n.b + &n.a * &theta;
+        let c = n.rss + 2.0 * n.b.dot(&theta) + theta.dot(&(&n.a * &theta)) + n.log_det;
+        let w = walk(&n.a, &z, c, 0.002).unwrap();
+        let band = w.uncertainty_s();
+        for i in 0..6 {
+            close(z[i], &v["z"][i], "z");
+            close(w.delay_s[i], &v["theta"][i], "theta");
+            close(band[i], &v["band"][i], "band");
+        }
+        close(n.log_det, &v["logdet_plus_nuisance"], "log det");
+        close(w.cost, &v["neg2_log_likelihood"], "-2 log L");
+        let middle: Vec<f64> = (0..6).map(|i| t[0] + 2.0 * (f64::from(i) + 0.5)).collect();
+        let s = bin_statistics(&n.a, &z, &middle).unwrap();
+        close(s.level_s, &v["level"], "level");
+        close(s.level_uncertainty_s, &v["level_sigma"], "level sigma");
+        close(s.step, &v["statistics"]["step"], "step");
+        close(s.step_or_excursion, &v["statistics"]["step_or_excursion"], "step or excursion");
+        close(s.trend, &v["statistics"]["trend"], "trend");
+        close(s.nyblom, &v["statistics"]["nyblom"], "nyblom");
+        close(s.walk_ratio, &v["statistics"]["walk_lr"], "walk");
+        close(s.chi_squared, &v["statistics"]["chi2"], "chi squared");
+    }
+
+    #[test]
+    fn a_column_that_is_forgotten_changes_nothing() {
+        let t: Vec<f64> = (0..400).map(|k| 0.2 * f64::from(k)).collect();
+        let v: Vec<[f64; 2]> = t.iter().map(|t| [15.0 * (0.5 * t).cos(), 15.0 * (0.5 * t).sin()]).collect();
+        let e: Vec<[f64; 2]> = t.iter().map(|t| [(3.1 * t).sin(), (2.3 * t).cos()]).collect();
+        let bin: Vec<usize> = t.iter().map(|t| (t / 4.0) as usize).collect();
+        let shape = NoiseShape { wander: 4.0, time_constant_s: 20.0, jitter: 0.0 };
+        let rows = Rows { t: &t, e: &e, v: &v, bin: &bin, starts: &[0, 400] };
+        let fine = normal(&rows, 20, &Noise { shape, white_m: 0.3 });
+        let one = normal(&Rows { bin: &[0; 400], ..rows }, 1, &Noise { shape, white_m: 0.3 });
+        assert!((fine.a.sum() - one.a[(0, 0)]).abs() < 1e-5 * one.a[(0, 0)]);
+        assert!((fine.b.sum() - one.b[0]).abs() < 1e-5 * one.a[(0, 0)].sqrt());
+    }
+}

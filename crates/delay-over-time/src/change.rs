@@ -1,0 +1,167 @@
+//! The curve of a delay, and its description where it moves (S3, S6, S7).
+
+use crate::bins::{self, Flexible, Noise};
+use crate::coarse::CoarseMap;
+use crate::delays::delays;
+use crate::describe::describe;
+use crate::fixes::Fixes;
+use crate::motion::Motion;
+use crate::noise_shape::Sample;
+use crate::refine::{Refined, Refinement};
+use crate::shape::Shape;
+use crate::stages::{Test, fit_all, usual_length};
+use crate::windows::{Scratch, Starts, Window};
+
+/// Change of the coarse path from which a description is tried, s.
+const MOVED_S: f64 = 0.25;
+/// Least span of a description that decides by what it explains, s; share of squares that it leaves, and with any one
+/// window left out.
+const EXPLAINED_SPAN_S: f64 = 0.25;
+const UNEXPLAINED: f64 = 0.6;
+/// A window's squares count up to so many medians.
+const MOST_SQUARES: f64 = 10.0;
+const UNEXPLAINED_WITHOUT_ONE: f64 = 0.7;
+/// Times that noise and description are found in turn.
+const TURNS: usize = 3;
+/// Bins of the flexible fit: least length, s; number if the delay is constant, and if it varies.
+const BIN_S: f64 = 2.0;
+const BIN_FIXES: f64 = 4.0;
+const BINS_CONSTANT: f64 = 80.0;
+const BINS_VARYING: f64 = 160.0;
+
+/// What the description needs.
+pub(crate) struct Change<'a> {
+    pub(crate) motion: &'a Motion,
+    pub(crate) map: &'a CoarseMap,
+    /// Fixes without those beside jumps, and with them.
+    pub(crate) fixes: Fixes,
+    pub(crate) edges: Fixes,
+    pub(crate) test: Option<&'a Test>,
+    pub(crate) interval_s: f64,
+    pub(crate) span_s: [f64; 2],
+}
+
+/// Curve and description.
+pub(crate) struct Described {
+    pub(crate) noise: Noise,
+    pub(crate) flexible: Option<Flexible>,
+    pub(crate) refined: Option<Refined>,
+    /// Whether the description alone shows that the delay varies.
+    pub(crate) explained: bool,
+}
+
+impl Change<'_> {
+    pub(crate) fn describe(&self, noise: Noise, scratch: &mut Scratch) -> Described {
+        let varies = self.test.is_some_and(Test::varies);
+        let moved = self.map.path_span_s() > MOVED_S;
+        let level = self.level();
+        let bins = if varies || moved { BINS_VARYING } else { BINS_CONSTANT };
+        let bin_s = BIN_S.max(BIN_FIXES * self.interval_s).max((self.span_s[1] - self.span_s[0]) / bins);
+        let flexible = self.flexible(&noise, bin_s, varies || moved, if varies { self.map.constant_s } else { level });
+        let refined = flexible.as_ref().filter(|_| varies || moved).and_then(|f| self.refined(noise, f, bin_s));
+        let mut out = Described { noise, flexible, refined, explained: false };
+        // A change has gone into the noise as well: take it out, and look again.
+        let turns = match (varies, moved) {
+            (true, true) => 1,
+            (true, false) => 0,
+            (false, _) => TURNS,
+        };
+        for _ in 0..turns {
+            let (Some(first), Some(test)) = (out.refined.take(), self.test) else { break };
+            let retimed = self.fixes.retimed(&|t| first.description.at(t) - level);
+            let calm = Starts { constant_s: level, path: &|_| level };
+            out.noise = noise_about(&retimed, self.motion, &calm, self.interval_s, out.noise, scratch);
+            let start = |t: f64| first.description.at(t);
+            out.flexible = bins::fit(&self.fixes, self.motion, &out.noise, &start, bin_s).or(out.flexible);
+            let again = out.flexible.as_ref().and_then(|f| self.refined(out.noise, f, bin_s)).unwrap_or(first);
+            let refinement = self.refinement(out.noise, bin_s);
+            let constants = [level, self.map.constant_s];
+            out.explained =
+                !varies && explains(&refinement, &again, &test.windows, self.motion.slow_mps, constants, self.span_s);
+            out.refined = Some(again);
+        }
+        out.refined = out.refined.filter(|_| varies || out.explained);
+        out
+    }
+
+    fn level(&self) -> f64 {
+        self.test.map_or(self.map.constant_s, |t| t.all.level.size)
+    }
+
+    fn inflation(&self) -> f64 {
+        self.test.map_or(1.0, |t| t.all.inflation)
+    }
+
+    fn refinement(&self, noise: Noise, bin_s: f64) -> Refinement<'_> {
+        Refinement { fixes: &self.edges, motion: self.motion, noise, inflation: self.inflation(), bin_s }
+    }
+
+    /// The flexible fit from a constant, and from the coarse path if that moves.
+    fn flexible(&self, noise: &Noise, bin_s: f64, moves: bool, constant_s: f64) -> Option<Flexible> {
+        let path = |t: f64| self.map.path_at(t);
+        let from_constant = bins::fit(&self.fixes, self.motion, noise, &|_| constant_s, bin_s);
+        let from_path = if moves { bins::fit(&self.fixes, self.motion, noise, &path, bin_s) } else { None };
+        match (from_constant, from_path) {
+            (Some(c), Some(p)) => Some(if p.beats(&c) { p } else { c }),
+            (c, p) => c.or(p),
+        }
+    }
+
+    fn refined(&self, noise: Noise, flexible: &Flexible, bin_s: f64) -> Option<Refined> {
+        let description = describe(flexible, self.inflation());
+        (!description.terms.is_empty()).then(|| self.refinement(noise, bin_s).refine(description)).flatten()
+    }
+}
+
+/// Whether a description that spans much leaves at most half of the squares that a constant leaves, with any one window
+/// left out as well. This finds changes that go on in all windows, such as a sawtooth, which windows take for scatter.
+fn explains(
+    refinement: &Refinement,
+    refined: &Refined,
+    windows: &[Window],
+    slow_mps: f64,
+    constants: [f64; 2],
+    span_s: [f64; 2],
+) -> bool {
+    let description = &refined.description;
+    if Shape::new(description, span_s).span_s() < EXPLAINED_SPAN_S {
+        return false;
+    }
+    let moving: Vec<&Window> = windows.iter().filter(|w| w.speed_mps > slow_mps).collect();
+    // Squares per number: one window with a wild fix counts no more than the others do together with the noise.
+    let squares = |at: &dyn Fn(f64) -> f64| -> Vec<f64> {
+        let of = |w: &&Window| {
+            let (squares, fixes) = refinement.squares_between(w.from_s, w.to_s, at);
+            squares / (2 * fixes).max(1) as f64
+        };
+        moving.iter().map(of).collect()
+    };
+    let total = |s: &[f64]| s.iter().sum::<f64>();
+    let mut described = squares(&|t| description.at(t));
+    let mut constant = constants.map(|c| squares(&|_| c));
+    for all in &mut constant {
+        let cut = MOST_SQUARES * signal::median_in_place(&mut all.clone()).unwrap_or(0.0);
+        all.iter_mut().for_each(|s| *s = s.min(cut));
+    }
+    let constant = if total(&constant[0]) < total(&constant[1]) { &constant[0] } else { &constant[1] };
+    let cut = MOST_SQUARES * signal::median_in_place(&mut constant.clone()).unwrap_or(0.0);
+    described.iter_mut().for_each(|s| *s = s.min(cut));
+    let (left, all) = (total(&described), total(constant));
+    let without = |(d, c): (&f64, &f64)| left - d <= UNEXPLAINED_WITHOUT_ONE * (all - c);
+    moving.len() >= 4 && left <= UNEXPLAINED * all && described.iter().zip(constant).all(without)
+}
+
+/// Noise of windows at the delays of `starts`; the jitter is that of `noise`.
+fn noise_about(
+    fixes: &Fixes,
+    motion: &Motion,
+    starts: &Starts,
+    interval_s: f64,
+    noise: Noise,
+    scratch: &mut Scratch,
+) -> Noise {
+    let sample = Sample::new(fixes, motion, starts, interval_s, scratch);
+    let shape = sample.shape(fixes, motion, noise.shape.jitter, scratch);
+    let windows = fit_all(fixes, motion, &shape, starts, usual_length(interval_s), scratch);
+    delays(&windows).map_or(noise, |d| Noise { shape, white_m: d.white_m.max(1e-6) })
+}

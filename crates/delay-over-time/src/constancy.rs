@@ -1,0 +1,153 @@
+//! Constant or not, from windows (B S5 e–g).
+
+use crate::comparison::Room;
+use crate::delays::{Delays, Effect};
+use crate::settings::OverTimeSettings;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
+
+/// Draws after which a clear case is not drawn further.
+const FIRST_DRAWS: usize = 400;
+/// Probability above which windows are clearly alike.
+const CLEARLY_ALIKE: f64 = 0.1;
+const SEED: u64 = 0xDE1A;
+
+/// What the windows say together, before any draw.
+#[derive(Debug, Clone)]
+pub(crate) struct Comparison {
+    /// Scatter beyond the uncertainties, s.
+    pub(crate) scatter_s: f64,
+    /// Weighted mean, s.
+    pub(crate) level: Effect,
+    /// The largest sure difference: step, excursion or half a trend.
+    pub(crate) difference: Effect,
+    /// Least difference that counts, s.
+    pub(crate) limit_s: f64,
+    /// A lasting change of this size would have been seen, s; `None` if one half holds nearly all.
+    pub(crate) detectable_s: Option<f64>,
+    /// Trend, s/s.
+    pub(crate) rate: Effect,
+    /// Scatter from which constant delays are drawn, s.
+    null_scatter_s: f64,
+    strengths: [f64; 4],
+}
+
+pub(crate) fn compare(d: &Delays, settings: &OverTimeSettings) -> Comparison {
+    let square: Vec<f64> = d.uncertainty_s.iter().map(|s| s * s).collect();
+    let mut room = Room::new(d.len());
+    let found = room.strengths(&d.delay_s, &square, &d.middle_s);
+    let level = Effect { size: room.level, uncertainty: room.total.recip().sqrt() };
+    let length = d.middle_s.last().zip(d.middle_s.first()).map_or(1.0, |(l, f)| (l - f).max(1e-9));
+    let rate = Effect { size: room.slope.size / length, uncertainty: room.slope.uncertainty / length };
+    let limit_s =
+        (settings.least_change_share * level.size.abs()).min(settings.largest_limit_s).max(settings.least_change_s);
+    let half = room.half_uncertainty();
+    let detectable_s = half.map(|se| (limit_s + 3.3 * se).max(4.5 * se));
+    let difference = room.largest_difference();
+    let null_scatter_s = room.scatter;
+    Comparison {
+        scatter_s: room.scatter,
+        level,
+        difference,
+        limit_s,
+        detectable_s,
+        rate,
+        null_scatter_s,
+        strengths: found,
+    }
+}
+
+/// The decision.
+#[derive(Debug, Clone)]
+pub(crate) struct Decision {
+    pub(crate) p: f64,
+    pub(crate) varies: bool,
+    /// Row without which the change would not be called one.
+    pub(crate) left_out: Option<usize>,
+}
+
+/// Varies if a constant delay gives this surely not, the difference counts, and with any one window left out as well.
+pub(crate) fn decide(d: &Delays, c: &Comparison, settings: &OverTimeSettings) -> Decision {
+    let p = probability(d, c, settings.draws, CLEARLY_ALIKE);
+    let mut decision = Decision { p, varies: false, left_out: None };
+    if p >= settings.significance || c.difference.surely() < c.limit_s {
+        return decision;
+    }
+    let looser = 10.0 * settings.significance;
+    let falls = |row: &usize| {
+        let rest = d.without(*row);
+        let c = compare(&rest, settings);
+        c.difference.surely() < c.limit_s || probability(&rest, &c, settings.draws, 5.0 * looser) >= looser
+    };
+    decision.left_out = (0..d.len()).find(falls);
+    decision.varies = decision.left_out.is_none();
+    decision
+}
+
+/// Probability that a constant delay gives statistics as unlikely as these; the scatter is estimated anew in each draw.
+/// Stops after the first draws if it is then above `enough`, or far below.
+fn probability(d: &Delays, c: &Comparison, draws: usize, enough: f64) -> f64 {
+    let n = d.len();
+    let square: Vec<f64> = d.uncertainty_s.iter().map(|s| s * s).collect();
+    let sigma: Vec<f64> = square.iter().map(|s| (s + c.null_scatter_s * c.null_scatter_s).sqrt()).collect();
+    let mut random = Pcg64::seed_from_u64(SEED);
+    let mut drawn: [Vec<f64>; 4] = std::array::from_fn(|_| Vec::with_capacity(draws));
+    let (mut room, mut delay) = (Room::new(n), vec![0.0; n]);
+    let mut p = 1.0;
+    for until in [FIRST_DRAWS.min(draws), draws] {
+        while drawn[0].len() < until {
+            for (x, s) in delay.iter_mut().zip(&sigma) {
+                *x = s * random.sample::<f64, _>(StandardNormal);
+            }
+            let strengths = room.strengths(&delay, &square, &d.middle_s);
+            drawn.iter_mut().zip(strengths).for_each(|(all, s)| all.push(s));
+        }
+        p = smallest_of_four(&drawn, &c.strengths);
+        if p > enough || p < 1e-3 * enough {
+            break;
+        }
+    }
+    p
+}
+
+/// p of the least of four p: each from its draws, with an exponential tail beyond their 95 % point.
+fn smallest_of_four(drawn: &[Vec<f64>; 4], found: &[f64; 4]) -> f64 {
+    let tails: Vec<Tail> = drawn.iter().map(|d| Tail::new(d)).collect();
+    let least = tails.iter().zip(found).map(|(t, x)| t.p(*x)).fold(1.0, f64::min);
+    let mut null: Vec<f64> =
+        (0..drawn[0].len()).map(|k| tails.iter().zip(drawn).map(|(t, d)| t.p(d[k])).fold(1.0, f64::min)).collect();
+    let n = null.len();
+    if n == 0 {
+        return 1.0;
+    }
+    null.sort_unstable_by(f64::total_cmp);
+    let low = signal::percentile_of_sorted(&null, 0.02).unwrap_or(0.02).max(1e-300);
+    if least > low { null.partition_point(|p| *p <= least) as f64 / n as f64 } else { least * 0.02 / low }
+}
+
+/// Upper tail of a statistic.
+struct Tail {
+    sorted: Vec<f64>,
+    high: f64,
+    excess: f64,
+}
+
+impl Tail {
+    fn new(drawn: &[f64]) -> Tail {
+        let mut sorted = drawn.to_vec();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let high = signal::percentile_of_sorted(&sorted, 0.95).unwrap_or(0.0);
+        let above = &sorted[sorted.partition_point(|x| *x <= high)..];
+        let excess = above.iter().map(|x| x - high).sum::<f64>() / above.len().max(1) as f64;
+        Tail { sorted, high, excess: excess.max(1e-300) }
+    }
+
+    fn p(&self, x: f64) -> f64 {
+        if x > self.high {
+            return 0.05 * (-(x - self.high) / self.excess).exp();
+        }
+        let n = self.sorted.len();
+        (n - self.sorted.partition_point(|s| *s < x)) as f64 / n.max(1) as f64
+    }
+}

@@ -1,0 +1,173 @@
+//! Delays of windows, freed of what is common to the flight and resembles a delay (B S5 b, c).
+
+use crate::windows::Window;
+
+/// Windows are not believed to be better than this share of the median variance.
+const LEAST_VARIANCE: f64 = 0.1;
+/// What is known of the two effects beforehand: speed later than direction, s; antenna ahead, m.
+const PRIOR: [f64; 2] = [0.3, 1.0];
+/// Degrees of freedom that the usual variance counts for beside a window's own.
+const USUAL_FREE: f64 = 20.0;
+/// Bartlett sum of a window's scores over the model's, in medians of all windows, above which it is cut.
+const MOST_RATIO: f64 = 3.0;
+/// Standard uncertainties of the lower bound of an effect.
+const LOWER: f64 = 2.0;
+
+/// A value with its standard uncertainty.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Effect {
+    pub(crate) size: f64,
+    pub(crate) uncertainty: f64,
+}
+
+impl Effect {
+    /// Beyond three standard uncertainties.
+    pub(crate) fn is_sure(&self) -> bool {
+        self.size.abs() > 3.0 * self.uncertainty
+    }
+
+    /// Absolute size less two standard uncertainties.
+    pub(crate) fn surely(&self) -> f64 {
+        self.size.abs() - LOWER * self.uncertainty
+    }
+}
+
+/// Windows freed of what resembles a delay.
+#[derive(Debug, Clone)]
+pub(crate) struct Delays {
+    /// Of each window: its number, middle, delay and standard uncertainty.
+    pub(crate) window: Vec<usize>,
+    pub(crate) middle_s: Vec<f64>,
+    pub(crate) delay_s: Vec<f64>,
+    pub(crate) uncertainty_s: Vec<f64>,
+    /// Speed later than direction, s; antenna ahead, m.
+    pub(crate) speed_lag_s: Effect,
+    pub(crate) lever_m: Effect,
+    /// Mean delay without these two, unless they are sure (3 standard uncertainties).
+    pub(crate) level: Effect,
+    /// White noise of the position, m, and what autocorrelation adds to variances.
+    pub(crate) white_m: f64,
+    pub(crate) inflation: f64,
+}
+
+/// Removes the two effects that are common to the flight.
+pub(crate) fn delays(windows: &[Window]) -> Option<Delays> {
+    if windows.is_empty() {
+        return None;
+    }
+    let mut variances: Vec<f64> = windows.iter().map(|w| w.variance).collect();
+    let typical = signal::median_in_place(&mut variances)?;
+    let inflation = inflation(windows);
+    // A variance from few fixes is drawn towards the usual one: windows that are good by chance weigh too much.
+    let shrunk = |w: &Window| (w.free * w.variance + USUAL_FREE * typical) / (w.free + USUAL_FREE);
+    let variance = |w: &Window| shrunk(w).max(LEAST_VARIANCE * typical).max(1e-12) * inflation;
+    let mut normal = [1.0 / PRIOR[0].powi(2), 0.0, 1.0 / PRIOR[1].powi(2)];
+    let mut right = [0.0; 2];
+    for w in windows {
+        let k = 1.0 / variance(w);
+        let [d, ds, dl, ss, sl, ll] = w.products;
+        let b = [ds / d, dl / d];
+        normal[0] += k * (ss - b[0] * b[0] * d);
+        normal[1] += k * (sl - b[0] * b[1] * d);
+        normal[2] += k * (ll - b[1] * b[1] * d);
+        right[0] += k * (w.scores[1] - b[0] * w.scores[0]);
+        right[1] += k * (w.scores[2] - b[1] * w.scores[0]);
+    }
+    let det = normal[0] * normal[2] - normal[1] * normal[1];
+    let c = [normal[2] / det, -normal[1] / det, normal[0] / det];
+    let g = [c[0] * right[0] + c[1] * right[1], c[1] * right[0] + c[2] * right[1]];
+    let effects = [Effect { size: g[0], uncertainty: c[0].sqrt() }, Effect { size: g[1], uncertainty: c[2].sqrt() }];
+    let mut out = freed(windows, &variance, effects, c)?;
+    out.white_m = typical.sqrt();
+    out.inflation = inflation;
+    Some(out)
+}
+
+/// How much the scores hang together: their Bartlett sums over what the model says, pooled. A window across a step counts
+/// no more than [`MOST_RATIO`] times the median, or it would widen all others.
+fn inflation(windows: &[Window]) -> f64 {
+    let modelled = |w: &Window| w.variance * w.information;
+    let mut ratios: Vec<f64> =
+        windows.iter().filter(|w| modelled(w) > 0.0).map(|w| w.score_variance / modelled(w)).collect();
+    let Some(middle) = signal::median_in_place(&mut ratios) else { return 1.0 };
+    let cut = |w: &Window| w.score_variance.min(MOST_RATIO * middle * modelled(w));
+    // The model's information of a window across a step is too large with its variance.
+    let (scores, all) = windows.iter().fold((0.0, 0.0), |s, w| (s.0 + cut(w), s.1 + modelled(w)));
+    if all > 0.0 { (scores / all).max(1.0) } else { 1.0 }
+}
+
+fn freed(
+    windows: &[Window],
+    variance: &dyn Fn(&Window) -> f64,
+    [lag, lever]: [Effect; 2],
+    covariance: [f64; 3],
+) -> Option<Delays> {
+    let own: Vec<f64> = windows.iter().map(|w| variance(w) / w.information).collect();
+    let along = |w: &Window| [w.products[1] / w.products[0], w.products[2] / w.products[0]];
+    let total: f64 = own.iter().map(|v| 1.0 / v).sum();
+    let mean = [0, 1].map(|i| windows.iter().zip(&own).map(|(w, v)| along(w)[i] / v).sum::<f64>() / total);
+    let sure = [lag, lever].map(|e| if e.is_sure() { e.size } else { 0.0 });
+    let raw = windows.iter().zip(&own).map(|(w, v)| w.delay_s / v).sum::<f64>() / total;
+    let level = raw - mean[0] * sure[0] - mean[1] * sure[1];
+    // What was removed is known to its own uncertainty only.
+    let removed: f64 = (0..2).filter(|i| sure[*i] != 0.0).map(|i| mean[i] * mean[i] * covariance[2 * i]).sum();
+    let mut uncertainty_s = vec![];
+    let mut delay_s = vec![];
+    for (w, v) in windows.iter().zip(&own) {
+        let b = along(w);
+        delay_s.push(w.delay_s - b[0] * lag.size - b[1] * lever.size);
+        let c = [b[0] - mean[0], b[1] - mean[1]];
+        let shared = c[0] * c[0] * covariance[0] + 2.0 * c[0] * c[1] * covariance[1] + c[1] * c[1] * covariance[2];
+        uncertainty_s.push((v + shared).sqrt());
+    }
+    // Windows that differ by more than they should widen the level (Birge's ratio).
+    let about = delay_s.iter().zip(&uncertainty_s).map(|(d, u)| (1.0 / (u * u), *d)).collect::<Vec<_>>();
+    let centre = about.iter().map(|a| a.0 * a.1).sum::<f64>() / about.iter().map(|a| a.0).sum::<f64>();
+    let chi_squared: f64 = about.iter().map(|a| a.0 * (a.1 - centre).powi(2)).sum();
+    let birge = (chi_squared / (windows.len() as f64 - 1.0).max(1.0)).max(1.0);
+    let finite = delay_s.iter().chain(&uncertainty_s).chain([&level, &total]).all(|x| x.is_finite());
+    finite.then(|| Delays {
+        window: (0..windows.len()).collect(),
+        middle_s: windows.iter().map(|w| w.middle_s).collect(),
+        delay_s,
+        uncertainty_s,
+        speed_lag_s: lag,
+        lever_m: lever,
+        level: Effect { size: level, uncertainty: (birge / total + removed).sqrt() },
+        white_m: 0.0,
+        inflation: 1.0,
+    })
+}
+
+impl Delays {
+    /// Speed later than direction, s, and antenna ahead, m, where they are sure; else 0.
+    pub(crate) fn sure_effects(&self) -> [f64; 2] {
+        [self.speed_lag_s, self.lever_m].map(|e| if e.is_sure() { e.size } else { 0.0 })
+    }
+
+    /// Those known to `limit_s`.
+    pub(crate) fn known(&self, limit_s: f64) -> Delays {
+        let rows: Vec<usize> = (0..self.delay_s.len()).filter(|k| self.uncertainty_s[*k] < limit_s).collect();
+        self.rows(&rows)
+    }
+
+    pub(crate) fn without(&self, row: usize) -> Delays {
+        let rows: Vec<usize> = (0..self.delay_s.len()).filter(|k| *k != row).collect();
+        self.rows(&rows)
+    }
+
+    fn rows(&self, rows: &[usize]) -> Delays {
+        let pick = |x: &[f64]| rows.iter().map(|k| x[*k]).collect();
+        Delays {
+            window: rows.iter().map(|k| self.window[*k]).collect(),
+            middle_s: pick(&self.middle_s),
+            delay_s: pick(&self.delay_s),
+            uncertainty_s: pick(&self.uncertainty_s),
+            ..self.clone()
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.delay_s.len()
+    }
+}

@@ -1,0 +1,187 @@
+//! Description of a delay that varies by steps and bends, on bins (S6).
+
+use crate::bins::Flexible;
+use nalgebra::{DMatrix, DVector};
+use record::DelayTermKind;
+
+/// Price of a term: this, and twice the logarithm of the number of bins.
+const PRICE: f64 = 8.0;
+/// Further price of a bend in the comparison of descriptions.
+const BEND_PRICE: f64 = 6.0;
+/// Bends are kept if they score better by this much.
+const BENDS_MUST_WIN: f64 = 20.0;
+const MOST_TERMS: usize = 24;
+/// Best single terms from which pairs are tried.
+const PAIR_STARTS: usize = 6;
+
+/// A step or a bend at an instant; size in s or s/s.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Term {
+    pub(crate) kind: DelayTermKind,
+    pub(crate) at_s: f64,
+    pub(crate) size: f64,
+}
+
+impl Term {
+    /// What a unit of this term adds at `t`.
+    pub(crate) fn column(&self, t: f64) -> f64 {
+        match self.kind {
+            DelayTermKind::Step => f64::from(t >= self.at_s),
+            DelayTermKind::Bend => (t - self.at_s).max(0.0),
+        }
+    }
+}
+
+/// Level and terms.
+#[derive(Debug, Clone)]
+pub(crate) struct Description {
+    pub(crate) level_s: f64,
+    pub(crate) terms: Vec<Term>,
+}
+
+impl Description {
+    pub(crate) fn at(&self, t: f64) -> f64 {
+        self.level_s + self.terms.iter().map(|x| x.size * x.column(t)).sum::<f64>()
+    }
+}
+
+/// All columns with their products: constant, steps at the edges of bins, bends at their middles.
+struct Dictionary {
+    kinds: Vec<(DelayTermKind, f64)>,
+    products: DMatrix<f64>,
+    with_data: DVector<f64>,
+    price: f64,
+}
+
+/// The cheapest description; `inflation` is what autocorrelation adds to variances.
+pub(crate) fn describe(fit: &Flexible, inflation: f64) -> Description {
+    let steps = greedy(&Dictionary::new(fit, inflation, false));
+    let both = greedy(&Dictionary::new(fit, inflation, true));
+    if both.0 - steps.0 > BENDS_MUST_WIN { both.1 } else { steps.1 }
+}
+
+impl Dictionary {
+    fn new(fit: &Flexible, inflation: f64, bends: bool) -> Dictionary {
+        let bins = fit.middle_s.len();
+        let m = &fit.middle_s;
+        let mut kinds = vec![(DelayTermKind::Step, f64::MIN)];
+        kinds.extend(m.windows(2).map(|w| (DelayTermKind::Step, 0.5 * (w[0] + w[1]))));
+        if bends && bins > 1 {
+            kinds.extend(m[..bins - 1].iter().map(|m| (DelayTermKind::Bend, *m)));
+        }
+        let column = |i: usize, j: usize| Term { kind: kinds[j].0, at_s: kinds[j].1, size: 0.0 }.column(m[i]);
+        let columns = DMatrix::from_fn(bins, kinds.len(), column);
+        let products = columns.tr_mul(&(&fit.a * &columns)) / inflation;
+        let with_data = columns.tr_mul(&fit.z) / inflation;
+        Dictionary { kinds, products, with_data, price: PRICE + 2.0 * (bins as f64).ln() }
+    }
+
+    /// Gain of each further column given `chosen`, the coefficients of these, and what they gain.
+    fn gains(&self, chosen: &[usize]) -> Option<(Vec<f64>, DVector<f64>, f64)> {
+        let n = chosen.len();
+        let mut own = DMatrix::from_fn(n, n, |i, j| self.products[(chosen[i], chosen[j])]);
+        let scale: Vec<f64> = (0..n).map(|i| own[(i, i)].max(1e-300).sqrt().recip()).collect();
+        for i in 0..n {
+            for j in 0..n {
+                own[(i, j)] *= scale[i] * scale[j];
+            }
+            own[(i, i)] += 1e-10;
+        }
+        let factor = own.cholesky()?;
+        let right = DVector::from_fn(n, |i, _| self.with_data[chosen[i]] * scale[i]);
+        let solved = factor.solve(&right);
+        let gained = right.dot(&solved);
+        let gain = |j: usize| {
+            let with = DVector::from_fn(n, |i, _| self.products[(chosen[i], j)] * scale[i]);
+            let g = self.with_data[j] - with.dot(&solved);
+            let h = self.products[(j, j)] - with.dot(&factor.solve(&with));
+            if h > 1e-3 * self.products[(j, j)] + 1e-9 { g * g / h } else { 0.0 }
+        };
+        let gains = (0..self.kinds.len()).map(gain).collect();
+        let values = DVector::from_fn(n, |i, _| solved[i] * scale[i]);
+        Some((gains, values, gained))
+    }
+
+    fn best(&self, chosen: &[usize]) -> Option<(usize, f64)> {
+        let gains = self.gains(chosen)?.0;
+        gains.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Two further columns that pay together.
+    fn best_pair(&self, chosen: &[usize]) -> Option<[usize; 2]> {
+        let gains = self.gains(chosen)?.0;
+        let mut order: Vec<usize> = (0..gains.len()).collect();
+        order.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+        let pair = |a: &usize| {
+            let (b, second) = self.best(&[chosen, &[*a]].concat())?;
+            Some(([*a, b], gains[*a] + second))
+        };
+        let best = order.iter().take(PAIR_STARTS).filter_map(pair).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (best.1 > 2.0 * self.price).then_some(best.0)
+    }
+
+    /// Moves every term to where it gains most.
+    fn move_terms(&self, chosen: &mut [usize]) {
+        for i in 1..chosen.len() {
+            let rest = [&chosen[..i], &chosen[i + 1..]].concat();
+            let Some((gains, ..)) = self.gains(&rest) else { continue };
+            let best = gains.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+            if let Some((b, gain)) = best
+                && !rest.contains(&b)
+                && *gain > gains[chosen[i]] + 1e-6
+            {
+                chosen[i] = b;
+            }
+        }
+    }
+
+    /// Drops what no longer pays.
+    fn drop_terms(&self, chosen: &mut Vec<usize>) {
+        while chosen.len() > 2 {
+            let loss = |i: usize| {
+                let rest = [&chosen[..i], &chosen[i + 1..]].concat();
+                self.gains(&rest).map_or(f64::MAX, |g| g.0[chosen[i]])
+            };
+            let least = (1..chosen.len()).map(|i| (i, loss(i))).min_by(|a, b| a.1.total_cmp(&b.1));
+            match least {
+                Some((i, l)) if l < self.price => chosen.remove(i),
+                _ => return,
+            };
+        }
+    }
+}
+
+/// Score and description. The constant is always the first column.
+fn greedy(d: &Dictionary) -> (f64, Description) {
+    let mut chosen = vec![0];
+    for _ in 0..2 * MOST_TERMS {
+        if chosen.len() > MOST_TERMS {
+            break;
+        }
+        let Some((best, gain)) = d.best(&chosen) else { break };
+        let before = chosen.clone();
+        if gain >= d.price {
+            chosen.push(best);
+        } else if let Some(pair) = d.best_pair(&chosen) {
+            chosen.extend(pair);
+        } else {
+            break;
+        }
+        d.move_terms(&mut chosen);
+        d.drop_terms(&mut chosen);
+        if chosen == before {
+            break;
+        }
+    }
+    let alone = d.gains(&[0]).map_or(0.0, |g| g.2);
+    let Some((_, values, gained)) = d.gains(&chosen) else {
+        return (0.0, Description { level_s: 0.0, terms: vec![] });
+    };
+    let bends = chosen.iter().filter(|c| d.kinds[**c].0 == DelayTermKind::Bend).count() as f64;
+    let terms = chosen.len() as f64 - 1.0;
+    let score = if terms > 0.0 { gained - alone - d.price * terms - BEND_PRICE * bends } else { 0.0 };
+    let term = |(c, v): (&usize, &f64)| Term { kind: d.kinds[*c].0, at_s: d.kinds[*c].1, size: *v };
+    let mut list: Vec<Term> = chosen.iter().zip(values.iter()).skip(1).map(term).collect();
+    list.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+    (score, Description { level_s: values[0], terms: list })
+}

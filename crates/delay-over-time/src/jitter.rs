@@ -1,0 +1,115 @@
+//! Scatter of the delay from fix to fix (S4): does the scatter along the track grow with the speed?
+
+use crate::motion::State;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+const SLOW_MPS: f64 = 2.0;
+const BLOCK_S: f64 = 10.0;
+/// Squares are cut at so many variances.
+const CUT: f64 = 400.0;
+const LEAST_FIXES: usize = 40;
+const SIGNIFICANCE: f64 = 1e-3;
+const LEAST_S: f64 = 0.01;
+
+/// What was found.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Jitter {
+    /// Standard deviation, s, if there is one.
+    pub(crate) found_s: Option<f64>,
+    /// Standard deviation that would have been found, s, if the motion says anything.
+    pub(crate) limit_s: Option<f64>,
+}
+
+/// Looks at residuals `e` (m) of neighbouring fixes; `state` is the motion that each fix shows.
+pub(crate) fn jitter(t: &[f64], e: &[[f64; 2]], state: &[State]) -> Jitter {
+    let n = t.len();
+    if n < LEAST_FIXES {
+        return Jitter::default();
+    }
+    let high: Vec<[f64; 2]> = e.windows(3).map(|w| [0, 1].map(|a| w[1][a] - 0.5 * (w[0][a] + w[2][a]))).collect();
+    let variance = typical_variance(&high);
+    let mut blocks: Vec<(f64, f64)> = vec![];
+    let mut current = None;
+    let mut used = 0;
+    for ((h, s), t_k) in high.iter().zip(&state[1..]).zip(&t[1..]) {
+        let speed = s.speed();
+        if speed <= SLOW_MPS {
+            continue;
+        }
+        used += 1;
+        let block = ((t_k - t[0]) / BLOCK_S) as usize;
+        if current != Some(block) {
+            current = Some(block);
+            blocks.push((0.0, 0.0));
+        }
+        let u = [s.velocity[0] / speed, s.velocity[1] / speed];
+        let along = (u[0] * h[0] + u[1] * h[1]).powi(2).min(CUT * variance);
+        let across = (u[0] * h[1] - u[1] * h[0]).powi(2).min(CUT * variance);
+        if let Some(b) = blocks.last_mut() {
+            b.0 += speed * speed * (along - across);
+            b.1 += 1.5 * speed.powi(4);
+        }
+    }
+    if used < LEAST_FIXES || blocks.len() < 3 { Jitter::default() } else { judge(&blocks) }
+}
+
+fn typical_variance(high: &[[f64; 2]]) -> f64 {
+    let of = |axis: usize| {
+        let mut sizes: Vec<f64> = high.iter().map(|h| h[axis].abs()).collect();
+        let middle = sizes.len() / 2;
+        1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 + 1e-6
+    };
+    of(0) * of(1)
+}
+
+fn judge(blocks: &[(f64, f64)]) -> Jitter {
+    let (gain, weight) = blocks.iter().fold((0.0, 0.0), |s, b| (s.0 + b.0, s.1 + b.1));
+    let square = gain / weight;
+    let free = (blocks.len() - 1) as f64;
+    let scatter: f64 = blocks.iter().map(|b| (b.0 - square * b.1).powi(2)).sum();
+    let sigma = (scatter * blocks.len() as f64 / free).sqrt() / weight;
+    if !(sigma.is_finite() && sigma > 0.0) {
+        return Jitter::default();
+    }
+    let p = StudentsT::new(0.0, 1.0, free).map_or(1.0, |s| s.sf(square / sigma));
+    let found = (p < SIGNIFICANCE && square > LEAST_S * LEAST_S).then(|| square.sqrt());
+    Jitter { found_s: found, limit_s: Some((2.8 * sigma).sqrt()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::StandardNormal;
+
+    fn scattered(jitter_s: f64) -> Jitter {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(4);
+        let mut normal = move || random.sample::<f64, _>(StandardNormal);
+        let t: Vec<f64> = (0..1200).map(|k| 0.2 * f64::from(k)).collect();
+        let state: Vec<State> = t
+            .iter()
+            .map(|t| State { place: [0.0; 2], velocity: [15.0 * (0.4 * t).cos(), 15.0 * (0.4 * t).sin()] })
+            .collect();
+        let e: Vec<[f64; 2]> = state
+            .iter()
+            .map(|s| {
+                let late = jitter_s * normal();
+                s.velocity.map(|v| 0.3 * normal() - late * v)
+            })
+            .collect();
+        jitter(&t, &e, &state)
+    }
+
+    #[test]
+    fn a_scatter_of_eighty_milliseconds_is_measured() {
+        let found = scattered(0.08).found_s.unwrap();
+        assert!((found - 0.08).abs() < 0.006, "{found}");
+    }
+
+    #[test]
+    fn noise_alone_has_none_and_a_limit_is_told() {
+        let none = scattered(0.0);
+        assert!(none.found_s.is_none());
+        assert!((0.001..0.02).contains(&none.limit_s.unwrap()), "{none:?}");
+    }
+}

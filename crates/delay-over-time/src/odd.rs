@@ -1,0 +1,130 @@
+//! Single fixes far from their neighbours (S2).
+
+use crate::motion::State;
+use record::LateFix;
+use statrs::distribution::{Binomial, DiscreteCDF};
+
+/// Distance in robust standard deviations above which a fix is odd.
+const FAR: f64 = 8.0;
+/// The same as a time at the current speed, s.
+const FAR_S: f64 = 0.1;
+/// Speed below which nothing is called odd, m/s.
+const SLOW_MPS: f64 = 2.0;
+/// The neighbours of both sides agree to this share of the distance.
+const AGREE: f64 = 0.3;
+/// Odd fixes are not odd if there are more of them than this share.
+const MOST_SHARE: f64 = 0.03;
+/// A fix lies behind if it is across by less than this share of along.
+const CONE: f64 = 0.6;
+/// Share of directions within that cone.
+const CONE_SHARE: f64 = 0.172;
+const SIGNIFICANCE: f64 = 1e-3;
+
+/// Fixes that are left out.
+#[derive(Default)]
+pub(crate) struct Odd {
+    /// Rows.
+    pub(crate) rows: Vec<usize>,
+    /// Those that lie behind, if more do than chance gives.
+    pub(crate) late: Vec<LateFix>,
+}
+
+/// Looks at residuals `e` (m) about the path; `state` is the motion that each fix shows.
+pub(crate) fn odd_fixes(t: &[f64], e: &[[f64; 2]], state: &[State]) -> Odd {
+    let n = e.len();
+    if n < 20 {
+        return Odd::default();
+    }
+    let off: Vec<Offset> = (0..n).map(|k| offset(e, k, &state[k])).collect();
+    let every = (n / 20_000).max(1);
+    let mut sizes: Vec<f64> = off.iter().step_by(every).flat_map(|o| [o.along.abs(), o.across.abs()]).collect();
+    let middle = sizes.len() / 2;
+    let usual = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 + 1e-3;
+    let is_odd = |k: &usize| {
+        let (o, speed) = (&off[*k], state[*k].speed());
+        let size = o.along.hypot(o.across);
+        speed > SLOW_MPS && size > (FAR * usual).max(FAR_S * speed) && o.sides_differ < AGREE * size
+    };
+    let rows: Vec<usize> = (0..n).filter(is_odd).collect();
+    if rows.is_empty() || rows.len() as f64 > MOST_SHARE * n as f64 {
+        return Odd::default();
+    }
+    let behind: Vec<usize> = rows.iter().copied().filter(|k| off[*k].is_behind()).collect();
+    let late = |k: &usize| LateFix { t_s: t[*k], late_s: -off[*k].along / state[*k].speed() };
+    let late = if more_than_chance(behind.len(), rows.len()) { behind.iter().map(late).collect() } else { vec![] };
+    Odd { rows, late }
+}
+
+fn more_than_chance(behind: usize, of: usize) -> bool {
+    let Some(above) = behind.checked_sub(1) else { return false };
+    Binomial::new(CONE_SHARE, of as u64).is_ok_and(|b| b.sf(above as u64) < SIGNIFICANCE)
+}
+
+/// A fix against the medians of its neighbours.
+struct Offset {
+    along: f64,
+    across: f64,
+    sides_differ: f64,
+}
+
+impl Offset {
+    fn is_behind(&self) -> bool {
+        self.along < 0.0 && self.across.abs() < CONE * self.along.abs()
+    }
+}
+
+fn offset(e: &[[f64; 2]], k: usize, state: &State) -> Offset {
+    let last = e.len() - 1;
+    let before = [-3isize, -2, -1].map(|d| k.saturating_add_signed(d));
+    let after = [1usize, 2, 3].map(|d| (k + d).min(last));
+    let side = |rows: [usize; 3]| [0, 1].map(|a| middle_of(rows.map(|r| e[r][a])));
+    let (b, a) = (side(before), side(after));
+    let d = [0, 1].map(|i| e[k][i] - 0.5 * (b[i] + a[i]));
+    let speed = state.speed().max(0.1);
+    let u = [state.velocity[0] / speed, state.velocity[1] / speed];
+    Offset {
+        along: u[0] * d[0] + u[1] * d[1],
+        across: u[0] * d[1] - u[1] * d[0],
+        sides_differ: (a[0] - b[0]).hypot(a[1] - b[1]),
+    }
+}
+
+fn middle_of([a, b, c]: [f64; 3]) -> f64 {
+    a.min(b).max(a.max(b).min(c))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flight(late_rows: &[usize], late_s: f64) -> Odd {
+        let t: Vec<f64> = (0..400).map(|k| 0.2 * f64::from(k)).collect();
+        let state: Vec<State> = t
+            .iter()
+            .map(|t| State { place: [0.0; 2], velocity: [15.0 * (0.4 * t).cos(), 15.0 * (0.4 * t).sin()] })
+            .collect();
+        let e: Vec<[f64; 2]> = (0..400)
+            .map(|k| {
+                let noise = |c: f64| 0.3 * (c * k as f64).sin();
+                let late = if late_rows.contains(&k) { late_s } else { 0.0 };
+                [noise(1.7) - late * state[k].velocity[0], noise(2.3) - late * state[k].velocity[1]]
+            })
+            .collect();
+        odd_fixes(&t, &e, &state)
+    }
+
+    #[test]
+    fn late_fixes_are_found_with_their_lateness() {
+        let odd = flight(&[60, 133, 200, 301, 350], 0.6);
+        assert_eq!(odd.rows, [60, 133, 200, 301, 350]);
+        assert_eq!(odd.late.len(), 5);
+        assert!(odd.late.iter().all(|l| (l.late_s - 0.6).abs() < 0.05));
+    }
+
+    #[test]
+    fn one_odd_fix_alone_is_not_called_late() {
+        let odd = flight(&[133], 0.6);
+        assert_eq!((odd.rows.len(), odd.late.len()), (1, 0));
+        assert!(flight(&[], 0.0).rows.is_empty());
+    }
+}

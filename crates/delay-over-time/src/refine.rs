@@ -1,0 +1,360 @@
+//! The description on the fixes themselves (S7): sizes, and steps to the fix.
+
+use crate::bins::Noise;
+use crate::describe::{Description, Term};
+use crate::fixes::Fixes;
+use crate::motion::Motion;
+use crate::whitening::{Step, offset_and_drift, steps};
+use nalgebra::{DMatrix, DVector};
+use record::DelayTermKind;
+use std::ops::Range;
+
+const ROUNDS: usize = 4;
+const LARGEST_STEP_S: f64 = 0.5;
+const STEADY: f64 = 1e-4;
+/// Half-width of the first search of an edge, s, and of the widest.
+const SCAN_S: f64 = 3.0;
+const WIDEST_SCAN_S: f64 = 40.0;
+/// Fixes on either side of a search that take part, s.
+const MARGIN_S: f64 = 20.0;
+/// Step of a search, s.
+const SCAN_STEP_S: f64 = 0.2;
+/// Rise of −2 log likelihood at the ends of a 95 % interval.
+const INTERVAL_RISE: f64 = 3.84;
+/// Rise that two steps within a few bins must save to stay two.
+const PRICE: f64 = 16.0;
+const NEAR_BINS: f64 = 3.2;
+/// Bends are tried at steps that are so many bins away.
+const BEND_BINS: f64 = 5.0;
+
+/// Description with uncertainties.
+#[derive(Debug, Clone)]
+pub(crate) struct Refined {
+    pub(crate) description: Description,
+    /// Covariance of level and sizes.
+    covariance: DMatrix<f64>,
+    /// Interval of each step's instant, s.
+    pub(crate) when: Vec<Option<[f64; 2]>>,
+}
+
+impl Refined {
+    pub(crate) fn size_uncertainty(&self, term: usize) -> f64 {
+        self.covariance[(term + 1, term + 1)].max(0.0).sqrt()
+    }
+
+    /// Standard uncertainty of the curve at `t`, s.
+    pub(crate) fn uncertainty_at(&self, t: f64) -> f64 {
+        let column: Vec<f64> = std::iter::once(1.0).chain(self.description.terms.iter().map(|x| x.column(t))).collect();
+        let x = DVector::from_vec(column);
+        x.dot(&(&self.covariance * &x)).max(0.0).sqrt()
+    }
+}
+
+/// The fixes, the motion and the noise.
+pub(crate) struct Refinement<'a> {
+    pub(crate) fixes: &'a Fixes,
+    pub(crate) motion: &'a Motion,
+    pub(crate) noise: Noise,
+    /// What autocorrelation adds to variances.
+    pub(crate) inflation: f64,
+    /// Length of the bins that the description was found on, s.
+    pub(crate) bin_s: f64,
+}
+
+impl Refinement<'_> {
+    /// `None` if the fixes do not determine the terms.
+    pub(crate) fn refine(&self, first: Description) -> Option<Refined> {
+        let mut now = self.descend(first)?;
+        now = self.join_near_steps(now);
+        self.place_edges(&mut now);
+        now = self.descend(now.description)?;
+        for _ in 0..now.description.terms.len() {
+            let weakest = (0..now.description.terms.len())
+                .map(|i| (i, (now.description.terms[i].size / now.size_uncertainty(i).max(1e-12)).powi(2)))
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((i, strength)) = weakest.filter(|w| w.1 < PRICE) else { break };
+            if now.description.terms.len() == 1 && strength > 0.5 * PRICE {
+                break;
+            }
+            now.description.terms.remove(i);
+            now = self.descend(now.description)?;
+            self.place_edges(&mut now);
+        }
+        now = self.bends_to_steps(now);
+        let mut last = self.descend(now.description.clone())?;
+        last.when = (0..last.description.terms.len()).map(|i| self.edge_interval(&last.description, i)).collect();
+        Some(last)
+    }
+
+    /// Gauss–Newton on level and sizes, instants held.
+    fn descend(&self, mut now: Description) -> Option<Refined> {
+        let mut covariance = None;
+        for _ in 0..ROUNDS {
+            let (normal, right) = self.normal_equations(&now);
+            let n = right.len();
+            let scale: Vec<f64> = (0..n).map(|i| normal[(i, i)].max(1e-300).sqrt().recip()).collect();
+            let scaled =
+                DMatrix::from_fn(n, n, |i, j| normal[(i, j)] * scale[i] * scale[j] + if i == j { 1e-10 } else { 0.0 });
+            let factor = scaled.cholesky()?;
+            let solved = factor.solve(&DVector::from_fn(n, |i, _| right[i] * scale[i]));
+            let mut largest = 0.0f64;
+            let mut change = |i: usize| {
+                let step = (solved[i] * scale[i]).clamp(-LARGEST_STEP_S, LARGEST_STEP_S);
+                largest = largest.max(step.abs());
+                step
+            };
+            now.level_s += change(0);
+            for i in 1..n {
+                now.terms[i - 1].size += change(i);
+            }
+            let inverse = factor.inverse();
+            covariance = Some(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j] * self.inflation));
+            if largest < STEADY {
+                break;
+            }
+        }
+        let covariance = covariance.filter(|c| c.iter().all(|x| x.is_finite()))?;
+        let when = vec![None; now.terms.len()];
+        Some(Refined { description: now, covariance, when })
+    }
+
+    fn normal_equations(&self, now: &Description) -> (DMatrix<f64>, DVector<f64>) {
+        let n = now.terms.len() + 1;
+        let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for piece in self.fixes.pieces() {
+            let columns = |t: f64, out: &mut Vec<f64>| {
+                out.push(1.0);
+                out.extend(now.terms.iter().map(|x| x.column(t)));
+            };
+            let part = self.part(piece, &|t| now.at(t), n, &columns);
+            normal += part.normal;
+            right += part.right;
+        }
+        (normal, right)
+    }
+
+    /// Square of the whitened residuals between two instants at the delay `at`, with offset and drift of their own, and
+    /// the number of fixes.
+    pub(crate) fn squares_between(&self, from_s: f64, to_s: f64, at: &dyn Fn(f64) -> f64) -> (f64, usize) {
+        let t = &self.fixes.t;
+        let rows = t.partition_point(|t| *t < from_s)..t.partition_point(|t| *t <= to_s);
+        (self.part(rows.clone(), at, 1, &|_, x| x.push(1.0)).rss, rows.len())
+    }
+
+    /// Normal equations of `n` changes of the delay on `rows`, about the delay `at`, offset and drift projected out.
+    fn part(
+        &self,
+        rows: Range<usize>,
+        at: &dyn Fn(f64) -> f64,
+        n: usize,
+        columns: &dyn Fn(f64, &mut Vec<f64>),
+    ) -> Part {
+        let mut part = Part { normal: DMatrix::zeros(n, n), right: DVector::zeros(n), rss: 0.0 };
+        let (mut t, mut e, mut v, mut x) = (vec![], vec![], vec![], vec![]);
+        let mut hint = 0;
+        let mut origin = None;
+        for k in rows {
+            let stamp = self.fixes.t[k];
+            let q = stamp - at(stamp);
+            if !self.motion.knows(q) {
+                continue;
+            }
+            let s = self.motion.at(q, &mut hint);
+            let r = [self.fixes.y[k][0] - s.place[0], self.fixes.y[k][1] - s.place[1]];
+            let o = *origin.get_or_insert(r);
+            t.push(stamp);
+            e.push([r[0] - o[0], r[1] - o[1]]);
+            v.push(s.velocity);
+            columns(stamp, &mut x);
+        }
+        if t.len() < 8 {
+            return part;
+        }
+        let (mut filter, mut basis) = (vec![], vec![]);
+        for axis in 0..2 {
+            let extra = |k: usize| (self.noise.shape.jitter * v[k][axis]).powi(2);
+            steps(&t, &self.noise.shape, extra, &mut filter);
+            offset_and_drift(&t, &filter, &mut basis);
+            let row = |k: usize, c: usize| match c {
+                c if c == n => e[k][axis],
+                c => -v[k][axis] * x[k * n + c],
+            };
+            part.add(&filter, &basis, n, &row);
+        }
+        let scale = 1.0 / (self.noise.white_m * self.noise.white_m);
+        part.normal *= scale;
+        part.right *= scale;
+        part.rss *= scale;
+        part
+    }
+
+    /// Two steps within a few bins may be one step within a bin: asks the fixes.
+    fn join_near_steps(&self, mut now: Refined) -> Refined {
+        let near = |d: &Description| {
+            let is_step = |i: &usize| d.terms[*i].kind == DelayTermKind::Step;
+            let steps: Vec<usize> = (0..d.terms.len()).filter(is_step).collect();
+            let close = |w: &&[usize]| d.terms[w[1]].at_s - d.terms[w[0]].at_s <= NEAR_BINS * self.bin_s;
+            steps.windows(2).filter(close).map(|w| [w[0], w[1]]).collect::<Vec<_>>()
+        };
+        let mut refused = vec![];
+        while let Some([i, k]) = near(&now.description).into_iter().find(|p| !refused.contains(p)) {
+            let (first, second) = (now.description.terms[i], now.description.terms[k]);
+            let mut joined = now.description.clone();
+            joined.terms[i].size = first.size + second.size;
+            joined.terms.remove(k);
+            let range = [first.at_s - self.bin_s, second.at_s + self.bin_s];
+            let scan = self.scan(&joined, i, range);
+            let Some(best) = scan.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+            joined.terms[i].at_s = best.0;
+            let both = self.cost_between(&now.description, range);
+            match self.descend(joined).filter(|j| self.cost_between(&j.description, range) - both < PRICE) {
+                Some(better) => {
+                    now = better;
+                    refused.clear();
+                }
+                None => refused.push([i, k]),
+            }
+        }
+        now
+    }
+
+    /// A growth often ends where it falls back, but bins beside a jump were left out: moves bends to a step nearby if the
+    /// fixes like that better.
+    fn bends_to_steps(&self, mut now: Refined) -> Refined {
+        for i in 0..now.description.terms.len() {
+            let Term { kind: DelayTermKind::Bend, at_s, .. } = now.description.terms[i] else { continue };
+            let steps = now.description.terms.iter().filter(|t| t.kind == DelayTermKind::Step).map(|t| t.at_s);
+            let near = steps.min_by(|a, b| (a - at_s).abs().total_cmp(&(b - at_s).abs()));
+            let Some(step) = near.filter(|s| (s - at_s).abs() < BEND_BINS * self.bin_s) else { continue };
+            let range = [at_s.min(step) - self.bin_s, at_s.max(step) + self.bin_s];
+            let mut moved = now.description.clone();
+            moved.terms[i].at_s = step;
+            let before = self.cost_between(&now.description, range);
+            if let Some(moved) = self.descend(moved).filter(|m| self.cost_between(&m.description, range) < before) {
+                now = moved;
+            }
+        }
+        now
+    }
+
+    /// −2 log likelihood of a description about `range`, with offset and drift of its own.
+    fn cost_between(&self, d: &Description, range: [f64; 2]) -> f64 {
+        let middle = 0.5 * (range[0] + range[1]);
+        self.part(self.rows_about(middle, range), &|t| d.at(t), 1, &|_, x| x.push(1.0)).rss / self.inflation
+    }
+
+    /// Moves every step to where it fits best.
+    fn place_edges(&self, now: &mut Refined) {
+        let scan_s = SCAN_S.max(1.2 * self.bin_s);
+        for i in 0..now.description.terms.len() {
+            let Term { kind: DelayTermKind::Step, at_s, .. } = now.description.terms[i] else { continue };
+            let scan = self.scan(&now.description, i, self.between(&now.description, i, at_s, scan_s));
+            if let Some(best) = scan.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
+                now.description.terms[i].at_s = best.0;
+            }
+        }
+    }
+
+    /// `half_s` about `at_s`, not beyond the neighbouring steps.
+    fn between(&self, d: &Description, i: usize, at_s: f64, half_s: f64) -> [f64; 2] {
+        let others = || d.terms.iter().enumerate().filter(|(k, x)| *k != i && x.kind == DelayTermKind::Step);
+        let before = others().map(|o| o.1.at_s).filter(|t| *t < at_s).fold(f64::MIN, f64::max);
+        let after = others().map(|o| o.1.at_s).filter(|t| *t > at_s).fold(f64::MAX, f64::min);
+        [(at_s - half_s).max(before + 0.5), (at_s + half_s).min(after - 0.5)]
+    }
+
+    fn edge_interval(&self, d: &Description, i: usize) -> Option<[f64; 2]> {
+        let Term { kind: DelayTermKind::Step, at_s, .. } = *d.terms.get(i)? else { return None };
+        let mut half_s = SCAN_S;
+        loop {
+            let range = self.between(d, i, at_s, half_s);
+            let scan = self.scan(d, i, range);
+            let least = scan.iter().map(|s| s.1).fold(f64::MAX, f64::min);
+            let within: Vec<f64> = scan.iter().filter(|s| s.1 < least + INTERVAL_RISE).map(|s| s.0).collect();
+            let (from, to) = (*within.first()?, *within.last()?);
+            let inner = from > range[0] + SCAN_STEP_S && to < range[1] - SCAN_STEP_S;
+            if inner || half_s >= WIDEST_SCAN_S {
+                // The edge lies anywhere between two fixes.
+                return Some([from - SCAN_STEP_S, to + SCAN_STEP_S]);
+            }
+            half_s *= 2.5;
+        }
+    }
+
+    fn rows_about(&self, middle: f64, range: [f64; 2]) -> Range<usize> {
+        let t = &self.fixes.t;
+        let piece = self.fixes.pieces().find(|p| t[p.end - 1] >= middle).unwrap_or(0..t.len());
+        let from = t.partition_point(|t| *t < range[0] - MARGIN_S).max(piece.start);
+        let to = t.partition_point(|t| *t <= range[1] + MARGIN_S).min(piece.end);
+        from..to.max(from)
+    }
+
+    /// −2 log likelihood with the edge of term `i` at instants in `range`: level and size of the step are free nearby.
+    fn scan(&self, d: &Description, i: usize, range: [f64; 2]) -> Vec<(f64, f64)> {
+        if range[1] <= range[0] {
+            return vec![];
+        }
+        let rows = self.rows_about(d.terms[i].at_s, range);
+        let interval = crate::motion::usual_interval(self.fixes.t.get(rows.clone()).unwrap_or(&[]));
+        let step = SCAN_STEP_S.max(interval).max((range[1] - range[0]) / 100.0);
+        let count = ((range[1] - range[0]) / step) as usize;
+        let cost = |k: usize| {
+            let at_s = range[0] + step * k as f64;
+            let mut moved = d.clone();
+            moved.terms[i].at_s = at_s;
+            let edge = moved.terms[i];
+            let columns = |t: f64, x: &mut Vec<f64>| x.extend([1.0, edge.column(t)]);
+            (at_s, self.part(rows.clone(), &|t| moved.at(t), 2, &columns).least() / self.inflation)
+        };
+        (0..=count).map(cost).filter(|c| c.1.is_finite()).collect()
+    }
+}
+
+/// Normal equations of some fixes.
+struct Part {
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+    rss: f64,
+}
+
+impl Part {
+    /// Adds one axis: `row(k, c)` is column c at row k, the residual at c = n.
+    fn add(&mut self, filter: &[Step], basis: &[[f64; 2]], n: usize, row: &dyn Fn(usize, usize) -> f64) {
+        let mut wander = vec![0.0; n + 1];
+        let mut white = vec![0.0; n + 1];
+        let mut with = vec![[0.0; 2]; n + 1];
+        for (k, (step, q)) in filter.iter().zip(basis).enumerate() {
+            for c in 0..=n {
+                let innovation = row(k, c) - wander[c];
+                white[c] = innovation * step.weight;
+                wander[c] = step.decay * (wander[c] + step.gain * innovation);
+                with[c][0] += white[c] * q[0];
+                with[c][1] += white[c] * q[1];
+            }
+            for i in 0..n {
+                for j in 0..=i {
+                    self.normal[(i, j)] += white[i] * white[j];
+                }
+                self.right[i] += white[i] * white[n];
+            }
+            self.rss += white[n] * white[n];
+        }
+        for i in 0..n {
+            for j in 0..=i {
+                self.normal[(i, j)] -= with[i][0] * with[j][0] + with[i][1] * with[j][1];
+                self.normal[(j, i)] = self.normal[(i, j)];
+            }
+            self.right[i] -= with[i][0] * with[n][0] + with[i][1] * with[n][1];
+        }
+        self.rss -= with[n][0] * with[n][0] + with[n][1] * with[n][1];
+    }
+
+    /// Square of the residuals with the columns at their best.
+    fn least(&self) -> f64 {
+        let mut ridged = self.normal.clone();
+        for i in 0..ridged.nrows() {
+            ridged[(i, i)] += 1e-9 * ridged[(i, i)].max(1e-12);
+        }
+        ridged.cholesky().map_or(self.rss, |f| self.rss - self.right.dot(&f.solve(&self.right)))
+    }
+}

@@ -1,0 +1,105 @@
+//! What stamps say before any motion is looked at (S0).
+
+use record::{Burst, DeviceTime};
+
+/// Share of the usual interval below which a fix has been queued behind the one before.
+const QUEUED_SHARE: f64 = 0.2;
+/// Share of queued fixes above which closeness says nothing: the log is written so.
+const MOST_QUEUED: f64 = 0.3;
+/// Fixes of a burst that is worth telling, also without a pause before it.
+const TOLD_FIXES: usize = 4;
+/// The same after a pause of this many usual intervals.
+const TOLD_FIXES_AFTER_HOLD: usize = 3;
+const HOLD_INTERVALS: f64 = 2.0;
+/// Most bursts that are listed.
+const MOST_BURSTS: usize = 100;
+
+/// Fixes that share a stamp, not a lateness.
+pub(crate) struct Queued {
+    /// Of each fix, whether it arrived in a burst. All false where that is the habit of the log.
+    pub(crate) rows: Vec<bool>,
+    /// Bursts worth telling.
+    pub(crate) bursts: Vec<Burst>,
+}
+
+pub(crate) fn queued(t: &[f64], usual_s: f64) -> Queued {
+    let mut rows = vec![false; t.len()];
+    let close = |k: usize| t[k] - t[k - 1] < QUEUED_SHARE * usual_s;
+    let mut bursts = vec![];
+    let mut close_fixes = 0;
+    let mut k = 1;
+    while k < t.len() {
+        if !close(k) {
+            k += 1;
+            continue;
+        }
+        let first = k - 1;
+        while k < t.len() && close(k) {
+            k += 1;
+        }
+        close_fixes += k - first;
+        let hold_s = if first > 0 { t[first] - t[first - 1] } else { 0.0 };
+        let held = hold_s > HOLD_INTERVALS * usual_s;
+        let fixes = k - first;
+        if fixes >= TOLD_FIXES || (held && fixes >= TOLD_FIXES_AFTER_HOLD) {
+            rows[first..k].fill(true);
+            bursts.push(Burst { start_s: t[first], fixes: fixes as u64, hold_s });
+        }
+    }
+    let share = close_fixes as f64 / t.len().max(1) as f64;
+    if share > MOST_QUEUED {
+        return Queued { rows: vec![false; t.len()], bursts: vec![] };
+    }
+    bursts.truncate(MOST_BURSTS);
+    Queued { rows, bursts }
+}
+
+/// Lateness above the least from the device's own time, one value for each fix.
+pub(crate) fn device_lateness(device_s: &[f64], arrival_s: &[f64]) -> Option<(Vec<f64>, DeviceTime)> {
+    let line = signal::lower_hull(device_s, arrival_s)?;
+    let mut sorted = line.latency.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let at = |share: f64| signal::percentile_of_sorted(&sorted, share).unwrap_or(0.0);
+    let summary = DeviceTime {
+        skew: line.skew,
+        median_s: at(0.5),
+        percentile_95_s: at(0.95),
+        largest_s: at(1.0),
+        disagreement_rms_s: None,
+    };
+    let finite = [summary.skew, summary.median_s, summary.largest_s].iter().all(|x| x.is_finite());
+    finite.then_some((line.latency, summary))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flush_after_a_hold_is_one_burst() {
+        let mut t: Vec<f64> = (0..50).map(|k| 0.2 * f64::from(k)).collect();
+        t.extend((0..8).map(|k| 12.0 + 1e-3 * f64::from(k)));
+        t.extend((1..40).map(|k| 12.0 + 0.2 * f64::from(k)));
+        let found = queued(&t, 0.2);
+        assert_eq!(found.bursts.len(), 1);
+        assert_eq!(found.bursts[0].fixes, 8);
+        assert!((found.bursts[0].hold_s - 2.2).abs() < 1e-9);
+        assert_eq!(found.rows.iter().filter(|q| **q).count(), 8);
+    }
+
+    #[test]
+    fn pairs_that_are_the_habit_of_a_log_are_no_bursts() {
+        let t: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k / 2) + 0.01 * f64::from(k % 2)).collect();
+        let found = queued(&t, 0.1);
+        assert!(found.bursts.is_empty() && !found.rows.contains(&true));
+    }
+
+    #[test]
+    fn the_devices_clock_shows_a_lateness_that_grows() {
+        let device: Vec<f64> = (0..600).map(|k| 0.2 * f64::from(k)).collect();
+        let late = |s: f64| if (60.0..90.0).contains(&s) { 0.05 + 0.01 * (s - 60.0) } else { 0.05 };
+        let arrival: Vec<f64> = device.iter().map(|s| s + 1e5 + late(*s)).collect();
+        let (_, summary) = device_lateness(&device, &arrival).unwrap();
+        assert!((summary.largest_s - 0.3).abs() < 0.01 && summary.median_s < 1e-3, "{summary:?}");
+    }
+}

@@ -1,0 +1,353 @@
+//! Windows with offset and drift of their own (B S5 a): the delay that each likes, and how surely.
+
+use crate::fixes::Fixes;
+use crate::motion::Motion;
+use crate::whitening::{NoiseShape, Step, offset_and_drift, steps, whiten_rows};
+use std::ops::Range;
+
+/// Least number of fixes in a window.
+const LEAST_FIXES: usize = 15;
+const ROUNDS: usize = 4;
+const LARGEST_STEP_S: f64 = 0.3;
+const STEADY_S: f64 = 1e-3;
+/// A start at the path must win by this much in −2 log likelihood of the window's own noise.
+const PATH_MUST_WIN: f64 = 12.0;
+/// Difference of path and constant above which both are starts, s.
+const STARTS_APART_S: f64 = 0.1;
+/// Span of the Bartlett sum of the scores, s.
+const SCORE_SPAN_S: f64 = 2.0;
+
+/// What a window says.
+#[derive(Debug, Clone)]
+pub(crate) struct Window {
+    /// First and last stamp, s.
+    pub(crate) from_s: f64,
+    pub(crate) to_s: f64,
+    /// Mean stamp, s.
+    pub(crate) middle_s: f64,
+    /// Its delay, s.
+    pub(crate) delay_s: f64,
+    /// Information about the delay, 1/s², at white noise of standard deviation 1 m.
+    pub(crate) information: f64,
+    /// Mean square of the whitened residuals: the white noise's variance, m².
+    pub(crate) variance: f64,
+    /// Degrees of freedom of that variance.
+    pub(crate) free: f64,
+    /// Bartlett sum of the scores.
+    pub(crate) score_variance: f64,
+    /// Mean speed, m/s.
+    pub(crate) speed_mps: f64,
+    /// Products of the columns delay, speed later than direction, antenna ahead: upper triangle by rows.
+    pub(crate) products: [f64; 6],
+    /// Products of these columns with the residual.
+    pub(crate) scores: [f64; 3],
+}
+
+/// Share of time in the measure by which windows are equal; the rest is change of velocity.
+const TIME_SHARE: f64 = 0.5;
+/// Shortest window, as a share of the wanted length.
+const SHORTEST_SHARE: f64 = 0.6;
+/// Interval over which changes of velocity are looked at, s.
+const CHANGE_SPAN_S: f64 = 1.0;
+
+/// Rows of the windows that tile every piece: of about `length_s`, shorter where the velocity changes much and longer
+/// where it does not, so that they know about equally much.
+pub(crate) fn tile(fixes: &Fixes, motion: &Motion, delay: &dyn Fn(f64) -> f64, length_s: f64) -> Vec<Range<usize>> {
+    let mut out = vec![];
+    for piece in fixes.pieces() {
+        let t = &fixes.t[piece.clone()];
+        let (first, last) = crate::input::span(t);
+        let count = ((last - first) / length_s).round().max(1.0);
+        let shortest = SHORTEST_SHARE * length_s.min(last - first);
+        let measure = measure(t, motion, delay);
+        let (mut from, mut cut) = (0, 1.0);
+        for (k, m) in measure.iter().enumerate() {
+            let enough = k - from >= LEAST_FIXES && t[k] - t[from] >= shortest;
+            let rest = t.len() - k >= LEAST_FIXES && last - t[k] >= shortest;
+            if *m * count >= cut && enough && rest {
+                out.push(piece.start + from..piece.start + k);
+                from = k;
+                cut = (*m * count).floor() + 1.0;
+            }
+        }
+        if t.len() - from >= LEAST_FIXES {
+            out.push(piece.start + from..piece.start + t.len());
+        }
+    }
+    out
+}
+
+/// Rises from 0 to 1 over the stamps, with the time and with the change of the velocity.
+fn measure(t: &[f64], motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Vec<f64> {
+    let (first, last) = crate::input::span(t);
+    let mut hints = [0, 0];
+    let mut sum = 0.0;
+    let mut before = first;
+    let changes: Vec<f64> = t
+        .iter()
+        .map(|t| {
+            let q = t - delay(*t);
+            let now = motion.at(q, &mut hints[0]);
+            let then = motion.at(q - CHANGE_SPAN_S, &mut hints[1]);
+            if now.speed().min(then.speed()) > motion.slow_mps {
+                let change = (now.velocity[0] - then.velocity[0]).hypot(now.velocity[1] - then.velocity[1]);
+                sum += change * (t - before).min(CHANGE_SPAN_S);
+            }
+            before = *t;
+            sum
+        })
+        .collect();
+    let length = (last - first).max(1e-9);
+    let share = if sum > 0.0 { TIME_SHARE } else { 1.0 };
+    let of =
+        |(t, c): (&f64, &f64)| share * (t - first) / length + if sum > 0.0 { (1.0 - share) * c / sum } else { 0.0 };
+    t.iter().zip(&changes).map(of).collect()
+}
+
+/// Where windows begin their search.
+pub(crate) struct Starts<'a> {
+    /// Best constant delay, s.
+    pub(crate) constant_s: f64,
+    /// Delay of the coarse path.
+    pub(crate) path: &'a dyn Fn(f64) -> f64,
+}
+
+/// Memory that windows share.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    steps: [Vec<Step>; 2],
+    basis: [Vec<[f64; 2]>; 2],
+    /// Delay column and residual of both axes: v north, v east, e north, e east.
+    rows: Vec<[f64; 4]>,
+    full: [Vec<[f64; 4]>; 2],
+    scores: Vec<f64>,
+}
+
+/// Fits one window; `None` if it does not move, or if no start lies within the velocity's record.
+pub(crate) fn fit_window(
+    fixes: &Fixes,
+    rows: Range<usize>,
+    motion: &Motion,
+    shape: &NoiseShape,
+    starts: &Starts,
+    scratch: &mut Scratch,
+) -> Option<Window> {
+    let t = &fixes.t[rows.clone()];
+    let y = &fixes.y[rows];
+    let path = (starts.path)(t[t.len() / 2]);
+    let apart = (path - starts.constant_s).abs() > STARTS_APART_S;
+    prepare(t, motion, shape, starts.constant_s, scratch);
+    let constant = descend(t, y, motion, starts.constant_s, scratch);
+    let moved = if apart { descend(t, y, motion, path, scratch) } else { None };
+    let free = (2 * t.len() - 5) as f64;
+    let best = match (constant, moved) {
+        (Some(c), Some(m)) if m.rss < c.rss * (1.0 - PATH_MUST_WIN / free) => m,
+        (Some(c), _) => c,
+        (None, Some(m)) => m,
+        (None, None) => return None,
+    };
+    Some(summarise(t, y, motion, &best, scratch))
+}
+
+/// Filter, offset and drift of a window; with jitter at the speed that the delay `delay_s` shows. Gives the logarithm of
+/// the determinants of both axes.
+fn prepare(t: &[f64], motion: &Motion, shape: &NoiseShape, delay_s: f64, scratch: &mut Scratch) -> f64 {
+    let mut log_det = 0.0;
+    for axis in 0..2 {
+        if axis == 1 && shape.jitter == 0.0 {
+            let [first, second] = &mut scratch.steps;
+            second.clone_from(first);
+            let [first, second] = &mut scratch.basis;
+            second.clone_from(first);
+            return 2.0 * log_det;
+        }
+        let mut hint = motion_start(motion, t[0] - delay_s);
+        let variance = |k: usize| match shape.jitter {
+            0.0 => 0.0,
+            jitter => (jitter * motion.at(t[k] - delay_s, &mut hint).velocity[axis]).powi(2),
+        };
+        log_det += steps(t, shape, variance, &mut scratch.steps[axis]);
+        log_det += offset_and_drift(t, &scratch.steps[axis], &mut scratch.basis[axis]);
+    }
+    log_det
+}
+
+/// −2 log restricted likelihood of a window at `delay_s`, its scale profiled out; `None` if it does not move.
+pub(crate) fn window_likelihood(
+    fixes: &Fixes,
+    rows: Range<usize>,
+    motion: &Motion,
+    shape: &NoiseShape,
+    delay_s: f64,
+    scratch: &mut Scratch,
+) -> Option<f64> {
+    let (t, y) = (&fixes.t[rows.clone()], &fixes.y[rows]);
+    let log_det = prepare(t, motion, shape, delay_s, scratch);
+    let (information, score, square) = linearise(t, y, motion, delay_s, scratch)?;
+    let free = (2 * t.len() - 5) as f64;
+    let rss = (square - score * score / information).max(1e-12);
+    Some(free * (rss / free).ln() + log_det + information.ln())
+}
+
+/// Where a descent ended: the linearisation, and the step that it asks for.
+struct Descent {
+    at_s: f64,
+    step_s: f64,
+    rss: f64,
+}
+
+fn descend(t: &[f64], y: &[[f64; 2]], motion: &Motion, start_s: f64, scratch: &mut Scratch) -> Option<Descent> {
+    let mut at_s = start_s;
+    let mut last = None;
+    for _ in 0..ROUNDS {
+        if !(motion.knows(t[0] - at_s) && motion.knows(t[t.len() - 1] - at_s)) {
+            return None;
+        }
+        let (information, score, square) = linearise(t, y, motion, at_s, scratch)?;
+        let wanted = score / information;
+        let step_s = wanted.clamp(-LARGEST_STEP_S, LARGEST_STEP_S);
+        last = Some(Descent { at_s, step_s, rss: (square - wanted * wanted * information).max(0.0) });
+        if step_s.abs() < STEADY_S {
+            break;
+        }
+        at_s += step_s;
+    }
+    last
+}
+
+/// Information, score and square of the whitened residuals, offset and drift projected out.
+fn linearise(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mut Scratch) -> Option<(f64, f64, f64)> {
+    let rows = &mut scratch.rows;
+    rows.clear();
+    let mut hint = motion_start(motion, t[0] - at_s);
+    let mut origin = None;
+    for (t, y) in t.iter().zip(y) {
+        let s = motion.at(t - at_s, &mut hint);
+        let e = [y[0] - s.place[0], y[1] - s.place[1]];
+        let o = *origin.get_or_insert(e);
+        let v = if s.speed() > motion.slow_mps { s.velocity } else { [0.0; 2] };
+        rows.push([-v[0], -v[1], e[0] - o[0], e[1] - o[1]]);
+    }
+    let [north, east] = &scratch.steps;
+    let mut wander = [0.0; 4];
+    let mut sums = [0.0; 6];
+    let mut with = [[0.0; 2]; 4];
+    let bases = scratch.basis[0].iter().zip(&scratch.basis[1]);
+    for (((row, n), e), (q_n, q_e)) in rows.iter().zip(north).zip(east).zip(bases) {
+        let steps = [n, e, n, e];
+        let mut w = [0.0; 4];
+        for c in 0..4 {
+            let innovation = row[c] - wander[c];
+            w[c] = innovation * steps[c].weight;
+            wander[c] = steps[c].decay * (wander[c] + steps[c].gain * innovation);
+        }
+        sums[0] += w[0] * w[0];
+        sums[1] += w[1] * w[1];
+        sums[2] += w[0] * w[2];
+        sums[3] += w[1] * w[3];
+        sums[4] += w[2] * w[2];
+        sums[5] += w[3] * w[3];
+        for c in 0..2 {
+            with[0][c] += w[0] * q_n[c];
+            with[1][c] += w[1] * q_e[c];
+            with[2][c] += w[2] * q_n[c];
+            with[3][c] += w[3] * q_e[c];
+        }
+    }
+    let dot = |a: usize, b: usize| with[a][0] * with[b][0] + with[a][1] * with[b][1];
+    let information = sums[0] + sums[1] - dot(0, 0) - dot(1, 1);
+    let score = sums[2] + sums[3] - dot(0, 2) - dot(1, 3);
+    let square = sums[4] + sums[5] - dot(2, 2) - dot(3, 3);
+    (information > 1e-6 * (sums[0] + sums[1]).max(1e-6)).then_some((information, score, square.max(0.0)))
+}
+
+fn motion_start(motion: &Motion, q: f64) -> usize {
+    let mut hint = usize::MAX;
+    motion.at(q, &mut hint);
+    hint
+}
+
+/// All columns at the end of a descent: products, scores, and how the scores hang together.
+fn summarise(t: &[f64], y: &[[f64; 2]], motion: &Motion, best: &Descent, scratch: &mut Scratch) -> Window {
+    let n = t.len();
+    let mut speed = 0.0;
+    let mut hint = motion_start(motion, t[0] - best.at_s);
+    let mut origin: Option<([f64; 2], [[f64; 2]; 2])> = None;
+    scratch.full.iter_mut().for_each(Vec::clear);
+    for (t, y) in t.iter().zip(y) {
+        let q = t - best.at_s;
+        let s = motion.at(q, &mut hint);
+        let like = motion.resembling_at(q, &mut hint);
+        let e = [y[0] - s.place[0], y[1] - s.place[1]];
+        let (o, first) = *origin.get_or_insert((e, like));
+        speed += s.speed();
+        let v = if s.speed() > motion.slow_mps { s.velocity } else { [0.0; 2] };
+        for a in 0..2 {
+            scratch.full[a].push([-v[a], like[a][0] - first[a][0], like[a][1], e[a] - o[a]]);
+        }
+    }
+    let mut products = [0.0; 6];
+    let mut with_residual = [0.0; 4];
+    for a in 0..2 {
+        whiten_rows(&scratch.steps[a], &mut scratch.full[a]);
+        project_out(&scratch.basis[a], &mut scratch.full[a]);
+        for r in &scratch.full[a] {
+            let [d, s, l, e] = *r;
+            let of = [d * d, d * s, d * l, s * s, s * l, l * l];
+            products.iter_mut().zip(of).for_each(|(p, x)| *p += x);
+            let of = [d * e, s * e, l * e, e * e];
+            with_residual.iter_mut().zip(of).for_each(|(p, x)| *p += x);
+        }
+    }
+    let information = products[0];
+    let step = with_residual[0] / information;
+    let rss = (with_residual[3] - step * with_residual[0]).max(0.0);
+    let free = (2 * n - 5) as f64;
+    let scores = [0.0, with_residual[1] - step * products[1], with_residual[2] - step * products[2]];
+    Window {
+        from_s: t[0],
+        to_s: t[n - 1],
+        middle_s: t.iter().sum::<f64>() / n as f64,
+        delay_s: best.at_s + best.step_s,
+        information,
+        variance: rss / free,
+        free,
+        score_variance: bartlett(scratch, step, span_in_samples(t)) * (2 * n) as f64 / free,
+        speed_mps: speed / n as f64,
+        products,
+        scores,
+    }
+}
+
+fn span_in_samples(t: &[f64]) -> usize {
+    let interval = (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64;
+    ((SCORE_SPAN_S / interval.max(1e-6)).round() as usize).clamp(1, t.len() - 1)
+}
+
+fn bartlett(scratch: &mut Scratch, step: f64, lags: usize) -> f64 {
+    let score = |r: &[f64; 4]| r[0] * (r[3] - step * r[0]);
+    scratch.scores.clear();
+    scratch.scores.extend(scratch.full[0].iter().zip(&scratch.full[1]).map(|(n, e)| score(n) + score(e)));
+    let g = &scratch.scores;
+    let mut sum: f64 = g.iter().map(|g| g * g).sum();
+    for lag in 1..=lags.min(g.len() - 1) {
+        let product: f64 = g[lag..].iter().zip(g).map(|(a, b)| a * b).sum();
+        sum += 2.0 * (1.0 - lag as f64 / (lags + 1) as f64) * product;
+    }
+    sum.max(0.0)
+}
+
+fn project_out<const C: usize>(basis: &[[f64; 2]], rows: &mut [[f64; C]]) {
+    let mut with = [[0.0; 2]; C];
+    for (q, row) in basis.iter().zip(rows.iter()) {
+        for c in 0..C {
+            with[c][0] += row[c] * q[0];
+            with[c][1] += row[c] * q[1];
+        }
+    }
+    for (q, row) in basis.iter().zip(rows) {
+        for c in 0..C {
+            row[c] -= with[c][0] * q[0] + with[c][1] * q[1];
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! What a person reads.
+
+use crate::delays::Effect;
+use crate::settings::OverTimeSettings;
+use crate::stages::Found;
+use crate::verdict::{Unknown, Verdict, estimate, milliseconds, plus_minus};
+use record::{DelayKind, DelayTermKind};
+
+/// Slopes below this may be clocks that run at different rates, s/s.
+const CLOCK_SKEW: f64 = 2e-4;
+/// Shortest flight that is advised, s.
+const SHORTEST_S: f64 = 120.0;
+
+/// One plain sentence.
+pub(crate) fn sentence(found: &Found, v: &Verdict) -> String {
+    let mut text = match v.kind {
+        DelayKind::CannotTell => cannot_tell(found, v),
+        DelayKind::NotTested => format!(
+            "{}. Whether this changes could not be tested: {} of the 8 windows needed know their delay.",
+            late(v.level),
+            v.constancy.windows
+        ),
+        DelayKind::OnTime => format!("Position and velocity agree in time: {}.{}", late(v.level), seen(v)),
+        DelayKind::Constant | DelayKind::Early => match &v.constancy.note {
+            Some(note) => format!("{} on average. {note}", late(v.level)),
+            None => format!("{}, the same all through the flight.{}", late(v.level), seen(v)),
+        },
+        _ => changes(found, v),
+    };
+    if let Some(j) = found.jitter.found_s {
+        text += &format!(" It jitters by {} (standard deviation) from fix to fix.", milliseconds(j));
+    }
+    if !found.odd.late.is_empty() {
+        text += &format!(" {} single fixes came late.", found.odd.late.len());
+    }
+    match found.queued.bursts.len() {
+        0 => {}
+        1 => text += " Some fixes arrived at once, in a burst.",
+        n => text += &format!(" Fixes arrived in {n} bursts."),
+    }
+    text
+}
+
+/// "The position is 203 ± 6 ms late".
+fn late(level: Option<Effect>) -> String {
+    let Some(level) = level else { return "The delay is unknown".to_owned() };
+    let of = |size: f64| plus_minus(record::Estimate { value: size, standard_uncertainty: Some(level.uncertainty) });
+    if level.size < 0.0 && level.size + 1.96 * level.uncertainty < 0.0 {
+        format!("The velocity is {} later than the position", of(-level.size))
+    } else {
+        format!("The position is {} late", of(level.size))
+    }
+}
+
+fn seen(v: &Verdict) -> String {
+    match v.constancy.detectable_s {
+        Some(x) if x <= 0.15 => format!(" A lasting change of {} or more would have been seen.", milliseconds(x)),
+        Some(x) => format!(" As far as can be seen: only a change of {} or more would have shown.", milliseconds(x)),
+        None => String::new(),
+    }
+}
+
+fn cannot_tell(found: &Found, v: &Verdict) -> String {
+    let why = match &v.unknown {
+        None | Some(Unknown::NoMotion) => "the flight has too little motion while both are logged".to_owned(),
+        Some(Unknown::Wide(u)) => {
+            format!("the motion gives the delay only to ± {}", milliseconds((2.0 * u).min(99.0)))
+        }
+        Some(Unknown::Edge) => format!(
+            "the best delay lies at the edge of the search ({:.1} s to {:.1} s)",
+            found.search_s[0], found.search_s[1]
+        ),
+        Some(Unknown::Foreign(share)) => {
+            format!("{:.0} % of the displacement is not explained by this velocity at any delay", 100.0 * share)
+        }
+        Some(Unknown::TwoFit([a, b])) => format!("two delays fit equally well, {a:.1} s and {b:.1} s"),
+    };
+    let mut text = format!("Cannot tell how late the position is: {why}.");
+    if v.change_on_bins.is_some() {
+        text += " But the delay changes, or the position was reset along the track.";
+    }
+    text
+}
+
+fn changes(found: &Found, v: &Verdict) -> String {
+    let Some(shape) = &v.shape else {
+        let by = v.constancy.difference_s.map_or(String::new(), |b| format!(" by {}", plus_minus(b)));
+        return format!(
+            "The delay wanders: it differs{by} between parts of the flight, and no simple description fits."
+        );
+    };
+    let range = format!("between {} and {}", milliseconds(shape.least_s), milliseconds(shape.most_s));
+    match v.kind {
+        DelayKind::Steps | DelayKind::Switches => {
+            let steps = steps(found);
+            let how = if v.kind == DelayKind::Switches { "switches to and fro" } else { "jumps" };
+            match steps.as_slice() {
+                [(at, size)] => format!(
+                    "The delay jumps by {} at {at:.0} s of the flight, from {} to {}.",
+                    milliseconds(*size),
+                    milliseconds(if *size > 0.0 { shape.least_s } else { shape.most_s }),
+                    milliseconds(if *size > 0.0 { shape.most_s } else { shape.least_s }),
+                ),
+                many => format!("The delay {how} {} times {range}.", many.len()),
+            }
+        }
+        DelayKind::Queues => format!("The delay grows and falls back, {range}: messages wait in a queue."),
+        DelayKind::BuildsUp => format!("The delay builds up {range} and does not fall back."),
+        _ if shape.steepest.abs() < CLOCK_SKEW => {
+            format!("The delay drifts {range}, by {:.0} ppm as clocks do.", 1e6 * shape.steepest)
+        }
+        _ => format!("The delay drifts {range}."),
+    }
+}
+
+/// Steps with their instants after the first fix.
+fn steps(found: &Found) -> Vec<(f64, f64)> {
+    let terms = found.refined.iter().flat_map(|r| &r.description.terms);
+    terms.filter(|t| t.kind == DelayTermKind::Step).map(|t| (t.at_s - found.span_s[0], t.size)).collect()
+}
+
+/// What follows for a compensation.
+pub(crate) fn advice(v: &Verdict) -> String {
+    let text = match v.kind {
+        DelayKind::CannotTell => "Remove no delay. A configured delay is not verified by this flight.",
+        DelayKind::NotTested => "Remove this delay if other flights of the same receiver agree.",
+        DelayKind::OnTime => "Remove no delay.",
+        DelayKind::Constant => "Remove this delay.",
+        DelayKind::Early => "Leave the position as it is. Off-line, shift the velocity instead: it is the later one.",
+        DelayKind::Steps | DelayKind::Switches => {
+            "No one delay fits. Off-line, remove each level's own delay and mark the fixes near the steps invalid."
+        }
+        DelayKind::Drifts => "No one delay fits. Off-line, remove the curve.",
+        DelayKind::Queues | DelayKind::BuildsUp => {
+            "No one delay fits. Off-line, remove the curve and mark fixes in bursts. In flight, use the device's own time."
+        }
+        DelayKind::Wanders => "No one delay fits. Off-line, remove the curve and keep its uncertainty.",
+    };
+    text.to_owned()
+}
+
+/// What to fly to learn more: minutes of turns at the speed of this flight.
+pub(crate) fn what_to_fly(found: &Found, v: &Verdict, settings: &OverTimeSettings) -> Option<String> {
+    let missing = matches!(v.kind, DelayKind::CannotTell | DelayKind::NotTested);
+    let blind = v.constancy.detectable_s.is_some_and(|x| x > settings.detectable_limit_s);
+    if !missing && !blind {
+        return None;
+    }
+    if let Some(Unknown::TwoFit(_)) = v.unknown {
+        return Some(
+            "Fly turns of different radius and duration: a strictly periodic motion fits two delays.".to_owned(),
+        );
+    }
+    if let Some(Unknown::Foreign(_)) = v.unknown {
+        return Some("Check that position and velocity are of the same vehicle and in the same frame.".to_owned());
+    }
+    let speed = found.motion.fast_mps.max(1.0);
+    let sigma = 0.25 * settings.known_limit_s;
+    let inflation = found.test.as_ref().map_or(2.0, |t| 2.0 * t.all.inflation);
+    let fixes = inflation * (found.noise.white_m / (speed * sigma)).powi(2);
+    let duration = (fixes * found.interval_s).clamp(SHORTEST_S, 1800.0);
+    Some(format!(
+        "Fly {:.0} minutes of turns at {speed:.0} m/s, left and right, with the heading changing all the time.",
+        (duration / 60.0).ceil()
+    ))
+}
+
+/// What else could look like this delay.
+pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
+    let mut out = vec![];
+    if let Some(test) = &found.test {
+        let lever = test.all.lever_m;
+        if let Some(l) = sure(lever) {
+            out.push(format!(
+                "The antenna seems to be {:.2} ± {:.2} m ahead of the point whose velocity is known.",
+                l.value,
+                2.0 * lever.uncertainty
+            ));
+        } else if found.motion.fast_mps > 1.0 {
+            let per = 0.1 / found.motion.fast_mps;
+            out.push(format!(
+                "Each 0.1 m of unknown antenna position ahead shifts the delay by −{}.",
+                milliseconds(per)
+            ));
+        }
+        if let Some(s) = sure(test.all.speed_lag_s) {
+            out.push(format!("The speed follows {} later than the direction.", plus_minus(s)));
+        }
+        if let Some(skew) = clock_skew(found, v) {
+            out.push(skew);
+        }
+    }
+    if v.kind == DelayKind::Steps {
+        out.push("On a straight piece a step cannot be told from a reset of the position along the track.".to_owned());
+    }
+    if v.kind == DelayKind::NotTested && v.change_on_bins.is_some() {
+        out.push("The delay may change within this flight; it is too short to be sure.".to_owned());
+    }
+    if found.fixes_used > 0 && found.noise.shape.jitter == 0.0 && found.fixes_used * 2 < found.queued.rows.len() {
+        let every = found.queued.rows.len().div_ceil(found.fixes_used);
+        out.push(format!("Every {every}th fix was used."));
+    }
+    out
+}
+
+fn sure(e: Effect) -> Option<record::Estimate> {
+    estimate(e).filter(|_| e.size.abs() > 3.0 * e.uncertainty)
+}
+
+/// A trend as small as clocks have it.
+fn clock_skew(found: &Found, v: &Verdict) -> Option<String> {
+    let c = found.test.as_ref()?.comparison.as_ref().filter(|_| !v.kind.varies())?;
+    let rate = sure(c.rate)?;
+    (rate.value.abs() < CLOCK_SKEW).then(|| {
+        let u = rate.standard_uncertainty.unwrap_or(0.0);
+        format!("The delay grows by {:.1} ± {:.1} ppm: the clocks run at different rates.", 1e6 * rate.value, 2e6 * u)
+    })
+}
+
+/// Why the configured delay is refuted.
+pub(crate) fn contradiction(found: &Found, v: &Verdict, settings: &OverTimeSettings) -> Option<String> {
+    let configured = settings.configured_delay_s.filter(|d| d.is_finite())?;
+    if v.kind == DelayKind::CannotTell {
+        return None;
+    }
+    let (low, high) = match &v.shape {
+        Some(s) => (s.least_s, s.most_s),
+        None => v.level.map(|l| (l.size, l.size))?,
+    };
+    let worst = (low - configured).abs().max((high - configured).abs());
+    let spread = v.level.map_or(0.0, |l| l.uncertainty.hypot(v.widening_s));
+    // Two-sided p = 1e-3 of a normal distribution; a delay that varies has been tested already.
+    let sure = v.kind.varies() || (low - configured).abs() > 3.29 * spread;
+    (sure && worst >= settings.configured_tolerance_s).then(|| {
+        let measured = if v.shape.is_some() {
+            format!("{} to {}", milliseconds(low), milliseconds(high))
+        } else {
+            v.level.and_then(estimate).map_or(String::new(), plus_minus)
+        };
+        format!(
+            "Configured {}; measured {measured}. The largest error of the position is {:.1} m at {:.0} m/s.",
+            milliseconds(configured),
+            worst * found.motion.fast_mps,
+            found.motion.fast_mps
+        )
+    })
+}

@@ -1,0 +1,245 @@
+//! Simulated flights with known delays. Gates follow from the number of flights; `examples/over_time_study.rs` flies more.
+
+#![allow(clippy::indexing_slicing, clippy::unwrap_used)]
+
+mod support;
+
+use delay_over_time::{CannotAnalyse, OverTimeSettings, PositionAgainstVelocity, analyse};
+use record::{DelayKind, DelayOverTime, DelayTermKind};
+use support::{Case, Flight, Path, Profile, TURNING, fly};
+
+fn found(path: Path, profile: Profile, seed: u64) -> DelayOverTime {
+    fly(&Case::gps(path, profile), seed).analyse()
+}
+
+/// 48 constant flights: with a false-alarm rate of 1 %, two or more have a probability of 8 %, three of 1 %.
+#[test]
+fn constant_delays_are_not_called_varying() {
+    let flights = TURNING.iter().flat_map(|p| (0..12).map(move |s| found(*p, Profile::Constant, 100 + s)));
+    let all: Vec<DelayOverTime> = flights.collect();
+    assert!(all.iter().filter(|f| f.constancy.varies).count() <= 2);
+    assert!(all.iter().filter(|f| f.constancy.tested).count() >= 46);
+    assert!(all.iter().filter(|f| f.kind == DelayKind::Constant).count() >= 44);
+}
+
+/// Sum of squared errors over variances of 60 levels: chi-squared with 60 degrees of freedom lies within 35 to 92 with
+/// 99 %. An uncertainty wrong by 20 % moves it by 40 %.
+#[test]
+fn levels_are_as_uncertain_as_they_say() {
+    let squares: f64 = (0..60)
+        .map(|s| {
+            let level = found(Path::Circuits, Profile::Constant, 3000 + s).level_s;
+            ((level.value - 0.2) / level.standard_uncertainty.unwrap()).powi(2)
+        })
+        .sum();
+    assert!((35.0..92.0).contains(&squares), "{squares}");
+}
+
+#[test]
+fn steps_are_found_with_instant_and_size() {
+    for path in [Path::Circuits, Path::Sturns, Path::Survey] {
+        for seed in 0..5 {
+            let f = found(path, Profile::Step { by: 0.15 }, 500 + seed);
+            assert_eq!(f.kind, DelayKind::Steps, "{path:?} {seed}: {}", f.words);
+            let step = f.terms.iter().max_by(|a, b| a.size.abs().total_cmp(&b.size.abs())).unwrap();
+            assert_eq!(step.kind, DelayTermKind::Step);
+            assert!((step.at_s - 120.2).abs() <= 1.0, "{step:?}");
+            assert!((step.size - 0.15).abs() < 4.0 * step.standard_uncertainty.max(0.01), "{step:?}");
+            assert!(f.configured_contradicted.is_none() && f.span_s > 0.1);
+        }
+    }
+}
+
+#[test]
+fn a_build_up_is_a_queue_with_a_burst() {
+    for seed in 0..4 {
+        let f = found(Path::Circuits, Profile::BuildUp { top: 2.5 }, 700 + seed);
+        assert_eq!(f.kind, DelayKind::Queues, "{}", f.words);
+        assert_eq!(f.bursts.len(), 1);
+        assert!(f.curve.len() <= 200 && f.span_s > 2.0);
+        let worst = f.curve.iter().map(|p| p.delay_s).fold(0.0, f64::max);
+        assert!((worst - 2.5).abs() < 0.1, "{worst}");
+    }
+}
+
+#[test]
+fn slow_changes_have_their_words() {
+    let ramp = found(Path::Circuits, Profile::Ramp { by: 0.3 }, 41);
+    assert!(matches!(ramp.kind, DelayKind::Drifts | DelayKind::BuildsUp), "{}", ramp.words);
+    let saw = found(Path::Circuits, Profile::Sawtooth { top: 0.6, period: 40.0 }, 42);
+    assert!(saw.kind == DelayKind::Queues || saw.constancy.note.is_some(), "{}", saw.words);
+}
+
+#[test]
+fn delays_of_minus_two_to_twelve_seconds_are_measured() {
+    for (k, delay) in [-2.0, -0.7, 1.4, 5.3, 12.0].into_iter().enumerate() {
+        let path = TURNING[k % 4];
+        let f = fly(&Case { delay, ..Case::gps(path, Profile::Constant) }, 900 + k as u64).analyse();
+        assert!((f.level_s.value - delay).abs() < 0.1, "{delay}: {}", f.words);
+        let expected = if delay < 0.0 { DelayKind::Early } else { DelayKind::Constant };
+        assert_eq!(f.kind, expected, "{}", f.words);
+        assert!(!f.edge_hit);
+    }
+}
+
+#[test]
+fn a_delay_beyond_the_first_search_widens_it() {
+    let case = Case { delay: -4.0, ..Case::gps(Path::Circuits, Profile::Constant) };
+    let f = fly(&case, 31).analyse();
+    assert!((f.level_s.value + 4.0).abs() < 0.1 && f.search_s[0] < -2.5, "{}", f.words);
+}
+
+#[test]
+fn zero_and_negative_delays_have_their_words() {
+    let zero = fly(&Case { delay: 0.0, ..Case::gps(Path::Circuits, Profile::Constant) }, 11).analyse();
+    assert_eq!(zero.kind, DelayKind::OnTime, "{}", zero.words);
+    let early = fly(&Case { delay: -0.2, ..Case::gps(Path::Circuits, Profile::Constant) }, 12).analyse();
+    assert_eq!(early.kind, DelayKind::Early, "{}", early.words);
+    assert!(early.words.contains("velocity is"), "{}", early.words);
+}
+
+#[test]
+fn straight_flight_cannot_tell() {
+    let f = found(Path::Straight, Profile::Constant, 21);
+    assert_eq!(f.kind, DelayKind::CannotTell, "{}", f.words);
+    assert!(f.what_to_fly.is_some());
+    let f = found(Path::Straight, Profile::BuildUp { top: 2.5 }, 22);
+    assert!(f.kind == DelayKind::CannotTell && f.words.contains("But the delay changes"), "{}", f.words);
+}
+
+#[test]
+fn jitter_is_measured_and_is_no_step() {
+    for path in [Path::Circuits, Path::Survey] {
+        let f = found(path, Profile::Jitter { mean: 0.08 }, 61);
+        let jitter = f.jitters.expect("jitter").standard_deviation_s;
+        assert!((0.05..0.09).contains(&jitter), "{jitter}");
+        assert!(!f.constancy.varies);
+    }
+    assert!(found(Path::Circuits, Profile::Constant, 62).jitters.is_none());
+}
+
+#[test]
+fn an_antenna_ahead_is_no_change_of_the_delay() {
+    let f = fly(&Case { lever: 1.0, ..Case::rtk(Path::VarSpeed, Profile::Constant) }, 71).analyse();
+    assert_eq!(f.kind, DelayKind::Constant, "{}", f.words);
+    let lever = f.lever_arm_m.expect("lever");
+    assert!((lever.value - 1.0).abs() < 4.0 * lever.standard_uncertainty.unwrap() + 0.05, "{lever:?}");
+    assert!((f.level_s.value - 0.2).abs() < 0.01, "{:?}", f.level_s);
+}
+
+fn with_settings(flight: &Flight, configured: f64) -> DelayOverTime {
+    let settings = OverTimeSettings { configured_delay_s: Some(configured), ..OverTimeSettings::default() };
+    analyse(&flight.record(), &settings).unwrap()
+}
+
+#[test]
+fn a_configured_delay_is_tested_against_the_flight() {
+    let flight = fly(&Case::gps(Path::Circuits, Profile::Constant), 81);
+    assert!(with_settings(&flight, 0.2).configured_contradicted.is_none());
+    assert!(with_settings(&flight, 0.4).configured_contradicted.is_some());
+    let changing = fly(&Case::gps(Path::Circuits, Profile::BuildUp { top: 2.5 }), 82);
+    let text = with_settings(&changing, 0.2).configured_contradicted.expect("contradiction");
+    assert!(text.starts_with("Configured 200 ms"), "{text}");
+}
+
+#[test]
+fn a_reset_of_the_position_and_a_gap_of_the_velocity_are_no_change() {
+    let mut flight = fly(&Case::gps(Path::Circuits, Profile::Constant), 91);
+    let at = flight.t.partition_point(|t| *t < 130.0);
+    flight.north[at..].iter_mut().for_each(|n| *n += 40.0);
+    let breaks = [flight.t[at]];
+    let record = PositionAgainstVelocity { breaks: &breaks, ..flight.record() };
+    let f = analyse(&record, &OverTimeSettings::default()).unwrap();
+    assert_eq!(f.kind, DelayKind::Constant, "{}", f.words);
+    let keep = |t: f64| !(60.0..75.0).contains(&t);
+    let rows: Vec<usize> = (0..flight.velocity_t.len()).filter(|k| keep(flight.velocity_t[*k])).collect();
+    let pick = |x: &[f64]| rows.iter().map(|k| x[*k]).collect::<Vec<f64>>();
+    let (t, n, e) = (pick(&flight.velocity_t), pick(&flight.velocity_north), pick(&flight.velocity_east));
+    let record = PositionAgainstVelocity { velocity_t: &t, velocity_north: &n, velocity_east: &e, ..record };
+    let f = analyse(&record, &OverTimeSettings::default()).unwrap();
+    assert_eq!(f.kind, DelayKind::Constant, "{}", f.words);
+    assert!((f.level_s.value - 0.2).abs() < 0.03);
+}
+
+#[test]
+fn the_devices_own_time_agrees_with_the_motion() {
+    let flight = fly(&Case::gps(Path::Circuits, Profile::BuildUp { top: 2.5 }), 95);
+    let device: Vec<f64> = flight.t.iter().zip(&flight.late).map(|(t, l)| t - l + 5e4).collect();
+    let record = PositionAgainstVelocity { device_time_s: Some(&device), ..flight.record() };
+    let device = analyse(&record, &OverTimeSettings::default()).unwrap().device_time.expect("device time");
+    assert!((device.largest_s - 2.3).abs() < 0.15, "{device:?}");
+    assert!(device.disagreement_rms_s.unwrap() < 0.3, "{device:?}");
+}
+
+/// No number is NaN or infinite: JSON has no such numbers, and what is read back would differ.
+#[test]
+fn every_record_survives_json_and_comes_out_the_same_twice() {
+    let cases = [
+        (Path::Straight, Profile::Constant),
+        (Path::Hover, Profile::Two { by: 0.2, dwell: 60.0 }),
+        (Path::Survey, Profile::Spikes { count: 5 }),
+        (Path::Circuits, Profile::Jitter { mean: 0.08 }),
+    ];
+    for (path, profile) in cases {
+        let flight = fly(&Case { duration: 100.0, ..Case::gps(path, profile) }, 99);
+        let first = flight.analyse();
+        let text = serde_json::to_string(&first).unwrap();
+        assert_eq!(serde_json::from_str::<DelayOverTime>(&text).unwrap(), first);
+        assert_eq!(text, serde_json::to_string(&flight.analyse()).unwrap());
+    }
+}
+
+#[test]
+fn odd_input_is_refused_or_survived() {
+    let flight = fly(&Case { duration: 40.0, ..Case::gps(Path::Circuits, Profile::Constant) }, 5);
+    let settings = OverTimeSettings::default();
+    let short = PositionAgainstVelocity { north: &flight.north[1..], ..flight.record() };
+    assert!(matches!(analyse(&short, &settings), Err(CannotAnalyse::LengthsDiffer { .. })));
+    let falling = vec![1.0; flight.t.len()];
+    let record = PositionAgainstVelocity { t: &falling, ..flight.record() };
+    assert!(matches!(analyse(&record, &settings), Err(CannotAnalyse::BadRow { .. })));
+    let later: Vec<f64> = flight.t.iter().map(|t| t + 1e4).collect();
+    let record = PositionAgainstVelocity { t: &later, ..flight.record() };
+    assert!(matches!(analyse(&record, &settings), Err(CannotAnalyse::NoOverlap { .. })));
+    let still = vec![0.0; flight.velocity_t.len()];
+    let record = PositionAgainstVelocity { velocity_north: &still, velocity_east: &still, ..flight.record() };
+    assert_eq!(analyse(&record, &settings).unwrap().kind, DelayKind::CannotTell);
+    let huge: Vec<f64> = flight.north.iter().map(|n| n * 1e150).collect();
+    let record = PositionAgainstVelocity { north: &huge, ..flight.record() };
+    let text = serde_json::to_string(&analyse(&record, &settings).unwrap()).unwrap();
+    assert!(serde_json::from_str::<DelayOverTime>(&text).is_ok(), "{text}");
+    let breaks: Vec<f64> = (0..200).map(|k| 0.2 * f64::from(k)).collect();
+    let record = PositionAgainstVelocity { breaks: &breaks, ..flight.record() };
+    assert_eq!(analyse(&record, &settings).unwrap().kind, DelayKind::CannotTell);
+}
+
+/// A pendulum at 1 m/s: slow, but turning all the time.
+#[test]
+fn a_slow_swing_answers() {
+    let mut random = support::Random::new(7);
+    let t: Vec<f64> = (0..1200).map(|k| 0.1 * f64::from(k)).collect();
+    let phase = |t: f64| 2.0 * t + 2.5 * (0.13 * t).sin();
+    let rate = |t: f64| 2.0 + 2.5 * 0.13 * (0.13 * t).cos();
+    let place = |t: f64| [0.5 * phase(t).sin(), 0.2 * (0.7 * phase(t)).cos()];
+    let speed = |t: f64| [0.5 * rate(t) * phase(t).cos(), -0.14 * rate(t) * (0.7 * phase(t)).sin()];
+    let mut noisy = |x: f64, sigma: f64| x + sigma * random.normal();
+    let of = |f: &dyn Fn(f64) -> [f64; 2], a: usize, late: f64| t.iter().map(|t| f(t - late)[a]).collect::<Vec<f64>>();
+    let mut series = |f: &dyn Fn(f64) -> [f64; 2], a: usize, late: f64, sigma: f64| -> Vec<f64> {
+        of(f, a, late).into_iter().map(|x| noisy(x, sigma)).collect()
+    };
+    let (north, east) = (series(&place, 0, 0.12, 0.01), series(&place, 1, 0.12, 0.01));
+    let (velocity_north, velocity_east) = (series(&speed, 0, 0.0, 0.02), series(&speed, 1, 0.0, 0.02));
+    let record = PositionAgainstVelocity {
+        t: &t,
+        north: &north,
+        east: &east,
+        velocity_t: &t,
+        velocity_north: &velocity_north,
+        velocity_east: &velocity_east,
+        breaks: &[],
+        device_time_s: None,
+    };
+    let f = analyse(&record, &OverTimeSettings::default()).unwrap();
+    assert_eq!(f.kind, DelayKind::Constant, "{}", f.words);
+    assert!((f.level_s.value - 0.12).abs() < 0.01, "{:?}", f.level_s);
+}

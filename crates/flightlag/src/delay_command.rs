@@ -1,0 +1,194 @@
+//! `flightlag delay`: how late the positions of some logs are.
+
+use crate::arguments::{DelayArguments, DeskArguments};
+use crate::campaign_command::{desk, pipeline_of};
+use crate::failure::{End, Failure};
+use crate::listen::listener;
+use crate::show::{Table, count, visible};
+use crate::stop::Stop;
+use campaign::{DelayLine, DelayOrder, GroupLine, LineSetting, delay_report, delay_schema};
+use std::io::Write;
+
+/// Most lines of flights at the end of a campaign; its page has all.
+const MOST_FLIGHTS: usize = 40;
+/// Most alarms that are printed.
+const MOST_ALARMS: usize = 20;
+
+pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failure> {
+    let mut out = std::io::stdout().lock();
+    if arguments.schema {
+        write!(out, "{}", delay_schema())?;
+        return Ok(campaign::Exit::Well.into());
+    }
+    let pipeline = pipeline_of(arguments.pipeline.as_deref(), arguments.map.clone(), arguments.maps.clone())?;
+    let order = DelayOrder { paths: arguments.logs.clone(), pipeline };
+    let quiet = arguments.quiet || arguments.logs.iter().all(|path| path.is_file());
+    let asked = DeskArguments { threads: arguments.threads, json: false, quiet };
+    let events = listener(&asked);
+    let report = delay_report(&order, &desk(&asked, stop, events.as_ref()))?;
+    drop(events);
+    match (arguments.json, arguments.csv) {
+        (true, _) => writeln!(out, "{}", serde_json::to_string_pretty(&report).unwrap_or_default())?,
+        (_, true) => report.write_csv(&mut out)?,
+        _ => write!(out, "{}", visible_lines(&text(&report.flights, &report.groups, usize::MAX)))?,
+    }
+    Ok(report.exit().into())
+}
+
+fn visible_lines(text: &str) -> String {
+    text.lines().map(|line| visible(line) + "\n").collect()
+}
+
+/// Groups first, then flights, then alarms: the same lines at the end of a campaign.
+pub(crate) fn text(flights: &[DelayLine], groups: &[GroupLine], most: usize) -> String {
+    match flights {
+        [one] => one_flight(one),
+        _ => format!("{}\n{}{}", groups_text(groups), flights_text(flights, most), alarms_text(flights)),
+    }
+}
+
+/// The same, cut to what a terminal holds.
+pub(crate) fn short_text(flights: &[DelayLine], groups: &[GroupLine]) -> String {
+    text(flights, groups, MOST_FLIGHTS)
+}
+
+fn one_flight(line: &DelayLine) -> String {
+    let mut text = format!("{}: {}\n", line.flight, line.words);
+    let mut row = |what: &str, value: String| {
+        if !value.is_empty() {
+            text += &format!("  {what:<22}{value}\n");
+        }
+    };
+    row("lateness (k = 2)", lateness(line));
+    row("95 % interval", interval(line));
+    row("kind", line.kind.clone());
+    row("position - velocity", expanded_ms(line.position_minus_velocity_s, line.position_minus_velocity_u_s));
+    row("removed by default", removed(line));
+    row("effect", line.effect_words.clone());
+    row("set", settings(&line.set));
+    row("fly", line.fly.clone().unwrap_or_default());
+    row("group", line.group.clone());
+    for alarm in &line.alarms {
+        row(&alarm.gravity, alarm.text.clone());
+    }
+    text
+}
+
+fn groups_text(groups: &[GroupLine]) -> String {
+    let mut text = String::new();
+    for group in groups {
+        let name = if group.group.is_empty() { "no group" } else { &group.group };
+        text += &format!("{name}: {}\n", group.words);
+        let set = settings(&group.set);
+        if !set.is_empty() {
+            text += &format!("  set {set}\n");
+        }
+    }
+    text
+}
+
+fn flights_text(flights: &[DelayLine], most: usize) -> String {
+    let mut table =
+        Table::new(&["flight", "lateness ms|", "against", "kind", "pos-vel ms|", "removed|", "effect", "data"]);
+    for line in flights.iter().take(most) {
+        let relative = expanded_ms(line.position_minus_velocity_s, line.position_minus_velocity_u_s);
+        table.row(vec![
+            line.flight.clone(),
+            expanded_ms(line.lateness_s, line.lateness_u_s),
+            line.datum.clone(),
+            line.kind.clone(),
+            relative,
+            removed(line),
+            effect(line),
+            line.data.clone(),
+        ]);
+    }
+    let more = match flights.len().saturating_sub(most) {
+        0 => String::new(),
+        n => format!("  and {}\n", count(n as u64, "more flight")),
+    };
+    format!("{}{more}", table.text())
+}
+
+/// The gravest alarms first; grey ones only on the page and in JSON.
+fn alarms_text(flights: &[DelayLine]) -> String {
+    let of = |gravity: &'static str| {
+        flights.iter().flat_map(move |line| {
+            line.alarms
+                .iter()
+                .filter(move |a| a.gravity == gravity)
+                .map(move |a| format!("{}: {}", line.flight, a.text))
+        })
+    };
+    let harmed = flights.iter().filter(|l| l.effect == "harmed").map(|l| format!("{}: {}", l.flight, l.effect_words));
+    let failed = flights.iter().filter(|l| l.data == "failed").map(|l| format!("{}: {}", l.flight, l.words));
+    let all: Vec<String> = harmed.chain(of("red")).chain(failed).chain(of("amber")).collect();
+    let mut text = String::new();
+    if !all.is_empty() {
+        text += "\nneeds attention\n";
+    }
+    for alarm in all.iter().take(MOST_ALARMS) {
+        text += &format!("  {alarm}\n");
+    }
+    if all.len() > MOST_ALARMS {
+        text += &format!("  and {} more\n", all.len() - MOST_ALARMS);
+    }
+    text
+}
+
+fn lateness(line: &DelayLine) -> String {
+    let value = expanded_ms(line.lateness_s, line.lateness_u_s);
+    if value.is_empty() { value } else { format!("{value} ms, {}", against(&line.datum)) }
+}
+
+fn against(datum: &str) -> String {
+    if datum.starts_with("relative") { datum.to_owned() } else { format!("against the {datum}") }
+}
+
+fn interval(line: &DelayLine) -> String {
+    let ends = line.lateness_low_s.zip(line.lateness_high_s);
+    ends.map_or_else(String::new, |(low, high)| format!("{:.1} to {:.1} ms", 1e3 * low, 1e3 * high))
+}
+
+/// `203.4 ± 16.2`: value and expanded uncertainty (k = 2), ms.
+fn expanded_ms(value: Option<f64>, u: Option<f64>) -> String {
+    match (value, u) {
+        (None, _) => String::new(),
+        (Some(value), None) => format!("{:.1}", 1e3 * value),
+        (Some(value), Some(u)) => {
+            let expanded = 2e3 * u;
+            let digits = if expanded >= 10.0 {
+                0
+            } else if expanded >= 1.0 {
+                1
+            } else {
+                2
+            };
+            format!("{:.digits$} ± {expanded:.digits$}", 1e3 * value)
+        }
+    }
+}
+
+fn removed(line: &DelayLine) -> String {
+    match line.removed_s {
+        Some(delay_s) => format!("{:.1} ms, {}", 1e3 * delay_s, line.removed_from),
+        None => "nothing".to_owned(),
+    }
+}
+
+fn effect(line: &DelayLine) -> String {
+    let metres = match (line.error_raw_m, line.error_compensated_m) {
+        (Some(raw), Some(after)) if line.removed_s.is_some() => format!(" {raw:.2} -> {after:.2} m"),
+        _ => String::new(),
+    };
+    let word = if line.effect == "harmed" { "HARMED".to_owned() } else { line.effect.replace('-', " ") };
+    format!("{word}{metres}")
+}
+
+fn settings(set: &[LineSetting]) -> String {
+    let one = |s: &LineSetting| {
+        let note = if s.note.is_empty() { String::new() } else { format!(" ({})", s.note) };
+        format!("{} = {}{note}", s.name, s.value)
+    };
+    set.iter().map(one).collect::<Vec<_>>().join(", ")
+}

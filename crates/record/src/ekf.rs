@@ -1,0 +1,71 @@
+//! What a designer of a filter needs of each channel: noise, wander, delay, rate.
+
+use serde::{Deserialize, Serialize};
+
+/// Values for the design of a Kalman filter, from one flight.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct EkfValues {
+    /// Channels in the order of their names.
+    pub channels: Vec<EkfChannel>,
+}
+
+/// Values of one channel. What the flight does not give is not there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EkfChannel {
+    /// Name, such as `position.gps`.
+    pub channel: String,
+    /// What the values rest on: the pair that was fitted.
+    pub rests_on: String,
+    /// Updates per second, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
+    /// Values in the order in which they are explained.
+    pub values: Vec<EkfValue>,
+    /// What the channel does not give, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
+}
+
+/// Which value it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EkfValueKind {
+    /// Standard deviation of the white noise of one sample.
+    WhiteStd,
+    /// Density of the white noise: its standard deviation times the root of the sampling interval.
+    NoiseDensity,
+    /// Standard deviation of the wander (first-order Gauss–Markov process).
+    WanderStd,
+    /// Correlation time of the wander, s.
+    WanderTimeConstant,
+    /// Density of the noise that drives the wander; of a slow wander that of the random walk.
+    RandomWalkDensity,
+    /// Bias of the channel that is integrated, as standard deviation.
+    BiasStd,
+    /// How late the channel is, s; positive is late.
+    Delay,
+}
+
+/// One value.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EkfValue {
+    /// Which.
+    pub kind: EkfValueKind,
+    /// The value.
+    pub value: f64,
+    /// Its standard uncertainty, if it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standard_uncertainty: Option<f64>,
+    /// Unit of both.
+    pub unit: String,
+    /// Formula or definition, in words.
+    pub formula: String,
+}
+
+impl EkfChannel {
+    /// The value of this kind.
+    #[must_use]
+    pub fn value(&self, kind: EkfValueKind) -> Option<&EkfValue> {
+        self.values.iter().find(|value| value.kind == kind)
+    }
+}

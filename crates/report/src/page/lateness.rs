@@ -1,0 +1,193 @@
+//! The answer: how late the position is, what was removed, whether that helped, what to do.
+
+use super::Head::{Number, Text};
+use super::{badge, data_lost, estimate, maybe, maybe_estimate, no_number, plain, table};
+use crate::number;
+use crate::text::{shown, shown_block};
+use crate::verdict::{in_millis, source_phrase};
+use maud::{Markup, html};
+use record::{
+    ChannelLateness, DelayAdvice, DelayAlarm, DelayNetwork, Effect, EffectVerdict, FlightLateness, FlightRecord,
+    FlightRow, Gravity, GroupLateness, Outcome,
+};
+
+/// Most groups of a campaign that are listed; the record holds all.
+const MOST_GROUPS: usize = 20;
+
+/// What became of a flight in a word: whether compensation helped, else why nothing was compared.
+pub(super) fn result_badge(outcome: &Outcome, effect: Option<&Effect>) -> Markup {
+    match (outcome, effect) {
+        (Outcome::Failed { .. }, _) => badge("bad", "✗", "Failed"),
+        (Outcome::NotMeasurable { .. }, _) => badge("unsure", "○", "Not measurable"),
+        (_, Some(effect)) => effect_badge(effect.verdict),
+        (Outcome::Uncompensated { .. }, None) => badge("off", "○", "Nothing removed"),
+        (Outcome::Compensated, None) => badge("unsure", "?", "Effect unknown"),
+    }
+}
+
+fn effect_badge(verdict: EffectVerdict) -> Markup {
+    match verdict {
+        EffectVerdict::Helped => badge("ok", "✓", "Helped"),
+        EffectVerdict::NoChange => badge("off", "○", "No change"),
+        EffectVerdict::Harmed => badge("bad", "✗", "HARMED"),
+        EffectVerdict::CannotTell => badge("unsure", "?", "Cannot tell"),
+    }
+}
+
+/// The first lines of a flight's page.
+pub(super) fn answer(record: &FlightRecord) -> Markup {
+    html! {
+        @if let Some(lateness) = &record.lateness {
+            p.answer { b { (kind_words(lateness)) } ": " (shown(&lateness.words)) "." }
+        }
+        @if let Some(decision) = &record.decision {
+            p.answer {
+                @match (decision.delay_s, decision.used) {
+                    (Some(delay_s), Some(used)) => {
+                        "Removed: " b { (plain(delay_s * 1e3, 4)) "\u{a0}ms" } " (" (source_phrase(used)) "): " (shown(&decision.words)) "."
+                    }
+                    _ => { "Nothing removed: " (shown(&decision.words)) "." }
+                }
+                @if decision.circular { " The delay was found in this flight, so what is left says nothing of whether it is right." }
+            }
+        }
+        @if let Some(effect) = &record.effect { p.answer { (effect_badge(effect.verdict)) " " (shown(&effect.words)) "." } }
+        @if let Some(lateness) = &record.lateness {
+            (advice(&lateness.advice))
+            (alarms(&lateness.alarms))
+        }
+    }
+}
+
+fn kind_words(lateness: &FlightLateness) -> String {
+    let mut words = lateness.kind.word().to_owned();
+    if let Some(first) = words.get(..1) {
+        words = format!("{}{}", first.to_uppercase(), words.get(1..).unwrap_or_default());
+    }
+    lateness.also.iter().fold(words, |words, also| format!("{words}, {}", also.replace('-', " ")))
+}
+
+fn advice(advice: &DelayAdvice) -> Markup {
+    html! {
+        @if !advice.set.is_empty() {
+            p.answer {
+                "To remove it, set "
+                @for (i, s) in advice.set.iter().enumerate() {
+                    @if i > 0 { " or " }
+                    code { (shown(&s.name)) " = " (s.value) } @if s.unit == "ms" { " (ms)" }
+                    @if !s.note.is_empty() { " (" (shown(&s.note)) ")" }
+                }
+                "."
+            }
+        }
+        @if let Some(fly) = &advice.fly { p.answer { "To know more: " (shown(fly)) "." } }
+    }
+}
+
+fn alarms(alarms: &[DelayAlarm]) -> Markup {
+    html! {
+        @for alarm in alarms {
+            @match alarm.gravity {
+                Gravity::Red => { p.why { (badge("bad", "!", "Alarm")) " " (shown_block(&alarm.text)) } }
+                Gravity::Amber => { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(&alarm.text)) } }
+                Gravity::Grey => { p.note { (shown(&alarm.text)) } }
+            }
+        }
+    }
+}
+
+/// One lateness for each channel, with what it rests on.
+pub(super) fn network(network: &DelayNetwork) -> Markup {
+    let head = [
+        Text("Channel"),
+        Number("Lateness ± U (ms)"),
+        Number("95 % interval (ms)"),
+        Text("Against"),
+        Number("of U by model (ms)"),
+        Text("Rests on"),
+    ];
+    let body = html! { @for channel in &network.channels { (channel_row(channel)) } };
+    html! {
+        h2 #network { "One lateness for each channel" }
+        p { (shown(&network.datum_words)) }
+        p { (shown(&network.verdict_words)) }
+        (table("Lateness of each channel from all pairs together; U with k = 2", &head, body))
+        @if !network.unused_pairs.is_empty() {
+            details {
+                summary { (number::counted(network.unused_pairs.len() as u64, "pair", "pairs")) " not used" }
+                ul { @for p in &network.unused_pairs { li { code { (shown(&p.first)) } " against " code { (shown(&p.second)) } ": " (shown(&p.why)) } } }
+            }
+        }
+    }
+}
+
+fn channel_row(c: &ChannelLateness) -> Markup {
+    let against = match &c.relative_to {
+        Some(zero) => format!("relative to {zero}"),
+        None => "the IMU".to_owned(),
+    };
+    html! {
+        tr {
+            th scope="row" { code { (shown(&c.channel)) } }
+            td.n { (maybe_estimate(Some(&in_millis(&c.lateness_s)))) }
+            td.n { (plain(c.interval_95_s[0] * 1e3, 4)) " … " (plain(c.interval_95_s[1] * 1e3, 4)) }
+            td { (shown(&against)) }
+            td.n { (plain(c.model_uncertainty_s * 2e3, 2)) }
+            td.any {
+                (maybe(c.rests_on.as_deref(), |text| html! { (shown(text)) }))
+                @if let Some(own) = &c.filter_not_a_delay { " A filter, not a delay: " (estimate(&in_millis(own))) "\u{a0}ms against its own IMU." }
+            }
+        }
+    }
+}
+
+/// How late the position is in each group of flights.
+pub(super) fn groups(groups: &[GroupLateness]) -> Markup {
+    html! {
+        @if groups.iter().all(|g| g.lateness_s.is_none()) {
+            p.answer { "No flight tells how late its position is." }
+        }
+        @for group in groups.iter().take(MOST_GROUPS) {
+            p.answer {
+                b { (shown(&group.group.name)) } ": "
+                @match &group.lateness_s {
+                    Some(lateness_s) => { b { (estimate(&in_millis(lateness_s))) "\u{a0}ms" } " (k = 2). " (shown(&group.words)) "." }
+                    None => { (no_number(&group.words)) "." }
+                }
+            }
+            (advice(&group.advice))
+        }
+    }
+}
+
+/// How late, in the table of all flights.
+pub(super) fn lateness_cells(row: &FlightRow) -> Markup {
+    let lateness = row.lateness.as_ref();
+    let value = lateness.and_then(FlightLateness::lateness_s);
+    html! {
+        td { (maybe(lateness, |l| html! { (shown(&l.kind_name())) })) }
+        @match &value {
+            Some(value) => { td.n data-v=(value.value) { (number::with_uncertainty(&in_millis(value))) } }
+            None => { td.n { "—" } }
+        }
+        td { (maybe(lateness.filter(|_| value.is_some()), |l| html! { (shown(&l.against)) })) }
+    }
+}
+
+/// Error before and after, in the table of all flights.
+pub(super) fn effect_cells(row: &FlightRow) -> Markup {
+    let effect = row.effect.as_ref();
+    let cell = |value: Option<&record::Estimate>| match value {
+        Some(value) => html! { td.n data-v=(value.value) { (number::with_uncertainty(value)) } },
+        None => html! { td.n { "—" } },
+    };
+    html! {
+        (cell(effect.and_then(|e| e.error_raw_m.as_ref())))
+        (cell(effect.and_then(|e| e.error_compensated_m.as_ref())))
+    }
+}
+
+/// Result and damage of a row.
+pub(super) fn row_badges(row: &FlightRow) -> Markup {
+    html! { (result_badge(&row.outcome, row.effect.as_ref())) @if row.lossy { " " (data_lost()) } }
+}

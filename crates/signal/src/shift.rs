@@ -1,0 +1,77 @@
+//! How far an error of the values moves the delay.
+
+use crate::delay::block::Block;
+use crate::delay::{DelayFit, Measurement};
+use crate::whiten::WhiteningFilter;
+
+/// How the delay of a fit answers to errors of the values, to first order; gain, offset, drift, noise and weights as in the
+/// fit. An error of the reference is one of the values: the same times the gain, with the other sign.
+pub struct DelayResponse {
+    /// Of each component: how its values are made white, and what then is the slope over the delay.
+    parts: Vec<(WhiteningFilter, Vec<f64>)>,
+    power: f64,
+}
+
+impl DelayResponse {
+    /// Of the fit of `components`. `None` where it has no slope.
+    #[must_use]
+    pub fn of(components: &[Measurement], fit: &DelayFit) -> Option<DelayResponse> {
+        let part = |(m, f): (&Measurement, &crate::delay::ComponentFit)| {
+            let mut block = Block::new(m, f.used_rows.clone(), &f.noise, Some(&f.weights), 1);
+            for (k, t) in f.t_used.iter().enumerate() {
+                let (value, rate) = m.reference.value_and_rate(t - fit.delay_s);
+                block.columns[0][k] = value;
+                block.columns[1][k] = -rate;
+            }
+            block.project();
+            (block.filter, block.columns.pop().unwrap_or_default())
+        };
+        let parts: Vec<_> = components.iter().zip(&fit.components).map(part).collect();
+        let power: f64 = parts.iter().flat_map(|(_, slope)| slope).map(|s| s * s).sum();
+        (power > 0.0).then_some(DelayResponse { parts, power })
+    }
+
+    /// How much later the delay becomes, s, if the used rows of each component measure `errors` more: one series for each
+    /// component, one value for each of its used rows. `None` where the lengths do not match.
+    #[must_use]
+    pub fn shift_s(&self, errors: &[Vec<f64>]) -> Option<f64> {
+        let fits = errors.len() == self.parts.len()
+            && errors.iter().zip(&self.parts).all(|(error, (_, slope))| error.len() == slope.len());
+        let along = |((filter, slope), error): (&(WhiteningFilter, Vec<f64>), &Vec<f64>)| {
+            let mut white = error.clone();
+            filter.apply([&mut white]);
+            slope.iter().zip(&white).map(|(s, e)| s * e).sum::<f64>()
+        };
+        fits.then(|| self.parts.iter().zip(errors).map(along).sum::<f64>() / self.power)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CubicSpline, DelaySettings, Gain, Sign, fit_delay};
+
+    /// The same noise, a little more of the error: the fit moves as foretold.
+    #[test]
+    fn the_fit_moves_as_foretold() {
+        let knots: Vec<f64> = (0..=1500).map(|k| 0.02 * f64::from(k)).collect();
+        let truth: Vec<f64> = knots.iter().map(|t| (3.4 * t + 2.0 * (0.21 * t).sin()).sin()).collect();
+        let reference = CubicSpline::new(&knots, &truth).unwrap();
+        let t: Vec<f64> = (0..250).map(|k| 2.0 + 0.1 * f64::from(k)).collect();
+        let noise = |k: usize| 0.05 * (1.2345 * (k * k) as f64).sin();
+        let error: Vec<f64> = t.iter().map(|t| 1e-3 * (3.1 * t).cos() + 2e-4 * t).collect();
+        let fit = |with: f64| {
+            let values = t.iter().enumerate().map(|(k, t)| 1.1 * reference.value(t - 0.4) + noise(k) + with * error[k]);
+            let y: Vec<f64> = values.collect();
+            let gain = Gain::Free { sign: Sign::Positive };
+            let m = [Measurement { t: &t, y: &y, reference: &reference, gain, drift: false }];
+            let fit = fit_delay(&m, &DelaySettings { robust: false, ..DelaySettings::default() }).unwrap();
+            let used: Vec<f64> = fit.components[0].used_rows.iter().map(|&k| error[k]).collect();
+            let response = DelayResponse::of(&m, &fit).unwrap();
+            (fit.delay_s, response.shift_s(&[used]).unwrap(), response.shift_s(&[vec![0.0]]))
+        };
+        let ((before, foretold, wrong_length), (after, ..)) = (fit(0.0), fit(1.0));
+        assert!(foretold.abs() > 5e-5 && (after - before - foretold).abs() < 0.03 * foretold.abs(), "{foretold}");
+        assert_eq!(wrong_length, None);
+    }
+}
