@@ -255,7 +255,7 @@ fn an_output_that_cannot_be_written_ends_with_its_path_and_leaves_nothing_half()
     let campaign = Campaign::of(3);
     run(campaign.arguments("whole", &[]), 0);
     let program = flightlag([""]).get_program().to_owned();
-    // No file may grow beyond some kilobytes: records fit, tracks do not.
+    // No file may grow beyond some kilobytes: not even what was measured fits.
     let limited = std::process::Command::new("sh")
         .args(["-c", "ulimit -f 16; exec \"$0\" \"$@\""])
         .arg(program)
@@ -264,7 +264,7 @@ fn an_output_that_cannot_be_written_ends_with_its_path_and_leaves_nothing_half()
         .unwrap();
     let said = text(&limited.stderr);
     assert_eq!(limited.status.code(), Some(1), "{said}");
-    assert!(said.contains("track.parquet") && said.contains("too large"), "{said}");
+    assert!(said.contains("measured.json") && said.contains("too large"), "{said}");
     assert_outputs_are_whole(&campaign.out("full"));
     run(campaign.arguments("full", &[]), 0);
     assert_same(&results(&campaign.out("full")), &results(&campaign.out("whole")));
