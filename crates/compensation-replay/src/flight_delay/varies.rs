@@ -21,7 +21,7 @@ pub(crate) fn over_time(
         return None;
     }
     let first = &prepared.first;
-    let part = longest_part(&first.t);
+    let part = longest_part(&first.t, &velocity.t);
     let begins = pieces.iter().skip(1).filter_map(|p| p.rows.first()).map(|&row| first.t[row]);
     let breaks: Vec<f64> = begins.collect();
     let record = PositionAgainstVelocity {
@@ -55,12 +55,18 @@ pub(crate) fn over_time(
 /// After a pause this long a receiver is another: it may have been switched off, s.
 const LONGEST_PAUSE_S: f64 = 120.0;
 
-/// Rows of the longest part, by fixes, without a long pause.
-fn longest_part(t: &[f64]) -> Range<usize> {
+/// Rows of the longest part, by fixes, without a long pause of either channel.
+fn longest_part(t: &[f64], velocity_t: &[f64]) -> Range<usize> {
+    let resumed = velocity_t.windows(2).filter(|w| w[1] - w[0] > LONGEST_PAUSE_S).map(|w| w[1]);
+    let mut resumed = resumed.peekable();
     let mut best = 0..0;
     let mut from = 0;
-    for k in 1..=t.len() {
-        if k == t.len() || t[k] - t[k - 1] > LONGEST_PAUSE_S {
+    for k in 0..=t.len() {
+        let mut ends = k == t.len() || (k > 0 && t[k] - t[k - 1] > LONGEST_PAUSE_S);
+        while let Some(at) = resumed.next_if(|at| t.get(k).is_some_and(|t| t >= at)) {
+            ends |= t.get(from).is_some_and(|first| *first < at);
+        }
+        if ends {
             if k - from > best.len() {
                 best = from..k;
             }
@@ -115,4 +121,23 @@ const NOT_RECOVERED: f64 = 3.3;
 
 fn small(p: f64) -> String {
     if p < 0.001 { "< 0.001".to_owned() } else { format!("= {p:.3}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_part_without_a_pause_of_either_channel_is_taken() {
+        let t: Vec<f64> = (0..1000).map(f64::from).collect();
+        let all: Vec<f64> = (0..2000).map(|k| 0.5 * f64::from(k)).collect();
+        assert_eq!(longest_part(&t, &all), 0..1000);
+        let paused: Vec<f64> = all.iter().copied().filter(|t| !(300.0..500.0).contains(t)).collect();
+        assert_eq!(longest_part(&t, &paused), 0..500, "up to where velocity is back; without it a fix says nothing");
+        let late: Vec<f64> = all.iter().copied().filter(|t| !(100.0..300.0).contains(t)).collect();
+        assert_eq!(longest_part(&t, &late), 300..1000);
+        let broken: Vec<f64> = t.iter().map(|t| if *t < 400.0 { *t } else { t + 500.0 }).collect();
+        assert_eq!(longest_part(&broken, &all), 400..1000);
+        assert_eq!(longest_part(&[], &all), 0..0);
+    }
 }
