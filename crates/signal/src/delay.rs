@@ -230,6 +230,12 @@ pub enum DelayError {
     /// The reference does not move, so that every delay fits equally well.
     #[error("the reference does not move over the record: every delay fits equally well")]
     NoExcitation,
+    /// What a shared column adds to the reference is what a delay would do.
+    #[error(
+        "the motion does not tell a delay from what else is fitted, such as an accelerometer's bias on a steady circle: \
+         turn both ways, and change speed"
+    )]
+    NotSeparable,
     /// The measured values do not follow the reference at any delay.
     #[error(
         "no delay from {from_s} s to {to_s} s makes the measured values follow the reference with a gain of the stated sign"
@@ -265,7 +271,13 @@ pub enum DelayError {
 /// In words, why a delay cannot be found.
 pub fn fit_delay(components: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
     check(components)?;
-    rounds::fit(components, settings)
+    rounds::fit(components, settings).map_err(|e| inseparable(components, e))
+}
+
+/// No information about the delay, beside shared columns, is their doing.
+fn inseparable(components: &[Measurement], error: DelayError) -> DelayError {
+    let shared = components.iter().any(|m| !m.reference.shared().is_empty());
+    if shared && error == DelayError::NoExcitation { DelayError::NotSeparable } else { error }
 }
 
 /// Where a fit begins that needs no search.
@@ -290,7 +302,7 @@ pub fn fit_delay_near(
     start: &DelayStart,
 ) -> Result<DelayFit, DelayError> {
     check(components)?;
-    rounds::fit_near(components, settings, start)
+    rounds::fit_near(components, settings, start).map_err(|e| inseparable(components, e))
 }
 
 /// Least samples of a component within the reference.
@@ -314,6 +326,8 @@ fn check(components: &[Measurement]) -> Result<(), DelayError> {
     Ok(())
 }
 
+#[cfg(test)]
+mod closed_values;
 #[cfg(test)]
 mod monte_carlo;
 #[cfg(test)]

@@ -118,16 +118,20 @@ impl NoiseProblem {
     }
 
     /// The noise that fits best, from where `before` ended if that was a wander. Without that, many samples are searched
-    /// on every second, third, … of them first.
-    pub(crate) fn wander_and_white(&self, before: Option<&NoiseFit>) -> NoiseFit {
+    /// on every second, third, … of them first, and with `rough` only on these.
+    pub(crate) fn wander_and_white(&self, before: Option<&NoiseFit>, rough: bool) -> NoiseFit {
         let white = self.white_likelihood();
         let n = self.samples();
         if n < LEAST_FOR_A_WANDER.max(3 * self.columns) || white.scale <= 0.0 {
             return self.white();
         }
         let f = |shape: &Shape| self.likelihood(shape).map_or(f64::INFINITY, |l| l.minus_log);
-        let start = before.and_then(|b| b.shape).or_else(|| self.shape_of_few());
-        let lowest = self.search(f, start);
+        let before = before.and_then(|b| b.shape);
+        let few = if before.is_none() { self.shape_of_few() } else { None };
+        let lowest = match few.filter(|_| rough) {
+            Some(at) => Lowest { at, value: f(&at) },
+            None => self.search(f, before.or(few)),
+        };
         match self.likelihood(&lowest.at) {
             Some(l) if l.minus_log < white.minus_log - WORTH_A_WANDER => {
                 NoiseFit { model: self.model(&lowest.at, l.scale), shape: Some(lowest.at) }

@@ -234,3 +234,35 @@ fn what_cannot_be_told_apart_is_not_decided_wrongly() {
     // At most 5 % wrong: more than four of twenty once in 400 runs.
     assert!(wrong <= 4, "{wrong} of {trials}");
 }
+
+/// 900 cheap fits of white noise. With an honest uncertainty Σz² is chi-squared: its mean is 1 ± √(2/900) = 0.047, and the
+/// gates are four of these. An uncertainty that is a fifth too small makes 1.56 of it, one that is a fifth too large 0.69:
+/// both lie more than five standard deviations of their own beyond the gates. Of 95 % intervals 93.0 to 97.0 % must hold
+/// (2.7 standard errors): those of 90 % hold 90 ± 1.0 %.
+#[test]
+fn the_size_of_an_uncertainty_is_watched_from_both_sides() {
+    const TRIALS: u32 = 900;
+    let reference = super::tests::swing();
+    let t: Vec<f64> = (0..160).map(|k| 3.0 + 0.25 * f64::from(k)).collect();
+    let mut rng = Pcg64::seed_from_u64(20_260_101);
+    let (mut squares, mut held) = (0.0, 0);
+    for trial in 0..TRIALS {
+        let truth = 0.3 + 2e-4 * f64::from(trial);
+        let noisy = |t: &f64| reference.value_and_rate(t - truth).0 + 0.1 * rng.sample::<f64, _>(StandardNormal);
+        let y: Vec<f64> = t.iter().map(noisy).collect();
+        let measurement = Measurement { t: &t, y: &y, reference: &reference, gain: Gain::Fixed(1.0), drift: false };
+        let settings = DelaySettings {
+            search_s: (0.2, 0.6),
+            search_step_s: 0.05,
+            noise: NoiseRule::White,
+            ..DelaySettings::default()
+        };
+        let fit = fit_delay(&[measurement], &settings).unwrap();
+        squares += ((fit.delay_s - truth) / fit.standard_uncertainty_s).powi(2) / f64::from(TRIALS);
+        let [low, high] = fit.interval(0.95);
+        held += u32::from(low <= truth && truth <= high);
+    }
+    assert!((squares - 1.0).abs() < 4.0 * (2.0 / f64::from(TRIALS)).sqrt(), "{squares}");
+    let share = f64::from(held) / f64::from(TRIALS);
+    assert!((0.930..=0.970).contains(&share), "{share}");
+}

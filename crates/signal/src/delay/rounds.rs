@@ -115,7 +115,14 @@ impl<'a> Fitting<'a> {
                 let second = self.second_minimum(&state, &scan, &descent);
                 return Ok(Found { alignment, state, descent, steps, scan, second });
             }
-            self.update_noise(&mut state, &alignment, &descent);
+            self.update_noise(&mut state, &alignment, &descent, round == 1);
+            if self.keep_noise && state.weights.is_none() && moved < self.settings.search_step_s {
+                // Neither noise nor weights changed: another round would repeat this one.
+                let descent = alignment.descend(state.at, 1e-9).ok_or(DelayError::NoExcitation)?;
+                steps += descent.steps;
+                state.at = descent.at;
+                return Ok(Found { alignment, state, descent, steps, scan, second: None });
+            }
             if state.noise.iter().any(|n| n.model.wander_std > 0.0)
                 && let Some(delays) = relocate.take()
             {
@@ -178,19 +185,20 @@ impl<'a> Fitting<'a> {
         Ok(normal.projections.iter().enumerate().map(size).collect())
     }
 
-    fn update_noise(&self, state: &mut State, alignment: &Alignment, descent: &Descent) {
+    fn update_noise(&self, state: &mut State, alignment: &Alignment, descent: &Descent, rough: bool) {
         for c in 0..self.measurements.len() {
             let weighted = state.weights.as_ref().is_some_and(|w| w[c].iter().any(|w| *w < 1.0));
             if !weighted {
-                self.update_noise_of(c, state, alignment, descent);
+                self.update_noise_of(c, state, (alignment, descent), rough);
             }
             if self.settings.robust && self.update_weights_of(c, state, alignment, descent) {
-                self.update_noise_of(c, state, alignment, descent);
+                self.update_noise_of(c, state, (alignment, descent), rough);
             }
         }
     }
 
-    fn update_noise_of(&self, c: usize, state: &mut State, alignment: &Alignment, descent: &Descent) {
+    /// With `rough` the wander is looked for among few samples only.
+    fn update_noise_of(&self, c: usize, state: &mut State, (alignment, descent): (&Alignment, &Descent), rough: bool) {
         if self.keep_noise {
             return;
         }
@@ -203,7 +211,7 @@ impl<'a> Fitting<'a> {
         let weights: Option<Vec<f64>> = state.weights.as_ref().map(|w| block.rows.iter().map(|&k| w[c][k]).collect());
         let problem = NoiseProblem::new(&block.t, &regressors, &residuals, weights.as_deref().map(|w| (w, KEPT_POWER)));
         let fit = match self.settings.noise {
-            NoiseRule::WanderAndWhite => problem.wander_and_white(Some(&state.noise[c])),
+            NoiseRule::WanderAndWhite => problem.wander_and_white(Some(&state.noise[c]), rough),
             _ => problem.white(),
         };
         state.noise[c] = fit.at_least(self.floors[c]);

@@ -96,7 +96,8 @@ pub(crate) fn uncertainties(
         None => jacobians.iter().map(|j| leverages(j, &inverse)).collect(),
     };
     let correction = conditions.textbook_lags.map_or(1.0, |_| n as f64 / degrees_of_freedom);
-    let series = |parameter: usize| influence(alignment, &jacobians, &leverages, &inverse, parameter);
+    let instants = Instants::of(alignment);
+    let series = |parameter: usize| influence(alignment, &jacobians, &leverages, &inverse, (&instants, parameter));
     let delay_series = series(0);
     let lags = conditions.textbook_lags.unwrap_or_else(|| andrews_lags(&delay_series));
     let sandwich = |s: &[f64]| (bartlett_sum(s, lags) * correction).max(0.0).sqrt();
@@ -202,33 +203,51 @@ fn leverages(jacobian: &Jacobian, inverse: &DMatrix<f64>) -> Vec<f64> {
     leverages
 }
 
+/// Which samples of the components share an instant.
+struct Instants {
+    /// Place among all instants, rising, of each row of each component.
+    places: Vec<Vec<usize>>,
+    count: usize,
+}
+
+impl Instants {
+    fn of(alignment: &Alignment) -> Instants {
+        let stamps = |c: usize| alignment.blocks[c].t.iter().enumerate().map(move |(k, t)| (*t, c, k));
+        let mut all: Vec<(f64, usize, usize)> = (0..alignment.blocks.len()).flat_map(stamps).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut places: Vec<Vec<usize>> = alignment.blocks.iter().map(|b| vec![0; b.t.len()]).collect();
+        let mut count = 0;
+        for (i, (t, c, k)) in all.iter().enumerate() {
+            count += usize::from(i == 0 || all[i - 1].0 < *t);
+            places[*c][*k] = count - 1;
+        }
+        Instants { places, count }
+    }
+}
+
 /// What each instant contributes to the error of `parameter`: its row of H⁻¹ Jᵀψ, summed over samples of one instant.
 fn influence(
     alignment: &Alignment,
     jacobians: &[Jacobian],
     leverages: &[Vec<f64>],
     inverse: &DMatrix<f64>,
-    parameter: usize,
+    (instants, parameter): (&Instants, usize),
 ) -> Vec<f64> {
-    let of_component = |c: usize| -> Vec<f64> {
+    let mut all = vec![0.0; instants.count];
+    for (c, jacobian) in jacobians.iter().enumerate() {
         let residuals = &alignment.blocks[c].residuals;
         let mut sums = vec![0.0; residuals.len()];
-        for (i, column) in &jacobians[c].columns {
+        for (i, column) in &jacobian.columns {
             let share = inverse[(parameter, *i)];
             for (sum, x) in sums.iter_mut().zip(column) {
                 *sum += share * x;
             }
         }
-        sums.iter_mut().zip(residuals.iter().zip(&leverages[c])).for_each(|(s, (e, l))| *s *= e / (1.0 - l).sqrt());
-        sums
-    };
-    if jacobians.len() == 1 {
-        return of_component(0);
+        for (k, (sum, (e, l))) in sums.iter().zip(residuals.iter().zip(&leverages[c])).enumerate() {
+            all[instants.places[c][k]] += sum * e / (1.0 - l).sqrt();
+        }
     }
-    let mut all: Vec<(f64, f64)> =
-        (0..jacobians.len()).flat_map(|c| alignment.blocks[c].t.iter().copied().zip(of_component(c))).collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    all.chunk_by(|a, b| a.0 == b.0).map(|same| same.iter().map(|s| s.1).sum()).collect()
+    all
 }
 
 /// Σ s² + 2 Σ_l (1 − l/(lags + 1)) Σ s_k s_{k−l}: the variance of the sum of a series (Newey and West 1987).
