@@ -52,6 +52,12 @@ fn cases() -> Vec<Case> {
             lost: 0.1,
             ..case("GPS 5 Hz .5 m + wander 1 m/30 s, 10 % lost", 120.0, 5.0, 0.5, wander(1.0, 30.0), 10.0, 0.1)
         },
+        case("walk: 10 Hz .5 m, v 10 Hz .1", 60.0, 10.0, 0.5, None, 10.0, 0.1),
+        case("walk: 10 Hz .5 m, v 10 Hz .25", 60.0, 10.0, 0.5, None, 10.0, 0.25),
+        case("walk: 10 Hz 1 m, v 10 Hz .1", 60.0, 10.0, 1.0, None, 10.0, 0.1),
+        case("walk: 10 Hz 1 m, v 10 Hz .25, 2 min", 120.0, 10.0, 1.0, None, 10.0, 0.25),
+        case("walk: 10 Hz 2 m, v 10 Hz .25, 30 s", 30.0, 10.0, 2.0, None, 10.0, 0.25),
+        case("walk: 10 Hz .2 m, v 10 Hz .25", 60.0, 10.0, 0.2, None, 10.0, 0.25),
         case("short: 5 Hz .3 m, 30 s", 30.0, 5.0, 0.3, None, 10.0, 0.1),
     ]
 }

@@ -86,6 +86,7 @@ fn print_pair(pair: &PairDelay) {
                     .collect();
                 println!("    by {}: {} (p = {:.2e})", s.by, groups.join("; "), s.p.unwrap_or(1.0));
             }
+            d.alarms.iter().for_each(|a| println!("    alarm: {a}"));
             if let Some(rival) = d.rival_s {
                 println!("    almost as good: {:.1} ms", 1e3 * rival);
             }

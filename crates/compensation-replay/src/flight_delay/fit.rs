@@ -6,33 +6,81 @@ use super::pieces::{Piece, Stretch};
 use crate::input::{AXES, Horizontal};
 use flight::Flight;
 use record::Estimate;
-use signal::{DelayError, DelayFit, DelaySettings, DelayStart, Gain, Measurement, fit_delay, fit_delay_near};
+use signal::{
+    DelayError, DelayFit, DelaySettings, DelayStart, Gain, Measurement, NoiseModel, fit_delay, fit_delay_near,
+};
 
-/// [`fit_delay`], once more with the noise that all components share, if theirs are alike.
-pub(crate) fn fit_shared(measurements: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
+/// [`fit_delay`], once more with the noise that all components share, if theirs are alike, and that walks at least as fast
+/// as `walk` says (variance gained per second, unit²/s): the integral of a noisy rate does.
+pub(crate) fn fit_shared(
+    measurements: &[Measurement],
+    settings: &DelaySettings,
+    walk: f64,
+) -> Result<DelayFit, DelayError> {
     let fit = fit_delay(measurements, settings)?;
-    let Some(noise) = pooled(&fit) else { return Ok(fit) };
-    let start = DelayStart { delay_s: fit.delay_s, noise: vec![noise; measurements.len()], keep_noise: true };
+    let own = || fit.components.iter().map(|c| c.noise).collect::<Vec<NoiseModel>>();
+    let pooled = pooled(&fit);
+    let shared = pooled.map_or_else(own, |noise| vec![noise; measurements.len()]);
+    let walking: Vec<NoiseModel> =
+        shared.iter().zip(&fit.components).map(|(n, c)| at_least_walking(n, c, walk)).collect();
+    if pooled.is_none() && walking == shared {
+        return Ok(fit);
+    }
+    let start = DelayStart { delay_s: fit.delay_s, noise: walking, keep_noise: true };
     Ok(DelayFit { second_minimum: fit.second_minimum, ..fit_delay_near(measurements, settings, &start)? })
+}
+
+/// `noise`, or with a wander that gains `walk` each second and lasts far longer than the record, where it gains less.
+fn at_least_walking(noise: &NoiseModel, fit: &signal::ComponentFit, walk: f64) -> NoiseModel {
+    const LONG: f64 = 10.0;
+    const TRUSTED: f64 = 0.5;
+    let own = if noise.wander_std > 0.0 { gained(noise) } else { 0.0 };
+    let (Some(first), Some(last)) = (fit.t_used.first(), fit.t_used.last()) else { return *noise };
+    // What the likelihood found is trusted where it walks about as fast; a wander that is shorter and larger is more.
+    if own >= TRUSTED * walk || noise.wander_std.powi(2) >= walk * (last - first) {
+        return *noise;
+    }
+    let time_constant_s = LONG * (last - first);
+    // A walk with offset and drift taken out has the mean variance walk·T/15: what the fit took for white noise.
+    let total = noise.white_std.powi(2) + noise.wander_std.powi(2);
+    let white_std = (total - walk * (last - first) / 15.0).max(0.25 * total).sqrt();
+    NoiseModel { wander_std: (0.5 * walk * time_constant_s).sqrt(), time_constant_s, white_std }
+}
+
+/// Variance that a wander gains in a second while it is young, unit²/s.
+fn gained(m: &NoiseModel) -> f64 {
+    2.0 * m.wander_std * m.wander_std / m.time_constant_s
+}
+
+/// What the noise of a rate integrates to: variance per second, of white noise of the size that fourth differences show,
+/// which motion hardly reaches.
+pub(crate) fn walk_of(rate: &Horizontal) -> f64 {
+    let mut steps: Vec<f64> = rate.t.windows(2).map(|w| w[1] - w[0]).collect();
+    let step_s = signal::median_by_selection(&mut steps).unwrap_or(0.0);
+    let size = |axis: usize| {
+        let bends = rate.axes[axis].windows(5).map(|w| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]);
+        signal::robust_sigma(&bends.collect::<Vec<f64>>()).unwrap_or(0.0) / 70_f64.sqrt()
+    };
+    let size = 0.5 * (size(0) + size(1));
+    size * size * step_s
 }
 
 /// The noise that all components share, if theirs are alike: one from twice the data is known better than two. On the
 /// circuits of `flight_delay_study` that wander (60 s) 95 % intervals covered 91.8, 92.5 and 94 % without this, 93.8,
 /// 94.8 and 94.2 % with it (400 trials, ± 1.2 %).
-fn pooled(fit: &DelayFit) -> Option<signal::NoiseModel> {
-    let noises: Vec<signal::NoiseModel> = fit.components.iter().map(|c| c.noise).collect();
+fn pooled(fit: &DelayFit) -> Option<NoiseModel> {
+    let noises: Vec<NoiseModel> = fit.components.iter().map(|c| c.noise).collect();
     let n: f64 = fit.components.iter().map(|c| c.t_used.len() as f64).sum();
-    let mean = |of: &dyn Fn(&signal::NoiseModel) -> f64| {
+    let mean = |of: &dyn Fn(&NoiseModel) -> f64| {
         let logs = noises.iter().zip(&fit.components).map(|(m, c)| of(m).ln() * c.t_used.len() as f64);
         (logs.sum::<f64>() / n).exp()
     };
-    let walk = |m: &signal::NoiseModel| 2.0 * m.wander_std * m.wander_std / m.time_constant_s;
-    let alike = |of: &dyn Fn(&signal::NoiseModel) -> f64, ratio: f64| {
+    let alike = |of: &dyn Fn(&NoiseModel) -> f64, ratio: f64| {
         let all = noises.iter().map(of);
         all.clone().fold(0.0, f64::max) <= ratio * all.fold(f64::INFINITY, f64::min)
     };
     let wander = noises.iter().all(|m| m.wander_std > 0.0 && m.white_std > 0.0);
-    (wander && alike(&walk, 3.0) && alike(&|m| m.white_std, 1.5)).then(|| signal::NoiseModel {
+    (wander && alike(&gained, 3.0) && alike(&|m| m.white_std, 1.5)).then(|| NoiseModel {
         wander_std: mean(&|m| m.wander_std),
         time_constant_s: mean(&|m| m.time_constant_s),
         white_std: mean(&|m| m.white_std),

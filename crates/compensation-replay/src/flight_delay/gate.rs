@@ -11,6 +11,81 @@ const SHORTEST_S: f64 = 5.0;
 /// A pair whose displacements disagree by more than this share does not belong together.
 const MOST_UNEXPLAINED: f64 = 0.5;
 
+/// The motion as gates and advice see it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Motion {
+    /// 95th percentile of the second channel's rate less a steady change, mean over a second, m/s (m/s² for accelerations).
+    pub(crate) unsteady: f64,
+    /// Σ‖P⊥v‖² over the samples of the first channel.
+    pub(crate) power: f64,
+    /// Whether the rate is an acceleration.
+    pub(crate) acceleration: bool,
+}
+
+/// Rates are averaged over this to tell motion from noise, s.
+const MEAN_S: f64 = 1.0;
+/// With less unsteady motion a vehicle stands still or flies straight on, m/s or m/s².
+const LEAST_UNSTEADY: f64 = 0.3;
+/// 95th percentile of the length of two normal numbers.
+const RAYLEIGH_95: f64 = 2.448;
+/// Motion must be so many times what noise makes of it.
+const ABOVE_NOISE: f64 = 1.5;
+
+/// What the noise of a rate (m/s or m/s²) alone would make of [`Motion::unsteady`]: of white noise of the size that second
+/// differences show.
+pub(crate) fn noise_of_motion(rate: &Horizontal) -> f64 {
+    let mut steps: Vec<f64> = rate.t.windows(2).map(|w| w[1] - w[0]).collect();
+    let step_s = signal::median_by_selection(&mut steps).unwrap_or(MEAN_S);
+    let bends = |axis: usize| -> f64 {
+        let bends: Vec<f64> = rate.axes[axis].windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
+        signal::robust_sigma(&bends).unwrap_or(0.0) / 6_f64.sqrt()
+    };
+    RAYLEIGH_95 * bends(0).max(bends(1)) * (step_s / MEAN_S).min(1.0).sqrt()
+}
+
+/// The motion at the samples of the first channel, from displacements over a second.
+pub(crate) fn motion(
+    first: &Horizontal,
+    pieces: &[Piece],
+    stretches: &[Stretch],
+    delay_s: f64,
+    acceleration: bool,
+) -> Motion {
+    let mut sizes: Vec<f64> = vec![];
+    let mut power = 0.0;
+    for piece in pieces {
+        let (start, end) = stretches[piece.stretch][0].span();
+        let inside = |t: f64| t.clamp(start, end);
+        let t: Vec<f64> = piece.rows.iter().map(|&k| first.t[k] - delay_s).collect();
+        let before: Vec<f64> = t.iter().map(|t| inside(t - 0.5 * MEAN_S)).collect();
+        let after: Vec<f64> = t.iter().map(|t| inside(t + 0.5 * MEAN_S)).collect();
+        let beside = AXES.map(|axis| {
+            let filled = |instants: &[f64]| {
+                let (mut values, mut rates) = (vec![0.0; t.len()], vec![0.0; t.len()]);
+                stretches[piece.stretch][axis].fill(instants, &mut values, &mut rates);
+                values
+            };
+            let (a, b) = (filled(&before), filled(&after));
+            let mean = |k: usize| (b[k] - a[k]) / (after[k] - before[k]).max(0.1 * MEAN_S);
+            line_taken_out(&t, (0..t.len()).map(mean).collect())
+        });
+        power += beside.iter().flatten().map(|v| v * v).sum::<f64>();
+        sizes.extend(beside[0].iter().zip(&beside[1]).map(|(n, e)| n.hypot(*e)));
+    }
+    Motion { unsteady: percentile(&sizes, 0.95), power, acceleration }
+}
+
+/// `y` less its best straight line over `t`.
+fn line_taken_out(t: &[f64], mut y: Vec<f64>) -> Vec<f64> {
+    let n = t.len().max(1) as f64;
+    let (tm, ym) = (t.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let tt: f64 = t.iter().map(|t| (t - tm).powi(2)).sum();
+    let ty: f64 = t.iter().zip(&y).map(|(t, y)| (t - tm) * (y - ym)).sum();
+    let slope = if tt > 0.0 { ty / tt } else { 0.0 };
+    y.iter_mut().zip(t).for_each(|(y, t)| *y -= ym + slope * (t - tm));
+    y
+}
+
 /// What the motion offers, before anything is fitted.
 pub(crate) fn excitation(
     first: &Horizontal,
@@ -65,44 +140,63 @@ pub(crate) fn beside_a_line(t: &[f64], y: &[f64]) -> f64 {
     (yy - if tt > 0.0 { ty * ty / tt } else { 0.0 }).max(0.0)
 }
 
-/// Why this motion cannot show a delay at all: too short, or at rest.
-pub(crate) fn refuse_motion(offer: &DelayExcitation, speed: &[f64], settings: &FlightDelaySettings) -> Option<String> {
+/// Why this motion cannot show a delay at all: too short, or not above noise.
+pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64, speed: &[f64]) -> Option<String> {
     if offer.duration_s < SHORTEST_S {
         return Some(format!(
             "only {:.1} s can be compared; at least {SHORTEST_S} s are needed, better a minute with turns",
             offer.duration_s
         ));
     }
-    let fastest = percentile(speed, 0.99);
-    (fastest < settings.least_speed_mps).then(|| {
-        format!(
-            "the vehicle does not travel: 99 % of ground speeds are below {fastest:.2} m/s (limit {} m/s); standing \
-             still, late and on time look alike. Fly a minute of turns",
-            settings.least_speed_mps
-        )
-    })
-}
-
-/// What is likely missing where a fit is refused: the motion, in words. `None` if it is rich enough.
-pub(crate) fn poor_motion(offer: &DelayExcitation, speed: &[f64], settings: &FlightDelaySettings) -> Option<String> {
-    let fastest = percentile(speed, 0.99);
-    if fastest < SLOW_MPS {
-        return Some(format!(
-            "the vehicle hardly travels: 99 % of ground speeds are below {fastest:.2} m/s. Fly a minute of turns"
-        ));
+    let needed = LEAST_UNSTEADY.max(ABOVE_NOISE * noise);
+    if motion.unsteady >= needed {
+        return None;
     }
-    (offer.moving_share < settings.least_moving_share).then(|| {
+    let (fastest, unsteady) = (percentile(speed, 0.99), motion.unsteady);
+    let unit = if motion.acceleration { "m/s²" } else { "m/s" };
+    Some(if fastest < SLOW_MPS {
         format!(
-            "the flight is too straight and steady: {:.1} % of the squared velocity is neither constant nor a steady \
-             change, and a constant lag looks like an offset. Fly circles or figures of eight for a minute, or change \
-             speed quickly and often",
-            100.0 * offer.moving_share
+            "the vehicle does not travel: 99 % of ground speeds are below {fastest:.2} m/s, and what is not steady in its \
+             motion ({unsteady:.2} {unit}) is not above noise ({needed:.2} {unit} are needed); standing still, late and on \
+             time look alike. Fly a minute of circles at 3 m/s or more"
+        )
+    } else {
+        format!(
+            "the flight is too straight and steady: only {unsteady:.2} {unit} of its motion is neither constant nor a \
+             steady change (at least {needed:.2} {unit} are needed), and a constant lag looks like an offset. Fly circles \
+             or figures of eight for a minute, or change speed quickly and often"
         )
     })
 }
 
 /// Below this, noise may pass for motion, m/s.
 const SLOW_MPS: f64 = 1.0;
+/// Standard uncertainty that advice aims at, s.
+const AIM_S: f64 = 0.025;
+/// Speed that turns are advised at, at least, m/s.
+const TURNS_MPS: f64 = 3.0;
+
+/// What to fly so that the delay is known to [`AIM_S`], if the noise stays as it is: a fix in a turn at the speed U says as
+/// much as U²/(what a fix is known to)².
+fn what_to_fly(known_s: f64, offer: &DelayExcitation, motion: &Motion) -> String {
+    if motion.acceleration {
+        return "Fly circles to the left and to the right for two minutes, and change speed between them".to_owned();
+    }
+    let fix_m = known_s * motion.power.sqrt();
+    let rate_hz = offer.samples as f64 / offer.duration_s.max(1.0);
+    let speed_mps = offer.speed_p95_mps.max(TURNS_MPS);
+    let minutes = ((fix_m / (speed_mps * AIM_S)).powi(2) / rate_hz / 60.0).max(1.0);
+    let straight = if offer.moving_share < STRAIGHT { "The flight is nearly straight. " } else { "" };
+    format!(
+        "{straight}About {:.0} min of circles or figures of eight at {speed_mps:.0} m/s would give ±{:.0} ms; tighter and \
+         faster turns need less",
+        minutes.ceil(),
+        1e3 * AIM_S
+    )
+}
+
+/// Σ‖P⊥v‖²/Σ‖v‖² below which a flight is called nearly straight.
+const STRAIGHT: f64 = 0.05;
 
 /// Least rate of specific force that is an acceleration for a delay, Hz.
 const LEAST_FORCE_HZ: f64 = 10.0;
@@ -120,7 +214,11 @@ pub(crate) fn too_slow_for_datum(force: &Horizontal) -> Option<String> {
     let below = |axis: usize| {
         let spectrum = signal::power_spectrum(&force.axes[axis], rate_hz);
         let motion = spectrum.frequency_hz.iter().zip(&spectrum.power).filter(|(f, _)| **f <= MOTION_HZ);
-        let power: Vec<(f64, f64)> = motion.map(|(f, p)| (*f, *p)).collect();
+        let mut power: Vec<(f64, f64)> = motion.map(|(f, p)| (*f, *p)).collect();
+        // What the upper half holds throughout is noise.
+        let mut upper: Vec<f64> = power[power.len() / 2..].iter().map(|p| p.1).collect();
+        let floor = signal::median_by_selection(&mut upper).unwrap_or(0.0) / MEDIAN_OF_EXPONENTIAL;
+        power.iter_mut().for_each(|p| p.1 = (p.1 - floor).max(0.0));
         let total: f64 = power.iter().map(|p| p.1).sum();
         let mut sum = 0.0;
         power
@@ -139,6 +237,9 @@ pub(crate) fn too_slow_for_datum(force: &Horizontal) -> Option<String> {
         )
     })
 }
+
+/// Median of a bin of white noise over its mean.
+const MEDIAN_OF_EXPONENTIAL: f64 = std::f64::consts::LN_2;
 
 /// Accelerations above this are vibration, Hz.
 const MOTION_HZ: f64 = 5.0;
@@ -159,9 +260,12 @@ pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Op
 pub(crate) fn refuse_fit(
     fit: &DelayFit,
     offer: &DelayExcitation,
+    motion: &Motion,
     settings: &FlightDelaySettings,
     [first, second]: [&str; 2],
 ) -> Option<String> {
+    let known = fit.standard_uncertainty_s.max(fit.crlb_s);
+    let uncertain = known.is_nan() || known > settings.worst_sigma_s;
     if let Some(share) = offer.unexplained_share.filter(|share| *share > MOST_UNEXPLAINED) {
         return Some(format!(
             "{first} does not move as {second} says: {:.0} % of its displacement is left over at the best delay. Check \
@@ -169,24 +273,21 @@ pub(crate) fn refuse_fit(
             100.0 * share
         ));
     }
-    if !fit.converged {
+    if !fit.converged && !uncertain {
         return Some(format!(
             "no delay stands out: the search between {first} and {second} did not come to rest, as where they do not \
-             belong together or noise is as large as the motion. Fly a minute of turns"
+             belong together or noise is as large as the motion. {}",
+            what_to_fly(known, offer, motion)
         ));
     }
-    let known = fit.standard_uncertainty_s.max(fit.crlb_s);
-    if known.is_nan() || known > settings.worst_sigma_s {
-        let more = (known / settings.worst_sigma_s).powi(2) * offer.duration_s / 60.0;
-        return Some(format!(
-            "the delay would be known to ±{:.0} ms (standard uncertainty, limit {:.0} ms) only. Faster and tighter turns \
-             help most; flying as here it takes {:.0} min",
+    uncertain.then(|| {
+        format!(
+            "the delay would be known to ±{:.0} ms (standard uncertainty, limit {:.0} ms) only. {}",
             1e3 * known,
             1e3 * settings.worst_sigma_s,
-            more.ceil()
-        ));
-    }
-    None
+            what_to_fly(known, offer, motion)
+        )
+    })
 }
 
 /// Step of the first search, s.

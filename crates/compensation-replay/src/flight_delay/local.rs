@@ -33,11 +33,11 @@ pub(crate) struct Prepared {
 /// Body axes forward, right and down, each with its north and its east component.
 pub(crate) type BodyAxes = [[Vec<f64>; 2]; 3];
 
-/// Reads the channels of `pair`; says in words why that cannot be.
+/// Reads the channels of `pair`, with at most so many samples of the first and so many a second; says in words why that cannot be.
 pub(crate) fn prepare(
     flight: &Flight,
     pair: &Pair,
-    most_samples: usize,
+    most: (usize, f64),
     notices: &mut Notices,
 ) -> Result<Prepared, String> {
     let channel = |name: &str| flight.channels.get(name).ok_or_else(|| format!("no channel {name}"));
@@ -81,7 +81,7 @@ pub(crate) fn prepare(
         Quantity::PositionGeodetic | Quantity::PositionNed => track(channel, name, origin, frame.as_ref(), notices),
         _ => components(channel, &channel.update_rows(), origin),
     };
-    let (first_local, one_in) = thinned(located(first, &pair.first, notices), most_samples, &pair.first, notices);
+    let (first_local, one_in) = thinned(located(first, &pair.first, notices), most, &pair.first, notices);
     let (second_local, integrate, body) = match &pair.second {
         Second::Position(name) => (located(second, name, notices), false, None),
         Second::Rate(_) => (components(second, &second.update_rows(), origin), false, None),
@@ -233,9 +233,14 @@ fn turn([w, x, y, z]: Quaternion, v: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| v[k] + 2.0 * outer[k])
 }
 
-/// Every n-th sample, so that no more than `most` are left, and n; said.
-fn thinned(all: Horizontal, most: usize, name: &str, notices: &mut Notices) -> (Horizontal, usize) {
-    let every = all.t.len().div_ceil(most.max(1)).max(1);
+/// Every n-th sample, so that no more than `most` are left, and about no more than `most_hz` a second, and n; said.
+fn thinned(all: Horizontal, (most, most_hz): (usize, f64), name: &str, notices: &mut Notices) -> (Horizontal, usize) {
+    let mut steps: Vec<f64> = all.t.windows(2).map(|w| w[1] - w[0]).collect();
+    let usual_s = signal::median_by_selection(&mut steps).unwrap_or(1.0);
+    // A little above the rate is as good.
+    let by_rate = (1.0 / (usual_s * most_hz) + 1e-6).floor();
+    let by_rate = if by_rate.is_finite() { by_rate.max(1.0) as usize } else { 1 };
+    let every = all.t.len().div_ceil(most.max(1)).max(by_rate).max(1);
     if every == 1 {
         return (all, 1);
     }

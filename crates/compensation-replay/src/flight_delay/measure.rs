@@ -1,16 +1,16 @@
 //! One pair of channels, from the flight to the finding.
 
 use super::coarse::{self, Coarse};
-use super::fit::{Record, View, estimate, fit_shared};
+use super::fit::{Record, View, estimate, fit_shared, walk_of};
 use super::gate::{self, SEARCH_STEP_S};
 use super::local::prepare;
-use super::pairs::Pair;
+use super::pairs::{Pair, Second};
 use super::pieces::{self, Names, Piece, Stretch};
-use super::{FlightDelaySettings, injection, over_time, split, varies};
+use super::{FlightDelaySettings, doubt, injection, over_time, skew, split, varies};
 use crate::input::Horizontal;
 use flight::{Flight, Notices};
 use record::{DelayNoise, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
-use signal::{ComponentFit, DelayFit, DelaySettings, Measurement, NoiseRule, OtherMinimum};
+use signal::{ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, OtherMinimum};
 
 /// Standard uncertainties from which a change is found at 5 % with 80 % probability: 1.96 + 0.84.
 const DETECTABLE: f64 = 2.8;
@@ -37,8 +37,12 @@ pub(crate) fn measure(
         not_for_network: None,
         lever_arm_s_per_decimetre: None,
     };
-    let first_look = Look { most_samples: settings.first_look_samples, enough_s: settings.enough_s };
-    let second_look = Look { most_samples: settings.most_samples, enough_s: f64::INFINITY };
+    let first_look = Look {
+        most_samples: settings.first_look_samples,
+        most_hz: settings.first_look_hz,
+        enough_s: settings.enough_s,
+    };
+    let second_look = Look { most_samples: settings.most_samples, most_hz: f64::INFINITY, enough_s: f64::INFINITY };
     let mut found = Err(NoDelay::MoreSamples);
     for look in [first_look, second_look] {
         let mut said = Notices::new();
@@ -60,6 +64,7 @@ pub(crate) fn measure(
 #[derive(Clone, Copy)]
 struct Look {
     most_samples: usize,
+    most_hz: f64,
     /// A delay known less well is measured again with more samples, if there are more, s.
     enough_s: f64,
 }
@@ -85,7 +90,7 @@ fn delay_of(
     notices: &mut Notices,
     finding: &mut PairDelay,
 ) -> Result<MeasuredDelay, NoDelay> {
-    let mut prepared = prepare(flight, pair, look.most_samples, notices)?;
+    let mut prepared = prepare(flight, pair, (look.most_samples, look.most_hz), notices)?;
     finding.origin = Some(prepared.origin);
     if let Some(reason) = gate::refuse_stamps(prepared.stamps_s, settings) {
         return Err(reason.into());
@@ -104,15 +109,22 @@ fn delay_of(
     let second = despiked.as_ref().unwrap_or(&prepared.second);
     let ranges = pieces::stretches(&second.t, pieces::longest_gap(&second.t, settings));
     let stretches = pieces::references(second, &ranges, prepared.integrate, body.as_ref());
-    let coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
-    let cut = pieces::pieces(&prepared, &stretches, coarse.delay_s, &names, notices);
+    let mut coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
+    let mut cut = pieces::pieces(&prepared, &stretches, coarse.delay_s, &names, notices);
     let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse.delay_s, &prepared.speed.1);
     finding.excitation = Some(offer.clone());
-    if let Some(reason) = gate::refuse_motion(&offer, &prepared.speed.1, settings) {
+    let acceleration = !matches!(pair.second, Second::Velocity(_) | Second::Position(_));
+    let motion = gate::motion(&prepared.first, &cut, &stretches, coarse.delay_s, acceleration);
+    let noise = if prepared.integrate { gate::noise_of_motion(second) } else { 0.0 };
+    if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
         return Err(reason.into());
     }
     if finding.varies.is_none() {
         finding.varies = varies::over_time(pair, &prepared, second, &cut, settings);
+    }
+    if let Some(over) = &finding.varies {
+        varies::leave_out(&mut cut, &prepared.first.t, over);
+        coarse = varies::start(coarse, over);
     }
     let record = Record::of(&prepared, &cut, &stretches);
     let delay_settings = DelaySettings {
@@ -123,24 +135,24 @@ fn delay_of(
         robust: true,
     };
     let measurements = record.measurements();
-    let fit = fit_of_rivals(&measurements, &delay_settings, &coarse);
+    let walk = if matches!(pair.second, Second::Velocity(_)) { walk_of(second) } else { 0.0 };
+    let fit = fit_of_rivals(&measurements, (&delay_settings, walk), &coarse);
     let knows = |fit: &DelayFit| fit.standard_uncertainty_s <= look.enough_s;
     if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
         return Err(NoDelay::MoreSamples);
     }
-    let fit = fit.map_err(|e| gate::poor_motion(&offer, &prepared.speed.1, settings).unwrap_or(e))?;
+    let (fit, skew) = mean_of_skewed(&measurements, &delay_settings, fit?);
     offer.predicted_s = Some(fit.crlb_s);
     offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
     finding.excitation = Some(offer.clone());
-    if let Some(reason) = gate::refuse_fit(&fit, &offer, settings, [names.first, names.second]) {
+    if let Some(reason) = gate::refuse_fit(&fit, &offer, &motion, settings, [names.first, names.second]) {
         let why = finding.varies.as_ref().filter(|v| v.kind.varies()).map(|v| v.words.clone());
-        let why = why.or_else(|| gate::poor_motion(&offer, &prepared.speed.1, settings));
         return Err(why.map_or_else(|| reason.clone(), |why| format!("{why} ({reason})")).into());
     }
     let view = View { flight, prepared: &prepared, pieces: &cut, record: &record, fit: &fit, settings };
     let wanted = |(p, v): &(String, String)| finding.first == *p && finding.second == *v;
     let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
-    varies::doubt(&mut measured, finding.varies.as_ref(), settings.alarm_p);
+    doubt::doubt(&mut measured, &view, finding.varies.as_ref(), (pair.kind, skew.as_ref()));
     Ok(if pair.reversed { turned_round(measured) } else { measured })
 }
 
@@ -179,15 +191,27 @@ fn coarse_delay(
     Ok(wide)
 }
 
-/// By so much −2 ln L must be lower at a rival for it to be believed instead of the delay nearer to none.
+/// By so much −2 ln L must be lower at a rival for it to be believed instead of the delay nearer to none,
 const WORTH_A_RIVAL: f64 = 12.0;
+/// and by so much what is left over, m or m/s (rms): less is rounding and interpolation.
+const WORTH_A_RIVAL_RMS: f64 = 1e-3;
+
+/// What a fit leaves over, unit of the first channel.
+fn left_over(fit: &DelayFit) -> f64 {
+    let all = || fit.components.iter().flat_map(|c| &c.residuals);
+    (all().map(|e| e * e).sum::<f64>() / all().count().max(1) as f64).sqrt()
+}
 
 /// The fit about the coarse delay, or about its rival if that explains the samples clearly better. The one not taken is
 /// the second minimum.
-fn fit_of_rivals(measurements: &[Measurement], settings: &DelaySettings, coarse: &Coarse) -> Result<DelayFit, String> {
-    let fit = fit_shared(measurements, settings).map_err(|e| e.to_string());
+fn fit_of_rivals(
+    measurements: &[Measurement],
+    (settings, walk): (&DelaySettings, f64),
+    coarse: &Coarse,
+) -> Result<DelayFit, String> {
+    let fit = fit_shared(measurements, settings, walk).map_err(|e| e.to_string());
     let Some(rival_s) = coarse.rival_s else { return fit };
-    let rival = fit_shared(measurements, &DelaySettings { search_s: about(rival_s), ..*settings });
+    let rival = fit_shared(measurements, &DelaySettings { search_s: about(rival_s), ..*settings }, walk);
     let (mut fit, mut rival) = match (fit, rival) {
         (Ok(fit), Ok(rival)) => (fit, rival),
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => return Ok(fit),
@@ -197,7 +221,7 @@ fn fit_of_rivals(measurements: &[Measurement], settings: &DelaySettings, coarse:
         return Ok(fit);
     };
     let mut excess = there - here;
-    if excess < -WORTH_A_RIVAL {
+    if excess < -WORTH_A_RIVAL && left_over(&rival) < left_over(&fit) - WORTH_A_RIVAL_RMS {
         std::mem::swap(&mut fit, &mut rival);
         excess = -excess;
     }
@@ -206,6 +230,27 @@ fn fit_of_rivals(measurements: &[Measurement], settings: &DelaySettings, coarse:
         fit.second_minimum = Some(other);
     }
     Ok(fit)
+}
+
+/// The fit without weights where lateness is lopsided: its mean is meant.
+fn mean_of_skewed(
+    measurements: &[Measurement],
+    settings: &DelaySettings,
+    fit: DelayFit,
+) -> (DelayFit, Option<skew::Skew>) {
+    if !skew::is_skewed(&fit) {
+        return (fit, None);
+    }
+    let start =
+        DelayStart { delay_s: fit.delay_s, noise: fit.components.iter().map(|c| c.noise).collect(), keep_noise: false };
+    match signal::fit_delay_near(measurements, &DelaySettings { robust: false, ..*settings }, &start) {
+        // As near to each other as this, it does not matter which is meant.
+        Ok(mean) if mean.converged && (mean.delay_s - fit.delay_s).abs() > mean.standard_uncertainty_s => {
+            let found = skew::Skew { typical_s: fit.delay_s };
+            (DelayFit { second_minimum: fit.second_minimum, ..mean }, Some(found))
+        }
+        _ => (fit, None),
+    }
 }
 
 impl View<'_> {

@@ -101,7 +101,7 @@ pub(crate) fn longest_gap(t: &[f64], settings: &FlightDelaySettings) -> f64 {
 }
 
 /// What an accelerometer's bias is known to before the fit, m/s²: tilt errors of some degrees look like one.
-const BIAS_PRIOR_MPS2: f64 = 1.0;
+const BIAS_PRIOR_MPS2: f64 = 0.5;
 
 /// References over the stretches. With `body` axes a bias along each of them is fitted with the delay: in a turn a bias
 /// ahead is parallel to the jerk, and would pass for a delay (delay network, section 9).

@@ -76,8 +76,9 @@ impl TrackFitter {
         // What is masked was said where the delays of the flight are measured.
         let cut = pieces::pieces(prepared, &stretches, coarse, &names, &mut Notices::new());
         let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse, &prepared.speed.1);
-        let refused = gate::refuse_motion(&offer, &prepared.speed.1, &settings);
-        if let Some(reason) = refused.or_else(|| gate::poor_motion(&offer, &prepared.speed.1, &settings)) {
+        let motion = gate::motion(&prepared.first, &cut, &stretches, coarse, false);
+        let noise = gate::noise_of_motion(&prepared.second);
+        if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
             return Err(reason);
         }
         let components = components(&prepared.first, &cut);
@@ -98,10 +99,11 @@ impl TrackFitter {
             skew: false,
             robust: true,
         };
-        let fit = fit_shared(&measurements, &delay_settings).map_err(|e| e.to_string())?;
+        let fit = fit_shared(&measurements, &delay_settings, super::fit::walk_of(&prepared.second))
+            .map_err(|e| e.to_string())?;
         offer.predicted_s = Some(fit.crlb_s);
         offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);
-        if let Some(reason) = gate::refuse_fit(&fit, &offer, &settings, [names.first, names.second]) {
+        if let Some(reason) = gate::refuse_fit(&fit, &offer, &motion, &settings, [names.first, names.second]) {
             return Err(reason);
         }
         let of_axis = |axis: usize| fit.components.iter().skip(axis).step_by(2);

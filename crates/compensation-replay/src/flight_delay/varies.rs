@@ -1,12 +1,13 @@
 //! Whether the delay of a position stays the same: the varying fit comes first (delay over time).
 
 use super::FlightDelaySettings;
+use super::coarse::Coarse;
 use super::local::Prepared;
 use super::pairs::{Pair, Second};
 use super::pieces::Piece;
 use crate::input::Horizontal;
 use delay_over_time::{OverTimeSettings, PositionAgainstVelocity, analyse};
-use record::{DelayOverTime, DelayPairKind, MeasuredDelay};
+use record::{DelayOverTime, DelayPairKind};
 use std::ops::Range;
 
 /// What the position says over time against the velocity of its pair; `None` for other pairs, and for outputs of filters.
@@ -17,7 +18,8 @@ pub(crate) fn over_time(
     pieces: &[Piece],
     settings: &FlightDelaySettings,
 ) -> Option<DelayOverTime> {
-    if pair.kind != DelayPairKind::PositionAgainstVelocity || !matches!(pair.second, Second::Velocity(_)) {
+    let compared = pair.kind == DelayPairKind::PositionAgainstVelocity && matches!(pair.second, Second::Velocity(_));
+    if !compared || super::pairs::is_derived(&pair.first) {
         return None;
     }
     let first = &prepared.first;
@@ -76,52 +78,34 @@ fn longest_part(t: &[f64], velocity_t: &[f64]) -> Range<usize> {
     best
 }
 
-/// A delay that differs between parts of the flight, or by how fast it is flown, is known less well than its fit says; what
-/// fails its own check is an alarm.
-pub(crate) fn doubt(found: &mut MeasuredDelay, over_time: Option<&DelayOverTime>, alarm_p: f64) {
-    let mut wider_s = over_time.map_or(0.0, |o| o.level_widening_s);
-    for split in found.splits.iter().filter(|s| s.p.is_some_and(|p| p < alarm_p)) {
-        let of = |pick: fn(f64, f64) -> f64, start: f64| split.groups.iter().map(|g| g.delay_s.value).fold(start, pick);
-        let span_s = of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY);
-        wider_s = wider_s.hypot(span_s / 12_f64.sqrt());
-        found.alarms.push(format!(
-            "the delay differs by {:.0} ms with {} (p {})",
-            1e3 * span_s,
-            split.by,
-            small(split.p.unwrap_or(0.0))
-        ));
+/// Takes the fixes that came in a burst out: they share a stamp, not the lateness of the others. Single late fixes stay:
+/// they are part of the mean lateness, and robust weights hold them back where they are not.
+pub(crate) fn leave_out(pieces: &mut [Piece], t: &[f64], over_time: &DelayOverTime) {
+    let mut out: Vec<usize> = vec![];
+    for burst in &over_time.bursts {
+        let first = t.partition_point(|x| *x < burst.start_s);
+        out.extend(first..first.saturating_add(burst.fixes as usize).min(t.len()));
     }
-    for injection in &found.injections {
-        let u = injection.error_s.standard_uncertainty.unwrap_or(f64::INFINITY);
-        if injection.error_s.value.abs() > NOT_RECOVERED * u {
-            found.alarms.push(format!(
-                "{:.0} ms put into the second half came back as {:.0} ms: the halves differ by {:.0} ± {:.0} ms",
-                1e3 * injection.injected_s,
-                1e3 * (injection.injected_s + injection.error_s.value),
-                1e3 * injection.error_s.value,
-                2e3 * u
-            ));
-        }
+    out.sort_unstable();
+    let rows: usize = pieces.iter().map(|p| p.rows.len()).sum();
+    if out.is_empty() || 4 * out.len() > rows {
+        return;
     }
-    if let Some(o) = over_time {
-        found.alarm = o.kind.varies().then(|| o.words.clone());
-    }
-    if wider_s > 0.0 {
-        let value = found.delay_s.value;
-        found.delay_s.standard_uncertainty = found.delay_s.standard_uncertainty.map(|u| u.hypot(wider_s));
-        for end in &mut found.interval_95_s {
-            let half = *end - value;
-            *end = value + half.signum() * half.hypot(1.96 * wider_s);
-        }
-    }
+    pieces.iter_mut().for_each(|p| p.rows.retain(|row| out.binary_search(row).is_err()));
 }
 
-/// An error of the recovery beyond this many standard uncertainties is an alarm.
-const NOT_RECOVERED: f64 = 3.3;
-
-fn small(p: f64) -> String {
-    if p < 0.001 { "< 0.001".to_owned() } else { format!("= {p:.3}") }
+/// Where the constant fit is looked for: about the level of the varying one, if that is known and elsewhere.
+pub(crate) fn start(coarse: Coarse, over_time: &DelayOverTime) -> Coarse {
+    let level = over_time.level_s;
+    let known = level.standard_uncertainty.is_some_and(|u| u < LEVEL_KNOWN_S) && over_time.two_delays_fit.is_none();
+    let elsewhere = (level.value - coarse.delay_s).abs() > ELSEWHERE_S;
+    if known && elsewhere { Coarse { delay_s: level.value, rival_s: Some(coarse.delay_s), ..coarse } } else { coarse }
 }
+
+/// A level known better than this says where to look, s.
+const LEVEL_KNOWN_S: f64 = 0.05;
+/// If it is farther from the coarse delay than this, s.
+const ELSEWHERE_S: f64 = 0.3;
 
 #[cfg(test)]
 mod tests {

@@ -178,6 +178,41 @@ fn a_straight_flight_and_a_still_one_are_not_measurable_and_are_told_what_would_
     }
 }
 
+/// A minute of a pendulum of 0.3 m, which is never faster than 1.03 m/s; fixes of 1 cm at 10 Hz:
+/// σ_p √2/(rms of the speed √N) = 0.79 ms at best.
+#[test]
+fn a_pendulum_of_one_metre_a_second_is_known_to_a_millisecond_or_two() {
+    let (size, rate) = (0.3, 3.43);
+    let swing = |t: f64| size * (rate * t).sin() * (1.0 + 0.1 * (0.1 * t).cos());
+    let speed = |t: f64| (swing(t + 1e-5) - swing(t - 1e-5)) / 2e-5;
+    // Golden-ratio sequence through the normal quantile: noise without a generator.
+    let normal = |k: u32| signal::normal_quantile((0.5 + 0.618_033_988_75 * f64::from(k * 7 + (k * k) % 13)).fract());
+    let fixes: Vec<(f64, [f64; 3])> = (10..600)
+        .map(|k| (0.1 * f64::from(k), k))
+        .map(|(t, k)| (t, [swing(t - 0.2) + 0.01 * normal(k), 0.01 * normal(k + 5000), 0.0]))
+        .collect();
+    let velocities: Vec<(f64, [f64; 3])> =
+        (0..3000).map(|k| 0.02 * f64::from(k)).map(|t| (t, [speed(t), 0.0, 0.0])).collect();
+    let mut flight = Flight::default();
+    flight.channels.insert("position.gps".into(), channel(Quantity::PositionNed, &fixes));
+    flight.channels.insert("velocity.gps".into(), channel(Quantity::VelocityNed, &velocities));
+    let (pair, _) = only(&flight, &quick());
+    let delay = found(&pair).delay_s;
+    let u = delay.standard_uncertainty.unwrap();
+    assert!((delay.value - 0.2).abs() < 4.0 * u && u < 0.003, "{delay:?}");
+}
+
+/// Noise far above the motion: the reason says how well the delay would be known, and what to fly for how long.
+#[test]
+fn a_delay_that_would_not_be_known_says_how_well_and_what_to_fly() {
+    let mut settings = receiver(12);
+    settings.duration_s = 40.0;
+    settings.position.white_std = 20.0;
+    let (pair, _) = only(&flown(&settings), &quick());
+    let why = reason(&pair);
+    assert!(why.contains("known to ±") && why.contains("min of circles") && why.contains("m/s would give"), "{why}");
+}
+
 #[test]
 fn too_little_of_anything_is_refused_in_words() {
     let flight = flown(&FlightSettings { duration_s: 3.0, ..receiver(1) });
@@ -355,6 +390,71 @@ fn more_samples_are_taken_where_a_first_look_does_not_know_enough() {
     }
 }
 
+/// A flight whose fixes show the truth as `shown` says for each stamp, with 0.1 m of noise.
+fn reshown(
+    settings: &FlightSettings,
+    mut shown: impl FnMut(&simulate::SimulatedFlight, usize, f64) -> [f64; 3],
+) -> Flight {
+    let simulated = simulate(settings).unwrap();
+    let mut flight = simulated.to_flight().unwrap();
+    flight.channels.remove("position.truth");
+    let frame = flight::LocalFrame::new(settings.origin);
+    let other = changed(&flight.channels["position.gps"], |k, t, _| {
+        let mut p = shown(&simulated, k, t);
+        for (axis, x) in p.iter_mut().take(2).enumerate() {
+            let phase = 0.618_033_988_75 * ((k * 2 + axis) as f64 + 17.0 * settings.seed as f64);
+            *x += 0.1 * signal::normal_quantile((0.5 + phase * 7.0 + 0.41 * ((k * k) % 97) as f64).fract());
+        }
+        let p = frame.to_geodetic(p);
+        Some((t, [p.latitude, p.longitude, p.height]))
+    });
+    flight.channels.insert("position.gps".into(), other);
+    flight
+}
+
+/// Each fix waits in a queue for an exponential time of 80 ms in the mean: the mean delay is measured and said to be one.
+#[test]
+fn of_a_lopsided_lateness_the_mean_is_measured() {
+    const TRIALS: u64 = 20;
+    let (mut covered, mut told) = (0, 0);
+    for seed in 0..TRIALS {
+        // The exponential's quantiles at a shuffled even grid: its mean is 80 ms in every flight.
+        let late = |k: usize| -0.08 * (1.0 - ((k * 239 + 17 * seed as usize) % 600) as f64 / 600.0 - 1.0 / 1200.0).ln();
+        let flight = reshown(&receiver(700 + seed), |s, k, t| s.truth.at(t - 0.3 - late(k)).position);
+        let (pair, _) = only(&flight, &quick());
+        let delay = found(&pair);
+        covered += u32::from(delay.interval_95_s[0] <= 0.38 && 0.38 <= delay.interval_95_s[1]);
+        told += u32::from(delay.alarms.iter().any(|a| a.contains("queue")));
+    }
+    // 95 %, less four times √(20 · 0.95 · 0.05) = 3.9.
+    assert!(covered >= 15 && told >= 18, "{covered} {told}");
+}
+
+/// A position behind a first-order lag of a second is no pure delay: slow motion is later than fast motion.
+#[test]
+fn a_lag_is_said_to_depend_on_frequency_and_a_delay_is_not() {
+    let about = |flight: &Flight| {
+        let (pair, _) = only(flight, &quick());
+        let delay = found(&pair).clone();
+        (delay.alarms.iter().find(|a| a.contains("frequency")).cloned(), delay)
+    };
+    let mut settings = receiver(730);
+    settings.duration_s = 240.0;
+    let lag = |s: &simulate::SimulatedFlight, t: f64| -> [f64; 3] {
+        let at = |k: usize| s.truth.at(t - 0.02 * (k as f64 + 0.5)).position;
+        let weight = |k: usize| (1.0 - (-0.02_f64).exp()) * (-0.02 * k as f64).exp() / (1.0 - (-7.0_f64).exp());
+        std::array::from_fn(|i| (0..350).map(|k| weight(k) * at(k)[i]).sum())
+    };
+    let (alarm, behind) = about(&reshown(&settings, |s, _, t| lag(s, t)));
+    assert!(alarm.is_some(), "{behind:?}");
+    let u = behind.delay_s.standard_uncertainty.unwrap();
+    assert!(u > 2.0 * behind.hessian_s.max(behind.hac_s), "the interval of a model that fails is not wider: {u}");
+    for seed in 0..20 {
+        let (alarm, _) = about(&flown(&receiver(740 + seed)));
+        assert_eq!(alarm, None);
+    }
+}
+
 #[test]
 fn the_delay_is_split_by_what_the_receiver_reports() {
     let mut settings = receiver(10);
@@ -463,6 +563,23 @@ fn a_steady_circle_does_not_tell_a_delay_from_a_bias() {
     let omega = 17.5 / 30.0;
     let (pair, _) = only(&banked(0.12, [0.0; 3], &|t| (omega * t, omega)), &quick());
     assert!(pair.delay.found().is_none(), "{:?}", pair.delay);
+}
+
+#[test]
+fn an_imu_of_four_hertz_is_measured_and_kept_out_of_the_network() {
+    let mut flight = banked(0.12, [0.0; 3], &|t| (2.5 * (0.23 * t).sin(), 2.5 * 0.23 * (0.23 * t).cos()));
+    for name in ["specific-force.imu", "attitude.imu"] {
+        let c = &flight.channels[name];
+        let rows: Vec<usize> = (0..c.series.len()).step_by(12).collect();
+        let stamps = rows.iter().map(|&k| c.series.timeline().stamps()[k]).collect();
+        let timeline = Timeline::new(c.series.timeline().kind(), c.series.timeline().clock(), stamps).unwrap();
+        let columns = c.series.components().iter().map(|x| rows.iter().map(|&k| x[k]).collect()).collect();
+        let thin =
+            Channel { series: Series::new(timeline, columns).unwrap(), held: vec![false; rows.len()], ..c.clone() };
+        flight.channels.insert(name.to_owned(), thin);
+    }
+    let (pair, _) = only(&flight, &quick());
+    assert!(pair.not_for_network.as_ref().is_some_and(|why| why.contains("4.2 Hz")), "{:?}", pair.not_for_network);
 }
 
 #[test]

@@ -1,0 +1,158 @@
+//! The delay in slow and in fast motion apart.
+//!
+//! A pure delay is the same at every frequency; what lies behind a filter is not. Whitened residuals and their
+//! derivatives by the delay are smoothed by a moving average; its length is chosen so that smooth and rest say about
+//! equally much of the delay.
+
+use signal::{ComponentFit, DelayFit};
+
+/// The delay in two bands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Bands {
+    /// s
+    pub(crate) slow_s: f64,
+    /// s
+    pub(crate) fast_s: f64,
+    /// Standard uncertainty of their difference, s.
+    pub(crate) apart_u_s: f64,
+    /// Where the moving average has lost half the power, Hz.
+    pub(crate) border_hz: f64,
+}
+
+/// A band with less of the whole information than this says nothing.
+const LEAST_SHARE: f64 = 0.1;
+/// Lengths of the moving average that are tried, samples to either side.
+const HALF_LENGTHS: [usize; 11] = [1, 2, 3, 5, 8, 12, 20, 32, 50, 80, 120];
+/// Whitened residuals beyond this are cut.
+const CUT: f64 = 3.0;
+
+impl Bands {
+    /// `None` where nearly all that the motion says lies in one band.
+    pub(crate) fn of(fit: &DelayFit) -> Option<Bands> {
+        let series: Vec<Series> = fit.components.iter().filter_map(Series::of).collect();
+        let (half, share) = HALF_LENGTHS
+            .into_iter()
+            .map(|half| (half, slow_share(&series, half)))
+            .min_by(|a, b| (a.1 - 0.5).abs().total_cmp(&(b.1 - 0.5).abs()))?;
+        if !(LEAST_SHARE..=1.0 - LEAST_SHARE).contains(&share) {
+            return None;
+        }
+        // δ_slow − δ_fast = Σ w e with e white: its variance is Σ w².
+        let (mut slow, mut fast) = (Sums::default(), Sums::default());
+        let mut parts = vec![];
+        for s in &series {
+            let smooth = average(&s.derivative, half);
+            let rest: Vec<f64> = s.derivative.iter().zip(&smooth).map(|(d, l)| d - l).collect();
+            // The transpose of the average, applied to the smoothed derivative: what e is multiplied by.
+            let by_slow = average(&smooth, half);
+            let by_fast: Vec<f64> = rest.iter().zip(average(&rest, half)).map(|(r, l)| r - l).collect();
+            slow.add(&smooth, &by_slow, &s.residual);
+            fast.add(&rest, &by_fast, &s.residual);
+            parts.push((by_slow, by_fast));
+        }
+        let variance: f64 = parts
+            .iter()
+            .flat_map(|(a, b)| a.iter().zip(b))
+            .map(|(a, b)| (a / slow.information - b / fast.information).powi(2))
+            .sum();
+        let scale = scale(&series);
+        let inflation = fit.standard_uncertainty_s / fit.hessian_s;
+        let apart_u_s = variance.sqrt() * scale * inflation;
+        let step_s = series.iter().map(|s| s.step_s).fold(f64::INFINITY, f64::min);
+        let border_hz = 0.443 / ((2 * half + 1) as f64 * step_s);
+        let found = Bands {
+            slow_s: fit.delay_s + slow.product / slow.information,
+            fast_s: fit.delay_s + fast.product / fast.information,
+            apart_u_s,
+            border_hz,
+        };
+        (apart_u_s > 0.0 && apart_u_s.is_finite()).then_some(found)
+    }
+}
+
+#[derive(Default)]
+struct Sums {
+    information: f64,
+    product: f64,
+}
+
+impl Sums {
+    fn add(&mut self, derivative: &[f64], weight: &[f64], residual: &[f64]) {
+        self.information += derivative.iter().map(|d| d * d).sum::<f64>();
+        self.product += weight.iter().zip(residual).map(|(w, e)| w * e).sum::<f64>();
+    }
+}
+
+/// Of one component: whitened residual and derivative by the delay, offset and drift taken out.
+struct Series {
+    residual: Vec<f64>,
+    derivative: Vec<f64>,
+    step_s: f64,
+}
+
+impl Series {
+    fn of(fit: &ComponentFit) -> Option<Series> {
+        let (first, last) = (fit.t_used.first()?, fit.t_used.last()?);
+        let n = fit.t_used.len();
+        let middle = 0.5 * (first + last);
+        let mut columns = [
+            vec![1.0; n],
+            fit.t_used.iter().map(|t| t - middle).collect::<Vec<f64>>(),
+            fit.residuals.clone(),
+            fit.slope.iter().map(|v| -v).collect(),
+        ];
+        let mut slices: Vec<&mut [f64]> = columns.iter_mut().map(Vec::as_mut_slice).collect();
+        signal::whiten(&fit.t_used, &mut slices, &fit.noise);
+        let [mut offset, mut drift, mut residual, mut derivative] = columns;
+        take_out(&mut drift, &offset);
+        for column in [&mut residual, &mut derivative] {
+            take_out(column, &offset);
+            if fit.drift.is_some() {
+                take_out(column, &drift);
+            }
+        }
+        offset.clear();
+        residual.iter_mut().for_each(|e| *e = e.clamp(-CUT, CUT));
+        let step_s = (last - first) / (n.max(2) - 1) as f64;
+        (n > 2 * HALF_LENGTHS[0] + 1).then_some(Series { residual, derivative, step_s })
+    }
+}
+
+fn take_out(column: &mut [f64], q: &[f64]) {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let length2 = dot(q, q);
+    if length2 > 0.0 {
+        let share = dot(q, column) / length2;
+        column.iter_mut().zip(q).for_each(|(x, q)| *x -= share * q);
+    }
+}
+
+fn scale(series: &[Series]) -> f64 {
+    let all: Vec<f64> = series.iter().flat_map(|s| &s.residual).copied().collect();
+    (all.iter().map(|e| e * e).sum::<f64>() / all.len().max(1) as f64).sqrt()
+}
+
+/// Share of the information in the smooth part.
+fn slow_share(series: &[Series], half: usize) -> f64 {
+    let (mut slow, mut fast) = (0.0, 0.0);
+    for s in series {
+        for (d, smooth) in s.derivative.iter().zip(average(&s.derivative, half)) {
+            slow += smooth * smooth;
+            fast += (d - smooth).powi(2);
+        }
+    }
+    if slow + fast > 0.0 { slow / (slow + fast) } else { 0.0 }
+}
+
+/// Mean over `half` samples to either side, zeros beyond the ends: symmetric, so that it is its own transpose.
+fn average(x: &[f64], half: usize) -> Vec<f64> {
+    let length = (2 * half + 1) as f64;
+    let mut sums = Vec::with_capacity(x.len() + 1);
+    sums.push(0.0);
+    let mut sum = 0.0;
+    for x in x {
+        sum += x;
+        sums.push(sum);
+    }
+    (0..x.len()).map(|k| (sums[(k + half + 1).min(x.len())] - sums[k.saturating_sub(half)]) / length).collect()
+}

@@ -1,0 +1,113 @@
+//! What a fit's own checks say against it: alarms, the gravest first, and an interval that is wider where the model failed.
+
+use super::bands::Bands;
+use super::fit::View;
+use super::skew::Skew;
+use record::{DelayOverTime, DelayPairKind, MeasuredDelay};
+
+/// An error of the recovery beyond this many standard uncertainties is an alarm.
+const NOT_RECOVERED: f64 = 3.3;
+/// Two bands of frequency that differ by more than this many standard uncertainties do not agree.
+const BANDS_APART: f64 = 3.3;
+/// White noise of a position and of a velocity beyond which no receiver in order is, m and m/s.
+const WILD_NOISE: [f64; 2] = [5.0, 1.5];
+
+/// Widens and adds alarms. `skew` is what the fit found of a lopsided lateness.
+pub(crate) fn doubt(
+    found: &mut MeasuredDelay,
+    view: &View,
+    over_time: Option<&DelayOverTime>,
+    (kind, skew): (DelayPairKind, Option<&Skew>),
+) {
+    let mut wider_s = over_time.map_or(0.0, |o| o.level_widening_s);
+    if let Some(o) = over_time {
+        found.alarm = o.kind.varies().then(|| o.words.clone());
+        if found.alarm.is_none() && o.level_widening_s > 0.0 {
+            found.alarms.push(o.words.clone());
+        }
+    }
+    wider_s = wider_s.hypot(by_frequency(found, view)).hypot(by_operating_point(found, view.settings.alarm_p));
+    not_recovered(found);
+    if let Some(skew) = skew {
+        found.alarms.push(skew.words());
+    }
+    noise(found, kind);
+    widen(found, wider_s);
+}
+
+/// Slow and fast motion apart.
+fn by_frequency(found: &mut MeasuredDelay, view: &View) -> f64 {
+    let Some(bands) = Bands::of(view.fit) else { return 0.0 };
+    let (apart_s, u) = (bands.fast_s - bands.slow_s, bands.apart_u_s);
+    if apart_s.abs() <= BANDS_APART * u {
+        return 0.0;
+    }
+    found.alarms.push(format!(
+        "the delay depends on frequency: {:.0} ms in slow motion, {:.0} ms in fast (different by {:.0} ± {:.0} ms; the \
+         border is about {:.2} Hz). It is no pure delay, as behind a filter",
+        1e3 * bands.slow_s,
+        1e3 * bands.fast_s,
+        1e3 * apart_s.abs(),
+        1.96e3 * u,
+        bands.border_hz
+    ));
+    apart_s.abs() / 12_f64.sqrt()
+}
+
+fn by_operating_point(found: &mut MeasuredDelay, alarm_p: f64) -> f64 {
+    let mut wider_s = 0_f64;
+    for split in found.splits.iter().filter(|s| s.p.is_some_and(|p| p < alarm_p)) {
+        let of = |pick: fn(f64, f64) -> f64, start: f64| split.groups.iter().map(|g| g.delay_s.value).fold(start, pick);
+        let span_s = of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY);
+        wider_s = wider_s.hypot(span_s / 12_f64.sqrt());
+        found.alarms.push(format!(
+            "the delay differs by {:.0} ms with {} (p {})",
+            1e3 * span_s,
+            split.by,
+            small(split.p.unwrap_or(0.0))
+        ));
+    }
+    wider_s
+}
+
+fn not_recovered(found: &mut MeasuredDelay) {
+    for injection in &found.injections {
+        let u = injection.error_s.standard_uncertainty.unwrap_or(f64::INFINITY);
+        if injection.error_s.value.abs() > NOT_RECOVERED * u {
+            found.alarms.push(format!(
+                "{:.0} ms put into the second half came back as {:.0} ms: the halves differ by {:.0} ± {:.0} ms",
+                1e3 * injection.injected_s,
+                1e3 * (injection.injected_s + injection.error_s.value),
+                1e3 * injection.error_s.value,
+                1.96e3 * u
+            ));
+        }
+    }
+}
+
+fn noise(found: &mut MeasuredDelay, kind: DelayPairKind) {
+    let (limit, unit) = match kind {
+        DelayPairKind::VelocityAgainstAcceleration => (WILD_NOISE[1], "m/s"),
+        _ => (WILD_NOISE[0], "m"),
+    };
+    let white = found.pieces.iter().flat_map(|p| p.noise).map(|n| n.white_std).fold(0.0, f64::max);
+    if white > limit {
+        found.alarms.push(format!("noise of {white:.1} {unit} from sample to sample: far beyond what a receiver has"));
+    }
+}
+
+fn widen(found: &mut MeasuredDelay, wider_s: f64) {
+    if wider_s <= 0.0 {
+        return;
+    }
+    let value = found.delay_s.value;
+    found.delay_s.standard_uncertainty = found.delay_s.standard_uncertainty.map(|u| u.hypot(wider_s));
+    for end in &mut found.interval_95_s {
+        let half = *end - value;
+        *end = value + half.signum() * half.hypot(1.96 * wider_s);
+    }
+}
+
+fn small(p: f64) -> String {
+    if p < 0.001 { "< 0.001".to_owned() } else { format!("= {p:.3}") }
+}

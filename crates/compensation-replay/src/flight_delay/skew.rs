@@ -1,0 +1,44 @@
+//! Lateness that is lopsided: a queue makes some fixes much later than most and none earlier.
+//!
+//! Huber's weights hold such fixes back and give the typical delay; what compensation has to remove in the mean is the
+//! mean, which plain least squares gives.
+
+use signal::DelayFit;
+
+/// A sum of signed squares this many times its standard deviation is no chance.
+const SURE: f64 = 3.3;
+
+/// What was found of a lopsided lateness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Skew {
+    /// Delay with far samples held back, s.
+    pub(crate) typical_s: f64,
+}
+
+impl Skew {
+    pub(crate) fn words(&self) -> String {
+        format!(
+            "the lateness is lopsided, as behind a queue: this is its mean; typical samples are {:.0} ms late",
+            1e3 * self.typical_s
+        )
+    }
+}
+
+/// Whether whitened residuals along the motion are lopsided: the sum of their squares with their signs over its own standard
+/// deviation, which is about standard normal where they are symmetric, whatever their tails.
+pub(crate) fn is_skewed(fit: &DelayFit) -> bool {
+    if fit.downweighted_share <= 0.0 {
+        return false;
+    }
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for c in &fit.components {
+        let size = (c.slope.iter().map(|v| v * v).sum::<f64>() / c.slope.len().max(1) as f64).sqrt();
+        for ((z, w), v) in c.whitened.iter().zip(&c.weights).zip(&c.slope) {
+            // As the noise would have it, without the weight; where the motion is fast, lateness shows.
+            let along = -(z / w.sqrt()) * (v / size).clamp(-1.0, 1.0);
+            sum += along * along.abs();
+            squares += along.powi(4);
+        }
+    }
+    squares > 0.0 && (sum / squares.sqrt()).abs() > SURE
+}
