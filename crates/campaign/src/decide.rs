@@ -92,6 +92,7 @@ fn sources_of(flight: &str, lateness: &FlightLateness, pipeline: &Pipeline) -> F
         .map(|(delay_s, velocity)| RelativeLateness { delay_s, velocity, velocity_lateness_s: None });
     FlightSources {
         flight: flight.to_owned(),
+        not_measured: position.is_none().then(|| lateness.words.clone()).filter(|why| !why.is_empty()),
         position,
         relative,
         card_s: lateness.card.as_ref().and_then(|card| card.found()).map(|card| card.delay_s),

@@ -13,23 +13,6 @@ pub enum Lineage {
     Reference,
 }
 
-/// Beginnings of the source names of derived channels.
-const DERIVED: [&str; 13] = [
-    "ekf",
-    "ahrs",
-    "local",
-    "ins",
-    "odom",
-    "fused",
-    "core",
-    "global",
-    "filtered",
-    "estimat",
-    "vio",
-    "nav",
-    "compensated",
-];
-
 /// Source names of references, up to their first hyphen.
 const REFERENCES: [&str; 5] = ["truth", "mocap", "vicon", "rtk", "reference"];
 
@@ -48,7 +31,7 @@ pub fn lineage_from_name(channel: &str) -> Lineage {
     let stem = source.split('-').next().unwrap_or_default();
     if REFERENCES.contains(&stem) {
         Lineage::Reference
-    } else if DERIVED.iter().any(|beginning| source.starts_with(beginning)) {
+    } else if record::is_filter_output(channel) {
         Lineage::Derived
     } else {
         Lineage::Measured

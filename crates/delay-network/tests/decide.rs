@@ -98,6 +98,14 @@ fn row_3_takes_the_others_where_the_own_delay_is_not_told() {
         (untold("own", |p| p.datum = NetworkDatum::None), "nothing in this flight ties it to true time"),
         (untold("own", |p| p.weak = true), "leads through a filter"),
         (FlightSources { flight: "own".to_owned(), ..FlightSources::default() }, "no pair of channels gave one"),
+        (
+            FlightSources {
+                flight: "own".to_owned(),
+                not_measured: Some("the vehicle does not travel".to_owned()),
+                ..FlightSources::default()
+            },
+            "the vehicle does not travel",
+        ),
     ] {
         let removed = by_default(&with(group(4), own));
         assert_eq!((removed.row, removed.source, removed.circular), (3, RemovedFrom::OthersFlights, false));

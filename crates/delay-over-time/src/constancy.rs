@@ -85,7 +85,7 @@ pub(crate) fn decide(d: &Delays, c: &Comparison, settings: &OverTimeSettings) ->
     decision
 }
 
-/// Probability that a constant delay gives statistics as unlikely as these; the scatter is estimated anew in each draw.
+/// Probability that a constant delay gives statistics as unlikely as these; each draw estimates its own scatter.
 /// Stops after the first draws if it is then above `enough`, or far below.
 fn probability(d: &Delays, c: &Comparison, draws: usize, enough: f64) -> f64 {
     let n = d.len();

@@ -12,7 +12,7 @@ const CURVE_POINTS: usize = 160;
 const MOST_POINTS: usize = 200;
 /// Cost by which the best delay must win against one further away.
 const RUNNER_UP_COST: f64 = 12.0;
-/// Chi-squared of a change on bins that is told where no window knows its level.
+/// Chi-squared of a change on bins above which it is reported although no window knows its level.
 const SURE_CHANGE: f64 = 40.0;
 
 /// Why nothing is said of the level.

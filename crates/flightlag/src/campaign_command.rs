@@ -118,7 +118,7 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
     let others = [
         (totals.harmed, "HARMED"),
         (totals.varying, "with a delay that changes"),
-        (totals.uncompensated, "with nothing removed"),
+        (totals.uncompensated, "measured with nothing removed"),
         (totals.not_measurable, "not measurable"),
         (totals.failed, "failed"),
         (totals.lossy, "with damaged logs"),

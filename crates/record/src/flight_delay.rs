@@ -228,3 +228,27 @@ pub struct DelayOrigin {
     /// Its clock.
     pub clock: Clock,
 }
+
+/// Whether a channel such as `velocity.ekf-2` is what a filter made of other channels: EKF, AHRS, odometry, INS.
+///
+/// Told by the beginning of the source's name, in either case; a channel map knows better where it says `measured`.
+#[must_use]
+pub fn is_filter_output(channel: &str) -> bool {
+    const FILTERS: [&str; 13] = [
+        "ekf",
+        "ahrs",
+        "local",
+        "ins",
+        "odom",
+        "fused",
+        "core",
+        "global",
+        "filtered",
+        "estimat",
+        "vio",
+        "nav",
+        "compensated",
+    ];
+    let source = channel.split_once('.').map_or(channel, |(_, source)| source).to_ascii_lowercase();
+    FILTERS.iter().any(|filter| source.starts_with(filter))
+}

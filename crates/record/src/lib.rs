@@ -55,7 +55,7 @@ pub use crate::ekf::{EkfChannel, EkfValue, EkfValueKind, EkfValues};
 pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
 pub use crate::flight_delay::{
     DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit,
-    DelayStep, FlightDelays, FlightInjection, MeasuredDelay, PairDelay, WindowDelay,
+    DelayStep, FlightDelays, FlightInjection, MeasuredDelay, PairDelay, WindowDelay, is_filter_output,
 };
 pub use crate::group::{DuplicateFlight, FlightContent, GroupPart, ReceiverGroup};
 pub use crate::lateness::{

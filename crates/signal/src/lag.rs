@@ -58,7 +58,7 @@ pub struct LagCandidate {
 pub struct LagChoice {
     /// The candidates that could be fitted, the best first.
     pub candidates: Vec<LagCandidate>,
-    /// The best one, or `None` if another that means something else is as good within ΔBIC 6, or is told from it by the
+    /// The best one, or `None` if another that means something else is as good within ΔBIC 6, or differs from it only by the
     /// error of the reference alone.
     pub chosen: Option<LagModel>,
     /// The best candidate that means something else than the best, with its ΔBIC.

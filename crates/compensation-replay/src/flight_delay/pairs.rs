@@ -176,26 +176,6 @@ fn source(name: &str) -> &str {
     name.split_once('.').map_or(name, |(_, source)| source)
 }
 
-/// Whether a channel is what a filter made of others, by the beginning of its source's name.
-pub(crate) fn is_derived(name: &str) -> bool {
-    const FILTERS: [&str; 13] = [
-        "ekf",
-        "ahrs",
-        "local",
-        "ins",
-        "odom",
-        "fused",
-        "core",
-        "global",
-        "filtered",
-        "estimat",
-        "vio",
-        "nav",
-        "compensated",
-    ];
-    FILTERS.iter().any(|f| source(name).starts_with(f))
-}
-
 fn is_receiver(name: &str) -> bool {
     ["gps", "gnss", "receiver"].iter().any(|r| source(name).starts_with(r))
 }

@@ -19,7 +19,7 @@ pub(crate) fn over_time(
     settings: &FlightDelaySettings,
 ) -> Option<DelayOverTime> {
     let compared = pair.kind == DelayPairKind::PositionAgainstVelocity && matches!(pair.second, Second::Velocity(_));
-    if !compared || super::pairs::is_derived(&pair.first) {
+    if !compared || record::is_filter_output(&pair.first) {
         return None;
     }
     let first = &prepared.first;

@@ -89,6 +89,8 @@ pub struct FlightSources {
     pub flight: String,
     /// Lateness of the position; `None` without a network.
     pub position: Option<PositionLateness>,
+    /// Reason why there is no position; `None` where there is one, or where no pair was tried.
+    pub not_measured: Option<String>,
     /// Position against velocity; `None` if not measured.
     pub relative: Option<RelativeLateness>,
     /// Delay of a valid card of this sensor, s, installation included in its uncertainty.

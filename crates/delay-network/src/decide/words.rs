@@ -50,7 +50,7 @@ pub(crate) fn why(flight: &FlightSources) -> String {
     match flight.position.as_ref().map(why_not_own) {
         Some(Some(why)) => why.to_owned(),
         Some(None) => "its figures have no usable uncertainty".to_owned(),
-        None => "no pair of channels gave one".to_owned(),
+        None => flight.not_measured.clone().unwrap_or_else(|| "no pair of channels gave one".to_owned()),
     }
 }
 

@@ -25,7 +25,7 @@ fn numbered(receivers: &mut Receivers, number: u32) -> &mut ReceiverIdentity {
     receivers.entry(number).or_insert_with(|| ReceiverIdentity { number, ..ReceiverIdentity::default() })
 }
 
-/// Those of which anything is told, in the order of their numbers.
+/// Those of which the log says anything, in the order of their numbers.
 fn told(receivers: Receivers) -> Vec<ReceiverIdentity> {
     receivers.into_values().filter(ReceiverIdentity::is_told).collect()
 }

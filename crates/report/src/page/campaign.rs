@@ -79,7 +79,7 @@ fn answer(record: &CampaignRecord) -> Markup {
             b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) }
             @if t.harmed > 0 { ", " (badge("bad", "✗", "HARMED")) " " b { (number::count(t.harmed)) } }
             @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
-            ", " (number::count(t.uncompensated)) " with nothing removed; " (number::count(t.not_measurable)) " not measurable, "
+            ", " (number::count(t.uncompensated)) " measured with nothing removed, " (number::count(t.not_measurable)) " not measurable, "
             (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs; " (number::clock(t.duration_s, 0)) " compensated."
         }
         (lateness::groups(&record.groups))
@@ -91,7 +91,7 @@ fn stats(record: &CampaignRecord) -> Markup {
     html! {
         ul.stats {
             li { b { (number::count(t.flights)) } "flights" }
-            li { b { (number::clock(t.duration_s, 0)) } "flown (h:mm:ss)" }
+            li { b { (number::clock(t.duration_s, 0)) } "compensated (h:mm:ss)" }
             (outcome_count(t.helped, "ok", "✓", "helped"))
             (outcome_count(t.harmed, "bad", "✗", "harmed"))
             (outcome_count(t.varying, "unsure", "!", "delay changes"))

@@ -17,7 +17,7 @@ pub struct SegmentDelay {
 
 /// The delay in windows of `window_s` seconds that overlap by `overlap` (0 to below 1) of their length, from the first
 /// used row on; a last stretch shorter than a window is left out, and so is a window without enough samples or
-/// movement. Gain, offset and drift are fitted anew in each, the noise is that of the whole. Uncertainties are from the
+/// movement. Each fits its own gain, offset and drift; the noise is that of the whole. Uncertainties are from the
 /// curvature, times the ratio of the whole fit's uncertainty to its curvature's.
 #[must_use]
 pub fn delay_by_segment(components: &[Measurement], fit: &DelayFit, window_s: f64, overlap: f64) -> Vec<SegmentDelay> {
