@@ -311,6 +311,8 @@ fn alarms(
         raise(Gravity::Amber, "datum-refused", text);
     }
     if let Some(m) = measured {
+        let name = |channel: &Option<String>| channel.clone().unwrap_or_default();
+        let compared = format!("{} against {}", name(&out.position), name(&out.velocity));
         if let Some(rival) = m.rival_s {
             let text = format!("{:.0} and {:.0} ms explain it almost equally well", 1e3 * m.delay_s.value, 1e3 * rival);
             raise(Gravity::Red, "two-delays-fit", text);
@@ -321,7 +323,7 @@ fn alarms(
             raise(Gravity::Amber, "outliers", text);
         }
         for text in &m.alarms {
-            raise(Gravity::Amber, "delay-doubtful", text.clone());
+            raise(Gravity::Amber, "delay-doubtful", format!("{compared}: {text}"));
         }
     }
     all.sort();

@@ -1,6 +1,6 @@
 //! Weighted least squares over the network: latenesses, covariance, closure and tests of effects.
 
-use crate::graph::{Effect, Graph};
+use crate::graph::{Edge, Effect, Graph};
 use crate::lineage::Role;
 use crate::settings::NetworkSettings;
 use nalgebra::{DMatrix, DVector};
@@ -92,14 +92,16 @@ impl Adjustment {
 pub(crate) fn pair_covariance(graph: &Graph, settings: &NetworkSettings, freed: &[Freed]) -> DMatrix<f64> {
     let mut s = model_covariance(graph, freed);
     for (at, edge) in graph.edges.iter().enumerate() {
-        s[(at, at)] += own_variance(edge.uncertainty_s, settings);
+        s[(at, at)] += own_variance(edge, graph.effects[edge.effect].model_s, settings);
     }
     s
 }
 
-/// Variance of a pair that neither a channel nor an effect shares, s².
-fn own_variance(uncertainty_s: f64, settings: &NetworkSettings) -> f64 {
-    (1.0 - settings.shared_noise) * uncertainty_s.powi(2) + LEAST_VARIANCE
+/// Variance of a pair that neither a channel nor an effect shares, s². The model error of its kind was measured on pairs
+/// with such faults, so that only what a pair was widened by beyond it is added.
+fn own_variance(edge: &Edge, model_s: f64, settings: &NetworkSettings) -> f64 {
+    let beyond_model = (edge.widened_s.powi(2) - model_s.powi(2)).max(0.0);
+    (1.0 - settings.shared_noise) * edge.uncertainty_s.powi(2) + beyond_model + LEAST_VARIANCE
 }
 
 /// Part of S that comes from model errors.

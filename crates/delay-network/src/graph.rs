@@ -25,7 +25,10 @@ pub(crate) struct Edge {
     pub(crate) first: usize,
     pub(crate) second: usize,
     pub(crate) delay_s: f64,
+    /// From noise, s.
     pub(crate) uncertainty_s: f64,
+    /// For what one delay does not explain, s.
+    pub(crate) widened_s: f64,
     pub(crate) effect: usize,
 }
 
@@ -70,6 +73,7 @@ pub(crate) struct Usable {
     pub(crate) second: String,
     pub(crate) delay: Estimate,
     pub(crate) uncertainty_s: f64,
+    pub(crate) widened_s: f64,
 }
 
 /// Sorts pairs into usable ones, judges and others. The result does not depend on the order of `pairs`.
@@ -91,7 +95,10 @@ pub(crate) fn prepare(
                 let why = "a reference judges the network and takes no part in it".to_owned();
                 unused.push(UnusedPair { first, second, why });
             }
-            Ok((delay, uncertainty_s)) => usable.push(Usable { kind: pair.kind, first, second, delay, uncertainty_s }),
+            Ok((delay, uncertainty_s)) => {
+                let widened_s = if pair.widened_s.is_finite() { pair.widened_s } else { 0.0 };
+                usable.push(Usable { kind: pair.kind, first, second, delay, uncertainty_s, widened_s });
+            }
         }
     }
     if !settings.every_attitude {
@@ -206,6 +213,7 @@ impl Graph {
                 second,
                 delay_s: pair.delay.value,
                 uncertainty_s: pair.uncertainty_s,
+                widened_s: pair.widened_s,
                 effect: 0,
             })
             .collect();

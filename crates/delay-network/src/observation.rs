@@ -1,6 +1,6 @@
 //! Pairs as the network takes them.
 
-use record::{DelayPairKind, Estimate, Finding, PairDelay};
+use record::{DelayPairKind, Estimate, Finding, MeasuredDelay, PairDelay};
 
 /// Measured delay of one pair of channels, or why there is none.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,8 +11,12 @@ pub struct PairObservation {
     pub first: String,
     /// Second channel, or two as `attitude.ins + specific-force.imu`.
     pub second: String,
-    /// Lateness of the first less that of the second, s, with its standard uncertainty; or why it was not measured.
+    /// Lateness of the first less that of the second, s, with the standard uncertainty from noise; or why it was not
+    /// measured.
     pub delay_s: Finding<Estimate>,
+    /// Standard uncertainty for what one delay does not explain in this pair, such as a delay that depends on frequency, s.
+    /// No other pair shares it.
+    pub widened_s: f64,
     /// Reason not to use a delay that was measured, such as the words of [`acceleration_gate`]; `None` to use it.
     pub not_used: Option<String>,
 }
@@ -27,6 +31,7 @@ impl PairObservation {
             first: first.to_owned(),
             second: second.to_owned(),
             delay_s: Finding::Found(delay_s),
+            widened_s: 0.0,
             not_used: None,
         }
     }
@@ -40,18 +45,24 @@ impl PairObservation {
 
 impl From<&PairDelay> for PairObservation {
     fn from(pair: &PairDelay) -> Self {
-        let delay_s = match &pair.delay {
-            Finding::Found(delay) => Finding::Found(delay.delay_s),
-            Finding::CannotTell(why) => Finding::CannotTell(why.clone()),
+        let (delay_s, widened_s) = match &pair.delay {
+            Finding::Found(delay) => (Finding::Found(without_widening(delay)), delay.widened_s),
+            Finding::CannotTell(why) => (Finding::CannotTell(why.clone()), 0.0),
         };
         PairObservation {
             kind: pair.kind,
             first: pair.first.clone(),
             second: pair.second.clone(),
             delay_s,
+            widened_s,
             not_used: None,
         }
     }
+}
+
+fn without_widening(delay: &MeasuredDelay) -> Estimate {
+    let noise = |u: f64| (u.powi(2) - delay.widened_s.powi(2)).max(0.0).sqrt().max(delay.hessian_s);
+    Estimate { standard_uncertainty: delay.delay_s.standard_uncertainty.map(noise), ..delay.delay_s }
 }
 
 /// Least rate of an IMU whose accelerations can be a datum, Hz (section 3.2).

@@ -173,7 +173,10 @@ fn used_pairs(graph: &Graph, isolation: &Isolation) -> Vec<UsedPair> {
         .map(|(edge, residual_s)| UsedPair {
             first: graph.nodes[edge.first].name.clone(),
             second: graph.nodes[edge.second].name.clone(),
-            delay_s: Estimate { value: edge.delay_s, standard_uncertainty: Some(edge.uncertainty_s) },
+            delay_s: Estimate {
+                value: edge.delay_s,
+                standard_uncertainty: Some(edge.uncertainty_s.hypot(edge.widened_s)),
+            },
             residual_s: *residual_s,
             effect: graph.effects[edge.effect].name.clone(),
         })

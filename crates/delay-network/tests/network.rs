@@ -166,6 +166,27 @@ fn lanes_that_contradict_each_other_are_scattered_and_widened() {
     assert!((network.covariance_s2[2][2].sqrt() - u).abs() < 1e-12 || network.channels[2].channel != "position.gps");
 }
 
+/// A chain of two pairs and nothing that checks them: what widens one goes to the position as it is.
+#[test]
+fn a_pair_that_one_delay_does_not_explain_widens_what_rests_on_it_and_no_more() {
+    let chain = |widened_s| {
+        let first = position_velocity(("position.gps", 0.2), ("velocity.gps", 0.18), 0.002);
+        let second = PairObservation::measured(VelocityAgainstAcceleration, "velocity.gps", IMU, 0.18, 0.001);
+        let network = solved(&[PairObservation { widened_s, ..first }, second]);
+        let u = |channel: &str| network.channel(channel).unwrap().lateness_s.standard_uncertainty.unwrap();
+        (u("position.gps"), u("velocity.gps"))
+    };
+    let (quiet, wide) = (chain(0.0), chain(0.040));
+    let model_s = NetworkSettings::default().model.of(EffectKind::MeasuredMeasured);
+    let expected = (quiet.0.powi(2) + 0.040_f64.powi(2) - model_s.powi(2)).sqrt();
+    assert!((wide.0 - expected).abs() < 1e-9, "{wide:?} {expected}");
+    assert!((wide.1 - quiet.1).abs() < 1e-9, "the velocity does not rest on that pair");
+    assert!(
+        (chain(0.9 * model_s).0 - quiet.0).abs() < 1e-12,
+        "what the kind of pair allows for already is not added again"
+    );
+}
+
 #[test]
 fn a_filter_is_shown_as_no_delay_and_a_figure_says_what_it_rests_on() {
     let network = solved(&delorean());

@@ -89,6 +89,10 @@ pub struct MeasuredDelay {
     pub hessian_s: f64,
     /// Standard uncertainty from the sandwich that allows for autocorrelation, s.
     pub hac_s: f64,
+    /// Part of the standard uncertainty for what a constant delay does not explain (motion slow or fast, operating point,
+    /// time), s. What is left without it is the noise's.
+    #[serde(default)]
+    pub widened_s: f64,
     /// Cramér–Rao bound at the fitted noise, s.
     pub crlb_s: f64,
     /// 2.8 standard uncertainties, s: a change of the delay that a test at 5 % finds with 80 % probability.

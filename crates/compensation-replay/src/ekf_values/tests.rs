@@ -23,6 +23,7 @@ fn pair(
         interval_95_s: [0.0; 2],
         hessian_s: delay.1,
         hac_s: delay.1,
+        widened_s: 0.0,
         crlb_s: delay.1,
         smallest_detectable_s: 0.0,
         samples,

@@ -101,6 +101,7 @@ fn widen(found: &mut MeasuredDelay, wider_s: f64) {
         return;
     }
     let value = found.delay_s.value;
+    found.widened_s = wider_s;
     found.delay_s.standard_uncertainty = found.delay_s.standard_uncertainty.map(|u| u.hypot(wider_s));
     for end in &mut found.interval_95_s {
         let half = *end - value;

@@ -267,6 +267,7 @@ impl View<'_> {
             interval_95_s: [fit.delay_s - half_s, fit.delay_s + half_s],
             hessian_s: fit.hessian_s,
             hac_s: fit.hac_s,
+            widened_s: 0.0,
             crlb_s: fit.crlb_s,
             smallest_detectable_s: DETECTABLE * uncertainty_s,
             samples: fit.components.iter().map(|c| c.t_used.len() as u64).sum(),

@@ -380,6 +380,7 @@ fn measured_delay(delay_s: f64, u: f64) -> MeasuredDelay {
         interval_95_s: [delay_s - 1.96 * u, delay_s + 1.96 * u],
         hessian_s: 0.8 * u,
         hac_s: u,
+        widened_s: 0.0,
         crlb_s: 0.7 * u,
         smallest_detectable_s: 2.8 * u,
         samples: 5780,
