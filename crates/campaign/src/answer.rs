@@ -1,5 +1,7 @@
 //! How late the position of one flight is: from all measured delays to the answer.
 
+mod alarms;
+
 use crate::config::Pipeline;
 use crate::decide::in_ms;
 use crate::group::{content_of, group_of};
@@ -11,17 +13,13 @@ use compensation_replay::{
 use delay_network::{NetworkSettings, PairObservation, difference, lineage_from_name, solve};
 use flight::{Binding, Delay, Flight, LogHealth, Notices};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
-    DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredDelay,
-    MeasuredFlight, NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
+    ChannelLateness, Decision, DelayAdvice, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind, DelaySetting,
+    DelaySource, Estimate, Finding, FlightDelays, FlightLateness, JudgedBy, MeasuredFlight, NetworkDatum,
+    NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
 };
 
 /// A delay whose 90 % interval lies within this is none, s.
 const ON_TIME_S: f64 = 0.020;
-/// Outliers above this share are an alarm.
-const MANY_OUTLIERS: f64 = 0.05;
-/// Share of normal noise that Huber's weights (k = 1.345) hold back, and that is no outlier.
-const HELD_BACK_BY_CHANCE: f64 = 0.179;
 
 /// A measurement of a log that could not be used.
 pub(crate) fn failed(key: &str, reason: String) -> MeasuredFlight {
@@ -172,7 +170,7 @@ fn answered(
     };
     out.kind = kind_of(&out, over_time);
     out.also = also(over_time);
-    out.alarms = alarms(&out, network, measured, over_time);
+    out.alarms = alarms::of(&out, network, measured, over_time);
     out.words = words(&out, pair, over_time);
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
     let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::NotTested);
@@ -256,79 +254,6 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
         text += &format!(". ± {:.0} ms for each 0.1 m of unknown lever arm", 1e3 * x.abs());
     }
     text
-}
-
-/// Everything that a reader must know, the gravest first.
-fn alarms(
-    out: &FlightLateness,
-    network: Option<&DelayNetwork>,
-    measured: Option<&MeasuredDelay>,
-    over_time: Option<&DelayOverTime>,
-) -> Vec<DelayAlarm> {
-    let mut all = vec![];
-    let mut raise = |gravity, code: &str, text: String| {
-        all.push(DelayAlarm { gravity, code: code.to_owned(), text });
-    };
-    if let Some(o) = over_time {
-        if o.kind.varies() {
-            raise(Gravity::Red, &format!("delay-{}", o.kind.word().replace(' ', "-")), o.words.clone());
-        }
-        if let Some(note) = &o.constancy.note {
-            raise(Gravity::Grey, "delay-differs-between-parts", note.clone());
-        }
-        if let Some([a, b]) = o.two_delays_fit.filter(|_| out.lateness.is_some()) {
-            raise(Gravity::Red, "two-delays-fit", format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
-        }
-        if let Some(jitter) = &o.jitters {
-            let text = format!(
-                "the delay jitters by {:.0} ms from fix to fix; {:.2} m remain after its mean is removed",
-                1e3 * jitter.standard_deviation_s,
-                jitter.remains_m
-            );
-            raise(Gravity::Amber, "delay-jitters", text);
-        }
-        if !o.late_fixes.is_empty() {
-            let text = format!("{} lie far behind the others", counted(o.late_fixes.len(), "fix"));
-            raise(Gravity::Amber, "late-fixes", text);
-        }
-        if !o.bursts.is_empty() {
-            let text = format!("{} of fixes after a pause: they waited in a queue", counted(o.bursts.len(), "burst"));
-            raise(Gravity::Amber, "bursts", text);
-        }
-        for remark in &o.remarks {
-            raise(Gravity::Grey, "delay-remark", remark.clone());
-        }
-    }
-    match (network, out.verdict) {
-        (Some(n), Some(NetworkVerdict::Undecided | NetworkVerdict::Scattered)) => {
-            raise(Gravity::Amber, "pairs-disagree", n.verdict_words.clone());
-        }
-        (Some(n), Some(NetworkVerdict::Named)) => raise(Gravity::Amber, "channel-lies", n.verdict_words.clone()),
-        _ => {}
-    }
-    if out.datum == NetworkDatum::Refused {
-        let text = network.map(|n| n.datum_words.clone()).unwrap_or_default();
-        raise(Gravity::Amber, "datum-refused", text);
-    }
-    if let Some(m) = measured {
-        let name = |channel: &Option<String>| channel.clone().unwrap_or_default();
-        let compared = format!("{} against {}", name(&out.position), name(&out.velocity));
-        if let Some(rival) = m.rival_s {
-            let text = format!("{:.0} and {:.0} ms explain it almost equally well", 1e3 * m.delay_s.value, 1e3 * rival);
-            raise(Gravity::Red, "two-delays-fit", text);
-        }
-        let outliers = (m.downweighted_share - HELD_BACK_BY_CHANCE) / (1.0 - HELD_BACK_BY_CHANCE);
-        if outliers > MANY_OUTLIERS {
-            let text = format!("about {:.0} % of the samples are outliers", 100.0 * outliers);
-            raise(Gravity::Amber, "outliers", text);
-        }
-        for text in &m.alarms {
-            raise(Gravity::Amber, "delay-doubtful", format!("{compared}: {text}"));
-        }
-    }
-    all.sort();
-    all.dedup();
-    all
 }
 
 /// What to fly so that the next log tells what this one does not.

@@ -5,17 +5,20 @@ use crate::config::Pipeline;
 use crate::decide;
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
+use crate::filter_values;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
 use crate::plan::Desk;
+use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
 use flight::Severity;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
-use record::{Decision, DelaySource, Effect, FlightLateness, GroupLateness};
+use record::{Decision, DelaySource, Effect, EkfValues, FlightLateness, GroupLateness};
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Logs are kept in memory between measuring and judging up to this size; larger ones are read again where a reference
@@ -29,6 +32,8 @@ pub struct DelayOrder {
     pub paths: Vec<PathBuf>,
     /// Settings.
     pub pipeline: Pipeline,
+    /// Whether values for the design of a filter are wanted.
+    pub filter_values: bool,
 }
 
 /// How late the positions of some flights are.
@@ -40,6 +45,9 @@ pub struct DelayReport {
     pub flights: Vec<DelayLine>,
     /// One entry for each group of flights that may share a delay, the largest first.
     pub groups: Vec<GroupLine>,
+    /// Values for the design of a filter by the folder name of each measured flight, if they were asked for.
+    #[serde(skip)]
+    pub filter_values: BTreeMap<String, EkfValues>,
 }
 
 /// How late the position is in one group of flights.
@@ -131,6 +139,7 @@ struct Measured {
     damaged: bool,
     has_reference: bool,
     kept: Option<Loaded>,
+    filter_values: Option<EkfValues>,
 }
 
 /// Measures the flights of `order`.
@@ -149,7 +158,7 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
     let bytes = sizes.iter().sum();
     let stage = Some(crate::manifest::Stage::Measure);
     desk.tell(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
-    let reader = Reader { library: &library, pipeline: &order.pipeline, desk, keep: bytes <= KEPT_BYTES };
+    let reader = Reader { library: &library, order, desk, keep: bytes <= KEPT_BYTES };
     let mut queue: Vec<usize> = (0..units.len()).collect();
     queue.sort_by_key(|&i| std::cmp::Reverse(sizes[i]));
     let workers = Workers::start(desk.threads)?;
@@ -182,7 +191,11 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
     let all: Vec<usize> = (0..units.len()).collect();
     let flights = workers.each(&all, desk.cancel, || (), line).into_iter().flatten().collect();
     desk.stopped()?;
-    Ok(DelayReport { schema: 1, flights, groups: decided.groups.iter().map(GroupLine::of).collect() })
+    let groups = decided.groups.iter().map(GroupLine::of).collect();
+    let folders = slugs(units.iter().map(|(name, _)| name.as_str()));
+    let values = units.iter().zip(&measured).filter_map(|((name, _), m)| Some((name, m.filter_values.clone()?)));
+    let filter_values = values.filter_map(|(name, v)| Some((folders.get(name)?.clone(), v))).collect();
+    Ok(DelayReport { schema: 1, flights, groups, filter_values })
 }
 
 /// The flights of all paths with their names, sorted.
@@ -218,7 +231,7 @@ fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, Flight
 
 struct Reader<'a> {
     library: &'a Library,
-    pipeline: &'a Pipeline,
+    order: &'a DelayOrder,
     desk: &'a Desk<'a>,
     /// Whether logs stay in memory until they are judged.
     keep: bool,
@@ -227,7 +240,7 @@ struct Reader<'a> {
 impl Measured {
     fn failed(reason: &str) -> Measured {
         let lateness = answer::failed("", reason.to_owned()).lateness;
-        Measured { lateness, damaged: false, has_reference: false, kept: None }
+        Measured { lateness, damaged: false, has_reference: false, kept: None, filter_values: None }
     }
 }
 
@@ -246,7 +259,7 @@ impl Reader<'_> {
     fn load(&self, unit: &FlightUnit) -> Result<Loaded, String> {
         let on_bytes = |bytes| self.desk.tell(Event::Read { bytes });
         let context = ReadContext { limits: Limits::default(), cancel: self.desk.cancel, on_bytes: &on_bytes };
-        self.library.load(unit, self.pipeline.forced_map(), &context).map_err(|e| e.to_string())
+        self.library.load(unit, self.order.pipeline.forced_map(), &context).map_err(|e| e.to_string())
     }
 
     fn measure(&self, name: &str, unit: &FlightUnit) -> Measured {
@@ -268,13 +281,18 @@ impl Reader<'_> {
             Err(reason) => return Measured::failed(&reason),
         };
         let damaged = loaded.flight.notices.iter().any(|n| n.severity == Severity::Loss);
-        let lateness = match &loaded.binding {
-            Ok(binding) => answer::measure("", &loaded.flight, &loaded.health, binding, self.pipeline).lateness,
-            Err(reason) => answer::failed("", reason.clone()).lateness,
+        let pipeline = &self.order.pipeline;
+        let (measured, filter_values) = match &loaded.binding {
+            Ok(binding) => {
+                let measured = answer::measure("", &loaded.flight, &loaded.health, binding, pipeline);
+                let wanted = self.order.filter_values.then(|| filter_values::of(&measured, binding)).flatten();
+                (measured, wanted)
+            }
+            Err(reason) => (answer::failed("", reason.clone()), None),
         };
-        let has_reference = loaded.flight.first_of(self.pipeline.reference()).is_some();
+        let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
-        Measured { lateness, damaged, has_reference, kept }
+        Measured { lateness: measured.lateness, damaged, has_reference, kept, filter_values }
     }
 
     /// What the removal does: against the reference where the log has one, else by the lateness.
@@ -289,7 +307,7 @@ impl Reader<'_> {
             }
             (None, false) => None,
         };
-        let settings = self.pipeline.provisional();
+        let settings = self.order.pipeline.provisional();
         let truth = |flight| TruthEffect::of(flight, &settings, decision.delay_s.unwrap_or(0.0)).ok().flatten();
         let truth = flight.and_then(|flight| caught(|| truth(flight)).ok().flatten());
         let known = answer::known(&measured.lateness, decision);
@@ -324,7 +342,7 @@ mod tests {
             duplicate_of: None,
         };
         let whole = DelayLine::of(&parts);
-        let report = |flights: Vec<DelayLine>| DelayReport { schema: 1, flights, groups: vec![] }.exit();
+        let report = |flights: Vec<DelayLine>| DelayReport { schema: 1, flights, ..DelayReport::default() }.exit();
         let with = |change: &dyn Fn(&mut DelayLine)| {
             let mut line = whole.clone();
             change(&mut line);

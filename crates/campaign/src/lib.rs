@@ -32,6 +32,7 @@ mod delay_report;
 mod engine_tests;
 mod error;
 mod event;
+mod filter_values;
 mod group;
 mod lever;
 mod line;

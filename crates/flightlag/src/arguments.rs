@@ -88,7 +88,7 @@ Show how late the position of each log is, and what to do about it.
 For each flight: lateness of the position with its expanded uncertainty (k = 2) and what it is counted from, what kind of \
 delay it is (constant, on time, early, steps, drifts, queues, ... or why it cannot be told and what to fly), how far apart \
 position and velocity are, what `flightlag campaign` would remove and whether that helps, settings that remove the delay, and \
-alarms. Flights of one receiver, firmware, rate and log kind are pooled. Nothing is written.
+alarms. Flights of one receiver, firmware, rate and log kind are pooled. Logs are only read, and nothing is written unless an option says where.
 
 Lateness against `imu` is absolute as far as the IMU is on time; `relative to velocity.gps` means that the log cannot tell how \
 late both are.";
@@ -153,6 +153,10 @@ pub(crate) struct DelayArguments {
     /// Print the JSON schema of `--json` and stop.
     #[arg(long)]
     pub(crate) schema: bool,
+    /// Also write values for the design of a Kalman filter to this folder, one TOML file for each flight: noise density,
+    /// wander and delay of each channel, each with its uncertainty and formula.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) ekf: Option<PathBuf>,
     /// Settings (TOML), as for `flightlag campaign`: a delay that they state is tested against each flight.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,

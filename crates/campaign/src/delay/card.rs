@@ -100,29 +100,18 @@ struct Reading<'a> {
     notices: Notices,
 }
 
-/// What velocity is late by, and what is said of it.
-struct OfVelocity {
-    /// Delay and standard uncertainty, s; `None` if velocity is taken as on time.
-    subtracted: Option<(f64, f64)>,
-    words: String,
-}
-
 impl<'a> Reading<'a> {
     fn delay(mut self) -> Result<FoundDelay, String> {
         let position = self.position()?;
-        let velocity = self.velocity(position);
-        let (seconds, uncertainty_s) = match velocity.subtracted {
-            Some((v, u)) => (position.delay_s - v, position.delay_standard_uncertainty_s.hypot(u)),
-            None => (position.delay_s, position.delay_standard_uncertainty_s),
-        };
-        let nothing =
-            || format!("{}: {} is not later than velocity: nothing to remove", self.used.name(), position.name);
-        let delay = Delay::from_seconds(seconds).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
+        let nothing = || format!("{}: {} is not late: nothing to remove", self.used.name(), position.name);
+        let delay = Delay::from_seconds(position.delay_s).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
         self.warn_of_configuration(position, self.case.position);
         self.warn_of_lag(position);
         self.warn_of_rig(position);
+        self.warn_of_anchor(position);
+        self.tell_of_velocity();
         let validity = self.validity();
-        let source = format!("{}{}{validity}", self.origin(position), velocity.words);
+        let source = format!("{}{validity}", self.origin(position));
         let estimate =
             Estimate { value: position.delay_s, standard_uncertainty: Some(position.delay_standard_uncertainty_s) };
         let card = CardUse {
@@ -134,7 +123,7 @@ impl<'a> Reading<'a> {
         };
         Ok(FoundDelay {
             delay,
-            standard_uncertainty_s: Some(uncertainty_s),
+            standard_uncertainty_s: estimate.standard_uncertainty,
             source,
             card: Some(card),
             notices: self.notices,
@@ -164,46 +153,18 @@ impl<'a> Reading<'a> {
         Err(format!("{file}: the delay of {name}, {delay} ms, is {nothing}"))
     }
 
-    /// What velocity is late by: the compensators remove the difference (design note 5.6).
-    fn velocity(&mut self, position: &CardChannel) -> OfVelocity {
+    /// A velocity that is late itself changes nothing in first order: position plus the integral of velocity over the
+    /// lateness of the position is on time, and −a·Tp·Tv is left (design note 5.6, delay network 1).
+    fn tell_of_velocity(&mut self) {
         let name = self.case.velocity.0;
-        let card = self.card;
-        let Some(velocity) = card.channels.iter().find(|c| c.name == name) else {
-            self.tell(
-                Severity::Info,
-                "card-velocity",
-                format!("the card has no channel {name}: it is taken as on time"),
-            );
-            self.warn_of_anchor(position);
-            return OfVelocity { subtracted: None, words: format!("; {name}, not on the card, taken as on time") };
-        };
+        let late = |c: &&CardChannel| c.name == name && matches!(c.verdict, Verdict::Delayed | Verdict::Early);
+        let Some(velocity) = self.card.channels.iter().find(late) else { return };
         let shown = milliseconds(velocity.delay_s, velocity.delay_standard_uncertainty_s);
-        let on_time = |words: String| OfVelocity { subtracted: None, words };
-        match velocity.verdict {
-            Verdict::EquivalentToZero => on_time(format!("; {name} is on time within its margin ({shown} ms)")),
-            Verdict::Inconclusive | Verdict::NotMeasurable => {
-                let text = format!("{name}: {shown} ms, which does not decide whether it is late: taken as on time");
-                self.tell(Severity::Warning, "card-velocity", text);
-                self.warn_of_anchor(position);
-                on_time(format!("; {name}, undecided at {shown} ms, taken as on time"))
-            }
-            Verdict::Delayed | Verdict::Early if is_comparable(position, velocity) => {
-                self.warn_of_configuration(velocity, self.case.velocity);
-                self.warn_of_lag(velocity);
-                self.warn_of_rig(velocity);
-                let subtracted = Some((velocity.delay_s, velocity.delay_standard_uncertainty_s));
-                OfVelocity { subtracted, words: format!(", less that of {name}: {shown} ms") }
-            }
-            Verdict::Delayed | Verdict::Early => {
-                let text = format!(
-                    "{name}: {shown} ms, measured against another clock than {}: not taken off, taken as on time",
-                    position.name
-                );
-                self.tell(Severity::Warning, "card-velocity", text);
-                self.warn_of_anchor(position);
-                on_time(format!("; {name}, not comparable, taken as on time"))
-            }
-        }
+        let text = format!(
+            "{name} is {shown} ms late itself: the lateness of the position is removed all the same, and an error of \
+             acceleration times both delays is left"
+        );
+        self.tell(Severity::Info, "card-velocity", text);
     }
 
     /// A lag that is removed as a delay is right for the bench's swing: slower motion is later.
@@ -237,7 +198,7 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// A delay against an anchor is only as good as the anchor; the difference of two such delays is free of it.
+    /// A delay against an anchor is only as good as the anchor.
     fn warn_of_anchor(&mut self, position: &CardChannel) {
         if let TimeBasis::Anchor { channel } = &position.basis {
             let text = format!(
@@ -301,13 +262,4 @@ impl<'a> Reading<'a> {
 /// Slow motion of a channel that is all lag, for cards that do not say it.
 fn only_lags(channel: &CardChannel) -> Option<f64> {
     (channel.model.starts_with("first-order lag")).then(|| channel.lags_s.iter().sum())
-}
-
-/// Whether two delays are measured against the same thing.
-fn is_comparable(a: &CardChannel, b: &CardChannel) -> bool {
-    let anchor = |c: &CardChannel| match &c.basis {
-        TimeBasis::OneClock | TimeBasis::Pps => None,
-        TimeBasis::Anchor { channel } => Some(channel.clone()),
-    };
-    anchor(a) == anchor(b)
 }

@@ -1,0 +1,32 @@
+//! Values for the design of a filter, of one measured flight.
+
+use crate::rate::rate_of;
+use compensation_replay::{EkfChannelFacts, ekf_values};
+use flight::Binding;
+use record::{ChannelLateness, EkfValues, MeasuredFlight, NetworkDatum};
+use std::collections::BTreeMap;
+
+/// Noise, wander and delay of each channel that was compared: the rates are those of the log, the latenesses those of the
+/// network. `None` for a flight whose delays were not measured.
+pub(crate) fn of(measured: &MeasuredFlight, binding: &Binding) -> Option<EkfValues> {
+    let delays = measured.delays.as_ref()?;
+    let channels = measured.network.iter().flat_map(|n| &n.channels);
+    // The zero of a network has no lateness of its own.
+    let told = channels.filter(|c| c.relative_to.as_ref() != Some(&c.channel));
+    let lateness: BTreeMap<&str, &ChannelLateness> = told.map(|c| (c.channel.as_str(), c)).collect();
+    let facts = |name: &str| EkfChannelFacts {
+        rate_hz: rate_of(&binding.channels, name),
+        lateness_s: lateness.get(name).map(|c| (c.lateness_s, against(c))),
+    };
+    let names = delays.pairs.iter().map(|pair| pair.first.as_str());
+    Some(ekf_values(delays, &names.map(|name| (name.to_owned(), facts(name))).collect()))
+}
+
+/// What the lateness of a channel is counted from, such as `the IMU`.
+fn against(channel: &ChannelLateness) -> String {
+    match (&channel.relative_to, channel.datum) {
+        (Some(zero), _) => zero.clone(),
+        (None, NetworkDatum::Reference) => "the reference".to_owned(),
+        (None, _) => "the IMU".to_owned(),
+    }
+}
