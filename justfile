@@ -30,8 +30,9 @@ bench-demo folder="reports/demo":
     @cargo run --release --quiet -p flightlag -- demo "$1" --quiet
     @cargo run --release --quiet -p flightlag -- bench "$1"/bench/gps-*.mcap "$1"/bench/gps-*.bag "$1"/bench/gps-*.csv "$1"/bench/hanging.mcap --out "$1"/bench-report/sim-0001
 
-# How well the bench's estimators do over simulated benches: rms against the bound, coverage, false verdicts
+# How well the estimators do on simulated data: the size of an uncertainty to a tenth, then benches (rms, coverage, verdicts)
 monte-carlo *options:
+    cargo test --release -p signal -- --ignored
     cargo run --release -p bench-analysis --example monte_carlo -- "$@"
 
 # Table 5.7 of the design note: every compensator on six kinds of data, found beside noted
