@@ -1,6 +1,7 @@
 //! What goes back to the aircraft: the compensator as C, and the autopilot's own delay parameters.
 
 mod autopilot;
+mod c_async;
 mod c_float;
 mod c_source;
 

@@ -157,6 +157,16 @@ pub(crate) struct DelayArguments {
     /// wander and delay of each channel, each with its uncertainty and formula.
     #[arg(long, value_name = "DIR")]
     pub(crate) ekf: Option<PathBuf>,
+    /// Also write the exact compensator as C to this folder, with delay and interval: one header and one C file for each
+    /// group of flights whose lateness is known.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) c: Option<PathBuf>,
+    /// Step of the loop that the C runs in, s.
+    #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c")]
+    pub(crate) step_s: f64,
+    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) params: Option<PathBuf>,
     /// Settings (TOML), as for `flightlag campaign`: a delay that they state is tested against each flight.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
@@ -378,7 +388,8 @@ pub(crate) struct DemoArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct CompensatorArguments {
-    /// Which, as in a pipeline: pade-1-1-tustin (the paper's), pade-2-2-foh, ...
+    /// pade-1-1-tustin (the paper's), pade-M-N-RULE with M and N up to 4 and RULE zoh, foh, tustin or matched, or exact-async,
+    /// which takes the age of each fix and needs memory for the velocities of that time.
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
     /// Delay of the position against the velocity, s; positive is late.
@@ -393,6 +404,9 @@ pub(crate) struct CompensatorArguments {
     /// Step of the loop that it runs in, s.
     #[arg(long, value_name = "S")]
     pub(crate) step_s: f64,
+    /// Oldest fix that exact-async takes, s.
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    pub(crate) max_age_s: f64,
     /// Single precision; double without it.
     #[arg(long)]
     pub(crate) float: bool,

@@ -26,6 +26,7 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
         delay_uncertainty_s: arguments.uncertainty_s,
         delay_source: arguments.source.clone(),
         step_s: arguments.step_s,
+        max_age_s: arguments.max_age_s,
         real: if arguments.float { CFloat::Float } else { CFloat::Double },
     };
     let source = export_c(&export).map_err(|e| asked(&e))?;
@@ -38,26 +39,26 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
         std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
         writeln!(out, "wrote {}", path.display())?;
     }
-    writeln!(out, "{}", band(kind, arguments.delay_s))?;
+    if let Some(band) = band(kind, arguments.delay_s) {
+        writeln!(out, "{band}")?;
+    }
     let advice = autopilot_advice(delay, arguments.uncertainty_s, MeasuredAgainst::UnknownVelocity);
     writeln!(out, "\nInstead of a compensator, an autopilot can be told the delay:\n{}", advice.text())?;
     Ok(Exit::Well.into())
 }
 
 /// Up to which frequency of motion it helps, and from where on it harms.
-fn band(kind: CompensatorKind, delay_s: f64) -> String {
-    let CompensatorKind::Pade { m, n, .. } = kind else { return String::new() };
-    let Ok(form) = PadeForm::new(m, n) else { return String::new() };
-    let Some(band) = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(delay_s), HELP) else {
-        return String::new();
-    };
+fn band(kind: CompensatorKind, delay_s: f64) -> Option<String> {
+    let CompensatorKind::Pade { m, n, .. } = kind else { return None };
+    let form = PadeForm::new(m, n).ok()?;
+    let band = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(delay_s), HELP)?;
     let up_to = |hz: Option<f64>| hz.map_or("nowhere".to_owned(), |hz| format!("up to {hz:.2} Hz"));
     let worse = band
         .worse_above_hz
         .map_or("never worse than raw below 1/Td".to_owned(), |hz| format!("worse than raw from {hz:.2} Hz on"));
-    format!(
+    Some(format!(
         "removes nine tenths of the error {}, half of it {}, {worse} (velocity on time, position not held)",
         up_to(band.helps_below_hz),
         up_to(band.halves_below_hz)
-    )
+    ))
 }

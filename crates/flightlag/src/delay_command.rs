@@ -6,9 +6,8 @@ use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
-use campaign::{DelayLine, DelayOrder, DelayReport, Exit, GroupLine, LineSetting, delay_report, delay_schema};
+use campaign::{DelayLine, DelayOrder, Exit, GroupLine, LineSetting, delay_report, delay_schema};
 use std::io::Write;
-use std::path::Path;
 
 /// Most lines of flights at the end of a campaign; its page has all.
 const MOST_FLIGHTS: usize = 40;
@@ -28,28 +27,13 @@ pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failur
     let events = listener(&asked);
     let report = delay_report(&order, &desk(&asked, stop, events.as_ref()))?;
     drop(events);
-    if let Some(folder) = &arguments.ekf {
-        write_filter_values(folder, &report)?;
-    }
+    crate::delay_files::write(arguments, &report)?;
     match (arguments.json, arguments.csv) {
         (true, _) => writeln!(out, "{}", serde_json::to_string_pretty(&report).unwrap_or_default())?,
         (_, true) => report.write_csv(&mut out)?,
         _ => write!(out, "{}", visible_lines(&text(&report.flights, &report.groups, usize::MAX)))?,
     }
     Ok(report.exit().into())
-}
-
-/// One file for each flight whose delays were measured.
-fn write_filter_values(folder: &Path, report: &DelayReport) -> Result<(), Failure> {
-    let failed = |path: &Path, e: std::io::Error| Failure::new(Exit::Failed, format!("{}: {e}", path.display()));
-    std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
-    for (name, values) in &report.filter_values {
-        let path = folder.join(format!("{name}.ekf.toml"));
-        std::fs::write(&path, compensation_replay::ekf_values_toml(values)).map_err(|e| failed(&path, e))?;
-    }
-    let written = count(report.filter_values.len() as u64, "file");
-    eprintln!("{written} with values for the design of a filter: {}", folder.display());
-    Ok(())
 }
 
 fn visible_lines(text: &str) -> String {

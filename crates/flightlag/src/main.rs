@@ -6,6 +6,7 @@ mod campaign_command;
 mod compensator;
 mod criteria;
 mod delay_command;
+mod delay_files;
 mod demo;
 mod export;
 mod failure;

@@ -1,13 +1,14 @@
 //! A compensator as a C header and a small C file.
 
-use crate::compensator::{CompensatorError, CompensatorKind, Discretisation};
+use super::c_async;
+use crate::compensator::{CompensatorError, CompensatorKind, CompensatorOptions, Discretisation};
 use crate::export::c_float::CFloat;
 use std::fmt::Write;
 
 /// What to export, and where its delay comes from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CExport {
-    /// A Padé form; all others need buffers that a small C file should not own.
+    /// A Padé form or `exact-async`; all others need the whole record or matrices.
     pub kind: CompensatorKind,
     /// Prefix of all C names and name of the files; letters, digits and underscores.
     pub prefix: String,
@@ -19,6 +20,8 @@ pub struct CExport {
     pub delay_source: String,
     /// The fixed step at which the controller will call it, s.
     pub step_s: f64,
+    /// Oldest fix that `exact-async` takes, s; the ring of velocities is as long. Of no use to a Padé form.
+    pub max_age_s: f64,
     /// Type of all numbers.
     pub real: CFloat,
 }
@@ -40,7 +43,9 @@ pub struct CSource {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ExportError {
     /// It is no filter with a few numbers of state.
-    #[error("{name} needs a buffer of the last velocities or the whole record: export a Padé form instead")]
+    #[error(
+        "{name} cannot be written as C: choose a Padé form such as pade-1-1-tustin or pade-2-2-foh, or exact-async"
+    )]
     NotAFilter {
         /// The compensator.
         name: String,
@@ -51,12 +56,21 @@ pub enum ExportError {
     /// The step makes no sense.
     #[error("a step of {0} s: it must be positive and finite")]
     Step(f64),
+    /// The ring of velocities would be too long, or the age makes no sense.
+    #[error("fixes up to {max_age_s} s old: the age must be zero or more, and delay and age at most {most} steps")]
+    Age {
+        /// What was asked for, s.
+        max_age_s: f64,
+        /// Most velocities that are kept.
+        most: u32,
+    },
     /// Not a name in C.
     #[error("{0:?} is no C name: a letter, then letters, digits or underscores, at most 31")]
     Prefix(String),
 }
 
-/// The compensator as C99: a struct with its state, `init_warm`, `init_cold`, `step` and `position`. No library is needed, not
+/// The compensator as C99: a struct with its state, `init_warm`, `init_cold`, `step` and `position`, and for `exact-async`
+/// also `fix`. No library is needed, not
 /// even `libm`: a step is additions, multiplications and, for the paper's, one division.
 ///
 /// With `double` and without fused multiply-add it gives the bits of the replay at the same step (test
@@ -81,6 +95,10 @@ pub fn export_c(export: &CExport) -> Result<CSource, ExportError> {
             paper(export)
         }
         CompensatorKind::Pade { .. } => modal(export)?,
+        CompensatorKind::ExactAsync => {
+            export.kind.build(&CompensatorOptions::new(export.delay_s, export.step_s))?;
+            return c_async::export(export);
+        }
         other => return Err(ExportError::NotAFilter { name: other.to_string() }),
     };
     let prefix = &export.prefix;
@@ -230,7 +248,7 @@ void {prefix}_init_cold({prefix}_t *c, {real} velocity);
 
 #endif
 ",
-        provenance = provenance(export, body),
+        provenance = of_filter(export, body),
         step = export.step_s,
     )
 }
@@ -267,7 +285,7 @@ void {prefix}_init_cold({prefix}_t *c, {real} velocity)
     return late_position + c->displacement;
 }}
 ",
-        provenance = provenance(export, body),
+        provenance = of_filter(export, body),
     )
 }
 
@@ -279,28 +297,36 @@ fn zero_imaginary(body: &Body) -> String {
         .collect()
 }
 
-fn provenance(export: &CExport, body: &Body) -> String {
-    let uncertainty = export
-        .delay_uncertainty_s
-        .map_or("uncertainty unknown".to_owned(), |u| format!("standard uncertainty {:.3} ms (k = 1)", u * 1e3));
+fn of_filter(export: &CExport, body: &Body) -> String {
     let title = match export.kind {
         CompensatorKind::Pade { m, n, rule } => format!("Pade [{m}/{n}], {}", rule.name()),
         other => other.to_string(),
     };
+    let step = format!("step   {} s, fixed: call step once per {} s", export.step_s, export.step_s);
+    provenance(export, &title, &[step], &body.method)
+}
+
+/// The comment on top of both files.
+pub(super) fn provenance(export: &CExport, title: &str, usage: &[String], method: &[String]) -> String {
+    let uncertainty = export
+        .delay_uncertainty_s
+        .map_or("uncertainty unknown".to_owned(), |u| format!("standard uncertainty {:.3} ms (k = 1)", u * 1e3));
     let mut lines = vec![
         format!("Delay compensator of one axis: {title}."),
         String::new(),
         format!("Td     {:.6} s, {uncertainty}", export.delay_s),
         format!("from   {}", comment_text(&export.delay_source)),
-        format!("step   {} s, fixed: call step once per {} s", export.step_s, export.step_s),
+    ];
+    lines.extend(usage.iter().cloned());
+    lines.extend([
         format!("type   {}", export.real.c_name()),
         format!("made   by flightlag {}", env!("CARGO_PKG_VERSION")),
         String::new(),
         "Position arrives late by Td, velocity on time: x_est = x_late + displacement(velocity).".to_owned(),
         "Do not use it where the autopilot already removes the same delay (EKF2_GPS_DELAY, GPS1_DELAY_MS).".to_owned(),
         String::new(),
-    ];
-    lines.extend(body.method.iter().cloned());
+    ]);
+    lines.extend(method.iter().cloned());
     let text: String = lines.iter().map(|line| format!(" * {line}").trim_end().to_owned() + "\n").collect();
     format!("/*\n{text} */\n")
 }

@@ -1,0 +1,219 @@
+//! What `flightlag delay` writes where it is asked to: values for a filter, C for the aircraft, parameters for an autopilot.
+
+use crate::arguments::DelayArguments;
+use crate::failure::Failure;
+use crate::show::count;
+use campaign::{DelayReport, Exit, GroupLine};
+use compensation_replay::{
+    CExport, CFloat, CompensatorKind, MeasuredAgainst, ParameterFit, autopilot_advice, ekf_values_toml, export_c,
+};
+use flight::Delay;
+use std::path::Path;
+
+pub(crate) fn write(arguments: &DelayArguments, report: &DelayReport) -> Result<(), Failure> {
+    if let Some(folder) = &arguments.ekf {
+        filter_values(folder, report)?;
+    }
+    if let Some(folder) = &arguments.c {
+        compensators(folder, arguments.step_s, report)?;
+    }
+    if let Some(file) = &arguments.params {
+        put(file, &parameters(report)?)?;
+        eprintln!("parameters written: {}", file.display());
+    }
+    Ok(())
+}
+
+fn put(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|e| failed(path, &e))
+}
+
+fn make(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|e| failed(folder, &e))
+}
+
+fn failed(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(Exit::Failed, format!("{}: {error}", path.display()))
+}
+
+/// One file for each flight whose delays were measured.
+fn filter_values(folder: &Path, report: &DelayReport) -> Result<(), Failure> {
+    make(folder)?;
+    for (name, values) in &report.filter_values {
+        put(&folder.join(format!("{name}.ekf.toml")), &ekf_values_toml(values))?;
+    }
+    let written = count(report.filter_values.len() as u64, "file");
+    eprintln!("{written} with values for the design of a filter: {}", folder.display());
+    Ok(())
+}
+
+/// Delay of a group that a compensator can remove, s; else why there is none.
+fn delay_of(group: &GroupLine) -> Result<f64, String> {
+    let known = group.lateness_s.filter(|_| !group.datum.starts_with("relative"));
+    known.filter(|s| *s > 0.0).ok_or_else(|| format!("{}: {}", group.group, group.words))
+}
+
+/// The exact form of each group whose lateness is known, with delay and interval.
+fn compensators(folder: &Path, step_s: f64, report: &DelayReport) -> Result<(), Failure> {
+    let late: Vec<(&GroupLine, f64)> = report.groups.iter().filter_map(|g| Some((g, delay_of(g).ok()?))).collect();
+    if late.is_empty() {
+        return Err(nothing("no C was written", report));
+    }
+    make(folder)?;
+    for (k, (group, delay_s)) in late.iter().enumerate() {
+        let prefix = if late.len() == 1 { "position_delay".to_owned() } else { format!("position_delay_{}", k + 1) };
+        let interval = group.lateness_low_s.zip(group.lateness_high_s);
+        let interval = interval.map_or(String::new(), |(a, b)| format!(", 95 % {:.1} to {:.1} ms", 1e3 * a, 1e3 * b));
+        let flights = count(group.pooled, "flight");
+        let export = CExport {
+            kind: CompensatorKind::ExactAsync,
+            prefix,
+            delay_s: *delay_s,
+            delay_uncertainty_s: group.lateness_u_s,
+            delay_source: format!("{flights} of {}, against the {}{interval}", group.group, group.datum),
+            step_s,
+            max_age_s: MAX_AGE_S,
+            real: CFloat::Double,
+        };
+        let source = export_c(&export).map_err(|e| Failure::new(Exit::Wrong, e.to_string()))?;
+        put(&folder.join(&source.header_name), &source.header)?;
+        put(&folder.join(&source.source_name), &source.source)?;
+        eprintln!(
+            "C written: {} and .c, {:.1} ms, {}",
+            folder.join(&source.header_name).display(),
+            1e3 * delay_s,
+            group.group
+        );
+    }
+    Ok(())
+}
+
+/// Oldest fix that the written C takes, s.
+const MAX_AGE_S: f64 = 1.0;
+
+/// A file that Mission Planner and MAVProxy (ArduPilot) or QGroundControl (PX4) load.
+fn parameters(report: &DelayReport) -> Result<String, Failure> {
+    let mut lines = vec![];
+    for group in &report.groups {
+        let Ok(delay_s) = delay_of(group) else { continue };
+        let Some(set) = group.set.iter().find(|set| set.unit == "ms") else { continue };
+        let delay = Delay::from_seconds(delay_s).unwrap_or(Delay::ZERO);
+        let advice = autopilot_advice(delay, group.lateness_u_s, MeasuredAgainst::Inertial);
+        let Some(known) = advice.parameters.iter().find(|p| p.name == set.name) else { continue };
+        if matches!(known.fit, ParameterFit::OutOfRange | ParameterFit::RoundsToAutomatic) {
+            let why = format!(
+                "{} = {} ms cannot be set: it takes {} to {} ms",
+                known.name, known.value_ms, known.range_ms[0], known.range_ms[1]
+            );
+            return Err(Failure::new(Exit::Failed, format!("no parameters were written: {}: {why}", group.group)));
+        }
+        lines.push((group, line(known.name, known.value_ms), known));
+    }
+    match &lines[..] {
+        [] => Err(nothing("no parameters were written", report)),
+        [(group, line, known)] => {
+            let interval = known.interval_ms.map_or(String::new(), |[a, b]| format!(", {a} to {b} ms (k = 2)"));
+            Ok(format!("# {}: {} = {} ms{interval}\n{line}\n", group.group, known.name, known.value_ms))
+        }
+        several => {
+            let names: Vec<String> =
+                several.iter().map(|(g, _, p)| format!("{} ({} ms)", g.group, p.value_ms)).collect();
+            let text = format!(
+                "no parameters were written: these logs are of {} receivers, and one file holds one: {}; give the logs of one",
+                names.len(),
+                names.join("; ")
+            );
+            Err(Failure::new(Exit::Wrong, text))
+        }
+    }
+}
+
+/// ArduPilot: `NAME,VALUE`. PX4: vehicle, component, name, value, type, separated by tabs; 9 is a float.
+fn line(name: &str, value_ms: i64) -> String {
+    if name.starts_with("EKF2_") || name.starts_with("SENS_") {
+        format!("1\t1\t{name}\t{value_ms}.000000000000000000\t9")
+    } else {
+        format!("{name},{value_ms}")
+    }
+}
+
+/// No group has a delay that can be written.
+fn nothing(what: &str, report: &DelayReport) -> Failure {
+    let why: Vec<String> = report.groups.iter().map(|g| format!("{}: {}", g.group, g.words)).collect();
+    let why = if why.is_empty() { "no flight was measured".to_owned() } else { why.join("; ") };
+    Failure::new(
+        Exit::Failed,
+        format!("{what}: how late the position is must be known against the IMU or a reference. {why}"),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use campaign::LineSetting;
+
+    fn group(name: &str, lateness_s: f64, datum: &str, parameter: &str) -> GroupLine {
+        GroupLine {
+            group: name.to_owned(),
+            flights: 8,
+            pooled: 8,
+            lateness_s: Some(lateness_s),
+            lateness_u_s: Some(0.004),
+            lateness_low_s: Some(lateness_s - 0.008),
+            lateness_high_s: Some(lateness_s + 0.008),
+            datum: datum.to_owned(),
+            between_s: None,
+            words: format!("position {:.0} ms", 1e3 * lateness_s),
+            outliers: vec![],
+            set: vec![LineSetting {
+                name: parameter.into(),
+                value: 1e3 * lateness_s,
+                unit: "ms".into(),
+                note: String::new(),
+            }],
+        }
+    }
+
+    fn report(groups: Vec<GroupLine>) -> DelayReport {
+        DelayReport { schema: 1, groups, ..DelayReport::default() }
+    }
+
+    #[test]
+    fn parameters_are_in_the_autopilots_own_format() {
+        let ardupilot = parameters(&report(vec![group("u-blox", 0.201, "imu", "GPS1_DELAY_MS")])).unwrap();
+        assert_eq!(ardupilot, "# u-blox: GPS1_DELAY_MS = 201 ms, 193 to 209 ms (k = 2)\nGPS1_DELAY_MS,201\n");
+        let px4 = parameters(&report(vec![group("F9P", 0.11, "imu", "EKF2_GPS_DELAY")])).unwrap();
+        assert!(px4.ends_with("\n1\t1\tEKF2_GPS_DELAY\t110.000000000000000000\t9\n"), "{px4}");
+    }
+
+    #[test]
+    fn parameters_that_would_be_wrong_are_refused_with_the_reason() {
+        for (groups, why) in [
+            (vec![group("a", 0.4, "imu", "GPS1_DELAY_MS")], "400 ms cannot be set: it takes 0 to 250 ms"),
+            (vec![group("a", 0.2, "relative to velocity.gps", "GPS1_DELAY_MS")], "must be known against the IMU"),
+            (
+                vec![group("a", 0.2, "imu", "GPS1_DELAY_MS"), group("b", 0.1, "imu", "GPS1_DELAY_MS")],
+                "logs of 2 receivers",
+            ),
+            (vec![], "no flight was measured"),
+        ] {
+            let refused = parameters(&report(groups)).unwrap_err();
+            assert!(format!("{refused:?}").contains(why), "{refused:?}");
+        }
+    }
+
+    #[test]
+    fn each_group_gets_its_own_c() {
+        let folder = tempfile::tempdir().unwrap();
+        let two = report(vec![
+            group("a", 0.2, "imu", "x"),
+            group("b", 0.1, "imu", "x"),
+            group("c", 0.1, "relative to v", "x"),
+        ]);
+        compensators(folder.path(), 0.01, &two).unwrap();
+        let header = std::fs::read_to_string(folder.path().join("position_delay_2.h")).unwrap();
+        assert!(header.contains("Td     0.100000 s, standard uncertainty 4.000 ms (k = 1)"), "{header}");
+        assert!(header.contains("from   8 flights of b, against the imu, 95 % 92.0 to 108.0 ms"), "{header}");
+        assert!(!folder.path().join("position_delay_3.h").exists());
+    }
+}
