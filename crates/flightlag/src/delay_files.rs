@@ -2,12 +2,13 @@
 
 use crate::arguments::DelayArguments;
 use crate::failure::Failure;
-use crate::show::count;
+use crate::show::{count, visible};
 use campaign::{DelayReport, Exit, GroupLine};
 use compensation_replay::{
     CExport, CFloat, CompensatorKind, MeasuredAgainst, ParameterFit, autopilot_advice, ekf_values_toml, export_c,
 };
 use flight::Delay;
+use std::io::Write;
 use std::path::Path;
 
 pub(crate) fn write(arguments: &DelayArguments, report: &DelayReport) -> Result<(), Failure> {
@@ -19,13 +20,19 @@ pub(crate) fn write(arguments: &DelayArguments, report: &DelayReport) -> Result<
     }
     if let Some(file) = &arguments.params {
         put(file, &parameters(report)?)?;
-        eprintln!("parameters written: {}", file.display());
+        say(&format!("parameters written: {}", file.display()));
     }
     Ok(())
 }
 
 fn put(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|e| failed(path, &e))
+}
+
+/// On standard error: standard output is for the answer.
+fn say(text: &str) {
+    // If standard error is closed, nobody is left to be told.
+    let _ = writeln!(std::io::stderr(), "{}", visible(text));
 }
 
 fn make(folder: &Path) -> Result<(), Failure> {
@@ -43,7 +50,7 @@ fn filter_values(folder: &Path, report: &DelayReport) -> Result<(), Failure> {
         put(&folder.join(format!("{name}.ekf.toml")), &ekf_values_toml(values))?;
     }
     let written = count(report.filter_values.len() as u64, "file");
-    eprintln!("{written} with values for the design of a filter: {}", folder.display());
+    say(&format!("{written} with values for the design of a filter: {}", folder.display()));
     Ok(())
 }
 
@@ -78,12 +85,12 @@ fn compensators(folder: &Path, step_s: f64, report: &DelayReport) -> Result<(), 
         let source = export_c(&export).map_err(|e| Failure::new(Exit::Wrong, e.to_string()))?;
         put(&folder.join(&source.header_name), &source.header)?;
         put(&folder.join(&source.source_name), &source.source)?;
-        eprintln!(
+        say(&format!(
             "C written: {} and .c, {:.1} ms, {}",
             folder.join(&source.header_name).display(),
             1e3 * delay_s,
             group.group
-        );
+        ));
     }
     Ok(())
 }
@@ -99,7 +106,7 @@ fn parameters(report: &DelayReport) -> Result<String, Failure> {
         let Some(set) = group.set.iter().find(|set| set.unit == "ms") else { continue };
         let delay = Delay::from_seconds(delay_s).unwrap_or(Delay::ZERO);
         let advice = autopilot_advice(delay, group.lateness_u_s, MeasuredAgainst::Inertial);
-        let Some(known) = advice.parameters.iter().find(|p| p.name == set.name) else { continue };
+        let Some(known) = advice.parameters.into_iter().find(|p| p.name == set.name) else { continue };
         if matches!(known.fit, ParameterFit::OutOfRange | ParameterFit::RoundsToAutomatic) {
             let why = format!(
                 "{} = {} ms cannot be set: it takes {} to {} ms",
@@ -193,7 +200,7 @@ mod tests {
             (vec![group("a", 0.2, "relative to velocity.gps", "GPS1_DELAY_MS")], "must be known against the IMU"),
             (
                 vec![group("a", 0.2, "imu", "GPS1_DELAY_MS"), group("b", 0.1, "imu", "GPS1_DELAY_MS")],
-                "logs of 2 receivers",
+                "are of 2 receivers",
             ),
             (vec![], "no flight was measured"),
         ] {
