@@ -103,7 +103,7 @@ fn damaged_copies_of_a_real_flight_give_what_is_left_and_a_red_mark() {
         let log = report.record(name).log.unwrap();
         assert!(log.messages >= least, "{name}: {} messages, {least} can be recovered", log.messages);
         let b = log.bytes;
-        assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{name}");
+        assert_eq!(b.sum(), b.size, "{name}");
         assert!(report.row(name).lossy, "{name} is marked");
     }
 }
@@ -288,7 +288,7 @@ fn ulog(path: &Path) -> ingest::Log {
     let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &|_| () };
     let log = ingest::LogReader::read(&mut ingest::UlogReader::new(vec![path.to_owned()]), &want, &context).unwrap();
     let b = &log.health.bytes;
-    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{}", path.display());
+    assert_eq!(b.sum(), b.size, "{}", path.display());
     log
 }
 

@@ -11,7 +11,6 @@ use crate::plan::Desk;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
-use flight::Severity;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
 use record::{Decision, DelaySource, Effect, FlightLateness, GroupLateness};
 use schemars::JsonSchema;
@@ -102,7 +101,7 @@ impl DelayReport {
             Exit::CriterionFailed
         } else if self.flights.len() == 1 && any(&|l| l.data == "failed") {
             Exit::Failed
-        } else if any(&|l| l.data != "whole" || l.varies()) {
+        } else if any(&|l| l.data == "damaged" || l.data == "failed" || l.varies()) {
             Exit::Incomplete
         } else {
             Exit::Well
@@ -129,6 +128,7 @@ pub fn delay_schema() -> String {
 struct Measured {
     lateness: FlightLateness,
     damaged: bool,
+    tail_cut: bool,
     has_reference: bool,
     kept: Option<Loaded>,
 }
@@ -175,6 +175,7 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
             effect: effect.as_ref(),
             failed: measured[i].lateness.failed.as_deref(),
             damaged: measured[i].damaged,
+            tail_cut: measured[i].tail_cut,
             replayed: decision.is_some_and(|d| measured[i].may_be_replayed(d)),
             duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
         })
@@ -227,7 +228,7 @@ struct Reader<'a> {
 impl Measured {
     fn failed(reason: &str) -> Measured {
         let lateness = answer::failed("", reason.to_owned()).lateness;
-        Measured { lateness, damaged: false, has_reference: false, kept: None }
+        Measured { lateness, damaged: false, tail_cut: false, has_reference: false, kept: None }
     }
 }
 
@@ -267,14 +268,14 @@ impl Reader<'_> {
             Ok(loaded) => loaded,
             Err(reason) => return Measured::failed(&reason),
         };
-        let damaged = loaded.flight.notices.iter().any(|n| n.severity == Severity::Loss);
+        let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
         let lateness = match &loaded.binding {
             Ok(binding) => answer::measure("", &loaded.flight, &loaded.health, binding, self.pipeline).lateness,
             Err(reason) => answer::failed("", reason.clone()).lateness,
         };
         let has_reference = loaded.flight.first_of(self.pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
-        Measured { lateness, damaged, has_reference, kept }
+        Measured { lateness, damaged, tail_cut, has_reference, kept }
     }
 
     /// What the removal does: against the reference where the log has one, else by the lateness.
@@ -320,6 +321,7 @@ mod tests {
             effect: None,
             failed: None,
             damaged: false,
+            tail_cut: false,
             replayed: false,
             duplicate_of: None,
         };
@@ -332,9 +334,11 @@ mod tests {
         };
         let harmed = with(&|l| l.effect = "harmed".into());
         let damaged = with(&|l| l.data = "damaged".into());
+        let tail_cut = with(&|l| l.data = "tail-cut".into());
         let queues = with(&|l| l.kind = "queues+bursts".into());
         let failed = with(&|l| l.data = "failed".into());
         assert_eq!(report(vec![whole.clone()]), Exit::Well);
+        assert_eq!(report(vec![tail_cut]), Exit::Well, "power goes off at the end of most logs");
         assert_eq!(report(vec![whole.clone(), damaged.clone()]), Exit::Incomplete);
         assert_eq!(report(vec![queues]), Exit::Incomplete, "a delay that changes is no result to rely on");
         assert_eq!(report(vec![failed.clone()]), Exit::Failed);

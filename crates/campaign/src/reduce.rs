@@ -465,6 +465,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         page: format!("flights/{}/index.html", line.slug),
         outcome: record.outcome.clone(),
         lossy: record.has_loss(),
+        tail_cut_bytes: record.log.as_ref().map_or(0, |log| log.bytes.tail_cut),
         format: record.log.as_ref().map(|l| l.format.clone()).unwrap_or_default(),
         map: record.binding.as_ref().map(|b| b.map.clone()),
         bytes: record.inputs.iter().map(|i| i.bytes).sum(),

@@ -182,6 +182,7 @@ mod tests {
             page: "flights/x/index.html".into(),
             outcome: Outcome::Compensated,
             lossy: false,
+            tail_cut_bytes: 0,
             format: "MCAP".into(),
             map: None,
             bytes: u64::MAX,

@@ -20,6 +20,9 @@ pub struct FlightRow {
     pub outcome: Outcome,
     /// Bytes or messages were lost.
     pub lossy: bool,
+    /// Bytes of last records that were cut, as at power-off: no loss.
+    #[serde(default)]
+    pub tail_cut_bytes: u64,
     /// Format.
     pub format: String,
     /// Channel map.

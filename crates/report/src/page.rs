@@ -57,6 +57,11 @@ fn data_lost() -> Markup {
     badge("lost", "▲", "LOG DAMAGED")
 }
 
+/// The log ends inside its last record: nothing that touches a result.
+fn tail_cut() -> Markup {
+    badge("off", "–", "tail cut")
+}
+
 /// A verdict on a delay.
 fn verdict_badge(verdict: Verdict) -> Markup {
     let (class, icon) = match verdict {

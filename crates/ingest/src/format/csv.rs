@@ -721,8 +721,13 @@ impl Books {
     }
 
     fn reject(&mut self, open: &mut Open<'_>, extent: Extent, reason: String) {
-        self.health.undecodable += 1;
-        self.ledger.damaged(open.name, open.lines.offset, extent.whole as u64, reason);
+        let (offset, length) = (open.lines.offset, extent.whole as u64);
+        if extent.ended || offset + length < open.size {
+            self.health.undecodable += 1;
+            self.ledger.damaged(open.name, offset, length, reason);
+        } else {
+            self.health.undecodable += u64::from(self.ledger.cut(open.name, offset, length, reason));
+        }
         open.lines.pass(extent);
     }
 }

@@ -188,12 +188,14 @@ impl Walk<'_, '_, '_, '_> {
             self.at = next;
             return Ok(());
         }
-        let reason = match &*reason {
-            CUT if next == self.file.size() => "the log ends inside a frame".into(),
-            NOTHING if self.at == 0 && next < self.file.size() => "the log begins inside a frame".into(),
-            _ => reason,
-        };
-        self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        let (length, size) = (next - self.at, self.file.size());
+        match &*reason {
+            CUT if next == size => drop(self.ledger.cut(&self.name, self.at, length, "the log ends inside a frame")),
+            NOTHING if self.at == 0 && next < size => {
+                self.ledger.damaged(&self.name, self.at, length, "the log begins inside a frame");
+            }
+            _ => self.ledger.damaged(&self.name, self.at, length, reason),
+        }
         self.content.sentences.breaks();
         self.at = next;
         Ok(())

@@ -35,7 +35,7 @@ pub fn read_within(limits: Limits, reader: Reader, bytes: &[u8]) -> Log {
 pub fn assert_balanced(log: &Log, size: usize) {
     let b = &log.health.bytes;
     assert_eq!(b.size, size as u64);
-    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{b:?}");
+    assert_eq!(b.sum(), b.size, "{b:?}");
 }
 
 pub fn table<'l>(log: &'l Log, name: &str) -> &'l Table {

@@ -4,7 +4,7 @@ use super::Head::{self, Number, Text};
 use super::flight_delay::normalised_difference;
 use super::{
     badge, command_block, criteria, data_lost, document, estimate, figure, finding, lateness, maybe, more, no_number,
-    pipeline_details, pipeline_rows, plain, reason, table, versions,
+    pipeline_details, pipeline_rows, plain, reason, table, tail_cut, versions,
 };
 use crate::draw;
 use crate::figure::{Figure, control_chart, overview, pooled_sweep};
@@ -239,6 +239,7 @@ fn data_word(row: &FlightRow) -> Markup {
     match row.outcome {
         _ if row.lossy => data_lost(),
         Outcome::Failed { .. } => html! { "—" },
+        _ if row.tail_cut_bytes > 0 => tail_cut(),
         _ => html! { "whole" },
     }
 }
