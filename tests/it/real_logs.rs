@@ -171,7 +171,10 @@ fn every_real_flight_gets_a_result_or_a_reason_and_its_delay_agrees_with_the_ref
         for row in &report.campaign.flights {
             match &row.outcome {
                 Outcome::Compensated => assert!(row.correction_rms_m.is_some(), "{}", row.flight),
-                Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
+                Outcome::Uncompensated { reason }
+                | Outcome::NotMeasurable { reason }
+                | Outcome::Pending { reason }
+                | Outcome::Failed { reason } => {
                     assert!(!reason.is_empty() && !reason.contains("panicked"), "{}: {reason}", row.flight);
                 }
             }

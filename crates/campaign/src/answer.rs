@@ -4,6 +4,7 @@ use crate::config::Pipeline;
 use crate::decide::in_ms;
 use crate::group::{content_of, group_of};
 use crate::lever;
+use crate::no_position::no_position;
 use crate::rate::rate_of;
 use compensation_replay::{
     FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, autopilot_advice, measure_delays, pick_pair,
@@ -27,6 +28,12 @@ const HELD_BACK_BY_CHANCE: f64 = 0.179;
 pub(crate) fn failed(key: &str, reason: String) -> MeasuredFlight {
     let words = format!("the log could not be used: {reason}");
     measured_with(FlightLateness { failed: Some(reason), words, ..unknown(key) }, None, None, Notices::new())
+}
+
+/// A measurement of a log that goes with a flight and is none.
+pub(crate) fn companion(key: &str, what: String) -> MeasuredFlight {
+    let alarm = DelayAlarm { gravity: Gravity::Grey, code: "companion".to_owned(), text: what.clone() };
+    measured_with(FlightLateness { words: what, alarms: vec![alarm], ..unknown(key) }, None, None, Notices::new())
 }
 
 /// Measures the delays of a flight.
@@ -66,8 +73,8 @@ pub(crate) fn measure(
     };
     let lateness = match picked {
         Ok(_) => answered(base, &delays, network.as_ref(), health),
-        Err(refusal) if !has_position => {
-            let reason = refusal.to_string();
+        Err(_) if !has_position => {
+            let reason = no_position(flight, binding, positions);
             FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
         }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },

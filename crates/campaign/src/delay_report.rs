@@ -7,7 +7,7 @@ use crate::error::{CampaignError, Exit};
 use crate::event::Event;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
-use crate::plan::Desk;
+use crate::plan::{Desk, why_no_logs};
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
@@ -174,6 +174,7 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
             decision,
             effect: effect.as_ref(),
             failed: measured[i].lateness.failed.as_deref(),
+            pending: None,
             damaged: measured[i].damaged,
             tail_cut: measured[i].tail_cut,
             replayed: decision.is_some_and(|d| measured[i].may_be_replayed(d)),
@@ -195,14 +196,8 @@ fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, Flight
             other => CampaignError::Ingest(other),
         })?;
         if found.units.is_empty() {
-            let reasons: Vec<String> = found
-                .ignored
-                .iter()
-                .chain(&found.unreadable)
-                .take(3)
-                .map(|(file, why)| format!("{file}: {why}"))
-                .collect();
-            let what = if reasons.is_empty() { "it holds no file".to_owned() } else { reasons.join("; ") };
+            let files = found.ignored.iter().chain(&found.unreadable);
+            let what = why_no_logs(files.map(|(file, why)| (file.as_str(), why.as_str())));
             return Err(CampaignError::NoFlights { path: path.clone(), what });
         }
         let several = order.paths.len() > 1 && path.is_dir();
@@ -270,6 +265,9 @@ impl Reader<'_> {
         };
         let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
         let lateness = match &loaded.binding {
+            _ if loaded.companion.is_some() => {
+                answer::companion("", loaded.companion.clone().unwrap_or_default()).lateness
+            }
             Ok(binding) => answer::measure("", &loaded.flight, &loaded.health, binding, self.pipeline).lateness,
             Err(reason) => answer::failed("", reason.clone()).lateness,
         };
@@ -320,6 +318,7 @@ mod tests {
             decision: None,
             effect: None,
             failed: None,
+            pending: None,
             damaged: false,
             tail_cut: false,
             replayed: false,

@@ -39,6 +39,7 @@ mod lock;
 mod logs;
 mod manifest;
 mod memory;
+mod no_position;
 mod plan;
 mod rate;
 mod reduce;

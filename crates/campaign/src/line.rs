@@ -40,7 +40,7 @@ pub struct DelayLine {
     pub error_compensated_m: Option<f64>,
     /// What a reader must know, the gravest first.
     pub alarms: Vec<LineAlarm>,
-    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `damaged` or `failed`.
+    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `damaged`, `failed`, or `pending` without a result yet.
     pub data: String,
     /// How late, in a sentence.
     pub words: String,
@@ -85,6 +85,7 @@ pub(crate) struct LineParts<'a> {
     pub(crate) decision: Option<&'a Decision>,
     pub(crate) effect: Option<&'a Effect>,
     pub(crate) failed: Option<&'a str>,
+    pub(crate) pending: Option<&'a str>,
     pub(crate) damaged: bool,
     pub(crate) tail_cut: bool,
     /// Whether the decision could be carried out.
@@ -118,12 +119,13 @@ impl DelayLine {
             alarms: lateness.map(|l| l.alarms.iter().map(alarm).collect()).unwrap_or_default(),
             data: match parts.failed {
                 Some(_) => "failed",
+                None if parts.pending.is_some() => "pending",
                 None if parts.damaged => "damaged",
                 None if parts.tail_cut => "tail-cut",
                 None => "whole",
             }
             .to_owned(),
-            words: parts.failed.or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
+            words: parts.failed.or(parts.pending).or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
             effect_words: parts.effect.map(|e| e.words.clone()).unwrap_or_default(),
             set: advice.set.into_iter().map(LineSetting::of).collect(),
             fly: advice.fly,
@@ -141,6 +143,10 @@ impl DelayLine {
             effect: row.effect.as_ref(),
             failed: match &row.outcome {
                 Outcome::Failed { reason } => Some(reason),
+                _ => None,
+            },
+            pending: match &row.outcome {
+                Outcome::Pending { reason } => Some(reason),
                 _ => None,
             },
             damaged: row.lossy,

@@ -155,6 +155,7 @@ pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
         Outcome::Compensated => "compensated",
         Outcome::Uncompensated { .. } => "uncompensated",
         Outcome::NotMeasurable { .. } => "not-measurable",
+        Outcome::Pending { .. } => "pending",
         Outcome::Failed { .. } => "failed",
     }
 }
@@ -163,9 +164,10 @@ pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
 pub(crate) fn outcome_reason(outcome: &Outcome) -> Option<&str> {
     match outcome {
         Outcome::Compensated => None,
-        Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
-            Some(reason)
-        }
+        Outcome::Uncompensated { reason }
+        | Outcome::NotMeasurable { reason }
+        | Outcome::Pending { reason }
+        | Outcome::Failed { reason } => Some(reason),
     }
 }
 

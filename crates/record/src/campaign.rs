@@ -114,6 +114,9 @@ pub struct CampaignTotals {
     pub not_measurable: u64,
     /// Unusable.
     pub failed: u64,
+    /// Without a result yet.
+    #[serde(default)]
+    pub pending: u64,
     /// With lost data.
     pub lossy: u64,
     /// Made worse by what was removed.

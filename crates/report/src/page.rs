@@ -108,9 +108,10 @@ fn badge(class: &str, icon: &str, word: &str) -> Markup {
 fn reason(outcome: &Outcome) -> Option<&str> {
     match outcome {
         Outcome::Compensated => None,
-        Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
-            Some(reason)
-        }
+        Outcome::Uncompensated { reason }
+        | Outcome::NotMeasurable { reason }
+        | Outcome::Pending { reason }
+        | Outcome::Failed { reason } => Some(reason),
     }
 }
 

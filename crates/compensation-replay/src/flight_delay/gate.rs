@@ -107,7 +107,8 @@ pub(crate) fn excitation(
     }
     DelayExcitation {
         samples: pieces.iter().map(|p| p.rows.len() as u64).sum(),
-        duration_s: pieces.iter().map(|piece| piece.duration_s(first)).sum(),
+        // The sum of nothing is -0.
+        duration_s: 0.0 + pieces.iter().map(|piece| piece.duration_s(first)).sum::<f64>(),
         pieces: pieces.len() as u64,
         speed_p95_mps: percentile(speed, 0.95),
         moving_share: if all > 0.0 { moving / all } else { 0.0 },
@@ -142,6 +143,11 @@ pub(crate) fn beside_a_line(t: &[f64], y: &[f64]) -> f64 {
 
 /// Why this motion cannot show a delay at all: too short, or not above noise.
 pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64, speed: &[f64]) -> Option<String> {
+    if offer.pieces == 0 {
+        return Some(format!(
+            "the two have no time in common that can be compared; at least {SHORTEST_S} s are needed, better a minute with turns"
+        ));
+    }
     if offer.duration_s < SHORTEST_S {
         return Some(format!(
             "only {:.1} s can be compared; at least {SHORTEST_S} s are needed, better a minute with turns",
