@@ -17,6 +17,8 @@ use record::{
     MeasuredFlight, NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
 };
 
+/// Code of the alarm of a log that goes with a flight and is none.
+pub(crate) const COMPANION: &str = "companion";
 /// A delay whose 90 % interval lies within this is none, s.
 const ON_TIME_S: f64 = 0.020;
 /// Outliers above this share are an alarm.
@@ -32,7 +34,7 @@ pub(crate) fn failed(key: &str, reason: String) -> MeasuredFlight {
 
 /// A measurement of a log that goes with a flight and is none.
 pub(crate) fn companion(key: &str, what: String) -> MeasuredFlight {
-    let alarm = DelayAlarm { gravity: Gravity::Grey, code: "companion".to_owned(), text: what.clone() };
+    let alarm = DelayAlarm { gravity: Gravity::Grey, code: COMPANION.to_owned(), text: what.clone() };
     measured_with(FlightLateness { words: what, alarms: vec![alarm], ..unknown(key) }, None, None, Notices::new())
 }
 

@@ -40,7 +40,8 @@ pub struct DelayLine {
     pub error_compensated_m: Option<f64>,
     /// What a reader must know, the gravest first.
     pub alarms: Vec<LineAlarm>,
-    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `damaged`, `failed`, or `pending` without a result yet.
+    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `damaged`, `failed`, `companion` (no flight, but goes
+    /// with one), or `pending` without a result yet.
     pub data: String,
     /// How late, in a sentence.
     pub words: String,
@@ -120,6 +121,9 @@ impl DelayLine {
             data: match parts.failed {
                 Some(_) => "failed",
                 None if parts.pending.is_some() => "pending",
+                None if lateness.is_some_and(|l| l.alarms.iter().any(|a| a.code == crate::answer::COMPANION)) => {
+                    "companion"
+                }
                 None if parts.damaged => "damaged",
                 None if parts.tail_cut => "tail-cut",
                 None => "whole",

@@ -108,6 +108,10 @@ pub struct TopicHealth {
     pub encoding: String,
     /// Intact messages (rows).
     pub messages: u64,
+    /// Those of which a checksum of the format, of frame, sentence, chunk or data section, vouches for their values. Checksums
+    /// of what packs a log, as bz2, are tried too and not counted.
+    #[serde(default)]
+    pub vouched: u64,
     /// Their payload bytes, uncompressed.
     pub payload_bytes: u64,
     /// Stamps of these messages, one entry for each kind that the log holds.
