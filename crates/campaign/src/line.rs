@@ -121,10 +121,10 @@ impl DelayLine {
             data: match parts.failed {
                 Some(_) => "failed",
                 None if parts.pending.is_some() => "pending",
+                None if parts.damaged => "damaged",
                 None if lateness.is_some_and(|l| l.alarms.iter().any(|a| a.code == crate::answer::COMPANION)) => {
                     "companion"
                 }
-                None if parts.damaged => "damaged",
                 None if parts.tail_cut => "tail-cut",
                 None => "whole",
             }

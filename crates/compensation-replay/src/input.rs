@@ -205,11 +205,9 @@ impl Input {
         let Some((_, tick_s)) = found.first() else { return };
         let which = found.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(" and ");
         let all_regular = found.iter().all(|(name, _)| flight.channels.get(*name).is_some_and(is_regular));
-        // Rows that come as regularly as a clock may have been sampled when they are stamped.
+        // They may have been sampled when they are stamped.
         let how = match all_regular {
-            true => {
-                "the logger writes and stamps a row at every step of a regular clock, and does not say how old its values are"
-            }
+            true => "a row comes at every step of a regular clock, and how old its values are the log does not say",
             false => "the logger's stamps are rounded to whole steps",
         };
         let text = format!(

@@ -331,3 +331,17 @@ pub(crate) fn unexplained_share(
     let longest_s = pieces.iter().map(|piece| piece.duration_s(first)).fold(0.0, f64::max);
     [5.0, 10.0, 20.0].into_iter().filter_map(over).min_by(f64::total_cmp).or_else(|| over(longest_s / 5.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_without_common_time_are_told_so_and_not_as_minus_zero_seconds() {
+        let nothing = excitation(&Horizontal::default(), &[], &[], 0.0, &[0.0]);
+        assert_eq!(format!("{:.1}", nothing.duration_s), "0.0");
+        let motion = Motion { unsteady: 0.0, power: 0.0, acceleration: false };
+        let refusal = refuse_motion(&nothing, &motion, 0.0, &[0.0]).unwrap();
+        assert!(refusal.starts_with("the two have no time in common"), "{refusal}");
+    }
+}

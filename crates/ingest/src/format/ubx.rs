@@ -190,7 +190,9 @@ impl Walk<'_, '_, '_, '_> {
         }
         let (length, size) = (next - self.at, self.file.size());
         match &*reason {
-            CUT if next == size => drop(self.ledger.cut(&self.name, self.at, length, "the log ends inside a frame")),
+            CUT if next == size => {
+                self.ledger.cut(&self.name, self.at, length, "the log ends inside a frame");
+            }
             NOTHING if self.at == 0 && next < size => {
                 self.ledger.damaged(&self.name, self.at, length, "the log begins inside a frame");
             }

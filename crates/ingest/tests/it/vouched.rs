@@ -97,3 +97,17 @@ fn a_log_that_states_its_end_and_lacks_it_has_lost_data_however_little() {
         );
     }
 }
+
+#[test]
+fn healthy_flights_that_were_logged_until_power_off_are_not_damaged() {
+    let Some(folder) = crate::support::real_logs("DeLorean/data") else { return };
+    let mut tails: Vec<u64> = vec![];
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let loaded = load(&FlightUnit { id: "a".into(), files: vec![entry.path()], kind: LogKind::DataFlash }).unwrap();
+        assert!(!loaded.flight.notices.any_loss(), "{:?}: {:?}", entry.path(), loaded.health.damage);
+        tails.push(loaded.health.bytes.tail_cut);
+    }
+    tails.sort_unstable();
+    // What an independent walk over the records leaves at their ends.
+    assert_eq!(tails, [0, 0, 4, 13, 16, 18, 18, 21, 23, 25, 55]);
+}

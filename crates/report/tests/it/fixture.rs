@@ -708,6 +708,7 @@ pub fn campaign_record(flights: usize) -> CampaignRecord {
             helped: 0,
             varying: 0,
             not_measurable: count(|r| matches!(r.outcome, Outcome::NotMeasurable { .. })),
+            pending: count(|r| matches!(r.outcome, Outcome::Pending { .. })),
             failed: count(|r| matches!(r.outcome, Outcome::Failed { .. })),
             lossy: count(|r| r.lossy),
             bytes: rows.iter().map(|r| r.bytes).sum(),
