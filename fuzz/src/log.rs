@@ -143,5 +143,5 @@ fn in_context<T>(read: impl FnOnce(&ReadContext<'_>) -> Result<T, IngestError>) 
 
 /// Every byte has one fate.
 fn assert_adds_up(bytes: &ByteLedger) {
-    assert_eq!(bytes.decoded + bytes.skipped + bytes.structure + bytes.damaged, bytes.size, "{bytes:?}");
+    assert_eq!(bytes.sum(), bytes.size, "{bytes:?}");
 }

@@ -6,6 +6,7 @@ use crate::config::Pipeline;
 use crate::decide::in_ms;
 use crate::group::{content_of, group_of};
 use crate::lever;
+use crate::no_position::no_position;
 use crate::rate::rate_of;
 use compensation_replay::{
     FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, autopilot_advice, measure_delays, pick_pair,
@@ -18,6 +19,8 @@ use record::{
     NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
 };
 
+/// Code of the alarm of a log that goes with a flight and is none.
+pub(crate) const COMPANION: &str = "companion";
 /// A delay whose 90 % interval lies within this is none, s.
 const ON_TIME_S: f64 = 0.020;
 
@@ -25,6 +28,12 @@ const ON_TIME_S: f64 = 0.020;
 pub(crate) fn failed(key: &str, reason: String) -> MeasuredFlight {
     let words = format!("the log could not be used: {reason}");
     measured_with(FlightLateness { failed: Some(reason), words, ..unknown(key) }, None, None, Notices::new())
+}
+
+/// A measurement of a log that goes with a flight and is none.
+pub(crate) fn companion(key: &str, what: String) -> MeasuredFlight {
+    let alarm = DelayAlarm { gravity: Gravity::Grey, code: COMPANION.to_owned(), text: what.clone() };
+    measured_with(FlightLateness { words: what, alarms: vec![alarm], ..unknown(key) }, None, None, Notices::new())
 }
 
 /// Measures the delays of a flight.
@@ -64,8 +73,8 @@ pub(crate) fn measure(
     };
     let lateness = match picked {
         Ok(_) => answered(base, &delays, network.as_ref(), health),
-        Err(refusal) if !has_position => {
-            let reason = refusal.to_string();
+        Err(_) if !has_position => {
+            let reason = no_position(flight, binding, positions);
             FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
         }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },

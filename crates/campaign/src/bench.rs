@@ -132,6 +132,9 @@ pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Ca
     desk.tell(Event::Carded {
         sensor: rigs.first().map(|rig| bench_analysis::sensor_name(&rig.sensor)).unwrap_or_default(),
         card: verdict.card_file.as_ref().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned())),
+        report: verdict.page.clone(),
+        records: verdict.rows.len(),
+        measured: verdict.rows.iter().filter(|row| row.outcome == BenchOutcome::Measured).count(),
         channels: verdict.channels().to_vec(),
         notices: verdict.notices.clone(),
     });

@@ -8,12 +8,11 @@ use crate::event::Event;
 use crate::filter_values;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
-use crate::plan::Desk;
+use crate::plan::{Desk, why_no_logs};
 use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
-use flight::Severity;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
 use record::{Decision, DelaySource, Effect, EkfValues, FlightLateness, GroupLateness};
 use schemars::JsonSchema;
@@ -110,7 +109,7 @@ impl DelayReport {
             Exit::CriterionFailed
         } else if self.flights.len() == 1 && any(&|l| l.data == "failed") {
             Exit::Failed
-        } else if any(&|l| l.data != "whole" || l.varies()) {
+        } else if any(&|l| l.data == "damaged" || l.data == "failed" || l.varies()) {
             Exit::Incomplete
         } else {
             Exit::Well
@@ -137,6 +136,7 @@ pub fn delay_schema() -> String {
 struct Measured {
     lateness: FlightLateness,
     damaged: bool,
+    tail_cut: bool,
     has_reference: bool,
     kept: Option<Loaded>,
     filter_values: Option<EkfValues>,
@@ -183,7 +183,9 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
             decision,
             effect: effect.as_ref(),
             failed: measured[i].lateness.failed.as_deref(),
+            pending: None,
             damaged: measured[i].damaged,
+            tail_cut: measured[i].tail_cut,
             replayed: decision.is_some_and(|d| measured[i].may_be_replayed(d)),
             duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
         })
@@ -207,14 +209,8 @@ fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, Flight
             other => CampaignError::Ingest(other),
         })?;
         if found.units.is_empty() {
-            let reasons: Vec<String> = found
-                .ignored
-                .iter()
-                .chain(&found.unreadable)
-                .take(3)
-                .map(|(file, why)| format!("{file}: {why}"))
-                .collect();
-            let what = if reasons.is_empty() { "it holds no file".to_owned() } else { reasons.join("; ") };
+            let files = found.ignored.iter().chain(&found.unreadable);
+            let what = why_no_logs(files.map(|(file, why)| (file.as_str(), why.as_str())));
             return Err(CampaignError::NoFlights { path: path.clone(), what });
         }
         let several = order.paths.len() > 1 && path.is_dir();
@@ -240,7 +236,7 @@ struct Reader<'a> {
 impl Measured {
     fn failed(reason: &str) -> Measured {
         let lateness = answer::failed("", reason.to_owned()).lateness;
-        Measured { lateness, damaged: false, has_reference: false, kept: None, filter_values: None }
+        Measured { lateness, damaged: false, tail_cut: false, has_reference: false, kept: None, filter_values: None }
     }
 }
 
@@ -280,9 +276,12 @@ impl Reader<'_> {
             Ok(loaded) => loaded,
             Err(reason) => return Measured::failed(&reason),
         };
-        let damaged = loaded.flight.notices.iter().any(|n| n.severity == Severity::Loss);
+        let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
         let pipeline = &self.order.pipeline;
         let (measured, filter_values) = match &loaded.binding {
+            _ if loaded.companion.is_some() => {
+                (answer::companion("", loaded.companion.clone().unwrap_or_default()), None)
+            }
             Ok(binding) => {
                 let measured = answer::measure("", &loaded.flight, &loaded.health, binding, pipeline);
                 let wanted = self.order.filter_values.then(|| filter_values::of(&measured, binding)).flatten();
@@ -292,7 +291,7 @@ impl Reader<'_> {
         };
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
-        Measured { lateness: measured.lateness, damaged, has_reference, kept, filter_values }
+        Measured { lateness: measured.lateness, damaged, tail_cut, has_reference, kept, filter_values }
     }
 
     /// What the removal does: against the reference where the log has one, else by the lateness.
@@ -337,7 +336,9 @@ mod tests {
             decision: None,
             effect: None,
             failed: None,
+            pending: None,
             damaged: false,
+            tail_cut: false,
             replayed: false,
             duplicate_of: None,
         };
@@ -350,9 +351,11 @@ mod tests {
         };
         let harmed = with(&|l| l.effect = "harmed".into());
         let damaged = with(&|l| l.data = "damaged".into());
+        let tail_cut = with(&|l| l.data = "tail-cut".into());
         let queues = with(&|l| l.kind = "queues+bursts".into());
         let failed = with(&|l| l.data = "failed".into());
         assert_eq!(report(vec![whole.clone()]), Exit::Well);
+        assert_eq!(report(vec![tail_cut]), Exit::Well, "power goes off at the end of most logs");
         assert_eq!(report(vec![whole.clone(), damaged.clone()]), Exit::Incomplete);
         assert_eq!(report(vec![queues]), Exit::Incomplete, "a delay that changes is no result to rely on");
         assert_eq!(report(vec![failed.clone()]), Exit::Failed);

@@ -1,5 +1,7 @@
 //! The engine with a study that is quick and can be made to misbehave.
 
+mod told;
+
 use crate::config::Pipeline;
 use crate::event::Event;
 use crate::manifest::{Manifest, Planned, Stage, Why};

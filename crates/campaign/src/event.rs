@@ -1,8 +1,10 @@
 //! What happens while a campaign runs. The engine prints nothing: listeners do.
 
+use crate::line::DelayLine;
 use crate::manifest::{Stage, Why};
 use record::{CampaignTotals, DelayKind, EffectVerdict, Estimate, VerdictTally};
 use serde::Serialize;
+use std::path::PathBuf;
 
 /// One thing that happened.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -84,6 +86,10 @@ pub enum Event {
         reason: Option<String>,
         /// Bytes or messages were lost.
         lossy: bool,
+        /// How late the position is, s, if that is known.
+        lateness_s: Option<Estimate>,
+        /// Delay that was removed, s.
+        removed_s: Option<f64>,
         /// Whether what was removed helped.
         effect: Option<EffectVerdict>,
     },
@@ -137,13 +143,35 @@ pub enum Event {
         sensor: String,
         /// File name of its card; `None` if nothing was measured.
         card: Option<String>,
+        /// The report's page.
+        report: PathBuf,
+        /// Records in all.
+        records: usize,
+        /// Those that were measured.
+        measured: usize,
         /// What is on the card.
         channels: Vec<record::CardChannel>,
         /// What must be said of the records behind it.
         notices: flight::Notices,
     },
+    /// What is known of a flight in the end, whenever it was found: one for each, in the order of the table.
+    Flight {
+        /// `compensated`, `uncompensated`, `not-measurable`, `pending` or `failed`.
+        outcome: &'static str,
+        /// Why it is not compensated.
+        reason: Option<String>,
+        /// Its page.
+        page: PathBuf,
+        /// Name, delay, effect and alarms.
+        #[serde(flatten)]
+        line: Box<DelayLine>,
+    },
     /// The end.
     Done {
+        /// The report's page.
+        report: PathBuf,
+        /// Whether everything stood already.
+        nothing_changed: bool,
         /// Counts over all flights.
         #[serde(flatten)]
         totals: CampaignTotals,

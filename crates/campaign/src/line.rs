@@ -40,7 +40,8 @@ pub struct DelayLine {
     pub error_compensated_m: Option<f64>,
     /// What a reader must know, the gravest first.
     pub alarms: Vec<LineAlarm>,
-    /// `whole`, `damaged` or `failed`.
+    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `damaged`, `failed`, `companion` (no flight, but goes
+    /// with one), or `pending` without a result yet.
     pub data: String,
     /// How late, in a sentence.
     pub words: String,
@@ -85,7 +86,9 @@ pub(crate) struct LineParts<'a> {
     pub(crate) decision: Option<&'a Decision>,
     pub(crate) effect: Option<&'a Effect>,
     pub(crate) failed: Option<&'a str>,
+    pub(crate) pending: Option<&'a str>,
     pub(crate) damaged: bool,
+    pub(crate) tail_cut: bool,
     /// Whether the decision could be carried out.
     pub(crate) replayed: bool,
     pub(crate) duplicate_of: Option<&'a str>,
@@ -115,13 +118,18 @@ impl DelayLine {
             error_raw_m: parts.effect.and_then(|e| e.error_raw_m).map(|e| e.value),
             error_compensated_m: parts.effect.and_then(|e| e.error_compensated_m).map(|e| e.value),
             alarms: lateness.map(|l| l.alarms.iter().map(alarm).collect()).unwrap_or_default(),
-            data: match (parts.failed, parts.damaged) {
-                (Some(_), _) => "failed",
-                (None, true) => "damaged",
-                (None, false) => "whole",
+            data: match parts.failed {
+                Some(_) => "failed",
+                None if parts.pending.is_some() => "pending",
+                None if parts.damaged => "damaged",
+                None if lateness.is_some_and(|l| l.alarms.iter().any(|a| a.code == crate::answer::COMPANION)) => {
+                    "companion"
+                }
+                None if parts.tail_cut => "tail-cut",
+                None => "whole",
             }
             .to_owned(),
-            words: parts.failed.or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
+            words: parts.failed.or(parts.pending).or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
             effect_words: parts.effect.map(|e| e.words.clone()).unwrap_or_default(),
             set: advice.set.into_iter().map(LineSetting::of).collect(),
             fly: advice.fly,
@@ -141,7 +149,12 @@ impl DelayLine {
                 Outcome::Failed { reason } => Some(reason),
                 _ => None,
             },
+            pending: match &row.outcome {
+                Outcome::Pending { reason } => Some(reason),
+                _ => None,
+            },
             damaged: row.lossy,
+            tail_cut: row.tail_cut_bytes > 0,
             replayed: row.outcome == Outcome::Compensated,
             duplicate_of: row.duplicate_of.as_deref(),
         })

@@ -95,10 +95,14 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     Ok(manifest)
 }
 
-/// What files are that are no logs: the most frequent reasons, each with an example.
 fn no_logs(ignored: &[IgnoredInput]) -> String {
+    why_no_logs(ignored.iter().map(|file| (file.path.as_str(), file.reason.as_str())))
+}
+
+/// Of files with the reason why each is no log: the most frequent reasons, each with an example.
+pub(crate) fn why_no_logs<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -> String {
     let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    ignored.iter().for_each(|file| reasons.entry(&file.reason).or_default().push(&file.path));
+    files.for_each(|(path, reason)| reasons.entry(reason).or_default().push(path));
     let mut reasons: Vec<_> = reasons.into_iter().collect();
     reasons.sort_by_key(|(_, files)| std::cmp::Reverse(files.len()));
     let told = |(reason, files): &(&str, Vec<&str>)| match files.as_slice() {

@@ -39,7 +39,7 @@ pub struct Verdict {
     pub totals: CampaignTotals,
     /// What the criteria say; `None` where none were given.
     pub criteria: Option<CampaignCriteria>,
-    /// Flights without a lasting result; they are among the failed ones.
+    /// Flights without a lasting result; they are among the pending and the failed ones.
     pub troubled: u64,
     /// How late the position is, by group of flights.
     pub groups: Vec<GroupLine>,
@@ -103,7 +103,7 @@ pub(crate) fn reduce_locked(
     if let (Some(whole), Some(old)) = (state.whole.as_ref().filter(stands), &old) {
         desk.tell(Event::NothingChanged);
         let verdict = verdict(store, whole, old, true);
-        desk.tell(done(&verdict));
+        tell_end(desk, store, old, &verdict);
         return Ok(Reduction::Finished(Box::new(verdict)));
     }
     let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
@@ -147,8 +147,14 @@ fn source_of(planned: &Planned, manifest: &Manifest, store: &Store) -> Source {
     }
     let keys = [&planned.key, &planned.measure_key];
     let attempt = keys.into_iter().flatten().find_map(|key| results::read_trouble(store, key));
-    let unread = || planned.trouble.clone().unwrap_or_else(|| "no result has been made yet".to_owned());
-    Source::Without(Box::new(attempt.unwrap_or_else(|| failed_record(planned, manifest, unread()))))
+    let without = || match &planned.trouble {
+        Some(trouble) => failed_record(planned, manifest, trouble.clone()),
+        None => {
+            let outcome = Outcome::Pending { reason: "no result has been made yet".to_owned() };
+            FlightRecord { outcome, ..failed_record(planned, manifest, String::new()) }
+        }
+    };
+    Source::Without(Box::new(attempt.unwrap_or_else(without)))
 }
 
 fn page_hash(manifest: &Manifest, planned: &Planned, slug: &str, source: &Source) -> String {
@@ -358,7 +364,7 @@ impl Reducer<'_> {
         state.whole = Some(whole);
         state.learn(self.manifest);
         state.save(self.store)?;
-        self.desk.tell(done(&verdict));
+        tell_end(self.desk, self.store, &record, &verdict);
         Ok(Reduction::Finished(Box::new(verdict)))
     }
 
@@ -445,9 +451,18 @@ fn verdict(store: &Store, whole: &WholeState, record: &CampaignRecord, nothing_c
     Verdict { totals, criteria, troubled, groups, lines, page: store.root().join("index.html"), nothing_changed }
 }
 
-fn done(verdict: &Verdict) -> Event {
-    let Verdict { totals, criteria, .. } = verdict.clone();
-    Event::Done { totals, verdicts: criteria.map(|c| c.flights) }
+/// What is known of every flight, then the totals: the last that is told.
+fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
+    for (row, line) in record.flights.iter().zip(&verdict.lines) {
+        desk.tell(Event::Flight {
+            outcome: table::outcome_name(&row.outcome),
+            reason: table::outcome_reason(&row.outcome).map(str::to_owned),
+            page: store.root().join(&row.page),
+            line: Box::new(line.clone()),
+        });
+    }
+    let Verdict { totals, criteria, page, nothing_changed, .. } = verdict.clone();
+    desk.tell(Event::Done { report: page, nothing_changed, totals, verdicts: criteria.map(|c| c.flights) });
 }
 
 /// The line of the table that a record gives.
@@ -465,6 +480,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         page: format!("flights/{}/index.html", line.slug),
         outcome: record.outcome.clone(),
         lossy: record.has_loss(),
+        tail_cut_bytes: record.log.as_ref().map_or(0, |log| log.bytes.tail_cut),
         format: record.log.as_ref().map(|l| l.format.clone()).unwrap_or_default(),
         map: record.binding.as_ref().map(|b| b.map.clone()),
         bytes: record.inputs.iter().map(|i| i.bytes).sum(),
@@ -585,6 +601,7 @@ fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
         varying: count(&|r| r.lateness.as_ref().is_some_and(|l| l.kind.varies())),
         not_measurable: count(&|r| matches!(r.outcome, Outcome::NotMeasurable { .. })),
         failed: count(&|r| matches!(r.outcome, Outcome::Failed { .. })),
+        pending: count(&|r| matches!(r.outcome, Outcome::Pending { .. })),
         lossy: count(&|r| r.lossy),
         bytes: rows.iter().map(|r| r.bytes).sum(),
         duration_s: rows.iter().filter_map(|r| r.duration_s).sum(),

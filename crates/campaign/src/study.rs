@@ -136,6 +136,7 @@ impl Study for Replaying {
     fn measure(&self, planned: &Planned, _manifest: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted> {
         let key = planned.measure_key.as_deref().unwrap_or_default();
         Ok(match self.load(planned, desk)? {
+            Ok(Loaded { companion: Some(what), .. }) => answer::companion(key, what),
             Ok(Loaded { flight, health, binding: Ok(binding), .. }) => {
                 answer::measure(key, &flight, &health, &binding, &self.pipeline)
             }
@@ -156,7 +157,15 @@ impl Study for Replaying {
             Ok(loaded) => loaded,
             Err(reason) => return Ok(Studied { record: failed(reason), track: None }),
         };
-        let Loaded { flight, health, binding, .. } = loaded;
+        let Loaded { flight, health, binding, companion } = loaded;
+        if let Some(reason) = companion {
+            let (log, lateness, notices) = (Some(health), Some(measured.lateness), flight.notices);
+            let outcome = Outcome::NotMeasurable { reason };
+            return Ok(Studied {
+                record: FlightRecord { outcome, log, lateness, notices, ..failed(String::new()) },
+                track: None,
+            });
+        }
         let mut notices = flight.notices.clone();
         notices.extend(measured.notices);
         let (binding, decision) = match (binding, decision) {

@@ -155,6 +155,7 @@ pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
         Outcome::Compensated => "compensated",
         Outcome::Uncompensated { .. } => "uncompensated",
         Outcome::NotMeasurable { .. } => "not-measurable",
+        Outcome::Pending { .. } => "pending",
         Outcome::Failed { .. } => "failed",
     }
 }
@@ -163,9 +164,10 @@ pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
 pub(crate) fn outcome_reason(outcome: &Outcome) -> Option<&str> {
     match outcome {
         Outcome::Compensated => None,
-        Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
-            Some(reason)
-        }
+        Outcome::Uncompensated { reason }
+        | Outcome::NotMeasurable { reason }
+        | Outcome::Pending { reason }
+        | Outcome::Failed { reason } => Some(reason),
     }
 }
 
@@ -182,6 +184,7 @@ mod tests {
             page: "flights/x/index.html".into(),
             outcome: Outcome::Compensated,
             lossy: false,
+            tail_cut_bytes: 0,
             format: "MCAP".into(),
             map: None,
             bytes: u64::MAX,

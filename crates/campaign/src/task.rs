@@ -52,7 +52,27 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
         return Err(CampaignError::Asked(format!("no shard {shard}: this manifest has {count}, counted from 0")));
     }
     let store = Store::open(manifest.out())?;
-    make(&manifest.of_shard(shard), manifest, &Replaying::prepare(manifest)?, &store, desk)
+    let flights = manifest.of_shard(shard);
+    let study = Replaying::prepare(manifest)?;
+    let to_do: Vec<&&Planned> = flights.iter().filter(|flight| is_to_do(flight, &store)).collect();
+    desk.tell(Event::Planned {
+        stage: manifest.stage(),
+        flights: flights.len(),
+        reused: flights.len() - to_do.len(),
+        to_run: to_do.len(),
+        bytes: to_do.iter().map(|flight| flight.bytes()).sum(),
+    });
+    make(&flights, manifest, &study, &store, desk)
+}
+
+/// Whether a flight has work left: its result is not there, or the plan knows that it is not whole.
+fn is_to_do(flight: &Planned, store: &Store) -> bool {
+    let (Some(stage), Some(key)) = (flight.stage, flight.work_key()) else { return false };
+    let is_there = match stage {
+        Stage::Measure => results::is_measured(store, key),
+        Stage::Replay => results::is_there(store, key),
+    };
+    !is_there || flight.why.contains(&crate::manifest::Why::ResultMissing)
 }
 
 /// Does the work of `flights`, largest first.
@@ -121,12 +141,8 @@ impl Worker<'_> {
     }
 
     fn result_of(&self, flight: &Planned) -> Result<Attempt, CampaignError> {
-        let (Some(stage), Some(key)) = (flight.stage, flight.work_key()) else { return Ok(Attempt::NotDone) };
-        let is_there = match stage {
-            Stage::Measure => results::is_measured(self.store, key),
-            Stage::Replay => results::is_there(self.store, key),
-        };
-        if is_there && !self.is_to_be_replaced(flight) {
+        let Some(stage) = flight.stage.filter(|_| flight.work_key().is_some()) else { return Ok(Attempt::NotDone) };
+        if !is_to_do(flight, self.store) {
             return Ok(Attempt::Found);
         }
         let (name, why) = (flight.flight.clone(), flight.why.clone());
@@ -142,11 +158,6 @@ impl Worker<'_> {
             Ok(Err(Stop::Failed(error))) => Err(error),
             Err(panic) => self.troubled(flight, format!("a defect in flightlag, please report it: {panic}")),
         }
-    }
-
-    /// Whether the plan knows that the result which is there is not whole.
-    fn is_to_be_replaced(&self, flight: &Planned) -> bool {
-        flight.why.contains(&crate::manifest::Why::ResultMissing)
     }
 
     fn measured(&self, flight: &Planned) -> Result<Attempt, Stop> {
@@ -175,6 +186,8 @@ impl Worker<'_> {
             outcome: outcome_name(&record.outcome),
             reason: outcome_reason(&record.outcome).map(str::to_owned),
             lossy: record.has_loss(),
+            lateness_s: record.lateness.as_ref().and_then(record::FlightLateness::lateness_s),
+            removed_s: record.replay.as_ref().map(|replay| replay.settings.delay.seconds()),
             effect: record.effect.as_ref().map(|e| e.verdict),
         });
         Ok(Attempt::Made)

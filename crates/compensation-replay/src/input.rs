@@ -66,7 +66,7 @@ pub enum Refusal {
     },
     /// Position and velocity meet, but never long enough.
     #[error(
-        "{position} and {velocity} overlap, but no fix comes a delay of {delay_s} s after the velocity's start: nothing \
+        "{position} and {velocity} overlap, but no fix comes a delay of {delay_s:.3} s after the velocity's start: nothing \
          can be scored"
     )]
     NothingValid {
@@ -89,7 +89,7 @@ pub enum Refusal {
         limit_mps: f64,
     },
     /// The delay cannot be removed causally.
-    #[error("the delay to remove is {0} s: only a positive delay (a late position) can be compensated")]
+    #[error("the delay to remove is {0:.3} s: only a positive delay (a late position) can be compensated")]
     DelayNotPositive(f64),
 }
 
@@ -204,9 +204,15 @@ impl Input {
         }
         let Some((_, tick_s)) = found.first() else { return };
         let which = found.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(" and ");
+        let all_regular = found.iter().all(|(name, _)| flight.channels.get(*name).is_some_and(is_regular));
+        // They may have been sampled when they are stamped.
+        let how = match all_regular {
+            true => "a row comes at every step of a regular clock, and how old its values are the log does not say",
+            false => "the logger's stamps are rounded to whole steps",
+        };
         let text = format!(
-            "{which}: stamped by the logger in whole steps of {tick_s} s, coarser than the delay of {} s: what compensation \
-             changes is drawn, but these stamps cannot show whether it is right",
+            "{which}: {how}. A step of {tick_s} s is no shorter than the delay of {:.3} s: what compensation changes is drawn, but \
+             these stamps cannot show whether it is right",
             settings.delay.seconds()
         );
         notices.push(Severity::Warning, "stamps-coarser-than-delay", which, found.len() as u64, text);
@@ -228,6 +234,20 @@ fn tick_s(stamps: &[Stamp]) -> f64 {
     let ticks = [1_000_000_000, 500_000_000, 100_000_000, 10_000_000];
     let tick = ticks.into_iter().find(|tick| stamps.iter().all(|s| s.0 % tick == 0));
     tick.map_or(0.0, |tick| tick as f64 * 1e-9)
+}
+
+/// Of steps between stamps so many are equal where rows come as regularly as a clock.
+const REGULAR_SHARE: f64 = 0.95;
+
+/// Whether a channel's stamps are evenly spaced, but for gaps: so they stand where samples were taken by a clock, and not where
+/// the times of an irregular source were rounded.
+fn is_regular(channel: &Channel) -> bool {
+    let stamps = channel.series.timeline().stamps();
+    let mut steps: Vec<i64> = stamps.windows(2).map(|pair| pair[1].0.saturating_sub(pair[0].0)).collect();
+    steps.sort_unstable();
+    let Some(median) = steps.get(steps.len() / 2) else { return false };
+    let equal = steps.iter().filter(|step| *step == median).count();
+    equal as f64 >= REGULAR_SHARE * steps.len() as f64
 }
 
 /// A channel with its name.

@@ -64,7 +64,7 @@ pub enum CannotAnalyse {
         needed_s: f64,
     },
     /// Search range or limits make no sense.
-    #[error("cannot search delays from {from_s} s to {to_s} s")]
+    #[error("cannot search delays from {from_s:.3} s to {to_s:.3} s")]
     SearchRange {
         /// First delay, s.
         from_s: f64,

@@ -6,7 +6,7 @@ use crate::distribution::Distribution;
 use crate::time::{Clock, NANOS_PER_SECOND, StampKind, UtcTie};
 use serde::{Deserialize, Serialize};
 
-/// Where every byte of a log went: the four numbers add up to `size`.
+/// Where every byte of a log went: the five numbers below `size` add up to it.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ByteLedger {
     /// Size of all files of the flight together.
@@ -19,6 +19,30 @@ pub struct ByteLedger {
     pub structure: u64,
     /// Could not be read or failed a checksum.
     pub damaged: u64,
+    /// Begun records that files end inside of, as at power-off: no damage, see [`ByteLedger::is_cut_tail`].
+    #[serde(default)]
+    pub tail_cut: u64,
+}
+
+impl ByteLedger {
+    /// The part of a file that a record which was begun at its end may have without being damage: a thousandth.
+    pub const LARGEST_TAIL: f64 = 1e-3;
+
+    /// All bytes with a fate: `size`, if none was forgotten.
+    #[must_use]
+    pub fn sum(&self) -> u64 {
+        [self.decoded, self.skipped, self.structure, self.damaged, self.tail_cut]
+            .iter()
+            .fold(0, |a, b| a.saturating_add(*b))
+    }
+
+    /// Whether `bytes` of a record that a file of `size` bytes ends inside of are the way in which logs end where the power
+    /// goes off, and no damage. Asked only of formats that do not state where they end: where an index, a footer or a
+    /// size says that something is missing, that is a loss.
+    #[must_use]
+    pub fn is_cut_tail(bytes: u64, size: u64) -> bool {
+        (bytes as f64) < ByteLedger::LARGEST_TAIL * size as f64
+    }
 }
 
 /// A stretch of bytes that could not be used.
@@ -84,6 +108,10 @@ pub struct TopicHealth {
     pub encoding: String,
     /// Intact messages (rows).
     pub messages: u64,
+    /// Those of which a checksum of the format, of frame, sentence, chunk or data section, vouches for their values. Checksums
+    /// of what packs a log, as bz2, are tried too and not counted.
+    #[serde(default)]
+    pub vouched: u64,
     /// Their payload bytes, uncompressed.
     pub payload_bytes: u64,
     /// Stamps of these messages, one entry for each kind that the log holds.

@@ -120,9 +120,10 @@ fn say_verdict(verdict: &Verdict, out: &Path, arguments: &DeskArguments) -> Resu
         (totals.varying, "with a delay that changes"),
         (totals.uncompensated, "measured with nothing removed"),
         (totals.not_measurable, "not measurable"),
+        (totals.pending, "pending"),
         (totals.failed, "failed"),
         (totals.lossy, "with damaged logs"),
-        (verdict.troubled, "to be tried again"),
+        (verdict.troubled.saturating_sub(totals.pending), "to be tried again"),
     ];
     parts.extend(others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
     let nothing = if verdict.nothing_changed { "nothing changed: " } else { "" };

@@ -66,6 +66,7 @@ fn one_flight(line: &DelayLine) -> String {
     row("position - velocity", expanded_ms(line.position_minus_velocity_s, line.position_minus_velocity_u_s));
     row("removed by default", removed(line));
     row("effect", line.effect_words.clone());
+    row("data", if line.data == "whole" { String::new() } else { line.data.replace('-', " ") });
     row("set", settings(&line.set));
     row("fly", line.fly.clone().unwrap_or_default());
     row("group", line.group.clone());
@@ -101,7 +102,7 @@ fn flights_text(flights: &[DelayLine], most: usize) -> String {
             relative,
             removed(line),
             effect(line),
-            line.data.clone(),
+            line.data.replace('-', " "),
         ]);
     }
     let more = match flights.len().saturating_sub(most) {

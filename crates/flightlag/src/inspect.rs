@@ -109,7 +109,8 @@ fn page(unit: &FlightUnit, loaded: &Loaded, arguments: &InspectArguments) -> Str
 
 fn head(unit: &FlightUnit, health: &LogHealth) -> String {
     let b = &health.bytes;
-    let parts = [("decoded", b.decoded), ("not wanted", b.skipped), ("structure", b.structure)];
+    let parts =
+        [("decoded", b.decoded), ("not wanted", b.skipped), ("structure", b.structure), ("tail cut", b.tail_cut)];
     let mut ledger = String::new();
     for (what, n) in parts.into_iter().filter(|(_, n)| *n > 0) {
         let _ = write!(ledger, "{n} {what} + ");

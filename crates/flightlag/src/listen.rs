@@ -44,7 +44,7 @@ fn sentence(event: &Event) -> Option<String> {
             count(*reused as u64, "flight")
         )),
         Event::DelayMeasured { flight, words, .. } => Some(format!("{flight}: {words}")),
-        Event::Finished { flight, outcome, reason, lossy, effect } => {
+        Event::Finished { flight, outcome, reason, lossy, effect, .. } => {
             let outcome = effect.map_or(*outcome, effect_word);
             Some(finished(flight, outcome, reason.as_deref(), *lossy))
         }

@@ -39,8 +39,8 @@ pub struct FlightUnit {
 }
 
 /// Looks through `root`, a folder or a single file. Files are recognised by their content; tables in
-/// one folder whose names end in the topics of a channel map are one flight, and so are TRACK.CSV and
-/// SENSOR.CSV of a FlySight 2. Nothing that is no regular file is opened, every file counts once, and
+/// one folder whose names end in the topics of a channel map are one flight, and so are TRACK.CSV, SENSOR.CSV and
+/// EVENT.CSV of a FlySight 2. Nothing that is no regular file is opened, every file counts once, and
 /// links in a circle end. The order does not depend on the file system.
 ///
 /// # Errors
@@ -369,12 +369,12 @@ impl Search<'_> {
     /// Sorts the tables of one folder into flights.
     fn group(&mut self, tables: Vec<TableFile>, below: &str, folder: &str) {
         let prefixes = self.prefixes(&tables);
-        let pair = is_flysight2_pair(&tables);
+        let one_flysight = is_one_flysight2(&tables);
         let mut groups: BTreeMap<String, Vec<TableFile>> = BTreeMap::new();
         for table in tables {
             let prefix = prefixes.iter().filter(|p| table.stem.starts_with(p.as_str())).max_by_key(|p| p.len());
             let name = match prefix {
-                _ if pair && table.flysight2 => folder_id(below, folder),
+                _ if one_flysight && table.flysight2 => folder_id(below, folder),
                 Some(prefix) if prefix.is_empty() => folder_id(below, folder),
                 Some(prefix) => join(below, prefix.trim_end_matches(['-', '_', ' ', '.'])),
                 None => {
@@ -404,9 +404,12 @@ impl Search<'_> {
     }
 }
 
-fn is_flysight2_pair(tables: &[TableFile]) -> bool {
+/// Whether the files of a FlySight 2 are those of one flight: one track, and what goes with it.
+fn is_one_flysight2(tables: &[TableFile]) -> bool {
+    let is = |name: &str, table: &TableFile| table.stem.eq_ignore_ascii_case(name);
     let own: Vec<&TableFile> = tables.iter().filter(|t| t.flysight2).collect();
-    own.len() == 2 && ["TRACK", "SENSOR"].iter().all(|name| own.iter().any(|t| t.stem.eq_ignore_ascii_case(name)))
+    own.iter().filter(|t| is("TRACK", t)).count() == 1
+        && own.iter().all(|t| ["TRACK", "SENSOR", "EVENT"].iter().any(|name| is(name, t)))
 }
 
 fn folder_id(below: &str, folder: &str) -> String {

@@ -10,6 +10,7 @@ pub(crate) struct Ledger {
     bytes: ByteLedger,
     damage: Vec<DamagedRange>,
     damage_count: u64,
+    tails: Vec<DamagedRange>,
     listed: usize,
     time: LogTime,
 }
@@ -50,6 +51,7 @@ impl Ledger {
             bytes: ByteLedger { size, ..ByteLedger::default() },
             damage: vec![],
             damage_count: 0,
+            tails: vec![],
             listed,
             time: LogTime::default(),
         }
@@ -88,26 +90,80 @@ impl Ledger {
         }
     }
 
+    /// The bytes from `offset` to the end of `file`, which ends inside the record that they begin. Few are the tail of a log
+    /// that was written until the power went off, more are damage. Whether they are damage.
+    pub(crate) fn cut(&mut self, file: &str, offset: u64, length: u64, reason: impl Into<String>) -> bool {
+        if !ByteLedger::is_cut_tail(length, offset + length) {
+            self.damaged(file, offset, length, reason);
+            return true;
+        }
+        self.bytes.tail_cut += length;
+        let (file, reason, after_ns) = (file.to_owned(), reason.into(), self.time.elapsed_ns());
+        self.tails.push(DamagedRange { file, offset, length, reason, after_ns });
+        false
+    }
+
     /// Bytes not yet accounted for.
     pub(crate) fn open(&self) -> u64 {
-        let b = &self.bytes;
-        b.size.saturating_sub(b.decoded + b.skipped + b.structure + b.damaged)
+        self.bytes.size.saturating_sub(self.bytes.sum())
     }
 
     /// Writes the result into `health`, and one notice of the losses.
     pub(crate) fn finish(self, health: &mut LogHealth, notices: &mut Notices) {
         debug_assert_eq!(self.open(), 0, "bytes without a fate: {:?}", self.bytes);
         for d in &self.damage {
-            let time = d.after_s().map(|s| format!(", after {s:.3} s")).unwrap_or_default();
-            let place = format!("{}, bytes {} to {}{time}", d.file, d.offset, d.offset + d.length);
-            notices.push(Severity::Loss, "damaged", place, d.length, &d.reason);
+            notices.push(Severity::Loss, "damaged", place_of(d), d.length, &d.reason);
         }
         let unlisted = self.damage_count - self.damage.len() as u64;
         if unlisted > 0 {
             notices.push(Severity::Loss, "damaged", "", unlisted, "more damaged ranges, counted and not listed");
         }
+        for tail in &self.tails {
+            let text = format!(
+                "{}: tail cut, as when the power goes off. What stands before it was read whole; whether more was recorded, the \
+                 log does not say",
+                tail.reason
+            );
+            notices.push(Severity::Info, "tail-cut", place_of(tail), tail.length, text);
+        }
         health.bytes = self.bytes;
         health.damage = self.damage;
         health.damage_count = self.damage_count;
+    }
+}
+
+fn place_of(range: &DamagedRange) -> String {
+    let time = range.after_s().map(|s| format!(", after {s:.3} s")).unwrap_or_default();
+    format!("{}, bytes {} to {}{time}", range.file, range.offset, range.offset + range.length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Fate of the last `length` bytes of a file of a million, which ends inside a record.
+    fn cut(length: u64) -> (LogHealth, Notices) {
+        let (mut ledger, mut health, mut notices) = (Ledger::new(1_000_000, 10), LogHealth::default(), Notices::new());
+        ledger.count(Fate::Decoded, 1_000_000 - length);
+        ledger.cut("a.bin", 1_000_000 - length, length, "the log ends inside a record");
+        ledger.finish(&mut health, &mut notices);
+        (health, notices)
+    }
+
+    #[test]
+    fn a_last_record_cut_at_power_off_is_counted_and_told_and_no_loss() {
+        let (health, notices) = cut(999);
+        assert_eq!((health.bytes.tail_cut, health.bytes.damaged, health.damage_count), (999, 0, 0));
+        let told: Vec<_> = notices.iter().collect();
+        assert_eq!((told.len(), told[0].code.as_str(), told[0].count), (1, "tail-cut", 999));
+        assert_eq!(told[0].place, "a.bin, bytes 999001 to 1000000");
+        assert!(!notices.any_loss(), "{told:?}");
+    }
+
+    #[test]
+    fn a_thousandth_of_the_log_is_more_than_a_tail() {
+        let (health, notices) = cut(1000);
+        assert_eq!((health.bytes.tail_cut, health.bytes.damaged, health.damage_count), (0, 1000, 1));
+        assert!(notices.any_loss());
     }
 }

@@ -9,6 +9,7 @@
 mod bind;
 mod bytes;
 mod civil;
+mod companion;
 mod decode;
 mod definitions;
 mod discover;

@@ -1,6 +1,7 @@
 //! From the files of a flight to the flight.
 
 use crate::bind::bind;
+use crate::companion::companion;
 use crate::discover::FlightUnit;
 use crate::error::IngestError;
 use crate::format::{
@@ -23,6 +24,8 @@ pub struct Loaded {
     pub health: LogHealth,
     /// Which map bound what, or why none did.
     pub binding: Result<Binding, String>,
+    /// What the log is, if it is no flight but goes with one.
+    pub companion: Option<String>,
 }
 
 /// A reader for the files of a flight, packed or not. The ledger of a packed log counts unpacked bytes.
@@ -74,7 +77,8 @@ pub fn load(
         Err(IngestError::Map(reason)) => (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason)),
         Err(error) => return Err(error),
     };
-    Ok(Loaded { flight, health: log.health, binding })
+    let companion = companion(&log.health, &flight).map(str::to_owned);
+    Ok(Loaded { flight, health: log.health, binding, companion })
 }
 
 /// Formats without stamps of their own get those of their bound channels.

@@ -20,6 +20,9 @@ pub struct FlightRow {
     pub outcome: Outcome,
     /// Bytes or messages were lost.
     pub lossy: bool,
+    /// Bytes of last records that were cut, as at power-off: no loss.
+    #[serde(default)]
+    pub tail_cut_bytes: u64,
     /// Format.
     pub format: String,
     /// Channel map.
@@ -111,6 +114,9 @@ pub struct CampaignTotals {
     pub not_measurable: u64,
     /// Unusable.
     pub failed: u64,
+    /// Without a result yet.
+    #[serde(default)]
+    pub pending: u64,
     /// With lost data.
     pub lossy: u64,
     /// Made worse by what was removed.

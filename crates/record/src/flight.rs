@@ -42,6 +42,11 @@ pub enum Outcome {
         /// Why, and what would make it so.
         reason: String,
     },
+    /// No result has been made yet: nothing is known against it.
+    Pending {
+        /// What is to come.
+        reason: String,
+    },
     /// The log could not be used.
     Failed {
         /// File, topic, line or byte, and what is wrong.

@@ -57,6 +57,11 @@ fn data_lost() -> Markup {
     badge("lost", "▲", "LOG DAMAGED")
 }
 
+/// The log ends inside its last record: nothing that touches a result.
+fn tail_cut() -> Markup {
+    badge("off", "–", "tail cut")
+}
+
 /// A verdict on a delay.
 fn verdict_badge(verdict: Verdict) -> Markup {
     let (class, icon) = match verdict {
@@ -103,9 +108,10 @@ fn badge(class: &str, icon: &str, word: &str) -> Markup {
 fn reason(outcome: &Outcome) -> Option<&str> {
     match outcome {
         Outcome::Compensated => None,
-        Outcome::Uncompensated { reason } | Outcome::NotMeasurable { reason } | Outcome::Failed { reason } => {
-            Some(reason)
-        }
+        Outcome::Uncompensated { reason }
+        | Outcome::NotMeasurable { reason }
+        | Outcome::Pending { reason }
+        | Outcome::Failed { reason } => Some(reason),
     }
 }
 

@@ -218,7 +218,7 @@ pub enum DelayError {
         component: usize,
     },
     /// The settings make no sense.
-    #[error("cannot search {step_s} s apart from {from_s} s to {to_s} s")]
+    #[error("cannot search {step_s:.4} s apart from {from_s:.3} s to {to_s:.3} s")]
     SearchRange {
         /// First delay, s.
         from_s: f64,
@@ -238,7 +238,7 @@ pub enum DelayError {
     NotSeparable,
     /// The measured values do not follow the reference at any delay.
     #[error(
-        "no delay from {from_s} s to {to_s} s makes the measured values follow the reference with a gain of the stated sign"
+        "no delay from {from_s:.3} s to {to_s:.3} s makes the measured values follow the reference with a gain of the stated sign"
     )]
     DoesNotFollow {
         /// First delay, s.

@@ -5,7 +5,7 @@ use crate::error::CampaignError;
 use crate::event::Event;
 use crate::logs::Library;
 use crate::memory::{FileStamp, hash_file};
-use crate::plan::Desk;
+use crate::plan::{Desk, why_no_logs};
 use crate::work::Workers;
 use flight::Quantity;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
@@ -102,8 +102,9 @@ fn below(path: &Path, several: bool, is_stated_encoder: bool, library: &Library)
         return Err(CampaignError::TryAgain(format!("{}: {name}: {reason}", path.display())));
     }
     if found.units.is_empty() {
-        let reason = found.ignored.first().filter(|_| path.is_file()).map(|(_, reason)| reason.as_str());
-        return Err(wrong(reason.unwrap_or("no log found in this folder")));
+        let reason = found.ignored.first().filter(|_| path.is_file()).map(|(_, reason)| reason.clone());
+        let why = || why_no_logs(found.ignored.iter().map(|(file, why)| (file.as_str(), why.as_str())));
+        return Err(wrong(&reason.unwrap_or_else(|| format!("no log found in this folder: {}", why()))));
     }
     let is_one_log = matches!(found.units.as_slice(), [only] if root.is_file() || only.files.len() > 1);
     let folder = root.file_name().unwrap_or_default().to_string_lossy().into_owned();

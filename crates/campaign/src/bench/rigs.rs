@@ -1,8 +1,9 @@
 //! The rig of each record: one for all, or the file beside it.
 
 use super::logs::ReadLog;
-use super::pair::Swing;
+use super::pair::{MadeOf, Swing};
 use crate::error::CampaignError;
+use crate::plan::why_no_logs;
 use bench_analysis::Rig;
 use std::path::{Path, PathBuf};
 
@@ -10,10 +11,11 @@ const ENDING: &str = ".rig.toml";
 
 /// The rig of every record.
 pub(super) fn of(swings: &[Swing], logs: &[ReadLog], shared: Option<Rig>) -> Result<Vec<Rig>, CampaignError> {
-    match shared {
-        Some(rig) => Ok(vec![rig; swings.len()]),
-        None => swings.iter().map(|swing| Ok(Rig::read(&beside(swing, logs)?)?)).collect(),
+    if let Some(rig) = shared {
+        return Ok(vec![rig; swings.len()]);
     }
+    no_record(swings, logs)?;
+    swings.iter().map(|swing| Ok(Rig::read(&beside(swing, logs)?)?)).collect()
 }
 
 /// The rig file beside a record: called like the record, like a log of it, or alone in the folder.
@@ -35,6 +37,24 @@ fn beside(swing: &Swing, logs: &[ReadLog]) -> Result<PathBuf, CampaignError> {
     let looked_for = tried.first().map(|p| p.display().to_string()).unwrap_or_default();
     let what = format!("{}: no rig file: give --rig FILE, or put one beside it ({looked_for})", swing.name);
     Err(CampaignError::Asked(what))
+}
+
+/// Of a folder in which no log is of a bench, why each is not: a rig file would not help.
+fn no_record(swings: &[Swing], logs: &[ReadLog]) -> Result<(), CampaignError> {
+    let why = |swing: &Swing| match &swing.made_of {
+        MadeOf::Nothing { reason, .. } => Some((swing.name.clone(), reason.clone())),
+        MadeOf::One(_) | MadeOf::Two { .. } => None,
+    };
+    let reasons: Option<Vec<(String, String)>> = swings.iter().map(why).collect();
+    match reasons {
+        // Of one log, its row says why.
+        Some(reasons) if logs.len() > 1 => Err(CampaignError::Asked(format!(
+            "none of the {} logs is of a bench: {}",
+            logs.len(),
+            why_no_logs(reasons.iter().map(|(name, why)| (name.as_str(), why.as_str())))
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// The rig file of a folder that holds just one.

@@ -23,6 +23,7 @@ fn log(id: &str, folder: &str, quantities: Option<&[Quantity]>) -> ReadLog {
         flight: flight(quantities),
         health: LogHealth::default(),
         binding: Ok(Binding { map: "m".into(), why: String::new(), channels: vec![], others: vec![] }),
+        companion: None,
     });
     ReadLog { source, inputs: vec![], loaded }
 }

@@ -111,6 +111,7 @@ fn no_replay(record: &FlightRecord) -> String {
         Outcome::Compensated => "the record holds no replay".to_owned(),
         Outcome::Uncompensated { reason } => format!("nothing was removed: {reason}"),
         Outcome::NotMeasurable { reason } => format!("the flight was not compensated: {reason}"),
+        Outcome::Pending { reason } => format!("pending: {reason}"),
         Outcome::Failed { reason } => format!("the log could not be used: {reason}"),
     }
 }

@@ -107,7 +107,8 @@ pub(crate) fn excitation(
     }
     DelayExcitation {
         samples: pieces.iter().map(|p| p.rows.len() as u64).sum(),
-        duration_s: pieces.iter().map(|piece| piece.duration_s(first)).sum(),
+        // The sum of nothing is -0.
+        duration_s: 0.0 + pieces.iter().map(|piece| piece.duration_s(first)).sum::<f64>(),
         pieces: pieces.len() as u64,
         speed_p95_mps: percentile(speed, 0.95),
         moving_share: if all > 0.0 { moving / all } else { 0.0 },
@@ -142,6 +143,11 @@ pub(crate) fn beside_a_line(t: &[f64], y: &[f64]) -> f64 {
 
 /// Why this motion cannot show a delay at all: too short, or not above noise.
 pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64, speed: &[f64]) -> Option<String> {
+    if offer.pieces == 0 {
+        return Some(format!(
+            "the two have no time in common that can be compared; at least {SHORTEST_S} s are needed, better a minute with turns"
+        ));
+    }
     if offer.duration_s < SHORTEST_S {
         return Some(format!(
             "only {:.1} s can be compared; at least {SHORTEST_S} s are needed, better a minute with turns",
@@ -324,4 +330,18 @@ pub(crate) fn unexplained_share(
     };
     let longest_s = pieces.iter().map(|piece| piece.duration_s(first)).fold(0.0, f64::max);
     [5.0, 10.0, 20.0].into_iter().filter_map(over).min_by(f64::total_cmp).or_else(|| over(longest_s / 5.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_without_common_time_are_told_so_and_not_as_minus_zero_seconds() {
+        let nothing = excitation(&Horizontal::default(), &[], &[], 0.0, &[0.0]);
+        assert_eq!(format!("{:.1}", nothing.duration_s), "0.0");
+        let motion = Motion { unsteady: 0.0, power: 0.0, acceleration: false };
+        let refusal = refuse_motion(&nothing, &motion, 0.0, &[0.0]).unwrap();
+        assert!(refusal.starts_with("the two have no time in common"), "{refusal}");
+    }
 }

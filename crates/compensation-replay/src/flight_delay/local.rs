@@ -62,7 +62,7 @@ pub(crate) fn prepare(
         let rows = channel.update_rows().len();
         if rows < LEAST_SAMPLES {
             return Err(format!(
-                "{name} has {rows} measurements; at least {LEAST_SAMPLES} are needed: log a longer flight"
+                "{name} has {rows} measurement(s); at least {LEAST_SAMPLES} are needed: log a longer flight"
             ));
         }
         if channel.quantity != Quantity::Attitude && channel.present.iter().take(2).any(|present| !present) {

@@ -235,6 +235,30 @@ fn a_logger_that_writes_whole_seconds_cannot_show_a_shorter_delay() {
     assert!(coarse(&flight));
 }
 
+#[test]
+fn rows_of_a_regular_clock_are_not_called_rounded_and_no_number_has_seventeen_digits() {
+    let said = |irregular: bool| {
+        let mut flight = circle(0.3, 60.0, 10.0, 10.0);
+        for name in ["position.gps", "velocity.gps"] {
+            let old = flight.channels.get_mut(name).unwrap();
+            // Every third row comes a step later.
+            let shift = |i: usize| if irregular && i % 3 == 2 { 100_000_000 } else { 0 };
+            let stamps = (0..old.series.timeline().stamps().len())
+                .map(|i| flight::Stamp(i as i64 * 200_000_000 + shift(i)))
+                .collect();
+            let logged = flight::Timeline::new(flight::StampKind::Logged, flight::Clock::Unix, stamps).unwrap();
+            old.series = flight::Series::new(logged, old.series.components().to_vec()).unwrap();
+        }
+        let settings = Settings::with_delay(late(0.1 + 0.2 - 0.25), "");
+        let found = replay(&flight, &settings).unwrap();
+        found.notices.iter().find(|n| n.code == "stamps-coarser-than-delay").unwrap().text.clone()
+    };
+    let (regular, rounded) = (said(false), said(true));
+    assert!(regular.contains("a regular clock") && !regular.contains("rounded"), "{regular}");
+    assert!(rounded.contains("rounded to whole steps"), "{rounded}");
+    assert!(regular.contains("A step of 0.1 s is no shorter than the delay of 0.050 s"), "{regular}");
+}
+
 fn with_further(names: &[&str]) -> Settings {
     Settings { compensators: names.iter().map(|n| n.parse().unwrap()).collect(), ..settings() }
 }

@@ -11,6 +11,7 @@ mod protobuf;
 mod ros;
 pub(crate) mod rows;
 pub(crate) mod schema;
+mod vouch;
 
 pub(crate) use common::with_all_types;
 use common::{COMMON, GIVEN, lent};
@@ -24,6 +25,8 @@ use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
 use rows::Rows;
 use schema::{Dialect, Schema};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+pub(crate) use vouch::Vouch;
+use vouch::Vouched;
 
 /// Longest message definition that is read, bytes.
 const LONGEST_DEFINITION: usize = 1 << 20;
@@ -135,6 +138,7 @@ pub(crate) struct Topics<'w> {
     definition_bytes: usize,
     value_bytes: u64,
     log_time: LogTime,
+    vouch: Vouch,
 }
 
 struct Topic {
@@ -150,6 +154,7 @@ struct Topic {
     latest: usize,
     rows: Rows,
     messages: u64,
+    vouched: Vouched,
     payload_bytes: u64,
     logged: StampStats,
     /// `None` as long as every message was published when it was logged.
@@ -218,6 +223,7 @@ impl<'w> Topics<'w> {
             definition_bytes: 0,
             value_bytes: 0,
             log_time: LogTime::default(),
+            vouch: Vouch::Nothing,
         }
     }
 
@@ -229,6 +235,16 @@ impl<'w> Topics<'w> {
     /// The clock of the container's stamps, where it is not UTC.
     pub(crate) fn count_by(&mut self, clock: Clock) {
         self.clock = clock;
+    }
+
+    /// What vouches for the messages that follow.
+    pub(crate) fn vouch(&mut self, by: Vouch) {
+        self.vouch = by;
+    }
+
+    /// Whether the checksum behind the messages is right.
+    pub(crate) fn settle(&mut self, is_right: bool) {
+        self.topics.iter_mut().for_each(|topic| topic.vouched.settle(is_right));
     }
 
     /// Where messages of this topic and definition go. Fails if there are too many topics.
@@ -324,6 +340,7 @@ impl<'w> Topics<'w> {
     pub(crate) fn numbered(&mut self, route: Route, times: Times, sequence: Option<u32>, payload: &[u8]) -> Fate {
         let Some(topic) = self.topics.get_mut(route.topic as usize) else { return Fate::Skipped };
         self.log_time.passes(times.logged_ns);
+        topic.vouched.count(self.vouch);
         topic.count(times, payload.len() as u64);
         let Some(decoder) = route.decoder else { return Fate::Skipped };
         if let (Some(message), Some(sink)) = (topic.as_it_stands(decoder, times, payload), self.want.sink()) {
@@ -365,6 +382,7 @@ impl<'w> Topics<'w> {
     /// Counts an intact message of `length` bytes whose payload was not read, for it is not wanted.
     pub(crate) fn unread(&mut self, route: Route, times: Times, length: u64) -> Fate {
         if let Some(topic) = self.topics.get_mut(route.topic as usize) {
+            topic.vouched.count(self.vouch);
             topic.count(times, length);
             self.log_time.passes(times.logged_ns);
         }
@@ -417,6 +435,7 @@ impl Topic {
             logged: if described { StampStats::new() } else { StampStats::counts_only() },
             published: None,
             only_indexed: 0,
+            vouched: Vouched::default(),
             undecodable: Tally::default(),
             too_long: Tally::default(),
             beyond_memory: 0,
@@ -557,6 +576,7 @@ impl Topic {
             type_name: self.info.type_name.clone(),
             encoding: self.info.encoding.clone(),
             messages: self.messages,
+            vouched: self.vouched.messages(),
             payload_bytes: self.payload_bytes,
             stamps: self.stamps(clock),
             decoded,

@@ -698,9 +698,11 @@ impl Books {
     /// A message whose fields have been split.
     fn message(&mut self, open: &mut Open<'_>, extent: Extent, topic: &mut Topic, line: u64) {
         if !topic.decoded {
+            topic.vouched += 1;
             topic.count(extent);
             self.ledger.count(Fate::Skipped, extent.whole as u64);
         } else if topic.fits(open.fields.len(), || false) {
+            topic.vouched += 1;
             // Its checksum is right, so nothing of it is cut.
             topic.push(open.fields.row(), 0, line, Extent { ended: true, ..extent });
             self.ledger.count(Fate::Decoded, extent.whole as u64);
@@ -721,8 +723,13 @@ impl Books {
     }
 
     fn reject(&mut self, open: &mut Open<'_>, extent: Extent, reason: String) {
-        self.health.undecodable += 1;
-        self.ledger.damaged(open.name, open.lines.offset, extent.whole as u64, reason);
+        let (offset, length) = (open.lines.offset, extent.whole as u64);
+        if extent.ended || offset + length < open.size {
+            self.health.undecodable += 1;
+            self.ledger.damaged(open.name, offset, length, reason);
+        } else {
+            self.health.undecodable += u64::from(self.ledger.cut(open.name, offset, length, reason));
+        }
         open.lines.pass(extent);
     }
 }

@@ -20,7 +20,7 @@ use self::summary::{Summary, Trust};
 use self::visit::Visit;
 use self::walk::{Walk, Walked};
 use crate::bytes::Bytes;
-use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics};
+use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics, Vouch};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::bag_folder::{self, Metadata};
@@ -520,6 +520,14 @@ impl Visit for Channels<'_, '_> {
 
     fn takes_attachments(&self) -> bool {
         self.topics.takes_extras()
+    }
+
+    fn vouch(&mut self, by: Vouch) {
+        self.topics.vouch(by);
+    }
+
+    fn settle(&mut self, is_right: bool) {
+        self.topics.settle(is_right);
     }
 
     fn index(&mut self, body: &[u8]) -> Result<Fate, String> {

@@ -230,6 +230,8 @@ struct Walk<'w, 'c, 't, 's> {
     topics: &'t mut Topics<'s>,
     at: u64,
     line: u64,
+    /// The line has no end: the file ends in it.
+    is_open: bool,
     /// Sentences may have no checksum.
     bare: bool,
     counts: Counts,
@@ -256,7 +258,19 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         bare: bool,
     ) -> Walk<'w, 'c, 't, 's> {
         let name = file.name().to_owned();
-        Walk { file, name, context, ledger, book, topics, at: 0, line: 0, bare, counts: Counts::default() }
+        Walk {
+            file,
+            name,
+            context,
+            ledger,
+            book,
+            topics,
+            at: 0,
+            line: 0,
+            is_open: false,
+            bare,
+            counts: Counts::default(),
+        }
     }
 
     /// From the first byte to the last.
@@ -291,6 +305,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             let line = block.get(from..end).unwrap_or_default();
             if !line.is_empty() {
                 self.line += 1;
+                self.is_open = !line.ends_with(b"\n");
                 self.line(line, block.get(from..).unwrap_or_default());
                 self.at += line.len() as u64;
             }
@@ -373,7 +388,12 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     fn damaged(&mut self, from: usize, to: usize, reason: impl Display) {
         self.book.breaks();
         let at = self.at + from as u64;
-        self.ledger.damaged(&self.name, at, (to - from) as u64, format!("line {}: {reason}", self.line));
+        let (length, reason) = ((to - from) as u64, format!("line {}: {reason}", self.line));
+        if self.is_open && at + length == self.file.size() {
+            self.ledger.cut(&self.name, at, length, format!("{reason}; the log ends inside it"));
+        } else {
+            self.ledger.damaged(&self.name, at, length, reason);
+        }
     }
 
     /// A line that is longer than the limit.

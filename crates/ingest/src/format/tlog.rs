@@ -271,9 +271,11 @@ impl Walk<'_, '_, '_, '_> {
             self.at = next;
             return Ok(());
         }
-        let is_cut = next == self.file.size() && reason == CUT;
-        let reason = if is_cut { "the log ends inside a frame".into() } else { reason };
-        self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        if next == self.file.size() && reason == CUT {
+            self.ledger.cut(&self.name, self.at, next - self.at, "the log ends inside a frame");
+        } else {
+            self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        }
         self.at = next;
         Ok(())
     }

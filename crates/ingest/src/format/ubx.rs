@@ -32,7 +32,7 @@ use self::receiver::{Receiver, Weeks};
 use super::nmea::{self, Book, Dates, Sentence};
 use crate::bytes::is_zero;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
-use crate::decode::{Route, Tally, Times, Topics};
+use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::{MOST_ZEROS, Reading};
@@ -188,12 +188,16 @@ impl Walk<'_, '_, '_, '_> {
             self.at = next;
             return Ok(());
         }
-        let reason = match &*reason {
-            CUT if next == self.file.size() => "the log ends inside a frame".into(),
-            NOTHING if self.at == 0 && next < self.file.size() => "the log begins inside a frame".into(),
-            _ => reason,
-        };
-        self.ledger.damaged(&self.name, self.at, next - self.at, reason);
+        let (length, size) = (next - self.at, self.file.size());
+        match &*reason {
+            CUT if next == size => {
+                self.ledger.cut(&self.name, self.at, length, "the log ends inside a frame");
+            }
+            NOTHING if self.at == 0 && next < size => {
+                self.ledger.damaged(&self.name, self.at, length, "the log begins inside a frame");
+            }
+            _ => self.ledger.damaged(&self.name, self.at, length, reason),
+        }
         self.content.sentences.breaks();
         self.at = next;
         Ok(())
@@ -357,6 +361,7 @@ impl<'b, 't> Content<'b, 't> {
             }
             self.early.add(|| message.name.to_owned());
         }
+        self.topics.vouch(Vouch::Checksum);
         let Some(route) = self.route(key) else { return Fate::Skipped };
         if !route.is_wanted() {
             return self.topics.unread(route, UNSTAMPED, frame.payload.len() as u64);
@@ -367,6 +372,7 @@ impl<'b, 't> Content<'b, 't> {
 
     /// Counts what is not read, or hands it on as it stands, with the time of week that was told last.
     fn skip(&mut self, key: (u8, u8), payload: &[u8]) -> Fate {
+        self.topics.vouch(Vouch::Checksum);
         if !self.topics.takes_extras() {
             let route = self.route(key);
             return route.map_or(Fate::Skipped, |route| self.topics.unread(route, UNSTAMPED, payload.len() as u64));

@@ -124,7 +124,7 @@ impl Lab {
         assert!(peak <= most, "{case}: {peak} bytes of memory for {} of log", bytes.len());
         if let Ok(log) = &read {
             let b = &log.health.bytes;
-            assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{case}: {b:?}");
+            assert_eq!(b.sum(), b.size, "{case}: {b:?}");
             let packed = log.health.format.contains(", in ");
             assert!(packed || b.size == size + subject.others, "{case}: {b:?}");
             assert!(log.health.damage.len() <= self.limits.listed_damage, "{case}: damage is listed without end");

@@ -112,9 +112,13 @@ fn a_folder_of_bare_topics_is_one_flight() {
 
 #[test]
 fn track_and_sensor_of_a_flysight_2_are_one_flight() {
-    let folder =
-        tree(&[("09/01/TRACK.CSV", FLYSIGHT2), ("09/01/SENSOR.CSV", FLYSIGHT2), ("09/02/TRACK.CSV", FLYSIGHT2)]);
-    assert_eq!(ids(&found(folder.path())), [("09/01", LogKind::Csv, 2), ("09/02/TRACK.CSV", LogKind::Csv, 1)]);
+    let folder = tree(&[
+        ("09/01/TRACK.CSV", FLYSIGHT2),
+        ("09/01/SENSOR.CSV", FLYSIGHT2),
+        ("09/01/EVENT.CSV", FLYSIGHT2),
+        ("09/02/TRACK.CSV", FLYSIGHT2),
+    ]);
+    assert_eq!(ids(&found(folder.path())), [("09/01", LogKind::Csv, 3), ("09/02/TRACK.CSV", LogKind::Csv, 1)]);
 }
 
 #[test]

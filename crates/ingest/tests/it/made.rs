@@ -374,7 +374,7 @@ pub fn each_damage(content: &[u8], cases: u64, mut body: impl FnMut(&[u8])) {
 /// Every byte has one fate, and damage is never without a notice.
 pub fn assert_balanced(log: &Log) {
     let b = &log.health.bytes;
-    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{b:?}");
+    assert_eq!(b.sum(), b.size, "{b:?}");
     assert!(b.damaged == 0 || lost(log), "{b:?}");
     let messages: u64 = log.health.topics.iter().map(|t| t.messages).sum();
     assert_eq!(messages, log.health.messages);

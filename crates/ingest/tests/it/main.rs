@@ -30,4 +30,5 @@ mod tlog;
 mod ubx;
 mod ulog;
 mod unpack;
+mod vouched;
 mod wire;

@@ -57,7 +57,7 @@ pub fn load_real(below: &str) -> Option<Loaded> {
 /// Every byte has one fate.
 pub fn assert_ledger(loaded: &Loaded) {
     let b = &loaded.health.bytes;
-    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{b:?}");
+    assert_eq!(b.sum(), b.size, "{b:?}");
     for channel in loaded.binding.iter().flat_map(|b| &b.channels) {
         let rejected: u64 = channel.rejected.iter().map(|r| r.count).sum();
         assert_eq!(channel.used + rejected, channel.rows, "{}", channel.name);

@@ -67,7 +67,7 @@ fn read_path(path: &Path, limits: Limits) -> Result<Log, IngestError> {
     let want = |_: &TopicInfo| Selection::All;
     let log = with_limits(limits, |context| UlogReader::new(vec![path.to_owned()]).read(&want, context))?;
     let b = &log.health.bytes;
-    assert_eq!(b.decoded + b.skipped + b.structure + b.damaged, b.size, "{b:?}");
+    assert_eq!(b.sum(), b.size, "{b:?}");
     Ok(log)
 }
 

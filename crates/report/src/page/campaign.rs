@@ -4,7 +4,7 @@ use super::Head::{self, Number, Text};
 use super::flight_delay::normalised_difference;
 use super::{
     badge, command_block, criteria, data_lost, document, estimate, figure, finding, lateness, maybe, more, no_number,
-    pipeline_details, pipeline_rows, plain, reason, table, versions,
+    pipeline_details, pipeline_rows, plain, reason, table, tail_cut, versions,
 };
 use crate::draw;
 use crate::figure::{Figure, control_chart, overview, pooled_sweep};
@@ -80,6 +80,7 @@ fn answer(record: &CampaignRecord) -> Markup {
             @if t.harmed > 0 { ", " (badge("bad", "✗", "HARMED")) " " b { (number::count(t.harmed)) } }
             @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
             ", " (number::count(t.uncompensated)) " measured with nothing removed, " (number::count(t.not_measurable)) " not measurable, "
+            @if t.pending > 0 { (number::count(t.pending)) " pending, " }
             (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs; " (number::clock(t.duration_s, 0)) " compensated."
         }
         (lateness::groups(&record.groups))
@@ -122,7 +123,7 @@ fn attention(flights: &[FlightRow]) -> Markup {
         Outcome::Failed { .. } => 0,
         _ if harmed(row) => 0,
         Outcome::Compensated | Outcome::Uncompensated { .. } if !row.lossy => 2,
-        Outcome::NotMeasurable { .. } if !row.lossy => 3,
+        Outcome::NotMeasurable { .. } | Outcome::Pending { .. } if !row.lossy => 3,
         _ => 1,
     };
     let body = html! {
@@ -238,7 +239,8 @@ fn flight_row(row: &FlightRow, scored: bool, judged: bool) -> Markup {
 fn data_word(row: &FlightRow) -> Markup {
     match row.outcome {
         _ if row.lossy => data_lost(),
-        Outcome::Failed { .. } => html! { "—" },
+        Outcome::Failed { .. } | Outcome::Pending { .. } => html! { "—" },
+        _ if row.tail_cut_bytes > 0 => tail_cut(),
         _ => html! { "whole" },
     }
 }

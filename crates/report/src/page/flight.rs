@@ -97,7 +97,7 @@ fn verdict(record: &FlightRecord) -> Markup {
 fn first_words(record: &FlightRecord, delays: Option<&flight_delay::DelaySection>) -> Markup {
     let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
     html! {
-        @if let (Some(reason), None | Some(Outcome::Failed { .. } | Outcome::NotMeasurable { .. })) =
+        @if let (Some(reason), None | Some(Outcome::Failed { .. } | Outcome::NotMeasurable { .. } | Outcome::Pending { .. })) =
             (reason(&record.outcome), record.decision.as_ref().map(|_| &record.outcome))
         {
             p class=(class) { (shown_block(reason)) }

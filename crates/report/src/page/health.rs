@@ -1,7 +1,7 @@
 //! How good the data are: channels, topics, bytes, damage, notices, and the map that was taken.
 
 use super::Head::{Number, Text};
-use super::{data_lost, maybe, more, rows, table};
+use super::{data_lost, maybe, more, rows, table, tail_cut};
 use crate::number;
 use crate::text::shown;
 use flight::{
@@ -239,8 +239,9 @@ fn ledger(bytes: &ByteLedger) -> Markup {
         ("Skipped", bytes.skipped, "intact, nothing in it was wanted"),
         ("Structure", bytes.structure, "magic, headers, indexes, definitions"),
         ("Damaged", bytes.damaged, "could not be read or failed a checksum"),
+        ("Tail cut", bytes.tail_cut, "a last record that the log ends inside of, as at power-off: no damage"),
     ];
-    let sum = parts.iter().fold(0u64, |sum, part| sum.saturating_add(part.1));
+    let sum = bytes.sum();
     let body = html! {
         @for (name, count, what) in parts {
             tr { th scope="row" { (name) } td.n { (number::count(count)) } td { (what) } }
@@ -345,6 +346,7 @@ pub(super) fn notice_words(notices: &Notices) -> Markup {
     let (losses, warnings) = (number_of(Severity::Loss), number_of(Severity::Warning));
     html! {
         @if notices.any_loss() { (data_lost()) }
+        @else if notices.iter().any(|n| n.code == "tail-cut") { a href="#notices" { (tail_cut()) } }
         @if losses + warnings > 0 {
             a href="#notices" {
                 (number::counted(losses, "notice", "notices")) " of loss, "

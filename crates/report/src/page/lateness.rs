@@ -18,6 +18,7 @@ const MOST_GROUPS: usize = 20;
 pub(super) fn result_badge(outcome: &Outcome, effect: Option<&Effect>) -> Markup {
     match (outcome, effect) {
         (Outcome::Failed { .. }, _) => badge("bad", "✗", "Failed"),
+        (Outcome::Pending { .. }, _) => badge("off", "…", "Pending"),
         (Outcome::NotMeasurable { .. }, _) => badge("unsure", "○", "Not measurable"),
         (_, Some(effect)) => effect_badge(effect.verdict),
         (Outcome::Uncompensated { .. }, None) => badge("off", "○", "Nothing removed"),

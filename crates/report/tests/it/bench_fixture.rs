@@ -531,7 +531,7 @@ fn log(role: &str, file: &str, channel: &str, quantity: Quantity) -> BenchLog {
         inputs: vec![InputFile { name: file.into(), bytes: 412_345, blake3: "77aa01fe".repeat(8) }],
         health: LogHealth {
             format: "CSV, comma, 1 header line".into(),
-            bytes: ByteLedger { size: 412_345, decoded: 412_000, skipped: 0, structure: 345, damaged: 0 },
+            bytes: ByteLedger { size: 412_345, decoded: 412_000, skipped: 0, structure: 345, damaged: 0, tail_cut: 0 },
             messages: 6401,
             ..LogHealth::default()
         },

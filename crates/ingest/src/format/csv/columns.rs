@@ -46,6 +46,8 @@ pub(super) struct Topic {
     pub(super) decoded: bool,
     /// Intact rows.
     pub(super) rows: u64,
+    /// Those of which a checksum was right.
+    pub(super) vouched: u64,
     payload_bytes: u64,
     /// Why nothing is decoded although something was wanted.
     reason: String,
@@ -324,6 +326,7 @@ impl Topic {
             type_name: self.info.type_name.clone(),
             encoding: self.info.encoding.clone(),
             messages: self.rows,
+            vouched: self.vouched,
             payload_bytes: self.payload_bytes,
             stamps: vec![],
             decoded: self.decoded,

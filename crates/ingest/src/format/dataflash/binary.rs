@@ -228,20 +228,36 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
     /// Nothing can be made of what stands here: goes on where the next record begins.
     fn lost(&mut self) -> Result<(), IngestError> {
         // Asked before the search, for the file is read forwards.
-        let kind = self.type_at(self.at)?;
+        let (kind, is_cut) = (self.type_at(self.at)?, self.is_cut()?);
         let next = self.search(self.at + 1)?;
         if let Some(length) = self.record_before_damage(self.at, next)? {
             return self.take(length);
         }
+        if is_cut && next == self.file.size() {
+            self.ledger.cut(&self.name, self.at, next - self.at, "the log ends inside a record");
+            self.at = next;
+            return Ok(());
+        }
         let reason = match kind {
             Some(id) if self.book.format(id).is_none() => format!("records of type {id}, which is not defined"),
-            Some(_) if next == self.file.size() => "the log ends inside a record".to_owned(),
             Some(_) => "a record that leads nowhere".to_owned(),
             None => NO_RECORD.to_owned(),
         };
         self.ledger.damaged(&self.name, self.at, next - self.at, reason);
         self.at = next;
         Ok(())
+    }
+
+    /// Whether a record begins here that reaches beyond the end of the file.
+    fn is_cut(&mut self) -> Result<bool, IngestError> {
+        let left = self.file.size() - self.at;
+        let head = self.file.up_to(self.at, HEADER)?;
+        Ok(match *head {
+            [first, second, id] if [first, second] == SYNC => {
+                self.book.format(id).is_some_and(|f| f.lengths().into_iter().flatten().any(|l| l as u64 > left))
+            }
+            _ => left < HEADER as u64 && SYNC.starts_with(head),
+        })
     }
 
     /// The next record beyond doubt; the filling or the end if there is none.

@@ -106,8 +106,11 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         let start = self.at;
         let (end, ended) = self.file.line_end(start, self.context)?;
         self.at = end;
-        let reason = if ended { "a line that is longer than the limit" } else { "the log ends inside a line" };
-        self.ledger.damaged(&self.name, start, self.at - start, reason);
+        if ended {
+            self.ledger.damaged(&self.name, start, self.at - start, "a line that is longer than the limit");
+        } else {
+            self.ledger.cut(&self.name, start, self.at - start, "the log ends inside a line");
+        }
         Ok(())
     }
 }

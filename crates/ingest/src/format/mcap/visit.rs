@@ -1,5 +1,6 @@
 //! Who looks at the records while a file, or its summary, is walked through.
 
+use crate::decode::Vouch;
 use crate::ledger::Fate;
 
 /// Who is shown the records.
@@ -18,6 +19,12 @@ pub(super) trait Visit {
     fn takes_attachments(&self) -> bool {
         false
     }
+
+    /// What vouches for the messages that follow.
+    fn vouch(&mut self, _by: Vouch) {}
+
+    /// Whether the checksum behind the messages is right.
+    fn settle(&mut self, _is_right: bool) {}
 
     /// A message index of a chunk that was left closed: what it lists is shown by nothing else.
     fn index(&mut self, body: &[u8]) -> Result<Fate, String>;

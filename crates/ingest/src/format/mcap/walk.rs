@@ -13,7 +13,7 @@ use super::record::{
 use super::summary::{Summary, Trust};
 use super::visit::Visit;
 use crate::bytes::{Bytes, is_zero};
-use crate::decode::Tally;
+use crate::decode::{Tally, Vouch};
 use crate::error::IngestError;
 use crate::format::file::LogFile;
 use crate::format::unpacker::Unpacker;
@@ -100,6 +100,8 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
     ) -> Walk<'w, 'c, V> {
         // Where the data section is known to have no checksum, chunks need not even be read.
         let data_crc = (summary.data_crc != Some(0)).then(crc32fast::Hasher::new);
+        visit.settle(false);
+        visit.vouch(if data_crc.is_some() { Vouch::Later } else { Vouch::Nothing });
         let jumps = data_crc.is_none() && summary.chunks.iter().any(|chunk| !chunk.wanted);
         if jumps {
             file.expect_jumps();
@@ -455,7 +457,9 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
 
     fn check_data(&mut self, stated: u32) {
         let Some(hasher) = self.data_crc.take() else { return };
-        if stated != 0 && !self.damaged && hasher.finalize() != stated {
+        let is_right = stated != 0 && !self.damaged && hasher.finalize() == stated;
+        self.visit.settle(is_right);
+        if stated != 0 && !self.damaged && !is_right {
             let place = format!("{}, bytes {} to {}", self.file.name(), self.start, self.at);
             let text = "the checksum over the data section is wrong: some of its bytes are not what was written";
             self.notices.push(Severity::Loss, "data-checksum", place, self.at - self.start, text);
@@ -493,7 +497,11 @@ impl<'w, 'c, V: Visit> Walk<'w, 'c, V> {
             return Ok(Err("the chunk's checksum is wrong".to_owned()));
         }
         self.opened = true;
+        // That of the data section is of the packed bytes, and of these too.
+        let outer = if self.data_crc.is_some() { Vouch::Later } else { Vouch::Nothing };
+        self.visit.vouch(if chunk.crc == 0 { outer } else { Vouch::Checksum });
         let verdict = contents(unpacked.bytes, self.visit, &mut self.unknown, &mut self.agreement);
+        self.visit.vouch(outer);
         self.agreement.end_of_chunk();
         Ok(verdict)
     }

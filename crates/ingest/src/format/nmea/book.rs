@@ -5,7 +5,7 @@ use super::order::{Order, Stamps, Steps};
 use super::sentence::{Sentence, plain, time_of_day_ns};
 use super::talkers;
 use crate::civil::calendar_to_unix_ns;
-use crate::decode::{Route, Tally, Times, Topics};
+use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::format::identity::of_version;
 use crate::ledger::Fate;
 use crate::reader::Log;
@@ -84,6 +84,7 @@ impl Book {
         topics: &mut Topics<'_>,
     ) -> Fate {
         let (talker, name) = sentence.address();
+        topics.vouch(if sentence.checked { Vouch::Checksum } else { Vouch::Nothing });
         self.note(name, sentence);
         let date = midnight(name, sentence);
         self.age.look(talker, name, sentence, date);

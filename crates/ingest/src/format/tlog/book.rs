@@ -7,7 +7,7 @@ use super::framing::{Framing, begins_stamped, next_time, time_us};
 use super::vehicle::Vehicle;
 use super::{Learned, Runs, Sender};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
-use crate::decode::{Route, Tally, Times, Topics};
+use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::ledger::Fate;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
@@ -268,6 +268,8 @@ impl<'b, 't> Book<'b, 't> {
             return Fate::Skipped;
         };
         let times = Times { logged_ns, published_ns: None };
+        // The checksum of a message that is not defined has a part that nobody knows.
+        self.topics.vouch(if definition_of(frame).is_some() { Vouch::Checksum } else { Vouch::Nothing });
         let Some(definition) = definition_of(frame) else {
             *self.undefined.entry(frame.message).or_default() += 1;
             if !self.topics.takes_extras() {

@@ -133,7 +133,11 @@ impl<'w> Walk<'w> {
 
     /// All bytes up to the end of the file are of no use.
     pub(super) fn leave(&mut self, size: u64, reason: &str) {
-        self.ledger.damaged(self.name, self.at, size - self.at, reason);
+        if reason == ENDS_INSIDE {
+            self.ledger.cut(self.name, self.at, size - self.at, reason);
+        } else {
+            self.ledger.damaged(self.name, self.at, size - self.at, reason);
+        }
         self.at = size;
     }
 
@@ -386,8 +390,11 @@ impl<'w> Walk<'w> {
     }
 
     fn damage(&mut self, view: View<'_>, from: usize, to: usize, reason: &str) {
-        if to > from {
-            self.ledger.damaged(self.name, view.start + from as u64, (to - from) as u64, reason);
+        let (at, length) = (view.start + from as u64, to.saturating_sub(from) as u64);
+        if reason == ENDS_INSIDE && view.whole && to == view.bytes.len() {
+            self.ledger.cut(self.name, at, length, reason);
+        } else if length > 0 {
+            self.ledger.damaged(self.name, at, length, reason);
         }
     }
 }

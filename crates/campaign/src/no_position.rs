@@ -1,0 +1,72 @@
+//! What is said of a log without a position.
+
+use flight::{Binding, ChannelHealth, Flight};
+
+/// Channels that are named.
+const NAMED: usize = 12;
+
+/// Why there is no position to measure: a receiver that never had a fix, or none in the log; and what the log gives instead.
+pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String]) -> String {
+    let empty = |c: &&ChannelHealth| wanted.contains(&c.name) && c.used == 0;
+    let held = held(flight);
+    match binding.channels.iter().find(empty) {
+        Some(channel) => {
+            let reasons: Vec<String> = channel.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
+            format!(
+                "no position: {} is bound to {} ({}), and none of its {} rows is a fix that can be used: {}. {held}",
+                channel.name,
+                channel.source.topic,
+                channel.source.fields.join(", "),
+                channel.rows,
+                reasons.join(", "),
+            )
+        }
+        None => {
+            format!(
+                "no position channel: the pipeline asks for {}, and the log has none of them. {held}",
+                wanted.join(", ")
+            )
+        }
+    }
+}
+
+fn held(flight: &Flight) -> String {
+    let names: Vec<&str> = flight.channels.keys().take(NAMED).map(String::as_str).collect();
+    match flight.channels.len().saturating_sub(names.len()) {
+        0 if names.is_empty() => "No other channel is there".to_owned(),
+        0 => format!("These channels are there: {}", names.join(", ")),
+        more => format!("These channels are there: {} and {more} more", names.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn binding(channels: serde_json::Value) -> Binding {
+        serde_json::from_value(serde_json::json!({ "map": "m", "why": "", "others": [], "channels": channels }))
+            .unwrap()
+    }
+
+    #[test]
+    fn a_receiver_without_a_fix_is_told_from_no_receiver() {
+        let gps = serde_json::json!([{
+            "name": "position.gps", "quantity": "position-geodetic", "absent": [], "rows": 310, "used": 0,
+            "source": { "topic": "GPS", "type_name": "", "fields": ["Lat", "Lng"] },
+            "rejected": [{ "reason": "Status is below 3", "count": 310, "first": "row 0" }],
+            "stamps": null, "offsets": [], "held": null,
+        }]);
+        let wanted = ["position.gps".to_owned(), "position.gnss".to_owned()];
+        let said = |channels| no_position(&Flight::default(), &binding(channels), &wanted);
+        assert_eq!(
+            said(gps),
+            "no position: position.gps is bound to GPS (Lat, Lng), and none of its 310 rows is a fix that can be used: Status is \
+             below 3 (310). No other channel is there"
+        );
+        assert_eq!(
+            said(serde_json::json!([])),
+            "no position channel: the pipeline asks for position.gps, position.gnss, and the log has none of them. No other \
+             channel is there"
+        );
+    }
+}
