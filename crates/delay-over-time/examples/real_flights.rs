@@ -1,6 +1,7 @@
 //! Silence on untouched real flights, and what is found of changes that were injected into them:
-//! `cargo run --release -p delay-over-time --example real_flights FOLDER`. The folder holds one folder for each log, written by
-//! `flightlag export LOG --to csv --out FOLDER/NAME`. Positions are re-timed; nothing else is touched.
+//! `cargo run --release -p delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds one folder for
+//! each log, written by `flightlag export LOG --to csv --out FOLDER/NAME`. Positions are re-timed; nothing else is touched.
+//! A piece of 0 s takes whole flights, injects nothing and says what each costs.
 
 #![allow(clippy::print_stdout, clippy::indexing_slicing, clippy::unwrap_used)]
 
@@ -9,8 +10,9 @@ use record::DelayOverTime;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-/// Longest piece of a flight, s.
+/// Longest piece of a flight unless another is asked for, s.
 const PIECE_S: f64 = 600.0;
 
 #[derive(Clone, Default)]
@@ -155,7 +157,7 @@ fn line(name: &str, f: &DelayOverTime) {
     );
 }
 
-fn pairs(folder: &Path) -> Vec<(String, Series, Series)> {
+fn pairs(folder: &Path, piece_s: f64) -> Vec<(String, Series, Series)> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
     files.sort();
     let mut epoch = None;
@@ -173,7 +175,7 @@ fn pairs(folder: &Path) -> Vec<(String, Series, Series)> {
             }
             let at = motion_times(v);
             let middle = at(0.5);
-            let (from, to) = (middle - 0.5 * PIECE_S, middle + 0.5 * PIECE_S);
+            let (from, to) = (middle - 0.5 * piece_s, middle + 0.5 * piece_s);
             let (p, v) = (cut(p, from, to), cut(v, from - 15.0, to + 5.0));
             if p.t.len() > 30 && v.t.len() > 30 {
                 out.push((format!("{p_name} | {v_name}"), p, v));
@@ -185,6 +187,8 @@ fn pairs(folder: &Path) -> Vec<(String, Series, Series)> {
 
 fn main() {
     let root = PathBuf::from(std::env::args().nth(1).unwrap_or_default());
+    let piece_s = std::env::args().nth(2).and_then(|s| s.parse().ok()).unwrap_or(PIECE_S);
+    let whole = piece_s == 0.0;
     let mut folders: Vec<PathBuf> = fs::read_dir(&root).into_iter().flatten().flatten().map(|f| f.path()).collect();
     folders.sort();
     let changes = [
@@ -198,14 +202,20 @@ fn main() {
     let mut seen = std::collections::BTreeSet::new();
     let mut totals: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
     for folder in folders.iter().filter(|f| f.is_dir()) {
-        for (name, p, v) in pairs(folder) {
+        for (name, p, v) in pairs(folder, if whole { f64::INFINITY } else { piece_s }) {
             let name = format!("{}/{name}", folder.file_name().unwrap().to_string_lossy());
             let sum = |x: &[f64]| x.iter().map(|x| x.to_bits()).fold(0u64, |h, x| h.rotate_left(5) ^ x);
             if !seen.insert((sum(&p.north), sum(&p.t), sum(&v.north))) {
                 continue;
             }
+            let from = Instant::now();
             let Some(clean) = run(&p, &v) else { continue };
             line(&name, &clean);
+            if whole {
+                let ms = 1e3 * from.elapsed().as_secs_f64();
+                println!("   {} fixes, {} terms; {}\n{ms:9.1} ms {name}", p.t.len(), clean.terms.len(), clean.words);
+                continue;
+            }
             let sharp = clean.constancy.detectable_s.is_some_and(|x| x < 0.15);
             for (what, change) in changes {
                 let found = if what == "none" { Some(clean.clone()) } else { run(&inject(&p, &v, change), &v) };
