@@ -194,13 +194,14 @@ fn main() {
     let changes = [
         ("none", Change::None),
         ("step 150", Change::Step(0.15)),
+        ("step −150", Change::Step(-0.15)),
         ("step 300", Change::Step(0.3)),
         ("step 100", Change::Step(0.1)),
         ("drift 200", Change::Drift(0.2)),
         ("build-up 1 s", Change::BuildUp(1.0)),
     ];
     let mut seen = std::collections::BTreeSet::new();
-    let mut totals: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
+    let mut totals: BTreeMap<&str, [[usize; 2]; 5]> = BTreeMap::new();
     for folder in folders.iter().filter(|f| f.is_dir()) {
         for (name, p, v) in pairs(folder, if whole { f64::INFINITY } else { piece_s }) {
             let name = format!("{}/{name}", folder.file_name().unwrap().to_string_lossy());
@@ -216,23 +217,30 @@ fn main() {
                 println!("   {} fixes, {} terms; {}\n{ms:9.1} ms {name}", p.t.len(), clean.terms.len(), clean.words);
                 continue;
             }
-            let sharp = clean.constancy.detectable_s.is_some_and(|x| x < 0.15);
+            let at = motion_times(&v)(0.5);
             for (what, change) in changes {
                 let found = if what == "none" { Some(clean.clone()) } else { run(&inject(&p, &v, change), &v) };
                 let Some(found) = found.filter(|_| clean.constancy.tested) else { continue };
+                let red = found.constancy.varies;
+                let sharp = |f: &DelayOverTime| f.constancy.detectable_s.is_some_and(|x| x < 0.15);
+                let sees =
+                    |f: &DelayOverTime| f.constancy.detectable_between_s.is_some_and(|[a, b]| a <= at && at <= b);
                 let total = totals.entry(what).or_default();
-                let red = usize::from(found.constancy.varies);
-                total[0] += 1;
-                total[1] += red;
-                total[2] += usize::from(sharp);
-                total[3] += if sharp { red } else { 0 };
-                if sharp && red == 0 && what.contains("150") {
-                    line(&format!("   missed {what}"), &found);
+                let of =
+                    [true, sharp(&clean), sharp(&clean) && sees(&clean), sharp(&found), sharp(&found) && sees(&found)];
+                for (sum, _) in total.iter_mut().zip(of).filter(|x| x.1) {
+                    sum[0] += 1;
+                    sum[1] += usize::from(red);
+                }
+                if !red && what.contains("150") {
+                    line(&format!("   missed {what}, in sight before {} after {}", sees(&clean), sees(&found)), &found);
                 }
             }
         }
     }
-    for (what, [n, red, sharp, found]) in totals {
-        println!("{what:14} red {red:3} of {n:3} tested; where X < 150 ms: {found:3} of {sharp:3}");
+    println!("found of those that are: tested; limit < 150 ms before the change; and in sight; after it; and in sight");
+    for (what, of) in totals {
+        let of: Vec<String> = of.iter().map(|[n, red]| format!("{red:3} of {n:3}")).collect();
+        println!("{what:14} {}", of.join("; "));
     }
 }

@@ -20,10 +20,10 @@ pub(crate) fn sentence(found: &Found, v: &Verdict) -> String {
             late(v.level),
             v.constancy.windows
         ),
-        DelayKind::OnTime => format!("Position and velocity agree in time: {}.{}", late(v.level), seen(v)),
+        DelayKind::OnTime => format!("Position and velocity agree in time: {}.{}", late(v.level), seen(found, v)),
         DelayKind::Constant | DelayKind::Early => match &v.constancy.note {
-            Some(note) => format!("{} on average. {note}", late(v.level)),
-            None => format!("{}, the same all through the flight.{}", late(v.level), seen(v)),
+            Some(note) => format!("{} on average. {note}{}", late(v.level), seen(found, v)),
+            None => format!("{}, the same all through the flight.{}", late(v.level), seen(found, v)),
         },
         _ => changes(found, v),
     };
@@ -52,11 +52,19 @@ fn late(level: Option<Effect>) -> String {
     }
 }
 
-fn seen(v: &Verdict) -> String {
-    match v.constancy.detectable_s {
-        Some(x) if x <= 0.15 => format!(" A lasting change of {} or more would have been seen.", milliseconds(x)),
-        Some(x) => format!(" As far as can be seen: only a change of {} or more would have shown.", milliseconds(x)),
-        None => String::new(),
+/// The change that would have been seen, and when, after the first fix.
+fn seen(found: &Found, v: &Verdict) -> String {
+    let (Some(x), Some(between)) = (v.constancy.detectable_s, v.constancy.detectable_between_s) else {
+        return " No change would have been seen: one window knows nearly all.".to_owned();
+    };
+    let [from, to] = between.map(|t| t - found.span_s[0]);
+    let change = milliseconds(x);
+    if x <= 0.15 {
+        format!(" A lasting change of {change} or more between {from:.0} s and {to:.0} s would have been seen.")
+    } else {
+        format!(
+            " As far as can be seen: only a change of {change} or more between {from:.0} s and {to:.0} s would have shown."
+        )
     }
 }
 

@@ -46,6 +46,8 @@ fn steps_are_found_with_instant_and_size() {
             assert!((step.at_s - 120.2).abs() <= 1.0, "{step:?}");
             assert!((step.size - 0.15).abs() < 4.0 * step.standard_uncertainty.max(0.01), "{step:?}");
             assert!(f.configured_contradicted.is_none() && f.span_s > 0.1);
+            let [from, to] = f.constancy.detectable_between_s.unwrap();
+            assert!((1.0..120.2).contains(&from) && (120.2..239.0).contains(&to), "{from} to {to}");
         }
     }
 }
