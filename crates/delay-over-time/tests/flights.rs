@@ -20,6 +20,12 @@ fn constant_delays_are_not_called_varying() {
     assert!(all.iter().filter(|f| f.constancy.varies).count() <= 2);
     assert!(all.iter().filter(|f| f.constancy.tested).count() >= 46);
     assert!(all.iter().filter(|f| f.kind == DelayKind::Constant).count() >= 44);
+    let limit = |f: &DelayOverTime| f.remarks.iter().filter(|r| r.contains(" ms or more between ")).count();
+    assert!(
+        all.iter().filter(|f| f.constancy.tested && !f.constancy.varies).all(|f| limit(f) == 1),
+        "{:?}",
+        all[0].remarks
+    );
 }
 
 /// Sum of squared errors over variances of 60 levels: chi-squared with 60 degrees of freedom lies within 35 to 92 with
