@@ -1,6 +1,7 @@
 //! Silence on untouched real flights, and what is found of changes that were injected into them:
-//! `cargo run --release -p delay-over-time --example real_flights FOLDER`. The folder holds one folder for each log, written by
-//! `flightlag export LOG --to csv --out FOLDER/NAME`. Positions are re-timed; nothing else is touched.
+//! `cargo run --release -p delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds one folder for
+//! each log, written by `flightlag export LOG --to csv --out FOLDER/NAME`. Positions are re-timed; nothing else is touched.
+//! A piece of 0 s takes whole flights, injects nothing and says what each costs.
 
 #![allow(clippy::print_stdout, clippy::indexing_slicing, clippy::unwrap_used)]
 
@@ -9,8 +10,9 @@ use record::DelayOverTime;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-/// Longest piece of a flight, s.
+/// Longest piece of a flight unless another is asked for, s.
 const PIECE_S: f64 = 600.0;
 
 #[derive(Clone, Default)]
@@ -155,7 +157,7 @@ fn line(name: &str, f: &DelayOverTime) {
     );
 }
 
-fn pairs(folder: &Path) -> Vec<(String, Series, Series)> {
+fn pairs(folder: &Path, piece_s: f64) -> Vec<(String, Series, Series)> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
     files.sort();
     let mut epoch = None;
@@ -173,7 +175,7 @@ fn pairs(folder: &Path) -> Vec<(String, Series, Series)> {
             }
             let at = motion_times(v);
             let middle = at(0.5);
-            let (from, to) = (middle - 0.5 * PIECE_S, middle + 0.5 * PIECE_S);
+            let (from, to) = (middle - 0.5 * piece_s, middle + 0.5 * piece_s);
             let (p, v) = (cut(p, from, to), cut(v, from - 15.0, to + 5.0));
             if p.t.len() > 30 && v.t.len() > 30 {
                 out.push((format!("{p_name} | {v_name}"), p, v));
@@ -185,44 +187,60 @@ fn pairs(folder: &Path) -> Vec<(String, Series, Series)> {
 
 fn main() {
     let root = PathBuf::from(std::env::args().nth(1).unwrap_or_default());
+    let piece_s = std::env::args().nth(2).and_then(|s| s.parse().ok()).unwrap_or(PIECE_S);
+    let whole = piece_s == 0.0;
     let mut folders: Vec<PathBuf> = fs::read_dir(&root).into_iter().flatten().flatten().map(|f| f.path()).collect();
     folders.sort();
     let changes = [
         ("none", Change::None),
         ("step 150", Change::Step(0.15)),
+        ("step −150", Change::Step(-0.15)),
         ("step 300", Change::Step(0.3)),
         ("step 100", Change::Step(0.1)),
         ("drift 200", Change::Drift(0.2)),
         ("build-up 1 s", Change::BuildUp(1.0)),
     ];
     let mut seen = std::collections::BTreeSet::new();
-    let mut totals: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
+    let mut totals: BTreeMap<&str, [[usize; 2]; 5]> = BTreeMap::new();
     for folder in folders.iter().filter(|f| f.is_dir()) {
-        for (name, p, v) in pairs(folder) {
+        for (name, p, v) in pairs(folder, if whole { f64::INFINITY } else { piece_s }) {
             let name = format!("{}/{name}", folder.file_name().unwrap().to_string_lossy());
             let sum = |x: &[f64]| x.iter().map(|x| x.to_bits()).fold(0u64, |h, x| h.rotate_left(5) ^ x);
             if !seen.insert((sum(&p.north), sum(&p.t), sum(&v.north))) {
                 continue;
             }
+            let from = Instant::now();
             let Some(clean) = run(&p, &v) else { continue };
             line(&name, &clean);
-            let sharp = clean.constancy.detectable_s.is_some_and(|x| x < 0.15);
+            if whole {
+                let ms = 1e3 * from.elapsed().as_secs_f64();
+                println!("   {} fixes, {} terms; {}\n{ms:9.1} ms {name}", p.t.len(), clean.terms.len(), clean.words);
+                continue;
+            }
+            let at = motion_times(&v)(0.5);
             for (what, change) in changes {
                 let found = if what == "none" { Some(clean.clone()) } else { run(&inject(&p, &v, change), &v) };
                 let Some(found) = found.filter(|_| clean.constancy.tested) else { continue };
+                let red = found.constancy.varies;
+                let sharp = |f: &DelayOverTime| f.constancy.detectable_s.is_some_and(|x| x < 0.15);
+                let sees =
+                    |f: &DelayOverTime| f.constancy.detectable_between_s.is_some_and(|[a, b]| a <= at && at <= b);
                 let total = totals.entry(what).or_default();
-                let red = usize::from(found.constancy.varies);
-                total[0] += 1;
-                total[1] += red;
-                total[2] += usize::from(sharp);
-                total[3] += if sharp { red } else { 0 };
-                if sharp && red == 0 && what.contains("150") {
-                    line(&format!("   missed {what}"), &found);
+                let of =
+                    [true, sharp(&clean), sharp(&clean) && sees(&clean), sharp(&found), sharp(&found) && sees(&found)];
+                for (sum, _) in total.iter_mut().zip(of).filter(|x| x.1) {
+                    sum[0] += 1;
+                    sum[1] += usize::from(red);
+                }
+                if !red && what.contains("150") {
+                    line(&format!("   missed {what}, in sight before {} after {}", sees(&clean), sees(&found)), &found);
                 }
             }
         }
     }
-    for (what, [n, red, sharp, found]) in totals {
-        println!("{what:14} red {red:3} of {n:3} tested; where X < 150 ms: {found:3} of {sharp:3}");
+    println!("found of those that are: tested; limit < 150 ms before the change; and in sight; after it; and in sight");
+    for (what, of) in totals {
+        let of: Vec<String> = of.iter().map(|[n, red]| format!("{red:3} of {n:3}")).collect();
+        println!("{what:14} {}", of.join("; "));
     }
 }

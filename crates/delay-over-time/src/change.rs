@@ -1,9 +1,9 @@
 //! The curve of a delay, and its description where it moves (S3, S6, S7).
 
 use crate::bins::{self, Flexible, Noise};
-use crate::coarse::CoarseMap;
+use crate::coarse::{CoarseMap, interpolate};
 use crate::delays::delays;
-use crate::describe::describe;
+use crate::describe::{Description, describe};
 use crate::fixes::Fixes;
 use crate::motion::Motion;
 use crate::noise_shape::Sample;
@@ -21,6 +21,10 @@ const UNEXPLAINED: f64 = 0.6;
 /// A window's squares count up to so many medians.
 const MOST_SQUARES: f64 = 10.0;
 const UNEXPLAINED_WITHOUT_ONE: f64 = 0.7;
+/// Least number of windows that move for this.
+const LEAST_MOVING: usize = 4;
+/// A curve on bins that leaves more than this will not explain enough on the fixes.
+const HOPELESS: f64 = 0.9;
 /// Times that noise and description are found in turn.
 const TURNS: usize = 3;
 /// Bins of the flexible fit: least length, s; number if the delay is constant, and if it varies.
@@ -58,7 +62,11 @@ impl Change<'_> {
         let bins = if varies || moved { BINS_VARYING } else { BINS_CONSTANT };
         let bin_s = BIN_S.max(BIN_FIXES * self.interval_s).max((self.span_s[1] - self.span_s[0]) / bins);
         let flexible = self.flexible(&noise, bin_s, varies || moved, if varies { self.map.constant_s } else { level });
-        let refined = flexible.as_ref().filter(|_| varies || moved).and_then(|f| self.refined(noise, f, bin_s));
+        let refined = match &flexible {
+            Some(f) if varies => self.refined(describe(f, self.inflation()), noise, bin_s),
+            Some(f) if moved => self.refined_if_promising(f, noise, bin_s),
+            _ => None,
+        };
         let mut out = Described { noise, flexible, refined, explained: false };
         // A change has gone into the noise as well: take it out, and look again.
         let turns = match (varies, moved) {
@@ -67,17 +75,15 @@ impl Change<'_> {
             (false, _) => TURNS,
         };
         for _ in 0..turns {
-            let (Some(first), Some(test)) = (out.refined.take(), self.test) else { break };
+            let (Some(first), Some(_)) = (out.refined.take(), self.test) else { break };
             let retimed = self.fixes.retimed(&|t| first.description.at(t) - level);
             let calm = Starts { constant_s: level, path: &|_| level };
             out.noise = noise_about(&retimed, self.motion, &calm, self.interval_s, out.noise, scratch);
             let start = |t: f64| first.description.at(t);
             out.flexible = bins::fit(&self.fixes, self.motion, &out.noise, &start, bin_s).or(out.flexible);
-            let again = out.flexible.as_ref().and_then(|f| self.refined(out.noise, f, bin_s)).unwrap_or(first);
-            let refinement = self.refinement(out.noise, bin_s);
-            let constants = [level, self.map.constant_s];
-            out.explained =
-                !varies && explains(&refinement, &again, &test.windows, self.motion.slow_mps, constants, self.span_s);
+            let again = out.flexible.as_ref().map(|f| describe(f, self.inflation()));
+            let again = again.and_then(|d| self.refined(d, out.noise, bin_s)).unwrap_or(first);
+            out.explained = !varies && self.explains(&again.description, out.noise, bin_s);
             out.refined = Some(again);
         }
         out.refined = out.refined.filter(|_| varies || out.explained);
@@ -107,48 +113,64 @@ impl Change<'_> {
         }
     }
 
-    fn refined(&self, noise: Noise, flexible: &Flexible, bin_s: f64) -> Option<Refined> {
-        let description = describe(flexible, self.inflation());
+    fn refined(&self, description: Description, noise: Noise, bin_s: f64) -> Option<Refined> {
         (!description.terms.is_empty()).then(|| self.refinement(noise, bin_s).refine(description)).flatten()
+    }
+
+    /// Refined only if bins or their description leave less than nearly all: the fixes cannot make much of little.
+    fn refined_if_promising(&self, flexible: &Flexible, noise: Noise, bin_s: f64) -> Option<Refined> {
+        let refinement = self.refinement(noise, bin_s);
+        let on_bins = |t: f64| interpolate(&flexible.middle_s, &flexible.delay_s, t);
+        let description = describe(flexible, self.inflation());
+        let hopeless = |curve: &dyn Fn(f64) -> f64| self.left(&refinement, curve).is_some_and(|l| l.share > HOPELESS);
+        if hopeless(&on_bins) && hopeless(&|t| description.at(t)) {
+            return None;
+        }
+        self.refined(description, noise, bin_s)
+    }
+
+    /// Whether a description that spans much leaves few of the squares that a constant leaves, with any one
+    /// window left out as well. This finds changes that go on in all windows, such as a sawtooth, which windows take for
+    /// scatter.
+    fn explains(&self, description: &Description, noise: Noise, bin_s: f64) -> bool {
+        let spans = Shape::new(description, self.span_s).span_s() >= EXPLAINED_SPAN_S;
+        let left = || self.left(&self.refinement(noise, bin_s), &|t| description.at(t));
+        spans && left().is_some_and(|l| l.share <= UNEXPLAINED && l.without_one <= UNEXPLAINED_WITHOUT_ONE)
+    }
+
+    /// What a curve leaves of the squares of windows; `None` if too few windows move.
+    fn left(&self, refinement: &Refinement, curve: &dyn Fn(f64) -> f64) -> Option<Left> {
+        let windows = &self.test?.windows;
+        let moving: Vec<&Window> = windows.iter().filter(|w| w.speed_mps > self.motion.slow_mps).collect();
+        // Squares per number: one window with a wild fix counts no more than the others do together with the noise.
+        let squares = |at: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            let of = |w: &&Window| {
+                let (squares, fixes) = refinement.squares_between(w.from_s, w.to_s, at);
+                squares / (2 * fixes).max(1) as f64
+            };
+            moving.iter().map(of).collect()
+        };
+        let total = |s: &[f64]| s.iter().sum::<f64>();
+        let mut described = squares(curve);
+        let mut constant = [self.level(), self.map.constant_s].map(|c| squares(&|_| c));
+        for all in &mut constant {
+            let cut = MOST_SQUARES * signal::median_in_place(&mut all.clone()).unwrap_or(0.0);
+            all.iter_mut().for_each(|s| *s = s.min(cut));
+        }
+        let constant = if total(&constant[0]) < total(&constant[1]) { &constant[0] } else { &constant[1] };
+        let cut = MOST_SQUARES * signal::median_in_place(&mut constant.clone()).unwrap_or(0.0);
+        described.iter_mut().for_each(|s| *s = s.min(cut));
+        let (left, all) = (total(&described), total(constant));
+        let without = |(d, c): (&f64, &f64)| (left - d) / (all - c).max(1e-300);
+        let without_one = described.iter().zip(constant).map(without).fold(0.0, f64::max);
+        (moving.len() >= LEAST_MOVING && all > 0.0).then_some(Left { share: left / all, without_one })
     }
 }
 
-/// Whether a description that spans much leaves at most half of the squares that a constant leaves, with any one window
-/// left out as well. This finds changes that go on in all windows, such as a sawtooth, which windows take for scatter.
-fn explains(
-    refinement: &Refinement,
-    refined: &Refined,
-    windows: &[Window],
-    slow_mps: f64,
-    constants: [f64; 2],
-    span_s: [f64; 2],
-) -> bool {
-    let description = &refined.description;
-    if Shape::new(description, span_s).span_s() < EXPLAINED_SPAN_S {
-        return false;
-    }
-    let moving: Vec<&Window> = windows.iter().filter(|w| w.speed_mps > slow_mps).collect();
-    // Squares per number: one window with a wild fix counts no more than the others do together with the noise.
-    let squares = |at: &dyn Fn(f64) -> f64| -> Vec<f64> {
-        let of = |w: &&Window| {
-            let (squares, fixes) = refinement.squares_between(w.from_s, w.to_s, at);
-            squares / (2 * fixes).max(1) as f64
-        };
-        moving.iter().map(of).collect()
-    };
-    let total = |s: &[f64]| s.iter().sum::<f64>();
-    let mut described = squares(&|t| description.at(t));
-    let mut constant = constants.map(|c| squares(&|_| c));
-    for all in &mut constant {
-        let cut = MOST_SQUARES * signal::median_in_place(&mut all.clone()).unwrap_or(0.0);
-        all.iter_mut().for_each(|s| *s = s.min(cut));
-    }
-    let constant = if total(&constant[0]) < total(&constant[1]) { &constant[0] } else { &constant[1] };
-    let cut = MOST_SQUARES * signal::median_in_place(&mut constant.clone()).unwrap_or(0.0);
-    described.iter_mut().for_each(|s| *s = s.min(cut));
-    let (left, all) = (total(&described), total(constant));
-    let without = |(d, c): (&f64, &f64)| left - d <= UNEXPLAINED_WITHOUT_ONE * (all - c);
-    moving.len() >= 4 && left <= UNEXPLAINED * all && described.iter().zip(constant).all(without)
+/// Share of the squares about the better constant that a curve leaves, and the most with any one window left out.
+struct Left {
+    share: f64,
+    without_one: f64,
 }
 
 /// Noise of windows at the delays of `starts`; the jitter is that of `noise`.

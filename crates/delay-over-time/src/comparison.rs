@@ -8,6 +8,10 @@ const MEDIAN_CHI_SQUARED: f64 = 0.454_936_423;
 const MOST_SCATTER_S: f64 = 1.0;
 /// A part of the flight has at least this share of the weight.
 const LEAST_SHARE: f64 = 0.02;
+/// Windows on either side of a step that is seen with any one left out.
+const LEAST_WINDOWS: usize = 3;
+/// Variance of a step there over that at the best place: up to a tenth of the weight on one side.
+const NEARLY_AS_WELL: f64 = 2.8;
 
 /// Median of the squared differences of neighbours over their variances as it should be: a few changes do not count.
 fn excess_scatter(delay: &[f64], square: &[f64], room: &mut Vec<f64>) -> f64 {
@@ -151,10 +155,28 @@ impl Room {
     }
 
     /// Standard uncertainty of a step at half the weight.
-    pub(crate) fn half_uncertainty(&self) -> Option<f64> {
-        let half = self.weights.partition_point(|w| *w < 0.5 * self.total);
-        let rest = self.total - self.weights.get(half)?;
-        (half < self.weight.len() && rest > 1e-9 * self.total).then(|| (1.0 / self.weights[half] + 1.0 / rest).sqrt())
+    pub(crate) fn half_uncertainty(&self) -> f64 {
+        let half = self.weights.partition_point(|w| *w < 0.5 * self.total).min(self.weight.len() - 1).max(1);
+        (1.0 / self.weights[half] + 1.0 / (self.total - self.weights[half])).sqrt()
+    }
+
+    /// Where a step would be seen nearly as well as at the best place, and its standard uncertainty at the worst of these
+    /// places with any one window left out: first and last window that begin the part after the step.
+    pub(crate) fn sight(&self) -> Option<(f64, [usize; 2])> {
+        let n = self.weight.len();
+        let heaviest = |from: usize, to: usize| self.weight[from..to].iter().copied().fold(0.0, f64::max);
+        let variance = |k: usize| {
+            let (before, after) = (self.weights[k], self.total - self.weights[k]);
+            let first = 1.0 / (before - heaviest(0, k)) + 1.0 / after;
+            first.max(1.0 / before + 1.0 / (after - heaviest(k, n)))
+        };
+        let places = LEAST_WINDOWS..(n + 1).saturating_sub(LEAST_WINDOWS);
+        let best = places.clone().min_by(|a, b| variance(*a).total_cmp(&variance(*b)))?;
+        let near = |k: &usize| variance(*k) <= NEARLY_AS_WELL * variance(best);
+        let from = (places.start..=best).rev().take_while(near).last()?;
+        let to = (best..places.end).take_while(near).last()?;
+        let worst = (from..=to).map(variance).fold(0.0, f64::max);
+        worst.is_finite().then(|| (worst.sqrt(), [from, to]))
     }
 }
 
@@ -223,4 +245,34 @@ fn strength(sum: f64, weight: f64, total: f64) -> f64 {
     let rest = total - weight;
     let q = sum * sum * total / (weight * rest);
     if weight > LEAST_SHARE * total && rest > LEAST_SHARE * total { q } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sight(uncertainty_s: &[f64]) -> Option<(f64, [usize; 2])> {
+        let n = uncertainty_s.len();
+        let square: Vec<f64> = uncertainty_s.iter().map(|u| u * u).collect();
+        let middle: Vec<f64> = (0..n).map(|k| 10.0 * k as f64).collect();
+        let mut room = Room::new(n);
+        room.strengths(&vec![0.2; n], &square, &middle);
+        room.sight()
+    }
+
+    /// Twelve equal windows: at the worst place two are left before the step and nine are after it.
+    #[test]
+    fn the_limit_holds_at_the_worst_place_with_any_window_left_out() {
+        let (u, between) = sight(&[0.01; 12]).unwrap();
+        assert!((u - 0.01 * (1.0 / 2.0 + 1.0 / 9.0f64).sqrt()).abs() < 1e-12, "{u}");
+        assert_eq!(between, [3, 9]);
+    }
+
+    #[test]
+    fn a_part_that_knows_little_is_not_promised() {
+        let bad_first: Vec<f64> = (0..12).map(|k| if k < 5 { 0.1 } else { 0.01 }).collect();
+        let [from, to] = sight(&bad_first).unwrap().1;
+        assert_eq!([from, to], [7, 9], "two good windows before the step, of which one may be left out");
+        assert!(sight(&[0.01; 5]).is_none());
+    }
 }

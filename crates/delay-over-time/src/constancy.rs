@@ -24,8 +24,11 @@ pub(crate) struct Comparison {
     pub(crate) difference: Effect,
     /// Least difference that counts, s.
     pub(crate) limit_s: f64,
-    /// A lasting change of this size would have been seen, s; `None` if one half holds nearly all.
+    /// A lasting change of this size would have been seen, s, between these instants, s; `None` if one window knows all.
     pub(crate) detectable_s: Option<f64>,
+    pub(crate) between_s: Option<[f64; 2]>,
+    /// The same of a step at half the weight: windows of the length for which it is least are taken, s.
+    pub(crate) at_best_s: f64,
     /// Trend, s/s.
     pub(crate) rate: Effect,
     /// Scatter from which constant delays are drawn, s.
@@ -42,8 +45,10 @@ pub(crate) fn compare(d: &Delays, settings: &OverTimeSettings) -> Comparison {
     let rate = Effect { size: room.slope.size / length, uncertainty: room.slope.uncertainty / length };
     let limit_s =
         (settings.least_change_share * level.size.abs()).min(settings.largest_limit_s).max(settings.least_change_s);
-    let half = room.half_uncertainty();
-    let detectable_s = half.map(|se| (limit_s + 3.3 * se).max(4.5 * se));
+    let half_s = room.half_uncertainty();
+    let sight = room.sight();
+    let detectable_s = sight.map(|(se, _)| (limit_s + 3.3 * se).max(4.5 * se));
+    let between_s = sight.map(|(_, [from, to])| [d.middle_s[from - 1], d.middle_s[to]]);
     let difference = room.largest_difference();
     let null_scatter_s = room.scatter;
     Comparison {
@@ -52,6 +57,8 @@ pub(crate) fn compare(d: &Delays, settings: &OverTimeSettings) -> Comparison {
         difference,
         limit_s,
         detectable_s,
+        between_s,
+        at_best_s: (limit_s + 3.3 * half_s).max(4.5 * half_s),
         rate,
         null_scatter_s,
         strengths: found,

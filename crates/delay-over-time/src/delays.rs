@@ -61,26 +61,62 @@ pub(crate) fn delays(windows: &[Window]) -> Option<Delays> {
     // A variance from few fixes is drawn towards the usual one: windows that are good by chance weigh too much.
     let shrunk = |w: &Window| (w.free * w.variance + USUAL_FREE * typical) / (w.free + USUAL_FREE);
     let variance = |w: &Window| shrunk(w).max(LEAST_VARIANCE * typical).max(1e-12) * inflation;
-    let mut normal = [1.0 / PRIOR[0].powi(2), 0.0, 1.0 / PRIOR[1].powi(2)];
-    let mut right = [0.0; 2];
-    for w in windows {
-        let k = 1.0 / variance(w);
-        let [d, ds, dl, ss, sl, ll] = w.products;
-        let b = [ds / d, dl / d];
-        normal[0] += k * (ss - b[0] * b[0] * d);
-        normal[1] += k * (sl - b[0] * b[1] * d);
-        normal[2] += k * (ll - b[1] * b[1] * d);
-        right[0] += k * (w.scores[1] - b[0] * w.scores[0]);
-        right[1] += k * (w.scores[2] - b[1] * w.scores[0]);
-    }
-    let det = normal[0] * normal[2] - normal[1] * normal[1];
-    let c = [normal[2] / det, -normal[1] / det, normal[0] / det];
-    let g = [c[0] * right[0] + c[1] * right[1], c[1] * right[0] + c[2] * right[1]];
-    let effects = [Effect { size: g[0], uncertainty: c[0].sqrt() }, Effect { size: g[1], uncertainty: c[2].sqrt() }];
+    let (effects, c) = common(windows, &variance);
     let mut out = freed(windows, &variance, effects, c)?;
     out.white_m = typical.sqrt();
     out.inflation = inflation;
     Some(out)
+}
+
+/// What a window says of the two effects: products of their columns without the delay's, and with the residual.
+#[derive(Clone, Copy)]
+struct Said {
+    normal: [f64; 3],
+    right: [f64; 2],
+}
+
+impl Said {
+    fn plus(&self, other: &Said, sign: f64) -> Said {
+        Said {
+            normal: [0, 1, 2].map(|i| self.normal[i] + sign * other.normal[i]),
+            right: [0, 1].map(|i| self.right[i] + sign * other.right[i]),
+        }
+    }
+
+    /// Covariance and sizes.
+    fn solved(&self) -> ([f64; 3], [f64; 2]) {
+        let [a, b, d] = self.normal;
+        let det = a * d - b * b;
+        let c = [d / det, -b / det, a / det];
+        (c, [c[0] * self.right[0] + c[1] * self.right[1], c[1] * self.right[0] + c[2] * self.right[1]])
+    }
+}
+
+/// Speed later than direction and antenna ahead, with their covariance: no better than windows agree on them. A window
+/// across a step asks for the effect that happens to resemble it, and seems to know it well (jackknife).
+fn common(windows: &[Window], variance: &dyn Fn(&Window) -> f64) -> ([Effect; 2], [f64; 3]) {
+    let of = |w: &Window| {
+        let k = 1.0 / variance(w);
+        let [d, ds, dl, ss, sl, ll] = w.products;
+        let b = [ds / d, dl / d];
+        Said {
+            normal: [ss - b[0] * b[0] * d, sl - b[0] * b[1] * d, ll - b[1] * b[1] * d].map(|x| k * x),
+            right: [0, 1].map(|i| k * (w.scores[i + 1] - b[i] * w.scores[0])),
+        }
+    };
+    let all: Vec<Said> = windows.iter().map(of).collect();
+    let prior = Said { normal: [PRIOR[0].powi(-2), 0.0, PRIOR[1].powi(-2)], right: [0.0; 2] };
+    let sum = all.iter().fold(prior, |s, x| s.plus(x, 1.0));
+    let (c, size) = sum.solved();
+    let without: Vec<[f64; 2]> = all.iter().map(|x| sum.plus(x, -1.0).solved().1).collect();
+    let n = windows.len() as f64;
+    let widen = [0, 1].map(|i| {
+        let mean = without.iter().map(|w| w[i]).sum::<f64>() / n;
+        let jackknife = without.iter().map(|w| (w[i] - mean).powi(2)).sum::<f64>() * (n - 1.0) / n;
+        (jackknife / c[2 * i]).max(1.0).sqrt()
+    });
+    let c = [c[0] * widen[0] * widen[0], c[1] * widen[0] * widen[1], c[2] * widen[1] * widen[1]];
+    ([0, 1].map(|i| Effect { size: size[i], uncertainty: c[2 * i].sqrt() }), c)
 }
 
 /// How much the scores hang together: their Bartlett sums over what the model says, pooled. A window across a step counts
@@ -169,5 +205,40 @@ impl Delays {
 
     pub(crate) fn len(&self) -> usize {
         self.delay_s.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten windows that know lag and lever equally well; each asks for its `lag_s`.
+    fn lag_of(lag_s: [f64; 10]) -> Effect {
+        let window = |(k, lag): (usize, f64)| Window {
+            from_s: 10.0 * k as f64,
+            to_s: 10.0 * k as f64 + 10.0,
+            middle_s: 10.0 * k as f64 + 5.0,
+            delay_s: 0.2,
+            information: 1e4,
+            variance: 1.0,
+            free: 95.0,
+            score_variance: 1e4,
+            speed_mps: 15.0,
+            products: [1e4, 0.0, 0.0, 1e4, 0.0, 1.0],
+            scores: [0.0, 1e4 * lag, 0.0],
+        };
+        let windows: Vec<Window> = lag_s.into_iter().enumerate().map(window).collect();
+        delays(&windows).unwrap().speed_lag_s
+    }
+
+    #[test]
+    fn an_effect_is_as_sure_as_windows_agree_on_it() {
+        // Information 1e4 per s² from each of ten windows: 1 / √1e5 s.
+        let agreed = lag_of([0.05; 10]);
+        assert!((agreed.uncertainty - 1e-5f64.sqrt()).abs() < 1e-5 && agreed.is_sure(), "{agreed:?}");
+        // One window asks for half a second and nine for nothing: the mean is 50 ± 50 ms.
+        let one = lag_of([0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert!((one.size - 0.05).abs() < 1e-4 && (one.uncertainty - 0.05).abs() < 1e-3, "{one:?}");
+        assert!(!one.is_sure());
     }
 }

@@ -55,25 +55,38 @@ struct Dictionary {
 
 /// The cheapest description; `inflation` is what autocorrelation adds to variances.
 pub(crate) fn describe(fit: &Flexible, inflation: f64) -> Description {
-    let steps = greedy(&Dictionary::new(fit, inflation, false));
-    let both = greedy(&Dictionary::new(fit, inflation, true));
+    let dictionary = Dictionary::of(&fit.a, &fit.z, &fit.middle_s, inflation);
+    let steps = greedy(&dictionary.steps_only());
+    let both = greedy(&dictionary);
     if both.0 - steps.0 > BENDS_MUST_WIN { both.1 } else { steps.1 }
 }
 
 impl Dictionary {
-    fn new(fit: &Flexible, inflation: f64, bends: bool) -> Dictionary {
-        let bins = fit.middle_s.len();
-        let m = &fit.middle_s;
+    fn of(a: &DMatrix<f64>, z: &DVector<f64>, m: &[f64], inflation: f64) -> Dictionary {
+        let bins = m.len();
         let mut kinds = vec![(DelayTermKind::Step, f64::MIN)];
         kinds.extend(m.windows(2).map(|w| (DelayTermKind::Step, 0.5 * (w[0] + w[1]))));
-        if bends && bins > 1 {
-            kinds.extend(m[..bins - 1].iter().map(|m| (DelayTermKind::Bend, *m)));
+        kinds.extend(m[..bins.saturating_sub(1)].iter().map(|m| (DelayTermKind::Bend, *m)));
+        let mut half = DMatrix::zeros(kinds.len(), bins);
+        for (column, mut out) in a.column_iter().zip(half.column_iter_mut()) {
+            out.copy_from_slice(&products_with(column.iter(), m));
         }
-        let column = |i: usize, j: usize| Term { kind: kinds[j].0, at_s: kinds[j].1, size: 0.0 }.column(m[i]);
-        let columns = DMatrix::from_fn(bins, kinds.len(), column);
-        let products = columns.tr_mul(&(&fit.a * &columns)) / inflation;
-        let with_data = columns.tr_mul(&fit.z) / inflation;
-        Dictionary { kinds, products, with_data, price: PRICE + 2.0 * (bins as f64).ln() }
+        let mut products = DMatrix::zeros(kinds.len(), kinds.len());
+        for (row, mut out) in half.row_iter().zip(products.column_iter_mut()) {
+            out.copy_from_slice(&products_with(row.iter(), m));
+        }
+        let with_data = DVector::from_vec(products_with(z.iter(), m)) / inflation;
+        Dictionary { kinds, products: products / inflation, with_data, price: PRICE + 2.0 * (bins as f64).ln() }
+    }
+
+    fn steps_only(&self) -> Dictionary {
+        let n = self.kinds.iter().filter(|k| k.0 == DelayTermKind::Step).count();
+        Dictionary {
+            kinds: self.kinds[..n].to_vec(),
+            products: self.products.view((0, 0), (n, n)).into_owned(),
+            with_data: self.with_data.rows(0, n).into_owned(),
+            price: self.price,
+        }
     }
 
     /// Gain of each further column given `chosen`, the coefficients of these, and what they gain.
@@ -91,11 +104,31 @@ impl Dictionary {
         let right = DVector::from_fn(n, |i, _| self.with_data[chosen[i]] * scale[i]);
         let solved = factor.solve(&right);
         let gained = right.dot(&solved);
+        let lower = factor.l_dirty();
+        // Forward substitution, all columns at once: the rows of `within` are what each chosen column adds to the span.
+        let mut within: Vec<Vec<f64>> = Vec::with_capacity(n);
+        let mut left: Vec<f64> = self.with_data.iter().copied().collect();
+        let mut free: Vec<f64> = self.products.diagonal().iter().copied().collect();
+        for (i, &c) in chosen.iter().enumerate() {
+            // The products are symmetric: a column is a row.
+            let mut row: Vec<f64> = self.products.column(c).iter().map(|p| p * scale[i]).collect();
+            for (k, before) in within.iter().enumerate() {
+                let share = lower[(i, k)];
+                row.iter_mut().zip(before).for_each(|(r, b)| *r -= share * b);
+            }
+            let pivot = lower[(i, i)].recip();
+            for ((r, f), (l, p)) in
+                row.iter_mut().zip(&mut free).zip(left.iter_mut().zip(self.products.column(c).iter()))
+            {
+                *r *= pivot;
+                *f -= *r * *r;
+                *l -= p * scale[i] * solved[i];
+            }
+            within.push(row);
+        }
         let gain = |j: usize| {
-            let with = DVector::from_fn(n, |i, _| self.products[(chosen[i], j)] * scale[i]);
-            let g = self.with_data[j] - with.dot(&solved);
-            let h = self.products[(j, j)] - with.dot(&factor.solve(&with));
-            if h > 1e-3 * self.products[(j, j)] + 1e-9 { g * g / h } else { 0.0 }
+            let known = free[j] > 1e-3 * self.products[(j, j)] + 1e-9;
+            if known { left[j] * left[j] / free[j] } else { 0.0 }
         };
         let gains = (0..self.kinds.len()).map(gain).collect();
         let values = DVector::from_fn(n, |i, _| solved[i] * scale[i]);
@@ -151,6 +184,27 @@ impl Dictionary {
     }
 }
 
+/// Products of a row of values on the bins with all columns: a step's is the sum from its bin on, a bend's the sum of the
+/// steps after it times their spacing.
+fn products_with<'a>(
+    values: impl DoubleEndedIterator<Item = &'a f64> + ExactSizeIterator,
+    middle_s: &[f64],
+) -> Vec<f64> {
+    let bins = middle_s.len();
+    let mut out = vec![0.0; (2 * bins).saturating_sub(1)];
+    let (steps, bends) = out.split_at_mut(bins);
+    let (mut step, mut bend) = (0.0, 0.0);
+    for (k, value) in values.enumerate().rev() {
+        step += value;
+        steps[k] = step;
+        if k > 0 {
+            bend += step * (middle_s[k] - middle_s[k - 1]);
+            bends[k - 1] = bend;
+        }
+    }
+    out
+}
+
 /// Score and description. The constant is always the first column.
 fn greedy(d: &Dictionary) -> (f64, Description) {
     let mut chosen = vec![0];
@@ -184,4 +238,36 @@ fn greedy(d: &Dictionary) -> (f64, Description) {
     let mut list: Vec<Term> = chosen.iter().zip(values.iter()).skip(1).map(term).collect();
     list.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
     (score, Description { level_s: values[0], terms: list })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Products and gains against their definitions, on 6 bins of unequal spacing.
+    #[test]
+    fn sums_over_bins_are_the_products_of_the_columns() {
+        let middle_s = vec![1.0, 3.0, 5.5, 7.0, 9.0, 12.0];
+        let a = DMatrix::from_fn(6, 6, |i, j| (-(i.abs_diff(j) as f64)).exp() * (4.0 + (i + j) as f64));
+        let z = DVector::from_fn(6, |i, _| (1.7 * i as f64).sin());
+        let d = Dictionary::of(&a, &z, &middle_s, 2.0);
+        assert_eq!(d.kinds.len(), 11);
+        let column = |j: usize| {
+            let term = Term { kind: d.kinds[j].0, at_s: d.kinds[j].1, size: 0.0 };
+            DVector::from_fn(6, |i, _| term.column(middle_s[i]))
+        };
+        for i in 0..11 {
+            assert!((d.with_data[i] - column(i).dot(&z) / 2.0).abs() < 1e-12);
+            for j in 0..11 {
+                assert!((d.products[(i, j)] - column(i).dot(&(&a * column(j))) / 2.0).abs() < 1e-9);
+            }
+        }
+        // The gain of a column is what the squares fall by when it joins.
+        let (gains, _, gained) = d.gains(&[0, 3]).unwrap();
+        for j in [1, 4, 7] {
+            let more = d.gains(&[0, 3, j]).unwrap().2;
+            assert!((gains[j] - (more - gained)).abs() < 1e-6 * more, "{j}: {} {}", gains[j], more - gained);
+        }
+        assert_eq!(d.steps_only().kinds.len(), 6);
+    }
 }

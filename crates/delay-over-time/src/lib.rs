@@ -17,6 +17,7 @@ mod jitter;
 mod motion;
 mod noise_shape;
 mod odd;
+mod parts;
 mod refine;
 mod settings;
 mod shape;

@@ -4,7 +4,7 @@ use crate::bins::Noise;
 use crate::describe::{Description, Term};
 use crate::fixes::Fixes;
 use crate::motion::Motion;
-use crate::whitening::{Step, offset_and_drift, steps};
+use crate::parts::{Filters, Part, Seen, Sight};
 use nalgebra::{DMatrix, DVector};
 use record::DelayTermKind;
 use std::ops::Range;
@@ -149,43 +149,23 @@ impl Refinement<'_> {
         n: usize,
         columns: &dyn Fn(f64, &mut Vec<f64>),
     ) -> Part {
-        let mut part = Part { normal: DMatrix::zeros(n, n), right: DVector::zeros(n), rss: 0.0 };
-        let (mut t, mut e, mut v, mut x) = (vec![], vec![], vec![], vec![]);
+        let mut sight = Sight::default();
         let mut hint = 0;
-        let mut origin = None;
         for k in rows {
             let stamp = self.fixes.t[k];
-            let q = stamp - at(stamp);
-            if !self.motion.knows(q) {
-                continue;
+            if let Some(seen) = self.seen(k, stamp - at(stamp), &mut hint) {
+                sight.push(stamp, &seen);
+                columns(stamp, &mut sight.columns);
             }
-            let s = self.motion.at(q, &mut hint);
-            let r = [self.fixes.y[k][0] - s.place[0], self.fixes.y[k][1] - s.place[1]];
-            let o = *origin.get_or_insert(r);
-            t.push(stamp);
-            e.push([r[0] - o[0], r[1] - o[1]]);
-            v.push(s.velocity);
-            columns(stamp, &mut x);
         }
-        if t.len() < 8 {
-            return part;
-        }
-        let (mut filter, mut basis) = (vec![], vec![]);
-        for axis in 0..2 {
-            let extra = |k: usize| (self.noise.shape.jitter * v[k][axis]).powi(2);
-            steps(&t, &self.noise.shape, extra, &mut filter);
-            offset_and_drift(&t, &filter, &mut basis);
-            let row = |k: usize, c: usize| match c {
-                c if c == n => e[k][axis],
-                c => -v[k][axis] * x[k * n + c],
-            };
-            part.add(&filter, &basis, n, &row);
-        }
-        let scale = 1.0 / (self.noise.white_m * self.noise.white_m);
-        part.normal *= scale;
-        part.right *= scale;
-        part.rss *= scale;
-        part
+        Part::of(&sight, n, &self.noise, &mut Filters::default())
+    }
+
+    /// Residual and velocity of fix `k` if it shows the motion at `q`; `None` outside the velocity's record.
+    fn seen(&self, k: usize, q: f64, hint: &mut usize) -> Option<Seen> {
+        let s = self.motion.knows(q).then(|| self.motion.at(q, hint))?;
+        let y = self.fixes.y[k];
+        Some(Seen { e: [y[0] - s.place[0], y[1] - s.place[1]], v: s.velocity })
     }
 
     /// Two steps within a few bins may be one step within a bin: asks the fixes.
@@ -298,63 +278,28 @@ impl Refinement<'_> {
         let interval = crate::motion::usual_interval(self.fixes.t.get(rows.clone()).unwrap_or(&[]));
         let step = SCAN_STEP_S.max(interval).max((range[1] - range[0]) / 100.0);
         let count = ((range[1] - range[0]) / step) as usize;
-        let cost = |k: usize| {
-            let at_s = range[0] + step * k as f64;
-            let mut moved = d.clone();
-            moved.terms[i].at_s = at_s;
-            let edge = moved.terms[i];
-            let columns = |t: f64, x: &mut Vec<f64>| x.extend([1.0, edge.column(t)]);
-            (at_s, self.part(rows.clone(), &|t| moved.at(t), 2, &columns).least() / self.inflation)
+        // Each fix shows one of two motions: before the edge, and after it.
+        let (edge, mut hints) = (d.terms[i], [0, 0]);
+        let mut without = d.clone();
+        without.terms.remove(i);
+        let both = |k: usize| {
+            let q = self.fixes.t[k] - without.at(self.fixes.t[k]);
+            [self.seen(k, q, &mut hints[0]), self.seen(k, q - edge.size, &mut hints[1])]
         };
-        (0..=count).map(cost).filter(|c| c.1.is_finite()).collect()
-    }
-}
-
-/// Normal equations of some fixes.
-struct Part {
-    normal: DMatrix<f64>,
-    right: DVector<f64>,
-    rss: f64,
-}
-
-impl Part {
-    /// Adds one axis: `row(k, c)` is column c at row k, the residual at c = n.
-    fn add(&mut self, filter: &[Step], basis: &[[f64; 2]], n: usize, row: &dyn Fn(usize, usize) -> f64) {
-        let mut wander = vec![0.0; n + 1];
-        let mut white = vec![0.0; n + 1];
-        let mut with = vec![[0.0; 2]; n + 1];
-        for (k, (step, q)) in filter.iter().zip(basis).enumerate() {
-            for c in 0..=n {
-                let innovation = row(k, c) - wander[c];
-                white[c] = innovation * step.weight;
-                wander[c] = step.decay * (wander[c] + step.gain * innovation);
-                with[c][0] += white[c] * q[0];
-                with[c][1] += white[c] * q[1];
-            }
-            for i in 0..n {
-                for j in 0..=i {
-                    self.normal[(i, j)] += white[i] * white[j];
+        let seen: Vec<[Option<Seen>; 2]> = rows.clone().map(both).collect();
+        let (mut sight, mut filters) = (Sight::default(), Filters::default());
+        let mut cost = |k: usize| {
+            let at_s = range[0] + step * k as f64;
+            sight.clear();
+            for (t, seen) in self.fixes.t[rows.clone()].iter().zip(&seen) {
+                let after = *t >= at_s;
+                if let Some(seen) = &seen[usize::from(after)] {
+                    sight.push(*t, seen);
+                    sight.columns.extend([1.0, f64::from(after)]);
                 }
-                self.right[i] += white[i] * white[n];
             }
-            self.rss += white[n] * white[n];
-        }
-        for i in 0..n {
-            for j in 0..=i {
-                self.normal[(i, j)] -= with[i][0] * with[j][0] + with[i][1] * with[j][1];
-                self.normal[(j, i)] = self.normal[(i, j)];
-            }
-            self.right[i] -= with[i][0] * with[n][0] + with[i][1] * with[n][1];
-        }
-        self.rss -= with[n][0] * with[n][0] + with[n][1] * with[n][1];
-    }
-
-    /// Square of the residuals with the columns at their best.
-    fn least(&self) -> f64 {
-        let mut ridged = self.normal.clone();
-        for i in 0..ridged.nrows() {
-            ridged[(i, i)] += 1e-9 * ridged[(i, i)].max(1e-12);
-        }
-        ridged.cholesky().map_or(self.rss, |f| self.rss - self.right.dot(&f.solve(&self.right)))
+            (at_s, Part::of(&sight, 2, &self.noise, &mut filters).least() / self.inflation)
+        };
+        (0..=count).map(&mut cost).filter(|c| c.1.is_finite()).collect()
     }
 }

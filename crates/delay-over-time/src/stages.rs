@@ -304,7 +304,7 @@ fn best_test(
         let length_s = windows.iter().map(|w| w.to_s - w.from_s).sum::<f64>() / windows.len() as f64;
         Some(Test { windows, length_s, all, known, comparison, decision: None })
     };
-    let detectable = |t: &Test| t.comparison.as_ref().map_or(f64::MAX, |c| c.detectable_s.unwrap_or(1e6));
+    let detectable = |t: &Test| t.comparison.as_ref().map_or(f64::MAX, |c| c.at_best_s);
     let tests: Vec<Test> = lengths.into_iter().filter_map(test).collect();
     let mut best = tests.into_iter().reduce(|a, b| if detectable(&b) < detectable(&a) { b } else { a })?;
     best.decision = best.comparison.as_ref().map(|c| decide(&best.known, c, settings));

@@ -116,6 +116,7 @@ fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy,
         limit_s: settings.least_change_s,
         scatter_s: None,
         detectable_s: None,
+        detectable_between_s: None,
         left_out_window_s: None,
         window_delays: vec![],
         note: None,
@@ -133,6 +134,7 @@ fn constancy_of(test: Option<&Test>, settings: &OverTimeSettings) -> (Constancy,
     out.limit_s = c.limit_s;
     out.scatter_s = Some(c.scatter_s);
     out.detectable_s = c.detectable_s;
+    out.detectable_between_s = c.between_s;
     out.difference_s = estimate(c.difference);
     let window = |row: usize| test.known.window.get(row).and_then(|w| test.windows.get(*w)).map(|w| [w.from_s, w.to_s]);
     out.left_out_window_s = d.left_out.and_then(window);

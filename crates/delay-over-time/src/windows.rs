@@ -13,7 +13,7 @@ const STEADY_S: f64 = 1e-3;
 /// A start at the path must win by this much in −2 log likelihood of the window's own noise.
 const PATH_MUST_WIN: f64 = 12.0;
 /// Difference of path and constant above which both are starts, s.
-const STARTS_APART_S: f64 = 0.1;
+const STARTS_APART_S: f64 = 0.03;
 /// Span of the Bartlett sum of the scores, s.
 const SCORE_SPAN_S: f64 = 2.0;
 

@@ -15,15 +15,11 @@ const SHORTEST_S: f64 = 120.0;
 pub(crate) fn sentence(found: &Found, v: &Verdict) -> String {
     let mut text = match v.kind {
         DelayKind::CannotTell => cannot_tell(found, v),
-        DelayKind::NotTested => format!(
-            "{}. Whether this changes could not be tested: {} of the 8 windows needed know their delay.",
-            late(v.level),
-            v.constancy.windows
-        ),
-        DelayKind::OnTime => format!("Position and velocity agree in time: {}.{}", late(v.level), seen(v)),
+        DelayKind::NotTested => format!("{}. {}", late(v.level), seen(found, v)),
+        DelayKind::OnTime => format!("Position and velocity agree in time: {}. {}", late(v.level), seen(found, v)),
         DelayKind::Constant | DelayKind::Early => match &v.constancy.note {
             Some(note) => format!("{} on average. {note}", late(v.level)),
-            None => format!("{}, the same all through the flight.{}", late(v.level), seen(v)),
+            None => format!("{}, the same all through the flight. {}", late(v.level), seen(found, v)),
         },
         _ => changes(found, v),
     };
@@ -52,11 +48,25 @@ fn late(level: Option<Effect>) -> String {
     }
 }
 
-fn seen(v: &Verdict) -> String {
-    match v.constancy.detectable_s {
-        Some(x) if x <= 0.15 => format!(" A lasting change of {} or more would have been seen.", milliseconds(x)),
-        Some(x) => format!(" As far as can be seen: only a change of {} or more would have shown.", milliseconds(x)),
-        None => String::new(),
+/// The change that would have been seen, and when, after the first fix.
+fn seen(found: &Found, v: &Verdict) -> String {
+    if !v.constancy.tested {
+        let windows = v.constancy.windows;
+        return format!(
+            "Whether the delay changes could not be tested: {windows} of the 8 windows needed know their delay."
+        );
+    }
+    let (Some(x), Some(between)) = (v.constancy.detectable_s, v.constancy.detectable_between_s) else {
+        return "No change would have been seen: one window knows nearly all.".to_owned();
+    };
+    let [from, to] = between.map(|t| t - found.span_s[0]);
+    let change = milliseconds(x);
+    if x <= 0.15 {
+        format!("A lasting change of {change} or more between {from:.0} s and {to:.0} s would have been seen.")
+    } else {
+        format!(
+            "As far as can be seen: only a change of {change} or more between {from:.0} s and {to:.0} s would have shown."
+        )
     }
 }
 
@@ -168,6 +178,9 @@ pub(crate) fn what_to_fly(found: &Found, v: &Verdict, settings: &OverTimeSetting
 /// What else could look like this delay.
 pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
     let mut out = vec![];
+    if v.unknown.is_none() && !v.kind.varies() {
+        out.push(seen(found, v));
+    }
     if let Some(test) = &found.test {
         let lever = test.all.lever_m;
         if let Some(l) = sure(lever) {

@@ -20,6 +20,12 @@ fn constant_delays_are_not_called_varying() {
     assert!(all.iter().filter(|f| f.constancy.varies).count() <= 2);
     assert!(all.iter().filter(|f| f.constancy.tested).count() >= 46);
     assert!(all.iter().filter(|f| f.kind == DelayKind::Constant).count() >= 44);
+    let limit = |f: &DelayOverTime| f.remarks.iter().filter(|r| r.contains(" ms or more between ")).count();
+    assert!(
+        all.iter().filter(|f| f.constancy.tested && !f.constancy.varies).all(|f| limit(f) == 1),
+        "{:?}",
+        all[0].remarks
+    );
 }
 
 /// Sum of squared errors over variances of 60 levels: chi-squared with 60 degrees of freedom lies within 35 to 92 with
@@ -46,6 +52,8 @@ fn steps_are_found_with_instant_and_size() {
             assert!((step.at_s - 120.2).abs() <= 1.0, "{step:?}");
             assert!((step.size - 0.15).abs() < 4.0 * step.standard_uncertainty.max(0.01), "{step:?}");
             assert!(f.configured_contradicted.is_none() && f.span_s > 0.1);
+            let [from, to] = f.constancy.detectable_between_s.unwrap();
+            assert!((1.0..120.2).contains(&from) && (120.2..239.0).contains(&to), "{from} to {to}");
         }
     }
 }

@@ -156,6 +156,9 @@ pub struct Constancy {
     /// A lasting change of this size or more would have been seen, s; `None` if not tested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detectable_s: Option<f64>,
+    /// From when to when such a change would have been seen, s; nothing is promised before and after.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detectable_between_s: Option<[f64; 2]>,
     /// Window without which the change would not have been called one, s from and to; `None` if there is no such window.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out_window_s: Option<[f64; 2]>,

@@ -1,0 +1,145 @@
+//! Normal equations of changes of the delay on a stretch of fixes, offset and drift projected out (S7).
+
+use crate::bins::Noise;
+use crate::whitening::{Step, offset_and_drift, steps};
+use nalgebra::{DMatrix, DVector};
+
+/// Least number of fixes that say something.
+const LEAST_FIXES: usize = 8;
+
+/// Residual, m, and velocity, m/s, that a fix shows at a delay: north, east.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen {
+    pub(crate) e: [f64; 2],
+    pub(crate) v: [f64; 2],
+}
+
+/// Fixes of a stretch as they are seen at a delay.
+#[derive(Default)]
+pub(crate) struct Sight {
+    t: Vec<f64>,
+    seen: Vec<Seen>,
+    /// What each fix has of each change, fix by fix.
+    pub(crate) columns: Vec<f64>,
+}
+
+impl Sight {
+    pub(crate) fn push(&mut self, t: f64, seen: &Seen) {
+        self.t.push(t);
+        self.seen.push(*seen);
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.t.clear();
+        self.seen.clear();
+        self.columns.clear();
+    }
+}
+
+/// What whitens the stamps `t`; kept from one delay to the next while it stays the same.
+#[derive(Default)]
+pub(crate) struct Filters {
+    t: Vec<f64>,
+    filter: Vec<Step>,
+    basis: Vec<[f64; 2]>,
+}
+
+impl Filters {
+    /// Makes ready for `axis`. Jitter depends on the velocity: then nothing can be kept.
+    fn prepare(&mut self, sight: &Sight, noise: &Noise, axis: usize) {
+        let jitter = noise.shape.jitter;
+        if jitter == 0.0 && self.t == sight.t {
+            return;
+        }
+        self.t.clone_from(&sight.t);
+        steps(&self.t, &noise.shape, |k| (jitter * sight.seen[k].v[axis]).powi(2), &mut self.filter);
+        offset_and_drift(&self.t, &self.filter, &mut self.basis);
+    }
+}
+
+/// Normal equations of some fixes.
+pub(crate) struct Part {
+    pub(crate) normal: DMatrix<f64>,
+    pub(crate) right: DVector<f64>,
+    pub(crate) rss: f64,
+}
+
+impl Part {
+    pub(crate) fn of(sight: &Sight, n: usize, noise: &Noise, filters: &mut Filters) -> Part {
+        let mut part = Part { normal: DMatrix::zeros(n, n), right: DVector::zeros(n), rss: 0.0 };
+        if sight.t.len() < LEAST_FIXES {
+            return part;
+        }
+        for axis in 0..2 {
+            filters.prepare(sight, noise, axis);
+            part.add(sight, axis, n, filters);
+        }
+        let scale = 1.0 / (noise.white_m * noise.white_m);
+        part.normal *= scale;
+        part.right *= scale;
+        part.rss *= scale;
+        part
+    }
+
+    /// Adds one axis.
+    fn add(&mut self, sight: &Sight, axis: usize, n: usize, filters: &Filters) {
+        // Residuals count from the first: sums over long flights stay small.
+        let origin = sight.seen[0].e[axis];
+        // Of each column, and of the residual at the end: what the filter holds, the whitened value, the products with the
+        // offset and the drift.
+        let mut columns = vec![Column::default(); n + 1];
+        let mut white = vec![0.0; n + 1];
+        let rows = sight.seen.iter().zip(sight.columns.chunks_exact(n)).zip(filters.filter.iter().zip(&filters.basis));
+        for ((seen, shares), (step, q)) in rows {
+            let (v, e) = (-seen.v[axis], seen.e[axis] - origin);
+            for ((column, share), white) in columns.iter_mut().zip(shares).zip(&mut white) {
+                *white = column.whiten(v * share, step, q);
+            }
+            let residual = columns[n].whiten(e, step, q);
+            for (i, x) in white[..n].iter().enumerate().filter(|w| *w.1 != 0.0) {
+                let rest = self.normal.as_mut_slice()[i * n + i..(i + 1) * n].iter_mut();
+                rest.zip(&white[i..n]).for_each(|(sum, y)| *sum += x * y);
+                self.right[i] += x * residual;
+            }
+            self.rss += residual * residual;
+        }
+        let with: Vec<[f64; 2]> = columns.iter().map(|c| c.with).collect();
+        let dot = |a: usize, b: usize| with[a][0] * with[b][0] + with[a][1] * with[b][1];
+        for j in 0..n {
+            for i in j..n {
+                self.normal[(i, j)] -= dot(i, j);
+                self.normal[(j, i)] = self.normal[(i, j)];
+            }
+            self.right[j] -= dot(j, n);
+        }
+        self.rss -= dot(n, n);
+    }
+
+    /// Square of the residuals with the columns at their best.
+    pub(crate) fn least(&self) -> f64 {
+        let mut ridged = self.normal.clone();
+        for i in 0..ridged.nrows() {
+            ridged[(i, i)] += 1e-9 * ridged[(i, i)].max(1e-12);
+        }
+        ridged.cholesky().map_or(self.rss, |f| self.rss - self.right.dot(&f.solve(&self.right)))
+    }
+}
+
+/// One column on its way through the filter.
+#[derive(Clone, Default)]
+struct Column {
+    wander: f64,
+    /// Products with offset and drift.
+    with: [f64; 2],
+}
+
+impl Column {
+    #[inline]
+    fn whiten(&mut self, value: f64, step: &Step, q: &[f64; 2]) -> f64 {
+        let innovation = value - self.wander;
+        self.wander = step.decay * (self.wander + step.gain * innovation);
+        let white = innovation * step.weight;
+        self.with = [self.with[0] + white * q[0], self.with[1] + white * q[1]];
+        white
+    }
+}
