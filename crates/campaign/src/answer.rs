@@ -15,6 +15,7 @@ use record::{
     DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredDelay,
     MeasuredFlight, NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
 };
+use std::collections::BTreeSet;
 
 /// A delay whose 90 % interval lies within this is none, s.
 const ON_TIME_S: f64 = 0.020;
@@ -200,6 +201,11 @@ fn kind_of(out: &FlightLateness, over_time: Option<&DelayOverTime>) -> DelayKind
         return DelayKind::CannotTell;
     };
     let tested = over_time.is_some_and(|o| o.constancy.tested);
+    // A difference says how the delay behaves. Late, early and on time are words for a lateness.
+    let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
+    if !absolute {
+        return if tested { DelayKind::Constant } else { DelayKind::NotTested };
+    }
     if value.abs() + 1.645 * u < ON_TIME_S {
         DelayKind::OnTime
     } else if value + 1.96 * u < 0.0 {
@@ -325,7 +331,8 @@ fn alarms(
         }
     }
     all.sort();
-    all.dedup();
+    let mut said = BTreeSet::new();
+    all.retain(|alarm| said.insert(alarm.text.clone()));
     all
 }
 
@@ -335,7 +342,7 @@ fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayO
         return None;
     }
     over_time.and_then(|o| o.what_to_fly.clone()).or_else(|| match pair.map(|p| &p.delay) {
-        Some(Finding::CannotTell(_)) => Some("fly a minute of turns".to_owned()),
+        Some(Finding::CannotTell(_)) => Some("Fly a minute of turns.".to_owned()),
         _ => None,
     })
 }
@@ -410,6 +417,15 @@ pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<Kn
     Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity) })
 }
 
+/// How late the velocity is, s: [`known`] less how much later the position is. `None` where all that is known is against
+/// that velocity.
+pub(crate) fn velocity_lateness_s(lateness: &FlightLateness, decision: &Decision) -> Option<Estimate> {
+    let position = known(lateness, decision).filter(|known| known.judged_by == JudgedBy::Lateness)?.lateness_s;
+    let apart = lateness.position_minus_velocity_s?;
+    let standard_uncertainty = position.standard_uncertainty.zip(apart.standard_uncertainty).map(|(p, a)| p.hypot(a));
+    Some(Estimate { value: position.value - apart.value, standard_uncertainty })
+}
+
 /// `1 flight`, `2 flights`, `3 fixes`.
 pub(crate) fn counted(n: usize, what: &str) -> String {
     match (n, what) {
@@ -418,3 +434,6 @@ pub(crate) fn counted(n: usize, what: &str) -> String {
         _ => format!("{n} {what}s"),
     }
 }
+
+#[cfg(test)]
+mod tests;

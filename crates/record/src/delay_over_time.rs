@@ -13,7 +13,7 @@ pub enum DelayKind {
     NotTested,
     /// Constant, and zero within the margin.
     OnTime,
-    /// Constant, and the position is late.
+    /// Constant: the position is late, or all that is known is how much later it is than another channel.
     Constant,
     /// Constant, and the velocity is later than the position.
     Early,
