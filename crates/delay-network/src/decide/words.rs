@@ -77,7 +77,7 @@ pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: Remo
     };
     let done = match source {
         RemovedFrom::Card => "The delay on the sensor card is removed.",
-        RemovedFrom::Stated => "The number stated in the pipeline is removed, and nothing tests it.",
+        RemovedFrom::Stated => "The number stated in the pipeline is removed. No lateness is known that would test it.",
         _ => "Nothing is removed.",
     };
     format!("{known}.{cluster} {done}")

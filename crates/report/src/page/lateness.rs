@@ -132,9 +132,22 @@ fn alarms(alarms: &[DelayAlarm]) -> Markup {
 
 /// One lateness for each channel, with what it rests on.
 pub(super) fn network(network: &DelayNetwork) -> Markup {
+    let has_datum = network.channels.iter().any(|c| c.relative_to.is_none());
+    let (title, what, caption) = match has_datum {
+        true => (
+            "One lateness for each channel",
+            "Lateness ± U (ms)",
+            "Lateness of each channel from all pairs together; U with k = 2",
+        ),
+        false => (
+            "One difference for each channel",
+            "Later by ± U (ms)",
+            "How much later each channel is, from all pairs together; how late any is, is not known; U with k = 2",
+        ),
+    };
     let head = [
         Text("Channel"),
-        Number("Lateness ± U (ms)"),
+        Number(what),
         Number("95 % interval (ms)"),
         Text("Against"),
         Number("of U by model (ms)"),
@@ -142,10 +155,10 @@ pub(super) fn network(network: &DelayNetwork) -> Markup {
     ];
     let body = html! { @for channel in &network.channels { (channel_row(channel)) } };
     html! {
-        h2 #network { "One lateness for each channel" }
+        h2 #network { (title) }
         p { (shown(&network.datum_words)) }
         p { (shown(&network.verdict_words)) }
-        (table("Lateness of each channel from all pairs together; U with k = 2", &head, body))
+        (table(caption, &head, body))
         @if !network.unused_pairs.is_empty() {
             details {
                 summary { (number::counted(network.unused_pairs.len() as u64, "pair", "pairs")) " not used" }

@@ -2,8 +2,8 @@
 
 use crate::fixture::{campaign_record, flight_record, sweep::estimate};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelaySource, EffectVerdict, FlightLateness,
-    FlightRecord, Gravity, NetworkDatum, Outcome, ReceiverGroup,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelaySource, EffectVerdict,
+    FlightLateness, FlightRecord, Gravity, NetworkDatum, NetworkVerdict, Outcome, ReceiverGroup,
 };
 use report::{FlightPage, campaign_site, flight_site};
 
@@ -178,6 +178,38 @@ fn what_the_network_answers_is_no_fallback_of_the_network() {
         };
         assert_eq!(html.contains("Fallback"), is_fallback, "{used:?}");
     }
+}
+
+#[test]
+fn channels_without_a_datum_have_differences_and_no_lateness() {
+    let network = |relative_to: Option<&str>| DelayNetwork {
+        channels: vec![ChannelLateness { relative_to: relative_to.map(str::to_owned), ..channel() }],
+        covariance_s2: vec![vec![6.4e-5]],
+        datum: if relative_to.is_some() { NetworkDatum::None } else { NetworkDatum::Imu },
+        datum_words: "words of the datum".into(),
+        verdict: NetworkVerdict::Unchecked,
+        verdict_words: "No pair is checked by another.".into(),
+        named: vec![],
+        undecided_between: vec![],
+        chi2: 0.0,
+        degrees_of_freedom: 0,
+        p: None,
+        birge: 1.0,
+        loops: vec![],
+        effects: vec![],
+        used_pairs: vec![],
+        unused_pairs: vec![],
+        suggestions: vec![],
+        judged: vec![],
+    };
+    let section = |relative_to| {
+        let html = page(&FlightRecord { network: Some(network(relative_to)), ..record() });
+        words(html.split("<h2 id=\"network\">").nth(1).unwrap().split("<h2").next().unwrap())
+    };
+    assert!(section(None).contains("One lateness for each channel"));
+    let relative = section(Some("velocity.ekf"));
+    assert!(relative.contains("Later by ± U (ms)") && relative.contains("relative to velocity.ekf"), "{relative}");
+    assert!(!relative.contains("Lateness"), "{relative}");
 }
 
 #[test]
