@@ -14,8 +14,8 @@ use compensation_replay::{
 use delay_network::{NetworkSettings, PairObservation, difference, lineage_from_name, solve};
 use flight::{Binding, Delay, Flight, LogHealth, Notices};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind, DelaySetting,
-    DelaySource, Estimate, Finding, FlightDelays, FlightLateness, JudgedBy, MeasuredFlight, NetworkDatum,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind, DelaySetting,
+    DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredFlight, NetworkDatum,
     NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
 };
 
@@ -271,7 +271,7 @@ fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayO
         return None;
     }
     over_time.and_then(|o| o.what_to_fly.clone()).or_else(|| match pair.map(|p| &p.delay) {
-        Some(Finding::CannotTell(_)) => Some("fly a minute of turns".to_owned()),
+        Some(Finding::CannotTell(_)) => Some("Fly a minute of turns.".to_owned()),
         _ => None,
     })
 }
@@ -346,6 +346,15 @@ pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<Kn
     Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity) })
 }
 
+/// How late the velocity is, s: [`known`] less how much later the position is. `None` where all that is known is against
+/// that velocity.
+pub(crate) fn velocity_lateness_s(lateness: &FlightLateness, decision: &Decision) -> Option<Estimate> {
+    let position = known(lateness, decision).filter(|known| known.judged_by == JudgedBy::Lateness)?.lateness_s;
+    let apart = lateness.position_minus_velocity_s?;
+    let standard_uncertainty = position.standard_uncertainty.zip(apart.standard_uncertainty).map(|(p, a)| p.hypot(a));
+    Some(Estimate { value: position.value - apart.value, standard_uncertainty })
+}
+
 /// `1 flight`, `2 flights`, `3 fixes`.
 pub(crate) fn counted(n: usize, what: &str) -> String {
     match (n, what) {
@@ -354,3 +363,6 @@ pub(crate) fn counted(n: usize, what: &str) -> String {
         _ => format!("{n} {what}s"),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,6 +4,7 @@
 //! What is meant, not what is written, names the results: a comment or a default spelled out
 //! changes nothing.
 
+use crate::answer;
 use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::criteria::Criteria;
 use crate::delay::{Case, Decided, DelayRule, FixedDelay, Known, measured_pair};
@@ -561,6 +562,8 @@ impl Pipeline {
             delay_source: decided.found.source.clone(),
             card: decided.found.card.clone(),
             position_minus_velocity_s: case.lateness.position_minus_velocity_s,
+            position_lateness_s: answer::known(case.lateness, case.decision).map(|known| known.lateness_s),
+            velocity_lateness_s: answer::velocity_lateness_s(case.lateness, case.decision),
             ..self.settings(decided.found.delay)
         };
         Ok((settings, decided))
@@ -582,6 +585,8 @@ impl Pipeline {
             delay_source: String::new(),
             card: None,
             position_minus_velocity_s: None,
+            position_lateness_s: None,
+            velocity_lateness_s: None,
             start,
             bridge_s,
             min_speed_mps,

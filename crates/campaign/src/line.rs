@@ -1,6 +1,9 @@
 //! One flight in one line: what `flightlag delay` prints, and the first columns of the campaign's table.
 
-use record::{Decision, DelayAdvice, DelayAlarm, DelayKind, Effect, EffectVerdict, FlightLateness, FlightRow, Outcome};
+use record::{
+    Decision, DelayAdvice, DelayAlarm, DelayKind, Effect, EffectVerdict, FlightLateness, FlightRow, Outcome,
+    flight_alarms,
+};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -12,9 +15,10 @@ pub struct DelayLine {
     /// Receiver, firmware, rate, map and log kind.
     pub group: String,
     /// `constant`, `on-time`, `early`, `not-tested`, `steps`, `switches`, `drifts`, `queues`, `builds-up`, `wanders` or
-    /// `cannot-tell`, with `+jitters`, `+late-fixes`, `+bursts` where seen.
+    /// `cannot-tell`, each against the datum beside it. With `+jitters`, `+late-fixes`, `+bursts` where seen.
     pub kind: String,
-    /// How late the position is, s; positive is late.
+    /// How late the position is, s; positive is late. Where the datum is `relative to CHANNEL`: how much later it is than that
+    /// channel.
     pub lateness_s: Option<f64>,
     /// Its standard uncertainty (k = 1), s.
     pub lateness_u_s: Option<f64>,
@@ -117,7 +121,7 @@ impl DelayLine {
             effect: parts.effect.map(|e| effect_name(e.verdict)).unwrap_or_default().to_owned(),
             error_raw_m: parts.effect.and_then(|e| e.error_raw_m).map(|e| e.value),
             error_compensated_m: parts.effect.and_then(|e| e.error_compensated_m).map(|e| e.value),
-            alarms: lateness.map(|l| l.alarms.iter().map(alarm).collect()).unwrap_or_default(),
+            alarms: flight_alarms(lateness, parts.decision).iter().map(alarm).collect(),
             data: match parts.failed {
                 Some(_) => "failed",
                 None if parts.pending.is_some() => "pending",

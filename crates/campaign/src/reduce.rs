@@ -24,7 +24,7 @@ use crate::work::Workers;
 use flight::{Notice, Severity, Stamp};
 use record::{
     CampaignCriteria, CampaignRecord, CampaignTotals, CompensatorResult, CriterionVerdict, DelaySource, EffectVerdict,
-    Estimate, FlightRecord, FlightRow, Gravity, Outcome,
+    Estimate, FlightRecord, FlightRow, Gravity, Outcome, flight_alarms,
 };
 use report::{FlightPage, REPORT_VERSION, Site};
 use std::collections::{BTreeMap, BTreeSet};
@@ -491,7 +491,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         velocity,
         speed_median_mps: replay.map(|r| r.speed_mps.median),
         delay_s: replay.map(|r| r.settings.delay.seconds()),
-        measured_delay_s: measured_delay(record),
+        measured_delay_s: record.lateness.as_ref().and_then(|l| l.position_minus_velocity_s),
         delay_from: replay.and_then(|r| r.choice.as_ref()).map(|choice| choice.used),
         card_delay_s: card_delay(record),
         flown_at: replay.and_then(|r| Some(instant(utc_tie(record), r.clock, Stamp(r.origin_ns))?.to_string())),
@@ -512,14 +512,6 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
     }
 }
 
-/// What the flight itself says of the pair that was replayed, s.
-fn measured_delay(record: &FlightRecord) -> Option<Estimate> {
-    let pair = &record.replay.as_ref()?.pair;
-    let pairs = &record.delays.as_ref()?.pairs;
-    let found = pairs.iter().find(|p| p.first == pair.position && p.second == pair.velocity)?;
-    found.delay.found().map(|d| d.delay_s)
-}
-
 /// UTC of the clock since boot, if the log ties the two.
 fn utc_tie(record: &FlightRecord) -> Option<&flight::UtcTie> {
     record.log.as_ref()?.utc.as_ref()
@@ -537,8 +529,7 @@ fn valid_share(replay: &record::ReplayRecord) -> Option<f64> {
 }
 
 /// Warnings that make the numbers of a flight doubtful.
-const GRAVE: [&str; 8] = [
-    "delay-contradicted",
+const GRAVE: [&str; 7] = [
     "delay-fallback",
     "velocity-contradicts-position",
     "stamps-coarser-than-delay",
@@ -554,9 +545,9 @@ const FEW_VALID: f64 = 0.95;
 fn attention(record: &FlightRecord) -> Vec<String> {
     let told = |n: &Notice| if n.place.is_empty() { n.text.clone() } else { format!("{}: {}", n.place, n.text) };
     let harmed = record.effect.as_ref().filter(|e| e.verdict == EffectVerdict::Harmed);
-    let alarms = record.lateness.iter().flat_map(|l| &l.alarms).filter(|a| a.gravity != Gravity::Grey);
+    let alarms = flight_alarms(record.lateness.as_ref(), record.decision.as_ref());
     let mut reasons: Vec<String> = harmed.map(|e| e.words.clone()).into_iter().collect();
-    reasons.extend(alarms.map(|a| a.text.clone()));
+    reasons.extend(alarms.into_iter().filter(|a| a.gravity != Gravity::Grey).map(|a| a.text));
     let grave: Vec<String> =
         record.notices.iter().filter(|n| GRAVE.contains(&n.code.as_str())).map(|n| n.text.clone()).collect();
     reasons.extend(grave);
@@ -575,8 +566,8 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     if let Some(replay) = &record.replay {
         match replay.coverage.restarts {
             0 => {}
-            1 => reasons.push("a velocity gap: the compensators started anew once".to_owned()),
-            restarts => reasons.push(format!("velocity gaps: the compensators started anew {restarts} times")),
+            1 => reasons.push("a velocity gap: the compensators restarted once".to_owned()),
+            restarts => reasons.push(format!("velocity gaps: the compensators restarted {restarts} times")),
         }
         if let Some(share) = valid_share(replay).filter(|share| *share < FEW_VALID) {
             reasons.push(format!("compensated for {:.0} % of the time only", 100.0 * share));

@@ -150,19 +150,17 @@ fn finished(
         .filter(|_| removed_s.is_some())
         .map(|best| after_m / best.max(LEAST_ERROR_M))
         .filter(|ratio| *ratio > SHORT && clearly_above(&after, best_m.unwrap_or(0.0)));
+    let short = short_by.map_or(String::new(), |ratio| format!(", but {ratio:.1} × short of what was possible"));
     let metres = format!("{} → {} m", metres(raw_m), metres(after_m));
     let words = match (verdict, removed_s) {
         (_, None) => format!("nothing was removed; the position errs by {} m ({against})", self::metres(raw_m)),
-        (EffectVerdict::Helped, Some(_)) => match short_by {
-            Some(ratio) => format!("helped: {metres} ({against}), but {ratio:.1} × short of what was possible"),
-            None => format!("helped: {metres} ({against})"),
-        },
+        (EffectVerdict::Helped, Some(_)) => format!("helped: {metres} ({against}){short}"),
         (EffectVerdict::Harmed, Some(s)) => {
             format!("harmed: {metres} ({against}). Removing {} made the position worse", ms(s))
         }
-        (EffectVerdict::NoChange, Some(_)) => format!("no change: {metres} ({against})"),
+        (EffectVerdict::NoChange, Some(_)) => format!("no change: {metres} ({against}){short}"),
         (EffectVerdict::CannotTell, Some(_)) => {
-            format!("cannot tell: {metres} ({against}), a difference within its uncertainty")
+            format!("cannot tell: {metres} ({against}), a difference within its uncertainty{short}")
         }
     };
     Effect { verdict, judged_by, error_raw_m: Some(raw), error_compensated_m: Some(after), best_m, short_by, words }
@@ -237,5 +235,9 @@ mod tests {
         assert_eq!(of(0.5, 0.1), EffectVerdict::Harmed);
         assert_eq!(of(-0.03, 0.005), EffectVerdict::NoChange);
         assert_eq!(of(0.2, 0.2), EffectVerdict::CannotTell);
+        let far = TruthEffect { compensated_m: e(0.97, 0.05), ..truth(-0.03, 0.005) };
+        let said = effect(Some(&far), None, None, Some(0.4));
+        assert_eq!(said.verdict, EffectVerdict::NoChange);
+        assert!(said.words.ends_with("but 19.4 × short of what was possible"), "{}", said.words);
     }
 }

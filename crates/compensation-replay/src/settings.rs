@@ -18,6 +18,11 @@ pub struct Settings {
     /// How much later the position is than the velocity, s, if that is known apart from how late each is: what a right
     /// compensation leaves between the two.
     pub position_minus_velocity_s: Option<Estimate>,
+    /// How late the position is, s: the number that the effect is judged by. `None` if it is not known; the position against
+    /// this flight's velocity stands in then.
+    pub position_lateness_s: Option<Estimate>,
+    /// How late the velocity is, s, from the same datum. `None` if it is not known.
+    pub velocity_lateness_s: Option<Estimate>,
     /// What is assumed before the first velocity.
     pub start: StartRule,
     /// Velocity gaps up to this long are bridged by a straight line, s. `None`: 2 Td, and
@@ -54,6 +59,8 @@ impl Settings {
             delay_source: source.to_owned(),
             card: None,
             position_minus_velocity_s: None,
+            position_lateness_s: None,
+            velocity_lateness_s: None,
             start: StartRule::Warm,
             bridge_s: None,
             min_speed_mps: 2.0,

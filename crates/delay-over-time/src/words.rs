@@ -189,12 +189,6 @@ pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
                 l.value,
                 2.0 * lever.uncertainty
             ));
-        } else if found.motion.fast_mps > 1.0 {
-            let per = 0.1 / found.motion.fast_mps;
-            out.push(format!(
-                "Each 0.1 m of unknown antenna position ahead shifts the delay by −{}.",
-                milliseconds(per)
-            ));
         }
         if let Some(s) = sure(test.all.speed_lag_s) {
             out.push(format!("The speed follows {} later than the direction.", plus_minus(s)));

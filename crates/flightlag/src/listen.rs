@@ -45,8 +45,7 @@ fn sentence(event: &Event) -> Option<String> {
         )),
         Event::DelayMeasured { flight, words, .. } => Some(format!("{flight}: {words}")),
         Event::Finished { flight, outcome, reason, lossy, effect, .. } => {
-            let outcome = effect.map_or(*outcome, effect_word);
-            Some(finished(flight, outcome, reason.as_deref(), *lossy))
+            Some(finished(flight, result_word(outcome, *effect), reason.as_deref(), *lossy))
         }
         Event::Troubled { flight, reason } => Some(format!("{flight}: no result: {reason}")),
         Event::Remark { text } => Some(text.clone()),
@@ -58,6 +57,16 @@ fn sentence(event: &Event) -> Option<String> {
         }
         Event::NothingChanged => Some("nothing changed".to_owned()),
         _ => None,
+    }
+}
+
+/// As the badge on the pages: a flight that says nothing is no flight without a change.
+fn result_word<'a>(outcome: &'a str, effect: Option<EffectVerdict>) -> &'a str {
+    match (outcome, effect) {
+        ("not-measurable", _) => "not measurable",
+        ("failed", _) => outcome,
+        (_, Some(effect)) => effect_word(effect),
+        (_, None) => outcome,
     }
 }
 
@@ -250,5 +259,18 @@ impl EventSink for JsonLines {
             // A reader that has gone does not stop the campaign.
             let _ = writeln!(std::io::stdout(), "{text}");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flight_that_says_nothing_is_not_measurable_on_the_terminal_too() {
+        assert_eq!(result_word("not-measurable", Some(EffectVerdict::NoChange)), "not measurable");
+        assert_eq!(result_word("compensated", Some(EffectVerdict::Harmed)), "HARMED");
+        assert_eq!(result_word("uncompensated", Some(EffectVerdict::NoChange)), "no change");
+        assert_eq!(result_word("failed", None), "failed");
     }
 }

@@ -13,7 +13,7 @@ pub enum DelayKind {
     NotTested,
     /// Constant, and zero within the margin.
     OnTime,
-    /// Constant, and the position is late.
+    /// Constant, and the position is late, or later than the channel that it is relative to.
     Constant,
     /// Constant, and the velocity is later than the position.
     Early,

@@ -122,6 +122,19 @@ pub struct DelayAlarm {
     pub text: String,
 }
 
+/// All alarms of a flight, the gravest first: those of its delay, and that of the delay that is removed.
+#[must_use]
+pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decision>) -> Vec<DelayAlarm> {
+    let contradicted = decision.and_then(|d| d.contradicted.clone()).map(|text| DelayAlarm {
+        gravity: Gravity::Amber,
+        code: "delay-contradicted".to_owned(),
+        text,
+    });
+    let mut all: Vec<DelayAlarm> = lateness.iter().flat_map(|l| l.alarms.clone()).chain(contradicted).collect();
+    all.sort();
+    all
+}
+
 /// What to do about a delay.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct DelayAdvice {

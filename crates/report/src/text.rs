@@ -1,6 +1,6 @@
 //! Text from a log on its way to a page: nothing in it is markup, nothing in it is hidden.
 
-use maud::{Escaper, Render};
+use maud::{Escaper, Markup, Render, html};
 use std::fmt::Write;
 
 /// Longest text of one table cell, in characters: a name can be as long as a hostile file likes.
@@ -21,6 +21,12 @@ pub(crate) struct Shown<'a> {
 /// A name, a sentence, a cell.
 pub(crate) fn shown(text: &str) -> Shown<'_> {
     Shown { text, limit: CELL, lines: false }
+}
+
+/// A sentence that ends with a full stop, whether its author put one there or not.
+pub(crate) fn ended(text: &str) -> Markup {
+    let is_ended = text.ends_with(['.', '!', '?']);
+    html! { (shown(text)) @if !is_ended { "." } }
 }
 
 /// A longer text whose lines are kept.

@@ -5,6 +5,7 @@ use record::{
     DelayAlarm, DelayNetwork, DelayOverTime, DelayTerm, DelayTermKind, FlightLateness, Gravity, MeasuredDelay,
     NetworkDatum, NetworkVerdict,
 };
+use std::collections::BTreeSet;
 
 /// Outliers above this share are an alarm.
 const MANY_OUTLIERS: f64 = 0.05;
@@ -90,7 +91,8 @@ pub(super) fn of(
         }
     }
     all.sort();
-    all.dedup();
+    let mut said = BTreeSet::new();
+    all.retain(|alarm| said.insert(alarm.text.clone()));
     all
 }
 

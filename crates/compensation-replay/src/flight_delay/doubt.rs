@@ -23,7 +23,7 @@ pub(crate) fn doubt(
     if let Some(o) = over_time {
         found.alarm = o.kind.varies().then(|| o.words.clone());
         if found.alarm.is_none() && o.level_widening_s > 0.0 {
-            found.alarms.push(o.words.clone());
+            found.alarms.push(o.constancy.note.clone().unwrap_or_else(|| o.words.clone()));
         }
     }
     wider_s = wider_s.hypot(by_frequency(found, view)).hypot(by_operating_point(found, view.settings.alarm_p));

@@ -43,8 +43,8 @@ impl Pair {
         let (first, second) = self.names();
         match self.kind {
             DelayPairKind::PositionAgainstVelocity => format!(
-                "δ = Tp − Tv: how much later {first} is than {second}. A delay that both share cannot be seen; what \
-                 compensation of {first} with {second} needs is this difference"
+                "δ = Tp − Tv: how much later {first} is than {second}. A delay that both share \
+                 cannot be seen, so this is not how late either is"
             ),
             DelayPairKind::VelocityAgainstAcceleration => format!(
                 "δ = Tv − Ta: how much later {first} is than the acceleration from {second}. A delay that both share \

@@ -61,8 +61,9 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         Some(k) => velocity_delay(&fits[k], &against_reference[k]),
         None => Finding::CannotTell(no_reference.to_owned()),
     };
-    let left_s = residual(&fits[0]).map(|e| Estimate { value: e.value - td, ..e });
-    let band_delay = band_delays(left_s, &velocity_delay_s);
+    let late = late(residual(&fits[0]), &velocity_delay_s, settings);
+    let left_s = late.position_s.map(|e| Estimate { value: e.value - td, ..e });
+    let band_delay = band_delays(left_s, &late.velocity_s);
     let age2 = valid.iter().map(|&r| rows.age[r].powi(2)).sum::<f64>() / valid.len().max(1) as f64;
     let speed2 = valid.iter().map(|&r| AXES.map(|k| rows.velocity[k][r].powi(2)).iter().sum::<f64>()).sum::<f64>();
     let ground = Ground {
@@ -74,19 +75,22 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         raw_fit: fits[0].as_ref().map_err(String::as_str),
         motion: motion.as_ref().map_err(String::as_str),
         left_s,
-        velocity_delay_s: &velocity_delay_s,
+        velocity_delay_s: &late.velocity_s,
         row_step_s: median_step(&rows.t),
     };
+    // Both are compared with the velocity: a right compensation leaves Tp − Td − Tv (delay network, section 1).
+    let apart = settings.position_minus_velocity_s;
+    let apart_s = |track: &Positions| {
+        let raw_s = apart.map_or(td, |e| e.value);
+        if track.is_raw() { raw_s } else { raw_s - td }
+    };
     let expected = |track: &Positions| {
-        // The fit compares with the velocity: a right compensation leaves Tp − Td − Tv (delay network, section 1).
-        let apart = settings.position_minus_velocity_s;
         if track.is_raw() {
             return apart.unwrap_or(Estimate { value: td, standard_uncertainty: settings.delay_uncertainty_s });
         }
-        let left = apart.map_or(0.0, |e| e.value - td);
         let u = apart.and_then(|e| e.standard_uncertainty).unwrap_or(0.0);
         let truncation = ground.truncation_delay_s(track);
-        let value = left + truncation + updates.unknown_age_s(track);
+        let value = apart_s(track) + truncation + updates.unknown_age_s(track);
         Estimate { value, standard_uncertainty: Some(u.hypot(0.5 * truncation)) }
     };
     let score = |(k, track): (usize, &Positions)| CompensatorScore {
@@ -95,7 +99,7 @@ pub(crate) fn scores(played: &Played) -> ReplayScores {
         lead_s: truthless::lead(&updates, raw, track),
         expected_lead_s: track.delay.seconds(),
         step_correlation: truthless::step_correlation(played.innovations, track),
-        hysteresis: passes.hysteresis(&updates, track, if track.is_raw() { td } else { 0.0 }),
+        hysteresis: passes.hysteresis(&updates, track, apart_s(track)),
         raw_minus_this_axes_rms_m: differences(raw, track, &valid),
         straight: legs.score(&updates, raw, track),
         budget: ground.budget(track, against_reference[k].found().map(|score| score.rms_m)),
@@ -162,6 +166,36 @@ fn velocity_delay(fit: &Fit, score: &Finding<record::ReferenceScore>) -> Finding
     }
 }
 
+/// How late position and velocity are, s.
+struct Late {
+    position_s: Option<Estimate>,
+    velocity_s: Finding<Estimate>,
+}
+
+/// Share of a delay set wrongly that the turns of the flight may put into the velocity's delay, as the reference shows it.
+const TURNED: f64 = 0.1;
+
+/// What is known of the flight and its group from one datum; else the reference, where it sees the velocity late; else the
+/// position against the velocity, whose own lateness nobody knows then.
+fn late(raw_s: Option<Estimate>, by_reference_s: &Finding<Estimate>, settings: &Settings) -> Late {
+    if let (Some(position_s), Some(velocity_s)) = (settings.position_lateness_s, settings.velocity_lateness_s) {
+        return Late { position_s: Some(position_s), velocity_s: Finding::Found(velocity_s) };
+    }
+    let set_wrongly_s = raw_s.map_or(0.0, |raw| raw.value - settings.delay.seconds());
+    let seen = |tv: &&Estimate| {
+        let u = tv.standard_uncertainty.unwrap_or(f64::INFINITY);
+        tv.value.abs() > (2.0 * u).max(TURNED * set_wrongly_s.abs())
+    };
+    let position_s = match (raw_s, by_reference_s.found().filter(seen)) {
+        (Some(raw), Some(tv)) => Some(Estimate {
+            value: raw.value + tv.value,
+            standard_uncertainty: raw.standard_uncertainty.zip(tv.standard_uncertainty).map(|(raw, tv)| raw.hypot(tv)),
+        }),
+        _ => settings.position_lateness_s.or(raw_s),
+    };
+    Late { position_s, velocity_s: by_reference_s.clone() }
+}
+
 /// What of the residual delay and the velocity's own one is seen to differ from zero, s.
 fn band_delays(residual: Option<Estimate>, velocity: &Finding<Estimate>) -> (f64, f64) {
     let seen =
@@ -169,6 +203,7 @@ fn band_delays(residual: Option<Estimate>, velocity: &Finding<Estimate>) -> (f64
     (residual.as_ref().map_or(0.0, seen), velocity.found().map_or(0.0, seen))
 }
 
+/// Position late by `left_s` more than what is removed, velocity late by `velocity_s`.
 fn band(track: &Positions, (left_s, velocity_s): (f64, f64), motion: &Result<Motion, String>) -> Finding<HelpfulBand> {
     let stand_in = StandIn::of(track);
     let model = match &stand_in {
@@ -182,7 +217,7 @@ fn band(track: &Positions, (left_s, velocity_s): (f64, f64), motion: &Result<Mot
         }
     };
     let compensator_s = track.delay.seconds();
-    let delays = Delays { position_s: compensator_s + left_s + velocity_s, velocity_s, compensator_s };
+    let delays = Delays { position_s: compensator_s + left_s, velocity_s, compensator_s };
     let Some(band) = ValidityBand::of(model, delays, HELP) else {
         return Finding::CannotTell("the position is not late".to_owned());
     };

@@ -54,7 +54,7 @@ pub(crate) struct Ground<'a> {
     /// Raw against the integral of velocity.
     pub(crate) raw_fit: Result<&'a TrackFit, &'a str>,
     pub(crate) motion: Result<&'a Motion, &'a str>,
-    /// Delay of raw in this flight less the one that is set. (What an output shows itself is that times the cosine of
+    /// How late the position is, less the delay that is set. (What an output shows itself is that times the cosine of
     /// what the track turns in Td, for the way missed was flown then and not now.)
     pub(crate) left_s: Option<Estimate>,
     /// Of the velocity itself.
@@ -118,8 +118,8 @@ impl Ground<'_> {
             Some(seen) => term(
                 name,
                 Finding::Found(self.way_m * ((set_s + seen.value) / set_s).abs()),
-                "way flown in Td and the age of the fix, from velocity, in proportion to the delay of raw in this flight, \
-                 which differs from the one set by more than two standard uncertainties",
+                "way flown in Td and the age of the fix, from velocity, in proportion to the lateness of the position, \
+                 which differs from the delay set by more than two standard uncertainties",
             ),
             None => term(name, Finding::Found(self.way_m), "way flown in Td and the age of the fix, from velocity"),
         }
@@ -133,7 +133,7 @@ impl Ground<'_> {
             (Some(seen), _, _) => term(
                 name,
                 Finding::Found(self.speed_mps * seen.value.abs()),
-                "U times the delay of raw in this flight less the one set, which differ by more than two standard uncertainties",
+                "U times the lateness of the position less the delay set, which differ by more than two standard uncertainties",
             ),
             (None, Some(stated), Some(own)) if own < stated => term(name, Finding::Found(self.speed_mps * own), OWN),
             (None, Some(stated), _) => {
@@ -147,23 +147,23 @@ impl Ground<'_> {
         }
     }
 
+    /// `a·Td·Tv`: to first order a late velocity costs nothing where the delay is set to the position's own (delay network,
+    /// section 1); what was flown in Td is taken `Tv` too early.
     fn velocity_delay(&self) -> BudgetTerm {
-        let name = "delay of the velocity itself, U·Tv";
-        match self.velocity_delay_s {
-            Finding::Found(tv) => {
-                let seen = tv.standard_uncertainty.is_some_and(|u| tv.value.abs() > 2.0 * u);
-                let size = if seen { tv.value.abs() } else { tv.standard_uncertainty.unwrap_or(tv.value.abs()) };
-                let source = if seen {
-                    "U times what is late against the reference beyond what is late against the velocity"
-                } else {
-                    "U times the standard uncertainty of Tv, which is not seen to differ from zero"
-                };
-                term(name, Finding::Found(self.speed_mps * size), source)
+        let name = "delay of the velocity itself, a·Td·Tv";
+        let late_s = match self.velocity_delay_s {
+            Finding::Found(tv) => tv,
+            Finding::CannotTell(why) => return term(name, Finding::CannotTell(why.clone()), ""),
+        };
+        let seen = late_s.standard_uncertainty.is_some_and(|u| late_s.value.abs() > 2.0 * u);
+        let (size_s, source) = match late_s.standard_uncertainty.filter(|_| !seen) {
+            Some(u) => {
+                (u, "Td times the rms acceleration times the standard uncertainty of Tv, not seen to differ from zero")
             }
-            Finding::CannotTell(why) => {
-                term(name, Finding::CannotTell(why.clone()), "compensation removes Tp − Tv only")
-            }
-        }
+            None => (late_s.value.abs(), "Td times the rms acceleration times the lateness of the velocity"),
+        };
+        let size = |motion: &Motion| self.delay_s * size_s * motion.weighted(|hz| (TAU * hz).powi(2)).sqrt();
+        self.of_motion(name, size, source)
     }
 
     fn velocity_bias(&self) -> BudgetTerm {
@@ -300,7 +300,7 @@ impl<'a> Left<'a> {
     }
 }
 
-const OWN: &str = "U times the standard uncertainty of the delay of raw in this flight, which agrees with the one set";
+const OWN: &str = "U times the standard uncertainty of the lateness of the position, which agrees with the delay set";
 
 fn term(name: &str, size_m: Finding<f64>, source: &str) -> BudgetTerm {
     BudgetTerm { name: name.to_owned(), size_m, source: source.to_owned() }

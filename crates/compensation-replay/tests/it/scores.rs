@@ -254,7 +254,7 @@ fn what_is_not_known_is_named() {
     let unknown: Vec<&str> = terms.iter().filter(|t| t.size_m.found().is_none()).map(|t| t.name.as_str()).collect();
     let expected = [
         "delay set wrongly, U·δTd",
-        "delay of the velocity itself, U·Tv",
+        "delay of the velocity itself, a·Td·Tv",
         "bias of the velocity, Td·b",
         "white noise of the position",
         "wander of the position",
@@ -276,13 +276,44 @@ fn a_late_velocity_is_found_with_a_reference_and_narrows_the_band() {
     holds(scores(&record).velocity_delay_s.found().unwrap(), 0.05, 4.0);
     let exact = of(&record, "exact-async");
     near(exact.residual_delay.found().unwrap().delay_s.value, 0.0, 4e-3);
-    near(term(exact, "delay of the velocity itself"), 17.5 * 0.05, 0.05);
+    near(term(exact, "delay set wrongly"), 17.5 * 0.05, 0.05);
     // 50 of 450 ms are left: more than a tenth, less than a half.
     let band = exact.band.found().unwrap();
     assert!(band.helps_below_hz.is_none() && band.halves_below_hz.is_some(), "{band:?}");
     let on_time = played(&simulate(&receiver(5, 10.0, 0.05)).unwrap().to_flight().unwrap(), &settings());
     let share = of(&on_time, "pade-1-1").band.found().unwrap().motion_share.unwrap();
     assert!(share[0] > 0.95 && (share.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{share:?}");
+}
+
+/// The same without the truth, removed is the position's own lateness: the flight's pair shows 400 ms, and 50 ms less would be
+/// taken for a delay set wrongly if it were what is compared with.
+#[test]
+fn where_both_latenesses_are_known_the_band_and_the_budget_are_of_them() {
+    let mut settings_of_flight = receiver(5, 10.0, 0.05);
+    settings_of_flight.position.delay_s = TD + 0.05;
+    settings_of_flight.velocity.delay_s = 0.05;
+    let mut flight = simulate(&settings_of_flight).unwrap().to_flight().unwrap();
+    flight.channels.remove("position.truth");
+    let of_ms = |ms: f64| Some(Estimate { value: ms / 1e3, standard_uncertainty: Some(0.004) });
+    let told = Settings {
+        position_lateness_s: of_ms(450.0),
+        velocity_lateness_s: of_ms(50.0),
+        position_minus_velocity_s: of_ms(400.0),
+        ..Settings::with_delay(late(TD + 0.05), "the delay network")
+    };
+    let record = played(&flight, &told);
+    let exact = of(&record, "exact-async");
+    let band = exact.band.found().unwrap();
+    near(band.delays_s[0], 0.45, 1e-9);
+    near(band.delays_s[1], 0.05, 1e-9);
+    assert!(band.helps_below_hz.is_some_and(|hz| hz > 0.1), "{band:?}");
+    near(term(exact, "delay set wrongly"), 17.5 * 0.004, 0.01);
+    // Circles of 30 m at 17.5 m/s: 10 m/s² at most.
+    let of_velocity = term(exact, "delay of the velocity itself");
+    assert!((0.02..=10.5).contains(&(of_velocity / (0.45 * 0.05))), "{of_velocity}");
+    let residual = exact.residual_delay.found().unwrap();
+    near(residual.expected_s.value, -0.05, 1e-9);
+    near(residual.delay_s.value, -0.05, 6e-3);
 }
 
 #[test]

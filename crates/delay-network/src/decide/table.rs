@@ -164,9 +164,11 @@ impl Table<'_> {
         };
         let contradicted = self.contradiction("The stated delay", stated);
         let text = match (&contradicted, self.told()) {
-            (Some(_), _) => "The number stated in the pipeline is removed. The flight contradicts it.",
-            (None, Some(_)) => "The number stated in the pipeline is removed. The flight does not contradict it.",
-            (None, None) => "The number stated in the pipeline is removed, and nothing tests it.",
+            (Some(_), _) => "The number stated in the pipeline is removed. What was measured contradicts it.",
+            (None, Some(_)) => {
+                "The number stated in the pipeline is removed. What was measured does not contradict it."
+            }
+            (None, None) => "The number stated in the pipeline is removed. No lateness is known that would test it.",
         };
         Choice { contradicted, ..Choice::new(0, RemovedFrom::Stated, Some(stated), text.to_owned()) }
     }

@@ -69,7 +69,7 @@ pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: Remo
             let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
             format!("{first}{}; how late both are is not known: {}", letters.as_str(), why(flight))
         }
-        None => format!("How late the position is is not known: {}", why(flight)),
+        None => format!("It is not known how late the position is: {}", why(flight)),
     };
     let cluster = match evidence.cluster_unknown {
         true => " Its group is not one, and which part this flight belongs to is not known.",
@@ -77,7 +77,7 @@ pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: Remo
     };
     let done = match source {
         RemovedFrom::Card => "The delay on the sensor card is removed.",
-        RemovedFrom::Stated => "The number stated in the pipeline is removed, and nothing tests it.",
+        RemovedFrom::Stated => "The number stated in the pipeline is removed. No lateness is known that would test it.",
         _ => "Nothing is removed.",
     };
     format!("{known}.{cluster} {done}")
@@ -100,7 +100,7 @@ pub(crate) fn contradiction(what: &str, number: Estimate, told: Option<Estimate>
     (apart.abs() > 3.0 * u).then(|| {
         let side = if apart > 0.0 { "more" } else { "less" };
         format!(
-            "{what}, {} ms, is contradicted: the flight says {}. That is {} ms {side}, {:.1} standard uncertainties.",
+            "{what}, {} ms, is contradicted: measured is {}. That is {} ms {side}, {:.1} standard uncertainties.",
             ms(number.value),
             with_uncertainty(told),
             ms(apart.abs()),

@@ -93,7 +93,7 @@ pub(crate) fn control_chart(delay: &CampaignDelay, number: u32) -> Option<Figure
         stroke("", Pen::Dashed, level(&|p| p.centre_s - p.limit_s)),
     ];
     lines.retain(|line| line.pieces.iter().any(|piece| !piece.is_empty()));
-    let y = Axis::linear("delay measured in the flight (ms)", extent(&lines, |p| p.1)?, 7);
+    let y = Axis::linear("position later than velocity (ms)", extent(&lines, |p| p.1)?, 7);
     let last = points().count();
     let every = last.div_ceil(25).max(1);
     let tick = |n: usize| Tick { at: n as f64, label: n.to_string() };
@@ -102,7 +102,7 @@ pub(crate) fn control_chart(delay: &CampaignDelay, number: u32) -> Option<Figure
         if delay.in_time_order { "in the order in which they were flown" } else { "in the order of their names" };
     let outside = delay.control.iter().filter(|p| p.is_outside).count();
     let mut caption = format!(
-        "Delay of position against velocity that each flight shows itself, {} {order}; {} outside.",
+        "How much later than the velocity each flight shows its position, {} {order}; {} outside.",
         number::counted(last as u64, "flight", "flights"),
         number::count(outside as u64),
     );
@@ -113,7 +113,7 @@ pub(crate) fn control_chart(delay: &CampaignDelay, number: u32) -> Option<Figure
     Some(Figure {
         id: "control-chart".to_owned(),
         number,
-        title: "The delay from flight to flight".to_owned(),
+        title: "Position later than velocity, from flight to flight".to_owned(),
         caption,
         how_to_read: "Good: bars around the line, none beyond the dashes, no trend. Bad: a step (another firmware, another \
                       rate, another cable) or a trend. About 3 flights of 1000 lie outside by chance. The dashes are wide \

@@ -46,10 +46,10 @@ pub(crate) fn bands_figure(scores: &ReplayScores, number: u32) -> Option<Figure>
     Some(Figure {
         id: "bands".to_owned(),
         number,
-        title: "Where compensation helps, and where this flight moved".to_owned(),
+        title: "Error by frequency, and where this flight moved".to_owned(),
         caption,
-        how_to_read: "Good: all bars of the motion stand over the blue band. Motion over the pale part is helped less, \
-                      motion over the thin line at its end is made worse; noise of the velocity spreads thinly to the right.",
+        how_to_read: "Good: all bars of the motion stand over the blue band. Over the pale part more of the error is left, \
+                      over the thin line at its end it is more than raw's; noise of the velocity spreads thinly to the right.",
         panels,
         panel_size: (860, 150),
         fine: false,
@@ -90,8 +90,8 @@ fn bars(rows: &[(&str, &HelpfulBand)], x: &Axis) -> Panel {
     let ticks = rows.iter().enumerate().map(|(row, (name, _))| Tick { at: row as f64, label: short_label(name) });
     let y = Axis::ticked("", (-0.6, rows.len() as f64 - 0.4), ticks.collect());
     let mut lines = vec![
-        Line { name: "helps less".to_owned(), pen: Pen::Uncertainty, pieces: between },
-        Line { name: "helps".to_owned(), pen: Pen::Band, pieces: helps },
+        Line { name: "error less than raw's".to_owned(), pen: Pen::Uncertainty, pieces: between },
+        Line { name: "less than a tenth of raw's".to_owned(), pen: Pen::Band, pieces: helps },
         Line { name: "worse than raw".to_owned(), pen: Pen::Rule, pieces: worse },
     ];
     lines.retain(|line| !line.pieces.is_empty());

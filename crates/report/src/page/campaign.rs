@@ -14,7 +14,8 @@ use crate::text::{href, label, shown};
 use crate::verdict::{in_millis, source_word};
 use maud::{Markup, html};
 use record::{
-    CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, EffectVerdict, Estimate, Finding, FlightRow, Outcome,
+    CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, EffectVerdict, Estimate, Finding, FlightRow,
+    Gravity, Outcome, flight_alarms,
 };
 use std::collections::BTreeMap;
 
@@ -53,7 +54,7 @@ fn body(record: &CampaignRecord, overview: Option<&Figure>, of_delay: &[Figure])
             a href="#attention" { "Needs attention" }
             @if record.criteria.is_some() { a href="#criteria" { "Criteria" } } a href="#all" { "All flights" }
             @if let Some(overview) = overview { a href={ "#" (overview.id) } { "Figure" } }
-            @if record.delay.is_some() { a href="#delay" { "Delay" } }
+            @if record.delay.is_some() { a href="#delay" { "Position against velocity" } }
             a href="#ignored" { "Inputs not processed" } a href="#provenance" { "Provenance" }
         }
         main {
@@ -119,9 +120,12 @@ fn attention(flights: &[FlightRow]) -> Markup {
         })
         .collect();
     let harmed = |row: &FlightRow| row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed);
+    let alarmed = |row: &FlightRow| {
+        flight_alarms(row.lateness.as_ref(), row.decision.as_ref()).iter().any(|a| a.gravity == Gravity::Red)
+    };
     let rank = |row: &FlightRow| match row.outcome {
         Outcome::Failed { .. } => 0,
-        _ if harmed(row) => 0,
+        _ if harmed(row) || alarmed(row) => 0,
         Outcome::Compensated | Outcome::Uncompensated { .. } if !row.lossy => 2,
         Outcome::NotMeasurable { .. } | Outcome::Pending { .. } if !row.lossy => 3,
         _ => 1,
@@ -131,7 +135,10 @@ fn attention(flights: &[FlightRow]) -> Markup {
             @for row in troubled.iter().filter(|row| rank(row) == wanted) {
                 tr {
                     th scope="row" { (link(row)) }
-                    td { (lateness::row_badges(row)) }
+                    td {
+                        (lateness::row_badges(row)) " "
+                        (lateness::alarm_badges(&flight_alarms(row.lateness.as_ref(), row.decision.as_ref())))
+                    }
                     td.any { (why(row)) }
                 }
             }
@@ -140,7 +147,7 @@ fn attention(flights: &[FlightRow]) -> Markup {
     let head = [Text("Flight"), Text("Outcome"), Text("Reason")];
     html! {
         h2 #attention { "Needs attention" }
-        @if troubled.is_empty() { p { "Nothing: no flight was harmed, no log is damaged, and no number contradicts another." } }
+        @if troubled.is_empty() { p { "Nothing: no flight was harmed, no delay has an alarm, and no log is damaged." } }
         @else { (table("Failed, damaged, doubtful, or not measurable", &head, body)) }
     }
 }
@@ -159,26 +166,24 @@ fn link(row: &FlightRow) -> Markup {
 }
 
 fn flights(flights: &[FlightRow]) -> Markup {
-    let scored = flights
-        .iter()
-        .any(|r| [&r.raw_error_rms_m, &r.pade_error_rms_m, &r.exact_error_rms_m].iter().any(|e| e.is_some()));
     let judged = flights.iter().any(|r| r.criteria.is_some());
     html! {
         h2 #all { "All flights" }
         div.scroll tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
                 caption { "One row for each flight; ± is U with k = 2. — is a number that the record does not hold." }
-                thead { tr { @for column in head(scored, judged) { (column) } } }
-                tbody { @for row in flights { (flight_row(row, scored, judged)) } }
+                thead { tr { @for column in head(judged) { (column) } } }
+                tbody { @for row in flights { (flight_row(row, judged)) } }
             }
         }
     }
 }
 
-fn head(scored: bool, judged: bool) -> Vec<Head> {
+fn head(judged: bool) -> Vec<Head> {
     let mut head = vec![
         Text("Flight"),
         Text("Effect"),
+        Text("Alarms"),
         Text("Kind"),
         Number("Lateness (ms)"),
         Text("Against"),
@@ -194,21 +199,19 @@ fn head(scored: bool, judged: bool) -> Vec<Head> {
         Number("Correction, 2‑D rms (m)"),
     ];
     if judged {
-        head.insert(2, Text("Criteria"));
-    }
-    if scored {
-        head.extend([Number("Error raw, 2‑D rms (m)"), Number("Error Padé (m)"), Number("Error exact (m)")]);
+        head.insert(3, Text("Criteria"));
     }
     head.extend(["Speed, median (m/s)", "Position (Hz)", "Velocity (Hz)"].map(Number));
     head.extend([Text("Map"), Text("Format"), Number("Size")]);
     head
 }
 
-fn flight_row(row: &FlightRow, scored: bool, judged: bool) -> Markup {
+fn flight_row(row: &FlightRow, judged: bool) -> Markup {
     html! {
         tr {
             th scope="row" { (link(row)) }
             td { (lateness::result_badge(&row.outcome, row.effect.as_ref())) }
+            td { (lateness::alarm_badges(&flight_alarms(row.lateness.as_ref(), row.decision.as_ref()))) }
             @if judged { (criteria::cell(row)) }
             (lateness::lateness_cells(row))
             (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
@@ -220,11 +223,6 @@ fn flight_row(row: &FlightRow, scored: bool, judged: bool) -> Markup {
             (cell(row.duration_s, |s| number::clock(s, 0)))
             (estimate_cell(row.measured_delay_s.as_ref().map(in_millis).as_ref()))
             (estimate_cell(row.correction_rms_m.as_ref()))
-            @if scored {
-                (estimate_cell(row.raw_error_rms_m.as_ref()))
-                (estimate_cell(row.pade_error_rms_m.as_ref()))
-                (estimate_cell(row.exact_error_rms_m.as_ref()))
-            }
             (cell(row.speed_median_mps, |v| number::significant(v, 3)))
             (rate_cell(row.position_rate_hz, row.position.as_deref()))
             (rate_cell(row.velocity_rate_hz, row.velocity.as_deref()))
@@ -282,10 +280,14 @@ fn share_cell(share: Option<f64>) -> Markup {
 fn delay_section(delay: &CampaignDelay, figures: &[Figure]) -> Markup {
     let outside: Vec<&ControlPoint> = delay.control.iter().filter(|p| p.is_outside).collect();
     html! {
-        h2 #delay { "Delay over the flights" }
+        h2 #delay { "Position against velocity over the flights" }
         p.answer {
-            "Measured in the flights: "
+            "Position later than velocity: "
             (finding(&delay.measured, |found| over_flights(found, delay.card_s.as_ref()))) "."
+        }
+        p.note {
+            "A figure of consistency between flights. How late the position itself is, and what is removed, is above: both differ by \
+             what the velocity is late."
         }
         (homogeneity(delay.measured.found()))
         @if delay.measured != delay.swept {
@@ -305,7 +307,7 @@ fn delay_section(delay: &CampaignDelay, figures: &[Figure]) -> Markup {
         @if let Finding::CannotTell(why) = &delay.curve { p { "One delay for all flights: " (no_number(why)) } }
         p.note {
             "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik and Jonkman. \
-             A flight counts as what it shows of position against velocity, whichever delay was removed from it."
+             A flight counts as what it shows of position against velocity, whichever delay was removed from it, or none."
         }
     }
 }
@@ -329,9 +331,9 @@ fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
     html! {
         @if let Some(h) = found.and_then(|f| f.homogeneity) {
             p {
-                "One delay for all flights: χ² = " (plain(h.chi2, 3)) " with "
+                "One difference for all flights: χ² = " (plain(h.chi2, 3)) " with "
                 (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, p = " (plain(h.p, 2)) ": "
-                @if h.p < 0.01 { "the flights are not equally late." } @else { "nothing speaks against it." }
+                @if h.p < 0.01 { "the flights do not agree." } @else { "nothing speaks against it." }
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::site::Site;
 use crate::text::{href, shown, shown_block};
 use flight::Distribution;
 use maud::{Markup, html};
-use record::{CompensatorResult, Estimate, FlightRecord, Outcome, ReplayRecord};
+use record::{CompensatorResult, Effect, Estimate, FlightRecord, Outcome, ReplayRecord, flight_alarms};
 
 /// What the page of a flight needs besides the record.
 #[derive(Debug, Clone, Copy)]
@@ -68,16 +68,16 @@ fn body(
             h1 { (shown(page.name)) }
             (verdict(record))
             @if let Some(criteria) = &record.criteria { (criteria::strip(criteria)) }
-            (first_words(record, delays.as_ref()))
+            (first_words(record))
             @if let Some(criteria) = &record.criteria { (criteria::section(criteria)) }
-            @if let Some(replay) = &record.replay { (results(replay, figures)) }
+            @if let Some(replay) = &record.replay { (results(record, replay, figures)) }
             @if let Some(network) = &record.network { (lateness::network(network)) }
-            @if let Some(delays) = &delays { (flight_delay::section(delays, over_time)) }
+            @if let Some(delays) = &delays { (flight_delay::section(delays, record.lateness.as_ref(), over_time)) }
             @if let Some(replay) = &record.replay { (sweep::section(replay, of_sweep)) }
-            @if let Some(replay) = &record.replay { (score::section(replay, of_bands)) }
+            @if let Some(replay) = &record.replay { (score::section(replay, record.effect.as_ref(), of_bands)) }
             (health::section(record))
             (health::notices_section(&record.notices))
-            @if let Some(replay) = &record.replay { (method::section(replay)) }
+            @if let Some(replay) = &record.replay { (method::section(record, replay)) }
             (health::binding_section(record.binding.as_ref()))
             (provenance::section(page))
         }
@@ -88,13 +88,14 @@ fn verdict(record: &FlightRecord) -> Markup {
     html! {
         div.strip role="status" {
             (lateness::result_badge(&record.outcome, record.effect.as_ref()))
+            (lateness::alarm_badges(&flight_alarms(record.lateness.as_ref(), record.decision.as_ref())))
             (health::notice_words(&record.notices))
         }
     }
 }
 
 /// The reason if there is no result, else the answer.
-fn first_words(record: &FlightRecord, delays: Option<&flight_delay::DelaySection>) -> Markup {
+fn first_words(record: &FlightRecord) -> Markup {
     let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
     html! {
         @if let (Some(reason), None | Some(Outcome::Failed { .. } | Outcome::NotMeasurable { .. } | Outcome::Pending { .. })) =
@@ -103,44 +104,14 @@ fn first_words(record: &FlightRecord, delays: Option<&flight_delay::DelaySection
             p class=(class) { (shown_block(reason)) }
         }
         (lateness::answer(record))
-        @match (&record.replay, &record.outcome) {
-            (Some(replay), _) => { (answer(replay, delays.is_some_and(|d| d.tests_the_replay()))) }
-            (None, Outcome::Compensated) => { p.why { "The record says compensated, but holds no replay." } }
-            (None, _) => {}
+        @if record.replay.is_none() && record.outcome == Outcome::Compensated {
+            p.why { "The record says compensated, but holds no replay." }
         }
         @if record.has_loss() {
             p { "Data that the logger wrote could not be read. The numbers below are of what could be read; what was \
              lost stands under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
         }
     }
-}
-
-fn answer(replay: &ReplayRecord, is_tested: bool) -> Markup {
-    let main = best(replay);
-    html! {
-        p.answer {
-            @if let Some(main) = main {
-                "Compensation moves the raw position by " b { (estimate(&main.raw_minus_this_rms_m)) " m rms" }
-                ": what velocity flew in the age of each fix and in Td = "
-            } @else {
-                "Velocity flies " (estimate(&replay.predicted_rms_m)) " m rms in the age of each fix and in Td, but no \
-                 compensator was run, with Td = "
-            }
-            b { (estimate(&delay(replay))) " ms" }
-            " (" (shown(&replay.settings.delay_source)) ")."
-        }
-        @if is_tested {
-            p.answer { "What the flight itself says of Td stands under " a href="#delay" { "Delay from the flight" } "." }
-        } @else if replay.pair.reference.is_none() {
-            p.answer { "Nothing in this log says whether Td is right: it holds no independent reference." }
-        }
-    }
-}
-
-/// The compensator whose numbers stand first: the exact form, else the last one.
-fn best(replay: &ReplayRecord) -> Option<&CompensatorResult> {
-    let others = || replay.compensators.iter().skip(1);
-    others().find(|c| c.name.starts_with("exact")).or_else(|| others().last())
 }
 
 /// The delay in ms, with U if the pipeline states an uncertainty.
@@ -152,10 +123,10 @@ fn delay(replay: &ReplayRecord) -> Estimate {
     }
 }
 
-fn results(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
+fn results(record: &FlightRecord, replay: &ReplayRecord, figures: &[Figure]) -> Markup {
     html! {
         h2 { "Key numbers" }
-        (key_numbers(replay, figures))
+        (key_numbers(record.effect.as_ref(), replay, figures))
         h2 { "Raw and compensated" }
         @if figures.is_empty() { p { "The record holds no curve that could be drawn." } }
         @for f in figures { (figure(f)) }
@@ -187,8 +158,8 @@ impl KeyNumber {
 
 const NOT_GIVEN: &str = "no U: the analysis gave no standard uncertainty for this number";
 
-fn key_numbers(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
-    let numbers: Vec<KeyNumber> = result_numbers(replay).into_iter().chain(coverage_numbers(replay)).collect();
+fn key_numbers(effect: Option<&Effect>, replay: &ReplayRecord, figures: &[Figure]) -> Markup {
+    let numbers: Vec<KeyNumber> = result_numbers(effect, replay).into_iter().chain(coverage_numbers(replay)).collect();
     let row = |number: &KeyNumber| {
         html! {
             tr {
@@ -213,11 +184,18 @@ fn key_numbers(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
     )
 }
 
-fn result_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
+fn result_numbers(effect: Option<&Effect>, replay: &ReplayRecord) -> Vec<KeyNumber> {
     let td = "Delay removed, Td".to_owned();
     let mut numbers =
         vec![KeyNumber::estimated(td, "zoom", &delay(replay), "ms", "no U: the pipeline states no uncertainty of Td")];
     let mut push = |name, figure, e: &Estimate| numbers.push(KeyNumber::estimated(name, figure, e, "m", NOT_GIVEN));
+    if let Some(effect) = effect {
+        for (what, error) in [("before", &effect.error_raw_m), ("after", &effect.error_compensated_m)] {
+            if let Some(error) = error {
+                push(format!("Error {what} compensation, fixes at their own timestamps, 2‑D rms"), "", error);
+            }
+        }
+    }
     for c in replay.compensators.iter().skip(1) {
         push(format!("Raw − {}, 2‑D rms", c.title), "zoom-difference", &c.raw_minus_this_rms_m);
     }
@@ -228,7 +206,7 @@ fn result_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
     );
     for c in &replay.compensators {
         if let Some(error) = &c.error_rms_m {
-            push(format!("Error against the reference, {}, 2‑D rms", c.title), "", error);
+            push(format!("Error against the reference, {}, with the age of held fixes, 2‑D rms", c.title), "", error);
         }
     }
     numbers
@@ -280,7 +258,10 @@ fn compensators(replay: &ReplayRecord) -> Markup {
         Number("Step at a fix, 2‑D rms (m)"),
     ];
     if scored {
-        head.extend([Number("Error against reference, 2‑D rms (m)"), Number("Error, 2‑D 95th percentile (m)")]);
+        head.extend([
+            Number("Error against reference with the age of held fixes, 2‑D rms (m)"),
+            Number("95th percentile (m)"),
+        ]);
     }
     let row = |c: &CompensatorResult| {
         html! {

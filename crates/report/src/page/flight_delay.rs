@@ -4,12 +4,12 @@ use super::Head::{Number, Text};
 use super::{badge, estimate, exact, figure, maybe, maybe_estimate, no_number, plain, rows, table};
 use crate::figure::{Figure, delay_over_time};
 use crate::number::{self, COVERAGE_FACTOR};
-use crate::text::{shown, shown_block};
+use crate::text::{ended, shown, shown_block};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{
     DelayGroup, DelayNoise, DelayPairKind, DelayPiece, DelaySplit, Estimate, Finding, FlightDelays, FlightInjection,
-    FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
+    FlightLateness, FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
 };
 
 /// Most rows of each table; the record holds all.
@@ -49,22 +49,17 @@ impl<'a> DelaySection<'a> {
         self.main.and_then(|pair| pair.delay.found().map(|found| (pair, found)))
     }
 
-    /// Whether the flight itself says something about the delay that the replay removed.
-    pub(super) fn tests_the_replay(&self) -> bool {
-        self.measured().is_some_and(|(pair, _)| self.replay.is_some_and(|replay| is_replayed(pair, replay)))
-    }
-
     /// The delay of the main pair over the flight.
     pub(super) fn figure(&self, number: u32) -> Option<Figure> {
         self.measured().and_then(|(pair, found)| delay_over_time(pair, found, number))
     }
 }
 
-pub(super) fn section(all: &DelaySection, over_time: Option<&Figure>) -> Markup {
+pub(super) fn section(all: &DelaySection, lateness: Option<&FlightLateness>, over_time: Option<&Figure>) -> Markup {
     html! {
-        h2 id="delay" { "Delay from the flight" }
+        h2 id="delay" { "Delays of pairs of channels" }
         @match (all.main, all.measured()) {
-            (_, Some((pair, found))) => { (answer(all, pair, found)) }
+            (_, Some((pair, found))) => { (answer(all, pair, found, lateness)) }
             (Some(pair), None) => { (no_answer(pair)) }
             (None, None) if all.delays.pairs.is_empty() => {
                 p { "No two channels of this flight can be compared: a position and a velocity would do, or two positions." }
@@ -78,12 +73,15 @@ pub(super) fn section(all: &DelaySection, over_time: Option<&Figure>) -> Markup 
 
 // The main pair in a sentence
 
-fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay) -> Markup {
-    let replay = all.replay.filter(|replay| is_replayed(pair, replay));
+fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay, lateness: Option<&FlightLateness>) -> Markup {
+    let is_replayed = all.replay.is_some_and(|replay| is_replayed(pair, replay));
+    let by_all = lateness.filter(|_| is_replayed).and_then(|l| l.position_minus_velocity_s);
     html! {
-        p.answer { (sentence(pair, found)) @if let Some(replay) = replay { " " (against_removed(replay, &found.delay_s)) } }
-        @if all.replay.is_some() && replay.is_none() {
-            p { "The replay's own pair was not tried, so nothing here tests the delay that was removed." }
+        p.answer {
+            (sentence(pair, found))
+            @if let Some(by_all) = by_all {
+                " All pairs together say " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" } "."
+            }
         }
         @if let Some(alarm) = &found.alarm { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(alarm)) } }
         @if let Some(rival) = found.rival_s {
@@ -94,52 +92,29 @@ fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay) -> Markup
     }
 }
 
+/// A pair shows a difference: that either is late is not known from it.
 fn sentence(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
-    let (word, sign) = if found.delay_s.value < 0.0 { ("early", -1e3) } else { ("late", 1e3) };
+    let (word, sign) = if found.delay_s.value < 0.0 { ("earlier", -1e3) } else { ("later", 1e3) };
     let [low, high] = found.interval_95_s;
+    let is_difference =
+        matches!(pair.kind, DelayPairKind::PositionAgainstVelocity | DelayPairKind::VelocityAgainstAcceleration);
     html! {
-        code { (shown(&pair.first)) } " is " (word) " against " code { (shown(&pair.second)) } " by "
-        b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" }
+        code { (shown(&pair.first)) } " is " b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" } " "
+        (word) " than " code { (shown(&pair.second)) }
         @if found.delay_s.standard_uncertainty.is_some() { " (k = 2)" } @else { " (no uncertainty given)" }
         @if low <= 0.0 && 0.0 <= high { "; its 95 % interval holds zero" }
-        "."
+        @if is_difference { ". How late both are is not known from this pair." } @else { "." }
     }
 }
 
 fn no_answer(pair: &PairDelay) -> Markup {
     html! {
         p.answer {
-            "How late " code { (shown(&pair.first)) } " is against " code { (shown(&pair.second))}
+            "How much later " code { (shown(&pair.first)) } " is than " code { (shown(&pair.second))}
             " cannot be told from this flight."
         }
         @if let Finding::CannotTell(why) = &pair.delay { p.why.unsure { (shown_block(why)) } }
     }
-}
-
-/// The delay that was removed, and whether both are the same as far as can be told.
-fn against_removed(replay: &ReplayRecord, found: &Estimate) -> Markup {
-    if replay.settings.delay.seconds() == found.value {
-        return html! {
-            "This very delay was removed: what the same data then say of a residual delay is zero by construction."
-        };
-    }
-    let stated = replay.settings.delay_uncertainty_s;
-    let removed = Estimate { value: replay.settings.delay.seconds(), standard_uncertainty: stated };
-    html! {
-        "Removed was Td = " b { (estimate(&in_millis(&removed))) "\u{a0}ms" } " (" (shown(&replay.settings.delay_source)) "): "
-        @match normalised_difference(found, &removed) {
-            Some(e_n) => {
-                (agreement(e_n)) ", E_n = " (plain(e_n, 2))
-                @if stated.is_some() { ", the difference divided by √(U_δ² + U_Td²)." }
-                @else { ", the difference divided by U_δ alone, for no uncertainty of Td is stated." }
-            }
-            None => { "without an uncertainty of the delay found, the two cannot be compared." }
-        }
-    }
-}
-
-fn agreement(e_n: f64) -> Markup {
-    if e_n.abs() <= 1.0 { badge("ok", "✓", "agrees") } else { badge("bad", "✗", "differs") }
 }
 
 /// E_n = (δ − Td)/√(U_δ² + U_Td²) with U = 2u (ISO 13528); an uncertainty of Td that is not stated counts as none.
@@ -163,7 +138,7 @@ fn pairs(pairs: &[PairDelay]) -> Markup {
         Text("What it means, or why there is none"),
     ];
     html! {
-        (table("All pairs that were tried; positive: the first is late against the second; U with k = 2", &head,
+        (table("All pairs that were tried; positive: the first is later than the second; U with k = 2", &head,
             rows(pairs, MOST, head.len(), pair_row)))
     }
 }
@@ -205,7 +180,7 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
             Some(over_time) => { (figure(over_time)) }
             None => { p { (no_number("the record holds no window of the delay over time")) } }
         }
-        (constancy(found))
+        (constancy(pair))
         h3 { code { (shown(&pair.first)) } " against " code { (shown(&pair.second)) } }
         (uncertainty(pair, found))
         (operating_points(found))
@@ -214,16 +189,21 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
     }
 }
 
-fn constancy(found: &MeasuredDelay) -> Markup {
+/// One test of constancy, the one that the kind of the delay rests on.
+fn constancy(pair: &PairDelay) -> Markup {
+    let Some(varies) = &pair.varies else { return html! {} };
+    let constancy = &varies.constancy;
     html! {
-        @if let Some(h) = &found.homogeneity {
-            p {
-                "One delay for all windows: χ² = " (plain(h.chi2, 3)) " with "
-                (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, p = " (plain(h.p, 2))
-                ". Largest step: from " (estimate(&in_millis(&h.largest_step.before_s))) " to "
-                (estimate(&in_millis(&h.largest_step.after_s))) " ms at " (number::clock(h.largest_step.at_s, 0))
-                " after the pair's origin, p = " (plain(h.largest_step.p, 2)) "."
+        p {
+            @if varies.kind.varies() {
+                (ended(&varies.words))
+            } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
+                "No change of the delay was seen. A lasting change of " (plain(least_s * 1e3, 2)) "\u{a0}ms or more would have been."
+            } @else {
+                "Whether the delay changes was not tested: "
+                (number::counted(constancy.windows, "window knows", "windows know")) " their delay, which is too few."
             }
+            @if let Some(note) = &constancy.note { " " (ended(note)) }
         }
     }
 }

@@ -3,12 +3,12 @@
 use super::Head::{Number, Text};
 use super::{badge, data_lost, estimate, maybe, maybe_estimate, no_number, plain, table};
 use crate::number;
-use crate::text::{shown, shown_block};
+use crate::text::{ended, shown, shown_block};
 use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
 use record::{
-    ChannelLateness, DelayAdvice, DelayAlarm, DelayNetwork, Effect, EffectVerdict, FlightLateness, FlightRecord,
-    FlightRow, Gravity, GroupLateness, Outcome,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, Effect, EffectVerdict, Estimate,
+    FlightLateness, FlightRecord, FlightRow, Gravity, GroupLateness, Outcome, flight_alarms,
 };
 
 /// Most groups of a campaign that are listed; the record holds all.
@@ -39,29 +39,63 @@ fn effect_badge(verdict: EffectVerdict) -> Markup {
 pub(super) fn answer(record: &FlightRecord) -> Markup {
     html! {
         @if let Some(lateness) = &record.lateness {
-            p.answer { b { (kind_words(lateness)) } ": " (shown(&lateness.words)) "." }
+            p.answer { b { (kind_words(lateness)) } ": " (ended(&lateness.words)) (interval(lateness.lateness.as_ref())) }
         }
-        @if let Some(decision) = &record.decision {
-            p.answer {
-                @match (decision.delay_s, decision.used) {
-                    (Some(delay_s), Some(used)) => {
-                        "Removed: " b { (plain(delay_s * 1e3, 4)) "\u{a0}ms" } " (" (source_phrase(used)) "): " (shown(&decision.words)) "."
-                    }
-                    _ => { "Nothing removed: " (shown(&decision.words)) "." }
-                }
-                @if decision.circular { " The delay was found in this flight, so what is left says nothing of whether it is right." }
-            }
+        @if let Some(decision) = &record.decision { p.answer { (removed(record, decision)) } }
+        @if let Some(effect) = &record.effect {
+            p.answer { (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words))) }
         }
-        @if let Some(effect) = &record.effect { p.answer { (effect_badge(effect.verdict)) " " (shown(&effect.words)) "." } }
-        @if let Some(lateness) = &record.lateness {
-            (advice(&lateness.advice))
-            (alarms(&lateness.alarms))
+        (alarms(&flight_alarms(record.lateness.as_ref(), record.decision.as_ref())))
+        @if let Some(lateness) = &record.lateness { (advice(&lateness.advice)) }
+    }
+}
+
+/// The ends of the interval, which need not lie evenly about the value.
+fn interval(channel: Option<&ChannelLateness>) -> Markup {
+    let ends = channel.and_then(|c| Some((c.interval_95_s, c.lateness_s.standard_uncertainty?)));
+    html! {
+        @if let Some((ends_s, u)) = ends {
+            " 95\u{a0}% interval: " (number::interval(ends_s.map(|s| s * 1e3), u * 1e3)) "\u{a0}ms."
         }
     }
 }
 
+/// What was removed: of a flight that was not replayed nothing, whatever was decided.
+fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
+    let of_replay = record.replay.as_ref().map(|replay| (&replay.settings, decision.used));
+    html! {
+        @match (of_replay, &record.outcome) {
+            (Some((settings, used)), _) => {
+                "Removed: "
+                b {
+                    (estimate(&in_millis(&Estimate {
+                        value: settings.delay.seconds(),
+                        standard_uncertainty: settings.delay_uncertainty_s,
+                    }))) "\u{a0}ms"
+                }
+                @if let Some(used) = used { " (" (source_phrase(used)) ")" }
+                ": " (ended(&decision.words))
+                @if decision.circular { " The delay was found in this flight, so what is left says nothing of whether it is right." }
+            }
+            (None, Outcome::NotMeasurable { .. } | Outcome::Failed { .. }) if decision.delay_s.is_some() => {
+                "Nothing removed: this flight was not replayed."
+            }
+            (None, _) => { "Nothing removed: " (ended(&decision.words)) }
+        }
+    }
+}
+
+/// The sentence of an effect without the verdict, which is in the badge.
+fn after_verdict(words: &str) -> &str {
+    let verdicts = ["helped: ", "harmed: ", "no change: ", "cannot tell: "];
+    verdicts.iter().find_map(|verdict| words.strip_prefix(verdict)).unwrap_or(words)
+}
+
 fn kind_words(lateness: &FlightLateness) -> String {
-    let mut words = lateness.kind.word().to_owned();
+    let mut words = match lateness.kind {
+        DelayKind::NotTested => "whether it changes was not tested".to_owned(),
+        kind => kind.word().to_owned(),
+    };
     if let Some(first) = words.get(..1) {
         words = format!("{}{}", first.to_uppercase(), words.get(1..).unwrap_or_default());
     }
@@ -81,7 +115,7 @@ fn advice(advice: &DelayAdvice) -> Markup {
                 "."
             }
         }
-        @if let Some(fly) = &advice.fly { p.answer { "To know more: " (shown(fly)) "." } }
+        @if let Some(fly) = &advice.fly { p.answer { "To know more: " (ended(fly)) } }
     }
 }
 
@@ -99,9 +133,22 @@ fn alarms(alarms: &[DelayAlarm]) -> Markup {
 
 /// One lateness for each channel, with what it rests on.
 pub(super) fn network(network: &DelayNetwork) -> Markup {
+    let has_datum = network.channels.iter().any(|c| c.relative_to.is_none());
+    let (title, what, caption) = match has_datum {
+        true => (
+            "One lateness for each channel",
+            "Lateness ± U (ms)",
+            "Lateness of each channel from all pairs together; U with k = 2",
+        ),
+        false => (
+            "One difference for each channel",
+            "Later by ± U (ms)",
+            "How much later each channel is, from all pairs together; how late any is, is not known; U with k = 2",
+        ),
+    };
     let head = [
         Text("Channel"),
-        Number("Lateness ± U (ms)"),
+        Number(what),
         Number("95 % interval (ms)"),
         Text("Against"),
         Number("of U by model (ms)"),
@@ -109,10 +156,10 @@ pub(super) fn network(network: &DelayNetwork) -> Markup {
     ];
     let body = html! { @for channel in &network.channels { (channel_row(channel)) } };
     html! {
-        h2 #network { "One lateness for each channel" }
+        h2 #network { (title) }
         p { (shown(&network.datum_words)) }
         p { (shown(&network.verdict_words)) }
-        (table("Lateness of each channel from all pairs together; U with k = 2", &head, body))
+        (table(caption, &head, body))
         @if !network.unused_pairs.is_empty() {
             details {
                 summary { (number::counted(network.unused_pairs.len() as u64, "pair", "pairs")) " not used" }
@@ -131,7 +178,10 @@ fn channel_row(c: &ChannelLateness) -> Markup {
         tr {
             th scope="row" { code { (shown(&c.channel)) } }
             td.n { (maybe_estimate(Some(&in_millis(&c.lateness_s)))) }
-            td.n { (plain(c.interval_95_s[0] * 1e3, 4)) " … " (plain(c.interval_95_s[1] * 1e3, 4)) }
+            td.n { @match c.lateness_s.standard_uncertainty.filter(|u| *u > 0.0) {
+                Some(u) => { (number::interval(c.interval_95_s.map(|s| s * 1e3), u * 1e3)) }
+                None => { "—" }
+            } }
             td { (shown(&against)) }
             td.n { (plain(c.model_uncertainty_s * 2e3, 2)) }
             td.any {
@@ -152,7 +202,7 @@ pub(super) fn groups(groups: &[GroupLateness]) -> Markup {
             p.answer {
                 b { (shown(&group.group.name)) } ": "
                 @match &group.lateness_s {
-                    Some(lateness_s) => { b { (estimate(&in_millis(lateness_s))) "\u{a0}ms" } " (k = 2). " (shown(&group.words)) "." }
+                    Some(lateness_s) => { b { (estimate(&in_millis(lateness_s))) "\u{a0}ms" } " (k = 2). " (ended(&group.words)) }
                     None => { (no_number(&group.words)) "." }
                 }
             }
@@ -173,6 +223,17 @@ pub(super) fn lateness_cells(row: &FlightRow) -> Markup {
         }
         td { (maybe(lateness.filter(|_| value.is_some()), |l| html! { (shown(&l.against)) })) }
     }
+}
+
+/// How many alarms a flight has and how grave they are; the grey ones are no alarm.
+pub(super) fn alarm_badges(alarms: &[DelayAlarm]) -> Markup {
+    let of = |gravity| alarms.iter().filter(move |a| a.gravity == gravity);
+    let one = |gravity, class, word| {
+        let count = of(gravity).count();
+        let plural = if count == 1 { "" } else { "s" };
+        html! { @if count > 0 { (badge(class, "!", &format!("{count} {word}{plural}"))) } }
+    };
+    html! { (one(Gravity::Red, "bad", "alarm")) (one(Gravity::Amber, "unsure", "warning")) }
 }
 
 /// Error before and after, in the table of all flights.

@@ -1,15 +1,17 @@
 //! The method in words and equations, from the settings that were used.
 
+use super::estimate;
 use crate::number;
 use crate::text::shown;
+use crate::verdict::in_millis;
 use maud::{Markup, html};
-use record::{ReplayRecord, StartRule};
+use record::{FlightRecord, ReplayRecord, StartRule};
 
 /// Ready to paste into a report.
-pub(super) fn section(replay: &ReplayRecord) -> Markup {
+pub(super) fn section(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     html! {
         h2 { "Method" }
-        (delay_paragraph(replay))
+        (delay_paragraph(record, replay))
         (compensators(replay))
         (rules(replay))
         (frame(replay))
@@ -26,13 +28,14 @@ pub(super) fn section(replay: &ReplayRecord) -> Markup {
     }
 }
 
-fn delay_paragraph(replay: &ReplayRecord) -> Markup {
+fn delay_paragraph(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     let settings = &replay.settings;
+    let apart = record.lateness.as_ref().and_then(|l| l.position_minus_velocity_s);
     html! {
         p {
-            "Position " code { (shown(&replay.pair.position)) } " is late, \
-             velocity " code { (shown(&replay.pair.velocity)) }
-            " is on time. A positive delay means late: measured(t) = truth(t − Td), with Td = "
+            "Compensated is " code { (shown(&replay.pair.position)) } " by the velocity " code { (shown(&replay.pair.velocity)) }
+            @if let Some(apart) = apart { ", than which it is " (estimate(&in_millis(&apart))) "\u{a0}ms later" }
+            ". To first order only the lateness of the position counts, not that of the velocity. A positive delay means late: measured(t) = truth(t − Td), with Td = "
             (number::significant(settings.delay.millis(), 4)) " ms"
             @match settings.delay_uncertainty_s {
                 Some(u) => { ", standard uncertainty " (number::significant(u * 1e3, 2)) " ms" }

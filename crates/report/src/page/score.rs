@@ -4,12 +4,12 @@ use super::Head::{Number, Text};
 use super::{badge, estimate, figure, finding, maybe, no_number, plain, rows, table, table_of};
 use crate::figure::{Figure, bands_figure};
 use crate::number::{self, COVERAGE_FACTOR};
-use crate::text::{shown, shown_block};
+use crate::text::{ended, shown, shown_block};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{
-    CompensatorScore, ErrorBudget, Estimate, Finding, HelpfulBand, OnboardAgainst, OnboardComparison, ReferenceScore,
-    ReplayRecord, ReplayScores, ResidualDelay,
+    CompensatorScore, Effect, EffectVerdict, ErrorBudget, Estimate, Finding, HelpfulBand, OnboardAgainst,
+    OnboardComparison, ReferenceScore, ReplayRecord, ReplayScores, ResidualDelay,
 };
 use std::collections::BTreeMap;
 
@@ -21,14 +21,14 @@ pub(super) fn bands(replay: Option<&ReplayRecord>, number: u32) -> Option<Figure
     bands_figure(replay?.scores.as_ref()?, number)
 }
 
-pub(super) fn section(replay: &ReplayRecord, of_bands: Option<&Figure>) -> Markup {
+pub(super) fn section(replay: &ReplayRecord, effect: Option<&Effect>, of_bands: Option<&Figure>) -> Markup {
     html! {
         @if let Some(scores) = &replay.scores {
             h2 id="score" { "What the compensators are worth" }
             (without_reference(scores))
             @if replay.pair.reference.is_some() { (with_reference(scores)) }
             (budget(scores))
-            (validity(scores, of_bands))
+            (validity(scores, effect, of_bands))
         }
         @if let Some(onboard) = &replay.onboard { (aircraft(onboard)) }
     }
@@ -111,9 +111,10 @@ fn without_reference(scores: &ReplayScores) -> Markup {
         (table("What the flight itself says of each output; U with k = 2", &head,
             rows(&scores.compensators, MOST, head.len(), row)))
         p.note {
-            "Delay left: how late the output is at fresh fixes against the integrated velocity, by the estimator of "
-            a href="#delay" { "Delay from the flight" } "; raw shows the whole delay, a compensated output must show none, \
-             a Padé filter what its truncation looks like (known to a half) and the age of the fix. Lead: along-track way before raw over the speed. Steps: 1 if a \
+            "Delay left: how much later than the integrated velocity the output is at fresh fixes, by the estimator of "
+            a href="#delay" { "Delays of pairs of channels" } "; raw shows Tp − Tv, a right compensation leaves −Tv for it puts \
+             the position where it is and not where a late velocity is, \
+             a Padé filter also what its truncation looks like (known to a half) and the age of the fix. Lead: along-track way before raw over the speed. Steps: 1 if a \
              fix brings all the way flown since the last one, 0 if it brings news only. One velocity, half way back, \
              predicts for raw − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m east rms. \
              A delay that position and velocity share shows in none of these."
@@ -123,7 +124,7 @@ fn without_reference(scores: &ReplayScores) -> Markup {
     }
 }
 
-/// Whether what is left is what is expected: zero within U.
+/// Whether what is left is what is expected, within U. Harm is what the effect says, not a difference here.
 fn agreement(residual: &ResidualDelay) -> Markup {
     let expected = residual.expected_s;
     let apart = (residual.delay_s.value - expected.value).abs();
@@ -131,7 +132,7 @@ fn agreement(residual: &ResidualDelay) -> Markup {
     match residual.delay_s.standard_uncertainty.filter(|u| *u > 0.0) {
         None => badge("unsure", "?", "no U"),
         Some(u) if apart <= both(u) => badge("ok", "✓", "agrees"),
-        Some(_) => badge("bad", "✗", "differs"),
+        Some(_) => badge("unsure", "!", "differs"),
     }
 }
 
@@ -168,7 +169,7 @@ fn passes_and_legs(scores: &ReplayScores) -> Markup {
             (finding(&scores.opposite_passes, |p| html! {
                 (number::counted(p.pairs, "pair", "pairs")) " within " (plain(p.within_m, 2)) "\u{a0}m, "
                 (number::count(p.fixes)) " fixes, closing at " (plain(p.closing_speed_mps, 3)) "\u{a0}m/s; where velocity \
-                 brings the aircraft back to the same place, a position that is late by T stands 2\u{a0}U\u{a0}T apart."
+                 brings the aircraft back to the same place, a position that is later than it by T stands 2\u{a0}U\u{a0}T apart."
             }))
         }
         p.note {
@@ -339,16 +340,25 @@ fn together(budget: &ErrorBudget) -> Markup {
 
 // Where it helps
 
-fn validity(scores: &ReplayScores, of_bands: Option<&Figure>) -> Markup {
+fn validity(scores: &ReplayScores, effect: Option<&Effect>, of_bands: Option<&Figure>) -> Markup {
+    let is_shown = effect.is_none_or(|e| e.verdict != EffectVerdict::CannotTell);
+    html! {
+        h3 { "At which frequencies" }
+        @if let Some(effect) = effect { p { "Over the whole flight: " (ended(&effect.words)) } }
+        @if is_shown { (bands_of(scores, of_bands)) } @else { p { "By frequency: " (no_number("the whole is not known")) "." } }
+    }
+}
+
+fn bands_of(scores: &ReplayScores, of_bands: Option<&Figure>) -> Markup {
     let head = [
         Text("Compensator"),
-        Number("Helps below (Hz)"),
-        Number("Halves below (Hz)"),
-        Number("Worse than raw above (Hz)"),
-        Number("Motion helped (%)"),
+        Number("Error below a tenth of raw, up to (Hz)"),
+        Number("below a half, up to (Hz)"),
+        Number("above raw, from (Hz)"),
+        Number("Motion with less than a tenth (%)"),
         Number("in between (%)"),
-        Number("made worse (%)"),
-        Number("Delay of position / velocity / removed (ms)"),
+        Number("above raw (%)"),
+        Number("Lateness of position / of velocity / delay removed (ms)"),
     ];
     let found: Vec<(&str, &HelpfulBand)> =
         scores.compensators.iter().filter_map(|c| Some((c.name.as_str(), c.band.found()?))).collect();
@@ -368,15 +378,14 @@ fn validity(scores: &ReplayScores, of_bands: Option<&Figure>) -> Markup {
     let mut reasons = Reasons::default();
     scores.compensators.iter().take(MOST).for_each(|c| reasons.add("band", &c.name, &c.band));
     html! {
-        h3 { "Where compensation helps" }
         @if let Some(of_bands) = of_bands { (figure(of_bands)) }
         @if !found.is_empty() {
             (table("Frequencies and shares of the motion (power of the velocity)", &head, rows(&found, MOST, head.len(), row)))
         }
         p.note {
-            "Helps: the error is below a tenth of the raw one. All up to one over the delay, where the raw error vanishes by \
-             chance; continuous time, fixes not held. The velocity's own delay is what the reference shows, and nothing if \
-             none is seen."
+            "All up to one over the delay, where the raw error vanishes by chance; continuous time, fixes not held; the filter \
+             that knows the mean age of a fix takes it as a part of both delays. Latenesses are those that the effect is judged \
+             by; what is not seen to differ from the delay removed, or from zero, counts as that."
         }
         @if let Finding::CannotTell(why) = &scores.motion { p { "Motion: " (no_number(why)) } }
         (reasons.show())

@@ -5,7 +5,7 @@ use super::flight_delay::normalised_difference;
 use super::{badge, estimate, figure, finding, maybe, maybe_estimate, or_why, plain, rows, table};
 use crate::figure::{Figure, objective_figure, sweep_figure};
 use crate::number;
-use crate::text::shown;
+use crate::text::{ended, shown};
 use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
 use record::{
@@ -31,9 +31,9 @@ pub(super) fn figures(record: &FlightRecord, number: u32) -> Vec<Figure> {
 pub(super) fn section(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
     html! {
         @if replay.choice.is_some() || replay.sweep.is_some() {
-            h2 id="choice" { "Which delay was removed" }
+            h2 id="choice" { "Delays that could be removed" }
             @if let Some(choice) = &replay.choice {
-                (answer(replay, choice))
+                (remarks(choice, replay.sweep.as_ref()))
                 (candidates(choice, replay.sweep.as_ref()))
             }
             @match &replay.sweep {
@@ -45,17 +45,19 @@ pub(super) fn section(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
     }
 }
 
-fn answer(replay: &ReplayRecord, choice: &DelayChoice) -> Markup {
-    let settings = &replay.settings;
-    let removed = Estimate { value: settings.delay.seconds(), standard_uncertainty: settings.delay_uncertainty_s };
+fn remarks(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
     html! {
-        p.answer {
-            "Removed: " b { (estimate(&in_millis(&removed))) "\u{a0}ms" } ", " (source_phrase(choice.used)) ", because "
-            (shown(&choice.why)) "."
+        @if is_fallback(choice) {
+            p { (badge("unsure", "!", "Fallback")) " This is not the delay that the pipeline asks for first: " (ended(&choice.why)) }
         }
-        @if choice.asked != choice.used { p { (badge("unsure", "!", "Fallback")) " This is not the delay that the pipeline asks for first." } }
-        @if choice.circular { p.why.unsure { (circularity(choice, replay.sweep.as_ref())) } }
+        @if choice.circular { p.why.unsure { (circularity(choice, sweep)) } }
     }
+}
+
+/// The network is asked for by one name and answers by two.
+fn is_fallback(choice: &DelayChoice) -> bool {
+    let of_network = matches!(choice.used, DelaySource::OthersFlights | DelaySource::OwnNetwork);
+    choice.asked != choice.used && !(choice.asked == DelaySource::Network && of_network)
 }
 
 /// What a delay found in the same data cannot be tested by.
@@ -87,10 +89,12 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
         Text("Where it comes from, or why there is none"),
     ];
     let row = |c: &DelayCandidate| {
-        let e_n = c.delay_s.found().zip(used).filter(|_| c.source != choice.used).and_then(|(c, used)| e_n(c, used));
+        let e_n = comparable(c.source, choice)
+            .then(|| c.delay_s.found().zip(used).and_then(|(c, used)| e_n(c, used)))
+            .flatten();
         html! {
             tr {
-                th scope="row" { (source_phrase(c.source)) @if c.source == choice.used { " " (badge("ok", "✓", "removed")) } }
+                th scope="row" { (source_phrase(c.source)) @if c.source == choice.used { " " (badge("off", "●", "removed")) } }
                 td.n { (maybe_estimate(c.delay_s.found().map(in_millis).as_ref())) }
                 td.n { (maybe(e_n, agreement)) }
                 td.n { (maybe_estimate(sweep.and_then(|s| s.score_at(c.source)).map(|p| &p.rms_m))) }
@@ -106,7 +110,8 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
         }))
         p.note {
             "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that nobody states \
-             counts as none. — where a delay is compared with itself."
+             counts as none. — where a delay is compared with itself, and for position against velocity, which is no lateness: \
+             it differs by what the velocity is late."
         }
     }
 }
@@ -123,6 +128,11 @@ fn optimum_row(sweep: &DelaySweep, used: Option<&Estimate>) -> Markup {
     }
 }
 
+/// A position against a velocity is another quantity than the lateness of the position: both may be right and differ.
+fn comparable(source: DelaySource, choice: &DelayChoice) -> bool {
+    source != choice.used && source != DelaySource::Flight && choice.used != DelaySource::Flight
+}
+
 /// E_n of two delays, of which one at least has an uncertainty.
 fn e_n(delay: &Estimate, removed: &Estimate) -> Option<f64> {
     normalised_difference(delay, removed).or_else(|| normalised_difference(removed, delay).map(|e_n| -e_n))
@@ -130,7 +140,7 @@ fn e_n(delay: &Estimate, removed: &Estimate) -> Option<f64> {
 
 fn agreement(e_n: f64) -> Markup {
     html! {
-        @if e_n.abs() <= 1.0 { (badge("ok", "✓", "agrees")) } @else { (badge("bad", "✗", "differs")) } " " (plain(e_n, 2))
+        @if e_n.abs() <= 1.0 { (badge("ok", "✓", "agrees")) } @else { (badge("unsure", "!", "differs")) } " " (plain(e_n, 2))
     }
 }
 
@@ -189,8 +199,8 @@ fn note(sweep: &DelaySweep) -> Markup {
     match &sweep.score {
         SweepScore::ErrorAgainst(reference) => html! {
             "Scored are the same " (samples("row", "rows")) " with every delay, against " code { (shown(reference)) }
-            ": a constant offset between position and reference counts as error, and the best delay takes up what velocity \
-             itself is late by."
+            ": a constant offset between position and reference counts as error, and the best delay is that of the position, \
+             however late the velocity is."
         },
         SweepScore::StepAtFixes => html! {
             "Scored are the same " (samples("fix", "fixes")) " with every delay. The least step at a fix is drawn and decides \

@@ -31,35 +31,30 @@ fn main_delay(record: &mut FlightRecord) -> &mut MeasuredDelay {
 }
 
 #[test]
-fn the_replays_pair_comes_first_with_what_was_removed_and_whether_they_agree() {
+fn the_replays_pair_comes_first_as_a_difference_and_tests_no_removed_delay() {
     let text = words(&section(&flight_record()));
-    // 409.3 ms, U = 2 × 2.1 ms; Td = 400 ms, U = 2 × 6.5 ms; E_n = 9.3/√(4.2² + 13²) = 0.681.
-    assert!(text.contains("position.gps is late against velocity.ekf by 409.3 ± 4.2 ms (k = 2)."), "{text}");
+    // 409.3 ms, U = 2 × 2.1 ms.
     assert!(
-        text.contains("Removed was Td = 400 ± 13 ms (pipeline, from Park and Lee 2010): ✓ agrees, E_n = 0.68"),
+        text.contains("position.gps is 409.3 ± 4.2 ms later than velocity.ekf (k = 2). How late both are is"),
         "{text}"
     );
+    assert!(!text.contains("Removed was") && !text.contains("E_n"), "a pair is no lateness: {text}");
     let html = page(&flight_record());
     let places = [">Raw and compensated<", "<h2 id=\"delay\">", ">Data health</h2>"].map(|t| html.find(t).unwrap());
     assert!(places.is_sorted(), "{places:?}");
 }
 
 #[test]
-fn a_removed_delay_without_uncertainty_is_held_against_that_of_the_flight_alone() {
+fn a_difference_is_never_said_to_be_late_early_or_on_time() {
     let mut record = flight_record();
-    record.replay.as_mut().unwrap().settings.delay_uncertainty_s = None;
-    // 9.3/4.2 = 2.21.
-    let text = words(&section(&record));
-    assert!(text.contains("✗ differs, E_n = 2.2, the difference divided by U_δ alone"), "{text}");
-    main_delay(&mut record).delay_s.standard_uncertainty = None;
-    assert!(words(&section(&record)).contains("the two cannot be compared"));
-}
-
-#[test]
-fn a_channel_that_is_early_is_said_to_be_early_by_a_positive_time() {
-    let mut record = flight_record();
+    for ms in [-12.3, 0.1, 12.3] {
+        main_delay(&mut record).delay_s.value = ms / 1e3;
+        let text = words(&section(&record));
+        let first = text.split("All pairs that were tried").next().unwrap();
+        assert!(!["is late", "is early", "on time"].iter().any(|word| first.contains(word)), "{first}");
+    }
     main_delay(&mut record).delay_s.value = -0.0123;
-    assert!(words(&section(&record)).contains("position.gps is early against velocity.ekf by 12.3 ± 4.2 ms"));
+    assert!(words(&section(&record)).contains("position.gps is 12.3 ± 4.2 ms earlier than velocity.ekf"));
 }
 
 #[test]
@@ -113,11 +108,11 @@ fn a_pair_of_the_replay_that_gives_no_delay_leads_with_its_reason() {
     let reason = "the flight is too straight: fly two circles";
     record.delays.as_mut().unwrap().pairs[0].delay = Finding::CannotTell(reason.into());
     let text = words(&section(&record));
-    assert!(text.contains("How late position.gps is against velocity.ekf cannot be told from this flight."), "{text}");
+    assert!(
+        text.contains("How much later position.gps is than velocity.ekf cannot be told from this flight."),
+        "{text}"
+    );
     assert!(text.matches(reason).count() == 2 && !text.contains("How to read it"), "{text}");
-    // Nobody tests Td then, if there is no reference either.
-    record.replay.as_mut().unwrap().pair.reference = None;
-    assert!(page(&record).contains("Nothing in this log says whether Td is right"));
 }
 
 #[test]
@@ -127,7 +122,7 @@ fn without_a_replay_the_first_pair_that_was_measured_leads() {
     record.delays.as_mut().unwrap().pairs.swap(0, 2);
     record.delays.as_mut().unwrap().pairs.swap(0, 1);
     let text = words(&section(&record));
-    assert!(text.contains("position.gps is late against position.truth by 398.2 ± 1.8 ms"), "{text}");
+    assert!(text.contains("position.gps is 398.2 ± 1.8 ms later than position.truth"), "{text}");
     assert!(!text.contains("Removed was") && text.contains("Figure 1. The delay over the flight"), "{text}");
 }
 
@@ -137,7 +132,7 @@ fn no_pair_and_no_search_are_told_apart() {
     let mut record = flight_record();
     record.delays.as_mut().unwrap().pairs.clear();
     assert!(words(&section(&record)).contains("No two channels of this flight can be compared"));
-    assert!(!page(&failed_record()).contains("Delay from the flight"));
+    assert!(!page(&failed_record()).contains("Delays of pairs of channels"));
 }
 
 /// Thousands of everything, and names without end.

@@ -7,6 +7,7 @@ mod fixture;
 mod flight_delay;
 mod hostile;
 mod html;
+mod no_contradiction;
 mod pages;
 mod score;
 mod sweep;

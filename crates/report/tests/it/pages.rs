@@ -58,30 +58,17 @@ fn every_number_with_its_bits_on_the_page_is_rounded_from_them() {
 }
 
 #[test]
-fn the_answer_comes_first_with_twice_the_standard_uncertainty() {
+fn the_effect_comes_first_and_its_errors_lead_the_key_numbers() {
     let record = flight_record();
     let html = page(&record);
     let answer = html.split("Key numbers").next().unwrap();
-    // raw − exact of the two harmonics, u = 0.0104 m; Td = 400 ms, u = 6.5 ms.
-    let value = format!("{:.3}\u{a0}±\u{a0}0.021", fixture::correction_rms());
-    assert!(
-        answer.contains(&value) && answer.contains("400\u{a0}±\u{a0}13") && answer.contains("position.truth"),
-        "{answer}"
-    );
-    assert!(html.find("class=\"answer\"") < html.find("Key numbers"));
-}
-
-#[test]
-fn without_a_reference_the_page_says_what_it_cannot_show() {
-    let mut record = flight_record();
-    record.delays = None;
-    let replay = record.replay.as_mut().unwrap();
-    replay.pair.reference = None;
-    for c in &mut replay.compensators {
-        (c.error_rms_m, c.error_p95_m) = (None, None);
-    }
-    let html = page(&record);
-    assert!(html.contains("Nothing in this log says whether Td is right") && !html.contains("Error against reference"));
+    assert!(answer.contains("7.03 → 0.04 m (against position.truth)."), "{answer}");
+    assert!(!answer.contains("helped:"), "the badge says it: {answer}");
+    let numbers = html.split("<h2>Key numbers</h2>").nth(1).unwrap().split("<h2").next().unwrap();
+    let before = numbers.split("Error before compensation").nth(1).unwrap();
+    assert!(before.contains(">7.03<") && before.contains("0.20"), "{before}");
+    // raw − exact of the two harmonics, u = 0.0104 m.
+    assert!(numbers.contains(&format!(">{:.3}<", fixture::correction_rms())), "{numbers}");
 }
 
 #[test]

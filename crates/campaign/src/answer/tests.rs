@@ -1,0 +1,88 @@
+//! Words for a lateness and for a difference, and what else follows from an answer.
+
+use super::{kind_of, unknown, velocity_lateness_s, words};
+use crate::line::{DelayLine, LineParts};
+use record::{
+    ChannelLateness, Decision, DelayAlarm, DelayKind, DelaySource, Estimate, FlightLateness, Gravity, NetworkDatum,
+};
+
+fn estimate(value: f64, u: f64) -> Estimate {
+    Estimate { value, standard_uncertainty: Some(u) }
+}
+
+/// A position that is late by this, or later than a velocity.
+fn late(value_s: f64, relative_to: Option<&str>) -> FlightLateness {
+    let channel = ChannelLateness {
+        channel: "position.gps".into(),
+        lateness_s: estimate(value_s, 0.004),
+        model_uncertainty_s: 0.003,
+        interval_95_s: [value_s - 0.008, value_s + 0.008],
+        part: 0,
+        datum: if relative_to.is_some() { NetworkDatum::None } else { NetworkDatum::Imu },
+        relative_to: relative_to.map(str::to_owned),
+        derived: false,
+        weak: false,
+        at_least_s: None,
+        filter_not_a_delay: None,
+        earlier_than_datum: false,
+        against_refused_datum_s: None,
+        rests_on: None,
+    };
+    FlightLateness { lateness: Some(channel), velocity: Some("velocity.gps".into()), ..unknown("k") }
+}
+
+fn decision(contradicted: Option<&str>) -> Decision {
+    Decision {
+        asked: DelaySource::Fixed,
+        row: 0,
+        used: Some(DelaySource::Fixed),
+        delay_s: Some(0.4),
+        standard_uncertainty_s: None,
+        circular: false,
+        words: String::new(),
+        contradicted: contradicted.map(str::to_owned),
+    }
+}
+
+/// The kind is against the datum that stands beside it; the sentence names that datum.
+#[test]
+fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
+    for (value_s, kind) in [(-0.507, DelayKind::Early), (0.001, DelayKind::OnTime), (0.203, DelayKind::NotTested)] {
+        assert_eq!(kind_of(&late(value_s, None), None), kind);
+        let difference = late(value_s, Some("velocity.gps"));
+        assert_eq!(kind_of(&difference, None), kind);
+        let text = words(&FlightLateness { kind, ..difference }, None, None);
+        assert!(text.contains("than velocity.gps; how late both are is not known"), "{text}");
+    }
+}
+
+#[test]
+fn position_velocity_and_their_difference_are_three_numbers_that_add_up() {
+    let apart = Some(estimate(0.143, 0.003));
+    let own = FlightLateness { position_minus_velocity_s: apart, ..late(0.203, None) };
+    let velocity_s = velocity_lateness_s(&own, &decision(None)).unwrap();
+    assert!((velocity_s.value - 0.060).abs() < 1e-12);
+    assert!((velocity_s.standard_uncertainty.unwrap() - 0.005).abs() < 1e-12, "√(4² + 3²) ms");
+    let relative = FlightLateness { position_minus_velocity_s: apart, ..late(0.143, Some("velocity.gps")) };
+    assert_eq!(velocity_lateness_s(&relative, &decision(None)), None, "how late both are is not known");
+}
+
+#[test]
+fn what_contradicts_a_delay_is_among_the_alarms_of_the_terminal_and_of_json() {
+    let red = DelayAlarm { gravity: Gravity::Red, code: "delay-steps".into(), text: "The delay jumps.".into() };
+    let lateness = FlightLateness { alarms: vec![red], ..late(0.203, None) };
+    let line = DelayLine::of(&LineParts {
+        flight: "a",
+        lateness: Some(&lateness),
+        decision: Some(&decision(Some("400 ms is contradicted"))),
+        effect: None,
+        failed: None,
+        damaged: false,
+        tail_cut: false,
+        pending: None,
+        replayed: true,
+        duplicate_of: None,
+    });
+    let said: Vec<(&str, &str)> = line.alarms.iter().map(|a| (a.gravity.as_str(), a.code.as_str())).collect();
+    assert_eq!(said, [("red", "delay-steps"), ("amber", "delay-contradicted")]);
+}

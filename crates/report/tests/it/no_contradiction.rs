@@ -1,0 +1,222 @@
+//! A page does not contradict itself: each number and each verdict has one source.
+
+use crate::fixture::{campaign_record, flight_record, sweep::estimate};
+use record::{
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelaySource, EffectVerdict,
+    FlightLateness, FlightRecord, Gravity, NetworkDatum, NetworkVerdict, Outcome, ReceiverGroup,
+};
+use report::{FlightPage, campaign_site, flight_site};
+
+fn page(record: &FlightRecord) -> String {
+    let site = flight_site(&FlightPage { name: "n", record, index_href: "index.html", command: "c" });
+    String::from_utf8(site.files["index.html"].clone()).unwrap()
+}
+
+/// Without markup and figures, spaces as they are read.
+fn words(html: &str) -> String {
+    let html: String = html.split("<svg").map(|part| part.split_once("</svg>").map_or(part, |p| p.1)).collect();
+    let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
+    text.replace(['\u{a0}', '\u{202f}'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// What stands above the first table.
+fn top(record: &FlightRecord) -> String {
+    words(page(record).split("<h2").next().unwrap())
+}
+
+fn alarm(gravity: Gravity, code: &str, text: &str) -> DelayAlarm {
+    DelayAlarm { gravity, code: code.into(), text: text.into() }
+}
+
+fn channel() -> ChannelLateness {
+    ChannelLateness {
+        channel: "position.gps".into(),
+        lateness_s: estimate(0.203, 0.008),
+        model_uncertainty_s: 0.007,
+        interval_95_s: [0.187, 0.219],
+        part: 0,
+        datum: NetworkDatum::Imu,
+        relative_to: None,
+        derived: false,
+        weak: false,
+        at_least_s: None,
+        filter_not_a_delay: None,
+        earlier_than_datum: false,
+        against_refused_datum_s: None,
+        rests_on: Some("velocity.gps against acceleration, unchecked".into()),
+    }
+}
+
+/// Position 203 ms late, velocity 60 ms: the difference is 143 ms.
+fn lateness() -> FlightLateness {
+    FlightLateness {
+        key: "k".into(),
+        failed: None,
+        position: Some("position.gps".into()),
+        velocity: Some("velocity.ekf".into()),
+        group: ReceiverGroup::default(),
+        content: None,
+        kind: DelayKind::Constant,
+        also: vec![],
+        words: "position.gps is 203 ± 16 ms late against the IMU. This rests on velocity.gps against acceleration, unchecked"
+            .into(),
+        lateness: Some(channel()),
+        datum: NetworkDatum::Imu,
+        against: "imu".into(),
+        verdict: None,
+        position_minus_velocity_s: Some(estimate(0.143, 0.007)),
+        card: None,
+        speed_rms_mps: Some(17.5),
+        lever_arm_s_per_decimetre: None,
+        alarms: vec![
+            alarm(Gravity::Red, "two-delays-fit", "two delays fit: 203 and 500 ms"),
+            alarm(Gravity::Amber, "outliers", "about 9 % of the samples are outliers"),
+        ],
+        advice: DelayAdvice { set: vec![], fly: Some("Fly 2 minutes of turns.".into()) },
+    }
+}
+
+fn decision() -> Decision {
+    Decision {
+        asked: DelaySource::Fixed,
+        row: 0,
+        used: Some(DelaySource::Fixed),
+        delay_s: Some(0.4),
+        standard_uncertainty_s: None,
+        circular: false,
+        words: "The number stated in the pipeline is removed. What was measured contradicts it.".into(),
+        contradicted: Some("The stated delay, 400 ms, is contradicted: measured is 203 ± 16 ms.".into()),
+    }
+}
+
+fn record() -> FlightRecord {
+    FlightRecord { lateness: Some(lateness()), decision: Some(decision()), ..flight_record() }
+}
+
+#[test]
+fn every_alarm_is_above_the_first_table_the_gravest_first_and_counted_beside_the_verdict() {
+    let text = top(&record());
+    let places = ["two delays fit", "9 % of the samples", "is contradicted: measured is 203"]
+        .map(|alarm| text.find(alarm).unwrap_or_else(|| panic!("{alarm}: {text}")));
+    assert!(places[0] < places[1].min(places[2]), "{text}");
+    assert!(text.contains("Helped ! 1 alarm! 2 warnings") || text.contains("Helped! 1 alarm! 2 warnings"), "{text}");
+}
+
+#[test]
+fn every_alarm_of_a_flight_is_counted_in_its_row_of_the_campaign() {
+    let mut campaign = campaign_record(3);
+    (campaign.flights[1].lateness, campaign.flights[1].decision) = (Some(lateness()), Some(decision()));
+    campaign.flights[1].attention = vec!["two delays fit: 203 and 500 ms".into()];
+    campaign.flights[0].attention = vec!["a velocity gap".into()];
+    let html = String::from_utf8(campaign_site(&campaign).files["index.html"].clone()).unwrap();
+    let (attention, all) = html.split_once("<h2 id=\"all\">").unwrap();
+    let attention = words(attention.split_once("<h2 id=\"attention\">").unwrap().1);
+    let row = words(all.split("<tr>").find(|row| row.contains("flight-0001")).unwrap());
+    assert!(row.contains("! 1 alarm! 2 warnings"), "{row}");
+    assert!(attention.contains("! 1 alarm! 2 warnings"), "{attention}");
+    // A red alarm is graver than what is merely worth a look.
+    assert!(attention.find("flight-0001") < attention.find("flight-0000"), "{attention}");
+}
+
+#[test]
+fn of_a_flight_that_was_not_replayed_nothing_was_removed() {
+    let parked = FlightRecord {
+        outcome: Outcome::NotMeasurable { reason: "the vehicle does not travel".into() },
+        replay: None,
+        ..record()
+    };
+    let text = top(&parked);
+    assert!(text.contains("Nothing removed") && !text.contains("Removed: "), "{text}");
+}
+
+#[test]
+fn sentences_end_once_and_a_verdict_is_said_once() {
+    let text = top(&record());
+    assert!(!text.contains("..") && !text.contains("helped: "), "{text}");
+    assert!(text.contains("What was measured contradicts it.") && text.contains("Fly 2 minutes of turns."), "{text}");
+    assert!(text.contains("95 % interval: 187 to 219 ms."), "the interval is beside the number: {text}");
+    assert!(text.contains("This rests on velocity.gps"), "{text}");
+}
+
+#[test]
+fn no_page_calls_a_velocity_on_time_that_its_network_finds_late() {
+    let text = words(&page(&record()));
+    assert!(!text.contains("is on time"), "{text}");
+    assert!(text.contains("than which it is 143 ± 14 ms later"), "{text}");
+}
+
+#[test]
+fn where_the_effect_cannot_be_told_no_table_says_at_which_frequencies_it_helps() {
+    let section = |record: &FlightRecord| {
+        let html = page(record);
+        words(html.split("<h3>At which frequencies</h3>").nth(1).unwrap().split("<h2").next().unwrap())
+    };
+    let helped = section(&record());
+    assert!(
+        helped.contains("Over the whole flight: helped: 7.03 → 0.04 m") && helped.contains("exact-async"),
+        "{helped}"
+    );
+    let mut unknown = record();
+    let effect = unknown.effect.as_mut().unwrap();
+    (effect.verdict, effect.words) = (EffectVerdict::CannotTell, "cannot tell: 1.00 → 0.99 m".into());
+    let text = section(&unknown);
+    assert!(text.contains("the whole is not known") && !text.contains("exact-async"), "{text}");
+}
+
+#[test]
+fn what_the_network_answers_is_no_fallback_of_the_network() {
+    let mut record = record();
+    let choice = record.replay.as_mut().unwrap().choice.as_mut().unwrap();
+    for (used, is_fallback) in
+        [(DelaySource::OthersFlights, false), (DelaySource::OwnNetwork, false), (DelaySource::Card, true)]
+    {
+        (choice.asked, choice.used) = (DelaySource::Network, used);
+        let html = {
+            let mut one = flight_record();
+            one.replay.as_mut().unwrap().choice = Some(choice.clone());
+            page(&one)
+        };
+        assert_eq!(html.contains("Fallback"), is_fallback, "{used:?}");
+    }
+}
+
+#[test]
+fn channels_without_a_datum_have_differences_and_no_lateness() {
+    let network = |relative_to: Option<&str>| DelayNetwork {
+        channels: vec![ChannelLateness { relative_to: relative_to.map(str::to_owned), ..channel() }],
+        covariance_s2: vec![vec![6.4e-5]],
+        datum: if relative_to.is_some() { NetworkDatum::None } else { NetworkDatum::Imu },
+        datum_words: "words of the datum".into(),
+        verdict: NetworkVerdict::Unchecked,
+        verdict_words: "No pair is checked by another.".into(),
+        named: vec![],
+        undecided_between: vec![],
+        chi2: 0.0,
+        degrees_of_freedom: 0,
+        p: None,
+        birge: 1.0,
+        loops: vec![],
+        effects: vec![],
+        used_pairs: vec![],
+        unused_pairs: vec![],
+        suggestions: vec![],
+        judged: vec![],
+    };
+    let section = |relative_to| {
+        let html = page(&FlightRecord { network: Some(network(relative_to)), ..record() });
+        words(html.split("<h2 id=\"network\">").nth(1).unwrap().split("<h2").next().unwrap())
+    };
+    assert!(section(None).contains("One lateness for each channel"));
+    let relative = section(Some("velocity.ekf"));
+    assert!(relative.contains("Later by ± U (ms)") && relative.contains("relative to velocity.ekf"), "{relative}");
+    assert!(!relative.contains("Lateness"), "{relative}");
+}
+
+#[test]
+fn a_campaign_names_one_error_before_and_one_after() {
+    let html = String::from_utf8(campaign_site(&campaign_record(4)).files["index.html"].clone()).unwrap();
+    let head = words(
+        html.split("<thead>").find(|part| part.contains("Error before")).unwrap().split("</thead>").next().unwrap(),
+    );
+    assert!(!head.contains("Error raw") && !head.contains("Error exact"), "{head}");
+}
