@@ -1,6 +1,7 @@
 //! A channel map for a table that no map fits: by the names of its columns, their units, and whether the position moves as the
 //! velocity says. What the data contradict is refused, and what they cannot decide too.
 
+mod bare;
 mod decide;
 mod motion;
 mod names;
@@ -36,6 +37,15 @@ pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
         |head: &TableHead| -> Vec<Named> { head.names.iter().filter_map(|path| names::named(head, path)).collect() };
     let tables = heads.iter().map(|head| (head.topic.clone(), named(head))).filter(|(_, named)| may_hold(named));
     let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|(topic, named)| (topic, requests(&named))).collect();
+    (!tables.is_empty()).then_some(Wanted(tables))
+}
+
+/// What of tables without a header is to be read for [`guess`]: every column.
+pub(crate) fn wanted_of_bare(heads: &[TableHead]) -> Option<Wanted> {
+    let all =
+        |head: &TableHead| -> Vec<Named> { head.names.iter().map(|path| bare::named(path, Role::Time)).collect() };
+    let tables = heads.iter().filter(|head| bare::is_bare(head));
+    let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|h| (h.topic.clone(), requests(&all(h)))).collect();
     (!tables.is_empty()).then_some(Wanted(tables))
 }
 
@@ -76,6 +86,9 @@ struct Found<'l, T> {
 /// Why there is none.
 pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     let sources = sources(log);
+    if log.heads.iter().any(bare::is_bare) {
+        return of_bare(&sources);
+    }
     if let Some(odd) = odd_unit(&sources) {
         return Err(odd);
     }
@@ -128,6 +141,21 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
         });
     }
     Ok(write::map(&places, &motions, &reasons, log.tables.len() > 1))
+}
+
+/// The two pairs of neighbours of a table without a header that agree best, if they agree very well.
+fn of_bare(sources: &[Source<'_>]) -> Result<Guess, String> {
+    const LEAST: f64 = 0.97;
+    let all = sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v)));
+    let pairs = all.filter_map(|(of, velocity)| best_place(sources, of, velocity).ok()).flatten();
+    let best = pairs.max_by(|a, b| a.1.what.agreement.total_cmp(&b.1.what.agreement));
+    let Some((mut place, motion)) = best.filter(|(_, motion)| motion.what.agreement >= LEAST) else {
+        return Err("the table has no header, and no two neighbouring columns move as two others say".into());
+    };
+    // A neighbour is a height only if a vertical velocity proves it.
+    place.what.third =
+        place.what.third.filter(|_| motion.what.third.is_some_and(|(_, side)| side != Vertical::LeftOut));
+    Ok(write::map(&[place], &[motion], &[], true))
 }
 
 /// A unit that a table states and nobody knows is no reason to take another one.
@@ -213,7 +241,8 @@ fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
     }
     let third = set.third.as_ref().and_then(|third| Some((third.unit?, side(third)?)));
     let why = vec!["by its names and stated units alone: no position is there to compare it with".to_owned()];
-    let what = Motion { set: set.clone(), unit, angle: None, third, swapped: false, is_west: false, why };
+    let what =
+        Motion { set: set.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
     Some(Found { topic: &of.table.topic.name, timing: timing.clone(), what })
 }
 

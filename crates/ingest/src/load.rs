@@ -154,7 +154,7 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
     let nothing = |_: &TopicInfo| Selection::Skip;
     let heads = open(unit).read(&nothing, context)?.heads;
     let nameless = || IngestError::Map("no columns are named like a time and a position or a velocity".into());
-    let wanted = guess::wanted(&heads).ok_or_else(nameless)?;
+    let wanted = guess::wanted(&heads).or_else(|| guess::wanted_of_bare(&heads)).ok_or_else(nameless)?;
     let found = guess::guess(&open(unit).read(&wanted, context)?).map_err(IngestError::Map)?;
     Ok(found.text)
 }

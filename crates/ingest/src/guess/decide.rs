@@ -50,6 +50,8 @@ pub(super) struct Motion {
     pub(super) swapped: bool,
     /// The east column counts west.
     pub(super) is_west: bool,
+    /// With the position that it was compared with; 1 is complete.
+    pub(super) agreement: f64,
     pub(super) why: Vec<String>,
 }
 
@@ -244,6 +246,7 @@ fn fit(
         third: vertical,
         swapped,
         is_west: found.signs[1] < 0.0,
+        agreement: found.agreement,
         why: whys,
     };
     Ok((found.agreement, place, motion))

@@ -47,6 +47,9 @@ pub(super) fn sources(log: &Log) -> Vec<Source<'_>> {
 
 fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
     let head = log.head(&table.topic.name)?;
+    if super::bare::is_bare(head) {
+        return super::bare::source(head, table);
+    }
     let named: Vec<Named> = head.names.iter().filter_map(|path| super::names::named(head, path)).collect();
     let holds = |column: &&Named| {
         let values = || numbers(table, &column.path);

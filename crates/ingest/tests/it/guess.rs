@@ -201,7 +201,7 @@ fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
         format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 7.3 * n, 7.3 * e)
     });
     let error = refused(&odd);
-    assert!(error.contains("vn is 7.3") && error.contains("no unit known"), "{error}");
+    assert!(error.contains("vn is 7.2") && error.contains("no unit known"), "{error}");
     let stated = table("time,lat,lon,vn_mps,ve_mps", |t, [a, b, _], [n, e, _]| {
         format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 3.6 * n, 3.6 * e)
     });
@@ -250,4 +250,28 @@ fn names_of_vectornav_tables_are_understood() {
     assert_is_truth(&loaded);
     assert_eq!(loaded.flight.channels.keys().collect::<Vec<_>>(), ["position.ins", "velocity.ins"]);
     assert_eq!(loaded.flight.channels["velocity.ins"].series.timeline().clock(), flight::Clock::Gps);
+}
+
+#[test]
+fn a_table_without_a_header_is_suggested_a_map_by_its_motion_alone() {
+    let text = table("", |t, [a, b, h], [n, e, u]| {
+        format!("{t:.1},{:.2},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},7", 0.1 * (3.0 * t).sin(), deg(a), deg(b), -u)
+    });
+    let (_folder, path) = file("bare.csv", text.trim_start().as_bytes());
+    let unit = tables(&[path]);
+    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    for line in [
+        "topic = [\"bare\"]",
+        "latitude = { field = \"column_3\", unit = \"deg\" }",
+        "height = { field = \"column_5\", unit = \"m\" }",
+        "north = { field = \"column_6\", unit = \"m/s\" }",
+        "down = { field = \"column_8\", unit = \"m/s\" }",
+    ] {
+        assert!(map.contains(line), "{line}: {map}");
+    }
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map).unwrap());
+    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    assert_eq!(loaded.flight.channels.len(), 2);
+    assert_eq!(loaded.flight.channels["velocity.gps"].series.components()[0][0], 18.0);
 }
