@@ -262,6 +262,9 @@ fn unchecked<'l>(
     motions: &[Found<'_, Motion>],
 ) -> Result<Found<'l, Place>, String> {
     let path = &set.first.path;
+    if !set.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
+        return Err(format!("{path}: no velocity moves as it does, and its name says more than a position"));
+    }
     let same = motions.iter().find(|motion| motion.topic == of.table.topic.name).map(|motion| &motion.timing);
     let Some(timing) = same.or(of.timings.first().filter(|timing| timing.is_certain)) else {
         return Err(format!("{path}: nothing says what the time of its table counts"));

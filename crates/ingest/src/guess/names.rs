@@ -312,7 +312,7 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
 }
 
 /// Words for where a position comes from.
-const SOURCES: &[&str] = &[
+pub(super) const SOURCES: &[&str] = &[
     "gps",
     "gnss",
     "ekf",
