@@ -138,6 +138,29 @@ fn the_shipped_maps_are_listed() {
 }
 
 #[test]
+fn a_map_is_suggested_for_a_table_of_ones_own_and_refused_for_what_is_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("own.csv");
+    // Circles of 60 m in 25 s near the equator, where a degree is 111 km.
+    let row = |i: i32| {
+        let (t, w) = (0.1 * f64::from(i), 0.25);
+        let [north, east] = [60.0 * (w * t).sin(), -60.0 * (w * t).cos()];
+        let (lat, lon) = (0.5 + (north / 6_335_700.0_f64).to_degrees(), 9.0 + (east / 6_378_000.0_f64).to_degrees());
+        format!("{t:.1},{lat:.9},{lon:.9},{:.4},{:.4}\n", 54.0 * (w * t).cos(), 54.0 * (w * t).sin())
+    };
+    std::fs::write(&path, format!("time,lat,lon,vn,ve\n{}", (0..600).map(row).collect::<String>())).unwrap();
+    let path = path.to_str().unwrap();
+    let map = text(&run(["maps", "--suggest", path], 0).stdout);
+    assert!(map.contains("north = { field = \"vn\", unit = \"km/h\" }"), "{map}");
+    let page = text(&run(["inspect", path], 0).stdout);
+    assert!(page.contains("columns bound by guess") && page.contains("maps --suggest LOG"), "{page}");
+    let other = folder.path().join("other.csv");
+    std::fs::write(&other, "a,b\n1,2\n3,4\n5,6\n").unwrap();
+    let error = text(&run(["maps", "--suggest", other.to_str().unwrap()], 1).stderr);
+    assert!(error.contains("no columns are named like"), "{error}");
+}
+
+#[test]
 fn help_is_there_for_every_command() {
     for arguments in [
         vec!["--help"],

@@ -436,4 +436,7 @@ pub(crate) struct MapsArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// Print a channel map for this table, guessed from the names of its columns, their units and its motion.
+    #[arg(long, value_name = "LOG", conflicts_with = "name")]
+    pub(crate) suggest: Option<PathBuf>,
 }

@@ -46,6 +46,6 @@ fn run(command: Command) -> Result<End, Failure> {
         Command::Demo(arguments) => demo::run(&arguments, &stop),
         Command::Compensator(arguments) => compensator::run(&arguments),
         Command::Criteria(arguments) => criteria::run(&arguments),
-        Command::Maps(arguments) => maps::run(&arguments),
+        Command::Maps(arguments) => maps::run(&arguments, &stop),
     }
 }

@@ -2,14 +2,24 @@
 
 use crate::arguments::MapsArguments;
 use crate::failure::{End, Failure};
+use crate::inspect::unit_of;
 use crate::show::Table;
+use crate::stop::Stop;
 use campaign::Exit;
-use ingest::{IngestError, MapLibrary};
+use ingest::{FlightUnit, IngestError, Limits, LogKind, MapLibrary, ReadContext, suggest};
 use std::io::Write;
 use std::path::Path;
 
-pub(crate) fn run(arguments: &MapsArguments) -> Result<End, Failure> {
+pub(crate) fn run(arguments: &MapsArguments, stop: &Stop) -> Result<End, Failure> {
     let library = library(arguments.maps.as_deref())?;
+    if let Some(log) = &arguments.suggest {
+        let unit = unit_of_table(log, &library)?;
+        let context = ReadContext { limits: Limits::default(), cancel: stop.flag(), on_bytes: &|_| {} };
+        let text =
+            suggest(&unit, &context).map_err(|e| Failure::new(Exit::Failed, format!("{}: {e}", log.display())))?;
+        write!(std::io::stdout(), "{text}")?;
+        return Ok(Exit::Well.into());
+    }
     if let Some(name) = &arguments.name {
         check_name(&library, Some(name))?;
         write!(std::io::stdout(), "{}", library.get(name)?.text())?;
@@ -21,6 +31,15 @@ pub(crate) fn run(arguments: &MapsArguments) -> Result<End, Failure> {
     }
     write!(std::io::stdout(), "{}", table.text())?;
     Ok(Exit::Well.into())
+}
+
+/// A flight, or a table without a header, which only a map makes one.
+fn unit_of_table(path: &Path, library: &MapLibrary) -> Result<FlightUnit, Failure> {
+    let is_text = path.extension().is_some_and(|ending| ending == "csv" || ending == "txt");
+    unit_of(path, library).or_else(|failure| {
+        let unit = FlightUnit { id: path.display().to_string(), files: vec![path.to_owned()], kind: LogKind::Csv };
+        if path.is_file() && is_text { Ok(unit) } else { Err(failure) }
+    })
 }
 
 /// A map that does not exist is a wrong command, and not a log that cannot be read.

@@ -7,6 +7,7 @@ mod counted;
 mod dated;
 mod daytime;
 mod ecef;
+mod lacking;
 mod order;
 mod repair;
 mod restarts;
@@ -25,10 +26,11 @@ use self::rows::{StepBack, bind_rows};
 use self::stamps::{Tied, tie_of};
 use self::trial::{Plan, Trial};
 use crate::error::IngestError;
-use crate::map::{BENCH_ALONE, MapLibrary};
+use crate::map::{BENCH_ALONE, MapLibrary, TimeSource};
 use crate::reader::Log;
+use crate::table::Table;
 use crate::time::set_back_for;
-use flight::{Binding, ChannelHealth, Flight, MapCandidate, Notices, Quantity, Severity};
+use flight::{Binding, ChannelHealth, Clock, Flight, MapCandidate, Notices, Quantity, Severity, StampKind};
 use std::collections::BTreeSet;
 
 /// Finds the channel map that fits `log` and makes its flight. The notices of the log come first.
@@ -39,8 +41,9 @@ use std::collections::BTreeSet;
 /// those of a flight first, then topics of the very name before topics below a namespace. `forced` names the map instead.
 ///
 /// # Errors
-/// [`IngestError::Map`] if none fits, with what is missing; if two fit equally, with both names; or
-/// if there is no map `forced`.
+/// [`IngestError::Map`] if none fits, with what is missing; if two fit equally, with both names; or if there is no map `forced`.
+/// [`IngestError::MapLacks`] if the best one is of the user and names fields that the log lacks, with the nearest names, or comes
+/// near without fitting.
 pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Flight, Binding), IngestError> {
     let mut trials: Vec<Trial<'_>> = library.candidates(forced)?.into_iter().map(|map| Trial::new(map, log)).collect();
     trials.sort_by_key(|t| std::cmp::Reverse(t.rank()));
@@ -50,6 +53,7 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
         let names = equals.join(" and ");
         return Err(IngestError::Map(format!("the channel maps {names} fit equally well; choose one with --map")));
     }
+    lacking::check(best, log).map_err(IngestError::MapLacks)?;
     let joined = trials.first_mut().and_then(|best| {
         turns::align(best.plans.iter_mut().flat_map(|plan| &mut plan.stamps));
         let joined = restarts::join(&best.plans, &best.map.ties, log)?;
@@ -60,6 +64,12 @@ pub fn bind(log: &Log, library: &MapLibrary, forced: Option<&str>) -> Result<(Fl
     });
     let Some(best) = trials.first() else { return Err(nothing_fits(&trials, log)) };
     Ok(make(best, &trials, log, joined, forced.is_some()))
+}
+
+/// The clock and the stamps, ns, that one source gives to the rows of a table.
+pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Vec<Option<i64>>)> {
+    let stamps = stamps::read_stamps(StampKind::Logged, source, table, || None)?;
+    Some((stamps.clock, stamps.nanos))
 }
 
 fn make(best: &Trial<'_>, trials: &[Trial<'_>], log: &Log, joined: Option<Joined>, forced: bool) -> (Flight, Binding) {
@@ -180,7 +190,9 @@ fn nothing_fits(trials: &[Trial<'_>], log: &Log) -> IngestError {
     if !near.is_empty() {
         text += &format!("; nearest: {}", near.into_iter().map(|(_, what)| what).collect::<Vec<_>>().join("; "));
     }
-    IngestError::Map(format!("{text}; {}", topics_of(log)))
+    let text = format!("{text}; {}", topics_of(log));
+    let is_meant = trials.iter().any(Trial::is_meant);
+    if is_meant { IngestError::MapLacks(text) } else { IngestError::Map(text) }
 }
 
 /// At most ten topics with their types.

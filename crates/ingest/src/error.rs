@@ -40,6 +40,9 @@ pub enum IngestError {
     /// No channel map fits, or two fit equally.
     #[error("{0}")]
     Map(String),
+    /// A channel map of the user is meant for the log and does not fit, or names fields that the log lacks.
+    #[error("{0}")]
+    MapLacks(String),
     /// A channel map is wrong.
     #[error("{path}: {what}", path = path.display())]
     BadMap {

@@ -15,15 +15,18 @@ mod definitions;
 mod discover;
 mod error;
 mod format;
+mod guess;
 mod ledger;
 mod load;
 mod map;
 mod map_schema;
+mod nearest;
 mod reader;
 mod sniff;
 pub mod stamps;
 mod table;
 mod time;
+mod written_unit;
 
 pub use bind::{RowTimes, TableTimes, bind, row_times};
 pub use discover::{Discovery, FlightUnit, discover};
@@ -34,12 +37,12 @@ pub use format::{
 };
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
-pub use load::{Loaded, load, open};
+pub use load::{Loaded, load, open, suggest};
 pub use map::{ChannelMap, MapLibrary, MapSelect, SelectAll};
 pub use map_schema::channel_map_schema;
 pub use reader::{
     Extra, FieldRequest, LeftOut, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Restart, Select,
-    Selection, StatedUnit, ValueKind,
+    Selection, StatedUnit, TableHead, ValueKind,
 };
 pub use sniff::LogKind;
 pub use table::{Column, ColumnData, PAYLOAD_HEX, Places, Table, TopicInfo};

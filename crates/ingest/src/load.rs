@@ -8,10 +8,12 @@ use crate::format::{
     BagReader, CsvReader, DataFlashReader, Db3Reader, McapReader, NmeaReader, TlogReader, UbxReader, UlogReader,
     UnpackingReader,
 };
-use crate::map::MapLibrary;
-use crate::reader::{Log, LogReader, ReadContext};
+use crate::guess::{self, Guess};
+use crate::map::{ChannelMap, MapLibrary, MapSelect};
+use crate::reader::{Log, LogReader, ReadContext, Selection, TableHead};
 use crate::sniff::LogKind;
-use flight::{Binding, Flight, LogHealth};
+use crate::table::TopicInfo;
+use flight::{Binding, Flight, LogHealth, Quantity, Severity};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -68,17 +70,97 @@ pub fn load(
     if let Some(file) = changed(&before, &states(&unit.files)?) {
         return Err(IngestError::Changed { file });
     }
-    let (flight, binding) = match bind(&log, library, forced) {
+    let bound = bind(&log, library, forced);
+    let may_guess = unit.kind == LogKind::Csv && forced.is_none() && needs_guess(&bound, library);
+    let guessed = if may_guess { guessed(unit, &log.heads, context)? } else { Ok(None) };
+    let (bound, refused) = match (bound, guessed) {
+        (bound, Ok(None)) => (bound, None),
+        (Ok(bound), Err(_)) => (Ok(bound), None),
+        (Err(error), Err(why)) => (Err(error), Some(why)),
+        (Ok(bound), Ok(Some((guess, ..)))) if !guess.both => (Ok(bound), None),
+        (_, Ok(Some((guess, own, map)))) => {
+            log = own;
+            (by_guess(&log, &guess, map), None)
+        }
+    };
+    let (flight, binding) = match bound {
         Ok((flight, binding)) => {
             note_stamps(&mut log, &binding);
             log.health.utc = flight.utc.clone();
             (flight, Ok(binding))
         }
-        Err(IngestError::Map(reason)) => (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason)),
+        Err(IngestError::MapLacks(reason)) => {
+            (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason))
+        }
+        Err(IngestError::Map(mut reason)) => {
+            reason.extend(refused.map(|why| format!("; its columns cannot be bound by guess: {why}")));
+            (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason))
+        }
         Err(error) => return Err(error),
     };
     let companion = companion(&log.health, &flight).map(str::to_owned);
     Ok(Loaded { flight, health: log.health, binding, companion })
+}
+
+/// Whether no map of the user was taken, and no shipped one that gives a position and a velocity.
+fn needs_guess(bound: &Result<(Flight, Binding), IngestError>, library: &MapLibrary) -> bool {
+    match bound {
+        Ok((flight, binding)) => {
+            let has = |wanted: &[Quantity]| flight.channels.values().any(|channel| wanted.contains(&channel.quantity));
+            let both = has(&[Quantity::PositionGeodetic, Quantity::PositionNed]) && has(&[Quantity::VelocityNed]);
+            let any = has(&[Quantity::PositionGeodetic, Quantity::PositionNed, Quantity::VelocityNed]);
+            // A bench is no flight that lacks something.
+            any && !both && library.get(&binding.map).is_ok_and(|map| map.shipped)
+        }
+        Err(IngestError::Map(_)) => true,
+        Err(_) => false,
+    }
+}
+
+/// A guess, the log as its map reads it, and the map; or why there is none. Nothing where no name promises anything.
+type Guessed = Result<Option<(Guess, Log, ChannelMap)>, String>;
+
+fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) -> Result<Guessed, IngestError> {
+    let Some(wanted) = guess::wanted(heads) else { return Ok(Ok(None)) };
+    // These bytes were counted when they were read first.
+    let again = ReadContext { on_bytes: &|_| (), ..*context };
+    let found = match guess::guess(&open(unit).read(&wanted, &again)?) {
+        Ok(found) => found,
+        Err(why) => return Ok(Err(why)),
+    };
+    let map = ChannelMap::from_toml(Path::new("guess.toml"), &found.text)?;
+    let log = open(unit).read(&MapSelect::of(&map), &again)?;
+    Ok(Ok(Some((found, log, map))))
+}
+
+fn by_guess(log: &Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Binding), IngestError> {
+    let name = map.name.clone();
+    let mut only = MapLibrary::default();
+    only.add(map);
+    let (mut flight, binding) = bind(log, &only, Some(&name))?;
+    let text = format!(
+        "columns bound by guess: {}; write this down with `flightlag maps --suggest LOG > own.toml`, check it, and give its folder \
+         with --maps",
+        guess.said
+    );
+    flight.notices.push(Severity::Warning, "bound-by-guess", "", guess.channels, text);
+    Ok((flight, Binding { why: "no map fits; columns bound by guess".into(), ..binding }))
+}
+
+/// The channel map by which [`load`] would read a table that no map fits, as the text of a file with the reasons as comments.
+///
+/// # Errors
+/// As [`LogReader::read`]; [`IngestError::Map`] with the reason if there is none.
+pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, IngestError> {
+    if unit.kind != LogKind::Csv {
+        return Err(IngestError::Map("only tables of text are bound by guess; other logs name their types".into()));
+    }
+    let nothing = |_: &TopicInfo| Selection::Skip;
+    let heads = open(unit).read(&nothing, context)?.heads;
+    let nameless = || IngestError::Map("no columns are named like a time and a position or a velocity".into());
+    let wanted = guess::wanted(&heads).or_else(|| guess::wanted_of_bare(&heads)).ok_or_else(nameless)?;
+    let found = guess::guess(&open(unit).read(&wanted, context)?).map_err(IngestError::Map)?;
+    Ok(found.text)
 }
 
 /// Formats without stamps of their own get those of their bound channels.

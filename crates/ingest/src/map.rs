@@ -63,12 +63,16 @@ pub struct ChannelMap {
     pub(crate) ties: Vec<TieRule>,
     /// For any log of some types.
     pub(crate) generic: bool,
+    /// Channels that a log of its kind need not have.
+    pub(crate) optional: Vec<String>,
+    /// It came with flightlag.
+    pub(crate) shipped: bool,
     text: String,
 }
 
 impl fmt::Debug for ChannelMap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ChannelMap { name, title, rules, ties, generic, text: _ } = self;
+        let ChannelMap { name, title, rules, ties, generic, optional, shipped: _, text: _ } = self;
         let mut debug = f.debug_struct("ChannelMap");
         debug.field("name", name).field("title", title).field("rules", rules);
         // As without the field where there is none, so that other maps keep their keys.
@@ -77,6 +81,9 @@ impl fmt::Debug for ChannelMap {
         }
         if *generic {
             debug.field("generic", generic);
+        }
+        if !optional.is_empty() {
+            debug.field("optional", optional);
         }
         debug.finish()
     }
@@ -292,6 +299,28 @@ impl ChannelRule {
         closeness(&self.topics, &self.types, topic)
     }
 
+    /// Whether it looks for the same channel in the same fields.
+    pub(crate) fn has_names_of(&self, other: &ChannelRule) -> bool {
+        let paths = |rule: &ChannelRule| -> Vec<String> {
+            rule.parts.iter().flat_map(|part| &part.fields).map(|field| field.path.clone()).collect()
+        };
+        let same =
+            |rule: &ChannelRule| (rule.name.clone(), rule.topics.clone(), rule.types.clone(), rule.time_fields());
+        same(self) == same(other) && paths(self) == paths(other)
+    }
+
+    /// The fields of which any one would date its rows.
+    pub(crate) fn time_fields(&self) -> Vec<String> {
+        let sources = self.times.iter().flat_map(|(_, sources)| sources);
+        sources.flat_map(TimeSource::requests).map(|request| request.path).collect()
+    }
+
+    /// Whether the container may date its rows.
+    pub(crate) fn may_be_timed_by_container(&self) -> bool {
+        let of_container = |source: &TimeSource| source.requests().is_empty();
+        self.times.iter().flat_map(|(_, sources)| sources).any(of_container)
+    }
+
     /// What is to be decoded of another topic, for conditions on messages of the same epoch.
     fn requests_of<'r>(&'r self, topic: &'r TopicInfo) -> impl Iterator<Item = FieldRequest> + 'r {
         let number = |path: &String| FieldRequest { path: path.clone(), kind: ValueKind::Number };
@@ -455,7 +484,7 @@ impl MapLibrary {
     pub fn shipped() -> Result<MapLibrary, IngestError> {
         let mut library = MapLibrary::default();
         for (name, text) in SHIPPED {
-            library.add(ChannelMap::from_toml(Path::new(name), text)?);
+            library.add(ChannelMap { shipped: true, ..ChannelMap::from_toml(Path::new(name), text)? });
         }
         Ok(library)
     }
@@ -545,6 +574,14 @@ pub struct MapSelect<'a> {
     definitions: &'a Definitions,
 }
 
+impl<'a> MapSelect<'a> {
+    /// What one map wants.
+    pub(crate) fn of(map: &'a ChannelMap) -> MapSelect<'a> {
+        static NONE: std::sync::OnceLock<Definitions> = std::sync::OnceLock::new();
+        MapSelect { maps: vec![map], definitions: NONE.get_or_init(Definitions::default) }
+    }
+}
+
 impl Select for MapSelect<'_> {
     fn select(&self, topic: &TopicInfo) -> Selection {
         let rules = self.maps.iter().flat_map(|m| &m.rules);
@@ -603,8 +640,10 @@ impl ChannelMap {
         }
         let ties =
             file.utc.iter().map(tie_rule).collect::<Result<_, _>>().map_err(|what| bad(1, format!("utc: {what}")))?;
-        let MapFile { name, title, generic, .. } = file;
-        Ok(ChannelMap { name, title, rules, ties, generic, text: text.to_owned() })
+        let MapFile { name, title, generic, channel, .. } = file;
+        let optional = channel.into_iter().map(toml::Spanned::into_inner).filter(|entry| entry.optional);
+        let optional = optional.map(|entry| entry.name).collect();
+        Ok(ChannelMap { name, title, rules, ties, generic, optional, shipped: false, text: text.to_owned() })
     }
 
     /// Names of the channels that it can bind, such as `position.gps`.
@@ -909,6 +948,12 @@ fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
     }
     let types = entry.types.iter().map(|t| plain_type(t)).collect();
     Ok(TieRule { topics: entry.topic.clone(), types, clock, stamp, utc, require: entry.require.clone() })
+}
+
+/// A source of stamps as a map writes it, `{ field = "t", unit = "s", clock = "boot" }`.
+pub(crate) fn time_source_of(entry: &str) -> Option<TimeSource> {
+    let table: std::collections::BTreeMap<String, TimeEntry> = toml::from_str(&format!("time = {entry}")).ok()?;
+    time_source(table.get("time")?).ok()
 }
 
 fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {

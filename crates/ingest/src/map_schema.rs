@@ -308,6 +308,10 @@ pub(crate) struct ChannelEntry {
     pub(crate) height_above: Option<HeightAbove>,
     /// An assumption that whoever reads the report should know.
     pub(crate) note: Option<String>,
+    /// A log of this kind need not have it. Without it a field that the topic lacks is an error, but for maps that come with
+    /// flightlag.
+    #[serde(default)]
+    pub(crate) optional: bool,
     /// What a remark of the log says of it. Channels of one name that go by one remark exclude one another.
     pub(crate) when: Option<WhenEntry>,
 }

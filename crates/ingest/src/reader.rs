@@ -39,6 +39,35 @@ pub struct Log {
     pub written: Vec<(TopicInfo, Column)>,
     /// Where the clock since boot of the vehicle that the log is of began anew, in the order of the log.
     pub restarts: Vec<Restart>,
+    /// The headers of tables of text: all their columns, wanted or not.
+    pub heads: Vec<TableHead>,
+}
+
+impl Log {
+    /// The header of a table of text.
+    pub(crate) fn head(&self, topic: &str) -> Option<&TableHead> {
+        self.heads.iter().find(|head| head.topic == topic)
+    }
+}
+
+/// The header of a table of text.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TableHead {
+    /// The topic.
+    pub topic: String,
+    /// Names of all columns, in the order of the file.
+    pub names: Vec<String>,
+    /// The cells of the line of units, as written; empty where there is no such line.
+    pub units: Vec<String>,
+}
+
+impl TableHead {
+    /// What the line of units says of a column, or else the brackets at the end of its name; empty where neither says anything.
+    pub(crate) fn unit_of<'a>(&'a self, name: &'a str) -> &'a str {
+        let index = self.names.iter().position(|n| n == name);
+        let cell = index.and_then(|index| self.units.get(index)).map_or("", String::as_str);
+        if crate::written_unit::is_blank(cell) { crate::written_unit::in_brackets(name).unwrap_or("") } else { cell }
+    }
 }
 
 /// A clock since boot that began anew within a log.

@@ -1,8 +1,67 @@
 //! The units of the map against those that the log itself states.
 
-use super::trial::Plan;
-use crate::reader::StatedUnit;
-use flight::{Dimension, Notices, Severity};
+use super::stamps::Stamps;
+use super::trial::{Found, Plan};
+use crate::map::{ChannelRule, TimeSource};
+use crate::reader::{StatedUnit, TableHead};
+use crate::written_unit::{Written, in_brackets, read};
+use flight::{Dimension, Notices, Severity, Unit};
+
+/// The column in the unit that its table states. A decimal fraction of that unit is the map's own affair, for tables state
+/// `deg` of integers of 1e-7 deg.
+///
+/// # Errors
+/// If the table states a unit of something else.
+pub(super) fn as_written<'a>(found: Found<'a>, head: Option<&'a TableHead>) -> Result<Found<'a>, String> {
+    let map = found.unit;
+    let Some(head) = head.filter(|_| map.dimension() != Dimension::None) else { return Ok(found) };
+    let path = found.column.path.as_str();
+    let text = head.unit_of(path);
+    match read(text, map.dimension()) {
+        Written::Unit(unit) if unit == map || is_fraction(map, unit) => Ok(found),
+        Written::Unit(unit) => Ok(Found { unit, said: Some((text, map)), ..found }),
+        Written::Other(other) if other.dimension() != map.dimension() && !is_of_name(head, path, text) => {
+            Err(format!("the table states {path} in {other}, and the channel map takes it for {map}"))
+        }
+        // What stands in brackets in a name may be anything.
+        Written::Unknown if !is_of_name(head, path, text) => Ok(Found { said: Some((text, map)), ..found }),
+        Written::Blank | Written::Other(_) | Written::Unknown => Ok(found),
+    }
+}
+
+/// Whether the map's unit is a decimal fraction of the stated one.
+fn is_fraction(map: Unit, stated: Unit) -> bool {
+    map.symbol().strip_prefix("1e-").and_then(|rest| rest.split_once(' ')).is_some_and(|(_, of)| of == stated.symbol())
+}
+
+fn is_of_name(head: &TableHead, path: &str, text: &str) -> bool {
+    in_brackets(path) == Some(text) && !head.units.iter().any(|cell| cell == text)
+}
+
+/// Refuses stamps whose column states another unit of time than the map.
+///
+/// # Errors
+/// With both units.
+pub(super) fn check_times(rule: &ChannelRule, stamps: &[Stamps], head: Option<&TableHead>) -> Result<(), String> {
+    let Some(head) = head else { return Ok(()) };
+    for source in rule.times.iter().flat_map(|(_, sources)| sources) {
+        let (TimeSource::Number { field, tick, .. } | TimeSource::GpsWeek { field, tick, .. }) = source else {
+            continue;
+        };
+        if !stamps.iter().any(|stamps| stamps.label == source.label()) {
+            continue;
+        }
+        if let Written::Unit(unit) = read(head.unit_of(field), Dimension::Time)
+            && (unit.to_si(1.0) * 1e9 - tick.nanos() as f64).abs() > 0.5
+        {
+            let nanos = tick.nanos();
+            return Err(format!(
+                "the table states {field} in {unit}, and the channel map takes it for ticks of {nanos} ns"
+            ));
+        }
+    }
+    Ok(())
+}
 
 /// Scales that differ by less are the same: loggers round theirs to single precision.
 const SAME_SCALE: f64 = 1e-5;
@@ -10,6 +69,23 @@ const SAME_SCALE: f64 = 1e-5;
 /// Says where the map takes a field for something else than the log does. The map is followed all the same: whoever
 /// wrote it may know better. Of pure numbers nothing is said, for which loggers have no common word.
 pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Notices) {
+    for found in plan.columns.iter().flatten() {
+        let Some((text, map)) = found.said else { continue };
+        let (name, path) = (&plan.rule.name, &found.column.path);
+        let (severity, code, text) = if found.unit == map {
+            let text = format!(
+                "channel {name}: the table states {path} in {text:?}, which flightlag does not know; {map} is used"
+            );
+            (Severity::Warning, "unit-unknown", text)
+        } else {
+            let text = format!(
+                "channel {name}: the table states {path} in {}, and it is converted from that; the channel map says {map}",
+                found.unit
+            );
+            (Severity::Info, "unit-converted", text)
+        };
+        notices.push(severity, code, &plan.table.topic.name, plan.table.rows as u64, text);
+    }
     for found in plan.columns.iter().flatten().filter(|f| f.unit.dimension() != Dimension::None) {
         let of_field = |s: &&StatedUnit| s.type_name == plan.table.topic.type_name && s.path == found.column.path;
         let Some(stated) = stated.iter().rfind(of_field) else { continue };

@@ -4,6 +4,7 @@ use super::binds;
 use super::conditions::{Condition, conditions};
 use super::dated::{example, unclear};
 use super::stamps::{Stamps, is_constant, read_stamps, written_at};
+use super::stated;
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::map_schema::HeightAbove;
 use crate::reader::Log;
@@ -67,6 +68,8 @@ pub(super) struct Found<'a> {
     pub(super) above: Option<HeightAbove>,
     /// One that was preferred and is zero throughout.
     pub(super) passed_over: Option<&'a Column>,
+    /// What the table itself says of its unit, and the map's unit, where that is another or nobody knows.
+    pub(super) said: Option<(&'a str, Unit)>,
 }
 
 enum Miss {
@@ -178,6 +181,12 @@ impl<'a> Trial<'a> {
         format!("{how}{lacking}; {channels} {}", if channels == 1 { "channel" } else { "channels" })
     }
 
+    /// A map of the user that finds at least half of its columns in the log: it was meant.
+    pub(super) fn is_meant(&self) -> bool {
+        let parts: usize = self.map.rules.iter().map(|rule| rule.parts.len()).sum();
+        !self.map.shipped && self.nearness > 0 && 2 * self.nearness >= parts
+    }
+
     /// How near the map comes, and what is missing in the first so many channels; `None` if it finds nothing of its own at
     /// all.
     pub(super) fn complaint(&self, channels: usize) -> Option<(usize, String)> {
@@ -259,7 +268,10 @@ fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distanc
     }
     let mut columns = vec![];
     for part in &rule.parts {
-        let found = find_part(part, table);
+        let found = match find_part(part, table) {
+            Some(found) => Some(stated::as_written(found, log.head(&table.topic.name))?),
+            None => None,
+        };
         if found.is_none() && is_needed(part, rule) {
             return Err(missing(part));
         }
@@ -269,6 +281,7 @@ fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distanc
         return Err(missing(first));
     }
     let (stamps, remarks) = stamps_of(rule, table)?;
+    stated::check_times(rule, &stamps, log.head(&table.topic.name))?;
     let conditions = conditions(&rule.require, table, log);
     Ok(Plan { rule, table, distance, columns, stamps, remarks, conditions })
 }
@@ -296,8 +309,8 @@ fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
             continue;
         }
         let is_zero = values.all(|value| value == 0.0);
-        let found =
-            Found { column, unit: source.unit, above: source.above, passed_over: zero.map(|z: Found<'a>| z.column) };
+        let passed_over = zero.map(|z: Found<'a>| z.column);
+        let found = Found { column, unit: source.unit, above: source.above, passed_over, said: None };
         if !is_zero || part.role != "height" {
             return Some(found);
         }

@@ -288,6 +288,10 @@ impl Reading<'_> {
             }
             if table.units_line == Some(line) {
                 units = text.to_vec();
+                // Cells may be empty at the beginning of the line.
+                let cells = if mark > 0 { unmarked(text) } else { without_bom(open.lines.text(extent)) };
+                open.fields.split(cells, table.delimiter);
+                topic.units = open.fields.texts();
             }
             if line < table.first_row_line && !units.is_empty() {
                 // Nobody else has the header before the first row.
@@ -391,7 +395,13 @@ impl Reading<'_> {
                     }
                     self.books.structure(open, extent);
                 }
-                b"FLYS" | b"UNIT" | b"DATA" | b"COL" => self.books.structure(open, extent),
+                b"UNIT" => {
+                    let known = by_name.get(open.fields.get(1)).and_then(|&i| self.topics.get_mut(i));
+                    let units = || open.fields.texts().into_iter().skip(2).collect();
+                    known.into_iter().for_each(|topic| topic.units = units());
+                    self.books.structure(open, extent);
+                }
+                b"FLYS" | b"DATA" | b"COL" => self.books.structure(open, extent),
                 b"" if open.lines.text(extent).trim_ascii().is_empty() => self.books.structure(open, extent),
                 _ => match by_name.get(&tag).and_then(|&i| self.topics.get_mut(i)) {
                     Some(topic) => self.books.row(open, extent, topic, 1, b',', false),
@@ -541,13 +551,14 @@ impl Reading<'_> {
         self.books.health.messages = self.topics.iter().map(|t| t.rows).sum();
         self.books.ledger.finish(&mut self.books.health, &mut self.books.notices);
         let written = self.topics.iter().flat_map(Topic::written).collect();
+        let heads = self.topics.iter().map(Topic::head).collect();
         let mut tables: Vec<Table> = self.topics.into_iter().filter_map(Topic::into_table).collect();
         for table in &mut tables {
             if let Some((meaning, selection)) = self.meanings.get(&table.topic.name) {
                 meaning.complete(table, selection, &mut self.books.notices);
             }
         }
-        Ok(Log { health: self.books.health, tables, written, notices: self.books.notices, ..Log::default() })
+        Ok(Log { health: self.books.health, tables, written, heads, notices: self.books.notices, ..Log::default() })
     }
 }
 

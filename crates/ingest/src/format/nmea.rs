@@ -95,15 +95,24 @@ pub(crate) fn looks_like(head: &[u8]) -> bool {
 fn looks_checked(head: &[u8]) -> bool {
     let mut lines = head.split(|b| *b == b'\n').take(LOOKED_AT);
     let sentence = |line: &[u8]| Some(Sentence::at(line.get(begin_of(line)?..)?, false).is_ok());
-    let (mut good, mut bad) = (0, 0);
-    while let (Some(line), true) = (lines.next(), good < 2) {
+    let (mut good, mut bad, mut headless) = (0, 0, 0);
+    while let (Some(line), true) = (lines.next(), good < 2 && headless < 2) {
         match sentence(line) {
             Some(true) => good += 1,
             Some(false) => bad += 1,
-            None => {}
+            None => headless += usize::from(with_dollar(line).is_some()),
         }
     }
-    good >= 2 || (good == 1 && bad == 0)
+    good >= 2 || headless >= 2 || (good == 1 && bad == 0)
+}
+
+/// A line that is a sentence with a right checksum but for the `$` in front, with that: some loggers take it off.
+fn with_dollar(line: &[u8]) -> Option<Vec<u8>> {
+    let may_be =
+        line.first().is_some_and(u8::is_ascii_uppercase) && memchr(b'*', line).is_some() && begin_of(line).is_none();
+    let whole = may_be.then(|| [b"$", line].concat())?;
+    let is_one = Sentence::at(&whole, false).is_ok_and(|sentence| sentence.checked && sentence.body.contains(','));
+    is_one.then_some(whole)
 }
 
 /// Whether lines are sentences of types that are read, as far as that can be told without a checksum.
@@ -246,6 +255,8 @@ struct Counts {
     /// Bytes of text in front of the first sentence, of comments, and of lines of text.
     preamble: u64,
     sentences: u64,
+    /// Without a `$`.
+    headless: u64,
 }
 
 impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
@@ -319,6 +330,15 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             return self.aside(line);
         }
         let mut from = 0;
+        // Where others have a `$`, one without has lost it with what stood before.
+        if self.counts.sentences == self.counts.headless
+            && let Some(whole) = with_dollar(line)
+            && let Ok(sentence) = Sentence::at(&whole, false)
+        {
+            from = sentence.length - 1;
+            self.counts.headless += 1;
+            self.sentence(&sentence, &[], from as u64);
+        }
         while let Some(dollar) = line.get(from..).and_then(begin_of).map(|at| from + at) {
             let rest = line.get(dollar..).unwrap_or_default();
             let prefix = line.get(from..dollar).unwrap_or_default();
@@ -412,13 +432,14 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
                 notices.push(severity, code, self.name.as_str(), count, text);
             }
         };
-        let Counts { unchecked, prefixes, preamble, .. } = self.counts;
+        let Counts { unchecked, prefixes, preamble, headless, .. } = self.counts;
         say(
             Severity::Warning,
             "unchecked",
             unchecked,
             "sentences have no checksum: nothing shows whether they are intact",
         );
+        say(Severity::Info, "no-dollar", headless, "sentences begin without `$`; their checksums are right");
         say(
             Severity::Info,
             "prefix",

@@ -45,6 +45,27 @@ fn a_simulated_flight_comes_back_within_the_quantum_of_its_sentences() {
 }
 
 #[test]
+fn sentences_without_their_dollar_are_read_where_the_checksum_is_right() {
+    let lines: Vec<String> = (0..5)
+        .map(|i| sealed(&format!("GPGGA,12351{i}.00,4807.03{i}0,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,")))
+        .collect();
+    let with: Vec<&str> = lines.iter().map(String::as_str).collect();
+    let without: Vec<&str> = with.iter().map(|line| &line[1..]).collect();
+    let (a, b) = (text(&with), text(&without));
+    assert_eq!(b.tables, a.tables);
+    assert_eq!((b.health.bytes.damaged, b.health.bytes.decoded), (0, a.health.bytes.decoded - 5));
+    let told = b.notices.iter().find(|n| n.code == "no-dollar").unwrap();
+    assert_eq!(told.count, 5);
+    let (folder, _path) = file("track.txt", (without.join("\r\n") + "\r\n").as_bytes());
+    let found = ingest::discover(folder.path(), &ingest::MapLibrary::shipped().unwrap()).unwrap();
+    assert_eq!(found.units.iter().map(|unit| unit.kind).collect::<Vec<_>>(), [LogKind::Nmea]);
+    // A wrong checksum is none, and behind sentences with a `$` one without is what is left of it.
+    let wrong = without[2].replace("545.4", "545.5");
+    assert!(text(&[without[0], without[1], &wrong, without[3]]).health.bytes.damaged > 60);
+    assert!(text(&[with[0], with[1], without[2]]).health.bytes.damaged > 60);
+}
+
+#[test]
 fn sentences_of_real_receivers_have_the_values_that_pynmeagps_reads() {
     // pynmeagps 1.1.8: the same sentences give these degrees, rounded to 10 digits.
     let log = text(&[

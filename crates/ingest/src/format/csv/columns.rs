@@ -2,7 +2,7 @@
 
 use super::fields::{Cell, Decimal, EXACT, Row};
 use super::lines::Extent;
-use crate::reader::{FieldRequest, Selection, ValueKind};
+use crate::reader::{FieldRequest, Selection, TableHead, ValueKind};
 use crate::table::{Column, ColumnData, Places, Table, TopicInfo};
 use flight::{Notices, Severity, TopicHealth};
 
@@ -30,6 +30,8 @@ pub(super) struct Topic {
     pub(super) info: TopicInfo,
     /// Columns of the header.
     pub(super) names: Vec<String>,
+    /// The cells of its line of units.
+    pub(super) units: Vec<String>,
     /// How many fields a row has now: another header may stand between the rows.
     pub(super) width: usize,
     /// What stands before decimals.
@@ -338,6 +340,11 @@ impl Topic {
     pub(super) fn written(&self) -> Vec<(TopicInfo, Column)> {
         let columns = self.columns.iter().filter_map(|column| column.written(self.decimal));
         columns.map(|column| (self.info.clone(), column)).collect()
+    }
+
+    /// Its header.
+    pub(super) fn head(&self) -> TableHead {
+        TableHead { topic: self.info.name.clone(), names: self.names.clone(), units: self.units.clone() }
     }
 
     /// The table, if anything was wanted of it.

@@ -1,0 +1,289 @@
+//! A channel map for a table that no map fits: by the names of its columns, their units, and whether the position moves as the
+//! velocity says. What the data contradict is refused, and what they cannot decide too.
+
+mod bare;
+mod decide;
+mod motion;
+mod names;
+mod sets;
+mod times;
+mod write;
+
+use self::decide::{Motion, Of, Place, Vertical, decide, units_of_place};
+use self::names::{Named, Role};
+use self::sets::{Position, Source, Velocity, may_hold, says_axes, sources};
+use self::times::Timing;
+use crate::reader::{FieldRequest, Log, Select, Selection, TableHead, ValueKind};
+use crate::table::TopicInfo;
+use flight::Unit;
+use std::collections::BTreeMap;
+
+/// A guessed map.
+#[derive(Debug)]
+pub(crate) struct Guess {
+    /// The map as a file, with the reasons as comments.
+    pub(crate) text: String,
+    /// What was bound to what, in a line.
+    pub(crate) said: String,
+    /// Channels.
+    pub(crate) channels: u64,
+    /// There are a position and a velocity.
+    pub(crate) both: bool,
+}
+
+/// What of tables with these headers is to be read for a guess; `None` if their names promise nothing.
+pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
+    let named =
+        |head: &TableHead| -> Vec<Named> { head.names.iter().filter_map(|path| names::named(head, path)).collect() };
+    let tables = heads.iter().map(|head| (head.topic.clone(), named(head))).filter(|(_, named)| may_hold(named));
+    let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|(topic, named)| (topic, requests(&named))).collect();
+    (!tables.is_empty()).then_some(Wanted(tables))
+}
+
+/// What of tables without a header is to be read for [`guess`]: every column.
+pub(crate) fn wanted_of_bare(heads: &[TableHead]) -> Option<Wanted> {
+    let all =
+        |head: &TableHead| -> Vec<Named> { head.names.iter().map(|path| bare::named(path, Role::Time)).collect() };
+    let tables = heads.iter().filter(|head| bare::is_bare(head));
+    let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|h| (h.topic.clone(), requests(&all(h)))).collect();
+    (!tables.is_empty()).then_some(Wanted(tables))
+}
+
+/// The fields of a guess by topic.
+pub(crate) struct Wanted(BTreeMap<String, Vec<FieldRequest>>);
+
+impl Select for Wanted {
+    fn select(&self, topic: &TopicInfo) -> Selection {
+        self.0.get(&topic.name).map_or(Selection::Skip, |fields| Selection::Fields(fields.clone()))
+    }
+}
+
+fn requests(named: &[Named]) -> Vec<FieldRequest> {
+    let ask = |column: &Named, kind| FieldRequest { path: column.path.clone(), kind };
+    // The digits of a time count.
+    let times = named.iter().filter(|c| c.role == Role::Time).map(|c| ask(c, ValueKind::Text));
+    let mut all: Vec<FieldRequest> = named.iter().map(|c| ask(c, ValueKind::Number)).chain(times).collect();
+    all.sort();
+    all.dedup();
+    all
+}
+
+/// A column's name as TOML writes it.
+fn quoted(name: &str) -> String {
+    toml::Value::from(name).to_string()
+}
+
+/// Something found, in a table with its time.
+struct Found<'l, T> {
+    topic: &'l str,
+    timing: Timing,
+    what: T,
+}
+
+/// The map for the tables of a log that was read by [`wanted`].
+///
+/// # Errors
+/// Why there is none.
+pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
+    let sources = sources(log);
+    if log.heads.iter().any(bare::is_bare) {
+        return of_bare(&sources);
+    }
+    if let Some(odd) = odd_unit(&sources) {
+        return Err(odd);
+    }
+    let mut reasons: Vec<String> = vec![];
+    let (mut places, mut motions): (Vec<Found<'_, Place>>, Vec<Found<'_, Motion>>) = (vec![], vec![]);
+    for source in sources.iter().filter(|s| s.timings.is_empty()) {
+        reasons.push(format!("no column of {} is a time that goes on", source.table.topic.name));
+    }
+    for (of, velocity) in sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v))) {
+        match best_place(&sources, of, velocity) {
+            Ok(pairs) => {
+                pairs.into_iter().for_each(|(place, motion)| {
+                    if !places.iter().any(|known| {
+                        known.what.set.first.path == place.what.set.first.path && known.topic == place.topic
+                    }) {
+                        places.push(place);
+                    }
+                    if !motions.iter().any(|known| {
+                        known.what.set.first.path == motion.what.set.first.path && known.topic == motion.topic
+                    }) {
+                        motions.push(motion);
+                    }
+                })
+            }
+            Err(why) => match stated(of, velocity) {
+                Some(motion) => motions.push(motion),
+                None => reasons.push(format!("{} and {}: {why}", velocity.first.path, velocity.second.path)),
+            },
+        }
+    }
+    for (of, position) in sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))) {
+        let known = |place: &Found<'_, Place>| {
+            place.what.set.first.path == position.first.path && place.topic == of.table.topic.name
+        };
+        if !places.iter().any(known) {
+            match unchecked(of, position, &motions) {
+                Ok(place) => places.push(place),
+                Err(why) => reasons.push(why),
+            }
+        }
+    }
+    // What moves otherwise than a velocity of the same table says is no more sure than that velocity.
+    let is_doubtful = motions.is_empty() && sources.iter().any(|source| !source.velocities.is_empty());
+    if is_doubtful || places.is_empty() && motions.is_empty() {
+        reasons.dedup();
+        return Err(if reasons.is_empty() {
+            "no column is named like a position or a velocity".into()
+        } else {
+            reasons.join("; ")
+        });
+    }
+    Ok(write::map(&places, &motions, &reasons, log.tables.len() > 1))
+}
+
+/// The two pairs of neighbours of a table without a header that agree best, if they agree very well.
+fn of_bare(sources: &[Source<'_>]) -> Result<Guess, String> {
+    const LEAST: f64 = 0.97;
+    let all = sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v)));
+    let pairs = all.filter_map(|(of, velocity)| best_place(sources, of, velocity).ok()).flatten();
+    let best = pairs.max_by(|a, b| a.1.what.agreement.total_cmp(&b.1.what.agreement));
+    let Some((mut place, motion)) = best.filter(|(_, motion)| motion.what.agreement >= LEAST) else {
+        return Err("the table has no header, and no two neighbouring columns move as two others say".into());
+    };
+    // A neighbour is a height only if a vertical velocity proves it.
+    place.what.third =
+        place.what.third.filter(|_| motion.what.third.is_some_and(|(_, side)| side != Vertical::LeftOut));
+    Ok(write::map(&[place], &[motion], &[], true))
+}
+
+/// A unit that a table states and nobody knows is no reason to take another one.
+fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
+    let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
+    let of_velocities = sources.iter().flat_map(|s| &s.velocities).map(|v| (&v.first, &v.second, &v.third));
+    of_positions.chain(of_velocities).find_map(|(first, second, third)| {
+        let columns = [Some(first), Some(second), third.as_ref()];
+        columns.into_iter().flatten().find_map(|column| {
+            let unit = column.odd_unit.as_ref()?;
+            Some(format!("the table states {} in {unit:?}, which is no unit of it that flightlag knows", column.path))
+        })
+    })
+}
+
+type Pair<'l> = (Found<'l, Place>, Found<'l, Motion>);
+
+/// The positions with which a velocity agrees, those of the same table and source first, and what then follows for it.
+fn best_place<'l>(sources: &'l [Source<'l>], of: &'l Source<'l>, velocity: &Velocity) -> Result<Vec<Pair<'l>>, String> {
+    let mut order: Vec<(&Source<'_>, &Position)> =
+        sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))).collect();
+    order.sort_by_key(|(s, p)| (!std::ptr::eq(*s, of), !p.is_geodetic, p.source != velocity.source));
+    let mut why_not = "no position to compare them with".to_owned();
+    let mut pairs: Vec<Pair<'l>> = vec![];
+    for (source, position) in order {
+        match with_times(source, position, of, velocity) {
+            Ok(pair) => {
+                let agrees = pairs.first().is_none_or(|(_, known)| {
+                    known.what.unit == pair.1.what.unit && known.timing.entry == pair.1.timing.entry
+                });
+                pairs.extend(Some(pair).filter(|_| agrees));
+            }
+            Err(why) if pairs.is_empty() => why_not = why,
+            Err(_) => {}
+        }
+    }
+    if pairs.is_empty() { Err(why_not) } else { Ok(pairs) }
+}
+
+/// Tries all ways to read the time; only one of them may fit.
+fn with_times<'l>(
+    source: &'l Source<'l>,
+    position: &Position,
+    of: &'l Source<'l>,
+    velocity: &Velocity,
+) -> Result<Pair<'l>, String> {
+    let mut fits: Vec<Pair<'l>> = vec![];
+    let mut why_not = format!("no column of {} is a time that goes on", of.table.topic.name);
+    for timing in &of.timings {
+        let own = std::ptr::eq(source, of);
+        let others = source
+            .timings
+            .iter()
+            .filter(|other| if own { other.entry == timing.entry } else { other.clock == timing.clock });
+        for other in others {
+            let place = Of { table: source.table, timing: other, set: position };
+            match decide(place, Of { table: of.table, timing, set: velocity }) {
+                Ok((place, motion)) => fits.push((
+                    Found { topic: &source.table.topic.name, timing: other.clone(), what: place },
+                    Found { topic: &of.table.topic.name, timing: timing.clone(), what: motion },
+                )),
+                Err(why) => why_not = why,
+            }
+        }
+    }
+    match fits.len() {
+        0 => Err(why_not),
+        1 => fits.pop().ok_or(why_not),
+        _ => {
+            let ways: Vec<String> = fits.iter().map(|(_, motion)| motion.timing.entry.clone()).collect();
+            Err(format!("the time may be {}: name its unit in its column", ways.join(" or ")))
+        }
+    }
+}
+
+/// A velocity that nothing moves with, if its names say everything.
+fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
+    let timing = of.timings.first().filter(|timing| timing.is_certain)?;
+    let unit = set.first.unit?;
+    // Where a position is there and moves otherwise, names are no reason to believe them.
+    if !of.positions.is_empty() || set.is_polar || !says_axes(&set.first) {
+        return None;
+    }
+    let third = set.third.as_ref().and_then(|third| Some((third.unit?, side(third)?)));
+    let why = vec!["by its names and stated units alone: no position is there to compare it with".to_owned()];
+    let what =
+        Motion { set: set.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
+    Some(Found { topic: &of.table.topic.name, timing: timing.clone(), what })
+}
+
+fn side(named: &Named) -> Option<Vertical> {
+    use self::names::Axis;
+    match named.role {
+        Role::Height | Role::Velocity(Axis::Up) | Role::Position(Axis::Up) => Some(Vertical::Up),
+        Role::Velocity(Axis::Down) | Role::Position(Axis::Down) => Some(Vertical::Down),
+        _ => None,
+    }
+}
+
+/// A position that no velocity was compared with, if its range or its names say everything.
+fn unchecked<'l>(
+    of: &'l Source<'l>,
+    set: &Position,
+    motions: &[Found<'_, Motion>],
+) -> Result<Found<'l, Place>, String> {
+    let path = &set.first.path;
+    if !set.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
+        return Err(format!("{path}: no velocity moves as it does, and its name says more than a position"));
+    }
+    let same = motions.iter().find(|motion| motion.topic == of.table.topic.name).map(|motion| &motion.timing);
+    let Some(timing) = same.or(of.timings.first().filter(|timing| timing.is_certain)) else {
+        return Err(format!("{path}: nothing says what the time of its table counts"));
+    };
+    let units: Vec<(Unit, String)> = units_of_place(of.table, set);
+    let [(unit, why)] = units.as_slice() else {
+        return Err(format!("{path}: nothing shows whether it is in degrees or radians"));
+    };
+    if !set.is_geodetic && (set.first.unit.is_none() || !says_axes(&set.first)) {
+        return Err(format!("{path}: nothing shows what it counts and where it points"));
+    }
+    let third = set.third.as_ref().and_then(|third| Some((third.unit.or("m".parse().ok())?, side(third)?)));
+    let mut why = vec![why.clone(), "no velocity was found that moves as it does".to_owned()];
+    why.extend(
+        set.third
+            .as_ref()
+            .filter(|t| t.unit.is_none())
+            .map(|t| format!("{} is taken as metres, which nothing shows", t.path)),
+    );
+    let what = Place { set: set.clone(), unit: *unit, third, swapped: false, why };
+    Ok(Found { topic: &of.table.topic.name, timing: timing.clone(), what })
+}

@@ -1,0 +1,82 @@
+//! Tables without a header: which columns move as a position and a velocity do. Names that say nothing are given roles that the
+//! motion has to prove.
+
+use super::names::{Axis, Named, Role};
+use super::sets::{Position, Source, Velocity};
+use super::times::timings;
+use crate::reader::TableHead;
+use crate::table::{Table, numbers};
+
+/// More columns are not tried.
+const MOST_COLUMNS: usize = 40;
+/// No flight goes further, as an angle in degrees.
+const MOST_TRAVELLED: f64 = 20.0;
+
+/// Whether no column has a name of its own.
+pub(super) fn is_bare(head: &TableHead) -> bool {
+    let is_numbered = |(i, name): (usize, &String)| *name == format!("column_{}", i + 1);
+    !head.names.is_empty() && head.names.len() <= MOST_COLUMNS && head.names.iter().enumerate().all(is_numbered)
+}
+
+pub(super) fn named(path: &str, role: Role) -> Named {
+    Named { path: path.to_owned(), role, source: String::new(), unit: None, odd_unit: None, words: vec![] }
+}
+
+/// All neighbours that may be a latitude and a longitude, and all that may be velocities to the north and east.
+pub(super) fn source<'l>(head: &TableHead, table: &'l Table) -> Option<Source<'l>> {
+    let time = head.names.iter().find_map(|path| {
+        let column = named(path, Role::Time);
+        let found = timings(table, std::slice::from_ref(&column));
+        (!found.is_empty()).then_some((path, found))
+    });
+    let (time, timings) = time?;
+    let columns: Vec<&String> = head.names.iter().filter(|path| *path != time && varies(table, path)).collect();
+    let follow = |at: usize| columns.get(at).copied();
+    let pairs = || columns.windows(2).enumerate().filter_map(|(at, pair)| Some((at, *pair.first()?, *pair.get(1)?)));
+    let mut positions = vec![];
+    for (at, a, b) in pairs() {
+        for (latitude, longitude) in [(a, b), (b, a)].into_iter().filter(|(a, b)| may_be_place(table, a, b)) {
+            positions.push(Position {
+                source: String::new(),
+                is_geodetic: true,
+                first: named(latitude, Role::Latitude),
+                second: named(longitude, Role::Longitude),
+                third: follow(at + 2).map(|path| named(path, Role::Height)),
+            });
+        }
+    }
+    let is_place = |path: &String| positions.iter().any(|p| p.first.path == *path || p.second.path == *path);
+    let velocities = pairs().filter(|(_, a, b)| !is_place(a) && !is_place(b)).map(|(at, a, b)| Velocity {
+        source: String::new(),
+        is_polar: false,
+        first: named(a, Role::Velocity(Axis::North)),
+        second: named(b, Role::Velocity(Axis::East)),
+        third: follow(at + 2).map(|path| named(path, Role::Velocity(Axis::Z))),
+    });
+    let velocities = velocities.collect();
+    Some(Source { table, timings, positions, velocities })
+}
+
+fn range(table: &Table, path: &str) -> Option<(f64, f64)> {
+    let column = numbers(table, path)?;
+    let values = (0..table.rows).filter_map(|row| column.number(row)).filter(|v| v.is_finite());
+    values.fold(None, |range: Option<(f64, f64)>, v| Some(range.map_or((v, v), |(a, b)| (a.min(v), b.max(v)))))
+}
+
+fn varies(table: &Table, path: &str) -> bool {
+    range(table, path).is_some_and(|(least, most)| most > least)
+}
+
+/// Degrees, or integers of 1e-7 degrees, that stay in one country, and have as many digits as a place needs.
+fn may_be_place(table: &Table, latitude: &str, longitude: &str) -> bool {
+    let Some(((a, b), (c, d))) = range(table, latitude).zip(range(table, longitude)) else { return false };
+    let fits = |scale: f64| {
+        let in_range = a.abs().max(b.abs()) <= 90.0 * scale && c.abs().max(d.abs()) <= 180.0 * scale;
+        in_range && (b - a).max(d - c) <= MOST_TRAVELLED * scale && a.abs().max(c.abs()) > 0.01 * scale
+    };
+    let is_fine = |path: &str| {
+        let value = numbers(table, path).and_then(|column| column.number(table.rows / 2));
+        value.is_some_and(|value| (value * 1e4).fract().abs() > 1e-9 || value.abs() > 1e4)
+    };
+    (fits(1.0) || fits(1e7)) && is_fine(latitude) && is_fine(longitude)
+}

@@ -1,0 +1,385 @@
+//! What the motion says of a position and a velocity: units, axes and signs.
+
+use super::motion::{Match, Trace, Windows};
+use super::names::{Axis, Named, Role};
+use super::sets::{Position, Velocity, says_axes};
+use super::times::Timing;
+use crate::table::{Table, numbers};
+use flight::{Dimension, Geodetic, LocalFrame, Unit};
+
+/// Below, position and velocity do not belong together.
+const LEAST_AGREEMENT: f64 = 0.9;
+/// Differences in agreement that are none, and that decide.
+const SAME: f64 = 0.02;
+const DECIDES: f64 = 0.05;
+/// A unit is right if the measured scale is so near, as a logarithm.
+const NEAR: f64 = 0.15;
+/// Heights move too little for more.
+const LEAST_VERTICAL: f64 = 0.8;
+/// rad.
+const MOST_LATITUDE: f64 = std::f64::consts::FRAC_PI_2;
+
+/// Where a vertical column counts to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Vertical {
+    Up,
+    Down,
+    /// Nobody knows: the column is left out.
+    LeftOut,
+}
+
+/// A position with its units.
+#[derive(Debug, Clone)]
+pub(super) struct Place {
+    pub(super) set: Position,
+    pub(super) unit: Unit,
+    pub(super) third: Option<(Unit, Vertical)>,
+    /// The second column goes north, and the first one east.
+    pub(super) swapped: bool,
+    pub(super) why: Vec<String>,
+}
+
+/// A velocity with its units and axes.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    pub(super) set: Velocity,
+    pub(super) unit: Unit,
+    /// Of a track.
+    pub(super) angle: Option<Unit>,
+    pub(super) third: Option<(Unit, Vertical)>,
+    pub(super) swapped: bool,
+    /// The east column counts west.
+    pub(super) is_west: bool,
+    /// With the position that it was compared with; 1 is complete.
+    pub(super) agreement: f64,
+    pub(super) why: Vec<String>,
+}
+
+/// The values of some columns over the time of a table, by whatever the rows give.
+pub(super) fn trace<const N: usize>(
+    table: &Table,
+    times_s: &[Option<f64>],
+    columns: [Option<&Named>; N],
+    turn: impl Fn([f64; N]) -> [f64; N],
+) -> Trace<N> {
+    let columns = columns.map(|column| column.and_then(|c| numbers(table, &c.path)));
+    let row = |(row, time): (usize, &Option<f64>)| {
+        let mut values = [0.0; N];
+        for (value, column) in values.iter_mut().zip(&columns) {
+            if let Some(column) = column {
+                *value = column.number(row)?;
+            }
+        }
+        Some(((*time)?, turn(values)))
+    };
+    Trace::new(times_s.iter().enumerate().filter_map(row).collect())
+}
+
+fn unit(symbol: &str) -> Option<Unit> {
+    symbol.parse().ok()
+}
+
+fn largest(table: &Table, column: &Named) -> f64 {
+    let values = numbers(table, &column.path);
+    (0..table.rows).filter_map(|row| values?.number(row)).fold(0.0, |most, v| most.max(v.abs()))
+}
+
+/// Units that a position may have: the stated one, or those that its range allows, with the reason.
+pub(super) fn units_of_place(table: &Table, set: &Position) -> Vec<(Unit, String)> {
+    let stated = set.first.unit.or(set.second.unit);
+    if let Some(stated) = stated {
+        return vec![(stated, format!("the table states {stated}"))];
+    }
+    if !set.is_geodetic {
+        return unit("m").map(|m| (m, "taken as metres".to_owned())).into_iter().collect();
+    }
+    let (latitude, longitude) = (largest(table, &set.first), largest(table, &set.second));
+    let fits = |symbol: &str| {
+        let unit = unit(symbol)?;
+        (unit.to_si(latitude) <= MOST_LATITUDE && unit.to_si(longitude) <= 2.0 * std::f64::consts::PI + 1e-9)
+            .then_some(unit)
+    };
+    let why = |unit: Unit| (unit, format!("its range is that of {unit}"));
+    if latitude.max(longitude) > 1e4 {
+        return fits("1e-7 deg").map(why).into_iter().collect();
+    }
+    let radians = fits("rad").filter(|_| longitude <= std::f64::consts::PI + 1e-9);
+    let degrees =
+        fits("deg").map(|unit| (unit, if radians.is_some() { "tried as deg".to_owned() } else { why(unit).1 }));
+    degrees.into_iter().chain(radians.map(|rad| (rad, "tried as rad".to_owned()))).collect()
+}
+
+/// A position in metres north, east, up from its first row; of lengths as the columns stand.
+fn metres(table: &Table, timing: &Timing, set: &Position, angle: Unit) -> Trace<3> {
+    let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
+    let third = set.third.as_ref().and_then(|c| c.unit);
+    let height = |value: f64| third.map_or(value, |unit| unit.to_si(value));
+    if !set.is_geodetic {
+        return trace(table, &timing.times_s, columns, |[a, b, c]| [angle.to_si(a), angle.to_si(b), height(c)]);
+    }
+    let mut degrees = trace(table, &timing.times_s, columns, |[a, b, c]| [angle.to_si(a), angle.to_si(b), height(c)]);
+    let is_fix = |[latitude, longitude, _]: &[f64; 3]| *latitude != 0.0 || *longitude != 0.0;
+    let rows = degrees.times_s.iter().copied().zip(degrees.values.iter().copied()).filter(|(_, v)| is_fix(v)).collect();
+    degrees = Trace::new(rows);
+    let Some([latitude, longitude, _]) = degrees.values.first().copied() else { return degrees };
+    let frame = LocalFrame::new(Geodetic { latitude, longitude, height: 0.0 });
+    for value in &mut degrees.values {
+        let [latitude, longitude, height] = *value;
+        let [north, east, _] = frame.to_ned(Geodetic { latitude, longitude, height: 0.0 });
+        *value = [north, east, height];
+    }
+    degrees
+}
+
+/// A velocity as it stands: along the axes of its columns, with the track in `angle`.
+fn speeds(table: &Table, timing: &Timing, set: &Velocity, angle: Option<Unit>) -> Trace<3> {
+    let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
+    trace(table, &timing.times_s, columns, |[a, b, c]| match angle {
+        Some(angle) => [a * angle.to_si(b).cos(), a * angle.to_si(b).sin(), c],
+        None => [a, b, c],
+    })
+}
+
+/// A table, how its time is read, and columns of it.
+pub(super) struct Of<'a, S> {
+    pub(super) table: &'a Table,
+    pub(super) timing: &'a Timing,
+    pub(super) set: &'a S,
+}
+
+impl<S> Clone for Of<'_, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S> Copy for Of<'_, S> {}
+
+/// Units, axes and signs by which the position moves as the velocity says.
+///
+/// # Errors
+/// Why there are none, or more than one way.
+pub(super) fn decide(place: Of<'_, Position>, motion: Of<'_, Velocity>) -> Result<(Place, Motion), String> {
+    let mut found: Vec<(f64, Place, Motion)> = vec![];
+    let mut why_not = String::new();
+    for (angle, why) in units_of_place(place.table, place.set) {
+        let metres = metres(place.table, place.timing, place.set, angle);
+        for track in tracks(motion.table, motion.set) {
+            let speeds = speeds(motion.table, motion.timing, motion.set, track);
+            match Windows::new(&metres, &speeds) {
+                None => why_not = "too little moves to compare them".into(),
+                Some(windows) => match fit(place, motion, &windows, (angle, &why), track) {
+                    Ok((agreement, place, motion)) => found.push((agreement, place, motion)),
+                    Err(why) => why_not = why,
+                },
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    match found.as_slice() {
+        [] => Err(why_not),
+        [(best, a, _), (other, b, _), ..] if best - other < SAME && a.unit != b.unit => {
+            Err(format!("{} may be in {} or in {}", place.set.first.path, a.unit, b.unit))
+        }
+        _ => found.into_iter().next().map(|(_, place, motion)| (place, motion)).ok_or(why_not),
+    }
+}
+
+/// Units in which a track may be; one `None` for a velocity along axes.
+fn tracks(table: &Table, set: &Velocity) -> Vec<Option<Unit>> {
+    if !set.is_polar {
+        return vec![None];
+    }
+    let guessed = if largest(table, &set.second) > 2.0 * std::f64::consts::PI + 1e-6 { "deg" } else { "rad" };
+    vec![set.second.unit.or_else(|| unit(guessed))]
+}
+
+fn fit(
+    place: Of<'_, Position>,
+    motion: Of<'_, Velocity>,
+    windows: &Windows,
+    (angle, why): (Unit, &str),
+    track: Option<Unit>,
+) -> Result<(f64, Place, Motion), String> {
+    let found = axes(place.set, motion.set, windows)?;
+    let (first, second) = (&motion.set.first, &motion.set.second);
+    let speed = unit_of_speed(motion, found.scale)?;
+    let evidence = format!(
+        "{} windows of {:.1} s: it agrees with the motion of {} to {:.3}, velocity over displacement is {:.3} ({speed} would be {:.3}), \
+         the position is {:.1} s late in this comparison",
+        windows.moved.len(),
+        windows.length_s,
+        place.set.first.path,
+        found.agreement,
+        found.scale,
+        1.0 / speed.to_si(1.0),
+        windows.late_s
+    );
+    let (height, vertical, notes) = verticals(place.set, motion.set, windows, speed);
+    let is_unnamed = |first: &Named| !says_axes(first);
+    // Axes that only agree with each other: x is called north.
+    let both_local = !place.set.is_geodetic && is_unnamed(&place.set.first);
+    let mut whys = vec![evidence];
+    if both_local {
+        whys.push("nothing says where x points: it is called north, which changes no delay".into());
+    }
+    if found.swapped {
+        whys.push(format!("{} goes north and {} east", second.path, first.path));
+    }
+    whys.extend(notes);
+    let place_unit_why = if why.starts_with("tried") { format!("{angle}, as the motion says") } else { why.to_owned() };
+    // Where the velocity names its axes, those of an unnamed place are found and not its own.
+    let of_place = !place.set.is_geodetic && is_unnamed(&place.set.first) && !is_unnamed(first);
+    if of_place && found.signs[1] < 0.0 {
+        return Err(format!(
+            "{} and {} count the other way than {} and {}",
+            place.set.first.path, place.set.second.path, first.path, second.path
+        ));
+    }
+    let (place_swapped, swapped) = if of_place { (found.swapped, false) } else { (false, found.swapped) };
+    let place =
+        Place { set: place.set.clone(), unit: angle, third: height, swapped: place_swapped, why: vec![place_unit_why] };
+    let motion = Motion {
+        set: motion.set.clone(),
+        unit: speed,
+        angle: track,
+        third: vertical,
+        swapped,
+        is_west: found.signs[1] < 0.0,
+        agreement: found.agreement,
+        why: whys,
+    };
+    Ok((found.agreement, place, motion))
+}
+
+/// The way in which the axes stand: as the names say where they say it, else the one that fits by far best.
+fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match, String> {
+    let all = windows.all();
+    let plain = windows.try_axes(false, [1.0, 1.0]);
+    let Some(best) = all.first().copied() else { return Err("nothing to compare".into()) };
+    let (a, b) = (&motion.first.path, &motion.second.path);
+    if best.agreement < LEAST_AGREEMENT {
+        let agreement = best.agreement;
+        return Err(format!("{a} and {b} do not say how {} moves (agreement {agreement:.2})", place.first.path));
+    }
+    let named = motion.is_polar
+        || says_axes(&motion.first) == says_axes(&place.first)
+        || (place.is_geodetic && says_axes(&motion.first));
+    let same_names = named && !(place.is_geodetic && !says_axes(&motion.first) && !motion.is_polar);
+    if same_names && plain.agreement >= best.agreement - SAME {
+        return Ok(plain);
+    }
+    let west = windows.try_axes(false, [1.0, -1.0]);
+    if same_names && !motion.is_polar && west.agreement >= best.agreement - SAME {
+        return Ok(west);
+    }
+    if same_names {
+        return Err(format!(
+            "the names say that {a} goes with {} and {b} with {}, and the motion says otherwise (agreement {:.2}, where {} gives {:.2})",
+            place.first.path,
+            place.second.path,
+            plain.agreement,
+            described(best),
+            best.agreement
+        ));
+    }
+    let is_alone = all.get(1).is_none_or(|second| second.agreement < best.agreement - DECIDES);
+    match (is_alone, best.signs[0] > 0.0) {
+        (false, _) => Err(format!("the way is too straight to tell which of {a} and {b} goes north")),
+        (true, false) => {
+            Err(format!("what goes north of {a} and {b} counts south, for which a channel map has no word"))
+        }
+        (true, true) => Ok(best),
+    }
+}
+
+fn described(found: Match) -> String {
+    let order = if found.swapped { "exchanged axes" } else { "the same axes" };
+    match found.signs {
+        [n, e] if n > 0.0 && e > 0.0 => order.to_owned(),
+        _ => format!("{order} with another sign"),
+    }
+}
+
+/// The unit whose scale is measured, if no other one is nearly as near.
+fn unit_of_speed(motion: Of<'_, Velocity>, scale: f64) -> Result<Unit, String> {
+    let (first, second) = (&motion.set.first, &motion.set.second);
+    let distance = |unit: Unit| (scale * unit.to_si(1.0)).ln().abs();
+    let stated = first.unit.or(second.unit.filter(|_| !motion.set.is_polar));
+    if let Some(stated) = stated {
+        if distance(stated) <= NEAR {
+            return Ok(stated);
+        }
+        let times = scale * stated.to_si(1.0);
+        return Err(format!(
+            "{} is {times:.3} times as fast as the position moves, if it is in {stated} as stated",
+            first.path
+        ));
+    }
+    let certain = motion.timing.is_certain;
+    let is_tried = |unit: &Unit| {
+        let usual = ["m/s", "km/h", "kt", "ft/s", "mi/h"].contains(&unit.symbol());
+        usual || certain && ["cm/s", "mm/s"].contains(&unit.symbol())
+    };
+    let mut tried: Vec<Unit> = Unit::all().filter(|u| u.dimension() == Dimension::Speed).filter(is_tried).collect();
+    tried.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+    match tried.as_slice() {
+        [nearest, next, ..] if distance(*nearest) <= NEAR && 2.0 * distance(*nearest) <= distance(*next) => {
+            Ok(*nearest)
+        }
+        _ => Err(format!(
+            "{} is {scale:.3} times as fast as the position moves in m/s, which is no unit known",
+            first.path
+        )),
+    }
+}
+
+/// Heights and vertical velocities: units and signs, as the motion says or else the names; and what is to be said.
+#[expect(clippy::type_complexity, reason = "two verticals and their notes")]
+fn verticals(
+    place: &Position,
+    motion: &Velocity,
+    windows: &Windows,
+    speed: Unit,
+) -> (Option<(Unit, Vertical)>, Option<(Unit, Vertical)>, Vec<String>) {
+    let mut notes = vec![];
+    let m = unit("m").unwrap_or(speed);
+    let by_name = |named: &Named| match named.role {
+        Role::Height | Role::Velocity(Axis::Up) | Role::Position(Axis::Up) => Some(Vertical::Up),
+        Role::Velocity(Axis::Down) | Role::Position(Axis::Down) => Some(Vertical::Down),
+        _ => None,
+    };
+    let measured = windows.vertical().filter(|(agreement, _)| agreement.abs() >= LEAST_VERTICAL);
+    let (height, third) = (place.third.as_ref(), motion.third.as_ref());
+    // What is stated is kept; what is not is tried.
+    let mut height_unit = height.map(|h| h.unit.unwrap_or(m));
+    let third_unit = third.map(|t| t.unit.unwrap_or(speed));
+    let place_side = height.map(|h| by_name(h).unwrap_or(Vertical::Up));
+    let mut side = third.map(|t| by_name(t).unwrap_or(Vertical::LeftOut));
+    match (height, third, measured) {
+        (Some(h), Some(t), Some((agreement, scale))) => {
+            let per_unit = |u: Unit| (scale * third_unit.unwrap_or(speed).to_si(1.0) / u.to_si(1.0)).ln().abs();
+            let ft = unit("ft").filter(|ft| h.unit.is_none() && per_unit(*ft) < NEAR && per_unit(m) > NEAR);
+            if let Some(ft) = ft {
+                height_unit = Some(ft);
+                notes.push(format!("{} changes as {} says if it is in ft", h.path, t.path));
+            }
+            let up = (agreement > 0.0) == (place_side == Some(Vertical::Up));
+            let told = if up { Vertical::Up } else { Vertical::Down };
+            if by_name(t).is_some_and(|named| named != told) {
+                let word = if up { "up" } else { "down" };
+                notes.push(format!("{} counts {word}, as {} shows, and not as its name says", t.path, h.path));
+            }
+            side = Some(told);
+        }
+        (_, Some(t), _) if side == Some(Vertical::LeftOut) => {
+            notes.push(format!("{} is left out: nothing shows whether it counts up or down", t.path));
+        }
+        (_, Some(t), _) => notes.push(format!("the sign of {} is by its name alone", t.path)),
+        _ => {}
+    }
+    if let Some(h) = height.filter(|h| h.unit.is_none() && measured.is_none()) {
+        notes.push(format!("{} is taken as metres, which nothing shows", h.path));
+    }
+    (height_unit.zip(place_side), third_unit.zip(side), notes)
+}

@@ -1,0 +1,245 @@
+//! Whether a position moves as a velocity says: displacements against the integral of the velocity over the same windows, with
+//! the delay between both looked for.
+
+/// Delays that are tried, s: a position is rarely early.
+const EARLIEST_S: f64 = -1.0;
+const LATEST_S: f64 = 3.0;
+const TRIED: usize = 100;
+/// Windows are this long at least, s.
+const WINDOW_S: f64 = 1.0;
+const MOST_WINDOWS: usize = 2000;
+/// Fewer say nothing.
+pub(super) const FEWEST_WINDOWS: usize = 10;
+/// So far it goes in a window that counts as motion, m.
+const LEAST_MOTION_M: f64 = 0.2;
+
+/// Columns of one table with the times of their rows.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Trace<const N: usize> {
+    pub(super) times_s: Vec<f64>,
+    pub(super) values: Vec<[f64; N]>,
+}
+
+impl<const N: usize> Trace<N> {
+    /// Rows in the order of time, without those that repeat the time.
+    pub(super) fn new(mut rows: Vec<(f64, [f64; N])>) -> Trace<N> {
+        rows.retain(|(t, values)| t.is_finite() && values.iter().all(|v| v.is_finite()));
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rows.dedup_by(|b, a| b.0 <= a.0);
+        let (times_s, values) = rows.into_iter().unzip();
+        Trace { times_s, values }
+    }
+
+    /// Without rows whose first two values repeat those before: held values are no measurements.
+    pub(super) fn updates(&self) -> Trace<N> {
+        let mut kept = Trace { times_s: vec![], values: vec![] };
+        for (t, value) in self.times_s.iter().zip(&self.values) {
+            if kept.values.last().is_none_or(|last: &[f64; N]| last.iter().take(2).ne(value.iter().take(2))) {
+                kept.times_s.push(*t);
+                kept.values.push(*value);
+            }
+        }
+        kept
+    }
+
+    /// Its integral, by trapezoids; across a hole of more than `hole_s` it is not known.
+    fn integral(&self, hole_s: f64) -> Integral<N> {
+        let (mut sum, mut holes) = ([0.0; N], 0_u32);
+        let mut at = vec![(sum, holes)];
+        for ((t, a), (u, b)) in self.rows().zip(self.rows().skip(1)) {
+            holes += u32::from(u - t > hole_s);
+            for ((sum, a), b) in sum.iter_mut().zip(a).zip(b) {
+                *sum += 0.5 * (a + b) * (u - t);
+            }
+            at.push((sum, holes));
+        }
+        Integral { times_s: self.times_s.clone(), at }
+    }
+
+    fn rows(&self) -> impl Iterator<Item = (f64, &[f64; N])> {
+        self.times_s.iter().copied().zip(&self.values)
+    }
+
+    /// The step in the middle of all, s.
+    pub(super) fn median_step_s(&self) -> Option<f64> {
+        let mut steps: Vec<f64> = self.times_s.iter().zip(self.times_s.iter().skip(1)).map(|(a, b)| b - a).collect();
+        steps.sort_by(f64::total_cmp);
+        steps.get(steps.len() / 2).copied()
+    }
+}
+
+struct Integral<const N: usize> {
+    times_s: Vec<f64>,
+    at: Vec<([f64; N], u32)>,
+}
+
+impl<const N: usize> Integral<N> {
+    fn of(&self, time_s: f64) -> Option<([f64; N], u32)> {
+        let behind = self.times_s.partition_point(|t| *t <= time_s);
+        let before = behind.checked_sub(1)?;
+        let (t, (a, holes)) = (self.times_s.get(before)?, self.at.get(before)?);
+        let (u, (b, _)) = (self.times_s.get(behind)?, self.at.get(behind)?);
+        let share = (time_s - t) / (u - t);
+        let mut values = *a;
+        values.iter_mut().zip(b).for_each(|(a, b)| *a += share * (b - *a));
+        Some((values, *holes))
+    }
+}
+
+/// Displacements and integrated velocities of the same windows.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Windows {
+    pub(super) moved: Vec<[f64; 3]>,
+    pub(super) flown: Vec<[f64; 3]>,
+    /// How late the position is, as far as this comparison can tell, s.
+    pub(super) late_s: f64,
+    pub(super) length_s: f64,
+}
+
+/// How well velocities, turned by one of the ways in which axes may stand, give displacements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Match {
+    /// Which column goes north, and which east.
+    pub(super) swapped: bool,
+    /// Signs of what goes north and east.
+    pub(super) signs: [f64; 2],
+    /// Velocity over displacement.
+    pub(super) scale: f64,
+    /// 1 for complete agreement.
+    pub(super) agreement: f64,
+}
+
+impl Windows {
+    /// Compares a position in metres with a velocity in any unit. `None` if there is too little motion or common time.
+    pub(super) fn new(position: &Trace<3>, velocity: &Trace<3>) -> Option<Windows> {
+        let position = position.updates();
+        let hole_s = (5.0 * velocity.median_step_s()?).max(1.0);
+        let integral = velocity.integral(hole_s);
+        let step_s = position.median_step_s()?;
+        let length_s = WINDOW_S.max(step_s);
+        let pairs = pairs(&position, length_s);
+        let mut best: Option<(f64, Windows)> = None;
+        for i in 0..=TRIED {
+            let late_s = EARLIEST_S + (LATEST_S - EARLIEST_S) * i as f64 / TRIED as f64;
+            let windows = of_delay(&position, &integral, &pairs, late_s, length_s);
+            let score = windows.best().map_or(0.0, |m| m.agreement);
+            if windows.moved.len() >= FEWEST_WINDOWS && best.as_ref().is_none_or(|(known, _)| score > *known) {
+                best = Some((score, windows));
+            }
+        }
+        let (_, best) = best?;
+        let sum: f64 = best.moved.iter().map(|d| d[0] * d[0] + d[1] * d[1]).sum();
+        ((sum / best.moved.len() as f64).sqrt() > LEAST_MOTION_M).then_some(best)
+    }
+
+    /// One way in which axes may stand.
+    pub(super) fn try_axes(&self, swapped: bool, signs: [f64; 2]) -> Match {
+        let (mut cross, mut moved, mut flown) = (0.0, 0.0, 0.0);
+        for (d, v) in self.moved.iter().zip(&self.flown) {
+            let (a, b) = if swapped { (v[1], v[0]) } else { (v[0], v[1]) };
+            cross += signs[0] * a * d[0] + signs[1] * b * d[1];
+            moved += d[0] * d[0] + d[1] * d[1];
+            flown += a * a + b * b;
+        }
+        let agreement = cross / (moved * flown).sqrt().max(f64::MIN_POSITIVE);
+        // Both may be noisy: neither is taken as the true one.
+        Match { swapped, signs, scale: (flown / moved.max(f64::MIN_POSITIVE)).sqrt(), agreement }
+    }
+
+    /// All eight ways, the best first.
+    pub(super) fn all(&self) -> Vec<Match> {
+        let signs = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
+        let mut all: Vec<Match> =
+            [false, true].into_iter().flat_map(|swapped| signs.map(|signs| self.try_axes(swapped, signs))).collect();
+        all.sort_by(|a, b| b.agreement.total_cmp(&a.agreement));
+        all
+    }
+
+    pub(super) fn best(&self) -> Option<Match> {
+        self.all().into_iter().next()
+    }
+
+    /// Of heights and the third velocity: agreement, negative where one counts the other way, and scale.
+    pub(super) fn vertical(&self) -> Option<(f64, f64)> {
+        let (mut cross, mut moved, mut flown) = (0.0, 0.0, 0.0);
+        for (d, v) in self.moved.iter().zip(&self.flown) {
+            cross += d[2] * v[2];
+            moved += d[2] * d[2];
+            flown += v[2] * v[2];
+        }
+        let enough = moved > 0.0 && flown > 0.0;
+        enough.then(|| (cross / (moved * flown).sqrt(), (flown / moved).sqrt()))
+    }
+}
+
+/// First and last row of each window.
+fn pairs(position: &Trace<3>, length_s: f64) -> Vec<(usize, usize)> {
+    let times = &position.times_s;
+    let all: Vec<(usize, usize)> = times
+        .iter()
+        .enumerate()
+        .filter_map(|(first, t)| {
+            let last = times.partition_point(|u| *u < t + 0.999 * length_s);
+            let is_short = times.get(last).is_some_and(|u| u - t < 2.5 * length_s);
+            is_short.then_some((first, last))
+        })
+        .collect();
+    let step = all.len().div_ceil(MOST_WINDOWS).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+fn of_delay(
+    position: &Trace<3>,
+    integral: &Integral<3>,
+    pairs: &[(usize, usize)],
+    late_s: f64,
+    length_s: f64,
+) -> Windows {
+    let mut windows = Windows { late_s, length_s, ..Windows::default() };
+    for (first, last) in pairs {
+        let place = |row: &usize| Some((*position.times_s.get(*row)?, *position.values.get(*row)?));
+        let (Some((t, a)), Some((u, b))) = (place(first), place(last)) else { continue };
+        let ends = integral.of(t - late_s).zip(integral.of(u - late_s));
+        let Some(((from, holes), (to, later))) = ends.filter(|((_, a), (_, b))| a == b) else { continue };
+        debug_assert_eq!(holes, later);
+        windows.moved.push([b[0] - a[0], b[1] - a[1], b[2] - a[2]]);
+        windows.flown.push([to[0] - from[0], to[1] - from[1], to[2] - from[2]]);
+    }
+    windows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Circles that climb, with the position late by `late_s`.
+    fn flight(late_s: f64) -> (Trace<3>, Trace<3>) {
+        let place = |t: f64| [30.0 * (0.3 * t).sin(), 20.0 - 30.0 * (0.3 * t).cos(), 2.0 * t + 5.0 * (0.2 * t).sin()];
+        let speed = |t: f64| [9.0 * (0.3 * t).cos(), 9.0 * (0.3 * t).sin(), 2.0 + (0.2 * t).cos()];
+        let times = || (0..600).map(|i| 0.1 * f64::from(i));
+        let position = Trace::new(times().map(|t| (t, place(t - late_s))).collect());
+        (position, Trace::new(times().map(|t| (t, speed(t))).collect()))
+    }
+
+    #[test]
+    fn axes_signs_scale_and_delay_are_those_that_were_made() {
+        let (position, mut velocity) = flight(0.4);
+        for v in &mut velocity.values {
+            *v = [-3.6 * v[1], 3.6 * v[0], -3.6 * v[2]];
+        }
+        let windows = Windows::new(&position, &velocity).unwrap();
+        let best = windows.best().unwrap();
+        assert_eq!((best.swapped, best.signs), (true, [1.0, -1.0]));
+        assert!((best.scale / 3.6 - 1.0).abs() < 0.01 && best.agreement > 0.999, "{best:?}");
+        assert!((windows.late_s - 0.4).abs() < 0.05, "{}", windows.late_s);
+        let (agreement, scale) = windows.vertical().unwrap();
+        assert!(agreement < -0.99 && (scale / 3.6 - 1.0).abs() < 0.02, "{agreement} {scale}");
+    }
+
+    #[test]
+    fn what_does_not_move_says_nothing() {
+        let (mut position, velocity) = flight(0.0);
+        position.values.iter_mut().enumerate().for_each(|(i, v)| *v = [1e-3 * (i % 7) as f64, 0.0, 0.0]);
+        assert!(Windows::new(&position, &velocity).is_none());
+    }
+}

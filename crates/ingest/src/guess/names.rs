@@ -1,0 +1,395 @@
+//! What the name of a column says: role, axis, source and unit.
+
+use crate::reader::TableHead;
+use crate::written_unit::{Written, is_blank, of_word, read};
+use flight::{Dimension, Unit};
+
+/// An axis as names have it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Axis {
+    North,
+    East,
+    Down,
+    Up,
+    /// Of a frame that the name does not say.
+    X,
+    Y,
+    Z,
+}
+
+/// What a column may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Role {
+    Time,
+    Week,
+    Latitude,
+    Longitude,
+    Height,
+    Position(Axis),
+    Velocity(Axis),
+    Speed,
+    Track,
+}
+
+impl Role {
+    /// What its unit measures.
+    pub(super) fn dimension(self) -> Dimension {
+        match self {
+            Role::Time => Dimension::Time,
+            Role::Week => Dimension::None,
+            Role::Latitude | Role::Longitude | Role::Track => Dimension::Angle,
+            Role::Height | Role::Position(_) => Dimension::Length,
+            Role::Velocity(_) | Role::Speed => Dimension::Speed,
+        }
+    }
+}
+
+/// A column whose name says what it may be.
+#[derive(Debug, Clone)]
+pub(super) struct Named {
+    pub(super) path: String,
+    pub(super) role: Role,
+    /// The words that are left over, as `gps` in `gps_lat`.
+    pub(super) source: String,
+    /// As the table states it.
+    pub(super) unit: Option<Unit>,
+    /// The table states a unit that is unknown or one of something else.
+    pub(super) odd_unit: Option<String>,
+    pub(super) words: Vec<String>,
+}
+
+/// Words that make something else of a column: how good it is, what was wanted, or of another place.
+const OTHERS: &[&str] = &[
+    "std",
+    "sigma",
+    "err",
+    "error",
+    "cov",
+    "var",
+    "accuracy",
+    "rms",
+    "sd",
+    "dev",
+    "stdev",
+    "uncertainty",
+    "count",
+    "valid",
+    "status",
+    "age",
+    "home",
+    "target",
+    "setpoint",
+    "sp",
+    "cmd",
+    "desired",
+    "wp",
+    "waypoint",
+    "next",
+    "dist",
+    "distance",
+    "air",
+    "airspeed",
+    "ias",
+    "tas",
+    "eas",
+    "wind",
+    "bias",
+    "innov",
+    "innovation",
+    "hacc",
+    "vacc",
+    "sacc",
+    "acc",
+    "dop",
+    "hdop",
+    "pdop",
+    "vdop",
+    "num",
+    "sats",
+    "body",
+    "fix",
+    "mode",
+    "id",
+    "max",
+    "min",
+    "undulation",
+    "separation",
+    "geoid",
+    "ecef",
+];
+/// Words that add nothing.
+const FILLERS: &[&str] = &[
+    "the",
+    "lla",
+    "g",
+    "gnd",
+    "local",
+    "of",
+    "over",
+    "wgs84",
+    "ned",
+    "enu",
+    "msl",
+    "amsl",
+    "hae",
+    "ellipsoid",
+    "ellipsoidal",
+    "ground",
+    "true",
+    "geodetic",
+    "motion",
+    "m",
+    "current",
+    "axis",
+    "in",
+    "component",
+];
+const TIMES: &[&str] = &[
+    "t",
+    "time",
+    "timestamp",
+    "stamp",
+    "ts",
+    "utc",
+    "tow",
+    "itow",
+    "epoch",
+    "elapsed",
+    "seconds",
+    "sec",
+    "secs",
+    "datetime",
+    "date",
+    "gpstime",
+    "timeus",
+    "timems",
+    "unixtime",
+    "utctime",
+    "millis",
+    "micros",
+    "clock",
+];
+const OF_VELOCITY: &[&str] = &["velocity", "vel", "speed", "spd", "v"];
+const OF_PLACE: &[&str] = &["position", "pos", "p", "displacement"];
+const SPEEDS: &[&str] = &["gspeed", "gndspd", "groundspeed", "sog", "gs", "hspeed"];
+const TRACKS: &[&str] = &["track", "course", "cog", "trk", "crs", "gcrs", "headmot", "gtrk"];
+const CLIMBS: &[&str] = &["climb", "vs", "vspd", "vspeed", "roc", "climbrate", "verticalspeed"];
+const HEIGHTS: &[&str] = &["alt", "altitude", "height", "hgt", "elev", "elevation", "h", "hmsl"];
+
+/// The words of a name in lower case: parted at other characters and where small letters meet capital ones.
+fn words(name: &str) -> Vec<String> {
+    let chars: Vec<char> = name.chars().collect();
+    let mut words = vec![String::new()];
+    for (i, c) in chars.iter().enumerate() {
+        let before = i.checked_sub(1).and_then(|i| chars.get(i));
+        let next_small = chars.get(i + 1).is_some_and(|c| c.is_lowercase());
+        let humps = c.is_uppercase()
+            && before.is_some_and(|b| b.is_lowercase() || b.is_ascii_digit() || (b.is_uppercase() && next_small));
+        if !c.is_alphanumeric() || humps {
+            words.push(String::new());
+        }
+        if let (true, Some(word)) = (c.is_alphanumeric(), words.last_mut()) {
+            word.extend(c.to_lowercase());
+        }
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+fn axis_of(word: &str) -> Option<Axis> {
+    Some(match word {
+        "n" | "north" | "northing" => Axis::North,
+        "e" | "east" | "easting" => Axis::East,
+        "d" | "down" => Axis::Down,
+        "u" | "up" => Axis::Up,
+        "x" => Axis::X,
+        "y" => Axis::Y,
+        "z" => Axis::Z,
+        _ => return None,
+    })
+}
+
+/// `veln`, `vnorth`, `px`: what the first letters say, and the axis behind them.
+fn fused(word: &str, fronts: &[&str]) -> Option<Axis> {
+    fronts.iter().find_map(|front| axis_of(word.strip_prefix(front)?))
+}
+
+/// What a column is by its name; `None` if nothing that is looked for.
+pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
+    let front = crate::written_unit::in_brackets(path)
+        .map_or(path, |unit| path.get(..path.len().saturating_sub(unit.len() + 2)).unwrap_or(path));
+    let mut words = words(front);
+    let ending = take_unit(&mut words);
+    let all = words.clone();
+    let (role, source) = role_of(&words, &ending)?;
+    let stated = head.unit_of(path);
+    let (unit, odd_unit) = match read(stated, role.dimension()) {
+        Written::Unit(unit) => (Some(unit), None),
+        Written::Blank => (ending.iter().copied().find(|unit| unit.dimension() == role.dimension()), None),
+        Written::Other(_) | Written::Unknown => (None, (!is_blank(stated)).then(|| stated.to_owned())),
+    };
+    // `vel_n_ms` is short for m/s.
+    let is_short = unit.is_none() && role.dimension() == Dimension::Speed && ending.iter().any(|u| u.symbol() == "ms");
+    let unit = if is_short { "m/s".parse().ok() } else { unit };
+    Some(Named { path: path.to_owned(), role, source, unit, odd_unit, words: all })
+}
+
+/// Takes the words of a unit from the end, as `m`, `s` in `vel_n_m_s`, `mps` or `e7`.
+fn take_unit(words: &mut Vec<String>) -> Vec<Unit> {
+    for count in [2, 1] {
+        let Some(at) = words.len().checked_sub(count).filter(|at| *at > 0) else { continue };
+        let Some(last) = words.get(at..) else { continue };
+        let text = match last {
+            [a, b] if a == "m" || a == "deg" || a == "rad" || a == "km" || a == "ft" => format!("{a}/{b}"),
+            [one] if one == "e7" || one == "1e7" => "1e-7 deg".to_owned(),
+            [one] if axis_of(one).is_none() && !HEIGHTS.contains(&one.as_str()) => one.clone(),
+            _ => continue,
+        };
+        let units = of_word(&text);
+        // A word of time alone at the end may be the role itself.
+        if !units.is_empty() {
+            words.truncate(at);
+            return units;
+        }
+    }
+    vec![]
+}
+
+fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
+    let has = |word: &str| words.iter().any(|w| w == word);
+    let is_other = words.iter().any(|word| OTHERS.contains(&word.as_str()));
+    if is_other && !has("week") {
+        return None;
+    }
+    let mut left: Vec<&str> = vec![];
+    let (mut role, mut axis, mut of) = (None, None, None);
+    for word in words.iter().map(String::as_str) {
+        let found = match word {
+            "lat" | "latitude" => Some(Role::Latitude),
+            "lon" | "lng" | "long" | "longitude" => Some(Role::Longitude),
+            "week" | "gwk" | "wn" | "weekno" => Some(Role::Week),
+            "sink" | "sinkrate" => Some(Role::Velocity(Axis::Down)),
+            _ if HEIGHTS.contains(&word) => Some(Role::Height),
+            _ if SPEEDS.contains(&word) => Some(Role::Speed),
+            _ if TRACKS.contains(&word) => Some(Role::Track),
+            _ if CLIMBS.contains(&word) => Some(Role::Velocity(Axis::Up)),
+            _ => fused(word, OF_VELOCITY).map(Role::Velocity).or_else(|| fused(word, OF_PLACE).map(Role::Position)),
+        };
+        match found {
+            Some(found) if role.is_none_or(|known| known == found || found == Role::Height) => {
+                role = role.or(Some(found))
+            }
+            Some(_) => return None,
+            None if OF_VELOCITY.contains(&word) => of = Some(Dimension::Speed),
+            None if OF_PLACE.contains(&word) => of = of.or(Some(Dimension::Length)),
+            None if axis_of(word).is_some() && axis.is_none() => axis = axis_of(word),
+            None if word == "vertical" && (has("speed") || has("velocity")) => axis = Some(Axis::Up),
+            None if FILLERS.contains(&word) => {}
+            None => left.push(word),
+        }
+    }
+    let stated = ending.iter().map(|unit| unit.dimension()).find(|d| matches!(d, Dimension::Speed | Dimension::Length));
+    let role = match (role, of.or(stated), axis) {
+        (Some(Role::Week), ..) => Role::Week,
+        (Some(role), ..) => role,
+        (None, Some(Dimension::Speed), Some(axis)) => Role::Velocity(in_frame(axis, words)),
+        (None, Some(Dimension::Speed), None) if of.is_some() => Role::Speed,
+        (None, _, Some(axis)) => Role::Position(in_frame(axis, words)),
+        (None, ..) if left.iter().any(|word| TIMES.contains(word)) => Role::Time,
+        _ => return None,
+    };
+    if matches!(role, Role::Time | Role::Week) {
+        return Some((role, String::new()));
+    }
+    // Words that are left over where the axis alone says what it is make something else of it, as `mag_x`.
+    let bare_axis =
+        matches!(role, Role::Position(_)) && of.is_none() && !words.iter().any(|w| fused(w, OF_PLACE).is_some());
+    if bare_axis && left.iter().any(|word| !SOURCES.contains(word)) {
+        return None;
+    }
+    left.retain(|word| !TIMES.contains(word));
+    Some((role, left.join("-")))
+}
+
+/// Words for where a position comes from.
+pub(super) const SOURCES: &[&str] = &[
+    "gps",
+    "gnss",
+    "ekf",
+    "ins",
+    "nav",
+    "truth",
+    "ref",
+    "reference",
+    "gt",
+    "imu",
+    "mocap",
+    "vicon",
+    "optitrack",
+    "est",
+];
+
+/// The axis where a word of the name says the frame.
+fn in_frame(axis: Axis, words: &[String]) -> Axis {
+    let has = |word: &str| words.iter().any(|w| w == word);
+    match (axis, has("ned"), has("enu")) {
+        (Axis::X, true, false) | (Axis::Y, false, true) => Axis::North,
+        (Axis::Y, true, false) | (Axis::X, false, true) => Axis::East,
+        (Axis::Z, true, false) => Axis::Down,
+        (Axis::Z, false, true) => Axis::Up,
+        _ => axis,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str) -> Option<(Role, String, Option<&'static str>)> {
+        let head = TableHead { topic: "t".into(), names: vec![name.to_owned()], units: vec![] };
+        named(&head, name).map(|n| (n.role, n.source, n.unit.map(Unit::symbol)))
+    }
+
+    #[test]
+    fn names_say_roles_axes_sources_and_units() {
+        use Role::{Height, Latitude, Longitude, Position, Speed, Time, Track, Velocity};
+        for (name, role, source, unit) in [
+            ("lat", Latitude, "", None),
+            ("lat_deg", Latitude, "", Some("deg")),
+            ("gps_lon_e7", Longitude, "gps", Some("1e-7 deg")),
+            ("Latitude (deg)", Latitude, "", Some("deg")),
+            ("GPSLat", Latitude, "gps", None),
+            ("alt", Height, "", None),
+            ("hMSL", Height, "", None),
+            ("altitude_ft", Height, "", Some("ft")),
+            ("vn", Velocity(Axis::North), "", None),
+            ("VN", Velocity(Axis::North), "", None),
+            ("velN", Velocity(Axis::North), "", None),
+            ("vel_north_mps", Velocity(Axis::North), "", Some("m/s")),
+            ("vel_e_m_s", Velocity(Axis::East), "", Some("m/s")),
+            ("ekf_vel_d", Velocity(Axis::Down), "ekf", None),
+            ("Velocity East [km/h]", Velocity(Axis::East), "", Some("km/h")),
+            ("vx", Velocity(Axis::X), "", None),
+            ("velocity_enu_x", Velocity(Axis::East), "", None),
+            ("pos_x", Position(Axis::X), "", None),
+            ("x", Position(Axis::X), "", None),
+            ("north_m", Position(Axis::North), "", Some("m")),
+            ("north_mps", Velocity(Axis::North), "", Some("m/s")),
+            ("speed", Speed, "", None),
+            ("gSpeed", Speed, "", None),
+            ("course_deg", Track, "", Some("deg")),
+            ("time", Time, "", None),
+            ("time_ms", Time, "", Some("ms")),
+            ("t_s", Time, "", Some("s")),
+            ("Time [s]", Time, "", Some("s")),
+            ("vertical_speed", Velocity(Axis::Up), "", None),
+        ] {
+            assert_eq!(of(name), Some((role, source.to_owned(), unit)), "{name}");
+        }
+        for other in
+            ["mag_x", "gyro_x", "acc_y", "hAcc", "lat_std", "airspeed", "temperature", "numSV", "body_vx", "home_lat"]
+        {
+            assert_eq!(of(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Columns that belong together: the axes of a position, or of a velocity.
+
+use super::names::{Axis, Named, Role};
+use super::times::{Timing, timings};
+use crate::reader::Log;
+use crate::table::{Table, numbers};
+
+/// A table with what its names say and how its time may be read.
+pub(super) struct Source<'l> {
+    pub(super) table: &'l Table,
+    pub(super) timings: Vec<Timing>,
+    pub(super) positions: Vec<Position>,
+    pub(super) velocities: Vec<Velocity>,
+}
+
+/// Two or three columns that are a position.
+#[derive(Debug, Clone)]
+pub(super) struct Position {
+    pub(super) source: String,
+    /// Latitude and longitude; else lengths along axes.
+    pub(super) is_geodetic: bool,
+    pub(super) first: Named,
+    pub(super) second: Named,
+    pub(super) third: Option<Named>,
+}
+
+/// Two or three columns that are a velocity.
+#[derive(Debug, Clone)]
+pub(super) struct Velocity {
+    pub(super) source: String,
+    /// Speed and track; else speeds along axes.
+    pub(super) is_polar: bool,
+    pub(super) first: Named,
+    pub(super) second: Named,
+    pub(super) third: Option<Named>,
+}
+
+/// Whether names say which axis is north and which east.
+pub(super) fn says_axes(first: &Named) -> bool {
+    matches!(first.role, Role::Position(Axis::North) | Role::Velocity(Axis::North))
+}
+
+/// All tables in which something was found.
+pub(super) fn sources(log: &Log) -> Vec<Source<'_>> {
+    log.tables.iter().filter_map(|table| source(log, table)).collect()
+}
+
+fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
+    let head = log.head(&table.topic.name)?;
+    if super::bare::is_bare(head) {
+        return super::bare::source(head, table);
+    }
+    let named: Vec<Named> = head.names.iter().filter_map(|path| super::names::named(head, path)).collect();
+    let holds = |column: &&Named| {
+        let values = || numbers(table, &column.path);
+        column.role == Role::Time || values().is_some_and(|v| (0..table.rows).any(|row| v.number(row).is_some()))
+    };
+    let named: Vec<Named> = named.iter().filter(holds).cloned().collect();
+    let mut labels: Vec<&str> = vec![];
+    for column in named.iter().filter(|c| !matches!(c.role, Role::Time | Role::Week)) {
+        if !labels.contains(&column.source.as_str()) {
+            labels.push(&column.source);
+        }
+    }
+    let positions = labels.iter().flat_map(|label| positions(&named, label)).collect();
+    let velocities = labels.iter().flat_map(|label| velocities(&named, label)).collect();
+    Some(Source { table, timings: timings(table, &named), positions, velocities })
+}
+
+/// Whether names alone say that something may be found in a table of these columns.
+pub(super) fn may_hold(named: &[Named]) -> bool {
+    let mut labels = named.iter().map(|c| c.source.as_str());
+    named.iter().any(|c| c.role == Role::Time)
+        && labels.any(|label| !positions(named, label).is_empty() || !velocities(named, label).is_empty())
+}
+
+fn of(named: &[Named], label: &str, role: Role) -> Option<Named> {
+    named.iter().find(|c| c.role == role && c.source == label).cloned()
+}
+
+fn positions(named: &[Named], label: &str) -> Vec<Position> {
+    let of = |role| of(named, label, role);
+    let source = label.to_owned();
+    let geodetic = of(Role::Latitude).zip(of(Role::Longitude)).map(|(first, second)| Position {
+        source: source.clone(),
+        is_geodetic: true,
+        first,
+        second,
+        third: of(Role::Height),
+    });
+    let axes = axes(|axis| of(Role::Position(axis)));
+    let local = axes.map(|(first, second, third)| Position { source, is_geodetic: false, first, second, third });
+    geodetic.into_iter().chain(local).collect()
+}
+
+fn velocities(named: &[Named], label: &str) -> Vec<Velocity> {
+    let of = |role| of(named, label, role);
+    let source = label.to_owned();
+    let axes = axes(|axis| of(Role::Velocity(axis)));
+    let of_axes =
+        axes.map(|(first, second, third)| Velocity { source: source.clone(), is_polar: false, first, second, third });
+    let polar = of(Role::Speed).zip(of(Role::Track)).map(|(first, second)| {
+        let third = of(Role::Velocity(Axis::Up)).or_else(|| of(Role::Velocity(Axis::Down)));
+        Velocity { source, is_polar: true, first, second, third }
+    });
+    of_axes.into_iter().chain(polar).collect()
+}
+
+/// North, east and a vertical axis, or x, y and z.
+fn axes(of: impl Fn(Axis) -> Option<Named>) -> Option<(Named, Named, Option<Named>)> {
+    let pair = |a, b| of(a).zip(of(b));
+    if let Some((north, east)) = pair(Axis::North, Axis::East) {
+        return Some((north, east, of(Axis::Down).or_else(|| of(Axis::Up)).or_else(|| of(Axis::Z))));
+    }
+    pair(Axis::X, Axis::Y).map(|(x, y)| (x, y, of(Axis::Z)))
+}

@@ -1,0 +1,178 @@
+//! A guess as the file of a channel map.
+
+use super::decide::{Motion, Place, Vertical};
+use super::{Found, Guess, quoted};
+use flight::Unit;
+use std::fmt::Write;
+
+/// Sources that the default pipeline looks for.
+const USUAL: [&str; 3] = ["gps", "ins", "ekf"];
+
+/// Writes the map; where there are several tables each channel names its own.
+pub(super) fn map(
+    places: &[Found<'_, Place>],
+    motions: &[Found<'_, Motion>],
+    reasons: &[String],
+    several: bool,
+) -> Guess {
+    let mut text = String::from(HEAD);
+    let mut said = vec![];
+    for reason in reasons {
+        let _ = writeln!(text, "# Not bound: {}.", one_line(reason));
+    }
+    let names = names("position", places.iter().map(|p| (p.what.set.source.as_str(), p.what.set.is_geodetic)));
+    for (place, name) in places.iter().zip(&names) {
+        said.push(channel(
+            &mut text,
+            name,
+            quantity(&place.what),
+            &place_fields(&place.what),
+            &place.what.why,
+            &Where::of(place, several),
+        ));
+    }
+    let names = self::names("velocity", motions.iter().map(|m| (m.what.set.source.as_str(), true)));
+    for (motion, name) in motions.iter().zip(&names) {
+        said.push(channel(
+            &mut text,
+            name,
+            "velocity-ned",
+            &motion_fields(&motion.what),
+            &motion.what.why,
+            &Where::of(motion, several),
+        ));
+    }
+    let both = !places.is_empty() && !motions.is_empty();
+    Guess { text, said: said.join("; "), channels: (places.len() + motions.len()) as u64, both }
+}
+
+const HEAD: &str =
+    "# Columns bound by guess: by their names, their units, and by whether the position moves as the velocity says.
+# Check every line and give the map a name of your own. `--maps DIR` takes all maps of a folder.
+schema = 1
+name = \"guess\"
+title = \"Columns bound by guess\"
+";
+
+/// Where a channel is found.
+struct Where<'f> {
+    topic: Option<&'f str>,
+    kind: &'f str,
+    entry: &'f str,
+    why: &'f str,
+}
+
+impl<'f> Where<'f> {
+    fn of<T>(found: &'f Found<'_, T>, several: bool) -> Where<'f> {
+        let timing = &found.timing;
+        let topic = several.then_some(found.topic);
+        Where { topic, kind: timing.kind, entry: &timing.entry, why: &timing.why }
+    }
+}
+
+fn quantity(place: &Place) -> &'static str {
+    if place.set.is_geodetic { "position-geodetic" } else { "position-ned" }
+}
+
+/// Role, column and unit.
+type Field<'a> = (&'static str, &'a str, Unit);
+
+fn vertical<'a>(third: Option<(Unit, Vertical)>, column: Option<&'a str>, is_height: bool) -> Option<Field<'a>> {
+    let ((unit, side), column) = third.zip(column)?;
+    match side {
+        Vertical::LeftOut => None,
+        _ if is_height => Some(("height", column, unit)),
+        Vertical::Up => Some(("up", column, unit)),
+        Vertical::Down => Some(("down", column, unit)),
+    }
+}
+
+fn place_fields(place: &Place) -> Vec<Field<'_>> {
+    let set = &place.set;
+    let third = vertical(place.third, set.third.as_ref().map(|c| c.path.as_str()), set.is_geodetic);
+    let roles = if set.is_geodetic { ["latitude", "longitude"] } else { ["north", "east"] };
+    let (first, second) = if place.swapped { (&set.second, &set.first) } else { (&set.first, &set.second) };
+    [(roles[0], first.path.as_str(), place.unit), (roles[1], second.path.as_str(), place.unit)]
+        .into_iter()
+        .chain(third)
+        .collect()
+}
+
+fn motion_fields(motion: &Motion) -> Vec<Field<'_>> {
+    let set = &motion.set;
+    let third = vertical(motion.third, set.third.as_ref().map(|c| c.path.as_str()), false);
+    let (first, second) = if motion.swapped { (&set.second, &set.first) } else { (&set.first, &set.second) };
+    let (first, second) = (first.path.as_str(), second.path.as_str());
+    let pair = match motion.angle {
+        Some(angle) => [("speed", first, motion.unit), ("track", second, angle)],
+        None => [("north", first, motion.unit), (if motion.is_west { "west" } else { "east" }, second, motion.unit)],
+    };
+    pair.into_iter().chain(third).collect()
+}
+
+/// A name for each channel: after its source, `gps` where there is none; the first one has a name that pipelines look for.
+fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<String> {
+    let plain = |source: &str, is_geodetic: bool| match source {
+        "" if is_geodetic => "gps".to_owned(),
+        "" => "local".to_owned(),
+        "gnss" => "gps".to_owned(),
+        "ref" | "reference" | "gt" | "groundtruth" | "ground-truth" => "truth".to_owned(),
+        other => other.to_owned(),
+    };
+    let mut names: Vec<String> = sources.map(|(source, is_geodetic)| plain(source, is_geodetic)).collect();
+    let is_usual = |name: &String| USUAL.contains(&name.as_str());
+    if !names.iter().any(is_usual)
+        && let Some(first) = names.iter_mut().find(|name| *name != "truth")
+    {
+        *first = "gps".to_owned();
+    }
+    let mut free: Vec<String> = vec![];
+    for name in names {
+        let mut count = 1;
+        let mut own = format!("{what}.{name}");
+        while free.contains(&own) {
+            count += 1;
+            own = format!("{what}.{name}-{count}");
+        }
+        free.push(own);
+    }
+    free
+}
+
+/// Writes a channel and says it in a line.
+fn channel(
+    text: &mut String,
+    name: &str,
+    quantity: &str,
+    fields: &[Field<'_>],
+    why: &[String],
+    at: &Where<'_>,
+) -> String {
+    let _ = writeln!(text);
+    for why in why {
+        let _ = writeln!(text, "# {}.", one_line(why));
+    }
+    let _ = writeln!(text, "[[channel]]\nname = {}\nquantity = \"{quantity}\"", quoted(name));
+    if let Some(topic) = at.topic {
+        let _ = writeln!(text, "topic = [{}]", quoted(topic));
+    }
+    let _ = writeln!(text, "timeline = \"{}\"", at.kind);
+    let _ = writeln!(
+        text,
+        "# The time: {}.\n[channel.time]\n{} = [{}]\n\n[channel.fields]",
+        one_line(at.why),
+        at.kind,
+        at.entry
+    );
+    for (role, column, unit) in fields {
+        let _ = writeln!(text, "{role} = {{ field = {}, unit = \"{unit}\" }}", quoted(column));
+    }
+    let columns: Vec<String> =
+        fields.iter().map(|(role, column, unit)| format!("{role} = {column} [{unit}]")).collect();
+    format!("{name}: {}", columns.join(", "))
+}
+
+/// Names of columns may hold anything.
+fn one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}

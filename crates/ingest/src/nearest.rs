@@ -1,0 +1,51 @@
+//! The name that somebody may have meant.
+
+/// The name that differs least: by letters to be put in, taken out or changed, where case and what stands between words count
+/// for nothing and a name that holds the other one is close. Of equals the first.
+pub(crate) fn nearest<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
+    let wanted = plain(wanted);
+    names.into_iter().min_by_key(|name| difference(&wanted, &plain(name)))
+}
+
+fn plain(name: &str) -> Vec<char> {
+    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+}
+
+/// Twice the number of letters, or once where one name holds the other.
+fn difference(a: &[char], b: &[char]) -> usize {
+    let (short, long) = if a.len() < b.len() { (a, b) } else { (b, a) };
+    let holds = short.len() > 1 && long.windows(short.len()).any(|part| part == short);
+    if holds { long.len() - short.len() } else { 2 * edits(a, b) }
+}
+
+/// Levenshtein's distance.
+fn edits(a: &[char], b: &[char]) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().enumerate() {
+        let mut diagonal = i;
+        let mut left = i + 1;
+        for (y, above) in b.iter().zip(row.iter_mut().skip(1)) {
+            let here = (diagonal + usize::from(x != y)).min(left + 1).min(*above + 1);
+            diagonal = *above;
+            *above = here;
+            left = here;
+        }
+        row.iter_mut().take(1).for_each(|first| *first = i + 1);
+    }
+    row.last().copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_the_one_with_the_fewest_changes() {
+        let chars = |text: &str| text.chars().collect::<Vec<_>>();
+        assert_eq!(edits(&chars("kitten"), &chars("sitting")), 3);
+        assert_eq!(edits(&chars(""), &chars("abc")), 3);
+        assert_eq!(nearest("velN", ["velE", "vel_n", "lat"]), Some("vel_n"));
+        assert_eq!(nearest("vnorth", ["veast_mps", "vnorth_mps", "north"]), Some("north"));
+        assert_eq!(nearest("x", []), None);
+    }
+}

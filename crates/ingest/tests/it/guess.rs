@@ -1,0 +1,277 @@
+//! Own tables that no map fits: bound by names, units and motion, or refused with the reason. The truth is a flight in circles
+//! whose position is 0.3 s late.
+
+use crate::support::*;
+use flight::{Channel, Quantity};
+use ingest::{ChannelMap, Loaded, MapLibrary};
+use std::path::Path;
+
+const LATE_S: f64 = 0.3;
+const RADIUS_M: f64 = 6_378_137.0;
+/// The equator makes metres of angles easy.
+const SCALE: f64 = RADIUS_M;
+
+/// The truth at a time: north, east, up, m, and their velocities, m/s.
+fn truth(t: f64) -> ([f64; 3], [f64; 3]) {
+    let (w, r) = (0.25, 60.0);
+    let place = [r * (w * t).sin() + 3.0 * t, -r * (w * t).cos(), 100.0 + 1.5 * t + 8.0 * (0.3 * t).sin()];
+    (place, [r * w * (w * t).cos() + 3.0, r * w * (w * t).sin(), 1.5 + 2.4 * (0.3 * t).cos()])
+}
+
+/// A table of 90 s at 10 Hz. Each row is made of the time, the angles of a late place near the equator, its height, and the
+/// velocity.
+fn table(header: &str, row: impl Fn(f64, [f64; 3], [f64; 3]) -> String) -> String {
+    let rows = (0..900).map(|i| {
+        let t = 0.1 * f64::from(i);
+        let ([north, east, up], _) = truth(t - LATE_S);
+        // Radii of curvature at the equator.
+        let (latitude, longitude) = (0.01 + north / 6_335_439.3, 0.2 + east / (SCALE * 0.01_f64.cos()));
+        row(t, [latitude, longitude, up], truth(t).1)
+    });
+    format!("{header}\n{}", rows.map(|row| row + "\n").collect::<String>())
+}
+
+fn load_text(text: &str) -> Loaded {
+    let (_folder, path) = file("own.csv", text.as_bytes());
+    let loaded = load(&tables(&[path])).unwrap();
+    assert_ledger(&loaded);
+    loaded
+}
+
+fn of(loaded: &Loaded, quantity: Quantity) -> &Channel {
+    let binding = loaded.binding.as_ref().unwrap();
+    let found = loaded.flight.channels.values().find(|c| c.quantity == quantity);
+    found.unwrap_or_else(|| panic!("no {quantity:?}: {binding:?}"))
+}
+
+/// Position and velocity are the truth in SI units, north, east, down.
+fn assert_is_truth(loaded: &Loaded) {
+    assert!(loaded.binding.as_ref().unwrap().why.contains("guess"), "{:?}", loaded.binding);
+    assert!(count_of(loaded, "bound-by-guess") >= 2);
+    let velocity = of(loaded, Quantity::VelocityNed);
+    let times = velocity.series.timeline().seconds_since(velocity.series.timeline().stamps()[0]);
+    for (i, t) in times.iter().enumerate().step_by(97) {
+        let [north, east, up] = truth(*t).1;
+        let found: Vec<f64> = velocity.series.components().iter().map(|axis| axis[i]).collect();
+        for (found, expected) in found.iter().zip([north, east, -up]) {
+            assert!((found - expected).abs() < 2e-3 * (1.0 + expected.abs()), "{t} s: {found} for {expected}");
+        }
+    }
+    let position = of(loaded, Quantity::PositionGeodetic);
+    let first: Vec<f64> = position.series.components().iter().map(|axis| axis[0]).collect();
+    let ([north, _, up], _) = truth(-LATE_S);
+    assert!((first[0] - (0.01 + north / 6_335_439.3)).abs() < 1e-7, "{first:?}");
+    assert!((first[2] - up).abs() < 0.1, "{first:?} for {up}");
+}
+
+fn deg(rad: f64) -> f64 {
+    rad.to_degrees()
+}
+
+#[test]
+fn tables_under_any_usual_names_and_units_are_the_same_flight() {
+    let kt = 1.0 / (1852.0 / 3600.0);
+    let tables: [(&str, String); 9] = [
+        (
+            "plain",
+            table("time,lat,lon,alt,vn,ve,vd", |t, [a, b, h], [n, e, u]| {
+                format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", deg(a), deg(b), -u)
+            }),
+        ),
+        (
+            "units in names",
+            table("t_ms,lat_deg,lon_deg,alt_m,vel_north_mps,vel_east_mps,vel_up_mps", |t, [a, b, h], [n, e, u]| {
+                format!("{:.0},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{u:.4}", 1e3 * t, deg(a), deg(b))
+            }),
+        ),
+        (
+            "short, radians, down that counts up",
+            table("time,lat_rad,lon_rad,alt,VN,VE,VD", |t, [a, b, h], [n, e, u]| {
+                format!("{t:.1},{a:.11},{b:.11},{h:.3},{n:.4},{e:.4},{u:.4}")
+            }),
+        ),
+        (
+            "knots and feet",
+            table("time,lat_deg,lon_deg,alt_ft,vn,ve,vd", move |t, [a, b, h], [n, e, u]| {
+                format!(
+                    "{t:.1},{:.9},{:.9},{:.3},{:.4},{:.4},{:.4}",
+                    deg(a),
+                    deg(b),
+                    h / 0.3048,
+                    n * kt,
+                    e * kt,
+                    -u * kt
+                )
+            }),
+        ),
+        (
+            "integers of 1e-7 deg, ms, cm/s",
+            table("timestamp_us,lat,lon,alt_mm,vel_n_cmps,vel_e_cmps,vel_d_cmps", |t, [a, b, h], [n, e, u]| {
+                format!(
+                    "{:.0},{:.0},{:.0},{:.0},{:.2},{:.2},{:.2}",
+                    1e6 * t,
+                    1e7 * deg(a),
+                    1e7 * deg(b),
+                    1e3 * h,
+                    1e2 * n,
+                    1e2 * e,
+                    -1e2 * u
+                )
+            }),
+        ),
+        (
+            "x, y, z of east, north, up",
+            table("time,latitude,longitude,height,vx,vy,vz", |t, [a, b, h], [n, e, u]| {
+                format!("{t:.1},{:.9},{:.9},{h:.3},{e:.4},{n:.4},{u:.4}", deg(a), deg(b))
+            }),
+        ),
+        (
+            "speed and track",
+            table("time,lat,lon,alt,speed,course,climb", |t, [a, b, h], [n, e, u]| {
+                format!(
+                    "{t:.1},{:.9},{:.9},{h:.3},{:.4},{:.5},{u:.4}",
+                    deg(a),
+                    deg(b),
+                    n.hypot(e),
+                    deg(e.atan2(n)).rem_euclid(360.0)
+                )
+            }),
+        ),
+        (
+            "a line of units",
+            table("time,lat,lon,alt,velN,velE,velU\ns,deg,deg,m,km/h,km/h,km/h", |t, [a, b, h], [n, e, u]| {
+                format!("{t:.1},{:.9},{:.9},{h:.3},{:.4},{:.4},{:.4}", deg(a), deg(b), 3.6 * n, 3.6 * e, 3.6 * u)
+            }),
+        ),
+        (
+            "UTC",
+            table(
+                "UTC Time;GPS Lat;GPS Lon;GPS Alt;Vel North [ft/s];Vel East [ft/s];Vel Down [ft/s]",
+                |t, [a, b, h], [n, e, u]| {
+                    let ft = 0.3048;
+                    format!(
+                        "2026-05-10T10:{:02}:{:04.1}Z;{:.9};{:.9};{h:.3};{:.4};{:.4};{:.4}",
+                        (t / 60.0 + 1e-6) as i32,
+                        t - 60.0 * (t / 60.0 + 1e-6).floor(),
+                        deg(a),
+                        deg(b),
+                        n / ft,
+                        e / ft,
+                        -u / ft
+                    )
+                },
+            ),
+        ),
+    ];
+    for (name, text) in tables {
+        eprintln!("{name}");
+        assert_is_truth(&load_text(&text));
+    }
+}
+
+#[test]
+fn the_suggested_map_reads_the_same_channels_and_says_why() {
+    let text = table("time,lat,lon,alt,vn,ve,vd,truth_lat,truth_lon", |t, [a, b, h], [n, e, u]| {
+        let (a, b) = (deg(a), deg(b));
+        format!("{t:.1},{a:.9},{b:.9},{h:.3},{n:.4},{e:.4},{:.4},{a:.9},{b:.9}", -u)
+    });
+    let (_folder, path) = file("own.csv", text.as_bytes());
+    let unit = tables(&[path]);
+    let guessed = load(&unit).unwrap();
+    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    assert!(map.contains("north = { field = \"vn\", unit = \"m/s\" }") && map.contains("# "), "{map}");
+    assert!(map.contains("name = \"position.truth\""), "{map}");
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
+    let mapped = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    assert_eq!(mapped.binding.as_ref().unwrap().map, "own");
+    assert_eq!(count_of(&mapped, "bound-by-guess"), 0);
+    assert_eq!(format!("{:?}", mapped.flight.channels), format!("{:?}", guessed.flight.channels));
+}
+
+#[test]
+fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
+    let refused = |text: &str| load_text(text).binding.unwrap_err();
+    let swapped = table("time,lat,lon,alt,vn,ve,vd", |t, [a, b, h], [n, e, u]| {
+        format!("{t:.1},{:.9},{:.9},{h:.3},{e:.4},{n:.4},{:.4}", deg(a), deg(b), -u)
+    });
+    let error = refused(&swapped);
+    assert!(error.contains("the names say that vn goes with lat") && error.contains("exchanged axes"), "{error}");
+    let odd = table("time,lat,lon,vn,ve", |t, [a, b, _], [n, e, _]| {
+        format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 7.3 * n, 7.3 * e)
+    });
+    let error = refused(&odd);
+    assert!(error.contains("vn is 7.2") && error.contains("no unit known"), "{error}");
+    let stated = table("time,lat,lon,vn_mps,ve_mps", |t, [a, b, _], [n, e, _]| {
+        format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 3.6 * n, 3.6 * e)
+    });
+    assert!(refused(&stated).contains("if it is in m/s as stated"));
+    let unknown = table("time,lat,lon,vn [furlongs],ve [furlongs]", |t, [a, b, _], [n, e, _]| {
+        format!("{t:.1},{:.9},{:.9},{n:.4},{e:.4}", deg(a), deg(b))
+    });
+    let error = refused(&unknown);
+    assert!(error.contains("furlongs") && error.contains("no unit of it that flightlag knows"), "{error}");
+    let still = table("time,lat,lon,vn,ve", |t, _, _| format!("{t:.1},0.5,0.5,0,0"));
+    let error = refused(&still);
+    assert!(error.contains("cannot be bound by guess"), "{error}");
+    let straight = table("time,lat,lon,vx,vy", |t, _, _| {
+        format!(
+            "{t:.1},{:.9},{:.9},7,7",
+            4.0 + deg(7.0 * t / 6_335_439.3),
+            20.0 + deg(7.0 * t / (SCALE * 4_f64.to_radians().cos()))
+        )
+    });
+    assert!(refused(&straight).contains("too straight to tell which of vx and vy goes north"));
+    let no_time =
+        table("lat,lon,vn,ve", |_, [a, b, _], [n, e, _]| format!("{:.9},{:.9},{n:.4},{e:.4}", deg(a), deg(b)));
+    assert!(load_text(&no_time).binding.is_err());
+}
+
+#[test]
+fn a_map_that_fits_is_not_guessed_at() {
+    let text = table("time,lat,lon,hMSL,velN,velE,velD,gpsFix", |t, [a, b, h], [n, e, u]| {
+        format!("2024-05-10T17:27:{:04.1}Z,{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},3", t.min(59.9), deg(a), deg(b), -u)
+    });
+    let loaded = load_text(&text);
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "flysight-1");
+    assert_eq!(count_of(&loaded, "bound-by-guess"), 0);
+}
+
+#[test]
+fn names_of_vectornav_tables_are_understood() {
+    let header = "TimeStartup [ns],GNSS1::Week,GNSS1::Tow [ns],Ins::PosLla::latitude [deg],Ins::PosLla::longitude [deg],Ins::PosLla::altitude [m],\
+                  Ins::PosEcef::X [m],Ins::PosEcef::Y [m],Ins::PosEcef::Z [m],Ins::VelNed::N [m/s],Ins::VelNed::E [m/s],Ins::VelNed::D [m/s],Ins::PosU [m]";
+    let text = table(header, |t, [a, b, h], [n, e, u]| {
+        let ns = (1e9 * t).round() as i64;
+        let (a, b) = (deg(a), deg(b));
+        format!("{ns},2300,{},{a:.9},{b:.9},{h:.3},1,2,3,{n:.4},{e:.4},{:.4},0.5", ns + 100_000_000_000, -u)
+    });
+    let loaded = load_text(&text);
+    assert_is_truth(&loaded);
+    assert_eq!(loaded.flight.channels.keys().collect::<Vec<_>>(), ["position.ins", "velocity.ins"]);
+    assert_eq!(loaded.flight.channels["velocity.ins"].series.timeline().clock(), flight::Clock::Gps);
+}
+
+#[test]
+fn a_table_without_a_header_is_suggested_a_map_by_its_motion_alone() {
+    let text = table("", |t, [a, b, h], [n, e, u]| {
+        format!("{t:.1},{:.2},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},7", 0.1 * (3.0 * t).sin(), deg(a), deg(b), -u)
+    });
+    let (_folder, path) = file("bare.csv", text.trim_start().as_bytes());
+    let unit = tables(&[path]);
+    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    for line in [
+        "topic = [\"bare\"]",
+        "latitude = { field = \"column_3\", unit = \"deg\" }",
+        "height = { field = \"column_5\", unit = \"m\" }",
+        "north = { field = \"column_6\", unit = \"m/s\" }",
+        "down = { field = \"column_8\", unit = \"m/s\" }",
+    ] {
+        assert!(map.contains(line), "{line}: {map}");
+    }
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map).unwrap());
+    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    assert_eq!(loaded.flight.channels.len(), 2);
+    assert_eq!(loaded.flight.channels["velocity.gps"].series.components()[0][0], 18.0);
+}
