@@ -81,8 +81,9 @@ pub struct CompensatorScore {
     pub band: Finding<HelpfulBand>,
 }
 
-/// How late the output is against the integral of velocity; after compensation that must be nothing. A delay set wrongly
-/// by e leaves e times the cosine of what the track turns in Td: the way missed was flown then, not now.
+/// How late the output is against the integral of velocity; a right compensation leaves minus what the velocity is
+/// late. A delay set wrongly by e leaves e times the cosine of what the track turns in Td: the way missed was flown then, not
+/// now.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResidualDelay {
     /// s; positive is late still, negative too early.
@@ -91,9 +92,9 @@ pub struct ResidualDelay {
     pub interval_95_s: [f64; 2],
     /// Samples of both axes used.
     pub samples: u64,
-    /// What is expected, s: for raw the delay that is removed; for a filter that does not know the age of a fix its mean
-    /// at the rows looked at, for a Padé filter also what its truncation looks like in this motion, known to a half of it
-    /// for the estimator weighs fast motion more; else nothing.
+    /// What is expected, s: position minus velocity, less the delay removed (of raw nothing is removed); for a filter that
+    /// does not know the age of a fix also its mean at the rows looked at, for a Padé filter what its truncation looks like in
+    /// this motion, known to a half of it for the estimator weighs fast motion more.
     pub expected_s: Estimate,
 }
 
@@ -104,7 +105,7 @@ pub struct Hysteresis {
     pub along_m: Estimate,
     /// Across the track, m.
     pub across_m: Estimate,
-    /// What is expected along the track, m: nothing, and for raw 2 U Td.
+    /// What is expected along the track, m: the closing speed times what is left of position minus velocity.
     pub expected_along_m: f64,
 }
 
