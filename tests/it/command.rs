@@ -102,7 +102,8 @@ fn inspect_says_what_a_log_holds_and_which_map_would_bind_it() {
     }
     let json: serde_json::Value = serde_json::from_slice(&run(["inspect", &log, "--json"], 0).stdout).unwrap();
     let bytes = &json["health"]["bytes"];
-    let sum: u64 = ["decoded", "skipped", "structure", "damaged", "tail_cut"].iter().map(|k| bytes[k].as_u64().unwrap()).sum();
+    let sum: u64 =
+        ["decoded", "skipped", "structure", "damaged", "tail_cut"].iter().map(|k| bytes[k].as_u64().unwrap()).sum();
     assert_eq!(sum, fs::metadata(&log).unwrap().len());
     let channels = json["binding"]["channels"].as_array().unwrap();
     let position = channels.iter().find(|c| c["name"] == "position.gps").unwrap();

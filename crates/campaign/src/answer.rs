@@ -14,9 +14,9 @@ use compensation_replay::{
 use delay_network::{NetworkSettings, PairObservation, difference, lineage_from_name, solve};
 use flight::{Binding, Delay, Flight, LogHealth, Notices};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind, DelaySetting,
-    DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredFlight, NetworkDatum,
-    NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
+    DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredFlight,
+    NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
 };
 
 /// Code of the alarm of a log that goes with a flight and is none.

@@ -61,7 +61,7 @@ fn sentence(event: &Event) -> Option<String> {
 }
 
 /// As the badge on the pages: a flight that says nothing is no flight without a change.
-fn result_word<'a>(outcome: &'a str, effect: Option<EffectVerdict>) -> &'a str {
+fn result_word(outcome: &str, effect: Option<EffectVerdict>) -> &str {
     match (outcome, effect) {
         ("not-measurable", _) => "not measurable",
         ("failed", _) => outcome,
