@@ -9,7 +9,7 @@ mod sets;
 mod times;
 mod write;
 
-use self::decide::{Motion, Of, Place, Vertical, decide, units_of_place};
+use self::decide::{Motion, Of, Place, Vertical, decide, side, units_of_place};
 use self::names::{Named, Role};
 use self::sets::{Position, Source, Velocity, may_hold, says_axes, sources};
 use self::times::Timing;
@@ -244,15 +244,6 @@ fn stated<'l>(of: &'l Source<'l>, set: &Velocity) -> Option<Found<'l, Motion>> {
     let what =
         Motion { set: set.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
     Some(Found { topic: &of.table.topic.name, timing: timing.clone(), what })
-}
-
-fn side(named: &Named) -> Option<Vertical> {
-    use self::names::Axis;
-    match named.role {
-        Role::Height | Role::Velocity(Axis::Up) | Role::Position(Axis::Up) => Some(Vertical::Up),
-        Role::Velocity(Axis::Down) | Role::Position(Axis::Down) => Some(Vertical::Down),
-        _ => None,
-    }
 }
 
 /// A position that no velocity was compared with, if its range or its names say everything.

@@ -90,7 +90,10 @@ pub fn load(
             (flight, Ok(binding))
         }
         Err(IngestError::MapLacks(reason)) => {
-            (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason))
+            let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
+            let text = "no channel is bound: a channel map of yours does not fit the log";
+            flight.notices.push(Severity::Loss, "map-lacks", "", 1, text);
+            (flight, Err(reason))
         }
         Err(IngestError::Map(mut reason)) => {
             reason.extend(refused.map(|why| format!("; its columns cannot be bound by guess: {why}")));

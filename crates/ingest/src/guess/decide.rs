@@ -334,6 +334,15 @@ fn unit_of_speed(motion: Of<'_, Velocity>, scale: f64) -> Result<Unit, String> {
     }
 }
 
+/// Where a vertical column counts to by its name.
+pub(super) fn side(named: &Named) -> Option<Vertical> {
+    match named.role {
+        Role::Height | Role::Velocity(Axis::Up) | Role::Position(Axis::Up) => Some(Vertical::Up),
+        Role::Velocity(Axis::Down) | Role::Position(Axis::Down) => Some(Vertical::Down),
+        _ => None,
+    }
+}
+
 /// Heights and vertical velocities: units and signs, as the motion says or else the names; and what is to be said.
 #[expect(clippy::type_complexity, reason = "two verticals and their notes")]
 fn verticals(
@@ -344,18 +353,13 @@ fn verticals(
 ) -> (Option<(Unit, Vertical)>, Option<(Unit, Vertical)>, Vec<String>) {
     let mut notes = vec![];
     let m = unit("m").unwrap_or(speed);
-    let by_name = |named: &Named| match named.role {
-        Role::Height | Role::Velocity(Axis::Up) | Role::Position(Axis::Up) => Some(Vertical::Up),
-        Role::Velocity(Axis::Down) | Role::Position(Axis::Down) => Some(Vertical::Down),
-        _ => None,
-    };
     let measured = windows.vertical().filter(|(agreement, _)| agreement.abs() >= LEAST_VERTICAL);
     let (height, third) = (place.third.as_ref(), motion.third.as_ref());
     // What is stated is kept; what is not is tried.
     let mut height_unit = height.map(|h| h.unit.unwrap_or(m));
     let third_unit = third.map(|t| t.unit.unwrap_or(speed));
-    let place_side = height.map(|h| by_name(h).unwrap_or(Vertical::Up));
-    let mut side = third.map(|t| by_name(t).unwrap_or(Vertical::LeftOut));
+    let place_side = height.map(|h| side(h).unwrap_or(Vertical::Up));
+    let mut counts = third.map(|t| side(t).unwrap_or(Vertical::LeftOut));
     match (height, third, measured) {
         (Some(h), Some(t), Some((agreement, scale))) => {
             let per_unit = |u: Unit| (scale * third_unit.unwrap_or(speed).to_si(1.0) / u.to_si(1.0)).ln().abs();
@@ -366,13 +370,13 @@ fn verticals(
             }
             let up = (agreement > 0.0) == (place_side == Some(Vertical::Up));
             let told = if up { Vertical::Up } else { Vertical::Down };
-            if by_name(t).is_some_and(|named| named != told) {
+            if side(t).is_some_and(|named| named != told) {
                 let word = if up { "up" } else { "down" };
                 notes.push(format!("{} counts {word}, as {} shows, and not as its name says", t.path, h.path));
             }
-            side = Some(told);
+            counts = Some(told);
         }
-        (_, Some(t), _) if side == Some(Vertical::LeftOut) => {
+        (_, Some(t), _) if counts == Some(Vertical::LeftOut) => {
             notes.push(format!("{} is left out: nothing shows whether it counts up or down", t.path));
         }
         (_, Some(t), _) => notes.push(format!("the sign of {} is by its name alone", t.path)),
@@ -381,5 +385,5 @@ fn verticals(
     if let Some(h) = height.filter(|h| h.unit.is_none() && measured.is_none()) {
         notes.push(format!("{} is taken as metres, which nothing shows", h.path));
     }
-    (height_unit.zip(place_side), third_unit.zip(side), notes)
+    (height_unit.zip(place_side), third_unit.zip(counts), notes)
 }

@@ -79,6 +79,7 @@ fn with_map(map: &str, table: &str) -> Loaded {
 fn a_field_that_the_log_lacks_is_an_error_with_the_nearest_name() {
     let table = "t,my_lat,my_lon,v_north,v_east\n0,47,8,1,2\n1,47.00001,8,1,2\n2,47.00002,8,1,2\n";
     let loaded = with_map(MINE, table);
+    assert!(lossy(&loaded), "the command ends with 3");
     assert_eq!(
         loaded.binding.unwrap_err(),
         "the channel map mine names fields that the log does not have: velocity.gps: topic flight has no \"vnorth\" (the \
