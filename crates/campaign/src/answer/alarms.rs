@@ -100,7 +100,7 @@ pub(super) fn of(
 fn leap_seconds(terms: &[DelayTerm]) -> Vec<String> {
     let is_clock = |step: &&DelayTerm| {
         let off_s = (step.size.abs() - step.size.abs().round()).abs();
-        let allowed_s = (2.0 * step.standard_uncertainty).clamp(CLOCK_STEP_S, 4.0 * CLOCK_STEP_S);
+        let allowed_s = (2.0 * step.standard_uncertainty).clamp(CLOCK_STEP_S, 3.0 * CLOCK_STEP_S);
         step.kind == DelayTermKind::Step && step.size.abs() > 0.5 && off_s < allowed_s
     };
     let words = |step: &DelayTerm| {

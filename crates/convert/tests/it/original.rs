@@ -32,10 +32,11 @@ fn shown(tables: &[Table]) -> Vec<String> {
     tables.iter().map(|table| format!("{table:?}")).collect()
 }
 
-/// Topics but for the size of their messages, and for times of publishing, which MCAP has also where the log had none.
+/// Topics but for the size of their messages, for checksums, which are those of the container, and for times of publishing,
+/// which MCAP has also where the log had none.
 fn topics(health: &LogHealth) -> Vec<TopicHealth> {
     let bare = |topic: &TopicHealth| {
-        let mut topic = TopicHealth { payload_bytes: 0, ..topic.clone() };
+        let mut topic = TopicHealth { payload_bytes: 0, vouched: 0, ..topic.clone() };
         if topic.encoding == "csv" {
             // A table without a wanted column says so; a message that is read for none of its fields does not.
             (topic.decoded, topic.reason) = (true, String::new());
