@@ -191,7 +191,9 @@ pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
             ));
         }
         if let Some(s) = sure(test.all.speed_lag_s) {
-            out.push(format!("The speed follows {} later than the direction.", plus_minus(s)));
+            let [late, early] = if s.value < 0.0 { ["direction", "speed"] } else { ["speed", "direction"] };
+            let apart = plus_minus(record::Estimate { value: s.value.abs(), ..s });
+            out.push(format!("The {late} follows {apart} later than the {early}."));
         }
         if let Some(skew) = clock_skew(found, v) {
             out.push(skew);
