@@ -117,7 +117,7 @@ pub(crate) enum Command {
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
     /// Writes a compensator as C for the aircraft, says where it helps, and what an autopilot could be told instead.
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = crate::compensator::names_and(EXIT_CODES))]
     Compensator(CompensatorArguments),
     /// Lists what criteria can ask of a flight, or checks a criteria file.
     #[command(after_help = EXIT_CODES)]
@@ -162,7 +162,7 @@ pub(crate) struct DelayArguments {
     #[arg(long, value_name = "DIR")]
     pub(crate) c: Option<PathBuf>,
     /// Step of the loop that the C runs in, s.
-    #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c")]
+    #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
     /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns).
     #[arg(long, value_name = "FILE")]
@@ -182,6 +182,20 @@ pub(crate) struct DelayArguments {
     /// Show no progress.
     #[arg(long)]
     pub(crate) quiet: bool,
+}
+
+/// A delay as far as one is searched.
+fn delay_s(text: &str) -> Result<f64, String> {
+    settings::seconds(text, -5.0, 30.0)
+}
+
+fn positive_s(text: &str) -> Result<f64, String> {
+    settings::seconds(text, 0.0, 30.0)
+}
+
+/// The step of a loop that flies: 100 kHz to 1 Hz.
+fn step_s(text: &str) -> Result<f64, String> {
+    settings::seconds(text, 1e-5, 1.0)
 }
 
 /// Which campaign.
@@ -393,19 +407,19 @@ pub(crate) struct CompensatorArguments {
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
     /// Delay of the position against the velocity, s; positive is late.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = delay_s)]
     pub(crate) delay_s: f64,
     /// Its standard uncertainty (k = 1), s.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = positive_s)]
     pub(crate) uncertainty_s: Option<f64>,
     /// Where the delay comes from; a comment of the source says it.
     #[arg(long, value_name = "TEXT", default_value = "given on the command line")]
     pub(crate) source: String,
     /// Step of the loop that it runs in, s.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
     /// Oldest fix that exact-async takes, s.
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = positive_s)]
     pub(crate) max_age_s: f64,
     /// Single precision; double without it.
     #[arg(long)]
