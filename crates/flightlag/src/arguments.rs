@@ -13,6 +13,12 @@ Exit codes:
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
 
+const SCHEMA: &str = "\
+Prints a JSON schema, of a kind of settings file or of `delay --json`.
+
+An editor that knows TOML completes and checks the keys of a file whose first line names the schema beside it: \
+`flightlag schema pipeline > pipeline.schema.json`, and `#:schema ./pipeline.schema.json` as that line.";
+
 const EXIT_CODES_OF_A_LOG: &str = "\
 Exit codes:
   0    all well
@@ -124,6 +130,9 @@ pub(crate) enum Command {
     Criteria(CriteriaArguments),
     /// Lists the channel maps that come with flightlag, or prints one.
     Maps(MapsArguments),
+    /// Prints a JSON schema, of a kind of settings file or of `delay --json`.
+    #[command(long_about = SCHEMA)]
+    Schema(SchemaArguments),
 }
 
 #[derive(Debug, Args)]
@@ -221,6 +230,9 @@ pub(crate) struct OrderArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// Replace the report of other logs that OUT holds.
+    #[arg(long)]
+    pub(crate) replace: bool,
     /// Hash every log anew instead of trusting its size and times.
     #[arg(long)]
     pub(crate) verify: bool,
@@ -307,6 +319,9 @@ pub(crate) struct BenchArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// Replace the report of other records that OUT holds.
+    #[arg(long)]
+    pub(crate) replace: bool,
     /// Write the sensor card here too.
     #[arg(long, value_name = "FILE")]
     pub(crate) card: Option<PathBuf>,
@@ -440,6 +455,28 @@ pub(crate) struct CriteriaArguments {
     /// Prints the commented example, as a start for one of your own.
     #[arg(long, conflicts_with = "file")]
     pub(crate) example: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SchemaArguments {
+    /// Of what.
+    #[arg(value_enum, value_name = "NAME")]
+    pub(crate) of: SchemaOf,
+}
+
+/// What has a schema.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum SchemaOf {
+    /// Settings of `campaign` and `delay`.
+    Pipeline,
+    /// What flights are judged by.
+    Criteria,
+    /// The rig of a bench.
+    Rig,
+    /// A channel map.
+    ChannelMap,
+    /// What `delay --json` prints.
+    Delay,
 }
 
 #[derive(Debug, Args)]
