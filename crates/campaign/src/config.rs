@@ -1001,11 +1001,13 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_refused_with_file_line_and_the_keys_that_are_known() {
+    fn an_unknown_key_is_refused_with_file_line_and_the_key_that_was_meant_or_those_that_are_known() {
         let error = parse("schema = 1\n[delay]\nposition_s = 0.4\nsource = \"bench\"\npositon_s = 1\n").unwrap_err();
         let text = error.to_string();
         assert!(text.starts_with("settings/p.toml:5: unknown key `positon_s`"), "{text}");
-        assert!(text.contains("`standard_uncertainty_s`"), "{text}");
+        assert!(text.ends_with("did you mean `position_s`?"), "{text}");
+        let other = parse(&SMALL.replace("position_s", "colour")).unwrap_err().to_string();
+        assert!(other.contains("p.toml:3: unknown key `colour`; the keys here are `from`, `position_s`, "), "{other}");
     }
 
     #[test]

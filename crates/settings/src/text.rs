@@ -33,8 +33,12 @@ pub fn read<T: DeserializeOwned>(text: &str) -> Result<T, Complaint> {
         found.push(complaint(&error, text));
         let at = error.span().zip(unknown(error.message()));
         let go_on = at.is_some_and(|(span, (name, known))| correct(table.get_mut(), span.start, likely(name, known)));
-        if !go_on || found.len() == MOST {
+        if !go_on {
             return Err(all(found));
+        }
+        if found.len() == MOST {
+            let Complaint { line, what } = all(found);
+            return Err(Complaint { line, what: what + "; the rest of the file was not checked" });
         }
     }
 }
@@ -105,17 +109,13 @@ fn quoted(message: &str) -> Vec<&str> {
     message.split('`').skip(1).step_by(2).collect()
 }
 
-/// What is said of a key that nobody knows, given those that are known in its place.
+/// What is said of a key that nobody knows: the one that was likely meant, else those that are known in its place.
 #[must_use]
 pub fn unknown_key(name: &str, known: &[&str]) -> String {
-    let near = likely(name, known.iter().copied());
-    let question = near.map_or(String::new(), |near| format!(": did you mean `{near}`?"));
-    let others: Vec<String> = known.iter().filter(|k| Some(**k) != near).map(|k| format!("`{k}`")).collect();
-    match (near.is_some(), others.is_empty()) {
-        (true, true) => format!("unknown key `{name}`{question}"),
-        (true, false) => format!("unknown key `{name}`{question} The other keys here are {}", others.join(", ")),
-        (false, true) => format!("unknown key `{name}`: no key is known here"),
-        (false, false) => format!("unknown key `{name}`; the keys here are {}", others.join(", ")),
+    match likely(name, known.iter().copied()) {
+        Some(near) => format!("unknown key `{name}`: did you mean `{near}`?"),
+        None if known.is_empty() => format!("unknown key `{name}`: no key is known here"),
+        None => format!("unknown key `{name}`; the keys here are `{}`", known.join("`, `")),
     }
 }
 
@@ -164,8 +164,8 @@ mod tests {
         assert_eq!(told.line, Some(1));
         assert_eq!(
             told.what,
-            "unknown key `titel`: did you mean `title`? The other keys here are `part`, `mode`; \
-             line 5: unknown key `lenght_m`: did you mean `length_m`? The other keys here are `width_m`; \
+            "unknown key `titel`: did you mean `title`?; \
+             line 5: unknown key `lenght_m`: did you mean `length_m`?; \
              line 6: unknown key `colour`; the keys here are `length_m`, `width_m`"
         );
     }
@@ -194,7 +194,11 @@ mod tests {
     fn many_unknown_keys_end_the_list() {
         let text: String = (0..100).map(|n| format!("z{n} = 1\n")).collect();
         let told = refused(&text);
-        assert!(told.what.matches("unknown key").count() <= MOST, "{}", told.what);
+        assert!(
+            told.what.matches("unknown key").count() == MOST && told.what.ends_with("not checked"),
+            "{}",
+            told.what
+        );
     }
 
     #[test]
