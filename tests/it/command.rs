@@ -21,6 +21,37 @@ fn a_wrong_command_or_pipeline_ends_with_2_and_says_where() {
     assert!(wrong.contains("p.toml:4: unknown key `position`") && wrong.contains("`position_s`"), "{wrong}");
     let empty = text(&run(["campaign", &flights, "--out", &out], 1).stderr);
     assert!(empty.contains("no flight found"), "{empty}");
+    assert!(!Path::new(&out).exists(), "a failed run leaves no empty folder");
+}
+
+#[test]
+fn two_folders_of_one_name_do_not_share_a_report_unless_it_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    for month in ["may", "june"] {
+        simulate::write_campaign(&folder.path().join(month).join("data"), 1, 20.0, 1).unwrap();
+    }
+    let campaign = |arguments: &[&str]| {
+        flightlag([&["campaign", "--quiet"], arguments].concat()).current_dir(folder.path()).output().unwrap()
+    };
+    assert_eq!(campaign(&["may/data"]).status.code(), Some(0));
+    let refused = campaign(&["june/data"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let told = text(&refused.stderr);
+    assert!(told.contains("may/data, and not of ") && told.contains("--replace"), "{told}");
+    assert_eq!(campaign(&["may/data"]).status.code(), Some(0));
+    assert_eq!(campaign(&["june/data", "--replace"]).status.code(), Some(0));
+    assert_eq!(campaign(&["may/data"]).status.code(), Some(2));
+}
+
+#[test]
+fn seconds_that_must_be_milliseconds_are_refused_with_the_unit() {
+    let told = |arguments: &[&str]| text(&run(arguments, 2).stderr);
+    let delay = told(&["compensator", "pade-1-1", "--delay-s", "400", "--step-s", "0.01"]);
+    assert!(delay.contains("must be from -5 to 30 s; 400 ms are 0.4 s"), "{delay}");
+    let step = told(&["delay", "logs", "--c", "out", "--step-s", "10"]);
+    assert!(step.contains("must be from 0.00001 to 1 s; 10 ms are 0.01 s"), "{step}");
+    let impossible = told(&["compensator", "pade-3-2", "--delay-s", "0.4", "--step-s", "0.01"]);
+    assert!(impossible.contains("\"pade-3-2\": [3/2] is not proper"), "{impossible}");
 }
 
 #[test]
@@ -33,7 +64,7 @@ fn without_an_output_folder_the_report_is_named_after_the_flights() {
 }
 
 #[test]
-fn a_misspelt_channel_is_refused_with_the_known_ones() {
+fn a_misspelt_channel_is_refused_with_the_five_nearest() {
     let folder = tempfile::tempdir().unwrap();
     let (flights, pipeline) = (folder.path().join("flights"), folder.path().join("p.toml"));
     std::fs::create_dir(&flights).unwrap();
@@ -50,7 +81,9 @@ fn a_misspelt_channel_is_refused_with_the_known_ones() {
         pipeline.as_os_str(),
     ];
     let error = crate::program::text(&run(arguments, 2).stderr);
-    assert!(error.contains("velocity.efk") && error.contains("velocity.ekf"), "{error}");
+    let near = error.trim_end().rsplit_once("the nearest are ").unwrap().1;
+    assert!(error.contains("velocity.efk") && near.starts_with("velocity.ekf, "), "{error}");
+    assert_eq!(near.split(", ").count(), 5, "{error}");
 }
 
 #[test]

@@ -228,7 +228,7 @@ impl Rig {
     /// # Errors
     /// As [`Rig::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Rig, RigError> {
-        let written: RigFile = toml::from_str(text).map_err(|e| from_toml(&e, text, path))?;
+        let written: RigFile = settings::read(text).map_err(|e| fault(path, e.line, e.what))?;
         Checker { text, path }.meaning_of(written)
     }
 
@@ -536,7 +536,7 @@ impl Checker<'_> {
                 let is_odd = |ms: &&f64| !(-1000.0..=1000.0).contains(*ms);
                 if let Some(odd) = given.get_ref().iter().find(is_odd) {
                     return Err(
-                        self.fault(given, format!("analysis.inject_ms holds {odd}: must be from -1000 to 1000"))
+                        self.fault(given, format!("analysis.inject_ms holds {odd} ms: must be from -1000 to 1000 ms"))
                     );
                 }
                 given.get_ref().iter().map(|ms| plain_zero(*ms)).collect()
@@ -596,11 +596,7 @@ impl Checker<'_> {
     }
 
     fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, RigError> {
-        let v = *value.get_ref();
-        if (low..=high).contains(&v) {
-            return Ok(plain_zero(v));
-        }
-        Err(self.fault(value, format!("{key} = {v}: must be from {low} to {high}")))
+        settings::within(key, *value.get_ref(), low, high).map_err(|what| self.fault(value, what))
     }
 
     fn one_of<T: Copy + std::fmt::Display>(
@@ -615,7 +611,7 @@ impl Checker<'_> {
     }
 
     fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> RigError {
-        fault(self.path, Some(line_of(self.text, at.span().start)), what)
+        fault(self.path, Some(settings::line_of(self.text, at.span().start)), what)
     }
 }
 
@@ -681,16 +677,6 @@ fn axis(name: &str) -> Option<(usize, f64)> {
 
 fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> RigError {
     RigError { file: path.to_owned(), line, what: what.into() }
-}
-
-/// The parser's own complaint, in our words and with its line.
-fn from_toml(error: &toml::de::Error, text: &str, path: &Path) -> RigError {
-    let what = error.message().replace("unknown field", "unknown key").replace("missing field", "missing key");
-    fault(path, error.span().map(|s| line_of(text, s.start)), what)
-}
-
-fn line_of(text: &str, byte: usize) -> usize {
-    text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
 }
 
 /// Minus zero is zero, and shall not name another result.

@@ -16,6 +16,7 @@ use crate::lock::OutputLock;
 use crate::logs::Library;
 use crate::manifest::FLIGHTLAG_VERSION;
 use crate::plan::{Desk, check_out, refuse_other_kind};
+use crate::source;
 use crate::store::Store;
 use crate::task::caught;
 use crate::work::Workers;
@@ -45,6 +46,8 @@ pub struct BenchOrder {
     pub forced_map: Option<String>,
     /// Folder with further channel maps.
     pub maps_folder: Option<PathBuf>,
+    /// The report of other records may be replaced.
+    pub replace: bool,
     /// Where the card is written besides.
     pub card: Option<PathBuf>,
     /// Command that makes the report again, with names instead of paths, for the pages.
@@ -109,11 +112,16 @@ struct Measured {
 /// See [`CampaignError`]: no log where one should be, a wrong rig file, records of different sensors, an output that
 /// cannot be written. A record that cannot be read or measured is none: it is a row of the table.
 pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
+    source::leaving_no_empty_folder(&order.out, || run_here(order, desk))
+}
+
+fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
     for input in order.records.iter().chain(&order.encoder) {
         check_out(input, &order.out)?;
     }
     refuse_other_kind(&order.out, ".flightlag/state.json", "a campaign")?;
+    source::check(&order.out, &order.records, order.replace)?;
     let library = Library::open(order.maps_folder.as_deref(), order.forced_map.as_deref())?;
     let sources = logs::find(order, &library)?;
     let shared_rig = order.rig.as_deref().map(Rig::read).transpose()?;
@@ -121,6 +129,7 @@ pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Ca
     let store = Store::open(&order.out)?;
     let _lock = OutputLock::take(&store, desk.events)?;
     store.clean();
+    source::claim(&store, &order.records)?;
     let logs = logs::read(&sources, &library, order.forced_map.as_deref(), desk)?;
     let swings = pair::pair(&logs, order.encoder.is_some());
     let rigs = rigs::of(&swings, &logs, shared_rig)?;

@@ -56,6 +56,7 @@ impl Case {
             out: self.path("out"),
             pipeline: Pipeline::read(&self.path("p.toml")).unwrap(),
             verify: false,
+            replace: false,
             command: "c".into(),
         };
         run(&order, &Desk { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
@@ -130,6 +131,7 @@ fn shards_of_a_cluster_need_the_manifest_and_no_card() {
         out: case.path("out"),
         pipeline: Pipeline::read(&case.path("p.toml")).unwrap(),
         verify: false,
+        replace: false,
         command: "c".into(),
     };
     std::fs::remove_file(case.path("m.card.toml")).unwrap();

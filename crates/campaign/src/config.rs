@@ -26,8 +26,8 @@ pub const DEFAULT_PIPELINE: &str = include_str!("../../../pipelines/default.toml
 /// The pipeline of the simulated campaign: `pipelines/demo.toml`, compiled in.
 pub const DEMO_PIPELINE: &str = include_str!("../../../pipelines/demo.toml");
 
-/// Longest delay that is taken for one, s; a larger number is a delay in milliseconds.
-const LONGEST_DELAY_S: f64 = 13.0;
+/// Longest delay that is taken for one, s, as far as one is searched; a larger number is a delay in milliseconds.
+const LONGEST_DELAY_S: f64 = 30.0;
 
 /// Delays that are searched, s.
 const DEFAULT_SEARCH_S: [f64; 2] = [-2.5, 13.0];
@@ -113,7 +113,7 @@ struct WrittenDelay {
     #[schemars(with = "Option<WrittenFrom>")]
     from: Option<Spanned<WrittenFrom>>,
     /// How late position is against velocity, s; positive means late.
-    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 13.0))]
+    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 30.0))]
     position_s: Option<Spanned<f64>>,
     /// With `position_s`: its standard uncertainty (k = 1), s; leave out if it is not known.
     #[schemars(with = "Option<f64>")]
@@ -422,7 +422,7 @@ impl Pipeline {
     }
 
     fn parse_with(text: &str, path: &Path, shelf: Shelf<'_>) -> Result<Pipeline, PipelineError> {
-        let written: Written = toml::from_str(text).map_err(|e| from_toml(&e, text, path))?;
+        let written: Written = settings::read(text).map_err(|e| fault(path, e.line, e.what))?;
         Checker { text, path, shelf }.meaning_of(written)
     }
 
@@ -774,8 +774,9 @@ impl Checker<'_> {
         let seconds = *position_s.get_ref();
         let can_be_removed = seconds > 0.0 && seconds <= LONGEST_DELAY_S;
         let delay = Delay::from_seconds(seconds).filter(|_| can_be_removed).ok_or_else(|| {
-            let what = "a delay is in seconds, above 0 (only a late position can be compensated) and up to 13";
-            self.fault(position_s, format!("delay.position_s = {seconds}: {what}"))
+            let wrong = settings::within("delay.position_s", seconds, 0.0, LONGEST_DELAY_S).err();
+            let only_late = || format!("delay.position_s = {seconds} s: a delay is in seconds, above 0: only a late position can be compensated");
+            self.fault(position_s, wrong.unwrap_or_else(only_late))
         })?;
         let source = source.as_ref().ok_or_else(|| self.fault(written, "missing key `source` beside position_s"))?;
         if source.get_ref().trim().is_empty() {
@@ -897,7 +898,12 @@ impl Checker<'_> {
             None => DEFAULT_SEARCH_S,
             Some(given) => {
                 let [from, to] = *given.get_ref();
-                if !(from.is_finite() && to.is_finite() && from < to && to - from <= LONGEST_SEARCH_S) {
+                let bounded = |s| settings::within("measure.search_s", s, -LONGEST_SEARCH_S, LONGEST_SEARCH_S);
+                [from, to]
+                    .into_iter()
+                    .try_for_each(|s| bounded(s).map(drop))
+                    .map_err(|what| self.fault(given, what))?;
+                if !(from < to && to - from <= LONGEST_SEARCH_S) {
                     let what = format!(
                         "measure.search_s = [{from}, {to}]: the first must be below the last, and both at most \
                          {LONGEST_SEARCH_S} s apart"
@@ -944,30 +950,16 @@ impl Checker<'_> {
     }
 
     fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, PipelineError> {
-        let v = *value.get_ref();
-        if (low..=high).contains(&v) {
-            return Ok(plain_zero(v));
-        }
-        Err(self.fault(value, format!("{key} = {v}: must be from {low} to {high}")))
+        settings::within(key, *value.get_ref(), low, high).map_err(|what| self.fault(value, what))
     }
 
     fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> PipelineError {
-        fault(self.path, Some(line_of(self.text, at.span().start)), what)
+        fault(self.path, Some(settings::line_of(self.text, at.span().start)), what)
     }
 }
 
 fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> PipelineError {
     PipelineError { file: path.to_owned(), line, what: what.into() }
-}
-
-/// The parser's own complaint, in our words and with its line.
-fn from_toml(error: &toml::de::Error, text: &str, path: &Path) -> PipelineError {
-    let what = error.message().replace("unknown field", "unknown key").replace("missing field", "missing key");
-    fault(path, error.span().map(|s| line_of(text, s.start)), what)
-}
-
-fn line_of(text: &str, byte: usize) -> usize {
-    text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
 }
 
 /// Minus zero is zero, and shall not name another result.
@@ -1009,11 +1001,21 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_refused_with_file_line_and_the_keys_that_are_known() {
+    fn an_unknown_key_is_refused_with_file_line_and_the_key_that_was_meant_or_those_that_are_known() {
         let error = parse("schema = 1\n[delay]\nposition_s = 0.4\nsource = \"bench\"\npositon_s = 1\n").unwrap_err();
         let text = error.to_string();
         assert!(text.starts_with("settings/p.toml:5: unknown key `positon_s`"), "{text}");
-        assert!(text.contains("`standard_uncertainty_s`"), "{text}");
+        assert!(text.ends_with("did you mean `position_s`?"), "{text}");
+        let other = parse(&SMALL.replace("position_s", "colour")).unwrap_err().to_string();
+        assert!(other.contains("p.toml:3: unknown key `colour`; the keys here are `from`, `position_s`, "), "{other}");
+    }
+
+    #[test]
+    fn all_typos_of_a_file_are_told_at_once_each_with_the_nearest_key() {
+        let error = parse(&format!("titel = \"x\"\n{SMALL}[replay]\nzom_s = 3\n")).unwrap_err();
+        let text = error.to_string();
+        assert!(text.starts_with("settings/p.toml:1: unknown key `titel`: did you mean `title`?"), "{text}");
+        assert!(text.contains("; line 7: unknown key `zom_s`: did you mean `zoom_s`?"), "{text}");
     }
 
     #[test]
@@ -1021,8 +1023,16 @@ mod tests {
         for delay in ["400", "0", "-0.5", "nan", "inf"] {
             let error = parse(&SMALL.replace("0.4", delay)).unwrap_err();
             assert_eq!(error.line, Some(3));
-            assert!(error.what.contains("in seconds, above 0"), "{error}");
+            assert!(error.what.contains(" s: "), "{error}");
         }
+        let error = parse(&SMALL.replace("0.4", "400")).unwrap_err();
+        assert_eq!(error.what, "delay.position_s = 400 s: must be from 0 to 30 s; 400 ms are 0.4 s");
+        let error = parse(&SMALL.replace("0.4", "0")).unwrap_err();
+        assert!(error.what.contains("only a late position can be compensated"), "{error}");
+        let error = parse(&format!("{SMALL}[measure]\nsearch_s = [400, 420]\n")).unwrap_err();
+        assert_eq!(error.what, "measure.search_s = 400 s: must be from -60 to 60 s; 400 ms are 0.4 s");
+        let error = parse(&format!("{SMALL}[replay]\noutput_rate_hz = -100\n")).unwrap_err();
+        assert_eq!(error.what, "replay.output_rate_hz = -100 Hz: must be from 1 to 10000 Hz");
     }
 
     #[test]
@@ -1209,7 +1219,7 @@ mod tests {
             (format!("from = \"fixed\"\n{card}"), "needs `position_s`"),
             (format!("from = \"card\"\n{number}"), "needs `card` or `cards`"),
             ("from = \"flight\"\nsource = \"s\"\n".to_owned(), "goes with position_s"),
-            ("from = \"moon\"\n".to_owned(), "unknown variant `moon`"),
+            ("from = \"moon\"\n".to_owned(), "unknown value `moon`"),
         ] {
             let error = rule(delay).unwrap_err();
             assert!(error.what.contains(says) && error.line.is_some(), "{error}");

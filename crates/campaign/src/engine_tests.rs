@@ -180,6 +180,7 @@ impl Bench {
             out: out.to_owned(),
             pipeline: Pipeline::parse(&self.pipeline, Path::new("p.toml")).unwrap(),
             verify,
+            replace: false,
             command: "flightlag campaign flights --out REPORT".into(),
         }
     }

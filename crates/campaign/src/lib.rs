@@ -47,6 +47,7 @@ mod reduce;
 mod results;
 mod run;
 mod slug;
+mod source;
 mod state;
 mod status;
 mod store;
@@ -56,6 +57,7 @@ mod task;
 mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_run};
+pub use bench_analysis::rig_schema;
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};
 pub use criteria::{
     Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes, criteria_schema,

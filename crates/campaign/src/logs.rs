@@ -12,6 +12,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+/// Names told of a channel that no map binds.
+const NEAREST: usize = 5;
+
 /// The channel maps of a campaign with the definitions of messages beside them, and the hash of what they mean.
 pub(crate) struct Library {
     maps: MapLibrary,
@@ -38,9 +41,9 @@ impl Library {
     pub(crate) fn check(&self, pipeline: &Pipeline) -> Result<(), CampaignError> {
         let known: BTreeSet<&str> = self.maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
         let Some(name) = pipeline.channel_names().find(|name| !known.contains(name)) else { return Ok(()) };
-        let known = known.into_iter().collect::<Vec<_>>().join(", ");
+        let near = settings::nearest_few(name, known, NEAREST).join(", ");
         let file = pipeline.file_name();
-        Err(CampaignError::Asked(format!("{file}: [channels]: no channel map binds {name:?}; known are {known}")))
+        Err(CampaignError::Asked(format!("{file}: [channels]: no channel map binds {name:?}; the nearest are {near}")))
     }
 
     /// Hash of what the maps mean.

@@ -11,6 +11,7 @@ use crate::lock::LOCK;
 use crate::manifest::{Manifest, Planned, PlannedFile, Stage, content_hash};
 use crate::memory::{FileStamp, Memory, hash_file};
 use crate::results;
+use crate::source;
 use crate::state::State;
 use crate::store::{Store, is_temporary};
 use crate::work::Workers;
@@ -37,6 +38,8 @@ pub struct Order {
     pub pipeline: Pipeline,
     /// Hash every file anew, whatever its size and times say.
     pub verify: bool,
+    /// The report of other logs may be replaced.
+    pub replace: bool,
     /// Command that makes the campaign again, with names instead of paths, for the pages.
     pub command: String,
 }
@@ -206,6 +209,7 @@ fn folders(order: &Order) -> Result<(PathBuf, PathBuf), CampaignError> {
 /// Refuses an output folder that holds something and was not made by us; before anything is written.
 pub(crate) fn check_output(order: &Order) -> Result<(), CampaignError> {
     check_out(&order.flights, &order.out)?;
+    source::check(&order.out, std::slice::from_ref(&order.flights), order.replace)?;
     refuse_other_kind(&order.out, BENCH_MARK, "a bench")
 }
 

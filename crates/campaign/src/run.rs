@@ -6,6 +6,7 @@ use crate::lock::OutputLock;
 use crate::manifest::{FLIGHTLAG_VERSION, Manifest, Stage};
 use crate::plan::{Desk, Order, Retry, check_output, judge, plan};
 use crate::reduce::{Reduction, Verdict, reduce_locked};
+use crate::source;
 use crate::state::State;
 use crate::store::{Keep, Store, host_name};
 use crate::study::{Replaying, Study};
@@ -25,6 +26,10 @@ pub fn run(order: &Order, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
 pub(crate) type Prepare<'a> = &'a dyn Fn(&Manifest) -> Result<Box<dyn Study>, CampaignError>;
 
 pub(crate) fn run_with(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verdict, CampaignError> {
+    source::leaving_no_empty_folder(&order.out, || run_here(order, desk, prepare))
+}
+
+fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verdict, CampaignError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
     let (store, _lock) = enter(order, desk)?;
     let mut state = State::recall(&store);
@@ -82,9 +87,11 @@ fn round(
 /// # Errors
 /// See [`CampaignError`].
 pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Manifest, CampaignError> {
-    let (store, _lock) = enter(order, desk)?;
-    let state = State::recall(&store);
-    planned(order, desk, &store, &state, max_shards)
+    source::leaving_no_empty_folder(&order.out, || {
+        let (store, _lock) = enter(order, desk)?;
+        let state = State::recall(&store);
+        planned(order, desk, &store, &state, max_shards)
+    })
 }
 
 /// Opens the output folder for this process alone and clears away what a killed run left.
@@ -96,6 +103,7 @@ fn enter(order: &Order, desk: &Desk<'_>) -> Result<(Store, OutputLock), Campaign
     if leftovers > 0 {
         desk.tell(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
     }
+    source::claim(&store, std::slice::from_ref(&order.flights))?;
     Ok((store, lock))
 }
 

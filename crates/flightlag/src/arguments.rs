@@ -13,6 +13,12 @@ Exit codes:
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
 
+const SCHEMA: &str = "\
+Prints a JSON schema, of a kind of settings file or of `delay --json`.
+
+An editor that knows TOML completes and checks the keys of a file whose first line names the schema beside it: \
+`flightlag schema pipeline > pipeline.schema.json`, and `#:schema ./pipeline.schema.json` as that line.";
+
 const EXIT_CODES_OF_A_LOG: &str = "\
 Exit codes:
   0    all well
@@ -117,13 +123,16 @@ pub(crate) enum Command {
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
     /// Writes a compensator as C for the aircraft, says where it helps, and what an autopilot could be told instead.
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = crate::compensator::names_and(EXIT_CODES))]
     Compensator(CompensatorArguments),
     /// Lists what criteria can ask of a flight, or checks a criteria file.
     #[command(after_help = EXIT_CODES)]
     Criteria(CriteriaArguments),
     /// Lists the channel maps that come with flightlag, or prints one.
     Maps(MapsArguments),
+    /// Prints a JSON schema, of a kind of settings file or of `delay --json`.
+    #[command(long_about = SCHEMA)]
+    Schema(SchemaArguments),
 }
 
 #[derive(Debug, Args)]
@@ -162,7 +171,7 @@ pub(crate) struct DelayArguments {
     #[arg(long, value_name = "DIR")]
     pub(crate) c: Option<PathBuf>,
     /// Step of the loop that the C runs in, s.
-    #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c")]
+    #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
     /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns).
     #[arg(long, value_name = "FILE")]
@@ -182,6 +191,20 @@ pub(crate) struct DelayArguments {
     /// Show no progress.
     #[arg(long)]
     pub(crate) quiet: bool,
+}
+
+/// A delay as far as one is searched.
+fn delay_s(text: &str) -> Result<f64, String> {
+    settings::seconds(text, -5.0, 30.0)
+}
+
+fn positive_s(text: &str) -> Result<f64, String> {
+    settings::seconds(text, 0.0, 30.0)
+}
+
+/// The step of a loop that flies: 100 kHz to 1 Hz.
+fn step_s(text: &str) -> Result<f64, String> {
+    settings::seconds(text, 1e-5, 1.0)
 }
 
 /// Which campaign.
@@ -207,6 +230,9 @@ pub(crate) struct OrderArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// Replace the report of other logs that OUT holds.
+    #[arg(long)]
+    pub(crate) replace: bool,
     /// Hash every log anew instead of trusting its size and times.
     #[arg(long)]
     pub(crate) verify: bool,
@@ -293,6 +319,9 @@ pub(crate) struct BenchArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// Replace the report of other records that OUT holds.
+    #[arg(long)]
+    pub(crate) replace: bool,
     /// Write the sensor card here too.
     #[arg(long, value_name = "FILE")]
     pub(crate) card: Option<PathBuf>,
@@ -393,19 +422,19 @@ pub(crate) struct CompensatorArguments {
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
     /// Delay of the position against the velocity, s; positive is late.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = delay_s)]
     pub(crate) delay_s: f64,
     /// Its standard uncertainty (k = 1), s.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = positive_s)]
     pub(crate) uncertainty_s: Option<f64>,
     /// Where the delay comes from; a comment of the source says it.
     #[arg(long, value_name = "TEXT", default_value = "given on the command line")]
     pub(crate) source: String,
     /// Step of the loop that it runs in, s.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
     /// Oldest fix that exact-async takes, s.
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = positive_s)]
     pub(crate) max_age_s: f64,
     /// Single precision; double without it.
     #[arg(long)]
@@ -426,6 +455,28 @@ pub(crate) struct CriteriaArguments {
     /// Prints the commented example, as a start for one of your own.
     #[arg(long, conflicts_with = "file")]
     pub(crate) example: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SchemaArguments {
+    /// Of what.
+    #[arg(value_enum, value_name = "NAME")]
+    pub(crate) of: SchemaOf,
+}
+
+/// What has a schema.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum SchemaOf {
+    /// Settings of `campaign` and `delay`.
+    Pipeline,
+    /// What flights are judged by.
+    Criteria,
+    /// The rig of a bench.
+    Rig,
+    /// A channel map.
+    ChannelMap,
+    /// What `delay --json` prints.
+    Delay,
 }
 
 #[derive(Debug, Args)]

@@ -23,6 +23,7 @@ pub(crate) fn run(arguments: &BenchArguments, stop: &Stop) -> Result<End, Failur
         out: out_of(arguments),
         forced_map: arguments.map.clone(),
         maps_folder: arguments.maps.clone(),
+        replace: arguments.replace,
         card: arguments.card.clone(),
         command: command_of(arguments),
     };

@@ -210,6 +210,7 @@ fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
         out: out_of(arguments),
         pipeline,
         verify: arguments.verify,
+        replace: arguments.replace,
         command: command_of(arguments),
     })
 }

@@ -13,6 +13,18 @@ use std::io::Write;
 /// Share of the raw error that still counts as help.
 const HELP: f64 = 0.1;
 
+/// The names that can be given, and what follows them in the help.
+pub(crate) fn names_and(exit_codes: &str) -> String {
+    let (written, others): (Vec<CompensatorKind>, Vec<CompensatorKind>) = CompensatorKind::all()
+        .into_iter()
+        .partition(|kind| matches!(kind, CompensatorKind::Pade { .. } | CompensatorKind::ExactAsync));
+    let names = |kinds: &[CompensatorKind]| kinds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let (written, others) = (names(&written), names(&others));
+    format!(
+        "Compensator names:\n  {written}\n\nA pipeline's [replay] compensators also takes:\n  {others}\n\n{exit_codes}"
+    )
+}
+
 pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
     let asked = |e: &dyn std::fmt::Display| Failure::new(Exit::Wrong, e.to_string());
     let kind: CompensatorKind = arguments.name.parse().map_err(|e| asked(&e))?;
@@ -61,4 +73,31 @@ fn band(kind: CompensatorKind, delay_s: f64) -> Option<String> {
         up_to(band.helps_below_hz),
         up_to(band.halves_below_hz)
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_in_the_help_can_be_written_as_c_or_is_for_pipelines_alone() {
+        let help = names_and("");
+        let (written, others) = help.split_once("A pipeline's").unwrap();
+        let names = |text: &str| -> Vec<String> {
+            let listed = text.lines().find(|line| line.starts_with("  ")).unwrap();
+            listed.trim().split(", ").map(str::to_owned).collect()
+        };
+        let can_be_written = |name: &String| {
+            let kind: CompensatorKind = name.parse().unwrap();
+            let (prefix, delay_source) = ("p".to_owned(), String::new());
+            let (delay_s, step_s, max_age_s, real) = (0.4, 0.01, 1.0, CFloat::Double);
+            let export =
+                CExport { kind, prefix, delay_s, delay_uncertainty_s: None, delay_source, step_s, max_age_s, real };
+            export_c(&export).is_ok()
+        };
+        let (written, others) = (names(written), names(others));
+        assert!(written.iter().all(can_be_written), "{written:?}");
+        assert!(!others.iter().any(can_be_written), "{others:?}");
+        assert!(written.contains(&"pade-1-1-tustin".to_owned()) && others.contains(&"kalman".to_owned()));
+    }
 }

@@ -68,6 +68,7 @@ fn benches(arguments: &DemoArguments, folder: &Path, demo: &BenchDemo) -> Vec<Be
             out: arguments.folder.join("bench-report").join(serial.to_lowercase()),
             forced_map: None,
             maps_folder: None,
+            replace: false,
             card: None,
             command: format!("flightlag bench {} --out REPORT", names.join(" ")),
             records,
@@ -83,7 +84,7 @@ fn run_flights(arguments: &DemoArguments, flights: PathBuf, stop: &Stop) -> Resu
         Criteria::parse(DEMO_CRITERIA, Path::new("demo.criteria.toml")).map_err(campaign::CampaignError::from)?;
     let pipeline = pipeline.with_criteria(Some(criteria));
     let command = format!("flightlag demo DIR --run --seed {}", arguments.seed);
-    let order = Order { flights, out: report(arguments), pipeline, verify: false, command };
+    let order = Order { flights, out: report(arguments), pipeline, verify: false, replace: false, command };
     run_order(&order, &arguments.desk, stop)
 }
 

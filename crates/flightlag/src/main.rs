@@ -15,6 +15,7 @@ mod inspect;
 mod listen;
 mod maps;
 mod recover;
+mod schema;
 mod show;
 mod stop;
 
@@ -47,5 +48,6 @@ fn run(command: Command) -> Result<End, Failure> {
         Command::Compensator(arguments) => compensator::run(&arguments),
         Command::Criteria(arguments) => criteria::run(&arguments),
         Command::Maps(arguments) => maps::run(&arguments, &stop),
+        Command::Schema(arguments) => schema::run(&arguments),
     }
 }

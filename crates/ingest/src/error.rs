@@ -44,11 +44,13 @@ pub enum IngestError {
     #[error("{0}")]
     MapLacks(String),
     /// A channel map is wrong.
-    #[error("{path}: {what}", path = path.display())]
+    #[error("{path}{line}: {what}", path = path.display(), line = line.map(|l| format!(":{l}")).unwrap_or_default())]
     BadMap {
         /// Its file.
         path: PathBuf,
-        /// What is wrong, with the line.
+        /// Line, from 1, where there is one.
+        line: Option<usize>,
+        /// What is wrong.
         what: String,
     },
     /// The user stopped.

@@ -20,7 +20,6 @@ mod ledger;
 mod load;
 mod map;
 mod map_schema;
-mod nearest;
 mod reader;
 mod sniff;
 pub mod stamps;

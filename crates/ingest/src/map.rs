@@ -529,8 +529,9 @@ impl MapLibrary {
     /// [`IngestError::Map`] with the names that exist.
     pub fn get(&self, name: &str) -> Result<&ChannelMap, IngestError> {
         self.maps.iter().find(|m| m.name == name).ok_or_else(|| {
-            let known: Vec<&str> = self.maps.iter().map(|m| m.name.as_str()).collect();
-            IngestError::Map(format!("there is no channel map {name:?}; known are {}", known.join(", ")))
+            let near = settings::nearest_few(name, self.maps.iter().map(|m| m.name.as_str()), 5);
+            let near = near.join(", ");
+            IngestError::Map(format!("there is no channel map {name:?}; the nearest are {near} (all: flightlag maps)"))
         })
     }
 
@@ -621,16 +622,13 @@ impl ChannelMap {
     /// [`IngestError::BadMap`] with the line and what is wrong there.
     pub fn from_toml(path: &Path, text: &str) -> Result<ChannelMap, IngestError> {
         let file = map_schema::parse(path, text)?;
-        let bad = |line: usize, what: String| IngestError::BadMap {
-            path: path.to_owned(),
-            what: format!("line {line}: {what}"),
-        };
+        let bad = |line: usize, what: String| IngestError::BadMap { path: path.to_owned(), line: Some(line), what };
         if file.schema != 1 {
             return Err(bad(1, format!("schema {} is not known; 1 is", file.schema)));
         }
         let mut rules: Vec<ChannelRule> = vec![];
         for entry in &file.channel {
-            let line = 1 + text.bytes().take(entry.span().start).filter(|b| *b == b'\n').count();
+            let line = settings::line_of(text, entry.span().start);
             let entry = entry.get_ref();
             let rule = rule_of(entry, &file).map_err(|what| bad(line, format!("channel {}: {what}", entry.name)))?;
             if rules.iter().any(|r| r.name == rule.name && !excludes(r, &rule) && !of_other_types(r, &rule)) {

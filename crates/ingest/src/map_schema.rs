@@ -493,8 +493,7 @@ impl RequireEntry {
 /// # Errors
 /// [`IngestError::BadMap`] with the line.
 pub(crate) fn parse(path: &std::path::Path, text: &str) -> Result<MapFile, IngestError> {
-    toml::from_str(text)
-        .map_err(|e| IngestError::BadMap { path: path.to_owned(), what: e.to_string().trim_end().to_owned() })
+    settings::read(text).map_err(|e| IngestError::BadMap { path: path.to_owned(), line: e.line, what: e.what })
 }
 
 /// The JSON schema of a channel map, for editors.

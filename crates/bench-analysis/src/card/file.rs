@@ -205,10 +205,7 @@ impl Reader<'_> {
 
     fn known(&self, table: &DeTable<'_>, keys: &[&str]) -> Result<(), CardError> {
         match table.keys().find(|key| !keys.contains(&key.get_ref().as_ref())) {
-            Some(key) => {
-                let what = format!("unknown key `{}`, expected one of {}", key.get_ref(), keys.join(", "));
-                Err(self.error(Some(key.span().start), what))
-            }
+            Some(key) => Err(self.error(Some(key.span().start), settings::unknown_key(key.get_ref(), keys))),
             None => Ok(()),
         }
     }
@@ -322,14 +319,14 @@ impl Reader<'_> {
     }
 
     fn error(&self, byte: Option<usize>, what: impl Into<String>) -> CardError {
-        let line = byte.map(|b| self.text.bytes().take(b).filter(|&c| c == b'\n').count() + 1);
+        let line = byte.map(|b| settings::line_of(self.text, b));
         CardError { file: self.path.to_owned(), line, what: what.into() }
     }
 
     /// The parser's own complaint, in our words and with its line.
     fn complaint(&self, error: &toml::de::Error) -> CardError {
-        let what = error.message().replace("unknown field", "unknown key").replace("missing field", "missing key");
-        self.error(error.span().map(|s| s.start), what)
+        let settings::Complaint { line, what } = settings::complaint(error, self.text);
+        CardError { file: self.path.to_owned(), line, what }
     }
 }
 

@@ -32,22 +32,12 @@ pub(super) fn from_disk(path: &Path) -> Result<Criteria, CriteriaError> {
 }
 
 pub(super) fn parse(text: &str, path: &Path) -> Result<Criteria, CriteriaError> {
-    let written: CriteriaFile = toml::from_str(text).map_err(|e| from_toml(&e, text, path))?;
+    let written: CriteriaFile = settings::read(text).map_err(|e| fault(path, e.line, e.what))?;
     Checker { text, path }.meaning_of(written)
 }
 
 fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> CriteriaError {
     CriteriaError { file: path.to_owned(), line, what: what.into() }
-}
-
-/// The parser's own complaint, in our words and with its line.
-fn from_toml(error: &toml::de::Error, text: &str, path: &Path) -> CriteriaError {
-    let what = error.message().replace("unknown field", "unknown key").replace("missing field", "missing key");
-    fault(path, error.span().map(|s| line_of(text, s.start)), what)
-}
-
-fn line_of(text: &str, byte: usize) -> usize {
-    text.bytes().take(byte).filter(|&b| b == b'\n').count() + 1
 }
 
 /// Knows the text, so that every complaint has its line.
@@ -73,7 +63,7 @@ impl Checker<'_> {
     fn no_id_twice(&self, criteria: &[Spanned<CriterionTable>]) -> Result<(), CriteriaError> {
         let mut lines: BTreeMap<&str, usize> = BTreeMap::new();
         for id in criteria.iter().map(|c| &c.get_ref().id) {
-            if let Some(line) = lines.insert(id.get_ref(), line_of(self.text, id.span().start)) {
+            if let Some(line) = lines.insert(id.get_ref(), settings::line_of(self.text, id.span().start)) {
                 let what = format!("id \"{}\" is that of the criterion on line {line} too", id.get_ref());
                 return Err(self.fault(id, what));
             }
@@ -293,7 +283,7 @@ impl Checker<'_> {
     }
 
     fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> CriteriaError {
-        fault(self.path, Some(line_of(self.text, at.span().start)), what)
+        fault(self.path, Some(settings::line_of(self.text, at.span().start)), what)
     }
 }
 

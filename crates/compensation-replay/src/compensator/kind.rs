@@ -123,6 +123,18 @@ pub enum CompensatorError {
 const OFFERED: [(usize, usize); 11] =
     [(0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (1, 3), (2, 3), (3, 3), (2, 4), (3, 4), (4, 4)];
 
+impl CompensatorError {
+    /// The same of the name that was typed, where that left something out.
+    fn called(self, typed: &str) -> CompensatorError {
+        let name = typed.to_owned();
+        match self {
+            CompensatorError::Pade { reason, .. } => CompensatorError::Pade { name, reason },
+            CompensatorError::MatchedOrder { .. } => CompensatorError::MatchedOrder { name },
+            other => other,
+        }
+    }
+}
+
 impl CompensatorKind {
     /// All that are offered, in the order of their merit: Padé by order, then exact, then the optimal ones.
     #[must_use]
@@ -279,7 +291,7 @@ impl FromStr for CompensatorKind {
         }
         let kind = pade(name).ok_or_else(|| unknown(name))?;
         // A delay of 1 s: only whether there is such a filter.
-        kind.filter(1.0)?;
+        kind.filter(1.0).map_err(|error| error.called(name))?;
         Ok(kind)
     }
 }

@@ -2,9 +2,9 @@
 
 use super::trial::Trial;
 use crate::map::{ChannelMap, ChannelRule, Closeness, MapLibrary};
-use crate::nearest::nearest;
 use crate::reader::Log;
 use crate::table::Table;
+use settings::nearest;
 
 /// Shipped maps list what some logs of a kind have; whoever writes a map of his own means every field of it. A field of another
 /// name is then a mistake, unless the channel is `optional`, or its names are copied from a shipped map, or no topic of the

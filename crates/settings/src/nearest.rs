@@ -2,9 +2,28 @@
 
 /// The name that differs least: by letters to be put in, taken out or changed, where case and what stands between words count
 /// for nothing and a name that holds the other one is close. Of equals the first.
-pub(crate) fn nearest<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
+#[must_use]
+pub fn nearest<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     let wanted = plain(wanted);
     names.into_iter().min_by_key(|name| difference(&wanted, &plain(name)))
+}
+
+/// The few names that differ least, nearest first.
+#[must_use]
+pub fn nearest_few<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>, most: usize) -> Vec<&'n str> {
+    let wanted = plain(wanted);
+    let mut names: Vec<&str> = names.into_iter().collect();
+    names.sort_by_key(|name| difference(&wanted, &plain(name)));
+    names.truncate(most);
+    names
+}
+
+/// The nearest name if it is near enough to ask whether it was meant: at most half of the letters differ, or one name
+/// holds the other.
+#[must_use]
+pub fn likely<'n>(wanted: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
+    let letters = plain(wanted);
+    nearest(wanted, names).filter(|name| difference(&letters, &plain(name)) <= letters.len())
 }
 
 fn plain(name: &str) -> Vec<char> {
@@ -47,5 +66,16 @@ mod tests {
         assert_eq!(nearest("velN", ["velE", "vel_n", "lat"]), Some("vel_n"));
         assert_eq!(nearest("vnorth", ["veast_mps", "vnorth_mps", "north"]), Some("north"));
         assert_eq!(nearest("x", []), None);
+        assert_eq!(
+            nearest_few("velocity.efk", ["position.gps", "velocity.gps", "velocity.ekf"], 2),
+            ["velocity.ekf", "velocity.gps"]
+        );
+    }
+
+    #[test]
+    fn a_name_that_has_nothing_in_common_is_not_likely() {
+        assert_eq!(likely("positon_s", ["source", "position_s"]), Some("position_s"));
+        assert_eq!(likely("position", ["source", "position_s"]), Some("position_s"));
+        assert_eq!(likely("colour", ["length_m", "width_m"]), None);
     }
 }

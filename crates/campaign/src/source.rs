@@ -1,0 +1,109 @@
+//! Whose report an output folder holds: that of the logs which it was made from, and of no others of the same name.
+
+use crate::error::CampaignError;
+use crate::store::{Keep, Store};
+use std::path::{Path, PathBuf};
+
+/// Where the logs of the report lie: a path in each line.
+const SOURCE: &str = ".flightlag/source";
+
+/// What a run that failed before its first result leaves in a new folder.
+const LEFTOVERS: [&str; 4] = ["source", "lock", "found.json", "inputs.json"];
+
+/// Refuses a folder that holds the report of other logs, unless that may be replaced. A report of a bench goes on as long as
+/// one of its records is among the new ones.
+///
+/// # Errors
+/// Says whose report it is, and what to do.
+pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(), CampaignError> {
+    let Ok(known) = std::fs::read_to_string(out.join(SOURCE)) else { return Ok(()) };
+    let now = lines(inputs);
+    if replace || known.lines().any(|line| now.iter().any(|new| new == line)) {
+        return Ok(());
+    }
+    let (out, was) = (out.display(), known.lines().next().unwrap_or_default());
+    let is = now.first().map(String::as_str).unwrap_or_default();
+    Err(CampaignError::Asked(format!(
+        "{out}: holds the report of {was}, and not of {is}; give another --out, or --replace to put the new report in its place"
+    )))
+}
+
+/// Writes down whose report this is.
+///
+/// # Errors
+/// The file cannot be written.
+pub(crate) fn claim(store: &Store, inputs: &[PathBuf]) -> Result<(), CampaignError> {
+    let text: String = lines(inputs).iter().map(|line| format!("{line}\n")).collect();
+    Ok(store.write(SOURCE, text.as_bytes(), Keep::Renewable)?)
+}
+
+fn lines(inputs: &[PathBuf]) -> Vec<String> {
+    let whole = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+    inputs.iter().map(|path| whole(path).display().to_string().replace(['\n', '\r'], "?")).collect()
+}
+
+/// Runs `work`, which may make the folder `out`. If it fails before there is any result, what it made is removed, and the folders
+/// above too. A run that the user stopped keeps what it has hashed.
+///
+/// # Errors
+/// Those of `work`.
+pub(crate) fn leaving_no_empty_folder<T>(
+    out: &Path,
+    work: impl FnOnce() -> Result<T, CampaignError>,
+) -> Result<T, CampaignError> {
+    let missing: Vec<&Path> = out.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).collect();
+    let ended = work();
+    let stopped = matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_)));
+    if ended.is_err() && !stopped && !missing.is_empty() {
+        LEFTOVERS.iter().for_each(|name| drop(std::fs::remove_file(out.join(".flightlag").join(name))));
+        // A folder with anything else in it stays.
+        let made = [out.join(".flightlag")].into_iter().chain(missing.into_iter().map(Path::to_owned));
+        made.for_each(|folder| drop(std::fs::remove_dir(folder)));
+    }
+    ended
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_of_other_logs_is_refused_by_name_unless_it_may_be_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(&path).unwrap();
+            path.canonicalize().unwrap()
+        };
+        let (first, second, out) = (at("may/data"), at("june/data"), at("reports/data"));
+        check(&out, std::slice::from_ref(&first), false).unwrap();
+        claim(&Store::open(&out).unwrap(), std::slice::from_ref(&first)).unwrap();
+        check(&out, std::slice::from_ref(&first), false).unwrap();
+        check(&out, &[second.clone(), first.clone()], false).unwrap();
+        check(&out, std::slice::from_ref(&second), true).unwrap();
+        let told = check(&out, std::slice::from_ref(&second), false).unwrap_err().to_string();
+        let (first, second) = (first.display(), second.display());
+        assert!(told.contains(&format!("holds the report of {first}, and not of {second}; ")), "{told}");
+    }
+
+    #[test]
+    fn a_run_that_fails_leaves_no_empty_folder_and_never_a_file_less() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("reports/data");
+        let fails = |out: &Path, also: Option<&str>| {
+            leaving_no_empty_folder(out, || -> Result<(), CampaignError> {
+                claim(&Store::open(out)?, &[])?;
+                also.iter().for_each(|name| std::fs::write(out.join(name), "x").unwrap());
+                Err(CampaignError::Asked("no".to_owned()))
+            })
+            .unwrap_err()
+        };
+        fails(&out, None);
+        assert!(!folder.path().join("reports").exists() && folder.path().exists());
+        fails(&out, Some("index.html"));
+        assert!(out.join("index.html").exists());
+        std::fs::create_dir_all(folder.path().join("mine")).unwrap();
+        fails(&folder.path().join("mine"), None);
+        assert!(folder.path().join("mine").exists());
+    }
+}

@@ -1,0 +1,70 @@
+//! Numbers that cannot be meant.
+
+/// The unit that the end of a key states, as `_s` of `delay.position_s`; empty where it states none.
+fn unit_of_key(key: &str) -> &'static str {
+    match key.rsplit('_').next().filter(|end| end.len() < key.len()) {
+        Some("s") => " s",
+        Some("ms") => " ms",
+        Some("us") => " µs",
+        Some("m") => " m",
+        Some("mm") => " mm",
+        Some("mps") => " m/s",
+        Some("hz") => " Hz",
+        Some("deg") => " deg",
+        Some("nt") => " nT",
+        _ => "",
+    }
+}
+
+/// A number within its bounds; minus zero is zero.
+///
+/// # Errors
+/// What is wrong with it, with the unit that the key states.
+pub fn within(key: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
+    let unit = unit_of_key(key);
+    bounded(value, low, high, unit).map_err(|what| format!("{key} = {value}{unit}: {what}"))
+}
+
+/// A number of seconds that was typed, within its bounds.
+///
+/// # Errors
+/// What is wrong with it, in words.
+pub fn seconds(text: &str, low: f64, high: f64) -> Result<f64, String> {
+    let value: f64 = text.trim().parse().map_err(|_| "is no number of seconds, as 0.4".to_owned())?;
+    bounded(value, low, high, " s")
+}
+
+/// A number of seconds that must be milliseconds is told in seconds.
+fn bounded(value: f64, low: f64, high: f64, unit: &str) -> Result<f64, String> {
+    if (low..=high).contains(&value) {
+        return Ok(if value == 0.0 { 0.0 } else { value });
+    }
+    let in_seconds = value / 1000.0;
+    let as_milliseconds = if unit == " s" && value >= 1.0 && (low..=high).contains(&in_seconds) {
+        format!("; {value} ms are {in_seconds} s")
+    } else {
+        String::new()
+    };
+    Err(format!("must be from {low} to {high}{unit}{as_milliseconds}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_out_of_bounds_is_told_with_its_unit() {
+        let told = |key, value| within(key, value, 0.0, 30.0).unwrap_err();
+        assert_eq!(
+            told("delay.position_s", 400.0),
+            "delay.position_s = 400 s: must be from 0 to 30 s; 400 ms are 0.4 s"
+        );
+        assert_eq!(told("rate_hz", -5.0), "rate_hz = -5 Hz: must be from 0 to 30 Hz");
+        assert_eq!(told("gain", 31.0), "gain = 31: must be from 0 to 30");
+        assert_eq!(told("s", f64::NAN), "s = NaN: must be from 0 to 30");
+        assert_eq!(seconds("400", -5.0, 30.0), Err("must be from -5 to 30 s; 400 ms are 0.4 s".to_owned()));
+        assert_eq!(seconds("0.4", -5.0, 30.0), Ok(0.4));
+        assert!(seconds("0,4", -5.0, 30.0).unwrap_err().contains("seconds"));
+        assert!(within("x_s", -0.0, 0.0, 1.0).unwrap().is_sign_positive());
+    }
+}
