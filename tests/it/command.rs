@@ -188,6 +188,8 @@ fn a_map_is_suggested_for_a_table_of_ones_own_and_refused_for_what_is_none() {
     assert!(map.contains("north = { field = \"vn\", unit = \"km/h\" }"), "{map}");
     let page = text(&run(["inspect", path], 0).stdout);
     assert!(page.contains("columns bound by guess") && page.contains("maps --suggest LOG"), "{page}");
+    let answer = text(&run(["delay", path], 0).stdout);
+    assert!(answer.contains("amber") && answer.contains("columns bound by guess"), "{answer}");
     let other = folder.path().join("other.csv");
     std::fs::write(&other, "a,b\n1,2\n3,4\n5,6\n").unwrap();
     let error = text(&run(["maps", "--suggest", other.to_str().unwrap()], 1).stderr);

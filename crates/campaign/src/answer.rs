@@ -71,7 +71,7 @@ pub(crate) fn measure(
         speed_rms_mps: speed_rms(picked.as_ref().ok().map(|p| p[1].1)),
         ..unknown(key)
     };
-    let lateness = match picked {
+    let mut lateness = match picked {
         Ok(_) => answered(base, &delays, network.as_ref(), health),
         Err(_) if !has_position => {
             let reason = no_position(flight, binding, positions);
@@ -79,6 +79,13 @@ pub(crate) fn measure(
         }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
+    let guessed = flight.notices.iter().find(|n| n.code == ingest::BOUND_BY_GUESS);
+    lateness.alarms.extend(guessed.map(|n| DelayAlarm {
+        gravity: Gravity::Amber,
+        code: n.code.clone(),
+        text: n.text.clone(),
+    }));
+    lateness.alarms.sort();
     measured_with(lateness, Some(delays), network, notices)
 }
 

@@ -178,7 +178,11 @@ fn removed(line: &DelayLine) -> String {
     }
 }
 
+/// Empty where nothing was removed: the column beside it says that.
 fn effect(line: &DelayLine) -> String {
+    if line.removed_s.is_none() && line.effect == "no-change" {
+        return String::new();
+    }
     let metres = match (line.error_raw_m, line.error_compensated_m) {
         (Some(raw), Some(after)) if line.removed_s.is_some() => format!(" {raw:.2} -> {after:.2} m"),
         _ => String::new(),

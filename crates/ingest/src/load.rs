@@ -17,6 +17,9 @@ use flight::{Binding, Flight, LogHealth, Quantity, Severity};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+/// Code of the notice that says which columns of a table were bound by guess.
+pub const BOUND_BY_GUESS: &str = "bound-by-guess";
+
 /// A log that was read, and the flight in it.
 #[derive(Debug)]
 pub struct Loaded {
@@ -146,7 +149,7 @@ fn by_guess(log: &Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bindin
          with --maps",
         guess.said
     );
-    flight.notices.push(Severity::Warning, "bound-by-guess", "", guess.channels, text);
+    flight.notices.push(Severity::Warning, BOUND_BY_GUESS, "", guess.channels, text);
     Ok((flight, Binding { why: "no map fits; columns bound by guess".into(), ..binding }))
 }
 
