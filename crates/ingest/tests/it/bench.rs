@@ -301,7 +301,7 @@ fn a_map_of_a_sensor_that_leaves_its_frame_open_is_refused() {
         ),
     ] {
         let error = of(entry.clone());
-        assert!(error.contains("line 6: channel c") && error.contains(expected), "{entry}: {error}");
+        assert!(error.contains("mine.toml:6: channel c") && error.contains(expected), "{entry}: {error}");
     }
 }
 
