@@ -54,13 +54,22 @@ pub(crate) fn leaving_no_empty_folder<T>(
     let missing: Vec<&Path> = out.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).collect();
     let ended = work();
     let stopped = matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_)));
-    if ended.is_err() && !stopped && !missing.is_empty() {
+    if ended.is_err() && !stopped && !missing.is_empty() && holds_no_more_than_leftovers(out) {
         LEFTOVERS.iter().for_each(|name| drop(std::fs::remove_file(out.join(".flightlag").join(name))));
-        // A folder with anything else in it stays.
         let made = [out.join(".flightlag")].into_iter().chain(missing.into_iter().map(Path::to_owned));
         made.for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
     ended
+}
+
+/// Whether there is nothing in `out` but what a run writes before its first result. With anything else the lock stays too: it
+/// tells the next run that the folder is ours.
+fn holds_no_more_than_leftovers(out: &Path) -> bool {
+    let only = |folder: &Path, known: &[&str]| {
+        let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.all(|entry| known.iter().any(|name| entry.file_name() == *name))
+    };
+    only(out, &[".flightlag"]) && only(&out.join(".flightlag"), &LEFTOVERS)
 }
 
 #[cfg(test)]
@@ -101,7 +110,7 @@ mod tests {
         fails(&out, None);
         assert!(!folder.path().join("reports").exists() && folder.path().exists());
         fails(&out, Some("index.html"));
-        assert!(out.join("index.html").exists());
+        assert!(out.join("index.html").exists() && out.join(SOURCE).exists(), "a folder that stays is known as ours");
         std::fs::create_dir_all(folder.path().join("mine")).unwrap();
         fails(&folder.path().join("mine"), None);
         assert!(folder.path().join("mine").exists());
