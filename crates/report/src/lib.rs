@@ -20,6 +20,7 @@
 //!     criteria: None,
 //!     delay: None,
 //!     flights: vec![],
+//!     groups: vec![],
 //!     ignored: vec![],
 //!     totals: CampaignTotals::default(),
 //! };
