@@ -210,9 +210,10 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     if let Some(split) = &pool.split {
         words += &format!("; {}", split.words);
     }
+    // The mean of two receivers is a setting for neither; each of them follows as a group of its own.
     let advice = match members.iter().find(|(_, l)| !l.advice.set.is_empty()) {
-        Some((_, l)) => crate::answer::advice_for(&pool.mean_s, l),
-        None => DelayAdvice::default(),
+        Some((_, l)) if pool.split.is_none() => crate::answer::advice_for(&pool.mean_s, l),
+        _ => DelayAdvice::default(),
     };
     GroupLateness {
         pooled: u64::from(pool.flights),

@@ -3,14 +3,16 @@
 use crate::rate::rate_of;
 use compensation_replay::{EkfChannelFacts, ekf_values};
 use flight::Binding;
-use record::{ChannelLateness, EkfValues, MeasuredFlight, NetworkDatum};
+use record::{ChannelLateness, EkfValues, MeasuredFlight, NetworkDatum, NetworkVerdict};
 use std::collections::BTreeMap;
 
 /// Noise, wander and delay of each channel that was compared: the rates are those of the log, the latenesses those of the
 /// network. `None` for a flight whose delays were not measured.
 pub(crate) fn of(measured: &MeasuredFlight, binding: &Binding) -> Option<EkfValues> {
     let delays = measured.delays.as_ref()?;
-    let channels = measured.network.iter().flat_map(|n| &n.channels);
+    // Where pairs contradict each other and nobody can say which is wrong, no one number is right.
+    let decided = measured.network.iter().filter(|n| n.verdict != NetworkVerdict::Undecided);
+    let channels = decided.flat_map(|n| &n.channels);
     // The zero of a network has no lateness of its own.
     let told = channels.filter(|c| c.relative_to.as_ref() != Some(&c.channel));
     let lateness: BTreeMap<&str, &ChannelLateness> = told.map(|c| (c.channel.as_str(), c)).collect();

@@ -451,7 +451,7 @@ fn verdict(store: &Store, whole: &WholeState, record: &CampaignRecord, nothing_c
     Verdict { totals, criteria, troubled, groups, lines, page: store.root().join("index.html"), nothing_changed }
 }
 
-/// What is known of every flight, then the totals: the last that is told.
+/// One event for each flight, then the totals as the last.
 fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
     for (row, line) in record.flights.iter().zip(&verdict.lines) {
         desk.tell(Event::Flight {

@@ -49,20 +49,21 @@ fn filter_values(folder: &Path, report: &DelayReport) -> Result<(), Failure> {
     for (name, values) in &report.filter_values {
         put(&folder.join(format!("{name}.ekf.toml")), &ekf_values_toml(values))?;
     }
-    let written = count(report.filter_values.len() as u64, "file");
-    say(&format!("{written} with values for the design of a filter: {}", folder.display()));
+    let written = report.filter_values.len();
+    let flights = count(report.flights.len() as u64, "flight");
+    say(&format!("values for the design of a filter written of {written} of {flights}: {}", folder.display()));
     Ok(())
 }
 
-/// Delay of a group that a compensator can remove, s; else why there is none.
-fn delay_of(group: &GroupLine) -> Result<f64, String> {
-    let known = group.lateness_s.filter(|_| !group.datum.starts_with("relative"));
-    known.filter(|s| *s > 0.0).ok_or_else(|| format!("{}: {}", group.group, group.words))
+/// Delay of a group that a compensator can remove, s. `None` where it is not known against the IMU or a reference, is not one
+/// delay, or is none: then there is nothing to set either.
+fn delay_of(group: &GroupLine) -> Option<f64> {
+    group.lateness_s.filter(|s| *s > 0.0 && !group.set.is_empty() && !group.datum.starts_with("relative"))
 }
 
 /// The exact form of each group whose lateness is known, with delay and interval.
 fn compensators(folder: &Path, step_s: f64, report: &DelayReport) -> Result<(), Failure> {
-    let late: Vec<(&GroupLine, f64)> = report.groups.iter().filter_map(|g| Some((g, delay_of(g).ok()?))).collect();
+    let late: Vec<(&GroupLine, f64)> = report.groups.iter().filter_map(|g| Some((g, delay_of(g)?))).collect();
     if late.is_empty() {
         return Err(nothing("no C was written", report));
     }
@@ -102,7 +103,7 @@ const MAX_AGE_S: f64 = 1.0;
 fn parameters(report: &DelayReport) -> Result<String, Failure> {
     let mut lines = vec![];
     for group in &report.groups {
-        let Ok(delay_s) = delay_of(group) else { continue };
+        let Some(delay_s) = delay_of(group) else { continue };
         let Some(set) = group.set.iter().find(|set| set.unit == "ms") else { continue };
         let delay = Delay::from_seconds(delay_s).unwrap_or(Delay::ZERO);
         let advice = autopilot_advice(delay, group.lateness_u_s, MeasuredAgainst::Inertial);

@@ -158,7 +158,7 @@ fn of_bare(sources: &[Source<'_>]) -> Result<Guess, String> {
     Ok(write::map(&[place], &[motion], &[], true))
 }
 
-/// A unit that a table states and nobody knows is no reason to take another one.
+/// An unknown unit that a table states is no reason to take another one.
 fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
     let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
     let of_velocities = sources.iter().flat_map(|s| &s.velocities).map(|v| (&v.first, &v.second, &v.third));

@@ -34,7 +34,7 @@ pub fn seconds(text: &str, low: f64, high: f64) -> Result<f64, String> {
     bounded(value, low, high, " s")
 }
 
-/// A number of seconds that must be milliseconds is told in seconds.
+/// Names the value in seconds where milliseconds were probably typed.
 fn bounded(value: f64, low: f64, high: f64, unit: &str) -> Result<f64, String> {
     if (low..=high).contains(&value) {
         return Ok(if value == 0.0 { 0.0 } else { value });

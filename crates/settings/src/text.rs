@@ -17,7 +17,7 @@ pub struct Complaint {
     pub what: String,
 }
 
-/// Reads a file as `T`. All its unknown keys are told at once.
+/// Reads a file as `T`. One error names all its unknown keys.
 ///
 /// # Errors
 /// No TOML, an unknown or missing key, or a value of another type.
@@ -43,7 +43,7 @@ pub fn read<T: DeserializeOwned>(text: &str) -> Result<T, Complaint> {
     }
 }
 
-/// The key that nobody knows, and those that are known in its place.
+/// The unknown key, and the known ones in its place.
 fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
     let (name, rest) = message.strip_prefix("unknown field `")?.split_once('`')?;
     Some((name, quoted(rest)))
@@ -109,7 +109,7 @@ fn quoted(message: &str) -> Vec<&str> {
     message.split('`').skip(1).step_by(2).collect()
 }
 
-/// What is said of a key that nobody knows: the one that was likely meant, else those that are known in its place.
+/// Message for an unknown key: the key that was probably meant, else the known ones in its place.
 #[must_use]
 pub fn unknown_key(name: &str, known: &[&str]) -> String {
     match likely(name, known.iter().copied()) {

@@ -3,7 +3,8 @@
 use super::{kind_of, unknown, velocity_lateness_s, words};
 use crate::line::{DelayLine, LineParts};
 use record::{
-    ChannelLateness, Decision, DelayAlarm, DelayKind, DelaySource, Estimate, FlightLateness, Gravity, NetworkDatum,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelaySetting, DelaySource, Estimate, FlightLateness,
+    Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
 };
 
 fn estimate(value: f64, u: f64) -> Estimate {
@@ -85,4 +86,24 @@ fn what_contradicts_a_delay_is_among_the_alarms_of_the_terminal_and_of_json() {
     });
     let said: Vec<(&str, &str)> = line.alarms.iter().map(|a| (a.gravity.as_str(), a.code.as_str())).collect();
     assert_eq!(said, [("red", "delay-steps"), ("amber", "delay-contradicted")]);
+}
+
+/// Two receivers in one group: their mean is a setting for neither, and each follows with its own.
+#[test]
+fn a_group_that_is_not_one_gives_no_setting_for_its_mean() {
+    let flight = |k: u32| {
+        let value_s = if k < 5 { 0.2 } else { 0.3 } + 1e-4 * f64::from(k);
+        let set =
+            vec![DelaySetting { name: "position_s".into(), value: value_s, unit: "s".into(), note: String::new() }];
+        let advice = DelayAdvice { set, fly: None };
+        FlightLateness { verdict: Some(NetworkVerdict::Consistent), advice, ..late(value_s, None) }
+    };
+    let flights: Vec<(String, FlightLateness)> = (0..10).map(|k| (format!("f{k}"), flight(k))).collect();
+    let named: Vec<(&str, &FlightLateness)> = flights.iter().map(|(name, flight)| (name.as_str(), flight)).collect();
+    let groups = crate::decide::over(&named, &crate::config::Pipeline::shipped_default().unwrap()).groups;
+    let settings = |mean_s: f64| {
+        let near = |g: &&GroupLateness| g.lateness_s.is_some_and(|e| (e.value - mean_s).abs() < 0.01);
+        groups.iter().find(near).unwrap().advice.set.len()
+    };
+    assert_eq!((groups.len(), settings(0.25), settings(0.2), settings(0.3)), (3, 0, 1, 1));
 }

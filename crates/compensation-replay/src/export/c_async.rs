@@ -7,7 +7,7 @@ const MOST_SAMPLES: f64 = 65_535.0;
 
 /// `x_est = p + I(t) − I(t − age − Td)`, velocity linear between its samples, as [`StreamingAsync`](crate::StreamingAsync) has it.
 ///
-/// The sum over the ring is taken anew at each fix and goes on by trapezoids, so that rounding does not grow with the length
+/// The integral is computed from the ring at each fix and goes on by trapezoids, so that rounding does not grow with the length
 /// of the flight. It differs from the replay by rounding: below 1e-11 m in `double` and 1e-4 m in `float` for Td = 0.4 s at
 /// 100 Hz and velocities to 20 m/s (test `the_ring_in_c_agrees_with_the_replay`).
 pub(super) fn export(export: &CExport) -> Result<CSource, ExportError> {

@@ -68,7 +68,7 @@ pub(super) struct Found<'a> {
     pub(super) above: Option<HeightAbove>,
     /// One that was preferred and is zero throughout.
     pub(super) passed_over: Option<&'a Column>,
-    /// What the table itself says of its unit, and the map's unit, where that is another or nobody knows.
+    /// What the table itself says of its unit, and the map's unit, where that is another or not known.
     pub(super) said: Option<(&'a str, Unit)>,
 }
 
