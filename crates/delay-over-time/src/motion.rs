@@ -31,9 +31,14 @@ pub(crate) struct State {
     pub(crate) velocity: [f64; 2],
 }
 
+/// Speeds neither overflow nor underflow when squared: `hypot` would cost five times as much.
+pub(crate) fn speed(north: f64, east: f64) -> f64 {
+    (north * north + east * east).sqrt()
+}
+
 impl State {
     pub(crate) fn speed(&self) -> f64 {
-        self.velocity[0].hypot(self.velocity[1])
+        speed(self.velocity[0], self.velocity[1])
     }
 }
 
@@ -128,7 +133,7 @@ impl Motion {
 /// Speed that carries no delay, and 95 % speed.
 fn speeds(samples: &[[f64; 4]]) -> (f64, f64) {
     let every = (samples.len() / 20_000).max(1);
-    let mut speeds: Vec<f64> = samples.iter().step_by(every).map(|v| v[0].hypot(v[1])).collect();
+    let mut speeds: Vec<f64> = samples.iter().step_by(every).map(|v| speed(v[0], v[1])).collect();
     let at = ((speeds.len() - 1) as f64 * 0.95).round() as usize;
     let fast = *speeds.select_nth_unstable_by(at, f64::total_cmp).1;
     let slow = (SLOW_SHARES.0 * fast).clamp(SLOW_MPS.0, SLOW_MPS.1);
@@ -141,7 +146,7 @@ fn resembling(samples: &[[f64; 4]], slow_mps: f64) -> Vec<[f64; 4]> {
     let mut before = (0.0, [0.0; 2]);
     let mut first = true;
     let column = |v: &[f64; 4]| {
-        let speed = v[0].hypot(v[1]);
+        let speed = speed(v[0], v[1]);
         let slow = speed < slow_mps;
         let n = if slow { [0.0; 2] } else { [v[0] / speed, v[1] / speed] };
         if !first {

@@ -1,7 +1,7 @@
 //! Windows with offset and drift of their own (B S5 a): the delay that each likes, and how surely.
 
 use crate::fixes::Fixes;
-use crate::motion::Motion;
+use crate::motion::{Motion, speed};
 use crate::whitening::{NoiseShape, Step, offset_and_drift, steps, whiten_rows};
 use std::ops::Range;
 
@@ -90,7 +90,7 @@ fn measure(t: &[f64], motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Vec<f64> {
             let now = motion.at(q, &mut hints[0]);
             let then = motion.at(q - CHANGE_SPAN_S, &mut hints[1]);
             if now.speed().min(then.speed()) > motion.slow_mps {
-                let change = (now.velocity[0] - then.velocity[0]).hypot(now.velocity[1] - then.velocity[1]);
+                let change = speed(now.velocity[0] - then.velocity[0], now.velocity[1] - then.velocity[1]);
                 sum += change * (t - before).min(CHANGE_SPAN_S);
             }
             before = *t;

@@ -122,7 +122,13 @@ impl LocalFrame {
     /// A vector (velocity) given in the north-east-down of `at`, in this frame's axes.
     #[must_use]
     pub fn from_local_ned(&self, at: Geodetic, vector: [f64; 3]) -> [f64; 3] {
-        (self.ned_from_ecef * ned_from_ecef(at).tr_mul(&Vector3::from(vector))).into()
+        (self.rotation_from(at) * Vector3::from(vector)).into()
+    }
+
+    /// The rotation of [`LocalFrame::from_local_ned`], for many vectors at one place.
+    #[must_use]
+    pub fn rotation_from(&self, at: Geodetic) -> Matrix3<f64> {
+        self.ned_from_ecef * ned_from_ecef(at).transpose()
     }
 }
 

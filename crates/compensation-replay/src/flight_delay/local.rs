@@ -3,6 +3,7 @@
 use super::pairs::{Pair, Second};
 use crate::input::Horizontal;
 use flight::{Channel, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp};
+use nalgebra::{Matrix3, Vector3};
 use record::DelayOrigin;
 
 /// Fixes farther than this from the median fix are no part of the flight, m.
@@ -161,21 +162,22 @@ fn turned(velocity: &Channel, position: &Channel, origin: Stamp, frame: Option<&
     let Some(frame) = frame.filter(|_| position.quantity == Quantity::PositionGeodetic) else {
         return components(velocity, &rows, origin);
     };
-    let places: Vec<(Stamp, Geodetic)> = position
+    let rotations: Vec<(Stamp, Matrix3<f64>)> = position
         .update_rows()
         .into_iter()
         .map(|row| (position.series.timeline().stamps()[row], geodetic(position, row)))
         .filter(|(_, place)| frame.to_ned(*place).iter().all(|x| x.abs() <= FARTHEST_M))
+        .map(|(stamp, place)| (stamp, frame.rotation_from(place)))
         .collect();
     let stamps = velocity.series.timeline().stamps();
     let mut out = Horizontal::default();
     let mut newest = 0;
     for row in rows {
-        while newest + 1 < places.len() && places[newest + 1].0 <= stamps[row] {
+        while newest + 1 < rotations.len() && rotations[newest + 1].0 <= stamps[row] {
             newest += 1;
         }
         let own = [0, 1, 2].map(|k| velocity.series.component(k)[row]);
-        let ned = places.get(newest).map_or(own, |(_, place)| frame.from_local_ned(*place, own));
+        let ned = rotations.get(newest).map_or(own, |(_, rotation)| (rotation * Vector3::from(own)).into());
         out.t.push(stamps[row].seconds_since(origin));
         (0..2).for_each(|k| out.axes[k].push(ned[k]));
     }

@@ -119,24 +119,29 @@ fn delay_of(
     if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
         return Err(reason.into());
     }
-    if finding.varies.is_none() {
-        finding.varies = varies::over_time(pair, &prepared, second, &cut, settings);
-    }
-    if let Some(over) = &finding.varies {
-        varies::leave_out(&mut cut, &prepared.first.t, over);
-        coarse = varies::start(coarse, over);
-    }
-    let record = Record::of(&prepared, &cut, &stretches);
-    let delay_settings = DelaySettings {
-        search_s: about(coarse.delay_s),
-        search_step_s: SEARCH_STEP_S,
-        noise: NoiseRule::WanderAndWhite,
-        skew: false,
-        robust: true,
-    };
-    let measurements = record.measurements();
     let walk = if matches!(pair.second, Second::Velocity(_)) { walk_of(second) } else { 0.0 };
-    let fit = fit_of_rivals(&measurements, (&delay_settings, walk), &coarse);
+    let constant = |cut: &[Piece], coarse: &Coarse| {
+        let record = Record::of(&prepared, cut, &stretches);
+        let fit = fit_of_rivals(&record.measurements(), (&settings_about(coarse.delay_s), walk), coarse);
+        (record, fit)
+    };
+    let varies = || match finding.varies {
+        None => varies::over_time(pair, &prepared, second, &cut, settings),
+        Some(_) => None,
+    };
+    // At the same time, because the varying delay seldom asks for another constant fit.
+    let (varies, (mut record, mut fit)) = rayon::join(varies, || constant(&cut, &coarse));
+    finding.varies = varies.or(finding.varies.take());
+    if let Some(over) = &finding.varies {
+        let fewer = varies::leave_out(&mut cut, &prepared.first.t, over);
+        let elsewhere = varies::start(&coarse, over);
+        if fewer || elsewhere.is_some() {
+            coarse = elsewhere.unwrap_or(coarse);
+            (record, fit) = constant(&cut, &coarse);
+        }
+    }
+    let delay_settings = settings_about(coarse.delay_s);
+    let measurements = record.measurements();
     let knows = |fit: &DelayFit| fit.standard_uncertainty_s <= look.enough_s;
     if prepared.one_in > 1 && look.enough_s.is_finite() && !fit.as_ref().is_ok_and(knows) {
         return Err(NoDelay::MoreSamples);
@@ -161,6 +166,16 @@ const HALF_SEARCH_S: f64 = 0.6;
 
 fn about(delay_s: f64) -> (f64, f64) {
     (delay_s - HALF_SEARCH_S, delay_s + HALF_SEARCH_S)
+}
+
+fn settings_about(delay_s: f64) -> DelaySettings {
+    DelaySettings {
+        search_s: about(delay_s),
+        search_step_s: SEARCH_STEP_S,
+        noise: NoiseRule::WanderAndWhite,
+        skew: false,
+        robust: true,
+    }
 }
 
 /// The coarse delay in the range of the settings, or in the wide one if it is at the edge of the first.
@@ -262,6 +277,12 @@ impl View<'_> {
         let uncertainty_s = fit.standard_uncertainty_s.hypot(stamps_s);
         let [from, to] = fit.interval(0.95);
         let half_s = (0.5 * (to - from)).hypot(NORMAL_95 * stamps_s);
+        let (injections, (objective, splits)) = if in_detail {
+            let objective = || crate::sweep::objective(&self.record.measurements(), fit, delay_settings.search_s);
+            rayon::join(|| injection::injections(self, delay_settings), || (Some(objective()), split::splits(self)))
+        } else {
+            Default::default()
+        };
         MeasuredDelay {
             delay_s: estimate(fit.delay_s, uncertainty_s),
             interval_95_s: [fit.delay_s - half_s, fit.delay_s + half_s],
@@ -273,14 +294,13 @@ impl View<'_> {
             samples: fit.components.iter().map(|c| c.t_used.len() as u64).sum(),
             downweighted_share: fit.downweighted_share,
             rival_s: self.rival(),
-            objective: in_detail
-                .then(|| crate::sweep::objective(&self.record.measurements(), fit, delay_settings.search_s)),
+            objective,
             pieces: self.pieces.iter().zip(fit.components.chunks_exact(2)).map(piece).collect(),
             over_time: over.windows,
             homogeneity: over.homogeneity,
             alarm: over.alarm,
-            splits: if in_detail { split::splits(self) } else { vec![] },
-            injections: if in_detail { injection::injections(self, delay_settings) } else { vec![] },
+            splits,
+            injections,
             remarks: vec![],
             alarms: vec![],
         }

@@ -79,8 +79,8 @@ fn longest_part(t: &[f64], velocity_t: &[f64]) -> Range<usize> {
 }
 
 /// Takes the fixes that came in a burst out: they share a stamp, not the lateness of the others. Single late fixes stay:
-/// they are part of the mean lateness, and robust weights hold them back where they are not.
-pub(crate) fn leave_out(pieces: &mut [Piece], t: &[f64], over_time: &DelayOverTime) {
+/// they are part of the mean lateness, and robust weights hold them back where they are not. Whether any was taken out.
+pub(crate) fn leave_out(pieces: &mut [Piece], t: &[f64], over_time: &DelayOverTime) -> bool {
     let mut out: Vec<usize> = vec![];
     for burst in &over_time.bursts {
         let first = t.partition_point(|x| *x < burst.start_s);
@@ -89,17 +89,19 @@ pub(crate) fn leave_out(pieces: &mut [Piece], t: &[f64], over_time: &DelayOverTi
     out.sort_unstable();
     let rows: usize = pieces.iter().map(|p| p.rows.len()).sum();
     if out.is_empty() || 4 * out.len() > rows {
-        return;
+        return false;
     }
     pieces.iter_mut().for_each(|p| p.rows.retain(|row| out.binary_search(row).is_err()));
+    true
 }
 
-/// Where the constant fit is looked for: about the level of the varying one, if that is known and elsewhere.
-pub(crate) fn start(coarse: Coarse, over_time: &DelayOverTime) -> Coarse {
+/// Where else the constant fit is to be looked for: about the level of the varying one, if that is known and elsewhere.
+pub(crate) fn start(coarse: &Coarse, over_time: &DelayOverTime) -> Option<Coarse> {
     let level = over_time.level_s;
     let known = level.standard_uncertainty.is_some_and(|u| u < LEVEL_KNOWN_S) && over_time.two_delays_fit.is_none();
     let elsewhere = (level.value - coarse.delay_s).abs() > ELSEWHERE_S;
-    if known && elsewhere { Coarse { delay_s: level.value, rival_s: Some(coarse.delay_s), ..coarse } } else { coarse }
+    let there = Coarse { delay_s: level.value, rival_s: Some(coarse.delay_s), ..*coarse };
+    (known && elsewhere).then_some(there)
 }
 
 /// A level known better than this says where to look, s.
