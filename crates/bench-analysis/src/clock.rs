@@ -17,6 +17,8 @@ use std::collections::BTreeMap;
 const LEAST_HULL_STAMPS: usize = 30;
 /// Grid on which two recordings of the bar's rate are laid over each other, Hz.
 const COARSE_RATE_HZ: f64 = 50.0;
+/// Peaks closer than this to the best are the same peak, s.
+const SAME_PEAK_S: f64 = 0.25;
 /// A correlation below this is no alignment.
 const LEAST_CORRELATION: f64 = 0.7;
 /// Another alignment nearly as good is told.
@@ -372,7 +374,7 @@ fn tie_by_anchor(sensor: &Flight, encoder: EncoderRate<'_>, rig: &Rig) -> Result
     let t_s: Vec<f64> = stamps.stamps.iter().map(|s| s.seconds_since(device_origin)).collect();
     let size = magnitude(anchor);
     let rate: Vec<f64> = encoder.rate.iter().map(|r| r.abs()).collect();
-    let coarse = coarse_lag(encoder.t_s, &rate, &t_s, &size, COARSE_RATE_HZ)
+    let coarse = coarse_lag((encoder.t_s, [&rate]), (&t_s, [&size]), COARSE_RATE_HZ, SAME_PEAK_S)
         .filter(|lag| lag.correlation >= LEAST_CORRELATION)
         .ok_or_else(|| {
             format!(

@@ -25,8 +25,9 @@ mod split;
 mod varies;
 
 use flight::{Flight, Notices};
+use pairs::{Pair, Second};
 use rayon::prelude::*;
-use record::FlightDelays;
+use record::{DelayPairKind, Finding, FlightDelays, MeasuredDelay};
 
 /// How delays are looked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,4 +109,20 @@ pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (Fligh
         notices.extend_unsaid(said);
     }
     (FlightDelays { pairs: all }, notices)
+}
+
+/// How much later `velocity` is than `reference`, a position or a velocity.
+pub(crate) fn measure_against_reference(
+    flight: &Flight,
+    velocity: &str,
+    reference: &str,
+    settings: &FlightDelaySettings,
+) -> Finding<MeasuredDelay> {
+    let kind = DelayPairKind::VelocityAgainstReference;
+    let owned = str::to_owned;
+    let pair = match reference.starts_with("position") {
+        true => Pair { kind, first: owned(reference), second: Second::Velocity(owned(velocity)), reversed: true },
+        false => Pair { kind, first: owned(velocity), second: Second::Rate(owned(reference)), reversed: false },
+    };
+    measure::measure(flight, &pair, settings, &mut Notices::new()).delay
 }

@@ -22,6 +22,7 @@ mod flight_delay;
 mod input;
 mod lever_arm;
 mod pade;
+mod reference_file;
 mod replay;
 mod rows;
 mod score;
@@ -50,6 +51,7 @@ pub use lever_arm::{
     lever_sensitivity_of_speeds,
 };
 pub use pade::PadeTustin;
+pub use reference_file::{ClockRule, REFERENCE_POSITION, REFERENCE_VELOCITY, join_reference, relate_clocks};
 pub use replay::{Replay, replay};
 pub use settings::Settings;
 pub use sweep::Sweeper;

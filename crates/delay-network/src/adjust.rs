@@ -2,7 +2,7 @@
 
 use crate::graph::{Edge, Effect, Graph};
 use crate::lineage::Role;
-use crate::settings::NetworkSettings;
+use crate::settings::{NetworkSettings, ReferenceUse};
 use nalgebra::{DMatrix, DVector};
 use record::NetworkDatum;
 
@@ -138,7 +138,8 @@ pub(crate) fn part_data(graph: &Graph, settings: &NetworkSettings, refused: &[bo
         .map(|part| {
             let holds = |role| graph.members(part).any(|node| graph.nodes[node].role == role);
             let refused = refused.get(part).copied().unwrap_or(false);
-            match (holds(Role::Reference), holds(Role::Acceleration)) {
+            let on_time = settings.reference == ReferenceUse::Datum && holds(Role::Reference);
+            match (on_time, holds(Role::Acceleration)) {
                 (true, _) => PartDatum { datum: NetworkDatum::Reference, zero: None },
                 (false, true) if !refused => PartDatum { datum: NetworkDatum::Imu, zero: None },
                 (_, tied) => PartDatum {

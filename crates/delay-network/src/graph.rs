@@ -3,7 +3,7 @@
 use crate::attitudes::one_per_velocity;
 use crate::lineage::{Lineage, Role, acceleration_name, effect_kind, family};
 use crate::observation::PairObservation;
-use crate::settings::NetworkSettings;
+use crate::settings::{NetworkSettings, ReferenceUse};
 use record::{DelayPairKind, EffectName, Estimate, Finding, UnusedPair};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -90,7 +90,7 @@ pub(crate) fn prepare(
         let against_reference = role(&first) == Role::Reference || role(&second) == Role::Reference;
         match usable_delay(pair, &first, &second) {
             Err(why) => unused.push(UnusedPair { first, second, why }),
-            Ok((delay, _)) if against_reference && !settings.use_reference => {
+            Ok((delay, _)) if against_reference && settings.reference == ReferenceUse::Judges => {
                 judges.extend(judge(&first, &second, delay, &role));
                 let why = "a reference judges the network and takes no part in it".to_owned();
                 unused.push(UnusedPair { first, second, why });

@@ -27,5 +27,5 @@ pub use crate::decide::{AskedSource, FlightSources, GroupDecision, PositionLaten
 pub use crate::lineage::{Lineage, lineage_from_name};
 pub use crate::observation::{PairObservation, acceleration_gate};
 pub use crate::pool::{FlightLateness, pool};
-pub use crate::settings::{ModelErrors, NetworkSettings};
+pub use crate::settings::{ModelErrors, NetworkSettings, ReferenceUse};
 pub use crate::solve::{difference, expected_residual, judge_against_reference, solve};

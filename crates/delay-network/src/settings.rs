@@ -51,6 +51,17 @@ impl ModelErrors {
     }
 }
 
+/// What references do in the network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReferenceUse {
+    /// They judge it and take no part.
+    Judges,
+    /// They are the datum: on time by definition.
+    Datum,
+    /// They take part, each with a lateness of its own: their clock was tied to a channel of the log.
+    OwnClock,
+}
+
 /// Settings of [`solve`](crate::solve). The defaults are the constants of the specification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NetworkSettings {
@@ -74,8 +85,8 @@ pub struct NetworkSettings {
     pub filter_lead_s: f64,
     /// Model part of the uncertainty above which a figure is weak, s.
     pub weak_above_s: f64,
-    /// Whether references take part and are the datum. Default: they only judge.
-    pub use_reference: bool,
+    /// What references do. Default: they only judge.
+    pub reference: ReferenceUse,
     /// Whether every attitude source takes part. Default: the best one for each velocity, for one IMU is one witness.
     pub every_attitude: bool,
     /// Velocity that compensation uses: zero of a part without datum.
@@ -95,7 +106,7 @@ impl Default for NetworkSettings {
             most_freed: 3,
             filter_lead_s: 0.030,
             weak_above_s: 0.020,
-            use_reference: false,
+            reference: ReferenceUse::Judges,
             every_attitude: false,
             compensation_velocity: None,
         }

@@ -1,8 +1,8 @@
 //! What a network says of lies, lanes, references, parts and nonsense.
 
 use delay_network::{
-    Lineage, NetworkSettings, PairObservation, PositionLateness, RelativeLateness, difference, expected_residual,
-    lineage_from_name, solve,
+    Lineage, NetworkSettings, PairObservation, PositionLateness, ReferenceUse, RelativeLateness, difference,
+    expected_residual, lineage_from_name, solve,
 };
 use record::DelayPairKind::{
     PositionAgainstReference, PositionAgainstVelocity, VelocityAgainstAcceleration, VelocityAgainstReference,
@@ -96,7 +96,7 @@ fn a_reference_judges_and_changes_nothing() {
 fn a_reference_is_the_datum_only_if_asked_for() {
     let mut pairs = delorean();
     pairs.push(PairObservation::measured(PositionAgainstReference, "position.gps", "position.truth", 0.2033, 0.001));
-    let settings = NetworkSettings { use_reference: true, ..NetworkSettings::default() };
+    let settings = NetworkSettings { reference: ReferenceUse::Datum, ..NetworkSettings::default() };
     let network = solve(&pairs, &lineage_from_name, &settings).unwrap();
     assert_eq!(network.datum, NetworkDatum::Reference);
     let position = network.channel("position.gps").unwrap();
@@ -304,7 +304,7 @@ fn nonsense_is_listed_and_never_panics() {
     ];
     for settings in [
         NetworkSettings::default(),
-        NetworkSettings { use_reference: true, ..NetworkSettings::default() },
+        NetworkSettings { reference: ReferenceUse::Datum, ..NetworkSettings::default() },
         NetworkSettings { shared_noise: 1.0, suspect_w: 0.0, most_freed: 99, ..NetworkSettings::default() },
     ] {
         let all: Vec<PairObservation> = pairs.iter().chain(&strange).cloned().collect();

@@ -25,6 +25,7 @@ mod flight_delay;
 mod group;
 mod lateness;
 mod monte_carlo;
+mod reference_file;
 mod replay;
 mod score;
 mod sweep;
@@ -63,6 +64,7 @@ pub use crate::lateness::{
     GroupLateness, JudgedBy, MeasuredFlight, flight_alarms,
 };
 pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
+pub use crate::reference_file::{ClockOffset, ReferenceClock, ReferenceFile};
 pub use crate::replay::{
     AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, PathCurve, ReplayRecord, ReplaySettings,
     StartRule, Zoom,
