@@ -9,3 +9,4 @@ mod command;
 mod convert;
 mod program;
 mod real_logs;
+mod reference;

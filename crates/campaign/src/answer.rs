@@ -8,15 +8,16 @@ use crate::group::{content_of, group_of};
 use crate::lever;
 use crate::no_position::no_position;
 use crate::rate::rate_of;
+use crate::reference::settled;
 use compensation_replay::{
     FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, autopilot_advice, measure_delays, pick_pair,
 };
-use delay_network::{NetworkSettings, PairObservation, difference, lineage_from_name, solve};
+use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{Binding, Delay, Flight, LogHealth, Notices};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
     DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, JudgedBy, MeasuredFlight,
-    NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup,
+    NetworkDatum, NetworkVerdict, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock, ReferenceFile,
 };
 
 /// Code of the alarm of a log that goes with a flight and is none.
@@ -42,6 +43,7 @@ pub(crate) fn measure(
     flight: &Flight,
     health: &LogHealth,
     binding: &Binding,
+    reference: Option<ReferenceFile>,
     pipeline: &Pipeline,
 ) -> MeasuredFlight {
     let (positions, velocities) = pipeline.position_and_velocity();
@@ -55,7 +57,8 @@ pub(crate) fn measure(
         Ok([position, velocity]) => (Some(position.0.to_owned()), Some(velocity.0.to_owned())),
         Err(_) => (flight.first_of(positions).map(|p| p.0.to_owned()), None),
     };
-    let network = network_of(&delays, names.1.as_deref());
+    let network = network_of(&delays, names.1.as_deref(), reference.as_ref());
+    let reference_file = reference.map(|reference| settled(reference, network.as_ref()));
     let grouped = names.0.as_deref().and_then(|position| {
         let kind = flight.channels.get(position)?.series.timeline().kind();
         let rate = rate_of(&binding.channels, position);
@@ -68,6 +71,7 @@ pub(crate) fn measure(
         group,
         content,
         card: pipeline.card_delay(flight, binding),
+        reference_file,
         speed_rms_mps: speed_rms(picked.as_ref().ok().map(|p| p[1].1)),
         ..unknown(key)
     };
@@ -79,6 +83,7 @@ pub(crate) fn measure(
         }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
+    lateness.alarms.extend(lateness.reference_file.as_ref().and_then(unused_reference));
     let guessed = flight.notices.iter().find(|n| n.code == ingest::BOUND_BY_GUESS);
     lateness.alarms.extend(guessed.map(|n| DelayAlarm {
         gravity: Gravity::Amber,
@@ -87,6 +92,13 @@ pub(crate) fn measure(
     }));
     lateness.alarms.sort();
     measured_with(lateness, Some(delays), network, notices)
+}
+
+/// An alarm where a reference file was asked for and cannot be used.
+fn unused_reference(reference: &ReferenceFile) -> Option<DelayAlarm> {
+    let text = reference.words.clone();
+    let alarm = DelayAlarm { gravity: Gravity::Amber, code: "reference-not-used".to_owned(), text };
+    reference.channels.is_empty().then_some(alarm)
 }
 
 fn measured_with(
@@ -123,6 +135,7 @@ fn unknown(key: &str) -> FlightLateness {
         verdict: None,
         position_minus_velocity_s: None,
         card: None,
+        reference_file: None,
         speed_rms_mps: None,
         lever_arm_s_per_decimetre: None,
         alarms: vec![],
@@ -130,10 +143,23 @@ fn unknown(key: &str) -> FlightLateness {
     }
 }
 
-/// One lateness for each channel from the measured pairs.
-fn network_of(delays: &FlightDelays, velocity: Option<&str>) -> Option<DelayNetwork> {
+/// One lateness for each channel from the measured pairs. A reference file whose clock is that of the log is on time; one
+/// with a clock of its own has a lateness as any channel.
+fn network_of(
+    delays: &FlightDelays,
+    velocity: Option<&str>,
+    reference: Option<&ReferenceFile>,
+) -> Option<DelayNetwork> {
     let pairs: Vec<PairObservation> = delays.pairs.iter().map(observation).collect();
-    let settings = NetworkSettings { compensation_velocity: velocity.map(str::to_owned), ..NetworkSettings::default() };
+    let settings = NetworkSettings {
+        compensation_velocity: velocity.map(str::to_owned),
+        reference: match reference.map(|r| &r.clock) {
+            Some(ReferenceClock::Same) => ReferenceUse::Datum,
+            Some(ReferenceClock::Own(_)) => ReferenceUse::OwnClock,
+            Some(ReferenceClock::Unknown { .. }) | None => ReferenceUse::Judges,
+        },
+        ..NetworkSettings::default()
+    };
     solve(&pairs, &lineage_from_name, &settings)
 }
 
@@ -247,6 +273,7 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
         };
     };
     let value = in_ms(&channel.lateness_s);
+    let datum = if channel.datum == NetworkDatum::Reference { "the reference" } else { "the IMU" };
     let mut text = match (&channel.relative_to, out.kind) {
         (Some(zero), _) if channel.lateness_s.value >= 0.0 => {
             format!("{position} is {value} ms later than {zero}; how late both are is not known")
@@ -255,13 +282,13 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
             let earlier = Estimate { value: -channel.lateness_s.value, ..channel.lateness_s };
             format!("{position} is {} ms earlier than {zero}; how late both are is not known", in_ms(&earlier))
         }
-        (None, DelayKind::OnTime) => format!("{position} is on time ({value} ms against the IMU)"),
-        (None, DelayKind::Early) => format!("{position} is early ({value} ms against the IMU)"),
+        (None, DelayKind::OnTime) => format!("{position} is on time ({value} ms against {datum})"),
+        (None, DelayKind::Early) => format!("{position} is early ({value} ms against {datum})"),
         (None, _) if channel.weak => {
             let least = 1e3 * channel.at_least_s.unwrap_or(channel.lateness_s.value);
-            format!("{position} is at least {least:.0} ms late against the IMU ({value} ms)")
+            format!("{position} is at least {least:.0} ms late against {datum} ({value} ms)")
         }
-        (None, _) => format!("{position} is {value} ms late against the IMU"),
+        (None, _) => format!("{position} is {value} ms late against {datum}"),
     };
     if let Some(rests_on) = &channel.rests_on {
         text += &format!(". This rests on {rests_on}");

@@ -9,7 +9,11 @@ use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::criteria::Criteria;
 use crate::delay::{Case, Decided, DelayRule, FixedDelay, Known, measured_pair};
 use crate::lever::Antenna;
-use compensation_replay::{CompensatorKind, FlightDelaySettings, Settings, Sweeper, pick_pair};
+use crate::reference::ReferenceRule;
+use compensation_replay::{
+    ClockRule, CompensatorKind, FlightDelaySettings, REFERENCE_POSITION, REFERENCE_VELOCITY, Settings, Sweeper,
+    pick_pair,
+};
 use flight::{Binding, Delay, Flight};
 use record::{
     CardDelay, Decision, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, PipelineUse, SensorIdentity,
@@ -72,6 +76,9 @@ struct Written {
     /// Which channels of a flight are used: the first of each list that the flight holds.
     #[serde(default)]
     channels: WrittenChannels,
+    /// A second file of each flight, with a reference or a velocity.
+    #[schemars(with = "Option<WrittenReference>")]
+    reference: Option<Spanned<WrittenReference>>,
     /// How the compensators run.
     #[serde(default)]
     replay: WrittenReplay,
@@ -88,6 +95,30 @@ struct WrittenCriteria {
     /// Criteria file, relative to this file; as `--criteria`, which overrules it.
     #[schemars(with = "PathBuf")]
     file: Spanned<PathBuf>,
+}
+
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct WrittenReference {
+    /// The second file, relative to the folder of the flight's log. `{stem}` stands for the log's name without its ending,
+    /// `*` for anything: `{stem}.pos`, `{stem}_*.csv`.
+    #[schemars(with = "String")]
+    file: Spanned<String>,
+    /// How its clock relates to that of the log: `auto` (two files that count UTC or GPS time share a clock; of others the
+    /// offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
+    #[serde(default)]
+    #[schemars(with = "WrittenClock")]
+    clock: ClockRule,
+}
+
+/// How the clock of a reference file relates to that of the log.
+#[derive(Debug, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+#[expect(dead_code, reason = "for the schema of ClockRule")]
+enum WrittenClock {
+    Auto,
+    Same,
+    Own,
 }
 
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -304,6 +335,8 @@ struct Meant {
     #[serde(skip_serializing_if = "Option::is_none")]
     sensor: Option<SensorIdentity>,
     channels: MeantChannels,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<ReferenceRule>,
     replay: MeantReplay,
     maps: MeantMaps,
 }
@@ -342,6 +375,8 @@ struct MeantMeasure {
 struct MeasurePart<'a> {
     measure: &'a MeantMeasure,
     channels: &'a MeantChannels,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clock: Option<ClockRule>,
     maps: &'a MeantMaps,
     pin: &'a [Pin],
 }
@@ -352,6 +387,18 @@ struct MeantChannels {
     velocity: Vec<String>,
     reference: Vec<String>,
     onboard: Vec<String>,
+}
+
+impl MeantChannels {
+    /// The channels of a second file: the first reference, and the last velocity.
+    fn with_reference_file(&mut self) {
+        if self.reference.iter().all(|name| name != REFERENCE_POSITION) {
+            self.reference.insert(0, REFERENCE_POSITION.to_owned());
+        }
+        if self.velocity.iter().all(|name| name != REFERENCE_VELOCITY) {
+            self.velocity.push(REFERENCE_VELOCITY.to_owned());
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -495,8 +542,10 @@ impl Pipeline {
 
     /// Hash of the settings that a measurement depends on.
     pub(crate) fn measure_blake3(&self) -> String {
-        let Meant { measure, channels, maps, delay, .. } = &self.meant;
-        let part = MeasurePart { measure, channels, maps, pin: &delay.pin };
+        let Meant { measure, channels, maps, delay, reference, .. } = &self.meant;
+        // Which file it is shows in the content of the flight.
+        let clock = reference.as_ref().map(|rule| rule.clock);
+        let part = MeasurePart { measure, channels, clock, maps, pin: &delay.pin };
         blake3::hash(toml::to_string(&part).unwrap_or_default().as_bytes()).to_hex().to_string()
     }
 
@@ -520,6 +569,23 @@ impl Pipeline {
     /// Names of the reference, best first.
     pub(crate) fn reference(&self) -> &[String] {
         &self.meant.channels.reference
+    }
+
+    /// The same pipeline with a second file for each flight: a path, or a pattern relative to the flight's folder.
+    #[must_use]
+    pub fn with_reference(mut self, file: Option<String>, clock: Option<ClockRule>) -> Pipeline {
+        let known = self.meant.reference.take();
+        let clock = clock.or(known.as_ref().map(|rule| rule.clock)).unwrap_or_default();
+        self.meant.reference = file.or(known.map(|rule| rule.file)).map(|file| ReferenceRule { file, clock });
+        if self.meant.reference.is_some() {
+            self.meant.channels.with_reference_file();
+        }
+        self
+    }
+
+    /// Where the second file of each flight is.
+    pub(crate) fn reference_file(&self) -> Option<&ReferenceRule> {
+        self.meant.reference.as_ref()
     }
 
     /// What is asked for.
@@ -661,16 +727,20 @@ impl Checker<'_> {
         let sensor = written.sensor.map(|s| self.sensor(s)).transpose()?;
         let written_delay = written.delay.unwrap_or_else(|| Spanned::new(0..0, WrittenDelay::default()));
         let (rule, delay) = self.delay(&written_delay, sensor.as_ref())?;
-        let meant = Meant {
+        let mut meant = Meant {
             schema: 1,
             title: written.title,
             delay,
             measure: self.measure(&written.measure)?,
             sensor: sensor.map(Spanned::into_inner),
             channels: self.channels(written.channels)?,
+            reference: written.reference.map(|r| self.reference(r.into_inner())).transpose()?,
             replay: self.replay(&written.replay)?,
             maps: MeantMaps { force: written.maps.force },
         };
+        if meant.reference.is_some() {
+            meant.channels.with_reference_file();
+        }
         let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let maps_folder = written.maps.folder.map(|f| self.beside(&f));
         let criteria = written.criteria.map(|c| self.criteria(&c.file)).transpose()?;
@@ -888,6 +958,13 @@ impl Checker<'_> {
             }
             None => Ok(list.into_inner()),
         }
+    }
+
+    fn reference(&self, written: WrittenReference) -> Result<ReferenceRule, PipelineError> {
+        if written.file.get_ref().trim().is_empty() {
+            return Err(self.fault(&written.file, "reference.file must name a file, as \"{stem}.pos\""));
+        }
+        Ok(ReferenceRule { file: written.file.into_inner(), clock: written.clock })
     }
 
     fn measure(&self, written: &WrittenMeasure) -> Result<MeantMeasure, PipelineError> {
@@ -1135,7 +1212,7 @@ mod tests {
 
     /// What this pipeline does with a single flight.
     fn settings_of(pipeline: &Pipeline, flight: &Flight, binding: &Binding) -> (Settings, Decided) {
-        let measured = crate::answer::measure("k", flight, &flight::LogHealth::default(), binding, pipeline);
+        let measured = crate::answer::measure("k", flight, &flight::LogHealth::default(), binding, None, pipeline);
         let decided = crate::decide::over(&[("a", &measured.lateness)], pipeline);
         let (delays, decision) = (measured.delays.unwrap(), &decided.decisions["a"]);
         let case = FlightCase { flight, binding, delays: &delays, lateness: &measured.lateness, decision };

@@ -9,10 +9,12 @@ use crate::filter_values;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
 use crate::plan::{Desk, why_no_logs};
+use crate::reference::{FlightFiles, ReferenceLog, with_references};
 use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
+use flight::Flight;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
 use record::{Decision, DelaySource, Effect, EkfValues, FlightLateness, GroupLateness};
 use schemars::JsonSchema;
@@ -151,9 +153,8 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
     let units = units_of(order, &library)?;
-    let size = |unit: &FlightUnit| -> u64 {
-        unit.files.iter().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum()
-    };
+    let size =
+        |unit: &FlightFiles| -> u64 { unit.all().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum() };
     let sizes: Vec<u64> = units.iter().map(|(_, unit)| size(unit)).collect();
     let bytes = sizes.iter().sum();
     let stage = Some(crate::manifest::Stage::Measure);
@@ -201,7 +202,7 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
 }
 
 /// The flights of all paths with their names, sorted.
-fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, FlightUnit)>, CampaignError> {
+fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, FlightFiles)>, CampaignError> {
     let mut units = vec![];
     for path in &order.paths {
         let found = library.discover(path).map_err(|e| match e {
@@ -222,7 +223,10 @@ fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, Flight
     }
     units.sort_by(|a, b| a.0.cmp(&b.0));
     units.dedup_by(|a, b| a.1.files == b.1.files);
-    Ok(units)
+    let (names, units): (Vec<String>, Vec<FlightUnit>) = units.into_iter().unzip();
+    let name_of: BTreeMap<Vec<PathBuf>, String> = units.iter().map(|u| u.files.clone()).zip(names).collect();
+    let cases = with_references(units, order.pipeline.reference_file(), library)?;
+    Ok(cases.into_iter().filter_map(|case| Some((name_of.get(&case.unit.files)?.clone(), case))).collect())
 }
 
 struct Reader<'a> {
@@ -252,14 +256,18 @@ impl Measured {
 const AT_REST_MPS: f64 = 0.3;
 
 impl Reader<'_> {
-    fn load(&self, unit: &FlightUnit) -> Result<Loaded, String> {
+    fn load(&self, files: &FlightFiles) -> Result<(Loaded, Option<ReferenceLog>), String> {
         let on_bytes = |bytes| self.desk.tell(Event::Read { bytes });
         let context = ReadContext { limits: Limits::default(), cancel: self.desk.cancel, on_bytes: &on_bytes };
-        self.library.load(unit, self.order.pipeline.forced_map(), &context).map_err(|e| e.to_string())
+        let loaded = self.library.load(&files.unit, self.order.pipeline.forced_map(), &context);
+        let loaded = loaded.map_err(|e| e.to_string())?;
+        let read = |found| ReferenceLog::read(found, self.library, &context);
+        let reference = files.reference.as_ref().map(read).transpose().map_err(|e| e.to_string())?;
+        Ok((loaded, reference))
     }
 
-    fn measure(&self, name: &str, unit: &FlightUnit) -> Measured {
-        let measured = caught(|| self.measured(unit))
+    fn measure(&self, name: &str, files: &FlightFiles) -> Measured {
+        let measured = caught(|| self.measured(files))
             .unwrap_or_else(|panic| Measured::failed(&format!("a defect in flightlag, please report it: {panic}")));
         let lateness = &measured.lateness;
         self.desk.tell(Event::DelayMeasured {
@@ -271,11 +279,12 @@ impl Reader<'_> {
         measured
     }
 
-    fn measured(&self, unit: &FlightUnit) -> Measured {
-        let loaded = match self.load(unit) {
-            Ok(loaded) => loaded,
+    fn measured(&self, files: &FlightFiles) -> Measured {
+        let (mut loaded, reference) = match self.load(files) {
+            Ok(both) => both,
             Err(reason) => return Measured::failed(&reason),
         };
+        let joined = reference.as_ref().map(|reference| reference.join(&mut loaded.flight, &self.order.pipeline));
         let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
         let pipeline = &self.order.pipeline;
         let (measured, filter_values) = match &loaded.binding {
@@ -283,26 +292,30 @@ impl Reader<'_> {
                 (answer::companion("", loaded.companion.clone().unwrap_or_default()), None)
             }
             Ok(binding) => {
-                let measured = answer::measure("", &loaded.flight, &loaded.health, binding, pipeline);
+                let measured = answer::measure("", &loaded.flight, &loaded.health, binding, joined, pipeline);
                 let wanted = self.order.filter_values.then(|| filter_values::of(&measured, binding)).flatten();
                 (measured, wanted)
             }
             Err(reason) => (answer::failed("", reason.clone()), None),
         };
+        settle(&mut loaded.flight, reference.as_ref(), &measured.lateness, pipeline);
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
         Measured { lateness: measured.lateness, damaged, tail_cut, has_reference, kept, filter_values }
     }
 
     /// What the removal does: against the reference where the log has one, else by the lateness.
-    fn effect(&self, unit: &FlightUnit, measured: &Measured, decision: &Decision) -> Option<Effect> {
+    fn effect(&self, files: &FlightFiles, measured: &Measured, decision: &Decision) -> Option<Effect> {
         measured.lateness.velocity.as_ref()?;
         let read;
         let flight = match (&measured.kept, measured.has_reference) {
             (Some(kept), _) => Some(&kept.flight),
             (None, true) => {
-                read = self.load(unit).ok();
-                read.as_ref().map(|loaded| &loaded.flight)
+                read = self.load(files).ok().map(|(mut loaded, reference)| {
+                    settle(&mut loaded.flight, reference.as_ref(), &measured.lateness, &self.order.pipeline);
+                    loaded.flight
+                });
+                read.as_ref()
             }
             (None, false) => None,
         };
@@ -312,6 +325,13 @@ impl Reader<'_> {
         let known = answer::known(&measured.lateness, decision);
         let removed_s = decision.delay_s.filter(|_| measured.may_be_replayed(decision));
         Some(effect(truth.as_ref(), known.as_ref(), measured.lateness.speed_rms_mps, removed_s))
+    }
+}
+
+/// Gives the reference file the clock that it has once the network is solved.
+fn settle(flight: &mut Flight, reference: Option<&ReferenceLog>, lateness: &FlightLateness, pipeline: &Pipeline) {
+    if let Some((reference, known)) = reference.zip(lateness.reference_file.as_ref()) {
+        reference.join_as(flight, pipeline, known.clock.clone());
     }
 }
 

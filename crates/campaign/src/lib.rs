@@ -44,6 +44,7 @@ mod no_position;
 mod plan;
 mod rate;
 mod reduce;
+mod reference;
 mod results;
 mod run;
 mod slug;
@@ -58,6 +59,7 @@ mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_run};
 pub use bench_analysis::rig_schema;
+pub use compensation_replay::ClockRule;
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};
 pub use criteria::{
     Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes, criteria_schema,

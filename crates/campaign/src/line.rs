@@ -57,6 +57,8 @@ pub struct DelayLine {
     pub fly: Option<String>,
     /// The flight with the same samples that counts in place of this one.
     pub duplicate_of: Option<String>,
+    /// The second file of the flight and how its clock relates to that of the log, in a sentence; `null` without one.
+    pub reference_file: Option<String>,
 }
 
 /// An alarm of a flight.
@@ -138,6 +140,7 @@ impl DelayLine {
             set: advice.set.into_iter().map(LineSetting::of).collect(),
             fly: advice.fly,
             duplicate_of: parts.duplicate_of.map(str::to_owned),
+            reference_file: lateness.and_then(|l| l.reference_file.as_ref()).map(|r| r.words.clone()),
         }
     }
 

@@ -5,6 +5,7 @@ use crate::error::CampaignError;
 use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
 use crate::memory::FileStamp;
 use crate::store::{Keep, Store};
+use compensation_replay::{REFERENCE_POSITION, REFERENCE_VELOCITY};
 use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, discover, load};
 use record::IgnoredInput;
 use serde::{Deserialize, Serialize};
@@ -40,7 +41,9 @@ impl Library {
     /// for one that no flight holds, and the next in the list be taken.
     pub(crate) fn check(&self, pipeline: &Pipeline) -> Result<(), CampaignError> {
         let known: BTreeSet<&str> = self.maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
-        let Some(name) = pipeline.channel_names().find(|name| !known.contains(name)) else { return Ok(()) };
+        let of_reference_file = |name: &str| [REFERENCE_POSITION, REFERENCE_VELOCITY].contains(&name);
+        let is_known = |name: &&str| known.contains(name) || of_reference_file(name);
+        let Some(name) = pipeline.channel_names().find(|name| !is_known(name)) else { return Ok(()) };
         let near = settings::nearest_few(name, known, NEAREST).join(", ");
         let file = pipeline.file_name();
         Err(CampaignError::Asked(format!("{file}: [channels]: no channel map binds {name:?}; the nearest are {near}")))

@@ -11,6 +11,7 @@ use crate::ANALYSIS_VERSION;
 use crate::cards::CardFile;
 use crate::error::CampaignError;
 use crate::memory::FileStamp;
+use crate::reference::FoundReference;
 use crate::store::{Keep, Store};
 use ingest::{FlightUnit, LogKind};
 use record::{CriteriaUse, Decision, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
@@ -66,6 +67,9 @@ pub(crate) struct Planned {
     pub(crate) kind: Option<LogKind>,
     /// Its files, sorted.
     pub(crate) files: Vec<PlannedFile>,
+    /// Its reference file, and whether that is there; `None` without a rule.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) reference: Option<PlannedReference>,
     /// Hash of the names and contents of its files; `None` if one cannot be read.
     pub(crate) content: Option<String>,
     /// Name of the measurement of its delays; `None` as above.
@@ -112,6 +116,38 @@ pub(crate) struct PlannedFile {
     pub(crate) stamp: FileStamp,
     /// Its content.
     pub(crate) blake3: String,
+}
+
+/// The reference file of a flight as it is planned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum PlannedReference {
+    /// Its format and files.
+    Files { kind: LogKind, files: Vec<PlannedFile> },
+    /// Why there is none.
+    Missing { file: String, reason: String },
+}
+
+impl PlannedReference {
+    fn files(&self) -> &[PlannedFile] {
+        match self {
+            PlannedReference::Files { files, .. } => files,
+            PlannedReference::Missing { .. } => &[],
+        }
+    }
+
+    /// As it is read.
+    pub(crate) fn found(&self) -> FoundReference {
+        match self {
+            PlannedReference::Files { kind, files } => {
+                let files: Vec<PathBuf> = files.iter().map(|f| f.path.clone()).collect();
+                FoundReference::There(FlightUnit { id: String::new(), files, kind: *kind })
+            }
+            PlannedReference::Missing { file, reason } => {
+                FoundReference::Missing { file: file.clone(), reason: reason.clone() }
+            }
+        }
+    }
 }
 
 /// Why a log is read.
@@ -179,6 +215,7 @@ impl Planned {
             flight,
             kind: None,
             files: vec![],
+            reference: None,
             content: None,
             measure_key: None,
             decision: None,
@@ -200,13 +237,18 @@ impl Planned {
 
     /// Size of all its files.
     pub(crate) fn bytes(&self) -> u64 {
-        self.files.iter().map(|f| f.stamp.bytes).sum()
+        self.all_files().map(|f| f.stamp.bytes).sum()
+    }
+
+    /// Its files and those of its reference.
+    fn all_files(&self) -> impl Iterator<Item = &PlannedFile> {
+        self.files.iter().chain(self.reference.iter().flat_map(PlannedReference::files))
     }
 
     /// Its files as a record names them.
     pub(crate) fn inputs(&self) -> Vec<InputFile> {
         let input = |f: &PlannedFile| InputFile { name: f.name(), bytes: f.stamp.bytes, blake3: f.blake3.clone() };
-        self.files.iter().map(input).collect()
+        self.all_files().map(input).collect()
     }
 
     /// The flight as ingest knows it; `None` if its format could not be found out.
@@ -217,7 +259,7 @@ impl Planned {
 
     /// The file that is not as it was when it was hashed, if any.
     pub(crate) fn changed_file(&self) -> Option<&PlannedFile> {
-        self.files.iter().find(|f| FileStamp::of(&f.path).ok().as_ref() != Some(&f.stamp))
+        self.all_files().find(|f| FileStamp::of(&f.path).ok().as_ref() != Some(&f.stamp))
     }
 }
 
@@ -242,12 +284,20 @@ impl Manifest {
     }
 }
 
-/// Hash of the names and contents of a flight's files.
-pub(crate) fn content_hash(files: &[PlannedFile]) -> String {
-    let mut parts: Vec<(String, &str)> = files.iter().map(|f| (f.name(), f.blake3.as_str())).collect();
-    parts.sort();
-    let flat: Vec<&str> = parts.iter().flat_map(|(name, hash)| [name.as_str(), hash]).collect();
-    hash_of_parts(&flat)
+/// Hash of the names and contents of a flight's files, and of its reference if there is a rule for one.
+pub(crate) fn content_hash(files: &[PlannedFile], reference: Option<&PlannedReference>) -> String {
+    let hash = |files: &[PlannedFile]| {
+        let mut parts: Vec<(String, &str)> = files.iter().map(|f| (f.name(), f.blake3.as_str())).collect();
+        parts.sort();
+        let flat: Vec<&str> = parts.iter().flat_map(|(name, hash)| [name.as_str(), hash]).collect();
+        hash_of_parts(&flat)
+    };
+    let own = hash(files);
+    match reference {
+        None => own,
+        Some(PlannedReference::Files { files, .. }) => hash_of_parts(&[&own, "reference", &hash(files)]),
+        Some(PlannedReference::Missing { file, reason }) => hash_of_parts(&[&own, "no reference", file, reason]),
+    }
 }
 
 /// BLAKE3 of texts, each with its length, so that no two lists look alike.
@@ -418,6 +468,7 @@ pub(crate) mod tests {
         Planned {
             flight: flight.to_owned(),
             kind: Some(LogKind::Csv),
+            reference: None,
             files: vec![PlannedFile { path, stamp, blake3: key.to_owned() }],
             content: Some(key.to_owned()),
             measure_key: Some(key.to_owned()),

@@ -8,8 +8,9 @@ use crate::event::{Event, EventSink};
 use crate::logs::{self, Library};
 
 use crate::lock::LOCK;
-use crate::manifest::{Manifest, Planned, PlannedFile, Stage, content_hash};
+use crate::manifest::{Manifest, Planned, PlannedFile, PlannedReference, Stage, content_hash};
 use crate::memory::{FileStamp, Memory, hash_file};
+use crate::reference::{FlightFiles, FoundReference, with_references};
 use crate::results;
 use crate::source;
 use crate::state::State;
@@ -85,13 +86,14 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     if found.units.is_empty() && found.unreadable.is_empty() {
         return Err(CampaignError::NoFlights { path: root, what: no_logs(&manifest.ignored) });
     }
-    let mut contents = Contents::look_at(&root, &found.units, order.verify, store);
-    desk.tell(contents.found(found.units.len() + found.unreadable.len(), manifest.ignored.len()));
+    let cases = with_references(found.units, order.pipeline.reference_file(), &library)?;
+    let mut contents = Contents::look_at(&root, &cases, order.verify, store);
+    desk.tell(contents.found(cases.len() + found.unreadable.len(), manifest.ignored.len()));
     contents.read_unknown(desk)?;
     // What was hashed before the user stopped need not be hashed again.
     contents.memory.save_if_changed(store)?;
     desk.stopped()?;
-    manifest.flights = found.units.into_iter().map(|unit| contents.planned(unit)).collect();
+    manifest.flights = cases.into_iter().map(|case| contents.planned(case)).collect();
     manifest.flights.extend(found.unreadable.into_iter().map(unreadable));
     manifest.flights.sort_by(|a, b| a.flight.cmp(&b.flight));
     judge(&mut manifest, &order.pipeline, store, state, Retry::Troubled)?;
@@ -287,7 +289,7 @@ impl Remembered {
 }
 
 impl Contents {
-    fn look_at(root: &Path, units: &[FlightUnit], verify: bool, store: &Store) -> Contents {
+    fn look_at(root: &Path, cases: &[FlightFiles], verify: bool, store: &Store) -> Contents {
         let mut now = Memory::recall(store, root);
         let before = now.clone();
         let look = |path: &PathBuf| {
@@ -297,7 +299,7 @@ impl Contents {
             let blake3 = known.map(str::to_owned);
             (path.clone(), Looked { path: path.clone(), name, stamp, blake3 })
         };
-        let files: BTreeMap<PathBuf, Looked> = units.iter().flat_map(|u| u.files.iter().map(look)).collect();
+        let files: BTreeMap<PathBuf, Looked> = cases.iter().flat_map(FlightFiles::all).map(look).collect();
         let names: BTreeSet<&str> = files.values().map(|f| f.name.as_str()).collect();
         now.retain(|name| names.contains(name));
         Contents { files, memory: Remembered { before, now } }
@@ -342,16 +344,23 @@ impl Contents {
         }
     }
 
-    fn planned(&self, unit: FlightUnit) -> Planned {
-        let looked: Vec<&Looked> = unit.files.iter().filter_map(|p| self.files.get(p)).collect();
-        let trouble = looked.iter().find_map(|f| f.stamp.as_ref().err().cloned());
-        let file = |f: &&Looked| {
-            let (stamp, blake3) = (f.stamp.clone().ok()?, f.blake3.clone()?);
-            Some(PlannedFile { path: f.path.clone(), stamp, blake3 })
+    fn planned(&self, case: FlightFiles) -> Planned {
+        let trouble = case.all().filter_map(|p| self.files.get(p)).find_map(|f| f.stamp.as_ref().err().cloned());
+        let file = |path: &PathBuf| {
+            let f = self.files.get(path)?;
+            Some(PlannedFile { path: f.path.clone(), stamp: f.stamp.clone().ok()?, blake3: f.blake3.clone()? })
         };
-        let files: Vec<PlannedFile> = looked.iter().filter_map(file).collect();
-        let content = (trouble.is_none() && files.len() == unit.files.len()).then(|| content_hash(&files));
-        Planned { kind: Some(unit.kind), files, content, trouble, ..Planned::unread(unit.id) }
+        let planned = |unit: &FlightUnit| unit.files.iter().filter_map(file).collect::<Vec<PlannedFile>>();
+        let whole = case.all().all(|path| file(path).is_some());
+        let files = planned(&case.unit);
+        let reference = case.reference.as_ref().map(|reference| match reference {
+            FoundReference::There(unit) => PlannedReference::Files { kind: unit.kind, files: planned(unit) },
+            FoundReference::Missing { file, reason } => {
+                PlannedReference::Missing { file: file.clone(), reason: reason.clone() }
+            }
+        });
+        let content = (trouble.is_none() && whole).then(|| content_hash(&files, reference.as_ref()));
+        Planned { kind: Some(case.unit.kind), files, reference, content, trouble, ..Planned::unread(case.unit.id) }
     }
 }
 

@@ -6,8 +6,9 @@ use crate::delay::measured_pair;
 use crate::error::CampaignError;
 use crate::event::Event;
 use crate::logs::Library;
-use crate::manifest::{Manifest, Planned};
+use crate::manifest::{Manifest, Planned, PlannedReference};
 use crate::plan::Desk;
+use crate::reference::ReferenceLog;
 use compensation_replay::{Replay, Sweeper, Track, TruthEffect, effect, replay};
 use flight::{Flight, Notices};
 use ingest::{IngestError, Limits, Loaded, ReadContext};
@@ -61,13 +62,23 @@ impl Replaying {
         Ok(Replaying { library, pipeline })
     }
 
-    fn load(&self, planned: &Planned, desk: &Desk<'_>) -> Result<Result<Loaded, String>, Interrupted> {
+    /// The flight, and its reference file if it has one.
+    fn load(
+        &self,
+        planned: &Planned,
+        desk: &Desk<'_>,
+    ) -> Result<Result<(Loaded, Option<ReferenceLog>), String>, Interrupted> {
         let on_bytes = |bytes| desk.tell(Event::Read { bytes });
         let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
         let trouble = || Interrupted::Trouble("its format is not known".to_owned());
         let unit = planned.unit().ok_or_else(trouble)?;
-        match self.library.load(&unit, self.pipeline.forced_map(), &context) {
-            Ok(loaded) => Ok(Ok(loaded)),
+        let read = |found: PlannedReference| ReferenceLog::read(&found.found(), &self.library, &context);
+        let both = self.library.load(&unit, self.pipeline.forced_map(), &context).and_then(|loaded| {
+            let reference = planned.reference.clone().map(read).transpose()?;
+            Ok((loaded, reference))
+        });
+        match both {
+            Ok(both) => Ok(Ok(both)),
             Err(IngestError::Cancelled) => Err(Interrupted::Cancelled),
             Err(e @ (IngestError::Io { .. } | IngestError::Changed { .. })) => Err(Interrupted::Trouble(e.to_string())),
             Err(e) => Ok(Err(e.to_string())),
@@ -136,11 +147,12 @@ impl Study for Replaying {
     fn measure(&self, planned: &Planned, _manifest: &Manifest, desk: &Desk<'_>) -> Result<MeasuredFlight, Interrupted> {
         let key = planned.measure_key.as_deref().unwrap_or_default();
         Ok(match self.load(planned, desk)? {
-            Ok(Loaded { companion: Some(what), .. }) => answer::companion(key, what),
-            Ok(Loaded { flight, health, binding: Ok(binding), .. }) => {
-                answer::measure(key, &flight, &health, &binding, &self.pipeline)
+            Ok((Loaded { companion: Some(what), .. }, _)) => answer::companion(key, what),
+            Ok((Loaded { mut flight, health, binding: Ok(binding), .. }, reference)) => {
+                let reference = reference.map(|reference| reference.join(&mut flight, &self.pipeline));
+                answer::measure(key, &flight, &health, &binding, reference, &self.pipeline)
             }
-            Ok(Loaded { binding: Err(reason), .. }) | Err(reason) => answer::failed(key, reason),
+            Ok((Loaded { binding: Err(reason), .. }, _)) | Err(reason) => answer::failed(key, reason),
         })
     }
 
@@ -153,11 +165,14 @@ impl Study for Replaying {
     ) -> Result<Studied, Interrupted> {
         let failed = |reason| failed_record(planned, manifest, reason);
         let decision = planned.decision.clone();
-        let loaded = match self.load(planned, desk)? {
-            Ok(loaded) => loaded,
+        let (loaded, reference) = match self.load(planned, desk)? {
+            Ok(both) => both,
             Err(reason) => return Ok(Studied { record: failed(reason), track: None }),
         };
-        let Loaded { flight, health, binding, companion } = loaded;
+        let Loaded { mut flight, health, binding, companion } = loaded;
+        if let Some((reference, known)) = reference.zip(measured.lateness.reference_file.as_ref()) {
+            reference.join_as(&mut flight, &self.pipeline, known.clock.clone());
+        }
         if let Some(reason) = companion {
             let (log, lateness, notices) = (Some(health), Some(measured.lateness), flight.notices);
             let outcome = Outcome::NotMeasurable { reason };

@@ -185,12 +185,30 @@ pub(crate) struct DelayArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// A second file of each flight with a reference or a velocity: a PPK solution, a truth, an export of motion capture. For
+    /// several flights a pattern relative to each log's folder, as {stem}.pos: {stem} is the log's name without its ending,
+    /// * anything.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) reference: Option<String>,
+    /// How its clock relates to that of the log: same, own (the offset is estimated), or auto (own unless both count UTC or
+    /// GPS time).
+    #[arg(long, value_name = "RULE", value_parser = clock_rule)]
+    pub(crate) reference_clock: Option<campaign::ClockRule>,
     /// Number of threads. Default: all cores, or SLURM_CPUS_PER_TASK.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Show no progress.
     #[arg(long)]
     pub(crate) quiet: bool,
+}
+
+fn clock_rule(text: &str) -> Result<campaign::ClockRule, String> {
+    match text {
+        "auto" => Ok(campaign::ClockRule::Auto),
+        "same" => Ok(campaign::ClockRule::Same),
+        "own" => Ok(campaign::ClockRule::Own),
+        _ => Err("must be auto, same or own".to_owned()),
+    }
 }
 
 /// A delay as far as one is searched.
@@ -230,6 +248,13 @@ pub(crate) struct OrderArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// A second file of each flight with a reference or a velocity, as for `flightlag delay`; it overrules that of the
+    /// pipeline.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) reference: Option<String>,
+    /// How its clock relates to that of the log: auto, same or own.
+    #[arg(long, value_name = "RULE", value_parser = clock_rule)]
+    pub(crate) reference_clock: Option<campaign::ClockRule>,
     /// Replace the report of other logs that OUT holds.
     #[arg(long)]
     pub(crate) replace: bool,

@@ -6,7 +6,9 @@ use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{count, visible};
 use crate::stop::Stop;
-use campaign::{Criteria, Desk, EventSink, Exit, GroupLine, Manifest, Order, Pipeline, Status, TaskReport, Verdict};
+use campaign::{
+    ClockRule, Criteria, Desk, EventSink, Exit, GroupLine, Manifest, Order, Pipeline, Status, TaskReport, Verdict,
+};
 use record::{CampaignCriteria, CriterionSummary, VerdictTally};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -201,8 +203,16 @@ pub(crate) fn pipeline_of(
     Ok(pipeline.with_forced_map(map).with_maps_folder(maps))
 }
 
+/// The pipeline with the second file that the arguments name. A path that leads to a file from here is that file.
+pub(crate) fn with_reference(pipeline: Pipeline, file: Option<&str>, clock: Option<ClockRule>) -> Pipeline {
+    let here = |file: &str| std::path::absolute(file).ok().filter(|path| path.is_file());
+    let file = file.map(|file| here(file).map_or_else(|| file.to_owned(), |path| path.display().to_string()));
+    pipeline.with_reference(file, clock)
+}
+
 fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
     let pipeline = pipeline_of(arguments.pipeline.as_deref(), arguments.map.clone(), arguments.maps.clone())?;
+    let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock);
     let criteria = arguments.criteria.as_deref().map(Criteria::read).transpose();
     let pipeline = pipeline.with_criteria(criteria.map_err(campaign::CampaignError::from)?);
     Ok(Order {

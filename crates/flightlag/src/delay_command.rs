@@ -1,7 +1,7 @@
 //! `flightlag delay`: how late the positions of some logs are.
 
 use crate::arguments::{DelayArguments, DeskArguments};
-use crate::campaign_command::{desk, pipeline_of};
+use crate::campaign_command::{desk, pipeline_of, with_reference};
 use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{Table, count, visible};
@@ -21,6 +21,7 @@ pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failur
         return Ok(Exit::Well.into());
     }
     let pipeline = pipeline_of(arguments.pipeline.as_deref(), arguments.map.clone(), arguments.maps.clone())?;
+    let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock);
     let order = DelayOrder { paths: arguments.logs.clone(), pipeline, filter_values: arguments.ekf.is_some() };
     let quiet = arguments.quiet || arguments.logs.iter().all(|path| path.is_file());
     let asked = DeskArguments { threads: arguments.threads, json: false, quiet };
@@ -70,6 +71,7 @@ fn one_flight(line: &DelayLine) -> String {
     row("set", settings(&line.set));
     row("fly", line.fly.clone().unwrap_or_default());
     row("group", line.group.clone());
+    row("reference file", line.reference_file.clone().unwrap_or_default());
     for alarm in &line.alarms {
         row(&alarm.gravity, alarm.text.clone());
     }

@@ -39,7 +39,8 @@ pub struct FlightUnit {
 }
 
 /// Looks through `root`, a folder or a single file. Files are recognised by their content; tables in
-/// one folder whose names end in the topics of a channel map are one flight, and so are TRACK.CSV, SENSOR.CSV and
+/// one folder whose names end in the topics of a channel map are one flight, as are those whose names differ in the last word,
+/// if that says what they hold (`x_GPS.csv`, `x_IMU.csv`), and TRACK.CSV, SENSOR.CSV and
 /// EVENT.CSV of a FlySight 2. Nothing that is no regular file is opened, every file counts once, and
 /// links in a circle end. The order does not depend on the file system.
 ///
@@ -369,10 +370,12 @@ impl Search<'_> {
     /// Sorts the tables of one folder into flights.
     fn group(&mut self, tables: Vec<TableFile>, below: &str, folder: &str) {
         let prefixes = self.prefixes(&tables);
+        let shared = shared_prefixes(&tables);
         let one_flysight = is_one_flysight2(&tables);
         let mut groups: BTreeMap<String, Vec<TableFile>> = BTreeMap::new();
         for table in tables {
-            let prefix = prefixes.iter().filter(|p| table.stem.starts_with(p.as_str())).max_by_key(|p| p.len());
+            let of_topics = prefixes.iter().filter(|p| table.stem.starts_with(p.as_str())).max_by_key(|p| p.len());
+            let prefix = of_topics.or_else(|| shared.get(&table.stem));
             let name = match prefix {
                 _ if one_flysight && table.flysight2 => folder_id(below, folder),
                 Some(prefix) if prefix.is_empty() => folder_id(below, folder),
@@ -402,6 +405,30 @@ impl Search<'_> {
         let together = bare > 1 || tables.iter().any(|t| !t.named);
         found.iter().filter(|p| !p.is_empty() || together).map(|p| (*p).to_owned()).collect()
     }
+}
+
+/// What the files of one flight may hold, as the last word of their names.
+const PARTS: [&str; 19] = [
+    "gps", "gnss", "pos", "position", "vel", "velocity", "nav", "ins", "ekf", "imu", "att", "attitude", "acc", "accel",
+    "gyro", "mag", "baro", "wind", "airdata",
+];
+/// What stands before such a word.
+const BEFORE_PART: [char; 4] = ['_', '-', '.', ' '];
+
+/// What the names of several tables share before a word that says which part of the flight they hold: `x_` of `x_GPS` and
+/// `x_POS`.
+/// By table.
+fn shared_prefixes(tables: &[TableFile]) -> BTreeMap<String, String> {
+    let mut fronts: BTreeMap<&str, BTreeMap<String, &str>> = BTreeMap::new();
+    for table in tables.iter().filter(|t| t.named) {
+        let Some((front, part)) = table.stem.rsplit_once(BEFORE_PART) else { continue };
+        let part = part.to_ascii_lowercase();
+        if !front.is_empty() && PARTS.contains(&part.as_str()) {
+            fronts.entry(front).or_default().insert(part, &table.stem);
+        }
+    }
+    let several = fronts.into_iter().filter(|(_, parts)| parts.len() > 1);
+    several.flat_map(|(front, parts)| parts.into_values().map(|stem| (stem.to_owned(), front.to_owned()))).collect()
 }
 
 /// Whether the files of a FlySight 2 are those of one flight: one track, and what goes with it.

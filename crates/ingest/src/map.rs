@@ -33,6 +33,7 @@ const SHIPPED: &[(&str, &str)] = &[
     ("mavros.toml", include_str!("../../../pipelines/channel-maps/mavros.toml")),
     ("navsatfix-twist.toml", include_str!("../../../pipelines/channel-maps/navsatfix-twist.toml")),
     ("nmea.toml", include_str!("../../../pipelines/channel-maps/nmea.toml")),
+    ("rtklib-pos.toml", include_str!("../../../pipelines/channel-maps/rtklib-pos.toml")),
     ("novatel-ascii.toml", include_str!("../../../pipelines/channel-maps/novatel-ascii.toml")),
     ("novatel-ros.toml", include_str!("../../../pipelines/channel-maps/novatel-ros.toml")),
     ("oxts-csv.toml", include_str!("../../../pipelines/channel-maps/oxts-csv.toml")),
@@ -227,6 +228,8 @@ pub(crate) enum TimeSource {
         zone: Option<String>,
         /// Of dates that leave it open; `None` if they are to show it.
         order: Option<DateOrder>,
+        /// They count GPS time: leap seconds are no part of it.
+        is_gps: bool,
     },
     /// Year, month, day, hour, minute, second, and perhaps nanoseconds.
     Calendar {
@@ -374,7 +377,7 @@ impl TimeSource {
     pub(crate) fn clock(&self) -> Clock {
         match self {
             TimeSource::Number { clock, .. } => *clock,
-            TimeSource::GpsWeek { .. } => Clock::Gps,
+            TimeSource::GpsWeek { .. } | TimeSource::Civil { is_gps: true, .. } => Clock::Gps,
             TimeSource::DayOfYear { year: None, .. } | TimeSource::TimeOfDay { .. } => Clock::Elapsed,
             _ => Clock::Unix,
         }
@@ -416,7 +419,7 @@ impl TimeSource {
             TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {
                 vec![ask(field, ValueKind::Text)]
             }
-            TimeSource::Civil { date, time, offset, zone: _, order: _ } => [Some(date), Some(time), offset.as_ref()]
+            TimeSource::Civil { date, time, offset, .. } => [Some(date), Some(time), offset.as_ref()]
                 .into_iter()
                 .flatten()
                 .map(|f| ask(f, ValueKind::Text))
@@ -982,6 +985,7 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         OrderName::YearMonthDay => DateOrder::YearMonthDay,
     });
     let of_utc = matches!(clock, None | Some((Clock::Unix, 0)));
+    let of_gps = clock == Some((Clock::Gps, 0)) && zone.is_none() && offset.is_none();
     match (container, field, unit, text, week, calendar, date, time, offset) {
         (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => Ok(match container {
             ContainerStamp::Logged => TimeSource::ContainerLogged,
@@ -1007,8 +1011,8 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         (None, Some(field), None, Some(TimeText::TimeOfDay), None, None, None, None, None) if clock.is_none() => {
             Ok(TimeSource::TimeOfDay { field })
         }
-        (None, None, None, None, None, None, Some(date), Some(time), offset) if of_utc => {
-            Ok(TimeSource::Civil { date, time, offset, zone, order })
+        (None, None, None, None, None, None, Some(date), Some(time), offset) if of_utc || of_gps => {
+            Ok(TimeSource::Civil { date, time, offset, zone, order, is_gps: of_gps })
         }
         (None, None, None, None, None, Some(fields), None, None, None) if of_utc => match fields.len() {
             6 | 7 => Ok(TimeSource::Calendar { fields, zone, counter: counter.map(|c| (c.field, tick_of(c.unit))) }),

@@ -4,7 +4,7 @@ use crate::delay_network::{ChannelLateness, DelayNetwork, NetworkDatum, NetworkV
 use crate::delay_over_time::DelayKind;
 use crate::group::{FlightContent, ReceiverGroup};
 use crate::replay::Estimate;
-use crate::{CardUse, DelaySource, Finding, FlightDelays};
+use crate::{CardUse, DelaySource, Finding, FlightDelays, ReferenceFile};
 use flight::Notices;
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +60,9 @@ pub struct FlightLateness {
     pub position_minus_velocity_s: Option<Estimate>,
     /// What the sensor card says; `None` where the pipeline names none.
     pub card: Option<Finding<CardDelay>>,
+    /// The second file of the flight; `None` where the pipeline asks for none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_file: Option<ReferenceFile>,
     /// Ground speed, rms over the flight, m/s.
     pub speed_rms_mps: Option<f64>,
     /// Change of this lateness for each 0.1 m by which the antenna is ahead of where velocity is taken, s; `None` if the

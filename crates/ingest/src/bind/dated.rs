@@ -6,7 +6,7 @@ use crate::civil::{DateOrder, DayOfYear, plain_date, says_zone, unix_ns};
 use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};
 use crate::time::redate_days;
-use flight::Severity;
+use flight::{GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity};
 use jiff::civil::Date;
 use std::borrow::Cow;
 
@@ -28,7 +28,7 @@ struct Civil<'a> {
 
 impl<'a> Civil<'a> {
     fn of(source: &'a TimeSource, table: &'a Table) -> Option<Civil<'a>> {
-        let TimeSource::Civil { date, time, offset, zone, order } = source else { return None };
+        let TimeSource::Civil { date, time, offset, zone, order, .. } = source else { return None };
         let either = |path: &str| texts(table, path).or_else(|| numbers(table, path));
         let offset = offset.as_ref().and_then(|offset| either(offset));
         let zone = zone.as_deref().unwrap_or("Z");
@@ -102,6 +102,12 @@ pub(super) fn dated(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair
         let severity = Severity::Warning;
         repairs.push(Repair { severity, code: "stale-date", count: stale, text: STALE.into() });
     }
+    if matches!(source, TimeSource::Civil { is_gps: true, .. }) {
+        let gps = |unix_ns: &mut Option<i64>| {
+            *unix_ns = unix_ns.and_then(|ns| ns.checked_sub(GPS_EPOCH_UNIX_S * NANOS_PER_SECOND))
+        };
+        stamps.iter_mut().for_each(gps);
+    }
     Some(stamps)
 }
 
@@ -112,7 +118,8 @@ pub(super) fn without_zone(source: &TimeSource, table: &Table) -> u64 {
         TimeSource::DayOfYear { field, zone: None, .. } => {
             (field, |text| DayOfYear::of_text(text).is_some_and(|day| day.east_ns.is_none()))
         }
-        TimeSource::Iso { field, zone: None } | TimeSource::Civil { time: field, offset: None, zone: None, .. } => {
+        TimeSource::Iso { field, zone: None }
+        | TimeSource::Civil { time: field, offset: None, zone: None, is_gps: false, .. } => {
             (field, |text| !text.trim().is_empty() && !says_zone(text))
         }
         _ => return 0,

@@ -101,6 +101,20 @@ fn tables_of_one_topic_each_are_one_flight_by_the_beginning_that_they_share() {
 }
 
 #[test]
+fn tables_whose_last_word_says_what_they_hold_are_one_flight() {
+    let table: &[u8] = b"time,lat,lon\n0,1,2\n1,1,2\n";
+    let names = ["x_GPS.csv", "x_Imu.csv", "x_ppk.csv", "x.csv", "day-1-pos.csv", "day-2-pos.csv", "gps.csv"];
+    let files: Vec<(&str, &[u8])> = names.iter().map(|name| (*name, table)).collect();
+    let folder = tree(&files);
+    let found = found(folder.path());
+    let flights: Vec<(&str, usize)> = ids(&found).into_iter().map(|(id, _, files)| (id, files)).collect();
+    assert_eq!(
+        flights,
+        [("day-1-pos.csv", 1), ("day-2-pos.csv", 1), ("gps.csv", 1), ("x", 2), ("x.csv", 1), ("x_ppk.csv", 1)]
+    );
+}
+
+#[test]
 fn a_folder_of_bare_topics_is_one_flight() {
     let folder =
         tree(&[("day/f1/gps-fix.csv", TOPIC), ("day/f1/gps-vel.csv", TOPIC), ("day/f1/operator-notes.csv", TOPIC)]);

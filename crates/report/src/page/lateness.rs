@@ -8,7 +8,7 @@ use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, Effect, EffectVerdict, Estimate,
-    FlightLateness, FlightRecord, FlightRow, Gravity, GroupLateness, Outcome, flight_alarms,
+    FlightLateness, FlightRecord, FlightRow, Gravity, GroupLateness, NetworkDatum, Outcome, flight_alarms,
 };
 
 /// Most groups of a campaign that are listed; the record holds all.
@@ -44,6 +44,9 @@ pub(super) fn answer(record: &FlightRecord) -> Markup {
         @if let Some(decision) = &record.decision { p.answer { (removed(record, decision)) } }
         @if let Some(effect) = &record.effect {
             p.answer { (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words))) }
+        }
+        @if let Some(file) = record.lateness.as_ref().and_then(|l| l.reference_file.as_ref()) {
+            p.answer { "Reference file " (ended(&file.words)) }
         }
         (alarms(&flight_alarms(record.lateness.as_ref(), record.decision.as_ref())))
         @if let Some(lateness) = &record.lateness { (advice(&lateness.advice)) }
@@ -170,9 +173,10 @@ pub(super) fn network(network: &DelayNetwork) -> Markup {
 }
 
 fn channel_row(c: &ChannelLateness) -> Markup {
-    let against = match &c.relative_to {
-        Some(zero) => format!("relative to {zero}"),
-        None => "the IMU".to_owned(),
+    let against = match (&c.relative_to, c.datum) {
+        (Some(zero), _) => format!("relative to {zero}"),
+        (None, NetworkDatum::Reference) => "the reference".to_owned(),
+        (None, _) => "the IMU".to_owned(),
     };
     html! {
         tr {

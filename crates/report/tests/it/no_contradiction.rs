@@ -50,6 +50,7 @@ fn channel() -> ChannelLateness {
 /// Position 203 ms late, velocity 60 ms: the difference is 143 ms.
 fn lateness() -> FlightLateness {
     FlightLateness {
+        reference_file: None,
         key: "k".into(),
         failed: None,
         position: Some("position.gps".into()),

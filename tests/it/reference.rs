@@ -1,0 +1,173 @@
+//! The second file of a flight: a PPK solution beside an own table.
+
+use crate::program::{flightlag, text};
+use flight::{Channel, Flight, Stamp};
+use simulate::{FlightSettings, SensorSettings, simulate};
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+/// 2021-05-04 12:00:00 UTC, when GPS time was 18 s ahead.
+const START_S: i64 = 1_620_129_600;
+const LATE_S: f64 = 0.2;
+
+fn flown(seed: u64) -> Flight {
+    let settings = FlightSettings {
+        duration_s: 200.0,
+        position: SensorSettings { delay_s: LATE_S, white_std: 0.3, ..SensorSettings::clean(5.0) },
+        velocity: SensorSettings { white_std: 0.1, ..SensorSettings::clean(25.0) },
+        seed,
+        ..FlightSettings::default()
+    };
+    simulate(&settings).unwrap().to_flight().unwrap()
+}
+
+/// Seconds since the first stamp of the truth, and the row.
+fn rows(flight: &Flight, channel: &Channel) -> Vec<(f64, [f64; 3])> {
+    let first = flight.channels["position.truth"].series.timeline().first().unwrap();
+    let at = |row: usize| [0, 1, 2].map(|k| channel.series.component(k)[row]);
+    let stamps: Vec<Stamp> = channel.series.timeline().stamps().to_vec();
+    stamps.iter().enumerate().map(|(row, s)| (s.seconds_since(first), at(row))).collect()
+}
+
+/// A table of the position with the newest velocity, whose clock begins at `start_s`.
+fn write_table(flight: &Flight, path: &Path, start_s: f64) {
+    let velocity = rows(flight, &flight.channels["velocity.gps"]);
+    let mut out = "time,lat,lon,alt\n".to_owned();
+    for (t, [lat, lon, height]) in rows(flight, &flight.channels["position.gps"]) {
+        let (lat, lon) = (lat.to_degrees(), lon.to_degrees());
+        writeln!(out, "{:.6},{lat:.10},{lon:.10},{height:.3}", start_s + t).unwrap();
+    }
+    fs::write(path, out).unwrap();
+    let mut out = "time,vn,ve,vd\n".to_owned();
+    for (t, [n, e, d]) in velocity {
+        writeln!(out, "{:.6},{n:.4},{e:.4},{d:.4}", start_s + t).unwrap();
+    }
+    fs::write(path.with_file_name(format!("{}_VEL.csv", stem(path))), out).unwrap();
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap().to_string_lossy().trim_end_matches("_POS").to_owned()
+}
+
+/// The truth as RTKLIB writes it: GPS time.
+fn write_pos(flight: &Flight, path: &Path) {
+    let mut out =
+        "% program   : rnx2rtkp\n%\n%  GPST          latitude(deg) longitude(deg)  height(m)   Q  ns\n".to_owned();
+    for (t, [lat, lon, height]) in rows(flight, &flight.channels["position.truth"]).into_iter().step_by(20) {
+        let ms = (1e3 * t).round() as i64 + 18_000;
+        let (minute, second) = (ms / 60_000, ms % 60_000);
+        let (lat, lon) = (lat.to_degrees(), lon.to_degrees());
+        let time = format!("12:{minute:02}:{:02}.{:03}", second / 1000, second % 1000);
+        writeln!(out, "2021/05/04 {time}  {lat:.10}  {lon:.10}  {height:.4}  1  12").unwrap();
+    }
+    fs::write(path, out).unwrap();
+}
+
+fn answer(folder: &Path, arguments: &[&str]) -> serde_json::Value {
+    let output = flightlag([&["delay", "--json"], arguments].concat()).current_dir(folder).output().unwrap();
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", text(&output.stderr)))
+}
+
+fn is_late(flight: &serde_json::Value) {
+    let (value, u) = (flight["lateness_s"].as_f64().unwrap(), flight["lateness_u_s"].as_f64().unwrap());
+    assert!((value - LATE_S).abs() < 3.0 * u && u < 5e-3, "{value} ± {u}");
+}
+
+#[test]
+fn lateness_against_a_second_file_of_the_same_clock_is_absolute() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = flown(1);
+    write_table(&flight, &folder.path().join("a_POS.csv"), START_S as f64);
+    write_pos(&flight, &folder.path().join("a.pos"));
+    let alone = answer(folder.path(), &["."]);
+    // The position and the velocity are one flight, the solution is another without a velocity.
+    let names = |found: &serde_json::Value| -> Vec<String> {
+        found["flights"].as_array().unwrap().iter().map(|f| f["flight"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(&alone), ["a", "a.pos"]);
+    assert_eq!(alone["flights"][0]["datum"], "relative to velocity.gps");
+    let both = answer(folder.path(), &[".", "--reference", "{stem}.pos"]);
+    assert_eq!(names(&both), ["a"], "a reference is no flight of its own");
+    assert_eq!(both["flights"][0]["datum"], "reference");
+    is_late(&both["flights"][0]);
+    assert!(both["flights"][0]["words"].as_str().unwrap().contains("late against the reference"));
+    assert_eq!(both["flights"][0]["effect"], "helped");
+}
+
+#[test]
+fn a_second_file_with_a_clock_of_its_own_is_tied_by_the_velocity() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = flown(2);
+    write_table(&flight, &folder.path().join("b_POS.csv"), 17.0);
+    write_pos(&flight, &folder.path().join("solution.pos"));
+    let found = answer(folder.path(), &[".", "--reference", "solution.pos"]);
+    let line = &found["flights"][0];
+    assert_eq!(line["datum"], "relative to velocity.gps");
+    is_late(line);
+    let words = line["reference_file"].as_str().unwrap();
+    // The log says 17 s where the solution says 12:00:18 GPS time: the offset is all that lies between.
+    let gps_s = START_S + 18 - 315_964_800;
+    let offset: f64 = words.split(" is ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!((offset - (17.0 - gps_s as f64)).abs() < 0.01, "{words}");
+    assert_eq!(line["error_raw_m"].as_f64().map(|m| m > 1.0), Some(true));
+}
+
+#[test]
+fn a_campaign_takes_the_second_file_of_each_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let flights = folder.path().join("flights");
+    fs::create_dir(&flights).unwrap();
+    for (name, seed) in [("one", 3), ("two", 4)] {
+        let flight = flown(seed);
+        write_table(&flight, &flights.join(format!("{name}_POS.csv")), START_S as f64);
+        write_pos(&flight, &flights.join(format!("{name}_ppk.pos")));
+    }
+    let pipeline = "schema = 1\n[delay]\nfrom = \"network\"\n[reference]\nfile = \"{stem}_*.pos\"\n";
+    fs::write(folder.path().join("p.toml"), pipeline).unwrap();
+    let campaign = || {
+        let output = flightlag(["campaign", "flights", "--out", "out", "--pipeline", "p.toml"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
+        text(&output.stdout)
+    };
+    let told = campaign();
+    assert!(told.contains("late against reference (2 of 2 flights)"), "{told}");
+    let record = || {
+        let found = fs::read_dir(folder.path().join("out/flights")).unwrap().flatten();
+        let page = found.map(|e| e.path().join("record.json")).find(|p| p.to_string_lossy().contains("one")).unwrap();
+        serde_json::from_slice::<serde_json::Value>(&fs::read(page).unwrap()).unwrap()
+    };
+    let before = record();
+    assert_eq!(before["lateness"]["reference_file"]["clock"]["clock"], "same");
+    assert!(before["inputs"].as_array().unwrap().iter().any(|f| f["name"] == "one_ppk.pos"));
+    campaign();
+    assert_eq!(record(), before);
+    // Another solution is another result.
+    write_pos(&flown(5), &flights.join("one_ppk.pos"));
+    campaign();
+    assert_ne!(record()["key"], before["key"]);
+}
+
+#[test]
+fn a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = flown(6);
+    write_table(&flight, &folder.path().join("c_POS.csv"), START_S as f64);
+    write_pos(&flight, &folder.path().join("c.pos"));
+    let alarm = |arguments: &[&str]| {
+        let found = answer(folder.path(), arguments);
+        let alarms = found["flights"][0]["alarms"].as_array().unwrap().clone();
+        let of =
+            |a: &serde_json::Value| (a["code"] == "reference-not-used").then(|| a["text"].as_str().unwrap().to_owned());
+        alarms.iter().find_map(of).unwrap()
+    };
+    assert!(alarm(&[".", "--reference", "{stem}.ppk"]).contains("c.ppk is not used: there is no such file"));
+    fs::copy(folder.path().join("c.pos"), folder.path().join("c2.pos")).unwrap();
+    assert!(alarm(&["c_POS.csv", "--reference", "c*.pos"]).contains("2 files have such a name"));
+    let several = flightlag(["delay", ".", "--reference", "c.pos"]).current_dir(folder.path()).output().unwrap();
+    assert_eq!(several.status.code(), Some(2));
+    assert!(text(&several.stderr).contains("give a pattern in which {stem} stands for"), "{}", text(&several.stderr));
+}
