@@ -25,8 +25,10 @@ pub struct ByteLedger {
 }
 
 impl ByteLedger {
-    /// The part of a file that a record which was begun at its end may have without being damage: a thousandth.
+    /// The part of a file that a record which was begun at its end may have without being damage: a thousandth,
     pub const LARGEST_TAIL: f64 = 1e-3;
+    /// and in short files a hundredth, if it is no longer than a row of a table, bytes.
+    pub const LARGEST_TAIL_OF_SHORT: (f64, u64) = (1e-2, 1024);
 
     /// All bytes with a fate: `size`, if none was forgotten.
     #[must_use]
@@ -41,7 +43,9 @@ impl ByteLedger {
     /// size says that something is missing, that is a loss.
     #[must_use]
     pub fn is_cut_tail(bytes: u64, size: u64) -> bool {
-        (bytes as f64) < ByteLedger::LARGEST_TAIL * size as f64
+        let (share, row) = ByteLedger::LARGEST_TAIL_OF_SHORT;
+        let below = |share: f64| (bytes as f64) < share * size as f64;
+        below(ByteLedger::LARGEST_TAIL) || (bytes <= row && below(share))
     }
 }
 

@@ -141,18 +141,18 @@ fn place_of(range: &DamagedRange) -> String {
 mod tests {
     use super::*;
 
-    /// Fate of the last `length` bytes of a file of a million, which ends inside a record.
-    fn cut(length: u64) -> (LogHealth, Notices) {
-        let (mut ledger, mut health, mut notices) = (Ledger::new(1_000_000, 10), LogHealth::default(), Notices::new());
-        ledger.count(Fate::Decoded, 1_000_000 - length);
-        ledger.cut("a.bin", 1_000_000 - length, length, "the log ends inside a record");
+    /// Fate of the last `length` bytes of a file of `size`, which ends inside a record.
+    fn cut(size: u64, length: u64) -> (LogHealth, Notices) {
+        let (mut ledger, mut health, mut notices) = (Ledger::new(size, 10), LogHealth::default(), Notices::new());
+        ledger.count(Fate::Decoded, size - length);
+        ledger.cut("a.bin", size - length, length, "the log ends inside a record");
         ledger.finish(&mut health, &mut notices);
         (health, notices)
     }
 
     #[test]
     fn a_last_record_cut_at_power_off_is_counted_and_told_and_no_loss() {
-        let (health, notices) = cut(999);
+        let (health, notices) = cut(1_000_000, 999);
         assert_eq!((health.bytes.tail_cut, health.bytes.damaged, health.damage_count), (999, 0, 0));
         let told: Vec<_> = notices.iter().collect();
         assert_eq!((told.len(), told[0].code.as_str(), told[0].count), (1, "tail-cut", 999));
@@ -161,9 +161,16 @@ mod tests {
     }
 
     #[test]
-    fn a_thousandth_of_the_log_is_more_than_a_tail() {
-        let (health, notices) = cut(1000);
-        assert_eq!((health.bytes.tail_cut, health.bytes.damaged, health.damage_count), (0, 1000, 1));
-        assert!(notices.any_loss());
+    fn a_thousandth_of_the_log_is_more_than_a_tail_unless_it_is_one_row_of_a_short_table() {
+        let is_tail = |size: u64, length: u64| {
+            let (health, notices) = cut(size, length);
+            let bytes = &health.bytes;
+            assert_eq!((bytes.tail_cut + bytes.damaged, bytes.tail_cut == 0), (length, notices.any_loss()));
+            bytes.tail_cut == length
+        };
+        assert!(is_tail(2_000_000, 1999) && !is_tail(2_000_000, 2000));
+        assert!(is_tail(130_000, 589) && is_tail(200_000, 1024), "a row");
+        assert!(!is_tail(200_000, 1025), "more than a row");
+        assert!(!is_tail(50_000, 500), "a hundredth");
     }
 }
