@@ -24,6 +24,8 @@ const FINENESS: u32 = 2;
 const EDGE: u32 = 14;
 /// Left of a panel where no label needs more.
 const LEFT: u32 = 140;
+/// Between the longest label of a vertical axis and the axis.
+const BESIDE_LABEL: u32 = 30;
 /// Ten letters of a label.
 const TEN_LETTERS: usize = 130;
 const RIGHT: u32 = 64;
@@ -120,7 +122,7 @@ fn size(figure: &Figure) -> (u32, u32) {
 fn left(figure: &Figure) -> u32 {
     let labels = figure.panels.iter().flat_map(|panel| &panel.y.ticks).map(|tick| tick.label.chars().count());
     let longest = labels.max().unwrap_or(0) * TEN_LETTERS / 10;
-    u32::try_from(longest).map_or(LEFT, |longest| longest.clamp(LEFT, 2 * LEFT))
+    u32::try_from(longest).map_or(LEFT, |longest| (longest + BESIDE_LABEL).clamp(LEFT, 3 * LEFT))
 }
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;

@@ -13,7 +13,7 @@ mod sweep;
 
 pub(crate) use axis::Axis;
 pub(crate) use bench::{BenchFigures, ChannelFigures, anchors, main_component};
-pub(crate) use campaign::{control_chart, overview, pooled_sweep};
+pub(crate) use campaign::{control_chart, flights_figures, pooled_sweep};
 pub(crate) use card::{Forest, LeftOut, card_figures};
 pub(crate) use flight::flight_figures;
 pub(crate) use flight_delay::delay_over_time;

@@ -32,7 +32,7 @@ use record::{Estimate, Finding, Outcome, SensorIdentity, TimeBasis, Verdict};
 /// A whole page. A page with a wide table is `wide` and gets the script that sorts it; it
 /// reads as well without.
 fn document(title: &str, wide: bool, body: Markup) -> String {
-    let script = wide.then_some(style::SORT_SCRIPT);
+    let script = wide.then_some(style::TABLE_SCRIPT);
     html! {
         (DOCTYPE)
         html lang="en" {

@@ -3,64 +3,157 @@
 use super::axis::Tick;
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, pieces, stroke, upright};
 use crate::number::{self, COVERAGE_FACTOR};
+use crate::text::short_label;
 use record::{CampaignDelay, CampaignRecord, ControlPoint, FlightRow};
 
-/// Correction over the way flown in Td at median speed, a point for each flight, with its
-/// expanded uncertainty. `None` if no flight has both.
-pub(crate) fn overview(record: &CampaignRecord) -> Option<Figure> {
-    let points: Vec<_> = record.flights.iter().filter_map(|row| Some((row.lossy, point(row)?))).collect();
-    let largest = points.iter().flat_map(|(_, p)| [p.way, p.high]).fold(0.0, f64::max);
-    if points.is_empty() || largest <= 0.0 {
-        return None;
+/// Most flights in a figure with a row for each; the table and the record have all.
+const MOST_ROWS: usize = 60;
+
+/// How late each flight's position is, and what removing a delay did to each: the flights by name, the newest first.
+pub(crate) fn flights_figures(record: &CampaignRecord) -> Vec<Figure> {
+    let numbered = |(figure, number): (Figure, u32)| Figure { number, ..figure };
+    [forest(record), effects(record)].into_iter().flatten().zip(1..).map(numbered).collect()
+}
+
+/// Flights in groups, the newest first; of too many the newest, and every one that stands out.
+fn chosen<'a>(record: &'a CampaignRecord, shown: impl Fn(&FlightRow) -> bool) -> (Vec<&'a FlightRow>, usize) {
+    let mut rows: Vec<&FlightRow> = record.flights.iter().filter(|row| shown(row)).collect();
+    rows.sort_by(|a, b| (&b.flown_at, &b.flight).cmp(&(&a.flown_at, &a.flight)));
+    let outliers: Vec<&String> = record.groups.iter().flat_map(|g| &g.outliers).collect();
+    let stands_out = |row: &FlightRow| outliers.contains(&&row.flight);
+    let all = rows.len();
+    let mut rank = 0;
+    rows.retain(|row| {
+        rank += 1;
+        rank <= MOST_ROWS || stands_out(row)
+    });
+    rows.truncate(2 * MOST_ROWS);
+    let group = |row: &FlightRow| {
+        let name = row.lateness.as_ref().map(|l| &l.group);
+        record.groups.iter().position(|g| Some(&g.group) == name).unwrap_or(usize::MAX)
+    };
+    rows.sort_by_key(|row| group(row));
+    let missing = all - rows.len();
+    (rows, missing)
+}
+
+/// Names at the left, the first row at the top.
+fn rows_axis(rows: &[&FlightRow]) -> Axis {
+    let count = rows.len();
+    let name = |row: &FlightRow| short_label(row.flight.rsplit('/').next().unwrap_or(&row.flight));
+    let tick = |(k, row): (usize, &&FlightRow)| Tick { at: (count - k) as f64, label: name(row) };
+    Axis::ticked("", (0.4, count as f64 + 0.6), rows.iter().enumerate().map(tick).collect())
+}
+
+fn missing_words(missing: usize) -> String {
+    match missing {
+        0 => String::new(),
+        n => format!(" Not drawn, but in the table: {}, the oldest.", number::counted(n as u64, "flight", "flights")),
     }
-    let of = |lossy: bool| points.iter().filter(move |(l, _)| *l == lossy).map(|(_, p)| p.piece()).collect::<Vec<_>>();
+}
+
+/// How late each position is, with its expanded uncertainty, and the mean of its group.
+fn forest(record: &CampaignRecord) -> Option<Figure> {
+    let late = |row: &FlightRow| row.lateness.as_ref()?.lateness_s().filter(|e| is_drawable(e.value));
+    let (rows, missing) = chosen(record, |row| late(row).is_some());
+    let outliers: &Vec<&String> = &record.groups.iter().flat_map(|g| &g.outliers).collect();
+    let at = |k: usize| (rows.len() - k) as f64;
+    let of = |outside: bool| {
+        let wanted = rows.iter().enumerate().filter(move |(_, row)| outliers.contains(&&row.flight) == outside);
+        let piece = |(k, row): (usize, &&FlightRow)| {
+            let e = late(row)?;
+            let half = 1e3 * COVERAGE_FACTOR * e.standard_uncertainty.unwrap_or(0.0);
+            let (x, y) = (1e3 * e.value, at(k));
+            is_drawable(half).then(|| vec![(x, y), (x - half, y), (x + half, y)])
+        };
+        wanted.filter_map(piece).collect::<Vec<_>>()
+    };
+    let (inside, outside) = (of(false), of(true));
     let mut lines = vec![
-        Line { name: "equal".to_owned(), pen: Pen::Dotted, pieces: vec![vec![(0.0, 0.0), (largest, largest)]] },
-        Line { name: "flight, with U (k = 2)".to_owned(), pen: Pen::Points, pieces: of(false) },
-        Line { name: "flight with a damaged log".to_owned(), pen: Pen::HollowPoints, pieces: of(true) },
+        Line { name: "flight, ± U (k = 2)".to_owned(), pen: Pen::Points, pieces: inside },
+        Line { name: "differs from its group".to_owned(), pen: Pen::HollowPoints, pieces: outside },
+        Line { name: "mean of the group".to_owned(), pen: Pen::Rule, pieces: group_means(record, &rows) },
+        Line { name: "removed".to_owned(), pen: Pen::DoubtfulPoints, pieces: removed(&rows) },
     ];
     lines.retain(|line| !line.pieces.is_empty());
-    let axis = |label: &str| Axis::exactly(label, (0.0, largest * 1.05), 8);
+    let x = Axis::linear("how late the position is (ms)", extent(&lines, |p| p.0)?, 7);
     Some(Figure {
-        id: "overview".to_owned(),
-        number: 1,
-        title: "Correction against speed times delay".to_owned(),
+        id: "lateness".to_owned(),
+        number: 0,
+        title: "How late each position is".to_owned(),
         caption: format!(
-            "Raw − exact compensation (2‑D rms, m) of {} of {} flights over Td times median ground speed (m).",
-            points.len(),
-            record.flights.len()
+            "Lateness (ms) of {}, by group, the newest first.{}",
+            number::counted(rows.len() as u64, "flight", "flights"),
+            missing_words(missing)
         ),
-        how_to_read: "A point above the line held its fixes for long, or flew much of the time faster than its median. \
-                      Correction and line are made of the same velocity and Td: the figure shows sizes, and is a \
-                      check of neither.",
-        panels: vec![Panel::of(axis("Td × median ground speed (m)"), axis("correction, 2‑D rms (m)"), lines)],
-        panel_size: (620, 330),
-        fine: false,
+        how_to_read: "Good: the bars of a group reach its line. Bad: a flight whose bar does not (another cable, rate or \
+                      firmware), and a grey ring far from its point (a wrong delay was removed).",
+        panels: vec![Panel::of(x, rows_axis(&rows), lines)],
+        panel_size: (620, 24 + 15 * rows.len() as u32),
+        fine: true,
     })
 }
 
-struct Point {
-    way: f64,
-    value: f64,
-    low: f64,
-    high: f64,
+/// An upright through the rows of each group at its mean.
+fn group_means(record: &CampaignRecord, rows: &[&FlightRow]) -> Vec<Vec<(f64, f64)>> {
+    let of_group = |group: &record::GroupLateness| {
+        let mean = 1e3 * group.lateness_s?.value;
+        let is_in = |row: &&FlightRow| row.lateness.as_ref().is_some_and(|l| l.group == group.group);
+        let first = rows.iter().position(is_in)?;
+        let last = rows.iter().rposition(is_in)?;
+        let y = |k: usize| (rows.len() - k) as f64;
+        is_drawable(mean).then(|| vec![(mean, y(first) + 0.45), (mean, y(last) - 0.45)])
+    };
+    record.groups.iter().filter_map(of_group).collect()
 }
 
-impl Point {
-    /// A point, then its bar: a piece of three points, all at the same abscissa.
-    fn piece(&self) -> Vec<(f64, f64)> {
-        vec![(self.way, self.value), (self.way, self.low), (self.way, self.high)]
-    }
+/// Delays that were removed.
+fn removed(rows: &[&FlightRow]) -> Vec<Vec<(f64, f64)>> {
+    let point = |(k, row): (usize, &&FlightRow)| {
+        let x = 1e3 * row.delay_s.filter(|s| is_drawable(*s))?;
+        let y = (rows.len() - k) as f64;
+        Some(vec![(x, y), (x, y), (x, y)])
+    };
+    rows.iter().enumerate().filter_map(point).collect()
 }
 
-fn point(row: &FlightRow) -> Option<Point> {
-    let way = (row.delay_s? * row.speed_median_mps?).abs();
-    let correction = row.correction_rms_m?;
-    let expanded = COVERAGE_FACTOR * correction.standard_uncertainty.unwrap_or(0.0);
-    let value = correction.value;
-    let (low, high) = ((value - expanded).max(0.0), value + expanded);
-    let drawable = |v: f64| (0.0..1e12).contains(&v);
-    [way, value, low, high].into_iter().all(drawable).then_some(Point { way, value, low, high })
+/// Error of each flight before and after a delay was removed.
+fn effects(record: &CampaignRecord) -> Option<Figure> {
+    let errors = |row: &FlightRow| {
+        row.delay_s?;
+        let effect = row.effect.as_ref()?;
+        let both = [effect.error_raw_m?.value, effect.error_compensated_m?.value];
+        both.into_iter().all(|e| is_drawable(e) && e > 0.0).then_some(both)
+    };
+    let (rows, missing) = chosen(record, |row| errors(row).is_some());
+    let y = |k: usize| (rows.len() - k) as f64;
+    let all: Vec<(f64, [f64; 2])> = rows.iter().enumerate().filter_map(|(k, row)| Some((y(k), errors(row)?))).collect();
+    let points = |k: usize| all.iter().map(|(y, e)| vec![(e[k], *y), (e[k], *y), (e[k], *y)]).collect::<Vec<_>>();
+    let ways = all.iter().map(|(y, e)| vec![(e[0], *y), (e[1], *y)]).collect();
+    let lines = vec![
+        Line { name: String::new(), pen: Pen::Faint, pieces: ways },
+        Line { name: "as logged".to_owned(), pen: Pen::HollowPoints, pieces: points(0) },
+        Line { name: "after removal".to_owned(), pen: Pen::Points, pieces: points(1) },
+    ];
+    let (least, largest) = extent(&lines, |p| p.0)?;
+    let x = Axis::logarithmic("error of the position, 2‑D rms (m)", (least / 1.15, largest * 1.15));
+    let better = all.iter().filter(|(_, [raw, after])| after < raw).count();
+    Some(Figure {
+        id: "effect".to_owned(),
+        number: 0,
+        title: "What the removal did".to_owned(),
+        caption: format!(
+            "Error (2‑D rms, m) before and after, of {}; smaller in {}.{}",
+            number::counted(rows.len() as u64, "flight", "flights"),
+            number::count(better as u64),
+            missing_words(missing)
+        ),
+        how_to_read: "Good: the full point lies left of the ring. Bad: it lies right of it. Against a reference where the log \
+                      has one, else by the lateness that is left.",
+        panels: vec![Panel::of(x, rows_axis(&rows), lines)],
+        panel_size: (620, 24 + 15 * rows.len() as u32),
+        fine: true,
+    })
 }
 
 /// Most flights on the control chart; the record holds all.
@@ -68,7 +161,9 @@ const MOST_FLIGHTS: usize = 400;
 
 /// Measured delays over the flights, with what they should be. `None` without one. Its number is the page's.
 pub(crate) fn control_chart(delay: &CampaignDelay, number: u32) -> Option<Figure> {
-    let points = || (1u32..).zip(&delay.control).take(MOST_FLIGHTS);
+    // Of too many the newest.
+    let left_out = delay.control.len().saturating_sub(MOST_FLIGHTS);
+    let points = || (1u32..).zip(&delay.control).skip(left_out);
     let of = |outside: bool| {
         let wanted = points().filter(move |(_, p)| p.is_outside == outside);
         let pieces = wanted.filter_map(|(n, p)| {
@@ -97,7 +192,12 @@ pub(crate) fn control_chart(delay: &CampaignDelay, number: u32) -> Option<Figure
     let last = points().count();
     let every = last.div_ceil(25).max(1);
     let tick = |n: usize| Tick { at: n as f64, label: n.to_string() };
-    let x = Axis::ticked("flight", (0.4, last as f64 + 0.6), (1..=last).step_by(every).map(tick).collect());
+    let (first, end) = (left_out + 1, left_out + last);
+    let x = Axis::ticked(
+        "flight",
+        (first as f64 - 0.6, end as f64 + 0.6),
+        (first..=end).step_by(every).map(tick).collect(),
+    );
     let order =
         if delay.in_time_order { "in the order in which they were flown" } else { "in the order of their names" };
     let outside = delay.control.iter().filter(|p| p.is_outside).count();
@@ -106,9 +206,8 @@ pub(crate) fn control_chart(delay: &CampaignDelay, number: u32) -> Option<Figure
         number::counted(last as u64, "flight", "flights"),
         number::count(outside as u64),
     );
-    if last < delay.control.len() {
-        let more = (delay.control.len() - last) as u64;
-        caption += &format!(" Not drawn, but in the record: {}.", number::count(more));
+    if left_out > 0 {
+        caption += &format!(" Not drawn, but in the record: the first {}.", number::count(left_out as u64));
     }
     Some(Figure {
         id: "control-chart".to_owned(),

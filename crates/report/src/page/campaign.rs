@@ -1,17 +1,21 @@
-//! The page of a campaign: all flights, the troubled ones first.
+//! The page of a campaign: the answer, what to do, all flights with the gravest first.
 
-use super::Head::{self, Number, Text};
+mod attention;
+mod flights;
+mod todo;
+
+use super::Head::Text;
 use super::flight_delay::normalised_difference;
 use super::{
-    badge, command_block, criteria, data_lost, document, estimate, figure, finding, lateness, maybe, more, no_number,
-    pipeline_details, pipeline_rows, plain, reason, table, tail_cut, versions,
+    badge, command_block, criteria, document, estimate, figure, finding, lateness, more, no_number, pipeline_details,
+    pipeline_rows, plain, table, versions,
 };
 use crate::draw;
-use crate::figure::{Figure, control_chart, overview, pooled_sweep};
+use crate::figure::{Figure, control_chart, flights_figures, pooled_sweep};
 use crate::number;
 use crate::site::Site;
-use crate::text::{href, label, shown};
-use crate::verdict::{in_millis, source_word};
+use crate::text::shown;
+use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{
     CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, EffectVerdict, Estimate, Finding, FlightRow,
@@ -24,19 +28,18 @@ const MOST_PATHS: usize = 500;
 /// Most flights named as outside their limits.
 const MOST_OUTSIDE: usize = 20;
 
-/// The page of a campaign: `index.html`, and its figure again as `figures/overview.svg` if
-/// any flight has a correction. [`FlightRow::page`] is a path relative to this page, not yet
+/// The page of a campaign: `index.html`, and its figures again in `figures/`. [`FlightRow::page`] is a path relative to this page, not yet
 /// percent-encoded.
 #[must_use]
 pub fn campaign_site(record: &CampaignRecord) -> Site {
     let mut site = Site::default();
-    let figure = overview(record);
-    let of_delay = delay_figures(record, 1 + u32::from(figure.is_some()));
-    for figure in figure.iter().chain(&of_delay) {
+    let figures = flights_figures(record);
+    let of_delay = delay_figures(record, 1 + figures.len() as u32);
+    for figure in figures.iter().chain(&of_delay) {
         site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
     let title = format!("{} — flightlag campaign", record.name);
-    site.add("index.html", document(&title, true, body(record, figure.as_ref(), &of_delay)));
+    site.add("index.html", document(&title, true, body(record, &figures, &of_delay)));
     site
 }
 
@@ -48,12 +51,13 @@ fn delay_figures(record: &CampaignRecord, number: u32) -> Vec<Figure> {
     chart.into_iter().chain(pooled).collect()
 }
 
-fn body(record: &CampaignRecord, overview: Option<&Figure>, of_delay: &[Figure]) -> Markup {
+fn body(record: &CampaignRecord, figures: &[Figure], of_delay: &[Figure]) -> Markup {
     html! {
         nav aria-label="On this page" {
+            a href="#todo" { "Do this" }
+            @for of in figures { a href={ "#" (of.id) } { (of.title) } }
             a href="#attention" { "Needs attention" }
             @if record.criteria.is_some() { a href="#criteria" { "Criteria" } } a href="#all" { "All flights" }
-            @if let Some(overview) = overview { a href={ "#" (overview.id) } { "Figure" } }
             @if record.delay.is_some() { a href="#delay" { "Position against velocity" } }
             a href="#ignored" { "Inputs not processed" } a href="#provenance" { "Provenance" }
         }
@@ -61,11 +65,12 @@ fn body(record: &CampaignRecord, overview: Option<&Figure>, of_delay: &[Figure])
             h1 { (shown(&record.name)) }
             p.note { (shown(&record.pipeline.title)) }
             (answer(record))
+            (todo::todo(record))
             (stats(record))
-            (attention(&record.flights))
+            @for of in figures { (figure(of)) }
+            (attention::attention(&record.flights))
             @if let Some(of) = &record.criteria { (criteria::campaign_section(of)) }
-            (flights(&record.flights))
-            @if let Some(overview) = overview { (figure(overview)) }
+            (flights::table(&record.flights))
             @if let Some(delay) = &record.delay { (delay_section(delay, of_delay)) }
             (ignored(record))
             (provenance(record))
@@ -110,170 +115,25 @@ fn outcome_count(flights: u64, class: &str, icon: &str, word: &str) -> Markup {
     html! { li { b { (number::count(flights)) } (badge(if flights == 0 { "off" } else { class }, icon, word)) } }
 }
 
-/// Failed or lossy flights with their reason; then those that could not be measured.
-fn attention(flights: &[FlightRow]) -> Markup {
-    let troubled: Vec<&FlightRow> = flights
-        .iter()
-        .filter(|row| {
-            let done = matches!(row.outcome, Outcome::Compensated | Outcome::Uncompensated { .. });
-            row.lossy || !row.attention.is_empty() || !done
-        })
-        .collect();
-    let harmed = |row: &FlightRow| row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed);
-    let alarmed = |row: &FlightRow| {
-        flight_alarms(row.lateness.as_ref(), row.decision.as_ref()).iter().any(|a| a.gravity == Gravity::Red)
-    };
-    let rank = |row: &FlightRow| match row.outcome {
+/// Whether the removal made the flight worse.
+fn is_harmed(row: &FlightRow) -> bool {
+    row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed)
+}
+
+/// How grave a flight is: 0 is the gravest; flights of one gravity by name.
+fn gravity(row: &FlightRow) -> (u8, &str) {
+    let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
+    let any = |gravity| alarms.iter().any(|a| a.gravity == gravity);
+    let rank = match row.outcome {
         Outcome::Failed { .. } => 0,
-        _ if harmed(row) || alarmed(row) => 0,
-        Outcome::Compensated | Outcome::Uncompensated { .. } if !row.lossy => 2,
-        Outcome::NotMeasurable { .. } | Outcome::Pending { .. } if !row.lossy => 3,
-        _ => 1,
+        _ if is_harmed(row) => 1,
+        _ if any(Gravity::Red) => 2,
+        _ if row.lossy => 3,
+        Outcome::NotMeasurable { .. } | Outcome::Pending { .. } => 6,
+        _ if any(Gravity::Amber) || !row.attention.is_empty() => 4,
+        Outcome::Compensated | Outcome::Uncompensated { .. } => 5,
     };
-    let body = html! {
-        @for wanted in 0..4 {
-            @for row in troubled.iter().filter(|row| rank(row) == wanted) {
-                tr {
-                    th scope="row" { (link(row)) }
-                    td {
-                        (lateness::row_badges(row)) " "
-                        (lateness::alarm_badges(&flight_alarms(row.lateness.as_ref(), row.decision.as_ref())))
-                    }
-                    td.any { (why(row)) }
-                }
-            }
-        }
-    };
-    let head = [Text("Flight"), Text("Outcome"), Text("Reason")];
-    html! {
-        h2 #attention { "Needs attention" }
-        @if troubled.is_empty() { p { "Nothing: no flight was harmed, no delay has an alarm, and no log is damaged." } }
-        @else { (table("Failed, damaged, doubtful, or not measurable", &head, body)) }
-    }
-}
-
-fn why(row: &FlightRow) -> Markup {
-    html! {
-        @if let Some(reason) = reason(&row.outcome) { (shown(reason)) " " }
-        @if !row.attention.is_empty() {
-            ul.plain { @for reason in &row.attention { li { (shown(reason)) } } }
-        }
-    }
-}
-
-fn link(row: &FlightRow) -> Markup {
-    html! { a href=(href(&row.page)) { (shown(&row.flight)) } }
-}
-
-fn flights(flights: &[FlightRow]) -> Markup {
-    let judged = flights.iter().any(|r| r.criteria.is_some());
-    html! {
-        h2 #all { "All flights" }
-        div.scroll tabindex="0" role="region" aria-label="All flights" {
-            table.sortable #flights {
-                caption { "One row for each flight; ± is U with k = 2. — is a number that the record does not hold." }
-                thead { tr { @for column in head(judged) { (column) } } }
-                tbody { @for row in flights { (flight_row(row, judged)) } }
-            }
-        }
-    }
-}
-
-fn head(judged: bool) -> Vec<Head> {
-    let mut head = vec![
-        Text("Flight"),
-        Text("Effect"),
-        Text("Alarms"),
-        Text("Kind"),
-        Number("Lateness (ms)"),
-        Text("Against"),
-        Number("Removed (ms)"),
-        Text("Removed from"),
-        Number("Error before (m)"),
-        Number("Error after (m)"),
-        Text("Data"),
-        Number("Valid (% of time)"),
-        Number("Warnings"),
-        Number("Duration (h:mm:ss)"),
-        Number("Position − velocity (ms)"),
-        Number("Correction, 2‑D rms (m)"),
-    ];
-    if judged {
-        head.insert(3, Text("Criteria"));
-    }
-    head.extend(["Speed, median (m/s)", "Position (Hz)", "Velocity (Hz)"].map(Number));
-    head.extend([Text("Map"), Text("Format"), Number("Size")]);
-    head
-}
-
-fn flight_row(row: &FlightRow, judged: bool) -> Markup {
-    html! {
-        tr {
-            th scope="row" { (link(row)) }
-            td { (lateness::result_badge(&row.outcome, row.effect.as_ref())) }
-            td { (lateness::alarm_badges(&flight_alarms(row.lateness.as_ref(), row.decision.as_ref()))) }
-            @if judged { (criteria::cell(row)) }
-            (lateness::lateness_cells(row))
-            (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
-            td { (maybe(row.delay_from, |from| html! { (source_word(from)) })) }
-            (lateness::effect_cells(row))
-            td { (data_word(row)) }
-            (share_cell(row.valid_share))
-            td.n { (number::count(row.warnings)) }
-            (cell(row.duration_s, |s| number::clock(s, 0)))
-            (estimate_cell(row.measured_delay_s.as_ref().map(in_millis).as_ref()))
-            (estimate_cell(row.correction_rms_m.as_ref()))
-            (cell(row.speed_median_mps, |v| number::significant(v, 3)))
-            (rate_cell(row.position_rate_hz, row.position.as_deref()))
-            (rate_cell(row.velocity_rate_hz, row.velocity.as_deref()))
-            td { (maybe(row.map.as_deref(), |map| html! { (shown(map)) })) }
-            td { (shown(&row.format)) }
-            td.n data-v=(row.bytes) { (number::bytes(row.bytes)) }
-        }
-    }
-}
-
-/// Nothing is known of the data of a flight that failed for another reason.
-fn data_word(row: &FlightRow) -> Markup {
-    match row.outcome {
-        _ if row.lossy => data_lost(),
-        Outcome::Failed { .. } | Outcome::Pending { .. } => html! { "—" },
-        _ if row.tail_cut_bytes > 0 => tail_cut(),
-        _ => html! { "whole" },
-    }
-}
-
-/// A number that sorts by all its bits and is shown rounded.
-fn cell(value: Option<f64>, show: impl FnOnce(f64) -> String) -> Markup {
-    match value {
-        Some(value) => html! { td.n data-v=(value) { (show(value)) } },
-        None => html! { td.n { "—" } },
-    }
-}
-
-fn rate_cell(rate: Option<f64>, channel: Option<&str>) -> Markup {
-    html! {
-        td.n data-v=[rate] title=[channel.map(label)] {
-            @match rate { Some(rate) => { (number::significant(rate, 3)) } None => { "—" } }
-        }
-    }
-}
-
-fn estimate_cell(value: Option<&Estimate>) -> Markup {
-    match value {
-        Some(value) => html! { td.n data-v=(value.value) { (number::with_uncertainty(value)) } },
-        None => html! { td.n { "—" } },
-    }
-}
-
-fn share_cell(share: Option<f64>) -> Markup {
-    match share.filter(|s| s.is_finite()) {
-        Some(share) => {
-            let width = format!("--p:{:.0}%", share.clamp(0.0, 1.0) * 100.0);
-            html! { td.n.share style=(width) data-v=(share) { (number::percent(share)) } }
-        }
-        None => html! { td.n { "—" } },
-    }
+    (rank, &row.flight)
 }
 
 /// What the flights say of the delay, together.

@@ -1,7 +1,7 @@
 //! The answer: how late the position is, what was removed, whether that helped, what to do.
 
 use super::Head::{Number, Text};
-use super::{badge, data_lost, estimate, maybe, maybe_estimate, no_number, plain, table};
+use super::{badge, estimate, maybe, maybe_estimate, no_number, plain, table};
 use crate::number;
 use crate::text::{ended, shown, shown_block};
 use crate::verdict::{in_millis, source_phrase};
@@ -23,6 +23,21 @@ pub(super) fn result_badge(outcome: &Outcome, effect: Option<&Effect>) -> Markup
         (_, Some(effect)) => effect_badge(effect.verdict),
         (Outcome::Uncompensated { .. }, None) => badge("off", "○", "Nothing removed"),
         (Outcome::Compensated, None) => badge("unsure", "?", "Effect unknown"),
+    }
+}
+
+/// The same in a word, as the table of flights is filtered by it.
+pub(super) fn result_word(outcome: &Outcome, effect: Option<&Effect>) -> &'static str {
+    match (outcome, effect.map(|e| e.verdict)) {
+        (Outcome::Failed { .. }, _) => "failed",
+        (Outcome::Pending { .. }, _) => "pending",
+        (Outcome::NotMeasurable { .. }, _) => "not measurable",
+        (_, Some(EffectVerdict::Helped)) => "helped",
+        (_, Some(EffectVerdict::NoChange)) => "no change",
+        (_, Some(EffectVerdict::Harmed)) => "harmed",
+        (_, Some(EffectVerdict::CannotTell)) => "cannot tell",
+        (Outcome::Uncompensated { .. }, None) => "nothing removed",
+        (Outcome::Compensated, None) => "unknown",
     }
 }
 
@@ -251,9 +266,4 @@ pub(super) fn effect_cells(row: &FlightRow) -> Markup {
         (cell(effect.and_then(|e| e.error_raw_m.as_ref())))
         (cell(effect.and_then(|e| e.error_compensated_m.as_ref())))
     }
-}
-
-/// Result and damage of a row.
-pub(super) fn row_badges(row: &FlightRow) -> Markup {
-    html! { (result_badge(&row.outcome, row.effect.as_ref())) @if row.lossy { " " (data_lost()) } }
 }

@@ -6,8 +6,8 @@ use sha2::{Digest, Sha256};
 /// and on paper; figures keep white paper in dark mode.
 pub(super) const CSS: &str = include_str!("style.css");
 
-/// Makes the tables of a page sortable by their column heads. Without it they are tables.
-pub(super) const SORT_SCRIPT: &str = include_str!("sort.js");
+/// Sorts, filters and saves the table of flights. Without it it is a table.
+pub(super) const TABLE_SCRIPT: &str = include_str!("table.js");
 
 /// What the page may load: its own styles, images inside it, and its own script by its hash.
 pub(super) fn content_security_policy(script: Option<&str>) -> String {

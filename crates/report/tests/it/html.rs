@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-const TAGS: [&str; 44] = [
+const TAGS: [&str; 46] = [
     "html",
     "head",
     "meta",
@@ -37,6 +37,8 @@ const TAGS: [&str; 44] = [
     "figcaption",
     "details",
     "summary",
+    "bdi",
+    "ol",
     "svg",
     "desc",
     "path",
@@ -49,7 +51,7 @@ const TAGS: [&str; 44] = [
     "g",
 ];
 const VOID: [&str; 2] = ["meta", "wbr"];
-const ATTRIBUTES: [&str; 48] = [
+const ATTRIBUTES: [&str; 53] = [
     "open",
     "lang",
     "charset",
@@ -68,6 +70,11 @@ const ATTRIBUTES: [&str; 48] = [
     "title",
     "value",
     "data-v",
+    "data-effect",
+    "data-kind",
+    "data-group",
+    "data-data",
+    "data-alarm",
     "style",
     "viewBox",
     "width",

@@ -1,0 +1,140 @@
+//! What to do, ranked by the metres that it saves.
+
+use super::attention::{names, varies};
+use super::is_harmed;
+use crate::number;
+use crate::text::{ended, shown};
+use maud::{Markup, html};
+use record::{CampaignRecord, DelaySetting, Effect, FlightRow, GroupLateness, Outcome};
+use std::collections::BTreeMap;
+
+/// Most lines.
+const MOST: usize = 5;
+/// Code of the alarm of a table whose columns were bound by guess.
+const GUESSED: &str = "bound-by-guess";
+
+/// One thing to do.
+struct Action {
+    /// Error that it saves, summed over its flights, m.
+    saves_m: f64,
+    what: Markup,
+}
+
+/// At most five lines; nothing where nothing is to be done.
+pub(super) fn todo(record: &CampaignRecord) -> Markup {
+    let mut all: Vec<Action> = record.groups.iter().filter_map(|group| set(group, &record.flights)).collect();
+    all.extend(harmed(&record.flights));
+    // Equal metres keep this order.
+    all.extend(changing(&record.flights));
+    all.extend(failed(&record.flights));
+    all.extend(fly(&record.flights));
+    all.extend(guessed(&record.flights));
+    all.sort_by(|a, b| b.saves_m.total_cmp(&a.saves_m));
+    html! {
+        @if !all.is_empty() {
+            h2 #todo { "Do this" }
+            ol.todo { @for action in all.iter().take(MOST) { li { (action.what) } } }
+            @if all.len() > MOST {
+                p.note { (number::counted((all.len() - MOST) as u64, "thing", "things")) " more below, under the flights that need attention." }
+            }
+        }
+    }
+}
+
+fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
+    if group.advice.set.is_empty() {
+        return None;
+    }
+    let mut errors: Vec<[f64; 2]> = vec![];
+    let is_in = |r: &&FlightRow| r.lateness.as_ref().is_some_and(|l| l.group == group.group);
+    for row in flights.iter().filter(is_in).filter(|r| r.delay_s.is_some()) {
+        let of = |e: &Effect| Some([e.error_raw_m?.value, e.error_compensated_m?.value]);
+        errors.extend(row.effect.as_ref().and_then(of));
+    }
+    let saves_m = errors.iter().map(|[raw, after]| raw - after).sum::<f64>();
+    let median = |k: usize| {
+        let mut all: Vec<f64> = errors.iter().map(|e| e[k]).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        all.get(all.len() / 2).copied()
+    };
+    let metres = median(0).zip(median(1)).filter(|(raw, after)| after < raw);
+    let what = html! {
+        "Set " (settings(&group.advice.set)) " for " b { (shown(&group.group.name)) }
+        @if let Some((raw, after)) = metres {
+            ": error " (number::significant(raw, 3)) " → " (number::significant(after, 2)) " m (median of "
+            (number::counted(errors.len() as u64, "flight", "flights")) ")"
+        }
+        "."
+    };
+    Some(Action { saves_m, what })
+}
+
+fn settings(set: &[DelaySetting]) -> Markup {
+    html! {
+        @for (i, s) in set.iter().enumerate() {
+            @if i > 0 { " or " }
+            code { (shown(&s.name)) " = " (s.value) }
+        }
+    }
+}
+
+fn harmed(flights: &[FlightRow]) -> Option<Action> {
+    let rows: Vec<&FlightRow> = flights.iter().filter(|r| is_harmed(r)).collect();
+    let lost = |r: &&FlightRow| {
+        let effect = r.effect.as_ref()?;
+        Some(effect.error_compensated_m?.value - effect.error_raw_m?.value)
+    };
+    let what = html! {
+        "Do not remove this delay from " (number::counted(rows.len() as u64, "flight", "flights")) ", which it makes worse: "
+        (names(&rows)) "."
+    };
+    (!rows.is_empty()).then(|| Action { saves_m: rows.iter().filter_map(lost).sum(), what })
+}
+
+fn changing(flights: &[FlightRow]) -> Option<Action> {
+    let rows: Vec<&FlightRow> = flights.iter().filter(|r| varies(r)).collect();
+    let what = html! {
+        "Do not use one delay for " (number::counted(rows.len() as u64, "flight", "flights")) " whose delay changes: " (names(&rows)) "."
+    };
+    (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
+}
+
+fn failed(flights: &[FlightRow]) -> Option<Action> {
+    let reason = |r: &FlightRow| match &r.outcome {
+        Outcome::Failed { reason } => Some(reason.clone()),
+        _ => None,
+    };
+    let rows: Vec<&FlightRow> = flights.iter().filter(|r| reason(r).is_some()).collect();
+    let what = html! {
+        "Look at " (number::counted(rows.len() as u64, "log", "logs")) " that could not be used: " (names(&rows)) ". "
+        a href="#attention" { "Reasons" } "."
+    };
+    (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
+}
+
+/// What to fly, by the most frequent advice.
+fn fly(flights: &[FlightRow]) -> Option<Action> {
+    let mut by_advice: BTreeMap<&str, Vec<&FlightRow>> = BTreeMap::new();
+    for row in flights {
+        if let Some(fly) = row.lateness.as_ref().and_then(|l| l.advice.fly.as_deref()) {
+            by_advice.entry(fly).or_default().push(row);
+        }
+    }
+    let (advice, rows) = by_advice.into_iter().max_by_key(|(_, rows)| rows.len())?;
+    let what = html! {
+        (ended(advice)) " It would tell what " (number::counted(rows.len() as u64, "flight does not", "flights do not")) " tell: "
+        (names(&rows)) "."
+    };
+    Some(Action { saves_m: 0.0, what })
+}
+
+fn guessed(flights: &[FlightRow]) -> Option<Action> {
+    let is_guessed =
+        |r: &&FlightRow| r.lateness.as_ref().is_some_and(|l| l.alarms.iter().any(|alarm| alarm.code == GUESSED));
+    let rows: Vec<&FlightRow> = flights.iter().filter(is_guessed).collect();
+    let what = html! {
+        "Write down which columns are which, for " (number::counted(rows.len() as u64, "log was", "logs were"))
+        " bound by guess: " code { "flightlag maps --suggest LOG > own.toml" } "."
+    };
+    (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
+}
