@@ -596,7 +596,7 @@ impl Select for MapSelect<'_> {
         if fields.is_empty() { Selection::Skip } else { Selection::Fields(fields) }
     }
 
-    fn definition(&self, type_name: &str) -> Option<String> {
+    fn definition(&self, type_name: &str) -> Option<&str> {
         self.definitions.of(type_name)
     }
 }
@@ -610,7 +610,7 @@ impl Select for SelectAll<'_> {
         Selection::All
     }
 
-    fn definition(&self, type_name: &str) -> Option<String> {
+    fn definition(&self, type_name: &str) -> Option<&str> {
         self.0.of(type_name)
     }
 }
