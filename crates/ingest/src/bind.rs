@@ -9,6 +9,7 @@ mod daytime;
 mod ecef;
 mod lacking;
 mod order;
+mod placed;
 mod repair;
 mod restarts;
 mod rows;
