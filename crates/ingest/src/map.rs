@@ -43,6 +43,7 @@ const SHIPPED: &[(&str, &str)] = &[
     ("septentrio-ros.toml", include_str!("../../../pipelines/channel-maps/septentrio-ros.toml")),
     ("ublox-ros.toml", include_str!("../../../pipelines/channel-maps/ublox-ros.toml")),
     ("ubx.toml", include_str!("../../../pipelines/channel-maps/ubx.toml")),
+    ("vectornav-csv.toml", include_str!("../../../pipelines/channel-maps/vectornav-csv.toml")),
     ("wide-csv.toml", include_str!("../../../pipelines/channel-maps/wide-csv.toml")),
     ("xsens-mt-manager.toml", include_str!("../../../pipelines/channel-maps/xsens-mt-manager.toml")),
     ("xsens-mti.toml", include_str!("../../../pipelines/channel-maps/xsens-mti.toml")),
