@@ -20,6 +20,7 @@ mod told;
 mod trial;
 mod turns;
 
+pub(crate) use self::attitude::from_euler;
 pub use self::times::{RowTimes, TableTimes, row_times};
 
 use self::restarts::Joined;
