@@ -40,7 +40,9 @@ pub(crate) fn lent(
 ) -> Result<Option<(&'static str, String)>, String> {
     match info.encoding.as_str() {
         "cdr" => Ok(lent_ros2(info, own, want)),
-        "ros1" if is_completable(own, md5sum) => completed_ros1(info, own.text, md5sum, want),
+        "ros1" if !info.type_name.is_empty() && is_completable(own, md5sum) => {
+            completed_ros1(info, own.text, md5sum, want)
+        }
         _ => Ok(None),
     }
 }
