@@ -9,6 +9,7 @@ mod daytime;
 mod ecef;
 mod lacking;
 mod order;
+mod placed;
 mod repair;
 mod restarts;
 mod rows;
@@ -19,6 +20,7 @@ mod told;
 mod trial;
 mod turns;
 
+pub(crate) use self::attitude::from_euler;
 pub use self::times::{RowTimes, TableTimes, row_times};
 
 use self::restarts::Joined;

@@ -1,7 +1,6 @@
 //! Definitions of messages that a log lacks. ROS 2 recorded none into its SQLite bags until 2023 (Iron), so that a log of types
-//! of one's own cannot be read without them.
+//! of one's own cannot be read without them. ROS 1 bags that rosjava wrote may lack those of types within a message.
 
-use crate::decode::with_all_types;
 use crate::error::IngestError;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -44,12 +43,9 @@ impl Definitions {
         Ok(())
     }
 
-    /// The definition of a type, `px4_msgs/SensorGps` or `px4_msgs/msg/SensorGps`, with all that it refers to and that is known
-    /// here or common; `None` if the type itself is not known here.
-    pub(crate) fn of(&self, type_name: &str) -> Option<String> {
-        let known = |name: &str| self.0.get(name).map(String::as_str);
-        known(&type_name.replace("/msg/", "/"))?;
-        with_all_types(type_name, known)
+    /// The text of a type, as `px4_msgs/SensorGps`.
+    pub(crate) fn of(&self, type_name: &str) -> Option<&str> {
+        self.0.get(type_name).map(String::as_str)
     }
 
     /// Types and texts, in the order of their names.

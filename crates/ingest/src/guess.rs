@@ -2,6 +2,7 @@
 //! velocity says. What the data contradict is refused, and what they cannot decide too.
 
 mod bare;
+mod body;
 mod decide;
 mod motion;
 mod names;
@@ -11,8 +12,9 @@ mod write;
 
 use self::decide::{Motion, Of, Place, Vertical, decide, side, units_of_place};
 use self::names::{Named, Role};
-use self::sets::{Position, Source, Velocity, may_hold, says_axes, sources};
+use self::sets::{Position, Source, Velocity, has_body, may_hold, says_axes, sources};
 use self::times::Timing;
+use self::write::All;
 use crate::reader::{FieldRequest, Log, Select, Selection, TableHead, ValueKind};
 use crate::table::TopicInfo;
 use flight::Unit;
@@ -35,9 +37,12 @@ pub(crate) struct Guess {
 pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
     let named =
         |head: &TableHead| -> Vec<Named> { head.names.iter().filter_map(|path| names::named(head, path)).collect() };
-    let tables = heads.iter().map(|head| (head.topic.clone(), named(head))).filter(|(_, named)| may_hold(named));
+    let all: Vec<(String, Vec<Named>)> = heads.iter().map(|head| (head.topic.clone(), named(head))).collect();
+    // An attitude alone is no flight.
+    let any = all.iter().any(|(_, named)| may_hold(named));
+    let tables = all.into_iter().filter(|(_, named)| may_hold(named) || has_body(named));
     let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|(topic, named)| (topic, requests(&named))).collect();
-    (!tables.is_empty()).then_some(Wanted(tables))
+    any.then_some(Wanted(tables))
 }
 
 /// What of tables without a header is to be read for [`guess`]: every column.
@@ -140,7 +145,24 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
             reasons.join("; ")
         });
     }
-    Ok(write::map(&places, &motions, &reasons, log.tables.len() > 1))
+    Ok(with_bodies(&sources, places, motions, reasons, log.tables.len() > 1))
+}
+
+/// The map of positions and velocities, with the attitudes, rates and forces that are found by them.
+fn with_bodies<'l>(
+    sources: &'l [Source<'l>],
+    places: Vec<Found<'l, Place>>,
+    motions: Vec<Found<'l, Motion>>,
+    mut reasons: Vec<String>,
+    several: bool,
+) -> Guess {
+    let of_places = places.iter().map(|place| (place.topic, &place.timing));
+    let times: Vec<(&str, &Timing)> = motions.iter().map(|m| (m.topic, &m.timing)).chain(of_places).collect();
+    let (bodies, unsure) = body::bodies(sources, &motions, &times);
+    reasons.extend(unsure.iter().cloned());
+    let guess = write::map(&All { places, motions, bodies }, &reasons, several);
+    let unsure: Vec<String> = unsure.iter().map(|why| format!("; not bound: {why}")).collect();
+    Guess { said: guess.said + &unsure.concat(), ..guess }
 }
 
 /// The two pairs of neighbours of a table without a header that agree best, if they agree very well.
@@ -155,7 +177,7 @@ fn of_bare(sources: &[Source<'_>]) -> Result<Guess, String> {
     // A neighbour is a height only if a vertical velocity proves it.
     place.what.third =
         place.what.third.filter(|_| motion.what.third.is_some_and(|(_, side)| side != Vertical::LeftOut));
-    Ok(write::map(&[place], &[motion], &[], true))
+    Ok(write::map(&All { places: vec![place], motions: vec![motion], bodies: vec![] }, &[], true))
 }
 
 /// An unknown unit that a table states is no reason to take another one.

@@ -44,6 +44,7 @@ const SHIPPED: &[(&str, &str)] = &[
     ("septentrio-ros.toml", include_str!("../../../pipelines/channel-maps/septentrio-ros.toml")),
     ("ublox-ros.toml", include_str!("../../../pipelines/channel-maps/ublox-ros.toml")),
     ("ubx.toml", include_str!("../../../pipelines/channel-maps/ubx.toml")),
+    ("vectornav-csv.toml", include_str!("../../../pipelines/channel-maps/vectornav-csv.toml")),
     ("wide-csv.toml", include_str!("../../../pipelines/channel-maps/wide-csv.toml")),
     ("xsens-mt-manager.toml", include_str!("../../../pipelines/channel-maps/xsens-mt-manager.toml")),
     ("xsens-mti.toml", include_str!("../../../pipelines/channel-maps/xsens-mti.toml")),
@@ -200,6 +201,8 @@ pub(crate) enum AttitudeFrame {
 pub(crate) enum TimeSource {
     ContainerLogged,
     ContainerPublished,
+    /// The container's stamps on the clock since boot.
+    LoggedOnBoot,
     Number {
         field: String,
         tick: Tick,
@@ -379,6 +382,7 @@ impl TimeSource {
             TimeSource::Number { clock, .. } => *clock,
             TimeSource::GpsWeek { .. } | TimeSource::Civil { is_gps: true, .. } => Clock::Gps,
             TimeSource::DayOfYear { year: None, .. } | TimeSource::TimeOfDay { .. } => Clock::Elapsed,
+            TimeSource::LoggedOnBoot => Clock::Boot,
             _ => Clock::Unix,
         }
     }
@@ -388,6 +392,7 @@ impl TimeSource {
         match self {
             TimeSource::ContainerLogged => "log".into(),
             TimeSource::ContainerPublished => "publish".into(),
+            TimeSource::LoggedOnBoot => "log, on the clock since boot".into(),
             TimeSource::Number { field, .. }
             | TimeSource::Iso { field, .. }
             | TimeSource::DayOfYear { field, .. }
@@ -401,7 +406,7 @@ impl TimeSource {
     fn requests(&self) -> Vec<FieldRequest> {
         let ask = |path: &String, kind| FieldRequest { path: path.clone(), kind };
         match self {
-            TimeSource::ContainerLogged | TimeSource::ContainerPublished => vec![],
+            TimeSource::ContainerLogged | TimeSource::ContainerPublished | TimeSource::LoggedOnBoot => vec![],
             // Text keeps every digit of a decimal fraction.
             TimeSource::Number { field, tick: Tick::TenthMillis | Tick::Micros | Tick::Nanos, .. } => {
                 vec![ask(field, ValueKind::Number)]
@@ -599,7 +604,7 @@ impl Select for MapSelect<'_> {
         if fields.is_empty() { Selection::Skip } else { Selection::Fields(fields) }
     }
 
-    fn definition(&self, type_name: &str) -> Option<String> {
+    fn definition(&self, type_name: &str) -> Option<&str> {
         self.definitions.of(type_name)
     }
 }
@@ -613,7 +618,7 @@ impl Select for SelectAll<'_> {
         Selection::All
     }
 
-    fn definition(&self, type_name: &str) -> Option<String> {
+    fn definition(&self, type_name: &str) -> Option<&str> {
         self.0.of(type_name)
     }
 }
@@ -939,6 +944,9 @@ fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
         return Err("a condition is one on the message itself".into());
     }
     let (stamp, utc) = (time_source(&entry.stamp)?, time_source(&entry.utc)?);
+    if matches!(stamp, TimeSource::LoggedOnBoot) {
+        return Err("logged-on-boot is placed by such rules, and is no stamp of one".into());
+    }
     // A container whose own stamps need a date counts since boot.
     let clock = if matches!(stamp, TimeSource::ContainerLogged) { Clock::Boot } else { stamp.clock() };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
@@ -990,6 +998,7 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         (Some(container), None, None, None, None, None, None, None, None) if clock.is_none() => Ok(match container {
             ContainerStamp::Logged => TimeSource::ContainerLogged,
             ContainerStamp::Published => TimeSource::ContainerPublished,
+            ContainerStamp::LoggedOnBoot => TimeSource::LoggedOnBoot,
         }),
         (None, Some(field), Some(unit), None, None, None, None, None, None) => {
             let (clock, epoch_s) = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;

@@ -125,6 +125,9 @@ pub(crate) enum ContainerStamp {
     Logged,
     /// When the container says that the message was published.
     Published,
+    /// When the container says that it wrote the message, on the clock since boot: for messages that state no time, placed
+    /// between those that `[[utc]]` names with `utc = { container = "logged" }`.
+    LoggedOnBoot,
 }
 
 /// A unit of time.

@@ -109,8 +109,8 @@ pub trait Select {
     /// What is wanted of `topic`.
     fn select(&self, topic: &TopicInfo) -> Selection;
 
-    /// The definition of a type of ROS 2 that the log does not define, with all that it refers to.
-    fn definition(&self, _type_name: &str) -> Option<String> {
+    /// The text of a ROS type, `package/Type`, that the log does not define; without the types that it refers to.
+    fn definition(&self, _type_name: &str) -> Option<&str> {
         None
     }
 

@@ -17,7 +17,7 @@ pub(super) fn from_quaternion(frame: AttitudeFrame, q: [f64; 4]) -> Option<[f64;
 }
 
 /// The same from roll, pitch, yaw in rad: Rz(yaw) Ry(pitch) Rx(roll) in `frame`.
-pub(super) fn from_euler(frame: AttitudeFrame, angles: [f64; 3]) -> [f64; 4] {
+pub(crate) fn from_euler(frame: AttitudeFrame, angles: [f64; 3]) -> [f64; 4] {
     let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(|angle| (angle / 2.0).sin_cos());
     let q = [
         cr * cp * cy + sr * sp * sy,

@@ -217,6 +217,8 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
         TimeSource::ContainerLogged => table.logged_ns.as_ref()?.iter().copied().map(Some).collect(),
         // Writers that know no publish time repeat the log time there.
         TimeSource::ContainerPublished if table.published_ns == table.logged_ns => return None,
+        // Other messages of the log place it.
+        TimeSource::LoggedOnBoot => return None,
         TimeSource::ContainerPublished => table.published_ns.as_ref()?.iter().copied().map(Some).collect(),
         TimeSource::Number { field, tick, zero_s, .. } => ticks(field, *tick, *zero_s, table)?,
         TimeSource::Iso { field, zone } => {

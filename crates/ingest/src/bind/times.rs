@@ -130,7 +130,8 @@ fn joined_times(joined: &Joined, table: &Table, logged: &[i64]) -> TableTimes {
 /// Of the rules that are made for the table, then of all others.
 fn times_of(map: &ChannelMap, table: &Table) -> Option<Stamps> {
     let own = map.rules.iter().filter(|rule| rule.meets(&table.topic).is_some());
-    let found = own.chain(&map.rules).filter_map(|rule| stamps_of(rule, table).ok()).flat_map(|(stamps, _)| stamps);
+    let found =
+        own.chain(&map.rules).filter_map(|rule| stamps_of(rule, table, |_| None).ok()).flat_map(|(stamps, _)| stamps);
     let mut first = None;
     for stamps in found {
         if matches!(stamps.clock, Clock::Unix | Clock::Gps) {
@@ -148,7 +149,7 @@ fn dated_by_any(library: &MapLibrary, table: &Table) -> Option<Stamps> {
         return None;
     }
     let maps = library.candidates(None).unwrap_or_default();
-    let found = maps.iter().flat_map(|map| &map.rules).filter_map(|rule| stamps_of(rule, table).ok());
+    let found = maps.iter().flat_map(|map| &map.rules).filter_map(|rule| stamps_of(rule, table, |_| None).ok());
     found.flat_map(|(stamps, _)| stamps).find(is_dated)
 }
 

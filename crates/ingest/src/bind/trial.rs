@@ -3,13 +3,14 @@
 use super::binds;
 use super::conditions::{Condition, conditions};
 use super::dated::{example, unclear};
+use super::placed::placed;
 use super::stamps::{Stamps, is_constant, read_stamps, written_at};
 use super::stated;
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
 use crate::map_schema::HeightAbove;
 use crate::reader::Log;
 use crate::table::{Column, Table, numbers};
-use flight::{Quantity, Unit};
+use flight::{Quantity, StampKind, Unit};
 
 /// What a map would make of a log.
 pub(super) struct Trial<'a> {
@@ -89,7 +90,7 @@ impl<'a> Trial<'a> {
             if trial.plans.iter().any(|plan| plan.rule.name == rule.name) {
                 continue;
             }
-            match plan(rule, log) {
+            match plan(rule, map, log) {
                 Ok(plan) => trial.plans.push(plan),
                 Err(Miss::Near(what, found)) => {
                     trial.near.push(format!("{}: {what}", rule.name));
@@ -203,7 +204,11 @@ fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
         let same = |other: &&ChannelRule| other.name == rule.name;
         let known = map.rules.iter().filter(same).any(|other| other.when.as_ref().is_none_or(|when| when.met_by(log)));
         let said = when.said_by(log).into_iter().collect::<Vec<_>>().join(" and ");
-        if !said.is_empty() && !known && unknown.iter().all(|(name, _)| *name != rule.name) && plan(rule, log).is_ok() {
+        if !said.is_empty()
+            && !known
+            && unknown.iter().all(|(name, _)| *name != rule.name)
+            && plan(rule, map, log).is_ok()
+        {
             unknown.push((rule.name.clone(), format!("{} {said}", when.remark)));
         }
     }
@@ -211,12 +216,12 @@ fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
 }
 
 /// The best table for a rule.
-fn plan<'a>(rule: &'a ChannelRule, log: &'a Log) -> Result<Plan<'a>, Miss> {
+fn plan<'a>(rule: &'a ChannelRule, map: &ChannelMap, log: &'a Log) -> Result<Plan<'a>, Miss> {
     let topics = log.tables.iter().filter_map(|table| Some((rule.meets(&table.topic)?, table)));
     let mut fitting: Vec<(Closeness, Plan<'a>)> = vec![];
     let mut miss = None;
     for (closeness, table) in topics {
-        match columns_of(rule, table, log, closeness.distance) {
+        match columns_of(rule, table, (map, log), closeness.distance) {
             Ok(plan) => fitting.push((closeness, plan)),
             Err(what) => miss = miss.or_else(|| Some((format!("topic {}: {what}", table.topic.name), table))),
         }
@@ -262,7 +267,12 @@ fn no_topic(rule: &ChannelRule, log: &Log) -> String {
     }
 }
 
-fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distance: u8) -> Result<Plan<'a>, String> {
+fn columns_of<'a>(
+    rule: &'a ChannelRule,
+    table: &'a Table,
+    (map, log): (&ChannelMap, &'a Log),
+    distance: u8,
+) -> Result<Plan<'a>, String> {
     if table.rows == 0 {
         return Err("has no messages".into());
     }
@@ -280,7 +290,7 @@ fn columns_of<'a>(rule: &'a ChannelRule, table: &'a Table, log: &'a Log, distanc
     if let (Some(first), true) = (rule.parts.first(), columns.iter().all(Option::is_none)) {
         return Err(missing(first));
     }
-    let (stamps, remarks) = stamps_of(rule, table)?;
+    let (stamps, remarks) = stamps_of(rule, table, |kind| placed(kind, &map.ties, log, table))?;
     stated::check_times(rule, &stamps, log.head(&table.topic.name))?;
     let conditions = conditions(&rule.require, table, log);
     Ok(Plan { rule, table, distance, columns, stamps, remarks, conditions })
@@ -330,8 +340,12 @@ fn is_needed(part: &Part, rule: &ChannelRule) -> bool {
 }
 
 /// The stamps that the log holds, the wanted kind first. Where it is missing the nearest other kind
-/// stands in, with a remark.
-pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps>, Vec<String>), String> {
+/// stands in, with a remark. `on_boot` places the container's stamps on the clock since boot.
+pub(super) fn stamps_of(
+    rule: &ChannelRule,
+    table: &Table,
+    on_boot: impl Fn(StampKind) -> Option<Stamps>,
+) -> Result<(Vec<Stamps>, Vec<String>), String> {
     let mut remarks = vec![];
     let mut found: Vec<Stamps> = vec![];
     let written_at = || written_at(rule.times.iter().flat_map(|(_, sources)| sources), table);
@@ -341,7 +355,11 @@ pub(super) fn stamps_of(rule: &ChannelRule, table: &Table) -> Result<(Vec<Stamps
             if first.as_ref().is_some_and(|first| first.nanos.iter().all(Option::is_some)) {
                 break;
             }
-            let Some(stamps) = read_stamps(*kind, source, table, written_at) else {
+            let read = match source {
+                TimeSource::LoggedOnBoot => on_boot(*kind),
+                _ => read_stamps(*kind, source, table, written_at),
+            };
+            let Some(stamps) = read else {
                 remarks.extend(unclear(source, table).filter(|_| first.is_none()));
                 continue;
             };

@@ -3,7 +3,7 @@
 use super::protobuf::Types;
 use super::rows::Rows;
 use super::schema::{Count, Dialect, Kind, Schema};
-use super::{COMMON, Definition, GIVEN, json, protobuf, ros};
+use super::{COMMON, COMPLETED, COMPLETED_AS_GIVEN, Definition, GIVEN, json, protobuf, ros};
 use crate::reader::LeftOut;
 use crate::table::TopicInfo;
 use std::collections::BTreeSet;
@@ -35,7 +35,9 @@ fn by_definition(info: &TopicInfo, Definition { encoding, text }: Definition<'_>
     let read = String::from_utf8_lossy;
     let ros = |schema: Result<Schema, String>| schema.map_or(vec![], |schema| of_ros(&schema));
     match (info.encoding.as_str(), encoding) {
-        ("ros1", "ros1msg") => ros(Schema::parse(&info.type_name, &read(text), Dialect::Ros1)),
+        ("ros1", "ros1msg" | COMPLETED | COMPLETED_AS_GIVEN) => {
+            ros(Schema::parse(&info.type_name, &read(text), Dialect::Ros1))
+        }
         ("cdr", "ros2msg" | COMMON | GIVEN) => ros(Schema::parse(&info.type_name, &read(text), Dialect::Ros2)),
         ("cdr", "ros2idl" | "omgidl") => ros(Schema::parse_idl(&info.type_name, &read(text))),
         ("protobuf", "protobuf") => Types::parse(text).map_or(vec![], |types| of_protobuf(&types, &info.type_name)),

@@ -11,10 +11,10 @@ mod protobuf;
 mod ros;
 pub(crate) mod rows;
 pub(crate) mod schema;
+mod type_sum;
 mod vouch;
 
-pub(crate) use common::with_all_types;
-use common::{COMMON, GIVEN, lent};
+use common::{COMMON, COMPLETED, COMPLETED_AS_GIVEN, GIVEN, lent};
 pub(crate) use named::{NAMED, leave_out_placeholders};
 
 use crate::ledger::{Fate, LogTime};
@@ -25,6 +25,7 @@ use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
 use rows::Rows;
 use schema::{Dialect, Schema};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+pub(crate) use type_sum::MD5_OF_NOTHING;
 pub(crate) use vouch::Vouch;
 use vouch::Vouched;
 
@@ -249,22 +250,33 @@ impl<'w> Topics<'w> {
 
     /// Where messages of this topic and definition go. Fails if there are too many topics.
     pub(crate) fn route(&mut self, info: TopicInfo, definition: Option<Definition<'_>>) -> Result<Route, String> {
+        self.route_with_sum(info, definition, None)
+    }
+
+    /// As [`Topics::route`], with the MD5 sum that a ROS 1 log states for the type.
+    pub(crate) fn route_with_sum(
+        &mut self,
+        info: TopicInfo,
+        definition: Option<Definition<'_>>,
+        md5sum: Option<&str>,
+    ) -> Result<Route, String> {
         let own = definition.unwrap_or(Definition { encoding: "", text: &[] });
-        let lent = lent(&info, own, self.want);
-        let definition = lent.as_ref().map_or(own, |(encoding, text)| Definition { encoding, text: text.as_bytes() });
         let topic = self.topic(info.clone())?;
-        let topic = self.topics.get_mut(topic as usize);
-        let raw = topic.as_ref().is_some_and(|t| t.raw);
-        if let Some((topic, (whose, _))) =
-            topic.zip(lent.as_ref()).filter(|(topic, _)| topic.raw || topic.wanted.is_some())
-        {
-            topic.lent = Some(whose);
-        }
-        self.route_by(info, definition, |info, wanted, rows| {
-            if raw {
-                return Ok(How::Raw);
-            }
-            How::of(info, definition, wanted, rows)
+        let Some(topic) = self.topics.get_mut(topic as usize).filter(|topic| topic.raw || topic.wanted.is_some())
+        else {
+            return Ok(Route { topic, decoder: None });
+        };
+        let (lent, refusal) = match lent(&info, own, md5sum, self.want) {
+            Ok(lent) => (lent, None),
+            Err(refusal) => (None, Some(refusal)),
+        };
+        topic.lent = lent.as_ref().map(|(whose, _)| *whose).or(topic.lent);
+        let raw = topic.raw;
+        let definition = lent.as_ref().map_or(own, |(encoding, text)| Definition { encoding, text: text.as_bytes() });
+        self.route_by(info, definition, |info, wanted, rows| match refusal {
+            _ if raw => Ok(How::Raw),
+            Some(refusal) => Err(refusal),
+            None => How::of(info, definition, wanted, rows),
         })
     }
 
@@ -403,6 +415,10 @@ impl<'w> Topics<'w> {
         };
         say_lent(COMMON, "common-definition", "the common definition of that name");
         say_lent(GIVEN, "given-definition", "the definition of that name in the folder of maps");
+        let completed = "built-in definitions of the types that their own lack (the MD5 sums agree)";
+        say_lent(COMPLETED, "completed-definition", completed);
+        let completed = "definitions in the folder of maps of the types that their own lack (the MD5 sums agree)";
+        say_lent(COMPLETED_AS_GIVEN, "completed-definition", completed);
         for mut topic in self.topics {
             topic.deliver();
             if let Some(refusal) = &topic.refusal {
@@ -486,6 +502,7 @@ impl Topic {
             // For others it is a definition as any.
             schema_encoding: match decoder.schema_encoding.as_str() {
                 COMMON | GIVEN => "ros2msg",
+                COMPLETED | COMPLETED_AS_GIVEN => "ros1msg",
                 own => own,
             },
             schema: &decoder.definition,
@@ -672,7 +689,7 @@ impl How {
         match (info.encoding.as_str(), encoding) {
             (_, NAMED) => named::plan(&info.type_name, &read(text), wanted, rows).map(How::Ros),
             ("json", _) => Ok(How::Json),
-            ("ros1", "ros1msg") => plan(msg(Dialect::Ros1)).map(How::Ros),
+            ("ros1", "ros1msg" | COMPLETED | COMPLETED_AS_GIVEN) => plan(msg(Dialect::Ros1)).map(How::Ros),
             ("cdr", "ros2msg") => plan(msg(Dialect::Ros2)).map(How::Ros),
             ("cdr", COMMON | GIVEN) => plan(msg(Dialect::Ros2)).map(How::Lent),
             ("cdr", "ros2idl" | "omgidl") => plan(Schema::parse_idl(&info.type_name, &read(text))).map(How::Ros),

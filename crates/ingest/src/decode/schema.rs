@@ -105,16 +105,16 @@ impl Schema {
     }
 }
 
-struct Section<'t> {
-    name: String,
-    lines: Vec<&'t str>,
+pub(super) struct Section<'t> {
+    pub(super) name: String,
+    pub(super) lines: Vec<&'t str>,
 }
 
 fn without_msg(name: &str) -> String {
     name.replace("/msg/", "/")
 }
 
-fn sections<'t>(root: &str, text: &'t str) -> Vec<Section<'t>> {
+pub(super) fn sections<'t>(root: &str, text: &'t str) -> Vec<Section<'t>> {
     let mut sections = vec![Section { name: without_msg(root), lines: vec![] }];
     for line in text.lines() {
         let trimmed = line.trim();
@@ -140,13 +140,13 @@ enum Known {
 /// Sections by full name, and by the type's own name where that is unambiguous: some writers
 /// leave the package out.
 #[derive(Default)]
-struct Names {
+pub(super) struct Names {
     full: HashMap<String, usize>,
     own: HashMap<String, Option<usize>>,
 }
 
 impl Names {
-    fn of(sections: &[Section<'_>]) -> Names {
+    pub(super) fn of(sections: &[Section<'_>]) -> Names {
         let mut names = Names::default();
         for (index, section) in sections.iter().enumerate() {
             names.full.entry(section.name.clone()).or_insert(index);
@@ -158,7 +158,7 @@ impl Names {
         names
     }
 
-    fn section(&self, full: &str) -> Option<usize> {
+    pub(super) fn section(&self, full: &str) -> Option<usize> {
         self.full.get(full).copied().or_else(|| self.own.get(own_name(full)).copied().flatten())
     }
 }
@@ -249,18 +249,22 @@ fn full_name(owner: &str, base: &str, dialect: Dialect) -> String {
     }
 }
 
-/// The types that the fields of a message of ROS 2 are of, beside those that the language has. `owner` is its full name.
-pub(crate) fn types_within(owner: &str, text: &str) -> Vec<String> {
+/// The message types that the fields of a message have; built-in types are not among them. `owner` is its full name.
+pub(crate) fn types_within(owner: &str, text: &str, dialect: Dialect) -> Vec<String> {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let written = lines.filter_map(|line| line.split_whitespace().next());
     let bases = written.filter_map(|written| array(written).ok()).map(|(base, _)| base);
-    let nested = bases.filter(|base| plain(base, Dialect::Ros2).is_none());
-    let full = nested.map(|base| full_name(owner, base, Dialect::Ros2));
-    full.filter(|full| ros2_time(full, Dialect::Ros2).is_none()).collect()
+    let nested = bases.filter_map(|base| message_type(owner, base, dialect));
+    nested.filter(|full| ros2_time(full, dialect).is_none()).collect()
+}
+
+/// The full name of a type without brackets; `None` if it is a built-in type.
+pub(super) fn message_type(owner: &str, base: &str, dialect: Dialect) -> Option<String> {
+    plain(base, dialect).is_none().then(|| full_name(owner, base, dialect))
 }
 
 /// Splits `float64[9]`, `string<=5[<=3]`, `uint8[]` into element and count.
-fn array(written: &str) -> Result<(&str, Count), String> {
+pub(super) fn array(written: &str) -> Result<(&str, Count), String> {
     let Some((base, rest)) = written.split_once('[') else { return Ok((unbounded(written), Count::One)) };
     let size = rest.strip_suffix(']').ok_or("the array has no closing bracket")?;
     let count = match size {

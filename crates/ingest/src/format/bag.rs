@@ -9,7 +9,7 @@ mod walk;
 use self::record::{Fields, Kind, Record, Source};
 use self::walk::{Visit, WRONG_START, Walk};
 use crate::bytes::Bytes;
-use crate::decode::{Definition, Route, Tally, Times, Topics};
+use crate::decode::{Definition, MD5_OF_NOTHING, Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::format::file::LogFile;
@@ -24,8 +24,6 @@ use std::path::PathBuf;
 
 /// The first line of a bag.
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
-/// MD5 of the empty text, the checksum of a message without fields.
-const MD5_OF_NOTHING: &str = "d41d8cd98f00b204e9800998ecf8427e";
 /// Bags one behind another in one file.
 const MOST_BAGS: u64 = 1000;
 /// Connections in one bag.
@@ -269,6 +267,7 @@ fn counts(data: &[u8]) -> u64 {
 struct Connection {
     info: TopicInfo,
     definition: Option<Vec<u8>>,
+    md5sum: Option<String>,
     route: Route,
 }
 
@@ -293,9 +292,15 @@ impl<'t, 'w> Connections<'t, 'w> {
     }
 
     /// `definition` is absent where the recorder had none: that of a message without fields is an empty text.
-    fn add(&mut self, id: u32, info: TopicInfo, definition: Option<&[u8]>) -> Result<(), String> {
+    fn add(
+        &mut self,
+        id: u32,
+        info: TopicInfo,
+        definition: Option<&[u8]>,
+        md5sum: Option<String>,
+    ) -> Result<(), String> {
         if let Some(known) = self.known.get(&id) {
-            if known.info == info && known.definition.as_deref() == definition {
+            if known.info == info && known.definition.as_deref() == definition && known.md5sum == md5sum {
                 return Ok(());
             }
             self.redefined.add(|| format!("connection {id}, {:.200}", info.name));
@@ -309,8 +314,8 @@ impl<'t, 'w> Connections<'t, 'w> {
             ));
         }
         let text = definition.map(|text| Definition { encoding: "ros1msg", text });
-        let route = self.topics.route(info.clone(), text)?;
-        self.known.insert(id, Connection { info, definition: definition.map(<[u8]>::to_vec), route });
+        let route = self.topics.route_with_sum(info.clone(), text, md5sum.as_deref())?;
+        self.known.insert(id, Connection { info, definition: definition.map(<[u8]>::to_vec), md5sum, route });
         Ok(())
     }
 
@@ -332,12 +337,13 @@ impl Visit for Connections<'_, '_> {
         let fields = Fields::parse(data).ok_or("the fields of a connection are damaged")?;
         let type_name = fields.text("type").ok_or("a connection without a type")?;
         let definition = fields.get("message_definition").unwrap_or_default();
-        let is_whole = !definition.is_empty() || fields.text("md5sum").is_some_and(|sum| sum == MD5_OF_NOTHING);
+        let md5sum = fields.text("md5sum");
+        let is_whole = !definition.is_empty() || md5sum.as_deref() == Some(MD5_OF_NOTHING);
         let info = TopicInfo { name: topic.to_owned(), type_name, encoding: "ros1".to_owned() };
         let beside = ["callerid", "latching", "md5sum"].iter();
         let entries = beside.filter_map(|name| Some(((*name).to_owned(), fields.text(name)?))).collect();
         self.topics.extra(&Extra::OfTopic { topic, entries: &entries });
-        self.add(connection, info, is_whole.then_some(definition))
+        self.add(connection, info, is_whole.then_some(definition), md5sum)
     }
 
     fn route(&self, connection: u32) -> Option<Route> {

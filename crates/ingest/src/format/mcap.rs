@@ -149,6 +149,8 @@ struct Channel {
     topic: String,
     schema_id: u16,
     encoding: String,
+    /// The MD5 sum that ROS 1 identifies its type by.
+    md5sum: Option<String>,
     /// What its topic is to be read as.
     original: Option<OriginalTopic>,
 }
@@ -170,7 +172,7 @@ impl Channel {
     /// Bytes.
     fn weight(&self) -> usize {
         let original = self.original.as_ref().map_or(0, |o| o.type_name.len() + o.encoding.len());
-        self.topic.len() + self.encoding.len() + original
+        self.topic.len() + self.encoding.len() + self.md5sum.as_ref().map_or(0, String::len) + original
     }
 
     fn definition<'s>(&self, schema: &'s StoredSchema) -> Definition<'s> {
@@ -328,7 +330,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         let schema = self.schemas.get(&channel.schema_id);
         let info = channel.info(schema);
         let definition = schema.map(|schema| channel.definition(schema));
-        let route = self.topics.route(info.clone(), definition);
+        let route = self.topics.route_with_sum(info.clone(), definition, channel.md5sum.as_deref());
         let way = route.and_then(|route| Ok((route, self.originals.topic(info, channel.original.as_ref())?)));
         match way {
             Ok((route, original)) => {
@@ -422,7 +424,8 @@ impl<'t, 'w> Channels<'t, 'w> {
                 self.topics.extra(&Extra::OfTopic { topic: &topic, entries: &metadata });
                 // Whoever takes messages as they stand takes them as they stand here.
                 let original = OriginalTopic::of(&metadata).filter(|_| !self.topics.takes_extras());
-                self.announce(id, Channel { topic, schema_id, encoding, original })?;
+                let md5sum = metadata.get("md5sum").cloned();
+                self.announce(id, Channel { topic, schema_id, encoding, md5sum, original })?;
             }
             Record::Metadata(metadata) => {
                 self.topics.extra(&Extra::Metadata { name: &metadata.name, entries: &metadata.metadata });

@@ -54,7 +54,8 @@ pub(super) fn source<'l>(head: &TableHead, table: &'l Table) -> Option<Source<'l
         third: follow(at + 2).map(|path| named(path, Role::Velocity(Axis::Z))),
     });
     let velocities = velocities.collect();
-    Some(Source { table, timings, positions, velocities })
+    let (attitudes, rates, forces) = (vec![], vec![], vec![]);
+    Some(Source { table, timings, positions, velocities, attitudes, rates, forces })
 }
 
 fn range(table: &Table, path: &str) -> Option<(f64, f64)> {

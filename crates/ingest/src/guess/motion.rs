@@ -43,7 +43,7 @@ impl<const N: usize> Trace<N> {
     }
 
     /// Its integral, by trapezoids; across a hole of more than `hole_s` it is not known.
-    fn integral(&self, hole_s: f64) -> Integral<N> {
+    pub(super) fn integral(&self, hole_s: f64) -> Integral<N> {
         let (mut sum, mut holes) = ([0.0; N], 0_u32);
         let mut at = vec![(sum, holes)];
         for ((t, a), (u, b)) in self.rows().zip(self.rows().skip(1)) {
@@ -60,6 +60,18 @@ impl<const N: usize> Trace<N> {
         self.times_s.iter().copied().zip(&self.values)
     }
 
+    /// The values at a time, on a straight line between the rows before and after it; `None` across more than `hole_s`.
+    pub(super) fn at(&self, time_s: f64, hole_s: f64) -> Option<[f64; N]> {
+        let behind = self.times_s.partition_point(|t| *t <= time_s);
+        let before = behind.checked_sub(1)?;
+        let (t, a) = (self.times_s.get(before)?, self.values.get(before)?);
+        let (u, b) = (self.times_s.get(behind)?, self.values.get(behind)?);
+        let share = (time_s - t) / (u - t);
+        let mut values = *a;
+        values.iter_mut().zip(b).for_each(|(a, b)| *a += share * (b - *a));
+        (u - t <= hole_s).then_some(values)
+    }
+
     /// The step in the middle of all, s.
     pub(super) fn median_step_s(&self) -> Option<f64> {
         let mut steps: Vec<f64> = self.times_s.iter().zip(self.times_s.iter().skip(1)).map(|(a, b)| b - a).collect();
@@ -68,13 +80,14 @@ impl<const N: usize> Trace<N> {
     }
 }
 
-struct Integral<const N: usize> {
+pub(super) struct Integral<const N: usize> {
     times_s: Vec<f64>,
     at: Vec<([f64; N], u32)>,
 }
 
 impl<const N: usize> Integral<N> {
-    fn of(&self, time_s: f64) -> Option<([f64; N], u32)> {
+    /// The integral up to a time, and the number of holes before it.
+    pub(super) fn of(&self, time_s: f64) -> Option<([f64; N], u32)> {
         let behind = self.times_s.partition_point(|t| *t <= time_s);
         let before = behind.checked_sub(1)?;
         let (t, (a, holes)) = (self.times_s.get(before)?, self.at.get(before)?);

@@ -29,6 +29,13 @@ pub(super) enum Role {
     Velocity(Axis),
     Speed,
     Track,
+    Roll,
+    Pitch,
+    Yaw,
+    /// About an axis of the body.
+    Rate(Axis),
+    /// What an accelerometer measures along an axis of the body.
+    Force(Axis),
 }
 
 impl Role {
@@ -37,9 +44,11 @@ impl Role {
         match self {
             Role::Time => Dimension::Time,
             Role::Week => Dimension::None,
-            Role::Latitude | Role::Longitude | Role::Track => Dimension::Angle,
+            Role::Latitude | Role::Longitude | Role::Track | Role::Roll | Role::Pitch | Role::Yaw => Dimension::Angle,
             Role::Height | Role::Position(_) => Dimension::Length,
             Role::Velocity(_) | Role::Speed => Dimension::Speed,
+            Role::Rate(_) => Dimension::AngularRate,
+            Role::Force(_) => Dimension::Acceleration,
         }
     }
 }
@@ -221,7 +230,7 @@ pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
     let mut words = words(front);
     let ending = take_unit(&mut words);
     let all = words.clone();
-    let (role, source) = role_of(&words, &ending)?;
+    let (role, source) = body_role_of(&words, &ending).or_else(|| role_of(&words, &ending))?;
     let stated = head.unit_of(path);
     let (unit, odd_unit) = match read(stated, role.dimension()) {
         Written::Unit(unit) => (Some(unit), None),
@@ -311,6 +320,95 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
     Some((role, left.join("-")))
 }
 
+/// Words of an attitude, a rate or a force that add nothing.
+const BODY_FILLERS: &[&str] = &[
+    "angle",
+    "angles",
+    "euler",
+    "attitude",
+    "att",
+    "orientation",
+    "ypr",
+    "rpy",
+    "body",
+    "linear",
+    "specific",
+    "sensor",
+    "axis",
+    "true",
+    "ned",
+    "measured",
+    "calibrated",
+];
+const OF_RATE: &[&str] =
+    &["rate", "rates", "gyro", "gyr", "gyroscope", "omega", "angular", "angularrate", "speed", "velocity"];
+const OF_FORCE: &[&str] = &["acc", "accel", "accelerometer", "acceleration", "force"];
+
+fn angle_of(word: &str) -> Option<Role> {
+    Some(match word {
+        "roll" | "phi" | "bank" => Role::Roll,
+        "pitch" | "theta" => Role::Pitch,
+        "yaw" | "psi" | "heading" | "hdg" | "azimuth" => Role::Yaw,
+        _ => return None,
+    })
+}
+
+/// The axis about which an angle turns.
+fn axis_of_angle(role: Role) -> Axis {
+    match role {
+        Role::Roll => Axis::X,
+        Role::Pitch => Axis::Y,
+        _ => Axis::Z,
+    }
+}
+
+/// `rollrate`, `yawspeed`, `gyrox`, `wz`, `ax`, and `p`, `q`, `r` where they stand alone.
+fn fused_body(word: &str, is_alone: bool) -> Option<Role> {
+    let of_angle = ["rate", "speed"].iter().find_map(|ending| angle_of(word.strip_suffix(ending)?));
+    let of_axis = |fronts| fused(word, fronts).filter(|axis| matches!(axis, Axis::X | Axis::Y | Axis::Z));
+    let alone = match word {
+        "p" if is_alone => Some(Axis::X),
+        "q" if is_alone => Some(Axis::Y),
+        "r" if is_alone => Some(Axis::Z),
+        _ => None,
+    };
+    let rate = of_angle.map(axis_of_angle).or_else(|| of_axis(&["gyro", "gyr", "omega", "w"])).or(alone);
+    rate.map(Role::Rate).or_else(|| of_axis(&["acc", "accel", "a"]).map(Role::Force))
+}
+
+/// An attitude, an angular rate or a specific force by its name: every word of it has to be known.
+fn body_role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
+    let (mut angle, mut axis, mut whole) = (None, None, None);
+    let (mut is_rate, mut is_force) = (false, false);
+    let mut left: Vec<&str> = vec![];
+    let is_source = |word: &str| SOURCES.contains(&word);
+    let is_alone = words.iter().filter(|word| !is_source(word)).count() == 1;
+    for word in words.iter().map(String::as_str) {
+        match angle_of(word).or_else(|| fused_body(word, is_alone)) {
+            Some(role @ (Role::Roll | Role::Pitch | Role::Yaw)) => angle = Some(role).filter(|_| angle.is_none()),
+            Some(role) => whole = Some(role),
+            None if OF_FORCE.contains(&word) => is_force = true,
+            None if OF_RATE.contains(&word) => is_rate = true,
+            None if matches!(word, "x" | "y" | "z") && axis.is_none() => axis = axis_of(word),
+            None if BODY_FILLERS.contains(&word) => {}
+            None if is_source(word) => left.push(word),
+            None => return None,
+        }
+    }
+    let states = |dimension| ending.iter().any(|unit| unit.dimension() == dimension);
+    let says_rate = words.iter().any(|word| OF_RATE.contains(&word.as_str()) && !OF_VELOCITY.contains(&word.as_str()));
+    let role = match (angle, whole, axis) {
+        (None, Some(role), None) => role,
+        (Some(angle), None, None) if is_rate || states(Dimension::AngularRate) => Role::Rate(axis_of_angle(angle)),
+        (Some(angle), None, None) if !is_force => angle,
+        (None, None, Some(axis)) if is_force && !is_rate => Role::Force(axis),
+        // A velocity along x is none about it.
+        (None, None, Some(axis)) if says_rate && !is_force => Role::Rate(axis),
+        _ => return None,
+    };
+    Some((role, left.join("-")))
+}
+
 /// Words for where a position comes from.
 pub(super) const SOURCES: &[&str] = &[
     "gps",
@@ -352,7 +450,9 @@ mod tests {
 
     #[test]
     fn names_say_roles_axes_sources_and_units() {
-        use Role::{Height, Latitude, Longitude, Position, Speed, Time, Track, Velocity};
+        use Role::{
+            Force, Height, Latitude, Longitude, Pitch, Position, Rate, Roll, Speed, Time, Track, Velocity, Yaw,
+        };
         for (name, role, source, unit) in [
             ("lat", Latitude, "", None),
             ("lat_deg", Latitude, "", Some("deg")),
@@ -383,12 +483,36 @@ mod tests {
             ("t_s", Time, "", Some("s")),
             ("Time [s]", Time, "", Some("s")),
             ("vertical_speed", Velocity(Axis::Up), "", None),
+            ("Roll (deg)", Roll, "", Some("deg")),
+            ("ekf_pitch_rad", Pitch, "ekf", Some("rad")),
+            ("heading", Yaw, "", None),
+            ("yawspeed", Rate(Axis::Z), "", None),
+            ("roll_rate_dps", Rate(Axis::X), "", Some("deg/s")),
+            ("gyro_x", Rate(Axis::X), "", None),
+            ("angularRateY", Rate(Axis::Y), "", None),
+            ("imu_angular_velocity_z", Rate(Axis::Z), "imu", None),
+            ("q", Rate(Axis::Y), "", None),
+            ("acc_y", Force(Axis::Y), "", None),
+            ("AccelZ [m/s^2]", Force(Axis::Z), "", Some("m/s^2")),
+            ("linear_acceleration_x", Force(Axis::X), "", None),
         ] {
             assert_eq!(of(name), Some((role, source.to_owned(), unit)), "{name}");
         }
-        for other in
-            ["mag_x", "gyro_x", "acc_y", "hAcc", "lat_std", "airspeed", "temperature", "numSV", "body_vx", "home_lat"]
-        {
+        for other in [
+            "mag_x",
+            "roll_std",
+            "roll_cmd",
+            "LinAccelX",
+            "YawU",
+            "UncompGyroX",
+            "hAcc",
+            "lat_std",
+            "airspeed",
+            "temperature",
+            "numSV",
+            "body_vx",
+            "home_lat",
+        ] {
             assert_eq!(of(other), None, "{other}");
         }
     }

@@ -11,6 +11,27 @@ pub(super) struct Source<'l> {
     pub(super) timings: Vec<Timing>,
     pub(super) positions: Vec<Position>,
     pub(super) velocities: Vec<Velocity>,
+    /// Roll, pitch and yaw.
+    pub(super) attitudes: Vec<Triple>,
+    /// About three axes of the body.
+    pub(super) rates: Vec<Triple>,
+    /// Along three axes of the body.
+    pub(super) forces: Vec<Triple>,
+}
+
+/// Three columns that belong together.
+#[derive(Debug, Clone)]
+pub(super) struct Triple {
+    pub(super) source: String,
+    pub(super) columns: [Named; 3],
+}
+
+impl Triple {
+    /// Their names, for people.
+    pub(super) fn names(&self) -> String {
+        let [a, b, c] = &self.columns;
+        format!("{}, {} and {}", a.path, b.path, c.path)
+    }
 }
 
 /// Two or three columns that are a position.
@@ -64,7 +85,28 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
     }
     let positions = labels.iter().flat_map(|label| positions(&named, label)).collect();
     let velocities = labels.iter().flat_map(|label| velocities(&named, label)).collect();
-    Some(Source { table, timings: timings(table, &named), positions, velocities })
+    let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
+    let attitudes = triples(ATTITUDE);
+    let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
+    Some(Source { table, timings: timings(table, &named), positions, velocities, attitudes, rates, forces })
+}
+
+const ATTITUDE: [Role; 3] = [Role::Roll, Role::Pitch, Role::Yaw];
+const AXES: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+
+fn triple(named: &[Named], label: &str, roles: [Role; 3]) -> Option<Triple> {
+    let [a, b, c] = roles.map(|role| of(named, label, role));
+    Some(Triple { source: label.to_owned(), columns: [a?, b?, c?] })
+}
+
+/// Whether names say that a table has an attitude, rates or forces.
+pub(super) fn has_body(named: &[Named]) -> bool {
+    let found = |label: &str| {
+        [ATTITUDE, AXES.map(Role::Rate), AXES.map(Role::Force)]
+            .into_iter()
+            .any(|roles| triple(named, label, roles).is_some())
+    };
+    named.iter().any(|c| c.role == Role::Time) && named.iter().any(|c| found(&c.source))
 }
 
 /// Whether names alone say that something may be found in a table of these columns.

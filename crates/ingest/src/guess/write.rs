@@ -1,5 +1,6 @@
 //! A guess as the file of a channel map.
 
+use super::body::Body;
 use super::decide::{Motion, Place, Vertical};
 use super::{Found, Guess, quoted};
 use flight::Unit;
@@ -8,13 +9,15 @@ use std::fmt::Write;
 /// Sources that the default pipeline looks for.
 const USUAL: [&str; 3] = ["gps", "ins", "ekf"];
 
+/// All that was found.
+pub(super) struct All<'l> {
+    pub(super) places: Vec<Found<'l, Place>>,
+    pub(super) motions: Vec<Found<'l, Motion>>,
+    pub(super) bodies: Vec<Found<'l, Body>>,
+}
+
 /// Writes the map; where there are several tables each channel names its own.
-pub(super) fn map(
-    places: &[Found<'_, Place>],
-    motions: &[Found<'_, Motion>],
-    reasons: &[String],
-    several: bool,
-) -> Guess {
+pub(super) fn map(All { places, motions, bodies }: &All<'_>, reasons: &[String], several: bool) -> Guess {
     let mut text = String::from(HEAD);
     let mut said = vec![];
     for reason in reasons {
@@ -25,7 +28,7 @@ pub(super) fn map(
         said.push(channel(
             &mut text,
             name,
-            quantity(&place.what),
+            (quantity(&place.what), None),
             &place_fields(&place.what),
             &place.what.why,
             &Where::of(place, several),
@@ -36,18 +39,50 @@ pub(super) fn map(
         said.push(channel(
             &mut text,
             name,
-            "velocity-ned",
+            ("velocity-ned", None),
             &motion_fields(&motion.what),
             &motion.what.why,
             &Where::of(motion, several),
         ));
     }
+    for (body, name) in bodies.iter().zip(body_names(bodies)) {
+        said.push(channel(
+            &mut text,
+            &name,
+            (body.what.quantity, Some(body.what.frame)),
+            &body_fields(&body.what),
+            &body.what.why,
+            &Where::of(body, several),
+        ));
+    }
     let both = !places.is_empty() && !motions.is_empty();
-    Guess { text, said: said.join("; "), channels: (places.len() + motions.len()) as u64, both }
+    let channels = (places.len() + motions.len() + bodies.len()) as u64;
+    Guess { text, said: said.join("; "), channels, both }
 }
 
-const HEAD: &str =
-    "# Columns bound by guess: by their names, their units, and by whether the position moves as the velocity says.
+fn body_fields(body: &Body) -> Vec<Field<'_>> {
+    let columns = body.set.columns.iter().map(|column| column.path.as_str());
+    body.roles.into_iter().zip(columns).map(|(role, column)| (role, column, body.unit)).collect()
+}
+
+/// A name for each attitude, rate and force: after its source, as `attitude.ins` and `angular-rate.imu` where there is none.
+fn body_names(bodies: &[Found<'_, Body>]) -> Vec<String> {
+    let mut names: Vec<String> = vec![];
+    for Body { set, quantity, .. } in bodies.iter().map(|body| &body.what) {
+        let source = match set.source.as_str() {
+            "" if *quantity == "attitude" => "ins",
+            "" => "imu",
+            other => other,
+        };
+        let numbered = |count: usize| if count == 1 { String::new() } else { format!("-{count}") };
+        let mut all = (1..).map(|count| format!("{quantity}.{source}{}", numbered(count)));
+        names.extend(all.find(|name| !names.contains(name)));
+    }
+    names
+}
+
+const HEAD: &str = "# Columns bound by guess: by their names, their units, and by what position, velocity,
+# attitude, rates and forces say of each other.
 # Check every line and give the map a name of your own. `--maps DIR` takes all maps of a folder.
 schema = 1
 name = \"guess\"
@@ -143,7 +178,7 @@ fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<
 fn channel(
     text: &mut String,
     name: &str,
-    quantity: &str,
+    (quantity, frame): (&str, Option<&str>),
     fields: &[Field<'_>],
     why: &[String],
     at: &Where<'_>,
@@ -155,6 +190,9 @@ fn channel(
     let _ = writeln!(text, "[[channel]]\nname = {}\nquantity = \"{quantity}\"", quoted(name));
     if let Some(topic) = at.topic {
         let _ = writeln!(text, "topic = [{}]", quoted(topic));
+    }
+    if let Some(frame) = frame {
+        let _ = writeln!(text, "frame = \"{frame}\"");
     }
     let _ = writeln!(text, "timeline = \"{}\"", at.kind);
     let _ = writeln!(

@@ -357,9 +357,9 @@ fn an_encrypted_bag_is_said_to_be_one() {
 fn a_connection_without_a_definition_is_not_one_of_messages_without_fields() {
     let read =
         |type_name, md5| OnDisk::new(&small(type_name, md5, "", None), true).read().unwrap().health.topics.remove(0);
-    for (type_name, md5) in [("*", "*"), ("sensor_msgs/NavSatFix", "2d3a8cd499b9b4a0249fb98fd05cfa48")] {
+    for (type_name, md5) in [("*", "*"), ("my_msgs/Fix", "2d3a8cd499b9b4a0249fb98fd05cfa48")] {
         let topic = read(type_name, md5);
-        assert_eq!((topic.decoded, topic.reason.as_str()), (false, "there is no message definition"), "{type_name}");
+        assert!(!topic.decoded && topic.reason.starts_with("there is no message definition of"), "{topic:?}");
     }
     // The checksum of an empty text.
     assert!(read("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e").decoded);

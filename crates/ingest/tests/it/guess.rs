@@ -275,3 +275,223 @@ fn a_table_without_a_header_is_suggested_a_map_by_its_motion_alone() {
     assert_eq!(loaded.flight.channels.len(), 2);
     assert_eq!(loaded.flight.channels["velocity.gps"].series.components()[0][0], 18.0);
 }
+
+const G: f64 = 9.806_65;
+
+/// The attitude of the truth, which flies where it points and banks as its turn needs: roll, pitch and yaw, rad.
+fn attitude(t: f64) -> [f64; 3] {
+    let course = |t: f64| truth(t).1[1].atan2(truth(t).1[0]);
+    let [north, east, up] = truth(t).1;
+    let turn = (course(t + 1e-4) - course(t - 1e-4) + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU)
+        - std::f64::consts::PI;
+    let speed = north.hypot(east);
+    [(speed * turn / 2e-4 / G).atan(), up.atan2(speed), course(t)]
+}
+
+/// From forward, right, down to north, east, down.
+fn turned([roll, pitch, yaw]: [f64; 3]) -> [[f64; 3]; 3] {
+    let ([(sr, cr), (sp, cp), (sy, cy)], row) = ([roll, pitch, yaw].map(f64::sin_cos), |a, b, c| [a, b, c]);
+    [
+        row(cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy),
+        row(cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy),
+        row(-sp, sr * cp, cr * cp),
+    ]
+}
+
+/// What a gyroscope and an accelerometer measure about and along forward, right, down, rad/s and m/s^2.
+fn imu(t: f64) -> ([f64; 3], [f64; 3]) {
+    let ([roll, pitch, _], d) = (attitude(t), 1e-3);
+    let wrap = |a: f64| (a + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+    let rate = |i: usize| wrap(attitude(t + d)[i] - attitude(t - d)[i]) / (2.0 * d);
+    let (droll, dpitch, dyaw) = (rate(0), rate(1), rate(2));
+    let rates = [
+        droll - dyaw * pitch.sin(),
+        dpitch * roll.cos() + dyaw * pitch.cos() * roll.sin(),
+        dyaw * pitch.cos() * roll.cos() - dpitch * roll.sin(),
+    ];
+    let (a, b) = (truth(t + d).1, truth(t - d).1);
+    let [north, east, up] = [0, 1, 2].map(|i| (a[i] - b[i]) / (2.0 * d));
+    // Against gravity, which an accelerometer does not feel.
+    let (force, axes) = ([north, east, -up - G], turned(attitude(t)));
+    (rates, [0, 1, 2].map(|i| (0..3).map(|j| axes[j][i] * force[j]).sum()))
+}
+
+/// A position and a velocity with what else `row` makes of a time.
+fn with_body(header: &str, row: impl Fn(f64) -> Vec<f64>) -> Loaded {
+    let text = table(&format!("time,lat,lon,alt,vn,ve,vd,{header}"), |t, [a, b, h], [n, e, u]| {
+        let more: Vec<String> = row(t).iter().map(|value| format!("{value:.6}")).collect();
+        format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},{}", deg(a), deg(b), -u, more.join(","))
+    });
+    load_text(&text)
+}
+
+/// Attitude, rates and forces are the truth about and along forward, right, down.
+fn assert_body_is_truth(loaded: &Loaded) {
+    assert_is_truth(loaded);
+    let of = |quantity| {
+        let series = &of(loaded, quantity).series;
+        (series.timeline().seconds_since(series.timeline().stamps()[0]), series.components().to_vec())
+    };
+    let (times, q) = of(Quantity::Attitude);
+    let ((_, rates), (_, forces)) = (of(Quantity::AngularRate), of(Quantity::SpecificForce));
+    for (i, t) in times.iter().enumerate().step_by(61) {
+        let axes = turned(attitude(*t));
+        let [w, x, y, z] = [0, 1, 2, 3].map(|axis: usize| q[axis][i]);
+        let nose = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
+        let right = [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)];
+        for axis in 0..3 {
+            assert!((nose[axis] - axes[axis][0]).abs() < 1e-5, "{t} s: nose {nose:?}");
+            assert!((right[axis] - axes[axis][1]).abs() < 1e-5, "{t} s: right {right:?}");
+            assert!((rates[axis][i] - imu(*t).0[axis]).abs() < 1e-4, "{t} s: rate {axis}");
+            assert!((forces[axis][i] - imu(*t).1[axis]).abs() < 1e-3, "{t} s: force {axis}");
+        }
+    }
+}
+
+#[test]
+fn attitude_rates_and_forces_under_usual_names_are_the_same_flight() {
+    let flu = |[x, y, z]: [f64; 3]| [x, -y, -z];
+    assert_body_is_truth(&with_body("roll,pitch,yaw,p,q,r,ax,ay,az", |t| {
+        [attitude(t).map(deg), imu(t).0.map(deg), imu(t).1].concat()
+    }));
+    assert_body_is_truth(&with_body("roll_rad,pitch_rad,heading_rad,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z", |t| {
+        [attitude(t), flu(imu(t).0), flu(imu(t).1.map(|f| f / G))].concat()
+    }));
+    // Radians that nothing states, and yaw anticlockwise from east with the nose down, as ROS has it.
+    assert_body_is_truth(&with_body(
+        "roll,pitch,yaw,gyro_x_dps,gyro_y_dps,gyro_z_dps,AccelX [g],AccelY [g],AccelZ [g]",
+        |t| {
+            let [roll, pitch, yaw] = attitude(t);
+            let enu = [roll, -pitch, std::f64::consts::FRAC_PI_2 - yaw];
+            [enu, imu(t).0.map(deg), imu(t).1.map(|f| f / G)].concat()
+        },
+    ));
+    let headed = with_body("roll,pitch,heading,rollrate,pitchrate,yawrate,accx,accy,accz", |t| {
+        let [roll, pitch, yaw] = attitude(t).map(deg);
+        [[roll, pitch, yaw.rem_euclid(360.0)], imu(t).0, imu(t).1].concat()
+    });
+    assert_body_is_truth(&headed);
+    assert_eq!(count_of(&headed, "bound-by-guess"), 5);
+}
+
+#[test]
+fn a_suggested_map_holds_attitude_rates_and_forces_with_their_reasons() {
+    let header = "time,lat,lon,alt,vn,ve,vd,roll,pitch,yaw,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z";
+    let text = table(header, |t, [a, b, h], [n, e, u]| {
+        let more: Vec<String> =
+            [attitude(t).map(deg), imu(t).0, imu(t).1].concat().iter().map(|value| format!("{value:.6}")).collect();
+        format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},{}", deg(a), deg(b), -u, more.join(","))
+    });
+    let (_folder, path) = file("own.csv", text.as_bytes());
+    let unit = tables(&[path]);
+    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    for line in [
+        "name = \"attitude.ins\"",
+        "frame = \"frd-ned\"",
+        "yaw = { field = \"yaw\", unit = \"deg\" }",
+        "yaw follows the course of the velocity to 1.000 if it counts clockwise from north",
+        "name = \"angular-rate.imu\"",
+        "z = { field = \"gyro_z\", unit = \"rad/s\" }",
+        "they agree with the turns of yaw",
+        "name = \"specific-force.imu\"",
+        "x = { field = \"acc_x\", unit = \"m/s^2\" }",
+        "x forward and z down follow gravity in the attitude of yaw",
+    ] {
+        assert!(map.contains(line), "{line}: {map}");
+    }
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
+    let mapped = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    assert_eq!((mapped.binding.as_ref().unwrap().map.as_str(), mapped.flight.channels.len()), ("own", 5));
+    assert_eq!(count_of(&mapped, "bound-by-guess"), 0);
+}
+
+#[test]
+fn an_attitude_rates_or_forces_that_the_motion_contradicts_are_left_out_with_the_reason() {
+    let body = |turn: fn([f64; 3]) -> [f64; 3], rate: fn([f64; 3]) -> [f64; 3], force: fn([f64; 3]) -> [f64; 3]| {
+        let loaded = with_body("roll,pitch,yaw,p,q,r,ax,ay,az", |t| {
+            let (rates, forces) = imu(t);
+            [turn(attitude(t)).map(deg), rate(rates).map(deg), force(forces)].concat()
+        });
+        let said = loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text.clone();
+        (loaded.flight.channels.keys().cloned().collect::<Vec<_>>().join(" "), said)
+    };
+    let same = |v| v;
+    let (channels, said) = body(|[roll, pitch, yaw]| [roll, pitch, yaw + std::f64::consts::PI], same, same);
+    assert!(!channels.contains("attitude") && said.contains("yaw stays"), "{channels}: {said}");
+    assert!(said.contains("180 degrees off the course"), "{said}");
+    let (channels, said) = body(|[roll, pitch, yaw]| [roll, pitch, -yaw], same, same);
+    assert!(!channels.contains("attitude") && said.contains("anticlockwise from north"), "{channels}: {said}");
+    let (channels, said) = body(|[roll, pitch, yaw]| [roll, -pitch, yaw], same, same);
+    assert!(!channels.contains("attitude") && said.contains("pitch counts the other way"), "{channels}: {said}");
+    let (channels, said) = body(same, |rates| rates.map(|rate| 7.0 * rate), same);
+    assert!(!channels.contains("rate") && said.contains("times as fast as the attitude turns"), "{channels}: {said}");
+    let (channels, said) = body(same, |[p, q, r]| [p, q, -r], same);
+    assert!(!channels.contains("rate") && said.contains("p, q and r: they do not say how yaw"), "{channels}: {said}");
+    let (channels, said) = body(same, same, |[x, y, z]| [x, y, z + G]);
+    assert!(!channels.contains("force") && said.contains("gravity may be taken out"), "{channels}: {said}");
+    let (channels, said) = body(same, same, |forces| forces.map(|f| -f));
+    assert!(!channels.contains("force") && said.contains("along gravity"), "{channels}: {said}");
+}
+
+/// Noise that is the same every time, of this amplitude.
+fn noise(t: f64, seed: f64, amplitude: f64) -> f64 {
+    let x = ((t * 1e3).round() * 12.9898 + seed * 78.233).sin() * 43_758.545_3;
+    amplitude * 2.0 * (x - x.floor() - 0.5)
+}
+
+#[test]
+fn noise_and_a_late_attitude_do_not_change_what_is_bound() {
+    let loaded = with_body("roll,pitch,yaw,p,q,r,ax,ay,az", |t| {
+        let (rates, forces) = imu(t);
+        let noisy =
+            |values: [f64; 3], amplitude: f64| [0, 1, 2].map(|i| values[i] + noise(t, i as f64 + amplitude, amplitude));
+        [noisy(attitude(t - 0.25).map(deg), 0.5), noisy(rates, 0.1), noisy(forces, 2.0)].concat()
+    });
+    let fields = |quantity| {
+        let binding = loaded.binding.as_ref().unwrap();
+        let name = loaded.flight.channels.iter().find(|(_, c)| c.quantity == quantity).unwrap().0;
+        binding.channels.iter().find(|c| c.name == *name).unwrap().source.fields.join(" ")
+    };
+    assert_eq!(fields(Quantity::Attitude), "roll [deg] pitch [deg] yaw [deg]");
+    assert_eq!(fields(Quantity::AngularRate), "p [rad/s] q [rad/s] r [rad/s]");
+    assert_eq!(fields(Quantity::SpecificForce), "ax [m/s^2] ay [m/s^2] az [m/s^2]");
+}
+
+#[test]
+fn an_imu_in_a_table_of_its_own_is_bound_by_the_attitude_of_another() {
+    let nav = table("time,lat,lon,alt,vn,ve,vd,roll,pitch,yaw", |t, [a, b, h], [n, e, u]| {
+        let [roll, pitch, yaw] = attitude(t).map(deg);
+        format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},{roll:.5},{pitch:.5},{yaw:.5}", deg(a), deg(b), -u)
+    });
+    let rows = (0..4500).map(|i| 0.02 * f64::from(i)).map(|t| {
+        let values: Vec<String> = [imu(t).0, imu(t).1].concat().iter().map(|value| format!("{value:.6}")).collect();
+        format!("{t:.2},{}\n", values.join(","))
+    });
+    let imu = format!("time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z\n{}", rows.collect::<String>());
+    let folder = tempfile::tempdir().unwrap();
+    let paths = [("nav.csv", nav), ("imu.csv", imu)].map(|(name, text)| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    });
+    let loaded = load(&tables(&paths)).unwrap();
+    let of = |quantity| &of(&loaded, quantity).source.topic;
+    assert!(of(Quantity::AngularRate).contains("imu") && of(Quantity::Attitude).contains("nav"));
+    assert!(of(Quantity::SpecificForce).contains("imu"));
+}
+
+#[test]
+fn a_way_too_straight_to_tell_what_yaw_counts_is_said_so() {
+    let text = table("time,lat,lon,vn,ve,roll,pitch,yaw", |t, _, _| {
+        format!(
+            "{t:.1},{:.9},{:.9},7,7,1,2,45.0",
+            4.0 + deg(7.0 * t / 6_335_439.3),
+            20.0 + deg(7.0 * t / (SCALE * 4_f64.to_radians().cos()))
+        )
+    });
+    let loaded = load_text(&text);
+    let said = &loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text;
+    assert!(said.contains("roll, pitch and yaw: the way is too straight to tell"), "{said}");
+    assert!(loaded.flight.channels.values().all(|channel| channel.quantity != Quantity::Attitude));
+}

@@ -10,6 +10,7 @@ mod clocks;
 mod csv;
 mod dataflash;
 mod db3;
+mod definitions;
 mod discover;
 mod drivers;
 mod gps_time;

@@ -552,3 +552,71 @@ fn the_velocity_of_a_standing_xsens_is_zero_where_it_has_a_position() {
     }));
     assert_eq!(used(&loaded, "velocity.ins"), (5, vec![("velocity_given is below 1".to_owned(), 15)]));
 }
+
+/// 20 s at 50 Hz of a flight to the north-east, in the columns of VectorNav's exporter; GPS week 2366, 345 600 s in it.
+fn vectornav(header: &str, row: impl Fn(f64) -> String) -> Loaded {
+    let rows: String = (0..1000).map(|i| row(0.02 * f64::from(i)) + "\n").collect();
+    let (_folder, path) = file("FA.csv", format!("{header}\n{rows}").as_bytes());
+    let loaded = load(&FlightUnit { id: "FA".into(), files: vec![path], kind: LogKind::Csv }).unwrap();
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "vectornav-csv", "{:?}", loaded.binding);
+    loaded
+}
+
+#[test]
+fn exports_of_both_versions_of_vectornavs_sdk_and_of_its_ascii_messages_are_bound() {
+    const IN_WEEK_S: f64 = 345_600.0;
+    let week_s = 2366.0 * 604_800.0;
+    let place = |t: f64| format!("{:.9},{:.9},{:.3}", 47.0 + 1e-4 * t, 8.5 + 2e-4 * t, 500.0 + t);
+    let ns = |s: f64| format!("{:.0}", (s * 1e3).round() * 1e6);
+    let binary = |t: f64| {
+        format!("{},90,5,-10,{},11.1,15.2,-1,0.1,0.2,-9.8,0.01,0.02,-0.03", ns(week_s + IN_WEEK_S + t), place(t))
+    };
+    let names = "AccelX,AccelY,AccelZ,GyroX,GyroY,GyroZ";
+    let newer = vectornav(&format!("TimeGps,Yaw,Pitch,Roll,PosLat,PosLon,PosAlt,VelN,VelE,VelD,{names}"), binary);
+    let names = "accelX,accelY,accelZ,angularRateX,angularRateY,angularRateZ";
+    let older = vectornav(&format!("timeGps,yaw,pitch,roll,lat,lon,alt,velNedX,velNedY,velNedZ,{names}"), binary);
+    let ascii = vectornav(
+        "TimeGpsTow,TimeGpsWeek,InsStatus,Yaw,Pitch,Roll,PosLat,PosLon,PosAlt,VelN,VelE,VelD,AttUncertainty",
+        |t| format!("{:.6},2366,0006,90,5,-10,{},11.1,15.2,-1,0.5", IN_WEEK_S + t, place(t)),
+    );
+    for loaded in [&newer, &older, &ascii] {
+        let first = |name: &str| -> Vec<f64> {
+            loaded.flight.channels[name].series.components().iter().map(|axis| axis[0]).collect()
+        };
+        let timeline = loaded.flight.channels["position.ins"].series.timeline();
+        assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Measured, Clock::Gps));
+        let stamp = timeline.stamps()[50].0 - (2366 * 604_800 + 345_601) * 1_000_000_000;
+        assert!(stamp.abs() < 1_000, "{stamp}");
+        let [latitude, longitude, height] = first("position.ins")[..] else { panic!() };
+        assert!((latitude.to_degrees() - 47.0).abs() < 1e-9 && (longitude.to_degrees() - 8.5).abs() < 1e-9);
+        assert_eq!((height, first("velocity.ins")), (500.0, vec![11.1, 15.2, -1.0]));
+        // Towards the east, nose up, left side down.
+        let [w, x, y, z] = first("attitude.ins")[..] else { panic!() };
+        let nose = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
+        assert!(
+            nose[0].abs() < 1e-9 && nose[1] > 0.99 && (nose[2] + 5_f64.to_radians().sin()).abs() < 1e-9,
+            "{nose:?}"
+        );
+    }
+    for loaded in [&newer, &older] {
+        let first = |name: &str| loaded.flight.channels[name].series.components().iter().map(|axis| axis[0]).collect();
+        let (rate, force): (Vec<f64>, Vec<f64>) = (first("angular-rate.imu"), first("specific-force.imu"));
+        assert_eq!((rate, force), (vec![0.01, 0.02, -0.03], vec![0.1, 0.2, -9.8]));
+    }
+}
+
+#[test]
+fn a_receiver_in_a_vectornav_export_has_its_own_time_and_only_fixes() {
+    let loaded = vectornav(
+        "TimeStartup,Yaw,Pitch,Roll,Gps1Tow,Gps1Week,Gnss1Fix,Gnss1Lat,Gnss1Lon,Gnss1Alt,Gnss1VelN,Gnss1VelE,Gnss1VelD",
+        |t| {
+            let fix_s = (5.0 * t).floor() / 5.0;
+            let tow = format!("{:.0}", (345_600.0 + fix_s) * 1e9);
+            let (fix, north) = (if t < 2.0 { 0 } else { 3 }, 47.0 + 1e-4 * fix_s);
+            format!("{:.0},0,0,0,{tow},2366,{fix},{north:.9},8.5,500,11.1,0,0", 1e9 * (7.0 + t))
+        },
+    );
+    let position = loaded.flight.channels["position.gps"].series.timeline();
+    assert_eq!((position.clock(), position.stamps().len()), (Clock::Gps, 90));
+    assert_eq!(loaded.flight.channels["attitude.ins"].series.timeline().clock(), Clock::Boot);
+}

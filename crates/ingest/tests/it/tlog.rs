@@ -369,6 +369,93 @@ fn every_boot_of_a_vehicle_in_one_log_keeps_its_rows_at_their_true_time() {
     }
 }
 
+/// When a message reaches the ground station, ms after it was sent: slowly between 10 and 110, and a few more by chance.
+fn latency_ms(sent_ms: u64) -> u64 {
+    let slow = 60.0 + 50.0 * (sent_ms as f64 * 1e-3 * 0.7).sin();
+    slow as u64 + sent_ms * 7 % 4
+}
+
+/// A flight of 20 s in which ATTITUDE is sent every 50 ms and says when, and AHRS2 and SIMSTATE 20 ms after every second one,
+/// which do not: their latitude is the time at which they were sent.
+fn untimed(from_ms: u64, at_ms: u64) -> Vec<u8> {
+    let row = |row: u64| {
+        let (boot_ms, at_ms) = (from_ms + 50 * row, at_ms + 50 * row);
+        let received_us = |sent_ms: u64| NOON_US + 1000 * (sent_ms + latency_ms(sent_ms));
+        let attitude =
+            tlog_frame(received_us(at_ms), 30, 39, &[&(boot_ms as u32).to_le_bytes()[..], &[0; 24]].concat());
+        if row % 2 == 1 {
+            return attitude;
+        }
+        let place = [boot_ms as i32 + 20, 85_000_000].map(i32::to_le_bytes).concat();
+        let ahrs2 = [&[0; 12][..], &100_f32.to_le_bytes(), &place].concat();
+        let simstate = [&[0; 36][..], &place].concat();
+        let at_us = received_us(at_ms + 20);
+        [attitude, tlog_frame(at_us, 178, 47, &ahrs2), tlog_frame(at_us, 164, 154, &simstate)].concat()
+    };
+    (0..400).flat_map(row).collect()
+}
+
+fn load_log(bytes: &[u8]) -> ingest::Loaded {
+    let (_folder, path) = file("log.tlog", bytes);
+    load(&ingest::FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Tlog }).unwrap()
+}
+
+/// Stamps less the times that the latitudes state, ms.
+fn off_by_latitude(channel: &flight::Channel) -> Vec<f64> {
+    let sent = channel.series.components()[0].iter().map(|latitude| (latitude.to_degrees() * 1e7).round());
+    channel.series.timeline().stamps().iter().zip(sent).map(|(stamp, sent)| stamp.0 as f64 * 1e-6 - sent).collect()
+}
+
+#[test]
+fn messages_without_a_time_get_the_clock_since_boot_from_those_around_them() {
+    let loaded = load_log(&untimed(5000, 0));
+    let attitude = loaded.flight.channels["attitude.ekf"].series.timeline().clock();
+    for name in ["position.ahrs2", "position.truth-simstate"] {
+        let channel = &loaded.flight.channels[name];
+        let timeline = channel.series.timeline();
+        assert_eq!((timeline.kind(), timeline.clock(), timeline.stamps().len()), (StampKind::Measured, attitude, 200));
+        let off = off_by_latitude(channel);
+        assert!(off.iter().all(|off| off.abs() < 5.0), "{name}: {off:?}");
+        // By the ground station's clock alone they are apart by the change of the latency.
+        let logged = channel.other_stamps.iter().find(|(kind, ..)| *kind == StampKind::Logged).unwrap();
+        let late: Vec<i64> = logged.2.iter().zip(timeline.stamps()).map(|(logged, own)| logged.0 - own.0).collect();
+        assert!(late.iter().max().unwrap() - late.iter().min().unwrap() > 90_000_000);
+    }
+    let said: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "placed-stamps").collect();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(
+        said[0].text.contains("between messages of ATTITUDE") && said[0].text.contains("0.050 s at most"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn messages_without_a_time_follow_their_vehicle_across_a_restart() {
+    let loaded = load_log(&[untimed(50_000, 0), untimed(3000, 40_000)].concat());
+    assert_eq!(count_of(&loaded, "restart-dated"), 1);
+    // The second session is as far from the first as it is for the messages that state their time.
+    let attitude = loaded.flight.channels["attitude.ekf"].series.timeline().stamps();
+    let moved_ms = attitude[400].0 as f64 * 1e-6 - 3000.0;
+    assert!((moved_ms - 87_000.0).abs() < 100.0, "{moved_ms}");
+    let off = off_by_latitude(&loaded.flight.channels["position.ahrs2"]);
+    assert_eq!((attitude.len(), off.len()), (800, 400));
+    assert!(off[..200].iter().all(|off| off.abs() < 5.0), "{off:?}");
+    assert!(off[200..].iter().all(|off| (off - moved_ms).abs() < 5.0), "{off:?}");
+}
+
+#[test]
+fn without_a_message_that_states_its_time_the_receive_time_stays_and_that_is_said() {
+    let frame = |row: u64| {
+        let place = [row as i32, 85_000_000].map(i32::to_le_bytes).concat();
+        tlog_frame(NOON_US + 100_000 * row, 178, 47, &[&[0; 12][..], &100_f32.to_le_bytes(), &place].concat())
+    };
+    let loaded = load_log(&(0..100).flat_map(frame).collect::<Vec<u8>>());
+    let timeline = loaded.flight.channels["position.ahrs2"].series.timeline();
+    assert_eq!((timeline.kind(), timeline.clock()), (StampKind::Logged, Clock::Unix));
+    assert_eq!(count_of(&loaded, "placed-stamps"), 0);
+    assert!(count_of(&loaded, "stamp-kind") > 0);
+}
+
 #[test]
 fn one_boot_that_says_utc_dates_the_others_by_when_they_were_received() {
     for said in [0, 1] {

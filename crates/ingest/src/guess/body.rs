@@ -1,0 +1,115 @@
+//! Attitudes, angular rates and specific forces: units and axes by what they say of each other and of the velocity. What these
+//! contradict is refused, and what they cannot decide too.
+
+mod attitude;
+mod force;
+mod rate;
+
+use self::attitude::Turns;
+use super::decide::Motion;
+use super::motion::Trace;
+use super::sets::{Source, Triple};
+use super::times::Timing;
+use super::{Found, decide};
+use crate::table::{Table, numbers};
+use flight::Unit;
+
+/// Agreements that confirm, and that contradict.
+const CONFIRMS: f64 = 0.8;
+/// Differences in agreement that decide.
+const DECIDES: f64 = 0.05;
+
+/// Three columns with their unit and frame.
+#[derive(Debug, Clone)]
+pub(super) struct Body {
+    pub(super) set: Triple,
+    pub(super) quantity: &'static str,
+    pub(super) roles: [&'static str; 3],
+    pub(super) unit: Unit,
+    /// As a map calls it.
+    pub(super) frame: &'static str,
+    pub(super) why: Vec<String>,
+}
+
+/// Columns of a table with its time.
+struct Of<'a> {
+    table: &'a Table,
+    timing: &'a Timing,
+    set: &'a Triple,
+}
+
+impl Of<'_> {
+    /// The values in SI units, over the time of the table.
+    fn trace(&self, unit: Unit) -> Trace<3> {
+        let columns = self.set.columns.each_ref().map(Some);
+        decide::trace(self.table, &self.timing.times_s, columns, |values| values.map(|value| unit.to_si(value)))
+    }
+
+    /// The unit that the table states, or nothing.
+    ///
+    /// # Errors
+    /// A unit that is unknown, or not the same for all columns.
+    fn stated(&self) -> Result<Option<Unit>, String> {
+        let columns = || self.set.columns.iter();
+        if let Some((column, odd)) = columns().find_map(|column| Some((column, column.odd_unit.as_ref()?))) {
+            return Err(format!(
+                "the table states {} in {odd:?}, which is no unit of it that flightlag knows",
+                column.path
+            ));
+        }
+        let mut units = columns().filter_map(|column| column.unit);
+        let first = units.next();
+        match units.find(|unit| Some(*unit) != first) {
+            Some(_) => Err("the table states different units for them".to_owned()),
+            None => Ok(first),
+        }
+    }
+
+    /// The largest value of any of the columns, without its sign.
+    fn largest(&self) -> f64 {
+        let values = |path: &str| {
+            let column = numbers(self.table, path);
+            (0..self.table.rows).filter_map(move |row| column?.number(row))
+        };
+        self.set.columns.iter().flat_map(|column| values(&column.path)).fold(0.0, |most, value| most.max(value.abs()))
+    }
+}
+
+/// What is found in the tables, and why other sets are not bound. `motions` are the velocities that were bound.
+pub(super) fn bodies<'l>(
+    sources: &'l [Source<'l>],
+    motions: &[Found<'_, Motion>],
+    times: &[(&str, &Timing)],
+) -> (Vec<Found<'l, Body>>, Vec<String>) {
+    let (mut found, mut reasons): (Vec<Found<'l, Body>>, Vec<String>) = (vec![], vec![]);
+    let flown = motions.iter().find_map(|motion| attitude::flown(sources, motion));
+    let mut turns: Vec<Turns> = vec![];
+    let mut keep = |source: &'l Source<'l>, timing: &Timing, set: &Triple, body: Result<Body, String>| match body {
+        Ok(what) => found.push(Found { topic: &source.table.topic.name, timing: timing.clone(), what }),
+        Err(why) => reasons.push(format!("{}: {why}", set.names())),
+    };
+    for (source, timing) in sources.iter().filter_map(|source| Some((source, timing_of(source, times)?))) {
+        for set in &source.attitudes {
+            let of = Of { table: source.table, timing, set };
+            let decided = attitude::decide(&of, flown.as_ref());
+            turns.extend(decided.as_ref().ok().map(|body| Turns::new(&of, body)));
+            keep(source, timing, set, decided);
+        }
+    }
+    for (source, timing) in sources.iter().filter_map(|source| Some((source, timing_of(source, times)?))) {
+        let turns = turns.iter().find(|turns| turns.clock == timing.clock);
+        for set in &source.rates {
+            keep(source, timing, set, rate::decide(&Of { table: source.table, timing, set }, turns));
+        }
+        for set in &source.forces {
+            keep(source, timing, set, force::decide(&Of { table: source.table, timing, set }, turns));
+        }
+    }
+    (found, reasons)
+}
+
+/// The way to read the time of a table: that of its positions and velocities, else a certain one.
+fn timing_of<'t>(source: &'t Source<'_>, times: &[(&str, &'t Timing)]) -> Option<&'t Timing> {
+    let same = times.iter().find(|(topic, _)| *topic == source.table.topic.name).map(|(_, timing)| *timing);
+    same.or(source.timings.first().filter(|timing| timing.is_certain))
+}

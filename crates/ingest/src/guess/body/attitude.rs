@@ -1,0 +1,245 @@
+//! Roll, pitch and yaw: the unit by what is stated, by the range, or by whether yaw follows the course of the velocity.
+
+use super::{Body, CONFIRMS, DECIDES, Of};
+use crate::bind::from_euler;
+use crate::guess::Found;
+use crate::guess::decide::{self, Motion, Vertical};
+use crate::guess::motion::Trace;
+use crate::guess::sets::Source;
+use crate::map::AttitudeFrame;
+use flight::{Clock, Unit};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Values between rows farther apart are not known, s.
+const HOLE_S: f64 = 2.0;
+/// Slower, a velocity has no course, m/s.
+const SLOWEST: f64 = 2.0;
+/// The mean of unit vectors is this long if all point nearly the same way.
+const STEADY: f64 = 0.95;
+/// Fewer rows with a course say nothing.
+const FEWEST: usize = 20;
+
+/// A velocity north, east, down in m/s.
+pub(super) struct Flown {
+    clock: Clock,
+    trace: Trace<3>,
+    has_down: bool,
+}
+
+/// The velocity that was bound, with its units and axes.
+pub(super) fn flown(sources: &[Source<'_>], motion: &Found<'_, Motion>) -> Option<Flown> {
+    let source = sources.iter().find(|source| source.table.topic.name == motion.topic)?;
+    let Motion { set, unit, angle, third, swapped, is_west, .. } = &motion.what;
+    let columns = [Some(&set.first), Some(&set.second), set.third.as_ref()];
+    let down = third.and_then(|(unit, side)| match side {
+        Vertical::Down => Some((unit, 1.0)),
+        Vertical::Up => Some((unit, -1.0)),
+        Vertical::LeftOut => None,
+    });
+    let trace = decide::trace(source.table, &motion.timing.times_s, columns, |[a, b, c]| {
+        let down = down.map_or(0.0, |(unit, sign)| sign * unit.to_si(c));
+        let (first, second) = (unit.to_si(a), unit.to_si(b));
+        match angle {
+            Some(angle) => [first * angle.to_si(b).cos(), first * angle.to_si(b).sin(), down],
+            None => {
+                let (north, east) = if *swapped { (second, first) } else { (first, second) };
+                [north, if *is_west { -east } else { east }, down]
+            }
+        }
+    });
+    Some(Flown { clock: motion.timing.clock, trace, has_down: down.is_some() })
+}
+
+/// How yaw may count.
+#[derive(Clone, Copy)]
+struct Count {
+    /// As a map calls it; empty where a map has no word for it.
+    frame: &'static str,
+    /// Yaw clockwise from north, from the yaw of the columns in rad.
+    clockwise: fn(f64) -> f64,
+    words: &'static str,
+}
+
+const COUNTS: [Count; 4] = [
+    Count { frame: "frd-ned", clockwise: |yaw| yaw, words: "clockwise from north" },
+    Count { frame: "flu-enu", clockwise: |yaw| FRAC_PI_2 - yaw, words: "anticlockwise from east" },
+    Count { frame: "", clockwise: |yaw| -yaw, words: "anticlockwise from north" },
+    Count { frame: "", clockwise: |yaw| FRAC_PI_2 + yaw, words: "clockwise from east" },
+];
+
+/// A way to read the angles.
+#[derive(Clone, Copy)]
+struct Way {
+    unit: Unit,
+    count: Count,
+}
+
+/// The unit and the frame of three angles.
+///
+/// # Errors
+/// Why there are none.
+pub(super) fn decide(of: &Of<'_>, flown: Option<&Flown>) -> Result<Body, String> {
+    let (units, why_unit) = units(of)?;
+    let flown = flown.filter(|flown| flown.clock == of.timing.clock);
+    let ways: Vec<Way> = units.iter().flat_map(|unit| COUNTS.map(|count| Way { unit: *unit, count })).collect();
+    let mut scored: Vec<(f64, Way)> = ways
+        .iter()
+        .filter_map(|way| Some((agreement(&of.trace(way.unit), flown?, way.count.clockwise)?, *way)))
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let body = |unit, frame, why| Body {
+        set: of.set.clone(),
+        quantity: "attitude",
+        roles: ["roll", "pitch", "yaw"],
+        unit,
+        frame,
+        why,
+    };
+    let Some((best, way)) = scored.first().copied().filter(|(best, _)| *best >= CONFIRMS) else {
+        not_off(of, &ways, flown)?;
+        return match units.as_slice() {
+            [unit] => Ok(body(*unit, "frd-ned", vec![why_unit, UNCONFIRMED.to_owned()])),
+            _ => Err("nothing shows whether they are in degrees or radians".to_owned()),
+        };
+    };
+    let rival = scored.iter().skip(1).find(|(other, _)| best - other < DECIDES);
+    if let Some((_, other)) = rival {
+        return match other.unit == way.unit {
+            true => Err(format!(
+                "the way is too straight to tell whether yaw counts {} or {}",
+                way.count.words, other.count.words
+            )),
+            false => Err(format!("they may be in {} or in {}", way.unit, other.unit)),
+        };
+    }
+    if way.count.frame.is_empty() {
+        return Err(format!("yaw counts {}, for which a channel map has no frame", way.count.words));
+    }
+    let course = format!(
+        "{} follows the course of the velocity to {best:.3} if it counts {}",
+        of.set.columns[2].path, way.count.words
+    );
+    let pitch = pitch_side(of, way, flown)?;
+    let why_unit = if units.len() > 1 { format!("{}, as the course says", way.unit) } else { why_unit };
+    Ok(body(way.unit, way.count.frame, vec![why_unit, course, pitch]))
+}
+
+const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from north, with the nose up and the right side down, by \
+                           the names alone";
+
+/// Units that the angles may have, with the reason.
+fn units(of: &Of<'_>) -> Result<(Vec<Unit>, String), String> {
+    let unit = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
+    if let Some(stated) = of.stated()? {
+        let most = stated.to_si(of.largest());
+        return match most <= TAU + 1e-3 {
+            true => Ok((vec![stated], format!("the table states {stated}"))),
+            false => Err(format!("they reach {most:.1} rad, if they are in {stated} as stated")),
+        };
+    }
+    match of.largest() {
+        most if most > 361.0 => Err(format!("they reach {most:.0}, which is more than a circle in degrees")),
+        most if most > TAU + 1e-3 => Ok((vec![unit("deg")?], "their range is that of deg".to_owned())),
+        _ => Ok((vec![unit("deg")?, unit("rad")?], "tried as deg and rad".to_owned())),
+    }
+}
+
+/// Yaw less course where the velocity has a course, rad.
+fn off_course(angles: &Trace<3>, flown: &Flown, clockwise: fn(f64) -> f64) -> Vec<f64> {
+    let rows = angles.times_s.iter().zip(&angles.values).filter_map(|(t, [_, _, yaw])| {
+        let [north, east, _] = flown.trace.at(*t, HOLE_S)?;
+        (north.hypot(east) >= SLOWEST).then(|| clockwise(*yaw) - east.atan2(north))
+    });
+    rows.collect()
+}
+
+/// The mean cosine and sine of angles.
+fn mean(angles: &[f64]) -> [f64; 2] {
+    let count = angles.len().max(1) as f64;
+    angles.iter().fold([0.0; 2], |[cos, sin], angle| [cos + angle.cos() / count, sin + angle.sin() / count])
+}
+
+/// The mean cosine between yaw and course, 1 if they are the same; `None` if too few rows have a course.
+fn agreement(angles: &Trace<3>, flown: &Flown, clockwise: fn(f64) -> f64) -> Option<f64> {
+    let off = off_course(angles, flown, clockwise);
+    (off.len() >= FEWEST).then(|| mean(&off)[0])
+}
+
+/// Says by how much yaw is off a course that turns, if it is off by the same angle all the time.
+///
+/// # Errors
+/// That it is.
+fn not_off(of: &Of<'_>, ways: &[Way], flown: Option<&Flown>) -> Result<(), String> {
+    let Some(flown) = flown else { return Ok(()) };
+    for way in ways {
+        let angles = of.trace(way.unit);
+        let off = off_course(&angles, flown, way.count.clockwise);
+        let course: Vec<f64> = flown.trace.values.iter().map(|[north, east, _]| east.atan2(*north)).collect();
+        let ([cos, sin], [a, b]) = (mean(&off), mean(&course));
+        if off.len() >= FEWEST && cos.hypot(sin) >= STEADY && a.hypot(b) <= CONFIRMS {
+            let degrees = sin.atan2(cos).to_degrees();
+            return Err(format!(
+                "{} stays {degrees:.0} degrees off the course of the velocity, if it counts {}",
+                of.set.columns[2].path, way.count.words
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Whether the nose goes up as the frame says when the vehicle climbs.
+fn pitch_side(of: &Of<'_>, way: Way, flown: Option<&Flown>) -> Result<String, String> {
+    let path = &of.set.columns[1].path;
+    let unknown = || format!("the sign of {path} and {} is by their names alone", of.set.columns[0].path);
+    let Some(flown) = flown.filter(|flown| flown.has_down) else { return Ok(unknown()) };
+    let angles = of.trace(way.unit);
+    let pairs = angles.times_s.iter().zip(&angles.values).filter_map(|(t, [_, pitch, _])| {
+        let [north, east, down] = flown.trace.at(*t, HOLE_S)?;
+        let speed = north.hypot(east);
+        (speed >= SLOWEST).then(|| (*pitch, (-down).atan2(speed)))
+    });
+    let follows = correlation(&pairs.collect::<Vec<_>>());
+    let expected = if way.count.frame == "flu-enu" { -1.0 } else { 1.0 };
+    match follows * expected {
+        agreed if agreed >= 0.5 => Ok(format!("{path} follows the climb to {:.2}", follows.abs())),
+        agreed if agreed <= -0.5 => Err(format!(
+            "{path} counts the other way than the frame {} that yaw follows: when the vehicle climbs it goes {}",
+            way.count.frame,
+            if follows < 0.0 { "down" } else { "up" }
+        )),
+        _ => Ok(unknown()),
+    }
+}
+
+fn correlation(pairs: &[(f64, f64)]) -> f64 {
+    let count = pairs.len().max(1) as f64;
+    let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), pair| (a + pair.0 / count, b + pair.1 / count));
+    let sums = pairs.iter().fold([0.0; 3], |[xy, xx, yy], (x, y)| {
+        [xy + (x - a) * (y - b), xx + (x - a) * (x - a), yy + (y - b) * (y - b)]
+    });
+    sums[0] / (sums[1] * sums[2]).sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// An attitude that was decided: what turns forward, right, down to north, east, down over time.
+pub(super) struct Turns {
+    pub(super) clock: Clock,
+    /// Name of the yaw's column.
+    pub(super) path: String,
+    pub(super) quaternions: Trace<4>,
+}
+
+impl Turns {
+    pub(super) fn new(of: &Of<'_>, body: &Body) -> Turns {
+        let frame = if body.frame == "flu-enu" { AttitudeFrame::FluEnu } else { AttitudeFrame::FrdNed };
+        let angles = of.trace(body.unit);
+        let mut last = [0.0; 4];
+        let rows = angles.times_s.iter().zip(&angles.values).map(|(t, angles)| {
+            let q = from_euler(frame, *angles);
+            // The opposite sign is the same attitude, and between both signs there is none.
+            let same: f64 = q.iter().zip(last).map(|(a, b)| a * b).sum();
+            last = if same < 0.0 { q.map(|v| -v) } else { q };
+            (*t, last)
+        });
+        Turns { clock: of.timing.clock, path: of.set.columns[2].path.clone(), quaternions: Trace::new(rows.collect()) }
+    }
+}

@@ -1,0 +1,124 @@
+//! Specific forces: the unit by a magnitude near 1 g, and the axes by where gravity is.
+
+use super::attitude::Turns;
+use super::{Body, Of};
+use crate::guess::motion::Trace;
+use flight::Unit;
+
+/// What an accelerometer at rest measures, m/s^2.
+const GRAVITY: f64 = 9.806_65;
+/// A median magnitude within is that of flight, in g.
+const PLAUSIBLE: std::ops::Range<f64> = 0.7..1.4;
+/// An attitude farther away is none of the row, s.
+const HOLE_S: f64 = 1.0;
+/// Agreement of z with gravity that decides.
+const LEAST: f64 = 0.6;
+/// Less of gravity along x says nothing, g.
+const LEAST_TILT: f64 = 0.03;
+/// Fewer rows say nothing.
+const FEWEST: usize = 20;
+
+/// The unit and the frame of three forces.
+///
+/// # Errors
+/// Why there are none.
+pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
+    let (unit, g) = unit(of)?;
+    let magnitude = format!("the median of their magnitude is {g:.2} g if they are in {unit}");
+    let trace = of.trace(unit);
+    let (frame, why) = match turns.map(|turns| by_attitude(&trace, turns)) {
+        Some(Some(found)) => found?,
+        Some(None) | None => by_mean(&trace, &of.set.columns[2].path)?,
+    };
+    let (set, why) = (of.set.clone(), vec![magnitude, why]);
+    Ok(Body { set, quantity: "specific-force", roles: ["x", "y", "z"], unit, frame, why })
+}
+
+/// The unit in which the median magnitude is near 1 g, and that median in g.
+fn unit(of: &Of<'_>) -> Result<(Unit, f64), String> {
+    let parse = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
+    let si = parse("m/s^2")?;
+    let mut magnitudes: Vec<f64> =
+        of.trace(si).values.iter().map(|v| v.iter().map(|v| v * v).sum::<f64>().sqrt() / si.to_si(1.0)).collect();
+    magnitudes.sort_by(f64::total_cmp);
+    let median = magnitudes.get(magnitudes.len() / 2).copied().ok_or("no row has all three")?;
+    let in_g = |unit: Unit| unit.to_si(median) / GRAVITY;
+    if let Some(stated) = of.stated()? {
+        return match in_g(stated) {
+            g if PLAUSIBLE.contains(&g) => Ok((stated, g)),
+            g => Err(format!(
+                "the median of their magnitude is {g:.2} g if they are in {stated} as stated: no accelerometer in flight measures that"
+            )),
+        };
+    }
+    let tried = [si, parse("g0")?, parse("mg0")?];
+    let fits = tried.into_iter().find(|unit| PLAUSIBLE.contains(&in_g(*unit)));
+    fits.map(|unit| (unit, in_g(unit))).ok_or_else(|| {
+        format!("the median of their magnitude is {median:.3}, which is near 1 g in no unit: gravity may be taken out")
+    })
+}
+
+/// By what gravity alone would give in the attitude of each row; `None` if too few rows have one. A turn that is flown well
+/// has nothing along y, whatever gravity does there: x and z tell.
+fn by_attitude(forces: &Trace<3>, turns: &Turns) -> Option<Result<(&'static str, String), String>> {
+    let pairs = forces.times_s.iter().zip(&forces.values).filter_map(|(t, force)| {
+        let [w, x, y, z] = turns.quaternions.at(*t, HOLE_S)?;
+        // Against gravity, along forward and down.
+        let up = [2.0 * (x * z - w * y), 1.0 - 2.0 * (x * x + y * y)].map(|v| -GRAVITY * v);
+        Some(([force[0], force[2]], up))
+    });
+    let pairs: Vec<([f64; 2], [f64; 2])> = pairs.collect();
+    (pairs.len() >= FEWEST).then(|| {
+        let path = &turns.path;
+        let (forward, tilt) = agreement(&pairs, 0);
+        let (down, _) = agreement(&pairs, 1);
+        if down.abs() < LEAST {
+            return Err(format!("z does not follow gravity in the attitude of {path} (agreement {down:.2})"));
+        }
+        let frame = if down > 0.0 { "frd" } else { "flu" };
+        let side = if down > 0.0 { "down" } else { "up" };
+        match forward {
+            _ if tilt < LEAST_TILT || forward.abs() < 0.5 => Ok((
+                frame,
+                format!("z points {side} as gravity in the attitude of {path} shows; x and y are by their names"),
+            )),
+            along if along > 0.0 => Ok((
+                frame,
+                format!(
+                    "x forward and z {side} follow gravity in the attitude of {path} to {along:.2} and {:.2}",
+                    down.abs()
+                ),
+            )),
+            _ if down < 0.0 => Err("they count along gravity, where an accelerometer measures against it".to_owned()),
+            _ => Err("x points backward and z down, for which a channel map has no frame".to_owned()),
+        }
+    })
+}
+
+/// How an axis follows gravity, 1 if it does and -1 if it points the other way, and how much of gravity it sees, in g.
+fn agreement(pairs: &[([f64; 2], [f64; 2])], axis: usize) -> (f64, f64) {
+    let [mut cross, mut measured, mut expected] = [0.0; 3];
+    for (force, up) in pairs {
+        let (force, up) = (force.get(axis).copied().unwrap_or_default(), up.get(axis).copied().unwrap_or_default());
+        cross += force * up;
+        measured += force * force;
+        expected += up * up;
+    }
+    let rms = (expected / pairs.len().max(1) as f64).sqrt() / GRAVITY;
+    (cross / (measured * expected).sqrt().max(f64::MIN_POSITIVE), rms)
+}
+
+/// By the mean along z, for a vehicle that is level most of the time.
+fn by_mean(forces: &Trace<3>, z: &str) -> Result<(&'static str, String), String> {
+    let count = forces.values.len().max(1) as f64;
+    let mean = forces.values.iter().map(|v| v[2]).sum::<f64>() / count / GRAVITY;
+    match mean {
+        m if m < -0.7 => {
+            Ok(("frd", format!("{z} is {m:.2} g in the mean, so z points down; x and y are by their names")))
+        }
+        m if m > 0.7 => {
+            Ok(("flu", format!("{z} is {m:.2} g in the mean, so z points up; x forward and y left are by their names")))
+        }
+        m => Err(format!("{z} is {m:.2} g in the mean, and no attitude is there: nothing shows where the axes point")),
+    }
+}

@@ -1,0 +1,140 @@
+//! Angular rates: the unit and the axes by the turns of an attitude.
+
+use super::attitude::Turns;
+use super::{Body, CONFIRMS, Of};
+use crate::guess::motion::Trace;
+use flight::Unit;
+
+/// Turns are compared over windows of this length, s.
+const WINDOW_S: f64 = 0.3;
+/// The integral is not known across longer holes, s.
+const HOLE_S: f64 = 2.5;
+/// Fewer windows say nothing.
+const FEWEST: usize = 20;
+/// An attitude that turns less says nothing, rad/s.
+const SLOWEST: f64 = 0.02;
+/// Delays of the attitude that are tried, s.
+const DELAYS_S: [f64; 9] = [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8];
+/// A unit is right if the scale is so near, as a logarithm: gyroscopes are noisy.
+const NEAR: f64 = 0.3;
+/// No gyroscope measures more, rad/s.
+const FASTEST: f64 = 100.0;
+
+/// The unit and the frame of three rates.
+///
+/// # Errors
+/// Why there are none.
+pub(super) fn decide(of: &Of<'_>, turns: Option<&Turns>) -> Result<Body, String> {
+    let stated = of.stated()?;
+    let unit = |symbol: &str| symbol.parse::<Unit>().map_err(|_| "no such unit".to_owned());
+    let (deg, rad) = (unit("deg/s")?, unit("rad/s")?);
+    let body = |unit, frame, why| {
+        let set = of.set.clone();
+        Ok(Body { set, quantity: "angular-rate", roles: ["x", "y", "z"], unit, frame, why })
+    };
+    let Some((compared, turns)) = turns.and_then(|turns| Some((compare(&of.trace(rad), turns)?, turns))) else {
+        return match stated {
+            Some(stated) => body(stated, "frd", vec![format!("the table states {stated}"), UNCONFIRMED.to_owned()]),
+            None if of.largest() > FASTEST => {
+                body(deg, "frd", vec!["their range is that of deg/s".to_owned(), UNCONFIRMED.to_owned()])
+            }
+            None => Err("nothing shows whether they are in deg/s or rad/s".to_owned()),
+        };
+    };
+    if compared.agreement < CONFIRMS {
+        let agreement = compared.agreement;
+        return Err(format!("they do not say how {} and its neighbours change (agreement {agreement:.2})", turns.path));
+    }
+    let near = |unit: &Unit| (compared.scale * unit.to_si(1.0)).ln().abs() <= NEAR;
+    let Some(unit) = stated.into_iter().chain(stated.is_none().then_some([deg, rad]).into_iter().flatten()).find(near)
+    else {
+        let stated = stated.map_or(String::new(), |stated| format!(", which is not {stated} as stated"));
+        return Err(format!("they are {:.3} times as fast as the attitude turns in rad/s{stated}", compared.scale));
+    };
+    let why = format!(
+        "{} windows of {WINDOW_S} s: they agree with the turns of {} to {:.3}, and are {:.3} times as fast in rad/s ({unit} would be \
+         {:.3})",
+        compared.windows,
+        turns.path,
+        compared.agreement,
+        compared.scale,
+        1.0 / unit.to_si(1.0)
+    );
+    body(unit, compared.frame, vec![why])
+}
+
+const UNCONFIRMED: &str =
+    "no attitude that turns is there to compare them with: forward, right, down by their names alone";
+
+struct Compared {
+    agreement: f64,
+    /// Rates over turns.
+    scale: f64,
+    frame: &'static str,
+    windows: usize,
+}
+
+/// Rates against turns, with the delay and the frame that fit best.
+fn compare(rates: &Trace<3>, turns: &Turns) -> Option<Compared> {
+    let all = DELAYS_S.iter().flat_map(|late_s| {
+        let pairs = windows(rates, turns, *late_s);
+        [("frd", [1.0, 1.0, 1.0]), ("flu", [1.0, -1.0, -1.0])].map(|(frame, signs)| of_frame(&pairs, frame, signs))
+    });
+    all.flatten().max_by(|a, b| a.agreement.total_cmp(&b.agreement))
+}
+
+fn of_frame(pairs: &[([f64; 3], [f64; 3])], frame: &'static str, signs: [f64; 3]) -> Option<Compared> {
+    let [mut cross, mut measured, mut turned] = [0.0; 3];
+    for (rate, turn) in pairs {
+        for ((rate, turn), sign) in rate.iter().zip(turn).zip(signs) {
+            cross += sign * rate * turn;
+            measured += rate * rate;
+            turned += turn * turn;
+        }
+    }
+    let enough = pairs.len() >= FEWEST && (turned / pairs.len() as f64).sqrt() >= SLOWEST && measured > 0.0;
+    enough.then(|| Compared {
+        agreement: cross / (measured * turned).sqrt(),
+        scale: (measured / turned).sqrt(),
+        frame,
+        windows: pairs.len(),
+    })
+}
+
+/// Mean rates of windows and how fast an attitude that is late turned in them, about forward, right and down.
+fn windows(rates: &Trace<3>, turns: &Turns, late_s: f64) -> Vec<([f64; 3], [f64; 3])> {
+    let integral = rates.integral(HOLE_S);
+    let attitude = &turns.quaternions;
+    let mut pairs = vec![];
+    let mut begin = 0;
+    for (end, t) in attitude.times_s.iter().enumerate() {
+        let Some(from) = attitude.times_s.get(begin).copied().filter(|from| t - from >= WINDOW_S - 1e-9) else {
+            continue;
+        };
+        let turn = attitude.values.get(begin).zip(attitude.values.get(end)).map(|(a, b)| between(*a, *b));
+        let measured = integral.of(from - late_s).zip(integral.of(t - late_s)).filter(|((_, a), (_, b))| a == b);
+        if let (Some(turn), Some(((a, _), (b, _))), true) = (turn, measured, t - from <= HOLE_S) {
+            let length_s = t - from;
+            let [ax, ay, az] = a;
+            let [bx, by, bz] = b;
+            let rate = [bx - ax, by - ay, bz - az].map(|angle| angle / length_s);
+            pairs.push((rate, turn.map(|angle| angle / length_s)));
+        }
+        begin = end;
+    }
+    pairs
+}
+
+/// The turn from one attitude to another about forward, right and down, rad.
+fn between([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 3] {
+    let w = aw * bw + ax * bx + ay * by + az * bz;
+    let vector = [
+        aw * bx - ax * bw - ay * bz + az * by,
+        aw * by - ay * bw - az * bx + ax * bz,
+        aw * bz - az * bw - ax * by + ay * bx,
+    ];
+    let sine = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let half = sine.atan2(w.abs());
+    let factor = if sine > 0.0 { 2.0 * half / sine } else { 2.0 };
+    vector.map(|v| v * factor * w.signum())
+}
