@@ -3,11 +3,11 @@
 use super::axis::Tick;
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, pieces, stroke, upright};
 use crate::number::{self, COVERAGE_FACTOR};
-use crate::text::short_label;
+use crate::text::label;
 use record::{CampaignDelay, CampaignRecord, ControlPoint, FlightRow};
 
 /// Most flights in a figure with a row for each; the table and the record have all.
-const MOST_ROWS: usize = 60;
+const MOST_ROWS: usize = 40;
 
 /// How late each flight's position is, and what removing a delay did to each: the flights by name, the newest first.
 pub(crate) fn flights_figures(record: &CampaignRecord) -> Vec<Figure> {
@@ -40,9 +40,17 @@ fn chosen<'a>(record: &'a CampaignRecord, shown: impl Fn(&FlightRow) -> bool) ->
 /// Names at the left, the first row at the top.
 fn rows_axis(rows: &[&FlightRow]) -> Axis {
     let count = rows.len();
-    let name = |row: &FlightRow| short_label(row.flight.rsplit('/').next().unwrap_or(&row.flight));
-    let tick = |(k, row): (usize, &&FlightRow)| Tick { at: (count - k) as f64, label: name(row) };
+    let tick = |(k, row): (usize, &&FlightRow)| Tick { at: (count - k) as f64, label: row_name(&row.flight) };
     Axis::ticked("", (0.4, count as f64 + 0.6), rows.iter().enumerate().map(tick).collect())
+}
+
+/// The file's name without its ending; of a long one the end, in which names of logs differ.
+fn row_name(flight: &str) -> String {
+    const MOST: usize = 24;
+    let name = flight.rsplit('/').next().unwrap_or(flight);
+    let name = label(name.rsplit_once('.').map_or(name, |(stem, _)| stem));
+    let length = name.chars().count();
+    if length <= MOST { name } else { format!("…{}", name.chars().skip(length - MOST + 1).collect::<String>()) }
 }
 
 fn missing_words(missing: usize) -> String {
@@ -266,4 +274,15 @@ pub(crate) fn pooled_sweep(delay: &CampaignDelay, number: u32) -> Option<Figure>
         panel_size: (860, 220),
         fine: false,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_named_by_what_tells_logs_apart() {
+        assert_eq!(row_name("data/00000130.BIN"), "00000130");
+        assert_eq!(row_name("a/flightlogstats_log_220622_125002_LFQA.csv"), "…_log_220622_125002_LFQA");
+    }
 }

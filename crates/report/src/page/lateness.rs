@@ -20,8 +20,8 @@ pub(super) fn result_badge(outcome: &Outcome, effect: Option<&Effect>) -> Markup
         (Outcome::Failed { .. }, _) => badge("bad", "✗", "Failed"),
         (Outcome::Pending { .. }, _) => badge("off", "…", "Pending"),
         (Outcome::NotMeasurable { .. }, _) => badge("unsure", "○", "Not measurable"),
+        (Outcome::Uncompensated { .. }, _) => badge("off", "○", "Nothing removed"),
         (_, Some(effect)) => effect_badge(effect.verdict),
-        (Outcome::Uncompensated { .. }, None) => badge("off", "○", "Nothing removed"),
         (Outcome::Compensated, None) => badge("unsure", "?", "Effect unknown"),
     }
 }
@@ -32,11 +32,11 @@ pub(super) fn result_word(outcome: &Outcome, effect: Option<&Effect>) -> &'stati
         (Outcome::Failed { .. }, _) => "failed",
         (Outcome::Pending { .. }, _) => "pending",
         (Outcome::NotMeasurable { .. }, _) => "not measurable",
+        (Outcome::Uncompensated { .. }, _) => "nothing removed",
         (_, Some(EffectVerdict::Helped)) => "helped",
         (_, Some(EffectVerdict::NoChange)) => "no change",
         (_, Some(EffectVerdict::Harmed)) => "harmed",
         (_, Some(EffectVerdict::CannotTell)) => "cannot tell",
-        (Outcome::Uncompensated { .. }, None) => "nothing removed",
         (Outcome::Compensated, None) => "unknown",
     }
 }

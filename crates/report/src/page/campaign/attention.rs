@@ -48,8 +48,8 @@ fn line(reason: &Reason<'_>) -> Markup {
     html! {
         li {
             (badge(reason.class, reason.icon, reason.word)) " "
-            b { (number::counted(reason.flights.len() as u64, "flight", "flights")) } ": "
-            @if reason.flights.len() > 1 { "such as: " }
+            b { (number::counted(reason.flights.len() as u64, "flight", "flights")) }
+            @if reason.flights.len() > 1 { ", such as: " } @else { ": " }
             (ended(&reason.text)) " "
             @for (i, row) in first.iter().enumerate() { @if i > 0 { ", " } (link(row)) }
             @if !rest.is_empty() {
@@ -96,15 +96,13 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
         add(rank, &alarm.code, badge, &alarm.text);
     }
     let alarmed = |text: &str| alarms.iter().any(|a| a.text == text);
-    for text in row.attention.iter().filter(|text| !said.contains(&text.as_str()) && !alarmed(text)) {
-        let (rank, badge) = match row.lossy {
-            true => (2, ("lost", "▲", "LOG DAMAGED")),
-            false => (3, ("unsure", "!", "Warning")),
-        };
-        add(rank, &without_numbers(text), badge, text);
-    }
-    if row.lossy && row.attention.is_empty() {
-        add(2, "damaged", ("lost", "▲", "LOG DAMAGED"), "bytes or messages were lost");
+    let mut others = row.attention.iter().filter(|text| !said.contains(&text.as_str()) && !alarmed(text));
+    if row.lossy {
+        // The first says what was lost; the flight's page has all.
+        let text = others.next().map_or("bytes or messages were lost", String::as_str);
+        add(2, &without_numbers(text), ("lost", "▲", "LOG DAMAGED"), text);
+    } else {
+        others.for_each(|text| add(3, &without_numbers(text), ("unsure", "!", "Warning"), text));
     }
     out.dedup_by(|a, b| a.0 == b.0);
     out
