@@ -189,8 +189,20 @@ fn figure(figure: &Figure) -> Markup {
             figcaption {
                 b { "Figure " (figure.number) ". " (figure.title) ". " }
                 (figure.caption) " "
+                a.file href={ "figures/" (figure.id) ".svg" } download="" { "SVG" }
                 span.read { b { "How to read it. " } (figure.how_to_read) }
             }
+        }
+    }
+}
+
+/// Links to files beside the page.
+fn files(names: &[&str]) -> Markup {
+    html! {
+        p.note {
+            "Files beside this page: "
+            @for (i, name) in names.iter().enumerate() { @if i > 0 { ", " } a href=(name) download="" { (name) } }
+            "."
         }
     }
 }

@@ -1,7 +1,9 @@
 //! What the page was made from, and how to make it again.
 
 use super::Head::{Number, Text};
-use super::{FlightPage, command_block, estimate, pipeline_details, pipeline_rows, rows, sensor_name, table, versions};
+use super::{
+    FlightPage, command_block, estimate, files, pipeline_details, pipeline_rows, rows, sensor_name, table, versions,
+};
 use crate::number;
 use crate::text::shown;
 use crate::verdict;
@@ -18,6 +20,7 @@ pub(super) fn section(page: &FlightPage) -> Markup {
     };
     html! {
         h2 { "Provenance" }
+        @if record.replay.is_some() { (files(&["record.json", "track.parquet"])) }
         (inputs("Input files", &record.inputs))
         (table("Result", &[Text("Item"), Text("Value")], facts))
         (pipeline_details(&record.pipeline))
@@ -39,7 +42,7 @@ fn card_rows(card: &CardUse) -> Markup {
 }
 
 /// Files with their hashes.
-pub(super) fn inputs(caption: &str, files: &[InputFile]) -> Markup {
+pub(super) fn inputs(caption: &str, all: &[InputFile]) -> Markup {
     let input = |file: &InputFile| {
         html! {
             tr {
@@ -50,5 +53,5 @@ pub(super) fn inputs(caption: &str, files: &[InputFile]) -> Markup {
         }
     };
     let head = [Text("File"), Number("Bytes"), Text("BLAKE3")];
-    table(caption, &head, rows(files, 400, head.len(), input))
+    table(caption, &head, rows(all, 400, head.len(), input))
 }

@@ -51,7 +51,7 @@ const TAGS: [&str; 46] = [
     "g",
 ];
 const VOID: [&str; 2] = ["meta", "wbr"];
-const ATTRIBUTES: [&str; 53] = [
+const ATTRIBUTES: [&str; 54] = [
     "open",
     "lang",
     "charset",
@@ -70,6 +70,7 @@ const ATTRIBUTES: [&str; 53] = [
     "title",
     "value",
     "data-v",
+    "download",
     "data-effect",
     "data-kind",
     "data-group",

@@ -1,7 +1,7 @@
 //! The table of all flights: the gravest first, with what the script filters by.
 
 use super::super::Head::{self, Number, Text};
-use super::super::{criteria, data_lost, lateness, maybe, tail_cut};
+use super::super::{criteria, data_lost, files, lateness, maybe, tail_cut};
 use super::gravity;
 use crate::number;
 use crate::text::{href, label, sentence, shown};
@@ -39,6 +39,7 @@ pub(super) fn table(flights: &[FlightRow]) -> Markup {
                 " more are in flights.csv."
             }
         }
+        (files(&["flights.csv", "flights.parquet", "campaign.json"]))
         div.scroll tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
                 caption { "One row for each flight, the gravest first; ± is U with k = 2. —: not available." }
