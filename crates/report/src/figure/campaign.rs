@@ -16,7 +16,7 @@ pub(crate) fn flights_figures(record: &CampaignRecord) -> Vec<Figure> {
 }
 
 /// Flights in groups, the newest first; of too many the newest, and every one that stands out.
-fn chosen<'a>(record: &'a CampaignRecord, shown: impl Fn(&FlightRow) -> bool) -> (Vec<&'a FlightRow>, usize) {
+fn chosen(record: &CampaignRecord, shown: impl Fn(&FlightRow) -> bool) -> (Vec<&FlightRow>, usize) {
     let mut rows: Vec<&FlightRow> = record.flights.iter().filter(|row| shown(row)).collect();
     rows.sort_by(|a, b| (&b.flown_at, &b.flight).cmp(&(&a.flown_at, &a.flight)));
     let outliers: Vec<&String> = record.groups.iter().flat_map(|g| &g.outliers).collect();
