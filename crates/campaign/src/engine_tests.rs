@@ -60,10 +60,11 @@ impl Study for Scripted {
         let (decision, lateness) = (flight.decision.clone(), Some(measured.lateness));
         let failed = FlightRecord { decision, lateness, ..failed };
         match text.lines().nth(1).and_then(|l| l.split([',', ' ']).nth(1)) {
-            Some("bad") => Ok(Studied { record: failed, track: None }),
+            Some("bad") => Ok(Studied { record: failed, track: None, explorer: None }),
             _ => Ok(Studied {
                 record: FlightRecord { outcome: Outcome::Compensated, ..failed },
                 track: Some(track(&text)),
+                explorer: None,
             }),
         }
     }

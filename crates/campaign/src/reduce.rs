@@ -117,6 +117,8 @@ pub(crate) fn reduce_locked(
 struct Line<'a> {
     planned: &'a Planned,
     slug: String,
+    /// The flights before and after it, with their folders.
+    neighbours: [Option<(&'a str, String)>; 2],
     source: Source,
     /// Hash of everything that its page is made from.
     made_from: String,
@@ -131,14 +133,18 @@ enum Source {
 }
 
 fn lines<'a>(manifest: &'a Manifest, store: &Store) -> Vec<Line<'a>> {
-    let mut slugs = slugs(manifest.flights.iter().map(|f| f.flight.as_str()));
-    let line = |planned: &'a Planned| {
+    let slugs = slugs(manifest.flights.iter().map(|f| f.flight.as_str()));
+    let flights = &manifest.flights;
+    let slug_of = |planned: &Planned| slugs.get(&planned.flight).cloned().unwrap_or_default();
+    let line = |(n, planned): (usize, &'a Planned)| {
         let source = source_of(planned, manifest, store);
-        let slug = slugs.remove(&planned.flight).unwrap_or_default();
-        let made_from = page_hash(manifest, planned, &slug, &source);
-        Line { planned, slug, source, made_from }
+        let slug = slug_of(planned);
+        let neighbour = |n: Option<usize>| n.and_then(|n| flights.get(n)).map(|p| (p.flight.as_str(), slug_of(p)));
+        let neighbours = [neighbour(n.checked_sub(1)), neighbour(n.checked_add(1))];
+        let made_from = page_hash(manifest, planned, &slug, &neighbours, &source);
+        Line { planned, slug, neighbours, source, made_from }
     };
-    manifest.flights.iter().map(line).collect()
+    flights.iter().enumerate().map(line).collect()
 }
 
 fn source_of(planned: &Planned, manifest: &Manifest, store: &Store) -> Source {
@@ -157,14 +163,22 @@ fn source_of(planned: &Planned, manifest: &Manifest, store: &Store) -> Source {
     Source::Without(Box::new(attempt.unwrap_or_else(without)))
 }
 
-fn page_hash(manifest: &Manifest, planned: &Planned, slug: &str, source: &Source) -> String {
+fn page_hash(
+    manifest: &Manifest,
+    planned: &Planned,
+    slug: &str,
+    neighbours: &[Option<(&str, String)>; 2],
+    source: &Source,
+) -> String {
     let from = match source {
         Source::Result(key) => format!("result {key}"),
         Source::Without(record) => format!("without {}", table::outcome_reason(&record.outcome).unwrap_or_default()),
     };
     let version = REPORT_VERSION.to_string();
     let criteria = manifest.criteria_parts();
-    let parts = [&planned.flight, slug, &from, &version, &manifest.command, &manifest.flightlag_version];
+    let beside = neighbours.each_ref().map(|n| n.as_ref().map_or("", |(name, _)| *name));
+    let [before, after] = beside;
+    let parts = [&planned.flight, slug, before, after, &from, &version, &manifest.command, &manifest.flightlag_version];
     hash_of_parts(&[parts.as_slice(), &criteria].concat())
 }
 
@@ -292,10 +306,18 @@ impl Reducer<'_> {
 
     fn write_page(&self, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
         let folder = format!("flights/{}", line.slug);
+        let explorer = match (&line.source, &record.replay) {
+            (Source::Result(key), Some(_)) => results::read_explorer(self.store, key)?,
+            _ => None,
+        };
+        let neighbours =
+            line.neighbours.each_ref().map(|n| n.as_ref().map(|(name, slug)| (*name, format!("../{slug}/index.html"))));
         let page = FlightPage {
             name: &line.planned.flight,
             record,
+            explorer: explorer.as_ref(),
             index_href: "../../index.html",
+            neighbours: neighbours.each_ref().map(|n| n.as_ref().map(|(name, href)| (*name, href.as_str()))),
             command: &self.manifest.command,
         };
         let site = caught(|| report::flight_site(&page)).map_err(|what| defect(&folder, what))?;

@@ -1,15 +1,15 @@
 //! Where the results of a flight lie, and what belongs to them.
 //!
-//! `by-key/ab/<key>/` of a replay holds `track.parquet` and, written last, `record.json`: a result with a
+//! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes) and, written last, `record.json`: a result with a
 //! record is whole. That of a measurement holds `measured.json` and, written last, the short `lateness.json`, which is all that the
 //! decision over many flights reads. `trouble.json` instead tells of an attempt that may end otherwise next time.
 
 use crate::error::CampaignError;
 use crate::state::Sizes;
 use crate::store::{Keep, Store};
+use crate::study::Studied;
 use crate::table;
-use compensation_replay::Track;
-use record::{FlightLateness, FlightRecord, MeasuredFlight, Outcome};
+use record::{ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome};
 use serde::Serialize;
 
 /// Folder of a result below the output folder.
@@ -25,6 +25,11 @@ pub(crate) fn record_name(key: &str) -> String {
 /// The compensated track.
 pub(crate) fn track_name(key: &str) -> String {
     format!("{}/track.parquet", folder(key))
+}
+
+/// The rows that the flight's page lets a reader zoom into.
+fn explorer_name(key: &str) -> String {
+    format!("{}/explorer.json", folder(key))
 }
 
 fn measured_name(key: &str) -> String {
@@ -56,15 +61,21 @@ pub(crate) fn had_trouble(store: &Store, key: &str) -> bool {
 
 /// Files of a result that is there, with their sizes.
 pub(crate) fn sizes(store: &Store, key: &str) -> Sizes {
-    let names = [track_name(key), record_name(key), measured_name(key), lateness_name(key)];
+    let names = [track_name(key), explorer_name(key), record_name(key), measured_name(key), lateness_name(key)];
     names.into_iter().filter_map(|n| store.size(&n).map(|bytes| (n, bytes))).collect()
 }
 
 /// Writes a result: the track first, the record last.
-pub(crate) fn write(store: &Store, record: &FlightRecord, track: Option<&Track>) -> Result<(), CampaignError> {
+pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignError> {
+    let Studied { record, track, explorer } = studied;
     let name = track_name(&record.key);
     match track {
         Some(track) => table::write_track(store, &name, track)?,
+        None => store.remove(&name)?,
+    }
+    let name = explorer_name(&record.key);
+    match explorer {
+        Some(rows) => store.write(&name, &line_of(rows), Keep::Synced)?,
         None => store.remove(&name)?,
     }
     store.write(&record_name(&record.key), &text_of(record), Keep::Synced)?;
@@ -122,6 +133,12 @@ pub(crate) fn read(store: &Store, key: &str) -> Result<Option<FlightRecord>, Cam
             Ok(None)
         }
     }
+}
+
+/// The rows that the flight's page lets a reader zoom into; `None` if there are none or the file is not whole.
+pub(crate) fn read_explorer(store: &Store, key: &str) -> Result<Option<ExplorerRows>, CampaignError> {
+    let bytes = store.read(&explorer_name(key))?.unwrap_or_default();
+    Ok(serde_json::from_slice(&bytes).ok())
 }
 
 /// The record as it is written.

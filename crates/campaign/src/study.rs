@@ -12,13 +12,20 @@ use crate::reference::ReferenceLog;
 use compensation_replay::{Replay, Sweeper, Track, TruthEffect, effect, replay};
 use flight::{Flight, Notices};
 use ingest::{IngestError, Limits, Loaded, ReadContext};
-use record::{Decision, Effect, FlightLateness, FlightRecord, MeasuredFlight, Outcome};
+use record::{Decision, Effect, ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome};
 
 /// What was found in a flight, for good: the same log and settings always give it.
 #[derive(Debug)]
 pub(crate) struct Studied {
     pub(crate) record: FlightRecord,
     pub(crate) track: Option<Track>,
+    pub(crate) explorer: Option<ExplorerRows>,
+}
+
+impl Studied {
+    fn without_track(record: FlightRecord) -> Studied {
+        Studied { record, track: None, explorer: None }
+    }
 }
 
 /// Why there is no lasting result.
@@ -89,10 +96,10 @@ impl Replaying {
         let mut draft = draft;
         let lateness = case.lateness;
         if let Some(reason) = &lateness.failed {
-            return Studied {
-                record: FlightRecord { outcome: Outcome::Failed { reason: reason.clone() }, ..draft },
-                track: None,
-            };
+            return Studied::without_track(FlightRecord {
+                outcome: Outcome::Failed { reason: reason.clone() },
+                ..draft
+            });
         }
         let done = self.compensated(case, &mut draft.notices);
         let removed_s = done.as_ref().ok().map(|done| done.record.settings.delay.seconds());
@@ -101,14 +108,14 @@ impl Replaying {
             Ok(done) => {
                 draft.notices.extend_unsaid(done.notices);
                 let record = FlightRecord { outcome: Outcome::Compensated, replay: Some(done.record), ..draft };
-                Studied { record, track: Some(done.track) }
+                Studied { record, track: Some(done.track), explorer: Some(done.explorer) }
             }
             Err(reason) => {
                 let outcome = match lateness.lateness {
                     Some(_) => Outcome::Uncompensated { reason },
                     None => Outcome::NotMeasurable { reason },
                 };
-                Studied { record: FlightRecord { outcome, ..draft }, track: None }
+                Studied::without_track(FlightRecord { outcome, ..draft })
             }
         }
     }
@@ -167,7 +174,7 @@ impl Study for Replaying {
         let decision = planned.decision.clone();
         let (loaded, reference) = match self.load(planned, desk)? {
             Ok(both) => both,
-            Err(reason) => return Ok(Studied { record: failed(reason), track: None }),
+            Err(reason) => return Ok(Studied::without_track(failed(reason))),
         };
         let Loaded { mut flight, health, binding, companion } = loaded;
         if let Some((reference, known)) = reference.zip(measured.lateness.reference_file.as_ref()) {
@@ -176,10 +183,8 @@ impl Study for Replaying {
         if let Some(reason) = companion {
             let (log, lateness, notices) = (Some(health), Some(measured.lateness), flight.notices);
             let outcome = Outcome::NotMeasurable { reason };
-            return Ok(Studied {
-                record: FlightRecord { outcome, log, lateness, notices, ..failed(String::new()) },
-                track: None,
-            });
+            let record = FlightRecord { outcome, log, lateness, notices, ..failed(String::new()) };
+            return Ok(Studied::without_track(record));
         }
         let mut notices = flight.notices.clone();
         notices.extend(measured.notices);
@@ -188,7 +193,7 @@ impl Study for Replaying {
             (binding, _) => {
                 let reason = binding.err().unwrap_or_else(|| "it is not decided what is removed".to_owned());
                 let (log, notices) = (Some(health), flight.notices);
-                return Ok(Studied { record: FlightRecord { log, notices, ..failed(reason) }, track: None });
+                return Ok(Studied::without_track(FlightRecord { log, notices, ..failed(reason) }));
             }
         };
         let delays = measured.delays.unwrap_or_default();

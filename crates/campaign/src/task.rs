@@ -6,7 +6,7 @@ use crate::manifest::{Manifest, Planned, Stage};
 use crate::plan::Desk;
 use crate::results;
 use crate::store::Store;
-use crate::study::{Interrupted, Replaying, Studied, Study, failed_record};
+use crate::study::{Interrupted, Replaying, Study, failed_record};
 use crate::table::{outcome_name, outcome_reason};
 use crate::work::Workers;
 use std::any::Any;
@@ -178,9 +178,10 @@ impl Worker<'_> {
         let again = || Stop::Trouble("its measurement was not whole and is made again by the next run".to_owned());
         let key = flight.measure_key.as_deref().unwrap_or_default();
         let measured = results::read_measured(self.store, key)?.ok_or_else(again)?;
-        let Studied { record, track } = self.study.study(flight, measured, self.manifest, self.desk)?;
+        let studied = self.study.study(flight, measured, self.manifest, self.desk)?;
         refuse_changed(flight)?;
-        results::write(self.store, &record, track.as_ref())?;
+        results::write(self.store, &studied)?;
+        let record = &studied.record;
         self.desk.tell(Event::Finished {
             flight: flight.flight.clone(),
             outcome: outcome_name(&record.outcome),

@@ -64,7 +64,7 @@ pub(crate) fn estimates(
     };
     let mut out = vec![
         Positions::always("raw", "raw, newest fix held", Delay::ZERO, raw.clone()),
-        pade("pade-1-1", "Padé [1/1], Tustin (the paper)", td),
+        pade(PAPER, "Padé [1/1], Tustin (the paper)", td),
     ];
     let age = rows.mean_age_s();
     if let Some(as_seen) = Delay::from_seconds(td.seconds() + age).filter(|_| age >= 1e-3) {
@@ -75,6 +75,9 @@ pub(crate) fn estimates(
     out.extend(further::further(input, settings, segments, rows, &raw, notices));
     out
 }
+
+/// Name of the paper's compensator as it is.
+pub(crate) const PAPER: &str = "pade-1-1";
 
 /// Name of the exact asynchronous form that always runs.
 pub(crate) const EXACT_ASYNC: &str = "exact-async";

@@ -17,6 +17,7 @@ mod effect;
 mod ekf_values;
 mod estimate;
 mod exact;
+mod explorer;
 mod export;
 mod flight_delay;
 mod input;

@@ -2,13 +2,14 @@
 
 use crate::curves::{Curves, draw};
 use crate::estimate::{EXACT_ASYNC, Positions, estimates};
+use crate::explorer::explorer_rows;
 use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
 use crate::score;
 use crate::settings::Settings;
 use crate::track::{Track, TrackColumn};
 use flight::{Distribution, Flight, Geodetic, LocalFrame, Notices};
-use record::{ReplayRecord, ReplaySettings};
+use record::{ExplorerRows, ReplayRecord, ReplaySettings};
 
 /// What came of a replay.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +18,8 @@ pub struct Replay {
     pub record: ReplayRecord,
     /// Every row.
     pub track: Track,
+    /// The rows once more, in few bytes.
+    pub explorer: ExplorerRows,
     /// What a reader of the record must know.
     pub notices: Notices,
 }
@@ -81,7 +84,8 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
         sweep: None,
     };
     let track = table(&input, &rows, &estimates);
-    Ok(Replay { record, track, notices })
+    let explorer = explorer_rows(&input, &rows, &estimates);
+    Ok(Replay { record, track, explorer, notices })
 }
 
 /// Median and percentiles of the ground speed; refuses a flight that does not move.

@@ -20,6 +20,7 @@ mod criteria;
 mod delay_network;
 mod delay_over_time;
 mod ekf;
+mod explorer;
 mod flight;
 mod flight_delay;
 mod group;
@@ -53,6 +54,7 @@ pub use crate::delay_over_time::{
     Burst, Constancy, CurvePoint, DelayJitter, DelayKind, DelayOverTime, DelayTerm, DelayTermKind, DeviceTime, LateFix,
 };
 pub use crate::ekf::{EkfChannel, EkfValue, EkfValueKind, EkfValues};
+pub use crate::explorer::{ExplorerColumn, ExplorerRows};
 pub use crate::flight::{FlightRecord, InputFile, Outcome, PipelineUse};
 pub use crate::flight_delay::{
     DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySplit,

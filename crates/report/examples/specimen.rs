@@ -31,6 +31,8 @@ fn main() -> std::io::Result<()> {
         let page = FlightPage {
             name: "2026-11-08/flight-0007.mcap",
             record,
+            explorer: None,
+            neighbours: [None; 2],
             index_href: "../../index.html",
             command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung",
         };

@@ -4,6 +4,7 @@ mod bench;
 mod campaign;
 mod card;
 mod criteria;
+mod explorer;
 mod flight;
 mod flight_delay;
 mod health;
@@ -29,10 +30,24 @@ use crate::verdict;
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 use record::{Estimate, Finding, Outcome, SensorIdentity, TimeBasis, Verdict};
 
-/// A whole page. A page with a wide table is `wide` and gets the script that sorts it; it
-/// reads as well without.
-fn document(title: &str, wide: bool, body: Markup) -> String {
-    let script = wide.then_some(style::TABLE_SCRIPT);
+/// What a page needs beside the style sheet of all. It reads as well without the script.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Needs {
+    /// No script.
+    Nothing,
+    /// The script of a wide table.
+    Table,
+    /// The script of the flight explorer.
+    Explorer,
+}
+
+/// A whole page.
+fn document(title: &str, needs: Needs, body: Markup) -> String {
+    let (script, css) = match needs {
+        Needs::Nothing => (None, ""),
+        Needs::Table => (Some(style::TABLE_SCRIPT), ""),
+        Needs::Explorer => (Some(style::EXPLORER_SCRIPT), style::EXPLORER_CSS),
+    };
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -42,9 +57,9 @@ fn document(title: &str, wide: bool, body: Markup) -> String {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content={ "flightlag report " (crate::REPORT_VERSION) };
                 title { (sentence(title)) }
-                style { (PreEscaped(style::CSS)) }
+                style { (PreEscaped(css)) (PreEscaped(style::CSS)) }
             }
-            body.wide[wide] {
+            body.wide[needs == Needs::Table] {
                 (body)
                 @if let Some(script) = script { script { (PreEscaped(script)) } }
             }
@@ -282,12 +297,12 @@ mod tests {
 
     #[test]
     fn the_script_of_a_page_is_the_one_its_policy_names() {
-        let page = document("t", true, html! { p { "x" } });
+        let page = document("t", Needs::Table, html! { p { "x" } });
         let script = page.split("<script>").nth(1).and_then(|rest| rest.split("</script>").next()).unwrap();
         // Quotes of the policy are escaped inside the attribute or not: compare the hash alone.
         let policy = style::content_security_policy(Some(script));
         let hash = policy.split("sha256-").nth(1).unwrap().trim_end_matches('\'');
         assert!(page.contains(hash));
-        assert!(!document("t", false, html! {}).contains("script"));
+        assert!(!document("t", Needs::Nothing, html! {}).contains("script"));
     }
 }

@@ -10,7 +10,7 @@ mod reference;
 
 pub(super) use mount::soft_iron;
 
-use super::{badge, contents, document, estimate, health, sensor_name, verdict_badge};
+use super::{Needs, badge, contents, document, estimate, health, sensor_name, verdict_badge};
 use crate::draw;
 use crate::figure::BenchFigures;
 use crate::number;
@@ -46,7 +46,7 @@ pub fn bench_site(page: &BenchPage) -> Site {
     for figure in figures.iter() {
         site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
-    site.add("index.html", document(&format!("{} — flightlag bench", page.name), false, body(page, &figures)));
+    site.add("index.html", document(&format!("{} — flightlag bench", page.name), Needs::Nothing, body(page, &figures)));
     site
 }
 

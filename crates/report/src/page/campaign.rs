@@ -7,8 +7,8 @@ mod todo;
 use super::Head::Text;
 use super::flight_delay::normalised_difference;
 use super::{
-    badge, command_block, criteria, document, estimate, figure, finding, lateness, more, no_number, pipeline_details,
-    pipeline_rows, plain, table, versions,
+    Needs, badge, command_block, criteria, document, estimate, figure, finding, lateness, more, no_number,
+    pipeline_details, pipeline_rows, plain, table, versions,
 };
 use crate::draw;
 use crate::figure::{Figure, control_chart, flights_figures, pooled_sweep};
@@ -39,7 +39,7 @@ pub fn campaign_site(record: &CampaignRecord) -> Site {
         site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
     let title = format!("{} — flightlag campaign", record.name);
-    site.add("index.html", document(&title, true, body(record, &figures, &of_delay)));
+    site.add("index.html", document(&title, Needs::Table, body(record, &figures, &of_delay)));
     site
 }
 

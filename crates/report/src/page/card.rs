@@ -3,7 +3,7 @@
 use super::Head::{Number, Text};
 use super::bench::soft_iron;
 use super::{
-    badge, basis, command_block, contents, document, estimate, fact, figure, finding, no_number, or_why, plain,
+    Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, no_number, or_why, plain,
     provenance, rows, sensor_name, table, verdict_badge,
 };
 use crate::draw;
@@ -54,7 +54,7 @@ pub fn card_site(page: &CardPage) -> Site {
         site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
     let title = format!("{} — flightlag sensor card", page.card.sensor.model);
-    site.add("index.html", document(&title, false, body(page, &forests, &figures)));
+    site.add("index.html", document(&title, Needs::Nothing, body(page, &forests, &figures)));
     site
 }
 

@@ -2,8 +2,8 @@
 
 use super::Head::{Number, Text};
 use super::{
-    criteria, document, estimate, figure, flight_delay, health, lateness, maybe, maybe_estimate, method, provenance,
-    reason, rows, score, sweep, table,
+    Needs, criteria, document, estimate, explorer, figure, flight_delay, health, lateness, maybe, maybe_estimate,
+    method, provenance, reason, rows, score, sweep, table,
 };
 use crate::draw;
 use crate::figure::{Figure, flight_figures};
@@ -12,7 +12,7 @@ use crate::site::Site;
 use crate::text::{href, shown, shown_block};
 use flight::Distribution;
 use maud::{Markup, html};
-use record::{CompensatorResult, Effect, Estimate, FlightRecord, Outcome, ReplayRecord, flight_alarms};
+use record::{CompensatorResult, Effect, Estimate, ExplorerRows, FlightRecord, Outcome, ReplayRecord, flight_alarms};
 
 /// What the page of a flight needs besides the record.
 #[derive(Debug, Clone, Copy)]
@@ -21,8 +21,12 @@ pub struct FlightPage<'a> {
     pub name: &'a str,
     /// What was found.
     pub record: &'a FlightRecord,
+    /// The rows of its replay, to zoom into; `None` if there are none.
+    pub explorer: Option<&'a ExplorerRows>,
     /// Path of the campaign's page from this one, as `../../index.html`; not encoded yet.
     pub index_href: &'a str,
+    /// Names and paths of the pages of the flights before and after this one; not encoded yet.
+    pub neighbours: [Option<(&'a str, &'a str)>; 2],
     /// Command that makes this page again.
     pub command: &'a str,
 }
@@ -35,6 +39,7 @@ pub fn flight_site(page: &FlightPage) -> Site {
     let figures = page.record.replay.as_ref().map(flight_figures).unwrap_or_default();
     let delays = flight_delay::of(page.record);
     let over_time = delays.as_ref().and_then(|delays| delays.figure(figures.len() as u32 + 1));
+    let explorer = explorer::section(page.record, page.explorer);
     let mut site = Site::default();
     let of_sweep = sweep::figures(page.record, figures.len() as u32 + 1 + u32::from(over_time.is_some()));
     let taken = figures.len() + usize::from(over_time.is_some()) + of_sweep.len();
@@ -46,8 +51,8 @@ pub fn flight_site(page: &FlightPage) -> Site {
         "index.html",
         document(
             &format!("{} — flightlag", page.name),
-            false,
-            body(page, &figures, over_time.as_ref(), &of_sweep, of_bands.as_ref()),
+            if explorer.is_some() { Needs::Explorer } else { Needs::Nothing },
+            body(page, explorer, &figures, over_time.as_ref(), &of_sweep, of_bands.as_ref()),
         ),
     );
     site
@@ -55,6 +60,7 @@ pub fn flight_site(page: &FlightPage) -> Site {
 
 fn body(
     page: &FlightPage,
+    explorer: Option<Markup>,
     figures: &[Figure],
     over_time: Option<&Figure>,
     of_sweep: &[Figure],
@@ -63,13 +69,21 @@ fn body(
     let record = page.record;
     let delays = flight_delay::of(record);
     html! {
-        nav aria-label="Campaign" { a href=(href(page.index_href)) { "← All flights of the campaign" } }
+        nav aria-label="Campaign" {
+            a href=(href(page.index_href)) { "↑ All flights of the campaign" }
+            @for (n, (sign, rel)) in [("← ", "prev"), ("→ ", "next")].into_iter().enumerate() {
+                @if let Some((name, path)) = page.neighbours[n] {
+                    a rel=(rel) href=(href(path)) { (sign) bdi { (shown(name)) } }
+                }
+            }
+        }
         main {
             h1 { (shown(page.name)) }
             (verdict(record))
             @if let Some(criteria) = &record.criteria { (criteria::strip(criteria)) }
             (first_words(record))
             @if let Some(criteria) = &record.criteria { (criteria::section(criteria)) }
+            @if let Some(explorer) = explorer { (explorer) }
             @if let Some(replay) = &record.replay { (results(record, replay, figures)) }
             @if let Some(network) = &record.network { (lateness::network(network)) }
             @if let Some(delays) = &delays { (flight_delay::section(delays, record.lateness.as_ref(), over_time)) }
@@ -156,8 +170,6 @@ impl KeyNumber {
     }
 }
 
-const NOT_GIVEN: &str = "no U: the analysis gave no standard uncertainty for this number";
-
 fn key_numbers(effect: Option<&Effect>, replay: &ReplayRecord, figures: &[Figure]) -> Markup {
     let numbers: Vec<KeyNumber> = result_numbers(effect, replay).into_iter().chain(coverage_numbers(replay)).collect();
     let row = |number: &KeyNumber| {
@@ -178,7 +190,7 @@ fn key_numbers(effect: Option<&Effect>, replay: &ReplayRecord, figures: &[Figure
     };
     let head = [Text("Quantity"), Number("Value"), Number("U (k = 2)"), Text("Unit"), Text("Note")];
     table(
-        "U is the expanded uncertainty with k = 2; see Method for what it covers",
+        "U is the expanded uncertainty with k = 2; — where the analysis gives none. See Method for what it covers",
         &head,
         rows(&numbers, 60, head.len(), row),
     )
@@ -187,8 +199,8 @@ fn key_numbers(effect: Option<&Effect>, replay: &ReplayRecord, figures: &[Figure
 fn result_numbers(effect: Option<&Effect>, replay: &ReplayRecord) -> Vec<KeyNumber> {
     let td = "Delay removed, Td".to_owned();
     let mut numbers =
-        vec![KeyNumber::estimated(td, "zoom", &delay(replay), "ms", "no U: the pipeline states no uncertainty of Td")];
-    let mut push = |name, figure, e: &Estimate| numbers.push(KeyNumber::estimated(name, figure, e, "m", NOT_GIVEN));
+        vec![KeyNumber::estimated(td, "zoom", &delay(replay), "ms", "the pipeline states no uncertainty of Td")];
+    let mut push = |name, figure, e: &Estimate| numbers.push(KeyNumber::estimated(name, figure, e, "m", ""));
     if let Some(effect) = effect {
         for (what, error) in [("before", &effect.error_raw_m), ("after", &effect.error_compensated_m)] {
             if let Some(error) = error {

@@ -33,7 +33,7 @@ pub(super) fn of(record: &FlightRecord) -> Option<DelaySection<'_>> {
 }
 
 /// The pair that the replay compensates.
-fn replayed<'a>(delays: &'a FlightDelays, replay: &ReplayRecord) -> Option<&'a PairDelay> {
+pub(super) fn replayed<'a>(delays: &'a FlightDelays, replay: &ReplayRecord) -> Option<&'a PairDelay> {
     delays.pairs.iter().find(|p| is_replayed(p, replay))
 }
 

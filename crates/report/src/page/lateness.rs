@@ -54,7 +54,7 @@ fn effect_badge(verdict: EffectVerdict) -> Markup {
 pub(super) fn answer(record: &FlightRecord) -> Markup {
     html! {
         @if let Some(lateness) = &record.lateness {
-            p.answer { b { (kind_words(lateness)) } ": " (ended(&lateness.words)) (interval(lateness.lateness.as_ref())) }
+            (late(lateness))
         }
         @if let Some(decision) = &record.decision { p.answer { (removed(record, decision)) } }
         @if let Some(effect) = &record.effect {
@@ -65,6 +65,19 @@ pub(super) fn answer(record: &FlightRecord) -> Markup {
         }
         (alarms(&flight_alarms(record.lateness.as_ref(), record.decision.as_ref())))
         @if let Some(lateness) = &record.lateness { (advice(&lateness.advice)) }
+    }
+}
+
+/// How late, first; then whether it stays so, and what it rests on.
+fn late(lateness: &FlightLateness) -> Markup {
+    let first = lateness.words.find(". ").map_or(lateness.words.len(), |end| end + 1);
+    let (first, rest) = lateness.words.split_at(first);
+    html! {
+        p.answer {
+            b { (ended(first)) } " " (ended(&kind_words(lateness)))
+            @if !rest.is_empty() { (ended(rest)) }
+            (interval(lateness.lateness.as_ref()))
+        }
     }
 }
 
@@ -111,7 +124,7 @@ fn after_verdict(words: &str) -> &str {
 
 fn kind_words(lateness: &FlightLateness) -> String {
     let mut words = match lateness.kind {
-        DelayKind::NotTested => "whether it changes was not tested".to_owned(),
+        DelayKind::NotTested => "not tested for changes".to_owned(),
         kind => kind.word().to_owned(),
     };
     if let Some(first) = words.get(..1) {

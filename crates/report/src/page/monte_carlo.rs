@@ -1,7 +1,9 @@
 //! The page of a Monte-Carlo study.
 
 use super::Head::Text;
-use super::{badge, command_block, document, estimate, fact, figure, met_badge, no_number, rows, table, table_of};
+use super::{
+    Needs, badge, command_block, document, estimate, fact, figure, met_badge, no_number, rows, table, table_of,
+};
 use crate::draw;
 use crate::figure::{Figure, group_figure};
 use crate::number;
@@ -19,7 +21,7 @@ pub fn monte_carlo_site(record: &MonteCarloRecord) -> Site {
     for figure in figures.iter().flatten() {
         site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
     }
-    site.add("index.html", document(&format!("{} — flightlag", record.title), false, body(record, &figures)));
+    site.add("index.html", document(&format!("{} — flightlag", record.title), Needs::Nothing, body(record, &figures)));
     site
 }
 

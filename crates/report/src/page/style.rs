@@ -9,6 +9,13 @@ pub(super) const CSS: &str = include_str!("style.css");
 /// Sorts, filters and saves the table of flights. Without it it is a table.
 pub(super) const TABLE_SCRIPT: &str = include_str!("table.js");
 
+/// Lets a reader zoom into the rows of a flight: uPlot (`uplot/LICENSE`), then our own. Without it there are the figures.
+pub(super) const EXPLORER_SCRIPT: &str =
+    concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("explorer.js"));
+
+/// The style sheet of uPlot.
+pub(super) const EXPLORER_CSS: &str = include_str!("uplot/uPlot.min.css");
+
 /// What the page may load: its own styles, images inside it, and its own script by its hash.
 pub(super) fn content_security_policy(script: Option<&str>) -> String {
     let mut policy =

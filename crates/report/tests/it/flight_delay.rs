@@ -6,7 +6,14 @@ use record::{Finding, FlightRecord, MeasuredDelay};
 use report::{FlightPage, flight_site};
 
 fn page(record: &FlightRecord) -> String {
-    let site = flight_site(&FlightPage { name: "n", record, index_href: "index.html", command: "c" });
+    let site = flight_site(&FlightPage {
+        name: "n",
+        record,
+        explorer: None,
+        neighbours: [None; 2],
+        index_href: "index.html",
+        command: "c",
+    });
     String::from_utf8(site.files["index.html"].clone()).unwrap()
 }
 

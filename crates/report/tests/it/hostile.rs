@@ -80,7 +80,14 @@ fn hostile_text(payload: &'static str) -> impl Fn(&Value) -> Option<Value> {
 }
 
 fn site(record: &FlightRecord, text: &str) -> Site {
-    flight_site(&FlightPage { name: text, record, index_href: text, command: text })
+    flight_site(&FlightPage {
+        name: text,
+        record,
+        explorer: None,
+        neighbours: [None; 2],
+        index_href: text,
+        command: text,
+    })
 }
 
 fn bench(record: &BenchRecord, text: &str) -> Site {

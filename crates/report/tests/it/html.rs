@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-const TAGS: [&str; 46] = [
+const TAGS: [&str; 47] = [
+    "section",
     "html",
     "head",
     "meta",
@@ -51,7 +52,10 @@ const TAGS: [&str; 46] = [
     "g",
 ];
 const VOID: [&str; 2] = ["meta", "wbr"];
-const ATTRIBUTES: [&str; 54] = [
+const ATTRIBUTES: [&str; 57] = [
+    "hidden",
+    "type",
+    "rel",
     "open",
     "lang",
     "charset",

@@ -8,7 +8,14 @@ use record::{
 use report::{FlightPage, campaign_site, flight_site};
 
 fn page(record: &FlightRecord) -> String {
-    let site = flight_site(&FlightPage { name: "n", record, index_href: "index.html", command: "c" });
+    let site = flight_site(&FlightPage {
+        name: "n",
+        record,
+        explorer: None,
+        neighbours: [None; 2],
+        index_href: "index.html",
+        command: "c",
+    });
     String::from_utf8(site.files["index.html"].clone()).unwrap()
 }
 

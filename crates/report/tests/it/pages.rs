@@ -7,7 +7,14 @@ use report::{FlightPage, Site, campaign_site, flight_site};
 
 fn site(record: &FlightRecord) -> Site {
     let (name, index_href) = ("north field/flight 07.mcap", "../../index.html");
-    flight_site(&FlightPage { name, record, index_href, command: "flightlag campaign flights --out reports" })
+    flight_site(&FlightPage {
+        name,
+        record,
+        explorer: None,
+        neighbours: [None; 2],
+        index_href,
+        command: "flightlag campaign flights --out reports",
+    })
 }
 
 fn text(site: &Site, path: &str) -> String {
@@ -79,7 +86,7 @@ fn a_number_without_uncertainty_says_why() {
     replay.predicted_rms_m.standard_uncertainty = None;
     let html = page(&record);
     assert!(html.contains("the pipeline states no uncertainty of Td"));
-    assert!(html.contains("the analysis gave no standard uncertainty"));
+    assert!(html.contains("— where the analysis gives none"));
 }
 
 #[test]

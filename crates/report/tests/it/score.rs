@@ -6,7 +6,14 @@ use record::{Finding, FlightRecord};
 use report::{FlightPage, flight_site};
 
 fn page(record: &FlightRecord) -> String {
-    let site = flight_site(&FlightPage { name: "n", record, index_href: "index.html", command: "c" });
+    let site = flight_site(&FlightPage {
+        name: "n",
+        record,
+        explorer: None,
+        neighbours: [None; 2],
+        index_href: "index.html",
+        command: "c",
+    });
     String::from_utf8(site.files["index.html"].clone()).unwrap()
 }
 
@@ -59,7 +66,14 @@ fn the_budget_stands_beside_the_measured_error() {
 #[test]
 fn the_figure_of_the_bands_is_drawn_below_the_motion() {
     let record = flight_record();
-    let site = flight_site(&FlightPage { name: "n", record: &record, index_href: "index.html", command: "c" });
+    let site = flight_site(&FlightPage {
+        name: "n",
+        record: &record,
+        explorer: None,
+        neighbours: [None; 2],
+        index_href: "index.html",
+        command: "c",
+    });
     let svg = String::from_utf8(site.files["figures/bands.svg"].clone()).unwrap();
     for part in [
         "velocity of this flight",

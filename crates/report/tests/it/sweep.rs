@@ -48,7 +48,14 @@ fn campaign() -> CampaignRecord {
 }
 
 fn site(record: &FlightRecord) -> Site {
-    flight_site(&FlightPage { name: "flight 07", record, index_href: "../../index.html", command: "flightlag" })
+    flight_site(&FlightPage {
+        name: "flight 07",
+        record,
+        explorer: None,
+        neighbours: [None; 2],
+        index_href: "../../index.html",
+        command: "flightlag",
+    })
 }
 
 /// The text of a page without its markup, spaces as they are read.

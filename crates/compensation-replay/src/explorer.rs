@@ -1,0 +1,199 @@
+//! The rows of a replay in few bytes, see [`ExplorerRows`].
+
+use crate::estimate::{EXACT_ASYNC, PAPER, Positions};
+use crate::input::{AXES, Input};
+use crate::rows::Rows;
+use crate::score::Reference;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+use record::{ExplorerColumn, ExplorerRows};
+use std::io::Write;
+
+/// Most bytes of the packed rows. An hour at 100 Hz needs about half of it.
+const MOST_BYTES: usize = 1_000_000;
+
+/// A column before it is packed.
+struct Column {
+    name: String,
+    differences: u8,
+    values: Vec<Option<i64>>,
+}
+
+/// Time, raw, the paper's compensator, the exact form and the reference, if there is one.
+pub(crate) fn explorer_rows(input: &Input, rows: &Rows, estimates: &[Positions]) -> ExplorerRows {
+    let columns = columns(input, rows, estimates);
+    let of = rows.t.len();
+    let mut extremes_of = 1;
+    loop {
+        let kept = extremes(&columns, of, extremes_of);
+        let data = packed(&columns, &kept);
+        if data.len() <= MOST_BYTES || extremes_of >= of {
+            let columns = columns.into_iter().map(|c| ExplorerColumn { name: c.name, differences: c.differences });
+            return ExplorerRows {
+                rows: kept.len() as u64,
+                of: of as u64,
+                extremes_of: extremes_of as u64,
+                gap_s: rows.gap_s,
+                columns: columns.collect(),
+                data,
+            };
+        }
+        // Fewer than 16 rows hold about as many extremes.
+        extremes_of = (2 * extremes_of).max(16);
+    }
+}
+
+fn columns(input: &Input, rows: &Rows, estimates: &[Positions]) -> Vec<Column> {
+    let whole = |value: f64| value.is_finite().then(|| value.round() as i64);
+    let t = rows.t.iter().map(|t| whole(1e3 * t)).collect();
+    let mut columns = vec![Column { name: "t".to_owned(), differences: 2, values: t }];
+    let axes = || AXES.into_iter().zip(["north", "east"]);
+    for estimate in estimates.iter().filter(|e| e.is_raw() || [PAPER, EXACT_ASYNC].contains(&e.name.as_str())) {
+        let name = estimate.name.replace('-', "_");
+        // Held fixes are steps, the others are smooth.
+        let differences = if estimate.is_raw() { 1 } else { 2 };
+        for (axis, axis_name) in axes() {
+            let values = estimate.axes[axis].iter().enumerate();
+            let values = values.map(|(row, v)| whole(1e2 * v).filter(|_| estimate.shown(rows, row))).collect();
+            columns.push(Column { name: format!("{name}_{axis_name}"), differences, values });
+        }
+    }
+    if let Some(reference) = &input.reference {
+        let truth = Reference::at(reference, rows, &(0..rows.t.len()).collect::<Vec<_>>());
+        for (axis, axis_name) in axes() {
+            let mut values = vec![None; rows.t.len()];
+            truth.row.iter().zip(&truth.axes[axis]).for_each(|(&row, v)| values[row] = whole(1e2 * v));
+            columns.push(Column { name: format!("truth_{axis_name}"), differences: 2, values });
+        }
+    }
+    columns
+}
+
+/// Of every `bucket` rows the first and those in which a column has its least or its greatest value; rows without a
+/// value beside them, so that a gap stays one.
+fn extremes(columns: &[Column], rows: usize, bucket: usize) -> Vec<usize> {
+    if bucket <= 1 {
+        return (0..rows).collect();
+    }
+    let mut kept = vec![];
+    for start in (0..rows).step_by(bucket) {
+        let within = start..(start + bucket).min(rows);
+        let mut here = vec![start, within.end - 1];
+        for column in columns {
+            let value = |row: &usize| column.values[*row];
+            here.extend(within.clone().filter(|row| value(row).is_some()).min_by_key(value));
+            here.extend(within.clone().filter(|row| value(row).is_some()).max_by_key(value));
+            here.extend(within.clone().find(|row| value(row).is_none()));
+        }
+        here.sort_unstable();
+        here.dedup();
+        kept.extend(here);
+    }
+    kept
+}
+
+/// Differences as little-endian integers of four bytes, all lowest bytes of a column first.
+fn packed(columns: &[Column], kept: &[usize]) -> String {
+    let mut bytes = Vec::with_capacity(4 * columns.len() * kept.len());
+    for column in columns {
+        let steps = differences(kept.iter().map(|&row| column.values[row]), column.differences);
+        for byte in 0..4 {
+            bytes.extend(steps.iter().map(|step| step.to_le_bytes()[byte]));
+        }
+    }
+    let mut encoder = DeflateEncoder::new(vec![], Compression::default());
+    // A vector cannot refuse a write.
+    let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish());
+    STANDARD.encode(deflated.unwrap_or_default())
+}
+
+/// What must be added to the value foreseen from the ones before: the last one, or with `order` 2 the line through the last
+/// two. A value that is too far off is given as missing.
+fn differences(values: impl Iterator<Item = Option<i64>>, order: u8) -> Vec<i32> {
+    let (mut last, mut slope) = (0_i64, 0_i64);
+    let difference = |value: Option<i64>| {
+        let foreseen = last.checked_add(if order == 2 { slope } else { 0 })?;
+        let step = i32::try_from(value?.checked_sub(foreseen)?).ok().filter(|step| *step != ExplorerRows::MISSING)?;
+        (last, slope) = (value?, value? - last);
+        Some(step)
+    };
+    values.map(difference).map(|step| step.unwrap_or(ExplorerRows::MISSING)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Settings, Track, TrackColumn, replay};
+    use flate2::read::DeflateDecoder;
+    use flight::Delay;
+    use simulate::{FlightSettings, simulate};
+    use std::io::Read;
+
+    fn unpacked(rows: &ExplorerRows) -> Vec<Vec<Option<i64>>> {
+        let mut bytes = vec![];
+        DeflateDecoder::new(&*STANDARD.decode(&rows.data).unwrap()).read_to_end(&mut bytes).unwrap();
+        let count = rows.rows as usize;
+        let column = |(bytes, column): (&[u8], &ExplorerColumn)| {
+            let (mut last, mut slope) = (0_i64, 0_i64);
+            let at = |row: usize| {
+                let step = i32::from_le_bytes([0, 1, 2, 3].map(|plane| bytes[plane * count + row]));
+                (step != ExplorerRows::MISSING).then(|| {
+                    let value = i64::from(step) + last + if column.differences == 2 { slope } else { 0 };
+                    (slope, last) = (value - last, value);
+                    value
+                })
+            };
+            (0..count).map(at).collect()
+        };
+        bytes.chunks_exact(4 * count).zip(&rows.columns).map(column).collect()
+    }
+
+    fn of_track<'t>(track: &'t Track, name: &str) -> &'t [Option<f64>] {
+        match track.columns.iter().find(|(column, _)| column == name) {
+            Some((_, TrackColumn::F64(values))) => values,
+            _ => panic!("no column {name}"),
+        }
+    }
+
+    #[test]
+    fn every_row_comes_back_to_half_a_centimetre() {
+        let flight = simulate(&FlightSettings { duration_s: 60.0, ..FlightSettings::default() }).unwrap();
+        let settings = Settings::with_delay(Delay::from_seconds(0.4).unwrap(), "test");
+        let played = replay(&flight.to_flight().unwrap(), &settings).unwrap();
+        let rows = played.explorer;
+        assert_eq!((rows.extremes_of, rows.rows), (1, rows.of));
+        let (found, mut compared) = (unpacked(&rows), 0);
+        for (column, values) in rows.columns.iter().zip(&found) {
+            let (name, scale) = match column.name.as_str() {
+                "t" => ("t_s".to_owned(), 1e3),
+                truth if truth.starts_with("truth_") => continue,
+                other => (format!("{other}_m"), 1e2),
+            };
+            for (want, got) in of_track(&played.track, &name).iter().zip(values) {
+                assert_eq!(want.is_some(), got.is_some(), "{name}");
+                assert!(want.zip(*got).is_none_or(|(want, got)| (scale * want - got as f64).abs() <= 0.5 + 1e-6));
+                compared += 1;
+            }
+        }
+        assert_eq!((compared, found.len()), (7 * rows.rows as usize, 9));
+    }
+
+    #[test]
+    fn a_missing_value_and_a_leap_leave_the_others_as_they_are() {
+        let values = [Some(3), None, Some(5), Some(i64::MAX), Some(-2)];
+        assert_eq!(differences(values.into_iter(), 1), [3, i32::MIN, 2, i32::MIN, -7]);
+        assert_eq!(differences([Some(1), Some(2), Some(3), Some(5)].into_iter(), 2), [1, 0, 0, 1]);
+    }
+
+    #[test]
+    fn a_spike_of_one_row_and_a_gap_of_one_row_stay_when_rows_are_left_out() {
+        let mut values: Vec<Option<i64>> = (0..1000).map(|n| Some(n / 10)).collect();
+        (values[517], values[803]) = (Some(9999), None);
+        let column = Column { name: "raw_north".to_owned(), differences: 1, values };
+        let kept = extremes(&[column], 1000, 64);
+        assert!(kept.contains(&517) && kept.contains(&803) && kept.len() < 100, "{}", kept.len());
+        assert!(kept.is_sorted() && kept[0] == 0 && kept.last() == Some(&999));
+    }
+}
