@@ -297,7 +297,11 @@ fn what_was_lost_of_the_original_is_told_of_the_recovered_log_and_is_no_loss_of_
         let log = write_seed(seed, folder.path());
         let mut bytes = std::fs::read(&log).unwrap();
         let middle = bytes.len() / 2;
-        bytes.drain(middle..middle + bytes.len() / 20);
+        // A piece out of the only chunk leaves nothing; the end of it is enough.
+        match seed.name {
+            "mcap-cdr-none" => bytes.truncate(bytes.len() * 3 / 4),
+            _ => drop(bytes.drain(middle..middle + bytes.len() / 20)),
+        }
         std::fs::write(&log, &bytes).unwrap();
         let out = folder.path().join("out.mcap");
         assert!(in_context(|context| recover(&unit(&log), library(), &out, context)).unwrap().any_loss());
