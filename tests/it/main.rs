@@ -4,9 +4,11 @@
 
 mod agreement;
 mod bench;
+mod browser;
 mod campaign;
 mod command;
 mod convert;
+mod pages;
 mod program;
 mod real_logs;
 mod reference;

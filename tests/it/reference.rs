@@ -31,7 +31,7 @@ fn rows(flight: &Flight, channel: &Channel) -> Vec<(f64, [f64; 3])> {
 }
 
 /// A table of the position with the newest velocity, whose clock begins at `start_s`.
-fn write_table(flight: &Flight, path: &Path, start_s: f64) {
+pub fn write_table(flight: &Flight, path: &Path, start_s: f64) {
     let velocity = rows(flight, &flight.channels["velocity.gps"]);
     let mut out = "time,lat,lon,alt\n".to_owned();
     for (t, [lat, lon, height]) in rows(flight, &flight.channels["position.gps"]) {

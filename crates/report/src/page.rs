@@ -57,7 +57,7 @@ fn document(title: &str, needs: Needs, body: Markup) -> String {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content={ "flightlag report " (crate::REPORT_VERSION) };
                 title { (sentence(title)) }
-                style { (PreEscaped(css)) (PreEscaped(style::CSS)) }
+                style { (PreEscaped(css)) (PreEscaped(style::CSS)) (PreEscaped(style::running_title(title))) }
             }
             body.wide[needs == Needs::Table] {
                 (body)

@@ -130,7 +130,7 @@ impl Windows {
         let integral = velocity.integral(hole_s);
         let step_s = position.median_step_s()?;
         let length_s = WINDOW_S.max(step_s);
-        let pairs = pairs(&position, length_s);
+        let pairs = without_leaps(&position, pairs(&position, length_s));
         let mut best: Option<(f64, Windows)> = None;
         for i in 0..=TRIED {
             let late_s = EARLIEST_S + (LATEST_S - EARLIEST_S) * i as f64 / TRIED as f64;
@@ -201,6 +201,20 @@ fn pairs(position: &Trace<3>, length_s: f64) -> Vec<(usize, usize)> {
     all.into_iter().step_by(step).collect()
 }
 
+/// Without windows that are far longer than nearly all others: a few wrong fixes must not decide.
+fn without_leaps(position: &Trace<3>, mut pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
+    let way_m = |(first, last): &(usize, usize)| match (position.values.get(*first), position.values.get(*last)) {
+        (Some(a), Some(b)) => (b[0] - a[0]).hypot(b[1] - a[1]),
+        _ => 0.0,
+    };
+    let mut ways_m: Vec<f64> = pairs.iter().map(way_m).collect();
+    ways_m.sort_by(f64::total_cmp);
+    if let Some(&long_m) = ways_m.get(ways_m.len() * 99 / 100) {
+        pairs.retain(|pair| way_m(pair) <= 5.0 * long_m);
+    }
+    pairs
+}
+
 fn of_delay(
     position: &Trace<3>,
     integral: &Integral<3>,
@@ -247,6 +261,16 @@ mod tests {
         assert!((windows.late_s - 0.4).abs() < 0.05, "{}", windows.late_s);
         let (agreement, scale) = windows.vertical().unwrap();
         assert!(agreement < -0.99 && (scale / 3.6 - 1.0).abs() < 0.02, "{agreement} {scale}");
+    }
+
+    #[test]
+    fn one_wrong_fix_does_not_decide() {
+        let (mut position, velocity) = flight(0.4);
+        let middle = position.values.len() / 2;
+        position.values[middle][0] += 5000.0;
+        let best = Windows::new(&position, &velocity).unwrap().best().unwrap();
+        assert_eq!((best.swapped, best.signs), (false, [1.0, 1.0]));
+        assert!(best.agreement > 0.999, "{best:?}");
     }
 
     #[test]

@@ -289,7 +289,9 @@
   const fullLead = Math.max(sorted[Math.floor(0.98 * (sorted.length - 1))] || 0, 1e-3);
   key.textContent = `Colour: lead over raw, dark 0, bright ${fullLead.toPrecision(2)} m and more. Grey: outside of the window. Thin: raw.`;
   const niceStep = (span) => { const p = 10 ** Math.floor(Math.log10(span)); return [1, 2, 5, 10].map((k) => k * p).filter((v) => v <= span).pop() || p; };
-  let place = () => [0, 0], drawn = null;
+  // The track as drawn, so that a moving cursor does not draw it again.
+  const drawn = document.createElement("canvas");
+  let place = () => [0, 0];
   function drawTrack() {
     const size = Math.max(200, Math.floor(side.clientWidth)), dpr = devicePixelRatio, g = canvas.getContext("2d");
     canvas.width = canvas.height = size * dpr;
@@ -301,7 +303,7 @@
       if (north[i] !== north[i]) continue;
       n0 = Math.min(n0, north[i]); n1 = Math.max(n1, north[i]); e0 = Math.min(e0, east[i]); e1 = Math.max(e1, east[i]);
     }
-    if (!(n1 >= n0)) { drawn = null; return; }
+    if (!(n1 >= n0)) { drawn.width = 0; return; }
     const span = Math.max(n1 - n0, e1 - e0, 1) * 1.1, scale = (size - 30) / span, [nc, ec] = [(n0 + n1) / 2, (e0 + e1) / 2];
     place = (n, e) => [size / 2 + (e - ec) * scale, size / 2 - (n - nc) * scale];
     const stroke = (rows, colour, width, ns, es) => {
@@ -361,13 +363,17 @@
     g.font = "12px system-ui, sans-serif";
     g.fillText(length >= 1000 ? `${length / 1000} km` : `${length} m`, 14, size - 17);
     g.fillText("N", size - 20, 43);
-    drawn = g.getImageData(0, 0, canvas.width, canvas.height);
+    drawn.width = drawn.height = canvas.width;
+    drawn.getContext("2d").drawImage(canvas, 0, 0);
     drawCursor();
   }
   function drawCursor() {
-    if (!drawn) return;
+    if (drawn.width === 0) return;
     const g = canvas.getContext("2d"), i = cursorRow;
-    g.putImageData(drawn, 0, 0);
+    g.save();
+    g.resetTransform();
+    g.drawImage(drawn, 0, 0);
+    g.restore();
     for (const [ns, es, colour] of [[column.raw_north, column.raw_east, "line-raw"], [north, east, "line-exact_async"]]) {
       if (ns[i] !== ns[i]) continue;
       g.fillStyle = css(colour);
@@ -403,6 +409,7 @@
     show(at - (at - view[0]) * factor, at + (view[1] - at) * factor);
   }, { passive: false });
   box.hidden = false;
+  box.explorer = { plots, show, point, window: () => view, row: () => cursorRow };
   let width = 0;
   const rebuild = () => { build(); tell(); drawTrack(); };
   new ResizeObserver(() => requestAnimationFrame(() => {

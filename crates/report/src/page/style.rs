@@ -26,6 +26,18 @@ pub(super) fn content_security_policy(script: Option<&str>) -> String {
     policy
 }
 
+/// The title at the head of each printed page. Whatever is no letter or digit is escaped (CSS Syntax 3, section 4.3.7).
+pub(super) fn running_title(title: &str) -> String {
+    let mut quoted = String::new();
+    for c in crate::text::sentence(title).chars() {
+        match c {
+            c if c.is_ascii_alphanumeric() || matches!(c, ' ' | '.' | '-' | '_' | '/') => quoted.push(c),
+            c => quoted += &format!("\\{:x} ", u32::from(c)),
+        }
+    }
+    format!("@page{{@top-left{{content:\"{quoted}\";font:8pt system-ui,sans-serif;color:#333}}}}")
+}
+
 /// Base64 with padding (RFC 4648, section 4).
 fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -53,6 +65,15 @@ mod tests {
         for pair in vectors.chunks(2) {
             assert_eq!(base64(pair[0].as_bytes()), pair[1]);
         }
+    }
+
+    #[test]
+    fn a_title_cannot_leave_its_string() {
+        let css = running_title("a\"}</style>\n\\ é");
+        let inside = css.split('"').nth(1).unwrap();
+        assert!(inside.starts_with("a\\22 \\7d \\3c /style\\3e ") && inside.ends_with("\\e9 "), "{css}");
+        assert_eq!(css.matches('"').count(), 2);
+        assert!(!css.contains('<'));
     }
 
     #[test]
