@@ -35,6 +35,8 @@ impl Browser {
             "--no-first-run",
         ]);
         command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
+        // What it leaves behind when it is killed goes with the profile.
+        command.env("TMPDIR", profile.path());
         let Ok(mut chromium) = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn() else {
             println!("skipped: no chromium here");
             return None;

@@ -10,7 +10,7 @@ mod measure;
 mod metric;
 mod read;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod unit;
 
 pub use file::criteria_schema;

@@ -70,7 +70,7 @@ pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignErro
     let Studied { record, track, explorer } = studied;
     let name = track_name(&record.key);
     match track {
-        Some(track) => table::write_track(store, &name, track)?,
+        Some(track) => table::write_track(store, &name, record, track)?,
         None => store.remove(&name)?,
     }
     let name = explorer_name(&record.key);

@@ -4,11 +4,17 @@ use crate::error::CampaignError;
 use crate::line::DelayLine;
 use crate::store::{Keep, Store};
 use compensation_replay::{Track, TrackColumn};
-use convert::{Cells, Sheet, SheetColumn, write_csv, write_parquet};
-use record::{CriterionVerdict, Estimate, FlightRow, Outcome, RowVerdicts};
+use convert::{Cells, Sheet, SheetColumn, write_csv, write_parquet, write_track_table};
+use flight::Stamp;
+use record::{CriterionVerdict, Estimate, FlightRecord, FlightRow, Outcome, RowVerdicts};
 
 /// Writes the compensated track of a flight.
-pub(crate) fn write_track(store: &Store, name: &str, track: &Track) -> Result<(), CampaignError> {
+pub(crate) fn write_track(
+    store: &Store,
+    name: &str,
+    record: &FlightRecord,
+    track: &Track,
+) -> Result<(), CampaignError> {
     let mut sheet = Sheet::default();
     for (name, values) in &track.columns {
         let cells = match values {
@@ -17,9 +23,43 @@ pub(crate) fn write_track(store: &Store, name: &str, track: &Track) -> Result<()
             TrackColumn::Text(v) => Cells::Text(v.iter().map(|t| Some((*t).to_owned())).collect()),
         };
         sheet.push(name.as_str(), cells);
+        if let ("stamp_ns", TrackColumn::I64(stamps)) = (name.as_str(), values) {
+            sheet.push("utc_ns", Cells::I64(stamps.iter().map(|ns| utc_ns(record, Stamp(*ns))).collect()));
+        }
     }
     let keep = if name.starts_with("by-key/") { Keep::Synced } else { Keep::Renewable };
-    Ok(store.write_with(name, keep, |file| write_parquet(&sheet, file))?)
+    let about = provenance(record).to_string();
+    Ok(store.write_with(name, keep, |file| write_track_table(&sheet, &about, file))?)
+}
+
+/// UTC of a stamp of the replay, where the log knows it.
+fn utc_ns(record: &FlightRecord, stamp: Stamp) -> Option<i64> {
+    let clock = record.replay.as_ref()?.clock;
+    let tied = || record.log.as_ref()?.utc.as_ref().filter(|tie| tie.clock == clock)?.unix(stamp);
+    clock.unix(stamp).or_else(tied).map(|unix| unix.0)
+}
+
+/// What a track says of itself, wherever it is copied to.
+fn provenance(record: &FlightRecord) -> serde_json::Value {
+    let replay = record.replay.as_ref();
+    let settings = replay.map(|replay| &replay.settings);
+    let origin = replay.and_then(|r| r.origin).map(|o| {
+        serde_json::json!({
+            "latitude_deg": o.latitude.to_degrees(), "longitude_deg": o.longitude.to_degrees(), "height_m": o.height,
+        })
+    });
+    serde_json::json!({
+        "made_by": format!("flightlag {}, analysis {}", env!("CARGO_PKG_VERSION"), record.analysis_version),
+        "inputs": record.inputs,
+        "result": record.key,
+        "position": replay.map(|r| &r.pair.position),
+        "velocity": replay.map(|r| &r.pair.velocity),
+        "delay_removed_s": settings.map(|s| s.delay.seconds()),
+        "delay_standard_uncertainty_s": settings.and_then(|s| s.delay_uncertainty_s),
+        "delay_source": settings.map(|s| &s.delay_source),
+        "origin_of_north_and_east": origin,
+        "clock_of_stamps": replay.map(|r| r.clock.to_string()),
+    })
 }
 
 /// Writes the table of flights as Parquet and as CSV.
@@ -250,16 +290,20 @@ mod tests {
         let north = vec![Some(0.1 + 0.2), None, Some(-0.0)];
         let track = Track {
             columns: vec![
-                ("t_ns".into(), TrackColumn::I64(stamps.clone())),
+                ("stamp_ns".into(), TrackColumn::I64(stamps.clone())),
                 ("north_m".into(), TrackColumn::F64(north.clone())),
                 ("state".into(), TrackColumn::Text(vec!["warm-up", "valid", "valid"])),
             ],
         };
-        write_track(&store, "by-key/ab/track.parquet", &track).unwrap();
+        let record = crate::criteria::tests::record();
+        assert_eq!(record.replay.as_ref().unwrap().clock, flight::Clock::Unix);
+        write_track(&store, "by-key/ab/track.parquet", &record, &track).unwrap();
         let file = File::open(folder.path().join("by-key/ab/track.parquet")).unwrap();
         let read = ParquetReader::new(file).finish().unwrap();
         let column = |name: &str| read.column(name).unwrap().clone();
-        assert_eq!(column("t_ns").i64().unwrap().to_vec(), stamps.into_iter().map(Some).collect::<Vec<_>>());
+        let stamps: Vec<Option<i64>> = stamps.into_iter().map(Some).collect();
+        assert_eq!(column("stamp_ns").i64().unwrap().to_vec(), stamps);
+        assert_eq!(column("utc_ns").i64().unwrap().to_vec(), stamps);
         let bits = |v: Vec<Option<f64>>| v.into_iter().map(|x| x.map(f64::to_bits)).collect::<Vec<_>>();
         assert_eq!(bits(column("north_m").f64().unwrap().to_vec()), bits(north));
         let states = column("state");

@@ -121,11 +121,20 @@ fn table(input: &Input, rows: &Rows, estimates: &[Positions]) -> Track {
         }
     }
     if let (Some(frame), Some(exact)) = (&input.frame, estimates.iter().find(|e| e.name == EXACT_ASYNC)) {
-        let points = (0..rows.t.len()).map(|row| rows.has_output(row).then(|| point(frame, input, rows, exact, row)));
-        let (latitude, longitude) =
-            points.map(|p| (p.map(|p| p.latitude.to_degrees()), p.map(|p| p.longitude.to_degrees()))).unzip();
-        columns.push(("exact_async_latitude_deg".to_owned(), TrackColumn::F64(latitude)));
-        columns.push(("exact_async_longitude_deg".to_owned(), TrackColumn::F64(longitude)));
+        let fixes: Vec<Geodetic> = (0..input.down.len())
+            .map(|fix| frame.to_geodetic([input.position.axes[0][fix], input.position.axes[1][fix], input.down[fix]]))
+            .collect();
+        let of = |points: Vec<Option<Geodetic>>, value: fn(Geodetic) -> f64| {
+            TrackColumn::F64(points.into_iter().map(|p| p.map(value)).collect())
+        };
+        let raw: Vec<_> = rows.fix.iter().map(|&fix| Some(fixes[fix])).collect();
+        let compensated: Vec<_> =
+            (0..rows.t.len()).map(|row| rows.has_output(row).then(|| point(frame, input, rows, exact, row))).collect();
+        columns.push(("height_m".to_owned(), of(raw.clone(), |p| p.height)));
+        for (name, points) in [("raw", raw), ("exact_async", compensated)] {
+            columns.push((format!("{name}_latitude_deg"), of(points.clone(), |p| p.latitude.to_degrees())));
+            columns.push((format!("{name}_longitude_deg"), of(points, |p| p.longitude.to_degrees())));
+        }
     }
     Track { columns }
 }

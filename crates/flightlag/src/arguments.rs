@@ -388,16 +388,23 @@ pub(crate) struct RecoverArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct ExportArguments {
-    /// A log, or a folder that holds one flight (a ROS 2 bag; one CSV file for each topic).
+    /// A log, or a folder that holds one flight (a ROS 2 bag; one CSV file for each topic). With --track: the folder of a
+    /// flight in a report, or its track.parquet.
     #[arg(value_name = "LOG")]
     pub(crate) log: PathBuf,
     /// As what.
-    #[arg(long, value_enum, value_name = "KIND", default_value = "parquet")]
+    #[arg(long, value_enum, value_name = "KIND", default_value = "parquet", default_value_if("track", "true", "kml"))]
     pub(crate) to: ExportKind,
-    /// Folder of the tables, or the MCAP. Without it: the log's name with `.parquet` or `.csv.d` (folders) or
-    /// `.export.mcap` behind it, here.
+    /// Folder of the tables, or the file. Without it: the log's name with `.parquet` or `.csv.d` (folders), `.export.mcap`,
+    /// or with --track `.track.KIND` behind it, here.
     #[arg(long, value_name = "PATH")]
     pub(crate) out: Option<PathBuf>,
+    /// Write the track of a flight of a report, raw and compensated, for maps and players.
+    #[arg(long, conflicts_with_all = ["topics", "map", "maps"])]
+    pub(crate) track: bool,
+    /// Write at most this many points per second; 0 writes every row. Without it: 5 for maps, every row for CSV and MCAP.
+    #[arg(long, value_name = "HZ", requires = "track")]
+    pub(crate) rate: Option<f64>,
     /// All topics with all fields as they stand in the log, instead of the channels that a map binds.
     #[arg(long)]
     pub(crate) topics: bool,
@@ -419,8 +426,14 @@ pub(crate) enum ExportKind {
     Parquet,
     /// One CSV file for each.
     Csv,
-    /// One MCAP with a typed topic for each.
+    /// One MCAP with a typed topic for each; with --track fixes of `NavSatFix` and `foxglove.LocationFix`.
     Mcap,
+    /// GeoJSON; with --track only.
+    Geojson,
+    /// KML for Google Earth; with --track only.
+    Kml,
+    /// GPX; with --track only.
+    Gpx,
 }
 
 #[derive(Debug, Args)]

@@ -9,12 +9,26 @@ use crate::recover::{Output, check_output};
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::Exit;
-use convert::{ExportOrder, ExportTo, ExportWhat, Exported, export};
+use convert::{ExportOrder, ExportTo, ExportWhat, Exported, TrackOrder, TrackTo, export, export_track};
 use ingest::{Limits, ReadContext};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 pub(crate) fn run(arguments: &ExportArguments, stop: &Stop) -> Result<End, Failure> {
+    if arguments.track {
+        return track(arguments);
+    }
+    let to = match arguments.to {
+        ExportKind::Parquet => ExportTo::Parquet,
+        ExportKind::Csv => ExportTo::Csv,
+        ExportKind::Mcap => ExportTo::Mcap,
+        ExportKind::Geojson | ExportKind::Kml | ExportKind::Gpx => {
+            return Err(Failure::new(
+                Exit::Wrong,
+                "--to geojson, kml and gpx are for the track of a flight: add --track",
+            ));
+        }
+    };
     let out = arguments.out.clone().unwrap_or_else(|| usual_out(&arguments.log, arguments.to));
     let kind = if arguments.to == ExportKind::Mcap { Output::File } else { Output::Folder };
     check_output(&out, kind, arguments.force)?;
@@ -22,11 +36,6 @@ pub(crate) fn run(arguments: &ExportArguments, stop: &Stop) -> Result<End, Failu
     check_name(&library, arguments.map.as_deref())?;
     let unit = unit_of(&arguments.log, &library)?;
     let what = if arguments.topics { ExportWhat::Topics } else { ExportWhat::Channels };
-    let to = match arguments.to {
-        ExportKind::Parquet => ExportTo::Parquet,
-        ExportKind::Csv => ExportTo::Csv,
-        ExportKind::Mcap => ExportTo::Mcap,
-    };
     let command = command(arguments);
     let order = ExportOrder {
         unit: &unit,
@@ -43,6 +52,56 @@ pub(crate) fn run(arguments: &ExportArguments, stop: &Stop) -> Result<End, Failu
     Ok(if exported.notices.any_loss() { Exit::Incomplete } else { Exit::Well }.into())
 }
 
+/// Points per second on a map: a line needs no more, and maps get slow.
+const MAP_HZ: f64 = 5.0;
+
+/// Most points per second that make sense to ask for.
+const MOST_HZ: f64 = 1e4;
+
+/// The track of a flight of a report.
+fn track(arguments: &ExportArguments) -> Result<End, Failure> {
+    let (to, ending) = match arguments.to {
+        ExportKind::Geojson => (TrackTo::GeoJson, "geojson"),
+        ExportKind::Kml => (TrackTo::Kml, "kml"),
+        ExportKind::Gpx => (TrackTo::Gpx, "gpx"),
+        ExportKind::Csv => (TrackTo::Csv, "csv"),
+        ExportKind::Mcap => (TrackTo::Mcap, "mcap"),
+        ExportKind::Parquet => {
+            return Err(Failure::new(Exit::Wrong, "--track --to parquet: track.parquet is that file already"));
+        }
+    };
+    let is_map = matches!(to, TrackTo::GeoJson | TrackTo::Kml | TrackTo::Gpx);
+    let most_hz = match arguments.rate {
+        None => is_map.then_some(MAP_HZ),
+        Some(0.0) => None,
+        Some(rate) if rate > 0.0 && rate <= MOST_HZ => Some(rate),
+        Some(rate) => return Err(Failure::new(Exit::Wrong, format!("--rate {rate}: must be from 0 to {MOST_HZ} Hz"))),
+    };
+    let folder =
+        if arguments.log.is_dir() { arguments.log.as_path() } else { arguments.log.parent().unwrap_or(Path::new("")) };
+    let table = if arguments.log.is_dir() { folder.join("track.parquet") } else { arguments.log.clone() };
+    if !table.is_file() {
+        let what = "no track.parquet there. Give the folder of a flight in a report, as reports/NAME/flights/FLIGHT; a \
+                    flight of which nothing was removed has no track";
+        return Err(Failure::new(Exit::Wrong, format!("{}: {what}", arguments.log.display())));
+    }
+    let name = folder.canonicalize().ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
+    let name = name.unwrap_or_else(|| "flight".to_owned());
+    let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.track.{ending}")));
+    check_output(&out, Output::File, arguments.force)?;
+    let written = export_track(&TrackOrder { track: &table, name: &name, to, most_hz, out: &out })?;
+    let utc = if written.has_utc { "" } else { "; the log does not know UTC, so the points have no date" };
+    let said = format!(
+        "{}: {} of {} rows, {}{utc}\n",
+        visible(&out.display().to_string()),
+        written.points,
+        written.of,
+        written.lines.join(" and "),
+    );
+    std::io::stdout().lock().write_all(said.as_bytes())?;
+    Ok(Exit::Well.into())
+}
+
 /// Beside where the user stands, named after the log.
 fn usual_out(log: &Path, to: ExportKind) -> PathBuf {
     let name = log.file_name().map(|n| n.to_string_lossy().into_owned());
@@ -50,7 +109,7 @@ fn usual_out(log: &Path, to: ExportKind) -> PathBuf {
     PathBuf::from(match to {
         ExportKind::Parquet => format!("{name}.parquet"),
         ExportKind::Csv => format!("{name}.csv.d"),
-        ExportKind::Mcap => format!("{name}.export.mcap"),
+        _ => format!("{name}.export.mcap"),
     })
 }
 
@@ -59,7 +118,7 @@ fn command(arguments: &ExportArguments) -> String {
     let kind = match arguments.to {
         ExportKind::Parquet => "parquet",
         ExportKind::Csv => "csv",
-        ExportKind::Mcap => "mcap",
+        _ => "mcap",
     };
     let name = arguments.log.file_name().unwrap_or(arguments.log.as_os_str()).to_string_lossy();
     let topics = if arguments.topics { " --topics" } else { "" };

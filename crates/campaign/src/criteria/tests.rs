@@ -211,7 +211,7 @@ fn channel(name: &str, quantity: &str) -> Value {
             "back_jumps": 0 } })
 }
 
-fn record() -> FlightRecord {
+pub(crate) fn record() -> FlightRecord {
     serde_json::from_value(record_json()).unwrap()
 }
 

@@ -5,3 +5,4 @@ mod flight;
 mod guard;
 mod original;
 mod recover;
+mod track;

@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 
 /// The style sheet. Colours have a contrast of 4.5 and more on their ground, in both modes
-/// and on paper; figures keep white paper in dark mode.
+/// and on paper; dark mode inverts the figures and keeps their hues.
 pub(super) const CSS: &str = include_str!("style.css");
 
 /// Sorts, filters and saves the table of flights. Without it it is a table.

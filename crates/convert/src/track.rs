@@ -1,0 +1,198 @@
+//! The compensated track of a flight, as maps and players read it.
+
+mod map_files;
+mod recording;
+
+use crate::error::ConvertError;
+use crate::guard::may_write;
+use crate::output::Output;
+use crate::sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet_about};
+use polars::prelude::{Column, ParquetReader, SerReader};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+/// Key of the provenance in the metadata of a `track.parquet`.
+const METADATA: &str = "flightlag-track";
+
+/// As what a track is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TrackTo {
+    /// `GeoJSON` (RFC 7946): a line for raw and one for each compensated track.
+    GeoJson,
+    /// KML with times (`gx:Track`), as Google Earth plays it.
+    Kml,
+    /// GPX 1.1: a track for raw and one for each compensated.
+    Gpx,
+    /// CSV: one row for each instant.
+    Csv,
+    /// MCAP: `sensor_msgs/msg/NavSatFix` (ROS 2) and `foxglove.LocationFix` for raw and compensated.
+    Mcap,
+}
+
+/// A track that is wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct TrackOrder<'a> {
+    /// The `track.parquet` of a flight.
+    pub track: &'a Path,
+    /// Name of the flight.
+    pub name: &'a str,
+    /// As what.
+    pub to: TrackTo,
+    /// At most so many points per second; `None`: every row.
+    pub most_hz: Option<f64>,
+    /// The file.
+    pub out: &'a Path,
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WrittenTrack {
+    /// Names of the lines: `raw`, `exact`.
+    pub lines: Vec<String>,
+    /// Instants written.
+    pub points: u64,
+    /// Rows of the track.
+    pub of: u64,
+    /// Whether the points have UTC.
+    pub has_utc: bool,
+}
+
+/// Writes the result table of a flight with texts about it, as `track.parquet` is.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_track_table(sheet: &Sheet, about: &str, file: impl Write) -> io::Result<()> {
+    write_parquet_about(sheet, &[(METADATA.to_owned(), about.to_owned())], file)
+}
+
+/// A place, degrees and metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+}
+
+/// An instant, and where each line is then.
+#[derive(Debug, Clone, PartialEq)]
+struct Instant {
+    t_s: f64,
+    utc_ns: Option<i64>,
+    places: [Option<Place>; 2],
+}
+
+/// What is read from a `track.parquet`.
+struct Track {
+    name: String,
+    instants: Vec<Instant>,
+    rows: u64,
+    /// What the file says of itself.
+    about: String,
+}
+
+/// The lines of a track, and what they are called in files.
+const LINES: [(&str, &str, &str); 2] = [
+    ("raw", "raw", "Position as logged, the newest fix held"),
+    ("compensated", "exact_async", "Position less its delay, p + ∫v (exact asynchronous)"),
+];
+
+impl Track {
+    /// Instants with a place of this line, split where it is interrupted.
+    fn pieces(&self, line: usize) -> impl Iterator<Item = Vec<(&Instant, Place)>> {
+        self.instants
+            .split(move |i| i.places[line].is_none())
+            .filter(|piece| !piece.is_empty())
+            .map(move |piece| piece.iter().filter_map(|i| Some((i, i.places[line]?))).collect::<Vec<_>>())
+    }
+}
+
+/// Writes the track of a flight as a file that maps and players open. The file appears whole or not at all.
+///
+/// # Errors
+/// The track cannot be read or has no places, or OUT cannot be written.
+pub fn export_track(order: &TrackOrder<'_>) -> Result<WrittenTrack, ConvertError> {
+    may_write(order.out, &[order.track.to_owned()])?;
+    let track = read(order)?;
+    let output = Output::begin(order.out)?;
+    let mut file = BufWriter::new(output.file()?);
+    let failed = |e| ConvertError::write(order.out, "write")(e);
+    match order.to {
+        TrackTo::GeoJson => map_files::geojson(&track, &mut file).map_err(failed)?,
+        TrackTo::Kml => map_files::kml(&track, &mut file).map_err(failed)?,
+        TrackTo::Gpx => map_files::gpx(&track, &mut file).map_err(failed)?,
+        TrackTo::Csv => write_csv(&sheet(&track), &mut file).map_err(failed)?,
+        TrackTo::Mcap => recording::write(&track, order.out, output.file()?)?,
+    }
+    file.flush().map_err(failed)?;
+    drop(file);
+    output.keep()?;
+    Ok(WrittenTrack {
+        lines: LINES.iter().map(|(name, ..)| (*name).to_owned()).collect(),
+        points: track.instants.len() as u64,
+        of: track.rows,
+        has_utc: track.instants.iter().any(|i| i.utc_ns.is_some()),
+    })
+}
+
+fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
+    let refused = |what: String| ConvertError::Refused { path: order.track.to_owned(), what };
+    let file = File::open(order.track).map_err(|e| refused(e.to_string()))?;
+    let mut reader = ParquetReader::new(file);
+    let metadata = reader.get_metadata().map_err(|e| refused(format!("no track: {e}")))?.key_value_metadata().clone();
+    let about = metadata.into_iter().flatten().find(|pair| pair.key == METADATA).and_then(|pair| pair.value);
+    let about = about.unwrap_or_default();
+    let frame = reader.finish().map_err(|e| refused(format!("no track: {e}")))?;
+    let needed = |name: &str| {
+        let column = frame.column(name).ok().and_then(numbers);
+        column.ok_or_else(|| refused(format!("no column {name}: run the campaign again, then export")))
+    };
+    let (t, height) = (needed("t_s")?, needed("height_m")?);
+    let utc: Vec<Option<i64>> = match frame.column("utc_ns").ok().and_then(|c| c.i64().ok().cloned()) {
+        Some(column) => column.iter().collect(),
+        None => vec![None; t.len()],
+    };
+    let mut lines = vec![];
+    for (_, column, _) in LINES {
+        lines.push((needed(&format!("{column}_latitude_deg"))?, needed(&format!("{column}_longitude_deg"))?));
+    }
+    let place = |line: usize, row: usize| {
+        let (latitude, longitude) = &lines[line];
+        Some(Place { latitude_deg: latitude[row]?, longitude_deg: longitude[row]?, height_m: height[row]? })
+    };
+    let mut instants: Vec<Instant> = vec![];
+    let mut last = None;
+    for row in 0..t.len() {
+        let Some(t_s) = t[row] else { continue };
+        // The first row of each interval: a clock that is a little slow or fast leaves no interval empty.
+        let interval = order.most_hz.map(|hz| (t_s * hz + 1e-6).floor());
+        if interval.is_none() || interval != last {
+            last = interval;
+            instants.push(Instant { t_s, utc_ns: utc[row], places: [place(0, row), place(1, row)] });
+        }
+    }
+    if !instants.iter().any(|i| i.places[1].is_some()) {
+        return Err(refused("the flight knows no latitude and longitude: nothing to put on a map".to_owned()));
+    }
+    Ok(Track { name: order.name.to_owned(), instants, rows: frame.height() as u64, about })
+}
+
+fn numbers(column: &Column) -> Option<Vec<Option<f64>>> {
+    Some(column.f64().ok()?.iter().collect())
+}
+
+/// One row for each instant.
+fn sheet(track: &Track) -> Sheet {
+    let number = |name: &str, of: &dyn Fn(&Instant) -> Option<f64>| SheetColumn {
+        name: name.to_owned(),
+        cells: Cells::F64(track.instants.iter().map(of).collect()),
+    };
+    let utc = Cells::I64(track.instants.iter().map(|i| i.utc_ns).collect());
+    let mut columns = vec![SheetColumn { name: "utc_ns".to_owned(), cells: utc }, number("t_s", &|i| Some(i.t_s))];
+    for (line, (name, ..)) in LINES.iter().enumerate() {
+        columns.push(number(&format!("{name}_latitude_deg"), &|i| Some(i.places[line]?.latitude_deg)));
+        columns.push(number(&format!("{name}_longitude_deg"), &|i| Some(i.places[line]?.longitude_deg)));
+    }
+    columns.push(number("height_m", &|i| Some(i.places[0].or(i.places[1])?.height_m)));
+    Sheet { columns }
+}
