@@ -30,8 +30,8 @@ mod verdict;
 pub use crate::alignment::{Alignment, align};
 pub use crate::bench::{Bench, BenchInput, BenchRefusal, bench};
 pub use crate::card::{
-    CardError, CardTerms, Combined, MagneticEvidence, card_magnetometer, card_text, combine, identity_conflict,
-    parse_card, sensor_name,
+    CardError, CardTerms, Combined, MagneticEvidence, card_magnetometer, card_schema, card_text, combine,
+    identity_conflict, parse_card, sensor_name,
 };
 pub use crate::card::{Mean, Reading, mean_of};
 pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};

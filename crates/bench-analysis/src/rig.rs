@@ -10,6 +10,7 @@ use crate::rig_file::{
 use nalgebra::{Matrix3, Vector3};
 use record::{RigUse, SensorIdentity};
 use serde::Serialize;
+use settings::{Refused, SettingsFile};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
@@ -228,8 +229,9 @@ impl Rig {
     /// # Errors
     /// As [`Rig::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Rig, RigError> {
-        let written: RigFile = settings::read(text).map_err(|e| fault(path, e.line, e.what))?;
-        Checker { text, path }.meaning_of(written)
+        let file = SettingsFile::new(text, path);
+        let meant = file.read().and_then(|written| Checker { file: &file }.meaning_of(written));
+        file.finish(meant).map_err(|e| fault(path, e.line, e.what))
     }
 
     /// Where the part of the sensor that fills `channel` sits: by the first `mount` entry that names the channel,
@@ -372,21 +374,26 @@ struct MeantMount {
     axes: [String; 3],
 }
 
-/// Knows the text, so that every complaint has its line.
+/// Knows the file, so that every complaint has its line.
 struct Checker<'a> {
-    text: &'a str,
-    path: &'a Path,
+    file: &'a SettingsFile<'a>,
 }
 
 impl Checker<'_> {
-    fn meaning_of(&self, written: RigFile) -> Result<Rig, RigError> {
+    fn meaning_of(&self, written: RigFile) -> Result<Rig, Refused> {
         if *written.schema.get_ref() != 1 {
             return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
         }
-        if written.sensor.model.get_ref().trim().is_empty() {
-            return Err(self.fault(&written.sensor.model, "sensor.model must name the sensor, as `Xsens MTi-G`"));
-        }
-        self.a_custom_bar_has_lever_arms(&written)?;
+        let model = match written.sensor.model.get_ref().trim() {
+            "" => Err(self.fault(&written.sensor.model, "sensor.model must name the sensor, as `Xsens MTi-G`")),
+            _ => Ok(()),
+        };
+        let lever_arms = self.a_custom_bar_has_lever_arms(&written);
+        let (bar, encoder) = (self.bar(&written.bar), self.encoder(written.encoder));
+        let (site, clock) = (self.site(&written.site), self.clock(written.clock));
+        let (analysis, card) = (self.analysis(&written.analysis), self.card(&written.card));
+        let mounts: Vec<_> = written.mount.into_iter().map(|m| self.mount(m)).collect();
+        model.and(lever_arms)?;
         let meant = Meant {
             schema: 1,
             title: written.title,
@@ -397,19 +404,19 @@ impl Checker<'_> {
                 baud: written.sensor.baud,
                 configuration: written.sensor.configuration,
             },
-            bar: self.bar(&written.bar)?,
-            encoder: self.encoder(written.encoder)?,
-            site: self.site(&written.site)?,
-            clock: self.clock(written.clock)?,
-            analysis: self.analysis(&written.analysis)?,
-            card: self.card(&written.card)?,
-            mount: written.mount.into_iter().map(|m| self.mount(m)).collect::<Result<_, _>>()?,
+            bar: bar?,
+            encoder: encoder?,
+            site: site?,
+            clock: clock?,
+            analysis: analysis?,
+            card: card?,
+            mount: mounts.into_iter().collect::<Result<_, _>>()?,
         };
         Ok(in_si(meant))
     }
 
     /// Without a length along the bar's axis every channel needs a lever arm of its own.
-    fn a_custom_bar_has_lever_arms(&self, written: &RigFile) -> Result<(), RigError> {
+    fn a_custom_bar_has_lever_arms(&self, written: &RigFile) -> Result<(), Refused> {
         if *written.bar.mount.get_ref() != MountName::Custom {
             return Ok(());
         }
@@ -424,58 +431,61 @@ impl Checker<'_> {
         Err(self.fault(&written.bar.mount, what))
     }
 
-    fn bar(&self, written: &BarTable) -> Result<MeantBar, RigError> {
-        let length_m = self.within(&written.length_m, "bar.length_m", 0.05, 50.0)?;
+    fn bar(&self, written: &BarTable) -> Result<MeantBar, Refused> {
+        let length_m = self.within(&written.length_m, "bar.length_m", 0.05, 50.0);
+        let azimuth_deg = self.optional(&written.azimuth_deg, "bar.azimuth_deg", -360.0, 360.0);
+        let first_mode_hz = self.optional(&written.first_mode_hz, "bar.first_mode_hz", 0.1, 1000.0);
         Ok(MeantBar {
-            length_m,
+            length_m: length_m?,
             mount: match written.mount.get_ref() {
                 MountName::Upright => MountKind::Upright,
                 MountName::Hanging => MountKind::Hanging,
                 MountName::Custom => MountKind::Custom,
             },
-            azimuth_deg: self.optional(&written.azimuth_deg, "bar.azimuth_deg", -360.0, 360.0)?,
-            first_mode_hz: self.optional(&written.first_mode_hz, "bar.first_mode_hz", 0.1, 1000.0)?,
+            azimuth_deg: azimuth_deg?,
+            first_mode_hz: first_mode_hz?,
         })
     }
 
-    fn encoder(&self, written: EncoderTable) -> Result<MeantEncoder, RigError> {
+    fn encoder(&self, written: EncoderTable) -> Result<MeantEncoder, Refused> {
+        let counts_per_rev = written.counts_per_rev.map(|c| {
+            self.one_of(&c, "encoder.counts_per_rev", (4..=67_108_864).contains(c.get_ref()), "4 to 67108864")
+        });
+        let decoding =
+            written.decoding.map(|d| self.one_of(&d, "encoder.decoding", [1, 2, 4].contains(d.get_ref()), "1, 2 or 4"));
+        let sign = written.sign.map(|s| self.one_of(&s, "encoder.sign", matches!(s.get_ref(), -1 | 1), "1 or -1"));
+        let zero_deg = self.optional(&written.zero_deg, "encoder.zero_deg", -360.0, 360.0);
         Ok(MeantEncoder {
             channel: written.channel,
-            counts_per_rev: written
-                .counts_per_rev
-                .map(|c| {
-                    self.one_of(&c, "encoder.counts_per_rev", (4..=67_108_864).contains(c.get_ref()), "4 to 67108864")
-                })
-                .transpose()?,
-            decoding: written
-                .decoding
-                .map(|d| self.one_of(&d, "encoder.decoding", [1, 2, 4].contains(d.get_ref()), "1, 2 or 4"))
-                .transpose()?
-                .unwrap_or(1),
-            sign: written
-                .sign
-                .map(|s| self.one_of(&s, "encoder.sign", s.get_ref().abs() == 1, "1 or -1"))
-                .transpose()?,
-            zero_deg: self.optional(&written.zero_deg, "encoder.zero_deg", -360.0, 360.0)?,
+            counts_per_rev: counts_per_rev.transpose()?,
+            decoding: decoding.transpose()?.unwrap_or(1),
+            sign: sign.transpose()?,
+            zero_deg: zero_deg?,
         })
     }
 
-    fn site(&self, written: &SiteTable) -> Result<MeantSite, RigError> {
+    fn site(&self, written: &SiteTable) -> Result<MeantSite, Refused> {
         let day = |date: &Spanned<String>| match date.get_ref().parse::<jiff::civil::Date>() {
             Ok(day) => Ok(day.to_string()),
             Err(_) => Err(self.fault(date, format!("site.date = {:?}: must be a day as 2010-10-25", date.get_ref()))),
         };
+        let latitude_deg = self.optional(&written.latitude_deg, "site.latitude_deg", -90.0, 90.0);
+        let longitude_deg = self.optional(&written.longitude_deg, "site.longitude_deg", -180.0, 360.0);
+        let height_m = self.optional(&written.height_m, "site.height_m", -1000.0, 10_000.0);
+        let date = written.date.as_ref().map(day).transpose();
+        let gravity_mps2 = self.optional(&written.gravity_mps2, "site.gravity_mps2", 9.7, 9.9);
+        let field = written.field.as_ref().map(|f| self.field(f)).transpose();
         Ok(MeantSite {
-            latitude_deg: self.optional(&written.latitude_deg, "site.latitude_deg", -90.0, 90.0)?,
-            longitude_deg: self.optional(&written.longitude_deg, "site.longitude_deg", -180.0, 360.0)?,
-            height_m: self.optional(&written.height_m, "site.height_m", -1000.0, 10_000.0)?.unwrap_or(0.0),
-            date: written.date.as_ref().map(day).transpose()?,
-            gravity_mps2: self.optional(&written.gravity_mps2, "site.gravity_mps2", 9.7, 9.9)?,
-            field: written.field.as_ref().map(|f| self.field(f)).transpose()?.unwrap_or(MeantField::Named("fit")),
+            latitude_deg: latitude_deg?,
+            longitude_deg: longitude_deg?,
+            height_m: height_m?.unwrap_or(0.0),
+            date: date?,
+            gravity_mps2: gravity_mps2?,
+            field: field?.unwrap_or(MeantField::Named("fit")),
         })
     }
 
-    fn field(&self, written: &Spanned<toml::Value>) -> Result<MeantField, RigError> {
+    fn field(&self, written: &Spanned<toml::Value>) -> Result<MeantField, Refused> {
         let right = "must be \"fit\", \"wmm\" or { north_nt = …, east_nt = …, down_nt = … }";
         match written.get_ref() {
             toml::Value::String(name) if name == "fit" => Ok(MeantField::Named("fit")),
@@ -501,7 +511,7 @@ impl Checker<'_> {
         }
     }
 
-    fn clock(&self, written: ClockTable) -> Result<MeantClock, RigError> {
+    fn clock(&self, written: ClockTable) -> Result<MeantClock, Refused> {
         let anchor = match written.anchor {
             Some(name) if name.get_ref().trim().is_empty() => {
                 return Err(self.fault(&name, "clock.anchor must name a channel, as `angular-rate.imu`"));
@@ -517,68 +527,76 @@ impl Checker<'_> {
         Ok(MeantClock { shared: written.shared, anchor, stamps })
     }
 
-    fn analysis(&self, written: &AnalysisTable) -> Result<MeantAnalysis, RigError> {
-        let search_s = match &written.search_s {
-            None => [-1.0, 1.5],
-            Some(given) => {
-                let [from, to] = *given.get_ref();
-                if !(from < to && from >= -10.0 && to <= 10.0) {
-                    let what =
-                        format!("analysis.search_s = [{from}, {to}]: must be from, to in seconds, within -10 to 10");
-                    return Err(self.fault(given, what));
-                }
-                [plain_zero(from), plain_zero(to)]
-            }
-        };
-        let inject_ms = match &written.inject_ms {
-            None => vec![5.0, 50.0],
-            Some(given) => {
-                let is_odd = |ms: &&f64| !(-1000.0..=1000.0).contains(*ms);
-                if let Some(odd) = given.get_ref().iter().find(is_odd) {
-                    return Err(
-                        self.fault(given, format!("analysis.inject_ms holds {odd} ms: must be from -1000 to 1000 ms"))
-                    );
-                }
-                given.get_ref().iter().map(|ms| plain_zero(*ms)).collect()
-            }
-        };
+    fn analysis(&self, written: &AnalysisTable) -> Result<MeantAnalysis, Refused> {
+        let search_s = self.search_s(written.search_s.as_ref());
+        let inject_ms = self.inject_ms(written.inject_ms.as_ref());
+        let margin_ms = self.optional(&written.margin_ms, "analysis.margin_ms", 0.01, 1000.0);
+        let inject_gain = self.optional(&written.inject_gain, "analysis.inject_gain", 0.5, 2.0);
         Ok(MeantAnalysis {
-            search_s,
-            margin_ms: self.optional(&written.margin_ms, "analysis.margin_ms", 0.01, 1000.0)?,
+            search_s: search_s?,
+            margin_ms: margin_ms?,
             drift: written.drift.unwrap_or(true),
-            inject_ms,
-            inject_gain: self.optional(&written.inject_gain, "analysis.inject_gain", 0.5, 2.0)?.unwrap_or(1.05),
+            inject_ms: inject_ms?,
+            inject_gain: inject_gain?.unwrap_or(1.05),
         })
     }
 
-    fn card(&self, written: &CardTable) -> Result<MeantCard, RigError> {
+    fn search_s(&self, written: Option<&Spanned<[f64; 2]>>) -> Result<[f64; 2], Refused> {
+        let Some(given) = written else { return Ok([-1.0, 1.5]) };
+        let [from, to] = *given.get_ref();
+        if from < to && from >= -10.0 && to <= 10.0 {
+            return Ok([plain_zero(from), plain_zero(to)]);
+        }
+        let what = format!("analysis.search_s = [{from}, {to}]: must be from, to in seconds, within -10 to 10");
+        Err(self.fault(given, what))
+    }
+
+    fn inject_ms(&self, written: Option<&Spanned<Vec<f64>>>) -> Result<Vec<f64>, Refused> {
+        let Some(given) = written else { return Ok(vec![5.0, 50.0]) };
+        match given.get_ref().iter().find(|ms| !(-1000.0..=1000.0).contains(*ms)) {
+            Some(odd) => {
+                let what = format!("analysis.inject_ms holds {odd} ms: must be from -1000 to 1000 ms");
+                Err(self.fault(given, what))
+            }
+            None => Ok(given.get_ref().iter().map(|ms| plain_zero(*ms)).collect()),
+        }
+    }
+
+    fn card(&self, written: &CardTable) -> Result<MeantCard, Refused> {
         let days =
             |d: &Spanned<u32>| self.one_of(d, "card.valid_days", (1..=36_500).contains(d.get_ref()), "1 to 36500");
         Ok(MeantCard { valid_days: written.valid_days.as_ref().map(days).transpose()? })
     }
 
-    fn mount(&self, written: MountTable) -> Result<MeantMount, RigError> {
+    fn mount(&self, written: MountTable) -> Result<MeantMount, Refused> {
         let names = written.channels.get_ref();
         let is_odd = |n: &&String| n.is_empty() || n[..n.len() - 1].contains('*');
-        if names.is_empty() || names.iter().any(|n| is_odd(&n)) {
-            let what = "mount.channels must name channels, as `position.ins`, `position.*` or `*`";
-            return Err(self.fault(&written.channels, what));
-        }
+        let named = match names.is_empty() || names.iter().any(|n| is_odd(&n)) {
+            true => {
+                let what = "mount.channels must name channels, as `position.ins`, `position.*` or `*`";
+                Err(self.fault(&written.channels, what))
+            }
+            false => Ok(()),
+        };
         let vector = |given: &Option<Spanned<[f64; 3]>>, key: &str, limit: f64| match given {
             None => Ok(None),
             Some(v) if v.get_ref().iter().all(|x| x.abs() <= limit) => Ok(Some(v.get_ref().map(plain_zero))),
             Some(v) => Err(self.fault(v, format!("{key}: three numbers from {} to {limit}", -limit))),
         };
+        let lever_arm_m = vector(&written.lever_arm_m, "mount.lever_arm_m", 50.0);
+        let rotation_deg = vector(&written.rotation_deg, "mount.rotation_deg", 360.0);
+        let axes = self.axes(written.axes.as_ref());
+        named?;
         Ok(MeantMount {
-            lever_arm_m: vector(&written.lever_arm_m, "mount.lever_arm_m", 50.0)?,
-            rotation_deg: vector(&written.rotation_deg, "mount.rotation_deg", 360.0)?.unwrap_or([0.0; 3]),
-            axes: self.axes(written.axes.as_ref())?,
+            lever_arm_m: lever_arm_m?,
+            rotation_deg: rotation_deg?.unwrap_or([0.0; 3]),
+            axes: axes?,
             channels: written.channels.into_inner(),
         })
     }
 
     /// Three different axes that make a right-handed frame.
-    fn axes(&self, written: Option<&Spanned<[String; 3]>>) -> Result<[String; 3], RigError> {
+    fn axes(&self, written: Option<&Spanned<[String; 3]>>) -> Result<[String; 3], Refused> {
         let Some(written) = written else { return Ok(["x", "y", "z"].map(str::to_owned)) };
         let parsed = written.get_ref().clone().map(|a| axis(&a));
         let [Some(x), Some(y), Some(z)] = parsed else {
@@ -591,11 +609,11 @@ impl Checker<'_> {
         Ok(written.get_ref().clone())
     }
 
-    fn optional(&self, value: &Option<Spanned<f64>>, key: &str, low: f64, high: f64) -> Result<Option<f64>, RigError> {
+    fn optional(&self, value: &Option<Spanned<f64>>, key: &str, low: f64, high: f64) -> Result<Option<f64>, Refused> {
         value.as_ref().map(|v| self.within(v, key, low, high)).transpose()
     }
 
-    fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, RigError> {
+    fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, Refused> {
         settings::within(key, *value.get_ref(), low, high).map_err(|what| self.fault(value, what))
     }
 
@@ -605,13 +623,13 @@ impl Checker<'_> {
         key: &str,
         is_right: bool,
         right: &str,
-    ) -> Result<T, RigError> {
+    ) -> Result<T, Refused> {
         let v = *value.get_ref();
         if is_right { Ok(v) } else { Err(self.fault(value, format!("{key} = {v}: must be {right}"))) }
     }
 
-    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> RigError {
-        fault(self.path, Some(settings::line_of(self.text, at.span().start)), what)
+    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> Refused {
+        self.file.reject(at, what)
     }
 }
 

@@ -21,6 +21,7 @@ use record::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
+use settings::{Refused, SettingsFile};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
@@ -469,8 +470,9 @@ impl Pipeline {
     }
 
     fn parse_with(text: &str, path: &Path, shelf: Shelf<'_>) -> Result<Pipeline, PipelineError> {
-        let written: Written = settings::read(text).map_err(|e| fault(path, e.line, e.what))?;
-        Checker { text, path, shelf }.meaning_of(written)
+        let file = SettingsFile::new(text, path);
+        let meant = file.read().and_then(|written| Checker { file: &file, path, shelf }.meaning_of(written));
+        file.finish(meant).map_err(|e| fault(path, e.line, e.what))
     }
 
     /// The same pipeline with another map forced on every flight.
@@ -712,30 +714,35 @@ fn flatten(table: &toml::Table) -> std::collections::BTreeMap<String, String> {
     flat
 }
 
-/// Knows the text, so that every complaint has its line.
+/// Knows the file, so that every complaint has its line.
 struct Checker<'a> {
-    text: &'a str,
+    file: &'a SettingsFile<'a>,
     path: &'a Path,
     shelf: Shelf<'a>,
 }
 
 impl Checker<'_> {
-    fn meaning_of(&self, written: Written) -> Result<Pipeline, PipelineError> {
+    fn meaning_of(&self, written: Written) -> Result<Pipeline, Refused> {
         if *written.schema.get_ref() != 1 {
             return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
         }
-        let sensor = written.sensor.map(|s| self.sensor(s)).transpose()?;
+        let sensor = written.sensor.map(|s| self.sensor(s)).transpose();
         let written_delay = written.delay.unwrap_or_else(|| Spanned::new(0..0, WrittenDelay::default()));
-        let (rule, delay) = self.delay(&written_delay, sensor.as_ref())?;
+        let delay = sensor.as_ref().map_err(|r| *r).and_then(|s| self.delay(&written_delay, s.as_ref()));
+        let (measure, replay) = (self.measure(&written.measure), self.replay(&written.replay));
+        let channels = self.channels(written.channels);
+        let reference = written.reference.map(|r| self.reference(r.into_inner())).transpose();
+        let criteria = written.criteria.map(|c| self.criteria(&c.file)).transpose();
+        let (rule, delay) = delay?;
         let mut meant = Meant {
             schema: 1,
             title: written.title,
             delay,
-            measure: self.measure(&written.measure)?,
-            sensor: sensor.map(Spanned::into_inner),
-            channels: self.channels(written.channels)?,
-            reference: written.reference.map(|r| self.reference(r.into_inner())).transpose()?,
-            replay: self.replay(&written.replay)?,
+            measure: measure?,
+            sensor: sensor?.map(Spanned::into_inner),
+            channels: channels?,
+            reference: reference?,
+            replay: replay?,
             maps: MeantMaps { force: written.maps.force },
         };
         if meant.reference.is_some() {
@@ -743,11 +750,10 @@ impl Checker<'_> {
         }
         let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let maps_folder = written.maps.folder.map(|f| self.beside(&f));
-        let criteria = written.criteria.map(|c| self.criteria(&c.file)).transpose()?;
-        Ok(Pipeline { meant, delay: rule, maps_folder, criteria, file_name })
+        Ok(Pipeline { meant, delay: rule, maps_folder, criteria: criteria?, file_name })
     }
 
-    fn criteria(&self, file: &Spanned<PathBuf>) -> Result<Criteria, PipelineError> {
+    fn criteria(&self, file: &Spanned<PathBuf>) -> Result<Criteria, Refused> {
         Criteria::read(&self.beside(file.get_ref())).map_err(|e| self.fault(file, format!("criteria.file: {e}")))
     }
 
@@ -756,7 +762,7 @@ impl Checker<'_> {
         self.path.parent().unwrap_or(Path::new("")).join(path)
     }
 
-    fn sensor(&self, written: Spanned<WrittenSensor>) -> Result<Spanned<SensorIdentity>, PipelineError> {
+    fn sensor(&self, written: Spanned<WrittenSensor>) -> Result<Spanned<SensorIdentity>, Refused> {
         if written.get_ref().model.trim().is_empty() {
             return Err(self.fault(&written, "sensor.model must say which sensor it is"));
         }
@@ -769,19 +775,18 @@ impl Checker<'_> {
         &self,
         written: &Spanned<WrittenDelay>,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(DelayRule, MeantDelay), PipelineError> {
+    ) -> Result<(DelayRule, MeantDelay), Refused> {
         let delay = written.get_ref();
         let with_card = delay.card.is_some() || delay.cards.is_some();
-        let from = self.asked(written, with_card)?;
-        let (cards, of_cards) = match (&delay.card, &delay.cards) {
-            (Some(card), None) => self.of_card(card, delay, sensor)?,
-            (None, Some(folder)) => self.of_folder(folder, delay, sensor)?,
-            (Some(_), Some(_)) => {
-                return Err(self.fault(written, "[delay] must give one of `card` and `cards`, and no more"));
-            }
-            (None, None) => self.without_card(delay, sensor)?,
+        let from = self.asked(written, with_card);
+        let cards = match (&delay.card, &delay.cards) {
+            (Some(card), None) => self.of_card(card, delay, sensor),
+            (None, Some(folder)) => self.of_folder(folder, delay, sensor),
+            (Some(_), Some(_)) => Err(self.fault(written, "[delay] must give one of `card` and `cards`, and no more")),
+            (None, None) => self.without_card(delay, sensor),
         };
-        let fixed = delay.position_s.as_ref().map(|seconds| self.stated(seconds, written)).transpose()?;
+        let fixed = delay.position_s.as_ref().map(|seconds| self.stated(seconds, written)).transpose();
+        let (from, (cards, of_cards), fixed) = (from?, cards?, fixed?);
         let goes_without_saying = match from {
             DelaySource::Fixed => !with_card,
             DelaySource::Card => fixed.is_none(),
@@ -798,7 +803,7 @@ impl Checker<'_> {
     }
 
     /// Which delay is asked for, said or understood; what that needs must be given.
-    fn asked(&self, written: &Spanned<WrittenDelay>, with_card: bool) -> Result<DelaySource, PipelineError> {
+    fn asked(&self, written: &Spanned<WrittenDelay>, with_card: bool) -> Result<DelaySource, Refused> {
         let delay = written.get_ref();
         let with_number = delay.position_s.is_some();
         let Some(from) = &delay.from else {
@@ -826,7 +831,7 @@ impl Checker<'_> {
         &self,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
+    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
         if let Some(sensor) = sensor {
             return Err(self.fault(sensor, "[sensor] looks for a card: it stands beside delay.card or delay.cards"));
         }
@@ -839,7 +844,7 @@ impl Checker<'_> {
         Ok((vec![], MeantDelay::default()))
     }
 
-    fn stated(&self, position_s: &Spanned<f64>, written: &Spanned<WrittenDelay>) -> Result<FixedDelay, PipelineError> {
+    fn stated(&self, position_s: &Spanned<f64>, written: &Spanned<WrittenDelay>) -> Result<FixedDelay, Refused> {
         let WrittenDelay { standard_uncertainty_s, source, .. } = written.get_ref();
         let seconds = *position_s.get_ref();
         let can_be_removed = seconds > 0.0 && seconds <= LONGEST_DELAY_S;
@@ -847,18 +852,21 @@ impl Checker<'_> {
             let wrong = settings::within("delay.position_s", seconds, 0.0, LONGEST_DELAY_S).err();
             let only_late = || format!("delay.position_s = {seconds} s: a delay is in seconds, above 0: only a late position can be compensated");
             self.fault(position_s, wrong.unwrap_or_else(only_late))
-        })?;
-        let source = source.as_ref().ok_or_else(|| self.fault(written, "missing key `source` beside position_s"))?;
-        if source.get_ref().trim().is_empty() {
-            return Err(self.fault(source, "delay.source must say where the delay comes from"));
-        }
+        });
+        let source = match source {
+            None => Err(self.fault(written, "missing key `source` beside position_s")),
+            Some(source) if source.get_ref().trim().is_empty() => {
+                Err(self.fault(source, "delay.source must say where the delay comes from"))
+            }
+            Some(source) => Ok(source.get_ref().clone()),
+        };
         let within = |u| self.within(u, "delay.standard_uncertainty_s", 0.0, LONGEST_DELAY_S);
-        let standard_uncertainty_s = standard_uncertainty_s.as_ref().map(within).transpose()?;
-        Ok(FixedDelay { delay, standard_uncertainty_s, source: source.get_ref().clone() })
+        let standard_uncertainty_s = standard_uncertainty_s.as_ref().map(within).transpose();
+        Ok(FixedDelay { delay: delay?, standard_uncertainty_s: standard_uncertainty_s?, source: source? })
     }
 
     /// Words about a number that is not there would leave open what holds.
-    fn no_words_without_number(&self, delay: &WrittenDelay, what: &str) -> Result<(), PipelineError> {
+    fn no_words_without_number(&self, delay: &WrittenDelay, what: &str) -> Result<(), Refused> {
         if let Some(given) = &delay.standard_uncertainty_s {
             return Err(self.fault(given, format!("delay.standard_uncertainty_s {what}")));
         }
@@ -868,7 +876,7 @@ impl Checker<'_> {
         }
     }
 
-    fn no_number_beside_card(&self, delay: &WrittenDelay) -> Result<(), PipelineError> {
+    fn no_number_beside_card(&self, delay: &WrittenDelay) -> Result<(), Refused> {
         match &delay.position_s {
             Some(_) => Ok(()),
             None => self.no_words_without_number(delay, "comes from the sensor card: leave it out"),
@@ -880,7 +888,7 @@ impl Checker<'_> {
         card: &Spanned<PathBuf>,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
+    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
         self.no_number_beside_card(delay)?;
         let found = self.shelf.card(&self.beside(card.get_ref()));
         let found = found.map_err(|what| self.fault(card, format!("delay.card: {what}")))?;
@@ -897,7 +905,7 @@ impl Checker<'_> {
         folder: &Spanned<PathBuf>,
         delay: &WrittenDelay,
         sensor: Option<&Spanned<SensorIdentity>>,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
+    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
         self.no_number_beside_card(delay)?;
         let Some(sensor) = sensor else {
             return Err(
@@ -919,7 +927,7 @@ impl Checker<'_> {
         cards: Vec<UsedCard>,
         delay: &WrittenDelay,
         meant: MeantDelay,
-    ) -> Result<(Vec<UsedCard>, MeantDelay), PipelineError> {
+    ) -> Result<(Vec<UsedCard>, MeantDelay), Refused> {
         let pin: Vec<Pin> = cards.iter().map(UsedCard::pin).collect();
         match &delay.pin {
             Some(stated) if !crate::cards::same_pins(stated.get_ref(), &pin) => {
@@ -930,14 +938,13 @@ impl Checker<'_> {
         }
     }
 
-    fn channels(&self, written: WrittenChannels) -> Result<MeantChannels, PipelineError> {
+    fn channels(&self, written: WrittenChannels) -> Result<MeantChannels, Refused> {
         let (position, velocity) = (DEFAULT_POSITIONS, DEFAULT_VELOCITIES);
-        Ok(MeantChannels {
-            position: self.names(written.position, "position", &position)?,
-            velocity: self.names(written.velocity, "velocity", &velocity)?,
-            reference: self.names(written.reference, "position", &["position.truth"])?,
-            onboard: self.names(written.onboard, "position", &["position.compensated"])?,
-        })
+        let position = self.names(written.position, "position", &position);
+        let velocity = self.names(written.velocity, "velocity", &velocity);
+        let reference = self.names(written.reference, "position", &["position.truth"]);
+        let onboard = self.names(written.onboard, "position", &["position.compensated"]);
+        Ok(MeantChannels { position: position?, velocity: velocity?, reference: reference?, onboard: onboard? })
     }
 
     /// The channel names of a list; every one must hold `quantity`.
@@ -946,7 +953,7 @@ impl Checker<'_> {
         written: Option<Spanned<Vec<String>>>,
         quantity: &str,
         default: &[&str],
-    ) -> Result<Vec<String>, PipelineError> {
+    ) -> Result<Vec<String>, Refused> {
         let Some(list) = written else { return Ok(default.iter().map(|&s| s.to_owned()).collect()) };
         let is_odd =
             |name: &&String| name.strip_prefix(quantity).and_then(|n| n.strip_prefix('.')).is_none_or(str::is_empty);
@@ -960,78 +967,79 @@ impl Checker<'_> {
         }
     }
 
-    fn reference(&self, written: WrittenReference) -> Result<ReferenceRule, PipelineError> {
+    fn reference(&self, written: WrittenReference) -> Result<ReferenceRule, Refused> {
         if written.file.get_ref().trim().is_empty() {
             return Err(self.fault(&written.file, "reference.file must name a file, as \"{stem}.pos\""));
         }
         Ok(ReferenceRule { file: written.file.into_inner(), clock: written.clock })
     }
 
-    fn measure(&self, written: &WrittenMeasure) -> Result<MeantMeasure, PipelineError> {
-        let value = |given: &Option<Spanned<f64>>, key: &str, low: f64, high: f64| {
-            given.as_ref().map(|v| self.within(v, key, low, high)).transpose()
-        };
-        let search_s = match &written.search_s {
-            None => DEFAULT_SEARCH_S,
-            Some(given) => {
-                let [from, to] = *given.get_ref();
-                let bounded = |s| settings::within("measure.search_s", s, -LONGEST_SEARCH_S, LONGEST_SEARCH_S);
-                [from, to]
-                    .into_iter()
-                    .try_for_each(|s| bounded(s).map(drop))
-                    .map_err(|what| self.fault(given, what))?;
-                if !(from < to && to - from <= LONGEST_SEARCH_S) {
-                    let what = format!(
-                        "measure.search_s = [{from}, {to}]: the first must be below the last, and both at most \
-                         {LONGEST_SEARCH_S} s apart"
-                    );
-                    return Err(self.fault(given, what));
-                }
-                [plain_zero(from), plain_zero(to)]
-            }
-        };
-        Ok(MeantMeasure {
-            search_s,
-            antenna_ahead_m: value(&written.antenna_ahead_m, "measure.antenna_ahead_m", -100.0, 100.0)?,
-            antenna_uncertainty_m: value(&written.antenna_uncertainty_m, "measure.antenna_uncertainty_m", 0.0, 100.0)?,
+    fn measure(&self, written: &WrittenMeasure) -> Result<MeantMeasure, Refused> {
+        let search_s = self.search_s(written.search_s.as_ref());
+        let ahead_m = self.optional(&written.antenna_ahead_m, "measure.antenna_ahead_m", -100.0, 100.0);
+        let uncertainty_m = self.optional(&written.antenna_uncertainty_m, "measure.antenna_uncertainty_m", 0.0, 100.0);
+        Ok(MeantMeasure { search_s: search_s?, antenna_ahead_m: ahead_m?, antenna_uncertainty_m: uncertainty_m? })
+    }
+
+    fn search_s(&self, written: Option<&Spanned<[f64; 2]>>) -> Result<[f64; 2], Refused> {
+        let Some(given) = written else { return Ok(DEFAULT_SEARCH_S) };
+        let [from, to] = *given.get_ref();
+        let bounded = |s| settings::within("measure.search_s", s, -LONGEST_SEARCH_S, LONGEST_SEARCH_S);
+        bounded(from).and(bounded(to)).map_err(|what| self.fault(given, what))?;
+        if from < to && to - from <= LONGEST_SEARCH_S {
+            return Ok([plain_zero(from), plain_zero(to)]);
+        }
+        let what = format!(
+            "measure.search_s = [{from}, {to}]: the first must be below the last, and both at most {LONGEST_SEARCH_S} s \
+             apart"
+        );
+        Err(self.fault(given, what))
+    }
+
+    fn replay(&self, written: &WrittenReplay) -> Result<MeantReplay, Refused> {
+        let bridge_s = self.optional(&written.bridge_s, "replay.bridge_s", 0.0, 600.0);
+        let min_speed_mps = self.optional(&written.min_speed_mps, "replay.min_speed_mps", 0.0, 1000.0);
+        let zoom_s = self.optional(&written.zoom_s, "replay.zoom_s", 1.0, 3600.0);
+        let output_rate_hz = self.optional(&written.output_rate_hz, "replay.output_rate_hz", 1.0, 10_000.0);
+        let compensators = self.compensators(written.compensators.as_deref().unwrap_or_default());
+        Ok(MeantReplay {
+            start: written.start.unwrap_or(WrittenStart::Warm).into(),
+            bridge_s: bridge_s?,
+            min_speed_mps: min_speed_mps?.unwrap_or(0.5),
+            zoom_s: zoom_s?.unwrap_or(20.0),
+            output_rate_hz: output_rate_hz?,
+            compensators: compensators?,
         })
     }
 
-    fn replay(&self, written: &WrittenReplay) -> Result<MeantReplay, PipelineError> {
-        let value = |given: &Option<Spanned<f64>>, key: &str, low: f64, high: f64| {
-            given.as_ref().map(|v| self.within(v, key, low, high)).transpose()
-        };
-        Ok(MeantReplay {
-            start: written.start.unwrap_or(WrittenStart::Warm).into(),
-            bridge_s: value(&written.bridge_s, "replay.bridge_s", 0.0, 600.0)?,
-            min_speed_mps: value(&written.min_speed_mps, "replay.min_speed_mps", 0.0, 1000.0)?.unwrap_or(0.5),
-            zoom_s: value(&written.zoom_s, "replay.zoom_s", 1.0, 3600.0)?.unwrap_or(20.0),
-            output_rate_hz: value(&written.output_rate_hz, "replay.output_rate_hz", 1.0, 10_000.0)?,
-            compensators: self.compensators(written.compensators.as_deref().unwrap_or_default())?,
-        })
+    fn optional(&self, value: &Option<Spanned<f64>>, key: &str, low: f64, high: f64) -> Result<Option<f64>, Refused> {
+        value.as_ref().map(|v| self.within(v, key, low, high)).transpose()
     }
 
     /// What runs beside the compensators that always do; a name that is unknown or comes twice is refused with its line.
-    fn compensators(&self, written: &[Spanned<String>]) -> Result<Vec<CompensatorKind>, PipelineError> {
+    fn compensators(&self, written: &[Spanned<String>]) -> Result<Vec<CompensatorKind>, Refused> {
         let mut all: Vec<CompensatorKind> = vec![];
+        let mut right = Ok(());
         for name in written {
-            let kind: Result<CompensatorKind, _> = name.get_ref().parse();
-            let kind = kind.map_err(|e| self.fault(name, format!("replay.compensators: {e}")))?;
-            if all.contains(&kind) {
-                return Err(self.fault(name, format!("replay.compensators names {kind} twice")));
+            match name.get_ref().parse::<CompensatorKind>() {
+                Err(e) => right = Err(self.fault(name, format!("replay.compensators: {e}"))),
+                Ok(kind) if all.contains(&kind) => {
+                    right = Err(self.fault(name, format!("replay.compensators names {kind} twice")));
+                }
+                Ok(kind) => all.push(kind),
             }
-            all.push(kind);
         }
+        right?;
         all.retain(|kind| !Settings::always_runs(*kind));
         Ok(all)
     }
 
-    fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, PipelineError> {
+    fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, Refused> {
         settings::within(key, *value.get_ref(), low, high).map_err(|what| self.fault(value, what))
     }
 
-    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> PipelineError {
-        fault(self.path, Some(settings::line_of(self.text, at.span().start)), what)
+    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> Refused {
+        self.file.reject(at, what)
     }
 }
 
@@ -1092,7 +1100,7 @@ mod tests {
         let error = parse(&format!("titel = \"x\"\n{SMALL}[replay]\nzom_s = 3\n")).unwrap_err();
         let text = error.to_string();
         assert!(text.starts_with("settings/p.toml:1: unknown key `titel`: did you mean `title`?"), "{text}");
-        assert!(text.contains("; line 7: unknown key `zom_s`: did you mean `zoom_s`?"), "{text}");
+        assert!(text.contains("\nsettings/p.toml:7: unknown key `zom_s`: did you mean `zoom_s`?"), "{text}");
     }
 
     #[test]
@@ -1126,6 +1134,29 @@ mod tests {
         }
         assert_eq!(parse(&SMALL.replace("schema = 1", "schema = 2")).unwrap_err().line, Some(1));
         assert_eq!(parse("schema = 1\n[delay]\nposition_s = 0.4\nsource = \" \"\n").unwrap_err().line, Some(4));
+    }
+
+    #[test]
+    fn one_run_reports_all_that_is_wrong_with_a_pipeline() {
+        let text = "schema = 1\n[delay]\nposition_s = 400\nsource = \" \"\n[measure]\nsearch_s = [4, 2]\nantenna_ahead_m = \"3 m\"\n\
+                    [channels]\nvelocity = [\"position.gps\"]\n[replay]\nzom_s = 0.1\ncompensators = [\"pad\"]\nstart = \"hot\"\n";
+        let error = parse(text).unwrap_err().to_string();
+        let lines: Vec<&str> = error.lines().collect();
+        let right = [
+            (3, "400 ms are 0.4 s"),
+            (4, "delay.source must say"),
+            (6, "the first must be below the last"),
+            (7, "measure.antenna_ahead_m = \"3 m\": must be a number in m"),
+            (9, "is no velocity"),
+            (11, "did you mean `zoom_s`?"),
+            (11, "replay.zoom_s = 0.1 s: must be from 1 to 3600 s"),
+            (12, "replay.compensators: "),
+            (13, "unknown value `hot`"),
+        ];
+        assert_eq!(lines.len(), right.len(), "{error}");
+        for (line, (number, says)) in lines.iter().zip(right) {
+            assert!(line.starts_with(&format!("settings/p.toml:{number}: ")) && line.contains(says), "{line}");
+        }
     }
 
     #[test]

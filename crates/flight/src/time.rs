@@ -84,7 +84,7 @@ impl UtcTie {
 
 /// What a stamp says about its sample. The three are kept apart, for their
 /// differences are what flightlag measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StampKind {
     /// When the device says that the value was true (ROS `header.stamp`, ULog `timestamp_sample`).

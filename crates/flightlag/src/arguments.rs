@@ -511,6 +511,8 @@ pub(crate) enum SchemaOf {
     Criteria,
     /// The rig of a bench.
     Rig,
+    /// A sensor card.
+    Card,
     /// A channel map.
     ChannelMap,
     /// What `delay --json` prints.

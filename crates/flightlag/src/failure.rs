@@ -37,7 +37,8 @@ impl Failure {
     pub(crate) fn told(self) -> ExitCode {
         if !self.text.is_empty() {
             // If standard error is closed too, nobody is left to be told.
-            let _ = writeln!(std::io::stderr(), "flightlag: {}", visible(&self.text));
+            let text: Vec<String> = self.text.lines().map(visible).collect();
+            let _ = writeln!(std::io::stderr(), "flightlag: {}", text.join("\n"));
         }
         ExitCode::from(self.exit as u8)
     }

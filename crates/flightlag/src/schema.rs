@@ -15,6 +15,7 @@ fn text(of: SchemaOf) -> String {
         SchemaOf::Pipeline => campaign::pipeline_schema(),
         SchemaOf::Criteria => campaign::criteria_schema(),
         SchemaOf::Rig => campaign::rig_schema(),
+        SchemaOf::Card => campaign::card_schema(),
         SchemaOf::ChannelMap => ingest::channel_map_schema(),
         SchemaOf::Delay => campaign::delay_schema(),
     }

@@ -4,12 +4,13 @@ use crate::civil::{DateOrder, Tick, offset_seconds};
 use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
-    self, ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
+    ChannelEntry, ClockName, ContainerStamp, FieldTable, FrameName, HeightAbove, KindName, MapFile, OneOrMore,
     OrderName, QuantityName, RequireEntry, TickName, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
 use flight::{Clock, Dimension, GPS_EPOCH_UNIX_S, Quantity, StampKind, TAI_LESS_GPS_S, Unit};
+use settings::{Refused, SettingsFile};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -629,27 +630,9 @@ impl ChannelMap {
     /// # Errors
     /// [`IngestError::BadMap`] with the line and what is wrong there.
     pub fn from_toml(path: &Path, text: &str) -> Result<ChannelMap, IngestError> {
-        let file = map_schema::parse(path, text)?;
-        let bad = |line: usize, what: String| IngestError::BadMap { path: path.to_owned(), line: Some(line), what };
-        if file.schema != 1 {
-            return Err(bad(1, format!("schema {} is not known; 1 is", file.schema)));
-        }
-        let mut rules: Vec<ChannelRule> = vec![];
-        for entry in &file.channel {
-            let line = settings::line_of(text, entry.span().start);
-            let entry = entry.get_ref();
-            let rule = rule_of(entry, &file).map_err(|what| bad(line, format!("channel {}: {what}", entry.name)))?;
-            if rules.iter().any(|r| r.name == rule.name && !excludes(r, &rule) && !of_other_types(r, &rule)) {
-                return Err(bad(line, format!("channel {} is there twice", rule.name)));
-            }
-            rules.push(rule);
-        }
-        let ties =
-            file.utc.iter().map(tie_rule).collect::<Result<_, _>>().map_err(|what| bad(1, format!("utc: {what}")))?;
-        let MapFile { name, title, generic, channel, .. } = file;
-        let optional = channel.into_iter().map(toml::Spanned::into_inner).filter(|entry| entry.optional);
-        let optional = optional.map(|entry| entry.name).collect();
-        Ok(ChannelMap { name, title, rules, ties, generic, optional, shipped: false, text: text.to_owned() })
+        let file = SettingsFile::new(text, path);
+        let map = file.read().and_then(|written| meaning_of(written, &file, text));
+        file.finish(map).map_err(|e| IngestError::BadMap { path: path.to_owned(), line: e.line, what: e.what })
     }
 
     /// Names of the channels that it can bind, such as `position.gps`.
@@ -662,6 +645,46 @@ impl ChannelMap {
     pub fn text(&self) -> &str {
         &self.text
     }
+}
+
+/// The map that a file means.
+fn meaning_of(written: MapFile, file: &SettingsFile<'_>, text: &str) -> Result<ChannelMap, Refused> {
+    if *written.schema.get_ref() != 1 {
+        let what = format!("schema {} is not known; 1 is", written.schema.get_ref());
+        return Err(file.reject(&written.schema, what));
+    }
+    let rules = rules_of(&written, file);
+    let mut ties = Ok(vec![]);
+    for entry in &written.utc {
+        match (tie_rule(entry.get_ref()), &mut ties) {
+            (Err(what), _) => ties = Err(file.reject(entry, format!("utc: {what}"))),
+            (Ok(rule), Ok(ties)) => ties.push(rule),
+            (Ok(_), Err(Refused)) => {}
+        }
+    }
+    let MapFile { name, title, generic, channel, .. } = written;
+    let optional = channel.into_iter().map(toml::Spanned::into_inner).filter(|entry| entry.optional);
+    let optional = optional.map(|entry| entry.name).collect();
+    let text = text.to_owned();
+    Ok(ChannelMap { name, title, rules: rules?, ties: ties?, generic, optional, shipped: false, text })
+}
+
+fn rules_of(written: &MapFile, file: &SettingsFile<'_>) -> Result<Vec<ChannelRule>, Refused> {
+    let mut rules: Vec<ChannelRule> = vec![];
+    let mut right = Ok(());
+    for place in &written.channel {
+        let entry = place.get_ref();
+        match rule_of(entry, written) {
+            Err(what) => right = Err(file.reject(place, format!("channel {}: {what}", entry.name))),
+            Ok(rule)
+                if rules.iter().any(|r| r.name == rule.name && !excludes(r, &rule) && !of_other_types(r, &rule)) =>
+            {
+                right = Err(file.reject(place, format!("channel {} is there twice", rule.name)));
+            }
+            Ok(rule) => rules.push(rule),
+        }
+    }
+    right.map(|()| rules)
 }
 
 /// Whether a log never holds both, for a remark of it says one thing only.

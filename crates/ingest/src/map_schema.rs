@@ -1,6 +1,5 @@
 //! A channel map as its author writes it. Every struct refuses fields that it does not know.
 
-use crate::error::IngestError;
 use crate::reader::Log;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -12,7 +11,8 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(crate) struct MapFile {
     /// Version of this format: 1.
-    pub(crate) schema: u32,
+    #[schemars(with = "u32")]
+    pub(crate) schema: Spanned<u32>,
     /// Short name, as `--map` takes it.
     pub(crate) name: String,
     /// One line for people.
@@ -25,7 +25,8 @@ pub(crate) struct MapFile {
     pub(crate) time: TimeTable,
     /// What ties the clock since boot to UTC. Of several the first that the log holds is taken.
     #[serde(default)]
-    pub(crate) utc: Vec<UtcEntry>,
+    #[schemars(with = "Vec<UtcEntry>")]
+    pub(crate) utc: Vec<Spanned<UtcEntry>>,
     /// The channels. Of several of one name, for other types, the first is made that finds its data.
     #[schemars(with = "Vec<ChannelEntry>")]
     pub(crate) channel: Vec<Spanned<ChannelEntry>>,
@@ -489,14 +490,6 @@ impl RequireEntry {
             && self.max.is_none_or(|max| value <= max)
             && self.bit.is_none_or(is_set)
     }
-}
-
-/// Reads the text of a map file.
-///
-/// # Errors
-/// [`IngestError::BadMap`] with the line.
-pub(crate) fn parse(path: &std::path::Path, text: &str) -> Result<MapFile, IngestError> {
-    settings::read(text).map_err(|e| IngestError::BadMap { path: path.to_owned(), line: e.line, what: e.what })
 }
 
 /// The JSON schema of a channel map, for editors.

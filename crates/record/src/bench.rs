@@ -4,6 +4,7 @@ use crate::SensorIdentity;
 use crate::flight::InputFile;
 use crate::replay::{Curve, Estimate};
 use flight::{Binding, Clock, Delay, LogHealth, Notices, Quantity, RejectCount, StampKind};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The rig file that a record was analysed with.
@@ -94,7 +95,7 @@ pub struct BenchFindings {
 }
 
 /// A finding, or why there is none.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Finding<T> {
     /// It was found.
@@ -206,7 +207,7 @@ pub struct ClockFinding {
 }
 
 /// What a delay is measured against.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "basis")]
 pub enum TimeBasis {
     /// Encoder and sensor carry stamps of one clock: delays are absolute, up to that clock's own stamping.
@@ -255,7 +256,7 @@ pub struct PpsFinding {
 }
 
 /// What a verdict on a delay says (design note 3.7).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// The interval excludes zero.

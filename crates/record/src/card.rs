@@ -3,13 +3,15 @@
 use crate::bench::{Finding, TimeBasis, Verdict};
 use crate::replay::Estimate;
 use flight::{Quantity, StampKind};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Version of the layout of a card: raised when a field changes its meaning.
 pub const CARD_VERSION: u32 = 1;
 
 /// Which sensor. Two sensors are the same if every part that both name is equal.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct SensorIdentity {
     /// Maker and model, as `Xsens MTi-G`.
     pub model: String,
@@ -28,7 +30,8 @@ pub struct SensorIdentity {
 }
 
 /// What one channel of the sensor does.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct CardChannel {
     /// Channel name, as `position.ins`.
     pub name: String,
@@ -78,7 +81,8 @@ pub struct CardChannel {
 }
 
 /// Hard and soft iron of a magnetometer: `read = soft_iron · field + hard_iron`, in body axes forward, right, down.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct IronCalibration {
     /// Hard iron x, y, z, in the unit of [`CardMagnetometer`].
     pub hard_iron: [f64; 3],
@@ -104,7 +108,8 @@ pub struct IronCalibration {
 }
 
 /// What all records together say of the magnetometer.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct CardMagnetometer {
     /// Channel, as `magnetic-field.imu`.
     pub channel: String,
@@ -117,7 +122,8 @@ pub struct CardMagnetometer {
 }
 
 /// One record behind a card.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct CardSource {
     /// Files, without folder.
     pub files: Vec<String>,
@@ -131,7 +137,9 @@ pub struct CardSource {
 }
 
 /// A sensor card (`*.card.toml`).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "flightlag sensor card")]
 pub struct SensorCard {
     /// [`CARD_VERSION`].
     pub card_version: u32,

@@ -10,15 +10,17 @@
 //!     #[expect(dead_code)]
 //!     position_s: f64,
 //! }
-//! let complaint = settings::read::<Delay>("# late\npositon_s = 0.4\n").unwrap_err();
+//! let text = "# late\npositon_s = 0.4\n";
+//! let file = settings::SettingsFile::new(text, std::path::Path::new("late.toml"));
+//! let complaint = file.finish(file.read::<Delay>()).unwrap_err();
 //! assert_eq!(complaint.line, Some(2));
 //! assert_eq!(complaint.what, "unknown key `positon_s`: did you mean `position_s`?");
 //! ```
 
+mod file;
 mod nearest;
 mod number;
-mod text;
 
+pub use file::{Complaint, Refused, SettingsFile};
 pub use nearest::{likely, nearest, nearest_few};
 pub use number::{seconds, within};
-pub use text::{Complaint, complaint, line_of, read, unknown_key};

@@ -1,7 +1,7 @@
 //! Numbers that cannot be meant.
 
 /// The unit that the end of a key states, as `_s` of `delay.position_s`; empty where it states none.
-fn unit_of_key(key: &str) -> &'static str {
+pub(crate) fn unit_of_key(key: &str) -> &'static str {
     match key.rsplit('_').next().filter(|end| end.len() < key.len()) {
         Some("s") => " s",
         Some("ms") => " ms",

@@ -5,6 +5,7 @@ use flight::Quantity;
 use jiff::civil::Date;
 use record::{CARD_VERSION, CardChannel, CardMagnetometer, CardSource, Finding, SensorCard, Verdict};
 use serde::Serialize;
+use settings::{Complaint, Refused, SettingsFile};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
@@ -64,7 +65,7 @@ const CHANNEL_KEYS: [&str; 18] = [
     "contradicted",
 ];
 const RECORD_KEYS: [&str; 4] = ["files", "blake3", "date", "rig_blake3"];
-const MAGNETOMETER_KEYS: [&str; 4] = ["channel", "unit", "azimuths_rad", "iron"];
+const MAGNETOMETER_KEYS: [&str; 3] = ["channel", "unit", "azimuths_rad"];
 const FINDING_KEYS: [&str; 2] = ["found", "cannot-tell"];
 const IRON_KEYS: [&str; 9] = [
     "hard_iron",
@@ -95,7 +96,7 @@ pub fn card_text(card: &SensorCard) -> String {
     entries(&mut text, "record", RECORD, &card.records, &RECORD_KEYS);
     if let Some(magnetometer) = &card.magnetometer {
         let _ = write!(text, "\n{MAGNETOMETER}[magnetometer]\n");
-        lines(&mut text, "", &table_of(magnetometer), &["channel", "unit", "azimuths_rad"]);
+        lines(&mut text, "", &table_of(magnetometer), &MAGNETOMETER_KEYS);
         match &magnetometer.iron {
             Finding::Found(iron) => lines(&mut text, "iron.found.", &table_of(iron), &IRON_KEYS),
             Finding::CannotTell(_) => lines(&mut text, "iron.", &table_of(&magnetometer.iron), &FINDING_KEYS),
@@ -133,24 +134,16 @@ fn entries(text: &mut String, name: &str, comment: &str, entries: &[impl Seriali
 /// uncertainty, a delay that must be milliseconds, a day that is none, a validity that ends before it begins, or a
 /// channel that is there twice.
 pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, CardError> {
-    let reader = Reader { text, path };
-    let table = DeTable::parse(text).map_err(|e| reader.complaint(&e))?;
-    let table = table.get_ref();
-    reader.version(table)?;
-    reader.keys(table)?;
-    let card: SensorCard = toml::from_str(text).map_err(|e| reader.complaint(&e))?;
-    reader.whole(table, &card)?;
-    for (place, channel) in items(table, "channel").zip(&card.channels) {
-        reader.channel(place, channel)?;
-    }
-    for (place, record) in items(table, "record").zip(&card.records) {
-        reader.record(place, record)?;
-    }
-    if let (Some(place), Some(magnetometer)) = (get(table, "magnetometer"), &card.magnetometer) {
-        reader.magnetometer(place, magnetometer)?;
-    }
-    reader.each_channel_once(table, &card)?;
-    Ok(card)
+    let file = SettingsFile::new(text, path);
+    let wrong = |Complaint { line, what }| CardError { file: path.to_owned(), line, what };
+    file.finish(Checker { file: &file }.card()).map_err(wrong)
+}
+
+/// The JSON schema of a sensor card, as text.
+#[must_use]
+pub fn card_schema() -> String {
+    let schema = schemars::schema_for!(SensorCard);
+    format!("{:#}\n", schema.as_value())
 }
 
 type Place<'a> = Spanned<DeValue<'a>>;
@@ -165,97 +158,87 @@ fn items<'a, 'b>(table: &'b DeTable<'a>, key: &str) -> impl Iterator<Item = &'b 
     array.into_iter().flat_map(|array| array.iter())
 }
 
-/// Knows the text, so that every complaint has its line.
-struct Reader<'a> {
-    text: &'a str,
-    path: &'a Path,
+/// Knows the file, so that every complaint has its line.
+struct Checker<'a> {
+    file: &'a SettingsFile<'a>,
 }
 
-impl Reader<'_> {
-    fn version(&self, table: &DeTable<'_>) -> Result<(), CardError> {
+impl Checker<'_> {
+    fn card(&self) -> Result<SensorCard, Refused> {
+        let table = self.file.table()?;
+        let table = table.get_ref();
+        self.version(table)?;
+        let card: SensorCard = self.file.read()?;
+        self.whole(table, &card);
+        for (place, channel) in items(table, "channel").zip(&card.channels) {
+            self.channel(place, channel);
+        }
+        for (place, record) in items(table, "record").zip(&card.records) {
+            self.record(place, record);
+        }
+        if let (Some(place), Some(magnetometer)) = (get(table, "magnetometer"), &card.magnetometer) {
+            self.magnetometer(place, magnetometer);
+        }
+        self.each_channel_once(table, &card);
+        Ok(card)
+    }
+
+    fn version(&self, table: &DeTable<'_>) -> Result<(), Refused> {
         let Some(place) = get(table, "card_version") else {
-            return Err(self.error(None, "missing key `card_version`: this is no sensor card"));
+            return Err(self.file.reject_whole("missing key `card_version`: this is no sensor card"));
         };
         let version = place.get_ref().as_integer().map(ToString::to_string);
         if version.as_deref() == Some(CARD_VERSION.to_string().as_str()) {
             return Ok(());
         }
-        Err(self.at(place, format!("card_version must be {CARD_VERSION}, the only layout that this flightlag knows")))
+        let what = format!("card_version must be {CARD_VERSION}, the only layout that this flightlag knows");
+        Err(self.file.reject(place, what))
     }
 
-    /// A misspelt key would else be a value that is silently not there.
-    fn keys(&self, table: &DeTable<'_>) -> Result<(), CardError> {
-        let mut whole = vec!["card_version", "sensor", "channel", "record", "magnetometer"];
-        whole.extend(VALIDITY_KEYS.iter().chain(&ORIGIN_KEYS));
-        self.known(table, &whole)?;
-        let inner = |place: &Place<'_>, keys: &[&str]| match place.get_ref().as_table() {
-            Some(table) => self.known(table, keys),
-            None => Ok(()),
-        };
-        get(table, "sensor").map_or(Ok(()), |sensor| inner(sensor, &SENSOR_KEYS))?;
-        items(table, "channel").try_for_each(|channel| inner(channel, &CHANNEL_KEYS))?;
-        items(table, "record").try_for_each(|record| inner(record, &RECORD_KEYS))?;
-        let magnetometer = get(table, "magnetometer");
-        let iron = magnetometer.and_then(|m| get(m.get_ref().as_table()?, "iron"));
-        let found = iron.and_then(|i| get(i.get_ref().as_table()?, "found"));
-        let nested: [(_, &[&str]); 3] =
-            [(magnetometer, &MAGNETOMETER_KEYS), (iron, &FINDING_KEYS), (found, &IRON_KEYS)];
-        nested.into_iter().try_for_each(|(place, keys)| place.map_or(Ok(()), |place| inner(place, keys)))
-    }
-
-    fn known(&self, table: &DeTable<'_>, keys: &[&str]) -> Result<(), CardError> {
-        match table.keys().find(|key| !keys.contains(&key.get_ref().as_ref())) {
-            Some(key) => Err(self.error(Some(key.span().start), settings::unknown_key(key.get_ref(), keys))),
-            None => Ok(()),
+    fn whole(&self, table: &DeTable<'_>, card: &SensorCard) {
+        if let Some(place) = get(table, "sensor").filter(|_| card.sensor.model.trim().is_empty()) {
+            self.file.reject(place, "sensor.model must say which sensor this is");
+        }
+        let day = |key: &str, day: &Option<String>| self.day(get(table, key)?, key, day.as_deref()?);
+        day("measured_on", &card.measured_on);
+        let (from, until) = (day("valid_from", &card.valid_from), day("valid_until", &card.valid_until));
+        if let (Some(from), Some(until), Some(place)) = (from, until, get(table, "valid_until"))
+            && until < from
+        {
+            self.file.reject(place, format!("valid_until = {until} lies before valid_from = {from}"));
         }
     }
 
-    fn whole(&self, table: &DeTable<'_>, card: &SensorCard) -> Result<(), CardError> {
-        if card.sensor.model.trim().is_empty() {
-            let place = get(table, "sensor").map(|p| p.span().start);
-            return Err(self.error(place, "sensor.model must say which sensor this is"));
+    fn day(&self, place: &Place<'_>, key: &str, text: &str) -> Option<Date> {
+        let day = text.parse::<Date>();
+        if day.is_err() {
+            self.file.reject(place, format!("{key} = \"{text}\" is no day, as \"2026-05-04\""));
         }
-        let day = |key: &str, day: &Option<String>| self.day(get(table, key), key, day.as_deref());
-        day("measured_on", &card.measured_on)?;
-        let (from, until) = (day("valid_from", &card.valid_from)?, day("valid_until", &card.valid_until)?);
-        match (from, until, get(table, "valid_until")) {
-            (Some(from), Some(until), Some(place)) if until < from => {
-                Err(self.at(place, format!("valid_until = {until} lies before valid_from = {from}")))
-            }
-            _ => Ok(()),
-        }
+        day.ok()
     }
 
-    fn day(&self, place: Option<&Place<'_>>, key: &str, day: Option<&str>) -> Result<Option<Date>, CardError> {
-        let Some(text) = day else { return Ok(None) };
-        text.parse::<Date>().map(Some).map_err(|_| {
-            self.error(place.map(|p| p.span().start), format!("{key} = \"{text}\" is no day, as \"2026-05-04\""))
-        })
-    }
-
-    fn channel(&self, place: &Place<'_>, channel: &CardChannel) -> Result<(), CardError> {
+    fn channel(&self, place: &Place<'_>, channel: &CardChannel) {
         let at = |key: &str| place.get_ref().as_table().and_then(|t| get(t, key)).unwrap_or(place);
-        let check = |key: &str, value: Option<f64>, fits: fn(f64) -> bool, must: &str| match value {
-            Some(v) if !(v.is_finite() && fits(v)) => {
-                Err(self.at(at(key), format!("channel `{}`: {key} = {v}: must be {must}", channel.name)))
+        let check = |key: &str, value: Option<f64>, fits: fn(f64) -> bool, must: &str| {
+            if let Some(v) = value.filter(|&v| !(v.is_finite() && fits(v))) {
+                self.file.reject(at(key), format!("channel `{}`: {key} = {v}: must be {must}", channel.name));
             }
-            _ => Ok(()),
         };
         let delay = "finite, in seconds, and at most 10 either way";
         let is_delay = |v: f64| v.abs() <= LONGEST_DELAY_S;
         let (not_negative, is_not_negative) = ("finite and not negative", |v: f64| v >= 0.0);
-        check("delay_s", Some(channel.delay_s), is_delay, delay)?;
-        check("as_seen_delay_s", channel.as_seen_delay_s, is_delay, delay)?;
-        check("slow_motion_delay_s", channel.slow_motion_delay_s, is_delay, delay)?;
+        check("delay_s", Some(channel.delay_s), is_delay, delay);
+        check("as_seen_delay_s", channel.as_seen_delay_s, is_delay, delay);
+        check("slow_motion_delay_s", channel.slow_motion_delay_s, is_delay, delay);
         let uncertainty = Some(channel.delay_standard_uncertainty_s);
-        check("delay_standard_uncertainty_s", uncertainty, is_not_negative, not_negative)?;
-        check("gain", Some(channel.gain), |_| true, "finite")?;
-        check("gain_standard_uncertainty", Some(channel.gain_standard_uncertainty), is_not_negative, not_negative)?;
-        check("between_runs_s", channel.between_runs_s, is_not_negative, not_negative)?;
-        check("update_rate_hz", channel.update_rate_hz, |v| v > 0.0, "finite and above zero")?;
-        channel.lags_s.iter().try_for_each(|&lag| check("lags_s", Some(lag), is_not_negative, not_negative))?;
+        check("delay_standard_uncertainty_s", uncertainty, is_not_negative, not_negative);
+        check("gain", Some(channel.gain), |_| true, "finite");
+        check("gain_standard_uncertainty", Some(channel.gain_standard_uncertainty), is_not_negative, not_negative);
+        check("between_runs_s", channel.between_runs_s, is_not_negative, not_negative);
+        check("update_rate_hz", channel.update_rate_hz, |v| v > 0.0, "finite and above zero");
+        channel.lags_s.iter().for_each(|&lag| check("lags_s", Some(lag), is_not_negative, not_negative));
         if channel.name.trim().is_empty() {
-            return Err(self.at(at("name"), "a channel must have a name, as `position.gps`"));
+            self.file.reject(at("name"), "a channel must have a name, as `position.gps`");
         }
         let contradicts = match channel.verdict {
             Verdict::Delayed => channel.delay_s <= 0.0,
@@ -264,69 +247,54 @@ impl Reader<'_> {
         };
         if contradicts {
             let what = "the verdict contradicts the sign of delay_s: positive is late";
-            return Err(self.at(at("verdict"), format!("channel `{}`: {what}", channel.name)));
+            self.file.reject(at("verdict"), format!("channel `{}`: {what}", channel.name));
         }
-        self.quantity(at("quantity"), channel)
+        self.quantity(at("quantity"), channel);
     }
 
     /// A position must hold a position: replay finds channels by their names.
-    fn quantity(&self, place: &Place<'_>, channel: &CardChannel) -> Result<(), CardError> {
+    fn quantity(&self, place: &Place<'_>, channel: &CardChannel) {
         let fits = match channel.name.split('.').next() {
             Some("position") => matches!(channel.quantity, Quantity::PositionGeodetic | Quantity::PositionNed),
             Some("velocity") => channel.quantity == Quantity::VelocityNed,
             _ => true,
         };
-        if fits {
-            return Ok(());
+        if !fits {
+            self.file.reject(place, format!("channel `{}` cannot hold this quantity", channel.name));
         }
-        Err(self.at(place, format!("channel `{}` cannot hold this quantity", channel.name)))
     }
 
-    fn record(&self, place: &Place<'_>, record: &CardSource) -> Result<(), CardError> {
+    fn record(&self, place: &Place<'_>, record: &CardSource) {
         if record.files.len() != record.blake3.len() {
             let (files, hashes) = (record.files.len(), record.blake3.len());
-            return Err(self.at(place, format!("a record with {files} files and {hashes} hashes")));
+            self.file.reject(place, format!("a record with {files} files and {hashes} hashes"));
         }
         let at = place.get_ref().as_table().and_then(|t| get(t, "date")).unwrap_or(place);
-        self.day(Some(at), "date", record.date.as_deref()).map(drop)
+        if let Some(date) = &record.date {
+            self.day(at, "date", date);
+        }
     }
 
     /// Numbers are finite, uncertainties not negative.
-    fn magnetometer(&self, place: &Place<'_>, magnetometer: &CardMagnetometer) -> Result<(), CardError> {
-        let Finding::Found(iron) = &magnetometer.iron else { return Ok(()) };
+    fn magnetometer(&self, place: &Place<'_>, magnetometer: &CardMagnetometer) {
+        let Finding::Found(iron) = &magnetometer.iron else { return };
         let values = iron.soft_iron.iter().flatten().chain(&iron.hard_iron).chain(&iron.scale);
         let sizes = iron.soft_iron_standard_uncertainty.iter().flatten().chain(&iron.hard_iron_standard_uncertainty);
         let sizes = sizes.chain(&iron.scale_standard_uncertainty).chain([&iron.residual_rms, &iron.condition]);
         let azimuths = magnetometer.azimuths_rad.iter();
         if values.chain(azimuths).all(|v| v.is_finite()) && sizes.into_iter().all(|v| v.is_finite() && *v >= 0.0) {
-            return Ok(());
+            return;
         }
-        Err(self.at(place, "magnetometer: every number must be finite, and no uncertainty negative"))
+        self.file.reject(place, "magnetometer: every number must be finite, and no uncertainty negative");
     }
 
-    fn each_channel_once(&self, table: &DeTable<'_>, card: &SensorCard) -> Result<(), CardError> {
+    fn each_channel_once(&self, table: &DeTable<'_>, card: &SensorCard) {
         let mut seen = BTreeSet::new();
         for (place, channel) in items(table, "channel").zip(&card.channels) {
             if !seen.insert(channel.name.as_str()) {
-                return Err(self.at(place, format!("channel `{}` is there twice", channel.name)));
+                self.file.reject(place, format!("channel `{}` is there twice", channel.name));
             }
         }
-        Ok(())
-    }
-
-    fn at(&self, place: &Place<'_>, what: impl Into<String>) -> CardError {
-        self.error(Some(place.span().start), what)
-    }
-
-    fn error(&self, byte: Option<usize>, what: impl Into<String>) -> CardError {
-        let line = byte.map(|b| settings::line_of(self.text, b));
-        CardError { file: self.path.to_owned(), line, what: what.into() }
-    }
-
-    /// The parser's own complaint, in our words and with its line.
-    fn complaint(&self, error: &toml::de::Error) -> CardError {
-        let settings::Complaint { line, what } = settings::complaint(error, self.text);
-        CardError { file: self.path.to_owned(), line, what }
     }
 }
 
@@ -386,7 +354,9 @@ mod tests {
         let sensor = record::SensorIdentity { configuration: Some("GPS".into()), ..card.sensor.clone() };
         assert_eq!(of(table_of(&sensor)), listed(&SENSOR_KEYS));
         let magnetometer = card.magnetometer.clone().unwrap();
-        assert_eq!(of(table_of(&magnetometer)), listed(&MAGNETOMETER_KEYS));
+        let mut keys = listed(&MAGNETOMETER_KEYS);
+        keys.insert("iron".to_owned());
+        assert_eq!(of(table_of(&magnetometer)), keys);
         assert_eq!(of(table_of(magnetometer.iron.found().unwrap())), listed(&IRON_KEYS));
         let mut whole = listed(&["card_version", "sensor", "channel", "record", "magnetometer"]);
         whole.extend(listed(&VALIDITY_KEYS).into_iter().chain(listed(&ORIGIN_KEYS)));
@@ -425,6 +395,25 @@ mod tests {
     }
 
     #[test]
+    fn one_run_reports_all_that_is_wrong_with_a_card() {
+        let text = card_text(&example::card())
+            .replacen("measured_on = \"2010-10-25\"", "measured_on = \"2010-13-25\"", 1)
+            .replacen("delay_s = 0.4\n", "delay_s = 400.0\n", 1)
+            .replacen("gain = 1.001", "gain = \"1\"", 1)
+            .replacen("sensor.serial", "sensor.seriel", 1);
+        let error = refused(&text).to_string();
+        let lines: Vec<&str> = error.lines().collect();
+        let says = [
+            "`seriel`: did you mean `serial`?",
+            "is no day",
+            "delay_s = 400: must be",
+            "channel.gain = \"1\": must be a number",
+        ];
+        assert_eq!(lines.len(), says.len(), "{error}");
+        assert!(lines.iter().zip(says).all(|(line, says)| line.contains(says)), "{error}");
+    }
+
+    #[test]
     fn a_channel_that_is_there_twice_is_refused_at_the_second() {
         let text =
             card_text(&example::card()).replace("velocity.ins", "position.gps").replace("velocity-ned", "position-ned");
@@ -437,7 +426,10 @@ mod tests {
     #[test]
     fn an_error_names_the_file_and_the_line() {
         let error = refused("card_version = 1\nsensor = 3\n");
-        assert!(error.to_string().starts_with("cards/mtig.card.toml:2: "), "{error}");
+        let text = error.to_string();
+        assert!(text.starts_with("cards/mtig.card.toml:1: missing key `rig`\n"), "{text}");
+        assert!(text.contains("\ncards/mtig.card.toml:1: missing key `method`\n"), "{text}");
+        assert!(text.contains("\ncards/mtig.card.toml:2: sensor = 3: must be a table"), "{text}");
         assert!(refused("x = 1\n").to_string().contains("no sensor card"));
     }
 }

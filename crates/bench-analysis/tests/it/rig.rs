@@ -1,6 +1,6 @@
 //! The rig file: what is meant, and what is refused with its line.
 
-use bench_analysis::{FieldRule, MountKind, Rig, RigError, StampChoice, rig_schema};
+use bench_analysis::{FieldRule, MountKind, Rig, RigError, StampChoice, card_schema, rig_schema};
 use std::path::Path;
 
 fn parse(text: &str) -> Result<Rig, RigError> {
@@ -191,4 +191,14 @@ fn the_schema_file_is_the_schema_of_the_code() {
         std::fs::write(&file, rig_schema()).unwrap();
     }
     assert_eq!(std::fs::read_to_string(&file).unwrap(), rig_schema());
+}
+
+/// `FLIGHTLAG_BLESS=1` writes it again.
+#[test]
+fn the_schema_file_of_sensor_cards_is_the_schema_of_the_code() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/card.schema.json");
+    if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
+        std::fs::write(&file, card_schema()).unwrap();
+    }
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), card_schema());
 }

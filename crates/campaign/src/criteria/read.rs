@@ -7,6 +7,7 @@ use super::unit::{Dimension, Quantity, read};
 use super::{Criteria, Criterion, MeantCriterion};
 use compensation_replay::CompensatorKind;
 use record::{DecisionRule, Limit};
+use settings::{Refused, SettingsFile};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -32,57 +33,65 @@ pub(super) fn from_disk(path: &Path) -> Result<Criteria, CriteriaError> {
 }
 
 pub(super) fn parse(text: &str, path: &Path) -> Result<Criteria, CriteriaError> {
-    let written: CriteriaFile = settings::read(text).map_err(|e| fault(path, e.line, e.what))?;
-    Checker { text, path }.meaning_of(written)
+    let file = SettingsFile::new(text, path);
+    let meant = file.read().and_then(|written| Checker { file: &file, path }.meaning_of(written));
+    file.finish(meant).map_err(|e| fault(path, e.line, e.what))
 }
 
 fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> CriteriaError {
     CriteriaError { file: path.to_owned(), line, what: what.into() }
 }
 
-/// Knows the text, so that every complaint has its line.
+/// Knows the file, so that every complaint has its line.
 struct Checker<'a> {
-    text: &'a str,
+    file: &'a SettingsFile<'a>,
     path: &'a Path,
 }
 
 impl Checker<'_> {
-    fn meaning_of(&self, written: CriteriaFile) -> Result<Criteria, CriteriaError> {
+    fn meaning_of(&self, written: CriteriaFile) -> Result<Criteria, Refused> {
         if *written.schema.get_ref() != 1 {
             return Err(self.fault(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
         }
         if written.criterion.is_empty() {
-            return Err(fault(self.path, None, "holds no [[criterion]]: a flight could not be judged by it"));
+            return Err(self.file.reject_whole("holds no [[criterion]]: a flight could not be judged by it"));
         }
-        self.no_id_twice(&written.criterion)?;
-        let criteria: Result<_, _> = written.criterion.into_iter().map(|c| self.criterion(c)).collect();
+        let unique = self.no_id_twice(&written.criterion);
+        let criteria: Vec<_> = written.criterion.into_iter().map(|c| self.criterion(c)).collect();
         let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Criteria { title: written.title, file_name, criteria: criteria? })
+        unique?;
+        Ok(Criteria { title: written.title, file_name, criteria: criteria.into_iter().collect::<Result<_, _>>()? })
     }
 
-    fn no_id_twice(&self, criteria: &[Spanned<CriterionTable>]) -> Result<(), CriteriaError> {
+    fn no_id_twice(&self, criteria: &[Spanned<CriterionTable>]) -> Result<(), Refused> {
         let mut lines: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut unique = Ok(());
         for id in criteria.iter().map(|c| &c.get_ref().id) {
-            if let Some(line) = lines.insert(id.get_ref(), settings::line_of(self.text, id.span().start)) {
+            if let Some(line) = lines.insert(id.get_ref(), self.file.line_of(id)) {
                 let what = format!("id \"{}\" is that of the criterion on line {line} too", id.get_ref());
-                return Err(self.fault(id, what));
+                unique = Err(self.fault(id, what));
             }
         }
-        Ok(())
+        unique
     }
 
-    fn criterion(&self, written: Spanned<CriterionTable>) -> Result<Criterion, CriteriaError> {
+    fn criterion(&self, written: Spanned<CriterionTable>) -> Result<Criterion, Refused> {
         let whole = Spanned::new(written.span(), ());
         let table = written.into_inner();
-        self.id(&table.id)?;
-        self.says_something(&table.title, "title must say what is asked")?;
-        self.says_something(&table.rationale, "rationale must say why the limit is what it is")?;
+        let texts = [
+            self.id(&table.id),
+            self.says_something(&table.title, "title must say what is asked"),
+            self.says_something(&table.rationale, "rationale must say why the limit is what it is"),
+        ];
+        let applies_to = table.applies_to.as_ref().map(|a| self.applies_to(a)).transpose();
         let entry = MetricEntry::of(table.metric.get_ref()).map_err(|what| self.fault(&table.metric, what))?;
-        let compensator = self.compensator(&table, entry, &whole)?;
-        self.channels(&table, entry, &whole)?;
-        let (limit, quantity) = self.limit(&table, entry, &whole)?;
-        let rule = self.rule(table.decision.as_ref(), entry)?;
-        let applies_to = table.applies_to.as_ref().map(|a| self.applies_to(a)).transpose()?.unwrap_or_default();
+        let compensator = self.compensator(&table, entry, &whole);
+        let channels = self.channels(&table, entry, &whole);
+        let limit = self.limit(&table, entry, &whole);
+        let rule = self.rule(table.decision.as_ref(), entry);
+        texts.into_iter().chain([channels]).collect::<Result<(), _>>()?;
+        let (compensator, (limit, quantity), rule) = (compensator?, limit?, rule?);
+        let applies_to = applies_to?.unwrap_or_default();
         let text = |value: &Option<Spanned<toml::Value>>| {
             value.as_ref().and_then(|v| read(v.get_ref(), entry.dimension).ok()).map(|q| in_toml(&q, entry.dimension))
         };
@@ -109,7 +118,7 @@ impl Checker<'_> {
         Ok(Criterion { entry, limit, unit: quantity.unit, rule, applies_to, written })
     }
 
-    fn id(&self, id: &Spanned<String>) -> Result<(), CriteriaError> {
+    fn id(&self, id: &Spanned<String>) -> Result<(), Refused> {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         match !id.get_ref().is_empty() && id.get_ref().chars().all(plain) {
             true => Ok(()),
@@ -117,7 +126,7 @@ impl Checker<'_> {
         }
     }
 
-    fn says_something(&self, text: &Spanned<String>, what: &str) -> Result<(), CriteriaError> {
+    fn says_something(&self, text: &Spanned<String>, what: &str) -> Result<(), Refused> {
         if text.get_ref().trim().is_empty() { Err(self.fault(text, what)) } else { Ok(()) }
     }
 
@@ -127,7 +136,7 @@ impl Checker<'_> {
         table: &CriterionTable,
         entry: &MetricEntry,
         whole: &Spanned<()>,
-    ) -> Result<Option<String>, CriteriaError> {
+    ) -> Result<Option<String>, Refused> {
         match (&table.compensator, entry.takes) {
             (None, Takes::Compensator) => {
                 let what = format!("missing key `compensator`: whose {}? As raw, pade-1-1 or exact-async", entry.name);
@@ -148,7 +157,7 @@ impl Checker<'_> {
         }
     }
 
-    fn channels(&self, table: &CriterionTable, entry: &MetricEntry, whole: &Spanned<()>) -> Result<(), CriteriaError> {
+    fn channels(&self, table: &CriterionTable, entry: &MetricEntry, whole: &Spanned<()>) -> Result<(), Refused> {
         let given = |name: &Option<Spanned<String>>, key: &str, allowed: bool| match name {
             Some(name) if !allowed => {
                 Err(self.fault(name, format!("{key} has no meaning for {}: leave it out", entry.name)))
@@ -164,7 +173,7 @@ impl Checker<'_> {
         given(&table.against, "against", entry.takes == Takes::Pair)
     }
 
-    fn is_channel<T>(&self, at: &Spanned<T>, name: &str) -> Result<(), CriteriaError> {
+    fn is_channel<T>(&self, at: &Spanned<T>, name: &str) -> Result<(), Refused> {
         match name.split_once('.').is_some_and(|(quantity, source)| !quantity.is_empty() && !source.is_empty()) {
             true => Ok(()),
             false => Err(self.fault(at, format!("`{name}` is no channel: they are called as `position.gps`"))),
@@ -177,8 +186,8 @@ impl Checker<'_> {
         table: &CriterionTable,
         entry: &MetricEntry,
         whole: &Spanned<()>,
-    ) -> Result<(Limit, Quantity), CriteriaError> {
-        let of = |value: &toml::Value, at: &dyn Fn(String) -> CriteriaError| {
+    ) -> Result<(Limit, Quantity), Refused> {
+        let of = |value: &toml::Value, at: &dyn Fn(String) -> Refused| {
             read(value, entry.dimension).map_err(|what| at(format!("{}: {what}", entry.name)))
         };
         match (&table.at_most, &table.at_least, &table.between) {
@@ -211,7 +220,7 @@ impl Checker<'_> {
     }
 
     /// A limit that every number keeps, or none, is a slip of the pen.
-    fn keeps_something<T>(&self, at: &Spanned<T>, entry: &MetricEntry, limit: Limit) -> Result<(), CriteriaError> {
+    fn keeps_something<T>(&self, at: &Spanned<T>, entry: &MetricEntry, limit: Limit) -> Result<(), Refused> {
         let (least, most) = match entry.range {
             Range::Signed => return Ok(()),
             Range::Positive => (0.0, f64::INFINITY),
@@ -230,7 +239,7 @@ impl Checker<'_> {
         }
     }
 
-    fn rule(&self, decision: Option<&Spanned<String>>, entry: &MetricEntry) -> Result<DecisionRule, CriteriaError> {
+    fn rule(&self, decision: Option<&Spanned<String>>, entry: &MetricEntry) -> Result<DecisionRule, Refused> {
         match (decision, entry.uncertain) {
             (None, true) => Ok(DecisionRule::Interval),
             (None, false) => Ok(DecisionRule::Plain),
@@ -246,7 +255,7 @@ impl Checker<'_> {
         }
     }
 
-    fn applies_to(&self, written: &Spanned<AppliesTable>) -> Result<AppliesTo, CriteriaError> {
+    fn applies_to(&self, written: &Spanned<AppliesTable>) -> Result<AppliesTo, Refused> {
         let AppliesTable { flights, maps, channels, reference, duration_at_least } = written.get_ref();
         if let Some(channels) = channels {
             let odd = channels.get_ref().iter().filter(|name| !name.contains('*'));
@@ -268,13 +277,13 @@ impl Checker<'_> {
         }
     }
 
-    fn duration(&self, written: &Spanned<toml::Value>) -> Result<f64, CriteriaError> {
+    fn duration(&self, written: &Spanned<toml::Value>) -> Result<f64, Refused> {
         let wrong = |what: String| self.fault(written, format!("applies_to.duration_at_least: {what}"));
         let seconds = read(written.get_ref(), Dimension::Time).map_err(wrong)?.si;
         if seconds > 0.0 { Ok(seconds) } else { Err(wrong("must be above zero".to_owned())) }
     }
 
-    fn names(&self, written: &Option<Spanned<Vec<String>>>, key: &str) -> Result<Vec<String>, CriteriaError> {
+    fn names(&self, written: &Option<Spanned<Vec<String>>>, key: &str) -> Result<Vec<String>, Refused> {
         let Some(list) = written else { return Ok(vec![]) };
         match list.get_ref().is_empty() || list.get_ref().iter().any(|name| name.trim().is_empty()) {
             true => Err(self.fault(list, format!("applies_to.{key} needs a name at least, and no empty one"))),
@@ -282,8 +291,8 @@ impl Checker<'_> {
         }
     }
 
-    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> CriteriaError {
-        fault(self.path, Some(settings::line_of(self.text, at.span().start)), what)
+    fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> Refused {
+        self.file.reject(at, what)
     }
 }
 
