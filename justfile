@@ -65,9 +65,29 @@ bless:
     FLIGHTLAG_BLESS=1 cargo test -p ingest -p campaign -p bench-analysis schema
     git diff --stat
 
+# Print a page of a report as PDF, A4, by Chromium: just pdf PAGE.html|FOLDER [OUT.pdf]
+[no-exit-message]
+pdf report out="":
+    #!/usr/bin/env bash
+    set -euo pipefail
+    page="$1"; out="${2:-}"
+    if [ -d "$page" ]; then page="$page/index.html"; fi
+    if [ ! -f "$page" ]; then echo "just pdf: no page at $page" >&2; exit 1; fi
+    browser=$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)
+    if [ -z "$browser" ]; then
+        echo "just pdf needs Chromium. Install it (Debian, Ubuntu: apt-get install chromium), or print $page from any browser." >&2
+        exit 1
+    fi
+    out="${out:-${page%.html}.pdf}"
+    profile=$(mktemp -d); trap 'rm -rf "$profile"' EXIT
+    "$browser" --headless --no-sandbox --disable-gpu --disable-background-networking --user-data-dir="$profile" \
+        --no-pdf-header-footer --print-to-pdf="$out" "file://$(realpath "$page")" 2>"$profile/log" \
+        || { cat "$profile/log" >&2; exit 1; }
+    echo "$out"
+
 # Renew the page in reports/specimen from a fresh demo
 specimen: (demo "reports/demo")
-    cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/demo/report/flights/2026-05-04-flight-01.mcap/figures/zoom.svg reports/specimen/
+    cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/demo/report/flights/2026-05-04-flight-01.mcap/figures/fig-7.svg reports/specimen/
 
 # Reading what a delay needs of one flight in every format: CPU against the least it can cost, and against Python readers
 perf *folder:

@@ -141,13 +141,40 @@ impl Browser {
     }
 
     pub fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
-        self.mouse("mouseMoved", from, false);
-        self.mouse("mousePressed", from, true);
+        self.drag_with(from, to, 0);
+    }
+
+    /// The same with Shift held.
+    pub fn shift_drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+        self.drag_with(from, to, 8);
+    }
+
+    fn drag_with(&mut self, from: [f64; 2], to: [f64; 2], modifiers: u8) {
+        let mut act = |kind: &str, [x, y]: [f64; 2], buttons: u8| {
+            let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1, "modifiers": modifiers });
+            self.call("Input.dispatchMouseEvent", event);
+        };
+        act("mouseMoved", from, 0);
+        act("mousePressed", from, 1);
         for step in 1..=4 {
             let share = f64::from(step) / 4.0;
-            self.mouse("mouseMoved", [0, 1].map(|k| from[k] + share * (to[k] - from[k])), true);
+            act("mouseMoved", [0, 1].map(|k| from[k] + share * (to[k] - from[k])), 1);
         }
-        self.mouse("mouseReleased", to, false);
+        act("mouseReleased", to, 0);
+    }
+
+    /// What axe-core finds wrong with the open page, as `rule: first element`; `None`, and a word about it, where npm did not
+    /// provide axe-core (`.ci/run` asks it to).
+    pub fn accessibility_faults(&mut self) -> Option<Vec<String>> {
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/axe/node_modules/axe-core/axe.min.js");
+        let Ok(script) = std::fs::read_to_string(&script) else {
+            println!("skipped: no axe-core at {}", script.display());
+            return None;
+        };
+        self.eval(&format!("{script}; true"));
+        let found =
+            self.eval("axe.run().then((r) => r.violations.map((v) => v.id + ': ' + v.nodes[0].html.slice(0, 200)))");
+        Some(found.as_array().unwrap().iter().map(|fault| fault.as_str().unwrap().to_owned()).collect())
     }
 
     pub fn key(&mut self, key: &str) {

@@ -32,6 +32,26 @@ impl Report {
         report
     }
 
+    /// A report of one flight that lost two seconds of rows.
+    fn make_with_gap() -> Report {
+        let report = Report { folder: tempfile::tempdir().unwrap() };
+        let flights = report.folder.path().join("flights");
+        fs::create_dir(&flights).unwrap();
+        let table = flights.join("gap_POS.csv");
+        write_spike(&table);
+        let text = fs::read_to_string(&table).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        let lost = lines.len() / 3;
+        let kept = lines.iter().enumerate().filter(|(n, _)| !(lost..lost + 100).contains(n)).map(|(_, line)| *line);
+        fs::write(&table, kept.collect::<Vec<_>>().join("\n") + "\n").unwrap();
+        let path = |path: PathBuf| path.to_str().unwrap().to_owned();
+        let pipeline = report.folder.path().join("p.toml");
+        fs::write(&pipeline, "schema = 1\n[delay]\nposition_s = 0.3\nsource = \"simulated\"\n").unwrap();
+        let out = path(report.folder.path().join("report"));
+        run(["campaign", &path(flights), "--out", &out, "--pipeline", &path(pipeline)], 0);
+        report
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join("report").join(name)
     }
@@ -145,6 +165,25 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
     browser.key("0");
     assert_eq!(window(&mut browser), [from, to]);
 
+    // Shift and drag by a quarter of the width to the left: the window moves as much to the right.
+    browser.eval("document.getElementById('explorer').explorer.show(10, 30)");
+    let (a, b) = (on_panel(&mut browser, 1, 0.5), on_panel(&mut browser, 1, 0.25));
+    browser.shift_drag(a, b);
+    let [a, b] = window(&mut browser);
+    assert!((a - 15.0).abs() < 0.2 && (b - 35.0).abs() < 0.2, "{a} to {b}");
+
+    // Keys of the page: the list of keys, and a preset. What the list offers works.
+    browser.key("?");
+    browser.until("document.querySelector('dialog').open");
+    browser.key("?");
+    browser.until("!document.querySelector('dialog').open");
+    browser.key("0");
+    browser.key("t");
+    let [a, b] = window(&mut browser);
+    assert!(b - a <= 20.0 && b - a >= 10.0, "{a} to {b}");
+    // The figures that say the same are folded away.
+    assert_eq!(browser.eval("document.querySelector('details.twins').open"), false);
+
     // A preset.
     browser.eval("{ const s = document.querySelector('#explorer select'); s.value = '1'; s.dispatchEvent(new Event('change')); }");
     let [e, f] = window(&mut browser);
@@ -177,6 +216,36 @@ fn a_wrong_fix_of_one_row_shows_at_every_zoom() {
         assert!(browser.number(&format!("{plots}[0].u.scales.y.max")) >= top);
     }
     assert_eq!(browser.faults(), Vec::<String>::new());
+}
+
+#[test]
+fn a_time_in_the_table_of_anomalies_opens_it_in_the_explorer() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make_with_gap();
+    let (page, record) = report.flight("gap");
+    explore(&mut browser, &page);
+    let link = "document.querySelector('#anomalies ~ * a[data-t]')";
+    let at = browser.number(&format!("Number({link}.dataset.t)"));
+    browser.eval(&format!("{link}.click()"));
+    let [a, b] = window(&mut browser);
+    let whole = record.replay.unwrap().coverage.duration_s;
+    assert!(a <= at && at <= b && b - a < 0.5 * whole, "{at} is not in {a} to {b}");
+    assert_eq!(browser.faults(), Vec::<String>::new());
+}
+
+#[test]
+fn axe_finds_nothing_on_any_page_wide_or_narrow_light_or_dark() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make();
+    for page in report.pages() {
+        for (width, scheme) in [(1440, "light"), (1440, "dark"), (400, "light"), (400, "dark")] {
+            browser.size(width, 900, scheme);
+            browser.open(&page, "");
+            browser.until("!document.getElementById('explorer-data') || document.getElementById('explorer').dataset.ready === 'yes'");
+            let Some(faults) = browser.accessibility_faults() else { return };
+            assert_eq!(faults, Vec::<String>::new(), "{} at {width} px, {scheme}", page.display());
+        }
+    }
 }
 
 #[test]

@@ -461,7 +461,7 @@ fn is_ours(name: &str) -> bool {
     let mut parts = name.split('/').skip(2);
     match (parts.next(), parts.next(), parts.next()) {
         (Some("index.html" | "record.json" | "track.parquet"), None, _) => true,
-        (Some(_), Some(figure), None) => figure.ends_with(".svg"),
+        (Some(_), Some(figure), None) => figure.ends_with(".svg") || figure.ends_with(".csv"),
         _ => false,
     }
 }

@@ -1,10 +1,12 @@
 //! Curves for the figures: every extreme kept, the pen lifted at gaps.
 
+mod lead;
+
 use crate::estimate::Positions;
 use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
-use record::{AxisCurves, Curve, PathCurve, Zoom};
+use record::{AxisCurves, Curve, LeadCurves, PathCurve, Zoom};
 
 /// Stretches of time per curve: with four rows kept of each, finer than a page's pixel columns.
 const BINS: usize = 450;
@@ -16,6 +18,7 @@ pub(crate) struct Curves {
     pub(crate) axes: Vec<AxisCurves>,
     pub(crate) zoom: Option<Zoom>,
     pub(crate) track: Vec<PathCurve>,
+    pub(crate) lead: Option<LeadCurves>,
 }
 
 /// Compensators that are drawn beside those that always run; more would hide each other.
@@ -39,6 +42,7 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
             axes: axes(input, rows, estimates, (start_s, end_s)),
         }),
         track: estimates.iter().map(|e| path(rows, e)).collect(),
+        lead: lead::lead(input, rows, estimates),
     }
 }
 

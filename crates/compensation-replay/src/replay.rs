@@ -57,7 +57,7 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
         way_m: predicted_rms_m.value,
     });
     let onboard = score::onboard(flight, settings, &input, &rows, &estimates, &mut notices);
-    let Curves { axes, zoom, track } = draw(&input, settings, &rows, &estimates);
+    let Curves { axes, zoom, track, lead } = draw(&input, settings, &rows, &estimates);
     let record = ReplayRecord {
         settings: ReplaySettings {
             delay: settings.delay,
@@ -80,6 +80,7 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
         axes,
         zoom,
         track,
+        lead,
         choice: None,
         sweep: None,
     };

@@ -68,8 +68,8 @@ pub use crate::lateness::{
 pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::reference_file::{ClockOffset, ReferenceClock, ReferenceFile};
 pub use crate::replay::{
-    AxisCurves, CompensatorResult, Coverage, Curve, Estimate, PairUse, PathCurve, ReplayRecord, ReplaySettings,
-    StartRule, Zoom,
+    AxisCurves, CompensatorResult, Coverage, Curve, Estimate, Lead, LeadCurves, LeadTrack, PairUse, PathCurve,
+    ReplayRecord, ReplaySettings, StartRule, Zoom,
 };
 pub use crate::score::{
     BudgetTerm, CompensatorScore, ErrorBudget, HelpfulBand, Hysteresis, MotionSpectrum, OnboardAgainst,

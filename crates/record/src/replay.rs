@@ -128,6 +128,48 @@ pub struct PathCurve {
     pub stands_for: u64,
 }
 
+/// How far other positions are ahead of raw along the track, at the first row of every fix: the age of a held fix, which
+/// grows from row to row, is no part of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeadCurves {
+    /// The compensated position first, then the reference, if there is one.
+    pub of: Vec<Lead>,
+    /// Below this ground speed a lead is no time, m/s.
+    pub least_speed_mps: f64,
+    /// Ground track of the compensated position.
+    pub track: LeadTrack,
+}
+
+/// How far a position is ahead of raw.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Lead {
+    /// Median, m.
+    pub median_m: f64,
+    /// Largest in size, m.
+    pub largest_m: f64,
+    /// Median over the ground speed, ms; `None` if the aircraft is nowhere fast enough.
+    pub median_ms: Option<f64>,
+    /// Over the flight, m.
+    pub over_time_m: Curve,
+    /// Over the flight, over the ground speed, ms.
+    pub over_time_ms: Curve,
+}
+
+/// A ground track with the lead at each of its points.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct LeadTrack {
+    /// Metres east of the origin.
+    pub east_m: Vec<f64>,
+    /// Metres north of the origin.
+    pub north_m: Vec<f64>,
+    /// Lead of the compensated position over raw along the track, m.
+    pub lead_m: Vec<f64>,
+    /// Rows before which the pen is lifted.
+    pub breaks: Vec<u32>,
+    /// How many samples these rows stand for.
+    pub stands_for: u64,
+}
+
 /// North or east: the curves of the paper's Fig. 7.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisCurves {
@@ -186,6 +228,9 @@ pub struct ReplayRecord {
     pub zoom: Option<Zoom>,
     /// Ground track, raw first, then the compensators.
     pub track: Vec<PathCurve>,
+    /// How far the compensated position is ahead of raw; `None` in records from before this was looked at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lead: Option<LeadCurves>,
     /// Which delay was removed, and why this one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub choice: Option<DelayChoice>,

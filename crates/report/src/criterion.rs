@@ -84,13 +84,14 @@ pub(crate) fn criterion_why(finding: &CriterionFinding) -> String {
     }
     let beyond = if finding.verdict == CriterionVerdict::Pass { "within" } else { "beyond" };
     match (finding.rule, finding.verdict, finding.margin) {
-        (DecisionRule::Plain, ..) => format!("{beyond} the limit; compared as it is, for it has no uncertainty"),
+        (DecisionRule::Plain, ..) => format!("{beyond} the limit; no uncertainty, compared directly"),
         (DecisionRule::Value, ..) => {
             format!("the value alone is {beyond} the limit: the criteria file leaves its uncertainty aside")
         }
         (_, CriterionVerdict::Inconclusive, Some(margin)) if margin != 0.0 => {
             let needed = in_unit(&number::significant(margin.abs() / finding.unit.si, 2), finding);
-            format!("the 95\u{a0}% interval crosses the limit: decided once U is below {needed}")
+            let side = if margin < 0.0 { "FAIL" } else { "PASS" };
+            format!("the 95\u{a0}% interval crosses the limit; at this value it would {side} with U below {needed}")
         }
         (_, CriterionVerdict::Inconclusive, _) => "the 95\u{a0}% interval crosses the limit".to_owned(),
         _ => format!("the whole 95\u{a0}% interval is {beyond} the limit"),
@@ -142,7 +143,7 @@ mod tests {
         assert_eq!(criterion_interval(&pass).unwrap(), "115.3\u{a0}to\u{a0}121.5");
         let unsure = finding(0.149, Some(0.001_55), Limit::Between([0.1, 0.15]), CriterionVerdict::Inconclusive);
         assert!(criterion_sentence(&unsure).ends_with("criterion 100 to 150\u{a0}ms: INCONCLUSIVE"));
-        assert!(criterion_why(&unsure).ends_with("U is below 1.0\u{a0}ms"), "{}", criterion_why(&unsure));
+        assert!(criterion_why(&unsure).ends_with("would PASS with U below 1.0\u{a0}ms"), "{}", criterion_why(&unsure));
         let none = CriterionFinding {
             value: None,
             interval_95: None,

@@ -6,7 +6,7 @@
 //! written as one `path` each with `stroke-dasharray`; and it repeats absolute coordinates,
 //! so paths are relative and lose the points that no screen can show.
 
-use crate::figure::{Axis, Dimension, Figure, Line, Mark, Panel, Pen, Shape, Span};
+use crate::figure::{Axis, Dimension, Figure, Ground, Line, Mark, Panel, Pen, Shape, Span};
 use crate::text::shown_block;
 use maud::Render;
 use plotters::chart::ChartContext;
@@ -26,8 +26,10 @@ const EDGE: u32 = 14;
 const LEFT: u32 = 140;
 /// Between the longest label of a vertical axis and the axis.
 const BESIDE_LABEL: u32 = 30;
+/// Size of all text, drawing units.
+const FONT: u32 = 24;
 /// Ten letters of a label.
-const TEN_LETTERS: usize = 130;
+const TEN_LETTERS: usize = 122;
 const RIGHT: u32 = 64;
 const BETWEEN: u32 = 34;
 const BOTTOM: u32 = 96;
@@ -39,6 +41,33 @@ const INK: RGBColor = RGBColor(0x1b, 0x1f, 0x24);
 const AXIS: RGBColor = RGBColor(0x57, 0x60, 0x6a);
 const GRID: RGBColor = RGBColor(0xe4, 0xe7, 0xeb);
 const SPAN: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
+const SPAN_LABEL: RGBColor = RGBColor(0x6b, 0x4a, 0x00);
+
+/// Every colour of a figure: as a file has it, and the CSS variable that stands for it on a page, so that dark mode and
+/// print restyle the figure with the rest.
+const PALETTE: [(&str, &str); 21] = [
+    ("#1b1f24", "ink"),
+    ("#57606a", "axis"),
+    ("#e4e7eb", "grid"),
+    ("#ffffff", "paper"),
+    ("#e69f00", "span"),
+    ("#6b4a00", "unsure"),
+    ("#4d5761", "line-raw"),
+    ("#0072b2", "line-exact_async"),
+    ("#b34e00", "line-pade_1_1"),
+    ("#00785a", "line-truth"),
+    ("#5aa7de", "pen-band"),
+    ("#cfe3f3", "pen-pale"),
+    ("#7fa9c9", "pen-bars"),
+    ("#9aa3ab", "pen-faint"),
+    ("#767f88", "pen-doubt"),
+    ("#b42318", "pen-mark"),
+    ("#3b2f9e", "lead-0"),
+    ("#7a1fa2", "lead-1"),
+    ("#b12a90", "lead-2"),
+    ("#d5455f", "lead-3"),
+    ("#d9691e", "lead-4"),
+];
 
 /// How a pen looks. Widths and dashes are in drawing units.
 struct Look {
@@ -63,31 +92,40 @@ fn look(pen: Pen, fine: bool) -> Look {
         Pen::Uncertainty => line("#cfe3f3", 0, 0),
         Pen::Bars => line("#7fa9c9", 0, 0),
         Pen::Faint => line("#9aa3ab", 2, 1),
-        Pen::Rule => Look { cap: "butt", ..line("#b83c00", 3, 3) },
+        Pen::Rule => Look { cap: "butt", ..line("#b34e00", 3, 3) },
         Pen::Samples => line("#1b1f24", 5, 5),
-        Pen::DoubtfulPoints => Look { hollow: true, ..line("#8b949e", 13, 13) },
+        Pen::DoubtfulPoints => Look { hollow: true, ..line("#767f88", 13, 13) },
         Pen::Band => line("#5aa7de", 10, 6),
-        Pen::Raw => line("#1b1f24", 3, 2),
-        Pen::Dashed => Look { dashes: "17 11", cap: "butt", ..line("#b83c00", 5, 3) },
-        Pen::DashDot => Look { dashes: "18 9 3 9", ..line("#7b3294", 5, 3) },
-        Pen::Reference => Look { dashes: "0 10", ..line("#00795c", 5, 3) },
+        Pen::Exact => line("#0072b2", 4, 3),
+        Pen::Lead(level) => {
+            let colours = ["#3b2f9e", "#7a1fa2", "#b12a90", "#d5455f", "#d9691e"];
+            line(colours[usize::from(level) % colours.len()], 5, 4)
+        }
+        Pen::Raw => line("#4d5761", 3, 2),
+        Pen::Dashed => Look { dashes: "17 11", cap: "butt", ..line("#b34e00", 5, 3) },
+        Pen::Reference => Look { dashes: "0 10", ..line("#00785a", 5, 3) },
         Pen::Dotted => Look { dashes: "0 10", ..line("#1b1f24", 5, 3) },
-        Pen::Points => line("#0b62a3", 13, 13),
+        Pen::Points => line("#0072b2", 13, 13),
         Pen::HollowPoints => Look { hollow: true, ..line("#b42318", 15, 15) },
     }
 }
 
-/// The figure as a file of its own.
+/// The figure as a file of its own, on white.
 pub(crate) fn svg_file(figure: &Figure) -> String {
-    document(figure, " xmlns=\"http://www.w3.org/2000/svg\"")
+    let (width, height) = size(figure);
+    let ground = format!("<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n");
+    document(figure, " xmlns=\"http://www.w3.org/2000/svg\"", &ground)
 }
 
-/// The figure as an element of a page.
+/// The figure as an element of a page, in the colours of its style sheet and without a ground of its own.
 pub(crate) fn svg_inline(figure: &Figure) -> String {
-    document(figure, "")
+    let svg = document(figure, "", "");
+    PALETTE
+        .iter()
+        .fold(svg, |svg, (colour, variable)| svg.replace(&format!("=\"{colour}\""), &format!("=\"var(--{variable})\"")))
 }
 
-fn document(figure: &Figure, namespace: &str) -> String {
+fn document(figure: &Figure, namespace: &str, ground: &str) -> String {
     let (width, height) = size(figure);
     let body = match body(figure, (width, height)) {
         Ok(body) => body,
@@ -100,7 +138,7 @@ fn document(figure: &Figure, namespace: &str) -> String {
     format!(
         "<svg{namespace} font-family=\"sans-serif\" viewBox=\"0 0 {width} {height}\" width=\"{}\" height=\"{}\" role=\"img\" \
          aria-labelledby=\"{id}-t {id}-d\"><title id=\"{id}-t\">{title}</title><desc id=\"{id}-d\">{description}</desc>\n\
-         {body}</svg>\n",
+         {ground}{body}</svg>\n",
         width / FINENESS,
         height / FINENESS
     )
@@ -135,7 +173,6 @@ fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
     let mut curves = String::new();
     {
         let area = SVGBackend::with_string(&mut frame, size).into_drawing_area();
-        area.fill(&WHITE)?;
         legend(&area, figure, &mut curves)?;
         let top = legend_height(figure);
         let panel_height = figure.panel_size.1 * FINENESS + BETWEEN;
@@ -151,10 +188,11 @@ fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
     Ok(format!("{}{curves}", lighter(inner(&frame))))
 }
 
-/// Without what plotters says at each element and the outermost one says once, or what is so anyway. Quotes inside
-/// text are escaped, so only attributes are touched.
+/// Without what plotters says at each element and the outermost one says once, or what is so anyway; its colours as
+/// [`PALETTE`] writes them. Quotes inside text are escaped, so only attributes are touched.
 fn lighter(svg: &str) -> String {
-    svg.replace(" opacity=\"1\"", "").replace(" font-family=\"sans-serif\"", "")
+    let svg = svg.replace(" opacity=\"1\"", "").replace(" font-family=\"sans-serif\"", "");
+    PALETTE.iter().fold(svg, |svg, (colour, _)| svg.replace(&colour.to_uppercase(), colour))
 }
 
 /// What stands between the outermost tags.
@@ -192,6 +230,9 @@ fn draw_panel(
     for dimension in &panel.dimensions {
         write_dimension(out, &chart, panel, dimension);
     }
+    if let Some(ground) = &panel.ground {
+        write_ground(out, &chart, panel, ground);
+    }
     if !panel.heading.is_empty() {
         let (x, y) = chart.backend_coord(&(panel.x.low, panel.y.high));
         write_text(out, (x, y - 9), "start", &panel.heading);
@@ -200,7 +241,7 @@ fn draw_panel(
 }
 
 fn grid(chart: &mut Chart, panel: &Panel, last: bool) -> Result<(), Failure> {
-    let text = font(26).color(&INK);
+    let text = font(FONT).color(&INK);
     let mut mesh = chart.configure_mesh();
     mesh.light_line_style(TRANSPARENT)
         .bold_line_style(GRID.stroke_width(2))
@@ -231,7 +272,7 @@ fn shade(chart: &mut Chart, panel: &Panel, span: &Span) -> Result<(), Failure> {
             place if place > 0.85 => (span.to, HPos::Right),
             _ => (middle, HPos::Center),
         };
-        let style = font(24).color(&RGBColor(0x6b, 0x4a, 0x00)).pos(Pos::new(anchor, VPos::Bottom));
+        let style = font(22).color(&SPAN_LABEL).pos(Pos::new(anchor, VPos::Bottom));
         chart.draw_series([Text::new(span.label.clone(), (at, panel.y.high), style)])?;
     }
     Ok(())
@@ -251,8 +292,8 @@ fn legend_places(figure: &Figure) -> Vec<(i32, u32)> {
     let (mut x, mut row) = (left, 0);
     let mut places = Vec::new();
     for (name, _) in figure.legend() {
-        // 0.53 em a character, and some space to the next.
-        let entry = SAMPLE + 18 + name.chars().count() as i32 * 14 + 30;
+        // 0.54 em a character, and some space to the next.
+        let entry = SAMPLE + 18 + name.chars().count() as i32 * 13 + 30;
         if x + entry > width && x > left {
             (x, row) = (left, row + 1);
         }
@@ -267,7 +308,7 @@ fn legend_height(figure: &Figure) -> u32 {
 }
 
 fn legend(area: &Area, figure: &Figure, curves: &mut String) -> Result<(), Failure> {
-    let style = font(26).color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
+    let style = font(FONT).color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
     for ((x, row), (name, pen)) in legend_places(figure).into_iter().zip(figure.legend()) {
         let y = (row * LEGEND_ROW + LEGEND_ROW / 2) as i32;
         area.draw(&Text::new(name.to_owned(), (x + SAMPLE + 18, y), style.clone()))?;
@@ -316,8 +357,23 @@ fn write_mark(out: &mut String, chart: &Chart, panel: &Panel, mark: &Mark) {
     let right = mark.at.0 > (panel.x.low + panel.x.high) / 2.0;
     let (text_x, anchor) = if right { (x - 18, "end") } else { (x + 18, "start") };
     let _ =
-        writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"#fff\" stroke=\"#1b1f24\" stroke-width=\"4\"/>");
+        writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"#ffffff\" stroke=\"#1b1f24\" stroke-width=\"4\"/>");
     write_text(out, (text_x, y + 9), anchor, &mark.label);
+}
+
+/// A scale bar at the lower left, an arrow to the north at the upper right.
+fn write_ground(out: &mut String, chart: &Chart, panel: &Panel, ground: &Ground) {
+    let (left, bottom) = chart.backend_coord(&(panel.x.low, panel.y.low));
+    let (right, top) = chart.backend_coord(&(panel.x.high, panel.y.high));
+    let length = chart.backend_coord(&(panel.x.low + ground.length, panel.y.low)).0 - left;
+    let (x, y) = (left + 24, bottom - 24);
+    let bar = format!("M{x} {}v24M{} {}v24M{x} {y}h{length}", y - 12, x + length, y - 12);
+    let (x_north, y_north) = (right - 30, top + 20);
+    let arrow = format!("M{x_north} {}V{y_north}l-9 22M{x_north} {y_north}l9 22", y_north + 52);
+    let ink = Look { colour: "#1b1f24", width: 4, dashes: "", cap: "round", hollow: false };
+    out.push_str(&path(&ink, &(bar + &arrow), ""));
+    write_text(out, (x + 6, y - 16), "start", &ground.label);
+    write_text(out, (x_north, y_north + 78), "middle", "N");
 }
 
 /// A length between two ends with its words, as on a drawing; nothing if it is too short to be seen.
@@ -337,11 +393,11 @@ fn write_dimension(out: &mut String, chart: &Chart, panel: &Panel, dimension: &D
     write_text(out, (x, y + 9), anchor, &dimension.label);
 }
 
-/// Words with a white seam, so that they are read on any curve.
+/// Words with a seam in the colour of the ground, so that they are read on any curve.
 fn write_text(out: &mut String, (x, y): (i32, i32), anchor: &str, text: &str) {
     let _ = writeln!(
         out,
-        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" font-size=\"26\" fill=\"#1b1f24\" stroke=\"#fff\" \
+        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" font-size=\"{FONT}\" fill=\"#1b1f24\" stroke=\"#ffffff\" \
          stroke-width=\"8\" stroke-linejoin=\"round\" paint-order=\"stroke\">{}</text>",
         escaped(text)
     );
@@ -520,6 +576,57 @@ impl ValueFormatter<f64> for Scale<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::page::CSS;
+
+    #[test]
+    fn every_colour_of_a_figure_is_a_variable_of_both_modes_and_the_light_one_is_that_of_the_file() {
+        let (light, rest) = CSS.split_once("@media screen and (prefers-color-scheme:dark)").unwrap();
+        let dark = rest.split_once("}}").unwrap().0;
+        for (colour, variable) in PALETTE {
+            let short = colour.replace("#ffffff", "#fff");
+            assert!(light.contains(&format!("--{variable}:{short}")), "{variable} {colour}");
+            assert!(dark.contains(&format!("--{variable}:#")), "{variable}");
+        }
+        let points = |x: f64| vec![vec![(x, 0.5), (x + 0.1, 0.4), (x + 0.1, 0.6)]];
+        let pens = [
+            Pen::Uncertainty,
+            Pen::Bars,
+            Pen::Faint,
+            Pen::Band,
+            Pen::Exact,
+            Pen::Lead(0),
+            Pen::Lead(4),
+            Pen::Raw,
+            Pen::Dashed,
+            Pen::Reference,
+            Pen::Dotted,
+            Pen::Rule,
+            Pen::Samples,
+            Pen::DoubtfulPoints,
+            Pen::Points,
+            Pen::HollowPoints,
+        ];
+        let lines = pens.iter().map(|&pen| Line { name: format!("{pen:?}"), pen, pieces: points(0.2) }).collect();
+        let axis = || Axis::exactly("x", (0.0, 1.0), 4);
+        let mut panel = Panel::of(axis(), axis(), lines);
+        panel.spans = vec![Span { from: 0.1, to: 0.9, label: "span".to_owned() }];
+        panel.marks = vec![Mark { at: (0.5, 0.5), label: "mark".to_owned() }];
+        panel.ground = Some(Ground { length: 0.2, label: "0.2 m".to_owned(), scale: 1.0 });
+        panel.dimensions = vec![Dimension { from: 0.1, to: 0.9, at: 0.3, label: "length".to_owned() }];
+        let figure = Figure {
+            id: "f".to_owned(),
+            number: 1,
+            title: "t".to_owned(),
+            caption: "c".to_owned(),
+            how_to_read: "h",
+            panels: vec![panel],
+            panel_size: (400, 200),
+            fine: false,
+        };
+        let inline = svg_inline(&figure);
+        assert!(!inline.contains("=\"#") && !inline.contains("<rect width"), "{inline}");
+        assert!(!svg_file(&figure).contains("var("));
+    }
 
     #[test]
     fn a_lone_spike_survives_thinning() {

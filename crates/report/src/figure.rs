@@ -4,31 +4,35 @@ mod axis;
 mod bench;
 mod campaign;
 mod card;
+mod csv;
 mod curve;
 mod flight;
 mod flight_delay;
 mod monte_carlo;
 mod score;
 mod sweep;
+mod timeline;
 
 pub(crate) use axis::Axis;
 pub(crate) use bench::{BenchFigures, ChannelFigures, anchors, main_component};
 pub(crate) use campaign::{control_chart, flights_figures, pooled_sweep};
 pub(crate) use card::{Forest, LeftOut, card_figures};
+pub(crate) use csv::csv;
 pub(crate) use flight::flight_figures;
 pub(crate) use flight_delay::delay_over_time;
 pub(crate) use monte_carlo::group_figure;
-pub(crate) use score::bands_figure;
+pub(crate) use score::{bands_figure, budget_figure};
 pub(crate) use sweep::{objective_figure, sweep_figure};
+pub(crate) use timeline::timeline;
 
 /// Panels one above the other with one legend.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Figure {
-    /// File name without folder and `.svg`; also the anchor on the page.
+    /// File name without folder and ending; also the anchor on the page.
     pub(crate) id: String,
     /// Number on its page.
     pub(crate) number: u32,
-    /// What it shows, a few words.
+    /// What one sees in it, in a line: the finding where there is one.
     pub(crate) title: String,
     /// What is drawn, with units, and how many samples it stands for.
     pub(crate) caption: String,
@@ -59,12 +63,31 @@ pub(crate) struct Panel {
     pub(crate) dimensions: Vec<Dimension>,
     /// What stands above the panel; empty for nothing.
     pub(crate) heading: String,
+    /// Scale and north, where the panel is a map.
+    pub(crate) ground: Option<Ground>,
+}
+
+/// What a map needs besides its axes: a length to compare with, and where north is, which is up.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Ground {
+    /// Length of the scale bar, in the unit of the axes.
+    pub(crate) length: f64,
+    /// The same in words.
+    pub(crate) label: String,
+    /// Units of the axes in a metre.
+    pub(crate) scale: f64,
 }
 
 impl Panel {
     /// Axes and lines, and nothing else.
     pub(crate) fn of(x: Axis, y: Axis, lines: Vec<Line>) -> Panel {
-        Panel { x, y, lines, spans: vec![], marks: vec![], dimensions: vec![], heading: String::new() }
+        Panel { x, y, lines, spans: vec![], marks: vec![], dimensions: vec![], heading: String::new(), ground: None }
+    }
+
+    /// A place in metres in the units of the axes.
+    pub(crate) fn ground_scale(&self, (east_m, north_m): (f64, f64)) -> (f64, f64) {
+        let scale = self.ground.as_ref().map_or(1.0, |ground| ground.scale);
+        (east_m * scale, north_m * scale)
     }
 }
 
@@ -90,12 +113,14 @@ pub(crate) enum Pen {
     Faint,
     /// Wide and pale, drawn first so that what lies on it stays visible.
     Band,
+    /// Unbroken, 2 px: the compensated position.
+    Exact,
+    /// Unbroken, 2 px, in one of [`LEADS`] colours, from little to much.
+    Lead(u8),
     /// Thin, dark, unbroken: what the receiver reported.
     Raw,
     /// Dashes.
     Dashed,
-    /// Dash and dot, for a second compensator of the same kind.
-    DashDot,
     /// Dots in green: an independent reference.
     Reference,
     /// Dots in black: a prediction, not a measurement.
@@ -111,6 +136,9 @@ pub(crate) enum Pen {
     /// Single points, hollow: data were lost.
     HollowPoints,
 }
+
+/// Colours of [`Pen::Lead`].
+pub(crate) const LEADS: u8 = 5;
 
 /// What the pieces of a line stand for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

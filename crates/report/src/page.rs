@@ -1,5 +1,6 @@
 //! Pages: what a person reads. Numbers are rounded here and nowhere else.
 
+mod anomalies;
 mod bench;
 mod campaign;
 mod card;
@@ -21,6 +22,8 @@ pub use campaign::campaign_site;
 pub use card::{CardPage, CardRecord, card_site};
 pub use flight::{FlightPage, flight_site};
 pub use monte_carlo::monte_carlo_site;
+#[cfg(test)]
+pub(crate) use style::CSS;
 
 use crate::draw;
 use crate::figure::Figure;
@@ -204,7 +207,8 @@ fn figure(figure: &Figure) -> Markup {
             figcaption {
                 b { "Figure " (figure.number) ". " (figure.title) ". " }
                 (figure.caption) " "
-                a.file href={ "figures/" (figure.id) ".svg" } download="" { "SVG" }
+                a.file href={ "figures/" (figure.id) ".svg" } download="" { "SVG" } " · "
+                a.file href={ "figures/" (figure.id) ".csv" } download="" { "CSV" }
                 span.read { b { "How to read it. " } (figure.how_to_read) }
             }
         }

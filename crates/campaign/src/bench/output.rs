@@ -119,7 +119,7 @@ fn is_ours(name: &str) -> bool {
     let parts: Vec<&str> = name.split('/').collect();
     match parts.as_slice() {
         ["records", _, "index.html" | "record.json"] => true,
-        ["records", _, "figures", figure] | ["figures", figure] => figure.ends_with(".svg"),
+        ["records", _, "figures", figure] | ["figures", figure] => figure.ends_with(".svg") || figure.ends_with(".csv"),
         [card] => card.ends_with(CARD_ENDING),
         _ => false,
     }

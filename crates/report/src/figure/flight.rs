@@ -1,195 +1,433 @@
-//! The figures of a flight: Fig. 7 of the paper, its zoom, the difference, the track.
+//! The figures of a flight: Fig. 7 of the paper in its hardest turn, the turn from above, the lead, the track.
 
 use super::curve::{Tally, lines};
-use super::{Axis, Figure, Line, Mark, Panel, Pen, Span, extent};
-use crate::number;
-use crate::text::{label, sentence};
-use record::{AxisCurves, Curve, ReplayRecord, Zoom};
+use super::{Axis, Dimension, Figure, Ground, LEADS, Line, Mark, Panel, Pen, Span, extent, outline, stroke};
+use crate::number::{self, COVERAGE_FACTOR};
+use crate::text::{sentence, short_label};
+use crate::verdict::in_millis;
+use record::{AxisCurves, Curve, Estimate, FlightRecord, Lead, LeadCurves, LeadTrack, ReplayRecord, Zoom};
 
 const WIDE: (u32, u32) = (860, 215);
 const TIME: &str = "time since the first sample";
+const RAW: &str = "raw, newest fix held";
+const EXACT: &str = "compensated (exact form)";
+const REFERENCE: &str = "reference";
 
-/// All figures of a replay that have something to show, numbered.
-pub(crate) fn flight_figures(replay: &ReplayRecord) -> Vec<Figure> {
-    let zoomed = |make: fn(&ReplayRecord, &Zoom) -> Option<Figure>| replay.zoom.as_ref().and_then(|z| make(replay, z));
-    let all = [overview(replay), zoomed(zoom), zoomed(zoom_difference), difference(replay), track(replay)];
-    let mut figures: Vec<Figure> = all.into_iter().flatten().collect();
-    for (number, figure) in (1..).zip(&mut figures) {
-        figure.number = number;
-    }
-    figures
+/// All figures of a flight that have something to show, not numbered yet.
+pub(crate) fn flight_figures(record: &FlightRecord) -> Vec<Figure> {
+    let Some(replay) = &record.replay else { return vec![] };
+    let late = Late::of(record);
+    let lead = replay.lead.as_ref();
+    let turn_from_above = replay.zoom.as_ref().and_then(|zoom| turn(replay, zoom));
+    [
+        fig_7(replay, late.as_ref()),
+        turn_from_above,
+        lead.and_then(|lead| track(&lead.track, replay)),
+        lead.and_then(|lead| lead_over_time(replay, lead, late.as_ref())),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
-/// Pens for the curves of one panel. A curve is known by its compensator's title at the end
-/// of its name: raw is solid, the exact form a band, the paper's form dashed (a second of its
-/// kind dash-dotted); a curve of no compensator gets `other`.
-fn pens<'a>(replay: &ReplayRecord, names: impl Iterator<Item = &'a str>, other: Pen) -> Vec<Pen> {
-    let mut pens: Vec<Pen> = Vec::new();
-    for name in names {
-        let compensator = replay.compensators.iter().position(|c| !c.title.is_empty() && name.ends_with(&c.title));
-        pens.push(match compensator {
-            None => other,
-            Some(0) => Pen::Raw,
-            Some(i) if replay.compensators[i].name.starts_with("exact") => Pen::Band,
-            Some(_) if pens.contains(&Pen::Dashed) => Pen::DashDot,
-            Some(_) => Pen::Dashed,
-        });
-    }
-    pens
+/// The curves of the record that a figure of a flight draws: raw, the exact form, the reference.
+fn chosen<'a>(replay: &ReplayRecord, curves: &'a [Curve]) -> Vec<(&'static str, Pen, &'a Curve)> {
+    let kind = |curve: &Curve| {
+        let of = replay.compensators.iter().find(|c| !c.title.is_empty() && curve.name.ends_with(&c.title));
+        match of.map(|c| c.name.as_str()) {
+            Some("raw") => Some((RAW, Pen::Raw)),
+            Some("exact-async") => Some((EXACT, Pen::Exact)),
+            None if curve.name == REFERENCE => Some((REFERENCE, Pen::Reference)),
+            _ => None,
+        }
+    };
+    curves.iter().filter_map(|curve| kind(curve).map(|(name, pen)| (name, pen, curve))).collect()
 }
 
-fn overview(replay: &ReplayRecord) -> Option<Figure> {
-    let drawn = Drawn::new(replay, &replay.axes, |axis| &axis.position_m, Pen::Reference);
-    let mut panels = drawn.panels("", None)?;
-    if let Some(zoom) = &replay.zoom {
-        for (panel, name) in panels.iter_mut().zip(["hardest manoeuvre", ""]) {
-            panel.spans.extend(span(zoom, panel, name));
+fn drawn(replay: &ReplayRecord, curves: &[Curve], tally: &mut Tally) -> Vec<Line> {
+    let of = |(name, pen, curve): (&str, Pen, &Curve)| {
+        let lines = lines(std::slice::from_ref(curve), &[pen], tally);
+        lines.into_iter().map(|line| Line { name: name.to_owned(), ..line }).collect::<Vec<_>>()
+    };
+    chosen(replay, curves).into_iter().flat_map(of).collect()
+}
+
+/// What was removed, in ms.
+fn removed(replay: &ReplayRecord) -> String {
+    let delay = Estimate {
+        value: replay.settings.delay.millis(),
+        standard_uncertainty: replay.settings.delay_uncertainty_s.map(|s| s * 1e3),
+    };
+    format!("{}\u{a0}ms", number::with_uncertainty(&delay))
+}
+
+fn millis(seconds: &Estimate) -> String {
+    format!("{}\u{a0}ms", number::with_uncertainty(&in_millis(seconds)))
+}
+
+/// How late the position was found to be, and against what.
+struct Late<'a> {
+    lateness_s: Estimate,
+    /// The channel that it is later than, where how late both are is not known.
+    than: Option<&'a str>,
+}
+
+impl Late<'_> {
+    fn of(record: &FlightRecord) -> Option<Late<'_>> {
+        let channel = record.lateness.as_ref()?.lateness.as_ref()?;
+        Some(Late { lateness_s: channel.lateness_s, than: channel.relative_to.as_deref() })
+    }
+
+    /// `203.3 ± 0.4 ms late`, `12 ± 3 ms earlier than velocity.ekf`.
+    fn words(&self) -> String {
+        let value = self.lateness_s.value;
+        let size = Estimate { value: value.abs(), ..self.lateness_s };
+        match self.than {
+            None => format!("{} {}", millis(&size), if value < 0.0 { "early" } else { "late" }),
+            Some(than) => format!(
+                "{} {} than {}",
+                millis(&size),
+                if value < 0.0 { "earlier" } else { "later" },
+                short_label(than)
+            ),
         }
     }
+}
+
+/// What the figures are about, in a line.
+fn finding(replay: &ReplayRecord, late: Option<&Late>) -> String {
+    match late {
+        Some(late) => format!("The position is {}; {} were removed", late.words(), removed(replay)),
+        None => format!("{} were removed; how late the position is, this flight does not tell", removed(replay)),
+    }
+}
+
+// Fig. 7
+
+fn fig_7(replay: &ReplayRecord, late: Option<&Late>) -> Option<Figure> {
+    let axes = replay.zoom.as_ref().map_or(&replay.axes, |zoom| &zoom.axes);
+    let mut tally = Tally::default();
+    let of_axes: Vec<(&AxisCurves, Vec<Line>)> =
+        axes.iter().take(2).map(|axis| (axis, drawn(replay, &axis.position_m, &mut tally))).collect();
+    let time = Axis::time(TIME, extent(of_axes.iter().flat_map(|(_, lines)| lines), |p| p.0)?, 10);
+    // One bracket in each panel: what is removed, and how late the position was measured to be.
+    let brackets = [
+        Some((replay.settings.delay.seconds(), format!("removed: {}", removed(replay)))),
+        late.map(|late| (late.lateness_s.value, format!("measured: {}", late.words()))),
+    ];
+    let panels = of_axes.into_iter().zip(brackets).map(|((axis, lines), bracket)| {
+        let range = extent(&lines, |p| p.1).unwrap_or((0.0, 0.0));
+        let y = Axis::linear(&format!("{} (m)", crate::text::label(&axis.axis)), range, 6);
+        let bracket = bracket.and_then(|(delay_s, label)| bracket_at(axis, replay, &time, delay_s, label));
+        Panel { dimensions: bracket.into_iter().collect(), ..Panel::of(time.clone(), y, lines) }
+    });
+    let panels: Vec<Panel> = panels.collect();
+    let window = match &replay.zoom {
+        Some(zoom) => format!(
+            "{} to {}, {}. Position north and east in metres over time, as Fig. 7 of Park and Lee.",
+            number::clock(zoom.start_s, 1),
+            number::clock(zoom.end_s, 1),
+            sentence(zoom.why.trim_end_matches('.'))
+        ),
+        None => "Position north and east in metres over time, as Fig. 7 of Park and Lee.".to_owned(),
+    };
     Some(Figure {
         id: "fig-7".to_owned(),
         number: 0,
-        title: "North and east, raw and compensated".to_owned(),
-        caption: drawn
-            .tally
-            .caption("Position north and east of the origin in metres over time, as Fig. 7 of Park and Lee."),
-        how_to_read: "Good: at this scale the curves lie on each other, for compensation must not change the shape; the \
-                      next figure shows the lead. Bad: they part on straight legs, or overshoot in turns.",
+        title: finding(replay, late),
+        caption: tally.caption(&window),
+        how_to_read: "Good: the compensated curve lies on the reference, or reaches each turning point as long before raw \
+                      as raw is late, at the same height. Bad: it runs ahead of the reference, or its peaks differ in height.",
         panels,
         panel_size: WIDE,
-        fine: true,
-    })
-}
-
-fn zoom(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
-    let drawn = Drawn::new(replay, &zoom.axes, |axis| &axis.position_m, Pen::Reference);
-    let what = format!(
-        "The shaded span of the figure above, {} to {}: {}. Position north and east in metres over time.",
-        number::clock(zoom.start_s, 1),
-        number::clock(zoom.end_s, 1),
-        sentence(zoom.why.trim_end_matches('.'))
-    );
-    Some(Figure {
-        id: "zoom".to_owned(),
-        number: 0,
-        title: "The hardest manoeuvre".to_owned(),
-        caption: drawn.tally.caption(&what),
-        how_to_read: "Good: each turning point of the compensated curve comes Td before that of the raw one, at the \
-                      same height. Bad: the peaks differ in height, or the lead changes through the turn.",
-        panels: drawn.panels("", None)?,
-        panel_size: WIDE,
         fine: false,
     })
 }
 
-const DIFFERENCE: &str = "raw − compensated, ";
-
-fn zoom_difference(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
-    let drawn = Drawn::new(replay, &zoom.axes, |axis| &axis.difference_m, Pen::Dotted);
-    let what = "Raw − compensated in metres over the same span, with the way that velocity says was flown meanwhile.";
-    Some(Figure {
-        id: "zoom-difference".to_owned(),
-        number: 0,
-        title: "The hardest manoeuvre: what compensation changed, and what velocity predicts".to_owned(),
-        caption: drawn.tally.caption(what),
-        how_to_read: "Dots: the velocity half way back, times the delay and the age of the fix. Where fixes are held \
-                      all are saw teeth. Good: the curves lie on the dots. Bad: a filter that cannot follow \
-                      (overshoot, wrong height in turns). All are made of the same velocity and Td: whether those \
-                      are right, only a reference or the fixes themselves can say.",
-        panels: drawn.panels(DIFFERENCE, Some(0.0))?,
-        panel_size: WIDE,
-        fine: false,
-    })
+/// A bracket from the time of a fix back by a delay, where the position changes fastest.
+fn bracket_at(axis: &AxisCurves, replay: &ReplayRecord, time: &Axis, delay_s: f64, label: String) -> Option<Dimension> {
+    let all = chosen(replay, &axis.position_m);
+    let of = |name: &str| all.iter().find(|(n, _, _)| *n == name).map(|(_, _, curve)| *curve);
+    let (raw, exact) = (of(RAW)?, of(EXACT)?);
+    let room = (time.high - time.low) * 0.12;
+    let slope = |t: f64| {
+        let (a, b) = (value_at(exact, t - delay_s - 0.5)?, value_at(exact, t - delay_s + 0.5)?);
+        Some((b - a).abs())
+    };
+    let inside = |t: f64| t - delay_s.max(0.0) - room > time.low && t + room < time.high;
+    let steepest = fixes(raw)
+        .into_iter()
+        .filter(|(t, _)| inside(*t))
+        .filter_map(|(t, y)| Some((slope(t)?, t, y)))
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (_, t, y) = steepest;
+    Some(Dimension { from: t - delay_s, to: t, at: y, label })
 }
 
-fn difference(replay: &ReplayRecord) -> Option<Figure> {
-    let drawn = Drawn::new(replay, &replay.axes, |axis| &axis.difference_m, Pen::Dotted);
-    let what =
-        "Raw − compensated in metres over the whole flight, with the way that velocity says was flown meanwhile.";
-    Some(Figure {
-        id: "difference".to_owned(),
-        number: 0,
-        title: "What compensation changed, and what velocity predicts".to_owned(),
-        caption: drawn.tally.caption(what),
-        how_to_read: "Good: the curves fill the same heights as the dots from start to end. Bad: a stretch without \
-                      output, a spike (a fix held through an outage).",
-        panels: drawn.panels(DIFFERENCE, Some(0.0))?,
-        panel_size: WIDE,
-        fine: true,
-    })
+/// Times and values at which a held curve takes a new value; every point of one that is not held.
+fn fixes(raw: &Curve) -> Vec<(f64, f64)> {
+    let points = raw.t_s.iter().copied().zip(raw.y.iter().copied());
+    let mut out: Vec<(f64, f64)> = vec![];
+    for (t, y) in points {
+        if out.last().is_none_or(|last| last.1 != y) {
+            out.push((t, y));
+        }
+    }
+    out
 }
 
-fn track(replay: &ReplayRecord) -> Option<Figure> {
-    let mut tally = Tally::default();
-    let pens = pens(replay, replay.track.iter().map(|c| c.name.as_str()), Pen::Reference);
-    let lines = lines(&replay.track, &pens, &mut tally);
-    let (east, north) = (extent(&lines, |p| p.0)?, extent(&lines, |p| p.1)?);
-    let largest = [east.0, east.1, north.0, north.1].into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-    let (scale, unit) = if largest > 10_000.0 { (1e-3, "km") } else { (1.0, "m") };
-    let lines = lines.into_iter().map(|line| scaled(line, scale)).collect::<Vec<_>>();
-    let scale_range = |(low, high): (f64, f64)| (low * scale, high * scale);
-    let (panel_size, east, north) = equal_axes(scale_range(east), scale_range(north));
-    let marks = ends(&lines);
-    let x = Axis::exactly(&format!("east ({unit})"), east, 8);
-    let y = Axis::exactly(&format!("north ({unit})"), north, 8);
-    let panel = Panel { marks, ..Panel::of(x, y, lines) };
-    let what = format!("Ground track, east and north of the origin in {unit}, equal scales.");
+/// Value of a curve at a time, on the line between its points; `None` beyond its ends and in its breaks.
+fn value_at(curve: &Curve, t: f64) -> Option<f64> {
+    let after = curve.t_s.partition_point(|x| *x < t);
+    if curve.t_s.get(after) == Some(&t) {
+        return curve.y.get(after).copied();
+    }
+    if curve.breaks.contains(&u32::try_from(after).ok()?) {
+        return None;
+    }
+    let before = after.checked_sub(1)?;
+    let (t0, t1) = (*curve.t_s.get(before)?, *curve.t_s.get(after)?);
+    let (y0, y1) = (*curve.y.get(before)?, *curve.y.get(after)?);
+    Some(y0 + (y1 - y0) * (t - t0) / (t1 - t0)).filter(|y| y.is_finite())
+}
+
+/// Value of a held curve: that of its last point.
+fn held_at(curve: &Curve, t: f64) -> Option<f64> {
+    let after = curve.t_s.partition_point(|x| *x <= t);
+    after.checked_sub(1).and_then(|i| curve.y.get(i).copied())
+}
+
+// The turn from above
+
+/// Steps of the tracks of the turn, s.
+const STEP_S: f64 = 0.1;
+
+fn turn(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
+    let [north, east] = zoom.axes.get(..2)? else { return None };
+    let curve = |axis: &'_ AxisCurves, name: &str| {
+        chosen(replay, &axis.position_m).into_iter().find(|(n, _, _)| *n == name).map(|(_, _, c)| c.clone())
+    };
+    let both = |name: &str| Some((curve(north, name)?, curve(east, name)?));
+    let (raw, exact) = (both(RAW)?, both(EXACT)?);
+    let steps = || (0..=((zoom.end_s - zoom.start_s) / STEP_S) as u32).map(|k| zoom.start_s + f64::from(k) * STEP_S);
+    let smooth = |(n, e): &(Curve, Curve)| -> Vec<(f64, f64)> {
+        steps().filter_map(|t| Some((value_at(e, t)?, value_at(n, t)?))).collect()
+    };
+    let at = fixes(&raw.0).into_iter().map(|(t, _)| t).collect::<Vec<f64>>();
+    let of_raw: Vec<(f64, f64)> = at.iter().filter_map(|&t| Some((held_at(&raw.1, t)?, held_at(&raw.0, t)?))).collect();
+    // One tick each second, at the first fix in it.
+    let mut ticks: Vec<Vec<(f64, f64)>> = vec![];
+    let mut second = f64::NEG_INFINITY;
+    for &t in &at {
+        if t.floor() > second {
+            let pair = (held_at(&raw.1, t), held_at(&raw.0, t), value_at(&exact.1, t), value_at(&exact.0, t));
+            if let (Some(e0), Some(n0), Some(e1), Some(n1)) = pair {
+                second = t.floor();
+                ticks.push(vec![(e0, n0), (e1, n1)]);
+            }
+        }
+    }
+    let longest = ticks.iter().map(|p| (p[1].0 - p[0].0).hypot(p[1].1 - p[0].1)).fold(0.0, f64::max);
+    let mut drawn = vec![
+        stroke(RAW, Pen::Raw, of_raw),
+        stroke(EXACT, Pen::Exact, smooth(&exact)),
+        Line { name: "from raw to compensated, each second".to_owned(), pen: Pen::Band, pieces: ticks },
+    ];
+    drawn.extend(both(REFERENCE).map(|of| stroke(REFERENCE, Pen::Reference, smooth(&of))));
+    drawn.retain(|line| line.pieces.iter().any(|piece| !piece.is_empty()));
+    let (panel, panel_size) = ground(drawn, 430.0)?;
     Some(Figure {
-        id: "track".to_owned(),
+        id: "turn".to_owned(),
         number: 0,
-        title: "Ground track".to_owned(),
-        caption: tally.caption(&what),
-        how_to_read: "Good: opposite passes over the same line fall together once compensated. Bad: they stay apart \
-                      along the track (Td wrong) or across it (heading or frame wrong).",
+        title: format!("The delay as a length: up to {}\u{a0}m in the hardest turn", number::significant(longest, 2)),
+        caption: format!(
+            "The turn of Fig. 7 from above, {} to {}, equal scales; a wide line each second from a fix to where the compensated \
+             position then is.",
+            number::clock(zoom.start_s, 1),
+            number::clock(zoom.end_s, 1)
+        ),
+        how_to_read: "Good: both tracks have one shape, and all lines lie along the track. Bad: lines that point across it \
+                      (heading or frame wrong).",
         panels: vec![panel],
         panel_size,
-        fine: true,
+        fine: false,
     })
 }
 
-/// Panels over a common time axis, and what their caption must own up to.
-struct Drawn<'a> {
-    axes: Vec<(&'a AxisCurves, Vec<Line>)>,
-    tally: Tally,
-}
+// The lead over the flight
 
-impl<'a> Drawn<'a> {
-    fn new(
-        replay: &ReplayRecord,
-        axes: &'a [AxisCurves],
-        of: impl Fn(&'a AxisCurves) -> &'a Vec<Curve>,
-        other: Pen,
-    ) -> Self {
-        let mut tally = Tally::default();
-        let mut drawn = |axis| {
-            let curves = of(axis);
-            let pens = pens(replay, curves.iter().map(|c| c.name.as_str()), other);
-            (axis, lines(curves, &pens, &mut tally))
+fn lead_over_time(replay: &ReplayRecord, lead: &LeadCurves, late: Option<&Late>) -> Option<Figure> {
+    let mut tally = Tally::default();
+    let mut of = |curve: fn(&Lead) -> &Curve| -> Vec<Line> {
+        let pens = [(EXACT, Pen::Exact), (REFERENCE, Pen::Reference)];
+        let line = |(of, (name, pen)): (&Lead, (&str, Pen))| {
+            let lines = lines(std::slice::from_ref(curve(of)), &[pen], &mut tally);
+            lines.into_iter().map(|line| Line { name: name.to_owned(), ..line }).collect::<Vec<_>>()
         };
-        let axes = axes.iter().take(2).map(&mut drawn).collect();
-        Drawn { axes, tally }
+        lead.of.iter().zip(pens).flat_map(line).collect()
+    };
+    let (in_m, mut in_ms) = (of(|lead| &lead.over_time_m), of(|lead| &lead.over_time_ms));
+    let time = Axis::time(TIME, extent(&in_m, |p| p.0)?, 10);
+    let band = late.and_then(|late| {
+        let Estimate { value, standard_uncertainty } = late.lateness_s;
+        let half = COVERAGE_FACTOR * standard_uncertainty? * 1e3;
+        let (low, high) = (value * 1e3 - half, value * 1e3 + half);
+        (low.is_finite() && high.is_finite()).then(|| outline((time.low, low), (time.high, high)))
+    });
+    in_ms.extend(band.map(|band| Line {
+        name: match late.and_then(|late| late.than) {
+            None => "measured lateness ± U (k = 2)".to_owned(),
+            Some(than) => format!("measured, later than {}, ± U (k = 2)", short_label(than)),
+        },
+        pen: Pen::Uncertainty,
+        pieces: vec![band],
+    }));
+    let panel = |label: &str, lines: Vec<Line>| {
+        let (low, high) = extent(&lines, |p| p.1)?;
+        Some(Panel::of(time.clone(), Axis::linear(label, (low.min(0.0), high.max(0.0)), 5), lines))
+    };
+    let mut panels: Vec<Panel> = [("lead (m)", in_m), ("lead (ms)", in_ms)]
+        .into_iter()
+        .filter_map(|(label, lines)| panel(label, lines))
+        .collect();
+    if let Some(zoom) = &replay.zoom {
+        panels.iter_mut().take(1).for_each(|panel| panel.spans.extend(span(zoom, panel, "hardest turn")));
     }
-
-    /// `None` without a point to draw.
-    fn panels(&self, what: &str, include: Option<f64>) -> Option<Vec<Panel>> {
-        let everything = self.axes.iter().flat_map(|(_, lines)| lines);
-        let time = Axis::time(TIME, extent(everything, |p| p.0)?, 10);
-        Some(self.axes.iter().map(|(axis, lines)| panel(axis, lines, &time, what, include)).collect())
-    }
-}
-
-fn panel(axis: &AxisCurves, lines: &[Line], time: &Axis, what: &str, include: Option<f64>) -> Panel {
-    let (mut low, mut high) = extent(lines, |p| p.1).unwrap_or((0.0, 0.0));
-    if let Some(value) = include {
-        (low, high) = (low.min(value), high.max(value));
-    }
-    let name = format!("{what}{} (m)", label(&axis.axis));
-    Panel::of(time.clone(), Axis::linear(&name, (low, high), 6), lines.to_vec())
+    let words = |lead: &Lead| match lead.median_ms {
+        Some(ms) => {
+            format!("{}\u{a0}m ({}\u{a0}ms)", number::significant(lead.median_m, 3), number::significant(ms, 3))
+        }
+        None => format!("{}\u{a0}m", number::significant(lead.median_m, 3)),
+    };
+    let first = lead.of.first()?;
+    let title = match lead.of.get(1) {
+        Some(reference) => format!(
+            "Compensation moves the position ahead by {}, the reference is {} ahead",
+            words(first),
+            words(reference)
+        ),
+        None => format!("Compensation moves the position ahead by {}", words(first)),
+    };
+    let caption = format!(
+        "Lead over raw along the track at the first row of each fix, medians in the title; in ms where the ground speed is \
+         {}\u{a0}m/s and more.",
+        number::significant(lead.least_speed_mps, 2)
+    );
+    Some(Figure {
+        id: "lead".to_owned(),
+        number: 0,
+        title,
+        caption: tally.caption(&caption),
+        how_to_read: "Good: both curves lie on one another, and below on the band of the measured lateness. Bad: the \
+                      compensated position leads more than the reference (too much removed) or less (too little). Without a \
+                      reference the compensated curve shows what was done, and the band what the flight asks for.",
+        panels,
+        panel_size: (860, 150),
+        fine: true,
+    })
 }
 
 fn span(zoom: &Zoom, panel: &Panel, name: &str) -> Option<Span> {
     let (from, to) = (zoom.start_s.max(panel.x.low), zoom.end_s.min(panel.x.high));
     (from < to).then(|| Span { from, to, label: name.to_owned() })
+}
+
+// The ground track
+
+fn track(track: &LeadTrack, replay: &ReplayRecord) -> Option<Figure> {
+    let most = track.lead_m.iter().fold(0.0, |most: f64, lead| most.max(lead.abs()));
+    let (lines, lost) = coloured(track, most);
+    let drawn = lines.iter().flat_map(|line| &line.pieces).map(Vec::len).sum::<usize>();
+    let marks = ends(track);
+    let (panel, panel_size) = ground(lines, 430.0)?;
+    let panel =
+        Panel { marks: marks.into_iter().map(|m| Mark { at: panel.ground_scale(m.at), ..m }).collect(), ..panel };
+    let mut tally = Tally::default();
+    tally.add(drawn, track.stands_for, lost);
+    let origin = if replay.origin.is_some() { "the first fix" } else { "the log's own origin" };
+    Some(Figure {
+        id: "track".to_owned(),
+        number: 0,
+        title: format!("Ground track, coloured by lead: up to {}\u{a0}m", number::significant(most, 2)),
+        caption: tally.caption(&format!(
+            "Compensated position, east and north of {origin}, equal scales; the lead over raw along the track as the colour. \
+             Dots where fixes are missing."
+        )),
+        how_to_read: "Fast and straight is far ahead; the colour is the length by which raw trails. Opposite passes over one \
+                      line fall together once compensated.",
+        panels: vec![panel],
+        panel_size,
+        fine: false,
+    })
+}
+
+/// The track in pieces of one colour each, and the gaps between its strokes; how many points cannot be drawn.
+fn coloured(track: &LeadTrack, most: f64) -> (Vec<Line>, usize) {
+    let step = most / f64::from(LEADS);
+    let bin = |lead: f64| ((lead.abs() / step) as u8).min(LEADS - 1);
+    let mut pieces: Vec<Vec<Vec<(f64, f64)>>> = vec![vec![]; usize::from(LEADS)];
+    let (mut gaps, mut lost) = (vec![], 0);
+    let mut breaks = track.breaks.iter().copied().peekable();
+    let mut last: Option<((f64, f64), u8)> = None;
+    for (row, ((&e, &n), &lead)) in track.east_m.iter().zip(&track.north_m).zip(&track.lead_m).enumerate() {
+        let is_break = breaks.next_if(|&b| b as usize <= row).is_some();
+        if ![e, n, lead].into_iter().all(super::is_drawable) {
+            lost += 1;
+            continue;
+        }
+        let (at, bin) = ((e, n), bin(lead));
+        match last {
+            Some((before, _)) if is_break => {
+                gaps.push(vec![before, at]);
+                pieces[usize::from(bin)].push(vec![at]);
+            }
+            Some((before, of)) if of != bin => pieces[usize::from(bin)].push(vec![before, at]),
+            None => pieces[usize::from(bin)].push(vec![at]),
+            Some(_) => {
+                if let Some(piece) = pieces[usize::from(bin)].last_mut() {
+                    piece.push(at);
+                }
+            }
+        }
+        last = Some((at, bin));
+    }
+    let name = |k: u8| {
+        let edge = |k: u8| number::significant(f64::from(k) * step, 2);
+        format!("{} to {}\u{a0}m", edge(k), edge(k + 1))
+    };
+    let lines = (0..LEADS).zip(pieces).map(|(k, pieces)| Line { name: name(k), pen: Pen::Lead(k), pieces });
+    let gap = Line { name: "no fix".to_owned(), pen: Pen::Dotted, pieces: gaps };
+    (lines.chain([gap]).filter(|line| !line.pieces.is_empty()).collect(), lost)
+}
+
+/// Where the track begins and ends.
+fn ends(track: &LeadTrack) -> Vec<Mark> {
+    let points = || track.east_m.iter().copied().zip(track.north_m.iter().copied());
+    let mark = |at: Option<(f64, f64)>, label: &str| at.map(|at| Mark { at, label: label.to_owned() });
+    mark(points().next(), "start").into_iter().chain(mark(points().last(), "end")).collect()
+}
+
+// The ground
+
+/// A panel of the ground with equal scales, a scale bar and north at its top; km where it is wide.
+fn ground(lines: Vec<Line>, width: f64) -> Option<(Panel, (u32, u32))> {
+    let (east, north) = (extent(&lines, |p| p.0)?, extent(&lines, |p| p.1)?);
+    let largest = [east.0, east.1, north.0, north.1].into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let (scale, unit) = if largest > 10_000.0 { (1e-3, "km") } else { (1.0, "m") };
+    let lines = lines.into_iter().map(|line| scaled(line, scale)).collect::<Vec<_>>();
+    let (panel_size, east, north) =
+        equal_axes((east.0 * scale, east.1 * scale), (north.0 * scale, north.1 * scale), width);
+    let x = Axis::exactly(&format!("east ({unit})"), east, 5);
+    let y = Axis::exactly(&format!("north ({unit})"), north, 6);
+    let length = nice_length((east.1 - east.0) / 4.0);
+    let ground = Ground { length, label: format!("{} {unit}", number::exact(length)), scale };
+    Some((Panel { ground: Some(ground), ..Panel::of(x, y, lines) }, panel_size))
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is not longer.
+fn nice_length(most: f64) -> f64 {
+    let power = 10f64.powf(most.log10().floor());
+    [5.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|length| *length <= most).unwrap_or(power)
 }
 
 fn scaled(mut line: Line, scale: f64) -> Line {
@@ -199,22 +437,14 @@ fn scaled(mut line: Line, scale: f64) -> Line {
     line
 }
 
-/// Where the first curve begins and ends.
-fn ends(lines: &[Line]) -> Vec<Mark> {
-    let points = || lines.first().into_iter().flat_map(|line| line.pieces.iter().flatten());
-    let mark = |at: Option<&(f64, f64)>, label: &str| at.map(|&at| Mark { at, label: label.to_owned() });
-    mark(points().next(), "start").into_iter().chain(mark(points().last(), "end")).collect()
-}
-
 /// A plotting area and ranges in which a metre east is as long as a metre north.
-fn equal_axes(east: (f64, f64), north: (f64, f64)) -> ((u32, u32), (f64, f64), (f64, f64)) {
-    const WIDTH: f64 = 620.0;
-    let with_air = |(low, high): (f64, f64)| ((low + high) / 2.0, ((high - low) * 1.08).max(1e-6));
+fn equal_axes(east: (f64, f64), north: (f64, f64), width: f64) -> ((u32, u32), (f64, f64), (f64, f64)) {
+    let with_air = |(low, high): (f64, f64)| ((low + high) / 2.0, ((high - low) * 1.12).max(1e-6));
     let ((east_middle, east_span), (north_middle, north_span)) = (with_air(east), with_air(north));
-    let height = (WIDTH * north_span / east_span).clamp(260.0, 620.0).round();
-    let per_pixel = (east_span / WIDTH).max(north_span / height).max(1e-6);
+    let height = (width * north_span / east_span).clamp(0.5 * width, width).round();
+    let per_pixel = (east_span / width).max(north_span / height).max(1e-6);
     let around = |middle: f64, pixels: f64| (middle - per_pixel * pixels / 2.0, middle + per_pixel * pixels / 2.0);
-    ((WIDTH as u32, height as u32), around(east_middle, WIDTH), around(north_middle, height))
+    ((width as u32, height as u32), around(east_middle, width), around(north_middle, height))
 }
 
 #[cfg(test)]
@@ -224,10 +454,46 @@ mod tests {
     #[test]
     fn a_metre_is_as_long_east_as_north() {
         for (east, north) in [((0.0, 1000.0), (0.0, 10.0)), ((-5.0, 5.0), (0.0, 9000.0)), ((3.0, 3.0), (1.0, 1.0))] {
-            let ((width, height), e, n) = equal_axes(east, north);
+            let ((width, height), e, n) = equal_axes(east, north, 430.0);
             let (per_x, per_y) = ((e.1 - e.0) / f64::from(width), (n.1 - n.0) / f64::from(height));
             assert!((per_x / per_y - 1.0).abs() < 1e-9);
             assert!(e.0 <= east.0 && e.1 >= east.1 && n.0 <= north.0 && n.1 >= north.1);
         }
+    }
+
+    #[test]
+    fn a_scale_bar_is_a_round_length() {
+        assert_eq!([0.9, 1.0, 4.99, 730.0].map(nice_length), [0.5, 1.0, 2.0, 500.0]);
+    }
+
+    #[test]
+    fn a_track_is_one_line_in_pieces_of_one_colour_and_dots_where_fixes_are_missing() {
+        let track = LeadTrack {
+            east_m: vec![0.0, 1.0, 2.0, 3.0, 9.0, 10.0],
+            north_m: vec![0.0; 6],
+            lead_m: vec![0.0, 0.1, 9.0, -10.0, 10.0, 10.0],
+            breaks: vec![4],
+            stands_for: 6,
+        };
+        let (lines, lost) = coloured(&track, 10.0);
+        let pieces = |pen| lines.iter().find(|l| l.pen == pen).map(|l| l.pieces.clone()).unwrap_or_default();
+        assert_eq!(pieces(Pen::Lead(0)), [vec![(0.0, 0.0), (1.0, 0.0)]]);
+        // The colour of a line is that of its end.
+        let last = [vec![(1.0, 0.0), (2.0, 0.0), (3.0, 0.0)], vec![(9.0, 0.0), (10.0, 0.0)]];
+        assert_eq!(pieces(Pen::Lead(LEADS - 1)), last);
+        assert_eq!((pieces(Pen::Dotted), lost), (vec![vec![(3.0, 0.0), (9.0, 0.0)]], 0));
+    }
+
+    #[test]
+    fn a_value_between_two_points_is_on_their_line_and_there_is_none_in_a_break() {
+        let curve = Curve {
+            name: String::new(),
+            t_s: vec![0.0, 1.0, 3.0],
+            y: vec![0.0, 2.0, 6.0],
+            breaks: vec![2],
+            stands_for: 3,
+        };
+        assert_eq!([0.5, 1.0, 2.0, 4.0].map(|t| value_at(&curve, t)), [Some(1.0), Some(2.0), None, None]);
+        assert_eq!([0.9, 1.0, 2.9].map(|t| held_at(&curve, t)), [Some(0.0), Some(2.0), Some(2.0)]);
     }
 }

@@ -8,8 +8,8 @@ use record::{MeasuredDelay, PairDelay, WindowDelay};
 /// Most windows drawn; the record holds all.
 const MOST_WINDOWS: usize = 300;
 
-/// Delay of a pair in windows over the flight; `None` without a window that can be drawn. Its number is the page's.
-pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay, number: u32) -> Option<Figure> {
+/// Delay of a pair in windows over the flight; `None` without a window that can be drawn.
+pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay) -> Option<Figure> {
     let windows = || found.over_time.iter().take(MOST_WINDOWS);
     let pieces: Vec<_> = windows().filter_map(point).collect();
     let drawn = pieces.len();
@@ -34,8 +34,12 @@ pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay, number: u
     }
     Some(Figure {
         id: "delay-over-time".to_owned(),
-        number,
-        title: "The delay over the flight".to_owned(),
+        number: 0,
+        title: format!(
+            "Over the whole flight {}\u{a0}ms{}",
+            number::with_uncertainty(&number::scaled(&found.delay_s, 1e3)),
+            if found.alarm.is_some() { "; the windows do not agree on one delay" } else { "" }
+        ),
         caption,
         how_to_read: "Good: nearly all bars reach the band. Bad: a step (the receiver changed its mode, the logger its \
                       clock) or a slope (clocks that run apart): then one delay for the whole flight is a compromise. \

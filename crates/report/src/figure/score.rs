@@ -1,10 +1,10 @@
 //! Where each compensator helps, over what the flight moved at.
 
 use super::axis::Tick;
-use super::{Axis, Figure, Line, Panel, Pen, is_drawable, outline};
-use crate::number;
-use crate::text::short_label;
-use record::{HelpfulBand, MotionSpectrum, ReplayScores};
+use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, outline};
+use crate::number::{self, COVERAGE_FACTOR};
+use crate::text::{label, short_label};
+use record::{BudgetTerm, HelpfulBand, MotionSpectrum, ReplayScores};
 
 /// Most compensators drawn; the table has all.
 const MOST_ROWS: usize = 8;
@@ -13,8 +13,8 @@ const MOST_ROWS: usize = 8;
 const SHORTEST_S: f64 = 1e-4;
 const LONGEST_S: f64 = 1e4;
 
-/// The bands of the compensators below the spectrum of the motion; `None` without a band. Its number is the page's.
-pub(crate) fn bands_figure(scores: &ReplayScores, number: u32) -> Option<Figure> {
+/// The bands of the compensators below the spectrum of the motion; `None` without a band.
+pub(crate) fn bands_figure(scores: &ReplayScores) -> Option<Figure> {
     let rows: Vec<(&str, &HelpfulBand)> = scores
         .compensators
         .iter()
@@ -45,13 +45,92 @@ pub(crate) fn bands_figure(scores: &ReplayScores, number: u32) -> Option<Figure>
     }
     Some(Figure {
         id: "bands".to_owned(),
-        number,
-        title: "Error by frequency, and where this flight moved".to_owned(),
+        number: 0,
+        title: finding(&rows),
         caption,
         how_to_read: "Good: all bars of the motion stand over the blue band. Over the pale part more of the error is left, \
                       over the thin line at its end it is more than raw's; noise of the velocity spreads thinly to the right.",
         panels,
         panel_size: (860, 150),
+        fine: false,
+    })
+}
+
+/// Below which frequency the exact form, or the first that has one, helps.
+fn finding(rows: &[(&str, &HelpfulBand)]) -> String {
+    let of = rows.iter().find(|(name, _)| *name == "exact-async").or(rows.first());
+    match of.and_then(|(name, band)| Some((name, band.helps_below_hz?, band.motion_share))) {
+        Some((name, hz, share)) => {
+            let of_motion = share.map(|s| format!(", {}\u{a0}% of this flight's motion", number::percent(s[0])));
+            let (name, hz) = (short_label(name), number::significant(hz, 2));
+            format!("{name} removes most of the error up to {hz}\u{a0}Hz{}", of_motion.unwrap_or_default())
+        }
+        None => "No motion is slow enough for most of the error to be removed".to_owned(),
+    }
+}
+
+/// Name of a term as an axis has room for it; the table has its formula.
+fn without_formula(name: &str) -> String {
+    label(name.split(',').next().unwrap_or_default()).chars().take(30).collect()
+}
+
+/// Terms of the error of the exact form as bars, their sum and what was measured; `None` without a term that is known.
+pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
+    let of = scores.compensators.iter().find(|c| c.name == "exact-async")?;
+    let known = |t: &BudgetTerm| Some((without_formula(&t.name), *t.size_m.found()?)).filter(|(_, m)| is_drawable(*m));
+    let terms: Vec<(String, f64)> = of.budget.terms.iter().filter_map(known).take(MOST_ROWS).collect();
+    let sum = of.budget.total_m.unwrap_or(of.budget.known_m);
+    if terms.is_empty() || !is_drawable(sum) {
+        return None;
+    }
+    let unknown = of.budget.terms.len() - terms.len();
+    let together = if of.budget.total_m.is_some() { "together" } else { "together, at least" };
+    let bar = |row: usize, m: f64| vec![(0.0, row as f64 - 0.3), (m, row as f64 + 0.3)];
+    let expected = (0..).zip(&terms).map(|(row, (_, m))| bar(row, *m)).collect();
+    let mut names: Vec<String> = terms.iter().map(|(name, _)| name.clone()).collect();
+    let mut lines = vec![
+        Line { name: "expected, each term".to_owned(), pen: Pen::Bars, pieces: expected },
+        Line {
+            name: together.to_owned(),
+            pen: Pen::Uncertainty,
+            pieces: vec![outline((0.0, names.len() as f64 - 0.3), (sum, names.len() as f64 + 0.3))],
+        },
+    ];
+    names.push(together.to_owned());
+    let mut title = format!(
+        "The error of the compensated position should be {} {}\u{a0}m",
+        if of.budget.total_m.is_some() { "about" } else { "at least" },
+        number::significant(sum, 2)
+    );
+    if let Some(measured) = of.budget.measured_m.filter(|m| is_drawable(m.value)) {
+        let half = COVERAGE_FACTOR * measured.standard_uncertainty.unwrap_or(0.0);
+        let row = names.len() as f64;
+        lines.push(Line {
+            name: "measured ± U (k = 2)".to_owned(),
+            pen: Pen::Points,
+            pieces: vec![vec![(measured.value, row), (measured.value - half, row), (measured.value + half, row)]],
+        });
+        names.push("measured".to_owned());
+        title += &format!(", and is {}\u{a0}m", number::with_uncertainty(&measured));
+    }
+    let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() }).collect();
+    let y = Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks) };
+    let (low, high) = extent(&lines, |p| p.0)?;
+    let mut caption =
+        "Terms of the error of the exact form, 2‑D rms in metres; together is the root of the sum of their squares."
+            .to_owned();
+    if unknown > 0 {
+        caption += &format!(" Not known, so not drawn: {}.", number::counted(unknown as u64, "term", "terms"));
+    }
+    Some(Figure {
+        id: "budget".to_owned(),
+        number: 0,
+        title,
+        caption,
+        how_to_read: "The longest bar is what to work on. Good: measured lies at the end of the bar of all together. Bad: it \
+                      lies beyond, for then something is missing in the budget.",
+        panels: vec![Panel::of(Axis::linear("2‑D rms (m)", (low.min(0.0), high), 8), y, lines)],
+        panel_size: (700, 20 + 24 * names.len() as u32),
         fine: false,
     })
 }

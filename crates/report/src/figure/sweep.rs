@@ -7,8 +7,8 @@ use crate::text::label;
 use crate::verdict::source_phrase;
 use record::{DelayChoice, DelaySource, DelaySweep, MeasuredDelay, PairDelay, SweepScore};
 
-/// Score over delay, with the delays that somebody says. `None` if nothing can be drawn. Its number is the page's.
-pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>, number: u32) -> Option<Figure> {
+/// Score over delay, with the delays that somebody says. `None` if nothing can be drawn.
+pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> Option<Figure> {
     let x_ms: Vec<f64> = sweep.delay_s.iter().map(|s| s * 1e3).collect();
     let (curve, lost) = pieces(&x_ms, &sweep.rms_m, &[]);
     let mut lines = vec![Line { name: "2‑D rms".to_owned(), pen: Pen::Raw, pieces: curve }];
@@ -43,8 +43,11 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>, num
     }
     Some(Figure {
         id: "delay-sweep".to_owned(),
-        number,
-        title: "What other delays would have done".to_owned(),
+        number: 0,
+        title: match sweep.score_at(DelaySource::Sweep) {
+            Some(best) => format!("Least at {}\u{a0}ms", number::with_uncertainty(&number::scaled(&best.delay_s, 1e3))),
+            None => "No delay is the best".to_owned(),
+        },
         caption: caption
             + " Points are the delays that somebody says, with U (k = 2) of the score; the shaded stretch is \
                             the 95 % interval of the best delay.",
@@ -81,7 +84,7 @@ fn title(score: &SweepScore) -> String {
 }
 
 /// What the delay estimator minimised, near its least. `None` without a curve.
-pub(crate) fn objective_figure(pair: &PairDelay, found: &MeasuredDelay, number: u32) -> Option<Figure> {
+pub(crate) fn objective_figure(pair: &PairDelay, found: &MeasuredDelay) -> Option<Figure> {
     /// 95 % of chi-squared with one degree of freedom.
     const LIMIT: f64 = 3.841;
     let curve = found.objective.as_ref()?;
@@ -90,16 +93,20 @@ pub(crate) fn objective_figure(pair: &PairDelay, found: &MeasuredDelay, number: 
     near.lines.push(stroke("3.84, 95 % of χ²", Pen::Dotted, vec![(near.x.low, LIMIT), (near.x.high, LIMIT)]));
     Some(Figure {
         id: "delay-objective".to_owned(),
-        number,
-        title: "What the delay estimator minimised".to_owned(),
+        number: 0,
+        title: format!(
+            "Least at {}\u{a0}ms{}",
+            number::with_uncertainty(&number::scaled(&found.delay_s, 1e3)),
+            if found.rival_s.is_some() { ", and another that is almost as deep" } else { "" }
+        ),
         caption: format!(
             "−2 ln L above its least over the delay of {} against {} in ms, near the least; noise as fitted, offsets and \
              drifts free at each delay. The band is the 95 % interval that the record states.",
             label(&pair.first),
             label(&pair.second)
         ),
-        how_to_read: "Good: a round valley whose width at 3.84 is the band. A band that is wider is right too: then the \
-                      residuals are less well behaved than the model of the noise, and the larger uncertainty was taken.",
+        how_to_read: "Good: a round valley whose width at 3.84 is the band. The band may be wider than the curve at 3.84: the \
+                      larger of two uncertainties is used.",
         panels: vec![near],
         panel_size: (760, 200),
         fine: false,

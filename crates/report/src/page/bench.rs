@@ -11,7 +11,6 @@ mod reference;
 pub(super) use mount::soft_iron;
 
 use super::{Needs, badge, contents, document, estimate, health, sensor_name, verdict_badge};
-use crate::draw;
 use crate::figure::BenchFigures;
 use crate::number;
 use crate::site::Site;
@@ -44,7 +43,7 @@ pub fn bench_site(page: &BenchPage) -> Site {
     let figures = page.record.findings.as_ref().map(BenchFigures::of).unwrap_or_default();
     let mut site = Site::default();
     for figure in figures.iter() {
-        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
+        site.add_figure(figure);
     }
     site.add("index.html", document(&format!("{} — flightlag bench", page.name), Needs::Nothing, body(page, &figures)));
     site

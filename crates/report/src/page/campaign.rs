@@ -10,7 +10,6 @@ use super::{
     Needs, badge, command_block, criteria, document, estimate, figure, finding, lateness, more, no_number,
     pipeline_details, pipeline_rows, plain, table, versions,
 };
-use crate::draw;
 use crate::figure::{Figure, control_chart, flights_figures, pooled_sweep};
 use crate::number;
 use crate::site::Site;
@@ -36,7 +35,7 @@ pub fn campaign_site(record: &CampaignRecord) -> Site {
     let figures = flights_figures(record);
     let of_delay = delay_figures(record, 1 + figures.len() as u32);
     for figure in figures.iter().chain(&of_delay) {
-        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
+        site.add_figure(figure);
     }
     let title = format!("{} — flightlag campaign", record.name);
     site.add("index.html", document(&title, Needs::Table, body(record, &figures, &of_delay)));

@@ -6,7 +6,6 @@ use super::{
     Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, no_number, or_why, plain,
     provenance, rows, sensor_name, table, verdict_badge,
 };
-use crate::draw;
 use crate::figure::{Figure, Forest, LeftOut, anchors, card_figures};
 use crate::number;
 use crate::site::Site;
@@ -51,7 +50,7 @@ pub fn card_site(page: &CardPage) -> Site {
     let figures = card_figures(channels, &ids, &forests);
     let mut site = Site::default();
     for figure in figures.iter().flatten() {
-        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
+        site.add_figure(figure);
     }
     let title = format!("{} — flightlag sensor card", page.card.sensor.model);
     site.add("index.html", document(&title, Needs::Nothing, body(page, &forests, &figures)));

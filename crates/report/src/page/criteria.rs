@@ -2,7 +2,7 @@
 
 use super::Head::{Number, Text};
 use super::{badge, maybe, more, rows, table};
-use crate::criterion::{criterion_interval, criterion_sentence, criterion_value, criterion_why, criterion_word, limit};
+use crate::criterion::{criterion_interval, criterion_value, criterion_why, criterion_word, limit};
 use crate::number;
 use crate::text::{shown, shown_block};
 use maud::{Markup, html};
@@ -11,8 +11,8 @@ use record::{
     PassRate, VerdictTally,
 };
 
-/// Most sentences at the top of a flight's page; the table below holds more.
-const MOST_SENTENCES: usize = 12;
+/// Most titles in a line; the table below holds more.
+const MOST_IN_A_LINE: usize = 20;
 /// Most rows of a table; the record holds all.
 const MOST_ROWS: usize = 100;
 /// Most names of flights in a cell.
@@ -39,18 +39,9 @@ fn verdict_badge(verdict: CriterionVerdict, count: Option<u64>) -> Markup {
 
 // A flight
 
-/// Counts of the verdicts and each criterion in a sentence, the gravest first.
-pub(super) fn strip(criteria: &FlightCriteria) -> Markup {
-    let sorted = gravest_first(criteria);
-    html! {
-        div.strip role="group" aria-label="Criteria" { (counts(&criteria.tally())) }
-        ul.plain {
-            @for finding in sorted.iter().take(MOST_SENTENCES) { li { (shown(&criterion_sentence(finding))) } }
-            @if sorted.len() > MOST_SENTENCES {
-                li { "and " (number::count((sorted.len() - MOST_SENTENCES) as u64)) " more under " a href="#criteria" { "Criteria" } }
-            }
-        }
-    }
+/// Counts of the verdicts, for the head of the page.
+pub(super) fn chips(criteria: &FlightCriteria) -> Markup {
+    html! { a.chips href="#criteria" { (counts(&criteria.tally())) } }
 }
 
 fn counts(tally: &VerdictTally) -> Markup {
@@ -63,8 +54,28 @@ fn gravest_first(criteria: &FlightCriteria) -> Vec<&CriterionFinding> {
     sorted
 }
 
-/// The criteria in a table, with the rule.
+/// Those that ask for something first; those that are met, or not meant for this flight, in a line each, with their numbers
+/// folded away.
 pub(super) fn section(criteria: &FlightCriteria) -> Markup {
+    let is_quiet = |v: CriterionVerdict| matches!(v, CriterionVerdict::Pass | CriterionVerdict::NotApplicable);
+    let (quiet, loud): (Vec<_>, Vec<_>) = gravest_first(criteria).into_iter().partition(|f| is_quiet(f.verdict));
+    html! {
+        h2 id="criteria" { "Criteria" }
+        @if !loud.is_empty() { (findings("Criteria that are not met, the gravest first", &loud)) }
+        (in_a_line(&quiet, CriterionVerdict::Pass))
+        (in_a_line(&quiet, CriterionVerdict::NotApplicable))
+        @if !quiet.is_empty() {
+            details { summary { "Numbers of these" } (findings("Criteria that are met, or not meant for this flight", &quiet)) }
+        }
+        details {
+            summary { "How verdicts are decided" }
+            p.note { (RULE) }
+            (file_line(&criteria.criteria))
+        }
+    }
+}
+
+fn findings(caption: &str, findings: &[&CriterionFinding]) -> Markup {
     let head = [
         Text("Criterion"),
         Number("Value"),
@@ -74,12 +85,21 @@ pub(super) fn section(criteria: &FlightCriteria) -> Markup {
         Text("Verdict"),
         Text("Why"),
     ];
+    table(caption, &head, rows(findings, MOST_ROWS, head.len(), |finding| finding_row(finding)))
+}
+
+/// The titles of those of one verdict.
+fn in_a_line(of: &[&CriterionFinding], verdict: CriterionVerdict) -> Markup {
+    let titles: Vec<&str> = of.iter().filter(|f| f.verdict == verdict).map(|f| f.title.as_str()).collect();
     html! {
-        h2 id="criteria" { "Criteria" }
-        (table("Criteria, the gravest verdict first", &head,
-            rows(&gravest_first(criteria), MOST_ROWS, head.len(), |finding| finding_row(finding))))
-        p.note { (RULE) }
-        (file_line(&criteria.criteria))
+        @if !titles.is_empty() {
+            p {
+                (verdict_badge(verdict, Some(titles.len() as u64))) " "
+                @for (i, title) in titles.iter().take(MOST_IN_A_LINE).enumerate() { @if i > 0 { "; " } (shown(title)) }
+                @if titles.len() > MOST_IN_A_LINE { "; " (more(titles.len() - MOST_IN_A_LINE)) }
+                "."
+            }
+        }
     }
 }
 
@@ -121,8 +141,8 @@ fn shown_at(metric: &str) -> Option<&'static str> {
 fn file_line(used: &CriteriaUse) -> Markup {
     html! {
         p.note {
-            (shown(&used.title)) ", from " code { (shown(&used.file)) } ", BLAKE3 of what is meant "
-            code.hash { (shown(&used.blake3)) } ". Another limit recomputes nothing: verdicts are made from the record."
+            (shown(&used.title)) ", from " code { (shown(&used.file)) } ", criteria fingerprint (comments ignored), BLAKE3 "
+            code.hash { (shown(&used.blake3)) } ". Changing a limit needs no new analysis."
         }
         details {
             summary { "Criteria as they were used (TOML)" }

@@ -37,8 +37,9 @@
 
   // What follows from the rows: velocity from the exact positions, lead of exact over raw along it, errors, turn rate
 
-  const speed = new Float64Array(count), turn = new Float64Array(count), lead = new Float64Array(count),
-    leadMs = new Float64Array(count), heading = new Float64Array(count), errors = {};
+  const series = () => new Float64Array(count);
+  const speed = series(), turn = series(), lead = series(), leadMs = series(), truthLead = series(), truthLeadMs = series(),
+    heading = series(), step = series(), errors = {};
   const north = column.exact_async_north, east = column.exact_async_east;
   const slopeOver = (half, of) => {
     for (let i = 0, a = 0, b = 0; i < count; i++) {
@@ -52,13 +53,32 @@
     speed[i] = dt > 0 ? Math.hypot(vn, ve) : NaN;
     const moves = speed[i] > 1;
     heading[i] = moves ? Math.atan2(ve, vn) : NaN;
-    lead[i] = moves ? ((north[i] - column.raw_north[i]) * vn + (east[i] - column.raw_east[i]) * ve) / speed[i] : NaN;
+    // At the first row of each fix, kept until the next: the age of a held fix is no part of it.
+    const isFix = i === 0 || column.raw_north[i] !== column.raw_north[i - 1] || column.raw_east[i] !== column.raw_east[i - 1] || t[i] - t[i - 1] > gap;
+    if (!isFix && lead[i - 1] === lead[i - 1]) {
+      for (const values of [lead, leadMs, truthLead, truthLeadMs]) values[i] = values[i - 1];
+      if (north[i] !== north[i]) lead[i] = leadMs[i] = NaN;
+      return;
+    }
+    const ahead = (n, e) => moves ? ((n - column.raw_north[i]) * vn + (e - column.raw_east[i]) * ve) / speed[i] : NaN;
+    lead[i] = ahead(north[i], east[i]);
     leadMs[i] = 1e3 * lead[i] / speed[i];
+    if (!hasTruth) return;
+    truthLead[i] = ahead(column.truth_north[i], column.truth_east[i]);
+    truthLeadMs[i] = 1e3 * truthLead[i] / speed[i];
   });
   slopeOver(0.5, (i, a, b, dt) => {
     const turned = heading[b] - heading[a];
     turn[i] = dt > 0 ? Math.atan2(Math.sin(turned), Math.cos(turned)) / dt * 180 / Math.PI : NaN;
   });
+  // How far the compensated position jumps when a fix arrives, held until the next: what the fix says that was not foreseen.
+  for (let i = 0, last = NaN; i < count; i++) {
+    if (i > 1 && (column.raw_north[i] !== column.raw_north[i - 1] || column.raw_east[i] !== column.raw_east[i - 1])) {
+      const share = (t[i] - t[i - 1]) / (t[i - 1] - t[i - 2]), way = (of) => of[i] - of[i - 1] - share * (of[i - 1] - of[i - 2]);
+      last = t[i] - t[i - 2] > gap ? NaN : Math.hypot(way(north), way(east));
+    }
+    step[i] = last;
+  }
   if (hasTruth) {
     for (const [name] of tracks) {
       if (name === "truth") continue;
@@ -77,20 +97,42 @@
   const whole = [t[0], t[count - 1]];
   const around = (at, half) => [Math.max(whole[0], at - half), Math.min(whole[1], at + half)];
   const clock = (s) => {
-    const sign = s < 0 ? "−" : "", v = Math.abs(s), h = Math.floor(v / 3600), m = Math.floor(v / 60) % 60;
-    return `${sign}${h}:${String(m).padStart(2, "0")}:${(v % 60).toFixed(1).padStart(4, "0")}`;
+    // Rounded once, so that 59.96 s is 1:00.0 and not 0:60.0.
+    const tenths = Math.round(10 * Math.abs(s)), two = (n) => String(n).padStart(2, "0");
+    return `${s < 0 ? "−" : ""}${Math.floor(tenths / 36000)}:${two(Math.floor(tenths / 600) % 60)}:${two(Math.floor(tenths / 10) % 60)}.${tenths % 10}`;
   };
-  const places = [["The whole flight", whole]];
-  const offer = (name, row) => { if (row >= 0) places.push([`${name}, ${clock(t[row])}`, around(t[row], 10)]); };
-  offer("Hardest turn", largest((i) => Math.abs(turn[i]) * speed[i]));
-  offer("Largest lead", largest((i) => Math.abs(lead[i])));
-  if (hasTruth) offer("Largest error of exact", largest((i) => errors.exact_async[i]));
-  let gaps = 0;
-  for (let i = 1; i < count && gaps < 10; i++) {
-    if (t[i] - t[i - 1] > gap) { places.push([`Gap of ${(t[i] - t[i - 1]).toFixed(1)} s, ${clock(t[i - 1])}`, around((t[i] + t[i - 1]) / 2, 10 + (t[i] - t[i - 1]) / 2)]); gaps++; }
-    else if (Number.isNaN(north[i]) && !Number.isNaN(north[i - 1])) { offer("No compensated position", i); gaps++; }
+  const places = [["The whole flight", whole]], gaps = [], marks = [], presets = [];
+  const offer = (name, row, key) => {
+    if (row < 0) return;
+    const window = around(t[row], 10);
+    places.push([`${name}, ${clock(t[row])}`, window]);
+    presets.push({ name, key, go: () => show(...window) });
+  };
+  offer("Hardest turn", largest((i) => Math.abs(turn[i]) * speed[i]), "t");
+  if (hasTruth) offer("Largest error", largest((i) => errors.exact_async[i]), "e");
+  else offer("Largest step at a fix", largest((i) => step[i]), "e");
+  offer("Largest lead", largest((i) => Math.abs(lead[i])), "l");
+  // Where there is nothing to draw: rows that are missing, and rows without a compensated position.
+  for (let i = 1, begin = -1; i < count; i++) {
+    if (t[i] - t[i - 1] > gap) gaps.push([t[i - 1], t[i], "no rows"]);
+    if (Number.isNaN(north[i]) && begin < 0) begin = i;
+    if (begin >= 0 && (!Number.isNaN(north[i]) || i === count - 1)) { gaps.push([t[begin], t[i], "no compensated position"]); begin = -1; }
   }
-  for (const { t_s, what } of given.places) places.push([`${what}, ${clock(t_s)}`, around(t_s, 10)]);
+  const stops = [];
+  for (const [from, to, what] of gaps) stops.push([`${what}, ${(to - from).toFixed(1)} s, ${clock(from)}`, around((from + to) / 2, 10 + (to - from) / 2)]);
+  stops.sort((a, b) => a[1][0] - b[1][0]);
+  const oddities = given.places.map(({ t_s, length_s, kind, what }) => {
+    marks.push([t_s, t_s + length_s, kind]);
+    return [`${what}, ${clock(t_s)}`, around(t_s + length_s / 2, 10 + length_s / 2)];
+  });
+  const next = (name, list, key) => {
+    if (list.length === 0) return;
+    let at = -1;
+    presets.push({ name: `Next ${name} (${list.length})`, key, go: () => { at = (at + 1) % list.length; show(...list[at][1]); } });
+    places.push(...list.slice(0, 20));
+  };
+  next("gap", stops, "g");
+  next("anomaly", oddities, "a");
 
   // The frame
 
@@ -109,6 +151,12 @@
   const choice = make("select", make("label", bar, "Go to "));
   places.forEach(([name], i) => { make("option", choice, name).value = i; });
   choice.addEventListener("change", () => show(...places[choice.value][1]));
+  for (const { name, key, go } of presets) {
+    const button = make("button", bar, name);
+    button.type = "button";
+    button.title = `key ${key}`;
+    button.addEventListener("click", go);
+  }
   const visible = { raw: true, exact_async: true, pade_1_1: false, truth: true };
   for (const [name, words] of tracks) {
     const chip = make("button", bar, words, `line-${name}`);
@@ -125,7 +173,8 @@
   }
   const readout = make("output", bar, "", "readout"), numbers = make("table", side, "", "window");
   make("caption", numbers, "In this window");
-  const numbersBody = make("tbody", numbers), canvas = make("canvas", side);
+  // The track, and over it the cursor, so that a moving cursor does not draw the track again.
+  const numbersBody = make("tbody", numbers), map = make("div", side, "", "map"), canvas = make("canvas", map), overlay = make("canvas", map);
   canvas.setAttribute("role", "img");
   canvas.setAttribute("aria-label", "Ground track, coloured by the lead of the compensated position over raw");
   const key = make("p", side, "", "note");
@@ -135,49 +184,89 @@
   const css = (name) => getComputedStyle(box).getPropertyValue(`--${name}`).trim();
   const pens = { raw: { width: 1 }, exact_async: { width: 2 }, pade_1_1: { width: 1.5, dash: [6, 3] }, truth: { width: 1.5, dash: [2, 3] } };
   const ofTracks = (axis) => tracks.map(([name, words]) => [name, words, column[`${name}_${axis}`]]);
+  const leads = (ofExact, ofTruth) => [["exact_async", "compensated", ofExact], ...(hasTruth ? [["truth", "reference", ofTruth]] : [])];
   const wanted = [
     { title: "North (m)", series: ofTracks("north") },
     { title: "East (m)", series: ofTracks("east") },
-    { title: "Lead of exact over raw along the track (m)", series: [["exact_async", "lead", lead]] },
-    { title: given.delay.length ? `Lead (ms, with the age of the held fix); removed (dashed); delay against ${given.against} ± U (green)` : "Lead (ms, with the age of the held fix)", series: [["exact_async", "lead", leadMs]], delay: true },
+    { title: "Lead over raw along the track, at each fix (m)", series: leads(lead, truthLead) },
+    { title: "Lead over raw, at each fix (ms)", series: leads(leadMs, truthLeadMs) },
   ];
+  if (given.delay.length) wanted.push({ title: `Delay against ${given.against} ± U (ms)${given.removed_ms === null ? "" : "; removed: dashed"}`, series: [], delay: true });
   if (hasTruth) wanted.push({ title: "Error against the reference, 2‑D (m)", series: tracks.filter(([name]) => name in errors).map(([name, words]) => [name, words, errors[name]]) });
-  wanted.push({ title: "Speed (m/s)", series: [["plain", "speed", speed]] }, { title: "Turn rate (°/s)", series: [["plain", "turn rate", turn]] });
+  else wanted.push({ title: "Step of the compensated position at the last fix (m)", series: [["exact_async", "step", step]] });
+  wanted.push({ title: "Speed (m/s)", series: [["plain", "speed", speed]] }, { title: "Turn rate (°/s)", series: [["plain", "turn rate", turn]] },
+    { title: "Rows; gaps (red), no compensated position (orange), anomalies (rings)", series: [], strip: true });
   const plots = [], sync = uPlot.sync("flight");
   let view = whole, cursorRow = 0;
 
+  // Rows with the least and the greatest value of blocks of 4, 16, 64, … rows of a series: built once, at its first use.
+  const pyramids = new Map();
+  const pyramid = (values) => {
+    if (pyramids.has(values)) return pyramids.get(values);
+    const levels = [];
+    let low = null, high = null, length = count;
+    while (length > 4) {
+      const above = Math.ceil(length / 4), lows = new Int32Array(above).fill(-1), highs = new Int32Array(above).fill(-1);
+      for (let i = 0; i < length; i++) {
+        const k = i >> 2, l = low ? low[i] : values[i] === values[i] ? i : -1, h = high ? high[i] : l;
+        if (l >= 0 && (lows[k] < 0 || values[l] < values[lows[k]])) lows[k] = l;
+        if (h >= 0 && (highs[k] < 0 || values[h] > values[highs[k]])) highs[k] = h;
+      }
+      levels.push({ lows, highs });
+      [low, high, length] = [lows, highs, above];
+    }
+    pyramids.set(values, levels);
+    return levels;
+  };
+  // Rows of the least and the greatest value from row `a` to row `b`, without `b`; −1 if all are missing.
+  const extremes = (values, a, b) => {
+    const levels = pyramid(values);
+    let low = -1, high = -1;
+    const take = (l, h) => {
+      if (l >= 0 && (low < 0 || values[l] < values[low])) low = l;
+      if (h >= 0 && (high < 0 || values[h] > values[high])) high = h;
+    };
+    const row = (i) => { if (values[i] === values[i]) take(i, i); };
+    while (a < b) {
+      let level = -1, width = 1;
+      while (level + 1 < levels.length && a % (4 * width) === 0 && a + 4 * width <= b) { level++; width *= 4; }
+      if (level < 0) row(a); else take(levels[level].lows[a / width], levels[level].highs[a / width]);
+      a += width;
+    }
+    return [low, high];
+  };
+  const gapRows = [];
+  for (let i = 1; i < count; i++) if (t[i] - t[i - 1] > gap) gapRows.push(i);
+  const firstAt = (at) => {
+    let low = 0, high = count;
+    while (low < high) { const mid = low + high >> 1; if (t[mid] < at) low = mid + 1; else high = mid; }
+    return low;
+  };
   // Least and greatest value of every column of pixels, in their order: a spike of one row shows at every zoom.
   const thinned = (series, [from, to], pixels) => {
-    const first = Math.max(0, rowAt(from) - 1), last = Math.min(count - 1, rowAt(to) + 1), width = (to - from) / pixels;
+    const first = Math.max(0, firstAt(from) - 1), last = Math.min(count, firstAt(to) + 2), width = (to - from) / pixels;
     const x = [], ys = series.map(() => []);
-    let begin = first;
-    const close = (end) => {
-      const rows = end - begin;
-      if (rows < 3) {
-        for (let i = begin; i < end; i++) { x.push(t[i]); ys.forEach((y, s) => y.push(Number.isNaN(series[s][i]) ? null : series[s][i])); }
+    const close = (a, b) => {
+      if (b - a < 3) {
+        for (let i = a; i < b; i++) { x.push(t[i]); ys.forEach((y, s) => y.push(Number.isNaN(series[s][i]) ? null : series[s][i])); }
         return;
       }
-      x.push(t[begin], t[end - 1]);
+      x.push(t[a], t[b - 1]);
       ys.forEach((y, s) => {
-        let low = -1, high = -1;
-        for (let i = begin; i < end; i++) {
-          const v = series[s][i];
-          if (v !== v) continue;
-          if (low < 0 || v < series[s][low]) low = i;
-          if (high < 0 || v > series[s][high]) high = i;
-        }
+        const [low, high] = extremes(series[s], a, b);
         if (low < 0) y.push(null, null); else y.push(series[s][Math.min(low, high)], series[s][Math.max(low, high)]);
       });
     };
-    for (let i = first + 1; i <= last; i++) {
-      const isGap = t[i] - t[i - 1] > gap;
-      if (isGap || Math.floor((t[i] - from) / width) !== Math.floor((t[begin] - from) / width)) {
-        close(i);
-        begin = i;
-        if (isGap) { x.push((t[i] + t[i - 1]) / 2); ys.forEach((y) => y.push(null)); }
-      }
+    let g = gapRows.findIndex((row) => row > first);
+    for (let a = first; a < last;) {
+      const column = Math.floor((t[a] - from) / width);
+      let b = Math.min(last, Math.max(a + 1, firstAt(from + (column + 1) * width)));
+      const isGap = g >= 0 && g < gapRows.length && gapRows[g] <= b && gapRows[g] < last;
+      if (isGap) b = gapRows[g++];
+      if (b > a) close(a, b);
+      if (isGap) { x.push((t[b] + t[b - 1]) / 2); ys.forEach((y) => y.push(null)); }
+      a = b;
     }
-    close(last + 1);
     return [x, ...ys];
   };
   // The delay curve has times of its own: its values are put between those of the rows.
@@ -194,30 +283,32 @@
     return [...data, data[0].map((x) => at(x, 0)), data[0].map((x) => at(x, -1)), data[0].map((x) => at(x, 1)), data[0].map(() => given.removed_ms)];
   };
   const dataOf = (plot) => {
+    if (plot.strip) return [view, [0, 0]];
     const data = thinned(plot.series, view, Math.max(100, plot.width * devicePixelRatio));
     return plot.delay ? withDelay(data) : data;
   };
   const build = () => {
     plots.splice(0).forEach((plot) => plot.u.destroy());
     const width = panels.clientWidth, ink = css("ink"), soft = css("soft"), grid = { stroke: css("line"), width: 1 };
-    wanted.forEach(({ title, series, delay }, n) => {
+    wanted.forEach(({ title, series, delay, strip }, n) => {
       const isLast = n === wanted.length - 1, names = series.map(([name]) => name);
-      const plot = { names, series: series.map(([, , values]) => values), delay: delay && given.delay.length > 0, width: width - 80 };
+      const plot = { names, series: series.map(([, , values]) => values), delay, strip, width: width - 80 };
       const lines = series.map(([name, label]) => ({
         label, show: visible[name] !== false, stroke: name === "plain" ? ink : css(`line-${name}`), ...(pens[name] || { width: 1 }), points: { show: false },
       }));
       const bands = [], none = { points: { show: false }, value: () => "" };
-      if (plot.delay) {
+      if (strip) lines.push({ ...none, stroke: "transparent" });
+      if (delay) {
         const n = lines.length + 1, edge = { ...none, width: 0, stroke: "transparent" };
         lines.push({ ...none, stroke: css("line-truth"), width: 2 }, edge, { ...edge }, { ...none, stroke: css("line-pade_1_1"), width: 1, dash: [6, 3] });
         bands.push({ series: [n + 2, n + 1], fill: css("band-truth") });
       }
       const font = "12px system-ui, sans-serif", axis = { stroke: soft, grid, ticks: grid, font };
       plot.u = new uPlot({
-        width, height: n < 2 ? 190 : 140, title, padding: [8, 8, isLast ? 0 : 6, 0], bands, legend: { show: false },
+        width, height: strip ? 96 : n < 2 ? 190 : 140, title, padding: [8, 8, isLast ? 0 : 6, 0], bands, legend: { show: false },
         scales: { x: { time: false, range: () => view } },
-        axes: [{ ...axis, show: isLast, size: isLast ? 36 : 0, values: (u, at) => at.map((v) => v == null ? "" : clock(v)), space: 90 }, { ...axis, size: 64 }],
-        cursor: { sync: { key: sync.key }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { show(...whole); return null; } } },
+        axes: [{ ...axis, show: isLast, size: isLast ? 36 : 0, values: (u, at) => at.map((v) => v == null ? "" : clock(v)), space: 90 }, { ...axis, size: 64, ...(strip && { values: () => [], grid: { show: false }, ticks: { show: false } }) }],
+        cursor: { sync: { key: sync.key }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { show(...whole); return null; }, mousedown: (u, target, zoom) => (event) => event.shiftKey ? pan(u, event) : zoom(event) } },
         series: [{}, ...lines],
         hooks: {
           setSelect: [(u) => {
@@ -225,6 +316,7 @@
             if (w > 4) show(u.posToVal(left, "x"), u.posToVal(left + w, "x"));
             u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
           }],
+          draw: strip ? [drawStrip] : [],
           setCursor: [(u) => { if (u.cursor.left >= 0 && plots[0] && u === plots[0].u) point(rowAt(u.posToVal(u.cursor.left, "x"))); }],
         },
       }, dataOf(plot), make("div", panels));
@@ -232,8 +324,37 @@
     });
   };
 
+  function drawStrip(u) {
+    const { ctx, bbox: { left, top, width, height } } = u, x = (at) => Math.min(left + width, Math.max(left, u.valToPos(at, "x", true)));
+    const bar = (from, to, colour, least) => {
+      if (to < view[0] || from > view[1]) return;
+      ctx.fillStyle = colour;
+      ctx.fillRect(x(from), top + 0.3 * height, Math.max(least, x(to) - x(from)), 0.4 * height);
+    };
+    bar(...whole, css("pen-bars"), 1);
+    for (const [from, to, what] of gaps) bar(from, to, css(what === "no rows" ? "pen-mark" : "span"), 2 * devicePixelRatio);
+    ctx.strokeStyle = css("pen-mark");
+    ctx.lineWidth = 2 * devicePixelRatio;
+    for (const [from] of marks) {
+      if (from < view[0] || from > view[1]) continue;
+      ctx.beginPath();
+      ctx.arc(x(from), top + 0.5 * height, 4 * devicePixelRatio, 0, 7);
+      ctx.stroke();
+    }
+  }
+
   // Window and cursor
 
+  function pan(u, event) {
+    const { clientX } = event, [a, b] = view, perPixel = (b - a) / u.over.clientWidth;
+    const move = (e) => {
+      const by = Math.max(whole[0] - a, Math.min(whole[1] - b, (clientX - e.clientX) * perPixel));
+      show(a + by, b + by);
+    };
+    document.addEventListener("mousemove", move);
+    document.addEventListener("mouseup", () => document.removeEventListener("mousemove", move), { once: true });
+    event.preventDefault();
+  }
   function show(from, to) {
     const least = Math.max(4 * (whole[1] - whole[0]) / count, 0.05);
     let [a, b] = [Math.min(from, to), Math.max(from, to)];
@@ -254,26 +375,43 @@
       + (hasTruth ? `; error raw ${fixed(errors.raw[row], 2, "m")}, exact ${fixed(errors.exact_async[row], 2, "m")}` : "");
     drawCursor();
   }
-  const over = (values, f) => {
-    let n = 0, sum = 0, most = NaN;
-    for (let i = rowAt(view[0]); i <= rowAt(view[1]); i++) {
-      const v = values[i];
-      if (v !== v) continue;
-      n++;
-      sum += f(v);
-      if (!(Math.abs(v) <= most)) most = Math.abs(v);
+  // Count, sum and sum of squares of the values up to each block of 256 rows: numbers of any window without a walk over it.
+  const sums = new Map();
+  const sumsOf = (values) => {
+    if (sums.has(values)) return sums.get(values);
+    const blocks = (count >> 8) + 1, upTo = new Float64Array(3 * (blocks + 1));
+    for (let i = 0; i < count; i++) {
+      const v = values[i], k = 3 * ((i >> 8) + 1);
+      if (v === v) { upTo[k]++; upTo[k + 1] += v; upTo[k + 2] += v * v; }
     }
-    return { n, mean: sum / n, most };
+    for (let k = 3; k < upTo.length; k++) upTo[k] += upTo[k - 3];
+    sums.set(values, upTo);
+    return upTo;
+  };
+  const over = (values) => {
+    const a = rowAt(view[0]), b = rowAt(view[1]) + 1, upTo = sumsOf(values), first = (a + 255) >> 8, last = Math.max(first, b >> 8);
+    let [n, sum, squares] = [0, 1, 2].map((k) => upTo[3 * last + k] - upTo[3 * first + k]);
+    const add = (from, to) => {
+      for (let i = from; i < to; i++) { const v = values[i]; if (v === v) { n++; sum += v; squares += v * v; } }
+    };
+    add(a, Math.min(b, first << 8));
+    if (b > first << 8) add(last << 8, b);
+    const [low, high] = extremes(values, a, b);
+    return { n, mean: sum / n, rms: Math.sqrt(squares / n), most: low < 0 ? NaN : Math.max(-values[low], values[high]) };
   };
   function tell() {
-    const rms = (values) => Math.sqrt(over(values, (v) => v * v).mean), mean = (values) => over(values, (v) => v).mean;
     const rows = rowAt(view[1]) - rowAt(view[0]) + 1, say = (v, digits, unit) => Number.isFinite(v) ? v.toFixed(digits).replace("-", "−") + (unit ? `\u00a0${unit}` : "") : "–";
-    const lines = [["From, to", `${clock(view[0])} – ${clock(view[1])}`], ["Rows with a compensated position", `${over(north, () => 0).n} of ${rows}`],
-      ["Speed, mean and most", `${say(mean(speed), 1)}, ${say(over(speed, () => 0).most, 1, "m/s")}`], ["Turn rate, most", say(over(turn, () => 0).most, 1, "°/s")],
-      ["Lead over raw, rms and most", `${say(rms(lead), 2)}, ${say(over(lead, () => 0).most, 2, "m")}`], ["Lead over raw, mean", say(mean(leadMs), 0, "ms")]];
+    const [ofSpeed, ofTurn, ofLead] = [speed, turn, lead].map(over);
+    const lines = [["From, to", `${clock(view[0])} – ${clock(view[1])}`], ["Rows with a compensated position", `${over(north).n} of ${rows}`],
+      ["Speed, mean and most", `${say(ofSpeed.mean, 1)}, ${say(ofSpeed.most, 1, "m/s")}`], ["Turn rate, most", say(ofTurn.most, 1, "°/s")],
+      ["Lead over raw, rms and most", `${say(ofLead.rms, 2)}, ${say(ofLead.most, 2, "m")}`], ["Lead over raw, mean", say(over(leadMs).mean, 0, "ms")]];
+    if (hasTruth) lines.push(["Lead of the reference over raw, mean", say(over(truthLeadMs).mean, 0, "ms")]);
     for (const [name, words] of tracks) {
-      if (name in errors) lines.push([`Error, ${words}, rms and most`, `${say(rms(errors[name]), 3)}, ${say(over(errors[name], () => 0).most, 2, "m")}`]);
+      if (!(name in errors)) continue;
+      const error = over(errors[name]);
+      lines.push([`Error, ${words}, rms and most`, `${say(error.rms, 3)}, ${say(error.most, 2, "m")}`]);
     }
+    if (!hasTruth) lines.push(["Step at a fix, rms and most", `${say(over(step).rms, 2)}, ${say(over(step).most, 2, "m")}`]);
     numbersBody.replaceChildren();
     for (const [name, value] of lines) {
       const row = make("tr", numbersBody), head = make("th", row, name);
@@ -284,18 +422,18 @@
 
   // Ground track
 
-  const viridis = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
+  const levels = 5, colourOf = (k) => css(`lead-${k}`);
   const sorted = Float64Array.from(lead.filter((v) => v === v).map(Math.abs)).sort();
   const fullLead = Math.max(sorted[Math.floor(0.98 * (sorted.length - 1))] || 0, 1e-3);
-  key.textContent = `Colour: lead over raw, dark 0, bright ${fullLead.toPrecision(2)} m and more. Grey: outside of the window. Thin: raw.`;
+  key.textContent = "Colour: lead over raw. Thin grey: raw, in windows below 3 min; below 1 min a line each second joins the two. Pale: outside of the window.";
   const niceStep = (span) => { const p = 10 ** Math.floor(Math.log10(span)); return [1, 2, 5, 10].map((k) => k * p).filter((v) => v <= span).pop() || p; };
-  // The track as drawn, so that a moving cursor does not draw it again.
-  const drawn = document.createElement("canvas");
-  let place = () => [0, 0];
+  let place = null;
   function drawTrack() {
     const size = Math.max(200, Math.floor(side.clientWidth)), dpr = devicePixelRatio, g = canvas.getContext("2d");
-    canvas.width = canvas.height = size * dpr;
-    canvas.style.width = canvas.style.height = `${size}px`;
+    for (const layer of [canvas, overlay]) {
+      layer.width = layer.height = size * dpr;
+      layer.style.width = layer.style.height = `${size}px`;
+    }
     g.scale(dpr, dpr);
     const isWhole = view[0] <= whole[0] && view[1] >= whole[1], [first, last] = [rowAt(view[0]), rowAt(view[1])];
     let [n0, n1, e0, e1] = [Infinity, -Infinity, Infinity, -Infinity];
@@ -303,7 +441,7 @@
       if (north[i] !== north[i]) continue;
       n0 = Math.min(n0, north[i]); n1 = Math.max(n1, north[i]); e0 = Math.min(e0, east[i]); e1 = Math.max(e1, east[i]);
     }
-    if (!(n1 >= n0)) { drawn.width = 0; return; }
+    if (!(n1 >= n0)) { place = null; return; }
     const span = Math.max(n1 - n0, e1 - e0, 1) * 1.1, scale = (size - 30) / span, [nc, ec] = [(n0 + n1) / 2, (e0 + e1) / 2];
     place = (n, e) => [size / 2 + (e - ec) * scale, size / 2 - (n - nc) * scale];
     const stroke = (rows, colour, width, ns, es) => {
@@ -326,14 +464,14 @@
     };
     if (!isWhole) stroke(every(0, count - 1, 8000), css("line"), 1.5, north, east);
     if (visible.raw && view[1] - view[0] < 180) stroke(every(first, last, 20000), css("line-raw"), 1, column.raw_north, column.raw_east);
-    const rows = every(first, last, 12000), bins = viridis.map(() => []);
+    const rows = every(first, last, 12000), bins = Array.from({ length: levels }, () => []);
     for (let k = 1; k < rows.length; k++) {
       const i = rows[k];
       if (i < 0 || rows[k - 1] < 0) continue;
-      const share = Math.abs(lead[i]) / fullLead, bin = share !== share ? 0 : Math.min(viridis.length - 1, Math.floor(share * viridis.length));
+      const share = Math.abs(lead[i]) / fullLead, bin = share !== share ? 0 : Math.min(levels - 1, Math.floor(share * levels));
       bins[bin].push(rows[k - 1], i, -1);
     }
-    bins.forEach((of, k) => stroke(of, viridis[k], 2.5, north, east));
+    bins.forEach((of, k) => stroke(of, colourOf(k), 2.5, north, east));
     // With few seconds in the window: a line each second from raw to compensated, the delay as a length.
     if (view[1] - view[0] <= 60) {
       for (let s = Math.ceil(view[0]); s <= view[1]; s++) {
@@ -363,17 +501,17 @@
     g.font = "12px system-ui, sans-serif";
     g.fillText(length >= 1000 ? `${length / 1000} km` : `${length} m`, 14, size - 17);
     g.fillText("N", size - 20, 43);
-    drawn.width = drawn.height = canvas.width;
-    drawn.getContext("2d").drawImage(canvas, 0, 0);
+    bins.forEach((of, k) => { g.fillStyle = colourOf(k); g.fillRect(28 + 22 * k, 8, 22, 9); });
+    g.fillStyle = ink;
+    g.fillText("0", 14, 17);
+    g.fillText(`${fullLead.toPrecision(2)} m and more`, 32 + 22 * levels, 17);
     drawCursor();
   }
   function drawCursor() {
-    if (drawn.width === 0) return;
-    const g = canvas.getContext("2d"), i = cursorRow;
-    g.save();
-    g.resetTransform();
-    g.drawImage(drawn, 0, 0);
-    g.restore();
+    const g = overlay.getContext("2d"), i = cursorRow;
+    g.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    g.clearRect(0, 0, overlay.width, overlay.height);
+    if (!place) return;
     for (const [ns, es, colour] of [[column.raw_north, column.raw_east, "line-raw"], [north, east, "line-exact_async"]]) {
       if (ns[i] !== ns[i]) continue;
       g.fillStyle = css(colour);
@@ -382,7 +520,8 @@
       g.fill();
     }
   }
-  canvas.addEventListener("mousemove", (event) => {
+  overlay.addEventListener("mousemove", (event) => {
+    if (!place) return;
     let best = -1, least = 400;
     for (let i = rowAt(view[0]), step = Math.max(1, Math.floor((rowAt(view[1]) - i) / 5000)), end = rowAt(view[1]); i <= end; i += step) {
       const [x, y] = place(north[i], east[i]), d = (x - event.offsetX) ** 2 + (y - event.offsetY) ** 2;
@@ -419,9 +558,34 @@
     box.dataset.ready = "yes";
   })).observe(frame);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", rebuild);
+  const help = make("dialog", document.body), keys = [["j, k", "next flight, previous flight"], ["+ −", "zoom in, out"], ["← →", "move"], ["0", "the whole flight"],
+    ...presets.map(({ name, key }) => [key, name]), ["drag", "zoom"], ["Shift-drag", "move"], ["Ctrl-wheel", "zoom at the pointer"], ["double-click", "the whole flight"], ["?", "this list"]];
+  make("h2", help, "Keys");
+  const list = make("dl", help), shut = make("button", make("form", help), "Close");
+  for (const [key, words] of keys) { make("dt", list, key); make("dd", list, words); }
+  shut.type = "button";
+  shut.addEventListener("click", () => help.close());
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input,select,textarea")) return;
-    const rel = { j: "next", k: "prev" }[event.key], link = rel && document.querySelector(`a[rel=${rel}]`);
+    const rel = { j: "next", k: "prev" }[event.key], link = rel && document.querySelector(`a[rel=${rel}]`), preset = presets.find(({ key }) => key === event.key);
     if (link) link.click();
+    else if (event.key === "?") { if (help.open) help.close(); else help.showModal(); }
+    else if (preset && !help.open) { preset.go(); box.scrollIntoView(); }
   });
+  // A time in the table of anomalies opens it here.
+  document.addEventListener("click", (event) => {
+    const link = event.target.closest("a[data-t]");
+    if (!link) return;
+    event.preventDefault();
+    const at = Number(link.dataset.t), half = 10 + Number(link.dataset.length) / 2;
+    show(...around(at + half - 10, half));
+    box.scrollIntoView();
+    panels.focus({ preventScroll: true });
+  });
+  // The figures that say the same are folded away on a screen, and printed.
+  const twins = document.querySelector("details.twins");
+  if (twins) {
+    twins.open = false;
+    addEventListener("beforeprint", () => { twins.open = true; });
+  }
 })();

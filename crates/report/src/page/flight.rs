@@ -1,18 +1,17 @@
-//! The page of one flight.
+//! The page of one flight: the answer, what to do, the evidence, the method, the provenance, in this order.
 
 use super::Head::{Number, Text};
 use super::{
-    Needs, criteria, document, estimate, explorer, figure, flight_delay, health, lateness, maybe, maybe_estimate,
-    method, provenance, reason, rows, score, sweep, table,
+    Needs, anomalies, contents, criteria, document, estimate, explorer, figure, flight_delay, health, lateness,
+    maybe_estimate, method, provenance, reason, rows, score, sweep, table,
 };
-use crate::draw;
-use crate::figure::{Figure, flight_figures};
+use crate::figure::{Figure, flight_figures, timeline};
 use crate::number;
 use crate::site::Site;
 use crate::text::{href, shown, shown_block};
 use flight::Distribution;
 use maud::{Markup, html};
-use record::{CompensatorResult, Effect, Estimate, ExplorerRows, FlightRecord, Outcome, ReplayRecord, flight_alarms};
+use record::{CompensatorResult, ExplorerRows, FlightRecord, Outcome, ReplayRecord, flight_alarms};
 
 /// What the page of a flight needs besides the record.
 #[derive(Debug, Clone, Copy)]
@@ -31,65 +30,68 @@ pub struct FlightPage<'a> {
     pub command: &'a str,
 }
 
-/// The page of one flight: `index.html` with its figures inside, and each figure again as a
-/// file under `figures/` (`fig-7`, `zoom`, `zoom-difference`, `difference`,
-/// `track`, `delay-over-time`, `bands`; those that the record has curves for).
+/// The page of one flight: `index.html` with its figures inside, and each figure again under `figures/`, as SVG and as CSV
+/// (`fig-7`, `turn`, `lead`, `track`, `delay-over-time`, `delay-sweep`, `delay-objective`, `bands`, `budget`, `timeline`;
+/// those that the record has something for).
 #[must_use]
 pub fn flight_site(page: &FlightPage) -> Site {
-    let figures = page.record.replay.as_ref().map(flight_figures).unwrap_or_default();
-    let delays = flight_delay::of(page.record);
-    let over_time = delays.as_ref().and_then(|delays| delays.figure(figures.len() as u32 + 1));
-    let explorer = explorer::section(page.record, page.explorer);
+    let figures = Figures::of(page.record);
     let mut site = Site::default();
-    let of_sweep = sweep::figures(page.record, figures.len() as u32 + 1 + u32::from(over_time.is_some()));
-    let taken = figures.len() + usize::from(over_time.is_some()) + of_sweep.len();
-    let of_bands = score::bands(page.record.replay.as_ref(), taken as u32 + 1);
-    for figure in figures.iter().chain(&over_time).chain(&of_sweep).chain(&of_bands) {
-        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
-    }
-    site.add(
-        "index.html",
-        document(
-            &format!("{} — flightlag", page.name),
-            if explorer.is_some() { Needs::Explorer } else { Needs::Nothing },
-            body(page, explorer, &figures, over_time.as_ref(), &of_sweep, of_bands.as_ref()),
-        ),
-    );
+    figures.0.iter().for_each(|figure| site.add_figure(figure));
+    let anomalies = anomalies::of(page.record);
+    let explorer = explorer::section(page.record, page.explorer, &anomalies);
+    let needs = if explorer.is_some() { Needs::Explorer } else { Needs::Nothing };
+    let body = body(page, explorer.as_ref(), &figures, &anomalies);
+    site.add("index.html", document(&format!("{} — flightlag", page.name), needs, body));
     site
 }
 
-fn body(
-    page: &FlightPage,
-    explorer: Option<Markup>,
-    figures: &[Figure],
-    over_time: Option<&Figure>,
-    of_sweep: &[Figure],
-    of_bands: Option<&Figure>,
-) -> Markup {
+/// The figures of the page, numbered in its order.
+struct Figures(Vec<Figure>);
+
+impl Figures {
+    fn of(record: &FlightRecord) -> Figures {
+        let mut all = flight_figures(record);
+        all.extend(flight_delay::of(record).and_then(|delays| delays.figure()));
+        all.extend(sweep::figures(record));
+        all.extend(score::figures(record.replay.as_ref()));
+        all.extend(timeline(record));
+        (1..).zip(&mut all).for_each(|(number, figure)| figure.number = number);
+        Figures(all)
+    }
+
+    fn get(&self, id: &str) -> Option<&Figure> {
+        self.0.iter().find(|figure| figure.id == id)
+    }
+
+    /// Those of these names, in this order.
+    fn show(&self, ids: &[&str]) -> Markup {
+        html! { @for f in ids.iter().filter_map(|id| self.get(id)) { (figure(f)) } }
+    }
+}
+
+fn body(page: &FlightPage, explorer: Option<&Markup>, figures: &Figures, anomalies: &[anomalies::Anomaly]) -> Markup {
     let record = page.record;
     let delays = flight_delay::of(record);
     html! {
-        nav aria-label="Campaign" {
-            a href=(href(page.index_href)) { "↑ All flights of the campaign" }
-            @for (n, (sign, rel)) in [("← ", "prev"), ("→ ", "next")].into_iter().enumerate() {
-                @if let Some((name, path)) = page.neighbours[n] {
-                    a rel=(rel) href=(href(path)) { (sign) bdi { (shown(name)) } }
-                }
-            }
-        }
-        main {
-            h1 { (shown(page.name)) }
-            (verdict(record))
-            @if let Some(criteria) = &record.criteria { (criteria::strip(criteria)) }
+        (campaign_links(page))
+        main #main {
+            h1 { bdi { (shown(page.name)) } }
+            (facts(record))
+            (chips(record))
             (first_words(record))
+            (on_this_page(record))
             @if let Some(criteria) = &record.criteria { (criteria::section(criteria)) }
-            @if let Some(explorer) = explorer { (explorer) }
-            @if let Some(replay) = &record.replay { (results(record, replay, figures)) }
+            @if let Some(replay) = &record.replay { (evidence(replay, explorer, figures)) }
             @if let Some(network) = &record.network { (lateness::network(network)) }
-            @if let Some(delays) = &delays { (flight_delay::section(delays, record.lateness.as_ref(), over_time)) }
-            @if let Some(replay) = &record.replay { (sweep::section(replay, of_sweep)) }
-            @if let Some(replay) = &record.replay { (score::section(replay, record.effect.as_ref(), of_bands)) }
-            (health::section(record))
+            @if let Some(delays) = &delays { (flight_delay::section(delays, record.lateness.as_ref(), figures.get("delay-over-time"))) }
+            @if let Some(replay) = &record.replay {
+                (sweep::section(replay, &figures.show(&["delay-sweep", "delay-objective"])))
+                (compensators(replay))
+                (score::section(replay, record.effect.as_ref(), &figures.show(&["budget"]), &figures.show(&["bands"])))
+            }
+            (health::section(record, &figures.show(&["timeline"])))
+            @if record.log.is_some() { (anomalies::section(anomalies, explorer.is_some())) }
             (health::notices_section(&record.notices))
             @if let Some(replay) = &record.replay { (method::section(record, replay)) }
             (health::binding_section(record.binding.as_ref()))
@@ -98,12 +100,48 @@ fn body(
     }
 }
 
-fn verdict(record: &FlightRecord) -> Markup {
+fn campaign_links(page: &FlightPage) -> Markup {
+    html! {
+        nav aria-label="Campaign" {
+            a.skip href="#main" { "Skip to the answer" }
+            a href=(href(page.index_href)) { "↑ All flights of the campaign" }
+            @for (n, (sign, rel)) in [("← ", "prev"), ("→ ", "next")].into_iter().enumerate() {
+                @if let Some((name, path)) = page.neighbours[n] {
+                    a rel=(rel) href=(href(path)) { (sign) bdi { (shown(name)) } }
+                }
+            }
+        }
+    }
+}
+
+/// Receiver, date, duration, place: a line below the name.
+fn facts(record: &FlightRecord) -> Markup {
+    let receiver = record.lateness.as_ref().map(|l| l.group.name.as_str()).filter(|name| !name.is_empty());
+    let replay = record.replay.as_ref();
+    let date = replay.filter(|r| r.clock == flight::Clock::Unix).and_then(|r| {
+        let time = jiff::Timestamp::from_nanosecond(i128::from(r.origin_ns)).ok()?;
+        Some(format!("{} UTC", time.strftime("%Y-%m-%d %H:%M:%S")))
+    });
+    let duration = replay.map(|r| format!("{} h:mm:ss", number::clock(r.coverage.duration_s, 0)));
+    let place = replay.and_then(|r| r.origin).map(|origin| {
+        let degrees = |radians: f64| number::fixed(radians.to_degrees(), 3);
+        format!("{}°, {}°", degrees(origin.latitude), degrees(origin.longitude))
+    });
+    let all = [receiver.map(str::to_owned), date, duration, place];
+    html! {
+        @if all.iter().any(Option::is_some) {
+            p.facts { @for (i, fact) in all.iter().flatten().enumerate() { @if i > 0 { " · " } (shown(fact)) } }
+        }
+    }
+}
+
+fn chips(record: &FlightRecord) -> Markup {
     html! {
         div.strip role="status" {
             (lateness::result_badge(&record.outcome, record.effect.as_ref()))
             (lateness::alarm_badges(&flight_alarms(record.lateness.as_ref(), record.decision.as_ref())))
             (health::notice_words(&record.notices))
+            @if let Some(criteria) = &record.criteria { (criteria::chips(criteria)) }
         }
     }
 }
@@ -122,109 +160,81 @@ fn first_words(record: &FlightRecord) -> Markup {
             p.why { "The record says compensated, but holds no replay." }
         }
         @if record.has_loss() {
-            p { "Data that the logger wrote could not be read. The numbers below are of what could be read; what was \
-             lost stands under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
+            p { "Part of the log could not be read. The numbers below are of what could be read; what was lost is listed \
+             under " a href="#health" { "Data health" } " and " a href="#notices" { "Notices" } "." }
         }
     }
 }
 
-/// The delay in ms, with U if the pipeline states an uncertainty.
-fn delay(replay: &ReplayRecord) -> Estimate {
-    let settings = &replay.settings;
-    Estimate {
-        value: settings.delay.millis(),
-        standard_uncertainty: settings.delay_uncertainty_s.map(|seconds| seconds * 1e3),
-    }
+fn on_this_page(record: &FlightRecord) -> Markup {
+    let replay = record.replay.as_ref();
+    let parts = [
+        (record.criteria.is_some(), "criteria", "Criteria"),
+        (replay.is_some(), "evidence", "Evidence"),
+        (record.network.is_some(), "network", "Latenesses"),
+        (record.delays.is_some(), "delay", "Delay"),
+        (replay.is_some_and(|r| r.choice.is_some() || r.sweep.is_some()), "choice", "Candidates"),
+        (replay.is_some(), "compensators", "Compensators"),
+        (replay.is_some_and(|r| r.scores.is_some()), "score", "Scores"),
+        (true, "health", "Data health"),
+        (record.log.is_some(), "anomalies", "Anomalies"),
+        (true, "notices", "Notices"),
+        (replay.is_some(), "method", "Method"),
+        (true, "provenance", "Files and provenance"),
+    ];
+    let there: Vec<(&str, &str)> = parts.into_iter().filter(|p| p.0).map(|(_, id, name)| (id, name)).collect();
+    contents(&there)
 }
 
-fn results(record: &FlightRecord, replay: &ReplayRecord, figures: &[Figure]) -> Markup {
+/// Fig. 7, the explorer, and what stands for it on paper and without a script.
+fn evidence(replay: &ReplayRecord, explorer: Option<&Markup>, figures: &Figures) -> Markup {
+    let twins = html! {
+        div.pair { (figures.show(&["turn", "track"])) }
+        (figures.show(&["lead"]))
+    };
     html! {
-        h2 { "Key numbers" }
-        (key_numbers(record.effect.as_ref(), replay, figures))
-        h2 { "Raw and compensated" }
-        @if figures.is_empty() { p { "The record holds no curve that could be drawn." } }
-        @for f in figures { (figure(f)) }
-        (compensators(replay))
+        h2 id="evidence" { "Evidence" }
+        @if figures.get("fig-7").is_none() && figures.get("track").is_none() {
+            p { "The record holds no curve that could be drawn." }
+        }
+        (figures.show(&["fig-7"]))
+        @match explorer {
+            Some(explorer) => {
+                (explorer)
+                details.twins open="" { summary { "The same as figures: turn, track, lead" } (twins) }
+            }
+            None => { (twins) }
+        }
+        (coverage(replay))
     }
 }
 
-/// A row of the table of key numbers.
-struct KeyNumber {
-    name: String,
-    figure: &'static str,
-    value: String,
-    expanded: Option<String>,
-    unit: &'static str,
-    note: String,
-}
-
-impl KeyNumber {
-    fn estimated(name: String, figure: &'static str, estimate: &Estimate, unit: &'static str, why_none: &str) -> Self {
-        let (value, expanded) = number::measured(estimate.value, estimate.standard_uncertainty);
-        let note = if expanded.is_none() { why_none.to_owned() } else { String::new() };
-        KeyNumber { name, figure, value, expanded, unit, note }
-    }
-
-    fn plain(name: &str, value: String, unit: &'static str, note: impl Into<String>) -> Self {
-        KeyNumber { name: name.to_owned(), figure: "", value, expanded: None, unit, note: note.into() }
-    }
-}
-
-fn key_numbers(effect: Option<&Effect>, replay: &ReplayRecord, figures: &[Figure]) -> Markup {
-    let numbers: Vec<KeyNumber> = result_numbers(effect, replay).into_iter().chain(coverage_numbers(replay)).collect();
-    let row = |number: &KeyNumber| {
+/// What the numbers cover.
+fn coverage(replay: &ReplayRecord) -> Markup {
+    let numbers = coverage_numbers(replay);
+    let row = |number: &CoverageNumber| {
         html! {
             tr {
-                th scope="row" {
-                    (shown(&number.name))
-                    @if let Some(f) = figures.iter().find(|f| f.id == number.figure) {
-                        " (" a href={ "#" (f.id) } { "Figure\u{a0}" (f.number) } ")"
-                    }
-                }
+                th scope="row" { (number.name) }
                 td.n { (number.value) }
-                td.n { (maybe(number.expanded.as_ref(), |u| html! { "±\u{a0}" (u) })) }
                 td { (number.unit) }
                 td.any { (shown(&number.note)) }
             }
         }
     };
-    let head = [Text("Quantity"), Number("Value"), Number("U (k = 2)"), Text("Unit"), Text("Note")];
-    table(
-        "U is the expanded uncertainty with k = 2; — where the analysis gives none. See Method for what it covers",
-        &head,
-        rows(&numbers, 60, head.len(), row),
-    )
+    let head = [Text("What"), Number("Value"), Text("Unit"), Text("Note")];
+    table("What the numbers of this page cover", &head, rows(&numbers, 60, head.len(), row))
 }
 
-fn result_numbers(effect: Option<&Effect>, replay: &ReplayRecord) -> Vec<KeyNumber> {
-    let td = "Delay removed, Td".to_owned();
-    let mut numbers =
-        vec![KeyNumber::estimated(td, "zoom", &delay(replay), "ms", "the pipeline states no uncertainty of Td")];
-    let mut push = |name, figure, e: &Estimate| numbers.push(KeyNumber::estimated(name, figure, e, "m", ""));
-    if let Some(effect) = effect {
-        for (what, error) in [("before", &effect.error_raw_m), ("after", &effect.error_compensated_m)] {
-            if let Some(error) = error {
-                push(format!("Error {what} compensation, fixes at their own timestamps, 2‑D rms"), "", error);
-            }
-        }
-    }
-    for c in replay.compensators.iter().skip(1) {
-        push(format!("Raw − {}, 2‑D rms", c.title), "zoom-difference", &c.raw_minus_this_rms_m);
-    }
-    push(
-        "Way flown in Td and the age of the fix, from velocity, 2‑D rms".to_owned(),
-        "zoom-difference",
-        &replay.predicted_rms_m,
-    );
-    for c in &replay.compensators {
-        if let Some(error) = &c.error_rms_m {
-            push(format!("Error against the reference, {}, with the age of held fixes, 2‑D rms", c.title), "", error);
-        }
-    }
-    numbers
+/// A row of the table of what is covered.
+struct CoverageNumber {
+    name: &'static str,
+    value: String,
+    unit: &'static str,
+    note: String,
 }
 
-fn coverage_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
+fn coverage_numbers(replay: &ReplayRecord) -> Vec<CoverageNumber> {
     let c = &replay.coverage;
     let Distribution { p01, median, p99, .. } = replay.speed_mps;
     let three = |value| number::significant(value, 3);
@@ -234,14 +244,15 @@ fn coverage_numbers(replay: &ReplayRecord) -> Vec<KeyNumber> {
     let resets =
         "fixes that jump against integrated velocity by more than 5 σ of the fixes around: passed on and counted";
     let bridge = format!("gaps up to {} s", three(replay.settings.bridge_s));
+    let number = |name, value, unit, note: &str| CoverageNumber { name, value, unit, note: note.to_owned() };
     vec![
-        KeyNumber::plain("Time covered", number::clock(c.duration_s, 0), "h:mm:ss", fixes),
-        KeyNumber::plain("Share of that time with a valid compensated position", share, "%", valid_note(replay)),
-        KeyNumber::plain("Ground speed, median", three(median), "m/s", speeds),
-        KeyNumber::plain("Longest time without a position fix", three(c.longest_position_gap_s), "s", ""),
-        KeyNumber::plain("Position resets", number::count(c.position_resets), "1", resets),
-        KeyNumber::plain("Velocity gaps bridged", number::count(c.bridged_gaps), "1", bridge),
-        KeyNumber::plain("Restarts after longer velocity gaps", number::count(c.restarts), "1", ""),
+        number("Time covered", number::clock(c.duration_s, 0), "h:mm:ss", &fixes),
+        number("Share of that time with a valid compensated position", share, "%", &valid_note(replay)),
+        number("Ground speed, median", three(median), "m/s", &speeds),
+        number("Longest time without a position fix", three(c.longest_position_gap_s), "s", ""),
+        number("Position resets", number::count(c.position_resets), "1", resets),
+        number("Velocity gaps bridged", number::count(c.bridged_gaps), "1", &bridge),
+        number("Restarts after longer velocity gaps", number::count(c.restarts), "1", ""),
     ]
 }
 
@@ -261,6 +272,7 @@ fn valid_note(replay: &ReplayRecord) -> String {
     note
 }
 
+/// Each compensator in a row: what it was given, what it changed, what is left.
 fn compensators(replay: &ReplayRecord) -> Markup {
     let scored = replay.compensators.iter().any(|c| c.error_rms_m.is_some() || c.error_p95_m.is_some());
     let mut head = vec![
@@ -290,12 +302,13 @@ fn compensators(replay: &ReplayRecord) -> Markup {
         }
     };
     html! {
+        h2 id="compensators" { "Compensators" }
         (table("Compensators; ± is U with k = 2", &head, rows(&replay.compensators, 20, head.len(), row)))
         p.note {
-            "Step at a fix: how far the output jumps when the next fix arrives. Small is good: the fix says what the \
-             compensator had foreseen. "
-            @if !scored { "No errors are given: the log holds no reference to score against. " }
-            "— is a number that the record does not hold."
+            "Velocity predicts a change of " (estimate(&replay.predicted_rms_m)) "\u{a0}m rms: the distance flown in Td and \
+             the age of the fix. Step at a fix: how far the output jumps when the next fix arrives; small is good. "
+            @if !scored { "No errors are given: the log holds no reference. " }
+            "—: not available."
         }
     }
 }

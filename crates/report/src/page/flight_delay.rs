@@ -50,8 +50,8 @@ impl<'a> DelaySection<'a> {
     }
 
     /// The delay of the main pair over the flight.
-    pub(super) fn figure(&self, number: u32) -> Option<Figure> {
-        self.measured().and_then(|(pair, found)| delay_over_time(pair, found, number))
+    pub(super) fn figure(&self) -> Option<Figure> {
+        self.measured().and_then(|(pair, found)| delay_over_time(pair, found))
     }
 }
 
@@ -137,13 +137,19 @@ fn pairs(pairs: &[PairDelay]) -> Markup {
         Number("Samples"),
         Text("What it means, or why there is none"),
     ];
+    // What a kind of pair means is said in its first row.
+    let is_first = |i: usize| pairs[..i].iter().all(|p| p.kind != pairs[i].kind || p.delay.found().is_none());
+    let numbered: Vec<(bool, &PairDelay)> = pairs.iter().enumerate().map(|(i, pair)| (is_first(i), pair)).collect();
     html! {
-        (table("All pairs that were tried; positive: the first is later than the second; U with k = 2", &head,
-            rows(pairs, MOST, head.len(), pair_row)))
+        details {
+            summary { "All " (number::counted(pairs.len() as u64, "pair", "pairs")) " that were tried" }
+            (table("All pairs that were tried; positive: the first is later than the second; U with k = 2", &head,
+                rows(&numbered, MOST, head.len(), pair_row)))
+        }
     }
 }
 
-fn pair_row(pair: &PairDelay) -> Markup {
+fn pair_row(&(says_meaning, pair): &(bool, &PairDelay)) -> Markup {
     let found = pair.delay.found();
     html! {
         tr {
@@ -155,7 +161,8 @@ fn pair_row(pair: &PairDelay) -> Markup {
             td.n { (maybe(found, |f| html! { (number::count(f.samples)) })) }
             td.any {
                 @match &pair.delay {
-                    Finding::Found(_) => { (shown(&pair.meaning)) }
+                    Finding::Found(_) if says_meaning => { (shown(&pair.meaning)) }
+                    Finding::Found(_) => { "as above" }
                     Finding::CannotTell(why) => { (no_number(why)) }
                 }
             }
@@ -216,7 +223,7 @@ fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
              offset and a drift for each piece. Standard uncertainty from the curvature alone " (ms(found.hessian_s))
             ", with autocorrelation allowed for (sandwich, HAC) " (ms(found.hac_s)) "; Cramér–Rao bound at the fitted noise "
             (ms(found.crlb_s)) ". Samples held back as outliers: " (number::percent(found.downweighted_share)) "\u{a0}%."
-            @if let Some(origin) = &pair.origin { " The pair's origin is " (origin.origin_ns) "\u{a0}ns, clock " (origin.clock) "." }
+            @if let Some(origin) = &pair.origin { " t = 0: " (super::method::instant(origin.origin_ns, origin.clock)) "." }
         }
     }
 }
@@ -283,7 +290,7 @@ fn injections(injections: &[FlightInjection]) -> Markup {
         @else {
             (table("Known delays put into the second half of the flight and found again; U with k = 2", &head,
                 rows(injections, MOST, head.len(), row)))
-            p.note { "Good: nineteen intervals of twenty hold zero. The halves say equally much; they are not equally long." }
+            p.note { "Expected: 19 of 20 intervals contain zero. Both halves carry the same information." }
         }
     }
 }
@@ -307,14 +314,14 @@ fn pieces(pair: &PairDelay, pieces: &[DelayPiece]) -> Markup {
     let head = [
         Number("From (h:mm:ss)"),
         Number("To (h:mm:ss)"),
-        Text("Begun by"),
+        Text("Started by"),
         Number("Drift north"),
         Number("Drift east"),
         Text("Noise north"),
         Text("Noise east"),
     ];
     let caption =
-        format!("Pieces with an offset and a drift of their own; drift in {drift} (± U, k = 2), noise (σ) in {noise}");
+        format!("Segments, each with its own offset and drift; drift in {drift} (± U, k = 2), noise (σ) in {noise}");
     html! {
         @if pieces.is_empty() { p { "Pieces: " (no_number("the record holds none")) } }
         @else { (table(&caption, &head, rows(pieces, MOST, head.len(), row))) }
@@ -323,10 +330,10 @@ fn pieces(pair: &PairDelay, pieces: &[DelayPiece]) -> Markup {
 
 fn noise_words(noise: &DelayNoise) -> Markup {
     html! {
-        "white " (plain(noise.white_std, 2))
+        "white noise " (plain(noise.white_std, 2))
         @if let Some(wander) = noise.wander_std {
-            ", wander " (plain(wander, 2))
-            @if let Some(s) = noise.time_constant_s { " over " (plain(s, 2)) " s" }
+            "; slow wander " (plain(wander, 2))
+            @if let Some(s) = noise.time_constant_s { ", time constant " (plain(s, 2)) " s" }
         }
     }
 }

@@ -23,9 +23,10 @@ const MOST_STAMPS: usize = 3;
 const GAP: &str = "A gap is a step from one stamp to the next of more than 2.5 median steps.";
 
 /// Channels, topics, bytes and damage of a flight.
-pub(super) fn section(record: &FlightRecord) -> Markup {
+pub(super) fn section(record: &FlightRecord, timeline: &Markup) -> Markup {
     html! {
         h2 id="health" { "Data health" }
+        (timeline)
         @match &record.log {
             Some(log) => { (log_health(log, record.binding.as_ref())) }
             None => { p { "The log could not be opened, so nothing is known of its data." } }

@@ -14,6 +14,9 @@ use record::{
 /// Most groups of a campaign that are listed; the record holds all.
 const MOST_GROUPS: usize = 20;
 
+/// An interval is uneven where its halves differ by more than this share of it.
+const UNEVEN: f64 = 0.1;
+
 /// What became of a flight in a word: whether compensation helped, else why nothing was compared.
 pub(super) fn result_badge(outcome: &Outcome, effect: Option<&Effect>) -> Markup {
     match (outcome, effect) {
@@ -50,21 +53,19 @@ fn effect_badge(verdict: EffectVerdict) -> Markup {
     }
 }
 
-/// The first lines of a flight's page.
+/// The answer in four rows: how late, what was removed, what that did to the error, what to do; then what a reader must
+/// know.
 pub(super) fn answer(record: &FlightRecord) -> Markup {
+    let lateness = record.lateness.as_ref();
     html! {
-        @if let Some(lateness) = &record.lateness {
-            (late(lateness))
+        dl.answer {
+            @if let Some(lateness) = lateness { dt { "How late" } dd { (late(lateness)) } }
+            @if let Some(decision) = &record.decision { dt { "Removed" } dd { (removed(record, decision)) } }
+            @if let Some(effect) = &record.effect { dt { "Error" } dd { (error(effect)) } }
+            @if let Some(lateness) = lateness { dt { "Do" } dd { (todo(lateness)) } }
         }
-        @if let Some(decision) = &record.decision { p.answer { (removed(record, decision)) } }
-        @if let Some(effect) = &record.effect {
-            p.answer { (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words))) }
-        }
-        @if let Some(file) = record.lateness.as_ref().and_then(|l| l.reference_file.as_ref()) {
-            p.answer { "Reference file " (ended(&file.words)) }
-        }
-        (alarms(&flight_alarms(record.lateness.as_ref(), record.decision.as_ref())))
-        @if let Some(lateness) = &record.lateness { (advice(&lateness.advice)) }
+        (alarms(&flight_alarms(lateness, record.decision.as_ref())))
+        @if let Some(file) = lateness.and_then(|l| l.reference_file.as_ref()) { p.note { "Reference file: " (ended(&file.words)) } }
     }
 }
 
@@ -73,20 +74,53 @@ fn late(lateness: &FlightLateness) -> Markup {
     let first = lateness.words.find(". ").map_or(lateness.words.len(), |end| end + 1);
     let (first, rest) = lateness.words.split_at(first);
     html! {
-        p.answer {
-            b { (ended(first)) } " " (ended(&kind_words(lateness)))
-            @if !rest.is_empty() { (ended(rest)) }
-            (interval(lateness.lateness.as_ref()))
+        b { (ended(first)) } " " (ended(&kind_words(lateness)))
+        @if !rest.is_empty() { span.note { (ended(rest)) } }
+        (interval(lateness.lateness.as_ref()))
+    }
+}
+
+/// The interval, where its ends lie unevenly about the value: else ± U says it.
+fn interval(channel: Option<&ChannelLateness>) -> Markup {
+    let ends = channel.and_then(|c| Some((c.interval_95_s, c.lateness_s.value, c.lateness_s.standard_uncertainty?)));
+    let uneven = ends.filter(|([low, high], value, _)| ((high - value) - (value - low)).abs() > UNEVEN * (high - low));
+    html! {
+        @if let Some((ends_s, _, u)) = uneven {
+            " 95\u{a0}% interval: " (number::interval(ends_s.map(|s| s * 1e3), u * 1e3)) "\u{a0}ms."
         }
     }
 }
 
-/// The ends of the interval, which need not lie evenly about the value.
-fn interval(channel: Option<&ChannelLateness>) -> Markup {
-    let ends = channel.and_then(|c| Some((c.interval_95_s, c.lateness_s.standard_uncertainty?)));
+/// What removal did to the error, and what would have been possible.
+fn error(effect: &Effect) -> Markup {
     html! {
-        @if let Some((ends_s, u)) = ends {
-            " 95\u{a0}% interval: " (number::interval(ends_s.map(|s| s * 1e3), u * 1e3)) "\u{a0}ms."
+        (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words)))
+        @if let Some(best) = effect.best_m.filter(|_| effect.short_by.is_some()) {
+            " With the best delay it would be " b { (plain(best, 2)) "\u{a0}m" } "."
+        }
+    }
+}
+
+fn todo(lateness: &FlightLateness) -> Markup {
+    let advice = &lateness.advice;
+    html! {
+        @if advice.set.is_empty() && advice.fly.is_none() {
+            @match lateness.lateness.as_ref().and_then(|l| l.relative_to.as_deref()) {
+                Some(than) => { "No setting follows: how late " code { (shown(than)) } " is itself, is not known." }
+                None => { "Nothing to set." }
+            }
+        }
+        @if !advice.set.is_empty() { "Set " (settings(advice)) "." }
+        @if let Some(fly) = &advice.fly { @if !advice.set.is_empty() { " " } "To know more: " (ended(fly)) }
+    }
+}
+
+fn settings(advice: &DelayAdvice) -> Markup {
+    html! {
+        @for (i, s) in advice.set.iter().enumerate() {
+            @if i > 0 { " or " }
+            code { (shown(&s.name)) " = " (s.value) } @if s.unit == "ms" { " (ms)" }
+            @if !s.note.is_empty() { " (" (shown(&s.note)) ")" }
         }
     }
 }
@@ -97,7 +131,6 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
     html! {
         @match (of_replay, &record.outcome) {
             (Some((settings, used)), _) => {
-                "Removed: "
                 b {
                     (estimate(&in_millis(&Estimate {
                         value: settings.delay.seconds(),
@@ -137,13 +170,7 @@ fn advice(advice: &DelayAdvice) -> Markup {
     html! {
         @if !advice.set.is_empty() {
             p.answer {
-                "To remove it, set "
-                @for (i, s) in advice.set.iter().enumerate() {
-                    @if i > 0 { " or " }
-                    code { (shown(&s.name)) " = " (s.value) } @if s.unit == "ms" { " (ms)" }
-                    @if !s.note.is_empty() { " (" (shown(&s.note)) ")" }
-                }
-                "."
+                "To remove it, set " (settings(advice)) "."
             }
         }
         @if let Some(fly) = &advice.fly { p.answer { "To know more: " (ended(fly)) } }
@@ -218,7 +245,7 @@ fn channel_row(c: &ChannelLateness) -> Markup {
             td.n { (plain(c.model_uncertainty_s * 2e3, 2)) }
             td.any {
                 (maybe(c.rests_on.as_deref(), |text| html! { (shown(text)) }))
-                @if let Some(own) = &c.filter_not_a_delay { " A filter, not a delay: " (estimate(&in_millis(own))) "\u{a0}ms against its own IMU." }
+                @if let Some(own) = &c.filter_not_a_delay { ". A filter, not a delay: " (estimate(&in_millis(own))) "\u{a0}ms against its own IMU." }
             }
         }
     }

@@ -10,7 +10,7 @@ use record::{FlightRecord, ReplayRecord, StartRule};
 /// Ready to paste into a report.
 pub(super) fn section(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     html! {
-        h2 { "Method" }
+        h2 id="method" { "Method" }
         (delay_paragraph(record, replay))
         (compensators(replay))
         (rules(replay))
@@ -22,8 +22,6 @@ pub(super) fn section(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
              error changes so slowly that fewer than 8 such stretches fit into the flight, no U is given: one flight \
              cannot tell. \
              Rms values are 2‑D: north and east together. "
-            "“Way flown in Td and the age of the fix” is one velocity, taken half way back, times that time: the \
-             midpoint rule beside the compensators' integrals, and made of the same velocity and Td."
         }
     }
 }
@@ -100,7 +98,7 @@ fn start_rule(start: StartRule) -> &'static str {
 fn frame(replay: &ReplayRecord) -> Markup {
     html! {
         p {
-            "Time zero is " (origin_time(replay)) ". "
+            "Time zero is " (instant(replay.origin_ns, replay.clock)) " (" (replay.origin_ns) "\u{a0}ns). "
             @match &replay.origin {
                 Some(origin) => {
                     "North and east are in the plane that touches WGS 84 at \
@@ -114,11 +112,12 @@ fn frame(replay: &ReplayRecord) -> Markup {
     }
 }
 
-fn origin_time(replay: &ReplayRecord) -> String {
-    let seconds = || format!("{} ns, clock {}", replay.origin_ns, replay.clock);
-    match replay.clock {
-        flight::Clock::Unix => jiff::Timestamp::from_nanosecond(i128::from(replay.origin_ns))
-            .map_or_else(|_| seconds(), |time| format!("{time} ({})", seconds())),
+/// A stamp as UTC to the microsecond where its clock says it, else in seconds of its clock.
+pub(super) fn instant(stamp_ns: i64, clock: flight::Clock) -> String {
+    let seconds = || format!("{} s, clock {clock}", number::fixed(stamp_ns as f64 * 1e-9, 6));
+    match clock {
+        flight::Clock::Unix => jiff::Timestamp::from_nanosecond(i128::from(stamp_ns))
+            .map_or_else(|_| seconds(), |time| format!("{} UTC", time.strftime("%Y-%m-%d %H:%M:%S%.6f"))),
         _ => seconds(),
     }
 }

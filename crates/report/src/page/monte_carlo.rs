@@ -4,7 +4,6 @@ use super::Head::Text;
 use super::{
     Needs, badge, command_block, document, estimate, fact, figure, met_badge, no_number, rows, table, table_of,
 };
-use crate::draw;
 use crate::figure::{Figure, group_figure};
 use crate::number;
 use crate::site::Site;
@@ -19,7 +18,7 @@ pub fn monte_carlo_site(record: &MonteCarloRecord) -> Site {
     let figures: Vec<Option<Figure>> = (1..).zip(&record.groups).map(|(n, group)| group_figure(group, n)).collect();
     let mut site = Site::default();
     for figure in figures.iter().flatten() {
-        site.add(&format!("figures/{}.svg", figure.id), draw::svg_file(figure));
+        site.add_figure(figure);
     }
     site.add("index.html", document(&format!("{} — flightlag", record.title), Needs::Nothing, body(record, &figures)));
     site

@@ -19,7 +19,7 @@ pub(super) fn section(page: &FlightPage) -> Markup {
         @if let Some(card) = record.replay.as_ref().and_then(|r| r.settings.card.as_ref()) { (card_rows(card)) }
     };
     html! {
-        h2 { "Provenance" }
+        h2 id="provenance" { "Files and provenance" }
         @if record.replay.is_some() { (files(&["record.json", "track.parquet"])) }
         (inputs("Input files", &record.inputs))
         (table("Result", &[Text("Item"), Text("Value")], facts))

@@ -1,8 +1,8 @@
 //! What the compensators are worth, with and without a reference; their error budget; the aircraft's own answer.
 
 use super::Head::{Number, Text};
-use super::{badge, estimate, figure, finding, maybe, no_number, plain, rows, table, table_of};
-use crate::figure::{Figure, bands_figure};
+use super::{badge, estimate, finding, maybe, no_number, plain, rows, table, table_of};
+use crate::figure::{Figure, bands_figure, budget_figure};
 use crate::number::{self, COVERAGE_FACTOR};
 use crate::text::{ended, shown, shown_block};
 use crate::verdict::in_millis;
@@ -16,18 +16,19 @@ use std::collections::BTreeMap;
 /// Most compensators of a table; the record holds all.
 const MOST: usize = 20;
 
-/// The figure of the section; `None` without scores or without a band.
-pub(super) fn bands(replay: Option<&ReplayRecord>, number: u32) -> Option<Figure> {
-    bands_figure(replay?.scores.as_ref()?, number)
+/// Figures of the section, not numbered yet: budget and bands.
+pub(super) fn figures(replay: Option<&ReplayRecord>) -> Vec<Figure> {
+    let Some(scores) = replay.and_then(|r| r.scores.as_ref()) else { return vec![] };
+    budget_figure(scores).into_iter().chain(bands_figure(scores)).collect()
 }
 
-pub(super) fn section(replay: &ReplayRecord, effect: Option<&Effect>, of_bands: Option<&Figure>) -> Markup {
+pub(super) fn section(replay: &ReplayRecord, effect: Option<&Effect>, of_budget: &Markup, of_bands: &Markup) -> Markup {
     html! {
         @if let Some(scores) = &replay.scores {
             h2 id="score" { "What the compensators are worth" }
             (without_reference(scores))
             @if replay.pair.reference.is_some() { (with_reference(scores)) }
-            (budget(scores))
+            (budget(scores, of_budget))
             (validity(scores, effect, of_bands))
         }
         @if let Some(onboard) = &replay.onboard { (aircraft(onboard)) }
@@ -274,7 +275,7 @@ fn split(
 
 // Budget
 
-fn budget(scores: &ReplayScores) -> Markup {
+fn budget(scores: &ReplayScores, of_budget: &Markup) -> Markup {
     let columns = &scores.compensators[..scores.compensators.len().min(MOST)];
     let mut names: Vec<(&str, &str)> = vec![];
     for t in columns.iter().flat_map(|c| &c.budget.terms) {
@@ -325,7 +326,8 @@ fn budget(scores: &ReplayScores) -> Markup {
         c.budget.terms.iter().for_each(|t| reasons.add("not known", &c.name, &t.size_m));
     }
     html! {
-        h3 { "Error budget" }
+        h3 id="error-budget" { "Error budget" }
+        (of_budget)
         (table_of("What the error should be, 2‑D rms, m", head, html! { (rows(&names, 30, columns.len() + 2, row)) (total) }))
         (reasons.show())
     }
@@ -340,7 +342,7 @@ fn together(budget: &ErrorBudget) -> Markup {
 
 // Where it helps
 
-fn validity(scores: &ReplayScores, effect: Option<&Effect>, of_bands: Option<&Figure>) -> Markup {
+fn validity(scores: &ReplayScores, effect: Option<&Effect>, of_bands: &Markup) -> Markup {
     let is_shown = effect.is_none_or(|e| e.verdict != EffectVerdict::CannotTell);
     html! {
         h3 { "At which frequencies" }
@@ -349,7 +351,7 @@ fn validity(scores: &ReplayScores, effect: Option<&Effect>, of_bands: Option<&Fi
     }
 }
 
-fn bands_of(scores: &ReplayScores, of_bands: Option<&Figure>) -> Markup {
+fn bands_of(scores: &ReplayScores, of_bands: &Markup) -> Markup {
     let head = [
         Text("Compensator"),
         Number("Error below a tenth of raw, up to (Hz)"),
@@ -378,7 +380,7 @@ fn bands_of(scores: &ReplayScores, of_bands: Option<&Figure>) -> Markup {
     let mut reasons = Reasons::default();
     scores.compensators.iter().take(MOST).for_each(|c| reasons.add("band", &c.name, &c.band));
     html! {
-        @if let Some(of_bands) = of_bands { (figure(of_bands)) }
+        (of_bands)
         @if !found.is_empty() {
             (table("Frequencies and shares of the motion (power of the velocity)", &head, rows(&found, MOST, head.len(), row)))
         }

@@ -2,7 +2,7 @@
 
 use super::Head::{Number, Text};
 use super::flight_delay::normalised_difference;
-use super::{badge, estimate, figure, finding, maybe, maybe_estimate, or_why, plain, rows, table};
+use super::{badge, estimate, finding, maybe, maybe_estimate, or_why, plain, rows, table};
 use crate::figure::{Figure, objective_figure, sweep_figure};
 use crate::number;
 use crate::text::{ended, shown};
@@ -13,22 +13,21 @@ use record::{
     SweepOptimum, SweepScore,
 };
 
-/// Figures of the section, numbered from `number` on.
-pub(super) fn figures(record: &FlightRecord, number: u32) -> Vec<Figure> {
+/// Figures of the section, not numbered yet.
+pub(super) fn figures(record: &FlightRecord) -> Vec<Figure> {
     let Some(replay) = &record.replay else { return vec![] };
-    let sweep = replay.sweep.as_ref().and_then(|s| sweep_figure(s, replay.choice.as_ref(), number));
+    let sweep = replay.sweep.as_ref().and_then(|s| sweep_figure(s, replay.choice.as_ref()));
     let pair = record.delays.iter().flat_map(|d| &d.pairs).find(|pair| {
         pair.kind == record::DelayPairKind::PositionAgainstVelocity
             && pair.first == replay.pair.position
             && pair.second == replay.pair.velocity
     });
-    let next = number + u32::from(sweep.is_some());
-    let objective = pair.and_then(|pair| objective_figure(pair, pair.delay.found()?, next));
+    let objective = pair.and_then(|pair| objective_figure(pair, pair.delay.found()?));
     sweep.into_iter().chain(objective).collect()
 }
 
 /// Nothing if the record was made before this was looked at.
-pub(super) fn section(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
+pub(super) fn section(replay: &ReplayRecord, figures: &Markup) -> Markup {
     html! {
         @if replay.choice.is_some() || replay.sweep.is_some() {
             h2 id="choice" { "Delays that could be removed" }
@@ -40,7 +39,7 @@ pub(super) fn section(replay: &ReplayRecord, figures: &[Figure]) -> Markup {
                 Some(sweep) => { (swept(sweep)) }
                 None => { p { "No delay sweep: too little of the flight has position and velocity together." } }
             }
-            @for f in figures { (figure(f)) }
+            (figures)
         }
     }
 }

@@ -13,10 +13,10 @@ use record::{
     AxisCurves, BudgetTerm, CampaignRecord, CampaignTotals, CompensatorResult, CompensatorScore, Coverage, Curve,
     DelayExcitation, DelayGroup, DelayHomogeneity, DelayNoise, DelayOrigin, DelayPairKind, DelayPiece, DelaySource,
     DelaySplit, DelayStep, Effect, EffectVerdict, ErrorBudget, Estimate, Finding, FlightDelays, FlightInjection,
-    FlightRecord, FlightRow, HelpfulBand, Hysteresis, IgnoredInput, InputFile, JudgedBy, MeasuredDelay, MotionSpectrum,
-    OnboardAgainst, OnboardComparison, OppositePasses, Outcome, PairDelay, PairUse, PathCurve, PipelineUse,
-    RECORD_VERSION, ReferenceScore, ReplayRecord, ReplayScores, ReplaySettings, ResidualDelay, StartRule, StraightLegs,
-    StraightScore, WindowDelay, Zoom,
+    FlightRecord, FlightRow, HelpfulBand, Hysteresis, IgnoredInput, InputFile, JudgedBy, Lead, LeadCurves, LeadTrack,
+    MeasuredDelay, MotionSpectrum, OnboardAgainst, OnboardComparison, OppositePasses, Outcome, PairDelay, PairUse,
+    PathCurve, PipelineUse, RECORD_VERSION, ReferenceScore, ReplayRecord, ReplayScores, ReplaySettings, ResidualDelay,
+    StartRule, StraightLegs, StraightScore, WindowDelay, Zoom,
 };
 
 #[path = "sweep_fixture.rs"]
@@ -97,6 +97,36 @@ fn path(kind: &str) -> PathCurve {
     }
 }
 
+/// Way from raw to exact along the track at `t`, m, and the ground speed, m/s.
+fn ahead(t: f64) -> (f64, f64) {
+    let (now, next) = (position(EXACT, t - 5e-4), position(EXACT, t + 5e-4));
+    let (vn, ve) = ((next.0 - now.0) / 1e-3, (next.1 - now.1) / 1e-3);
+    let (exact, raw) = (position(EXACT, t), position(RAW, t));
+    let speed = vn.hypot(ve);
+    (((exact.0 - raw.0) * vn + (exact.1 - raw.1) * ve) / speed, speed)
+}
+
+fn lead() -> LeadCurves {
+    let path = path(EXACT);
+    LeadCurves {
+        of: vec![Lead {
+            median_m: 7.01,
+            largest_m: 8.84,
+            median_ms: Some(400.3),
+            over_time_m: sampled(EXACT, (0.0, DURATION), 1.0, |t| ahead(t).0),
+            over_time_ms: sampled(EXACT, (0.0, DURATION), 1.0, |t| 1e3 * ahead(t).0 / ahead(t).1),
+        }],
+        least_speed_mps: 4.4,
+        track: LeadTrack {
+            lead_m: (0..2900).map(|i| ahead(f64::from(i) * 0.25).0).collect(),
+            east_m: path.east_m,
+            north_m: path.north_m,
+            breaks: path.breaks,
+            stands_for: path.stands_for,
+        },
+    }
+}
+
 fn estimate(value: f64, u: f64) -> Estimate {
     Estimate { value, standard_uncertainty: Some(u) }
 }
@@ -161,6 +191,7 @@ pub fn replay() -> ReplayRecord {
             axes: axes((232.0, 262.0), 0.02),
         }),
         track: vec![path(RAW), path(PADE), path(EXACT)],
+        lead: Some(lead()),
         choice: Some(sweep::choice()),
         sweep: Some(sweep::swept()),
     }

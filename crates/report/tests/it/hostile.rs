@@ -103,9 +103,14 @@ fn card_page(card: &SensorCard, records: &[BenchRecord], text: &str) -> Site {
 fn is_harmless(site: &Site, payload: &str) {
     for (path, bytes) in &site.files {
         let text = std::str::from_utf8(bytes).unwrap();
-        // Reading it fails on any tag, attribute or link that is not ours.
-        read(text);
-        if payload.contains(['<', '"', '\u{202e}', '\u{2028}', '\0']) {
+        // Reading it fails on any tag, attribute or link that is not ours. In a table `<` is a character like others.
+        let is_table = path.ends_with(".csv");
+        if is_table {
+            assert!(text.lines().all(|line| line.matches('"').count() % 2 == 0), "{path}: a quote is left open");
+        } else {
+            read(text);
+        }
+        if !is_table && payload.contains(['<', '"', '\u{202e}', '\u{2028}', '\0']) {
             assert!(!text.contains(payload), "{path} holds {payload:?}");
         }
         let hidden = |c: char| {
@@ -257,13 +262,14 @@ fn numbers_beyond_all_measure_have_a_page() {
 fn values_that_are_not_finite_are_left_out_and_counted() {
     let mut record = flight_record();
     let replay = record.replay.as_mut().unwrap();
-    replay.axes[0].position_m[0].y[100] = f64::NAN;
-    replay.axes[0].position_m[1].y[100] = f64::INFINITY;
+    let axes = &mut replay.zoom.as_mut().unwrap().axes;
+    axes[0].position_m[0].y[100] = f64::NAN;
+    axes[0].position_m[2].y[100] = f64::INFINITY;
     replay.predicted_rms_m.value = f64::NAN;
     let html = String::from_utf8(site(&record, "n").files["index.html"].clone()).unwrap();
     assert!(html.contains("Not drawn, because not finite or beyond 10¹²: 2."));
-    let row = html.split("Way flown in Td").nth(1).unwrap();
-    assert!(row[..row.find("</tr>").unwrap()].contains(">not finite<"), "the key number says so");
+    let sentence = html.split("Velocity predicts a change of").nth(1).unwrap();
+    assert!(sentence[..sentence.find("</p>").unwrap()].contains(">not finite<"), "the number says so");
 }
 
 #[test]

@@ -2,7 +2,10 @@
 
 use std::fmt::Write;
 
-const TAGS: [&str; 47] = [
+const TAGS: [&str; 50] = [
+    "dl",
+    "dt",
+    "dd",
     "section",
     "html",
     "head",
@@ -52,7 +55,9 @@ const TAGS: [&str; 47] = [
     "g",
 ];
 const VOID: [&str; 2] = ["meta", "wbr"];
-const ATTRIBUTES: [&str; 57] = [
+const ATTRIBUTES: [&str; 59] = [
+    "data-t",
+    "data-length",
     "hidden",
     "type",
     "rel",
@@ -202,6 +207,16 @@ fn check(tag: &Tag) {
             assert!(!value.contains(':') && !value.starts_with('/') && !value.starts_with('\\'), "link {value}");
         }
     }
+}
+
+/// Whether a page shows the figure of a file: the same words and curves, in the colours of the page's style sheet.
+pub fn shows(html: &str, svg: &str) -> bool {
+    let is_there = |tag: &Tag| match tag.name.as_str() {
+        "path" => tag.get("d").is_none_or(|d| html.contains(&format!(" d=\"{d}\""))),
+        "title" | "desc" | "text" => html.contains(&tag.text),
+        _ => true,
+    };
+    read(svg).iter().all(is_there)
 }
 
 /// Absolute points of a path of `M`, `m`, `l`, `h`, `H`, `V` and `z` commands.

@@ -1,7 +1,7 @@
 //! What the pages say is what the records hold.
 
 use crate::fixture::{self, campaign_record, failed_record, flight_record, parked_record};
-use crate::html::{Tag, points, read};
+use crate::html::{Tag, points, read, shows};
 use record::{FlightRecord, Outcome};
 use report::{FlightPage, Site, campaign_site, flight_site};
 
@@ -65,28 +65,15 @@ fn every_number_with_its_bits_on_the_page_is_rounded_from_them() {
 }
 
 #[test]
-fn the_effect_comes_first_and_its_errors_lead_the_key_numbers() {
+fn the_effect_stands_in_the_answer_and_the_correction_in_the_table_of_compensators() {
     let record = flight_record();
     let html = page(&record);
-    let answer = html.split("Key numbers").next().unwrap();
+    let answer = html.split("<h2").next().unwrap();
     assert!(answer.contains("7.03 → 0.04 m (against position.truth)."), "{answer}");
     assert!(!answer.contains("helped:"), "the badge says it: {answer}");
-    let numbers = html.split("<h2>Key numbers</h2>").nth(1).unwrap().split("<h2").next().unwrap();
-    let before = numbers.split("Error before compensation").nth(1).unwrap();
-    assert!(before.contains(">7.03<") && before.contains("0.20"), "{before}");
+    let numbers = html.split(">Compensators</h2>").nth(1).unwrap().split("<h2").next().unwrap();
     // raw − exact of the two harmonics, u = 0.0104 m.
-    assert!(numbers.contains(&format!(">{:.3}<", fixture::correction_rms())), "{numbers}");
-}
-
-#[test]
-fn a_number_without_uncertainty_says_why() {
-    let mut record = flight_record();
-    let replay = record.replay.as_mut().unwrap();
-    replay.settings.delay_uncertainty_s = None;
-    replay.predicted_rms_m.standard_uncertainty = None;
-    let html = page(&record);
-    assert!(html.contains("the pipeline states no uncertainty of Td"));
-    assert!(html.contains("— where the analysis gives none"));
+    assert!(numbers.contains(&format!(">{:.3}\u{a0}±", fixture::correction_rms())), "{numbers}");
 }
 
 #[test]
@@ -107,7 +94,7 @@ fn a_flight_without_result_begins_with_its_reason_and_keeps_its_provenance() {
     for record in [failed_record(), parked_record()] {
         let html = page(&record);
         let (Outcome::Failed { reason } | Outcome::NotMeasurable { reason }) = &record.outcome else { panic!() };
-        let places = [reason.as_str(), ">Data health<", ">Notices<", ">Provenance<", &record.key]
+        let places = [reason.as_str(), ">Data health<", ">Notices<", ">Files and provenance<", &record.key]
             .map(|text| html.find(text).unwrap());
         assert!(places.is_sorted(), "{places:?}");
     }
@@ -142,26 +129,22 @@ fn a_spike_of_ten_sigma_is_drawn_at_its_full_height() {
 }
 
 #[test]
-fn the_raw_curve_is_solid_and_the_papers_is_dashed_as_in_fig_7() {
+fn raw_and_compensated_are_solid_in_two_colours_and_no_other_curve_hides_them() {
     let svg = text(&site(&flight_record()), "figures/fig-7.svg");
     let tags = read(&svg);
     let dashes = |name: &str| {
         let pair = tags.windows(2).find(|w| w[0].name == "path" && w[1].name == "title" && w[1].text == name).unwrap();
         (pair[0].get("stroke-dasharray").map(str::to_owned), pair[0].get("stroke").map(str::to_owned))
     };
-    let (raw, pade, exact) = (
-        dashes("raw, newest fix held"),
-        dashes("Padé [1/1], Tustin (the paper)"),
-        dashes("exact asynchronous, p + ∫v"),
-    );
-    assert!(raw.0.is_none() && pade.0.is_some() && exact.0.is_none());
-    assert!(raw.1 != pade.1 && pade.1 != exact.1 && raw.1 != exact.1);
+    let (raw, exact) = (dashes("raw, newest fix held"), dashes("compensated (exact form)"));
+    assert!(raw.0.is_none() && exact.0.is_none() && raw.1 != exact.1);
+    assert!(!svg.contains("<title>Padé"));
 }
 
 #[test]
 fn the_pen_is_lifted_where_the_record_says() {
-    let svg = text(&site(&flight_record()), "figures/fig-7.svg");
-    let starts = svg.lines().filter(|l| l.contains("<title>raw, newest fix held")).map(|l| l.matches('M').count());
+    let svg = text(&site(&flight_record()), "figures/lead.svg");
+    let starts = svg.lines().filter(|l| l.contains("<title>compensated (exact form)")).map(|l| l.matches('M').count());
     assert_eq!(starts.collect::<Vec<_>>(), [2, 2]);
 }
 
@@ -169,12 +152,13 @@ fn the_pen_is_lifted_where_the_record_says() {
 fn every_figure_is_named_described_and_in_the_page() {
     let site = site(&flight_record());
     let html = text(&site, "index.html");
-    for name in ["fig-7", "zoom", "zoom-difference", "difference", "track", "delay-over-time"] {
+    for name in ["fig-7", "turn", "lead", "track", "delay-over-time", "budget", "timeline"] {
         let svg = text(&site, &format!("figures/{name}.svg"));
         let tags = read(&svg);
         assert_eq!((tags[0].get("role"), tags[1].name.as_str(), tags[2].name.as_str()), (Some("img"), "title", "desc"));
-        assert!(!tags[1].text.is_empty() && tags[2].text.contains("Good:"));
-        assert!(html.contains(&svg.replace(" xmlns=\"http://www.w3.org/2000/svg\"", "")), "{name} is not in the page");
+        assert!(!tags[1].text.is_empty() && tags[2].text.len() > 80, "{name}");
+        assert!(shows(&html, &svg), "{name} is not in the page");
+        assert!(text(&site, &format!("figures/{name}.csv")).lines().count() > 2, "{name}");
     }
 }
 

@@ -56,7 +56,7 @@ fn a_number_that_cannot_be_told_is_a_dash_with_its_reason_below() {
 #[test]
 fn the_budget_stands_beside_the_measured_error() {
     let html = section(&flight_record(), "score");
-    let budget = words(html.split("<h3>Error budget</h3>").nth(1).unwrap());
+    let budget = words(html.split("<h3 id=\"error-budget\">Error budget</h3>").nth(1).unwrap());
     let (total, measured) = budget.split_once("Measured against the reference").unwrap();
     assert!(total.contains("0.0105") || total.contains("0.011"), "{total}");
     assert!(total.contains("at least 0.0193"), "0.98 × 0.0197, and one term is not known: {total}");

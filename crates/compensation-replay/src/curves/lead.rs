@@ -1,0 +1,191 @@
+//! How far the compensated position, and the reference, are ahead of raw along the track.
+
+use super::{BINS, PATH_RESOLUTION};
+use crate::estimate::{EXACT_ASYNC, Positions};
+use crate::input::{AXES, Input};
+use crate::rows::{Rows, median_step};
+use crate::score::Reference;
+use record::{Curve, Lead, LeadCurves, LeadTrack};
+
+/// Below this ground speed a lead is no time, m/s,
+const LEAST_SPEED_MPS: f64 = 2.0;
+/// nor below this share of the 95th percentile of the speed.
+const LEAST_SHARE: f64 = 0.25;
+
+/// The colour of a track changes by steps of this share of the largest lead.
+const COLOUR_STEP: f64 = 0.05;
+
+/// `None` if the exact form gives out no position.
+pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Option<LeadCurves> {
+    let raw = estimates.first()?;
+    let exact = estimates.iter().find(|e| e.name == EXACT_ASYNC)?;
+    let fresh: Vec<usize> = (0..rows.t.len()).filter(|&row| row == 0 || rows.fix[row] != rows.fix[row - 1]).collect();
+    let gap_s = gap(rows, &fresh)?;
+    let ahead = |row: usize, of: [f64; 2]| along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]]);
+    let given: Vec<usize> = fresh.iter().copied().filter(|&row| exact.shown(rows, row)).collect();
+    let compensated: Vec<(usize, f64)> =
+        given.iter().filter_map(|&row| Some((row, ahead(row, AXES.map(|k| exact.axes[k][row]))?))).collect();
+    if compensated.len() < 2 {
+        return None;
+    }
+    let mut named = vec![(exact.title.clone(), compensated.clone())];
+    if let Some(reference) = &input.reference {
+        let truth = Reference::at(reference, rows, &fresh);
+        let truth = truth.row.iter().zip(truth.axes[0].iter().zip(&truth.axes[1]));
+        named.push(("reference".to_owned(), truth.filter_map(|(&r, (n, e))| Some((r, ahead(r, [*n, *e])?))).collect()));
+    }
+    named.retain(|(_, points)| !points.is_empty());
+    let least_speed_mps = least_speed(rows);
+    Some(LeadCurves {
+        of: named.iter().map(|(name, points)| of(name, rows, points, least_speed_mps, gap_s)).collect(),
+        least_speed_mps,
+        track: track(rows, exact, &compensated, gap_s),
+    })
+}
+
+fn of(name: &str, rows: &Rows, points: &[(usize, f64)], least_speed_mps: f64, gap_s: f64) -> Lead {
+    let is_time = |(row, _): &&(usize, f64)| speed(rows, *row) >= least_speed_mps;
+    let in_ms: Vec<(usize, f64)> =
+        points.iter().filter(is_time).map(|&(row, m)| (row, 1e3 * m / speed(rows, row))).collect();
+    Lead {
+        median_m: percentile(points.iter().map(|p| p.1), 0.5).unwrap_or_default(),
+        largest_m: points.iter().map(|p| p.1).fold(0.0, |most: f64, m| if m.abs() > most.abs() { m } else { most }),
+        median_ms: percentile(in_ms.iter().map(|p| p.1), 0.5),
+        over_time_m: curve(name, rows, points, gap_s),
+        over_time_ms: curve(name, rows, &in_ms, gap_s),
+    }
+}
+
+fn speed(rows: &Rows, row: usize) -> f64 {
+    rows.velocity[0][row].hypot(rows.velocity[1][row])
+}
+
+fn least_speed(rows: &Rows) -> f64 {
+    let fast = percentile((0..rows.t.len()).map(|row| speed(rows, row)), 0.95).unwrap_or_default();
+    LEAST_SPEED_MPS.max(LEAST_SHARE * fast)
+}
+
+fn percentile(values: impl Iterator<Item = f64>, share: f64) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    signal::percentile_of_sorted(&sorted, share)
+}
+
+/// A longer step between fixes is a gap, s; `None` with fewer than three fixes.
+fn gap(rows: &Rows, fresh: &[usize]) -> Option<f64> {
+    let times: Vec<f64> = fresh.iter().map(|&row| rows.t[row]).collect();
+    (times.len() > 2).then(|| 2.5 * median_step(&times))
+}
+
+/// The part of a way along the velocity of a row, m; `None` where it stands still.
+fn along(rows: &Rows, row: usize, way: [f64; 2]) -> Option<f64> {
+    let velocity = AXES.map(|k| rows.velocity[k][row]);
+    let speed = velocity[0].hypot(velocity[1]);
+    (speed > 0.1).then(|| (way[0] * velocity[0] + way[1] * velocity[1]) / speed)
+}
+
+/// Ranges of points without a gap between them.
+fn strokes(rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Vec<std::ops::Range<usize>> {
+    let mut out: Vec<std::ops::Range<usize>> = vec![];
+    for i in 0..points.len() {
+        match out.last_mut() {
+            Some(stroke) if rows.t[points[i].0] - rows.t[points[i - 1].0] <= gap_s => stroke.end = i + 1,
+            _ => out.push(i..i + 1),
+        }
+    }
+    out
+}
+
+fn curve(name: &str, rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Curve {
+    let mut out = Curve { name: name.to_owned(), t_s: vec![], y: vec![], breaks: vec![], stands_for: 0 };
+    let strokes = strokes(rows, points, gap_s);
+    // However many strokes: about as many points in all.
+    let bins = (BINS / strokes.len().max(1)).max(4);
+    for stroke in strokes {
+        let t: Vec<f64> = points[stroke.clone()].iter().map(|(row, _)| rows.t[*row]).collect();
+        let y: Vec<f64> = points[stroke].iter().map(|(_, y)| *y).collect();
+        let kept = signal::min_max(&t, &y, bins);
+        if !out.t_s.is_empty() {
+            out.breaks.push(out.t_s.len() as u32);
+        }
+        out.t_s.extend(kept.rows.iter().map(|&r| t[r]));
+        out.y.extend(kept.rows.iter().map(|&r| y[r]));
+        out.stands_for += kept.stands_for as u64;
+    }
+    out
+}
+
+/// The compensated track at its fixes, thinned where neither the way nor the colour bends.
+fn track(rows: &Rows, exact: &Positions, points: &[(usize, f64)], gap_s: f64) -> LeadTrack {
+    let [north, east] = AXES.map(|k| points.iter().map(|(row, _)| exact.axes[k][*row]).collect::<Vec<f64>>());
+    let extent = |y: &[f64]| {
+        y.iter().copied().fold(f64::NEG_INFINITY, f64::max) - y.iter().copied().fold(f64::INFINITY, f64::min)
+    };
+    let tolerance = extent(&north).max(extent(&east)) / PATH_RESOLUTION;
+    let colour = COLOUR_STEP * points.iter().map(|(_, lead)| lead.abs()).fold(0.0, f64::max);
+    let mut out = LeadTrack::default();
+    for stroke in strokes(rows, points, gap_s) {
+        let (n, e) = (&north[stroke.clone()], &east[stroke.clone()]);
+        let of_way = signal::thin_path(e, n, tolerance);
+        if !out.east_m.is_empty() {
+            out.breaks.push(out.east_m.len() as u32);
+        }
+        let (mut last, mut bends) = (f64::INFINITY, of_way.iter().copied().peekable());
+        for i in 0..stroke.len() {
+            let lead = points[stroke.start + i].1;
+            let is_bend = bends.next_if_eq(&i).is_some();
+            if is_bend || (lead - last).abs() > colour {
+                last = lead;
+                out.east_m.push(e[i]);
+                out.north_m.push(n[i]);
+                out.lead_m.push(lead);
+            }
+        }
+        out.stands_for += stroke.len() as u64;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Settings, replay};
+    use flight::Delay;
+    use simulate::{FlightSettings, SensorSettings, simulate};
+
+    /// A flight whose position is 0.3 s late and of which 0.4 s are removed.
+    fn played() -> record::LeadCurves {
+        let settings = FlightSettings {
+            duration_s: 90.0,
+            position: SensorSettings { delay_s: 0.3, white_std: 0.0, ..SensorSettings::clean(5.0) },
+            velocity: SensorSettings { white_std: 0.0, ..SensorSettings::clean(100.0) },
+            ..FlightSettings::default()
+        };
+        let flight = simulate(&settings).unwrap().to_flight().unwrap();
+        let settings = Settings::with_delay(Delay::from_seconds(0.4).unwrap(), "test");
+        replay(&flight, &settings).unwrap().record.lead.unwrap()
+    }
+
+    #[test]
+    fn the_reference_leads_by_what_is_late_and_the_compensated_position_by_what_is_removed() {
+        let lead = played();
+        let names: Vec<&str> = lead.of.iter().map(|of| of.over_time_m.name.as_str()).collect();
+        assert_eq!(names[1..], ["reference"]);
+        for (of, want_ms) in lead.of.iter().zip([400.0, 300.0]) {
+            // A chord of a turn is shorter than its arc, and a fix is up to a row old where it is looked at.
+            let median_ms = of.median_ms.unwrap();
+            assert!((median_ms - want_ms).abs() < 15.0, "{median_ms} ms, not {want_ms}");
+            assert!(of.largest_m >= of.median_m && of.over_time_m.y.contains(&of.largest_m));
+        }
+    }
+
+    #[test]
+    fn the_track_says_its_lead_and_stands_for_every_fix() {
+        let lead = played();
+        let track = &lead.track;
+        assert!(track.east_m.len() > 10 && track.east_m.len() < track.stands_for as usize);
+        assert_eq!((track.east_m.len(), track.north_m.len()), (track.lead_m.len(), track.lead_m.len()));
+        let most = |values: &[f64]| values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let of_curve = most(&lead.of[0].over_time_m.y);
+        assert!((most(&track.lead_m) - of_curve).abs() <= 0.06 * of_curve);
+    }
+}

@@ -1,0 +1,104 @@
+//! When each channel has rows, and where the log is damaged.
+
+use super::axis::Tick;
+use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable};
+use crate::number;
+use crate::text::short_label;
+use flight::{ChannelHealth, Clock, StampHealth};
+use record::FlightRecord;
+
+/// Most channels drawn; the table has all.
+const MOST_ROWS: usize = 12;
+
+/// Rows of the channels over time; `None` without a channel whose stamps are known.
+pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
+    let (clock, origin_ns) = time_zero(record)?;
+    let channels = record.binding.iter().flat_map(|b| &b.channels);
+    let timed: Vec<(&ChannelHealth, &StampHealth)> =
+        channels.filter_map(|c| Some((c, c.stamps.as_ref().filter(|s| s.clock == clock)?))).collect();
+    let seconds = |ns: i64| ns.saturating_sub(origin_ns) as f64 * 1e-9;
+    let (mut covered, mut gaps) = (vec![], vec![]);
+    let mut listed = 0;
+    for (row, (_, stamps)) in timed.iter().take(MOST_ROWS).enumerate() {
+        let (middle, first) = (row as f64, seconds(stamps.first_ns));
+        let mut sorted: Vec<(f64, f64)> =
+            stamps.gaps.iter().map(|g| (first + g.start_s, first + g.start_s + g.length_s)).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        listed += sorted.len() as u64;
+        let mut from = first;
+        for (start, end) in sorted.iter().copied().chain([(seconds(stamps.last_ns), f64::INFINITY)]) {
+            if [from, start].into_iter().all(is_drawable) && start > from {
+                covered.push(vec![(from, middle - 0.28), (start, middle + 0.28)]);
+            }
+            from = end;
+        }
+        gaps.extend(
+            sorted.iter().filter(|g| is_drawable(g.0)).map(|g| vec![(g.0, middle - 0.42), (g.0, middle + 0.42)]),
+        );
+    }
+    let rows = timed.len().min(MOST_ROWS);
+    let all = timed.iter().take(MOST_ROWS).fold(0_u64, |all, (_, s)| all.saturating_add(s.gap_count));
+    let mut names: Vec<String> = timed.iter().take(MOST_ROWS).map(|(c, _)| short_label(&c.name)).collect();
+    let mut lines = vec![
+        Line { name: "rows".to_owned(), pen: Pen::Bars, pieces: covered },
+        Line { name: "gap".to_owned(), pen: Pen::Rule, pieces: gaps },
+    ];
+    let damage = damage(record, clock, &seconds, rows as f64);
+    if !damage.is_empty() {
+        names.push("log damaged".to_owned());
+        lines.push(Line { name: "damage".to_owned(), pen: Pen::HollowPoints, pieces: damage });
+    }
+    lines.retain(|line| !line.pieces.is_empty());
+    let time = Axis::time("time since the first sample", extent(&lines, |p| p.0)?, 10);
+    let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() });
+    // The first channel on top.
+    let y = Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks.collect()) };
+    let title = match all {
+        0 => format!("No gap in {}", number::counted(rows as u64, "channel", "channels")),
+        _ => format!(
+            "{} in {}",
+            number::counted(all, "gap", "gaps"),
+            number::counted(rows as u64, "channel", "channels")
+        ),
+    };
+    let mut caption = "Rows of each channel over time; a gap is a step of more than 2.5 median steps.".to_owned();
+    if listed < all {
+        caption += &format!(" Marked are the {} longest of each channel, {} in all.", 10, number::count(listed));
+    }
+    if timed.len() > MOST_ROWS {
+        caption += &format!(
+            " Not drawn, but in the table: {}.",
+            number::counted((timed.len() - MOST_ROWS) as u64, "channel", "channels")
+        );
+    }
+    Some(Figure {
+        id: "timeline".to_owned(),
+        number: 0,
+        title,
+        caption,
+        how_to_read: "Good: full bars from end to end. Bad: a mark in position or velocity where the aircraft turned, for \
+                      there the compensated position rests on less.",
+        panels: vec![Panel::of(time, y, lines)],
+        panel_size: (860, 30 + 24 * names.len() as u32),
+        fine: false,
+    })
+}
+
+/// Clock and stamp of time zero: that of the replay, else of the first stamp of any channel.
+fn time_zero(record: &FlightRecord) -> Option<(Clock, i64)> {
+    if let Some(replay) = &record.replay {
+        return Some((replay.clock, replay.origin_ns));
+    }
+    let mut stamps = record.binding.iter().flat_map(|b| &b.channels).filter_map(|c| c.stamps.as_ref());
+    let clock = stamps.clone().next()?.clock;
+    let first = stamps.by_ref().filter(|s| s.clock == clock).map(|s| s.first_ns).min()?;
+    Some((clock, first))
+}
+
+/// Damaged stretches whose place in time is known, in a row of their own.
+fn damage(record: &FlightRecord, clock: Clock, seconds: &dyn Fn(i64) -> f64, row: f64) -> Vec<Vec<(f64, f64)>> {
+    let Some(log) = &record.log else { return vec![] };
+    let first = log.topics.iter().flat_map(|t| &t.stamps).filter(|s| s.clock == clock).map(|s| s.first_ns).min();
+    let at = |range: &flight::DamagedRange| Some(seconds(first?) + range.after_s()?);
+    log.damage.iter().filter_map(at).filter(|t| is_drawable(*t)).map(|t| vec![(t, row)]).collect()
+}

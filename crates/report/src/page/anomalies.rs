@@ -1,0 +1,147 @@
+//! What is odd in a flight and when: the table of the page, and the places that the explorer goes to.
+
+use super::Head::{Number, Text};
+use super::{rows, table};
+use crate::number;
+use crate::text::{sentence, shown};
+use flight::{Clock, StampHealth};
+use maud::{Markup, html};
+use record::{DelayTermKind, FlightRecord, PairDelay, ReplayRecord};
+use serde::Serialize;
+
+/// Something odd.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Anomaly {
+    /// Seconds after the origin of the replay; `None` if the record does not place it there.
+    pub(super) t_s: Option<f64>,
+    /// How long it lasts, s; 0 for an instant.
+    pub(super) length_s: f64,
+    /// What kind, in a word or two.
+    pub(super) kind: &'static str,
+    /// What was seen.
+    pub(super) what: String,
+}
+
+/// Most of each kind; the record holds all.
+const MOST_OF_A_KIND: usize = 10;
+
+/// All of a flight, in order of time; those without a time last.
+pub(super) fn of(record: &FlightRecord) -> Vec<Anomaly> {
+    let replay = record.replay.as_ref();
+    let pair = record.delays.as_ref().zip(replay).and_then(|(d, replay)| super::flight_delay::replayed(d, replay));
+    let mut all: Vec<Anomaly> = pair.zip(replay).map(|(pair, replay)| of_delay(pair, replay)).unwrap_or_default();
+    all.extend(gaps(record));
+    all.extend(damage(record));
+    let order = |a: &Anomaly| a.t_s.unwrap_or(f64::INFINITY);
+    all.sort_by(|a, b| order(a).total_cmp(&order(b)));
+    all
+}
+
+/// Seconds from the origin of the replay to that of the pair; `None` where their clocks differ.
+pub(super) fn shift_s(pair: &PairDelay, replay: &ReplayRecord) -> Option<f64> {
+    let origin = pair.origin.filter(|origin| origin.clock == replay.clock)?;
+    Some(origin.origin_ns.saturating_sub(replay.origin_ns) as f64 * 1e-9)
+}
+
+/// Where the delay changes, and fixes that came late or at once.
+fn of_delay(pair: &PairDelay, replay: &ReplayRecord) -> Vec<Anomaly> {
+    let Some(varies) = &pair.varies else { return vec![] };
+    let shift = shift_s(pair, replay);
+    let one = |t_s: f64, kind, what: String| Anomaly { t_s: shift.map(|s| s + t_s), length_s: 0.0, kind, what };
+    let terms = varies.terms.iter().take(MOST_OF_A_KIND).map(|term| match term.kind {
+        DelayTermKind::Step => {
+            one(term.at_s, "delay", format!("the delay jumps by {} ms", number::significant(1e3 * term.size, 2)))
+        }
+        DelayTermKind::Bend => one(
+            term.at_s,
+            "delay",
+            format!("the delay begins to change by {} ms/s", number::significant(1e3 * term.size, 2)),
+        ),
+    });
+    let late = varies.late_fixes.iter().take(MOST_OF_A_KIND);
+    let late = late.map(|fix| {
+        one(
+            fix.t_s,
+            "late fix",
+            format!("a fix {} ms later than its neighbours", number::significant(1e3 * fix.late_s, 2)),
+        )
+    });
+    let bursts = varies.bursts.iter().take(MOST_OF_A_KIND);
+    let bursts = bursts.map(|b| {
+        let hold = number::significant(b.hold_s, 2);
+        one(b.start_s, "burst", format!("{} at once after {hold} s", number::counted(b.fixes, "fix", "fixes")))
+    });
+    terms.chain(late).chain(bursts).collect()
+}
+
+/// Seconds from the origin of the replay to a stamp of this clock.
+fn since_origin(record: &FlightRecord, clock: Clock, stamp_ns: i64) -> Option<f64> {
+    let replay = record.replay.as_ref().filter(|replay| replay.clock == clock)?;
+    Some(stamp_ns.saturating_sub(replay.origin_ns) as f64 * 1e-9)
+}
+
+/// The longest gaps of the channels that are replayed, or of all where none is.
+fn gaps(record: &FlightRecord) -> Vec<Anomaly> {
+    let pair = record.replay.as_ref().map(|replay| &replay.pair);
+    let is_used = |name: &str| {
+        pair.is_none_or(|p| p.position == name || p.velocity == name || p.reference.as_deref() == Some(name))
+    };
+    let channels = record.binding.iter().flat_map(|b| &b.channels).filter(|c| is_used(&c.name));
+    let of = |name: &str, stamps: &StampHealth| -> Vec<Anomaly> {
+        let start = since_origin(record, stamps.clock, stamps.first_ns);
+        let gap = |gap: &flight::Gap| Anomaly {
+            t_s: start.map(|s| s + gap.start_s),
+            length_s: gap.length_s,
+            kind: "gap",
+            what: format!("{} without a row for {} s", sentence(name), number::significant(gap.length_s, 3)),
+        };
+        stamps.gaps.iter().take(MOST_OF_A_KIND).map(gap).collect()
+    };
+    channels.filter_map(|c| Some(of(&c.name, c.stamps.as_ref()?))).flatten().collect()
+}
+
+/// Damaged stretches of the log, placed where both its first message and the replay count one clock.
+fn damage(record: &FlightRecord) -> Vec<Anomaly> {
+    let Some(log) = &record.log else { return vec![] };
+    let clock = record.replay.as_ref().map(|replay| replay.clock);
+    let stamps = || log.topics.iter().flat_map(|t| &t.stamps);
+    let first_ns = stamps().filter(|s| Some(s.clock) == clock).map(|s| s.first_ns).min();
+    let start = first_ns.and_then(|ns| since_origin(record, clock?, ns));
+    let one = |range: &flight::DamagedRange| Anomaly {
+        t_s: start.zip(range.after_s()).map(|(start, after)| start + after),
+        length_s: 0.0,
+        kind: "damage",
+        what: format!("{} of {} lost: {}", number::bytes(range.length), sentence(&range.file), sentence(&range.reason)),
+    };
+    log.damage.iter().take(MOST_OF_A_KIND).map(one).collect()
+}
+
+/// The table; a place with a time is a link that opens it in the explorer.
+pub(super) fn section(all: &[Anomaly], has_explorer: bool) -> Markup {
+    let numbered: Vec<(usize, &Anomaly)> = (1..).zip(all).collect();
+    let row = |(id, anomaly): &(usize, &Anomaly)| {
+        let time = anomaly.t_s.map(|t_s| (t_s, number::clock(t_s, 1)));
+        html! {
+            tr id={ "anomaly-" (id) } {
+                th scope="row" { (id) }
+                td.n {
+                    @match time {
+                        Some((t_s, text)) if has_explorer => {
+                            a href="#explorer" data-t=(t_s) data-length=(anomaly.length_s) { (text) }
+                        }
+                        Some((_, text)) => { (text) }
+                        None => { "—" }
+                    }
+                }
+                td { (anomaly.kind) }
+                td.any { (shown(&anomaly.what)) }
+            }
+        }
+    };
+    let head = [Text("#"), Number("When (h:mm:ss)"), Text("What"), Text("Evidence")];
+    html! {
+        h2 id="anomalies" { "Anomalies" }
+        @if all.is_empty() { p { "None: no gap, no damage, no late fix, no change of the delay." } }
+        @else { (table("What is odd in this flight, in order of time; a time opens it in the explorer", &head, rows(&numbered, 60, head.len(), row))) }
+    }
+}
