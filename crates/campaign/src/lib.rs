@@ -59,7 +59,7 @@ mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_run};
 pub use bench_analysis::{card_schema, rig_schema};
-pub use compensation_replay::ClockRule;
+pub use compensation_replay::{ClockRule, error_words};
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};
 pub use criteria::{
     Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes, criteria_schema,

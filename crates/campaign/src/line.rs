@@ -40,8 +40,12 @@ pub struct DelayLine {
     pub effect: String,
     /// Error of the position before, 2-D rms, m.
     pub error_raw_m: Option<f64>,
+    /// Its standard uncertainty, m.
+    pub error_raw_u_m: Option<f64>,
     /// Error after, 2-D rms, m.
     pub error_compensated_m: Option<f64>,
+    /// Its standard uncertainty, m.
+    pub error_compensated_u_m: Option<f64>,
     /// What a reader must know, the gravest first.
     pub alarms: Vec<LineAlarm>,
     /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `damaged`, `failed`, `companion` (no flight, but goes
@@ -106,6 +110,8 @@ impl DelayLine {
         let channel = lateness.and_then(|l| l.lateness.as_ref());
         let relative = lateness.and_then(|l| l.position_minus_velocity_s);
         let removed = parts.decision.filter(|_| parts.replayed).and_then(|d| d.delay_s.zip(d.used));
+        let raw = parts.effect.and_then(|e| e.error_raw_m);
+        let compensated = parts.effect.and_then(|e| e.error_compensated_m);
         let advice = lateness.map_or_else(DelayAdvice::default, |l| l.advice.clone());
         DelayLine {
             flight: parts.flight.to_owned(),
@@ -121,8 +127,10 @@ impl DelayLine {
             removed_s: removed.map(|(delay_s, _)| delay_s),
             removed_from: removed.map_or("none", |(_, used)| used.name()).to_owned(),
             effect: parts.effect.map(|e| effect_name(e.verdict)).unwrap_or_default().to_owned(),
-            error_raw_m: parts.effect.and_then(|e| e.error_raw_m).map(|e| e.value),
-            error_compensated_m: parts.effect.and_then(|e| e.error_compensated_m).map(|e| e.value),
+            error_raw_m: raw.map(|e| e.value),
+            error_raw_u_m: raw.and_then(|e| e.standard_uncertainty),
+            error_compensated_m: compensated.map(|e| e.value),
+            error_compensated_u_m: compensated.and_then(|e| e.standard_uncertainty),
             alarms: flight_alarms(lateness, parts.decision).iter().map(alarm).collect(),
             data: match parts.failed {
                 Some(_) => "failed",

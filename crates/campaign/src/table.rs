@@ -150,6 +150,8 @@ fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
         column("alarms", Cells::Text(lines.iter().map(|l| Some(alarms(l)).filter(|a| !a.is_empty())).collect())),
         said("data", &|l| &l.data),
         told("position_minus_velocity_u_s", &|l| l.position_minus_velocity_u_s),
+        told("error_raw_u_m", &|l| l.error_raw_u_m),
+        told("error_compensated_u_m", &|l| l.error_compensated_u_m),
         said("answer", &|l| &l.words),
         said("effect_words", &|l| &l.effect_words),
     ]

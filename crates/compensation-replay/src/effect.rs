@@ -81,18 +81,17 @@ pub fn effect(
 }
 
 fn by_truth(truth: &TruthEffect, removed_s: Option<f64>) -> Effect {
-    let (raw, after) = (truth.raw_m.value, truth.compensated_m.value);
     let verdict = match (removed_s, truth.change_m.standard_uncertainty) {
         (None, _) => EffectVerdict::NoChange,
         (_, None) => EffectVerdict::CannotTell,
         (_, Some(u)) => {
-            let (change, least) = (truth.change_m.value, LEAST_SHARE * raw);
+            let (change, least) = (truth.change_m.value, LEAST_SHARE * truth.raw_m.value);
             verdict_of(change, u, least)
         }
     };
     let judged_by = JudgedBy::Truth(truth.reference.clone());
     let against = format!("against {}", truth.reference);
-    finished(verdict, judged_by, &against, [truth.raw_m, truth.compensated_m], truth.best_m, removed_s, [raw, after])
+    finished(verdict, judged_by, &against, [truth.raw_m, truth.compensated_m], truth.best_m, removed_s)
 }
 
 /// Of a change (negative is better) with its uncertainty; smaller ones than `least` are none.
@@ -133,8 +132,7 @@ fn by_lateness(known: &KnownLateness, speed_mps: f64, removed_s: Option<f64>) ->
         JudgedBy::Velocity(name) => format!("against {name}, whose own lateness is not known"),
         _ => "by the lateness that is left".to_owned(),
     };
-    let values = errors.map(|e| e.value);
-    finished(verdict, known.judged_by.clone(), &against, errors, best_m, removed_s, values)
+    finished(verdict, known.judged_by.clone(), &against, errors, best_m, removed_s)
 }
 
 fn finished(
@@ -144,16 +142,15 @@ fn finished(
     [raw, after]: [Estimate; 2],
     best_m: Option<f64>,
     removed_s: Option<f64>,
-    [raw_m, after_m]: [f64; 2],
 ) -> Effect {
     let short_by = best_m
         .filter(|_| removed_s.is_some())
-        .map(|best| after_m / best.max(LEAST_ERROR_M))
+        .map(|best| after.value / best.max(LEAST_ERROR_M))
         .filter(|ratio| *ratio > SHORT && clearly_above(&after, best_m.unwrap_or(0.0)));
     let short = short_by.map_or(String::new(), |ratio| format!(", but {ratio:.1} × short of what was possible"));
-    let metres = format!("{} → {} m", metres(raw_m), metres(after_m));
+    let metres = format!("{} → {} m", error_words(&raw), error_words(&after));
     let words = match (verdict, removed_s) {
-        (_, None) => format!("nothing was removed; the position errs by {} m ({against})", self::metres(raw_m)),
+        (_, None) => format!("nothing was removed; the position errs by {} m ({against})", error_words(&raw)),
         (EffectVerdict::Helped, Some(_)) => format!("helped: {metres} ({against}){short}"),
         (EffectVerdict::Harmed, Some(s)) => {
             format!("harmed: {metres} ({against}). Removing {} made the position worse", ms(s))
@@ -166,12 +163,18 @@ fn finished(
     Effect { verdict, judged_by, error_raw_m: Some(raw), error_compensated_m: Some(after), best_m, short_by, words }
 }
 
-fn clearly_above(after: &Estimate, best_m: f64) -> bool {
-    after.standard_uncertainty.is_some_and(|u| after.value - SHOWN * u > best_m)
+/// An error in m, as `0.42`; `below 0.15` where it does not exceed its expanded uncertainty (k = 2).
+#[must_use]
+pub fn error_words(error: &Estimate) -> String {
+    let metres = |m: f64| if m >= 10.0 { format!("{m:.1}") } else { format!("{m:.2}") };
+    match error.standard_uncertainty.map(|u| SHOWN * u) {
+        Some(expanded) if expanded >= error.value => format!("below {}", metres(error.value + expanded)),
+        _ => metres(error.value),
+    }
 }
 
-fn metres(m: f64) -> String {
-    if m >= 10.0 { format!("{m:.1}") } else { format!("{m:.2}") }
+fn clearly_above(after: &Estimate, best_m: f64) -> bool {
+    after.standard_uncertainty.is_some_and(|u| after.value - SHOWN * u > best_m)
 }
 
 fn ms(s: f64) -> String {
@@ -210,6 +213,12 @@ mod tests {
         assert!((effect.error_compensated_m.unwrap().value - 6.0).abs() < 1e-12);
         assert!((effect.short_by.unwrap() - 6.0).abs() < 1e-9, "6 m where 1 m was possible");
         assert!(effect.words.contains("6.0 × short"), "{}", effect.words);
+    }
+
+    #[test]
+    fn an_error_within_its_uncertainty_is_given_as_a_bound() {
+        let words = effect(None, Some(&known(0.133, 0.0236)), Some(3.0), Some(0.133)).words;
+        assert_eq!(words, "helped: 0.40 → below 0.14 m (by the lateness that is left)");
     }
 
     #[test]

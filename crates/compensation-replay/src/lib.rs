@@ -38,7 +38,7 @@ pub use compensator::{
     PadeRefusal, Replayed, Smoothed, StateValue, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis,
     rts_smooth,
 };
-pub use effect::{KnownLateness, TruthEffect, effect};
+pub use effect::{KnownLateness, TruthEffect, effect, error_words};
 pub use ekf_values::{EkfChannelFacts, ekf_values, ekf_values_toml};
 pub use exact::ExactAsync;
 pub use export::{

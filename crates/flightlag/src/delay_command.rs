@@ -7,6 +7,7 @@ use crate::listen::listener;
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::{DelayLine, DelayOrder, Exit, GroupLine, LineSetting, delay_report, delay_schema};
+use record::Estimate;
 use std::io::Write;
 
 /// Most lines of flights at the end of a campaign; its page has all.
@@ -186,7 +187,10 @@ fn effect(line: &DelayLine) -> String {
         return String::new();
     }
     let metres = match (line.error_raw_m, line.error_compensated_m) {
-        (Some(raw), Some(after)) if line.removed_s.is_some() => format!(" {raw:.2} -> {after:.2} m"),
+        (Some(raw), Some(after)) if line.removed_s.is_some() => {
+            let words = |value, u| campaign::error_words(&Estimate { value, standard_uncertainty: u });
+            format!(" {} -> {} m", words(raw, line.error_raw_u_m), words(after, line.error_compensated_u_m))
+        }
         _ => String::new(),
     };
     let word = if line.effect == "harmed" { "HARMED".to_owned() } else { line.effect.replace('-', " ") };
