@@ -9,6 +9,7 @@ mod campaign;
 mod command;
 mod convert;
 mod pages;
+mod portable;
 mod program;
 mod real_logs;
 mod reference;

@@ -1,4 +1,4 @@
-//! Result tables. What writes them can panic on odd input: callers run it where a panic is caught.
+//! Result tables.
 
 use crate::error::CampaignError;
 use crate::line::DelayLine;

@@ -396,7 +396,7 @@ fn write_folder(
         context.advance(0)?;
         folder.write(place, context, |file| match order.to {
             ExportTo::Csv => write_csv(&source.sheet, file),
-            _ => caught(|| write_parquet_about(&source.sheet, &of_sheet(&provenance, number), file)),
+            _ => write_parquet_about(&source.sheet, &of_sheet(&provenance, number), file),
         })?;
     }
     folder.keep(&provenance, context)
@@ -409,12 +409,6 @@ fn of_sheet(provenance: &Value, number: usize) -> Vec<(String, String)> {
         part[key] = provenance[key].clone();
     }
     vec![(METADATA.to_owned(), part.to_string())]
-}
-
-/// A panic within polars is an error.
-fn caught(work: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
-    let panicked = |_| Err(io::Error::other("the writer of Parquet panicked"));
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).unwrap_or_else(panicked)
 }
 
 fn write_mcap(

@@ -4,7 +4,7 @@ mod parquet;
 mod text;
 
 pub use parquet::write_parquet;
-pub(crate) use parquet::write_parquet_about;
+pub(crate) use parquet::{ReadTable, read_parquet, write_parquet_about};
 pub(crate) use text::with_zero_bytes;
 pub use text::write_csv;
 
@@ -71,6 +71,11 @@ impl Sheet {
     /// Adds a column.
     pub fn push(&mut self, name: impl Into<String>, cells: Cells) {
         self.columns.push(SheetColumn { name: name.into(), cells });
+    }
+
+    /// The cells of the column of this name.
+    pub(crate) fn cells(&self, name: &str) -> Option<&Cells> {
+        self.columns.iter().find(|c| c.name == name).map(|c| &c.cells)
     }
 
     /// Number of rows.

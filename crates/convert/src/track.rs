@@ -6,8 +6,7 @@ mod recording;
 use crate::error::ConvertError;
 use crate::guard::may_write;
 use crate::output::Output;
-use crate::sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet_about};
-use polars::prelude::{Column, ParquetReader, SerReader};
+use crate::sheet::{Cells, ReadTable, Sheet, SheetColumn, read_parquet, write_csv, write_parquet_about};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -62,7 +61,7 @@ pub struct WrittenTrack {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_track_table(sheet: &Sheet, about: &str, file: impl Write) -> io::Result<()> {
+pub fn write_track_table(sheet: &Sheet, about: &str, file: impl Write + Send) -> io::Result<()> {
     write_parquet_about(sheet, &[(METADATA.to_owned(), about.to_owned())], file)
 }
 
@@ -138,19 +137,15 @@ pub fn export_track(order: &TrackOrder<'_>) -> Result<WrittenTrack, ConvertError
 fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     let refused = |what: String| ConvertError::Refused { path: order.track.to_owned(), what };
     let file = File::open(order.track).map_err(|e| refused(e.to_string()))?;
-    let mut reader = ParquetReader::new(file);
-    let metadata = reader.get_metadata().map_err(|e| refused(format!("no track: {e}")))?.key_value_metadata().clone();
-    let about = metadata.into_iter().flatten().find(|pair| pair.key == METADATA).and_then(|pair| pair.value);
-    let about = about.unwrap_or_default();
-    let frame = reader.finish().map_err(|e| refused(format!("no track: {e}")))?;
-    let needed = |name: &str| {
-        let column = frame.column(name).ok().and_then(numbers);
-        column.ok_or_else(|| refused(format!("no column {name}: run the campaign again, then export")))
+    let ReadTable { sheet, mut about } = read_parquet(file).map_err(|e| refused(format!("no track: {e}")))?;
+    let needed = |name: &str| match sheet.cells(name) {
+        Some(Cells::F64(numbers)) => Ok(numbers),
+        _ => Err(refused(format!("no column {name}: run the campaign again, then export"))),
     };
     let (t, height) = (needed("t_s")?, needed("height_m")?);
-    let utc: Vec<Option<i64>> = match frame.column("utc_ns").ok().and_then(|c| c.i64().ok().cloned()) {
-        Some(column) => column.iter().collect(),
-        None => vec![None; t.len()],
+    let utc = match sheet.cells("utc_ns") {
+        Some(Cells::I64(utc)) => utc.clone(),
+        _ => vec![None; t.len()],
     };
     let mut lines = vec![];
     for (_, column, _) in LINES {
@@ -174,11 +169,12 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
     if !instants.iter().any(|i| i.places[1].is_some()) {
         return Err(refused("the flight knows no latitude and longitude: nothing to put on a map".to_owned()));
     }
-    Ok(Track { name: order.name.to_owned(), instants, rows: frame.height() as u64, about })
-}
-
-fn numbers(column: &Column) -> Option<Vec<Option<f64>>> {
-    Some(column.f64().ok()?.iter().collect())
+    Ok(Track {
+        name: order.name.to_owned(),
+        instants,
+        rows: sheet.rows() as u64,
+        about: about.remove(METADATA).unwrap_or_default(),
+    })
 }
 
 /// One row for each instant.

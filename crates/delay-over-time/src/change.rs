@@ -77,7 +77,8 @@ impl Change<'_> {
         for _ in 0..turns {
             let (Some(first), Some(_)) = (out.refined.take(), self.test) else { break };
             let retimed = self.fixes.retimed(&|t| first.description.at(t) - level);
-            let calm = Starts { constant_s: level, path: &|_| level };
+            let at_level = |_| level;
+            let calm = Starts::new(&retimed, self.motion, level, &at_level);
             out.noise = noise_about(&retimed, self.motion, &calm, self.interval_s, out.noise, scratch);
             let start = |t: f64| first.description.at(t);
             out.flexible = bins::fit(&self.fixes, self.motion, &out.noise, &start, bin_s).or(out.flexible);

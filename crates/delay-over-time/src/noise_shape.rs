@@ -3,7 +3,7 @@
 use crate::fixes::Fixes;
 use crate::motion::Motion;
 use crate::whitening::NoiseShape;
-use crate::windows::{Scratch, Starts, fit_window, tile, window_likelihood};
+use crate::windows::{Scratch, Starts, columns, fit_window, tile, window_likelihood};
 use std::ops::Range;
 
 /// Length of a window, s.
@@ -21,7 +21,14 @@ pub(crate) const GUESS: NoiseShape = NoiseShape { wander: 3.0, time_constant_s: 
 
 /// Windows at their own delays: what the likelihood of a shape is summed over.
 pub(crate) struct Sample {
-    windows: Vec<(Range<usize>, f64)>,
+    windows: Vec<SampleWindow>,
+}
+
+struct SampleWindow {
+    rows: Range<usize>,
+    delay_s: f64,
+    /// Its columns at that delay, whatever the noise.
+    columns: Vec<[f64; 4]>,
 }
 
 impl Sample {
@@ -32,7 +39,7 @@ impl Sample {
         interval_s: f64,
         scratch: &mut Scratch,
     ) -> Sample {
-        let all = tile(fixes, motion, starts.path, LENGTH_S.max(25.0 * interval_s));
+        let all = tile(fixes, starts, LENGTH_S.max(25.0 * interval_s));
         let total: usize = all.iter().map(Range::len).sum();
         let every = (total / ENOUGH_FIXES).max(1);
         let fit = |rows: Range<usize>| {
@@ -41,8 +48,13 @@ impl Sample {
         let fitted: Vec<(Range<usize>, f64, f64)> = all.into_iter().step_by(every).filter_map(fit).collect();
         let moving = |w: &&(Range<usize>, f64, f64)| w.2 > motion.slow_mps;
         let enough = fitted.iter().filter(moving).count() >= LEAST_MOVING;
-        let windows = fitted.iter().filter(|w| !enough || moving(w)).map(|w| (w.0.clone(), w.1)).collect();
-        Sample { windows }
+        let window = |w: &(Range<usize>, f64, f64)| {
+            let (rows, delay_s) = (w.0.clone(), w.1);
+            let mut at_delay = vec![];
+            columns(&fixes.t[rows.clone()], &fixes.y[rows.clone()], motion, delay_s, &mut at_delay);
+            SampleWindow { rows, delay_s, columns: at_delay }
+        };
+        Sample { windows: fitted.iter().filter(|w| !enough || moving(w)).map(window).collect() }
     }
 
     /// The most likely shape near `start`; the jitter is held. Compass search in logarithms, from the best of a grid.
@@ -50,8 +62,8 @@ impl Sample {
         let shape_at = |at: [f64; 2]| NoiseShape { wander: at[0].exp(), time_constant_s: at[1].exp(), jitter };
         let mut cost = |at: [f64; 2]| -> f64 {
             let shape = shape_at(at);
-            let of = |(rows, delay): &(Range<usize>, f64)| {
-                window_likelihood(fixes, rows.clone(), motion, &shape, *delay, scratch)
+            let of = |w: &SampleWindow| {
+                window_likelihood(&fixes.t[w.rows.clone()], &w.columns, motion, &shape, w.delay_s, scratch)
             };
             self.windows.iter().filter_map(of).sum()
         };

@@ -168,10 +168,16 @@ fn select(
     let motion = &found.motion;
     let path = |t: f64| map.path_at(t);
     let breaks = Breaks { resets, motion, delay: &path };
-    let usable = |k: usize| {
-        let q = record.t[k] - path(record.t[k]);
-        !found.queued.rows[k] && motion.knows(q - GUARD_S) && motion.knows(q + GUARD_S)
-    };
+    let usable: Vec<bool> = record
+        .t
+        .iter()
+        .zip(&found.queued.rows)
+        .map(|(t, queued)| {
+            let q = t - path(*t);
+            !queued && motion.knows(q - GUARD_S) && motion.knows(q + GUARD_S)
+        })
+        .collect();
+    let usable = |k: usize| usable[k];
     let all = Fixes::select(record.t, y, &breaks, usable, 1);
     let (e, state) = residuals(&all, motion, &path);
     let odd = odd_fixes(&all.t, &e, &state);
@@ -185,9 +191,9 @@ fn select(
     let unthinned = Fixes::select(record.t, y, &breaks, calm, 1);
     Selected {
         edges: Fixes::select(record.t, y, &breaks, keep, every),
-        calm: Fixes::select(record.t, y, &breaks, calm, every),
-        odd,
         jitter: jitter_of(&unthinned, motion, &path),
+        calm: if every == 1 { unthinned } else { Fixes::select(record.t, y, &breaks, calm, every) },
+        odd,
         interval_s: found.interval_s * every as f64,
     }
 }
@@ -207,7 +213,7 @@ fn fit(
     let motion = &found.motion;
     found.fixes_used = edges.len();
     let mut scratch = Scratch::default();
-    let starts = Starts { constant_s: map.constant_s, path: &path };
+    let starts = Starts::new(&fixes, motion, map.constant_s, &path);
     let sample = Sample::new(&fixes, motion, &starts, interval_s, &mut scratch);
     let mut shape = sample.shape(&fixes, motion, 0.0, &mut scratch);
     if let Some(jitter_s) = selected.jitter.found_s {
@@ -277,7 +283,7 @@ pub(crate) fn fit_all(
     length_s: f64,
     scratch: &mut Scratch,
 ) -> Vec<Window> {
-    let rows = tile(fixes, motion, starts.path, length_s);
+    let rows = tile(fixes, starts, length_s);
     rows.into_iter().filter_map(|r| fit_window(fixes, r, motion, shape, starts, scratch)).collect()
 }
 

@@ -52,16 +52,15 @@ const CHANGE_SPAN_S: f64 = 1.0;
 
 /// Rows of the windows that tile every piece: of about `length_s`, shorter where the velocity changes much and longer
 /// where it does not, so that they know about equally much.
-pub(crate) fn tile(fixes: &Fixes, motion: &Motion, delay: &dyn Fn(f64) -> f64, length_s: f64) -> Vec<Range<usize>> {
+pub(crate) fn tile(fixes: &Fixes, starts: &Starts, length_s: f64) -> Vec<Range<usize>> {
     let mut out = vec![];
     for piece in fixes.pieces() {
         let t = &fixes.t[piece.clone()];
         let (first, last) = crate::input::span(t);
         let count = ((last - first) / length_s).round().max(1.0);
         let shortest = SHORTEST_SHARE * length_s.min(last - first);
-        let measure = measure(t, motion, delay);
         let (mut from, mut cut) = (0, 1.0);
-        for (k, m) in measure.iter().enumerate() {
+        for (k, m) in starts.measure[piece.clone()].iter().enumerate() {
             let enough = k - from >= LEAST_FIXES && t[k] - t[from] >= shortest;
             let rest = t.len() - k >= LEAST_FIXES && last - t[k] >= shortest;
             if *m * count >= cut && enough && rest {
@@ -104,12 +103,22 @@ fn measure(t: &[f64], motion: &Motion, delay: &dyn Fn(f64) -> f64) -> Vec<f64> {
     t.iter().zip(&changes).map(of).collect()
 }
 
-/// Where windows begin their search.
+/// Where windows begin: their rows, and their search.
 pub(crate) struct Starts<'a> {
     /// Best constant delay, s.
     pub(crate) constant_s: f64,
     /// Delay of the coarse path.
-    pub(crate) path: &'a dyn Fn(f64) -> f64,
+    path: &'a dyn Fn(f64) -> f64,
+    /// At each fix: rises from 0 to 1 over its piece, equally much over each window.
+    measure: Vec<f64>,
+}
+
+impl<'a> Starts<'a> {
+    /// For windows of any length of these fixes.
+    pub(crate) fn new(fixes: &Fixes, motion: &Motion, constant_s: f64, path: &'a dyn Fn(f64) -> f64) -> Starts<'a> {
+        let measure = fixes.pieces().flat_map(|piece| measure(&fixes.t[piece], motion, path)).collect();
+        Starts { constant_s, path, measure }
+    }
 }
 
 /// Memory that windows share.
@@ -172,18 +181,18 @@ fn prepare(t: &[f64], motion: &Motion, shape: &NoiseShape, delay_s: f64, scratch
     log_det
 }
 
-/// −2 log restricted likelihood of a window at `delay_s`, its scale profiled out; `None` if it does not move.
+/// −2 log restricted likelihood of a window with these stamps at `delay_s`, where it has these [`columns`], its scale
+/// profiled out; `None` if it does not move.
 pub(crate) fn window_likelihood(
-    fixes: &Fixes,
-    rows: Range<usize>,
+    t: &[f64],
+    columns: &[[f64; 4]],
     motion: &Motion,
     shape: &NoiseShape,
     delay_s: f64,
     scratch: &mut Scratch,
 ) -> Option<f64> {
-    let (t, y) = (&fixes.t[rows.clone()], &fixes.y[rows]);
     let log_det = prepare(t, motion, shape, delay_s, scratch);
-    let (information, score, square) = linearise(t, y, motion, delay_s, scratch)?;
+    let (information, score, square) = projected(columns, &scratch.steps, &scratch.basis)?;
     let free = (2 * t.len() - 5) as f64;
     let rss = (square - score * score / information).max(1e-12);
     Some(free * (rss / free).ln() + log_det + information.ln())
@@ -217,7 +226,12 @@ fn descend(t: &[f64], y: &[[f64; 2]], motion: &Motion, start_s: f64, scratch: &m
 
 /// Information, score and square of the whitened residuals, offset and drift projected out.
 fn linearise(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mut Scratch) -> Option<(f64, f64, f64)> {
-    let rows = &mut scratch.rows;
+    columns(t, y, motion, at_s, &mut scratch.rows);
+    projected(&scratch.rows, &scratch.steps, &scratch.basis)
+}
+
+/// Delay column and residual of both axes at the delay `at_s`, not yet whitened; of a residual the first is taken off.
+pub(crate) fn columns(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, rows: &mut Vec<[f64; 4]>) {
     rows.clear();
     let mut hint = motion_start(motion, t[0] - at_s);
     let mut origin = None;
@@ -228,11 +242,15 @@ fn linearise(t: &[f64], y: &[[f64; 2]], motion: &Motion, at_s: f64, scratch: &mu
         let v = if s.speed() > motion.slow_mps { s.velocity } else { [0.0; 2] };
         rows.push([-v[0], -v[1], e[0] - o[0], e[1] - o[1]]);
     }
-    let [north, east] = &scratch.steps;
+}
+
+/// Of these rows, whitened on the way.
+fn projected(rows: &[[f64; 4]], steps: &[Vec<Step>; 2], basis: &[Vec<[f64; 2]>; 2]) -> Option<(f64, f64, f64)> {
+    let [north, east] = steps;
     let mut wander = [0.0; 4];
     let mut sums = [0.0; 6];
     let mut with = [[0.0; 2]; 4];
-    let bases = scratch.basis[0].iter().zip(&scratch.basis[1]);
+    let bases = basis[0].iter().zip(&basis[1]);
     for (((row, n), e), (q_n, q_e)) in rows.iter().zip(north).zip(east).zip(bases) {
         let steps = [n, e, n, e];
         let mut w = [0.0; 4];

@@ -133,6 +133,24 @@ pub(crate) enum Command {
     /// Prints a JSON schema, of a kind of settings file or of `delay --json`.
     #[command(long_about = SCHEMA)]
     Schema(SchemaArguments),
+    /// Print completions for a shell.
+    ///
+    /// For bash: `flightlag completions bash > ~/.local/share/bash-completion/completions/flightlag`.
+    Completions(CompletionsArguments),
+    /// Write manual pages: one for each command.
+    Man(ManArguments),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompletionsArguments {
+    /// Shell to complete for.
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ManArguments {
+    /// Folder for the pages, such as ~/.local/share/man/man1. It is created if it is missing.
+    pub(crate) dir: PathBuf,
 }
 
 #[derive(Debug, Args)]

@@ -13,6 +13,7 @@ mod failure;
 mod findings;
 mod inspect;
 mod listen;
+mod manual;
 mod maps;
 mod recover;
 mod schema;
@@ -49,5 +50,7 @@ fn run(command: Command) -> Result<End, Failure> {
         Command::Criteria(arguments) => criteria::run(&arguments),
         Command::Maps(arguments) => maps::run(&arguments, &stop),
         Command::Schema(arguments) => schema::run(&arguments),
+        Command::Completions(arguments) => manual::completions(&arguments),
+        Command::Man(arguments) => manual::man(&arguments),
     }
 }

@@ -1,17 +1,23 @@
 //! Ctrl-C and the like: stop cleanly, and within a second in any case.
 
 use campaign::Exit;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
+#[cfg(unix)]
+use signal_hook::consts::SIGHUP;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::atomic::AtomicBool;
+#[cfg(unix)]
+use std::sync::atomic::{AtomicI32, Ordering};
+#[cfg(unix)]
 use std::time::Duration;
 
 /// How long flights in work get to stop by themselves. Results are written whole or not at all,
 /// so that leaving earlier than that loses work and nothing else.
+#[cfg(unix)]
 const PATIENCE: Duration = Duration::from_millis(700);
 
+#[cfg(unix)]
 static LAST_SIGNAL: AtomicI32 = AtomicI32::new(0);
 
 /// Set when the user wants to stop.
@@ -21,11 +27,11 @@ pub(crate) struct Stop {
 
 impl Stop {
     /// Begins to listen for signals.
+    #[cfg(unix)]
     pub(crate) fn listen() -> io::Result<Stop> {
         let flag = Arc::new(AtomicBool::new(false));
-        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+        let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
         // A file size limit shall be an error of the write, not the end of the process.
-        #[cfg(unix)]
         signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
         let raised = Arc::clone(&flag);
         std::thread::spawn(move || {
@@ -43,20 +49,39 @@ impl Stop {
         Ok(Stop { flag })
     }
 
+    /// Begins to listen for Ctrl-C, the second of which ends the process.
+    #[cfg(not(unix))]
+    pub(crate) fn listen() -> io::Result<Stop> {
+        let flag = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            signal_hook::flag::register_conditional_shutdown(signal, Exit::Stopped as i32, Arc::clone(&flag))?;
+            signal_hook::flag::register(signal, Arc::clone(&flag))?;
+        }
+        Ok(Stop { flag })
+    }
+
     /// The flag that workers look at.
     pub(crate) fn flag(&self) -> &AtomicBool {
         &self.flag
     }
 }
 
+#[cfg(unix)]
 fn leave() -> ! {
     std::process::exit(exit_of_last_signal() as i32)
 }
 
 /// Ctrl-C is the user's; the other signals come from a machine that may start us again.
+#[cfg(unix)]
 pub(crate) fn exit_of_last_signal() -> Exit {
     match LAST_SIGNAL.load(Ordering::SeqCst) {
         SIGTERM | SIGHUP => Exit::TryAgain,
         _ => Exit::Stopped,
     }
+}
+
+/// Only Ctrl-C is heard here.
+#[cfg(not(unix))]
+pub(crate) fn exit_of_last_signal() -> Exit {
+    Exit::Stopped
 }

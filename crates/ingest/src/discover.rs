@@ -4,6 +4,7 @@ use crate::error::IngestError;
 use crate::format::bag_folder::{self, Metadata};
 use crate::format::{PACKED_ENDINGS, Packing, members, write_ahead_log_of};
 use crate::map::MapLibrary;
+use crate::platform::{FileIdentity, identity};
 use crate::reader::{Limits, ReadContext};
 use crate::sniff::{self, Content, LogKind};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -83,14 +84,6 @@ fn make_unique(units: &mut [FlightUnit]) {
     }
 }
 
-/// Device and number of a file: the same for every name that it has.
-type Identity = Option<(u64, u64)>;
-
-fn identity(path: &Path) -> Identity {
-    use std::os::unix::fs::MetadataExt;
-    fs::metadata(path).ok().map(|m| (m.dev(), m.ino()))
-}
-
 /// A table that may be one topic of a flight.
 struct TableFile {
     path: PathBuf,
@@ -118,7 +111,7 @@ struct Search<'a> {
     library: &'a MapLibrary,
     found: Discovery,
     /// Files by identity, with the path under which each was found first.
-    seen: HashMap<(u64, u64), String>,
+    seen: HashMap<FileIdentity, String>,
 }
 
 impl Search<'_> {
@@ -130,7 +123,7 @@ impl Search<'_> {
         self.found.unreadable.push((id.to_owned(), format!("cannot be {verb}: {error}")));
     }
 
-    fn folder(&mut self, entries: fs::ReadDir, below: &str, name: &str, above: &mut Vec<Identity>) {
+    fn folder(&mut self, entries: fs::ReadDir, below: &str, name: &str, above: &mut Vec<Option<FileIdentity>>) {
         let mut paths: Vec<PathBuf> = vec![];
         for entry in entries {
             match entry {
@@ -242,7 +235,7 @@ impl Search<'_> {
         if found.len() < 2 { vec![] } else { found.into_iter().map(|(_, name)| name).collect() }
     }
 
-    fn enter(&mut self, path: &Path, id: &str, name: &str, above: &mut Vec<Identity>) {
+    fn enter(&mut self, path: &Path, id: &str, name: &str, above: &mut Vec<Option<FileIdentity>>) {
         let this = identity(path);
         if above.contains(&this) {
             return self.ignore(id, "link to a folder around it");

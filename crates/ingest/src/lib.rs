@@ -20,6 +20,7 @@ mod ledger;
 mod load;
 mod map;
 mod map_schema;
+mod platform;
 mod reader;
 mod sniff;
 pub mod stamps;

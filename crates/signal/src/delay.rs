@@ -270,8 +270,30 @@ pub enum DelayError {
 /// # Errors
 /// In words, why a delay cannot be found.
 pub fn fit_delay(components: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
+    fit_delay_with_noise(components, settings, |_| None)
+}
+
+/// What a fit found of the noise of one component.
+#[derive(Debug, Clone, Copy)]
+pub struct FoundNoise<'a> {
+    /// The noise.
+    pub model: NoiseModel,
+    /// Stamps of the rows that it was found from, s.
+    pub t_used: &'a [f64],
+}
+
+/// [`fit_delay`], and once more from its delay with the noise that `revise` makes of the noise of all components, such
+/// as one that they share. Where that is `None` the first fit stands.
+///
+/// # Errors
+/// In words, why a delay cannot be found.
+pub fn fit_delay_with_noise(
+    components: &[Measurement],
+    settings: &DelaySettings,
+    revise: impl Fn(&[FoundNoise]) -> Option<Vec<NoiseModel>>,
+) -> Result<DelayFit, DelayError> {
     check(components)?;
-    rounds::fit(components, settings).map_err(|e| inseparable(components, e))
+    rounds::fit(components, settings, revise).map_err(|e| inseparable(components, e))
 }
 
 /// No information about the delay, beside shared columns, is their doing.

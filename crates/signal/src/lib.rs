@@ -40,9 +40,9 @@ pub use blocks::{BlockEstimate, BlockSums};
 pub use coarse_lag::{CoarseLag, coarse_lag};
 pub use decimate::{Decimated, min_max};
 pub use delay::{
-    ComponentFit, DelayError, DelayFit, DelaySettings, DelayStart, DelayWindow, Gain, Measurement, OtherMinimum,
-    SegmentDelay, Sign, Uncertain, delay_by_segment, delay_crlb, delay_objective, delay_objective_above, delay_windows,
-    fit_delay, fit_delay_near, homogeneity,
+    ComponentFit, DelayError, DelayFit, DelaySettings, DelayStart, DelayWindow, FoundNoise, Gain, Measurement,
+    OtherMinimum, SegmentDelay, Sign, Uncertain, delay_by_segment, delay_crlb, delay_objective, delay_objective_above,
+    delay_windows, fit_delay, fit_delay_near, fit_delay_with_noise, homogeneity,
 };
 pub use distributions::{chi_squared_tail, normal_quantile, student_quantile};
 pub use excess::delay_excess;

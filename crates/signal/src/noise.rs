@@ -518,7 +518,7 @@ impl Intervals {
     }
 
     fn of_steps(between: Vec<f64>) -> Intervals {
-        let median = crate::median_by_selection(&mut between.clone()).unwrap_or(1.0);
+        let median = crate::median_by_selection(&between).unwrap_or(1.0);
         let mut common: Vec<f64> = vec![];
         let kinds = between.iter().map(|dt| kind_of(*dt, &mut common)).collect();
         let total = between.iter().sum::<f64>().max(median);

@@ -20,28 +20,43 @@ pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
     percentile_of_sorted(values, 0.5)
 }
 
-/// The median, as [`median_in_place`], but the slice is left in no particular order, and in O(n). `None` without values.
+/// The median, as [`median_in_place`], but the values stay as they are, and in O(n). `None` without values.
 #[must_use]
-pub fn median_by_selection(values: &mut [f64]) -> Option<f64> {
-    let last = values.len().checked_sub(1)?;
-    let (below, middle, _) = values.select_nth_unstable_by(values.len() / 2, f64::total_cmp);
-    let middle = *middle;
-    if last.is_multiple_of(2) {
-        return Some(middle);
-    }
-    let before = below.iter().copied().max_by(f64::total_cmp)?;
-    Some(before + 0.5 * (middle - before))
+pub fn median_by_selection(values: &[f64]) -> Option<f64> {
+    median_of_keys(&mut values.iter().map(|x| key(*x)).collect::<Vec<i64>>())
 }
 
 /// 1.4826 · median |x − median x|: the standard deviation of the Gaussian core. `None` without values.
 #[must_use]
 pub fn robust_sigma(values: &[f64]) -> Option<f64> {
-    let mut copy = values.to_vec();
-    let centre = median_by_selection(&mut copy)?;
-    for value in &mut copy {
-        *value = (*value - centre).abs();
+    let mut keys: Vec<i64> = values.iter().map(|x| key(*x)).collect();
+    let centre = median_of_keys(&mut keys)?;
+    for (key_of, value) in keys.iter_mut().zip(values) {
+        *key_of = key((value - centre).abs());
     }
-    median_by_selection(&mut copy).map(|mad| 1.482_602_218_505_602 * mad)
+    median_of_keys(&mut keys).map(|mad| 1.482_602_218_505_602 * mad)
+}
+
+/// An integer for each number, in the order of [`f64::total_cmp`]: a selection compares integers in half the time.
+fn key(x: f64) -> i64 {
+    let bits = x.to_bits().cast_signed();
+    bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
+}
+
+/// The number that has this key: [`key`] is its own inverse, as it leaves the sign alone.
+fn number(key_of: i64) -> f64 {
+    f64::from_bits((key_of ^ ((key_of >> 63).cast_unsigned() >> 1).cast_signed()).cast_unsigned())
+}
+
+fn median_of_keys(keys: &mut [i64]) -> Option<f64> {
+    let last = keys.len().checked_sub(1)?;
+    let (below, middle, _) = keys.select_nth_unstable(keys.len() / 2);
+    let middle = number(*middle);
+    if last.is_multiple_of(2) {
+        return Some(middle);
+    }
+    let before = number(*below.iter().max()?);
+    Some(before + 0.5 * (middle - before))
 }
 
 /// The rms of values given as squares, in order of time, with an uncertainty that allows for their correlation
@@ -69,8 +84,8 @@ mod tests {
     #[test]
     fn the_median_is_the_same_by_sorting_and_by_selection() {
         for n in 0..40_u32 {
-            let values: Vec<f64> = (0..n).map(|k| f64::from((k * 7919 + n) % 17)).collect();
-            assert_eq!(median_by_selection(&mut values.clone()), median_in_place(&mut values.clone()));
+            let values: Vec<f64> = (0..n).map(|k| f64::from((k * 7919 + n) % 17) - 8.0).collect();
+            assert_eq!(median_by_selection(&values), median_in_place(&mut values.clone()));
         }
     }
 

@@ -35,6 +35,7 @@ pub enum SimulateError {
     #[error("MCAP writer: {0}")]
     Mcap(#[from] mcap::McapError),
     /// SQLite failed.
+    #[cfg(feature = "db3")]
     #[error("SQLite: {0}")]
     Sqlite(#[from] rusqlite::Error),
     /// A record cannot be written as JSON.

@@ -29,6 +29,7 @@ mod onboard;
 mod presets;
 mod random;
 mod samples;
+#[cfg(feature = "db3")]
 mod seeds;
 mod sensor;
 mod simulated;
@@ -45,11 +46,11 @@ pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo}
 pub use error::SimulateError;
 pub use presets::LikeCase;
 pub use samples::Samples;
+#[cfg(feature = "db3")]
 pub use seeds::{Seed, seeds, tiny_flight};
 pub use sensor::{Interval, SensorSettings, Wander};
 pub use simulated::{FlightSettings, PathKind, SimulatedFlight, simulate};
 pub use trajectory::{Motion, Trajectory};
-pub use write::{
-    BagCompression, BagSettings, Container, Db3Compression, Db3Layout, Db3Settings, LogFile, McapCompression,
-    McapEncoding, McapSettings,
-};
+pub use write::{BagCompression, BagSettings, Container, LogFile, McapCompression, McapEncoding, McapSettings};
+#[cfg(feature = "db3")]
+pub use write::{Db3Compression, Db3Layout, Db3Settings};

@@ -22,7 +22,8 @@ pub(crate) struct Bands {
 /// A band with less of the whole information than this says nothing.
 const LEAST_SHARE: f64 = 0.1;
 /// Lengths of the moving average that are tried, samples to either side.
-const HALF_LENGTHS: [usize; 11] = [1, 2, 3, 5, 8, 12, 20, 32, 50, 80, 120];
+const HALF_LENGTHS: [usize; 11] = [1, 2, 3, 5, 8, 12, 20, 32, 50, 80, LONGEST];
+const LONGEST: usize = 120;
 /// Whitened residuals beyond this are cut.
 const CUT: f64 = 3.0;
 
@@ -30,9 +31,10 @@ impl Bands {
     /// `None` where nearly all that the motion says lies in one band.
     pub(crate) fn of(fit: &DelayFit) -> Option<Bands> {
         let series: Vec<Series> = fit.components.iter().filter_map(Series::of).collect();
+        let averages: Vec<Average> = series.iter().map(|s| Average::of(&s.derivative)).collect();
         let (half, share) = HALF_LENGTHS
             .into_iter()
-            .map(|half| (half, slow_share(&series, half)))
+            .map(|half| (half, slow_share(&averages, half)))
             .min_by(|a, b| (a.1 - 0.5).abs().total_cmp(&(b.1 - 0.5).abs()))?;
         if !(LEAST_SHARE..=1.0 - LEAST_SHARE).contains(&share) {
             return None;
@@ -41,11 +43,11 @@ impl Bands {
         let (mut slow, mut fast) = (Sums::default(), Sums::default());
         let mut parts = vec![];
         for s in &series {
-            let smooth = average(&s.derivative, half);
+            let smooth = Average::of(&s.derivative).over(half);
             let rest: Vec<f64> = s.derivative.iter().zip(&smooth).map(|(d, l)| d - l).collect();
             // The transpose of the average, applied to the smoothed derivative: what e is multiplied by.
-            let by_slow = average(&smooth, half);
-            let by_fast: Vec<f64> = rest.iter().zip(average(&rest, half)).map(|(r, l)| r - l).collect();
+            let by_slow = Average::of(&smooth).over(half);
+            let by_fast: Vec<f64> = rest.iter().zip(Average::of(&rest).over(half)).map(|(r, l)| r - l).collect();
             slow.add(&smooth, &by_slow, &s.residual);
             fast.add(&rest, &by_fast, &s.residual);
             parts.push((by_slow, by_fast));
@@ -133,10 +135,10 @@ fn scale(series: &[Series]) -> f64 {
 }
 
 /// Share of the information in the smooth part.
-fn slow_share(series: &[Series], half: usize) -> f64 {
+fn slow_share(averages: &[Average], half: usize) -> f64 {
     let (mut slow, mut fast) = (0.0, 0.0);
-    for s in series {
-        for (d, smooth) in s.derivative.iter().zip(average(&s.derivative, half)) {
+    for average in averages {
+        for (d, smooth) in average.values.iter().zip(average.over(half)) {
             slow += smooth * smooth;
             fast += (d - smooth).powi(2);
         }
@@ -144,15 +146,32 @@ fn slow_share(series: &[Series], half: usize) -> f64 {
     if slow + fast > 0.0 { slow / (slow + fast) } else { 0.0 }
 }
 
-/// Mean over `half` samples to either side, zeros beyond the ends: symmetric, so that it is its own transpose.
-fn average(x: &[f64], half: usize) -> Vec<f64> {
-    let length = (2 * half + 1) as f64;
-    let mut sums = Vec::with_capacity(x.len() + 1);
-    sums.push(0.0);
-    let mut sum = 0.0;
-    for x in x {
-        sum += x;
-        sums.push(sum);
+/// Moving averages of a series over any length.
+struct Average<'a> {
+    values: &'a [f64],
+    /// Sum of the values before each and of all, with as many zeros in front, and the sum of all behind, as the longest
+    /// average reaches.
+    sums: Vec<f64>,
+}
+
+impl Average<'_> {
+    fn of(values: &[f64]) -> Average<'_> {
+        let mut sum = 0.0;
+        let mut sums = Vec::with_capacity(values.len() + 1 + 2 * LONGEST);
+        sums.resize(LONGEST + 1, sum);
+        for x in values {
+            sum += x;
+            sums.push(sum);
+        }
+        sums.resize(values.len() + 1 + 2 * LONGEST, sum);
+        Average { values, sums }
     }
-    (0..x.len()).map(|k| (sums[(k + half + 1).min(x.len())] - sums[k.saturating_sub(half)]) / length).collect()
+
+    /// Mean over `half` samples to either side, zeros beyond the ends: symmetric, so that it is its own transpose.
+    fn over(&self, half: usize) -> Vec<f64> {
+        let n = self.values.len();
+        let length = (2 * half + 1) as f64;
+        let (from, to) = (&self.sums[LONGEST - half..][..n], &self.sums[LONGEST + half + 1..][..n]);
+        to.iter().zip(from).map(|(to, from)| (to - from) / length).collect()
+    }
 }

@@ -6,36 +6,30 @@ use super::pieces::{Piece, Stretch};
 use crate::input::{AXES, Horizontal};
 use flight::Flight;
 use record::Estimate;
-use signal::{
-    DelayError, DelayFit, DelaySettings, DelayStart, Gain, Measurement, NoiseModel, fit_delay, fit_delay_near,
-};
+use signal::{DelayError, DelayFit, DelaySettings, FoundNoise, Gain, Measurement, NoiseModel, fit_delay_with_noise};
 
-/// [`fit_delay`], once more with the noise that all components share, if theirs are alike, and that walks at least as fast
+/// [`signal::fit_delay`], once more with the noise that all components share, if theirs are alike, and that walks at least as fast
 /// as `walk` says (variance gained per second, unit²/s): the integral of a noisy rate does.
 pub(crate) fn fit_shared(
     measurements: &[Measurement],
     settings: &DelaySettings,
     walk: f64,
 ) -> Result<DelayFit, DelayError> {
-    let fit = fit_delay(measurements, settings)?;
-    let own = || fit.components.iter().map(|c| c.noise).collect::<Vec<NoiseModel>>();
-    let pooled = pooled(&fit);
-    let shared = pooled.map_or_else(own, |noise| vec![noise; measurements.len()]);
-    let walking: Vec<NoiseModel> =
-        shared.iter().zip(&fit.components).map(|(n, c)| at_least_walking(n, c, walk)).collect();
-    if pooled.is_none() && walking == shared {
-        return Ok(fit);
-    }
-    let start = DelayStart { delay_s: fit.delay_s, noise: walking, keep_noise: true };
-    Ok(DelayFit { second_minimum: fit.second_minimum, ..fit_delay_near(measurements, settings, &start)? })
+    fit_delay_with_noise(measurements, settings, |found| {
+        let pooled = pooled(found);
+        let shared: Vec<NoiseModel> = found.iter().map(|own| pooled.unwrap_or(own.model)).collect();
+        let walking = shared.iter().zip(found).map(|(noise, own)| at_least_walking(noise, own.t_used, walk));
+        let walking: Vec<NoiseModel> = walking.collect();
+        (pooled.is_some() || walking != shared).then_some(walking)
+    })
 }
 
 /// `noise`, or with a wander that gains `walk` each second and lasts far longer than the record, where it gains less.
-fn at_least_walking(noise: &NoiseModel, fit: &signal::ComponentFit, walk: f64) -> NoiseModel {
+fn at_least_walking(noise: &NoiseModel, t: &[f64], walk: f64) -> NoiseModel {
     const LONG: f64 = 10.0;
     const TRUSTED: f64 = 0.5;
     let own = if noise.wander_std > 0.0 { gained(noise) } else { 0.0 };
-    let (Some(first), Some(last)) = (fit.t_used.first(), fit.t_used.last()) else { return *noise };
+    let (Some(first), Some(last)) = (t.first(), t.last()) else { return *noise };
     // What the likelihood found is trusted where it walks about as fast; a wander that is shorter and larger is more.
     if own >= TRUSTED * walk || noise.wander_std.powi(2) >= walk * (last - first) {
         return *noise;
@@ -54,9 +48,8 @@ fn gained(m: &NoiseModel) -> f64 {
 
 /// What the noise of a rate integrates to: variance per second, of white noise of the size that fourth differences show,
 /// which motion hardly reaches.
-pub(crate) fn walk_of(rate: &Horizontal) -> f64 {
-    let mut steps: Vec<f64> = rate.t.windows(2).map(|w| w[1] - w[0]).collect();
-    let step_s = signal::median_by_selection(&mut steps).unwrap_or(0.0);
+pub(crate) fn walk_of(rate: &Horizontal, usual_step_s: Option<f64>) -> f64 {
+    let step_s = usual_step_s.unwrap_or(0.0);
     let size = |axis: usize| {
         let bends = rate.axes[axis].windows(5).map(|w| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]);
         signal::robust_sigma(&bends.collect::<Vec<f64>>()).unwrap_or(0.0) / 70_f64.sqrt()
@@ -68,11 +61,11 @@ pub(crate) fn walk_of(rate: &Horizontal) -> f64 {
 /// The noise that all components share, if theirs are alike: one from twice the data is known better than two. On the
 /// circuits of `flight_delay_study` that wander (60 s) 95 % intervals covered 91.8, 92.5 and 94 % without this, 93.8,
 /// 94.8 and 94.2 % with it (400 trials, ± 1.2 %).
-fn pooled(fit: &DelayFit) -> Option<NoiseModel> {
-    let noises: Vec<NoiseModel> = fit.components.iter().map(|c| c.noise).collect();
-    let n: f64 = fit.components.iter().map(|c| c.t_used.len() as f64).sum();
+fn pooled(found: &[FoundNoise]) -> Option<NoiseModel> {
+    let noises: Vec<NoiseModel> = found.iter().map(|c| c.model).collect();
+    let n: f64 = found.iter().map(|c| c.t_used.len() as f64).sum();
     let mean = |of: &dyn Fn(&NoiseModel) -> f64| {
-        let logs = noises.iter().zip(&fit.components).map(|(m, c)| of(m).ln() * c.t_used.len() as f64);
+        let logs = noises.iter().zip(found).map(|(m, c)| of(m).ln() * c.t_used.len() as f64);
         (logs.sum::<f64>() / n).exp()
     };
     let alike = |of: &dyn Fn(&NoiseModel) -> f64, ratio: f64| {

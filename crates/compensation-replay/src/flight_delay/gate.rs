@@ -33,9 +33,8 @@ const ABOVE_NOISE: f64 = 1.5;
 
 /// What the noise of a rate (m/s or m/s²) alone would make of [`Motion::unsteady`]: of white noise of the size that second
 /// differences show.
-pub(crate) fn noise_of_motion(rate: &Horizontal) -> f64 {
-    let mut steps: Vec<f64> = rate.t.windows(2).map(|w| w[1] - w[0]).collect();
-    let step_s = signal::median_by_selection(&mut steps).unwrap_or(MEAN_S);
+pub(crate) fn noise_of_motion(rate: &Horizontal, usual_step_s: Option<f64>) -> f64 {
+    let step_s = usual_step_s.unwrap_or(MEAN_S);
     let bends = |axis: usize| -> f64 {
         let bends: Vec<f64> = rate.axes[axis].windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
         signal::robust_sigma(&bends).unwrap_or(0.0) / 6_f64.sqrt()
@@ -211,8 +210,7 @@ const LEAST_FORCE_RATIO: f64 = 4.0;
 
 /// Why an acceleration is sampled too slowly to be a datum (delay network, section 3); `None` if it is not.
 pub(crate) fn too_slow_for_datum(force: &Horizontal) -> Option<String> {
-    let mut steps: Vec<f64> = force.t.windows(2).map(|w| w[1] - w[0]).collect();
-    let rate_hz = 1.0 / signal::median_by_selection(&mut steps).filter(|s| *s > 0.0)?;
+    let rate_hz = 1.0 / super::pieces::usual_step_s(&force.t).filter(|s| *s > 0.0)?;
     if rate_hz < LEAST_FORCE_HZ {
         return Some(format!("the IMU is logged at {rate_hz:.1} Hz, and at least {LEAST_FORCE_HZ} Hz are needed"));
     }
@@ -222,8 +220,8 @@ pub(crate) fn too_slow_for_datum(force: &Horizontal) -> Option<String> {
         let motion = spectrum.frequency_hz.iter().zip(&spectrum.power).filter(|(f, _)| **f <= MOTION_HZ);
         let mut power: Vec<(f64, f64)> = motion.map(|(f, p)| (*f, *p)).collect();
         // What the upper half holds throughout is noise.
-        let mut upper: Vec<f64> = power[power.len() / 2..].iter().map(|p| p.1).collect();
-        let floor = signal::median_by_selection(&mut upper).unwrap_or(0.0) / MEDIAN_OF_EXPONENTIAL;
+        let upper: Vec<f64> = power[power.len() / 2..].iter().map(|p| p.1).collect();
+        let floor = signal::median_by_selection(&upper).unwrap_or(0.0) / MEDIAN_OF_EXPONENTIAL;
         power.iter_mut().for_each(|p| p.1 = (p.1 - floor).max(0.0));
         let total: f64 = power.iter().map(|p| p.1).sum();
         let mut sum = 0.0;

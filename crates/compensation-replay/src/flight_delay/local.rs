@@ -109,8 +109,10 @@ pub(crate) fn prepare(
 fn median_fix(channel: &Channel) -> Geodetic {
     let mut rows = channel.update_rows();
     let latitude = channel.series.component(0);
-    rows.sort_by(|a, b| latitude[*a].total_cmp(&latitude[*b]));
-    geodetic(channel, rows[rows.len() / 2])
+    let middle = rows.len() / 2;
+    let by_latitude = |a: &usize, b: &usize| latitude[*a].total_cmp(&latitude[*b]).then(a.cmp(b));
+    let (_, row, _) = rows.select_nth_unstable_by(middle, by_latitude);
+    geodetic(channel, *row)
 }
 
 fn geodetic(channel: &Channel, row: usize) -> Geodetic {
@@ -237,8 +239,8 @@ fn turn([w, x, y, z]: Quaternion, v: [f64; 3]) -> [f64; 3] {
 
 /// Every n-th sample, so that no more than `most` are left, and about no more than `most_hz` a second, and n; said.
 fn thinned(all: Horizontal, (most, most_hz): (usize, f64), name: &str, notices: &mut Notices) -> (Horizontal, usize) {
-    let mut steps: Vec<f64> = all.t.windows(2).map(|w| w[1] - w[0]).collect();
-    let usual_s = signal::median_by_selection(&mut steps).unwrap_or(1.0);
+    let steps: Vec<f64> = all.t.windows(2).map(|w| w[1] - w[0]).collect();
+    let usual_s = signal::median_by_selection(&steps).unwrap_or(1.0);
     // A little above the rate is as good.
     let by_rate = (1.0 / (usual_s * most_hz) + 1e-6).floor();
     let by_rate = if by_rate.is_finite() { by_rate.max(1.0) as usize } else { 1 };

@@ -107,7 +107,8 @@ fn delay_of(
         false => None,
     };
     let second = despiked.as_ref().unwrap_or(&prepared.second);
-    let ranges = pieces::stretches(&second.t, pieces::longest_gap(&second.t, settings));
+    let step_s = pieces::usual_step_s(&second.t);
+    let ranges = pieces::stretches(&second.t, pieces::longest_gap(step_s, settings));
     let stretches = pieces::references(second, &ranges, prepared.integrate, body.as_ref());
     let mut coarse = coarse_delay(&prepared.first, &stretches, settings, &names)?;
     let mut cut = pieces::pieces(&prepared, &stretches, coarse.delay_s, &names, notices);
@@ -115,11 +116,11 @@ fn delay_of(
     finding.excitation = Some(offer.clone());
     let acceleration = !matches!(pair.second, Second::Velocity(_) | Second::Position(_));
     let motion = gate::motion(&prepared.first, &cut, &stretches, coarse.delay_s, acceleration);
-    let noise = if prepared.integrate { gate::noise_of_motion(second) } else { 0.0 };
+    let noise = if prepared.integrate { gate::noise_of_motion(second, step_s) } else { 0.0 };
     if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
         return Err(reason.into());
     }
-    let walk = if matches!(pair.second, Second::Velocity(_)) { walk_of(second) } else { 0.0 };
+    let walk = if matches!(pair.second, Second::Velocity(_)) { walk_of(second, step_s) } else { 0.0 };
     let constant = |cut: &[Piece], coarse: &Coarse| {
         let record = Record::of(&prepared, cut, &stretches);
         let fit = fit_of_rivals(&record.measurements(), (&settings_about(coarse.delay_s), walk), coarse);

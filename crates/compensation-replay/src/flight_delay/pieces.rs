@@ -94,10 +94,14 @@ pub(crate) fn stretches(t: &[f64], gap_s: f64) -> Vec<Range<usize>> {
 }
 
 /// The longest gap that is bridged: 2.5 usual intervals, and half a second.
-pub(crate) fn longest_gap(t: &[f64], settings: &FlightDelaySettings) -> f64 {
-    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    let usual = signal::median_by_selection(&mut steps).unwrap_or(0.0);
-    settings.bridge_s.unwrap_or((2.5 * usual).max(0.5))
+pub(crate) fn longest_gap(usual_step_s: Option<f64>, settings: &FlightDelaySettings) -> f64 {
+    settings.bridge_s.unwrap_or((2.5 * usual_step_s.unwrap_or(0.0)).max(0.5))
+}
+
+/// The median interval between stamps, s; `None` without any.
+pub(crate) fn usual_step_s(t: &[f64]) -> Option<f64> {
+    let steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+    signal::median_by_selection(&steps)
 }
 
 /// What an accelerometer's bias is known to before the fit, m/s²: tilt errors of some degrees look like one.
@@ -244,7 +248,7 @@ fn moving_part((t, speed): &(Vec<f64>, Vec<f64>)) -> (f64, f64) {
     let mut first = true;
     while a < t.len() {
         let b = t.partition_point(|x| *x < t[a] + LOOK_S).max(a + 1);
-        if signal::median_by_selection(&mut speed[a..b].to_vec()).is_some_and(|v| v > MOVES_MPS) {
+        if signal::median_by_selection(&speed[a..b]).is_some_and(|v| v > MOVES_MPS) {
             if first {
                 (from, first) = (t[a], false);
             }

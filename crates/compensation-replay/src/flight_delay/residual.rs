@@ -68,7 +68,8 @@ impl TrackFitter {
             ));
         }
         let names = Names { first: "the output", second: "the velocity" };
-        let ranges = pieces::stretches(&prepared.second.t, pieces::longest_gap(&prepared.second.t, &settings));
+        let step_s = pieces::usual_step_s(&prepared.second.t);
+        let ranges = pieces::stretches(&prepared.second.t, pieces::longest_gap(step_s, &settings));
         let stretches = pieces::references(&prepared.second, &ranges, true, None);
         let coarse = super::coarse::coarse_delay(&prepared.first, &stretches, search_s)
             .ok_or("output and velocity do not overlap for long enough at any delay searched")?
@@ -77,7 +78,7 @@ impl TrackFitter {
         let cut = pieces::pieces(prepared, &stretches, coarse, &names, &mut Notices::new());
         let mut offer = gate::excitation(&prepared.first, &cut, &stretches, coarse, &prepared.speed.1);
         let motion = gate::motion(&prepared.first, &cut, &stretches, coarse, false);
-        let noise = gate::noise_of_motion(&prepared.second);
+        let noise = gate::noise_of_motion(&prepared.second, step_s);
         if let Some(reason) = gate::refuse_motion(&offer, &motion, noise, &prepared.speed.1) {
             return Err(reason);
         }
@@ -99,7 +100,7 @@ impl TrackFitter {
             skew: false,
             robust: true,
         };
-        let fit = fit_shared(&measurements, &delay_settings, super::fit::walk_of(&prepared.second))
+        let fit = fit_shared(&measurements, &delay_settings, super::fit::walk_of(&prepared.second, step_s))
             .map_err(|e| e.to_string())?;
         offer.predicted_s = Some(fit.crlb_s);
         offer.unexplained_share = gate::unexplained_share(&prepared.first, &cut, &stretches, fit.delay_s);

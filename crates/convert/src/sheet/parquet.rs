@@ -1,36 +1,240 @@
-//! Sheets as Parquet. The one file that knows polars, which can panic on odd input: callers run it where a panic is
-//! caught.
+//! Sheets as Parquet files. The one file that knows the `parquet` crate.
 
-use super::{Cells, Sheet};
-use polars::prelude::{Column, DataFrame, IntoColumn, KeyValueMetadata, NamedFrom, ParquetWriter, Series};
+use super::{Cells, Sheet, SheetColumn};
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Stored, ZstdLevel};
+use parquet::column::reader::get_typed_column_reader;
+use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
+use parquet::schema::types::{Type, TypePtr};
+use std::collections::BTreeMap;
+use std::fs::File;
 use std::io::{self, Write};
+use std::sync::Arc;
 
-/// Writes a sheet. Bytes depend on the sheet alone: one thread, and nothing in the metadata but the schema.
+/// Rows of a row group: a reader that wants a part of a long table reads no more than these at a time.
+const ROWS_OF_A_GROUP: usize = 1 << 18;
+
+/// Writes a sheet. Bytes depend on the sheet and the build alone.
 ///
 /// # Errors
 /// What the writer says, and columns of unequal length.
-pub fn write_parquet(sheet: &Sheet, file: impl Write) -> io::Result<()> {
+pub fn write_parquet(sheet: &Sheet, file: impl Write + Send) -> io::Result<()> {
     write_parquet_about(sheet, &[], file)
 }
 
 /// As [`write_parquet`], with texts by name in the file's metadata.
-pub(crate) fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl Write) -> io::Result<()> {
-    let about = (!about.is_empty()).then(|| KeyValueMetadata::from_static(about.to_vec()));
-    let columns: Vec<Column> = sheet.columns.iter().map(|c| column(&c.name, &c.cells)).collect();
-    let mut frame = DataFrame::new(sheet.rows(), columns).map_err(io::Error::other)?;
-    ParquetWriter::new(file)
-        .set_parallel(false)
-        .with_key_value_metadata(about)
-        .finish(&mut frame)
-        .map(drop)
-        .map_err(io::Error::other)
+pub(crate) fn write_parquet_about(
+    sheet: &Sheet,
+    about: &[(String, String)],
+    file: impl Write + Send,
+) -> io::Result<()> {
+    let rows = sheet.rows();
+    if let Some(other) = sheet.columns.iter().find(|c| c.cells.len() != rows) {
+        return Err(io::Error::other(format!("column {} has {} rows, not {rows}", other.name, other.cells.len())));
+    }
+    let about: Vec<KeyValue> = about.iter().map(|(key, text)| KeyValue::new(key.clone(), text.clone())).collect();
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::ZSTD(ZstdLevel::default()))
+        .set_key_value_metadata((!about.is_empty()).then_some(about))
+        .build();
+    let mut writer = SerializedFileWriter::new(file, schema(sheet)?, Arc::new(properties))?;
+    for from in (0..rows).step_by(ROWS_OF_A_GROUP) {
+        let rows = from..rows.min(from + ROWS_OF_A_GROUP);
+        let mut group = writer.next_row_group()?;
+        for column in &sheet.columns {
+            let Some(mut out) = group.next_column()? else { break };
+            match &column.cells {
+                Cells::I64(v) => write_column::<Int64Type, _>(&mut out, &v[rows.clone()], |x| *x)?,
+                Cells::U64(v) => write_column::<Int64Type, _>(&mut out, &v[rows.clone()], |x| x.cast_signed())?,
+                Cells::F64(v) => write_column::<DoubleType, _>(&mut out, &v[rows.clone()], |x| *x)?,
+                Cells::Text(v) => {
+                    write_column::<ByteArrayType, _>(&mut out, &v[rows.clone()], |x| ByteArray::from(x.as_str()))?;
+                }
+            }
+            out.close()?;
+        }
+        group.close()?;
+    }
+    writer.close()?;
+    Ok(())
 }
 
-fn column(name: &str, cells: &Cells) -> Column {
-    match cells {
-        Cells::I64(v) => Series::new(name.into(), v.as_slice()).into_column(),
-        Cells::U64(v) => Series::new(name.into(), v.as_slice()).into_column(),
-        Cells::F64(v) => Series::new(name.into(), v.as_slice()).into_column(),
-        Cells::Text(v) => Series::new(name.into(), v.as_slice()).into_column(),
+fn schema(sheet: &Sheet) -> io::Result<TypePtr> {
+    let field = |column: &SheetColumn| {
+        let (stored, meant) = match &column.cells {
+            Cells::I64(_) => (Stored::INT64, None),
+            Cells::U64(_) => (Stored::INT64, Some(LogicalType::integer(64, false))),
+            Cells::F64(_) => (Stored::DOUBLE, None),
+            Cells::Text(_) => (Stored::BYTE_ARRAY, Some(LogicalType::String)),
+        };
+        let builder = Type::primitive_type_builder(&column.name, stored);
+        builder.with_repetition(Repetition::OPTIONAL).with_logical_type(meant).build().map(Arc::new)
+    };
+    let fields: Vec<TypePtr> = sheet.columns.iter().map(field).collect::<Result<_, _>>()?;
+    Ok(Arc::new(Type::group_type_builder("root").with_fields(fields).build()?))
+}
+
+/// Cells that are there, and for each cell whether it is: the definition level, 1 or 0.
+fn write_column<T: DataType, C>(
+    out: &mut SerializedColumnWriter<'_>,
+    cells: &[Option<C>],
+    stored: impl Fn(&C) -> T::T,
+) -> io::Result<()> {
+    let levels: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
+    let values: Vec<T::T> = cells.iter().flatten().map(stored).collect();
+    out.typed::<T>().write_batch(&values, Some(&levels), None)?;
+    Ok(())
+}
+
+/// A table that was read, and what its file says of itself, by name.
+pub(crate) struct ReadTable {
+    pub(crate) sheet: Sheet,
+    pub(crate) about: BTreeMap<String, String>,
+}
+
+/// Reads a flat table of integers, numbers and texts, as [`write_parquet`] writes it.
+///
+/// # Errors
+/// The file is no Parquet file, is damaged, or holds columns of other types.
+pub(crate) fn read_parquet(file: File) -> io::Result<ReadTable> {
+    let reader = SerializedFileReader::new(file)?;
+    let metadata = reader.metadata().file_metadata();
+    let about = metadata.key_value_metadata().into_iter().flatten();
+    let about = about.filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?))).collect();
+    let mut sheet = Sheet::default();
+    for (number, column) in metadata.schema_descr().columns().iter().enumerate() {
+        let unsigned = matches!(column.logical_type_ref(), Some(LogicalType::Integer(i)) if !i.is_signed);
+        let cells = match column.physical_type() {
+            Stored::INT64 if unsigned => {
+                Cells::U64(read_column::<Int64Type, _>(&reader, number, |x| Ok(x.cast_unsigned()))?)
+            }
+            Stored::INT64 => Cells::I64(read_column::<Int64Type, _>(&reader, number, |x| Ok(*x))?),
+            Stored::DOUBLE => Cells::F64(read_column::<DoubleType, _>(&reader, number, |x| Ok(*x))?),
+            Stored::BYTE_ARRAY => {
+                Cells::Text(read_column::<ByteArrayType, _>(&reader, number, |x| Ok(x.as_utf8()?.to_owned()))?)
+            }
+            other => return Err(io::Error::other(format!("column {} holds {other} values", column.name()))),
+        };
+        sheet.push(column.name(), cells);
+    }
+    Ok(ReadTable { sheet, about })
+}
+
+/// One column of all row groups.
+fn read_column<T: DataType, C>(
+    reader: &SerializedFileReader<File>,
+    number: usize,
+    meant: impl Fn(&T::T) -> io::Result<C>,
+) -> io::Result<Vec<Option<C>>> {
+    let mut cells = vec![];
+    for group in 0..reader.num_row_groups() {
+        let mut column = get_typed_column_reader::<T>(reader.get_row_group(group)?.get_column_reader(number)?);
+        let (mut levels, mut values) = (vec![], vec![]);
+        column.read_records(usize::MAX, Some(&mut levels), None, &mut values)?;
+        if levels.is_empty() {
+            // A column that may not be empty has no levels.
+            levels.resize(values.len(), 1);
+        }
+        let mut values = values.iter();
+        for level in levels {
+            cells.push(if level == 0 { None } else { values.next().map(&meant).transpose()? });
+        }
+    }
+    Ok(cells)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use polars::prelude::{DataFrame, ParquetReader, SerReader};
+
+    fn every_kind() -> Sheet {
+        let mut sheet = Sheet::default();
+        sheet.push("stamp_ns", Cells::I64(vec![Some(i64::MIN), None, Some(1_700_000_000_123_456_789), Some(-1)]));
+        sheet.push("count", Cells::U64(vec![Some(u64::MAX), Some(0), None, Some(7)]));
+        sheet.push("north_m", Cells::F64(vec![Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)]));
+        let text = |s: &str| Some(s.to_owned());
+        sheet.push("text", Cells::Text(vec![text(""), text("Grüße, 高度"), None, text("=1+1")]));
+        sheet.push("nothing_m", Cells::F64(vec![None; 4]));
+        sheet
+    }
+
+    fn written(sheet: &Sheet) -> (File, Vec<u8>) {
+        let mut bytes = vec![];
+        write_parquet_about(sheet, &[("about".to_owned(), "a text".to_owned())], &mut bytes).unwrap();
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(&bytes).unwrap();
+        (file, bytes)
+    }
+
+    /// Cells of numbers as bits: a NaN is no NaN's equal.
+    fn bits(sheet: &Sheet) -> Vec<(String, Vec<Option<u64>>)> {
+        let of = |c: &SheetColumn| match &c.cells {
+            Cells::F64(v) => v.iter().map(|x| x.map(f64::to_bits)).collect(),
+            Cells::I64(v) => v.iter().map(|x| x.map(i64::cast_unsigned)).collect(),
+            Cells::U64(v) => v.clone(),
+            Cells::Text(_) => vec![],
+        };
+        sheet.columns.iter().map(|c| (c.name.clone(), of(c))).collect()
+    }
+
+    #[test]
+    fn a_table_is_read_back_to_the_bit() {
+        let sheet = every_kind();
+        let read = read_parquet(written(&sheet).0).unwrap();
+        assert_eq!(bits(&read.sheet), bits(&sheet));
+        assert_eq!(read.sheet.cells("text"), sheet.cells("text"));
+        assert_eq!(read.about.get("about").map(String::as_str), Some("a text"));
+    }
+
+    #[test]
+    fn polars_reads_the_same_table() {
+        let frame: DataFrame = ParquetReader::new(written(&every_kind()).0).finish().unwrap();
+        let stamps = frame.column("stamp_ns").unwrap().i64().unwrap().to_vec();
+        assert_eq!(stamps, [Some(i64::MIN), None, Some(1_700_000_000_123_456_789), Some(-1)]);
+        let counts = frame.column("count").unwrap().u64().unwrap().to_vec();
+        assert_eq!(counts, [Some(u64::MAX), Some(0), None, Some(7)]);
+        let bits = |name: &str| -> Vec<Option<u64>> {
+            frame.column(name).unwrap().f64().unwrap().iter().map(|x| x.map(f64::to_bits)).collect()
+        };
+        assert_eq!(bits("north_m"), [Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)].map(|x| x.map(f64::to_bits)));
+        assert_eq!(bits("nothing_m"), [None; 4]);
+        let texts: Vec<Option<&str>> = frame.column("text").unwrap().str().unwrap().iter().collect();
+        assert_eq!(texts, [Some(""), Some("Grüße, 高度"), None, Some("=1+1")]);
+    }
+
+    #[test]
+    fn a_table_of_two_row_groups_keeps_its_order() {
+        let stamps: Vec<Option<i64>> = (0..ROWS_OF_A_GROUP as i64 + 3).map(Some).collect();
+        let mut sheet = Sheet::default();
+        sheet.push("stamp_ns", Cells::I64(stamps));
+        let (file, bytes) = written(&sheet);
+        assert_eq!(read_parquet(file).unwrap().sheet, sheet);
+        assert_eq!(bytes, written(&sheet).1, "the same table gives the same bytes");
+    }
+
+    #[test]
+    fn a_table_without_rows_keeps_its_columns() {
+        let mut sheet = Sheet::default();
+        sheet.push("stamp_ns", Cells::I64(vec![]));
+        sheet.push("text", Cells::Text(vec![]));
+        assert_eq!(read_parquet(written(&sheet).0).unwrap().sheet, sheet);
+    }
+
+    #[test]
+    fn columns_of_unequal_length_and_files_that_are_cut_are_refused() {
+        let mut sheet = every_kind();
+        sheet.push("short", Cells::I64(vec![Some(1)]));
+        let said = write_parquet(&sheet, &mut vec![]).unwrap_err().to_string();
+        assert_eq!(said, "column short has 1 rows, not 4");
+        let (_, bytes) = written(&every_kind());
+        for length in [0, 3, 8, bytes.len() / 2, bytes.len() - 1] {
+            let mut file = tempfile::tempfile().unwrap();
+            file.write_all(&bytes[..length]).unwrap();
+            assert!(read_parquet(file).is_err(), "{length} bytes");
+        }
     }
 }

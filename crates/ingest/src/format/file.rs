@@ -4,10 +4,10 @@
 use crate::bytes::is_zero;
 use crate::error::IngestError;
 use crate::format::MOST_ZEROS;
+use crate::platform::read_exact_at;
 use crate::reader::ReadContext;
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -190,7 +190,7 @@ impl LogFile {
 
 /// Fills `space` from a place in the file, which had these bytes when it was opened.
 pub(crate) fn read_exactly(file: &File, name: &str, space: &mut [u8], from: u64) -> Result<(), IngestError> {
-    file.read_exact_at(space, from).map_err(|source| match source.kind() {
+    read_exact_at(file, space, from).map_err(|source| match source.kind() {
         io::ErrorKind::UnexpectedEof => IngestError::Changed { file: name.to_owned() },
         _ => IngestError::Io { file: name.to_owned(), offset: from, source },
     })

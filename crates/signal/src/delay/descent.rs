@@ -55,7 +55,17 @@ impl Alignment<'_> {
     /// Walks down from `from` until a step is below `enough` standard uncertainties; `None` if the delay has no
     /// influence there.
     pub(crate) fn descend(&mut self, from: Lateness, enough: f64) -> Option<Descent> {
-        let (mut at, mut normal) = (from, self.normal(&from));
+        let normal = self.normal(&from);
+        self.walk(from, normal, enough)
+    }
+
+    /// [`Alignment::descend`] from where the last descent of these blocks ended.
+    pub(crate) fn descend_further(&mut self, last: Descent, enough: f64) -> Option<Descent> {
+        self.walk(last.at, last.normal, enough)
+    }
+
+    /// The columns of the blocks are those at `at`, where the normal equations are `normal`.
+    fn walk(&mut self, mut at: Lateness, mut normal: Normal, enough: f64) -> Option<Descent> {
         for steps in 1..=MOST_STEPS {
             let step = normal.step(0.0, [true; MOST_CURVED])?;
             let hessian_s = self.curvature_s(&normal);

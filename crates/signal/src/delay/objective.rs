@@ -56,7 +56,8 @@ fn aligned<'a>(
         let every = kept.len().div_ceil(most_samples.max(1)).max(1);
         kept = kept.into_iter().step_by(every).collect();
         let weights: Vec<f64> = kept.iter().map(|&k| f.weights[k]).collect();
-        Block::new(m, kept.iter().map(|&k| f.used_rows[k]).collect(), &f.noise, Some(&weights), derivatives)
+        let held_back = weights.iter().any(|w| *w < 1.0).then_some(weights.as_slice());
+        Block::new(m, kept.iter().map(|&k| f.used_rows[k]).collect(), &f.noise, held_back, derivatives)
     });
     let alignment = Alignment { measurements: components, blocks: blocks.collect(), middle_s: fit.middle_s };
     (alignment, skew)

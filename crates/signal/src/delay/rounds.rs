@@ -5,8 +5,8 @@ use super::descent::{Alignment, Descent, Lateness};
 use super::search::{self, Scan};
 use super::uncertainty::{Conditions, Uncertainties, uncertainties};
 use super::{
-    ComponentFit, DelayError, DelayFit, DelaySettings, DelayStart, Gain, LEAST_SAMPLES, Measurement, OtherMinimum,
-    Uncertain,
+    ComponentFit, DelayError, DelayFit, DelaySettings, DelayStart, FoundNoise, Gain, LEAST_SAMPLES, Measurement,
+    OtherMinimum, Uncertain,
 };
 use crate::noise::{NoiseFit, NoiseProblem, NoiseRule, orthonormal_to};
 use crate::reference::Reference;
@@ -41,7 +41,12 @@ struct Fitting<'a> {
     keep_noise: bool,
 }
 
-pub(crate) fn fit(measurements: &[Measurement], settings: &DelaySettings) -> Result<DelayFit, DelayError> {
+/// With the noise that `revise` makes of the noise found, if it makes any, the fit ends there.
+pub(crate) fn fit(
+    measurements: &[Measurement],
+    settings: &DelaySettings,
+    revise: impl Fn(&[FoundNoise]) -> Option<Vec<NoiseModel>>,
+) -> Result<DelayFit, DelayError> {
     let delays = search::delays(settings)?;
     let (from_s, to_s) = (delays[0], delays[delays.len() - 1]);
     let unknown = search::scan(measurements, &delays, None, (0.0, 0.0))?;
@@ -54,6 +59,12 @@ pub(crate) fn fit(measurements: &[Measurement], settings: &DelaySettings) -> Res
         let at = Lateness { delay_s: better.delay_s, ..found.descent.at };
         let state = State { at, noise: fitting.first_noise(&at)?, weights: None };
         found = fitting.from(state, None, found.scan.clone())?;
+    }
+    let noise = found.state.noise.iter().zip(&found.alignment.blocks);
+    let noise: Vec<FoundNoise> = noise.map(|(n, b)| FoundNoise { model: n.model, t_used: &b.t }).collect();
+    if let Some(noise) = revise(&noise) {
+        let start = DelayStart { delay_s: found.descent.at.delay_s, noise, keep_noise: true };
+        return Ok(DelayFit { second_minimum: found.second, ..fit_near(measurements, settings, &start)? });
     }
     fitting.report(found).ok_or(DelayError::NoExcitation)
 }
@@ -109,7 +120,7 @@ impl<'a> Fitting<'a> {
             state.at = descent.at;
             guard_s = (2.0 * moved).min(guard_s);
             if steady || round == MOST_ROUNDS {
-                let descent = alignment.descend(state.at, 1e-9).ok_or(DelayError::NoExcitation)?;
+                let descent = alignment.descend_further(descent, 1e-9).ok_or(DelayError::NoExcitation)?;
                 steps += descent.steps;
                 state.at = descent.at;
                 let second = self.second_minimum(&state, &scan, &descent);
@@ -118,7 +129,7 @@ impl<'a> Fitting<'a> {
             self.update_noise(&mut state, &alignment, &descent, round == 1);
             if self.keep_noise && state.weights.is_none() && moved < self.settings.search_step_s {
                 // Neither noise nor weights changed: another round would repeat this one.
-                let descent = alignment.descend(state.at, 1e-9).ok_or(DelayError::NoExcitation)?;
+                let descent = alignment.descend_further(descent, 1e-9).ok_or(DelayError::NoExcitation)?;
                 steps += descent.steps;
                 state.at = descent.at;
                 return Ok(Found { alignment, state, descent, steps, scan, second: None });
@@ -188,17 +199,18 @@ impl<'a> Fitting<'a> {
     fn update_noise(&self, state: &mut State, alignment: &Alignment, descent: &Descent, rough: bool) {
         for c in 0..self.measurements.len() {
             let weighted = state.weights.as_ref().is_some_and(|w| w[c].iter().any(|w| *w < 1.0));
+            let raw = Raw::of(alignment, c, &descent.at, &descent.normal);
             if !weighted {
-                self.update_noise_of(c, state, (alignment, descent), rough);
+                self.update_noise_of(c, state, (alignment, &raw), rough);
             }
-            if self.settings.robust && self.update_weights_of(c, state, alignment, descent) {
-                self.update_noise_of(c, state, (alignment, descent), rough);
+            if self.settings.robust && self.update_weights_of(c, state, alignment, &raw) {
+                self.update_noise_of(c, state, (alignment, &raw), rough);
             }
         }
     }
 
     /// With `rough` the wander is looked for among few samples only.
-    fn update_noise_of(&self, c: usize, state: &mut State, (alignment, descent): (&Alignment, &Descent), rough: bool) {
+    fn update_noise_of(&self, c: usize, state: &mut State, (alignment, raw): (&Alignment, &Raw), rough: bool) {
         if self.keep_noise {
             return;
         }
@@ -207,9 +219,10 @@ impl<'a> Fitting<'a> {
             return;
         }
         let block = &alignment.blocks[c];
-        let (residuals, regressors) = raw_columns(alignment, c, &descent.at, &descent.normal);
+        let regressors = raw.regressors(alignment, c);
         let weights: Option<Vec<f64>> = state.weights.as_ref().map(|w| block.rows.iter().map(|&k| w[c][k]).collect());
-        let problem = NoiseProblem::new(&block.t, &regressors, &residuals, weights.as_deref().map(|w| (w, KEPT_POWER)));
+        let weights = weights.as_deref().map(|w| (w, KEPT_POWER));
+        let problem = NoiseProblem::new(&block.t, &regressors, &raw.residuals, weights);
         let fit = match self.settings.noise {
             NoiseRule::WanderAndWhite => problem.wander_and_white(Some(&state.noise[c]), rough),
             _ => problem.white(),
@@ -218,10 +231,10 @@ impl<'a> Fitting<'a> {
     }
 
     /// Huber weights of the rows of component `c` under the noise of `state`; whether any is below 1.
-    fn update_weights_of(&self, c: usize, state: &mut State, alignment: &Alignment, descent: &Descent) -> bool {
+    fn update_weights_of(&self, c: usize, state: &mut State, alignment: &Alignment, raw: &Raw) -> bool {
         let block = &alignment.blocks[c];
         let before: Option<Vec<f64>> = state.weights.as_ref().map(|w| block.rows.iter().map(|&k| w[c][k]).collect());
-        let mut z = whitened_residuals(alignment, c, descent, &state.noise[c].model, before.as_deref());
+        let mut z = whitened_residuals(alignment, c, &raw.residuals, &state.noise[c].model, before.as_deref());
         if let Some(weights) = &before {
             z.iter_mut().zip(weights).for_each(|(z, w)| *z /= w.sqrt());
         }
@@ -347,22 +360,36 @@ fn component_fit(
     }
 }
 
-/// Values less gain times reference and shared columns, and the columns that the fit took out of them: rate, skew, value
-/// (if the gain is free), shared columns, offset, drift.
-fn raw_columns(alignment: &Alignment, c: usize, at: &Lateness, normal: &Normal) -> (Vec<f64>, Vec<Vec<f64>>) {
-    let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
-    let shape = Shape::of(alignment, c, at, normal);
-    let residuals = block.rows.iter().zip(&shape.modelled).map(|(&k, r)| m.y[k] - r).collect();
-    let mut regressors = nuisance_columns(&block.t, m.drift, alignment.middle_s);
-    if let Gain::Free { .. } = m.gain {
-        regressors.push(shape.values);
+/// One component before it is whitened: values less gain times reference and shared columns, and the model's shape.
+struct Raw {
+    residuals: Vec<f64>,
+    shape: Shape,
+}
+
+impl Raw {
+    fn of(alignment: &Alignment, c: usize, at: &Lateness, normal: &Normal) -> Raw {
+        let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
+        let shape = Shape::of(alignment, c, at, normal);
+        let residuals = block.rows.iter().zip(&shape.modelled).map(|(&k, r)| m.y[k] - r).collect();
+        Raw { residuals, shape }
     }
-    regressors.extend(shape.shared);
-    if block.columns.len() > 2 {
-        regressors.push(shape.slope.iter().zip(&block.t).map(|(rate, t)| rate * (t - alignment.middle_s)).collect());
+
+    /// The columns that the fit took out of the values: offset, drift, value (if the gain is free), shared columns, skew,
+    /// rate.
+    fn regressors(&self, alignment: &Alignment, c: usize) -> Vec<Vec<f64>> {
+        let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
+        let mut regressors = nuisance_columns(&block.t, m.drift, alignment.middle_s);
+        if let Gain::Free { .. } = m.gain {
+            regressors.push(self.shape.values.clone());
+        }
+        regressors.extend_from_slice(&self.shape.shared);
+        let slope = &self.shape.slope;
+        if block.columns.len() > 2 {
+            regressors.push(slope.iter().zip(&block.t).map(|(rate, t)| rate * (t - alignment.middle_s)).collect());
+        }
+        regressors.push(slope.clone());
+        regressors
     }
-    regressors.push(shape.slope);
-    (residuals, regressors)
 }
 
 /// What the model says of one component, not whitened.
@@ -406,17 +433,17 @@ impl Shape {
     }
 }
 
-/// Whitened residuals of component `c` under another noise than that of its block.
+/// `residuals` of component `c` whitened under another noise than that of its block.
 fn whitened_residuals(
     alignment: &Alignment,
     c: usize,
-    descent: &Descent,
+    residuals: &[f64],
     noise: &NoiseModel,
     weights: Option<&[f64]>,
 ) -> Vec<f64> {
     let (block, m) = (&alignment.blocks[c], &alignment.measurements[c]);
     let filter = WhiteningFilter::new(&block.t, noise, weights);
-    let (mut residuals, _) = raw_columns(alignment, c, &descent.at, &descent.normal);
+    let mut residuals = residuals.to_vec();
     filter.apply([&mut residuals]);
     let mut basis: Vec<Vec<f64>> = vec![];
     for mut column in nuisance_columns(&block.t, m.drift, alignment.middle_s) {

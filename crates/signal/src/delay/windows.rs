@@ -66,6 +66,8 @@ struct Part {
     steps: Steps,
     wander: [f64; 4],
     gram: [[f64; 4]; 4],
+    /// Whether any row of the fit is held back.
+    weighted: bool,
 }
 
 const DELAY: usize = 0;
@@ -77,7 +79,8 @@ impl Window {
     fn new(fit: &DelayFit, from_s: f64) -> Window {
         let part = |c: &ComponentFit| {
             let first = c.t_used.partition_point(|t| *t < from_s);
-            Part { first, next: first, steps: Steps::new(&c.noise), wander: [0.0; 4], gram: [[0.0; 4]; 4] }
+            let weighted = c.weights.iter().any(|w| *w < 1.0);
+            Part { first, next: first, steps: Steps::new(&c.noise), wander: [0.0; 4], gram: [[0.0; 4]; 4], weighted }
         };
         Window { parts: fit.components.iter().map(part).collect() }
     }
@@ -85,11 +88,10 @@ impl Window {
     /// Takes the rows before `to_s` in.
     fn extend(&mut self, fit: &DelayFit, to_s: f64) {
         for (part, c) in self.parts.iter_mut().zip(&fit.components) {
-            let weighted = c.weights.iter().any(|w| *w < 1.0);
             while let Some(t) = c.t_used.get(part.next).filter(|t| **t < to_s) {
                 let k = part.next;
                 let interval = c.t_used.get(k + 1).map_or(f64::INFINITY, |next| next - t);
-                let step = part.steps.next(interval, weighted.then(|| c.weights[k]));
+                let step = part.steps.next(interval, part.weighted.then(|| c.weights[k]));
                 let row = [-c.slope[k], c.residuals[k], 1.0, t - c.t_used[part.first]];
                 let mut white = [0.0; 4];
                 for (j, x) in row.iter().enumerate() {

@@ -4,6 +4,7 @@ mod bag;
 mod camera;
 mod csv;
 mod dataflash;
+#[cfg(feature = "db3")]
 mod db3;
 pub(crate) mod definition;
 mod flight_log;
@@ -18,6 +19,7 @@ mod ubx;
 mod ulog;
 
 pub use bag::{BagCompression, BagSettings};
+#[cfg(feature = "db3")]
 pub use db3::{Db3Compression, Db3Layout, Db3Settings};
 pub use mcap::{McapCompression, McapEncoding, McapSettings};
 
@@ -48,6 +50,7 @@ pub enum Container {
     /// ArduPilot DataFlash as text. Only a flight has this form.
     DataFlashText,
     /// ROS 2 bag in SQLite.
+    #[cfg(feature = "db3")]
     Db3(Db3Settings),
     /// NMEA 0183: no vertical speed and no truth. Only a flight has this form.
     Nmea,
@@ -140,6 +143,7 @@ impl Container {
             Container::Bag(settings) => one("bag", bag::write(&log(), settings)?),
             Container::Ulog => one("ulg", ulog::write(&log())),
             Container::DataFlash | Container::DataFlashText => return Err(SimulateError::OnlyFlights("DataFlash")),
+            #[cfg(feature = "db3")]
             Container::Db3(settings) => db3::write(&log(), stem, settings)?,
             Container::Nmea => return Err(SimulateError::OnlyFlights("NMEA")),
             Container::Ubx => return Err(SimulateError::OnlyFlights("UBX")),
@@ -161,6 +165,7 @@ impl Container {
             Container::Nmea => format!("{stem}.nmea").into(),
             Container::Ubx => format!("{stem}.ubx").into(),
             Container::Tlog => format!("{stem}.tlog").into(),
+            #[cfg(feature = "db3")]
             Container::Db3(settings) => match settings.paths(stem).as_slice() {
                 [only] => only.into(),
                 _ => stem.into(),
@@ -181,7 +186,7 @@ pub(crate) fn save(folder: &Path, files: &[LogFile]) -> Result<(), SimulateError
     })
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "db3"))]
 mod tests {
     use super::*;
     use crate::sensor::SensorSettings;

@@ -7,7 +7,6 @@ use crate::format::MOST_ZEROS;
 use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
-use std::os::unix::fs::FileExt;
 
 /// Read, and searched for the next begin, in one go.
 const STEP: usize = super::STEP;
@@ -289,7 +288,7 @@ struct At<'r> {
 
 impl Read for At<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let got = self.file.read_at(buffer, self.next)?;
+        let got = crate::platform::read_at(self.file, buffer, self.next)?;
         self.next += got as u64;
         Ok(got)
     }

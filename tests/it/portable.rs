@@ -1,0 +1,44 @@
+//! The command runs on Windows too: what only Unix has stands in few files, each with something else for other systems.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Files that may name an operating system.
+const NAMED_FOR_IT: [&str; 4] = [
+    "campaign/src/memory.rs",
+    "convert/src/guard.rs",
+    "flightlag/src/stop.rs",
+    "ingest/src/platform.rs",
+];
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => sources(&path, found),
+            false if path.extension().is_some_and(|e| e == "rs") => found.push(path),
+            false => {}
+        }
+    }
+}
+
+#[test]
+fn only_the_files_named_for_it_use_what_one_system_alone_has() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
+    let mut named = vec![];
+    for entry in fs::read_dir(&crates).unwrap() {
+        let mut files = vec![];
+        sources(&entry.unwrap().path().join("src"), &mut files);
+        for file in files.iter().filter(|file| !file.to_string_lossy().ends_with("tests.rs")) {
+            let text = fs::read_to_string(file).unwrap();
+            if ["os::unix", "os::linux", "cfg(unix)", "signal_hook::iterator"].iter().any(|word| text.contains(word)) {
+                let name = file.strip_prefix(&crates).unwrap().to_string_lossy().replace('\\', "/");
+                let elsewhere = text.contains("cfg(not(unix))");
+                assert!(elsewhere, "{name} says nothing for systems other than Unix");
+                named.push(name);
+            }
+        }
+    }
+    named.sort();
+    assert_eq!(named, NAMED_FOR_IT);
+}
