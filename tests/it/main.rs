@@ -8,6 +8,7 @@ mod browser;
 mod campaign;
 mod command;
 mod convert;
+mod index_page;
 mod pages;
 mod program;
 mod real_logs;
