@@ -186,12 +186,31 @@ impl Browser {
 
     /// Pages of the PDF that it prints.
     pub fn printed_pages(&mut self) -> usize {
+        let pdf = self.printed();
+        let text = String::from_utf8_lossy(&pdf);
+        text.matches("/Type /Page").count() - text.matches("/Type /Pages").count()
+    }
+
+    fn printed(&mut self) -> Vec<u8> {
         use base64::Engine;
         let asked = json!({ "preferCSSPageSize": true, "printBackground": false });
         let pdf = self.call("Page.printToPDF", asked)["data"].as_str().unwrap().to_owned();
-        let pdf = base64::engine::general_purpose::STANDARD.decode(pdf).unwrap();
+        base64::engine::general_purpose::STANDARD.decode(pdf).unwrap()
+    }
+
+    /// Shows the page as it is printed, or on a screen.
+    pub fn print_media(&mut self, on: bool) {
+        self.call("Emulation.setEmulatedMedia", json!({ "media": if on { "print" } else { "" } }));
+    }
+
+    /// Width and height of the first page of the PDF that it prints, points.
+    pub fn printed_size(&mut self) -> [f64; 2] {
+        let pdf = self.printed();
         let text = String::from_utf8_lossy(&pdf);
-        text.matches("/Type /Page").count() - text.matches("/Type /Pages").count()
+        let (_, after) = text.split_once("/MediaBox [").unwrap();
+        let numbers: Vec<f64> =
+            after.split(']').next().unwrap().split_whitespace().map(|n| n.parse().unwrap()).collect();
+        [numbers[2], numbers[3]]
     }
 
     /// Everything that the page did and must not do: errors, and requests for anything but itself.

@@ -8,6 +8,7 @@ mod browser;
 mod campaign;
 mod command;
 mod convert;
+mod index_page;
 mod pages;
 mod portable;
 mod program;

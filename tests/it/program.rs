@@ -62,7 +62,8 @@ pub fn tree(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 /// What follows from logs, settings and build: not the hour, and not what this machine remembers.
 pub fn results(report: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut tree = tree(report);
-    tree.retain(|path, _| path != Path::new("run.json") && !path.starts_with(".flightlag"));
+    let of_earlier_runs = ["run.json", "since-last-run.json", "since-last-run.html"].map(Path::new);
+    tree.retain(|path, _| !of_earlier_runs.contains(&path.as_path()) && !path.starts_with(".flightlag"));
     tree
 }
 

@@ -186,15 +186,20 @@ fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> V
         words: "no flight of this group tells how late its position is".to_owned(),
         outliers: vec![],
         advice: DelayAdvice::default(),
+        members: members.iter().map(|(flight, _)| (*flight).to_owned()).collect(),
+        split: None,
+        difference: None,
+        consistency: None,
     };
     if pools.is_empty() {
         return vec![relative_group(members, empty)];
     }
-    let whole = pools.iter().map(|pool| pooled(members, pool, empty.clone()));
-    whole.collect()
+    // The first pool is over all flights; those after it are the parts of a group that is not one.
+    let of = |(k, pool): (usize, &DelayPool)| pooled(members, pool, empty.clone(), k > 0);
+    pools.iter().enumerate().map(of).collect()
 }
 
-fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLateness) -> GroupLateness {
+fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLateness, is_part: bool) -> GroupLateness {
     let of = |name: &str| members.iter().find(|(flight, _)| *flight == name).map(|(_, lateness)| *lateness);
     let against = pool.members.iter().find_map(|m| of(&m.flight)).map_or("imu".to_owned(), |l| l.against.clone());
     let outliers: Vec<String> = pool.members.iter().filter(|m| m.outlier).map(|m| m.flight.clone()).collect();
@@ -224,6 +229,9 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
         words,
         outliers,
         advice,
+        members: if is_part { pool.members.iter().map(|m| m.flight.clone()).collect() } else { empty.members },
+        split: pool.split.as_ref().map(|split| split.words.clone()),
+        difference: pool.difference,
         ..empty
     }
 }

@@ -13,7 +13,7 @@ use crate::study::{Interrupted, Studied, Study, failed_record};
 use crate::task::make;
 use crate::{CampaignError, Exit};
 use compensation_replay::{Track, TrackColumn};
-use record::{CampaignRecord, FlightRecord, MeasuredFlight, Outcome};
+use record::{CampaignChanges, CampaignRecord, FlightRecord, MeasuredFlight, Outcome};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -203,13 +203,83 @@ impl Bench {
                 }
             }
         }
-        tree.retain(|path, _| path != Path::new("run.json") && !path.starts_with(".flightlag"));
+        tree.retain(|path, _| !depends_on_earlier_runs(path) && !path.starts_with(".flightlag"));
         tree
+    }
+
+    fn changes(&self) -> CampaignChanges {
+        serde_json::from_slice(&fs::read(self.out().join("since-last-run.json")).unwrap()).unwrap()
     }
 
     fn record(&self) -> CampaignRecord {
         serde_json::from_slice(&fs::read(self.out().join("campaign.json")).unwrap()).unwrap()
     }
+}
+
+/// The outputs that say when and after what a run was: the bytes of all others depend on logs, pipeline and build alone.
+fn depends_on_earlier_runs(path: &Path) -> bool {
+    ["run.json", "since-last-run.json", "since-last-run.html"].iter().any(|name| path == Path::new(name))
+}
+
+#[test]
+fn what_changed_since_the_run_before_is_said_with_its_cause() {
+    let mut bench = group();
+    bench.run();
+    let first = bench.changes();
+    assert!(first.before.is_none() && first.new.is_empty() && first.rerun.is_empty(), "{first:?}");
+    bench.log("b.csv", "late 0.25");
+    bench.log("h.csv", "late 0.2004");
+    fs::remove_file(bench.flights().join("g.csv")).unwrap();
+    bench.run();
+    let then = bench.changes();
+    assert_eq!(
+        (then.new.as_slice(), then.gone.as_slice()),
+        (["h.csv".to_owned()].as_slice(), ["g.csv".to_owned()].as_slice())
+    );
+    assert_eq!(then.moved.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["b.csv"]);
+    let moved = &then.moved[0];
+    assert!((moved.now_s.value - moved.before_s.value - 0.0488).abs() < 1e-9, "{moved:?}");
+    let causes = |changes: &CampaignChanges, flight: &str| {
+        changes.rerun.iter().find(|r| r.flight == flight).map(|r| r.causes.join(", "))
+    };
+    assert_eq!(causes(&then, "b.csv").as_deref(), Some("the log has changed"));
+    // A run that changes nothing leaves what the last one said, byte for byte.
+    let page = || fs::read(bench.out().join("since-last-run.html")).unwrap();
+    let before = page();
+    assert!(bench.run().verdict().nothing_changed && page() == before && bench.changes() == then);
+    fs::remove_file(bench.out().join("flights/b.csv/index.html")).unwrap();
+    bench.run();
+    assert!(page() == before && bench.changes() == then);
+    // Nor does the loss of the folder's notes, which leaves no cause to find.
+    fs::remove_file(bench.out().join(".flightlag/state.json")).unwrap();
+    bench.run();
+    assert_eq!(bench.changes(), then);
+    bench.pipeline += "[delay]\nposition_s = 0.3\nsource = \"bench\"\n";
+    bench.run();
+    let settings = bench.changes();
+    assert_eq!(settings.rerun.len(), 7);
+    assert!(causes(&settings, "a.csv").unwrap().contains("settings have changed: "), "{settings:?}");
+    assert!(
+        settings.moved.is_empty() && settings.before.as_ref().unwrap().pipeline_blake3 != settings.now.pipeline_blake3
+    );
+}
+
+#[test]
+fn a_flight_that_begins_or_ceases_to_fail_is_among_the_changes() {
+    let bench = Bench::five();
+    bench.run();
+    bench.log("b.csv", "bad");
+    bench.run();
+    let names = |all: &[record::TroubleChange]| {
+        all.iter().map(|t| format!("{}: {}", t.flight, t.troubles.join(", "))).collect::<Vec<_>>()
+    };
+    assert_eq!(names(&bench.changes().failing), ["b.csv: failed"]);
+    bench.log("b.csv", "two");
+    bench.run();
+    assert_eq!(
+        (names(&bench.changes().recovered), bench.changes().failing.len()),
+        (vec!["b.csv: failed".to_owned()], 0)
+    );
 }
 
 #[test]

@@ -23,6 +23,7 @@ mod bench;
 #[cfg(test)]
 mod card_tests;
 mod cards;
+mod changes;
 mod config;
 mod criteria;
 mod decide;

@@ -1,6 +1,7 @@
 //! All results become one table, one record, and pages. Safe to run again at any time: a page or
 //! a row that was made from the same things stands.
 
+use crate::changes::changes;
 use crate::config::Pipeline;
 use crate::criteria::{Criteria, row_verdicts};
 use crate::decide;
@@ -23,14 +24,17 @@ use crate::task::caught;
 use crate::work::Workers;
 use flight::{Notice, Severity, Stamp};
 use record::{
-    CampaignCriteria, CampaignRecord, CampaignTotals, CompensatorResult, CriterionVerdict, DelaySource, EffectVerdict,
-    Estimate, FlightRecord, FlightRow, Gravity, Outcome, flight_alarms,
+    CampaignChanges, CampaignCriteria, CampaignDelay, CampaignRecord, CampaignTotals, CompensatorResult,
+    CriterionVerdict, DelaySource, EffectVerdict, Estimate, FlightRecord, FlightRow, Gravity, GroupLateness, Outcome,
+    flight_alarms,
 };
-use report::{FlightPage, REPORT_VERSION, Site};
+use report::{FlightPage, REPORT_VERSION, Site, TrackExcerpt};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 const RECORD: &str = "campaign.json";
+/// What changed since the run before: besides `run.json` the only output that depends on it.
+const CHANGES: &str = "since-last-run.json";
 
 /// How a campaign ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,18 +102,20 @@ pub(crate) fn reduce_locked(
 ) -> Result<Reduction, CampaignError> {
     let lines = lines(manifest, store);
     let made_from = whole_hash(manifest, &lines);
-    let old = old_record(store, state);
+    let before = previous_record(store);
+    let old = before.as_ref().filter(|before| state.whole.as_ref().is_some_and(|w| w.record_blake3 == before.blake3));
     let stands = |w: &&WholeState| w.made_from == made_from && everything_stands(store, state, w);
-    if let (Some(whole), Some(old)) = (state.whole.as_ref().filter(stands), &old) {
+    if let (Some(whole), Some(old)) = (state.whole.as_ref().filter(stands), old) {
         desk.tell(Event::NothingChanged);
-        let verdict = verdict(store, whole, old, true);
-        tell_end(desk, store, old, &verdict);
+        let verdict = verdict(store, whole, &old.record, true);
+        tell_end(desk, store, &old.record, &verdict);
         return Ok(Reduction::Finished(Box::new(verdict)));
     }
     let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
-    let rows = old.into_iter().flat_map(|r| r.flights).map(|row| (row.flight.clone(), row)).collect();
+    let rows = old.into_iter().flat_map(|r| &r.record.flights).map(|row| (row.flight.clone(), row.clone())).collect();
+    let before = before.map(|before| before.record);
     let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
-    let reducer = Reducer { manifest, pipeline, criteria, desk, store, rows };
+    let reducer = Reducer { manifest, pipeline, criteria, desk, store, before, rows };
     reducer.reduce(&lines, made_from, state)
 }
 
@@ -196,14 +202,17 @@ fn everything_stands(store: &Store, state: &State, whole: &WholeState) -> bool {
         && state.results.values().all(|files| stand(store, files))
 }
 
-/// The campaign's record, if it is the one we wrote.
-fn old_record(store: &Store, state: &State) -> Option<CampaignRecord> {
-    let whole = state.whole.as_ref()?;
+/// The campaign's record that the folder holds, and its hash.
+struct Previous {
+    record: CampaignRecord,
+    blake3: String,
+}
+
+/// What the folder holds of an earlier run; `None` if it cannot be read.
+fn previous_record(store: &Store) -> Option<Previous> {
     let bytes = store.read(RECORD).ok().flatten()?;
-    if blake3::hash(&bytes).to_hex().as_str() != whole.record_blake3 {
-        return None;
-    }
-    serde_json::from_slice::<CampaignRecord>(&bytes).ok()
+    let record = serde_json::from_slice::<CampaignRecord>(&bytes).ok()?;
+    Some(Previous { record, blake3: blake3::hash(&bytes).to_hex().to_string() })
 }
 
 struct Reducer<'a> {
@@ -212,6 +221,9 @@ struct Reducer<'a> {
     criteria: Option<Criteria>,
     desk: &'a Desk<'a>,
     store: &'a Store,
+    /// What the folder holds of an earlier run.
+    before: Option<CampaignRecord>,
+    /// Rows of that run that may be used again.
     rows: BTreeMap<String, FlightRow>,
 }
 
@@ -379,7 +391,8 @@ impl Reducer<'_> {
         }
         self.remove_other_pages(state)?;
         let record = self.campaign_record(rows);
-        let (files, record_blake3) = self.write_whole(&record)?;
+        let changes = self.changes(lines, &record, state);
+        let (files, record_blake3) = self.write_whole(&record, &changes)?;
         let (totals, criteria) = (record.totals.clone(), record.criteria.clone());
         let whole = WholeState { made_from, files, record_blake3, totals, criteria, troubled };
         let verdict = verdict(self.store, &whole, &record, false);
@@ -413,27 +426,70 @@ impl Reducer<'_> {
         Ok(())
     }
 
-    fn write_whole(&self, record: &CampaignRecord) -> Result<(Sizes, String), CampaignError> {
+    /// Against the run before; what is there already if this run changes nothing.
+    fn changes(&self, lines: &[Line<'_>], record: &CampaignRecord, state: &State) -> CampaignChanges {
+        let planned: BTreeMap<&str, &Planned> = lines.iter().map(|l| (l.planned.flight.as_str(), l.planned)).collect();
+        let causes = |flight: &str| planned.get(flight).map(|p| state.causes(p, self.manifest)).unwrap_or_default();
+        let found = changes(self.before.as_ref(), record, &causes);
+        let kept = self.store.read(CHANGES).ok().flatten().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        kept.filter(|_| found.is_empty()).unwrap_or(found)
+    }
+
+    /// Where the aircraft turned hardest, of the flights whose tracks the campaign's page shows.
+    fn excerpts(&self, record: &CampaignRecord) -> Result<Vec<TrackExcerpt>, CampaignError> {
+        let mut excerpts = vec![];
+        for row in report::excerpt_flights(record) {
+            let zoom = results::read(self.store, &row.key)?.and_then(|record| record.replay?.zoom);
+            excerpts.extend(zoom.map(|zoom| TrackExcerpt { flight: row.flight.clone(), zoom }));
+        }
+        Ok(excerpts)
+    }
+
+    fn write_whole(
+        &self,
+        record: &CampaignRecord,
+        changes: &CampaignChanges,
+    ) -> Result<(Sizes, String), CampaignError> {
         let tables = caught(|| table::write_flights(self.store, &record.flights));
         tables.map_err(|what| defect("flights.parquet", what))??;
-        let mut text = serde_json::to_vec_pretty(record).unwrap_or_default();
-        text.push(b'\n');
-        self.store.write(RECORD, &text, Keep::Renewable)?;
-        let site = caught(|| report::campaign_site(record)).map_err(|what| defect("index.html", what))?;
+        // Before the record: a run that is killed in between compares the same two again.
+        let mut site = caught(|| report::changes_site(changes, &record.flights))
+            .map_err(|what| defect("since-last-run.html", what))?;
+        self.store.write(CHANGES, &pretty(changes), Keep::Renewable)?;
         let mut files = self.write_site("", &site)?;
-        for name in [RECORD, "flights.parquet", "flights.csv"] {
+        let text = pretty(record);
+        self.store.write(RECORD, &text, Keep::Renewable)?;
+        let excerpts = self.excerpts(record)?;
+        site = caught(|| report::campaign_site(record, &excerpts)).map_err(|what| defect("index.html", what))?;
+        files.extend(self.write_site("", &site)?);
+        self.remove_other_tables(&files)?;
+        for name in [RECORD, CHANGES, "flights.parquet", "flights.csv"] {
             files.extend(self.store.size(name).map(|bytes| (name.to_owned(), bytes)));
         }
         Ok((files, blake3::hash(&text).to_hex().to_string()))
     }
 
+    /// Pages of flights that the table no longer needs, and figures that are no longer drawn.
+    fn remove_other_tables(&self, files: &Sizes) -> Result<(), CampaignError> {
+        for (folder, ending) in [(report::TABLE_FOLDER, ".html"), ("figures", ".svg")] {
+            let ours = self.store.list(folder).into_iter().filter(|name| name.ends_with(ending));
+            for name in ours.filter(|name| !files.contains_key(name)) {
+                self.store.remove(&name)?;
+            }
+        }
+        Ok(())
+    }
+
     fn campaign_record(&self, mut flights: Vec<FlightRow>) -> CampaignRecord {
         let decided = decide::of_rows(&flights, &self.pipeline);
-        let groups = decided.groups;
+        let mut groups = decided.groups;
         let duplicate_of: BTreeMap<String, String> =
             decided.duplicate_of.into_iter().map(|(copy, of)| (copy.to_owned(), of.to_owned())).collect();
         for row in &mut flights {
             row.duplicate_of = duplicate_of.get(&row.flight).cloned();
+        }
+        for group in groups.iter_mut().filter(|group| group.split.is_none()) {
+            group.consistency = consistency(group, &flights);
         }
         CampaignRecord {
             groups,
@@ -445,11 +501,24 @@ impl Reducer<'_> {
             command: self.manifest.command.clone(),
             criteria: self.criteria.as_ref().map(|c| c.summary(&flights)),
             totals: totals_of(&flights),
-            delay: campaign_delay(&flights),
             flights,
             ignored: self.manifest.ignored.clone(),
         }
     }
+}
+
+/// Position against velocity over the flights of a group.
+fn consistency(group: &GroupLateness, flights: &[FlightRow]) -> Option<CampaignDelay> {
+    let members: BTreeSet<&str> = group.members.iter().map(String::as_str).collect();
+    let rows: Vec<&FlightRow> = flights.iter().filter(|row| members.contains(row.flight.as_str())).collect();
+    campaign_delay(&rows)
+}
+
+fn pretty(record: &impl serde::Serialize) -> Vec<u8> {
+    // The record's types have text keys and no way to fail.
+    let mut text = serde_json::to_vec_pretty(record).unwrap_or_default();
+    text.push(b'\n');
+    text
 }
 
 fn defect(path: &str, what: String) -> CampaignError {

@@ -124,6 +124,14 @@ impl State {
         if why.is_empty() { vec![Why::ResultMissing] } else { why }
     }
 
+    /// Why a flight has another result than in the last run, in words.
+    pub(crate) fn causes(&self, flight: &Planned, manifest: &Manifest) -> Vec<String> {
+        if !self.flights.contains_key(&flight.flight) {
+            return vec!["unknown: the notes on the last run are lost".to_owned()];
+        }
+        self.why(flight, manifest, Stage::Replay, false).iter().map(ToString::to_string).collect()
+    }
+
     /// Whether the files of a result are as they were left, as far as is known.
     pub(crate) fn stands(&self, store: &Store, key: &str) -> bool {
         self.results.get(key).is_none_or(|files| stand(store, files))

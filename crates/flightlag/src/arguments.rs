@@ -61,8 +61,9 @@ read once. Its result is kept in OUT under a name made from log, settings and an
 run does only what is new, and says why. A run that was stopped or killed goes on where it was.
 
 In OUT: index.html (open this), flights/NAME/ (page, record.json, track.parquet of each flight), \
-flights.csv and flights.parquet (one row for each flight), campaign.json, and run.json, the only file \
-that holds the time of day. The rest depends on logs, settings and build alone.
+flights.csv and flights.parquet (one row for each flight), campaign.json, since-last-run.html and .json \
+(what is new, moved or newly failing, and why), and run.json, the only file that holds the time of day. All but \
+these last three depend on logs, settings and build alone.
 
 The steps plan, task, reduce and status do the same work on a cluster, shard by shard.";
 

@@ -1,8 +1,8 @@
 //! The record of one campaign.
 
 use crate::{
-    CampaignCriteria, CampaignDelay, Decision, DelaySource, DelaySweep, Effect, Estimate, FlightLateness,
-    GroupLateness, Outcome, RowVerdicts,
+    CampaignCriteria, Decision, DelaySource, DelaySweep, Effect, Estimate, FlightLateness, GroupLateness, Outcome,
+    RowVerdicts,
 };
 use serde::{Deserialize, Serialize};
 
@@ -161,7 +161,4 @@ pub struct CampaignRecord {
     /// Lateness by group of flights that may share a delay.
     #[serde(default)]
     pub groups: Vec<GroupLateness>,
-    /// Delays over all flights; `None` if no flight has a sweep or a measured delay.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub delay: Option<CampaignDelay>,
 }

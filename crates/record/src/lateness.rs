@@ -1,10 +1,10 @@
 //! How late the position of a flight is, what is removed, and whether that helped.
 
-use crate::delay_network::{ChannelLateness, DelayNetwork, NetworkDatum, NetworkVerdict};
+use crate::delay_network::{ChannelLateness, DelayNetwork, FlightsDiffer, NetworkDatum, NetworkVerdict};
 use crate::delay_over_time::DelayKind;
 use crate::group::{FlightContent, ReceiverGroup};
 use crate::replay::Estimate;
-use crate::{CardUse, DelaySource, Finding, FlightDelays, ReferenceFile};
+use crate::{CampaignDelay, CardUse, DelaySource, Finding, FlightDelays, ReferenceFile};
 use flight::Notices;
 use serde::{Deserialize, Serialize};
 
@@ -251,4 +251,17 @@ pub struct GroupLateness {
     pub outliers: Vec<String>,
     /// What to set.
     pub advice: DelayAdvice,
+    /// Names of the flights of this group, duplicates left out.
+    #[serde(default)]
+    pub members: Vec<String>,
+    /// Why these flights are not one group: the mean describes neither part, and each part follows as a group of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub split: Option<String>,
+    /// Test whether the flights share one delay; `None` for one flight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub difference: Option<FlightsDiffer>,
+    /// Position against velocity over these flights; `None` if no flight has a sweep or a measured delay, or if they are
+    /// not one group.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consistency: Option<CampaignDelay>,
 }

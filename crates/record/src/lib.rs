@@ -16,6 +16,7 @@
 mod bench;
 mod campaign;
 mod card;
+mod changes;
 mod criteria;
 mod delay_network;
 mod delay_over_time;
@@ -41,6 +42,7 @@ pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInpu
 pub use crate::card::{
     CARD_VERSION, CardChannel, CardMagnetometer, CardSource, CardUse, IronCalibration, SensorCard, SensorIdentity,
 };
+pub use crate::changes::{CampaignChanges, MadeWith, MovedDelay, RerunFlight, TroubleChange};
 pub use crate::criteria::{
     CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionUnit, CriterionVerdict, DecisionRule,
     FlightCriteria, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,

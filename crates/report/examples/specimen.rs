@@ -1,9 +1,11 @@
 //! Writes specimen pages to a folder, to look at: `cargo run -p report --example specimen DIR`.
 
+#[path = "../tests/it/campaign_fixture.rs"]
+mod campaign_fixture;
 #[path = "../tests/it/fixture.rs"]
 mod fixture;
 
-use report::{FlightPage, Site, campaign_site, flight_site};
+use report::{FlightPage, Site, TrackExcerpt, campaign_site, flight_site};
 use std::path::Path;
 
 fn write(folder: &Path, site: &Site) -> std::io::Result<()> {
@@ -20,8 +22,14 @@ fn write(folder: &Path, site: &Site) -> std::io::Result<()> {
 fn main() -> std::io::Result<()> {
     let folder = std::env::args().nth(1).unwrap_or_else(|| "specimen".into());
     let folder = Path::new(&folder);
-    write(folder, &campaign_site(&fixture::campaign_record(40)))?;
-    write(&folder.join("large"), &campaign_site(&fixture::campaign_record(2000)))?;
+    write(folder, &campaign_site(&fixture::campaign_record(40), &[]))?;
+    for flights in [12, 200, 1000, 2000, 2500] {
+        let record = campaign_fixture::varied(flights);
+        let zoom = fixture::replay().zoom;
+        let excerpt = |row: &record::FlightRow| Some(TrackExcerpt { flight: row.flight.clone(), zoom: zoom.clone()? });
+        let excerpts: Vec<TrackExcerpt> = report::excerpt_flights(&record).into_iter().filter_map(excerpt).collect();
+        write(&folder.join(format!("campaign-{flights}")), &campaign_site(&record, &excerpts))?;
+    }
     let records = [
         ("good", fixture::flight_record()),
         ("failed", fixture::failed_record()),

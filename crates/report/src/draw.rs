@@ -192,7 +192,12 @@ fn body(figure: &Figure, size: (u32, u32)) -> Result<String, Failure> {
 /// [`PALETTE`] writes them. Quotes inside text are escaped, so only attributes are touched.
 fn lighter(svg: &str) -> String {
     let svg = svg.replace(" opacity=\"1\"", "").replace(" font-family=\"sans-serif\"", "");
-    PALETTE.iter().fold(svg, |svg, (colour, _)| svg.replace(&colour.to_uppercase(), colour))
+    let svg = PALETTE.iter().fold(svg, |svg, (colour, _)| svg.replace(&colour.to_uppercase(), colour));
+    let size =
+        svg.split_once(" font-size=\"").and_then(|(_, rest)| rest.split_once('"')).map_or("24", |(size, _)| size);
+    let usual = [format!(" font-size=\"{size}\""), " fill=\"#1b1f24\"".to_owned()];
+    let inside = usual.iter().fold(svg.clone(), |svg, attribute| svg.replace(attribute, ""));
+    format!("<g{}>{inside}</g>\n", usual.concat())
 }
 
 /// What stands between the outermost tags.
@@ -226,6 +231,9 @@ fn draw_panel(
     }
     for mark in &panel.marks {
         write_mark(out, &chart, panel, mark);
+    }
+    for mark in &panel.names {
+        write_name(out, &chart, mark);
     }
     for dimension in &panel.dimensions {
         write_dimension(out, &chart, panel, dimension);
@@ -376,6 +384,12 @@ fn write_ground(out: &mut String, chart: &Chart, panel: &Panel, ground: &Ground)
     write_text(out, (x_north, y_north + 78), "middle", "N");
 }
 
+/// A name that shows when one points at its place.
+fn write_name(out: &mut String, chart: &Chart, mark: &Mark) {
+    let (x, y) = chart.backend_coord(&mark.at);
+    let _ = writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"13\" opacity=\"0\">{}</circle>", title(&mark.label));
+}
+
 /// A length between two ends with its words, as on a drawing; nothing if it is too short to be seen.
 fn write_dimension(out: &mut String, chart: &Chart, panel: &Panel, dimension: &Dimension) {
     const SHORTEST: i32 = 8;
@@ -432,6 +446,11 @@ fn filled(look: &Look, d: &str, name: &str) -> String {
 
 fn rectangle((x0, y0): (i32, i32), (x1, y1): (i32, i32)) -> String {
     format!("M{x0} {y0}H{x1}V{y1}H{x0}z")
+}
+
+/// A curve through pixels as the `d` of a path, without the points that no screen can show.
+pub(crate) fn curve(points: &[(i32, i32)]) -> String {
+    relative_path(&thinned(points))
 }
 
 /// A round dot at each point: a line of no length with round ends.

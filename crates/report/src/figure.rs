@@ -8,6 +8,7 @@ mod csv;
 mod curve;
 mod flight;
 mod flight_delay;
+mod forest;
 mod monte_carlo;
 mod score;
 mod sweep;
@@ -15,11 +16,12 @@ mod timeline;
 
 pub(crate) use axis::Axis;
 pub(crate) use bench::{BenchFigures, ChannelFigures, anchors, main_component};
-pub(crate) use campaign::{control_chart, flights_figures, pooled_sweep};
+pub(crate) use campaign::{effects, valley};
 pub(crate) use card::{Forest, LeftOut, card_figures};
 pub(crate) use csv::csv;
 pub(crate) use flight::flight_figures;
 pub(crate) use flight_delay::delay_over_time;
+pub(crate) use forest::{forest, trend};
 pub(crate) use monte_carlo::group_figure;
 pub(crate) use score::{bands_figure, budget_figure};
 pub(crate) use sweep::{objective_figure, sweep_figure};
@@ -59,6 +61,8 @@ pub(crate) struct Panel {
     pub(crate) spans: Vec<Span>,
     /// Named points.
     pub(crate) marks: Vec<Mark>,
+    /// Points whose names show when one points at them.
+    pub(crate) names: Vec<Mark>,
     /// Lengths along the horizontal axis, with arrows and words.
     pub(crate) dimensions: Vec<Dimension>,
     /// What stands above the panel; empty for nothing.
@@ -81,7 +85,17 @@ pub(crate) struct Ground {
 impl Panel {
     /// Axes and lines, and nothing else.
     pub(crate) fn of(x: Axis, y: Axis, lines: Vec<Line>) -> Panel {
-        Panel { x, y, lines, spans: vec![], marks: vec![], dimensions: vec![], heading: String::new(), ground: None }
+        Panel {
+            x,
+            y,
+            lines,
+            spans: vec![],
+            marks: vec![],
+            names: vec![],
+            dimensions: vec![],
+            heading: String::new(),
+            ground: None,
+        }
     }
 
     /// A place in metres in the units of the axes.

@@ -18,13 +18,12 @@
 //!     pipeline: PipelineUse { title: "replay".into(), blake3: "00".into(), toml: String::new() },
 //!     command: "flightlag campaign flights".into(),
 //!     criteria: None,
-//!     delay: None,
 //!     flights: vec![],
 //!     groups: vec![],
 //!     ignored: vec![],
 //!     totals: CampaignTotals::default(),
 //! };
-//! let site = report::campaign_site(&record);
+//! let site = report::campaign_site(&record, &[]);
 //! let page = String::from_utf8_lossy(&site.files["index.html"]);
 //! assert!(page.contains("Goheung, &lt;autumn&gt;"));
 //! ```
@@ -40,7 +39,8 @@ mod verdict;
 
 pub use criterion::criterion_sentence;
 pub use page::{
-    BenchPage, CardPage, CardRecord, FlightPage, bench_site, campaign_site, card_site, flight_site, monte_carlo_site,
+    BenchPage, CardPage, CardRecord, FlightPage, TABLE_FOLDER, TrackExcerpt, bench_site, campaign_site, card_site,
+    changes_site, excerpt_flights, flight_site, monte_carlo_site,
 };
 pub use site::Site;
 

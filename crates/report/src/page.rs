@@ -4,6 +4,7 @@ mod anomalies;
 mod bench;
 mod campaign;
 mod card;
+mod changes;
 mod criteria;
 mod explorer;
 mod flight;
@@ -18,8 +19,9 @@ mod style;
 mod sweep;
 
 pub use bench::{BenchPage, bench_site};
-pub use campaign::campaign_site;
+pub use campaign::{TABLE_FOLDER, TrackExcerpt, campaign_site, excerpt_flights};
 pub use card::{CardPage, CardRecord, card_site};
+pub use changes::changes_site;
 pub use flight::{FlightPage, flight_site};
 pub use monte_carlo::monte_carlo_site;
 #[cfg(test)]

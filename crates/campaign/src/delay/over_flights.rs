@@ -15,7 +15,7 @@ const POINTS: usize = 41;
 const LEAST_SHARED_S: f64 = 0.01;
 
 /// What the flights' delays say together; `None` if no flight has one.
-pub(crate) fn campaign_delay(rows: &[FlightRow]) -> Option<CampaignDelay> {
+pub(crate) fn campaign_delay(rows: &[&FlightRow]) -> Option<CampaignDelay> {
     let of = |row: &FlightRow| reading(&row.measured_delay_s?);
     let optimum = |row: &FlightRow| reading(&row.sweep.as_ref()?.optimum.found()?.delay_s);
     let (measured, swept) = (over_flights(rows, of), over_flights(rows, optimum));
@@ -31,8 +31,8 @@ fn reading(delay_s: &Estimate) -> Option<Reading> {
     Some(Reading { value: delay_s.value, standard_uncertainty }).filter(|r| r.value.is_finite())
 }
 
-fn over_flights(rows: &[FlightRow], of: impl Fn(&FlightRow) -> Option<Reading>) -> Finding<DelayOverFlights> {
-    let readings: Vec<Reading> = rows.iter().filter_map(of).collect();
+fn over_flights(rows: &[&FlightRow], of: impl Fn(&FlightRow) -> Option<Reading>) -> Finding<DelayOverFlights> {
+    let readings: Vec<Reading> = rows.iter().copied().filter_map(of).collect();
     let Some(mean) = mean_of(&readings) else {
         return Finding::CannotTell("no flight tells its delay with an uncertainty".to_owned());
     };
@@ -54,7 +54,7 @@ fn over_flights(rows: &[FlightRow], of: impl Fn(&FlightRow) -> Option<Reading>) 
 }
 
 /// The card's word, if it is the same for all flights that have one.
-fn card(rows: &[FlightRow]) -> Option<Estimate> {
+fn card(rows: &[&FlightRow]) -> Option<Estimate> {
     let mut all = rows.iter().filter_map(|row| row.card_delay_s);
     let first = all.next()?;
     all.all(|other| other == first).then_some(first)
@@ -62,7 +62,7 @@ fn card(rows: &[FlightRow]) -> Option<Estimate> {
 
 /// The measured delays in the order of time (if every one is known) or of names. Each should be what its card says; where
 /// there is no card, the mean over the flights.
-fn control(rows: &[FlightRow], mean: Option<&DelayOverFlights>) -> (Vec<ControlPoint>, bool) {
+fn control(rows: &[&FlightRow], mean: Option<&DelayOverFlights>) -> (Vec<ControlPoint>, bool) {
     let point = |row: &FlightRow| {
         let measured = reading(&row.measured_delay_s?)?;
         let (centre_s, u) = match (row.card_delay_s, mean) {
@@ -80,7 +80,7 @@ fn control(rows: &[FlightRow], mean: Option<&DelayOverFlights>) -> (Vec<ControlP
             is_outside: (measured.value - centre_s).abs() > limit_s,
         })
     };
-    let mut points: Vec<ControlPoint> = rows.iter().filter_map(point).collect();
+    let mut points: Vec<ControlPoint> = rows.iter().copied().filter_map(point).collect();
     let in_time_order = !points.is_empty() && points.iter().all(|p| p.flown_at.is_some());
     if in_time_order {
         points.sort_by(|a, b| (&a.flown_at, &a.flight).cmp(&(&b.flown_at, &b.flight)));
@@ -90,7 +90,7 @@ fn control(rows: &[FlightRow], mean: Option<&DelayOverFlights>) -> (Vec<ControlP
 
 /// Mean squares of the flights' sweeps over the delays that all of them have: weighted by seconds flown where errors are
 /// pooled, by fixes where steps are.
-fn pooled(rows: &[FlightRow]) -> Finding<PooledSweep> {
+fn pooled(rows: &[&FlightRow]) -> Finding<PooledSweep> {
     let swept = |against| rows.iter().filter_map(|row| weighted(row, against)).collect::<Vec<_>>();
     let with_reference = swept(true);
     let against_reference = !with_reference.is_empty();
@@ -146,6 +146,10 @@ mod tests {
     use super::*;
     use record::{Outcome, SweepMethod, SweepOptimum};
 
+    fn campaign_delay_of(rows: &[FlightRow]) -> Option<CampaignDelay> {
+        campaign_delay(&rows.iter().collect::<Vec<_>>())
+    }
+
     fn row(flight: &str, delay_s: f64, u: f64) -> FlightRow {
         let json = serde_json::json!({
             "flight": flight, "key": "", "page": "", "outcome": "compensated", "lossy": false, "format": "",
@@ -179,7 +183,7 @@ mod tests {
     #[test]
     fn flights_that_agree_have_one_delay_and_one_that_is_off_is_outside_its_limits() {
         let mut rows: Vec<FlightRow> = [0.401, 0.399, 0.4, 0.4005].iter().map(|d| row("a", *d, 0.001)).collect();
-        let together = campaign_delay(&rows).unwrap();
+        let together = campaign_delay_of(&rows).unwrap();
         let found = *together.measured.found().unwrap();
         assert!((found.delay_s.value - 0.400_125).abs() < 1e-12, "equal weights: the plain mean");
         assert_eq!(found.between_s, Some(0.0));
@@ -188,7 +192,7 @@ mod tests {
         assert!((h.chi2 - 2.187_5).abs() < 1e-9 && h.degrees_of_freedom == 3);
         rows.push(row("late", 0.43, 0.001));
         rows.iter_mut().for_each(|r| r.card_delay_s = Some(Estimate { value: 0.4, standard_uncertainty: Some(0.002) }));
-        let together = campaign_delay(&rows).unwrap();
+        let together = campaign_delay_of(&rows).unwrap();
         let outside: Vec<&str> = together.control.iter().filter(|p| p.is_outside).map(|p| p.flight.as_str()).collect();
         assert_eq!(outside, ["late"]);
         assert!((together.control[0].limit_s - 3.0 * 5f64.sqrt() * 1e-3).abs() < 1e-12, "3 √(1² + 2²) ms");
@@ -200,7 +204,7 @@ mod tests {
     fn flights_stand_in_the_order_of_time_if_all_know_it() {
         let mut rows = vec![row("b", 0.4, 0.001), row("a", 0.4, 0.001)];
         let names = |rows: &[FlightRow]| {
-            let all = campaign_delay(rows).unwrap();
+            let all = campaign_delay_of(rows).unwrap();
             (all.control.iter().map(|p| p.flight.clone()).collect::<Vec<_>>().concat(), all.in_time_order)
         };
         assert_eq!(names(&rows), ("ba".to_owned(), false), "the order of the rows");
@@ -216,7 +220,7 @@ mod tests {
         rows[0].sweep = Some(sweep(0.4, 20.0, (60, 100)));
         rows[1].sweep = Some(sweep(0.4213, 10.0, (64, 104)));
         rows[1].duration_s = Some(300.0);
-        let all = campaign_delay(&rows).unwrap();
+        let all = campaign_delay_of(&rows).unwrap();
         let pooled = all.curve.found().unwrap();
         assert_eq!((pooled.flights, pooled.samples, pooled.against_reference), (2, 2000, true));
         assert!((pooled.delay_s[0] - 0.32).abs() < 1e-12 && (pooled.delay_s[POINTS - 1] - 0.5).abs() < 1e-12);
@@ -225,13 +229,13 @@ mod tests {
             assert!((rms - squares.sqrt()).abs() < 1e-9, "{d}: {rms} and {}", squares.sqrt());
         }
         rows[1].sweep = Some(sweep(0.9, 10.0, (160, 200)));
-        assert!(campaign_delay(&rows).unwrap().curve.found().is_none(), "no delay is in both");
+        assert!(campaign_delay_of(&rows).unwrap().curve.found().is_none(), "no delay is in both");
     }
 
     #[test]
     fn without_any_delay_there_is_nothing_to_say() {
         let mut only = row("a", 0.4, 0.001);
         only.measured_delay_s = None;
-        assert_eq!(campaign_delay(&[only]), None);
+        assert_eq!(campaign_delay_of(&[only]), None);
     }
 }

@@ -1,63 +1,117 @@
 //! The page of a campaign: the answer, what to do, all flights with the gravest first.
 
 mod attention;
+mod cards;
+mod excerpts;
 mod flights;
+mod matrix;
 mod todo;
+
+pub use excerpts::{TrackExcerpt, excerpt_flights};
+pub use flights::TABLE_FOLDER;
 
 use super::Head::Text;
 use super::flight_delay::normalised_difference;
 use super::{
-    Needs, badge, command_block, criteria, document, estimate, figure, finding, lateness, more, no_number,
+    Needs, badge, command_block, criteria, document, estimate, figure, files, finding, more, no_number,
     pipeline_details, pipeline_rows, plain, table, versions,
 };
-use crate::figure::{Figure, control_chart, flights_figures, pooled_sweep};
+use crate::figure::{Figure, effects, forest, trend, valley};
 use crate::number;
 use crate::site::Site;
 use crate::text::shown;
 use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{
-    CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, EffectVerdict, Estimate, Finding, FlightRow,
-    Gravity, Outcome, flight_alarms,
+    CampaignDelay, CampaignRecord, ControlPoint, CriterionVerdict, DelayOverFlights, EffectVerdict, Estimate, Finding,
+    FlightRow, Gravity, GroupLateness, Outcome, flight_alarms,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Most paths listed under one reason; the record holds all.
 const MOST_PATHS: usize = 500;
 /// Most flights named as outside their limits.
 const MOST_OUTSIDE: usize = 20;
+/// Most groups whose agreement is shown; the record holds all.
+const MOST_GROUPS: usize = 6;
 
 /// The page of a campaign: `index.html`, and its figures again in `figures/`. [`FlightRow::page`] is a path relative to this page, not yet
-/// percent-encoded.
+/// percent-encoded. Of more flights than one table holds, the tables are pages of their own in [`TABLE_FOLDER`].
 #[must_use]
-pub fn campaign_site(record: &CampaignRecord) -> Site {
+pub fn campaign_site(record: &CampaignRecord, excerpts: &[TrackExcerpt]) -> Site {
     let mut site = Site::default();
-    let figures = flights_figures(record);
-    let of_delay = delay_figures(record, 1 + figures.len() as u32);
-    for figure in figures.iter().chain(&of_delay) {
+    let of_flights: Vec<Figure> = [forest(record), trend(record), effects(record)].into_iter().flatten().collect();
+    let of_groups: Vec<(&GroupLateness, &CampaignDelay, Option<Figure>)> = agreeing(record);
+    let mut figures = Figures { of_flights, of_groups };
+    figures.number();
+    for figure in figures.all() {
         site.add_figure(figure);
     }
+    for (path, page) in flights::pages(record) {
+        site.add(&path, page);
+    }
     let title = format!("{} — flightlag campaign", record.name);
-    site.add("index.html", document(&title, Needs::Table, body(record, &figures, &of_delay)));
+    site.add("index.html", document(&title, Needs::Table, body(record, &figures, excerpts)));
     site
 }
 
-/// The chart of the delay from flight to flight, and the score over one delay for all.
-fn delay_figures(record: &CampaignRecord, number: u32) -> Vec<Figure> {
-    let Some(delay) = &record.delay else { return vec![] };
-    let chart = control_chart(delay, number);
-    let pooled = pooled_sweep(delay, number + u32::from(chart.is_some()));
-    chart.into_iter().chain(pooled).collect()
+/// The figures of the page, in its order.
+struct Figures<'a> {
+    of_flights: Vec<Figure>,
+    /// Groups whose agreement is shown, with the valley of each.
+    of_groups: Vec<(&'a GroupLateness, &'a CampaignDelay, Option<Figure>)>,
 }
 
-fn body(record: &CampaignRecord, figures: &[Figure], of_delay: &[Figure]) -> Markup {
+impl Figures<'_> {
+    fn all(&self) -> impl Iterator<Item = &Figure> {
+        self.of_flights.iter().chain(self.of_groups.iter().filter_map(|(_, _, figure)| figure.as_ref()))
+    }
+
+    /// The forest, which is as high as it has flights, beside the others.
+    fn columns(&self) -> impl Iterator<Item = &[Figure]> {
+        let is_forest = self.of_flights.first().is_some_and(|figure| figure.id == "lateness");
+        let (left, right) = self.of_flights.split_at(usize::from(is_forest));
+        [left, right].into_iter().filter(|column| !column.is_empty())
+    }
+
+    fn number(&mut self) {
+        let valleys = self.of_groups.iter_mut().filter_map(|(_, _, figure)| figure.as_mut());
+        (1..).zip(self.of_flights.iter_mut().chain(valleys)).for_each(|(number, figure)| figure.number = number);
+    }
+}
+
+/// Groups of two flights and more that are one group, the largest first.
+fn agreeing(record: &CampaignRecord) -> Vec<(&GroupLateness, &CampaignDelay, Option<Figure>)> {
+    let groups = record.groups.iter().filter(|g| g.members.len() > 1);
+    let shown = groups.filter_map(|g| Some((g, g.consistency.as_ref()?))).take(MOST_GROUPS).enumerate();
+    let with_figure = shown.map(|(k, (group, delay))| {
+        let rows = members(group, &record.flights);
+        let removed: BTreeSet<u64> =
+            rows.iter().filter_map(|r| r.delay_s).filter(|s| s.is_finite()).map(f64::to_bits).collect();
+        // Many delays, one for each flight, would hide the curve.
+        let removed: Vec<f64> =
+            if removed.len() <= 3 { removed.into_iter().map(f64::from_bits).collect() } else { vec![] };
+        (group, delay, valley(&group.group.name, delay, &removed, &format!("valley-{}", k + 1)))
+    });
+    with_figure.collect()
+}
+
+/// The flights of a group.
+fn members<'a>(group: &GroupLateness, flights: &'a [FlightRow]) -> Vec<&'a FlightRow> {
+    let names: BTreeSet<&str> = group.members.iter().map(String::as_str).collect();
+    flights.iter().filter(|row| names.contains(row.flight.as_str())).collect()
+}
+
+fn body(record: &CampaignRecord, figures: &Figures<'_>, excerpts: &[TrackExcerpt]) -> Markup {
     html! {
+        a.skip href="#all" { "Skip to the flights" }
         nav aria-label="On this page" {
             a href="#todo" { "Do this" }
-            @for of in figures { a href={ "#" (of.id) } { (of.title) } }
-            a href="#attention" { "Needs attention" }
-            @if record.criteria.is_some() { a href="#criteria" { "Criteria" } } a href="#all" { "All flights" }
-            @if record.delay.is_some() { a href="#delay" { "Position against velocity" } }
+            @for of in &figures.of_flights { a href={ "#" (of.id) } { (short_name(of)) } }
+            a href="#attention" { "Needs attention" } a href="#all" { "All flights" }
+            @if record.criteria.is_some() { a href="#criteria" { "Criteria" } }
+            @if !figures.of_groups.is_empty() { a href="#delay" { "Agreement in each group" } }
+            @if !excerpts.is_empty() { a href="#excerpts" { "North and east" } }
             a href="#ignored" { "Inputs not processed" } a href="#provenance" { "Provenance" }
         }
         main {
@@ -65,15 +119,27 @@ fn body(record: &CampaignRecord, figures: &[Figure], of_delay: &[Figure]) -> Mar
             p.note { (shown(&record.pipeline.title)) }
             (answer(record))
             (todo::todo(record))
-            (stats(record))
-            @for of in figures { (figure(of)) }
-            (attention::attention(&record.flights))
-            @if let Some(of) = &record.criteria { (criteria::campaign_section(of)) }
-            (flights::table(&record.flights))
-            @if let Some(delay) = &record.delay { (delay_section(delay, of_delay)) }
+            p { a href="since-last-run.html" { "What changed since the last run" } }
+            div.side-by-side {
+                @for column in figures.columns() { div { @for of in column { (figure(of)) } } }
+            }
+            (attention::attention(record))
+            (flights::section(record))
+            @if let Some(of) = &record.criteria { (criteria::campaign_section(of, matrix::matrix(record, of))) }
+            (agreement(record, figures))
+            (excerpts::section(record, excerpts))
             (ignored(record))
             (provenance(record))
         }
+    }
+}
+
+fn short_name(figure: &Figure) -> &str {
+    match figure.id.as_str() {
+        "lateness" => "How late",
+        "trend" => "Over the date",
+        "effect" => "What the removal did",
+        other => other,
     }
 }
 
@@ -86,32 +152,11 @@ fn answer(record: &CampaignRecord) -> Markup {
             @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
             ", " (number::count(t.uncompensated)) " measured with nothing removed, " (number::count(t.not_measurable)) " not measurable, "
             @if t.pending > 0 { (number::count(t.pending)) " pending, " }
-            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs; " (number::clock(t.duration_s, 0)) " compensated."
+            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs; " (number::bytes(t.bytes)) " of logs, "
+            (number::clock(t.duration_s, 0)) " compensated. ± is U with k\u{a0}=\u{a0}2."
         }
-        (lateness::groups(&record.groups))
+        (cards::cards(record))
     }
-}
-
-fn stats(record: &CampaignRecord) -> Markup {
-    let t = &record.totals;
-    html! {
-        ul.stats {
-            li { b { (number::count(t.flights)) } "flights" }
-            li { b { (number::clock(t.duration_s, 0)) } "compensated (h:mm:ss)" }
-            (outcome_count(t.helped, "ok", "✓", "helped"))
-            (outcome_count(t.harmed, "bad", "✗", "harmed"))
-            (outcome_count(t.varying, "unsure", "!", "delay changes"))
-            (outcome_count(t.not_measurable, "unsure", "○", "not measurable"))
-            (outcome_count(t.failed, "bad", "✗", "failed"))
-            (outcome_count(t.lossy, "lost", "▲", "log damaged"))
-            li { b { (number::bytes(t.bytes)) } "of logs" }
-        }
-    }
-}
-
-/// A colour warns of something; of no flight at all it would warn of nothing.
-fn outcome_count(flights: u64, class: &str, icon: &str, word: &str) -> Markup {
-    html! { li { b { (number::count(flights)) } (badge(if flights == 0 { "off" } else { class }, icon, word)) } }
 }
 
 /// Whether the removal made the flight worse.
@@ -123,10 +168,11 @@ fn is_harmed(row: &FlightRow) -> bool {
 fn gravity(row: &FlightRow) -> (u8, &str) {
     let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
     let any = |gravity| alarms.iter().any(|a| a.gravity == gravity);
+    let fails = row.criteria.as_ref().is_some_and(|c| c.overall == CriterionVerdict::Fail);
     let rank = match row.outcome {
         Outcome::Failed { .. } => 0,
         _ if is_harmed(row) => 1,
-        _ if any(Gravity::Red) => 2,
+        _ if any(Gravity::Red) || fails => 2,
         _ if row.lossy => 3,
         Outcome::NotMeasurable { .. } | Outcome::Pending { .. } => 6,
         _ if any(Gravity::Amber) || !row.attention.is_empty() => 4,
@@ -135,18 +181,38 @@ fn gravity(row: &FlightRow) -> (u8, &str) {
     (rank, &row.flight)
 }
 
-/// What the flights say of the delay, together.
-fn delay_section(delay: &CampaignDelay, figures: &[Figure]) -> Markup {
+/// What the flights of each group say of the delay, together. Flights of different groups are never averaged.
+fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
+    let left_out = record
+        .groups
+        .iter()
+        .filter(|g| g.members.len() > 1 && g.consistency.is_some())
+        .count()
+        .saturating_sub(MOST_GROUPS);
+    html! {
+        @if !figures.of_groups.is_empty() {
+            h2 #delay { "Agreement in each group" }
+            p.note {
+                "Position against velocity: a figure of consistency between flights. How late the position itself is, and what is \
+                 removed, is above: both differ by what the velocity is late."
+            }
+            @for (group, delay, valley) in &figures.of_groups { (group_delay(group, delay, valley.as_ref())) }
+            @if left_out > 0 { p.note { (number::counted(left_out as u64, "smaller group is", "smaller groups are")) " in campaign.json." } }
+            p.note {
+                "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik and Jonkman. \
+                 A flight counts as what it shows of position against velocity, whichever delay was removed from it, or none."
+            }
+        }
+    }
+}
+
+fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Figure>) -> Markup {
     let outside: Vec<&ControlPoint> = delay.control.iter().filter(|p| p.is_outside).collect();
     html! {
-        h2 #delay { "Position against velocity over the flights" }
-        p.answer {
+        h3 { bdi { (shown(&group.group.name)) } }
+        p {
             "Position later than velocity: "
             (finding(&delay.measured, |found| over_flights(found, delay.card_s.as_ref()))) "."
-        }
-        p.note {
-            "A figure of consistency between flights. How late the position itself is, and what is removed, is above: both differ by \
-             what the velocity is late."
         }
         (homogeneity(delay.measured.found()))
         @if delay.measured != delay.swept {
@@ -156,17 +222,16 @@ fn delay_section(delay: &CampaignDelay, figures: &[Figure]) -> Markup {
             p.why.unsure {
                 (badge("unsure", "!", "Outside")) " Outside three standard uncertainties of the difference: "
                 @for (i, point) in outside.iter().take(MOST_OUTSIDE).enumerate() {
-                    @if i > 0 { ", " } (shown(&point.flight)) " (" (estimate(&in_millis(&point.delay_s))) "\u{a0}ms)"
+                    @if i > 0 { ", " } bdi { (shown(&point.flight)) } " (" (estimate(&in_millis(&point.delay_s))) "\u{a0}ms)"
                 }
                 @if outside.len() > MOST_OUTSIDE { ", " (more(outside.len() - MOST_OUTSIDE)) }
                 "."
             }
         }
-        @for f in figures { (figure(f)) }
-        @if let Finding::CannotTell(why) = &delay.curve { p { "One delay for all flights: " (no_number(why)) } }
-        p.note {
-            "Mean over the flights: random effects (Paule and Mandel), its uncertainty by Hartung, Knapp, Sidik and Jonkman. \
-             A flight counts as what it shows of position against velocity, whichever delay was removed from it, or none."
+        @match (valley, &delay.curve) {
+            (Some(valley), _) => { (figure(valley)) }
+            (None, Finding::CannotTell(why)) => { p { "One delay for all of them: " (no_number(why)) } }
+            (None, Finding::Found(_)) => {}
         }
     }
 }
@@ -191,7 +256,7 @@ fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
         @if let Some(h) = found.and_then(|f| f.homogeneity) {
             p {
                 "One difference for all flights: χ² = " (plain(h.chi2, 3)) " with "
-                (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, p = " (plain(h.p, 2)) ": "
+                (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, " (cards::p_value(h.p)) ": "
                 @if h.p < 0.01 { "the flights do not agree." } @else { "nothing speaks against it." }
             }
         }
@@ -239,5 +304,6 @@ fn provenance(record: &CampaignRecord) -> Markup {
         h3 { "Make it again" }
         (command_block(&record.command))
         p.note { "The same logs, settings and versions give the same bytes, whatever the number of threads." }
+        (files(&["campaign.json", "flights.csv", "flights.parquet", "run.json"]))
     }
 }

@@ -26,13 +26,7 @@ const RULE: &str = "Decision rule. PASS: the whole 95\u{a0}% interval of the num
     meant for this flight.";
 
 fn verdict_badge(verdict: CriterionVerdict, count: Option<u64>) -> Markup {
-    let (class, icon) = match verdict {
-        CriterionVerdict::Fail => ("bad", "✗"),
-        CriterionVerdict::Inconclusive => ("unsure", "?"),
-        CriterionVerdict::NotEvaluated => ("off", "○"),
-        CriterionVerdict::Pass => ("ok", "✓"),
-        CriterionVerdict::NotApplicable => ("off", "–"),
-    };
+    let (class, icon) = look(verdict);
     let word = criterion_word(verdict);
     badge(class, icon, &count.map_or_else(|| word.to_owned(), |n| format!("{} {word}", number::count(n))))
 }
@@ -42,6 +36,28 @@ fn verdict_badge(verdict: CriterionVerdict, count: Option<u64>) -> Markup {
 /// Counts of the verdicts, for the head of the page.
 pub(super) fn chips(criteria: &FlightCriteria) -> Markup {
     html! { a.chips href="#criteria" { (counts(&criteria.tally())) } }
+}
+
+/// A verdict in a cell of little room.
+pub(super) fn verdict_cell(verdict: Option<CriterionVerdict>, flight: &str) -> Markup {
+    match verdict {
+        None => html! { td.off { "" } },
+        Some(verdict) => {
+            let (class, icon) = look(verdict);
+            let name = format!("{flight}: {}", criterion_word(verdict));
+            html! { td class=(class) title=(name) aria-label=(criterion_word(verdict)) { (icon) } }
+        }
+    }
+}
+
+fn look(verdict: CriterionVerdict) -> (&'static str, &'static str) {
+    match verdict {
+        CriterionVerdict::Fail => ("bad", "✗"),
+        CriterionVerdict::Inconclusive => ("unsure", "?"),
+        CriterionVerdict::NotEvaluated => ("off", "○"),
+        CriterionVerdict::Pass => ("ok", "✓"),
+        CriterionVerdict::NotApplicable => ("off", "–"),
+    }
 }
 
 fn counts(tally: &VerdictTally) -> Markup {
@@ -157,11 +173,17 @@ fn file_line(used: &CriteriaUse) -> Markup {
 pub(super) fn cell(row: &FlightRow) -> Markup {
     let tally: VerdictTally = row.criteria.iter().flat_map(|c| &c.each).map(|v| v.verdict).collect();
     let of_all = tally.by_verdict().iter().map(|(_, n)| n).sum::<u64>();
+    // The gravest verdict first, of equal ones the most frequent.
+    let rank = row.criteria.as_ref().map(|c| {
+        let place = tally.by_verdict().iter().position(|(v, _)| *v == c.overall).unwrap_or(0);
+        let count = tally.by_verdict().get(place).map_or(0, |(_, n)| *n);
+        1000 * place as u64 + of_all - count
+    });
     html! {
-        td {
+        td.w data-v=[rank] {
             @match &row.criteria {
                 Some(criteria) => {
-                    (verdict_badge(criteria.overall, None)) " "
+                    b class=(look(criteria.overall).0) { (look(criteria.overall).1) " " (criterion_word(criteria.overall)) } " "
                     (tally.by_verdict().iter().find(|(v, _)| *v == criteria.overall).map_or(0, |(_, n)| *n)) "/" (of_all)
                 }
                 None => { "—" }
@@ -171,7 +193,7 @@ pub(super) fn cell(row: &FlightRow) -> Markup {
 }
 
 /// Pass rates, and who fails.
-pub(super) fn campaign_section(criteria: &CampaignCriteria) -> Markup {
+pub(super) fn campaign_section(criteria: &CampaignCriteria, matrix: Markup) -> Markup {
     let head = [
         Text("Criterion"),
         Number("Limit"),
@@ -187,6 +209,7 @@ pub(super) fn campaign_section(criteria: &CampaignCriteria) -> Markup {
         h2 id="criteria" { "Criteria" }
         p.answer { (flights_sentence(criteria)) }
         div.strip role="group" aria-label="Flights by their gravest verdict" { (counts(&criteria.flights)) }
+        (matrix)
         (table("Flights by verdict", &head, rows(&criteria.each, MOST_ROWS, head.len(), summary_row)))
         p.note { (RULE) }
         p.note {

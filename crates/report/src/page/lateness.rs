@@ -1,31 +1,39 @@
 //! The answer: how late the position is, what was removed, whether that helped, what to do.
 
 use super::Head::{Number, Text};
-use super::{badge, estimate, maybe, maybe_estimate, no_number, plain, table};
+use super::{badge, estimate, maybe, maybe_estimate, plain, table};
 use crate::number;
 use crate::text::{ended, shown, shown_block};
 use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, Effect, EffectVerdict, Estimate,
-    FlightLateness, FlightRecord, FlightRow, Gravity, GroupLateness, NetworkDatum, Outcome, flight_alarms,
+    FlightLateness, FlightRecord, FlightRow, Gravity, NetworkDatum, Outcome, flight_alarms,
 };
-
-/// Most groups of a campaign that are listed; the record holds all.
-const MOST_GROUPS: usize = 20;
 
 /// An interval is uneven where its halves differ by more than this share of it.
 const UNEVEN: f64 = 0.1;
 
 /// What became of a flight in a word: whether compensation helped, else why nothing was compared.
 pub(super) fn result_badge(outcome: &Outcome, effect: Option<&Effect>) -> Markup {
+    let (class, icon, word) = result_look(outcome, effect);
+    badge(class, icon, word)
+}
+
+/// The same with less markup, for the table of flights.
+pub(super) fn result_cell(outcome: &Outcome, effect: Option<&Effect>) -> Markup {
+    let (class, icon, word) = result_look(outcome, effect);
+    html! { b class=(class) { (icon) " " (word) } }
+}
+
+fn result_look(outcome: &Outcome, effect: Option<&Effect>) -> (&'static str, &'static str, &'static str) {
     match (outcome, effect) {
-        (Outcome::Failed { .. }, _) => badge("bad", "✗", "Failed"),
-        (Outcome::Pending { .. }, _) => badge("off", "…", "Pending"),
-        (Outcome::NotMeasurable { .. }, _) => badge("unsure", "○", "Not measurable"),
-        (Outcome::Uncompensated { .. }, _) => badge("off", "○", "Nothing removed"),
-        (_, Some(effect)) => effect_badge(effect.verdict),
-        (Outcome::Compensated, None) => badge("unsure", "?", "Effect unknown"),
+        (Outcome::Failed { .. }, _) => ("bad", "✗", "Failed"),
+        (Outcome::Pending { .. }, _) => ("off", "…", "Pending"),
+        (Outcome::NotMeasurable { .. }, _) => ("unsure", "○", "Not measurable"),
+        (Outcome::Uncompensated { .. }, _) => ("off", "○", "Nothing removed"),
+        (_, Some(effect)) => effect_look(effect.verdict),
+        (Outcome::Compensated, None) => ("unsure", "?", "Effect unknown"),
     }
 }
 
@@ -45,11 +53,16 @@ pub(super) fn result_word(outcome: &Outcome, effect: Option<&Effect>) -> &'stati
 }
 
 fn effect_badge(verdict: EffectVerdict) -> Markup {
+    let (class, icon, word) = effect_look(verdict);
+    badge(class, icon, word)
+}
+
+fn effect_look(verdict: EffectVerdict) -> (&'static str, &'static str, &'static str) {
     match verdict {
-        EffectVerdict::Helped => badge("ok", "✓", "Helped"),
-        EffectVerdict::NoChange => badge("off", "○", "No change"),
-        EffectVerdict::Harmed => badge("bad", "✗", "HARMED"),
-        EffectVerdict::CannotTell => badge("unsure", "?", "Cannot tell"),
+        EffectVerdict::Helped => ("ok", "✓", "Helped"),
+        EffectVerdict::NoChange => ("off", "○", "No change"),
+        EffectVerdict::Harmed => ("bad", "✗", "HARMED"),
+        EffectVerdict::CannotTell => ("unsure", "?", "Cannot tell"),
     }
 }
 
@@ -251,36 +264,12 @@ fn channel_row(c: &ChannelLateness) -> Markup {
     }
 }
 
-/// How late the position is in each group of flights.
-pub(super) fn groups(groups: &[GroupLateness]) -> Markup {
-    html! {
-        @if groups.iter().all(|g| g.lateness_s.is_none()) {
-            p.answer { "No flight tells how late its position is." }
-        }
-        @for group in groups.iter().take(MOST_GROUPS) {
-            p.answer {
-                b { (shown(&group.group.name)) } ": "
-                @match &group.lateness_s {
-                    Some(_) => { (shown(&group.words)) " (k = 2)." }
-                    None => { (no_number(&group.words)) "." }
-                }
-            }
-            (advice(&group.advice))
-        }
-    }
-}
-
-/// How late, in the table of all flights.
-pub(super) fn lateness_cells(row: &FlightRow) -> Markup {
+/// What kind of delay it is and what it is counted from, in the table of all flights.
+pub(super) fn kind_cells(row: &FlightRow) -> Markup {
     let lateness = row.lateness.as_ref();
-    let value = lateness.and_then(FlightLateness::lateness_s);
     html! {
-        td { (maybe(lateness, |l| html! { (shown(&l.kind_name())) })) }
-        @match &value {
-            Some(value) => { td.n data-v=(value.value) { (number::with_uncertainty(&in_millis(value))) } }
-            None => { td.n { "—" } }
-        }
-        td { (maybe(lateness.filter(|_| value.is_some()), |l| html! { (shown(&l.against)) })) }
+        td { @match lateness { Some(l) => { (shown(&l.kind_name())) } None => { "—" } } }
+        td { @match lateness.filter(|l| l.lateness.is_some()) { Some(l) => { (shown(&l.against)) } None => { "—" } } }
     }
 }
 
@@ -299,7 +288,7 @@ pub(super) fn alarm_badges(alarms: &[DelayAlarm]) -> Markup {
 pub(super) fn effect_cells(row: &FlightRow) -> Markup {
     let effect = row.effect.as_ref();
     let cell = |value: Option<&record::Estimate>| match value {
-        Some(value) => html! { td.n data-v=(value.value) { (number::with_uncertainty(value)) } },
+        Some(value) => html! { td data-v=(value.value) { (number::with_uncertainty(value)) } },
         None => html! { td.n { "—" } },
     };
     html! {

@@ -5,9 +5,10 @@ for (const table of document.querySelectorAll("table.sortable")) {
   const names = heads.map((head) => head.textContent.trim());
   const value = (row, i) => { const c = row.cells[i], v = c.dataset.v; return v === undefined ? c.textContent.trim() : v; };
   const isAbsent = (v) => v === "" || v === "\u2014";
+  const words = new Intl.Collator("en", { numeric: true });
   const compare = (a, b) => {
     const x = Number(a), y = Number(b);
-    return Number.isNaN(x) || Number.isNaN(y) ? a.localeCompare(b, "en", { numeric: true }) : x - y;
+    return Number.isNaN(x) || Number.isNaN(y) ? words.compare(a, b) : x - y;
   };
   const make = (name, text, parent) => {
     const element = document.createElement(name);
@@ -15,104 +16,185 @@ for (const table of document.querySelectorAll("table.sortable")) {
     parent.append(element);
     return element;
   };
+  const button = (text, parent, action) => {
+    const element = make("button", text, parent);
+    element.type = "button";
+    element.addEventListener("click", action);
+    return element;
+  };
+  const texts = new Map(rows.map((row) => [row, row.textContent.toLowerCase()]));
   const state = { q: "", sort: "", show: "" };
-  const facets = ["effect", "kind", "group", "data"].filter((f) => new Set(rows.map((r) => r.dataset[f])).size > 1);
+  const named = ["effect", "group", "data", "criteria", "kind"], places = { group: names.indexOf("Group"), kind: names.indexOf("Kind") };
+  const read1 = (row, f) => (f in places ? row.cells[places[f]].textContent.trim().replace("\u2014", "") : row.dataset[f] || "");
+  const values = new Map(rows.map((row) => [row, Object.fromEntries(named.map((f) => [f, read1(row, f)]))]));
+  const facets = named.filter((f) => new Set(rows.map((r) => values.get(r)[f])).size > 1);
   const bar = document.createElement("div");
   bar.className = "controls";
-  table.closest(".scroll").before(bar);
+  const scroll = table.closest(".scroll");
+  scroll.before(bar);
   const label = make("label", "Filter ", bar), input = document.createElement("input");
   input.type = "search";
   input.placeholder = "name, effect:harmed, lateness>300, alarm:leap-second";
   label.append(input);
-  const count = make("output", "", bar), csv = make("button", "CSV of these rows", bar);
-  csv.type = "button";
+  const count = make("output", "", bar);
+  button("CSV of these rows", bar, () => save());
+  button("All", bar, () => { Object.keys(state).forEach((k) => (state[k] = "")); chosen.forEach((set) => set.clear()); initial(); show(); });
+  const help = make("p", "Keys: / filter, \u2193 \u2191 or j k next and previous flight, Enter open it, e its reasons, Esc leave the filter, ? this line.", bar);
+  help.className = "note";
+  help.hidden = true;
   const chosen = new Map(facets.map((f) => [f, new Set()])), chips = [];
   for (const facet of facets) {
-    const group = make("div", "", bar);
+    const group = make("div", "", bar), tally = new Map();
     group.setAttribute("role", "group");
     group.setAttribute("aria-label", facet);
     make("span", facet + ": ", group);
-    const tally = new Map();
-    rows.forEach((r) => tally.set(r.dataset[facet], (tally.get(r.dataset[facet]) || 0) + 1));
+    rows.forEach((r) => { const v = values.get(r)[facet]; tally.set(v, (tally.get(v) || 0) + 1); });
     for (const [name, n] of [...tally].sort((a, b) => b[1] - a[1]).slice(0, 12)) {
-      const chip = make("button", (name || "none") + " " + n, group);
-      chip.type = "button";
-      chip.setAttribute("aria-pressed", "false");
-      chip.addEventListener("click", () => {
-        const set = chosen.get(facet), on = !set.has(name);
-        on ? set.add(name) : set.delete(name);
+      const chip = button("", group, () => {
+        const set = chosen.get(facet);
+        set.has(name) ? set.delete(name) : set.add(name);
         apply();
       });
-      chips.push([chip, facet, name]);
+      const text = make("bdi", name || "none", chip), number = make("span", " " + n, chip);
+      text.title = name;
+      chips.push([chip, facet, name, number]);
     }
   }
   const chooser = make("details", "", bar);
   make("summary", "Columns", chooser);
+  const usual = heads.map((head) => !head.classList.contains("more"));
   const boxes = heads.map((head, i) => {
     const label = make("label", "", chooser), box = document.createElement("input");
     box.type = "checkbox";
-    box.checked = !head.classList.contains("more");
     box.disabled = i === 0;
     label.append(box, " " + names[i]);
     box.addEventListener("change", () => { state.show = shown(); apply(); });
     return box;
   });
-  const usual = boxes.map((b) => b.checked);
+  const columns = make("style", "", document.head);
   const shown = () => {
-    const now = boxes.map((b) => (b.checked ? "1" : "0")).join("");
-    return now === usual.map((b) => (b ? "1" : "0")).join("") ? "" : now;
+    const bits = (of) => of.map((b) => (b ? "1" : "0")).join(""), now = bits(boxes.map((b) => b.checked));
+    return now === bits(usual) ? "" : now;
   };
   const column = (word) => names.findIndex((n) => n.toLowerCase().replace(/[^a-z]/g, "").startsWith(word));
-  const fits = (row, token) => {
+  const test = (token) => {
     const bounds = /^([a-z]+)([<>])(-?[0-9.]+)$/.exec(token), pair = /^([a-z]+):(.*)$/.exec(token);
     if (bounds) {
-      const i = column(bounds[1]), v = i < 0 || isAbsent(value(row, i)) ? NaN : Number(value(row, i));
-      const scaled = i >= 0 && names[i].includes("(ms)") ? 1e3 * v : v;
-      return bounds[2] === ">" ? scaled > Number(bounds[3]) : scaled < Number(bounds[3]);
+      const i = column(bounds[1]), scale = i >= 0 && names[i].includes("(ms)") ? 1e3 : 1, limit = Number(bounds[3]);
+      return (row) => {
+        if (i < 0 || isAbsent(value(row, i))) return false;
+        const v = scale * Number(value(row, i));
+        return bounds[2] === ">" ? v > limit : v < limit;
+      };
     }
-    const has = (text) => (text || "").toLowerCase().includes(pair ? pair[2] : token);
-    return pair && row.dataset[pair[1]] !== undefined ? has(row.dataset[pair[1]]) : has(row.textContent);
+    if (pair && pair[1] === "reason") return (row) => (row.dataset.reason || "").split(" ").includes(pair[2]);
+    if (pair && named.includes(pair[1])) return (row) => values.get(row)[pair[1]].toLowerCase().includes(pair[2]);
+    if (pair && pair[1] === "alarm") return (row) => (row.dataset.alarm || "").includes(pair[2]);
+    return (row) => texts.get(row).includes(token);
   };
+  const isIn = (row, facet) => chosen.get(facet).size === 0 || chosen.get(facet).has(values.get(row)[facet]);
+  // Rows in their order, those that fit, and how many of these are in the document: more than a screen needs would make
+  // every change slow.
+  const CHUNK = 100;
+  let sorted = rows, wanted = rows, drawn = rows.length;
+  const more = (count = CHUNK) => {
+    body.append(...wanted.slice(drawn, drawn + count));
+    drawn = Math.min(drawn + count, wanted.length);
+  };
+  const all = () => more(wanted.length);
+  scroll.addEventListener("scroll", () => {
+    if (drawn < wanted.length && scroll.scrollTop + 2 * scroll.clientHeight > scroll.scrollHeight) more();
+  });
+  addEventListener("beforeprint", all);
   const apply = () => {
-    const tokens = state.q.toLowerCase().split(/\s+/).filter(Boolean);
-    let left = 0;
-    for (const row of rows) {
-      const keep = tokens.every((t) => fits(row, t)) &&
-        facets.every((f) => chosen.get(f).size === 0 || chosen.get(f).has(row.dataset[f]));
-      row.hidden = !keep;
-      left += keep;
+    const tests = state.q.toLowerCase().split(/\s+/).filter(Boolean).map(test);
+    const found = rows.filter((row) => tests.every((t) => t(row))), kept = new Set(found.filter((row) => facets.every((f) => isIn(row, f))));
+    wanted = sorted.filter((row) => kept.has(row));
+    body.replaceChildren();
+    drawn = 0;
+    more();
+    count.textContent = " " + kept.size + " of " + rows.length + " flights ";
+    // Each count is of what a click would show: the other facets hold.
+    const tallies = new Map(facets.map((f) => [f, new Map()]));
+    for (const row of found) {
+      const misses = facets.filter((f) => !isIn(row, f));
+      for (const f of misses.length === 0 ? facets : misses.length === 1 ? misses : []) {
+        const v = values.get(row)[f], tally = tallies.get(f);
+        tally.set(v, (tally.get(v) || 0) + 1);
+      }
     }
-    count.textContent = " " + left + " of " + rows.length + " flights ";
-    chips.forEach(([chip, facet, name]) => chip.setAttribute("aria-pressed", String(chosen.get(facet).has(name))));
-    boxes.forEach((box, i) => {
-      if (heads[i].hidden !== !box.checked) [heads[i], ...rows.map((r) => r.cells[i])].forEach((c) => (c.hidden = !box.checked));
+    chips.forEach(([chip, facet, name, number]) => {
+      chip.setAttribute("aria-pressed", String(chosen.get(facet).has(name)));
+      number.textContent = " " + (tallies.get(facet).get(name) || 0);
     });
+    columns.textContent = boxes.map((box, i) => (box.checked ? "" : "#flights tr:not(.why)>:nth-child(" + (i + 1) + "){display:none}")).join("");
     const address = new URLSearchParams();
     Object.entries(state).forEach(([k, v]) => v && address.set(k, v));
     facets.forEach((f) => chosen.get(f).forEach((v) => address.append(f, v)));
     const text = address.toString();
     if (text || location.hash.startsWith("#?")) history.replaceState(null, "", text ? "#?" + text : "#all");
   };
+  const initial = () => { heads.forEach((head) => head.removeAttribute("aria-sort")); sorted = rows; };
   const sortBy = (i, down) => {
     heads.forEach((other) => other.removeAttribute("aria-sort"));
     heads[i].setAttribute("aria-sort", down > 0 ? "ascending" : "descending");
     const keyed = rows.map((row) => [value(row, i), row]);
     keyed.sort(([a], [b]) => isAbsent(a) || isAbsent(b) ? isAbsent(a) - isAbsent(b) : down * compare(a, b));
-    body.append(...keyed.map(([, row]) => row));
+    sorted = keyed.map(([, row]) => row);
     state.sort = i + (down > 0 ? "+" : "-");
   };
   heads.forEach((head, i) => {
-    const button = document.createElement("button");
-    button.type = "button";
-    button.append(...head.childNodes);
-    head.append(button);
-    button.addEventListener("click", () => { sortBy(i, head.getAttribute("aria-sort") === "ascending" ? -1 : 1); apply(); });
+    const text = [...head.childNodes];
+    button("", head, () => { sortBy(i, head.getAttribute("aria-sort") === "ascending" ? -1 : 1); apply(); }).append(...text);
   });
+  // A row says why it wants a look.
+  const explain = (row) => {
+    if (!row) return;
+    const next = row.nextElementSibling;
+    if (next && next.classList.contains("why")) return next.remove();
+    const why = document.createElement("tr"), cell = make("td", "", why), list = make("ul", "", cell);
+    why.className = "why";
+    cell.colSpan = heads.length;
+    const reasons = (row.dataset.reason || "").split(" ").filter(Boolean);
+    reasons.forEach((slug) => {
+      const text = document.querySelector('li[data-reason="' + slug + '"] .text');
+      make("li", text ? text.textContent : slug.replaceAll("-", " "), list);
+    });
+    if (reasons.length === 0) make("li", "Nothing wants attention on this flight.", list);
+    row.after(why);
+  };
+  let current = null;
+  const go = (step) => {
+    const at = wanted.indexOf(current), next = wanted[at < 0 ? 0 : Math.min(Math.max(at + step, 0), wanted.length - 1)];
+    if (!next) return;
+    if (!next.isConnected) more();
+    if (current) current.classList.remove("current");
+    current = next;
+    next.classList.add("current");
+    next.cells[0].querySelector("a").focus({ preventScroll: true });
+    next.scrollIntoView({ block: "nearest" });
+  };
+  body.addEventListener("click", (e) => { if (!e.target.closest("a")) explain(e.target.closest("tr:not(.why)")); });
   input.addEventListener("input", () => { state.q = input.value; apply(); });
-  document.addEventListener("keydown", (e) => {
-    if (e.key === "/" && !/^(input|textarea)$/i.test(document.activeElement.tagName)) { e.preventDefault(); input.focus(); }
+  input.addEventListener("keydown", (e) => {
+    if (e.key === "Escape") input.blur();
+    if (e.key === "ArrowDown") { e.preventDefault(); go(1); }
   });
-  csv.addEventListener("click", () => {
+  document.addEventListener("keydown", (e) => {
+    if (e.ctrlKey || e.metaKey || e.altKey || /^(input|textarea|select)$/i.test(document.activeElement.tagName)) return;
+    const inside = scroll.contains(document.activeElement);
+    const act = {
+      "/": () => input.focus(),
+      "?": () => { help.hidden = !help.hidden; if (!help.hidden) bar.scrollIntoView({ block: "nearest" }); },
+      j: () => go(1),
+      k: () => go(-1),
+      ArrowDown: inside && (() => go(1)),
+      ArrowUp: inside && (() => go(-1)),
+      e: inside && (() => explain(document.activeElement.closest("tbody tr"))),
+    }[e.key];
+    if (act) { e.preventDefault(); act(); }
+  });
+  const save = () => {
     // A text that a spreadsheet would take for a formula gets an apostrophe; numbers stay as they are.
     const cell = (v) => {
       const text = isAbsent(v) ? "" : v;
@@ -123,23 +205,30 @@ for (const table of document.querySelectorAll("table.sortable")) {
     const plain = (n) => n.replace(" (ms)", " (s)");
     const word = (row, i) => (row.cells[i].classList.contains("w") ? row.cells[i].textContent.trim() : value(row, i));
     const line = (of) => seen.map((i) => cell(of(i))).join(",");
-    const lines = [line((i) => plain(names[i])), ...[...body.rows].filter((r) => !r.hidden).map((r) => line((i) => word(r, i)))];
+    const lines = [line((i) => plain(names[i])), ...wanted.map((r) => line((i) => word(r, i)))];
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([lines.join("\n") + "\n"], { type: "text/csv" }));
     link.download = "flights-shown.csv";
     link.click();
-  });
+  };
+  const show = () => {
+    input.value = state.q;
+    const shows = state.show.length === boxes.length ? [...state.show].map((c) => c === "1") : usual;
+    boxes.forEach((box, i) => (box.checked = i === 0 || shows[i]));
+    const by = /^([0-9]+)([+-])$/.exec(state.sort);
+    if (by && heads[Number(by[1])]) sortBy(Number(by[1]), by[2] === "+" ? 1 : -1);
+    apply();
+  };
   const read = () => {
     const address = new URLSearchParams(location.hash.startsWith("#?") ? location.hash.slice(2) : "");
     Object.keys(state).forEach((k) => (state[k] = address.get(k) || ""));
-    input.value = state.q;
     facets.forEach((f) => chosen.set(f, new Set(address.getAll(f))));
-    const shows = state.show.length === boxes.length ? [...state.show].map((c) => c === "1") : usual;
-    boxes.forEach((box, i) => (box.checked = shows[i]));
-    const sorted = /^([0-9]+)([+-])$/.exec(state.sort);
-    if (sorted && heads[Number(sorted[1])]) sortBy(Number(sorted[1]), sorted[2] === "+" ? 1 : -1);
-    apply();
+    show();
   };
-  addEventListener("hashchange", () => { if (location.hash.startsWith("#?")) { read(); table.scrollIntoView(); } });
+  const arrive = () => { if (location.hash.startsWith("#?")) { read(); bar.scrollIntoView(); } };
+  for (const link of document.querySelectorAll("a.show")) {
+    link.addEventListener("click", (e) => { e.preventDefault(); location.hash = "#?" + new URLSearchParams({ q: link.dataset.q }); });
+  }
+  addEventListener("hashchange", arrive);
   read();
 }

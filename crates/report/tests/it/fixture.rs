@@ -726,7 +726,6 @@ pub fn campaign_record(flights: usize) -> CampaignRecord {
         pipeline: pipeline(),
         command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung".into(),
         criteria: None,
-        delay: None,
         groups: vec![],
         ignored: (0..5)
             .map(|i| IgnoredInput { path: format!("notes/{i}.txt"), reason: "no reader knows this format".into() })

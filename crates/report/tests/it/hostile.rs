@@ -1,12 +1,13 @@
 //! Records with every text hostile, every option absent, every list long.
 
 use crate::bench_fixture::{card, failed_bench_record, light_bench, light_bench_record, silent_bench_record, study};
+use crate::campaign_fixture::varied;
 use crate::fixture::{campaign_record, failed_record, flight_record};
 use crate::html::read;
 use record::{BenchRecord, CampaignRecord, FlightRecord, MonteCarloRecord, SensorCard};
 use report::{
-    BenchPage, CardPage, CardRecord, FlightPage, Site, bench_site, campaign_site, card_site, flight_site,
-    monte_carlo_site,
+    BenchPage, CardPage, CardRecord, FlightPage, Site, TrackExcerpt, bench_site, campaign_site, card_site,
+    changes_site, flight_site, monte_carlo_site,
 };
 use serde_json::Value;
 
@@ -137,7 +138,14 @@ fn no_text_of_a_campaign_record_becomes_markup() {
     for payload in PAYLOADS {
         let (record, changed) = change_everywhere(&campaign_record(3), &hostile_text(payload));
         assert!(changed > 20, "only {changed} texts were reached");
-        is_harmless(&campaign_site(&record), payload);
+        is_harmless(&campaign_site(&record, &[]), payload);
+        let (record, changed) = change_everywhere(&varied(3), &hostile_text(payload));
+        assert!(changed > 80, "only {changed} texts were reached");
+        let excerpts =
+            [TrackExcerpt { flight: payload.to_owned(), zoom: light_record().replay.unwrap().zoom.unwrap() }];
+        is_harmless(&campaign_site(&record, &excerpts), payload);
+        let (changes, _) = change_everywhere(&crate::changes::all_kinds(), &hostile_text(payload));
+        is_harmless(&changes_site(&changes, &record.flights), payload);
     }
 }
 
@@ -226,7 +234,7 @@ fn a_record_of_which_every_option_is_absent_has_a_page() {
     is_harmless(&site(&record, "n"), "n");
     let (record, _) = change_everywhere::<CampaignRecord>(&campaign_record(3), &absent);
     assert!(record.flights.iter().all(|f| f.duration_s.is_none() && f.map.is_none()));
-    let html = String::from_utf8(campaign_site(&record).files["index.html"].clone()).unwrap();
+    let html = String::from_utf8(campaign_site(&record, &[]).files["index.html"].clone()).unwrap();
     assert!(!html.contains(">NaN") && !html.contains(">null") && !html.contains(">None"));
 }
 
@@ -236,7 +244,7 @@ fn empty_lists_and_curves_have_a_page() {
     let (record, changed) = change_everywhere(&light_record(), &empty);
     assert!(changed >= 10);
     is_harmless(&site(&record, "n"), "n");
-    is_harmless(&campaign_site(&campaign_record(0)), "n");
+    is_harmless(&campaign_site(&campaign_record(0), &[]), "n");
 }
 
 #[test]
@@ -246,15 +254,17 @@ fn numbers_beyond_all_measure_have_a_page() {
         let (record, changed) = change_everywhere(&light_record(), &change);
         assert!(changed > 50);
         is_harmless(&site(&record, "n"), "n");
-        let (record, _) = change_everywhere(&campaign_record(3), &change);
-        is_harmless(&campaign_site(&record), "n");
+        for record in [campaign_record(3), varied(3)] {
+            let (record, _) = change_everywhere(&record, &change);
+            is_harmless(&campaign_site(&record, &[]), "n");
+        }
     }
     for extreme in [u64::MAX, 0] {
         let change = |value: &Value| value.is_u64().then(|| Value::from(extreme));
         let (record, _) = change_everywhere(&light_record(), &change);
         is_harmless(&site(&record, "n"), "n");
         let (record, _) = change_everywhere(&campaign_record(3), &change);
-        is_harmless(&campaign_site(&record), "n");
+        is_harmless(&campaign_site(&record, &[]), "n");
     }
 }
 

@@ -55,7 +55,7 @@ const TAGS: [&str; 50] = [
     "g",
 ];
 const VOID: [&str; 2] = ["meta", "wbr"];
-const ATTRIBUTES: [&str; 59] = [
+const ATTRIBUTES: [&str; 62] = [
     "data-t",
     "data-length",
     "hidden",
@@ -85,6 +85,9 @@ const ATTRIBUTES: [&str; 59] = [
     "data-group",
     "data-data",
     "data-alarm",
+    "data-criteria",
+    "data-reason",
+    "data-q",
     "style",
     "viewBox",
     "width",

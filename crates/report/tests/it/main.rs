@@ -2,6 +2,9 @@
 
 mod bench;
 mod bench_fixture;
+mod campaign;
+mod campaign_fixture;
+mod changes;
 mod criteria;
 mod fixture;
 mod flight_delay;

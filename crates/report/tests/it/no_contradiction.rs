@@ -116,7 +116,7 @@ fn every_alarm_of_a_flight_is_counted_in_its_row_of_the_campaign() {
     (campaign.flights[1].lateness, campaign.flights[1].decision) = (Some(lateness()), Some(decision()));
     campaign.flights[1].attention = vec!["two delays fit: 203 and 500 ms".into()];
     campaign.flights[0].attention = vec!["a velocity gap".into()];
-    let html = String::from_utf8(campaign_site(&campaign).files["index.html"].clone()).unwrap();
+    let html = String::from_utf8(campaign_site(&campaign, &[]).files["index.html"].clone()).unwrap();
     let (attention, all) = html.split_once("<h2 id=\"all\">").unwrap();
     let attention = words(attention.split_once("<h2 id=\"attention\">").unwrap().1);
     let row = words(all.split("<tr").find(|row| row.contains("flight-0001")).unwrap());
@@ -223,7 +223,7 @@ fn channels_without_a_datum_have_differences_and_no_lateness() {
 
 #[test]
 fn a_campaign_names_one_error_before_and_one_after() {
-    let html = String::from_utf8(campaign_site(&campaign_record(4)).files["index.html"].clone()).unwrap();
+    let html = String::from_utf8(campaign_site(&campaign_record(4), &[]).files["index.html"].clone()).unwrap();
     let head = words(
         html.split("<thead>").find(|part| part.contains("Error before")).unwrap().split("</thead>").next().unwrap(),
     );

@@ -1,10 +1,11 @@
 //! Which delay was removed, what others would have done, and the flights together.
 
+use crate::campaign_fixture::varied;
 use crate::fixture::sweep::{error, estimate};
 use crate::fixture::{TD, campaign_record, flight_record};
 use record::{
     CampaignDelay, CampaignRecord, ControlPoint, DelayOverFlights, DelaySource, Finding, FlightHomogeneity,
-    FlightRecord, PooledSweep,
+    FlightRecord, GroupLateness, PooledSweep,
 };
 use report::{FlightPage, Site, campaign_site, flight_site};
 
@@ -28,23 +29,23 @@ fn campaign() -> CampaignRecord {
         homogeneity: Some(FlightHomogeneity { chi2: 212.0, degrees_of_freedom: 11, p: 1e-39 }),
     };
     let delay_s: Vec<f64> = (60..=102).map(|k| 0.005 * f64::from(k)).collect();
-    CampaignRecord {
-        delay: Some(CampaignDelay {
-            measured: Finding::Found(over(TD + 0.0035)),
-            swept: Finding::Found(over(TD + 0.0021)),
-            card_s: Some(estimate(TD, 0.0022)),
-            control: control.collect(),
-            in_time_order: true,
-            curve: Finding::Found(PooledSweep {
-                against_reference: true,
-                flights: 12,
-                samples: 71_000,
-                rms_m: delay_s.iter().map(|d| error(*d)).collect(),
-                delay_s,
-            }),
+    let consistency = CampaignDelay {
+        measured: Finding::Found(over(TD + 0.0035)),
+        swept: Finding::Found(over(TD + 0.0021)),
+        card_s: Some(estimate(TD, 0.0022)),
+        control: control.collect(),
+        in_time_order: true,
+        curve: Finding::Found(PooledSweep {
+            against_reference: true,
+            flights: 12,
+            samples: 71_000,
+            rms_m: delay_s.iter().map(|d| error(*d)).collect(),
+            delay_s,
         }),
-        ..campaign_record(12)
-    }
+    };
+    let names: Vec<String> = campaign_record(12).flights.into_iter().map(|row| row.flight).collect();
+    let group = GroupLateness { members: names, consistency: Some(consistency), ..varied(12).groups.remove(0) };
+    CampaignRecord { groups: vec![group], ..campaign_record(12) }
 }
 
 fn site(record: &FlightRecord) -> Site {
@@ -136,20 +137,20 @@ fn a_record_from_before_the_sweep_has_a_page_without_it() {
 
 #[test]
 fn the_campaign_says_what_the_flights_show_together_and_which_is_outside() {
-    let site = campaign_site(&campaign());
+    let site = campaign_site(&campaign(), &[]);
     let text = words(&site);
     assert_said(
         &text,
         &[
             "403.5 ± 6.0 ms over 12 flights, spread between flights beyond their own uncertainties 8.0 ms",
             "the sensor card has 400.0 ± 4.4 ms: ✓ agrees, E_n = 0.47",
-            "χ² = 212 with 11 degrees of freedom",
+            "χ² = 212 with 11 degrees of freedom, p < 0.001:",
             "the flights do not agree.",
             "flight-07.<mcap> (431.0 ± 4.0 ms)",
-            "in the order in which they were flown; 1 outside.",
+            "1 flight is outside the limits of its group",
         ],
     );
-    for figure in ["figures/control-chart.svg", "figures/campaign-sweep.svg"] {
+    for figure in ["figures/trend.svg", "figures/valley-1.svg"] {
         assert!(site.files.contains_key(figure), "{figure}");
     }
 }

@@ -1,21 +1,20 @@
 //! What needs attention: one line for each reason, not one for each flight.
 
 use super::super::{badge, reason};
-use super::flights::link;
+use super::flights::{is_on_the_page, link};
 use super::is_harmed;
 use crate::number;
-use crate::text::{ended, shown};
+use crate::text::ended;
 use maud::{Markup, html};
-use record::{FlightRow, Gravity, Outcome, flight_alarms};
+use record::{CampaignRecord, FlightRow, Gravity, Outcome, flight_alarms};
 use std::collections::BTreeMap;
 
 /// Flights named beside a reason before the rest is folded away.
 const NAMED: usize = 3;
-/// Most flights listed under one reason; the table has all.
-const MOST_LISTED: usize = 500;
-
 /// Flights with one reason.
 struct Reason<'a> {
+    /// Name in the address of the table that shows them.
+    slug: String,
     class: &'static str,
     icon: &'static str,
     word: &'static str,
@@ -27,37 +26,76 @@ struct Reason<'a> {
 /// How grave, then what: reasons that differ in their numbers only are one.
 type Key = (u8, String);
 
-pub(super) fn attention(flights: &[FlightRow]) -> Markup {
+/// All reasons, the gravest and most frequent first.
+fn all_reasons(flights: &[FlightRow]) -> Vec<Reason<'_>> {
     let mut all: BTreeMap<Key, Reason<'_>> = BTreeMap::new();
     for row in flights {
         for (key, reason) in reasons(row) {
             all.entry(key).or_insert(reason).flights.push(row);
         }
     }
+    let mut slugs: BTreeMap<String, u32> = BTreeMap::new();
+    for ((_, what), reason) in &mut all {
+        let slug = slug(what);
+        let before = slugs.entry(slug.clone()).or_default();
+        *before += 1;
+        reason.slug = if *before == 1 { slug } else { format!("{slug}-{before}") };
+    }
     let mut all: Vec<(Key, Reason<'_>)> = all.into_iter().collect();
     all.sort_by_key(|((rank, _), reason)| (*rank, std::cmp::Reverse(reason.flights.len())));
+    all.into_iter().map(|(_, reason)| reason).collect()
+}
+
+/// A name for an address: small letters and digits of the first words.
+fn slug(what: &str) -> String {
+    const MOST: usize = 32;
+    let letters = what.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' });
+    let words: String = letters.collect();
+    let joined = words.split_whitespace().fold(String::new(), |text, word| match text.len() + word.len() {
+        _ if text.is_empty() => word.chars().take(MOST).collect(),
+        length if length < MOST => format!("{text}-{word}"),
+        _ => text,
+    });
+    if joined.is_empty() { "other".to_owned() } else { joined }
+}
+
+/// The reasons of each flight, by its name, as the table of flights is filtered by them.
+pub(super) type Reasons<'a> = BTreeMap<&'a str, String>;
+
+pub(super) fn reasons_of(record: &CampaignRecord) -> Reasons<'_> {
+    let mut of: Reasons<'_> = BTreeMap::new();
+    for reason in all_reasons(&record.flights) {
+        for row in &reason.flights {
+            let slugs = of.entry(&row.flight).or_default();
+            if !slugs.is_empty() {
+                slugs.push(' ');
+            }
+            slugs.push_str(&reason.slug);
+        }
+    }
+    of
+}
+
+pub(super) fn attention(record: &CampaignRecord) -> Markup {
+    let all = all_reasons(&record.flights);
     html! {
         h2 #attention { "Needs attention" }
         @if all.is_empty() { p { "Nothing: no flight was harmed, no delay has an alarm, and no log is damaged." } }
-        @else { ul.reasons { @for (_, reason) in &all { (line(reason)) } } }
+        @else { ul.reasons { @for reason in &all { (line(reason, is_on_the_page(record))) } } }
     }
 }
 
-fn line(reason: &Reason<'_>) -> Markup {
-    let (first, rest) = reason.flights.split_at(reason.flights.len().min(NAMED));
+fn line(reason: &Reason<'_>, is_on_the_page: bool) -> Markup {
+    let count = reason.flights.len();
     html! {
-        li {
+        li data-reason=(reason.slug) {
             (badge(reason.class, reason.icon, reason.word)) " "
-            b { (number::counted(reason.flights.len() as u64, "flight", "flights")) }
-            @if reason.flights.len() > 1 { ", such as: " } @else { ": " }
-            (ended(&reason.text)) " "
-            @for (i, row) in first.iter().enumerate() { @if i > 0 { ", " } (link(row)) }
-            @if !rest.is_empty() {
-                details {
-                    summary { "and " (number::count(rest.len() as u64)) " more" }
-                    @for (i, row) in rest.iter().take(MOST_LISTED).enumerate() { @if i > 0 { ", " } (link(row)) }
-                    @if rest.len() > MOST_LISTED { " … (the table has all)" }
-                }
+            b { (number::counted(count as u64, "flight", "flights")) }
+            @if count > 1 { ", such as: " } @else { ": " }
+            span.text { (ended(&reason.text)) } " "
+            (names(&reason.flights)) " "
+            @if is_on_the_page && count > 1 {
+                a.show href="#all" data-q={ "reason:" (reason.slug) } { "Show these " (number::count(count as u64)) " in the table" }
             }
         }
     }
@@ -67,7 +105,7 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
     let mut out: Vec<(Key, Reason<'_>)> = vec![];
     let mut add = |rank: u8, key: &str, (class, icon, word), text: &str| {
         let text = text.to_owned();
-        out.push(((rank, key.to_owned()), Reason { class, icon, word, text, flights: vec![] }));
+        out.push(((rank, key.to_owned()), Reason { slug: String::new(), class, icon, word, text, flights: vec![] }));
     };
     let mut said: Vec<&str> = vec![];
     if let Some(text) = reason(&row.outcome) {
@@ -130,14 +168,21 @@ pub(super) fn varies(row: &FlightRow) -> bool {
 /// The first names, and how many more.
 pub(super) fn names(flights: &[&FlightRow]) -> Markup {
     html! {
-        @for (i, row) in flights.iter().take(NAMED).enumerate() { @if i > 0 { ", " } (link(row)) }
-        @if flights.len() > NAMED { " and " (shown(&(flights.len() - NAMED).to_string())) " more" }
+        @for (i, row) in flights.iter().take(NAMED).enumerate() { @if i > 0 { ", " } (link(row, "")) }
+        @if flights.len() > NAMED { " and " (number::count((flights.len() - NAMED) as u64)) " more" }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reason_has_a_short_name_of_plain_letters() {
+        assert_eq!(slug("delay-steps"), "delay-steps");
+        assert_eq!(slug("# bytes of the log <b> are damaged and lost"), "bytes-of-the-log-b-are-damaged");
+        assert_eq!(slug("\u{202e}?"), "other");
+    }
 
     #[test]
     fn reasons_that_differ_in_their_numbers_only_are_one() {

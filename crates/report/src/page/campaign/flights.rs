@@ -1,16 +1,23 @@
 //! The table of all flights: the gravest first, with what the script filters by.
 
 use super::super::Head::{self, Number, Text};
-use super::super::{criteria, data_lost, files, lateness, maybe, tail_cut};
+use super::super::{Needs, criteria, data_lost, document, files, lateness, tail_cut};
+use super::attention::{self, Reasons};
 use super::gravity;
+use crate::criterion::criterion_word;
 use crate::number;
-use crate::text::{href, label, sentence, shown};
-use crate::verdict::source_word;
+use crate::text::{Shown, href, sentence, shown};
+use crate::verdict::{in_millis, source_word};
 use maud::{Markup, Render, html};
-use record::{Estimate, FlightLateness, FlightRow, Gravity, Outcome, flight_alarms};
+use record::{CampaignRecord, Estimate, FlightLateness, FlightRow, Gravity, Outcome, flight_alarms};
+use std::collections::BTreeMap;
 
-/// Most flights in the table; files beside the page have all.
-const MOST_FLIGHTS: usize = 2_000;
+/// Most flights in the table of the campaign's page. More are in pages of their own.
+pub(super) const MOST_FLIGHTS: usize = 2_000;
+/// Flights in the table of each of these pages.
+const ON_A_PAGE: usize = 1_000;
+/// Folder of these pages, beside the campaign's page.
+pub const TABLE_FOLDER: &str = "table";
 
 /// A column head; what not everybody needs is shown on demand.
 struct Column(Head, bool);
@@ -25,46 +32,113 @@ impl Render for Column {
     }
 }
 
+/// Whether the campaign's page has the table of all flights.
+pub(super) fn is_on_the_page(record: &CampaignRecord) -> bool {
+    record.flights.len() <= MOST_FLIGHTS
+}
+
 /// The gravest first, those of one gravity by name.
-pub(super) fn table(flights: &[FlightRow]) -> Markup {
-    let judged = flights.iter().any(|r| r.criteria.is_some());
-    let mut rows: Vec<&FlightRow> = flights.iter().collect();
-    rows.sort_by_key(|row| gravity(row));
-    let more = rows.len().saturating_sub(MOST_FLIGHTS);
+fn sorted(record: &CampaignRecord) -> Vec<&FlightRow> {
+    let mut rows: Vec<&FlightRow> = record.flights.iter().collect();
+    rows.sort_by_cached_key(|row| gravity(row));
+    rows
+}
+
+/// The table, or links to the pages that hold its parts.
+pub(super) fn section(record: &CampaignRecord) -> Markup {
+    let rows = sorted(record);
     html! {
         h2 #all { "All flights" }
-        @if more > 0 {
-            p.why.unsure {
-                "The table shows the " (number::count(MOST_FLIGHTS as u64)) " gravest flights. " (number::count(more as u64))
-                " more are in flights.csv."
-            }
-        }
         (files(&["flights.csv", "flights.parquet", "campaign.json"]))
-        div.scroll tabindex="0" role="region" aria-label="All flights" {
-            table.sortable #flights {
-                caption { "One row for each flight, the gravest first; ± is U with k = 2. —: not available." }
-                thead { tr { @for column in head(judged) { (column) } } }
-                tbody { @for row in rows.iter().take(MOST_FLIGHTS) { (flight_row(row, judged)) } }
+        @if is_on_the_page(record) { (table(record, &rows, "", &attention::reasons_of(record))) }
+        @else {
+            p {
+                (number::counted(rows.len() as u64, "flight", "flights")) " are too many for one page: they are in pages of "
+                (number::count(ON_A_PAGE as u64)) ", the gravest first. The groups are above."
+            }
+            ul {
+                @for (k, part) in rows.chunks(ON_A_PAGE).enumerate() {
+                    li { a href={ (TABLE_FOLDER) "/" (k + 1) ".html" } { "Flights " (span(k, part.len())) } ": " (effects(part)) }
+                }
             }
         }
     }
 }
 
+/// `1001 to 2000`.
+fn span(page: usize, flights: usize) -> String {
+    let first = page * ON_A_PAGE;
+    format!("{} to {}", number::count(first as u64 + 1), number::count((first + flights) as u64))
+}
+
+/// How many flights of each result.
+fn effects(rows: &[&FlightRow]) -> Markup {
+    let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
+    rows.iter()
+        .for_each(|row| *counts.entry(lateness::result_word(&row.outcome, row.effect.as_ref())).or_default() += 1);
+    html! { @for (i, (word, n)) in counts.iter().enumerate() { @if i > 0 { ", " } (number::count(*n)) " " (word) } }
+}
+
+/// The pages that hold the table of a campaign with more flights than its own page can show; none if it has all.
+pub(super) fn pages(record: &CampaignRecord) -> Vec<(String, String)> {
+    if is_on_the_page(record) {
+        return vec![];
+    }
+    let (rows, reasons) = (sorted(record), attention::reasons_of(record));
+    let count = rows.len().div_ceil(ON_A_PAGE);
+    let page = |(k, part): (usize, &[&FlightRow])| {
+        let title = format!("{} — flights {}", record.name, span(k, part.len()));
+        let body = html! {
+            nav aria-label="Pages" {
+                a href="../index.html#all" { "Campaign" }
+                @if k > 0 { a rel="prev" href={ (k) ".html" } { "Graver" } }
+                @if k + 1 < count { a rel="next" href={ (k + 2) ".html" } { "Less grave" } }
+            }
+            main {
+                h1 { (shown(&record.name)) ": flights " (span(k, part.len())) " of " (number::count(rows.len() as u64)) }
+                (table(record, part, "../", &reasons))
+            }
+        };
+        (format!("{TABLE_FOLDER}/{}.html", k + 1), document(&title, Needs::Table, body))
+    };
+    rows.chunks(ON_A_PAGE).enumerate().map(page).collect()
+}
+
+fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Reasons<'_>) -> Markup {
+    let judged = record.flights.iter().any(|r| r.criteria.is_some());
+    let scale = scale(&record.flights);
+    let row = |row: &FlightRow| flight_row(row, judged, base, scale, reasons.get(row.flight.as_str()));
+    html! {
+        div.scroll.tall tabindex="0" role="region" aria-label="All flights" {
+            table.sortable #flights {
+                caption { "One row for each flight, the gravest first; ± is U with k = 2. —: not available." }
+                thead { tr { @for column in head(judged) { (column) } } }
+                tbody { @for of in rows { (row(of)) } }
+            }
+        }
+    }
+}
+
+/// The first eight are printed.
 fn head(judged: bool) -> Vec<Column> {
     let (usual, more) = (|h| Column(h, true), |h| Column(h, false));
-    let mut head = vec![usual(Text("Flight")), usual(Text("Effect")), usual(Text("Alarms"))];
-    head.extend(judged.then(|| usual(Text("Criteria"))));
-    head.extend([
-        usual(Text("Kind")),
+    let mut head = vec![
+        usual(Text("Flight")),
+        usual(Text("Flown")),
+        usual(Text("Effect")),
         usual(Number("Lateness (ms)")),
-        more(Text("Against")),
         usual(Number("Removed (ms)")),
-        more(Text("Removed from")),
         usual(Number("Error before (m)")),
         usual(Number("Error after (m)")),
         usual(Text("Data")),
+    ];
+    head.extend(judged.then(|| usual(Text("Criteria"))));
+    head.extend([
+        usual(Text("Alarms")),
         usual(Text("Group")),
-        usual(Text("Flown")),
+        more(Text("Kind")),
+        more(Text("Against")),
+        more(Text("Removed from")),
         more(Number("Valid (% of time)")),
         more(Number("Warnings")),
         more(Number("Duration (h:mm:ss)")),
@@ -80,50 +154,83 @@ fn head(judged: bool) -> Vec<Column> {
     head
 }
 
-fn flight_row(row: &FlightRow, judged: bool) -> Markup {
+fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: Option<&String>) -> Markup {
     let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
     let told: Vec<&str> = alarms.iter().filter(|a| a.gravity != Gravity::Grey).map(|a| a.code.as_str()).collect();
     let group = row.lateness.as_ref().map_or("", |l| l.group.name.as_str());
     html! {
         tr data-effect=(lateness::result_word(&row.outcome, row.effect.as_ref()))
-            data-kind=(row.lateness.as_ref().map(FlightLateness::kind_name).unwrap_or_default())
-            data-group=(sentence(group))
             data-data=(data_name(row))
-            data-alarm=(told.join(" ")) {
-            th scope="row" { (link(row)) }
-            td.w data-v=(gravity(row).0) { (lateness::result_badge(&row.outcome, row.effect.as_ref())) }
-            td.w data-v=(told.len()) { (lateness::alarm_badges(&alarms)) }
-            @if judged { (criteria::cell(row)) }
-            (lateness::lateness_cells(row))
+            data-criteria=[row.criteria.as_ref().map(|c| criterion_word(c.overall).to_lowercase())]
+            data-alarm=[Some(told.join(" ")).filter(|t| !t.is_empty())]
+            data-reason=[reasons] {
+            th scope="row" { (link(row, base)) }
+            td { (row.flown_at.as_deref().map_or_else(|| "—".to_owned(), minute)) }
+            td.w data-v=(gravity(row).0) { (lateness::result_cell(&row.outcome, row.effect.as_ref())) }
+            (lateness_cell(row, scale))
             (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
-            td { (maybe(row.delay_from, |from| html! { (source_word(from)) })) }
             (lateness::effect_cells(row))
             td.w data-v=(data_rank(row)) { (data_word(row)) }
-            td { (maybe(Some(group).filter(|g| !g.is_empty()), |g| html! { (shown(g)) })) }
-            td data-v=[row.flown_at.as_deref()] { (maybe(row.flown_at.as_deref(), |at| html! { (minute(at)) })) }
+            @if judged { (criteria::cell(row)) }
+            td.w data-v=(told.len()) { (lateness::alarm_badges(&alarms)) }
+            td { (or_dash(Some(group).filter(|g| !g.is_empty()))) }
+            (lateness::kind_cells(row))
+            td { (or_dash(row.delay_from.map(source_word))) }
             (share_cell(row.valid_share))
             td.n { (number::count(row.warnings)) }
             (cell(row.duration_s, |s| number::clock(s, 0)))
             (millis_cell(row.measured_delay_s.as_ref()))
             (estimate_cell(row.correction_rms_m.as_ref()))
             (cell(row.speed_median_mps, |v| number::significant(v, 3)))
-            (rate_cell(row.position_rate_hz, row.position.as_deref()))
-            (rate_cell(row.velocity_rate_hz, row.velocity.as_deref()))
-            td { (maybe(row.map.as_deref(), |map| html! { (shown(map)) })) }
+            (cell(row.position_rate_hz, |hz| number::significant(hz, 3)))
+            (cell(row.velocity_rate_hz, |hz| number::significant(hz, 3)))
+            td { (or_dash(row.map.as_deref())) }
             td { (shown(&row.format)) }
-            td.n data-v=(row.bytes) { (number::bytes(row.bytes)) }
+            td data-v=(row.bytes) { (number::bytes(row.bytes)) }
         }
     }
 }
 
-/// A link to the flight's page, its name isolated from the text around it.
-pub(super) fn link(row: &FlightRow) -> Markup {
-    html! { a href=(href(&row.page)) { bdi { (shown(&row.flight)) } } }
+/// Least and largest lateness of all flights, s: the ends of the bars.
+type Scale = Option<(f64, f64)>;
+
+fn scale(flights: &[FlightRow]) -> Scale {
+    let all = flights.iter().filter_map(late).map(|e| e.value).filter(|v| v.is_finite());
+    let ends = all.fold(None, |ends: Option<(f64, f64)>, v| Some(ends.map_or((v, v), |(a, b)| (a.min(v), b.max(v)))));
+    ends.map(|(low, high)| {
+        let air = (0.05 * (high - low)).max(1e-3);
+        (low - air, high + air)
+    })
+}
+
+fn late(row: &FlightRow) -> Option<Estimate> {
+    row.lateness.as_ref().and_then(FlightLateness::lateness_s)
+}
+
+/// The lateness, before a bar from its lower to its upper end on a scale that all rows share.
+fn lateness_cell(row: &FlightRow, scale: Scale) -> Markup {
+    let Some(late) = late(row).filter(|e| e.value.is_finite()) else { return html! { td.n { "—" } } };
+    let half = 2.0 * late.standard_uncertainty.unwrap_or(0.0);
+    let share = |at: f64| scale.map_or(0.0, |(low, high)| (at - low) / (high - low));
+    let place = |at: f64| if share(at).is_finite() { 100.0 * share(at).clamp(0.0, 1.0) } else { 0.0 };
+    let (from, to) = (place(late.value - half), place(late.value + half));
+    let style = format!("--a:{from:.0}%;--b:{:.0}%", to.max(from + 2.0));
+    html! { td.range style=(style) data-v=(late.value) { (number::with_uncertainty(&in_millis(&late))) } }
+}
+
+/// A link to the flight's page, its name isolated from the text around it. `base` leads to the folder of the campaign's page.
+pub(super) fn link(row: &FlightRow, base: &str) -> Markup {
+    html! { a href={ (base) (href(&row.page)) } { bdi { (shown(&row.flight)) } } }
+}
+
+/// A text, or the dash of the caption.
+fn or_dash(text: Option<&str>) -> Shown<'_> {
+    shown(text.unwrap_or("—"))
 }
 
 /// `2022-06-15 18:46` of `2022-06-15T18:46:34.360Z`.
 fn minute(instant: &str) -> String {
-    instant.chars().take(16).map(|c| if c == 'T' { ' ' } else { c }).collect()
+    sentence(instant).chars().take(16).map(|c| if c == 'T' { ' ' } else { c }).collect()
 }
 
 /// Nothing is known of the data of a flight that failed for another reason.
@@ -157,22 +264,14 @@ fn data_rank(row: &FlightRow) -> u8 {
 /// A number that sorts by all its bits and is shown rounded.
 fn cell(value: Option<f64>, show: impl FnOnce(f64) -> String) -> Markup {
     match value {
-        Some(value) => html! { td.n data-v=(value) { (show(value)) } },
+        Some(value) => html! { td data-v=(value) { (show(value)) } },
         None => html! { td.n { "—" } },
-    }
-}
-
-fn rate_cell(rate: Option<f64>, channel: Option<&str>) -> Markup {
-    html! {
-        td.n data-v=[rate] title=[channel.map(label)] {
-            @match rate { Some(rate) => { (number::significant(rate, 3)) } None => { "—" } }
-        }
     }
 }
 
 fn estimate_cell(value: Option<&Estimate>) -> Markup {
     match value {
-        Some(value) => html! { td.n data-v=(value.value) { (number::with_uncertainty(value)) } },
+        Some(value) => html! { td data-v=(value.value) { (number::with_uncertainty(value)) } },
         None => html! { td.n { "—" } },
     }
 }
@@ -181,7 +280,7 @@ fn estimate_cell(value: Option<&Estimate>) -> Markup {
 fn millis_cell(value: Option<&Estimate>) -> Markup {
     match value {
         Some(value) => {
-            html! { td.n data-v=(value.value) { (number::with_uncertainty(&crate::verdict::in_millis(value))) } }
+            html! { td data-v=(value.value) { (number::with_uncertainty(&in_millis(value))) } }
         }
         None => html! { td.n { "—" } },
     }
@@ -191,7 +290,7 @@ fn share_cell(share: Option<f64>) -> Markup {
     match share.filter(|s| s.is_finite()) {
         Some(share) => {
             let width = format!("--p:{:.0}%", share.clamp(0.0, 1.0) * 100.0);
-            html! { td.n.share style=(width) data-v=(share) { (number::percent(share)) } }
+            html! { td.share style=(width) data-v=(share) { (number::percent(share)) } }
         }
         None => html! { td.n { "—" } },
     }

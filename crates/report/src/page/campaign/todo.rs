@@ -1,11 +1,12 @@
 //! What to do, ranked by the metres that it saves.
 
 use super::attention::{names, varies};
-use super::is_harmed;
+use super::cards::settings;
+use super::{is_harmed, members};
 use crate::number;
 use crate::text::{ended, shown};
 use maud::{Markup, html};
-use record::{CampaignRecord, DelaySetting, Effect, FlightRow, GroupLateness, Outcome};
+use record::{CampaignRecord, Effect, FlightRow, GroupLateness, Outcome};
 use std::collections::BTreeMap;
 
 /// Most lines.
@@ -20,62 +21,60 @@ struct Action {
     what: Markup,
 }
 
-/// At most five lines; nothing where nothing is to be done.
+/// At most five lines.
 pub(super) fn todo(record: &CampaignRecord) -> Markup {
     let mut all: Vec<Action> = record.groups.iter().filter_map(|group| set(group, &record.flights)).collect();
     all.extend(harmed(&record.flights));
     // Equal metres keep this order.
     all.extend(changing(&record.flights));
     all.extend(failed(&record.flights));
+    all.extend(copies(&record.flights));
     all.extend(fly(&record.flights));
     all.extend(guessed(&record.flights));
     all.sort_by(|a, b| b.saves_m.total_cmp(&a.saves_m));
     html! {
-        @if !all.is_empty() {
-            h2 #todo { "Do this" }
+        h2 #todo { "Do this" }
+        @if all.is_empty() { p { "Nothing to do." } }
+        @else {
             ol.todo { @for action in all.iter().take(MOST) { li { (action.what) } } }
             @if all.len() > MOST {
-                p.note { (number::counted((all.len() - MOST) as u64, "thing", "things")) " more below, under the flights that need attention." }
+                p.note { (number::counted((all.len() - MOST) as u64, "thing", "things")) " more below, under " a href="#attention" { "Needs attention" } "." }
             }
         }
     }
 }
 
+/// The setting of a group: what it saves against what was removed, where that is known to be too little or too much, else
+/// against the log.
 fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
     if group.advice.set.is_empty() {
         return None;
     }
-    let mut errors: Vec<[f64; 2]> = vec![];
-    let is_in = |r: &&FlightRow| r.lateness.as_ref().is_some_and(|l| l.group == group.group);
-    for row in flights.iter().filter(is_in).filter(|r| r.delay_s.is_some()) {
-        let of = |e: &Effect| Some([e.error_raw_m?.value, e.error_compensated_m?.value]);
-        errors.extend(row.effect.as_ref().and_then(of));
-    }
-    let saves_m = errors.iter().map(|[raw, after]| raw - after).sum::<f64>();
+    let rows: Vec<&FlightRow> = members(group, flights).into_iter().filter(|r| r.delay_s.is_some()).collect();
+    let short = |e: &Effect| Some([e.error_compensated_m?.value, e.short_by.and(e.best_m)?]);
+    let logged = |e: &Effect| Some([e.error_raw_m?.value, e.error_compensated_m?.value]);
+    let of = |errors: fn(&Effect) -> Option<[f64; 2]>| -> Vec<[f64; 2]> {
+        rows.iter().filter_map(|row| errors(row.effect.as_ref()?)).collect()
+    };
+    let (shorts, is_short) = (of(short), !of(short).is_empty());
+    let errors = if is_short { shorts } else { of(logged) };
+    let saves_m = errors.iter().map(|[now, then]| now - then).sum::<f64>();
     let median = |k: usize| {
         let mut all: Vec<f64> = errors.iter().map(|e| e[k]).collect();
         all.sort_unstable_by(f64::total_cmp);
         all.get(all.len() / 2).copied()
     };
-    let metres = median(0).zip(median(1)).filter(|(raw, after)| after < raw);
+    let metres = median(0).zip(median(1)).filter(|(now, then)| then < now);
     let what = html! {
-        "Set " (settings(&group.advice.set)) " for " b { (shown(&group.group.name)) }
-        @if let Some((raw, after)) = metres {
-            ": error " (number::significant(raw, 3)) " → " (number::significant(after, 2)) " m (median of "
+        "Set " (settings(&group.advice.set)) " for " b { bdi { (shown(&group.group.name)) } }
+        @if is_short { " instead of what was removed" }
+        @if let Some((now, then)) = metres {
+            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (median of "
             (number::counted(errors.len() as u64, "flight", "flights")) ")"
         }
         "."
     };
     Some(Action { saves_m, what })
-}
-
-fn settings(set: &[DelaySetting]) -> Markup {
-    html! {
-        @for (i, s) in set.iter().enumerate() {
-            @if i > 0 { " or " }
-            code { (shown(&s.name)) " = " (s.value) }
-        }
-    }
 }
 
 fn harmed(flights: &[FlightRow]) -> Option<Action> {
@@ -95,6 +94,15 @@ fn changing(flights: &[FlightRow]) -> Option<Action> {
     let rows: Vec<&FlightRow> = flights.iter().filter(|r| varies(r)).collect();
     let what = html! {
         "Do not use one delay for " (number::counted(rows.len() as u64, "flight", "flights")) " whose delay changes: " (names(&rows)) "."
+    };
+    (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
+}
+
+fn copies(flights: &[FlightRow]) -> Option<Action> {
+    let rows: Vec<&FlightRow> = flights.iter().filter(|r| r.duplicate_of.is_some()).collect();
+    let what = html! {
+        "Take " (number::counted(rows.len() as u64, "log", "logs")) " out of the folder: the same flights are in it under other names. They are not counted twice. "
+        (names(&rows)) "."
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }

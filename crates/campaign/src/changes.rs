@@ -1,0 +1,106 @@
+//! What changed since the run before: `since-last-run.json` and its page.
+//!
+//! Besides `run.json` these are the only outputs that depend on what the folder held before. A run that changes nothing
+//! leaves them as they are.
+
+use record::{
+    CampaignChanges, CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, FlightRow, MadeWith, MovedDelay,
+    Outcome, RECORD_VERSION, RerunFlight, TroubleChange,
+};
+use std::collections::BTreeMap;
+
+/// A delay has moved if it did by more than this many standard uncertainties.
+const MOVED_SIGMAS: f64 = 2.0;
+
+/// Compares a campaign with the one before. `causes` says why a flight has another result.
+pub(crate) fn changes(
+    before: Option<&CampaignRecord>,
+    now: &CampaignRecord,
+    causes: &dyn Fn(&str) -> Vec<String>,
+) -> CampaignChanges {
+    let mut changes = CampaignChanges {
+        record_version: RECORD_VERSION,
+        name: now.name.clone(),
+        before: before.map(made_with),
+        now: made_with(now),
+        new: vec![],
+        gone: vec![],
+        rerun: vec![],
+        moved: vec![],
+        moved_groups: vec![],
+        failing: vec![],
+        recovered: vec![],
+    };
+    let Some(before) = before else { return changes };
+    let mut old: BTreeMap<&str, &FlightRow> = before.flights.iter().map(|row| (row.flight.as_str(), row)).collect();
+    for row in &now.flights {
+        match old.remove(row.flight.as_str()) {
+            None => changes.new.push(row.flight.clone()),
+            Some(was) => compare(was, row, causes, &mut changes),
+        }
+    }
+    changes.gone = old.into_keys().map(str::to_owned).collect();
+    let groups = now.groups.iter().filter_map(|group| {
+        let is_same = |g: &&record::GroupLateness| g.group.key == group.group.key && g.against == group.against;
+        let one = |groups: &[record::GroupLateness]| groups.iter().filter(is_same).count() == 1;
+        // The parts of a group that is not one have no names of their own.
+        let was = before.groups.iter().find(is_same).filter(|_| one(&before.groups) && one(&now.groups))?;
+        moved(&group.group.name, was.lateness_s?, group.lateness_s?)
+    });
+    changes.moved_groups = groups.collect();
+    for list in [&mut changes.moved, &mut changes.moved_groups] {
+        list.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
+    }
+    changes
+}
+
+fn compare(was: &FlightRow, row: &FlightRow, causes: &dyn Fn(&str) -> Vec<String>, changes: &mut CampaignChanges) {
+    let flight = || row.flight.clone();
+    if was.key != row.key {
+        changes.rerun.push(RerunFlight { flight: flight(), causes: causes(&row.flight) });
+    }
+    let late = |row: &FlightRow| row.lateness.as_ref().filter(|l| l.datum == datum(was)).and_then(|l| l.lateness_s());
+    changes.moved.extend(late(was).zip(late(row)).and_then(|(was, is)| moved(&row.flight, was, is)));
+    let (had, has) = (troubles(was), troubles(row));
+    let only = |of: &[&str], not: &[&str]| of.iter().filter(|t| !not.contains(t)).map(|t| (*t).to_owned()).collect();
+    let both: [Vec<String>; 2] = [only(&has, &had), only(&had, &has)];
+    for (troubles, list) in both.into_iter().zip([&mut changes.failing, &mut changes.recovered]) {
+        if !troubles.is_empty() {
+            list.push(TroubleChange { flight: flight(), troubles });
+        }
+    }
+}
+
+/// What a lateness is counted from: those from different zeros are not compared.
+fn datum(row: &FlightRow) -> record::NetworkDatum {
+    row.lateness.as_ref().map_or(record::NetworkDatum::None, |l| l.datum)
+}
+
+fn moved(name: &str, before_s: Estimate, now_s: Estimate) -> Option<MovedDelay> {
+    let u = before_s.standard_uncertainty?.hypot(now_s.standard_uncertainty?);
+    let sigmas = (now_s.value - before_s.value).abs() / u;
+    (u > 0.0 && sigmas > MOVED_SIGMAS).then(|| MovedDelay { name: name.to_owned(), before_s, now_s, sigmas })
+}
+
+/// Everything that makes a flight one to look at.
+fn troubles(row: &FlightRow) -> Vec<&'static str> {
+    let outcome = match row.outcome {
+        Outcome::Failed { .. } => Some("failed"),
+        Outcome::NotMeasurable { .. } => Some("not measurable"),
+        Outcome::Pending { .. } => Some("pending"),
+        Outcome::Compensated | Outcome::Uncompensated { .. } => None,
+    };
+    let harmed = row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Harmed);
+    let fails = row.criteria.as_ref().is_some_and(|c| c.overall == CriterionVerdict::Fail);
+    let found = [harmed.then_some("harmed"), fails.then_some("criterion failed"), row.lossy.then_some("log damaged")];
+    outcome.into_iter().chain(found.into_iter().flatten()).collect()
+}
+
+fn made_with(record: &CampaignRecord) -> MadeWith {
+    MadeWith {
+        flightlag_version: record.flightlag_version.clone(),
+        analysis_version: record.analysis_version,
+        pipeline_blake3: record.pipeline.blake3.clone(),
+        criteria_blake3: record.criteria.as_ref().map(|c| c.criteria.blake3.clone()),
+    }
+}

@@ -1,0 +1,363 @@
+//! How late each flight of a campaign is: one row for each, and over its date.
+
+use super::axis::Tick;
+use super::{Axis, Figure, Line, Mark, Panel, Pen, extent, is_drawable, outline, stroke, upright};
+use crate::number::{self, COVERAGE_FACTOR};
+use crate::text::label;
+use crate::verdict::in_millis;
+use record::{CampaignRecord, ControlPoint, Estimate, FlightRow, GroupLateness};
+
+/// Flights in a figure with a row for each: the newest. The table has all.
+const NEWEST: usize = 60;
+/// Most older flights beside them, because they stand out.
+const MOST_OTHERS: usize = 60;
+/// Most groups over the date, each in a panel of its own.
+const MOST_PANELS: usize = 4;
+/// Most points of a group whose names show when one points at them: the newest.
+const MOST_NAMED: usize = 60;
+
+/// The newest flights, and every older one that stands out, the newest first; and how many are left out.
+pub(super) fn newest<'a>(
+    flights: &'a [FlightRow],
+    is_shown: impl Fn(&FlightRow) -> bool,
+    stands_out: impl Fn(&FlightRow) -> bool,
+) -> (Vec<&'a FlightRow>, usize) {
+    let mut rows: Vec<&FlightRow> = flights.iter().filter(|row| is_shown(row)).collect();
+    rows.sort_by(|a, b| (&b.flown_at, &b.flight).cmp(&(&a.flown_at, &a.flight)));
+    let all = rows.len();
+    let older = rows.split_off(all.min(NEWEST));
+    rows.extend(older.into_iter().filter(|row| stands_out(row)).take(MOST_OTHERS));
+    let missing = all - rows.len();
+    (rows, missing)
+}
+
+/// Names at the left, the first row at the top.
+pub(super) fn flights_axis(flights: &[&str]) -> Axis {
+    rows_axis(flights.iter().map(|flight| row_name(flight)).collect())
+}
+
+fn rows_axis(names: Vec<String>) -> Axis {
+    let count = names.len();
+    let tick = |(k, label): (usize, String)| Tick { at: (count - k) as f64, label };
+    Axis::ticked("", (0.4, count as f64 + 0.6), names.into_iter().enumerate().map(tick).collect())
+}
+
+/// The file's name without its ending; of a long one the end, in which names of logs differ.
+fn row_name(flight: &str) -> String {
+    const MOST: usize = 24;
+    let name = flight.rsplit('/').next().unwrap_or(flight);
+    let name = label(name.rsplit_once('.').map_or(name, |(stem, _)| stem));
+    let length = name.chars().count();
+    if length <= MOST { name } else { format!("…{}", name.chars().skip(length - MOST + 1).collect::<String>()) }
+}
+
+pub(super) fn missing_words(missing: usize, which: &str) -> String {
+    match missing {
+        0 => String::new(),
+        n => format!(" Not drawn, but in the table: {}, {which}.", number::counted(n as u64, "flight", "flights")),
+    }
+}
+
+/// A row of the forest.
+enum Row<'a> {
+    Flight(&'a FlightRow, Estimate),
+    /// After the flights of a group.
+    Mean(&'a GroupLateness, Estimate),
+}
+
+/// Flights by group, the newest first, each group with its mean.
+struct Forest<'a> {
+    rows: Vec<Row<'a>>,
+    flights: usize,
+    missing: usize,
+}
+
+fn late(row: &FlightRow) -> Option<Estimate> {
+    row.lateness.as_ref()?.lateness_s().filter(|e| is_drawable(e.value)).map(|e| in_millis(&e))
+}
+
+impl<'a> Forest<'a> {
+    fn of(record: &'a CampaignRecord) -> Forest<'a> {
+        let is_outlier = |row: &FlightRow| record.groups.iter().any(|g| g.outliers.contains(&row.flight));
+        let (rows, missing) = newest(&record.flights, |row| late(row).is_some(), is_outlier);
+        let groups: Vec<&GroupLateness> = record.groups.iter().filter(|g| g.split.is_none()).collect();
+        let group_of = |row: &FlightRow| groups.iter().position(|g| g.members.contains(&row.flight));
+        let placed: Vec<(Option<usize>, &FlightRow)> = rows.iter().map(|row| (group_of(row), *row)).collect();
+        let mut out = Forest { rows: vec![], flights: rows.len(), missing };
+        for k in (0..groups.len()).map(Some).chain([None]) {
+            let members = placed.iter().filter(|(group, _)| *group == k);
+            let flights: Vec<Row<'_>> = members.filter_map(|(_, row)| Some(Row::Flight(row, late(row)?))).collect();
+            let mean = k
+                .and_then(|k| Some((groups[k], in_millis(&groups[k].lateness_s?))))
+                .filter(|(_, e)| is_drawable(e.value));
+            let has_mean = flights.len() > 1;
+            out.rows.extend(flights);
+            out.rows.extend(mean.filter(|_| has_mean).map(|(group, mean)| Row::Mean(group, mean)));
+        }
+        out
+    }
+
+    /// Height of a row.
+    fn y(&self, k: usize) -> f64 {
+        (self.rows.len() - k) as f64
+    }
+
+    fn placed(&self) -> impl Iterator<Item = (f64, &Row<'a>)> {
+        self.rows.iter().enumerate().map(|(k, row)| (self.y(k), row))
+    }
+
+    fn names(&self) -> Vec<String> {
+        let name = |row: &Row<'_>| match row {
+            Row::Flight(row, _) => row_name(&row.flight),
+            Row::Mean(group, _) => {
+                format!("mean: {}", label(&group.group.name).chars().take(20).collect::<String>().trim_end())
+            }
+        };
+        self.rows.iter().map(name).collect()
+    }
+
+    /// Points of the flights with their expanded uncertainties, of those that differ from their group or of the others.
+    fn points(&self, record: &CampaignRecord, outside: bool) -> Vec<Vec<(f64, f64)>> {
+        let is_outlier = |row: &FlightRow| record.groups.iter().any(|g| g.outliers.contains(&row.flight));
+        let point = |(y, row): (f64, &Row<'_>)| match row {
+            Row::Flight(row, e) if is_outlier(row) == outside => {
+                let half = COVERAGE_FACTOR * e.standard_uncertainty.unwrap_or(0.0);
+                is_drawable(half).then(|| vec![(e.value, y), (e.value - half, y), (e.value + half, y)])
+            }
+            _ => None,
+        };
+        self.placed().filter_map(point).collect()
+    }
+
+    /// Delays that were removed.
+    fn removed(&self) -> Vec<Vec<(f64, f64)>> {
+        let point = |(y, row): (f64, &Row<'_>)| match row {
+            Row::Flight(row, _) => row.delay_s.map(|s| 1e3 * s).filter(|ms| is_drawable(*ms)).map(|x| vec![(x, y); 3]),
+            Row::Mean(..) => None,
+        };
+        self.placed().filter_map(point).collect()
+    }
+
+    /// The mean of each group with its expanded uncertainty.
+    fn means(&self) -> Vec<Vec<(f64, f64)>> {
+        let bar = |(y, row): (f64, &Row<'_>)| match row {
+            Row::Mean(_, mean) => {
+                let half = COVERAGE_FACTOR * mean.standard_uncertainty.unwrap_or(0.0);
+                is_drawable(half).then(|| vec![(mean.value - half, y - 0.3), (mean.value + half, y + 0.3)])
+            }
+            Row::Flight(..) => None,
+        };
+        self.placed().filter_map(bar).collect()
+    }
+
+    /// What the sensor card says, with its expanded uncertainty, behind each run of flights with one card.
+    fn cards(&self) -> Vec<Vec<(f64, f64)>> {
+        let card = |row: &Row<'_>| match row {
+            Row::Flight(row, _) => row.card_delay_s.map(|e| in_millis(&e)),
+            Row::Mean(..) => None,
+        };
+        let area = |(y, row): (f64, &Row<'_>)| {
+            let e = card(row)?;
+            let half = COVERAGE_FACTOR * e.standard_uncertainty.unwrap_or(0.0);
+            let corners = ((e.value - half, y - 0.5), (e.value + half, y + 0.5));
+            (is_drawable(e.value) && is_drawable(half)).then(|| outline(corners.0, corners.1))
+        };
+        self.placed().filter_map(area).collect()
+    }
+
+    fn marks(&self) -> Vec<Mark> {
+        let mark = |(y, row): (f64, &Row<'_>)| {
+            let (name, e) = match row {
+                Row::Flight(row, e) => (&row.flight, e),
+                Row::Mean(group, e) => (&group.group.name, e),
+            };
+            Mark { at: (e.value, y), label: format!("{}: {} ms", label(name), number::with_uncertainty(e)) }
+        };
+        self.placed().map(mark).collect()
+    }
+}
+
+/// How late each position is, with its expanded uncertainty, and the mean of its group.
+pub(crate) fn forest(record: &CampaignRecord) -> Option<Figure> {
+    let forest = Forest::of(record);
+    let mut lines = vec![
+        Line { name: "flight, ± U (k = 2)".to_owned(), pen: Pen::Points, pieces: forest.points(record, false) },
+        Line { name: "differs from its group".to_owned(), pen: Pen::HollowPoints, pieces: forest.points(record, true) },
+        Line { name: "mean of the group, ± U".to_owned(), pen: Pen::Bars, pieces: forest.means() },
+        Line { name: "sensor card, ± U".to_owned(), pen: Pen::Uncertainty, pieces: forest.cards() },
+        Line { name: "removed".to_owned(), pen: Pen::DoubtfulPoints, pieces: forest.removed() },
+    ];
+    lines.retain(|line| !line.pieces.is_empty());
+    let x = Axis::linear("how late the position is (ms)", extent(&lines, |p| p.0)?, 7);
+    let named = Panel { names: forest.marks(), ..Panel::of(x, rows_axis(forest.names()), lines) };
+    Some(Figure {
+        id: "lateness".to_owned(),
+        number: 0,
+        title: "How late each position is".to_owned(),
+        caption: format!(
+            "Lateness (ms) of {}, by group, the newest first.{}",
+            number::counted(forest.flights as u64, "flight", "flights"),
+            missing_words(forest.missing, "the oldest that agree with their group")
+        ),
+        how_to_read: "Good: the bars of a group reach the mean below them. Bad: a flight whose bar does not (another cable, \
+                      rate or firmware), and a grey ring far from its point (a wrong delay was removed).",
+        panels: vec![named],
+        panel_size: (620, 24 + 15 * forest.rows.len() as u32),
+        fine: true,
+    })
+}
+
+/// The flights of a group on its chart: where along it, and the flight.
+type Points<'a> = Vec<(f64, &'a ControlPoint)>;
+
+/// Whether the groups' own limits are kept, flight after flight: one panel for each group.
+pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
+    let dated = charts(record, &|_, point| seconds(point.flown_at.as_deref()?));
+    let by_date = !dated.is_empty();
+    let mut groups = if by_date { dated } else { charts(record, &|k, _| Some(k as f64 + 1.0)) };
+    groups.sort_by_key(|(_, points)| std::cmp::Reverse(points.len()));
+    let left_out = groups.len().saturating_sub(MOST_PANELS);
+    groups.truncate(MOST_PANELS);
+    let all = || groups.iter().flat_map(|(_, points)| points.iter().map(|(at, _)| *at));
+    let range = all().fold(None, |range: Option<(f64, f64)>, at| {
+        Some(range.map_or((at, at), |(low, high)| (low.min(at), high.max(at))))
+    })?;
+    let x = if by_date { date_axis(range) } else { Axis::linear("flight, in the order of names", range, 8) };
+    let drawn = all().count();
+    let panels: Vec<Panel> = groups.iter().filter_map(|(group, points)| trend_panel(group, points, &x)).collect();
+    let outside = groups.iter().flat_map(|(_, points)| points).filter(|(_, point)| point.is_outside).count();
+    let height = 300 / u32::try_from(panels.len()).unwrap_or(1).max(1);
+    Some(Figure {
+        id: "trend".to_owned(),
+        number: 0,
+        title: if outside == 0 {
+            "No flight is outside the limits of its group".to_owned()
+        } else {
+            format!("{} outside the limits of its group", number::counted(outside as u64, "flight is", "flights are"))
+        },
+        caption: format!(
+            "How much later than the velocity {} show their position, {}; each group with its own mean and limits.{}",
+            number::counted(drawn as u64, "flight", "flights"),
+            if by_date { "by date" } else { "in the order of their names, for their dates are not known" },
+            trend_rest(record, drawn, left_out)
+        ),
+        how_to_read: "Good: bars around the line, none beyond the dashes (± 3 σ), no trend. Bad: a step (another firmware, \
+                      rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The dashes are wide where a \
+                      flight says little. Point at a flight for its name.",
+        panels,
+        panel_size: (620, height.max(110)),
+        fine: drawn > 150,
+    })
+}
+
+/// The charts of the groups that have three flights and more.
+fn charts<'a>(
+    record: &'a CampaignRecord,
+    place: &dyn Fn(usize, &ControlPoint) -> Option<f64>,
+) -> Vec<(&'a GroupLateness, Points<'a>)> {
+    let of = |group: &'a GroupLateness| {
+        let control = &group.consistency.as_ref()?.control;
+        let points: Points<'a> = control.iter().enumerate().filter_map(|(k, p)| Some((place(k, p)?, p))).collect();
+        (points.len() > 2).then_some((group, points))
+    };
+    record.groups.iter().filter_map(of).collect()
+}
+
+/// What the trend leaves out.
+fn trend_rest(record: &CampaignRecord, drawn: usize, groups: usize) -> String {
+    let rest = record.flights.len() - drawn;
+    let mut words = String::new();
+    if rest > 0 {
+        words += &format!(
+            " Not here: {} without this delay, without a date, or in groups of fewer than three.",
+            number::counted(rest as u64, "flight", "flights")
+        );
+    }
+    if groups > 0 {
+        words +=
+            &format!(" {} in the record.", number::counted(groups as u64, "smaller group is", "smaller groups are"));
+    }
+    words
+}
+
+fn trend_panel(group: &GroupLateness, points: &Points<'_>, x: &Axis) -> Option<Panel> {
+    let of = |outside: bool| {
+        let wanted = points.iter().filter(move |(_, p)| p.is_outside == outside);
+        let piece = |(at, p): &(f64, &ControlPoint)| {
+            let half = COVERAGE_FACTOR * p.delay_s.standard_uncertainty.unwrap_or(0.0);
+            upright(*at, p.delay_s.value * 1e3, half * 1e3)
+        };
+        wanted.filter_map(piece).collect::<Vec<_>>()
+    };
+    let level = |of: &dyn Fn(&ControlPoint) -> f64| {
+        let place = |(at, p): &(f64, &ControlPoint)| Some((*at, of(p) * 1e3)).filter(|(_, y)| is_drawable(*y));
+        points.iter().filter_map(place).collect::<Vec<_>>()
+    };
+    let should = "mean of the group, or its sensor card";
+    let mut lines = vec![
+        Line { name: "flight, ± U (k = 2)".to_owned(), pen: Pen::Points, pieces: of(false) },
+        Line { name: "outside its limits".to_owned(), pen: Pen::HollowPoints, pieces: of(true) },
+        stroke(should, Pen::Rule, level(&|p| p.centre_s)),
+        stroke("limits, ± 3 σ", Pen::Dashed, level(&|p| p.centre_s + p.limit_s)),
+        stroke("", Pen::Dashed, level(&|p| p.centre_s - p.limit_s)),
+    ];
+    lines.retain(|line| line.pieces.iter().any(|piece| !piece.is_empty()));
+    let y = Axis::linear("later by (ms)", extent(&lines, |p| p.1)?, 5);
+    let named = points.iter().rev().take(MOST_NAMED).map(|(at, p)| Mark {
+        at: (*at, p.delay_s.value * 1e3),
+        label: format!("{}: {} ms", label(&p.flight), number::with_uncertainty(&in_millis(&p.delay_s))),
+    });
+    let names = named.filter(|mark| is_drawable(mark.at.1)).collect();
+    Some(Panel { names, heading: label(&group.group.name), ..Panel::of(x.clone(), y, lines) })
+}
+
+/// Seconds since 1970 of an instant as records hold it.
+fn seconds(instant: &str) -> Option<f64> {
+    Some(instant.parse::<jiff::Timestamp>().ok()?.as_second() as f64)
+}
+
+/// An axis of dates, or of times of day where all are within two days.
+fn date_axis((low, high): (f64, f64)) -> Axis {
+    const DAY: f64 = 86_400.0;
+    const STEPS_H: [f64; 8] = [0.25, 1.0, 3.0, 6.0, 24.0, 48.0, 168.0, 336.0];
+    let air = ((high - low) * 0.04).max(0.01 * DAY);
+    let (low, high) = (low - air, high + air);
+    let wanted = (high - low) / 5.0;
+    let step = STEPS_H
+        .into_iter()
+        .map(|h| 3600.0 * h)
+        .find(|s| *s >= wanted)
+        .unwrap_or_else(|| (wanted / (28.0 * DAY)).ceil() * 28.0 * DAY);
+    let format = if step < DAY { "%m-%d %H:%M" } else { "%Y-%m-%d" };
+    let first = (low / step).ceil();
+    let places = (0..8).map(|k| (first + f64::from(k)) * step).take_while(|at| *at <= high);
+    let written = |at: f64| jiff::Timestamp::from_second(at as i64).ok().map(|t| t.strftime(format).to_string());
+    let ticks = places.filter_map(|at| Some(Tick { at, label: written(at)? })).collect();
+    Axis::ticked("date of flight (UTC)", (low, high), ticks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_named_by_what_tells_logs_apart() {
+        assert_eq!(row_name("data/00000130.BIN"), "00000130");
+        assert_eq!(row_name("a/flightlogstats_log_220622_125002_LFQA.csv"), "…_log_220622_125002_LFQA");
+    }
+
+    #[test]
+    fn dates_are_ticked_by_days_and_flights_of_one_day_by_hours() {
+        let at = |text: &str| seconds(text).unwrap();
+        let labels = |low: &str, high: &str| {
+            let axis = date_axis((at(low), at(high)));
+            assert!((1..=8).contains(&axis.ticks.len()), "{axis:?}");
+            assert!(axis.ticks.iter().all(|t| (axis.low..=axis.high).contains(&t.at)));
+            axis.ticks.into_iter().map(|t| t.label).collect::<Vec<_>>()
+        };
+        assert_eq!(labels("2026-05-04T08:00:00Z", "2026-05-04T16:30:00Z")[0], "05-04 09:00");
+        assert!(labels("2026-05-04T08:00:00Z", "2026-11-04T16:30:00Z")[0].starts_with("2026-0"));
+        labels("2026-05-04T08:00:00Z", "2026-05-04T08:00:00Z");
+        assert_eq!(seconds("yesterday"), None);
+    }
+}

@@ -1,0 +1,208 @@
+//! The answer: one card for each group of flights that may share a delay.
+
+use super::super::{badge, estimate, no_number};
+use super::attention::names;
+use super::members;
+use crate::number;
+use crate::text::{ended, shown};
+use crate::verdict::{in_millis, source_phrase};
+use maud::{Markup, html};
+use record::{CampaignRecord, DelaySetting, DelaySource, EffectVerdict, FlightRow, GroupLateness};
+use std::collections::BTreeSet;
+
+/// Most groups that are shown; the record holds all.
+const MOST_GROUPS: usize = 20;
+/// Width and height of the small chart, CSS pixels.
+const SPARK: (f64, f64) = (150.0, 28.0);
+/// Most flights on the small chart, the newest.
+const MOST_SPARKS: usize = 100;
+
+/// How late the position is in each group, whether the removal helped, and what to set.
+pub(super) fn cards(record: &CampaignRecord) -> Markup {
+    let groups = &record.groups;
+    html! {
+        @if groups.iter().all(|g| g.lateness_s.is_none()) {
+            p.answer { "No flight tells how late its position is." }
+        }
+        ul.cards {
+            @for group in groups.iter().take(MOST_GROUPS) { (card(group, &members(group, &record.flights))) }
+        }
+        @if let Some(more) = groups.len().checked_sub(MOST_GROUPS).filter(|more| *more > 0) {
+            p.note { (number::counted(more as u64, "smaller group is", "smaller groups are")) " in campaign.json." }
+        }
+    }
+}
+
+fn card(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
+    html! {
+        li {
+            h3 { bdi { (shown(&group.group.name)) } }
+            p.big { (lateness(group, rows)) }
+            p { (agreement(group, rows)) }
+            p { (removal(rows)) }
+            @if !group.advice.set.is_empty() { p { "To remove it, set " (settings(&group.advice.set)) "." } }
+            (spark(rows))
+        }
+    }
+}
+
+/// How late; of flights that are not one group the range, for their mean describes none of them.
+fn lateness(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
+    let all = || rows.iter().filter_map(|r| r.lateness.as_ref()?.lateness_s()).map(|e| e.value);
+    let (low, high) = (all().reduce(f64::min), all().reduce(f64::max));
+    html! {
+        @match (&group.split, &group.lateness_s) {
+            (Some(_), _) => {
+                b { "No common delay" }
+                @if let (Some(low), Some(high)) = (low, high) { ": " (millis(low)) " to " (millis(high)) "\u{a0}ms" }
+                ". Do not use one delay."
+            }
+            (None, Some(found)) if group.against.starts_with("relative") => {
+                b { (estimate(&in_millis(found))) "\u{a0}ms" } " later, " (shown(&group.against)) "; how late both are is not known"
+            }
+            (None, Some(found)) => { b { (estimate(&in_millis(found))) "\u{a0}ms" } " late, against " (shown(datum(&group.against))) }
+            (None, None) => { (no_number(&group.words)) }
+        }
+    }
+}
+
+fn millis(seconds: f64) -> String {
+    number::fixed(1e3 * seconds, 0)
+}
+
+fn datum(against: &str) -> &str {
+    match against {
+        "imu" => "the IMU",
+        "reference" => "the reference",
+        other => other,
+    }
+}
+
+/// How many flights tell it, and whether they agree.
+fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
+    let outliers: Vec<&FlightRow> = rows.iter().filter(|r| group.outliers.contains(&r.flight)).copied().collect();
+    html! {
+        (number::counted(group.flights, "flight", "flights"))
+        @if group.lateness_s.is_some() { ", " (number::count(group.pooled)) @if group.pooled == 1 { " tells it" } @else { " tell it" } }
+        @if let Some(words) = &group.split { ": " (ended(words)) }
+        @else {
+            @if let Some(test) = &group.difference {
+                @if test.p < 0.01 {
+                    ", and they differ (" (p_value(test.p))
+                    @if let Some(between) = group.between_s.filter(|b| *b > 0.0) { "; " (number::significant(1e3 * between, 2)) "\u{a0}ms, 1\u{a0}σ" }
+                    ")"
+                } @else if outliers.is_empty() { ", and they agree (" (p_value(test.p)) ")" }
+            }
+            @if !outliers.is_empty() { "; " (badge("unsure", "!", "differs")) " " (names(&outliers)) }
+            "."
+        }
+    }
+}
+
+/// `p = 0.41`, `p < 0.001`.
+pub(super) fn p_value(p: f64) -> String {
+    if p < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", number::significant(p, 2)) }
+}
+
+/// What was removed from these flights, and what it did.
+fn removal(rows: &[&FlightRow]) -> Markup {
+    let removed: Vec<f64> = rows.iter().filter_map(|r| r.delay_s).filter(|s| s.is_finite()).collect();
+    let sources: BTreeSet<DelaySource> =
+        rows.iter().filter(|r| r.delay_s.is_some()).filter_map(|r| r.delay_from).collect();
+    let ends = removed.iter().copied().reduce(f64::min).zip(removed.iter().copied().reduce(f64::max));
+    html! {
+        @match ends {
+            None => { "Nothing was removed." }
+            Some((low, high)) => {
+                "Removed: " (number::exact(1e3 * low))
+                @if high > low { " to " (number::exact(1e3 * high)) }
+                "\u{a0}ms"
+                @for (i, source) in sources.iter().enumerate() { @if i == 0 { " (" } @else { ", " } (source_phrase(*source)) }
+                @if !sources.is_empty() { ")" }
+                @if removed.len() < rows.len() { " from " (number::count(removed.len() as u64)) " of them" }
+                ". " (effects(rows)) (short(rows))
+            }
+        }
+    }
+}
+
+fn effects(rows: &[&FlightRow]) -> Markup {
+    let count = |verdict| {
+        rows.iter().filter(|r| r.delay_s.is_some() && r.effect.as_ref().is_some_and(|e| e.verdict == verdict)).count()
+            as u64
+    };
+    let all = [
+        (EffectVerdict::Harmed, "bad", "✗", "HARMED"),
+        (EffectVerdict::Helped, "ok", "✓", "Helped"),
+        (EffectVerdict::NoChange, "off", "○", "No change"),
+        (EffectVerdict::CannotTell, "unsure", "?", "Cannot tell"),
+    ];
+    html! {
+        @for (verdict, class, icon, word) in all {
+            @if count(verdict) > 0 { (badge(class, icon, &format!("{word} {}", number::count(count(verdict))))) " " }
+        }
+    }
+}
+
+/// How far the removal stays behind what the flights allow, in the middle of those that do.
+fn short(rows: &[&FlightRow]) -> Markup {
+    let mut factors: Vec<f64> =
+        rows.iter().filter_map(|r| r.effect.as_ref()?.short_by).filter(|f| f.is_finite()).collect();
+    factors.sort_unstable_by(f64::total_cmp);
+    html! {
+        @if let Some(middle) = factors.get(factors.len() / 2) {
+            (number::significant(*middle, 2)) "\u{a0}× short of the best (median of " (number::count(factors.len() as u64)) ")."
+        }
+    }
+}
+
+/// `position_s = 0.203 or GPS1_DELAY_MS = 203`.
+pub(super) fn settings(set: &[DelaySetting]) -> Markup {
+    html! {
+        @for (i, s) in set.iter().enumerate() {
+            @if i > 0 { " or " }
+            code { (shown(&s.name)) " = " (s.value) } @if s.unit == "ms" { " (ms)" }
+        }
+    }
+}
+
+/// Lateness of the flights by date; nothing for fewer than three.
+fn spark(rows: &[&FlightRow]) -> Markup {
+    let mut all: Vec<(&str, f64)> =
+        rows.iter().filter_map(|r| Some((r.flown_at.as_deref()?, r.lateness.as_ref()?.lateness_s()?.value))).collect();
+    // What is further off is a fault, and hides all others.
+    all.retain(|(_, late)| late.abs() < 1e6);
+    all.sort_unstable_by(|a, b| a.0.cmp(b.0).then(a.1.total_cmp(&b.1)));
+    let newest = all.split_off(all.len().saturating_sub(MOST_SPARKS));
+    let ends = |of: fn(f64, f64) -> f64| newest.iter().map(|p| p.1).reduce(of).unwrap_or(0.0);
+    let (low, high) = (ends(f64::min), ends(f64::max));
+    let (width, height) = SPARK;
+    let step = (width - 8.0) / newest.len().max(2).saturating_sub(1) as f64;
+    let y =
+        |late: f64| if high > low { height - 4.0 - (height - 8.0) * (late - low) / (high - low) } else { height / 2.0 };
+    let dots: String =
+        newest.iter().enumerate().map(|(k, p)| format!("M{:.1} {:.1}h0", 4.0 + step * k as f64, y(p.1))).collect();
+    html! {
+        @if newest.len() > 2 {
+            p.note {
+                svg.spark viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label="Lateness by date" {
+                    path fill="none" stroke="currentColor" stroke-width="4" stroke-linecap="round" d=(dots) {}
+                }
+                " by date, " (millis(low)) " to " (millis(high)) "\u{a0}ms"
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_probability_is_never_zero() {
+        assert_eq!(
+            (p_value(0.0), p_value(0.41), p_value(0.0123)),
+            ("p < 0.001".into(), "p = 0.41".into(), "p = 0.012".into())
+        );
+    }
+}
