@@ -163,6 +163,11 @@ fn the_demo_runs_and_says_which_page_to_open() {
     let page = demo.join("report/index.html");
     assert!(said.contains(&format!("open {}", page.display())), "{said}");
     assert!(page.exists());
+    // The page that the README names leads to the card of each sensor.
+    let index = std::fs::read_to_string(demo.join("bench-report/index.html")).unwrap();
+    for card in ["sim-0001/index.html", "sim-0002/index.html"] {
+        assert!(index.contains(&format!("href=\"{card}\"")) && demo.join("bench-report").join(card).exists(), "{card}");
+    }
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 mod agreement;
 mod bench;
+mod bench_pages;
 mod browser;
 mod campaign;
 mod command;

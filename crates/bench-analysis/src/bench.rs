@@ -16,9 +16,12 @@ use crate::references::{ChannelReference, ComponentReference, References};
 use crate::rig::Rig;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent};
 use crate::surroundings::{Surroundings, place_of};
+use crate::verdict::with_minus;
 use flight::{Clock, Flight, Notices, Quantity, Severity, Stamp};
 use jiff::civil::Date;
-use record::{BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, TimeBasis};
+use record::{
+    BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, ReferenceFinding, RigGeometry, RigPart, TimeBasis,
+};
 use signal::{DelaySettings, Gain, Measurement, Sign, fit_delay};
 
 /// A bar that turns slower than this many counts a second stands still.
@@ -125,6 +128,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
         flexibility: bending(&channels, &references, &motion, rig),
         gate: quality,
         clocks: timing.finding(&tied),
+        geometry: Some(geometry(rig, &channels)),
         channels,
     };
     let magnetic = MagneticEvidence { swings, around };
@@ -234,10 +238,9 @@ impl Timing {
         let one_clock = !matches!(tied.basis, TimeBasis::Anchor { .. });
         if one_clock && value.abs() > CLEAR_SKEW * u && value.abs() > 5e-6 {
             let text = format!(
-                "all channels drift against the encoder by {:.1} ± {:.1} ppm, though one clock should stamp both: the delays hold \
-                 for the middle of the record",
-                value * 1e6,
-                u * 1e6
+                "all channels drift against the encoder by {} ppm (k = 2), though one clock should stamp both: the delays hold for \
+                 the middle of the record",
+                with_minus(&format!("{:.1} ± {:.1}", value * 1e6, 2e6 * u))
             );
             notices.push(Severity::Warning, "clock-drift", "", 1, text);
         }
@@ -276,6 +279,7 @@ fn channels(
         t: &t,
         rate: &rate,
         zoom: liveliest(&t, &rate),
+        period_s: Some(rms_frequencies(motion).0).filter(|hz| *hz > 0.0).map_or(0.0, |hz| 1.0 / hz),
         still_rate: STILL_COUNTS_PER_S * lsb,
         errors: &ReferenceErrors::of(motion),
         closed,
@@ -336,6 +340,23 @@ fn rms_frequencies(motion: &Motion) -> (f64, f64) {
     let states: Vec<_> = motion.grid(GRID_HZ).iter().filter_map(|&t| motion.at(t)).collect();
     let of = |y: Vec<f64>| signal::power_spectrum(&y, GRID_HZ).rms_frequency_hz().unwrap_or(0.0);
     (of(states.iter().map(|s| s.angle).collect()), of(states.iter().map(|s| s.rate).collect()))
+}
+
+/// Where the channels of the record are measured.
+fn geometry(rig: &Rig, channels: &[ChannelDynamics]) -> RigGeometry {
+    let mut parts: Vec<RigPart> = vec![];
+    for channel in channels {
+        let mount = rig.mount_of(&channel.name);
+        match parts.iter_mut().find(|p| p.lever_arm_m == mount.lever_arm_m && p.is_stated == mount.arm_is_stated) {
+            Some(part) => part.channels.push(channel.name.clone()),
+            None => parts.push(RigPart {
+                channels: vec![channel.name.clone()],
+                lever_arm_m: mount.lever_arm_m,
+                is_stated: mount.arm_is_stated,
+            }),
+        }
+    }
+    RigGeometry { bar_length_m: rig.bar.length_m, mount: rig.bar.mount.to_string(), parts }
 }
 
 fn reference_finding(

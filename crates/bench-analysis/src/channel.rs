@@ -2,10 +2,11 @@
 
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
+use crate::overlay::Laid;
 use crate::reference_error::with_reference;
 use crate::response::response;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement, rate_hz};
-use crate::verdict::{Evidence, millis};
+use crate::verdict::{Evidence, millis, probability};
 use flight::{Delay, RejectCount};
 use record::{
     ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, ModelCandidate, ModelFinding,
@@ -118,6 +119,7 @@ fn undetermined(
         curves,
         zoom,
         residual: None,
+        overlay: None,
     }
 }
 
@@ -271,10 +273,26 @@ fn components(
                 curves,
                 zoom,
                 residual: fitted.map(crate::curves::residual_curve),
+                overlay: fitted.map(|f| laid(component, bench, fit, f).overlay()),
                 ..undetermined(channel, component, bench)
             }
         })
         .collect()
+}
+
+fn laid<'a>(
+    component: &SensedComponent<'a>,
+    bench: &Circumstances<'_>,
+    fit: &DelayFit,
+    of_component: &'a ComponentFit,
+) -> Laid<'a> {
+    Laid {
+        reference: component.reference,
+        fit: of_component,
+        delay_s: fit.delay_s,
+        zoom: bench.zoom,
+        period_s: bench.period_s,
+    }
 }
 
 /// Rows of the channel during which the bar stands still for five seconds or more.
@@ -304,9 +322,7 @@ fn model(choice: &LagChoice) -> Finding<ModelFinding> {
         return Finding::CannotTell("no model of delay and lag could be fitted".to_owned());
     };
     if best.sum_s.value.abs() < 2.0 * best.sum_s.standard_uncertainty {
-        return Finding::CannotTell(
-            "the delay does not differ from zero: nothing to split into delay and lag".to_owned(),
-        );
+        return Finding::CannotTell("no delay found".to_owned());
     }
     let candidates = choice
         .candidates
@@ -382,11 +398,8 @@ fn stationarity(measurements: &[Measurement<'_>], fit: &DelayFit) -> Finding<Sta
         return Finding::CannotTell(format!("fewer than two windows of {WINDOW_S} s with enough motion"));
     };
     let slope = slope(&apart);
-    let text = if constant_p < 0.01 {
-        format!("the delay changes over the record: χ² = {chi2:.1} for {} windows, p = {constant_p:.2e}", apart.len())
-    } else {
-        format!("constant as far as this record shows: χ² = {chi2:.1} for {} windows, p = {constant_p:.2}", apart.len())
-    };
+    let found = if constant_p < 0.01 { "The delay changes over the record" } else { "No change over the record" };
+    let text = format!("{found} (χ² = {chi2:.1}, {} windows, {}).", apart.len(), probability(constant_p));
     Finding::Found(Stationarity {
         window_s: WINDOW_S,
         t_s: windows.iter().map(|w| w.middle_s).collect(),

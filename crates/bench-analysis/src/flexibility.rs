@@ -1,6 +1,7 @@
 //! Whether the bar bends, and at which frequency it would ring (design note 1.6).
 
 use crate::alignment::estimate;
+use crate::verdict::with_minus;
 use record::{Estimate, Finding, Flexibility};
 
 /// Modal factor Γ of tip deflection against root rotation, for tip masses from none to any: 1.1377 to 1.
@@ -52,6 +53,11 @@ fn u(e: &Estimate) -> f64 {
     e.standard_uncertainty.unwrap_or(f64::INFINITY)
 }
 
+/// `value ± U`, U with k = 2.
+fn with_u(e: &Estimate, decimals: usize) -> String {
+    with_minus(&format!("{:.decimals$} ± {:.decimals$}", e.value, 2.0 * u(e)))
+}
+
 /// Inverse-variance mean; its uncertainty is widened (Birge) where the values scatter more than they claim.
 pub(crate) fn weighted_mean(values: &[Estimate]) -> Option<Estimate> {
     let usable: Vec<(f64, f64)> =
@@ -69,11 +75,7 @@ pub(crate) fn weighted_mean(values: &[Estimate]) -> Option<Estimate> {
 fn ratio(translation: Estimate, rotation: Estimate) -> Finding<Estimate> {
     let (p, r) = (translation.value - 1.0, rotation.value - 1.0);
     if p.abs() < CLEAR * u(&translation) {
-        let text = format!(
-            "the gain of translation, {:.4} ± {:.4}, does not differ from one",
-            translation.value,
-            u(&translation)
-        );
+        let text = format!("the gain of translation, {}, does not differ from one", with_u(&translation, 4));
         return Finding::CannotTell(text);
     }
     let value = r / p;
@@ -115,29 +117,25 @@ fn in_words(
     mode: &Finding<Estimate>,
     expected_hz: Option<f64>,
 ) -> String {
-    let gains = format!("Gain of translation {:.4} ± {:.4}, of rotation {:.4} ± {:.4}", p.value, u(&p), r.value, u(&r));
+    let gains = format!("Gain of translation {}, of rotation {} (k = 2)", with_u(&p, 4), with_u(&r, 4));
     let expected = expected_hz.map_or(String::new(), |hz| format!(" (the rig expects {hz} Hz)"));
     match (ratio, bends(ratio), mode) {
         (Finding::Found(k), Some(true), Finding::Found(hz)) => format!(
-            "{gains}: (rotation − 1)/(translation − 1) = {:.2} ± {:.2}, as of a bar that bends (1.38 to 1.50), with a first mode at \
-             {:.1} ± {:.1} Hz{expected}.",
-            k.value,
-            u(k),
-            hz.value,
-            u(hz)
+            "{gains}: (rotation − 1)/(translation − 1) = {}, as of a bar that bends (1.38 to 1.50), with a first mode at {} \
+             Hz{expected}.",
+            with_u(k, 2),
+            with_u(hz, 1)
         ),
         (Finding::Found(k), Some(false), _) => format!(
-            "{gains}: (rotation − 1)/(translation − 1) = {:.2} ± {:.2}, not as of a bar that bends (1.38 to 1.50): a scale of \
-             the sensor or the bar's length is off.",
-            k.value,
-            u(k)
+            "{gains}: (rotation − 1)/(translation − 1) = {}, not as of a bar that bends (1.38 to 1.50): a scale of the sensor or \
+             the bar's length is off.",
+            with_u(k, 2)
         ),
         (_, _, Finding::CannotTell(why)) => format!("{gains}: neither bending nor a wrong scale can be told; {why}."),
         (_, _, Finding::Found(hz)) => format!(
-            "{gains}: rotation alone is clearly above one; if the bar bends, its first mode is at {:.1} ± {:.1} Hz{expected}, but \
-             a scale of the sensor would look the same.",
-            hz.value,
-            u(hz)
+            "{gains}: rotation alone is clearly above one; if the bar bends, its first mode is at {} Hz{expected}, but a scale of \
+             the sensor would look the same.",
+            with_u(hz, 1)
         ),
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::kinematics::{BarState, specific_force};
 use crate::motion::Motion;
+use crate::verdict::with_minus;
 use flight::{Channel, Flight, Quantity};
 use record::{GateCheck, QualityGate};
 use signal::power_spectrum;
@@ -73,10 +74,10 @@ fn check(name: &str, passed: bool, text: String) -> GateCheck {
 
 fn amplitude_check(amplitude: f64, low: f64, high: f64) -> GateCheck {
     let text = format!(
-        "±{:.1}° (from {:.1}° to {:.1}°); ±{:.0}° or more shows every channel well",
+        "±{:.1}° (from {}° to {}°); ±{:.0}° or more shows every channel well",
         amplitude.to_degrees(),
-        low.to_degrees(),
-        high.to_degrees(),
+        with_minus(&format!("{:.1}", low.to_degrees())),
+        with_minus(&format!("{:.1}", high.to_degrees())),
         GOOD_AMPLITUDE.to_degrees()
     );
     check("swing amplitude", amplitude >= GOOD_AMPLITUDE, text)

@@ -16,6 +16,7 @@ mod magnetic;
 mod magnetometer;
 mod motion;
 mod mount;
+mod overlay;
 mod pattern;
 mod reference_error;
 mod references;

@@ -49,6 +49,8 @@ pub(crate) struct Circumstances<'a> {
     pub(crate) rate: &'a [f64],
     /// Stretch that is drawn large, s.
     pub(crate) zoom: (f64, f64),
+    /// Mean period of the bar's angle, s; zero if it does not swing.
+    pub(crate) period_s: f64,
     /// Bar rates below this are standing still, rad/s.
     pub(crate) still_rate: f64,
     /// What the encoder's steps do to the references.

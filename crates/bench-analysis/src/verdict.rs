@@ -79,16 +79,16 @@ impl Evidence {
                  the reference is late"
             ),
             Verdict::EquivalentToZero if significant => format!(
-                "{} ms differs from zero, but two one-sided tests put it within the margin of ±{margin} ms",
+                "on time: {} ms differs from zero, but lies within ±{margin} ms (equivalence test)",
                 millis(self.delay_s)
             ),
             Verdict::EquivalentToZero => format!(
-                "two one-sided tests put the delay within the margin of ±{margin} ms; delays from {} ms on would have shown",
+                "on time: |delay| < {margin} ms (equivalence test). Detectable here: {} ms",
                 millis(detectable_s)
             ),
             Verdict::Inconclusive | Verdict::NotMeasurable => format!(
-                "the 95 % interval {low} to {high} ms holds zero and reaches beyond the margin of ±{margin} ms; this record \
-                 shows delays from {} ms on, {} s of the same swing would decide",
+                "not decided: the 95 % interval {low} to {high} ms includes zero and exceeds the margin of ±{margin} ms. \
+                 Detectable here: {} ms. Would decide: {} s of the same swing",
                 millis(detectable_s),
                 length_s.map_or_else(|| "more".to_owned(), |s| format!("{:.0}", s.ceil()))
             ),
@@ -96,7 +96,8 @@ impl Evidence {
     }
 }
 
-/// Milliseconds with as many digits as a delay deserves: three significant ones, at most to the microsecond.
+/// Milliseconds with as many digits as a delay deserves: three significant ones, at most to the microsecond. The minus sign
+/// is U+2212.
 pub(crate) fn millis(seconds: f64) -> String {
     let ms = seconds * 1e3;
     let decimals = match ms.abs() {
@@ -104,7 +105,21 @@ pub(crate) fn millis(seconds: f64) -> String {
         m if m >= 1.0 => 2,
         _ => 3,
     };
-    format!("{ms:.decimals$}")
+    with_minus(&format!("{ms:.decimals$}"))
+}
+
+/// A number as text, with the minus sign U+2212.
+pub(crate) fn with_minus(number: &str) -> String {
+    number.replace('-', "\u{2212}")
+}
+
+/// A probability as text: three decimals at most, and never 0.
+pub(crate) fn probability(p: f64) -> String {
+    match p {
+        p if p < 0.001 => "p < 0.001".to_owned(),
+        p if p < 0.1 => format!("p = {p:.3}"),
+        p => format!("p = {p:.2}"),
+    }
 }
 
 #[cfg(test)]
@@ -133,6 +148,12 @@ mod tests {
         let small = verdict(1.0, 0.1, 5.0);
         assert_eq!(small.verdict, Verdict::EquivalentToZero);
         assert!(small.reason.contains("differs from zero"), "{}", small.reason);
+    }
+
+    #[test]
+    fn a_probability_is_never_zero_and_a_minus_is_a_minus() {
+        assert_eq!([0.0, 0.0004, 0.012, 0.62].map(probability), ["p < 0.001", "p < 0.001", "p = 0.012", "p = 0.62"]);
+        assert_eq!(millis(-0.0232), "\u{2212}23.20");
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::logs::Library;
 use crate::manifest::FLIGHTLAG_VERSION;
 use crate::plan::{Desk, check_out, refuse_other_kind};
 use crate::source;
-use crate::store::Store;
+use crate::store::{Keep, Store};
 use crate::task::caught;
 use crate::work::Workers;
 use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combine, identity_conflict};
@@ -25,7 +25,8 @@ use flight::{Notices, Severity};
 use logs::ReadLog;
 use pair::Swing;
 use record::{BenchOutcome, BenchRecord, CardChannel, SensorCard};
-use std::path::PathBuf;
+use report::{IndexedCard, cards_site};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives anything else than before.
@@ -113,6 +114,29 @@ struct Measured {
 /// cannot be written. A record that cannot be read or measured is none: it is a row of the table.
 pub fn bench_run(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
     source::leaving_no_empty_folder(&order.out, || run_here(order, desk))
+}
+
+/// Writes `index.html` into `folder`, a page above the reports of several sensors, each in a folder of its own below it.
+///
+/// # Errors
+/// The page cannot be written.
+pub fn bench_index(folder: &Path, verdicts: &[BenchVerdict]) -> Result<PathBuf, CampaignError> {
+    let path_of = |verdict: &BenchVerdict| {
+        let below = verdict.page.strip_prefix(folder).unwrap_or(&verdict.page);
+        below.to_string_lossy().into_owned()
+    };
+    let hrefs: Vec<String> = verdicts.iter().map(path_of).collect();
+    let cards = verdicts.iter().zip(&hrefs).map(|(verdict, href)| IndexedCard {
+        card: verdict.card.as_ref(),
+        records: verdict.rows.len() as u64,
+        href,
+    });
+    let cards: Vec<IndexedCard<'_>> = cards.collect();
+    let store = Store::open(folder)?;
+    for (name, bytes) in &cards_site(&cards).files {
+        store.write(name, bytes, Keep::Renewable)?;
+    }
+    Ok(store.root().join("index.html"))
 }
 
 fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {

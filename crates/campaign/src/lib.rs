@@ -58,7 +58,7 @@ mod table;
 mod task;
 mod work;
 
-pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_run};
+pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_index, bench_run};
 pub use bench_analysis::{card_schema, rig_schema};
 pub use compensation_replay::{ClockRule, error_words};
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};

@@ -26,10 +26,13 @@ pub(crate) fn run(arguments: &DemoArguments, stop: &Stop) -> Result<End, Failure
         return next(arguments, &flights, &benches);
     }
     let mut exit = Exit::Well;
+    let mut measured = vec![];
     for order in &benches {
         let verdict = bench_command::run_order(order, &arguments.desk, stop)?;
         exit = worse(exit, verdict.exit());
+        measured.push(verdict);
     }
+    campaign::bench_index(&arguments.folder.join("bench-report"), &measured)?;
     let verdict = run_flights(arguments, flights, stop)?;
     Ok(worse(exit, exit_of_flights(&verdict)).into())
 }

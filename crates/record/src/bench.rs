@@ -90,8 +90,33 @@ pub struct BenchFindings {
     pub mount: MountFinding,
     /// Whether the bar bends.
     pub flexibility: Finding<Flexibility>,
+    /// The rig as it was built, for a drawing; `None` in records of earlier versions.
+    #[serde(default)]
+    pub geometry: Option<RigGeometry>,
     /// Channels, in the order of their names.
     pub channels: Vec<ChannelDynamics>,
+}
+
+/// Pivot, bar and parts of the sensor, as the rig file states them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RigGeometry {
+    /// Pivot to sensor, m.
+    pub bar_length_m: f64,
+    /// `upright` (sensor above the pivot), `hanging` (below), or `custom`.
+    pub mount: String,
+    /// Places at which channels were measured, in the order of the first channel of each.
+    pub parts: Vec<RigPart>,
+}
+
+/// A place on the bar.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RigPart {
+    /// Channels of the record that are measured there.
+    pub channels: Vec<String>,
+    /// From the pivot in body axes forward, right, down at bar angle zero, m.
+    pub lever_arm_m: [f64; 3],
+    /// Whether the rig file states this arm. Otherwise it follows from length and mount of the bar.
+    pub is_stated: bool,
 }
 
 /// A finding, or why there is none.
@@ -352,6 +377,48 @@ pub struct ComponentDynamics {
     pub zoom: Vec<Curve>,
     /// Measured − fitted, unit.
     pub residual: Option<Curve>,
+    /// Reference and measured values that can be laid on one another; `None` without a fit and in records of earlier
+    /// versions.
+    #[serde(default)]
+    pub overlay: Option<Overlay>,
+}
+
+/// A few swings of one component in which the measured values differ from the reference by delay, gain and fast noise
+/// alone: offset, drift and slow wander are taken out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Overlay {
+    /// Reference at the true time, unit. It reaches beyond the measured values by the largest shift.
+    pub reference: Curve,
+    /// Measured less offset, drift and slow wander, unit.
+    pub measured: Curve,
+    /// The slow wander that was taken out; `None` where the noise of the fit does not wander.
+    pub wander: Option<WanderTaken>,
+    /// What is left over the whole record when the reference is shifted.
+    pub shifts: ShiftCurve,
+}
+
+/// Slow wander, estimated as the mean of measured − fitted over several swings, weighted with a Hann window. Whatever has
+/// the frequency of the swing averages out, so a wrong delay or gain is not taken out with it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WanderTaken {
+    /// Full width of the window, s: four mean periods of the bar's angle.
+    pub window_s: f64,
+    /// Rms over the whole record, unit.
+    pub rms: f64,
+    /// Largest less smallest value within the few swings that are drawn, unit.
+    pub range_in_view: f64,
+}
+
+/// Rms of measured less reference over the whole record, the reference scaled by the fitted gain and shifted. Offset, drift
+/// and slow wander are taken out again at each shift.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ShiftCurve {
+    /// First shift, s; positive makes the reference late.
+    pub from_s: f64,
+    /// Step between shifts, s.
+    pub step_s: f64,
+    /// Rms at each shift, unit.
+    pub rms: Vec<f64>,
 }
 
 /// Which kind of lateness it is (design note 3.6).

@@ -35,8 +35,9 @@ mod sweep;
 pub use crate::bench::{
     BenchFindings, BenchLog, BenchOutcome, BenchRecord, ChannelDynamics, ClockFinding, ComponentDynamics, DelayFinding,
     Finding, FitChecks, Flexibility, GateCheck, HullFinding, Injection, LatencyHistogram, MagnetometerFinding,
-    ModelCandidate, ModelFinding, MountCheck, MountFinding, NoiseFinding, ObjectiveCurve, PpsFinding, QualityGate,
-    Recovery, ReferenceFinding, ResponseFinding, ResponsePoint, RigUse, Stationarity, TimeBasis, Verdict,
+    ModelCandidate, ModelFinding, MountCheck, MountFinding, NoiseFinding, ObjectiveCurve, Overlay, PpsFinding,
+    QualityGate, Recovery, ReferenceFinding, ResponseFinding, ResponsePoint, RigGeometry, RigPart, RigUse, ShiftCurve,
+    Stationarity, TimeBasis, Verdict, WanderTaken,
 };
 pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
 pub use crate::card::{

@@ -23,7 +23,10 @@ fn main() -> std::io::Result<()> {
     let names: Vec<String> = (7..).zip(&records).map(|(i, _)| format!("swing-{i:02}")).collect();
     let of = |(name, record)| CardRecord { name, record, href: Some("../bench/index.html") };
     let records: Vec<CardRecord> = names.iter().map(String::as_str).zip(&records).map(of).collect();
-    write(&folder.join("card"), &card_site(&CardPage { card: &card, records: &records, command: COMMAND }))?;
+    write(
+        &folder.join("card"),
+        &card_site(&CardPage { card: &card, card_file: Some("mti-g.card.toml"), records: &records, command: COMMAND }),
+    )?;
     write(&folder.join("study"), &monte_carlo_site(&fixture::study()))
 }
 

@@ -404,7 +404,9 @@ fn write_dimension(out: &mut String, chart: &Chart, panel: &Panel, dimension: &D
     out.push_str(&path(&Look { colour: "#b42318", width: 5, ..seam }, &ends, ""));
     let right = dimension.from > (panel.x.low + panel.x.high) / 2.0;
     let (x, anchor) = if right { (from.min(to) - 14, "end") } else { (from.max(to) + 14, "start") };
-    write_text(out, (x, y + 9), anchor, &dimension.label);
+    if !dimension.label.is_empty() {
+        write_text(out, (x, y + 9), anchor, &dimension.label);
+    }
 }
 
 /// Words with a seam in the colour of the ground, so that they are read on any curve.

@@ -15,9 +15,9 @@ mod sweep;
 mod timeline;
 
 pub(crate) use axis::Axis;
-pub(crate) use bench::{BenchFigures, ChannelFigures, anchors, main_component};
+pub(crate) use bench::{BenchFigures, ChannelFigures, KINDS, families, letter, main_component, place_in_paper};
 pub(crate) use campaign::{effects, valley};
-pub(crate) use card::{Forest, LeftOut, card_figures};
+pub(crate) use card::{Forest, ForestRow, LeftOut, card_forest};
 pub(crate) use csv::csv;
 pub(crate) use flight::flight_figures;
 pub(crate) use flight_delay::delay_over_time;

@@ -1,6 +1,6 @@
 //! Records to pages: what was found, for people to read.
 //!
-//! [`flight_site`], [`campaign_site`], [`bench_site`], [`card_site`] and [`monte_carlo_site`]
+//! [`flight_site`], [`campaign_site`], [`bench_site`], [`card_site`], [`cards_site`] and [`monte_carlo_site`]
 //! turn a record into a [`Site`], a map from path to bytes. Nothing is opened, asked or measured here: a page can be made again years later
 //! from the record alone, and the same record gives the same bytes. Pages are self-contained
 //! (no outside request), readable without script, and text from a log is never markup.
@@ -39,8 +39,8 @@ mod verdict;
 
 pub use criterion::criterion_sentence;
 pub use page::{
-    BenchPage, CardPage, CardRecord, FlightPage, TABLE_FOLDER, TrackExcerpt, bench_site, campaign_site, card_site,
-    changes_site, excerpt_flights, flight_site, monte_carlo_site,
+    BenchPage, CardPage, CardRecord, FlightPage, IndexedCard, TABLE_FOLDER, TrackExcerpt, bench_site, campaign_site,
+    card_site, cards_site, changes_site, excerpt_flights, flight_site, monte_carlo_site,
 };
 pub use site::Site;
 

@@ -64,6 +64,15 @@ pub(crate) fn exact(value: f64) -> String {
     }
 }
 
+/// A probability, as `p = 0.62`: three decimals at most, and never 0.
+pub(crate) fn probability(p: f64) -> String {
+    match p {
+        p if p < 0.001 => "p < 0.001".to_owned(),
+        p if p < 0.1 => format!("p = {}", fixed(p, 3)),
+        p => format!("p = {}", fixed(p, 2)),
+    }
+}
+
 /// A value with so many decimals.
 pub(crate) fn fixed(value: f64, decimals: i32) -> String {
     rounded(value, -decimals)

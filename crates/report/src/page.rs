@@ -4,6 +4,7 @@ mod anomalies;
 mod bench;
 mod campaign;
 mod card;
+mod cards;
 mod changes;
 mod criteria;
 mod explorer;
@@ -21,6 +22,7 @@ mod sweep;
 pub use bench::{BenchPage, bench_site};
 pub use campaign::{TABLE_FOLDER, TrackExcerpt, campaign_site, excerpt_flights};
 pub use card::{CardPage, CardRecord, card_site};
+pub use cards::{IndexedCard, cards_site};
 pub use changes::changes_site;
 pub use flight::{FlightPage, flight_site};
 pub use monte_carlo::monte_carlo_site;
@@ -44,6 +46,8 @@ enum Needs {
     Table,
     /// The script of the flight explorer.
     Explorer,
+    /// The script that shifts the reference of a bench record.
+    Bench,
 }
 
 /// A whole page.
@@ -52,6 +56,7 @@ fn document(title: &str, needs: Needs, body: Markup) -> String {
         Needs::Nothing => (None, ""),
         Needs::Table => (Some(style::TABLE_SCRIPT), ""),
         Needs::Explorer => (Some(style::EXPLORER_SCRIPT), style::EXPLORER_CSS),
+        Needs::Bench => (Some(style::BENCH_SCRIPT), style::EXPLORER_CSS),
     };
     html! {
         (DOCTYPE)
@@ -211,7 +216,7 @@ fn figure(figure: &Figure) -> Markup {
                 (figure.caption) " "
                 a.file href={ "figures/" (figure.id) ".svg" } download="" { "SVG" } " · "
                 a.file href={ "figures/" (figure.id) ".csv" } download="" { "CSV" }
-                span.read { b { "How to read it. " } (figure.how_to_read) }
+                @if !figure.how_to_read.is_empty() { span.read { b { "How to read it. " } (figure.how_to_read) } }
             }
         }
     }

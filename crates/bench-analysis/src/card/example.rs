@@ -133,6 +133,7 @@ pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
             curves: vec![],
             zoom: vec![],
             residual: None,
+            overlay: None,
         }],
         model: model("D", &[]),
         response: Finding::CannotTell(String::new()),
@@ -233,6 +234,7 @@ fn findings(channels: Vec<ChannelDynamics>) -> BenchFindings {
             magnetometer: Finding::CannotTell(nothing()),
         },
         flexibility: Finding::CannotTell(nothing()),
+        geometry: None,
         channels,
     }
 }

@@ -91,7 +91,9 @@ impl Writer<'_> {
             all().filter(|(m, _)| is_on_card(m)).map(|(m, href)| record_row(m, href)).collect();
         records.extend(all().filter(|(m, _)| !is_on_card(m)).map(|(m, href)| record_row(m, href)));
         let empty = empty_card(measured);
-        let page = CardPage { card: card.unwrap_or(&empty), records: &records, command };
+        let card_file = card.map(card_name);
+        let page =
+            CardPage { card: card.unwrap_or(&empty), card_file: card_file.as_deref(), records: &records, command };
         let site = caught(|| card_site(&page)).map_err(|what| defect("index.html", &what))?;
         self.site("", &site)
     }

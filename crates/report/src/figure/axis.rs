@@ -13,8 +13,19 @@ pub(crate) struct Axis {
     pub(crate) high: f64,
     /// Ticks inside the range, rising.
     pub(crate) ticks: Vec<Tick>,
-    /// Whether equal ratios, not equal differences, are equally long. Both ends are then positive.
-    pub(crate) is_logarithmic: bool,
+    /// What is equally long.
+    pub(crate) spacing: Spacing,
+}
+
+/// What is equally long on an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Spacing {
+    /// Equal differences.
+    Linear,
+    /// Equal ratios. Both ends are positive.
+    Logarithmic,
+    /// Differences within this size, ratios beyond it, on both sides of zero: asinh.
+    Symmetric(f64),
 }
 
 /// A labelled place on an axis.
@@ -71,7 +82,19 @@ impl Axis {
         if ticks.len() < 2 {
             ticks = [low, high].map(|at| Tick { at, label: number::significant(at, 3) }).into();
         }
-        Axis { is_logarithmic: true, ..Axis::plain(label, (low, high), ticks) }
+        Axis { spacing: Spacing::Logarithmic, ..Axis::plain(label, (low, high), ticks) }
+    }
+
+    /// An axis of small and large numbers of both signs: linear within ±`linear`, then equal ratios equally long, ticked in
+    /// powers of ten.
+    pub(crate) fn symmetric(label: &str, (low, high): (f64, f64), linear: f64) -> Axis {
+        let (low, high) = if high > low { (low, high) } else { (low - linear, high + linear) };
+        let powers = 0..=(high.abs().max(low.abs()) / linear).log10().ceil().clamp(0.0, 15.0) as i32;
+        let sizes: Vec<f64> = powers.map(|power| linear * 10f64.powi(power)).collect();
+        let places = sizes.iter().rev().map(|size| -size).chain([0.0]).chain(sizes.iter().copied());
+        let inside = places.filter(|at| (low..=high).contains(at));
+        let ticks = inside.map(|at| Tick { at, label: number::exact(at) }).collect();
+        Axis { spacing: Spacing::Symmetric(linear), ..Axis::plain(label, (low, high), ticks) }
     }
 
     /// An axis with ticks of one's own, as of numbered rows.
@@ -80,14 +103,19 @@ impl Axis {
     }
 
     fn plain(label: &str, (low, high): (f64, f64), ticks: Vec<Tick>) -> Axis {
-        Axis { label: label.to_owned(), low, high, ticks, is_logarithmic: false }
+        Axis { label: label.to_owned(), low, high, ticks, spacing: Spacing::Linear }
     }
 
     /// Where a value stands between the ends: 0 at the lower, 1 at the upper one; beyond them, at the end.
     pub(crate) fn share(&self, value: f64) -> f64 {
-        let share = match self.is_logarithmic {
-            true => (value.max(self.low) / self.low).ln() / (self.high / self.low).ln(),
-            false => (value - self.low) / (self.high - self.low),
+        let between = |of: fn(f64) -> f64, unit: f64| {
+            let [value, low, high] = [value, self.low, self.high].map(|v| of(v / unit));
+            (value - low) / (high - low)
+        };
+        let share = match self.spacing {
+            Spacing::Linear => between(|v| v, 1.0),
+            Spacing::Logarithmic => (value.max(self.low) / self.low).ln() / (self.high / self.low).ln(),
+            Spacing::Symmetric(linear) => between(f64::asinh, linear),
         };
         share.clamp(0.0, 1.0)
     }
@@ -174,6 +202,16 @@ mod tests {
             assert!(axis.high > axis.low && (2..=24).contains(&axis.ticks.len()), "{axis:?}");
             assert!(axis.ticks.iter().all(|t| (axis.low..=axis.high).contains(&t.at)), "{axis:?}");
         }
+    }
+
+    #[test]
+    fn a_symmetric_axis_is_odd_about_zero_and_ends_in_powers_of_ten() {
+        let axis = Axis::symmetric("delay (ms)", (-1000.0, 1000.0), 1.0);
+        let expected = ["\u{2212}1000", "\u{2212}100", "\u{2212}10", "\u{2212}1", "0", "1", "10", "100", "1000"];
+        assert_eq!(labels(&axis), expected);
+        assert!((axis.share(0.0) - 0.5).abs() < 1e-12 && (axis.share(20.0) + axis.share(-20.0) - 1.0).abs() < 1e-12);
+        // asinh(10)/asinh(1000)/2 above the middle.
+        assert!((axis.share(10.0) - 0.5 - 2.998_223 / 7.600_902 / 2.0).abs() < 1e-6);
     }
 
     #[test]

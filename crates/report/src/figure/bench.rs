@@ -1,14 +1,17 @@
 //! The figures of a bench: Fig. 4 of the paper, the reference motion, and what each channel does.
 
 mod channel;
+mod geometry;
 mod paper;
 mod reference;
 
-pub(crate) use channel::ChannelFigures;
 pub(super) use channel::objective_panel;
+pub(crate) use channel::{ChannelFigures, KINDS};
+pub(crate) use geometry::letter;
+pub(crate) use paper::{families, place_in_paper};
 
 use super::Figure;
-use record::{BenchFindings, ChannelDynamics, ComponentDynamics, Curve};
+use record::{BenchFindings, ChannelDynamics, ComponentDynamics, Curve, ReferenceFinding, RigGeometry};
 use std::collections::BTreeSet;
 
 /// All figures of a bench record that have something to show, numbered in the order of the page.
@@ -18,6 +21,10 @@ pub(crate) struct BenchFigures {
     pub(crate) zoom: Option<Figure>,
     /// Fig. 4 over the whole record.
     pub(crate) whole: Option<Figure>,
+    /// The rig from the side.
+    pub(crate) side: Option<Figure>,
+    /// The rig from above.
+    pub(crate) above: Option<Figure>,
     /// In the order of the channels of the record, one for each.
     pub(crate) channels: Vec<ChannelFigures>,
     /// Bar angle.
@@ -31,9 +38,14 @@ impl BenchFigures {
     pub(crate) fn of(findings: &BenchFindings) -> BenchFigures {
         let channels = &findings.channels;
         let anchors = anchors(channels.iter().map(|c| c.name.as_str()));
+        let geometry = |draw: fn(&RigGeometry, &ReferenceFinding) -> Option<Figure>| {
+            findings.geometry.as_ref().and_then(|geometry| draw(geometry, &findings.reference))
+        };
         let mut figures = BenchFigures {
             zoom: paper::zoom(channels),
             whole: paper::whole(channels),
+            side: geometry(geometry::side),
+            above: geometry(geometry::above),
             channels: channels.iter().zip(anchors).map(|(c, anchor)| ChannelFigures::of(c, anchor)).collect(),
             angle: reference::angle(&findings.reference),
             acceleration: reference::acceleration(&findings.reference),
@@ -44,15 +56,21 @@ impl BenchFigures {
         figures
     }
 
+    /// Fig. 4 of the paper over a few swings, alone.
+    pub(crate) fn zoom_of(findings: &BenchFindings) -> Option<Figure> {
+        paper::zoom(&findings.channels)
+    }
+
     /// From the first to the last.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Figure> {
         let channels = self.channels.iter().flat_map(ChannelFigures::slots);
-        [&self.zoom, &self.whole].into_iter().chain(channels).chain([&self.angle, &self.acceleration]).flatten()
+        let first = [&self.zoom, &self.whole, &self.side, &self.above];
+        first.into_iter().chain(channels).chain([&self.angle, &self.acceleration]).flatten()
     }
 
     fn slots_mut(&mut self) -> Vec<&mut Option<Figure>> {
         let channels = self.channels.iter_mut().flat_map(ChannelFigures::slots_mut);
-        [&mut self.zoom, &mut self.whole]
+        [&mut self.zoom, &mut self.whole, &mut self.side, &mut self.above]
             .into_iter()
             .chain(channels)
             .chain([&mut self.angle, &mut self.acceleration])

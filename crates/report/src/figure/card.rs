@@ -1,7 +1,7 @@
-//! Forest plots of a sensor card: each record's delay beside the combined one.
+//! The forest plot of a sensor card: all channels, each with its combined delay and that of each record.
 
 use super::axis::Tick;
-use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, outline, stroke};
+use super::{Axis, Figure, Line, Panel, Pen, is_drawable, outline, stroke};
 use crate::number::COVERAGE_FACTOR;
 use crate::text::label;
 use record::{CardChannel, Estimate};
@@ -13,6 +13,8 @@ pub(crate) struct Forest {
     pub(crate) number: usize,
     /// Its delay, s; `None` if the record has none.
     pub(crate) delay_s: Option<Estimate>,
+    /// Its margin of equivalence, s.
+    pub(crate) margin_s: Option<f64>,
     /// Why it was left out of the combination, if it was.
     pub(crate) left_out: Option<LeftOut>,
 }
@@ -26,68 +28,76 @@ pub(crate) enum LeftOut {
     NotComparable,
 }
 
-/// A forest plot for each channel of a card, numbered. `forests` has one list for each channel.
-pub(crate) fn card_figures(channels: &[CardChannel], ids: &[String], forests: &[Vec<Forest>]) -> Vec<Option<Figure>> {
-    let mut number = 0;
-    let channels = channels.iter().zip(ids).zip(forests);
-    channels
-        .map(|((channel, id), rows)| {
-            let figure = forest(channel, id, rows)?;
-            number += 1;
-            Some(Figure { number, ..figure })
-        })
-        .collect()
-}
+/// A channel of the card, its margin of equivalence (s), and its records.
+pub(crate) type ForestRow<'a> = (&'a CardChannel, f64, &'a [Forest]);
 
-fn forest(channel: &CardChannel, id: &str, rows: &[Forest]) -> Option<Figure> {
-    let row = |row: &Forest| {
-        let delay = row.delay_s?;
-        let half = 1e3 * COVERAGE_FACTOR * delay.standard_uncertainty.unwrap_or(0.0);
-        let (value, y) = (delay.value * 1e3, row.number as f64);
-        (is_drawable(value) && is_drawable(half)).then(|| vec![(value, y), (value - half, y), (value + half, y)])
-    };
-    let of =
-        |left_out| rows.iter().filter(move |r| r.left_out.is_some() == left_out).filter_map(row).collect::<Vec<_>>();
+/// Most channels that one figure holds; the table has all.
+const MOST: usize = 40;
+/// Delays up to this are drawn to scale, larger ones by their ratios, ms.
+const TO_SCALE_MS: f64 = 1.0;
+
+/// Delays of all channels, the first at the top; `None` without a delay that can be drawn.
+pub(crate) fn card_forest(channels: &[ForestRow]) -> Option<Figure> {
+    let shown = &channels[..channels.len().min(MOST)];
+    let last = shown.len() as f64;
+    let height_of = |row: usize| last - row as f64;
+    let (mut combined, mut kept, mut left_out, mut margins) = (vec![], vec![], vec![], vec![]);
+    for (row, (channel, margin_s, records)) in shown.iter().enumerate() {
+        let middle = height_of(row);
+        let own = Estimate { value: channel.delay_s, standard_uncertainty: Some(channel.delay_standard_uncertainty_s) };
+        combined.extend(level(&own, middle + 0.22));
+        let step = 0.5 / records.len().max(1) as f64;
+        for (place, record) in records.iter().enumerate() {
+            let at = middle + 0.02 - step * place as f64;
+            let point = record.delay_s.as_ref().and_then(|delay| level(delay, at));
+            if record.left_out.is_some() { left_out.extend(point) } else { kept.extend(point) }
+        }
+        let margin = margin_s * 1e3;
+        if is_drawable(margin) {
+            margins.push(outline((-margin, middle - 0.45), (margin, middle + 0.45)));
+        }
+    }
+    let line = |name: &str, pen, pieces| Line { name: name.to_owned(), pen, pieces };
     let mut lines = vec![
-        Line { name: "record, ± U (k = 2)".to_owned(), pen: Pen::Points, pieces: of(false) },
-        Line { name: "left out".to_owned(), pen: Pen::DoubtfulPoints, pieces: of(true) },
+        line("margin: as good as no delay", Pen::Uncertainty, margins),
+        line("all records, ± U", Pen::Points, combined),
+        line("one record, ± U", Pen::Samples, kept),
+        line("left out", Pen::DoubtfulPoints, left_out),
     ];
     lines.retain(|line| !line.pieces.is_empty());
-    extent(&lines, |p| p.0)?;
-    let last = rows.iter().map(|r| r.number).max()? as f64;
-    // The first record stands at the top.
-    let ticks =
-        rows.iter().rev().take(40).map(|r| Tick { at: last + 1.0 - r.number as f64, label: r.number.to_string() });
-    for point in lines.iter_mut().flat_map(|line| line.pieces.iter_mut().flatten()) {
-        point.1 = last + 1.0 - point.1;
+    let ends = lines.iter().flat_map(|l| l.pieces.iter().flatten()).map(|p| p.0);
+    let (low, high) = ends.fold((-TO_SCALE_MS, TO_SCALE_MS), |(low, high), v| (low.min(v), high.max(v)));
+    if lines.iter().all(|line| line.pen == Pen::Uncertainty) {
+        return None;
     }
-    let (low, high) = (0.4, last + 0.6);
-    lines.extend(combined(channel, (low, high)));
-    let x = Axis::linear("delay (ms)", extent(&lines, |p| p.0)?, 7);
-    let y = Axis::ticked("record", (low, high), ticks.collect());
+    let (bottom, top) = (0.5, last + 0.5);
+    lines.push(stroke("", Pen::Faint, vec![(0.0, bottom), (0.0, top)]));
+    let ticks = shown.iter().enumerate().rev();
+    let ticks = ticks.map(|(row, (channel, ..))| Tick { at: height_of(row), label: label(&channel.name) }).collect();
     Some(Figure {
-        id: id.to_owned(),
+        id: "forest".to_owned(),
         number: 0,
-        title: format!("{}: delay of each record and of all together", label(&channel.name)),
-        caption: "Delay in ms; rows are the numbers of the records in the table of records. The line is the combined \
-                  value, the band its U (k = 2)."
-            .to_owned(),
-        how_to_read: "Good: the bars reach the band and lie on both sides of the line. Bad: bars that do not reach each \
-                      other (the delay differs from run to run; the band then holds that too).",
-        panels: vec![Panel::of(x, y, lines)],
-        panel_size: (420, 40 + 20 * (last as u32).clamp(1, 40)),
+        title: "Delay of every channel".to_owned(),
+        caption: format!(
+            "Delays in ms with U (k = 2), positive is late: all records together, and below that each record in the order of \
+             the table of records. The axis is to scale within ±{TO_SCALE_MS} ms and logarithmic beyond."
+        ),
+        how_to_read: "Good: the bars of a channel reach each other, and lie inside the pale margin where the channel is on \
+                      time. Bad: bars that do not reach each other (the delay differs from run to run; the bar of all \
+                      records holds that too).",
+        panels: vec![Panel::of(
+            Axis::symmetric("delay (ms)", (low * 1.3, high * 1.3), TO_SCALE_MS),
+            Axis::ticked("", (bottom, top), ticks),
+            lines,
+        )],
+        panel_size: (700, 52 * u32::try_from(shown.len()).unwrap_or(1).max(2)),
         fine: false,
     })
 }
 
-fn combined(channel: &CardChannel, (low, high): (f64, f64)) -> Vec<Line> {
-    let (value, half) = (channel.delay_s * 1e3, 1e3 * COVERAGE_FACTOR * channel.delay_standard_uncertainty_s);
-    if !is_drawable(value) || !is_drawable(half) {
-        return vec![];
-    }
-    let band = outline((value - half, low), (value + half, high));
-    vec![
-        Line { name: "combined, ± U".to_owned(), pen: Pen::Uncertainty, pieces: vec![band] },
-        stroke("combined", Pen::Rule, vec![(value, low), (value, high)]),
-    ]
+/// A delay (s) at a height, ms, with the ends of its uncertainty; `None` if it cannot be drawn.
+fn level(delay: &Estimate, at: f64) -> Option<Vec<(f64, f64)>> {
+    let half = 1e3 * COVERAGE_FACTOR * delay.standard_uncertainty.unwrap_or(0.0);
+    let value = delay.value * 1e3;
+    (is_drawable(value) && is_drawable(half)).then(|| vec![(value, at), (value - half, at), (value + half, at)])
 }

@@ -2,6 +2,8 @@
 
 mod channel;
 mod clocks;
+mod explore;
+mod geometry;
 mod method;
 mod mount;
 mod overview;
@@ -11,13 +13,14 @@ mod reference;
 pub(super) use mount::soft_iron;
 
 use super::{Needs, badge, contents, document, estimate, health, sensor_name, verdict_badge};
-use crate::figure::BenchFigures;
+use crate::figure::{BenchFigures, place_in_paper};
 use crate::number;
 use crate::site::Site;
 use crate::text::{href, shown, shown_block};
 use crate::verdict;
+use flight::Quantity;
 use maud::{Markup, html};
-use record::{BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, TimeBasis, Verdict};
+use record::{BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, TimeBasis, Verdict};
 
 /// What the page of a bench record needs besides the record.
 #[derive(Debug, Clone, Copy)]
@@ -33,30 +36,45 @@ pub struct BenchPage<'a> {
 }
 
 /// The page of a bench record: `index.html` with its figures inside, and each figure again
-/// as a file under `figures/` (`fig-4`, `fig-4-whole`, `angle`, `acceleration`, and for each
-/// channel its name followed by `-components`, `-response`, `-residuals`, `-autocorrelation`,
+/// as a file under `figures/` (`fig-4`, `fig-4-whole`, `geometry-side`, `geometry-above`, `angle`, `acceleration`, and for each
+/// channel its name followed by `-components`, `-hysteresis`, `-response`, `-residuals`, `-autocorrelation`,
 /// `-objective`, `-minimum`, `-stationarity`, `-latency`; those that the record has curves for).
 #[must_use]
 pub fn bench_site(page: &BenchPage) -> Site {
-    let record = in_readable_units(page.record);
+    let record = for_people(page.record);
     let page = &BenchPage { record: &record, ..*page };
     let figures = page.record.findings.as_ref().map(BenchFigures::of).unwrap_or_default();
     let mut site = Site::default();
     for figure in figures.iter() {
         site.add_figure(figure);
     }
-    site.add("index.html", document(&format!("{} — flightlag bench", page.name), Needs::Nothing, body(page, &figures)));
+    let shift = page.record.findings.as_ref().and_then(explore::section);
+    let needs = if shift.is_some() { Needs::Bench } else { Needs::Nothing };
+    let body = body(page, &figures, shift.as_ref());
+    site.add("index.html", document(&format!("{} — flightlag bench", page.name), needs, body));
     site
 }
 
-/// The record with fields in microtesla: nobody reads 0.00000020 T.
-fn in_readable_units(record: &BenchRecord) -> BenchRecord {
+/// The record with its channels in the order of the paper, and fields in microtesla: nobody reads 0.00000020 T.
+pub(super) fn for_people(record: &BenchRecord) -> BenchRecord {
     const MICRO: f64 = 1e6;
     let mut record = record.clone();
+    if let Some(findings) = &mut record.findings {
+        findings.channels.sort_by_key(|c| place_in_paper(c.quantity).unwrap_or(usize::MAX));
+        in_microtesla(findings);
+    }
     let channels = record.findings.iter_mut().flat_map(|f| &mut f.channels);
     for component in channels.flat_map(|c| &mut c.components).filter(|c| c.unit == "T") {
         component.unit = "µT".to_owned();
-        let curves = component.curves.iter_mut().chain(&mut component.zoom).chain(&mut component.residual);
+        if let Some(overlay) = &mut component.overlay {
+            overlay.shifts.rms.iter_mut().for_each(|rms| *rms *= MICRO);
+            if let Some(wander) = &mut overlay.wander {
+                (wander.rms, wander.range_in_view) = (wander.rms * MICRO, wander.range_in_view * MICRO);
+            }
+        }
+        let overlay = component.overlay.iter_mut().flat_map(|o| [&mut o.reference, &mut o.measured]);
+        let curves =
+            component.curves.iter_mut().chain(&mut component.zoom).chain(&mut component.residual).chain(overlay);
         curves.flat_map(|c| &mut c.y).for_each(|y| *y *= MICRO);
         for estimate in [&mut component.offset, &mut component.drift].into_iter().flatten() {
             estimate.value *= MICRO;
@@ -72,7 +90,28 @@ fn in_readable_units(record: &BenchRecord) -> BenchRecord {
     record
 }
 
-fn body(page: &BenchPage, figures: &BenchFigures) -> Markup {
+/// Whether the magnetometer of a record reads tesla, or a scale of its own.
+fn is_tesla(findings: &BenchFindings) -> bool {
+    let magnetic = findings.channels.iter().filter(|c| c.quantity == Quantity::MagneticField);
+    magnetic.flat_map(|c| &c.components).any(|c| matches!(c.unit.as_str(), "T" | "µT"))
+}
+
+fn in_microtesla(findings: &mut BenchFindings) {
+    const MICRO: f64 = 1e6;
+    let is_tesla = is_tesla(findings);
+    let Finding::Found(iron) = &mut findings.mount.magnetometer else { return };
+    if !is_tesla {
+        return;
+    }
+    iron.residual_rms *= MICRO;
+    for axis in &mut iron.hard_iron {
+        if let Finding::Found(found) = axis {
+            *found = number::scaled(found, MICRO);
+        }
+    }
+}
+
+fn body(page: &BenchPage, figures: &BenchFigures, shift: Option<&Markup>) -> Markup {
     let record = page.record;
     html! {
         @if let Some(index) = page.index_href {
@@ -87,7 +126,7 @@ fn body(page: &BenchPage, figures: &BenchFigures) -> Markup {
             }
             (strip(record))
             (first_words(record))
-            @if let Some(findings) = &record.findings { (found(findings, figures)) }
+            @if let Some(findings) = &record.findings { (found(findings, figures, shift)) }
             (logs(record))
             (health::notices_section(&record.notices))
             @if let Some(findings) = &record.findings { (method::section(findings)) }
@@ -97,9 +136,10 @@ fn body(page: &BenchPage, figures: &BenchFigures) -> Markup {
 }
 
 fn parts(record: &BenchRecord) -> &'static [(&'static str, &'static str)] {
-    const ALL: [(&str, &str); 10] = [
+    const ALL: [(&str, &str); 11] = [
         ("results", "Results"),
         ("gate", "Quality gate"),
+        ("geometry", "Rig"),
         ("channels", "Channels"),
         ("clocks", "Clocks"),
         ("reference", "Reference"),
@@ -109,17 +149,18 @@ fn parts(record: &BenchRecord) -> &'static [(&'static str, &'static str)] {
         ("notices", "Notices"),
         ("provenance", "Provenance"),
     ];
-    if record.findings.is_some() { &ALL } else { &ALL[7..] }
+    if record.findings.is_some() { &ALL } else { &ALL[8..] }
 }
 
-fn found(findings: &BenchFindings, figures: &BenchFigures) -> Markup {
+fn found(findings: &BenchFindings, figures: &BenchFigures, shift: Option<&Markup>) -> Markup {
     html! {
-        (overview::section(findings, figures))
+        (overview::section(findings, figures, shift))
         (overview::gate(&findings.gate))
+        (geometry::section(findings, figures))
         (channel::section(&findings.channels, &figures.channels))
         (clocks::section(&findings.clocks))
         (reference::section(findings, figures))
-        (mount::section(&findings.mount, &findings.flexibility))
+        (mount::section(&findings.mount, &findings.flexibility, is_tesla(findings)))
     }
 }
 

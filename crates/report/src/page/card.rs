@@ -1,27 +1,32 @@
-//! The page of a sensor card: each record's delay beside the combined one.
+//! The page of a sensor card: how late each channel is, how that was found, and how to use it.
 
-use super::Head::{Number, Text};
-use super::bench::soft_iron;
+use super::Head::{self, Number, Text};
+use super::bench::{for_people, soft_iron};
 use super::{
     Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, no_number, or_why, plain,
     provenance, rows, sensor_name, table, verdict_badge,
 };
-use crate::figure::{Figure, Forest, LeftOut, anchors, card_figures};
+use crate::figure::{BenchFigures, Figure, Forest, ForestRow, LeftOut, card_forest, place_in_paper};
 use crate::number;
 use crate::site::Site;
 use crate::text::{href, shown, shown_block};
 use crate::verdict;
-use maud::{Markup, html};
+use maud::{Markup, Render, html};
 use record::{
     BenchOutcome, BenchRecord, CardChannel, CardMagnetometer, ChannelDynamics, Estimate, InputFile, IronCalibration,
     SensorCard, TimeBasis, Verdict,
 };
+
+/// Most channels that have a column of their own in the table of records; the record pages have all.
+const MOST_COLUMNS: usize = 8;
 
 /// What the page of a sensor card needs besides the card.
 #[derive(Debug, Clone, Copy)]
 pub struct CardPage<'a> {
     /// The card.
     pub card: &'a SensorCard,
+    /// Name of the card's file in the folder of the page, if it is there.
+    pub card_file: Option<&'a str>,
     /// The records behind it, in the order of [`SensorCard::records`].
     pub records: &'a [CardRecord<'a>],
     /// Command that makes this page again.
@@ -39,22 +44,55 @@ pub struct CardRecord<'a> {
     pub href: Option<&'a str>,
 }
 
-/// The page of a sensor card: `index.html`, and the forest plot of each channel again as a
-/// file under `figures/`, called after the channel.
+/// One channel of the card with what the records say of it.
+struct Channel<'a> {
+    card: &'a CardChannel,
+    /// A delay within this is as good as none, s.
+    margin_s: f64,
+    records: Vec<Forest>,
+}
+
+/// The page of a sensor card: `index.html`, and its figures again as files under `figures/`: `forest` of all channels, and
+/// `fig-4` of the record that knows the position best.
 #[must_use]
 pub fn card_site(page: &CardPage) -> Site {
-    let channels = &page.card.channels;
-    let forests: Vec<Vec<Forest>> = channels.iter().map(|channel| forest(channel, page.records)).collect();
-    let ids: Vec<String> =
-        anchors(channels.iter().map(|c| c.name.as_str())).iter().map(|a| format!("{a}-forest")).collect();
-    let figures = card_figures(channels, &ids, &forests);
+    let channels = channels(page);
+    let rows: Vec<ForestRow> = channels.iter().map(|c| (c.card, c.margin_s, c.records.as_slice())).collect();
+    let forest = card_forest(&rows).map(|figure| Figure { number: 1, ..figure });
+    let best = best_record(&channels, page.records);
+    let paper = best.and_then(|number| of_record(number, &page.records[number - 1], u32::from(forest.is_some()) + 1));
     let mut site = Site::default();
-    for figure in figures.iter().flatten() {
+    for figure in [&forest, &paper].into_iter().flatten() {
         site.add_figure(figure);
     }
     let title = format!("{} — flightlag sensor card", page.card.sensor.model);
-    site.add("index.html", document(&title, Needs::Nothing, body(page, &forests, &figures)));
+    let body = body(page, &channels, [forest.as_ref(), paper.as_ref()]);
+    site.add("index.html", document(&title, Needs::Nothing, body));
     site
+}
+
+/// Channels as they are read: position first, then the others, each by how many margins it is late.
+fn channels<'a>(page: &CardPage<'a>) -> Vec<Channel<'a>> {
+    let channel = |card: &'a CardChannel| {
+        let records = forest(card, page.records);
+        Channel { card, margin_s: margin(card, &records), records }
+    };
+    let mut channels: Vec<Channel> = page.card.channels.iter().map(channel).collect();
+    let margins_late = |c: &Channel| (c.card.delay_s / c.margin_s).abs();
+    channels.sort_by(|a, b| {
+        is_position(b.card).cmp(&is_position(a.card)).then(margins_late(b).total_cmp(&margins_late(a)))
+    });
+    channels
+}
+
+pub(super) fn is_position(channel: &CardChannel) -> bool {
+    place_in_paper(channel.quantity) == Some(0)
+}
+
+/// The margin of the records; without one half the interval of the updates, at least 5 ms, as records have it.
+fn margin(channel: &CardChannel, records: &[Forest]) -> f64 {
+    let of_records = records.iter().filter_map(|r| r.margin_s).filter(|m| *m > 0.0).reduce(f64::max);
+    of_records.unwrap_or_else(|| channel.update_rate_hz.filter(|hz| *hz > 0.0).map_or(0.0, |hz| 0.5 / hz).max(0.005))
 }
 
 /// What each record says of a channel.
@@ -63,13 +101,18 @@ fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
         let channels = record.record.findings.iter().flat_map(|f| &f.channels);
         let found = channels.filter(|c| c.name == channel.name).find_map(|c| Some((c, c.delay.as_ref()?)));
         let is_outlier = channel.outliers.iter().any(|name| name == record.name)
-            || files(record.record).any(|file| channel.outliers.contains(&file.name));
+            || files_of(record.record).any(|file| channel.outliers.contains(&file.name));
         let left_out = match found {
             _ if is_outlier => Some(LeftOut::Outlier),
             Some((measured, _)) if !is_comparable(measured, channel) => Some(LeftOut::NotComparable),
             _ => None,
         };
-        Forest { number, delay_s: found.map(|(_, delay)| verdict::delay(delay)), left_out }
+        Forest {
+            number,
+            delay_s: found.map(|(_, delay)| verdict::delay(delay)),
+            margin_s: found.map(|(_, delay)| delay.margin_s),
+            left_out,
+        }
     };
     (1..).zip(records).map(row).collect()
 }
@@ -86,104 +129,166 @@ fn is_comparable(measured: &ChannelDynamics, card: &CardChannel) -> bool {
         && anchor(&measured.basis) == anchor(&card.basis)
 }
 
-fn files(record: &BenchRecord) -> impl Iterator<Item = &InputFile> {
+fn files_of(record: &BenchRecord) -> impl Iterator<Item = &InputFile> {
     record.logs.iter().flat_map(|log| &log.inputs)
 }
 
-fn body(page: &CardPage, forests: &[Vec<Forest>], figures: &[Option<Figure>]) -> Markup {
+/// Number of the record that knows the first channel best.
+fn best_record(channels: &[Channel], records: &[CardRecord]) -> Option<usize> {
+    let known = |r: &&Forest| r.left_out.is_none() && r.delay_s.is_some();
+    let uncertainty = |r: &Forest| r.delay_s.and_then(|d| d.standard_uncertainty).unwrap_or(f64::INFINITY);
+    let of_first = channels.iter().take(1).flat_map(|c| &c.records).filter(known);
+    let best = of_first.min_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b)))?;
+    (best.number <= records.len()).then_some(best.number)
+}
+
+/// Fig. 4 of the paper for one record.
+fn of_record(number: usize, record: &CardRecord, figure_number: u32) -> Option<Figure> {
+    let record = for_people(record.record);
+    let figure = BenchFigures::zoom_of(record.findings.as_ref()?)?;
+    let caption = format!("Record {number}, which knows the first channel best. {}", figure.caption);
+    Some(Figure { number: figure_number, caption, ..figure })
+}
+
+fn body(page: &CardPage, channels: &[Channel], [forest, paper]: [Option<&Figure>; 2]) -> Markup {
     let card = page.card;
     html! {
-        (contents(&[("channels", "Channels"), ("magnetometer", "Magnetometer"), ("records", "Records"), ("method", "Method"), ("provenance", "Provenance")]))
+        (contents(&[("channels", "Channels"), ("use", "Use it"), ("records", "Records"), ("magnetometer", "Magnetometer"), ("method", "Method"), ("provenance", "Provenance")]))
         main {
             h1 { "Sensor card: " (shown(&sensor_name(&card.sensor))) }
-            (answer(card))
+            (answer(card, channels))
             h2 id="channels" { "Channels" }
-            (channels(card))
-            div.pair {
-                @for ((channel, rows), figure) in card.channels.iter().zip(forests).zip(figures) {
-                    div { (one_channel(channel, rows, figure.as_ref())) }
-                }
+            @match forest {
+                Some(forest) => { (figure(forest)) }
+                None => { p { (no_number("no record at hand holds a delay")) } }
             }
+            (channel_table(channels))
+            @for channel in channels { (contradicted(channel.card)) }
+            (snippet(page, channels))
+            h2 id="records" { "Records" }
+            (records(page, channels))
+            @if let Some(paper) = paper { (figure(paper)) }
             h2 id="magnetometer" { "Magnetometer" }
             (or_why(card.magnetometer.as_ref(), "no record shows a magnetometer at a known azimuth", magnetometer))
-            h2 id="records" { "Records" }
-            (records(page))
             h2 id="method" { "Method" }
             p { (shown_block(&card.method)) }
             h2 id="provenance" { "Provenance" }
+            @if let Some(file) = page.card_file {
+                p.note { "The card as a file: " a href=(href(file)) download="" { (shown(file)) } "." }
+            }
             (facts(card))
-            @for (number, record) in (1..).zip(page.records).take(40) { (inputs(number, record)) }
+            (inputs(page.records))
             h3 { "Make it again" }
             (command_block(page.command))
         }
     }
 }
 
-fn answer(card: &SensorCard) -> Markup {
-    let of = |verdict| card.channels.iter().filter(move |c| c.verdict == verdict);
+/// What was asked: how late each channel is and against what, the worst first; then how long that holds.
+fn answer(card: &SensorCard, channels: &[Channel]) -> Markup {
+    let is_displaced = |c: &&Channel| matches!(c.card.verdict, Verdict::Delayed | Verdict::Early);
     let others = [Verdict::EquivalentToZero, Verdict::Inconclusive, Verdict::NotMeasurable];
     html! {
-        @for channel in of(Verdict::Delayed).chain(of(Verdict::Early)) {
-            p.answer {
-                b { code { (shown(&channel.name)) } ": " (estimate(&delay_ms(channel))) "\u{a0}ms" }
-                " (k = 2, positive is late), from " (number::counted(channel.records, "record", "records"))
-                @if !channel.outliers.is_empty() {
-                    "; left out: " (number::counted(channel.outliers.len() as u64, "record", "records"))
-                }
-                "."
-            }
-        }
+        @for channel in channels.iter().filter(is_displaced) { (displaced(channel.card)) }
         @for verdict in others {
-            @if of(verdict).next().is_some() {
+            @let of: Vec<&Channel> = channels.iter().filter(|c| c.card.verdict == verdict).collect();
+            @if !of.is_empty() {
                 p.answer {
                     b { (verdict::word(verdict)) ": " }
-                    @for (i, channel) in of(verdict).enumerate() { @if i > 0 { ", " } code { (shown(&channel.name)) } }
-                    "."
+                    @for (i, channel) in of.into_iter().enumerate() {
+                        @if i > 0 { "; " }
+                        code { (shown(&channel.card.name)) } " " (estimate(&delay_ms(channel.card))) "\u{a0}ms"
+                        @if verdict == Verdict::EquivalentToZero { ", margin ±" (number::exact(channel.margin_s * 1e3)) "\u{a0}ms" }
+                    }
+                    ". " (against(channels.iter().filter(|c| c.card.verdict == verdict)))
                 }
             }
         }
-        @if card.channels.is_empty() { p.answer { "The card holds no channel." } }
-        p.answer { (validity(card)) }
+        @if channels.is_empty() { p.answer { "The card holds no channel." } }
+        p.answer { "Validity: " (validity(card)) }
     }
 }
 
-fn delay_ms(channel: &CardChannel) -> Estimate {
+fn displaced(channel: &CardChannel) -> Markup {
+    let (word, sign) = if channel.verdict == Verdict::Early { ("early", -1.0) } else { ("late", 1.0) };
+    html! {
+        p.answer {
+            b {
+                code { (shown(&channel.name)) } " is " (word) " by " (estimate(&number::scaled(&delay_ms(channel), sign)))
+                "\u{a0}ms, " (time_base(&channel.basis))
+            }
+            " (k = 2), from " (number::counted(channel.records, "record", "records"))
+            @if !channel.outliers.is_empty() {
+                ", " (number::counted(channel.outliers.len() as u64, "record", "records")) " left out"
+            }
+            "."
+        }
+    }
+}
+
+/// What a delay is measured against, as part of a sentence.
+pub(super) fn time_base(basis: &TimeBasis) -> Markup {
+    html! {
+        @match basis {
+            TimeBasis::OneClock => { "absolute (one clock)" }
+            TimeBasis::Pps => { "absolute (pulse per second)" }
+            TimeBasis::Anchor { channel } => { "relative to " code { (shown(channel)) } }
+        }
+    }
+}
+
+/// The same for several channels, where they have it in common.
+fn against<'a>(mut channels: impl Iterator<Item = &'a Channel<'a>>) -> Markup {
+    let Some(first) = channels.next() else { return html! {} };
+    let same = channels.all(|c| c.card.basis == first.card.basis);
+    html! { @if same { "All " (time_base(&first.card.basis)) "." } @else { "Absolute or relative: see the table." } }
+}
+
+pub(super) fn delay_ms(channel: &CardChannel) -> Estimate {
     let standard_uncertainty = Some(channel.delay_standard_uncertainty_s * 1e3);
     Estimate { value: channel.delay_s * 1e3, standard_uncertainty }
 }
 
-fn validity(card: &SensorCard) -> Markup {
+pub(super) fn validity(card: &SensorCard) -> Markup {
     html! {
         @match (&card.valid_from, &card.valid_until) {
-            (Some(from), Some(until)) => { "Valid from " (shown(from)) " to " (shown(until)) "." }
-            (None, Some(until)) => { "Valid until " (shown(until)) "." }
-            (Some(from), None) => { "Valid from " (shown(from)) "; no last day is stated." }
-            (None, None) => { "The card states no days of validity." }
+            (Some(from), Some(until)) => { (shown(from)) " to " (shown(until)) "." }
+            (None, Some(until)) => { "until " (shown(until)) "." }
+            (Some(from), None) => { "from " (shown(from)) ", last day not stated." }
+            (None, None) => { "not stated." }
         }
+        @if let Some(day) = &card.measured_on { " Newest record: " (shown(day)) "." }
     }
 }
 
-fn channels(card: &SensorCard) -> Markup {
+fn channel_table(channels: &[Channel]) -> Markup {
     let head = [
         Text("Channel"),
         Text("Verdict"),
-        Number("Delay ± U (ms)"),
-        Number("As seen, if held (ms)"),
-        Number("Lags (ms)"),
+        Number("Delay (ms)"),
+        Number("Margin (ms)"),
+        Number("If held (ms)"),
         Text("Delay or lag"),
-        Number("Gain ± U"),
+        Number("Gain"),
         Number("Updates (Hz)"),
         Text("Measured against"),
         Number("Records"),
         Number("Spread between (ms)"),
     ];
     html! {
-        div.compact { (table("Channels of the card", &head, rows(&card.channels, 60, head.len(), channel_row))) }
-        p.note { "± is U with k = 2: within and between records. Spread between is one standard deviation." }
+        div.compact {
+            (table("Channels of the card; ± is U with k = 2, within and between records", &head,
+                rows(channels, 60, head.len(), channel_row)))
+        }
+        p.note {
+            "If held: effective delay when the last value is held. Spread between records: one standard deviation. —: not \
+             available."
+        }
     }
 }
 
-fn channel_row(channel: &CardChannel) -> Markup {
+fn channel_row(channel: &Channel) -> Markup {
+    let Channel { card: channel, margin_s, .. } = channel;
     let gain = Estimate { value: channel.gain, standard_uncertainty: Some(channel.gain_standard_uncertainty) };
     html! {
         tr {
@@ -193,13 +298,14 @@ fn channel_row(channel: &CardChannel) -> Markup {
                 @if !channel.contradicted.is_empty() { " " (badge("bad", "✗", "rig contradicted")) }
             }
             td.n { (estimate(&delay_ms(channel))) }
+            td.n { "±" (number::exact(margin_s * 1e3)) }
             td.n { (or_why(channel.as_seen_delay_s, "not held", |s| plain(s * 1e3, 4))) }
-            td.n {
-                @if channel.lags_s.is_empty() { (no_number("no lag")) }
-                @for (i, lag) in channel.lags_s.iter().enumerate() { @if i > 0 { ", " } (plain(lag * 1e3, 3)) }
-                @if let Some(slow) = channel.slow_motion_delay_s { "; slow motion " (plain(slow * 1e3, 4)) }
+            td.any {
+                (shown(&channel.model))
+                @for (i, lag) in channel.lags_s.iter().enumerate() { (if i > 0 { ", " } else { "; lags " }) (plain(lag * 1e3, 3)) }
+                @if !channel.lags_s.is_empty() { " ms" }
+                @if let Some(slow) = channel.slow_motion_delay_s { "; slow motion " (plain(slow * 1e3, 4)) " ms" }
             }
-            td.any { (shown(&channel.model)) }
             td.n { (estimate(&gain)) }
             td.n { (or_why(channel.update_rate_hz, "not known", |hz| plain(hz, 4))) }
             td.any { (basis(&channel.basis)) ", " (channel.stamp_kind) }
@@ -209,43 +315,55 @@ fn channel_row(channel: &CardChannel) -> Markup {
     }
 }
 
-fn one_channel(channel: &CardChannel, rows: &[Forest], forest: Option<&Figure>) -> Markup {
-    let numbers = |wanted: &dyn Fn(&Forest) -> bool| {
-        rows.iter().filter(|r| wanted(r)).map(|r| r.number.to_string()).collect::<Vec<_>>().join(", ")
-    };
-    let silent = numbers(&|r| r.delay_s.is_none());
-    let not_comparable = numbers(&|r| r.left_out == Some(LeftOut::NotComparable));
+fn contradicted(channel: &CardChannel) -> Markup {
     html! {
-        @match forest {
-            Some(forest) => { (figure(forest)) }
-            None => { p { code { (shown(&channel.name)) } ": " (no_number("no record at hand holds a delay of it")) } }
-        }
         @if !channel.contradicted.is_empty() {
             p {
-                (badge("bad", "✗", "rig contradicted")) " The data contradict the rig file, so that this delay is measured \
-                 against a motion that was not the bar's: "
+                (badge("bad", "✗", "rig contradicted")) " The data contradict the rig file, so that the delay of "
+                code { (shown(&channel.name)) } " is measured against a motion that was not the bar's: "
                 @for (i, what) in channel.contradicted.iter().take(20).enumerate() { @if i > 0 { ", " } (shown(what)) }
                 @if channel.contradicted.len() > 20 { " and " (channel.contradicted.len() - 20) " more" }
-                ". Put the rig file right and measure again."
+                ". Correct the rig file and measure again."
             }
-        }
-        @if !channel.outliers.is_empty() {
-            p {
-                (badge("unsure", "!", "Left out")) " as outliers of " code { (shown(&channel.name)) } ": "
-                @for (i, name) in channel.outliers.iter().take(20).enumerate() { @if i > 0 { ", " } code { (shown(name)) } }
-                @if channel.outliers.len() > 20 { " and " (channel.outliers.len() - 20) " more" } "."
-            }
-        }
-        @if !not_comparable.is_empty() {
-            p.note {
-                "Left out, for its delay is of another kind (stamps, clock, or no verdict): record "
-                (shown(&not_comparable)) "."
-            }
-        }
-        @if forest.is_some() && !silent.is_empty() {
-            p.note { "Without a delay of this channel: record " (shown(&silent)) "." }
         }
     }
+}
+
+/// What to write into a pipeline file.
+fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
+    let position = channels.iter().map(|c| c.card).find(|c| is_position(c));
+    html! {
+        h2 id="use" { "Use it in a pipeline" }
+        @match (position, page.card_file) {
+            (Some(_), Some(file)) => {
+                pre tabindex="0" { code { (shown_block(&format!("[delay]\nfrom = \"card\"\ncard = {}\n", toml_text(file)))) } }
+                p.note { "The path is relative to the pipeline file. Flights need the position channel of this card." }
+            }
+            (Some(position), None) => {
+                pre tabindex="0" { code { (shown_block(&fixed_delay(position, page.card))) } }
+            }
+            (None, _) => { p { (no_number("the card holds no position, so there is no delay to remove")) } }
+        }
+        @if let Some(TimeBasis::Anchor { channel }) = position.map(|p| &p.basis) {
+            p { "This delay is relative: it is right where " code { (shown(channel)) } " of the flight is on time." }
+        }
+    }
+}
+
+/// The delay as a number of its own.
+fn fixed_delay(position: &CardChannel, card: &SensorCard) -> String {
+    format!(
+        "[delay]\nfrom = \"fixed\"\nposition_s = {:.6}\nstandard_uncertainty_s = {:.6}\nsource = {}\n",
+        position.delay_s,
+        position.delay_standard_uncertainty_s,
+        toml_text(&format!("bench, {}", sensor_name(&card.sensor)))
+    )
+}
+
+/// A basic string of TOML.
+fn toml_text(text: &str) -> String {
+    let plain: String = text.chars().filter(|c| !c.is_control()).collect();
+    format!("\"{}\"", plain.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
 fn magnetometer(found: &CardMagnetometer) -> Markup {
@@ -285,33 +403,94 @@ fn calibration(iron: &IronCalibration, unit: &str) -> Markup {
     }
 }
 
-fn records(page: &CardPage) -> Markup {
+/// Records with what each says of each channel, then what was left out and why.
+fn records(page: &CardPage, channels: &[Channel]) -> Markup {
     let numbered: Vec<(usize, &CardRecord)> = (1..).zip(page.records).collect();
-    let row = |(number, record): &(usize, &CardRecord)| {
+    let columns = &channels[..channels.len().min(MOST_COLUMNS)];
+    let row = |(number, record): &(usize, &CardRecord)| record_row(*number, record, columns);
+    let head = html! {
+        tr {
+            @for column in [Number("No."), Text("Record, date (UTC)"), Text("Outcome")] { (Head::render(&column)) }
+            @for channel in columns { th.n scope="col" { (shown(&channel.card.name)) " (ms)" } }
+        }
+    };
+    html! {
+        @if numbered.is_empty() { p { "No record is at hand." } }
+        @else {
+            div.compact {
+                (super::table_of("Repeatability: delay in each record; ± is U with k = 2; ✗ is left out", head,
+                    rows(&numbered, 200, 3 + columns.len(), row)))
+            }
+            @if channels.len() > columns.len() {
+                p.note { (number::counted((channels.len() - columns.len()) as u64, "channel", "channels")) " more: see the pages of the records." }
+            }
+            (left_out(page, channels))
+        }
+    }
+}
+
+fn record_row(number: usize, record: &CardRecord, columns: &[Channel]) -> Markup {
+    html! {
+        tr {
+            td.n { (number) }
+            th scope="row" {
+                @match record.href {
+                    Some(path) => { a href=(href(path)) { (shown(record.name)) } }
+                    None => { (shown(record.name)) }
+                }
+                ", " (or_why(record.record.date.as_ref(), "date not known", |date| html! { (shown(date)) }))
+            }
+            td.any {
+                @match &record.record.outcome {
+                    BenchOutcome::Measured => { (badge("ok", "✓", "Measured")) }
+                    BenchOutcome::NotMeasurable { reason } => { (badge("unsure", "○", "Not measurable")) ": " (shown(reason)) }
+                    BenchOutcome::Failed { reason } => { (badge("bad", "✗", "Failed")) ": " (shown(reason)) }
+                }
+            }
+            @for channel in columns {
+                td.n {
+                    @let found = channel.records.get(number - 1);
+                    @match found.and_then(|f| f.delay_s.as_ref()) {
+                        Some(delay) => { (estimate(&verdict::in_millis(delay))) }
+                        None => { (no_number("none")) }
+                    }
+                    @if found.is_some_and(|f| f.left_out.is_some()) { " ✗" }
+                }
+            }
+        }
+    }
+}
+
+/// Records that are no part of a channel's delay, with the reason.
+fn left_out(page: &CardPage, channels: &[Channel]) -> Markup {
+    let all = channels
+        .iter()
+        .flat_map(|channel| channel.records.iter().filter_map(move |r| Some((channel.card, r, r.left_out?))));
+    let all: Vec<_> = all.collect();
+    let row = |(channel, record, why): &(&CardChannel, &Forest, LeftOut)| {
+        let name = page.records.get(record.number - 1).map_or("", |r| r.name);
         html! {
             tr {
-                td.n { (number) }
-                th scope="row" {
-                    @match record.href {
-                        Some(path) => { a href=(href(path)) { (shown(record.name)) } }
-                        None => { (shown(record.name)) }
-                    }
-                }
-                td { (or_why(record.record.date.as_ref(), "not known", |date| html! { (shown(date)) })) }
+                th scope="row" { (shown(&channel.name)) }
+                td { (record.number) ": " (shown(name)) }
                 td.any {
-                    @match &record.record.outcome {
-                        BenchOutcome::Measured => { (badge("ok", "✓", "Measured")) }
-                        BenchOutcome::NotMeasurable { reason } => { (badge("unsure", "○", "Not measurable")) ": " (shown(reason)) }
-                        BenchOutcome::Failed { reason } => { (badge("bad", "✗", "Failed")) ": " (shown(reason)) }
+                    @match why {
+                        LeftOut::Outlier => {
+                            "outlier: its delay does not belong to those of the other records"
+                            @if let Some(delay) = &record.delay_s {
+                                ", " (number::significant((delay.value - channel.delay_s) * 1e3, 3)) " ms from their mean"
+                            }
+                        }
+                        LeftOut::NotComparable => { "of another kind: other timestamps, another clock, or no verdict" }
                     }
                 }
             }
         }
     };
-    let head = [Number("No."), Text("Record"), Text("Date (UTC)"), Text("Outcome")];
+    let head = [Text("Channel"), Text("Record"), Text("Reason")];
     html! {
-        @if numbered.is_empty() { p { "No record is at hand." } }
-        @else { (table("Records behind the card", &head, rows(&numbered, 200, head.len(), row))) }
+        @if all.is_empty() { p.note { "No record was left out." } }
+        @else { (table("Left out of the mean", &head, rows(&all, 100, head.len(), row))) }
     }
 }
 
@@ -328,7 +507,18 @@ fn facts(card: &SensorCard) -> Markup {
     table("Card", &[Text("Item"), Text("Value")], body)
 }
 
-fn inputs(number: usize, record: &CardRecord) -> Markup {
-    let files: Vec<InputFile> = files(record.record).cloned().collect();
-    provenance::inputs(&format!("Input files of record {number}"), &files)
+/// Input files of all records, folded away: each has its own page.
+fn inputs(records: &[CardRecord]) -> Markup {
+    html! {
+        @if !records.is_empty() {
+            details {
+                summary { "Input files with their hashes" }
+                @for (number, record) in (1..).zip(records).take(40) {
+                    @let files: Vec<InputFile> = files_of(record.record).cloned().collect();
+                    (provenance::inputs(&format!("Input files of record {number}"), &files))
+                }
+                @if records.len() > 40 { p.note { "The rest stands on the pages of the records." } }
+            }
+        }
+    }
 }

@@ -12,6 +12,9 @@ pub(super) const TABLE_SCRIPT: &str = include_str!("table.js");
 pub(super) const EXPLORER_SCRIPT: &str =
     concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("explorer.js"));
 
+/// Lets a reader shift the reference of a bench record by hand: uPlot, then our own. Without it there are the figures.
+pub(super) const BENCH_SCRIPT: &str = concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("bench.js"));
+
 /// The style sheet of uPlot.
 pub(super) const EXPLORER_CSS: &str = include_str!("uplot/uPlot.min.css");
 

@@ -131,6 +131,36 @@ fn component(kind: &Kind, index: usize) -> ComponentDynamics {
         zoom: curves((22.0, 29.0), step, (7.0 * kind.rate) as u64, &mut noise),
         residual: excited
             .then(|| sampled("residual", (0.0, DURATION), step.max(0.06), samples, |_| kind.noise * noise.next())),
+        overlay: excited.then(|| overlay(kind, index)),
+    }
+}
+
+/// Rms of `gain · (truth(t − delay) − truth(t − shift))` and noise: what a shifted reference leaves.
+fn overlay(kind: &Kind, index: usize) -> Overlay {
+    let mut noise = Noise(index as u32 + 5);
+    let value = |t: f64| truth(kind.quantity, t)[index];
+    let (window, reach, step_s) = ((22.0, 29.0), if kind.delay_s > 0.3 { 0.615 } else { 0.5 }, 0.005);
+    let count = (7.0 * kind.rate) as u64;
+    let measured = |t: f64| kind.gain * value(t - kind.delay_s) + kind.noise * noise.next();
+    let left = |shift: f64| {
+        let differences = (0..400).map(|k| 5.0 + f64::from(k) * 0.13);
+        let mean = differences.map(|t| (kind.gain * (value(t - kind.delay_s) - value(t - shift))).powi(2)).sum::<f64>()
+            / 400.0;
+        (mean + kind.noise * kind.noise).sqrt()
+    };
+    Overlay {
+        reference: sampled("reference", (window.0 - reach, window.1 + reach), 0.01, 700, value),
+        measured: sampled("measured", window, 1.0 / kind.rate, count, measured),
+        wander: kind.name.starts_with("position").then_some(WanderTaken {
+            window_s: 6.9,
+            rms: 0.4321,
+            range_in_view: 0.2345,
+        }),
+        shifts: ShiftCurve {
+            from_s: -reach,
+            step_s,
+            rms: (0..=(2.0 * reach / step_s).round() as u32).map(|k| left(f64::from(k) * step_s - reach)).collect(),
+        },
     }
 }
 
@@ -607,6 +637,22 @@ pub fn bench_record() -> BenchRecord {
                 first_mode_hz: Finding::Found(estimate(4.6, 0.3)),
                 expected_hz: Some(4.0),
                 text: "The bar bends: rotation exceeds translation by the ratio of a cantilever's first mode.".into(),
+            }),
+            geometry: Some(RigGeometry {
+                bar_length_m: L,
+                mount: "upright".into(),
+                parts: vec![
+                    RigPart {
+                        channels: vec!["position.gps".into(), "position.ins".into()],
+                        lever_arm_m: [0.04, -0.02, -1.36],
+                        is_stated: true,
+                    },
+                    RigPart {
+                        channels: vec!["specific-force.imu".into()],
+                        lever_arm_m: [0.0, 0.0, -L],
+                        is_stated: false,
+                    },
+                ],
             }),
             channels,
         }),

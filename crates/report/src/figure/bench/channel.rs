@@ -14,6 +14,51 @@ use record::{
 const SMALL: (u32, u32) = (420, 150);
 const TIME: &str = "time since the encoder's first sample";
 
+/// Figures that every channel has, and how to read them: said once on a page.
+pub(crate) const KINDS: [(&str, &str); 9] = [
+    (
+        "components over a few swings",
+        "Good: the dots lie on the dashes. A component that the swing does not move says nothing about the delay: what is \
+         seen of it is offset, drift and noise.",
+    ),
+    (
+        "measured against reference",
+        "A delay opens a loop; a gain turns the line. Good: the lower panel is one line on the dashes. Bad: a loop stays \
+         (a lag, or a delay that changes).",
+    ),
+    (
+        "frequency response",
+        "Rely on the blue points alone: γ² above 0.6 and reference power above 1 % of its peak. Good: their bars reach the \
+         dashes. A pure delay has gain 1 and a phase that falls in proportion to frequency; a gain that falls as well is a lag.",
+    ),
+    (
+        "residuals",
+        "Good: noise of one size around zero, without the rhythm of the swing. Bad: waves at the swing's frequency (gain or \
+         model wrong), a step, a stretch that is louder.",
+    ),
+    (
+        "autocorrelation of the residuals",
+        "Good: 19 bars of 20 inside the band. Bad: a row of bars on one side (noise that wanders more than the model says), or \
+         a rhythm (motion left over). The interval of the delay allows for it either way.",
+    ),
+    (
+        "objective over the search",
+        "Good: one deep valley at the rule. Bad: a second valley nearly as deep, a swing's period away: the delay is ambiguous \
+         by a swing.",
+    ),
+    (
+        "objective near its minimum",
+        "Good: a round valley whose width at 3.84 is the band. The band may be wider than the curve at 3.84: the larger of two \
+         uncertainties is used.",
+    ),
+    (
+        "delay over the record",
+        "Good: nearly all bars reach the band. Bad: a slope (clocks that run apart, a queue that fills), a step (the sensor \
+         changed its mode). Neighbours share half of their data: they look smoother than they are.",
+    ),
+    ("latency", "Good: one narrow hill. Bad: two hills (a scheduler, a retry), a long tail (a link that is full)."),
+];
+
 /// Figures of one channel; each is absent where the record has nothing to draw.
 #[derive(Debug, Default)]
 pub(crate) struct ChannelFigures {
@@ -21,6 +66,8 @@ pub(crate) struct ChannelFigures {
     pub(crate) anchor: String,
     /// All components over a few swings.
     pub(crate) components: Option<Figure>,
+    /// Measured over reference, before and after the shift.
+    pub(crate) hysteresis: Option<Figure>,
     /// Gain, phase, coherence.
     pub(crate) response: Option<Figure>,
     /// Measured − fitted.
@@ -44,6 +91,7 @@ impl ChannelFigures {
         let checks = channel.checks.as_ref();
         ChannelFigures {
             components: paper::components(channel, named.id("components")),
+            hysteresis: hysteresis(&named, channel),
             response: channel.response.found().and_then(|r| response(&named, r)),
             residuals: residuals(&named, &channel.components),
             autocorrelation: checks.and_then(|c| autocorrelation(&named, c)),
@@ -55,9 +103,11 @@ impl ChannelFigures {
         }
     }
 
-    pub(super) fn slots(&self) -> [&Option<Figure>; 8] {
+    /// One place for each of [`KINDS`].
+    pub(crate) fn slots(&self) -> [&Option<Figure>; 9] {
         [
             &self.components,
+            &self.hysteresis,
             &self.response,
             &self.residuals,
             &self.autocorrelation,
@@ -68,9 +118,10 @@ impl ChannelFigures {
         ]
     }
 
-    pub(super) fn slots_mut(&mut self) -> [&mut Option<Figure>; 8] {
+    pub(super) fn slots_mut(&mut self) -> [&mut Option<Figure>; 9] {
         [
             &mut self.components,
+            &mut self.hysteresis,
             &mut self.response,
             &mut self.residuals,
             &mut self.autocorrelation,
@@ -94,13 +145,13 @@ impl Named<'_> {
     }
 
     /// A small figure with this title, still without panels.
-    fn figure(&self, id: &str, title: &str, caption: String, how_to_read: &'static str, panels: Vec<Panel>) -> Figure {
+    fn figure(&self, id: &str, title: &str, caption: String, panels: Vec<Panel>) -> Figure {
         Figure {
             id: self.id(id),
             number: 0,
             title: format!("{}: {title}", self.channel),
             caption,
-            how_to_read,
+            how_to_read: "",
             panels,
             panel_size: SMALL,
             fine: false,
@@ -155,10 +206,7 @@ fn response(named: &Named, found: &ResponseFinding) -> Option<Figure> {
         number::significant(found.averages, 3),
         beyond
     );
-    let how = "Rely on the blue points alone: γ² above 0.6 and reference power above 1 % of its peak. Good: their bars \
-               reach the dashes. A pure delay has gain 1 and a phase that falls in proportion to frequency; a gain that \
-               falls as well is a lag.";
-    Some(named.figure("response", "frequency response", caption, how, panels))
+    Some(named.figure("response", "frequency response", caption, panels))
 }
 
 fn coherence_panel(found: &ResponseFinding, x: &Axis) -> Panel {
@@ -214,14 +262,8 @@ fn residuals(named: &Named, components: &[ComponentDynamics]) -> Option<Figure> 
         Panel::of(time.clone(), y, lines)
     };
     let caption = tally.caption("Measured − fitted over time, in the unit of each axis.");
-    let how = "Good: noise of one size around zero, without the rhythm of the swing. Bad: waves at the swing's frequency \
-               (gain or model wrong), a step, a stretch that is louder.";
     let panels = drawn.into_iter().map(panel).collect();
-    Some(Figure {
-        panel_size: (SMALL.0, 110),
-        fine: true,
-        ..named.figure("residuals", "residuals", caption, how, panels)
-    })
+    Some(Figure { panel_size: (SMALL.0, 110), fine: true, ..named.figure("residuals", "residuals", caption, panels) })
 }
 
 fn autocorrelation(named: &Named, checks: &FitChecks) -> Option<Figure> {
@@ -242,14 +284,12 @@ fn autocorrelation(named: &Named, checks: &FitChecks) -> Option<Figure> {
     };
     let zero = stroke("", Pen::Faint, vec![(x.low, 0.0), (x.high, 0.0)]);
     let caption = format!(
-        "Autocorrelation of the whitened residuals at lags of 1 to {} samples. Ljung–Box p = {}.",
+        "Autocorrelation of the whitened residuals at lags of 1 to {} samples. Ljung–Box {}.",
         values.len(),
-        number::significant(checks.ljung_box_p, 2)
+        number::probability(checks.ljung_box_p)
     );
-    let how = "Good: nineteen bars of twenty inside the band. Bad: a row of bars on one side (noise that wanders more than \
-               the model says), or a rhythm (motion left over). The interval of the delay allows for it either way.";
     let panels = vec![Panel::of(x, y, [vec![band], lines, vec![zero]].concat())];
-    Some(named.figure("autocorrelation", "autocorrelation of the residuals", caption, how, panels))
+    Some(named.figure("autocorrelation", "autocorrelation of the residuals", caption, panels))
 }
 
 fn objective(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) -> Option<Figure> {
@@ -262,9 +302,7 @@ fn objective(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) ->
     let caption = "−2 ln L above its least over delay in ms, over the range of the search; noise as fitted, gain and \
                    offset free at each delay."
         .to_owned();
-    let how = "Good: one deep valley at the rule. Bad: a second valley nearly as deep, a swing's period away: the delay \
-               is ambiguous by a swing.";
-    Some(named.figure("objective", "objective over the search", caption, how, vec![panel]))
+    Some(named.figure("objective", "objective over the search", caption, vec![panel]))
 }
 
 fn minimum(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) -> Option<Figure> {
@@ -274,9 +312,7 @@ fn minimum(named: &Named, checks: &FitChecks, delay: Option<&DelayFinding>) -> O
     let mut panel = objective_panel(&curve.near_delay_s, &curve.near_value, delay.map(found))?;
     panel.lines.push(stroke("3.84, 95 % of χ²", Pen::Dotted, vec![(panel.x.low, LIMIT), (panel.x.high, LIMIT)]));
     let caption = "The same near its least. The band is the 95 % interval (Student) that the record states.".to_owned();
-    let how = "Good: a round valley whose width at 3.84 is the band. A band that is wider is right too: then the residuals \
-               are less well behaved than the model of the noise, and the larger uncertainty was taken.";
-    Some(named.figure("minimum", "objective near its minimum", caption, how, vec![panel]))
+    Some(named.figure("minimum", "objective near its minimum", caption, vec![panel]))
 }
 
 fn found(delay: &DelayFinding) -> (f64, [f64; 2]) {
@@ -317,6 +353,16 @@ pub(in crate::figure) fn objective_panel(
     Some(Panel::of(x, y, lines))
 }
 
+fn hysteresis(named: &Named, channel: &ChannelDynamics) -> Option<Figure> {
+    let (component, panels) = paper::hysteresis(channel)?;
+    let caption = format!(
+        "{} over the reference within a few swings, offset, drift and slow wander taken out. Above at the same time, below \
+         with the delay taken out.",
+        label(&component)
+    );
+    Some(named.figure("hysteresis", "measured against reference", caption, panels))
+}
+
 // Over the record
 
 fn stationarity(named: &Named, found: &Stationarity, delay: Option<&DelayFinding>) -> Option<Figure> {
@@ -338,9 +384,7 @@ fn stationarity(named: &Named, found: &Stationarity, delay: Option<&DelayFinding
         "Delay in ms in windows of {} s, half overlapping, over the time of their middles.",
         number::exact(found.window_s)
     );
-    let how = "Good: nearly all bars reach the band. Bad: a slope (clocks that run apart, a queue that fills), a step (the \
-               sensor changed its mode). Neighbours share half of their data: they look smoother than they are.";
-    Some(named.figure("stationarity", "delay over the record", caption, how, vec![Panel::of(x, y, lines)]))
+    Some(named.figure("stationarity", "delay over the record", caption, vec![Panel::of(x, y, lines)]))
 }
 
 /// The delay of the whole record, with its expanded uncertainty.
@@ -385,6 +429,5 @@ fn latency(named: &Named, found: &LatencyHistogram) -> Option<Figure> {
     if found.beyond > 0 {
         caption += &format!(" Beyond the last edge: {}.", number::counted(found.beyond, "sample", "samples"));
     }
-    let how = "Good: one narrow hill. Bad: two hills (a scheduler, a retry), a long tail (a link that is full).";
-    Some(named.figure("latency", "latency", caption, how, vec![Panel::of(x, y, lines)]))
+    Some(named.figure("latency", "latency", caption, vec![Panel::of(x, y, lines)]))
 }

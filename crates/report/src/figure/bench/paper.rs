@@ -1,21 +1,21 @@
 //! Fig. 4 of Park and Lee: each output of the sensor against what the encoder says it should be.
 
 use super::super::curve::{Tally, lines};
-use super::super::{Axis, Dimension, Figure, Line, Panel, Pen, extent, is_drawable};
+use super::super::{Axis, Dimension, Figure, Line, Panel, Pen, extent, is_drawable, stroke};
 use super::{Role, main_component, roles};
 use crate::number;
 use crate::text::{label, short_label};
 use crate::verdict;
 use flight::Quantity;
-use record::{ChannelDynamics, ComponentDynamics, Curve};
+use record::{ChannelDynamics, ComponentDynamics, Curve, DelayFinding};
 
 const TIME: &str = "time since the encoder's first sample";
 /// Ticks of the time axis at most.
 const TICKS: u32 = 12;
 
-/// Position, velocity, acceleration, attitude and magnetic field as in the paper, and the angular rate that its
-/// abstract promises.
-fn place_in_paper(quantity: Quantity) -> Option<usize> {
+/// Position, velocity, acceleration, attitude and magnetic field as in the paper, then the angular rate that its abstract
+/// promises, then height. Channels stand in this order on all pages of a bench.
+pub(crate) fn place_in_paper(quantity: Quantity) -> Option<usize> {
     match quantity {
         Quantity::PositionGeodetic | Quantity::PositionNed => Some(0),
         Quantity::VelocityNed => Some(1),
@@ -23,28 +23,47 @@ fn place_in_paper(quantity: Quantity) -> Option<usize> {
         Quantity::Attitude => Some(3),
         Quantity::MagneticField | Quantity::MagneticDirection => Some(4),
         Quantity::AngularRate => Some(5),
+        Quantity::Height => Some(6),
         _ => None,
     }
 }
 
 /// A channel and the component of it that is shown.
-type Family<'a> = (&'a ChannelDynamics, &'a ComponentDynamics);
+pub(crate) type Family<'a> = (&'a ChannelDynamics, &'a ComponentDynamics);
 
-/// One channel of each family in the paper's order: the one whose delay is known best, else the first.
-fn families(channels: &[ChannelDynamics]) -> Vec<Family<'_>> {
+/// One channel of each family in the paper's order: the one whose delay is known best, else the first. Of a position north
+/// and east as far as the swing moves them, of the others the component that says most of the delay.
+pub(crate) fn families(channels: &[ChannelDynamics]) -> Vec<Family<'_>> {
     let family = |place| {
         let members = || channels.iter().filter(move |c| place_in_paper(c.quantity) == Some(place));
         let uncertainty = |c: &ChannelDynamics| c.delay.as_ref().map_or(f64::INFINITY, |d| d.standard_uncertainty_s);
         members().min_by(|a, b| uncertainty(a).total_cmp(&uncertainty(b)))
     };
-    (0..6).filter_map(family).filter_map(|channel| Some((channel, main_component(channel)?))).collect()
+    let shown = |channel: &'_ ChannelDynamics| -> Vec<usize> {
+        let all = channel.components.iter().enumerate();
+        let level = all.filter(|(_, c)| c.excited && ["north", "east"].contains(&c.name.as_str())).map(|(i, _)| i);
+        let is_position = place_in_paper(channel.quantity) == Some(0);
+        let level: Vec<usize> = level.filter(|_| is_position).collect();
+        let main = main_component(channel);
+        match level.is_empty() {
+            true => channel
+                .components
+                .iter()
+                .position(|c| main.is_some_and(|main| std::ptr::eq(main, c)))
+                .into_iter()
+                .collect(),
+            false => level,
+        }
+    };
+    let found = (0..7).filter_map(family);
+    found.flat_map(|channel| shown(channel).into_iter().map(move |i| (channel, &channel.components[i]))).collect()
 }
 
 /// Fig. 4 over a few swings.
 pub(super) fn zoom(channels: &[ChannelDynamics]) -> Option<Figure> {
     let mut tally = Tally::default();
     let row = |(channel, component): Family| {
-        let lines = component_lines(&component.zoom, Pen::Samples, &mut tally);
+        let lines = laid_lines(channel, component, &mut tally);
         Row {
             dimension: dimension(channel, &lines),
             heading: heading(channel, component),
@@ -52,23 +71,98 @@ pub(super) fn zoom(channels: &[ChannelDynamics]) -> Option<Figure> {
             lines,
         }
     };
-    let panels = stacked(families(channels).into_iter().map(row).collect())?;
+    let shown = families(channels);
+    let title = first_words(&shown);
+    let panels = stacked(shown.into_iter().map(row).collect())?;
     Some(Figure {
         id: "fig-4".to_owned(),
         number: 0,
-        title: "Reference and output over a few swings".to_owned(),
+        title,
         caption: tally.caption(
-            "What the encoder says and what the sensor says over time, in the unit of each axis, as Fig. 4 of Park and \
-             Lee, with the angular rate that is not in theirs. One component of one channel of each kind; the others \
-             stand in the sections of the channels.",
+            "A few swings as the encoder and the sensor saw them (Park and Lee 2010, Fig. 4), one panel per quantity. Offset \
+             and drift are taken out of the measured values. So is slow wander, where the heading says so: the mean of \
+             measured − fitted over four swings, which cannot hide a delay.",
         ),
-        how_to_read: "Dots to the right of the wide curve are late, by the red length where it can be seen. Good: the \
-                      dots lie on the dashes at every height. Bad: they part at the turning points (gain, or a lag \
-                      instead of a delay), or from swing to swing (a delay that changes).",
+        how_to_read: "The red length is the delay: from the wide curve (reference at the true time) to the dashes (the same, \
+                      scaled and late as found). Good: the dots lie on the dashes at every height. Bad: they part at the \
+                      turning points (gain, or a lag instead of a delay), or from swing to swing (a delay that changes).",
         panels,
-        panel_size: (860, 130),
+        panel_size: (860, 112),
         fine: false,
     })
+}
+
+/// What the figure shows, in a few words: how late position is, if there is one.
+fn first_words(shown: &[Family]) -> String {
+    match shown.first() {
+        Some((channel, _)) if place_in_paper(channel.quantity) == Some(0) => {
+            format!("{} is {}", label(&channel.name), verdict::phrase(channel))
+        }
+        _ => "Reference and output over a few swings".to_owned(),
+    }
+}
+
+/// Reference, late reference and measured values of a component, without what has nothing to do with the delay; as logged
+/// where the record holds no more.
+fn laid_lines(channel: &ChannelDynamics, component: &ComponentDynamics, tally: &mut Tally) -> Vec<Line> {
+    let Some(overlay) = &component.overlay else { return component_lines(&component.zoom, Pen::Samples, tally) };
+    let view = view(&overlay.measured);
+    let delay_s = channel.delay.as_ref().map_or(0.0, |d| d.delay.seconds());
+    let gain = component.gain.map_or(1.0, |g| g.value);
+    let curves = [
+        within(&overlay.reference, view, 0.0, 1.0),
+        within(&overlay.reference, view, delay_s, gain),
+        overlay.measured.clone(),
+    ];
+    component_lines(&curves, Pen::Samples, tally)
+}
+
+/// From the first to the last point of a curve, s.
+fn view(curve: &Curve) -> (f64, f64) {
+    curve.t_s.first().copied().zip(curve.t_s.last().copied()).unwrap_or((0.0, 0.0))
+}
+
+/// The part of a curve between two times, after it was shifted and scaled.
+fn within(curve: &Curve, (from, to): (f64, f64), shift_s: f64, gain: f64) -> Curve {
+    let points = curve.t_s.iter().zip(&curve.y).map(|(t, y)| (t + shift_s, y * gain));
+    let (t_s, y): (Vec<f64>, Vec<f64>) = points.filter(|(t, _)| (from..=to).contains(t)).unzip();
+    Curve { t_s, y, breaks: vec![], ..curve.clone() }
+}
+
+/// Measured over reference, at the same time and with the delay taken out: a loop and a line.
+pub(super) fn hysteresis(channel: &ChannelDynamics) -> Option<(String, Vec<Panel>)> {
+    let component = main_component(channel)?;
+    let (overlay, delay) = (component.overlay.as_ref()?, channel.delay.as_ref()?);
+    let gain = component.gain.map_or(1.0, |g| g.value);
+    let loop_of = |shift_s: f64| -> Vec<(f64, f64)> {
+        let measured = overlay.measured.t_s.iter().zip(&overlay.measured.y);
+        measured.filter_map(|(t, y)| Some((between(&overlay.reference, t - shift_s)?, *y))).collect()
+    };
+    let (before, after) = (loop_of(0.0), loop_of(delay.delay.seconds()));
+    let lines = [stroke("", Pen::Raw, before), stroke("", Pen::Raw, after)];
+    let (low, high) = extent(&lines, |p| p.0)?;
+    let x = Axis::linear(&format!("reference ({})", short_label(&component.unit)), (low, high), 7);
+    let y = Axis::linear(&format!("measured ({})", short_label(&component.unit)), extent(&lines, |p| p.1)?, 5);
+    let diagonal = stroke("gain as found", Pen::Dashed, vec![(low, gain * low), (high, gain * high)]);
+    let headings = ["at the same time".to_owned(), format!("after {} ms are taken out", millis_of(delay))];
+    let panel = |(line, heading): (Line, String)| Panel {
+        heading,
+        ..Panel::of(x.clone(), y.clone(), vec![line, diagonal.clone()])
+    };
+    Some((component.name.clone(), lines.into_iter().zip(headings).map(panel).collect()))
+}
+
+fn millis_of(delay: &DelayFinding) -> String {
+    number::with_uncertainty(&verdict::in_millis(&verdict::delay(delay)))
+}
+
+/// A curve at a time between two of its points.
+fn between(curve: &Curve, t: f64) -> Option<f64> {
+    let after = curve.t_s.partition_point(|&x| x < t);
+    let before = after.checked_sub(1)?;
+    let (t0, t1) = (curve.t_s[before], *curve.t_s.get(after)?);
+    let (y0, y1) = (*curve.y.get(before)?, *curve.y.get(after)?);
+    Some(y0 + (t - t0) / (t1 - t0) * (y1 - y0))
 }
 
 /// Fig. 4 over the whole record.
@@ -77,16 +171,16 @@ pub(super) fn whole(channels: &[ChannelDynamics]) -> Option<Figure> {
     let row = |(channel, component): Family| {
         let mut lines = component_lines(&component.curves, Pen::Raw, &mut tally);
         lines.retain(|line| line.pen != Pen::Dashed);
-        Row { dimension: None, heading: heading(channel, component), label: axis_label(component), lines }
+        let heading = format!("{}, {}", label(&channel.name), short_label(&component.name));
+        Row { dimension: None, heading, label: axis_label(component), lines }
     };
     let panels = stacked(families(channels).into_iter().map(row).collect())?;
     Some(Figure {
         id: "fig-4-whole".to_owned(),
         number: 0,
         title: "Reference and output over the whole record".to_owned(),
-        caption: tally.caption(
-            "As the figure above, in the unit of each axis, from the first to the last sample, without the dashes.",
-        ),
+        caption: tally
+            .caption("Reference and output as logged, in the unit of each axis, from the first to the last sample."),
         how_to_read: "Good: wide and thin curve fill the same heights from start to end. Bad: a stretch without \
                       output, an output that wanders off or is cut at a height (saturation), a swing that dies out.",
         panels,
@@ -101,7 +195,7 @@ pub(super) fn components(channel: &ChannelDynamics, id: String) -> Option<Figure
     const MOST: usize = 4;
     let mut tally = Tally::default();
     let row = |component: &ComponentDynamics| {
-        let lines = component_lines(&component.zoom, Pen::Samples, &mut tally);
+        let lines = laid_lines(channel, component, &mut tally);
         let dimension = if component.excited { dimension(channel, &lines) } else { None };
         Row { dimension, heading: component_heading(component), label: axis_label(component), lines }
     };
@@ -109,10 +203,9 @@ pub(super) fn components(channel: &ChannelDynamics, id: String) -> Option<Figure
     Some(Figure {
         id,
         number: 0,
-        title: format!("{}: all components over a few swings", label(&channel.name)),
-        caption: tally.caption("Reference and output over time, in the unit of each axis."),
-        how_to_read: "As Fig. 4 above. A component that the swing does not move says nothing of the delay; what is \
-                      seen of it is offset, drift and noise.",
+        title: format!("{}: components over a few swings", label(&channel.name)),
+        caption: tally.caption("Reference and output over time."),
+        how_to_read: "",
         panels,
         panel_size: (860, 110),
         fine: false,
@@ -141,12 +234,22 @@ fn stacked(mut rows: Vec<Row>) -> Option<Vec<Panel>> {
 }
 
 fn heading(channel: &ChannelDynamics, component: &ComponentDynamics) -> String {
-    format!("{}, {}: {}", label(&channel.name), short_label(&component.name), verdict::phrase(channel))
+    let found = format!("{}, {}: {}", label(&channel.name), short_label(&component.name), verdict::phrase(channel));
+    [Some(found), taken_out(component)].into_iter().flatten().collect::<Vec<_>>().join("; ")
+}
+
+/// How much slow wander is not drawn.
+fn taken_out(component: &ComponentDynamics) -> Option<String> {
+    let wander = component.overlay.as_ref()?.wander.as_ref()?;
+    let unit = short_label(&component.unit);
+    let amount = |value| number::significant(value, 2);
+    let (here, rms) = (amount(wander.range_in_view), amount(wander.rms));
+    Some(format!("wander of {here} {unit} taken out here ({rms} {unit} rms over the record)"))
 }
 
 fn component_heading(component: &ComponentDynamics) -> String {
     if component.excited {
-        String::new()
+        taken_out(component).unwrap_or_default()
     } else {
         format!("{}: not excited, no part in the delay", label(&component.name))
     }
@@ -170,7 +273,7 @@ fn component_lines(curves: &[Curve], measured: Pen, tally: &mut Tally) -> Vec<Li
     drawn
 }
 
-/// The delay as a length: from where the reference passes half its height to where it does so a delay later. Of all
+/// The delay as a length (the number stands in the heading): from where the reference passes half its height to where it does so a delay later. Of all
 /// such places the one nearest the middle.
 fn dimension(channel: &ChannelDynamics, lines: &[Line]) -> Option<Dimension> {
     let found = channel.delay.as_ref()?;
@@ -186,6 +289,5 @@ fn dimension(channel: &ChannelDynamics, lines: &[Line]) -> Option<Dimension> {
     });
     let from = crossings.min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs()))?;
     let to = from + found.delay.seconds();
-    let label = format!("{} ms", number::with_uncertainty(&verdict::in_millis(&verdict::delay(found))));
-    is_drawable(to).then_some(Dimension { from, to, at, label })
+    is_drawable(to).then_some(Dimension { from, to, at, label: String::new() })
 }

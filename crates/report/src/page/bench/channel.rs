@@ -7,9 +7,9 @@ use super::super::{
 };
 use super::duration;
 use super::overview::{MOST_CHANNELS, interval_ms, kind};
-use crate::figure::{ChannelFigures, Figure};
+use crate::figure::{ChannelFigures, Figure, KINDS};
 use crate::number;
-use crate::text::shown;
+use crate::text::{ended, shown};
 use crate::verdict;
 use maud::{Markup, html};
 use record::{
@@ -24,7 +24,23 @@ pub(super) fn section(channels: &[ChannelDynamics], figures: &[ChannelFigures]) 
     html! {
         h2 id="channels" { "Channels" }
         @if channels.is_empty() { p { "None was found in the sensor's log." } }
+        @else { (kinds(figures)) }
         @for (channel, figures) in channels.iter().zip(figures).take(MOST_CHANNELS) { (details(channel, figures)) }
+    }
+}
+
+/// How to read the figures of a channel: one text for each kind that is on the page.
+fn kinds(figures: &[ChannelFigures]) -> Markup {
+    let is_drawn = |kind: usize| figures.iter().any(|f| f.slots()[kind].is_some());
+    html! {
+        details {
+            summary { "How to read the figures of a channel" }
+            ul.plain {
+                @for (_, (title, how)) in KINDS.iter().enumerate().filter(|(kind, _)| is_drawn(*kind)) {
+                    li { b { (title) } ". " (how) }
+                }
+            }
+        }
     }
 }
 
@@ -41,9 +57,10 @@ fn details(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
                 (components(channel))
                 (optional(figures.components.as_ref()))
                 h3 { "Delay or lag" }
-                (finding(&channel.model, model))
+                (finding(&channel.model, |found| model(channel, found)))
                 h3 { "Frequency response, checks of the fit, delay over the record" }
                 div.pair {
+                    (optional(figures.hysteresis.as_ref()))
                     div { (optional(figures.response.as_ref())) (finding(&channel.response, bandwidth)) }
                     div { (optional(figures.residuals.as_ref())) (checks(channel.checks.as_ref())) }
                     (optional(figures.autocorrelation.as_ref()))
@@ -53,7 +70,7 @@ fn details(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
                     div { (optional(figures.latency.as_ref())) p { "Latency: " (finding(&channel.latency, latency)) } }
                 }
                 h3 { "Injection and recovery" }
-                (injections(&channel.injections))
+                (injections(channel))
             }
         }
     }
@@ -79,7 +96,7 @@ fn delay_table(channel: &ChannelDynamics) -> Markup {
         }
         (fact("Standard uncertainty foreseen before the fit",
             or_why(channel.predicted_s, "no component was expected to show it", |s| html! { (plain(s * 1e3, 2)) " ms" })))
-        (fact("Jitter of the latency, one sigma", finding(&channel.jitter_s, |j| html! { (estimate(&verdict::in_millis(j))) " ms" })))
+        (fact("Jitter of the latency, standard deviation", finding(&channel.jitter_s, |j| html! { (estimate(&verdict::in_millis(j))) " ms" })))
         (fact("Measured against", html! { (basis(&channel.basis)) "; stamps: " (channel.stamp_kind) ", clock " (channel.clock) }))
         (fact("Rows", html! {
             (number::count(channel.samples)) " measured"
@@ -91,14 +108,14 @@ fn delay_table(channel: &ChannelDynamics) -> Markup {
         }))
         (fact("Rows not used, by reason", health::rejects(&channel.rejected)))
     };
-    table("Delay", &[Text("Item"), Text("Value")], facts)
+    table(&format!("Delay of {}; ± is U with k = 2", channel.name), &[Text("Item"), Text("Value")], facts)
 }
 
 fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
     let ms = |seconds: f64| html! { (plain(seconds * 1e3, 2)) " ms" };
     let held = |e: &Estimate| html! { (estimate(&verdict::in_millis(e))) " ms" };
     html! {
-        (fact("Delay ± U (k = 2)", html! { b { (estimate(&verdict::in_millis(&verdict::delay(found)))) " ms" } }))
+        (fact("Delay", html! { b { (estimate(&verdict::in_millis(&verdict::delay(found)))) " ms" } }))
         (fact("95 % interval (Student)", html! {
             (interval_ms(found)) " ms, " (plain(found.degrees_of_freedom, 3)) " degrees of freedom"
         }))
@@ -112,8 +129,8 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
             (ms(found.crlb_s))
             @if found.crlb_s > 0.0 { "; the uncertainty is " (plain(found.standard_uncertainty_s / found.crlb_s, 3)) " of it" }
         }))
-        (fact("As a loop sees it that reads held values", or_why(found.as_seen_s.as_ref(), not_held(channel), held)))
-        (fact("What a fit on the held rows would say", or_why(found.held_fit_s.as_ref(), not_held(channel), held)))
+        (fact("Effective delay when the last value is held", or_why(found.as_seen_s.as_ref(), not_held(channel), held)))
+        (fact("Fit that ignores the holding", or_why(found.held_fit_s.as_ref(), not_held(channel), held)))
         (fact("Smallest detectable delay (power 80 %)", ms(found.minimum_detectable_s)))
         (fact("Margin of equivalence", html! { "±" (exact(found.margin_s * 1e3)) " ms" }))
         (fact("Record that would decide", or_why(found.deciding_length_s, decided(channel), |s| html! { (duration(s)) })))
@@ -147,7 +164,7 @@ fn components(channel: &ChannelDynamics) -> Markup {
         @if channel.components.is_empty() { p { "None." } }
         @else {
             div.compact {
-                (table("Components, each in its unit; ± is U with k = 2", &head,
+                (table(&format!("Components of {}, each in its unit; ± is U with k = 2", channel.name), &head,
                     rows(&channel.components, MOST, head.len(), component)))
             }
         }
@@ -177,7 +194,7 @@ fn component(c: &ComponentDynamics) -> Markup {
 
 // Dynamics
 
-fn model(model: &ModelFinding) -> Markup {
+fn model(channel: &ChannelDynamics, model: &ModelFinding) -> Markup {
     let row = |candidate: &ModelCandidate| {
         html! {
             tr {
@@ -201,7 +218,7 @@ fn model(model: &ModelFinding) -> Markup {
     html! {
         p { (shown(&model.text)) }
         p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "." }
-        (table("Candidates; ± is U with k = 2", &head, rows(&model.candidates, MOST, head.len(), row)))
+        (table(&format!("Candidates for {}; ± is U with k = 2", channel.name), &head, rows(&model.candidates, MOST, head.len(), row)))
     }
 }
 
@@ -225,7 +242,7 @@ fn checks(checks: Option<&FitChecks>) -> Markup {
         @match checks {
             Some(checks) => {
                 p {
-                    "Whitened residuals: Ljung–Box p = " (plain(checks.ljung_box_p, 2)) ", kurtosis "
+                    "Whitened residuals: Ljung–Box " (number::probability(checks.ljung_box_p)) ", kurtosis "
                     (plain(checks.kurtosis, 3)) " (3 if Gaussian), " (number::percent(checks.downweighted_share))
                     "\u{a0}% of the samples held back by the robust weights." (second(checks))
                 }
@@ -238,8 +255,7 @@ fn checks(checks: Option<&FitChecks>) -> Markup {
 fn constancy(found: &Stationarity) -> Markup {
     html! {
         p {
-            (shown(&found.text)) " p of a constant delay: " (plain(found.constant_p, 2)) ". Slope: "
-            (estimate(&number::scaled(&found.slope, 60e3))) " ms/min."
+            (ended(&found.text)) " Slope: " (estimate(&number::scaled(&found.slope, 60e3))) " ms/min."
         }
     }
 }
@@ -252,7 +268,8 @@ fn latency(found: &LatencyHistogram) -> Markup {
     }
 }
 
-fn injections(injections: &[Injection]) -> Markup {
+fn injections(channel: &ChannelDynamics) -> Markup {
+    let injections = &channel.injections;
     let row = |i: &Injection| {
         html! {
             tr {
@@ -273,18 +290,18 @@ fn injections(injections: &[Injection]) -> Markup {
     let head = [
         Number("Delay added (ms)"),
         Number("Gain multiplied by"),
-        Number("Recovered − added ± U (ms)"),
+        Number("Recovered − added (ms)"),
         Number("from, to (ms)"),
-        Number("Recovered − injected ± U"),
+        Number("Recovered − injected"),
         Number("from, to"),
     ];
     html! {
         @if injections.is_empty() { p { (no_number("the rig file asks for no injection")) } }
         @else {
-            (table("Known delays and gains put into the data and found again; U with k = 2", &head,
+            (table(&format!("Known delays and gains put into {} and found again; ± is U with k = 2", channel.name), &head,
                 rows(injections, MOST, head.len(), row)))
-            p.note { "Put into the second half of the record and found again against the first, so that the noise of both \
-             has nothing in common. Good: nineteen intervals of twenty hold zero." }
+            p.note { "Put into the second half of the record and found again against the first. Expected: 19 of 20 intervals \
+             contain zero." }
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::super::exact;
 use crate::number;
 use crate::text::shown;
+use flight::Clock;
 use maud::{Markup, html};
 use record::{BenchFindings, ChannelDynamics, ClockFinding, ReferenceFinding, TimeBasis, Verdict};
 
@@ -22,9 +23,17 @@ pub(super) fn section(findings: &BenchFindings) -> Markup {
         (injection(channels))
         p {
             "± is the expanded uncertainty U = k u with k = 2 throughout, u the standard uncertainty in the record; \
-             intervals of 95 % take the quantile of Student. Time zero is the stamp " (findings.origin_ns) " ns, clock "
-            (findings.clock) "."
+             intervals of 95 % take the quantile of Student. " (zero(findings)) "."
         }
+    }
+}
+
+/// What t = 0 is.
+fn zero(findings: &BenchFindings) -> String {
+    let utc = jiff::Timestamp::from_nanosecond(i128::from(findings.origin_ns)).ok();
+    match utc.filter(|_| findings.clock == Clock::Unix) {
+        Some(utc) => format!("t = 0: {} UTC", utc.strftime("%Y-%m-%d %H:%M:%S.%6f")),
+        None => format!("t = 0: timestamp {} ns, clock {}", findings.origin_ns, findings.clock),
     }
 }
 
@@ -165,8 +174,8 @@ fn verdicts(channels: &[ChannelDynamics]) -> Markup {
     let has = |verdict| channels.iter().any(|c| c.verdict == verdict);
     html! {
         p {
-            "Verdicts: “late” or “early” if the 95 % interval excludes zero; “on time” if two one-sided tests of 5 % put the \
-             delay within the margin ±δ (the 90 % interval lies inside); else “not decided”, with the smallest delay that \
+            "Verdicts: “late” or “early” if the 95 % interval excludes zero; “on time” if the delay lies within the \
+             margin ±δ (equivalence test: two one-sided tests of 5 %, so that the 90 % interval lies inside); else “not decided”, with the smallest delay that \
              would be seen with a power of 80 %, 2.8 u"
             @if has(Verdict::Inconclusive) { ", and the length T (2.8 u/δ)² of a record that would decide" }
             ". The quality gate stands before any verdict. “No delay” is never said without the number that makes it so."
@@ -204,7 +213,7 @@ fn injection(channels: &[ChannelDynamics]) -> Markup {
         @if channels.iter().any(|c| !c.injections.is_empty()) {
             p {
                 "Injection and recovery: known delays and gains are put into the second half of the measured data, both \
-                 halves are fitted anew, and the difference that comes back is compared with what was put in."
+                 halves are fitted again, and the difference that comes back is compared with what was put in."
             }
         }
     }

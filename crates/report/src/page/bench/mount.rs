@@ -2,12 +2,13 @@
 
 use super::super::Head::{Number, Text};
 use super::super::{badge, estimate, exact, fact, finding, met_badge, or_why, plain, rows, table};
+use super::overview::folded;
 use crate::number;
 use crate::text::{shown, shown_block};
 use maud::{Markup, html};
 use record::{Estimate, Finding, Flexibility, MagnetometerFinding, MountCheck, MountFinding};
 
-pub(super) fn section(mount: &MountFinding, flexibility: &Finding<Flexibility>) -> Markup {
+pub(super) fn section(mount: &MountFinding, flexibility: &Finding<Flexibility>, is_tesla: bool) -> Markup {
     html! {
         h2 id="mount" { "Mount and calibration" }
         p {
@@ -18,7 +19,7 @@ pub(super) fn section(mount: &MountFinding, flexibility: &Finding<Flexibility>) 
         h3 { "Flexibility of the bar" }
         (finding(flexibility, bar))
         h3 { "Magnetometer" }
-        (finding(&mount.magnetometer, magnetometer))
+        (finding(&mount.magnetometer, |found| magnetometer(found, if is_tesla { "µT" } else { "sensor's own unit" })))
     }
 }
 
@@ -30,18 +31,20 @@ fn checks(checks: &[MountCheck]) -> Markup {
                 td.n { (finding(&check.fitted, estimate)) }
                 td.n { (or_why(check.stated, "not stated", exact)) }
                 td { (shown(&check.unit)) }
-                td { (check.agrees.map_or_else(|| badge("off", "○", "not told"), met_badge)) }
+                td { (check.agrees.map_or_else(|| badge("off", "○", "not compared"), met_badge)) }
                 td.any { (shown(&check.text)) }
             }
         }
     };
     let head =
-        [Text("What"), Number("From the data ± U"), Number("Rig file"), Text("Unit"), Text("Agree"), Text("In words")];
+        [Text("What"), Number("From the data"), Number("Rig file"), Text("Unit"), Text("Agree"), Text("In words")];
     html! {
         @if checks.is_empty() { p { "Nothing was compared." } }
         @else {
-            (table("From the data beside the rig file; they agree within three standard uncertainties and a tolerance",
-                &head, rows(checks, 80, head.len(), row)))
+            (folded(&number::counted(checks.len() as u64, "comparison with the rig file", "comparisons with the rig file"),
+                checks.iter().all(|c| c.agrees == Some(true)),
+                &table("Data against rig file; ± is U with k = 2. They agree within three standard uncertainties and a tolerance",
+                &head, rows(checks, 80, head.len(), row))))
         }
     }
 }
@@ -77,16 +80,16 @@ pub(in crate::page) fn soft_iron(rows: &[[f64; 3]], uncertainties: &[[f64; 3]]) 
     }
 }
 
-fn magnetometer(found: &MagnetometerFinding) -> Markup {
+fn magnetometer(found: &MagnetometerFinding, unit: &str) -> Markup {
     let degrees = |e| html! { (estimate(&number::scaled(e, 1f64.to_degrees()))) "°" };
     let facts = html! {
         (fact("Fit", html! { (shown(&found.kind)) ", from " (number::counted(found.azimuths, "azimuth", "azimuths")) }))
         @for (axis, iron) in ["x", "y", "z"].into_iter().zip(&found.hard_iron) {
-            (fact(&format!("Hard iron {axis}, in the channel's unit"), finding(iron, estimate)))
+            (fact(&format!("Hard iron {axis} ({unit})"), finding(iron, estimate)))
         }
         (fact("Soft iron, row by row", soft_iron(&found.soft_iron, &found.soft_iron_standard_uncertainty)))
         (fact("Condition number of the fit", or_why(found.condition, "a planar fit has no common one", |c| plain(c, 2))))
-        (fact("Rms of what is left, in the channel's unit", plain(found.residual_rms, 3)))
+        (fact(&format!("Rms of what is left ({unit})"), plain(found.residual_rms, 3)))
         (fact("Size of the field over the model's", or_why(found.magnitude_ratio.as_ref(), "no model was used", estimate)))
         (fact("Dip less the model's", or_why(found.dip_error_rad.as_ref(), "no model was used", degrees)))
     };

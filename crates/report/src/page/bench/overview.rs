@@ -15,19 +15,20 @@ use record::{
 /// Most channels of a table; the record holds all.
 pub(super) const MOST_CHANNELS: usize = 60;
 
-pub(super) fn section(findings: &BenchFindings, figures: &BenchFigures) -> Markup {
+pub(super) fn section(findings: &BenchFindings, figures: &BenchFigures, shift: Option<&Markup>) -> Markup {
     html! {
         h2 id="results" { "Results" }
         (channels(findings, &figures.channels))
         p.note {
-            "A positive delay is late: measured(t) = truth(t − delay). ± is U with k = 2; the interval is that of \
-             Student with 95 %. As seen: by a loop that reads the held values, delay and mean age together. Smallest \
-             detectable: shown with a power of 80 %. Gain and noise are those of the component that says most of the \
-             delay. — is a number that the record does not hold, with the reason."
+            "A positive delay is late: measured(t) = truth(t − delay). As seen: effective delay when the last value is held. \
+             Smallest detectable: shown with a power of 80 %. Gain and noise are those of the component that says most about \
+             the delay. —: not available."
         }
-        @for shown in [&figures.zoom, &figures.whole].into_iter().flatten() { (figure(shown)) }
+        @if let Some(shift) = shift { (shift) }
+        @if let Some(zoom) = &figures.zoom { (figure(zoom)) }
+        @if let Some(whole) = &figures.whole { details { summary { "The whole record" } (figure(whole)) } }
         @if figures.zoom.is_none() && figures.whole.is_none() {
-            p { "The record holds no curve of a channel, so there is no Fig. 4." }
+            p { "The record holds no curve of a channel, so nothing is drawn." }
         }
     }
 }
@@ -36,11 +37,11 @@ fn channels(findings: &BenchFindings, figures: &[ChannelFigures]) -> Markup {
     let head = [
         Text("Channel"),
         Text("Verdict"),
-        Number("Delay ± U, 95 % interval (ms)"),
+        Number("Delay (ms)"),
         Number("Smallest detectable (ms)"),
         Text("Delay or lag"),
-        Number("Gain ± U"),
-        Text("Noise, one sigma"),
+        Number("Gain"),
+        Text("Noise, standard deviation"),
         Text("Updates, stamps, measured against"),
     ];
     let both: Vec<_> = findings.channels.iter().zip(figures).collect();
@@ -48,7 +49,11 @@ fn channels(findings: &BenchFindings, figures: &[ChannelFigures]) -> Markup {
 }
 
 fn channel_table(both: &[(&ChannelDynamics, &ChannelFigures)], head: &[Head]) -> Markup {
-    table("All channels", head, rows(both, MOST_CHANNELS, head.len(), |(channel, figures)| row(channel, figures)))
+    table(
+        "All channels; ± is U with k = 2",
+        head,
+        rows(both, MOST_CHANNELS, head.len(), |(channel, figures)| row(channel, figures)),
+    )
 }
 
 const NO_DELAY: &str = "not fitted";
@@ -75,11 +80,10 @@ fn row(channel: &ChannelDynamics, figures: &ChannelFigures) -> Markup {
     }
 }
 
-/// The delay, its interval, and what a loop sees that reads held values.
+/// The delay, and what a loop sees that reads held values.
 fn delay_cell(found: &DelayFinding) -> Markup {
     html! {
         (estimate(&verdict::in_millis(&verdict::delay(found))))
-        div { (interval_ms(found)) }
         @if let Some(seen) = &found.as_seen_s { div { "as seen " (estimate(&verdict::in_millis(seen))) } }
     }
 }
@@ -113,9 +117,9 @@ pub(super) fn kind(name: &str) -> Markup {
 fn noise((component, noise): (&ComponentDynamics, &NoiseFinding)) -> Markup {
     let with_unit = |value| html! { (number::significant(value, 2)) "\u{a0}" (shown(&component.unit)) };
     html! {
-        "white " (with_unit(noise.white_std))
+        "white noise " (with_unit(noise.white_std))
         @if noise.wander_std > 0.0 {
-            ", wanders " (with_unit(noise.wander_std)) " in " (number::significant(noise.time_constant_s, 2)) "\u{a0}s"
+            "; slow wander " (with_unit(noise.wander_std)) ", time constant " (number::significant(noise.time_constant_s, 2)) "\u{a0}s"
         }
     }
 }
@@ -125,6 +129,13 @@ fn against(channel: &ChannelDynamics) -> Markup {
     match &channel.basis {
         TimeBasis::Anchor { channel: anchor } if *anchor == channel.name => html! { "the anchor itself" },
         other => basis(other),
+    }
+}
+
+/// Checks, folded away where all of them pass.
+pub(super) fn folded(what: &str, all_pass: bool, table: &Markup) -> Markup {
+    html! {
+        @if all_pass { details { summary { "All passed: " (what) } (table) } } @else { (table) }
     }
 }
 
@@ -139,7 +150,7 @@ pub(super) fn gate(gate: &QualityGate) -> Markup {
             }
         }
     };
-    let head = [Text("Asked"), Text("As it should be"), Text("Number, limit, what follows")];
+    let head = [Text("Check"), Text("Passed"), Text("Number, limit, what follows")];
     html! {
         h2 id="gate" { "Quality gate" }
         p {
@@ -147,8 +158,11 @@ pub(super) fn gate(gate: &QualityGate) -> Markup {
              between " (plain(gate.excited_band_hz[0], 2)) " and " (plain(gate.excited_band_hz[1], 2)) " Hz, its angle has \
              an rms frequency of " (plain(gate.rms_frequency_hz, 3)) " Hz."
         }
-        @if gate.checks.is_empty() { p { "Nothing was asked." } }
-        @else { (table("Asked before any verdict", &head, rows(&gate.checks, 60, head.len(), check))) }
+        @if gate.checks.is_empty() { p { "Nothing was checked." } }
+        @else {
+            (folded(&number::counted(gate.checks.len() as u64, "check", "checks"), gate.checks.iter().all(|c| c.passed),
+                &table("Checked before any verdict", &head, rows(&gate.checks, 60, head.len(), check))))
+        }
         @if !gate.not_observable.is_empty() {
             h3 { "What this swing cannot show, whatever the sensor" }
             ul.plain { @for text in gate.not_observable.iter().take(30) { li { (shown(text)) } } }

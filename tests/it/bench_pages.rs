@@ -1,0 +1,174 @@
+//! Pages of a bench in a real browser: the reference is shifted by hand, and everything fits on few sheets.
+
+use crate::browser::Browser;
+use crate::program::run;
+use record::BenchRecord;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Report of the sensor of the demo that was swung most often.
+struct Report {
+    folder: tempfile::TempDir,
+}
+
+impl Report {
+    fn make() -> Report {
+        let folder = tempfile::tempdir().unwrap();
+        let demo = simulate::write_bench_demo(folder.path(), 1).unwrap();
+        let serials: Vec<&str> = demo.records.iter().map(|r| r.serial.as_str()).collect();
+        let swings = |serial: &str| serials.iter().filter(|s| **s == serial).count();
+        let most = serials.iter().max_by_key(|serial| swings(serial)).unwrap();
+        let of_sensor = demo.records.iter().filter(|r| r.serial == **most);
+        let logs: BTreeSet<&str> = of_sensor.flat_map(|r| [r.sensor.as_str(), r.encoder.as_str()]).collect();
+        let mut arguments = vec!["bench".to_owned()];
+        arguments.extend(logs.iter().map(|log| folder.path().join(log).display().to_string()));
+        arguments.extend([
+            "--out".to_owned(),
+            folder.path().join("report").display().to_string(),
+            "--quiet".to_owned(),
+        ]);
+        run(&arguments, 0);
+        Report { folder }
+    }
+
+    fn card(&self) -> PathBuf {
+        self.folder.path().join("report/index.html")
+    }
+
+    /// Page and record of the first swing.
+    fn record(&self) -> (PathBuf, BenchRecord) {
+        let folders = fs::read_dir(self.folder.path().join("report/records")).unwrap();
+        let first = folders.map(|entry| entry.unwrap().path()).min().unwrap();
+        let record = serde_json::from_slice(&fs::read(first.join("record.json")).unwrap()).unwrap();
+        (first.join("index.html"), record)
+    }
+}
+
+fn open(browser: &mut Browser, page: &Path) {
+    browser.size(1440, 900, "light");
+    browser.open(page, "");
+    browser.until("document.getElementById('shift')?.dataset.ready === 'yes'");
+}
+
+const BENCH: &str = "document.getElementById('shift').bench";
+
+#[test]
+fn a_reference_that_is_shifted_by_hand_leaves_least_at_the_delay_that_was_found() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make();
+    let (page, record) = report.record();
+    open(&mut browser, &page);
+    let names = browser.eval(&format!("{BENCH}.panels.map((p) => p.name)"));
+    let names: Vec<&str> = names.as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    assert!(names.len() >= 6 && names[0].starts_with("position."), "{names:?}");
+    let channels = &record.findings.as_ref().unwrap().channels;
+    for (panel, name) in names.iter().enumerate() {
+        let (channel, component) = name.split_once(", ").unwrap();
+        let channel = channels.iter().find(|c| c.name == channel).unwrap();
+        let component = channel.components.iter().find(|c| c.name == component).unwrap();
+        let (delay, overlay) = (channel.delay.as_ref().unwrap(), component.overlay.as_ref().unwrap());
+        let found_ms = delay.delay.millis();
+
+        // The slider says what the record holds.
+        let shift = |ms: f64| {
+            format!(
+                "{{ const s = document.querySelector('#shift input'); s.value = {ms}; s.dispatchEvent(new Event('input')); }}"
+            )
+        };
+        let row = format!("document.querySelectorAll('#shift tbody tr')[{panel}].cells[1].textContent");
+        for (step, ms) in [(0, -500.0), (137, 185.0)] {
+            browser.eval(&shift(ms));
+            let at = (ms * 1e-3 - overlay.shifts.from_s) / overlay.shifts.step_s;
+            assert!((at - at.round()).abs() < 1e-6, "{step}");
+            let scale = if component.unit == "T" { 1e6 } else { 1.0 };
+            let of_record = scale * overlay.shifts.rms[at.round() as usize];
+            let shown = browser.number(&format!("{BENCH}.residual({panel})"));
+            assert!((shown / of_record - 1.0).abs() < 1e-6, "{name} at {ms} ms: {shown}, record {of_record}");
+            let text = browser.text(&row);
+            let number: f64 = text.split_whitespace().next().unwrap().parse().unwrap();
+            assert!((number / of_record - 1.0).abs() < 6e-3, "{name} at {ms} ms: {text}, record {of_record}");
+        }
+
+        // By hand, millisecond by millisecond.
+        let scan = format!(
+            "(() => {{ let best = [Infinity, 0]; for (let ms = -500; ms <= 500; ms++) {{ {BENCH}.shift(ms); \
+             const left = {BENCH}.residual({panel}); if (left < best[0]) best = [left, ms]; }} return best[1]; }})()"
+        );
+        let least_ms = browser.number(&scan);
+        // Equal weights for all rows instead of those of the fit: a few standard uncertainties apart.
+        let allowed = 2.0 + 6e3 * delay.standard_uncertainty_s;
+        assert!(
+            (least_ms - found_ms).abs() <= allowed,
+            "{name}: least at {least_ms} ms, found {found_ms} ± {allowed} ms"
+        );
+    }
+    assert_eq!(browser.faults(), Vec::<String>::new());
+}
+
+#[test]
+fn the_panels_of_a_bench_have_one_window_and_one_cursor_and_replace_the_figure_on_the_screen_alone() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make();
+    let (page, _) = report.record();
+    open(&mut browser, &page);
+    let plots = format!("{BENCH}.plots");
+    let over = "document.querySelectorAll('#shift .u-over')[1]";
+    browser.eval(&format!("{over}.scrollIntoView({{ block: 'center' }})"));
+    let side = |browser: &mut Browser, side: &str| browser.number(&format!("{over}.getBoundingClientRect().{side}"));
+    let (left, top) = (side(&mut browser, "left"), side(&mut browser, "top") + 30.0);
+    let width = side(&mut browser, "width");
+    let whole = browser.eval(&format!("{BENCH}.window()"));
+    browser.drag([left + 0.25 * width, top], [left + 0.5 * width, top]);
+    let ends = browser.eval(&format!("{plots}.map((p) => p.u ?? p).map((u) => [u.scales.x.min, u.scales.x.max])"));
+    let ends = ends.as_array().unwrap();
+    let span = |window: &serde_json::Value| window[1].as_f64().unwrap() - window[0].as_f64().unwrap();
+    assert!(ends.iter().all(|e| e == &ends[0]), "{ends:?}");
+    assert!((span(&ends[0]) / span(&whole) - 0.25).abs() < 0.02, "{ends:?} of {whole}");
+    browser.mouse("mouseMoved", [left + 0.4 * width, top], false);
+    browser.until(&format!("{plots}.every((u) => Math.abs(u.cursor.left - {plots}[1].cursor.left) < 1)"));
+    browser.until("document.querySelector('#shift .readout').textContent.includes('shifted reference')");
+    browser.eval("document.querySelector('#shift .panels').focus()");
+    browser.key("0");
+    assert_eq!(browser.eval(&format!("{BENCH}.window()")), whole);
+
+    // The figure is for paper, and for readers without script.
+    assert_eq!(browser.eval("getComputedStyle(document.getElementById('fig-4')).display"), "none");
+    assert_eq!(browser.faults(), Vec::<String>::new());
+}
+
+#[test]
+fn pages_of_a_bench_are_light_name_every_region_once_and_print_on_few_sheets() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make();
+    let (page, record) = report.record();
+    for (page, most) in [(&page, 12), (&report.card(), 4)] {
+        let bytes = fs::metadata(page).unwrap().len();
+        assert!(bytes <= 1_500_000, "{}: {bytes} bytes", page.display());
+        for (width, scheme) in [(1440, "light"), (800, "dark"), (400, "light")] {
+            browser.size(width, 900, scheme);
+            browser.open(page, "");
+            let too_wide = browser.number("document.documentElement.scrollWidth - innerWidth");
+            assert!(too_wide <= 0.0, "{} at {width} px: {too_wide} px too wide", page.display());
+            let ground =
+                browser.text("getComputedStyle(document.querySelector('figure:not(.twin) svg')).backgroundColor");
+            assert_eq!(ground == "rgb(255, 255, 255)", scheme == "light", "{scheme}: {ground}");
+        }
+        let labels = browser.eval(
+            "[...document.querySelectorAll('[role=region],nav,section')].map((e) => e.getAttribute('aria-label'))",
+        );
+        let labels: Vec<&str> = labels.as_array().unwrap().iter().filter_map(|label| label.as_str()).collect();
+        assert_eq!(labels.iter().collect::<BTreeSet<_>>().len(), labels.len(), "{labels:?}");
+        let sheets = browser.printed_pages();
+        assert!((1..=most).contains(&sheets), "{}: {sheets} sheets, {most} at most", page.display());
+        assert_eq!(browser.faults(), Vec::<String>::new());
+    }
+    // Every delay of the record is on its page.
+    browser.open(&page, "");
+    let values = browser.eval("[...document.querySelectorAll('data')].map((e) => +e.value)");
+    let values: Vec<f64> = values.as_array().unwrap().iter().filter_map(serde_json::Value::as_f64).collect();
+    for channel in &record.findings.as_ref().unwrap().channels {
+        let millis = channel.delay.as_ref().unwrap().delay.seconds() * 1e3;
+        assert!(values.iter().any(|v| (v - millis).abs() < 1e-9), "{}: {millis} ms", channel.name);
+    }
+}
