@@ -4,6 +4,7 @@
 
 mod agreement;
 mod bench;
+mod book;
 mod browser;
 mod campaign;
 mod command;
