@@ -5,6 +5,7 @@
 mod agreement;
 mod bench;
 mod bench_pages;
+mod book;
 mod browser;
 mod campaign;
 mod command;

@@ -1,0 +1,235 @@
+//! The book in `docs/` and the pages at the root are true: commands parse, links resolve, no notice is missing.
+
+use crate::program::{flightlag, run, text};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// Files below a folder of the project whose names end so.
+fn files(folder: &str, ending: &str) -> Vec<PathBuf> {
+    let mut open = vec![root().join(folder)];
+    let mut found = vec![];
+    while let Some(folder) = open.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            match path.is_dir() {
+                true => open.push(path),
+                false if path.to_string_lossy().ends_with(ending) => found.push(path),
+                false => {}
+            }
+        }
+    }
+    found.sort();
+    assert!(!found.is_empty(), "no {ending} below {folder}");
+    found
+}
+
+/// The book and the pages at the root that people read.
+fn pages() -> Vec<(PathBuf, String)> {
+    let mut pages = files("docs/src", ".md");
+    pages.extend(["README.md", "ARCHITECTURE.md"].map(|name| root().join(name)));
+    pages.into_iter().map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
+}
+
+/// Lines of a page, each with whether it is inside a code block.
+fn lines(page: &str) -> impl Iterator<Item = (&str, bool)> {
+    let mut code = false;
+    page.lines().map(move |line| {
+        let fence = line.trim_start().starts_with("```");
+        code ^= fence;
+        (line, code || fence)
+    })
+}
+
+/// A line without what stands between backticks.
+fn prose(line: &str) -> String {
+    line.split('`').step_by(2).collect::<Vec<_>>().join(" ")
+}
+
+/// The arguments of a line that runs flightlag, as `flightlag …`, `$ flightlag …` or `cargo flightlag …`.
+fn arguments(line: &str) -> Option<Vec<&str>> {
+    let line = line.trim().trim_start_matches("$ ");
+    let rest = line.strip_prefix("cargo ").unwrap_or(line).strip_prefix("flightlag ")?;
+    Some(rest.split('#').next()?.split_whitespace().take_while(|word| !["|", ">", "&&"].contains(word)).collect())
+}
+
+#[test]
+fn every_command_of_the_book_is_one_that_flightlag_knows() {
+    let mut helps: BTreeMap<Vec<&str>, String> = BTreeMap::new();
+    let pages = pages();
+    let mut commands = 0;
+    for (path, page) in &pages {
+        for arguments in lines(page).filter(|(_, code)| *code).filter_map(|(line, _)| arguments(line)) {
+            let steps = ["plan", "task", "reduce", "status"];
+            let words = if arguments.get(1).is_some_and(|step| steps.contains(step)) { 2 } else { 1 };
+            let verb = arguments[..words].to_vec();
+            let help = helps.entry(verb.clone()).or_insert_with(|| {
+                let output = flightlag(verb.iter().chain(&["--help"])).output().unwrap();
+                assert!(output.status.success(), "{}: no command {verb:?}", path.display());
+                text(&output.stdout)
+            });
+            for option in arguments.iter().filter(|word| word.starts_with("--")) {
+                let option = option.split('=').next().unwrap();
+                let known = help.split(|c: char| !(c.is_alphanumeric() || c == '-')).any(|word| word == option);
+                assert!(known, "{}: {verb:?} has no option {option}", path.display());
+            }
+            commands += 1;
+        }
+    }
+    assert!(commands > 20, "{commands} commands: are the code blocks still found?");
+}
+
+/// A heading as mdBook and code hosts make an anchor of it.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim_start_matches('#').trim().to_lowercase();
+    kept.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c)).collect::<String>().replace(' ', "-")
+}
+
+#[test]
+fn every_link_of_the_book_resolves() {
+    let mut links = 0;
+    for (path, page) in pages() {
+        for line in lines(&page).filter(|(_, code)| !code).map(|(line, _)| prose(line)) {
+            for target in line.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()) {
+                if target.contains("://") {
+                    continue;
+                }
+                let (file, heading) = target.split_once('#').unwrap_or((target, ""));
+                let file = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+                assert!(file.exists(), "{}: no file {target}", path.display());
+                let has =
+                    |page: String| lines(&page).any(|(l, code)| !code && l.starts_with('#') && anchor(l) == heading);
+                let resolves = heading.is_empty() || has(fs::read_to_string(&file).unwrap());
+                assert!(resolves, "{}: no heading {target}", path.display());
+                links += 1;
+            }
+        }
+    }
+    assert!(links > 40, "{links} links");
+}
+
+#[test]
+fn every_page_of_the_book_is_in_its_summary() {
+    let summary = fs::read_to_string(root().join("docs/src/SUMMARY.md")).unwrap();
+    for path in files("docs/src", ".md") {
+        let name = path.strip_prefix(root().join("docs/src")).unwrap().to_str().unwrap().replace('\\', "/");
+        assert!(name == "SUMMARY.md" || summary.contains(&format!("({name})")), "{name} is not in SUMMARY.md");
+    }
+}
+
+#[test]
+fn the_pages_are_in_plain_english() {
+    let dialect = [
+        "told",
+        "tells",
+        "anew",
+        "nobody",
+        "stands",
+        "beside",
+        "whatever else",
+        "leads nowhere",
+        "of which none",
+        "that is none",
+    ];
+    for (path, page) in pages().into_iter().filter(|(path, _)| !path.ends_with("README.md")) {
+        for line in lines(&page).filter(|(_, code)| !code).map(|(line, _)| prose(line).to_lowercase()) {
+            let words: Vec<&str> = line.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+            let spaced = format!(" {} ", words.join(" "));
+            for word in dialect {
+                assert!(!spaced.contains(&format!(" {word} ")), "{}: {word:?} in: {line}", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn the_book_lists_every_channel_map() {
+    let book = fs::read_to_string(root().join("docs/src/formats.md")).unwrap();
+    for map in files("pipelines/channel-maps", ".toml") {
+        let name = map.file_stem().unwrap().to_str().unwrap();
+        assert!(book.contains(&format!("`{name}`")), "{name} is not in formats.md");
+    }
+}
+
+/// The metric of a line such as `* error-rms  [m, mm; needs compensator]`.
+fn metric_of_line(line: &str) -> Option<&str> {
+    let rest = line.strip_prefix("* ").or_else(|| line.strip_prefix("  "))?;
+    rest.split(' ').next().filter(|name| !name.is_empty())
+}
+
+#[test]
+fn the_book_lists_every_metric_of_criteria() {
+    let book = fs::read_to_string(root().join("docs/src/criteria.md")).unwrap();
+    let listed = text(&run(["criteria"], 0).stdout);
+    let names: Vec<&str> = listed.lines().filter(|line| line.contains(" [")).filter_map(metric_of_line).collect();
+    assert!(names.len() > 20, "{listed}");
+    for name in names {
+        assert!(book.contains(&format!("`{name}`")), "{name} is not in criteria.md");
+    }
+}
+
+/// What precedes the code of a notice or an alarm in the source.
+const BEFORE_A_CODE: [&str; 16] = [
+    "Severity::Info,",
+    "Severity::Warning,",
+    "Severity::Loss,",
+    "Gravity::Red,",
+    "Gravity::Amber,",
+    "Gravity::Grey,",
+    " severity,",
+    "(severity,",
+    " code:",
+    " warn(",
+    "repairs,",
+    "say_lent(COMMON,",
+    "say_lent(GIVEN,",
+    "say_lent(COMPLETED,",
+    "(Some(_), Some(_)) => (",
+    "let code = if duplicate {",
+];
+
+/// Codes of the notices and alarms that a source file raises.
+fn codes(source: &str) -> BTreeSet<&str> {
+    let source = source.split("#[cfg(test)]\nmod tests {").next().unwrap();
+    let pieces: Vec<&str> = source.split('"').collect();
+    let is_code = |text: &str| {
+        !text.is_empty() && text.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-')
+    };
+    let mut found = BTreeSet::new();
+    for (at, text) in pieces.iter().enumerate().skip(1).filter(|(_, text)| is_code(text)) {
+        let before = pieces[at - 1].trim_end();
+        let other_branch = before.trim() == "} else {" && at > 1 && found.contains(pieces[at - 2]);
+        let constant =
+            before.ends_with(": &str =") && ["CODE", "COMPANION", "BOUND_BY_GUESS"].iter().any(|c| before.contains(c));
+        if other_branch || constant || BEFORE_A_CODE.iter().any(|mark| before.ends_with(mark)) {
+            found.insert(*text);
+        }
+    }
+    found
+}
+
+#[test]
+fn the_book_lists_every_notice_and_no_other() {
+    let page = fs::read_to_string(root().join("docs/src/notices.md")).unwrap();
+    let listed: BTreeSet<&str> = page.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next()).collect();
+    let sources: Vec<String> = files("crates", ".rs")
+        .iter()
+        .filter(|path| {
+            let path = path.to_string_lossy();
+            path.contains("/src/")
+                && !["/report/", "/flightlag/", "tests.rs", "/tests/"].iter().any(|part| path.contains(part))
+        })
+        .map(|path| fs::read_to_string(path).unwrap())
+        .collect();
+    let raised: BTreeSet<&str> = sources.iter().flat_map(|source| codes(source)).collect();
+    let missing: Vec<_> = raised.difference(&listed).collect();
+    assert!(missing.is_empty(), "not in docs/src/notices.md: {missing:?}");
+    let quoted = |code: &str| sources.iter().any(|source| source.contains(&format!("\"{code}\"")));
+    // The code of this alarm is made of the kind of the delay.
+    let gone: Vec<_> = listed.iter().filter(|code| **code != "delay-steps" && !quoted(code)).collect();
+    assert!(gone.is_empty(), "no crate raises these codes of docs/src/notices.md: {gone:?}");
+    assert!(raised.len() > 150, "{} codes: are they still found?", raised.len());
+}
