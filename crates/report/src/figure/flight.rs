@@ -404,7 +404,7 @@ fn coloured(track: &LeadTrack, most: f64) -> (Vec<Line>, usize) {
 fn ends(track: &LeadTrack) -> Vec<Mark> {
     let points = || track.east_m.iter().copied().zip(track.north_m.iter().copied());
     let mark = |at: Option<(f64, f64)>, label: &str| at.map(|at| Mark { at, label: label.to_owned() });
-    mark(points().next(), "start").into_iter().chain(mark(points().last(), "end")).collect()
+    mark(points().next(), "start").into_iter().chain(mark(points().next_back(), "end")).collect()
 }
 
 // The ground

@@ -17,11 +17,11 @@ const MOST_PANELS: usize = 4;
 const MOST_NAMED: usize = 60;
 
 /// The newest flights, and every older one that stands out, the newest first; and how many are left out.
-pub(super) fn newest<'a>(
-    flights: &'a [FlightRow],
+pub(super) fn newest(
+    flights: &[FlightRow],
     is_shown: impl Fn(&FlightRow) -> bool,
     stands_out: impl Fn(&FlightRow) -> bool,
-) -> (Vec<&'a FlightRow>, usize) {
+) -> (Vec<&FlightRow>, usize) {
     let mut rows: Vec<&FlightRow> = flights.iter().filter(|row| is_shown(row)).collect();
     rows.sort_by(|a, b| (&b.flown_at, &b.flight).cmp(&(&a.flown_at, &a.flight)));
     let all = rows.len();

@@ -179,17 +179,6 @@ fn kind_words(lateness: &FlightLateness) -> String {
     lateness.also.iter().fold(words, |words, also| format!("{words}, {}", also.replace('-', " ")))
 }
 
-fn advice(advice: &DelayAdvice) -> Markup {
-    html! {
-        @if !advice.set.is_empty() {
-            p.answer {
-                "To remove it, set " (settings(advice)) "."
-            }
-        }
-        @if let Some(fly) = &advice.fly { p.answer { "To know more: " (ended(fly)) } }
-    }
-}
-
 fn alarms(alarms: &[DelayAlarm]) -> Markup {
     html! {
         @for alarm in alarms {

@@ -165,7 +165,7 @@ pub fn row(i: usize) -> FlightRow {
         format: "MCAP, ros2".into(),
         map: read.then(|| "mavros".into()),
         bytes: 48_000_000 + 1_000 * i as u64,
-        duration_s: done.then(|| 600.0 + i as f64),
+        duration_s: done.then_some(600.0 + i as f64),
         position: read.then(|| "position.gps".into()),
         velocity: read.then(|| "velocity.ekf".into()),
         position_rate_hz: read.then_some(5.0),
