@@ -3,7 +3,7 @@
 use super::{Packing, decoder, fault_of};
 use crate::bytes::is_zero;
 use crate::decode::Tally;
-use crate::format::MOST_ZEROS;
+use logscan::MOST_ZEROS;
 use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
