@@ -4,8 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Files that may name an operating system.
-const NAMED_FOR_IT: [&str; 4] =
-    ["campaign/src/memory.rs", "convert/src/guard.rs", "flightlag/src/stop.rs", "ingest/src/platform.rs"];
+const NAMED_FOR_IT: [&str; 5] = [
+    "campaign/src/memory.rs",
+    "convert/src/guard.rs",
+    "flightlag/src/stop.rs",
+    "ingest/src/platform.rs",
+    "logscan/src/platform.rs",
+];
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
