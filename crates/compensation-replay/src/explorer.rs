@@ -94,19 +94,25 @@ fn extremes(columns: &[Column], rows: usize, bucket: usize) -> Vec<usize> {
     kept
 }
 
-/// Differences as little-endian integers of four bytes, all lowest bytes of a column first.
+/// Zigzag differences as little-endian integers of four bytes, all lowest bytes of a column first: so the higher bytes of
+/// small negative numbers are zeros too, and an hour at 100 Hz packs into less than half.
 fn packed(columns: &[Column], kept: &[usize]) -> String {
     let mut bytes = Vec::with_capacity(4 * columns.len() * kept.len());
     for column in columns {
         let steps = differences(kept.iter().map(|&row| column.values[row]), column.differences);
         for byte in 0..4 {
-            bytes.extend(steps.iter().map(|step| step.to_le_bytes()[byte]));
+            bytes.extend(steps.iter().map(|&step| zigzag(step).to_le_bytes()[byte]));
         }
     }
     let mut encoder = DeflateEncoder::new(vec![], Compression::default());
     // A vector cannot refuse a write.
     let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish());
     STANDARD.encode(deflated.unwrap_or_default())
+}
+
+/// 0, −1, 1, −2, … as 0, 1, 2, 3, …
+fn zigzag(step: i32) -> i32 {
+    (step << 1) ^ (step >> 31)
 }
 
 /// What must be added to the value foreseen from the ones before: the last one, or with `order` 2 the line through the last
@@ -138,7 +144,8 @@ mod tests {
         let column = |(bytes, column): (&[u8], &ExplorerColumn)| {
             let (mut last, mut slope) = (0_i64, 0_i64);
             let at = |row: usize| {
-                let step = i32::from_le_bytes([0, 1, 2, 3].map(|plane| bytes[plane * count + row]));
+                let packed = u32::from_le_bytes([0, 1, 2, 3].map(|plane| bytes[plane * count + row]));
+                let step = (packed >> 1) as i32 ^ -((packed & 1) as i32);
                 (step != ExplorerRows::MISSING).then(|| {
                     let value = i64::from(step) + last + if column.differences == 2 { slope } else { 0 };
                     (slope, last) = (value - last, value);
@@ -178,6 +185,12 @@ mod tests {
             }
         }
         assert_eq!((compared, found.len()), (7 * rows.rows as usize, 9));
+    }
+
+    #[test]
+    fn small_numbers_of_either_sign_have_no_higher_bytes() {
+        assert_eq!([0, -1, 1, -2, 127, -128].map(zigzag), [0, 1, 2, 3, 254, 255]);
+        assert_eq!([i32::MAX, i32::MIN].map(|step| zigzag(step) as u32), [u32::MAX - 1, u32::MAX]);
     }
 
     #[test]

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 /// Rows of a replay, packed.
 ///
 /// `data` is base64 (RFC 4648, section 4) of a raw deflate stream (RFC 1951). Inflated, it holds one block for each column:
-/// the lowest byte of every row, then the next, up to the fourth. They make little-endian 32-bit integers: differences, as
-/// many times over as [`ExplorerColumn::differences`] says. [`ExplorerRows::MISSING`] is a row without a value: the
+/// the lowest byte of every row, then the next, up to the fourth. They make little-endian 32-bit integers `z`: zigzag of
+/// differences, `(z >> 1) ^ −(z & 1)`, as many times over as [`ExplorerColumn::differences`] says. [`ExplorerRows::MISSING`] is a row without a value: the
 /// differences go on from the last row that has one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ExplorerRows {

@@ -128,8 +128,8 @@ pub struct PathCurve {
     pub stands_for: u64,
 }
 
-/// How far other positions are ahead of raw along the track, at the first row of every fix: the age of a held fix, which
-/// grows from row to row, is no part of it.
+/// How far other positions are ahead of raw along the track, at the first row of every fix, less what was flown since the fix:
+/// its age is no part of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeadCurves {
     /// The compensated position first, then the reference, if there is one.

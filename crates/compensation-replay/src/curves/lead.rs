@@ -21,7 +21,11 @@ pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Opti
     let exact = estimates.iter().find(|e| e.name == EXACT_ASYNC)?;
     let fresh: Vec<usize> = (0..rows.t.len()).filter(|&row| row == 0 || rows.fix[row] != rows.fix[row - 1]).collect();
     let gap_s = gap(rows, &fresh)?;
-    let ahead = |row: usize, of: [f64; 2]| along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]]);
+    // What was flown since the fix is no lead.
+    let ahead = |row: usize, of: [f64; 2]| {
+        let way = along(rows, row, [of[0] - raw.axes[0][row], of[1] - raw.axes[1][row]])?;
+        Some(way - speed(rows, row) * rows.age[row])
+    };
     let given: Vec<usize> = fresh.iter().copied().filter(|&row| exact.shown(rows, row)).collect();
     let compensated: Vec<(usize, f64)> =
         given.iter().filter_map(|&row| Some((row, ahead(row, AXES.map(|k| exact.axes[k][row]))?))).collect();
@@ -171,9 +175,9 @@ mod tests {
         let names: Vec<&str> = lead.of.iter().map(|of| of.over_time_m.name.as_str()).collect();
         assert_eq!(names[1..], ["reference"]);
         for (of, want_ms) in lead.of.iter().zip([400.0, 300.0]) {
-            // A chord of a turn is shorter than its arc, and a fix is up to a row old where it is looked at.
+            // A chord of a turn is shorter than its arc.
             let median_ms = of.median_ms.unwrap();
-            assert!((median_ms - want_ms).abs() < 15.0, "{median_ms} ms, not {want_ms}");
+            assert!((median_ms - want_ms).abs() < 8.0, "{median_ms} ms, not {want_ms}");
             assert!(of.largest_m >= of.median_m && of.over_time_m.y.contains(&of.largest_m));
         }
     }

@@ -309,7 +309,7 @@ fn lead_over_time(replay: &ReplayRecord, lead: &LeadCurves, late: Option<&Late>)
         None => format!("Compensation moves the position ahead by {}", words(first)),
     };
     let caption = format!(
-        "Lead over raw along the track at the first row of each fix, medians in the title; in ms where the ground speed is \
+        "Lead over raw along the track at each fix, without its age, medians in the title; in ms where the ground speed is \
          {}\u{a0}m/s and more.",
         number::significant(lead.least_speed_mps, 2)
     );

@@ -14,8 +14,14 @@ const MOST_ROWS: usize = 12;
 pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
     let (clock, origin_ns) = time_zero(record)?;
     let channels = record.binding.iter().flat_map(|b| &b.channels);
-    let timed: Vec<(&ChannelHealth, &StampHealth)> =
+    let mut timed: Vec<(&ChannelHealth, &StampHealth)> =
         channels.filter_map(|c| Some((c, c.stamps.as_ref().filter(|s| s.clock == clock)?))).collect();
+    // Those that the page is about first.
+    let pair = record.replay.as_ref().map(|replay| &replay.pair);
+    let used = |name: &str| {
+        pair.is_some_and(|p| p.position == name || p.velocity == name || p.reference.as_deref() == Some(name))
+    };
+    timed.sort_by_key(|(c, _)| !used(&c.name));
     let seconds = |ns: i64| ns.saturating_sub(origin_ns) as f64 * 1e-9;
     let (mut covered, mut gaps) = (vec![], vec![]);
     let mut listed = 0;

@@ -4,7 +4,7 @@ use super::Head::{Number, Text};
 use super::{badge, maybe, more, rows, table};
 use crate::criterion::{criterion_interval, criterion_value, criterion_why, criterion_word, limit};
 use crate::number;
-use crate::text::{shown, shown_block};
+use crate::text::{ended, shown, shown_block};
 use maud::{Markup, html};
 use record::{
     CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionVerdict, FlightCriteria, FlightRow,
@@ -70,18 +70,19 @@ fn gravest_first(criteria: &FlightCriteria) -> Vec<&CriterionFinding> {
     sorted
 }
 
-/// Those that ask for something first; those that are met, or not meant for this flight, in a line each, with their numbers
-/// folded away.
+/// Those that fail or are not decided first; the others in a line for each verdict and reason, with their numbers folded
+/// away.
 pub(super) fn section(criteria: &FlightCriteria) -> Markup {
-    let is_quiet = |v: CriterionVerdict| matches!(v, CriterionVerdict::Pass | CriterionVerdict::NotApplicable);
+    let is_quiet = |v: CriterionVerdict| !matches!(v, CriterionVerdict::Fail | CriterionVerdict::Inconclusive);
     let (quiet, loud): (Vec<_>, Vec<_>) = gravest_first(criteria).into_iter().partition(|f| is_quiet(f.verdict));
     html! {
         h2 id="criteria" { "Criteria" }
         @if !loud.is_empty() { (findings("Criteria that are not met, the gravest first", &loud)) }
+        (not_evaluated(&quiet))
         (in_a_line(&quiet, CriterionVerdict::Pass))
         (in_a_line(&quiet, CriterionVerdict::NotApplicable))
         @if !quiet.is_empty() {
-            details { summary { "Numbers of these" } (findings("Criteria that are met, or not meant for this flight", &quiet)) }
+            details { summary { "Numbers of these" } (findings("Criteria that are met, not evaluated, or not meant for this flight", &quiet)) }
         }
         details {
             summary { "How verdicts are decided" }
@@ -95,7 +96,7 @@ fn findings(caption: &str, findings: &[&CriterionFinding]) -> Markup {
     let head = [
         Text("Criterion"),
         Number("Value"),
-        Number("U (k = 2)"),
+        Number("U (k\u{a0}=\u{a0}2)"),
         Number("95 % interval"),
         Number("Limit"),
         Text("Verdict"),
@@ -104,18 +105,33 @@ fn findings(caption: &str, findings: &[&CriterionFinding]) -> Markup {
     table(caption, &head, rows(findings, MOST_ROWS, head.len(), |finding| finding_row(finding)))
 }
 
+/// Those without a number, each reason once.
+fn not_evaluated(of: &[&CriterionFinding]) -> Markup {
+    let mut by_reason: Vec<(&str, Vec<&CriterionFinding>)> = vec![];
+    for finding in of.iter().copied().filter(|f| f.verdict == CriterionVerdict::NotEvaluated) {
+        match by_reason.iter_mut().find(|(reason, _)| *reason == finding.reason) {
+            Some((_, findings)) => findings.push(finding),
+            None => by_reason.push((&finding.reason, vec![finding])),
+        }
+    }
+    html! {
+        @for (reason, findings) in by_reason.iter().take(MOST_IN_A_LINE) {
+            p { (titles(findings, CriterionVerdict::NotEvaluated)) ": " (ended(reason)) }
+        }
+    }
+}
+
 /// The titles of those of one verdict.
 fn in_a_line(of: &[&CriterionFinding], verdict: CriterionVerdict) -> Markup {
-    let titles: Vec<&str> = of.iter().filter(|f| f.verdict == verdict).map(|f| f.title.as_str()).collect();
+    let those: Vec<&CriterionFinding> = of.iter().copied().filter(|f| f.verdict == verdict).collect();
+    html! { @if !those.is_empty() { p { (titles(&those, verdict)) "." } } }
+}
+
+fn titles(of: &[&CriterionFinding], verdict: CriterionVerdict) -> Markup {
     html! {
-        @if !titles.is_empty() {
-            p {
-                (verdict_badge(verdict, Some(titles.len() as u64))) " "
-                @for (i, title) in titles.iter().take(MOST_IN_A_LINE).enumerate() { @if i > 0 { "; " } (shown(title)) }
-                @if titles.len() > MOST_IN_A_LINE { "; " (more(titles.len() - MOST_IN_A_LINE)) }
-                "."
-            }
-        }
+        (verdict_badge(verdict, Some(of.len() as u64))) " "
+        @for (i, finding) in of.iter().take(MOST_IN_A_LINE).enumerate() { @if i > 0 { "; " } (shown(&finding.title)) }
+        @if of.len() > MOST_IN_A_LINE { "; " (more(of.len() - MOST_IN_A_LINE)) }
     }
 }
 

@@ -17,7 +17,7 @@
     const plane = bytes.subarray(4 * n * count, 4 * (n + 1) * count), values = new Float64Array(count);
     let last = 0, slope = 0;
     for (let i = 0; i < count; i++) {
-      const step = plane[i] | plane[count + i] << 8 | plane[2 * count + i] << 16 | plane[3 * count + i] << 24;
+      const zigzag = plane[i] | plane[count + i] << 8 | plane[2 * count + i] << 16 | plane[3 * count + i] << 24, step = zigzag >>> 1 ^ -(zigzag & 1);
       if (step === -2147483648) { values[i] = NaN; continue; }
       const value = step + last + (differences === 2 ? slope : 0);
       slope = value - last;
@@ -188,8 +188,8 @@
   const wanted = [
     { title: "North (m)", series: ofTracks("north") },
     { title: "East (m)", series: ofTracks("east") },
-    { title: "Lead over raw along the track, at each fix (m)", series: leads(lead, truthLead) },
-    { title: "Lead over raw, at each fix (ms)", series: leads(leadMs, truthLeadMs) },
+    { title: "Lead over raw along the track, at the first row of each fix (m)", series: leads(lead, truthLead) },
+    { title: "Lead over raw, at the first row of each fix (ms)", series: leads(leadMs, truthLeadMs) },
   ];
   if (given.delay.length) wanted.push({ title: `Delay against ${given.against} ± U (ms)${given.removed_ms === null ? "" : "; removed: dashed"}`, series: [], delay: true });
   if (hasTruth) wanted.push({ title: "Error against the reference, 2‑D (m)", series: tracks.filter(([name]) => name in errors).map(([name, words]) => [name, words, errors[name]]) });
@@ -353,7 +353,6 @@
     };
     document.addEventListener("mousemove", move);
     document.addEventListener("mouseup", () => document.removeEventListener("mousemove", move), { once: true });
-    event.preventDefault();
   }
   function show(from, to) {
     const least = Math.max(4 * (whole[1] - whole[0]) / count, 0.05);

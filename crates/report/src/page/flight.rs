@@ -130,7 +130,7 @@ fn facts(record: &FlightRecord) -> Markup {
     let all = [receiver.map(str::to_owned), date, duration, place];
     html! {
         @if all.iter().any(Option::is_some) {
-            p.facts { @for (i, fact) in all.iter().flatten().enumerate() { @if i > 0 { " · " } (shown(fact)) } }
+            p.facts { @for (i, fact) in all.iter().flatten().enumerate() { @if i > 0 { " · " } bdi { (shown(fact)) } } }
         }
     }
 }
@@ -149,8 +149,12 @@ fn chips(record: &FlightRecord) -> Markup {
 /// The reason if there is no result, else the answer.
 fn first_words(record: &FlightRecord) -> Markup {
     let class = if matches!(record.outcome, Outcome::Failed { .. }) { "why" } else { "why unsure" };
+    // Why a delay is not known is said in the answer, with the answer's own limits.
+    let is_said = matches!(record.outcome, Outcome::NotMeasurable { .. })
+        && record.lateness.as_ref().is_some_and(|l| l.lateness.is_none());
     html! {
-        @if let (Some(reason), None | Some(Outcome::Failed { .. } | Outcome::NotMeasurable { .. } | Outcome::Pending { .. })) =
+        @if is_said {}
+        @else if let (Some(reason), None | Some(Outcome::Failed { .. } | Outcome::NotMeasurable { .. } | Outcome::Pending { .. })) =
             (reason(&record.outcome), record.decision.as_ref().map(|_| &record.outcome))
         {
             p class=(class) { (shown_block(reason)) }

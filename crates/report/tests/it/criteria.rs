@@ -75,7 +75,7 @@ fn the_verdicts_stand_at_the_top_of_the_flight_the_gravest_first_in_words() {
         "Criteria that are not met",
         "209.0 ms± 4.0 ms",
         "148.0 ms± 6.0 ms",
-        "straight flight",
+        "1 NOT EVALUATED asked in five: straight flight.",
         "✓ 1 PASS asked in one.",
         "1 NOT APPLICABLE asked in two.",
         "118.4 ms± 3.1 ms",

@@ -148,6 +148,21 @@ fn sentences_end_once_and_a_verdict_is_said_once() {
 }
 
 #[test]
+fn a_figure_says_late_only_where_the_lateness_itself_is_known() {
+    let title = |relative_to: Option<&str>| {
+        let mut one = record();
+        let channel = one.lateness.as_mut().unwrap().lateness.as_mut().unwrap();
+        channel.relative_to = relative_to.map(str::to_owned);
+        let html = page(&one);
+        let figure = html.split("id=\"fig-7-t\">").nth(1).unwrap().split('<').next().unwrap().to_owned();
+        figure.replace('\u{a0}', " ")
+    };
+    assert_eq!(title(None), "The position is 203 ± 16 ms late; 400 ± 13 ms were removed");
+    let relative = title(Some("velocity.ekf"));
+    assert_eq!(relative, "The position is 203 ± 16 ms later than velocity.ekf; 400 ± 13 ms were removed");
+}
+
+#[test]
 fn no_page_calls_a_velocity_on_time_that_its_network_finds_late() {
     let text = words(&page(&record()));
     assert!(!text.contains("is on time"), "{text}");
