@@ -54,6 +54,18 @@ pub(crate) fn wanted_of_bare(heads: &[TableHead]) -> Option<Wanted> {
     (!tables.is_empty()).then_some(Wanted(tables))
 }
 
+/// Why tables whose names promise nothing are not bound, and what to do about it.
+pub(crate) fn nameless(heads: &[TableHead]) -> String {
+    if heads.iter().any(bare::is_bare) {
+        return "the table has no header; `flightlag maps --suggest LOG` writes a channel map for it if its columns move as a \
+                position and a velocity do"
+            .to_owned();
+    }
+    "no columns are named like a time and a position or a velocity; name them in a channel map, for which \
+     `flightlag maps --example` is a start"
+        .to_owned()
+}
+
 /// The fields of a guess by topic.
 pub(crate) struct Wanted(BTreeMap<String, Vec<FieldRequest>>);
 
@@ -287,7 +299,9 @@ fn unchecked<'l>(
         return Err(format!("{path}: nothing shows whether it is in degrees or radians"));
     };
     if !set.is_geodetic && (set.first.unit.is_none() || !says_axes(&set.first)) {
-        return Err(format!("{path}: nothing shows what it counts and where it points"));
+        return Err(format!(
+            "{path}: nothing shows what it counts and where it points; a channel map can say it, see `flightlag maps --example`"
+        ));
     }
     let third = set.third.as_ref().and_then(|third| Some((third.unit.or("m".parse().ok())?, side(third)?)));
     let mut why = vec![why.clone(), "no velocity was found that moves as it does".to_owned()];

@@ -38,7 +38,7 @@ pub use format::{
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
 pub use load::{BOUND_BY_GUESS, Loaded, load, open, suggest};
-pub use map::{ChannelMap, MapLibrary, MapSelect, SelectAll};
+pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
 pub use map_schema::channel_map_schema;
 pub use reader::{
     Extra, FieldRequest, LeftOut, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Restart, Select,

@@ -99,7 +99,9 @@ pub fn load(
             (flight, Err(reason))
         }
         Err(IngestError::Map(mut reason)) => {
-            reason.extend(refused.map(|why| format!("; its columns cannot be bound by guess: {why}")));
+            if let Some(why) = refused {
+                reason = format!("its columns cannot be bound by guess: {why}; {reason}");
+            }
             (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason))
         }
         Err(error) => return Err(error),
@@ -123,11 +125,11 @@ fn needs_guess(bound: &Result<(Flight, Binding), IngestError>, library: &MapLibr
     }
 }
 
-/// A guess, the log as its map reads it, and the map; or why there is none. Nothing where no name promises anything.
+/// A guess, the log as its map reads it, and the map; or why there is none. Nothing where none was asked for.
 type Guessed = Result<Option<(Guess, Log, ChannelMap)>, String>;
 
 fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) -> Result<Guessed, IngestError> {
-    let Some(wanted) = guess::wanted(heads) else { return Ok(Ok(None)) };
+    let Some(wanted) = guess::wanted(heads) else { return Ok(Err(guess::nameless(heads))) };
     // These bytes were counted when they were read first.
     let again = ReadContext { on_bytes: &|_| (), ..*context };
     let found = match guess::guess(&open(unit).read(&wanted, &again)?) {
@@ -163,7 +165,7 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
     }
     let nothing = |_: &TopicInfo| Selection::Skip;
     let heads = open(unit).read(&nothing, context)?.heads;
-    let nameless = || IngestError::Map("no columns are named like a time and a position or a velocity".into());
+    let nameless = || IngestError::Map(guess::nameless(&heads));
     let wanted = guess::wanted(&heads).or_else(|| guess::wanted_of_bare(&heads)).ok_or_else(nameless)?;
     let found = guess::guess(&open(unit).read(&wanted, context)?).map_err(IngestError::Map)?;
     Ok(found.text)

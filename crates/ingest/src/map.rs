@@ -15,6 +15,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// The maps that come with flightlag.
+/// The commented example of a channel map: it uses every key.
+pub const EXAMPLE_MAP: &str = include_str!("../../../pipelines/channel-map.example.toml");
+
 const SHIPPED: &[(&str, &str)] = &[
     ("ardupilot.toml", include_str!("../../../pipelines/channel-maps/ardupilot.toml")),
     ("bench-wide-csv.toml", include_str!("../../../pipelines/channel-maps/bench-wide-csv.toml")),

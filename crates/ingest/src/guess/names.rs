@@ -277,6 +277,7 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
             "lat" | "latitude" => Some(Role::Latitude),
             "lon" | "lng" | "long" | "longitude" => Some(Role::Longitude),
             "week" | "gwk" | "wn" | "weekno" => Some(Role::Week),
+            "heading" if has("motion") => Some(Role::Track),
             "sink" | "sinkrate" => Some(Role::Velocity(Axis::Down)),
             _ if HEIGHTS.contains(&word) => Some(Role::Height),
             _ if SPEEDS.contains(&word) => Some(Role::Speed),
@@ -394,6 +395,10 @@ fn body_role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
             None if is_source(word) => left.push(word),
             None => return None,
         }
+    }
+    // The heading of motion is a course, and no attitude.
+    if angle == Some(Role::Yaw) && words.iter().any(|word| word == "motion") {
+        return None;
     }
     let states = |dimension| ending.iter().any(|unit| unit.dimension() == dimension);
     let says_rate = words.iter().any(|word| OF_RATE.contains(&word.as_str()) && !OF_VELOCITY.contains(&word.as_str()));

@@ -228,6 +228,22 @@ fn what_the_motion_contradicts_or_leaves_open_is_refused_with_the_reason() {
 }
 
 #[test]
+fn the_heading_of_motion_is_a_course_and_names_of_another_language_are_asked_for_in_a_map() {
+    let text = table("UTC,latitude,longitude,speed,heading_motion", |t, [a, b, _], [n, e, _]| {
+        let course = deg(e.atan2(n).rem_euclid(std::f64::consts::TAU));
+        let (speed, minute, second) = (n.hypot(e), (t / 60.0 + 1e-6) as i32, t - 60.0 * (t / 60.0 + 1e-6).floor());
+        format!("2026-05-10T10:{minute:02}:{second:04.1}Z,{:.9},{:.9},{speed:.4},{course:.4}", deg(a), deg(b))
+    });
+    let velocity = of(&load_text(&text), Quantity::VelocityNed).series.components().to_vec();
+    let (north, east) = (truth(10.0).1[0], truth(10.0).1[1]);
+    assert!((velocity[0][100] - north).abs() < 0.01 && (velocity[1][100] - east).abs() < 0.01);
+    let german =
+        table("Zeit,Breite,Laenge,v_Nord", |t, [a, b, _], [n, ..]| format!("{t:.1},{},{},{n}", deg(a), deg(b)));
+    let refused = load_text(&german).binding.unwrap_err();
+    assert!(refused.contains("no columns are named like a time and a position or a velocity; name them"), "{refused}");
+}
+
+#[test]
 fn a_map_that_fits_is_not_guessed_at() {
     let text = table("time,lat,lon,hMSL,velN,velE,velD,gpsFix", |t, [a, b, h], [n, e, u]| {
         format!("2024-05-10T17:27:{:04.1}Z,{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},3", t.min(59.9), deg(a), deg(b), -u)
@@ -259,6 +275,10 @@ fn a_table_without_a_header_is_suggested_a_map_by_its_motion_alone() {
     });
     let (_folder, path) = file("bare.csv", text.trim_start().as_bytes());
     let unit = tables(&[path]);
+    // What to do is the first thing that is said.
+    let refused = load_text(text.trim_start()).binding.unwrap_err();
+    let what_to_do = "its columns cannot be bound by guess: the table has no header; `flightlag maps --suggest LOG`";
+    assert!(refused.starts_with(what_to_do), "{refused}");
     let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
     for line in [
         "topic = [\"bare\"]",

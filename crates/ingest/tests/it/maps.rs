@@ -22,6 +22,12 @@ fn the_schema_beside_the_maps_is_the_schema_of_the_code() {
 }
 
 #[test]
+fn the_commented_example_is_a_channel_map() {
+    let map = ChannelMap::from_toml(Path::new("channel-map.example.toml"), ingest::EXAMPLE_MAP).unwrap();
+    assert!(map.channel_names().count() > 10);
+}
+
+#[test]
 fn every_map_in_the_folder_is_shipped_and_named_after_its_file() {
     let library = MapLibrary::shipped().unwrap();
     let mut names: Vec<&str> = library.iter().map(|m| m.name.as_str()).collect();
