@@ -16,6 +16,7 @@ use crate::lock::OutputLock;
 use crate::logs::Library;
 use crate::manifest::FLIGHTLAG_VERSION;
 use crate::plan::{Desk, check_out, refuse_other_kind};
+use crate::reports::{self, Summary};
 use crate::source;
 use crate::store::{Keep, Store};
 use crate::task::caught;
@@ -162,6 +163,7 @@ fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Campaig
     let valid_days = rigs.iter().filter_map(|rig| rig.card_valid_days).min();
     let verdict = carded(order, measured, valid_days, &store)?;
     output::write_run(&store, desk, clock, &verdict)?;
+    reports::list(&store, &summary_of(&verdict), desk)?;
     desk.tell(Event::Carded {
         sensor: rigs.first().map(|rig| bench_analysis::sensor_name(&rig.sensor)).unwrap_or_default(),
         card: verdict.card_file.as_ref().and_then(|p| Some(p.file_name()?.to_string_lossy().into_owned())),
@@ -172,6 +174,24 @@ fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Campaig
         notices: verdict.notices.clone(),
     });
     Ok(verdict)
+}
+
+/// Channels named on the page over all reports; the card's own page has all.
+const MOST_CHANNELS: usize = 4;
+
+fn summary_of(verdict: &BenchVerdict) -> Summary {
+    let channel = |channel: &CardChannel| {
+        let (delay_ms, expanded_ms) = (1e3 * channel.delay_s, 2e3 * channel.delay_standard_uncertainty_s);
+        format!("{} {delay_ms:.1} ± {expanded_ms:.1} ms (k = 2)", channel.name)
+    };
+    let mut answers: Vec<String> = verdict.channels().iter().take(MOST_CHANNELS).map(channel).collect();
+    let more = verdict.channels().len().saturating_sub(MOST_CHANNELS);
+    match (answers.len(), more) {
+        (0, _) => answers.push("nothing was measured".to_owned()),
+        (_, 0) => {}
+        (_, more) => answers.push(format!("and {more} more channels")),
+    }
+    Summary { size: verdict.rows.len() as u64, answers }
 }
 
 /// A card is of one sensor; that the rig files are of two is known before anything is measured.

@@ -262,10 +262,12 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
         })
         .collect();
     let Some(pool) = delay_network::pool(&flights, 0.0) else { return empty };
+    let velocity = empty.against.strip_prefix("relative to ").unwrap_or(&empty.against);
+    let side = if pool.mean_s.value < 0.0 { "earlier" } else { "later" };
+    let apart = Estimate { value: pool.mean_s.value.abs(), ..pool.mean_s };
     let words = format!(
-        "position {} ms {} ({} of {}); how late both are is not known",
-        in_ms(&pool.mean_s),
-        empty.against,
+        "position {} ms {side} than {velocity} ({} of {}); how late both are is not known",
+        in_ms(&apart),
         pool.flights,
         crate::answer::counted(members.len(), "flight")
     );

@@ -16,7 +16,7 @@ use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
 use flight::Flight;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
-use record::{Decision, DelaySource, Effect, EkfValues, FlightLateness, GroupLateness};
+use record::{Decision, DelaySource, Effect, EkfValues, FlightLateness, GroupLateness, MINOR_LOSS};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -138,6 +138,7 @@ pub fn delay_schema() -> String {
 struct Measured {
     lateness: FlightLateness,
     damaged: bool,
+    minor_loss: bool,
     tail_cut: bool,
     has_reference: bool,
     kept: Option<Loaded>,
@@ -186,6 +187,7 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
             failed: measured[i].lateness.failed.as_deref(),
             pending: None,
             damaged: measured[i].damaged,
+            minor_loss: measured[i].minor_loss,
             tail_cut: measured[i].tail_cut,
             replayed: decision.is_some_and(|d| measured[i].may_be_replayed(d)),
             duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
@@ -240,7 +242,15 @@ struct Reader<'a> {
 impl Measured {
     fn failed(reason: &str) -> Measured {
         let lateness = answer::failed("", reason.to_owned()).lateness;
-        Measured { lateness, damaged: false, tail_cut: false, has_reference: false, kept: None, filter_values: None }
+        Measured {
+            lateness,
+            damaged: false,
+            minor_loss: false,
+            tail_cut: false,
+            has_reference: false,
+            kept: None,
+            filter_values: None,
+        }
     }
 }
 
@@ -286,6 +296,7 @@ impl Reader<'_> {
         };
         let joined = reference.as_ref().map(|reference| reference.join(&mut loaded.flight, &self.order.pipeline));
         let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
+        let minor_loss = loaded.flight.notices.iter().any(|notice| notice.code == MINOR_LOSS);
         let pipeline = &self.order.pipeline;
         let (measured, filter_values) = match &loaded.binding {
             _ if loaded.companion.is_some() => {
@@ -301,7 +312,7 @@ impl Reader<'_> {
         settle(&mut loaded.flight, reference.as_ref(), &measured.lateness, pipeline);
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
-        Measured { lateness: measured.lateness, damaged, tail_cut, has_reference, kept, filter_values }
+        Measured { lateness: measured.lateness, damaged, minor_loss, tail_cut, has_reference, kept, filter_values }
     }
 
     /// What the removal does: against the reference where the log has one, else by the lateness.
@@ -358,6 +369,7 @@ mod tests {
             failed: None,
             pending: None,
             damaged: false,
+            minor_loss: false,
             tail_cut: false,
             replayed: false,
             duplicate_of: None,

@@ -48,8 +48,8 @@ pub struct DelayLine {
     pub error_compensated_u_m: Option<f64>,
     /// What a reader must know, the gravest first.
     pub alarms: Vec<LineAlarm>,
-    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `damaged`, `failed`, `companion` (no flight, but goes
-    /// with one), or `pending` without a result yet.
+    /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `minor-loss` (less than 0.1 % of the log was lost, and that
+    /// touches no result), `damaged`, `failed`, `companion` (no flight, but goes with one), or `pending` without a result yet.
     pub data: String,
     /// How late, in a sentence.
     pub words: String,
@@ -98,6 +98,7 @@ pub(crate) struct LineParts<'a> {
     pub(crate) failed: Option<&'a str>,
     pub(crate) pending: Option<&'a str>,
     pub(crate) damaged: bool,
+    pub(crate) minor_loss: bool,
     pub(crate) tail_cut: bool,
     /// Whether the decision could be carried out.
     pub(crate) replayed: bool,
@@ -139,6 +140,7 @@ impl DelayLine {
                 None if lateness.is_some_and(|l| l.alarms.iter().any(|a| a.code == crate::answer::COMPANION)) => {
                     "companion"
                 }
+                None if parts.minor_loss => "minor-loss",
                 None if parts.tail_cut => "tail-cut",
                 None => "whole",
             }
@@ -169,6 +171,7 @@ impl DelayLine {
                 _ => None,
             },
             damaged: row.lossy,
+            minor_loss: row.minor_loss,
             tail_cut: row.tail_cut_bytes > 0,
             replayed: row.outcome == Outcome::Compensated,
             duplicate_of: row.duplicate_of.as_deref(),

@@ -2,6 +2,7 @@
 
 use crate::config::Pipeline;
 use crate::error::CampaignError;
+use crate::losses;
 use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
 use crate::memory::FileStamp;
 use crate::store::{Keep, Store};
@@ -59,14 +60,18 @@ impl Library {
         discover(path, &self.maps)
     }
 
-    /// Reads one flight.
+    /// Reads one flight. Losses that touch no result are warnings in it.
     pub(crate) fn load(
         &self,
         unit: &FlightUnit,
         forced: Option<&str>,
         context: &ReadContext<'_>,
     ) -> Result<Loaded, IngestError> {
-        load(unit, &self.maps, forced, context)
+        let mut loaded = load(unit, &self.maps, forced, context)?;
+        if let Ok(binding) = &loaded.binding {
+            losses::weigh(&mut loaded.flight.notices, &loaded.health, binding);
+        }
+        Ok(loaded)
     }
 }
 

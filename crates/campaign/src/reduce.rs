@@ -14,6 +14,7 @@ use crate::lock::OutputLock;
 use crate::manifest::{Manifest, Planned, hash_of_parts};
 use crate::plan::Desk;
 use crate::rate::rate_of;
+use crate::reports::{self, Summary};
 use crate::results;
 use crate::slug::slugs;
 use crate::state::{PageState, Sizes, State, WholeState, stand};
@@ -25,8 +26,8 @@ use crate::work::Workers;
 use flight::{Notice, Severity, Stamp};
 use record::{
     CampaignChanges, CampaignCriteria, CampaignDelay, CampaignRecord, CampaignTotals, CompensatorResult,
-    CriterionVerdict, DelaySource, EffectVerdict, Estimate, FlightRecord, FlightRow, Gravity, GroupLateness, Outcome,
-    flight_alarms,
+    CriterionVerdict, DelaySource, EffectVerdict, Estimate, FlightRecord, FlightRow, Gravity, GroupLateness,
+    MINOR_LOSS, Outcome, flight_alarms,
 };
 use report::{FlightPage, REPORT_VERSION, Site, TrackExcerpt};
 use std::collections::{BTreeMap, BTreeSet};
@@ -108,6 +109,9 @@ pub(crate) fn reduce_locked(
     if let (Some(whole), Some(old)) = (state.whole.as_ref().filter(stands), old) {
         desk.tell(Event::NothingChanged);
         let verdict = verdict(store, whole, &old.record, true);
+        if reports::is_unlisted(store) {
+            reports::list(store, &summary_of(&verdict), desk)?;
+        }
         tell_end(desk, store, &old.record, &verdict);
         return Ok(Reduction::Finished(Box::new(verdict)));
     }
@@ -399,6 +403,7 @@ impl Reducer<'_> {
         state.whole = Some(whole);
         state.learn(self.manifest);
         state.save(self.store)?;
+        reports::list(self.store, &summary_of(&verdict), self.desk)?;
         tell_end(self.desk, self.store, &record, &verdict);
         Ok(Reduction::Finished(Box::new(verdict)))
     }
@@ -542,6 +547,21 @@ fn verdict(store: &Store, whole: &WholeState, record: &CampaignRecord, nothing_c
     Verdict { totals, criteria, troubled, groups, lines, page: store.root().join("index.html"), nothing_changed }
 }
 
+/// Groups named on the page over all reports; the campaign's own page has all.
+const MOST_GROUPS: usize = 3;
+
+fn summary_of(verdict: &Verdict) -> Summary {
+    let group = |group: &GroupLine| match group.group.as_str() {
+        "" => group.words.clone(),
+        name => format!("{name}: {}", group.words),
+    };
+    let mut answers: Vec<String> = verdict.groups.iter().take(MOST_GROUPS).map(group).collect();
+    if verdict.groups.len() > MOST_GROUPS {
+        answers.push(format!("and {} more groups", verdict.groups.len() - MOST_GROUPS));
+    }
+    Summary { size: verdict.totals.flights, answers }
+}
+
 /// One event for each flight, then the totals as the last.
 fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
     for (row, line) in record.flights.iter().zip(&verdict.lines) {
@@ -571,6 +591,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         page: format!("flights/{}/index.html", line.slug),
         outcome: record.outcome.clone(),
         lossy: record.has_loss(),
+        minor_loss: record.has_minor_loss(),
         tail_cut_bytes: record.log.as_ref().map_or(0, |log| log.bytes.tail_cut),
         format: record.log.as_ref().map(|l| l.format.clone()).unwrap_or_default(),
         map: record.binding.as_ref().map(|b| b.map.clone()),
@@ -644,7 +665,9 @@ fn attention(record: &FlightRecord) -> Vec<String> {
     reasons.extend(grave);
     let findings = record.criteria.iter().flat_map(|c| &c.findings);
     reasons.extend(findings.filter(|f| f.verdict == CriterionVerdict::Fail).map(report::criterion_sentence));
-    if let Some(damage) = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0) {
+    reasons.extend(record.notices.iter().find(|n| n.code == MINOR_LOSS).map(told));
+    let damage = record.log.as_ref().map(|l| l.bytes.damaged).filter(|bytes| *bytes > 0 && record.has_loss());
+    if let Some(damage) = damage {
         reasons.push(format!("{damage} bytes of the log are damaged"));
     }
     let losses: Vec<&Notice> = record.notices.iter().filter(|n| n.severity == Severity::Loss).collect();

@@ -37,6 +37,13 @@ pub(crate) fn claim(store: &Store, inputs: &[PathBuf]) -> Result<(), CampaignErr
     Ok(store.write(SOURCE, text.as_bytes(), Keep::Renewable)?)
 }
 
+/// Where the logs of the report in `out` lie; `None` if it does not say.
+pub(crate) fn of(out: &Path) -> Option<String> {
+    let known = std::fs::read_to_string(out.join(SOURCE)).ok()?;
+    let (first, more) = (known.lines().next()?, known.lines().count() - 1);
+    Some(if more == 0 { first.to_owned() } else { format!("{first} and {more} more") })
+}
+
 fn lines(inputs: &[PathBuf]) -> Vec<String> {
     let whole = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
     inputs.iter().map(|path| whole(path).display().to_string().replace(['\n', '\r'], "?")).collect()

@@ -226,6 +226,7 @@ mod tests {
             page: "flights/x/index.html".into(),
             outcome: Outcome::Compensated,
             lossy: false,
+            minor_loss: false,
             tail_cut_bytes: 0,
             format: "MCAP".into(),
             map: None,

@@ -67,6 +67,12 @@ impl Notices {
         }
     }
 
+    /// Makes warnings of all losses, for a log whose losses touch no result.
+    pub fn lower_losses(&mut self) {
+        let losses = self.0.iter_mut().filter(|notice| notice.severity == Severity::Loss);
+        losses.for_each(|notice| notice.severity = Severity::Warning);
+    }
+
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &Notice> {
         self.0.iter()

@@ -18,8 +18,11 @@ pub struct FlightRow {
     /// What came of it.
     #[serde(flatten)]
     pub outcome: Outcome,
-    /// Bytes or messages were lost.
+    /// Bytes or messages were lost, and that touches a result or is a thousandth of the log or more.
     pub lossy: bool,
+    /// Less was lost, and it touches no result.
+    #[serde(default)]
+    pub minor_loss: bool,
     /// Bytes of last records that were cut, as at power-off: no loss.
     #[serde(default)]
     pub tail_cut_bytes: u64,

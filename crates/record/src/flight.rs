@@ -100,10 +100,19 @@ pub struct FlightRecord {
     pub notices: Notices,
 }
 
+/// Code of the notice that says that what was lost touches no result.
+pub const MINOR_LOSS: &str = "minor-loss";
+
 impl FlightRecord {
-    /// Whether bytes or messages that the logger wrote were lost.
+    /// Whether bytes or messages that the logger wrote were lost, and that touches a result or is much.
     #[must_use]
     pub fn has_loss(&self) -> bool {
         self.notices.any_loss()
+    }
+
+    /// Whether a little was lost that touches no result.
+    #[must_use]
+    pub fn has_minor_loss(&self) -> bool {
+        self.notices.iter().any(|notice| notice.code == MINOR_LOSS)
     }
 }

@@ -39,8 +39,9 @@ mod verdict;
 
 pub use criterion::criterion_sentence;
 pub use page::{
-    BenchPage, CardPage, CardRecord, FlightPage, IndexedCard, TABLE_FOLDER, TrackExcerpt, bench_site, campaign_site,
-    card_site, cards_site, changes_site, excerpt_flights, flight_site, monte_carlo_site,
+    BenchPage, CardPage, CardRecord, FlightPage, IndexedCard, REPORTS_TITLE, ReportEntry, TABLE_FOLDER, TrackExcerpt,
+    bench_site, campaign_site, card_site, cards_site, changes_site, excerpt_flights, flight_site, monte_carlo_site,
+    reports_page,
 };
 pub use site::Site;
 

@@ -15,6 +15,7 @@ mod lateness;
 mod method;
 mod monte_carlo;
 mod provenance;
+mod reports;
 mod score;
 mod style;
 mod sweep;
@@ -26,6 +27,7 @@ pub use cards::{IndexedCard, cards_site};
 pub use changes::changes_site;
 pub use flight::{FlightPage, flight_site};
 pub use monte_carlo::monte_carlo_site;
+pub use reports::{REPORTS_TITLE, ReportEntry, reports_page};
 #[cfg(test)]
 pub(crate) use style::CSS;
 
@@ -80,6 +82,11 @@ fn document(title: &str, needs: Needs, body: Markup) -> String {
 
 fn data_lost() -> Markup {
     badge("lost", "▲", "LOG DAMAGED")
+}
+
+/// A little of the log was lost, and that touches no result.
+fn minor_loss() -> Markup {
+    badge("unsure", "▲", "minor loss")
 }
 
 /// The log ends inside its last record: nothing that touches a result.

@@ -78,6 +78,7 @@ fn what_contradicts_a_delay_is_among_the_alarms_of_the_terminal_and_of_json() {
         decision: Some(&decision(Some("400 ms is contradicted"))),
         effect: None,
         failed: None,
+        minor_loss: false,
         damaged: false,
         tail_cut: false,
         pending: None,

@@ -1,7 +1,7 @@
 //! How good the data are: channels, topics, bytes, damage, notices, and the map that was taken.
 
 use super::Head::{Number, Text};
-use super::{data_lost, maybe, more, rows, table, tail_cut};
+use super::{data_lost, maybe, minor_loss, more, rows, table, tail_cut};
 use crate::number;
 use crate::text::shown;
 use flight::{
@@ -9,7 +9,7 @@ use flight::{
     Severity, StampHealth, StampOffset, TopicHealth,
 };
 use maud::{Markup, html};
-use record::FlightRecord;
+use record::{FlightRecord, MINOR_LOSS};
 
 /// Most rows of each list on the page; the record holds all.
 const MOST_CHANNELS: usize = 60;
@@ -347,6 +347,7 @@ pub(super) fn notice_words(notices: &Notices) -> Markup {
     let (losses, warnings) = (number_of(Severity::Loss), number_of(Severity::Warning));
     html! {
         @if notices.any_loss() { (data_lost()) }
+        @else if notices.iter().any(|n| n.code == MINOR_LOSS) { a href="#notices" { (minor_loss()) } }
         @else if notices.iter().any(|n| n.code == "tail-cut") { a href="#notices" { (tail_cut()) } }
         @if losses + warnings > 0 {
             a href="#notices" {

@@ -1,7 +1,7 @@
 //! The table of all flights: the gravest first, with what the script filters by.
 
 use super::super::Head::{self, Number, Text};
-use super::super::{Needs, criteria, data_lost, document, files, lateness, tail_cut};
+use super::super::{Needs, criteria, data_lost, document, files, lateness, minor_loss, tail_cut};
 use super::attention::{self, Reasons};
 use super::gravity;
 use crate::criterion::criterion_word;
@@ -237,6 +237,7 @@ fn minute(instant: &str) -> String {
 fn data_word(row: &FlightRow) -> Markup {
     match data_name(row) {
         "damaged" => data_lost(),
+        "minor loss" => minor_loss(),
         "tail cut" => tail_cut(),
         "" => html! { "—" },
         name => html! { (name) },
@@ -247,6 +248,7 @@ fn data_name(row: &FlightRow) -> &'static str {
     match row.outcome {
         _ if row.lossy => "damaged",
         Outcome::Failed { .. } | Outcome::Pending { .. } => "",
+        _ if row.minor_loss => "minor loss",
         _ if row.tail_cut_bytes > 0 => "tail cut",
         _ => "whole",
     }
@@ -255,9 +257,10 @@ fn data_name(row: &FlightRow) -> &'static str {
 fn data_rank(row: &FlightRow) -> u8 {
     match data_name(row) {
         "damaged" => 0,
-        "tail cut" => 1,
-        "whole" => 2,
-        _ => 3,
+        "minor loss" => 1,
+        "tail cut" => 2,
+        "whole" => 3,
+        _ => 4,
     }
 }
 

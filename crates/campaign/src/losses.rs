@@ -1,0 +1,127 @@
+//! Which losses of a log touch what is found in it.
+//!
+//! A loss is red and ends with exit code 3, unless it is minor: then it is amber, counted and named, and the exit code is 0. It is
+//! minor if less than a thousandth of the log is lost, and what is lost is of topics that no channel is bound from, or leaves
+//! no hole in any channel that is bound.
+
+use flight::{Binding, ByteLedger, ChannelHealth, LogHealth, Notice, Notices, Severity};
+use record::MINOR_LOSS;
+use std::collections::BTreeSet;
+
+/// A step between timestamps that is longer than so many usual ones is a hole: one row is missing.
+const HOLE: f64 = 1.5;
+
+/// Makes warnings of the losses of a log, if all of them are minor, and says why.
+pub(crate) fn weigh(notices: &mut Notices, health: &LogHealth, binding: &Binding) {
+    let losses = || notices.iter().filter(|notice| notice.severity == Severity::Loss);
+    if losses().next().is_none() || !is_small(health) {
+        return;
+    }
+    let elsewhere: BTreeSet<&str> = losses().filter_map(|loss| unused_topic(loss, health, binding)).collect();
+    let harmless = |loss: &Notice| {
+        unused_topic(loss, health, binding).is_some() || loss.code == "damaged" && is_without_hole(binding)
+    };
+    if !losses().all(harmless) {
+        return;
+    }
+    let why = match elsewhere.into_iter().collect::<Vec<_>>()[..] {
+        [] => "no channel that is used has a hole".to_owned(),
+        [topic] => format!("no result uses {topic}"),
+        [topic, ..] => format!("no result uses {topic} and the other topics that were hit"),
+    };
+    let count = losses().count() as u64;
+    notices.lower_losses();
+    let text = format!("less than 0.1 % of the log could not be read, and that touches no result: {why}");
+    notices.push(Severity::Warning, MINOR_LOSS, "", count, text);
+}
+
+/// Whether less than a thousandth of the bytes and of the messages is lost.
+fn is_small(health: &LogHealth) -> bool {
+    let small = |part: u64, whole: u64| part == 0 || (part as f64) < ByteLedger::LARGEST_TAIL * whole as f64;
+    small(health.bytes.damaged, health.bytes.size) && small(health.undecodable, health.messages)
+}
+
+/// The topic that a loss is of, if the notice names one and no channel is bound from it. A table of text is a topic with the
+/// name of its file.
+fn unused_topic<'n>(loss: &'n Notice, health: &LogHealth, binding: &Binding) -> Option<&'n str> {
+    let place = &loss.place;
+    let file = || place.split(", ").next().map(|file| file.strip_suffix(".csv").unwrap_or(file));
+    let topic = place.strip_prefix("topic ").or_else(file)?;
+    let is_topic = health.topics.iter().any(|known| known.name == topic);
+    let is_used = binding.channels.iter().any(|channel| channel.source.topic == topic);
+    (is_topic && !is_used).then_some(topic)
+}
+
+fn is_without_hole(binding: &Binding) -> bool {
+    let whole = |channel: &ChannelHealth| {
+        let steps = channel.stamps.as_ref().and_then(|stamps| stamps.steps_s);
+        steps.is_some_and(|steps| steps.max <= HOLE * steps.median)
+    };
+    binding.channels.iter().all(whole)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    const WHOLE: u64 = 1_000_000;
+
+    /// Notices after weighing losses of a log with the topics `gps`, which a channel is bound from, and `camera`.
+    fn weighed(losses: &[(&str, &str)], damaged: u64, longest_step_s: f64) -> Notices {
+        let topic = |name: &str| {
+            json!({ "name": name, "type_name": "", "encoding": "csv", "messages": 100, "payload_bytes": 0, "stamps": [],
+                    "decoded": true, "reason": "" })
+        };
+        let health = LogHealth {
+            bytes: ByteLedger { size: WHOLE, damaged, ..ByteLedger::default() },
+            messages: 10_000,
+            topics: vec![
+                serde_json::from_value(topic("gps")).unwrap(),
+                serde_json::from_value(topic("camera")).unwrap(),
+            ],
+            ..LogHealth::default()
+        };
+        let steps = json!({ "min": 0.2, "p01": 0.2, "median": 0.2, "p99": 0.2, "max": longest_step_s });
+        let channel = json!({
+            "name": "position.gps", "quantity": "position-geodetic", "absent": [], "rows": 100, "used": 100, "rejected": [],
+            "source": { "topic": "gps", "type_name": "", "fields": [] },
+            "offsets": [], "held": null,
+            "stamps": { "kind": "logged", "clock": "boot", "source": "t", "first_ns": 0, "last_ns": 1, "count": 100, "rate_hz": 5.0,
+                        "steps_s": steps, "gap_count": 0, "gaps": [], "duplicates": 0, "back_jumps": 0 }
+        });
+        let binding = json!({ "map": "m", "why": "", "others": [], "channels": [channel] });
+        let mut notices = Notices::new();
+        losses.iter().for_each(|(code, place)| notices.push(Severity::Loss, code, *place, 1, "lost"));
+        weigh(&mut notices, &health, &serde_json::from_value(binding).unwrap());
+        notices
+    }
+
+    fn is_minor(losses: &[(&str, &str)], damaged: u64, longest_step_s: f64) -> bool {
+        let notices = weighed(losses, damaged, longest_step_s);
+        let says_so = notices.iter().any(|notice| notice.code == MINOR_LOSS);
+        assert_eq!(says_so, !notices.any_loss(), "{notices:?}");
+        assert_eq!(notices.len(), losses.len() + usize::from(says_so), "nothing is dropped in silence");
+        says_so
+    }
+
+    #[test]
+    fn a_few_bytes_are_minor_where_no_bound_channel_has_a_hole() {
+        let bytes = [("damaged", "a.bin, bytes 10 to 20")];
+        assert!(is_minor(&bytes, 999, 0.29));
+        assert!(!is_minor(&bytes, 999, 0.31), "a row is missing");
+        assert!(!is_minor(&bytes, 1000, 0.2), "a thousandth of the log");
+    }
+
+    #[test]
+    fn a_loss_in_a_topic_that_nothing_uses_is_minor_and_named() {
+        let (camera, gps) = (("undecodable", "topic camera"), ("undecodable", "topic gps"));
+        assert!(is_minor(&[camera], 0, 9.0));
+        assert!(is_minor(&[("bad-number", "camera.csv, line 4"), ("damaged", "camera.csv, bytes 0 to 9")], 9, 9.0));
+        assert!(!is_minor(&[gps], 0, 0.2) && !is_minor(&[camera, gps], 0, 0.2));
+        assert!(!is_minor(&[camera], WHOLE / 2, 0.2), "half of the log");
+        assert!(!is_minor(&[("missing-messages", "a.bag")], 0, 0.2), "of which topic they were is not known");
+        let said: Vec<String> = weighed(&[camera], 0, 0.2).iter().map(|n| n.text.clone()).collect();
+        assert!(said.iter().any(|text| text.ends_with("touches no result: no result uses camera")), "{said:?}");
+    }
+}
