@@ -61,6 +61,14 @@ fn without_an_output_folder_the_report_is_named_after_the_flights() {
     let ended = flightlag(["campaign", "may", "--quiet"]).current_dir(folder.path()).status().unwrap();
     assert_eq!(ended.code(), Some(0));
     assert!(folder.path().join("reports/may/index.html").is_file());
+    // One page leads to all reports, and is made again where it is missing, though nothing changed.
+    let all = folder.path().join("reports/index.html");
+    let page = fs::read_to_string(&all).unwrap();
+    assert!(page.contains("href=\"may/index.html\"") && !page.contains("<script"), "{page}");
+    assert!(page.contains("400") && page.contains("ms later than velocity.gps"), "{page}");
+    fs::remove_file(&all).unwrap();
+    flightlag(["campaign", "may", "--quiet"]).current_dir(folder.path()).status().unwrap();
+    assert_eq!(fs::read_to_string(&all).unwrap(), page);
 }
 
 #[test]
@@ -168,6 +176,12 @@ fn the_demo_runs_and_says_which_page_to_open() {
     for card in ["sim-0001/index.html", "sim-0002/index.html"] {
         assert!(index.contains(&format!("href=\"{card}\"")) && demo.join("bench-report").join(card).exists(), "{card}");
     }
+}
+
+#[test]
+fn the_example_of_a_channel_map_is_printed() {
+    let text = text(&run(["maps", "--example"], 0).stdout);
+    assert!(text.contains("#:schema") && text.contains("[[channel]]") && text.contains("height_above = "), "{text}");
 }
 
 #[test]

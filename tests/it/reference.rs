@@ -6,6 +6,7 @@ use simulate::{FlightSettings, SensorSettings, simulate};
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 /// 2021-05-04 12:00:00 UTC, when GPS time was 18 s ahead.
 const START_S: i64 = 1_620_129_600;
@@ -111,6 +112,50 @@ fn a_second_file_with_a_clock_of_its_own_is_tied_by_the_velocity() {
     let offset: f64 = words.split(" is ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!((offset - (17.0 - gps_s as f64)).abs() < 0.01, "{words}");
     assert_eq!(line["error_raw_m"].as_f64().map(|m| m > 1.0), Some(true));
+}
+
+/// Compiles C files with all compilers of this machine, without a warning and together in one program.
+fn compiles(folder: &Path, sources: &[&str]) {
+    for compiler in ["gcc", "clang"] {
+        let strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-shared", "-fPIC", "-o", "all.so"];
+        match Command::new(compiler).args(strict).args(sources).current_dir(folder).output() {
+            Ok(done) => assert!(done.status.success(), "{compiler}: {}", text(&done.stderr)),
+            Err(_) => println!("SKIPPED: no `{compiler}` on this machine"),
+        }
+    }
+}
+
+#[test]
+fn a_campaign_writes_its_delay_as_c_that_compiles_without_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let flights = folder.path().join("flights");
+    fs::create_dir(&flights).unwrap();
+    for (name, seed) in [("one", 5), ("two", 6)] {
+        let flight = flown(seed);
+        write_table(&flight, &flights.join(format!("{name}_POS.csv")), START_S as f64);
+        write_pos(&flight, &flights.join(format!("{name}.pos")));
+    }
+    let campaign = |reference: &[&str]| {
+        let asked = ["campaign", "flights", "--out", "out", "--c", "c", "--step-s", "0.02"];
+        flightlag([&asked, reference].concat()).current_dir(folder.path()).output().unwrap()
+    };
+    let unknown = campaign(&[]);
+    assert_eq!(unknown.status.code(), Some(1), "a lateness relative to the velocity is none to compensate");
+    let why = text(&unknown.stderr);
+    assert!(why.contains("no C was written: how late the position is must be known against the IMU"), "{why}");
+    assert!(!folder.path().join("c").exists() && folder.path().join("out/index.html").exists());
+
+    let known = campaign(&["--reference", "{stem}.pos"]);
+    assert_eq!(known.status.code(), Some(0), "{}", text(&known.stderr));
+    let written = text(&known.stderr);
+    assert!(written.contains("position_delay.h and .c, exact-async, 20"), "{written}");
+    assert!(written.contains("position_delay_pade.h and .c, pade-1-1-tustin, 20"), "{written}");
+    let header = fs::read_to_string(folder.path().join("c/position_delay_pade.h")).unwrap();
+    assert!(header.contains("2 flights of ") && header.contains("against the reference, 95 % "), "{header}");
+    compiles(&folder.path().join("c"), &["position_delay.c", "position_delay_pade.c"]);
+    // The command on the page makes the same report again.
+    let record = fs::read_to_string(folder.path().join("out/campaign.json")).unwrap();
+    assert!(record.contains("--reference '{stem}.pos' --out REPORT"), "{record:.2000}");
 }
 
 #[test]

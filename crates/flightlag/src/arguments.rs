@@ -164,6 +164,8 @@ pub(crate) struct CampaignArguments {
     #[command(flatten)]
     pub(crate) order: Option<OrderArguments>,
     #[command(flatten)]
+    pub(crate) aircraft: AircraftArguments,
+    #[command(flatten)]
     pub(crate) desk: DeskArguments,
 }
 
@@ -185,16 +187,8 @@ pub(crate) struct DelayArguments {
     /// wander and delay of each channel, each with its uncertainty and formula.
     #[arg(long, value_name = "DIR")]
     pub(crate) ekf: Option<PathBuf>,
-    /// Also write the exact compensator as C to this folder, with delay and interval: one header and one C file for each
-    /// group of flights whose lateness is known.
-    #[arg(long, value_name = "DIR")]
-    pub(crate) c: Option<PathBuf>,
-    /// Step of the loop that the C runs in, s.
-    #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c", allow_negative_numbers = true, value_parser = step_s)]
-    pub(crate) step_s: f64,
-    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) params: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) aircraft: AircraftArguments,
     /// Settings (TOML), as for `flightlag campaign`: a delay that they state is tested against each flight.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
@@ -221,12 +215,36 @@ pub(crate) struct DelayArguments {
     pub(crate) quiet: bool,
 }
 
+/// What is written for the aircraft.
+#[derive(Debug, Args)]
+pub(crate) struct AircraftArguments {
+    /// Also write compensators as C to this folder, with delay and interval: the exact form and the paper's (Padé [1/1]), each a
+    /// header and a C file, for each group of flights whose lateness is known.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) c: Option<PathBuf>,
+    /// Step of the loop that the C runs in, s.
+    #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c", allow_negative_numbers = true, value_parser = step_s)]
+    pub(crate) step_s: f64,
+    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) params: Option<PathBuf>,
+}
+
 fn clock_rule(text: &str) -> Result<campaign::ClockRule, String> {
     match text {
         "auto" => Ok(campaign::ClockRule::Auto),
         "same" => Ok(campaign::ClockRule::Same),
         "own" => Ok(campaign::ClockRule::Own),
         _ => Err("must be auto, same or own".to_owned()),
+    }
+}
+
+/// What [`clock_rule`] reads as this rule.
+pub(crate) fn clock_rule_name(rule: campaign::ClockRule) -> &'static str {
+    match rule {
+        campaign::ClockRule::Auto => "auto",
+        campaign::ClockRule::Same => "same",
+        campaign::ClockRule::Own => "own",
     }
 }
 
@@ -328,6 +346,8 @@ pub(crate) enum Step {
         /// The manifest.
         #[arg(long, value_name = "FILE")]
         manifest: PathBuf,
+        #[command(flatten)]
+        aircraft: AircraftArguments,
         #[command(flatten)]
         desk: DeskArguments,
     },
@@ -546,6 +566,9 @@ pub(crate) struct MapsArguments {
     /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
+    /// Print the commented example that uses every key, as a start for one of your own.
+    #[arg(long, conflicts_with_all = ["name", "suggest"])]
+    pub(crate) example: bool,
     /// Print a channel map for this table, guessed from the names of its columns, their units and its motion.
     #[arg(long, value_name = "LOG", conflicts_with = "name")]
     pub(crate) suggest: Option<PathBuf>,

@@ -1,6 +1,7 @@
 //! `flightlag campaign`: the whole on this machine, or one step of it on a cluster.
 
-use crate::arguments::{CampaignArguments, DeskArguments, OrderArguments, Step};
+use crate::aircraft;
+use crate::arguments::{AircraftArguments, CampaignArguments, DeskArguments, OrderArguments, Step, clock_rule_name};
 use crate::delay_command;
 use crate::failure::{End, Failure};
 use crate::listen::listener;
@@ -16,7 +17,7 @@ use std::path::{Path, PathBuf};
 pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Failure> {
     match (arguments.step, arguments.order) {
         (Some(step), _) => take(step, stop),
-        (None, Some(order)) => whole(&order, &arguments.desk, stop),
+        (None, Some(order)) => whole(&order, &arguments.aircraft, &arguments.desk, stop),
         (None, None) => {
             let usage = "which campaign? flightlag campaign FLIGHTS [--out DIR] (more: flightlag campaign --help)";
             Err(Failure::new(Exit::Wrong, usage))
@@ -24,8 +25,9 @@ pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Fail
     }
 }
 
-fn whole(order: &OrderArguments, desk: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
+fn whole(order: &OrderArguments, files: &AircraftArguments, desk: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
     let verdict = run_order(&order_of(order)?, desk, stop)?;
+    aircraft::write(files, &verdict.groups)?;
     Ok(verdict.exit().into())
 }
 
@@ -44,7 +46,7 @@ fn take(step: Step, stop: &Stop) -> Result<End, Failure> {
             plan(&order, &path, max_shards, &desk, stop)
         }
         Step::Task { manifest, shard, desk } => task(&manifest, shard, &desk, stop),
-        Step::Reduce { manifest, desk } => reduce(&manifest, &desk, stop),
+        Step::Reduce { manifest, aircraft, desk } => reduce(&manifest, &aircraft, &desk, stop),
         Step::Status { manifest, json } => status(&manifest, json),
     }
 }
@@ -77,11 +79,12 @@ fn task(path: &Path, shard: u32, arguments: &DeskArguments, stop: &Stop) -> Resu
     Ok(report.exit().into())
 }
 
-fn reduce(path: &Path, arguments: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
+fn reduce(path: &Path, files: &AircraftArguments, arguments: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
     let events = listener(arguments);
     let manifest = Manifest::read(path)?;
     let verdict = campaign::reduce(&manifest, &desk(arguments, stop, events.as_ref()))?;
     say_verdict(&verdict, manifest.out(), arguments)?;
+    aircraft::write(files, &verdict.groups)?;
     Ok(verdict.exit().into())
 }
 
@@ -245,6 +248,14 @@ fn command_of(arguments: &OrderArguments) -> String {
     }
     if let Some(map) = &arguments.map {
         command += &format!(" --map {}", quoted(map));
+    }
+    if let Some(file) = &arguments.reference {
+        let file = Path::new(file);
+        let name = if file.is_file() { name_for_shell(file) } else { quoted(&file.to_string_lossy()) };
+        command += &format!(" --reference {name}");
+    }
+    if let Some(rule) = arguments.reference_clock {
+        command += &format!(" --reference-clock {}", clock_rule_name(rule));
     }
     command + " --out REPORT"
 }

@@ -1,14 +1,17 @@
 //! `flightlag delay`: how late the positions of some logs are.
 
+use crate::aircraft;
 use crate::arguments::{DelayArguments, DeskArguments};
 use crate::campaign_command::{desk, pipeline_of, with_reference};
 use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
-use campaign::{DelayLine, DelayOrder, Exit, GroupLine, LineSetting, delay_report, delay_schema};
+use campaign::{DelayLine, DelayOrder, DelayReport, Exit, GroupLine, LineSetting, delay_report, delay_schema};
+use compensation_replay::ekf_values_toml;
 use record::Estimate;
 use std::io::Write;
+use std::path::Path;
 
 /// Most lines of flights at the end of a campaign; its page has all.
 const MOST_FLIGHTS: usize = 40;
@@ -29,13 +32,31 @@ pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failur
     let events = listener(&asked);
     let report = delay_report(&order, &desk(&asked, stop, events.as_ref()))?;
     drop(events);
-    crate::delay_files::write(arguments, &report)?;
     match (arguments.json, arguments.csv) {
         (true, _) => writeln!(out, "{}", serde_json::to_string_pretty(&report).unwrap_or_default())?,
         (_, true) => report.write_csv(&mut out)?,
         _ => write!(out, "{}", visible_lines(&text(&report.flights, &report.groups, usize::MAX)))?,
     }
+    if let Some(folder) = &arguments.ekf {
+        filter_values(folder, &report)?;
+    }
+    aircraft::write(&arguments.aircraft, &report.groups)?;
     Ok(report.exit().into())
+}
+
+/// One file for each flight whose delays were measured.
+fn filter_values(folder: &Path, report: &DelayReport) -> Result<(), Failure> {
+    aircraft::make(folder)?;
+    for (name, values) in &report.filter_values {
+        aircraft::put(&folder.join(format!("{name}.ekf.toml")), &ekf_values_toml(values))?;
+    }
+    let written = report.filter_values.len();
+    let flights = count(report.flights.len() as u64, "flight");
+    aircraft::say(&format!(
+        "values for the design of a filter written of {written} of {flights}: {}",
+        folder.display()
+    ));
+    Ok(())
 }
 
 fn visible_lines(text: &str) -> String {
@@ -68,7 +89,7 @@ fn one_flight(line: &DelayLine) -> String {
     row("position - velocity", expanded_ms(line.position_minus_velocity_s, line.position_minus_velocity_u_s));
     row("removed by default", removed(line));
     row("effect", line.effect_words.clone());
-    row("data", if line.data == "whole" { String::new() } else { line.data.replace('-', " ") });
+    row("data", data(&line.data));
     row("set", settings(&line.set));
     row("fly", line.fly.clone().unwrap_or_default());
     row("group", line.group.clone());
@@ -77,6 +98,15 @@ fn one_flight(line: &DelayLine) -> String {
         row(&alarm.gravity, alarm.text.clone());
     }
     text
+}
+
+/// Empty for a log that is whole.
+fn data(word: &str) -> String {
+    match word {
+        "whole" => String::new(),
+        "minor-loss" => "minor loss: less than 0.1 % of the log, and no result uses it".to_owned(),
+        _ => word.replace('-', " "),
+    }
 }
 
 fn groups_text(groups: &[GroupLine]) -> String {

@@ -1,12 +1,12 @@
 //! The command: what the user typed becomes calls of the crates below, and what they find becomes text.
 
+mod aircraft;
 mod arguments;
 mod bench_command;
 mod campaign_command;
 mod compensator;
 mod criteria;
 mod delay_command;
-mod delay_files;
 mod demo;
 mod export;
 mod failure;

@@ -11,6 +11,10 @@ use std::io::Write;
 use std::path::Path;
 
 pub(crate) fn run(arguments: &MapsArguments, stop: &Stop) -> Result<End, Failure> {
+    if arguments.example {
+        write!(std::io::stdout(), "{}", ingest::EXAMPLE_MAP)?;
+        return Ok(Exit::Well.into());
+    }
     let library = library(arguments.maps.as_deref())?;
     if let Some(log) = &arguments.suggest {
         let unit = unit_of_table(log, &library)?;

@@ -1,58 +1,45 @@
-//! What `flightlag delay` writes where it is asked to: values for a filter, C for the aircraft, parameters for an autopilot.
+//! What is written for the aircraft: compensators as C, and the parameter of an autopilot, for each group of flights whose
+//! lateness is known.
 
-use crate::arguments::DelayArguments;
+use crate::arguments::AircraftArguments;
 use crate::failure::Failure;
 use crate::show::{count, visible};
-use campaign::{DelayReport, Exit, GroupLine};
+use campaign::{Exit, GroupLine};
 use compensation_replay::{
-    CExport, CFloat, CompensatorKind, MeasuredAgainst, ParameterFit, autopilot_advice, ekf_values_toml, export_c,
+    CExport, CFloat, CompensatorKind, Discretisation, MeasuredAgainst, ParameterFit, autopilot_advice, export_c,
 };
 use flight::Delay;
 use std::io::Write;
 use std::path::Path;
 
-pub(crate) fn write(arguments: &DelayArguments, report: &DelayReport) -> Result<(), Failure> {
-    if let Some(folder) = &arguments.ekf {
-        filter_values(folder, report)?;
-    }
+/// Writes what was asked for.
+pub(crate) fn write(arguments: &AircraftArguments, groups: &[GroupLine]) -> Result<(), Failure> {
     if let Some(folder) = &arguments.c {
-        compensators(folder, arguments.step_s, report)?;
+        compensators(folder, arguments.step_s, groups)?;
     }
     if let Some(file) = &arguments.params {
-        put(file, &parameters(report)?)?;
+        put(file, &parameters(groups)?)?;
         say(&format!("parameters written: {}", file.display()));
     }
     Ok(())
 }
 
-fn put(path: &Path, text: &str) -> Result<(), Failure> {
+pub(crate) fn put(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|e| failed(path, &e))
 }
 
 /// On standard error: standard output is for the answer.
-fn say(text: &str) {
-    // If standard error is closed, nobody is left to be told.
+pub(crate) fn say(text: &str) {
+    // If standard error is closed, nobody is left to read it.
     let _ = writeln!(std::io::stderr(), "{}", visible(text));
 }
 
-fn make(folder: &Path) -> Result<(), Failure> {
+pub(crate) fn make(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, &e))
 }
 
 fn failed(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(Exit::Failed, format!("{}: {error}", path.display()))
-}
-
-/// One file for each flight whose delays were measured.
-fn filter_values(folder: &Path, report: &DelayReport) -> Result<(), Failure> {
-    make(folder)?;
-    for (name, values) in &report.filter_values {
-        put(&folder.join(format!("{name}.ekf.toml")), &ekf_values_toml(values))?;
-    }
-    let written = report.filter_values.len();
-    let flights = count(report.flights.len() as u64, "flight");
-    say(&format!("values for the design of a filter written of {written} of {flights}: {}", folder.display()));
-    Ok(())
 }
 
 /// Delay of a group that a compensator can remove, s. `None` where it is not known against the IMU or a reference, is not one
@@ -61,48 +48,63 @@ fn delay_of(group: &GroupLine) -> Option<f64> {
     group.lateness_s.filter(|s| *s > 0.0 && !group.set.is_empty() && !group.datum.starts_with("relative"))
 }
 
-/// The exact form of each group whose lateness is known, with delay and interval.
-fn compensators(folder: &Path, step_s: f64, report: &DelayReport) -> Result<(), Failure> {
-    let late: Vec<(&GroupLine, f64)> = report.groups.iter().filter_map(|g| Some((g, delay_of(g)?))).collect();
+/// The exact and the paper's form of each group whose lateness is known, with delay and interval.
+fn compensators(folder: &Path, step_s: f64, groups: &[GroupLine]) -> Result<(), Failure> {
+    let late: Vec<(&GroupLine, f64)> = groups.iter().filter_map(|g| Some((g, delay_of(g)?))).collect();
     if late.is_empty() {
-        return Err(nothing("no C was written", report));
+        return Err(nothing("no C was written", groups));
     }
     make(folder)?;
     for (k, (group, delay_s)) in late.iter().enumerate() {
         let prefix = if late.len() == 1 { "position_delay".to_owned() } else { format!("position_delay_{}", k + 1) };
-        let interval = group.lateness_low_s.zip(group.lateness_high_s);
-        let interval = interval.map_or(String::new(), |(a, b)| format!(", 95 % {:.1} to {:.1} ms", 1e3 * a, 1e3 * b));
-        let flights = count(group.pooled, "flight");
-        let export = CExport {
-            kind: CompensatorKind::ExactAsync,
-            prefix,
-            delay_s: *delay_s,
-            delay_uncertainty_s: group.lateness_u_s,
-            delay_source: format!("{flights} of {}, against the {}{interval}", group.group, group.datum),
-            step_s,
-            max_age_s: MAX_AGE_S,
-            real: CFloat::Double,
-        };
-        let source = export_c(&export).map_err(|e| Failure::new(Exit::Wrong, e.to_string()))?;
-        put(&folder.join(&source.header_name), &source.header)?;
-        put(&folder.join(&source.source_name), &source.source)?;
-        say(&format!(
-            "C written: {} and .c, {:.1} ms, {}",
-            folder.join(&source.header_name).display(),
-            1e3 * delay_s,
-            group.group
-        ));
+        let forms = [(CompensatorKind::ExactAsync, prefix.clone()), (PAPERS, format!("{prefix}_pade"))];
+        for (kind, prefix) in forms {
+            let file = compensator(folder, kind, prefix, group, *delay_s, step_s)?;
+            say(&format!("C written: {file} and .c, {kind}, {:.1} ms, {}", 1e3 * delay_s, group.group));
+        }
     }
     Ok(())
+}
+
+/// The filter of Park and Lee (2010).
+const PAPERS: CompensatorKind = CompensatorKind::Pade { m: 1, n: 1, rule: Discretisation::Tustin };
+
+/// Writes one compensator; gives its header.
+fn compensator(
+    folder: &Path,
+    kind: CompensatorKind,
+    prefix: String,
+    group: &GroupLine,
+    delay_s: f64,
+    step_s: f64,
+) -> Result<String, Failure> {
+    let interval = group.lateness_low_s.zip(group.lateness_high_s);
+    let interval = interval.map_or(String::new(), |(a, b)| format!(", 95 % {:.1} to {:.1} ms", 1e3 * a, 1e3 * b));
+    let flights = count(group.pooled, "flight");
+    let export = CExport {
+        kind,
+        prefix,
+        delay_s,
+        delay_uncertainty_s: group.lateness_u_s,
+        delay_source: format!("{flights} of {}, against the {}{interval}", group.group, group.datum),
+        step_s,
+        max_age_s: MAX_AGE_S,
+        real: CFloat::Double,
+    };
+    let source = export_c(&export).map_err(|e| Failure::new(Exit::Wrong, e.to_string()))?;
+    let header = folder.join(&source.header_name);
+    put(&header, &source.header)?;
+    put(&folder.join(&source.source_name), &source.source)?;
+    Ok(header.display().to_string())
 }
 
 /// Oldest fix that the written C takes, s.
 const MAX_AGE_S: f64 = 1.0;
 
 /// A file that Mission Planner and MAVProxy (ArduPilot) or QGroundControl (PX4) load.
-fn parameters(report: &DelayReport) -> Result<String, Failure> {
+fn parameters(groups: &[GroupLine]) -> Result<String, Failure> {
     let mut lines = vec![];
-    for group in &report.groups {
+    for group in groups {
         let Some(delay_s) = delay_of(group) else { continue };
         let Some(set) = group.set.iter().find(|set| set.unit == "ms") else { continue };
         let delay = Delay::from_seconds(delay_s).unwrap_or(Delay::ZERO);
@@ -118,7 +120,7 @@ fn parameters(report: &DelayReport) -> Result<String, Failure> {
         lines.push((group, line(known.name, known.value_ms), known));
     }
     match &lines[..] {
-        [] => Err(nothing("no parameters were written", report)),
+        [] => Err(nothing("no parameters were written", groups)),
         [(group, line, known)] => {
             let interval = known.interval_ms.map_or(String::new(), |[a, b]| format!(", {a} to {b} ms (k = 2)"));
             Ok(format!("# {}: {} = {} ms{interval}\n{line}\n", group.group, known.name, known.value_ms))
@@ -146,8 +148,8 @@ fn line(name: &str, value_ms: i64) -> String {
 }
 
 /// No group has a delay that can be written.
-fn nothing(what: &str, report: &DelayReport) -> Failure {
-    let why: Vec<String> = report.groups.iter().map(|g| format!("{}: {}", g.group, g.words)).collect();
+fn nothing(what: &str, groups: &[GroupLine]) -> Failure {
+    let why: Vec<String> = groups.iter().map(|g| format!("{}: {}", g.group, g.words)).collect();
     let why = if why.is_empty() { "no flight was measured".to_owned() } else { why.join("; ") };
     Failure::new(
         Exit::Failed,
@@ -182,15 +184,11 @@ mod tests {
         }
     }
 
-    fn report(groups: Vec<GroupLine>) -> DelayReport {
-        DelayReport { schema: 1, groups, ..DelayReport::default() }
-    }
-
     #[test]
     fn parameters_are_in_the_autopilots_own_format() {
-        let ardupilot = parameters(&report(vec![group("u-blox", 0.201, "imu", "GPS1_DELAY_MS")])).unwrap();
+        let ardupilot = parameters(&[group("u-blox", 0.201, "imu", "GPS1_DELAY_MS")]).unwrap();
         assert_eq!(ardupilot, "# u-blox: GPS1_DELAY_MS = 201 ms, 193 to 209 ms (k = 2)\nGPS1_DELAY_MS,201\n");
-        let px4 = parameters(&report(vec![group("F9P", 0.11, "imu", "EKF2_GPS_DELAY")])).unwrap();
+        let px4 = parameters(&[group("F9P", 0.11, "imu", "EKF2_GPS_DELAY")]).unwrap();
         assert!(px4.ends_with("\n1\t1\tEKF2_GPS_DELAY\t110.000000000000000000\t9\n"), "{px4}");
     }
 
@@ -205,7 +203,7 @@ mod tests {
             ),
             (vec![], "no flight was measured"),
         ] {
-            let refused = parameters(&report(groups)).unwrap_err();
+            let refused = parameters(&groups).unwrap_err();
             assert!(format!("{refused:?}").contains(why), "{refused:?}");
         }
     }
@@ -213,15 +211,13 @@ mod tests {
     #[test]
     fn each_group_gets_its_own_c() {
         let folder = tempfile::tempdir().unwrap();
-        let two = report(vec![
-            group("a", 0.2, "imu", "x"),
-            group("b", 0.1, "imu", "x"),
-            group("c", 0.1, "relative to v", "x"),
-        ]);
+        let two = [group("a", 0.2, "imu", "x"), group("b", 0.1, "imu", "x"), group("c", 0.1, "relative to v", "x")];
         compensators(folder.path(), 0.01, &two).unwrap();
         let header = std::fs::read_to_string(folder.path().join("position_delay_2.h")).unwrap();
         assert!(header.contains("Td     0.100000 s, standard uncertainty 4.000 ms (k = 1)"), "{header}");
         assert!(header.contains("from   8 flights of b, against the imu, 95 % 92.0 to 108.0 ms"), "{header}");
+        let pade = std::fs::read_to_string(folder.path().join("position_delay_2_pade.h")).unwrap();
+        assert!(pade.contains("Pade [1/1], tustin") && pade.contains("95 % 92.0 to 108.0 ms"), "{pade}");
         assert!(!folder.path().join("position_delay_3.h").exists());
     }
 }
