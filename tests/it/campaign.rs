@@ -2,7 +2,6 @@
 
 use crate::program::{assert_same, flightlag, results, run, text, tree};
 use record::{CampaignRecord, FlightRecord, Outcome};
-use simulate::{Container, FlightSettings, McapCompression, McapSettings, simulate};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -59,43 +58,6 @@ fn started(events: &[serde_json::Value]) -> Vec<String> {
     let started = events.iter().filter(|e| e["event"] == "started");
     let names: std::collections::BTreeSet<&str> = started.map(|e| e["flight"].as_str().unwrap()).collect();
     names.into_iter().map(str::to_owned).collect()
-}
-
-/// An MCAP without chunks and so without checksums, in which the length of the message in the middle of a topic is wrong. Gives
-/// its path.
-fn hit(folder: &Path, topic_text: &[u8]) -> String {
-    let settings = FlightSettings { duration_s: 120.0, ..FlightSettings::default() };
-    let container =
-        Container::Mcap(McapSettings { compression: McapCompression::Unchunked, ..McapSettings::default() });
-    let files = container.files(&simulate(&settings).unwrap(), "hit").unwrap();
-    let mut bytes = files[0].bytes.clone();
-    let ends: Vec<usize> =
-        bytes.windows(topic_text.len()).enumerate().filter(|(_, w)| *w == topic_text).map(|(at, _)| at).collect();
-    // Opcode, length, channel, sequence, log time, publish time.
-    let payload = ends[ends.len() / 2];
-    let opcode = (0..payload).rev().find(|at| bytes[*at] == 5 && bytes[at + 4..at + 9] == [0; 5]).unwrap();
-    bytes[opcode + 1] ^= 0x55;
-    fs::create_dir_all(folder).unwrap();
-    let path = folder.join("hit.mcap");
-    fs::write(&path, bytes).unwrap();
-    path.to_str().unwrap().to_owned()
-}
-
-#[test]
-fn a_loss_that_touches_no_result_is_amber_and_one_of_a_position_is_red() {
-    let folder = tempfile::tempdir().unwrap();
-    for (text, exit, data) in [(&b"all well, "[..], 0, "minor-loss"), (b"gps", 3, "damaged")] {
-        let log = hit(&folder.path().join(data), text);
-        let found: serde_json::Value = serde_json::from_slice(&run(["delay", "--json", &log], exit).stdout).unwrap();
-        assert_eq!(found["flights"][0]["data"], data);
-        // The log itself has lost data either way.
-        run(["inspect", &log], 3);
-        let out = folder.path().join(format!("{data}-report"));
-        run(["campaign", folder.path().join(data).to_str().unwrap(), "--out", out.to_str().unwrap()], exit);
-        let page = fs::read_to_string(out.join("flights/hit.mcap/index.html")).unwrap();
-        assert_eq!(page.contains("LOG DAMAGED"), exit == 3, "{data}");
-        assert_eq!(page.contains("touches no result"), exit == 0, "{data}");
-    }
 }
 
 /// A small generator, so that every run of the test kills at the same moments.

@@ -148,8 +148,8 @@ fn a_campaign_writes_its_delay_as_c_that_compiles_without_a_warning() {
     let known = campaign(&["--reference", "{stem}.pos"]);
     assert_eq!(known.status.code(), Some(0), "{}", text(&known.stderr));
     let written = text(&known.stderr);
-    assert!(written.contains("position_delay.h and .c, exact-async, 20"), "{written}");
-    assert!(written.contains("position_delay_pade.h and .c, pade-1-1-tustin, 20"), "{written}");
+    assert!(written.contains("position_delay.h and .c, exact-async, "), "{written}");
+    assert!(written.contains("position_delay_pade.h and .c, pade-1-1-tustin, "), "{written}");
     let header = fs::read_to_string(folder.path().join("c/position_delay_pade.h")).unwrap();
     assert!(header.contains("2 flights of ") && header.contains("against the reference, 95 % "), "{header}");
     compiles(&folder.path().join("c"), &["position_delay.c", "position_delay_pade.c"]);
