@@ -161,6 +161,7 @@ pub fn row(i: usize) -> FlightRow {
         page: format!("flights/{flown_at}-flight-{i:04}/index.html"),
         outcome,
         lossy,
+        minor_loss: false,
         tail_cut_bytes: if i % 7 == 3 { 23 } else { 0 },
         format: "MCAP, ros2".into(),
         map: read.then(|| "mavros".into()),
