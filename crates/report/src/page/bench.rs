@@ -19,7 +19,7 @@ use crate::site::Site;
 use crate::text::{href, shown, shown_block};
 use crate::verdict;
 use flight::Quantity;
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 use record::{BenchFindings, BenchOutcome, BenchRecord, ChannelDynamics, DelayFinding, Finding, TimeBasis, Verdict};
 
 /// What the page of a bench record needs besides the record.
@@ -293,14 +293,20 @@ fn duration(seconds: f64) -> String {
     }
 }
 
+/// The same with the number of the log before the name of each region: two logs have the same tables. Text cannot hold the
+/// attribute, for its quotes are escaped.
+fn numbered_regions(number: usize, health: Markup) -> Markup {
+    PreEscaped(health.into_string().replace("aria-label=\"", &format!("aria-label=\"Log {number}: ")))
+}
+
 fn logs(record: &BenchRecord) -> Markup {
     html! {
         h2 id="health" { "Data health" }
         @if record.logs.is_empty() { p { "No log could be opened, so nothing is known of its data." } }
-        @for log in &record.logs {
+        @for (number, log) in (1..).zip(&record.logs) {
             h3 { "Log of " (shown(&log.role)) }
             (health::channel_map(log.binding.as_ref()))
-            (health::log_health(&log.health, log.binding.as_ref()))
+            (numbered_regions(number, health::log_health(&log.health, log.binding.as_ref())))
         }
     }
 }
