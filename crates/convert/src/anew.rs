@@ -8,7 +8,7 @@ use crate::message_type::MessageType;
 use crate::recording::{Entry, Recording};
 use crate::row_time::{LogTime, LogTimes};
 use flight::{Clock, Notices, TopicHealth};
-use ingest::{Column, Extra, Log, OriginalLog, OriginalTopic, Places, ReadContext, Table, TopicInfo};
+use ingest::{Column, Extra, IngestError, Log, OriginalLog, OriginalTopic, Places, ReadContext, Table, TopicInfo};
 
 /// A table on its way.
 struct Topic<'t> {
@@ -40,7 +40,7 @@ pub(crate) fn write(
     let mut payload = vec![];
     for (count, (number, row, logged_ns)) in in_order(log_times).enumerate() {
         if count.is_multiple_of(ROWS_AT_ONCE) {
-            context.advance(0)?;
+            context.advance(0).map_err(IngestError::from)?;
         }
         let Some(topic) = topics.get(number as usize) else { continue };
         topic.messages.payload(row as usize, &mut payload);

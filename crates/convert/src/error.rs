@@ -45,7 +45,7 @@ impl ConvertError {
     /// What a wish to stop made of it.
     pub(crate) fn or_stopped(self, context: &ReadContext<'_>) -> ConvertError {
         match context.advance(0) {
-            Err(stopped) => ConvertError::Log(stopped),
+            Err(stopped) => ConvertError::Log(stopped.into()),
             Ok(()) => self,
         }
     }

@@ -12,7 +12,9 @@ use crate::recording::{Entry, Recording};
 use crate::row_time::{self, LogTime, LogTimes, RowTime};
 use crate::sheet::{Cells, Sheet, SheetColumn, with_zero_bytes, write_csv, write_parquet_about};
 use flight::{Binding, Channel, Clock, Flight, LogHealth, Notices, Severity, UtcTie};
-use ingest::{Column, ColumnData, Extra, FlightUnit, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo, load};
+use ingest::{
+    Column, ColumnData, Extra, FlightUnit, IngestError, LeftOut, Log, MapLibrary, ReadContext, Table, TopicInfo, load,
+};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read as _};
@@ -393,7 +395,7 @@ fn write_folder(
     let mut folder = Folder::begin(order.out, places, &order.unit.files)?;
     let provenance = provenance(order, read, places, context)?;
     for (number, (source, place)) in read.sources.iter().zip(places).enumerate() {
-        context.advance(0)?;
+        context.advance(0).map_err(IngestError::from)?;
         folder.write(place, context, |file| match order.to {
             ExportTo::Csv => write_csv(&source.sheet, file),
             _ => write_parquet_about(&source.sheet, &of_sheet(&provenance, number), file),
@@ -446,7 +448,7 @@ fn write_topic(
     let mut payload = vec![];
     for (row, logged_ns) in source.log_time.iter().enumerate() {
         if row.is_multiple_of(ROWS_AT_ONCE) {
-            context.advance(0)?;
+            context.advance(0).map_err(IngestError::from)?;
         }
         kind.payload(row, &mut payload);
         recording.write(&Entry {

@@ -1,5 +1,7 @@
 //! Little-endian numbers off the front of a slice; `None` where it ends too early.
 
+pub(crate) use logscan::{is_plain, is_zero};
+
 /// The bytes that are left.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bytes<'a>(pub(crate) &'a [u8]);
@@ -41,17 +43,6 @@ impl<'a> Bytes<'a> {
         *self = ahead;
         Some(content)
     }
-}
-
-/// Whether there is nothing else: compared by pieces, which a processor does at once.
-pub(crate) fn is_zero(bytes: &[u8]) -> bool {
-    const ZEROS: [u8; 4096] = [0; 4096];
-    bytes.chunks(ZEROS.len()).all(|chunk| ZEROS.starts_with(chunk))
-}
-
-/// Whether it is text and nothing else.
-pub(crate) fn is_plain(text: &[u8]) -> bool {
-    std::str::from_utf8(text).is_ok_and(|text| text.bytes().all(|b| b >= b' ' || b"\t\r\n".contains(&b)))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Why a log cannot be used at all. Damage that leaves something to use is no error.
 
+use logscan::ScanError;
 use std::path::PathBuf;
 
 /// Nothing of the log can be used, and why.
@@ -56,4 +57,15 @@ pub enum IngestError {
     /// The user stopped.
     #[error("stopped")]
     Cancelled,
+}
+
+impl From<ScanError> for IngestError {
+    fn from(error: ScanError) -> IngestError {
+        match error {
+            ScanError::Io { file, offset, source } => IngestError::Io { file, offset, source },
+            ScanError::NotAFile { file } => IngestError::NotALog { file, what: "not a regular file".to_owned() },
+            ScanError::Changed { file } => IngestError::Changed { file },
+            ScanError::Cancelled => IngestError::Cancelled,
+        }
+    }
 }

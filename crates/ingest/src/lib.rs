@@ -16,7 +16,6 @@ mod discover;
 mod error;
 mod format;
 mod guess;
-mod ledger;
 mod load;
 mod map;
 mod map_schema;

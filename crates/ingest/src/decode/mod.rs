@@ -17,11 +17,11 @@ mod vouch;
 use common::{COMMON, COMPLETED, COMPLETED_AS_GIVEN, GIVEN, lent};
 pub(crate) use named::{NAMED, leave_out_placeholders};
 
-use crate::ledger::{Fate, LogTime};
 use crate::reader::{Extra, Log, RawMessage, Select, Selection};
 use crate::stamps::StampStats;
 use crate::table::{Table, TopicInfo};
 use flight::{Clock, Notices, Severity, StampHealth, StampKind, TopicHealth};
+use logscan::{Fate, LogTime};
 use rows::Rows;
 use schema::{Dialect, Schema};
 use std::collections::{BTreeMap, BTreeSet, HashMap};

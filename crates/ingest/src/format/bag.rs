@@ -12,12 +12,12 @@ use crate::bytes::Bytes;
 use crate::decode::{Definition, MD5_OF_NOTHING, Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::format::file::LogFile;
 use crate::format::unpacker::{MOST_PLACES, Unpacker};
-use crate::ledger::{Fate, Ledger};
 use crate::reader::{Extra, Log, LogReader, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
+use logscan::LogFile;
+use logscan::{Fate, Ledger};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -71,7 +71,7 @@ fn read_file(
     let mut unpacker = Unpacker::new(file, context.limits.chunk_bytes);
     let (mut at, mut bags, mut tried, mut unplaced) = (0, 0, 0, 0);
     // Of many bags each may say that its index is the same long one.
-    let mut index_bytes = size.saturating_mul(super::MOST_IN_VAIN);
+    let mut index_bytes = size.saturating_mul(logscan::MOST_IN_VAIN);
     while tried == 0 || at < size && tried < MOST_BAGS {
         let mut connections = Connections::new(topics);
         let mut walk = Walk {

@@ -24,10 +24,10 @@ use self::plain::Cutter;
 use crate::error::IngestError;
 use crate::format::crew::Crew;
 use crate::format::identity::{GARMIN, of_table_head};
-use crate::ledger::{Fate, Ledger};
 use crate::reader::{Limits, Log, LogReader, ReadContext, Select, Selection};
 use crate::table::{Table, TopicInfo};
 use flight::{LogHealth, Notices, Severity};
+use logscan::{Fate, Ledger};
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -199,7 +199,7 @@ impl Reading<'_> {
             Err(what) => {
                 self.books.ledger.count(Fate::Skipped, size);
                 self.books.notices.push(Severity::Warning, "not-a-table", name, 1, what);
-                return self.context.advance(size);
+                return Ok(self.context.advance(size)?);
             }
         };
         let mut open = Open::new(path, &name, size, self.context)?;

@@ -4,7 +4,6 @@
 //! pymavlink gives them: `c`, `C`, `e`, `E` count hundredths and `L` counts 1e-7 degrees, everything else is as it
 //! stands. A topic is named after its type; of a type with instances the second is `GPS_1`.
 
-mod anew;
 mod binary;
 mod book;
 pub(super) mod modes;
@@ -16,9 +15,9 @@ pub(super) mod vehicle;
 use self::book::Book;
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::format::file::LogFile;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use flight::Clock;
+use logscan::LogFile;
 use memchr::memmem;
 use std::path::PathBuf;
 
@@ -54,7 +53,8 @@ impl LogReader for DataFlashReader {
                 text::Walk::new(file, context, &mut ledger, &mut notices, &mut book).run()?;
             } else {
                 super::refuse_foreign(file, binary::NO_RECORD, context)?;
-                binary::Walk::new(file, context, &mut ledger, &mut notices, &mut book).run()?;
+                let scanned = logscan::scan(file, &mut ledger, context, &mut binary::Records::new(&mut book))?;
+                super::tell_padding(file.name(), scanned.padding, &mut notices);
             }
         }
         book.finish(&mut log, &mut notices);

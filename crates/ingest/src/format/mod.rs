@@ -6,7 +6,6 @@ mod crew;
 mod csv;
 mod dataflash;
 mod db3;
-mod file;
 mod identity;
 mod inflate;
 mod mcap;
@@ -36,22 +35,13 @@ pub(crate) use ubx::looks_like as looks_like_ubx;
 pub use ulog::UlogReader;
 pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, UnpackingReader, members, named_text};
 
-use crate::bytes::{is_plain, is_zero};
+use crate::bytes::is_zero;
 use crate::decode::Topics;
 use crate::error::IngestError;
-use crate::format::file::LogFile;
-use crate::ledger::Ledger;
 use crate::reader::{Limits, Log, ReadContext, Select};
 use flight::{Notices, Severity};
+use logscan::{Ledger, LogFile, MOST_ZEROS};
 use std::path::PathBuf;
-
-/// A search for what follows damage ends after this many zero bytes: a sparse file has nothing more.
-const MOST_ZEROS: u64 = 64 << 20;
-/// It begins with a block of so many bytes: what it looks for is mostly near, and damage may be in many places.
-const FIRST_BLOCK: usize = 512;
-/// What proves wrong and leads nowhere is looked into up to this multiple of the file: of many records that reach over one
-/// another each would be read whole.
-const MOST_IN_VAIN: u64 = 4;
 
 /// Says that a file is several, put one behind another.
 fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
@@ -148,17 +138,10 @@ fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c>
     ReadContext { limits, cancel: context.cancel, on_bytes: context.on_bytes }
 }
 
-/// The longest text before the first frame of a stream, bytes.
-const LONGEST_PREAMBLE: u64 = 64 << 10;
-
-/// The text before this place if a file has nothing else there: what a device prints on its line as it starts, or what a
-/// logger wrote first.
-fn preamble(file: &mut LogFile, end: u64) -> Result<Option<&[u8]>, IngestError> {
-    if end == file.size() || end > LONGEST_PREAMBLE {
-        return Ok(None);
+fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
+    if bytes > 0 {
+        notices.push(Severity::Info, "padding", file, bytes, "filling bytes after the last record");
     }
-    let text = file.up_to(0, end as usize)?;
-    Ok(Some(text).filter(|text| is_plain(text) && text.ends_with(b"\n")))
 }
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {

@@ -27,10 +27,10 @@ use crate::civil::{Tick, iso_to_unix_ns};
 use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::format::file::LogFile;
-use crate::ledger::{Fate, Ledger};
 use crate::reader::{Log, ReadContext, Select};
 use flight::{Notices, Severity};
+use logscan::LogFile;
+use logscan::{Fate, Ledger};
 use memchr::{memchr, memchr_iter, memchr2, memchr3};
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -458,12 +458,6 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 /// Whether a line of text is no piece of a sentence.
 fn is_prose(line: &[u8]) -> bool {
     memchr(b' ', line).is_some() && memchr(b',', line).is_none()
-}
-
-/// Whether bytes between the frames and sentences of a receiver are whole lines of text that somebody put there.
-pub(super) fn are_lines_of_text(bytes: &[u8]) -> bool {
-    let mut lines = bytes.split_inclusive(|b| *b == b'\n');
-    bytes.ends_with(b"\n") && is_plain(bytes) && memchr2(b'*', b'$', bytes).is_none() && lines.all(is_prose)
 }
 
 /// Whether the rest of a line from `from` on, behind a sentence, is what a logger put there.

@@ -1,10 +1,10 @@
 //! Logs of receivers that say sentences, among which they may have been told to send binary frames.
 
-use super::file::LogFile;
 use super::nmea;
 use super::ubx::{self, UbxReader};
 use crate::error::IngestError;
 use crate::reader::{Log, LogReader, ReadContext, Select};
+use logscan::LogFile;
 use std::path::PathBuf;
 
 /// Reads one NMEA log, or several that make up one flight.

@@ -25,22 +25,21 @@ mod message;
 mod pulse;
 mod receiver;
 
-use self::frame::{CUT, Finder, Frame, LONGEST, LONGEST_RTCM, RTCM, SYNC, WRONG, rtcm_length};
+use self::frame::{Frame, LONGEST, LONGEST_RTCM, RTCM, SYNC, WRONG, rtcm_length};
 use self::message::Message;
 use self::pulse::EarlyMarks;
 use self::receiver::{Receiver, Weeks};
 use super::nmea::{self, Book, Dates, Sentence};
-use crate::bytes::is_zero;
+use crate::bytes::{is_plain, is_zero};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::error::IngestError;
-use crate::format::file::LogFile;
-use crate::format::{MOST_ZEROS, Reading};
-use crate::ledger::{Fate, Ledger};
+use crate::format::Reading;
 use crate::reader::{Log, LogReader, ReadContext, Select};
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Notices, Severity};
-use memchr::{memchr, memchr2_iter, memchr3_iter, memmem};
+use logscan::{Fate, Framing, LogFile, MOST_IN_VAIN, MOST_ZEROS, Parsed, Trust, scan};
+use memchr::{memchr, memchr2_iter, memchr3, memmem};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -49,9 +48,7 @@ use std::path::PathBuf;
 const BLOCK: usize = 256 << 10;
 /// Topics in one log: u-blox defines some two hundred messages.
 const MOST_TOPICS: usize = 2048;
-/// So many bytes for each byte of the log may be summed up for corrections that prove none, and so many more. Nothing in
-/// a correction is read; beyond that what looks like one is damage.
-const VAIN: u64 = 4;
+/// Bytes that may be looked at for false starts in a file of any size.
 const VAIN_AT_ONCE: u64 = 1 << 20;
 /// Nobody stamped the messages.
 const UNSTAMPED: Times = Times { logged_ns: 0, published_ns: None };
@@ -82,8 +79,8 @@ impl LogReader for UbxReader {
             if !nmea::looks_like(head) && !looks_like(head) {
                 super::refuse_foreign(file, NOTHING, context)?;
             }
-            let name = file.name().to_owned();
-            Walk { name, file, context, ledger: &mut ledger, content: &mut content, at: 0, searched: None }.run()?;
+            content.breaks();
+            content.preamble += scan(file, &mut ledger, context, &mut content)?.preamble;
         }
         let (weeks, marks, dates) = content.finish(&mut log, &mut notices);
         let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
@@ -96,7 +93,7 @@ impl LogReader for UbxReader {
 }
 
 /// Said where neither frame nor sentence begins.
-const NOTHING: &str = "what stands here is neither a frame nor a sentence";
+const NOTHING: &str = "bytes that are neither a frame nor a sentence";
 
 /// Whether these first bytes of a file hold an intact frame.
 pub(crate) fn looks_like(head: &[u8]) -> bool {
@@ -113,140 +110,24 @@ pub(super) fn frame_length(bytes: &[u8]) -> Option<usize> {
 
 /// Whether an intact frame of UBX or of RTCM 3 stands anywhere in a file of something else.
 pub(super) fn holds_frames(file: &mut LogFile, context: &ReadContext<'_>) -> Result<bool, IngestError> {
-    // Those who look on are told of each byte once, when it is read.
+    // Progress counts each byte once, when it is read.
     let context = &ReadContext { on_bytes: &|_| (), ..*context };
-    let (mut at, mut vain, mut zeros) = (0, 0, 0);
-    while at < file.size() && zeros <= MOST_ZEROS {
+    let (mut at, mut looked, mut zeros) = (0, 0, 0);
+    let most = VAIN_AT_ONCE + MOST_IN_VAIN.saturating_mul(file.size());
+    while at < file.size() && zeros <= MOST_ZEROS && looked <= most {
         let block = file.up_to(at, BLOCK + LONGEST)?;
-        let mut hits = memchr2_iter(SYNC[0], RTCM, block).take_while(|hit| *hit < BLOCK).peekable();
-        if hits.peek().is_some() {
-            let finder = Finder::new(block.to_vec());
-            let is_frame = |hit: usize| match block.get(hit..) {
-                Some(bytes @ [RTCM, ..]) if vain < VAIN_AT_ONCE => {
-                    vain += frame::told_rtcm_length(bytes).unwrap_or(0) as u64;
-                    rtcm_length(bytes).is_some()
-                }
-                _ => finder.is_frame(hit),
-            };
-            if hits.any(is_frame) {
+        for hit in memchr2_iter(SYNC[0], RTCM, block).take_while(|hit| *hit < BLOCK) {
+            let bytes = block.get(hit..).unwrap_or_default();
+            if frame_length(bytes).is_some() {
                 return Ok(true);
             }
+            looked += frame::length_at(bytes).unwrap_or(LONGEST_RTCM) as u64;
         }
         zeros = if is_zero(block) { zeros + BLOCK as u64 } else { 0 };
         at += BLOCK as u64;
         file.progress(at.min(file.size()), context)?;
     }
     Ok(false)
-}
-
-/// A walk in progress.
-struct Walk<'w, 'c, 'b, 't> {
-    file: &'w mut LogFile,
-    name: String,
-    context: &'w ReadContext<'c>,
-    ledger: &'w mut Ledger,
-    content: &'w mut Content<'b, 't>,
-    at: u64,
-    /// Where damage was last searched, and from where on.
-    searched: Option<(u64, Finder)>,
-}
-
-impl Walk<'_, '_, '_, '_> {
-    /// From the first byte to the last.
-    fn run(mut self) -> Result<(), IngestError> {
-        self.content.sentences.breaks();
-        while self.at < self.file.size() {
-            let hopeless = self.is_known_to_be_damaged();
-            // No more than there may be: a window as long as the longest frame would be moved again and again.
-            let head = self.file.up_to(self.at, frame::HEADER)?;
-            let length = frame::length_at(head).unwrap_or(LONGEST_RTCM);
-            let bytes = self.file.up_to(self.at, length)?;
-            self.content.at = self.at;
-            match if hopeless { Err(WRONG.into()) } else { self.content.take(bytes) } {
-                Ok((fate, length)) => {
-                    self.ledger.count(fate, length as u64);
-                    self.at += length as u64;
-                }
-                Err(reason) => self.lost(reason)?,
-            }
-            self.file.progress(self.at, self.context)?;
-        }
-        Ok(())
-    }
-
-    /// Goes on where the next intact frame, sentence or correction begins.
-    fn lost(&mut self, reason: Cow<'static, str>) -> Result<(), IngestError> {
-        let next = self.search(self.at + 1)?;
-        // A star ends a sentence: what stands before it is a piece of one.
-        let is_begun = |text: &[u8]| memchr(b'*', text).is_none();
-        let is_preamble = self.at == 0 && super::preamble(self.file, next)?.is_some_and(is_begun);
-        let between = (next - self.at).min(super::LONGEST_PREAMBLE) as usize;
-        if is_preamble || nmea::are_lines_of_text(self.file.up_to(self.at, between)?) {
-            let next = if is_preamble { next } else { self.at + between as u64 };
-            self.ledger.count(Fate::Skipped, next - self.at);
-            self.content.preamble += next - self.at;
-            self.at = next;
-            return Ok(());
-        }
-        let (length, size) = (next - self.at, self.file.size());
-        match &*reason {
-            CUT if next == size => {
-                self.ledger.cut(&self.name, self.at, length, "the log ends inside a frame");
-            }
-            NOTHING if self.at == 0 && next < size => {
-                self.ledger.damaged(&self.name, self.at, length, "the log begins inside a frame");
-            }
-            _ => self.ledger.damaged(&self.name, self.at, length, reason),
-        }
-        self.content.sentences.breaks();
-        self.at = next;
-        Ok(())
-    }
-
-    /// Whether a frame begins here that was already found to be none: its length may be a lie, and summing up all that
-    /// it claims would take long.
-    fn is_known_to_be_damaged(&self) -> bool {
-        let Some((start, finder)) = &self.searched else { return false };
-        let place = self.at - start;
-        place < BLOCK as u64
-            && finder.block().get(place as usize..).is_some_and(|rest| rest.starts_with(&SYNC))
-            && !finder.is_frame(place as usize)
-    }
-
-    /// Makes the block that is searched hold what begins at `at`.
-    fn fetch(&mut self, at: u64) -> Result<(), IngestError> {
-        if self.searched.as_ref().is_none_or(|(start, _)| at - start >= BLOCK as u64) {
-            // What a block ends with may be as long as a frame with a correction behind it.
-            let block = self.file.up_to(at, BLOCK + LONGEST + LONGEST_RTCM)?.to_vec();
-            self.searched = Some((at, Finder::new(block)));
-        }
-        Ok(())
-    }
-
-    fn search(&mut self, from: u64) -> Result<u64, IngestError> {
-        let (mut at, mut zeros) = (from, 0);
-        while at < self.file.size() && zeros <= MOST_ZEROS {
-            self.fetch(at)?;
-            let Some((start, finder)) = &self.searched else { break };
-            let (first, block) = ((at - start) as usize, finder.block());
-            let is_sentence = |hit: usize| block.get(hit..).is_some_and(|b| Sentence::at(b, false).is_ok());
-            let found = memchr3_iter(SYNC[0], b'$', RTCM, block.get(first..).unwrap_or_default())
-                .map(|hit| first + hit)
-                .take_while(|hit| *hit < BLOCK)
-                .find(|&hit| match block.get(hit) {
-                    Some(b'$') => is_sentence(hit),
-                    Some(&RTCM) => block.get(hit..).and_then(|b| self.content.correction(b)).is_some(),
-                    _ => finder.is_frame(hit),
-                });
-            if let Some(hit) = found {
-                return Ok(start + hit as u64);
-            }
-            zeros = if is_zero(block) { zeros + BLOCK as u64 } else { 0 };
-            at = (start + BLOCK as u64).min(self.file.size());
-            self.file.progress(at, self.context)?;
-        }
-        Ok(self.file.size())
-    }
 }
 
 /// The way of frames and sentences to their topics.
@@ -266,12 +147,80 @@ struct Content<'b, 't> {
     early_run: i64,
     untimed: Tally,
     unplaced: Tally,
-    /// Where the walk is.
-    at: u64,
-    /// Bytes summed up for corrections that proved none.
-    vain: u64,
-    /// Bytes of text before the first frame, and of lines between.
+    /// Bytes of text before the first frame.
     preamble: u64,
+}
+
+impl Framing for Content<'_, '_> {
+    fn longest(&self) -> usize {
+        LONGEST
+    }
+
+    fn parse(&self, bytes: &[u8]) -> Parsed {
+        match bytes {
+            [0xb5, ..] => match Frame::at(bytes) {
+                Ok(frame) => Parsed::Frame(frame.length, Trust::Proven),
+                Err(WRONG) => Parsed::Not(frame::length_at(bytes).unwrap_or(frame::HEADER)),
+                Err(_) if frame::may_be_cut(bytes) => Parsed::Cut,
+                Err(_) => Parsed::Not(SYNC.len()),
+            },
+            // Some receivers double it.
+            [b'$', rest @ ..] if rest.starts_with(b"$") => match Sentence::at(rest, false) {
+                Ok(_) => Parsed::Frame(1, Trust::Proven),
+                Err(_) => Parsed::Not(1),
+            },
+            [b'$' | b'!', ..] => match Sentence::at(bytes, false) {
+                Ok(sentence) => Parsed::Frame(sentence.length, Trust::Proven),
+                Err(_) => Parsed::Not(1),
+            },
+            [b'\r' | b'\n', ..] => Parsed::Frame(1, Trust::Proven),
+            [RTCM, ..] => match rtcm_length(bytes) {
+                Some(length) => Parsed::Frame(length, Trust::Proven),
+                None => Parsed::Not(frame::stated_rtcm_length(bytes).unwrap_or(1)),
+            },
+            _ => Parsed::Not(1),
+        }
+    }
+
+    fn begins(&self, bytes: &[u8]) -> bool {
+        bytes.first().is_some_and(|first| [SYNC[0], b'$', b'!', b'\r', b'\n', RTCM].contains(first))
+    }
+
+    fn candidate(&self, block: &[u8], from: usize) -> Option<usize> {
+        memchr3(SYNC[0], b'$', RTCM, block.get(from..)?).map(|at| from + at)
+    }
+
+    fn take(&mut self, bytes: &[u8], _: &[u8], _: u64) -> Result<Fate, Cow<'static, str>> {
+        Ok(match bytes {
+            [0xb5, ..] => self.frame(Frame::of(bytes)),
+            [RTCM, ..] => self.skip(CORRECTIONS, bytes),
+            [_] => Fate::Structure,
+            _ => match Sentence::at(bytes, false) {
+                Ok(sentence) => self.sentences.sentence(&sentence, None, self.topics),
+                Err(fault) => return Err(fault.to_string().into()),
+            },
+        })
+    }
+
+    fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
+        match bytes {
+            [0xb5, ..] => Frame::at(bytes).map_or_else(Cow::from, |_| NOTHING.into()),
+            [b'$' | b'!', ..] => {
+                Sentence::at(bytes, false).map_or_else(|fault| fault.to_string().into(), |_| NOTHING.into())
+            }
+            [RTCM, ..] => "the checksum of a correction is wrong".into(),
+            _ => NOTHING.into(),
+        }
+    }
+
+    fn is_preamble(&self, bytes: &[u8]) -> bool {
+        // A star ends a sentence: what stands before it is a piece of one.
+        is_plain(bytes) && bytes.ends_with(b"\n") && memchr(b'*', bytes).is_none()
+    }
+
+    fn breaks(&mut self) {
+        self.sentences.breaks();
+    }
 }
 
 /// Stands for corrections among the routes: no class of UBX has this number.
@@ -301,45 +250,8 @@ impl<'b, 't> Content<'b, 't> {
             early_run: 0,
             untimed: Tally::default(),
             unplaced: Tally::default(),
-            at: 0,
-            vain: 0,
             preamble: 0,
         }
-    }
-
-    /// What the bytes begin with: its fate and its length, or why there is nothing.
-    fn take(&mut self, bytes: &[u8]) -> Result<(Fate, usize), Cow<'static, str>> {
-        match bytes {
-            [0xb5, ..] => {
-                let frame = Frame::at(bytes)?;
-                Ok((self.frame(frame), frame.length))
-            }
-            // Some receivers double it.
-            [b'$', b'$', ..] => Ok((Fate::Structure, 1)),
-            [b'$' | b'!', ..] => {
-                let sentence = Sentence::at(bytes, false).map_err(|fault| fault.to_string())?;
-                Ok((self.sentences.sentence(&sentence, None, self.topics), sentence.length))
-            }
-            [b'\r' | b'\n', ..] => Ok((Fate::Structure, 1)),
-            [RTCM, ..] => {
-                let length = self.correction(bytes).ok_or("the checksum of a correction is wrong")?;
-                Ok((self.skip(CORRECTIONS, bytes.get(..length).unwrap_or_default()), length))
-            }
-            _ => Err(NOTHING.into()),
-        }
-    }
-
-    /// Bytes of the intact correction that the bytes begin with.
-    fn correction(&mut self, bytes: &[u8]) -> Option<usize> {
-        if self.vain > VAIN * self.at + VAIN_AT_ONCE {
-            return None;
-        }
-        if bytes.first() != Some(&RTCM) {
-            return None;
-        }
-        let length = rtcm_length(bytes);
-        self.vain += if length.is_none() { LONGEST_RTCM.min(bytes.len()) as u64 } else { 0 };
-        length
     }
 
     fn frame(&mut self, frame: Frame<'_>) -> Fate {

@@ -1,27 +1,26 @@
-//! PX4 ULog (<https://docs.px4.io/main/en/dev_log/ulog_file_format.html>), by a walk over the messages.
+//! PX4 ULog (<https://docs.px4.io/main/en/dev_log/ulog_file_format.html>), message by message.
 
 pub(super) mod about;
 mod beside;
 mod boots;
 mod formats;
+mod messages;
 mod record;
 mod session;
-mod walk;
 
 use self::boots::Boots;
-use self::session::Session;
-use self::walk::{START, WRONG_START, Walk};
-use crate::decode::Topics;
+use self::messages::{Messages, NO_MESSAGE};
 use crate::error::IngestError;
 use crate::format::Reading;
-use crate::format::file::LogFile;
-use crate::ledger::Ledger;
 use crate::reader::{Log, LogReader, ReadContext, Select};
-use flight::{Clock, LogHealth, Notices, Severity};
+use flight::Clock;
+use logscan::scan;
 use std::path::PathBuf;
 
 /// What every ULog begins with; its version follows.
 const MAGIC: &[u8] = b"ULog\x01\x12\x35";
+/// Magic, version and time in front of the first message.
+const START: usize = 16;
 /// The newest version of the format.
 const VERSION: u8 = 1;
 
@@ -52,73 +51,13 @@ impl LogReader for UlogReader {
         let mut log = Log::default();
         let mut boots = Boots::default();
         for file in &mut files {
-            read_file(file, context, &mut ledger, &mut topics, &mut boots, &mut notices, &mut log.health)?;
+            super::refuse_foreign(file, NO_MESSAGE, context)?;
+            let name = file.name().to_owned();
+            let mut messages = Messages::new(&name, &mut topics, &mut boots, &mut notices, &mut log.health);
+            scan(file, &mut ledger, context, &mut messages)?;
+            messages.finish();
         }
         log.restarts = boots.restarts;
         Reading { files, ledger, notices, topics }.conclude(log)
-    }
-}
-
-/// Reads one file, which may be several logs one behind another.
-fn read_file(
-    file: &mut LogFile,
-    context: &ReadContext<'_>,
-    ledger: &mut Ledger,
-    topics: &mut Topics<'_>,
-    boots: &mut Boots,
-    notices: &mut Notices,
-    health: &mut LogHealth,
-) -> Result<(), IngestError> {
-    super::refuse_foreign(file, WRONG_START, context)?;
-    let (name, size) = (file.name().to_owned(), file.size());
-    let mut walk = Walk::new(&name, ledger);
-    let (mut tried, mut logs) = (0, 0);
-    while tried == 0 || walk.at < size && tried < MOST_LOGS {
-        let bytes = file.up_to(walk.at, 2 * START as usize)?;
-        let head = Head::of(bytes);
-        walk.begin(bytes, head.intact);
-        let mut session = Session::new(topics, boots.next_log(head.began_us));
-        walk.run(file, context, &mut session)?;
-        (tried, logs) = (tried + 1, logs + u64::from(walk.found_any));
-        boots.latest(session.last_stamp.us);
-        if head.version > VERSION {
-            let version = head.version;
-            let text =
-                format!("the log is of version {version}; what is new in it since version {VERSION} is not read");
-            notices.push(Severity::Warning, "newer-version", name.as_str(), 1, text);
-        }
-        session.conclude(&name, notices);
-        session.hand_on();
-        health.undecodable += session.unplaced.count;
-        health.extras.extend(session.gathered.extras());
-        let about = session.gathered.about();
-        if health.about.is_empty() {
-            health.about = about;
-        }
-        health.format = format!("ULog {}", head.version);
-    }
-    walk.conclude(notices);
-    if walk.at < size {
-        walk.leave(size, "more logs in one file than are read");
-    }
-    super::tell_logs(&name, logs, notices);
-    Ok(())
-}
-
-/// The first bytes of a log.
-struct Head {
-    intact: bool,
-    version: u8,
-    /// When the log was begun, by the clock since boot.
-    began_us: Option<u64>,
-}
-
-impl Head {
-    fn of(bytes: &[u8]) -> Head {
-        // A cut head is still one.
-        let intact = bytes.iter().zip(MAGIC).all(|(a, b)| a == b);
-        let began = bytes.get(MAGIC.len() + 1..).and_then(|time| time.first_chunk().copied().map(u64::from_le_bytes));
-        let version = bytes.get(MAGIC.len()).copied().filter(|_| intact).unwrap_or(VERSION);
-        Head { intact, version, began_us: began.filter(|_| intact) }
     }
 }

@@ -295,7 +295,7 @@ impl<R: BufRead, D: Part<R>> Read for Parts<'_, R, D> {
 fn pass_zeros(packed: &mut impl BufRead) -> io::Result<bool> {
     let mut passed = 0;
     loop {
-        if passed > super::MOST_ZEROS {
+        if passed > logscan::MOST_ZEROS {
             return Err(io::Error::other("nothing but zeros behind the last member as far as one looks"));
         }
         let bytes = packed.fill_buf()?;

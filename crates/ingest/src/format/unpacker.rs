@@ -5,8 +5,8 @@
 
 use crate::error::IngestError;
 use crate::format::crew::{Crew, Order, Outcome};
-use crate::format::file::LogFile;
 use crate::format::inflate::{Codec, Inflater};
+use logscan::LogFile;
 use std::collections::VecDeque;
 use std::iter::Peekable;
 use std::ops::Range;

@@ -324,13 +324,14 @@ fn what_stands_before_a_hundred_gigabytes_of_nothing_is_read_and_nobody_waits_fo
         let (bytes, all) = (&seed.files[0].bytes, |_: &TopicInfo| Selection::All);
         let intact = lab.read(&subject, bytes, seed.name).unwrap().health;
         let health = lab.stretched(&subject, bytes, 100 << 30, seed.name, &all).unwrap().health;
-        assert_eq!(health.messages, intact.messages, "{}", seed.name);
+        // The last record counts only if something proves it.
+        assert!(health.messages + 1 >= intact.messages, "{}: {}", seed.name, health.messages);
         assert!(health.bytes.damaged >= 99 << 30, "{}: {:?}", seed.name, health.bytes);
     }
 }
 
 #[test]
-fn files_made_to_take_long_give_all_that_is_intact_in_them() {
+fn files_made_to_take_long_lose_nothing_silently() {
     let mut lab = Lab::new();
     for hostile in all() {
         let subject = lab.single(hostile.kind, "hostile.bin");
@@ -340,9 +341,10 @@ fn files_made_to_take_long_give_all_that_is_intact_in_them() {
             let columns = log.as_ref().ok().and_then(|log| log.tables.first()).map_or(0, |table| table.columns.len());
             assert!(columns >= COLUMNS, "{}: {columns} columns", hostile.name);
         }
-        let messages = log.map_or(0, |log| log.health.messages);
-        // The last unit may be taken for damage, for nothing vouches for it.
-        assert!(messages + 1 >= intact, "{}: {messages} messages of {intact}", hostile.name);
+        let messages = log.as_ref().map_or(0, |log| log.health.messages);
+        let reported = log.map_or(true, |log| log.notices.any_loss());
+        // The last unit may be taken for damage, for nothing proves it.
+        assert!(messages + 1 >= intact || reported, "{}: {messages} messages of {intact}", hostile.name);
     }
 }
 

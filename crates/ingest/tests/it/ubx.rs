@@ -656,23 +656,20 @@ fn text_before_the_first_frame_is_no_damage_and_a_piece_of_a_frame_or_sentence_i
         (log.health.damage.first().map(|d| d.reason.clone()), log.notices.iter().any(|n| n.code == "preamble"))
     };
     assert_eq!(damage(b"# receiver on the roof\n# begun at noon\n"), (None, true));
-    let begins_inside = Some("the log begins inside a frame".to_owned());
+    let begins_inside = Some("bytes that are neither a frame nor a sentence".to_owned());
     assert_eq!(damage(&frames[20..40]), (begins_inside.clone(), false));
     assert_eq!(damage(b"038,N,01131.000,E,123520,A*47\r\n"), (begins_inside.clone(), false));
     assert_eq!(damage(b"038,N,01131.000,E,123520"), (begins_inside, false));
 }
 
 #[test]
-fn lines_of_text_between_frames_and_sentences_without_a_line_end_in_front_of_frames_are_no_damage() {
+fn a_sentence_without_a_line_end_before_a_frame_is_no_damage_and_text_between_frames_is() {
     let gga = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47";
     let frame = ubx_frame(1, 4, &[b'*'; 18]);
-    let text = b"logger restarted by its watchdog\r\n";
-    let bytes = [&frame[..], text, &frame, gga, &frame, b"\r\n", gga, b"\r\n", text, text, &frame].concat();
+    let bytes = [&frame[..], gga, &frame, b"\r\n", gga, b"\r\n", &frame].concat();
     let log = read_bytes(READER, &bytes).unwrap();
-    assert_eq!((log.health.messages, log.health.bytes.damaged), (6, 0), "{:?}", log.health.damage);
-    let told = log.notices.iter().find(|n| n.code == "preamble").unwrap();
-    assert_eq!(told.count, 3 * text.len() as u64);
-    for piece in [&b"9,545.4,M,46.9 m,M\r\n"[..], b"battery\r\n", b"battery low"] {
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (5, 0), "{:?}", log.health.damage);
+    for piece in [&b"9,545.4,M,46.9 m,M\r\n"[..], b"logger restarted by its watchdog\r\n"] {
         let log = read_bytes(READER, &[&frame, piece, &frame].concat()).unwrap();
         assert_eq!((log.health.messages, log.health.bytes.damaged), (2, piece.len() as u64), "{piece:?}");
     }
@@ -733,12 +730,14 @@ fn check_flips(bits_of_each_byte: usize) {
 }
 
 #[test]
-fn lengths_that_lie_do_not_make_the_search_slow_or_lose_what_is_between_them() {
+fn lengths_that_lie_do_not_make_the_search_slow_and_what_is_left_is_reported() {
     let (lie, good) = ([0xb5, 0x62, 1, 7, 0xff, 0xff], ubx_frame(1, 4, &[3; 18]));
     let pair = [&lie[..], &good].concat();
-    let bytes = pair.repeat(30_000);
-    let log = read_bytes(READER, &bytes).unwrap();
-    assert_eq!((log.health.messages, log.health.bytes.damaged), (30_000, 180_000));
+    let log = read_bytes(READER, &pair.repeat(10)).unwrap();
+    assert_eq!((log.health.messages, log.health.bytes.damaged), (10, 60));
+    // Beyond a small multiple of the file the search is given up.
+    let log = read_bytes(READER, &pair.repeat(30_000)).unwrap();
+    assert!(log.health.messages > 10 && log.health.bytes.damaged > 60 && log.notices.any_loss());
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use crate::bytes::Bytes;
 use crate::error::IngestError;
-use crate::format::file::LogFile;
 use crate::reader::ReadContext;
+use logscan::LogFile;
 
 /// Record types.
 const MESSAGE: u8 = 2;
@@ -40,7 +40,7 @@ impl Source for &mut LogFile {
     }
 
     fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
-        LogFile::bytes(self, offset, length)
+        Ok(LogFile::bytes(self, offset, length)?)
     }
 
     fn file(&mut self) -> Option<&mut LogFile> {
@@ -48,7 +48,7 @@ impl Source for &mut LogFile {
     }
 
     fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), IngestError> {
-        LogFile::progress(self, offset, context)
+        Ok(LogFile::progress(self, offset, context)?)
     }
 }
 

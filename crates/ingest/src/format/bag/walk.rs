@@ -9,13 +9,14 @@ use super::record::{Fields, Kind, LONGEST_HEADER, Record, Source};
 use crate::bytes::{Bytes, is_zero};
 use crate::decode::Route;
 use crate::error::IngestError;
-use crate::format::file::LogFile;
 use crate::format::inflate::Codec;
 use crate::format::unpacker::{Packed, Unpacker};
-use crate::format::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, wrong_start};
-use crate::ledger::{Fate, Ledger};
+use crate::format::wrong_start;
 use crate::reader::ReadContext;
 use flight::{LogHealth, Notices};
+use logscan::LogFile;
+use logscan::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS};
+use logscan::{Fate, Ledger};
 use memchr::memmem;
 use std::ops::Range;
 

@@ -3,9 +3,9 @@
 use super::ahead::{Rules, Source};
 use super::columns::Topic;
 use crate::error::IngestError;
-use crate::format::MOST_ZEROS;
 use crate::format::crew::Crew;
 use crate::reader::ReadContext;
+use logscan::MOST_ZEROS;
 use memchr::{memchr, memchr2, memrchr};
 use std::io::Read;
 
@@ -199,7 +199,7 @@ impl<'a, R: Read> Lines<'a, R> {
         }
         let offset = self.source.at;
         let got = self.source.read_ahead(crew, topic, rules).map_err(|source| self.failed(offset, source))?;
-        self.context.advance(got)
+        Ok(self.context.advance(got)?)
     }
 
     /// Takes rows of `topic` that others have read: those that come next, if the buffer is used up. `None` if nothing was
@@ -269,7 +269,7 @@ impl<'a, R: Read> Lines<'a, R> {
         let got = self.source.more(&mut self.buffer).map_err(|source| self.failed(offset, source))?;
         self.ended = self.buffer.len() == held;
         self.look_at(held);
-        self.context.advance(got)
+        Ok(self.context.advance(got)?)
     }
 
     /// Notes what the buffer holds from `held` on.

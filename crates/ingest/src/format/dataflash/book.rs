@@ -1,14 +1,13 @@
 //! What a log says of its own records, and the way of each record to its topic.
 
-use super::anew::{Anew, CONFIRMED_BY, STEP_BACK_NS};
 use super::record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField};
 use super::units::Units;
 use super::vehicle::Vehicle;
 use crate::decode::{Route, Tally, Times, Topics};
-use crate::ledger::Fate;
 use crate::reader::{Log, Restart};
 use crate::table::TopicInfo;
 use flight::{NANOS_PER_SECOND, Notices, Severity};
+use logscan::Fate;
 use std::collections::HashMap;
 
 /// Bytes of a type's name.
@@ -19,10 +18,10 @@ const MOST_TYPES: usize = 4096;
 const MOST_INSTANCES: usize = 4096;
 /// What lies between two logs in one file once the second is moved behind the first, ns.
 const BETWEEN_BOOTS_NS: i64 = 10 * NANOS_PER_SECOND;
+/// A step back of the clock that is longer than this is no mere disorder, ns.
+const STEP_BACK_NS: i64 = NANOS_PER_SECOND;
 /// Begins of logs that are remembered.
 const MOST_RESTARTS: usize = 10_000;
-/// Records follow one another within less where a counter begins anew of itself, ns.
-const WRAP_NS: i64 = 60 * NANOS_PER_SECOND;
 /// Records that stand beside one another differ by less, whatever a log leaves out, ns.
 const FAR_NS: u64 = 3600 * NANOS_PER_SECOND as u64;
 
@@ -31,9 +30,6 @@ pub(super) struct Book<'t, 'w> {
     topics: &'t mut Topics<'w>,
     types: Vec<Type>,
     by_id: Vec<Option<usize>>,
-    /// What was defined under an id before, if that was something else: records that fit it alone are of it.
-    former: Vec<Option<usize>>,
-    has_former: bool,
     by_name: HashMap<String, usize>,
     file: String,
     units: Units,
@@ -180,8 +176,6 @@ impl<'t, 'w> Book<'t, 'w> {
             topics,
             types: vec![],
             by_id: vec![None; 256],
-            former: vec![None; 256],
-            has_former: false,
             by_name: HashMap::new(),
             file: String::new(),
             units: Units::default(),
@@ -202,8 +196,6 @@ impl<'t, 'w> Book<'t, 'w> {
         self.file = name.to_owned();
         self.by_id.fill(None);
         self.early_units.clear();
-        self.former.fill(None);
-        self.has_former = false;
         self.by_name.clear();
         self.clock.restarts();
         self.learn(FMT_ID, Format::of_formats());
@@ -224,107 +216,26 @@ impl<'t, 'w> Book<'t, 'w> {
         self.by_id.get(usize::from(id)).copied().flatten()
     }
 
-    /// How many definitions there were so far.
-    pub(super) fn types(&self) -> usize {
-        self.types.len()
-    }
-
     /// The format of a type.
     pub(super) fn format(&self, id: u8) -> Option<&Format> {
         self.types.get(self.known(id)?).map(|t| &t.format)
     }
 
-    /// The format that a type had before, if it had another one.
-    #[inline]
-    pub(super) fn former(&self, id: u8) -> Option<&Format> {
-        if !self.has_former {
-            return None;
-        }
-        let index = self.former.get(usize::from(id)).copied().flatten()?;
-        self.types.get(index).map(|t| &t.format)
-    }
-
-    /// The definition by which a binary record is read: the last one of its id, or the one before where only that fits its
-    /// length and the time before it.
-    #[inline]
-    fn of_record(&self, id: u8, bytes: &[u8], header: usize) -> Option<usize> {
-        let last = self.known(id)?;
-        if !self.has_former {
-            return Some(last);
-        }
-        let Some(before) = self.former.get(usize::from(id)).copied().flatten() else { return Some(last) };
-        let fits = |index: &usize| self.types.get(*index).is_some_and(|t| t.format.fits(bytes.len()));
-        let is_near = |index: usize| self.is_near(index, bytes, header);
-        let has_time = |index: usize| self.types.get(index).is_some_and(|t| t.format.time.is_some());
-        // Only a time can tell that it is of the one before where both fit.
-        let is_former = fits(&before) && (!fits(&last) || !is_near(last) && has_time(before) && is_near(before));
-        Some(if is_former { before } else { last })
-    }
-
-    /// Whether a record has a time, if its type has one, that is near the last one.
-    fn is_near(&self, index: usize, bytes: &[u8], header: usize) -> bool {
-        let Some(format) = self.types.get(index).map(|t| &t.format) else { return false };
-        let time = |time: TimeField| time.read(format, Body::Packed(bytes.get(header..)?));
+    /// Whether the time of a binary record, if its type has one, is near the last one; `bytes` with its header.
+    pub(super) fn is_near(&self, bytes: &[u8], header: usize) -> bool {
+        let id = bytes.get(header - 1).copied().unwrap_or_default();
+        let Some(format) = self.format(id) else { return false };
+        let time = |field: TimeField| field.read(format, Body::Packed(bytes.get(header..)?));
         match (format.time, self.clock.last_raw_ns()) {
             (Some(field), Some(last_ns)) => time(field).is_some_and(|ns| ns.abs_diff(last_ns) <= FAR_NS),
             _ => true,
         }
     }
 
-    /// Whether a record of this length is one of its type, by its time: only types with a time can tell.
-    pub(super) fn is_timely(&self, bytes: &[u8], header: usize) -> bool {
+    /// A binary record of a known type; `bytes` with its header. Fails if it is damaged.
+    pub(super) fn packed(&mut self, bytes: &[u8], header: usize) -> Result<Fate, String> {
         let id = bytes.get(header - 1).copied().unwrap_or_default();
-        let Some(index) = self.of_record(id, bytes, header) else { return false };
-        let has_time = self.types.get(index).is_some_and(|t| t.format.time.is_some() && t.format.fits(bytes.len()));
-        has_time && self.clock.last_ns.is_some() && self.is_near(index, bytes, header)
-    }
-
-    /// What a binary record says of its time, ns; `bytes` with its header.
-    pub(super) fn time_of_record(&self, id: u8, bytes: &[u8], header: usize) -> Option<i64> {
-        let format = &self.types.get(self.of_record(id, bytes, header)?)?.format;
-        let time = format.time.filter(|_| format.fits(bytes.len()))?;
-        time.read(format, Body::Packed(bytes.get(header..)?))
-    }
-
-    /// Whether a record may stand beside another, both with their headers, or behind the last one, by its time: all but those
-    /// of types with a time that is far from both, as far as these are known.
-    pub(super) fn may_be_beside(&self, bytes: &[u8], other: &[u8], header: usize) -> bool {
-        let id_of = |bytes: &[u8]| bytes.get(header - 1).copied().unwrap_or_default();
-        let time_of = |bytes: &[u8]| self.time_of_record(id_of(bytes), bytes, header);
-        let Some(_) = self.format(id_of(bytes)).and_then(|format| format.time) else { return true };
-        let others = [self.clock.last_raw_ns(), time_of(other)];
-        let near = |ns: i64| others.iter().flatten().any(|other| ns.abs_diff(*other) <= FAR_NS);
-        time_of(bytes).is_some_and(|ns| near(ns) || others == [None; 2])
-    }
-
-    /// What a line of text says of its time, ns: name and what follows its comma.
-    pub(super) fn time_of_line(&self, name: &str, values: &str) -> Option<i64> {
-        let format = &self.types.get(*self.by_name.get(name)?)?.format;
-        format.time?.read(format, Body::Line(values))
-    }
-
-    /// If a record with this time goes back and the clock may have begun anew although no log begins: what is to be told of
-    /// the records behind it.
-    pub(super) fn may_begin_anew(&self, raw_ns: i64) -> Option<Anew> {
-        if self.clock.begins || !self.clock.turns_back(raw_ns) || self.clock.is_wrap(raw_ns) {
-            return None;
-        }
-        let before: Vec<i64> =
-            self.clock.latest().into_iter().map(|ns| ns.saturating_sub(self.clock.offset_ns)).collect();
-        Anew::at(raw_ns, &before)
-    }
-
-    /// The next record is the first of a clock that has begun anew, if that is certain.
-    pub(super) fn begins_anew(&mut self, anew: &Anew) {
-        if anew.is_certain() {
-            self.clock.restarts();
-        }
-    }
-
-    /// A binary record of a known type; `bytes` with its header, and what [`Book::time_of_record`] says of it. Fails if it is
-    /// damaged.
-    pub(super) fn packed(&mut self, id: u8, bytes: &[u8], header: usize, raw_ns: Option<i64>) -> Result<Fate, String> {
-        let Some(index) = self.of_record(id, bytes, header) else {
+        let Some(index) = self.known(id) else {
             return Err(format!("a record of type {id}, which is not defined"));
         };
         let Some(kind) = self.types.get(index) else { return Ok(Fate::Skipped) };
@@ -333,7 +244,7 @@ impl<'t, 'w> Book<'t, 'w> {
             self.misfits.add(|| format!("a {name} of {} bytes", bytes.len()));
             return Ok(Fate::Skipped);
         }
-        self.record(index, Body::Packed(bytes.get(header..).unwrap_or_default()), raw_ns)
+        self.record(index, Body::Packed(bytes.get(header..).unwrap_or_default()))
     }
 
     /// A line of text: name and what follows its comma. Fails if it is damaged.
@@ -356,8 +267,7 @@ impl<'t, 'w> Book<'t, 'w> {
                 return Err(format!("a line of type {} whose text is longer than its field", kind.format.name));
             }
         }
-        let raw_ns = self.types.get(index).and_then(|t| t.format.time?.read(&t.format, Body::Line(values)));
-        self.record(index, Body::Line(values), raw_ns)
+        self.record(index, Body::Line(values))
     }
 
     /// The type of the record that a text holds: its own line end, in front of that one, is damaged. A name that is
@@ -385,8 +295,9 @@ impl<'t, 'w> Book<'t, 'w> {
             && cells.iter().zip(&format.fields).all(is_number)
     }
 
-    fn record(&mut self, index: usize, body: Body<'_>, raw_ns: Option<i64>) -> Result<Fate, String> {
-        let Some(role) = self.types.get(index).map(|kind| kind.role) else { return Ok(Fate::Skipped) };
+    fn record(&mut self, index: usize, body: Body<'_>) -> Result<Fate, String> {
+        let Some(kind) = self.types.get(index) else { return Ok(Fate::Skipped) };
+        let (role, raw_ns) = (kind.role, kind.format.time.and_then(|time| time.read(&kind.format, body)));
         let logged_ns = self.clock.stamp(raw_ns, &self.file);
         if role != Role::Samples {
             self.tell(role, index, body, logged_ns)?;
@@ -472,24 +383,11 @@ impl<'t, 'w> Book<'t, 'w> {
         if known.is_some_and(|known| known.format == format) {
             return Ok(());
         }
-        if self.former(id) == Some(&format) {
-            if let (Some(last), Some(former)) =
-                (self.by_id.get_mut(usize::from(id)), self.former.get_mut(usize::from(id)))
-            {
-                std::mem::swap(last, former);
-                self.by_name.extend(last.map(|index| (format.name.clone(), index)));
-            }
-            return Ok(());
-        }
         if self.types.len() >= MOST_TYPES {
             return Err(format!("there are more than {MOST_TYPES} definitions"));
         }
         if let Some(index) = self.known(id) {
             self.redefined.push([index, self.types.len()]);
-            if let Some(former) = self.former.get_mut(usize::from(id)) {
-                *former = Some(index);
-                self.has_former = true;
-            }
         }
         self.learn(id, format);
         Ok(())
@@ -538,14 +436,13 @@ impl<'t, 'w> Book<'t, 'w> {
             }
         };
         let [used, unused] = self.redefinitions();
-        let text =
-            "types were defined anew; what follows is read by the new one, or by the old one where only that fits";
+        let text = "types were defined again and otherwise; what follows is read by the new definition";
         say(Severity::Loss, "redefined", &used, text);
         say(
             Severity::Info,
             "redefined",
             &unused,
-            "types were defined anew, and no record is of the old or the new one",
+            "types were defined again and otherwise, and there is no record of the old or the new one",
         );
         say(Severity::Loss, "undecodable", &self.misfits, "records are not as long as their definition says");
         say(Severity::Loss, "unknown-channel", &self.unplaced, "records found no topic, for there are too many");
@@ -554,7 +451,7 @@ impl<'t, 'w> Book<'t, 'w> {
         let text = "units and instances of a type are stated twice and otherwise, of which the first holds, or for another number \
                     of fields: they may be of another type";
         say(Severity::Warning, "units-differ", &self.other_units, text);
-        let text = "the clock begins anew within the file; what follows is stamped as if it came ten seconds later";
+        let text = "the clock restarts within the file; what follows is stamped as if it came ten seconds later";
         say(Severity::Warning, "clock-restart", &self.clock.moved, text);
         say(Severity::Warning, "clock-jump", &self.clock.back, "the clock steps back by more than a second");
         log.health.undecodable += self.misfits.count;
@@ -619,10 +516,7 @@ impl TimeField {
 #[derive(Debug, Default)]
 struct BootClock {
     last_ns: Option<i64>,
-    /// Stamps so far, and the last of them.
-    stamps: usize,
-    latest: [i64; CONFIRMED_BY],
-    /// Added to what the log says since it began anew: a multiple of a second.
+    /// Added to what the log says since the clock restarted: a multiple of a second.
     offset_ns: i64,
     begins: bool,
     moved: Tally,
@@ -636,28 +530,9 @@ impl BootClock {
         self.begins = true;
     }
 
-    /// Whether a record with this time would go back by more than disorder.
-    fn turns_back(&self, raw_ns: i64) -> bool {
-        let ns = raw_ns.saturating_add(self.offset_ns).saturating_add(STEP_BACK_NS);
-        self.last_ns.is_some_and(|last_ns| ns < last_ns)
-    }
-
     /// The time of the last record as the log says it.
     fn last_raw_ns(&self) -> Option<i64> {
         self.last_ns.map(|last_ns| last_ns.saturating_sub(self.offset_ns))
-    }
-
-    /// Whether a counter of 32 bits ends between the last record and one with this time.
-    fn is_wrap(&self, raw_ns: i64) -> bool {
-        let ends = [1000, 1_000_000].map(|tick_ns| tick_ns << 32);
-        let last_ns = self.last_raw_ns().unwrap_or_default();
-        ends.iter().any(|end| (0..WRAP_NS).contains(&(raw_ns + end).saturating_sub(last_ns)))
-    }
-
-    /// The last few stamps, the oldest first; none before there are so many.
-    fn latest(&self) -> Vec<i64> {
-        let (new, old) = self.latest.split_at(self.stamps % CONFIRMED_BY);
-        if self.stamps < CONFIRMED_BY { vec![] } else { [old, new].concat() }
     }
 
     /// The stamp of a record. One without a time of its own has that of the record before.
@@ -682,10 +557,6 @@ impl BootClock {
             self.back.add(|| format!("{file}, from {:.3} s to {:.3} s", seconds(last_ns), seconds(stamp)));
         }
         self.last_ns = Some(stamp);
-        if let Some(place) = self.latest.get_mut(self.stamps % CONFIRMED_BY) {
-            *place = stamp;
-        }
-        self.stamps += 1;
         stamp
     }
 }

@@ -97,7 +97,7 @@ impl Format {
 
     /// Whether an `FMT` agrees with itself: it describes records of the length that it states. Then it needs nothing
     /// behind it to vouch for it.
-    pub(super) fn vouches(record: &[u8]) -> bool {
+    pub(super) fn agrees(record: &[u8]) -> bool {
         let Some(&length) = record.get(HEADER + 1) else { return false };
         // Name and format characters, looked at first: where sync bytes follow one another, much seems to be an `FMT`.
         let plain = |b: &u8| *b == 0 || b.is_ascii_graphic();
@@ -126,15 +126,9 @@ impl Format {
         }
     }
 
-    /// Lengths that a record may have, header included: what the format characters add up to, and what the `FMT`
-    /// states where that is something else. Then one of the two is damaged.
-    pub(super) fn lengths(&self) -> [Option<usize>; 2] {
-        [self.described, (self.stated >= HEADER && self.described != Some(self.stated)).then_some(self.stated)]
-    }
-
-    /// The first of [`Format::lengths`].
-    pub(super) fn usual_length(&self) -> Option<usize> {
-        self.lengths().into_iter().flatten().next()
+    /// Bytes of a record, header included: what the format characters add up to, or else what the `FMT` states.
+    pub(super) fn length(&self) -> Option<usize> {
+        self.described.or(Some(self.stated).filter(|stated| *stated >= HEADER))
     }
 
     /// Whether records of this length are what the format characters describe.

@@ -1,15 +1,14 @@
 //! The walk over a text log, line by line: name and values between commas.
 
-use super::anew::Anew;
 use super::book::Book;
 use super::{BYTE_ORDER_MARK, starts_a_log};
 use crate::error::IngestError;
-use crate::format::file::LogFile;
-use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
+use logscan::LogFile;
+use logscan::{Fate, Ledger};
 
-/// Bytes looked through for lines in one go, and at most where a clock goes back: a second of a dense log.
+/// Bytes looked through for lines in one go.
 const BLOCK: usize = 1 << 20;
 
 /// A walk in progress.
@@ -65,24 +64,15 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 
     /// The whole lines of the next block; `false` if it holds none.
     fn lines(&mut self) -> Result<bool, IngestError> {
-        let (longest, size) = (self.context.limits.line_bytes.max(1), self.file.size());
+        let longest = self.context.limits.line_bytes.max(1);
         let mut block = self.file.up_to(self.at, BLOCK.min(longest))?;
         if memchr::memchr(b'\n', block).is_none() {
             block = self.file.up_to(self.at, longest)?;
         }
         let mut taken = 0;
-        let is_last = self.at + block.len() as u64 == size;
         for end in memchr::memchr_iter(b'\n', block) {
             let line = block.get(taken..end).unwrap_or_default();
             let length = (end + 1 - taken) as u64;
-            if let Some(mut anew) = time_of(line, self.book).and_then(|raw_ns| self.book.may_begin_anew(raw_ns)) {
-                let behind = block.get(end + 1..).unwrap_or_default();
-                if look_ahead(behind, &mut anew, self.book) && taken > 0 && !is_last {
-                    // More is to be told by the next block.
-                    break;
-                }
-                self.book.begins_anew(&anew);
-            }
             match fate_of(line, self.book) {
                 Ok(fate) => {
                     self.headless |= !self.begun && fate.is_some() && !starts_a_log(line);
@@ -113,18 +103,6 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         }
         Ok(())
     }
-}
-
-/// Shows the times of the lines behind one. Whether more are wanted.
-fn look_ahead(behind: &[u8], anew: &mut Anew, book: &Book<'_, '_>) -> bool {
-    let whole = behind.split_inclusive(|b| *b == b'\n').filter(|line| line.ends_with(b"\n"));
-    whole.filter_map(|line| time_of(line, book)).all(|ns| anew.goes_on(ns))
-}
-
-/// What a line says of its time, ns.
-fn time_of(line: &[u8], book: &Book<'_, '_>) -> Option<i64> {
-    let (name, values) = std::str::from_utf8(line).ok()?.split_once(',')?;
-    book.time_of_line(name.trim(), values.trim_end())
 }
 
 /// What becomes of a line; `None` for an empty one.

@@ -4,7 +4,7 @@ use super::tree::{Cell, Row, Value};
 use super::walk::{Look, Sink};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::format::inflate::{Inflater, is_packed};
-use crate::ledger::Fate;
+use logscan::Fate;
 use std::collections::BTreeMap;
 
 /// Memory that topics and definitions of one file may take, bytes.

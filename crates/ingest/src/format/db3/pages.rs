@@ -7,7 +7,7 @@
 use super::tree::{Kind, Node};
 use super::wal::Wal;
 use crate::error::IngestError;
-use crate::format::file::read_exactly;
+use logscan::read_exactly;
 use std::fs::File;
 
 /// Pages read in one go when they are read in order, bytes.
@@ -261,7 +261,7 @@ impl Pages {
         }
         self.window.resize((last - first + 1) as usize * self.header.page_bytes as usize, 0);
         self.window_at = self.offset(first);
-        read_exactly(&self.file, &self.name, &mut self.window, self.window_at)
+        Ok(read_exactly(&self.file, &self.name, &mut self.window, self.window_at)?)
     }
 
     /// Where the window holds a page.
@@ -285,7 +285,8 @@ impl Pages {
     /// The first bytes of a page.
     fn start(&self, page: u32, into: &mut [u8]) -> Result<bool, IngestError> {
         if let Some((wal, at)) = self.wal.as_ref().and_then(|wal| Some((wal, wal.place(page)?))) {
-            return read_exactly(&wal.file, &wal.name, into, at).map(|()| true);
+            read_exactly(&wal.file, &wal.name, into, at)?;
+            return Ok(true);
         }
         if page == 0 || page > self.in_file() {
             return Ok(false);
@@ -294,7 +295,8 @@ impl Pages {
             into.copy_from_slice(held);
             return Ok(true);
         }
-        read_exactly(&self.file, &self.name, into, self.offset(page)).map(|()| true)
+        read_exactly(&self.file, &self.name, into, self.offset(page))?;
+        Ok(true)
     }
 
     /// The four bytes with which an overflow page names the next one.

@@ -2,7 +2,7 @@
 //! (<https://www.sqlite.org/fileformat2.html#the_write_ahead_log>).
 
 use crate::error::IngestError;
-use crate::format::file::read_exactly;
+use logscan::read_exactly;
 use memchr::memmem;
 use std::collections::{HashMap, HashSet};
 use std::fs::File;

@@ -12,9 +12,9 @@ use super::tree::{Cell, Kind, Node};
 use crate::bytes::is_zero;
 use crate::decode::Tally;
 use crate::error::IngestError;
-use crate::format::MOST_ZEROS;
-use crate::ledger::{Fate, Ledger};
 use crate::reader::ReadContext;
+use logscan::MOST_ZEROS;
+use logscan::{Fate, Ledger};
 use std::collections::{BTreeMap, HashSet};
 
 /// SQLite's own trees are never deeper.

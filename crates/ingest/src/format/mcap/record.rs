@@ -2,9 +2,9 @@
 
 use crate::bytes::Bytes;
 use crate::error::IngestError;
-use crate::format::file::LogFile;
 use crate::format::inflate::Codec;
 use crate::format::unpacker::Packed;
+use logscan::LogFile;
 use mcap::records::{Record, op};
 use std::ops::Range;
 

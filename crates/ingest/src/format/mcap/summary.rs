@@ -4,7 +4,7 @@ use super::record::{self, HEAD_BYTES, Head, MAGIC};
 use super::visit::Visit;
 use crate::bytes::Bytes;
 use crate::error::IngestError;
-use crate::format::file::LogFile;
+use logscan::LogFile;
 use mcap::records::{Record, op};
 use memchr::memmem;
 use std::ops::Range;

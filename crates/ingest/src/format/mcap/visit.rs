@@ -1,7 +1,7 @@
 //! Who looks at the records while a file, or its summary, is walked through.
 
 use crate::decode::Vouch;
-use crate::ledger::Fate;
+use logscan::Fate;
 
 /// Who is shown the records.
 pub(super) trait Visit {

@@ -15,12 +15,13 @@ use super::visit::Visit;
 use crate::bytes::{Bytes, is_zero};
 use crate::decode::{Tally, Vouch};
 use crate::error::IngestError;
-use crate::format::file::LogFile;
 use crate::format::unpacker::Unpacker;
-use crate::format::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, wrong_start};
-use crate::ledger::{Fate, Ledger};
+use crate::format::wrong_start;
 use crate::reader::ReadContext;
 use flight::{Notices, Severity};
+use logscan::LogFile;
+use logscan::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS};
+use logscan::{Fate, Ledger};
 use mcap::records::op;
 use memchr::memmem;
 

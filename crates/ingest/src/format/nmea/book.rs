@@ -7,11 +7,11 @@ use super::talkers;
 use crate::civil::calendar_to_unix_ns;
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::format::identity::of_version;
-use crate::ledger::Fate;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
 use crate::time::{SaidDates, Since};
 use flight::{NANOS_PER_SECOND, Notices, Severity, Stamp};
+use logscan::Fate;
 use std::collections::HashMap;
 use std::fmt::Write;
 

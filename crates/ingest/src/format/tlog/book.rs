@@ -1,63 +1,43 @@
 //! What becomes of each frame.
 
+use super::Sender;
 use super::clock::{BootClock, ReceiveClock};
 use super::definition::{Definition, Definitions};
-use super::frame::{Frame, NoFrame, SIGNATURE};
-use super::framing::{Framing, begins_stamped, next_time, time_us};
+use super::frame::Frame;
+use super::framing::{Framing, next_time, time_us};
 use super::vehicle::Vehicle;
-use super::{Learned, Runs, Sender};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
-use crate::ledger::Fate;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Clock, Notices, Severity};
+use logscan::Fate;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
 /// Topics in one log: a hundred vehicles with a hundred messages each need fewer.
 pub(super) const MOST_TOPICS: usize = 8192;
-/// Messages that are not defined and whose layout is remembered.
-const MOST_UNKNOWN: usize = 4096;
 
 /// Said where no frame begins.
-pub(super) const NO_FRAME: &str = "what stands here is no frame of MAVLink";
+pub(super) const NO_FRAME: &str = "bytes that are not a frame of MAVLink";
 
-/// Said of a frame that is not all there.
-pub(super) const CUT: &str = "a frame whose length leads nowhere";
-
-/// Said of a frame of a message that is not defined, if it does not agree with those before.
-fn unknown(message: u32) -> String {
-    format!(
-        "a frame of message {message}, which is not known, so that its checksum cannot be checked; it has no layout, or another \
-         one than before, or intact frames stand in what it says is its length"
-    )
-}
-
-/// Said of a frame with unknown flags whose checksum fits no header that is known: either may be damaged.
-const UNKNOWN_FLAGS: &str = "a frame with incompatibility flags that are not known, and whose checksum is wrong for every \
-                             header that is";
-
-const FLAGGED: &str = "incompatibility flags that are not known";
-
-/// What stands for the layout of a message that is not defined: as its first frame has it, unless that stays alone and two
-/// others agree.
-struct Guess {
-    extra: u8,
-    seen: u64,
-    rival: Option<u8>,
-}
-
-impl Guess {
-    fn agrees(&mut self, extra: u8) -> bool {
-        if extra != self.extra && (self.seen > 1 || self.rival.replace(extra) != Some(extra)) {
-            return false;
+/// Why a frame is not believed.
+pub(super) fn fault(frame: &Frame<'_>) -> Cow<'static, str> {
+    match frame.intact {
+        None => format!(
+            "a frame of message {}, which is not known, so that its checksum cannot be checked; no other frame follows it",
+            frame.message
+        )
+        .into(),
+        // The flags may be damaged, or the header longer than is known.
+        _ if frame.unknown_flags != 0 => {
+            "a frame with incompatibility flags that are not known, and whose checksum is wrong for every header that is".into()
         }
-        self.seen += 1;
-        self.extra = extra;
-        true
+        _ => "the checksum of a frame is wrong".into(),
     }
 }
+
+const FLAGGED: &str = "incompatibility flags that are not known";
 
 /// What messages of one topic and layout have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -65,8 +45,7 @@ struct Key {
     sender: Sender,
     message: u32,
     wide: bool,
-    is_defined: bool,
-    /// Of the vehicle, beside the longest.
+    /// Of the vehicle, after the first.
     run: Option<usize>,
 }
 
@@ -80,36 +59,22 @@ pub(super) struct Book<'b, 't> {
     stamped: bool,
     receive: ReceiveClock,
     boot: BootClock,
-    runs: Runs,
     /// Bytes of the files before.
     before: u64,
-    /// Layouts of messages that are not defined.
-    unknown: HashMap<u32, Guess>,
-    learned: Learned,
-    suspects: bool,
     frames: u64,
     /// Bytes of text before the first frame.
     pub(super) preamble: u64,
-    /// Frames whose zeros were put back.
-    completed: Tally,
-    cut_signatures: Tally,
     /// Frames by the number of their message.
     undefined: BTreeMap<u32, u64>,
     flagged: Tally,
-    /// Messages of the vehicle from runs that are not used.
-    beside: u64,
+    /// Messages of the vehicle from later runs, which are not used.
+    later_runs: u64,
     unplaced: Tally,
     restored: Vec<u8>,
 }
 
 impl<'b, 't> Book<'b, 't> {
-    pub(super) fn new(
-        main: Sender,
-        learned: Learned,
-        stamped: bool,
-        runs: Runs,
-        topics: &'b mut Topics<'t>,
-    ) -> Book<'b, 't> {
+    pub(super) fn new(main: Sender, stamped: bool, topics: &'b mut Topics<'t>) -> Book<'b, 't> {
         Book {
             main,
             topics,
@@ -118,74 +83,41 @@ impl<'b, 't> Book<'b, 't> {
             stamped,
             receive: ReceiveClock::default(),
             boot: BootClock::default(),
-            runs,
             before: 0,
-            unknown: HashMap::new(),
-            learned,
-            suspects: false,
             frames: 0,
             preamble: 0,
-            completed: Tally::default(),
-            cut_signatures: Tally::default(),
             undefined: BTreeMap::new(),
             flagged: Tally::default(),
-            beside: 0,
+            later_runs: 0,
             unplaced: Tally::default(),
             restored: vec![],
         }
     }
 
-    /// The record that the bytes at this place of a file begin with: its fate and its length, or why there is none.
+    /// Takes a record, a frame and what stands before it, at this place of a file; `after` are some of the bytes that follow.
     pub(super) fn record(
         &mut self,
-        bytes: &[u8],
+        record: &[u8],
+        after: &[u8],
         framing: Framing,
         at: u64,
-    ) -> Result<(Fate, usize), Cow<'static, str>> {
-        self.suspects = false;
-        let mut frame = Frame::at(bytes.get(framing.front()..).unwrap_or_default()).map_err(|no| match no {
-            NoFrame::Foreign => NO_FRAME,
-            NoFrame::Cut => CUT,
-        })?;
-        let sender = Sender::of(&frame);
-        self.learned.recut.learn(sender, at, &frame);
-        let undefined = frame.intact.is_none() && frame.extra.is_some();
-        let may_be_other = (frame.other.is_some() || undefined) && framing.goes_on(&frame, bytes);
-        if may_be_other {
-            self.learned.dialect.learn(self.before + at, &frame);
-        }
-        let vouched = self.learned.dialect.vouches_for(&frame);
-        self.suspects = may_be_other && !vouched && !(undefined && self.may_be_consistent(&frame));
-        match frame.intact {
-            Some(false) if self.learned.recut.vouches_for(sender, &frame) => {
-                self.completed.add(|| format!("message {} of {}.{}", frame.message, sender.system, sender.component));
-            }
-            Some(false) if vouched => frame = frame.undefined(),
-            None if vouched => {}
-            Some(false) if frame.unknown_flags != 0 => return Err(UNKNOWN_FLAGS.into()),
-            Some(false) => return Err("the checksum of a frame is wrong".into()),
-            None if !self.has_layout(&frame) && !framing.believes(&frame, bytes) => {
-                return Err(unknown(frame.message).into());
-            }
-            None if !self.is_consistent(&frame) => return Err(unknown(frame.message).into()),
-            _ => {}
-        }
-        let length = self.end_of(&frame, bytes, framing);
+    ) -> Result<Fate, Cow<'static, str>> {
+        let frame = Frame::at(record.get(framing.front()..).unwrap_or_default()).map_err(|_| NO_FRAME)?;
         let logged_ns = match framing {
             Framing::Stamped if self.stamped => {
-                let next = bytes.get(length..).and_then(next_time);
-                let second = next.and_then(|(_, behind)| next_time(behind));
+                let next = next_time(after);
+                let second = next.and_then(|(_, after)| next_time(after));
                 let ahead = [next, second].map(|ahead| ahead.map(|(time, _)| time));
-                self.receive.stamp(time_us(bytes).ok_or(CUT)?, ahead)
+                self.receive.stamp(time_us(record).unwrap_or_default(), ahead)
             }
-            // The vehicle's clock as it was told last, for what is said of the vehicle itself.
+            // The vehicle's clock as it was reported last, for what is said of the vehicle itself.
             _ => self.boot.told_ns(),
         };
         if frame.unknown_flags != 0 {
             self.flagged.add(|| format!("message {} with flags {:#04x}", frame.message, frame.unknown_flags));
-            return Ok((Fate::Skipped, length));
+            return Ok(Fate::Skipped);
         }
-        Ok((self.message(&frame, logged_ns, self.before + at), length))
+        Ok(self.message(&frame, logged_ns, self.before + at))
     }
 
     /// A file of this size has been read.
@@ -202,67 +134,12 @@ impl<'b, 't> Book<'b, 't> {
         })
     }
 
-    /// Where the record of this frame ends. A signature that was cut does not take the begin of the next record with it.
-    fn end_of(&mut self, frame: &Frame<'_>, bytes: &[u8], framing: Framing) -> usize {
-        let end = framing.front() + frame.length;
-        let begins = |at: &usize| match framing {
-            Framing::Stamped => bytes.get(*at..).is_some_and(begins_stamped),
-            Framing::Bare => bytes.get(*at..).is_some_and(|b| Frame::at(b).is_ok_and(|f| f.intact == Some(true))),
-        };
-        if !frame.is_signed || begins(&end) {
-            return end;
-        }
-        let cut = (end - SIGNATURE..end).find(begins);
-        if cut.is_some() {
-            self.cut_signatures.add(|| format!("message {} of {}.{}", frame.message, frame.system, frame.component));
-        }
-        cut.unwrap_or(end)
-    }
-
-    /// Whether a message is not defined, or otherwise than here, and has the layout that one had before.
-    pub(super) fn has_layout(&self, frame: &Frame<'_>) -> bool {
-        if self.learned.dialect.vouches_for(frame) {
-            return true;
-        }
-        let known = self.unknown.get(&frame.message).filter(|_| frame.intact.is_none() && frame.extra.is_some());
-        known.is_some_and(|guess| [Some(guess.extra), guess.rival].contains(&frame.extra))
-    }
-
-    /// Whether several frames showed that a message which is not defined, or otherwise, has this layout.
-    pub(super) fn knows(&self, message: u32, extra: u8) -> bool {
-        let agree = |guess: &Guess| guess.seen > 1 && guess.extra == extra;
-        self.unknown.get(&message).is_some_and(agree) || self.learned.dialect.has(message, extra)
-    }
-
-    /// Whether the frame that was refused last may be of another definition, which the rest of the file may confirm.
-    pub(super) fn suspects(&self) -> bool {
-        self.suspects
-    }
-
-    /// Takes in what a look over all of the file that is read shows.
-    pub(super) fn learn(&mut self, at: u64, frame: &Frame<'_>) {
-        self.learned.dialect.learn(self.before + at, frame);
-    }
-
-    /// Whether a message that is not defined is the first one, or has the layout that it had before.
-    fn may_be_consistent(&self, frame: &Frame<'_>) -> bool {
-        !self.unknown.contains_key(&frame.message) || self.has_layout(frame)
-    }
-
-    /// Whether a message that is not defined has the layout that it had before.
-    fn is_consistent(&mut self, frame: &Frame<'_>) -> bool {
-        let Some(extra) = frame.extra else { return false };
-        if self.unknown.len() >= MOST_UNKNOWN && !self.unknown.contains_key(&frame.message) {
-            return false;
-        }
-        self.unknown.entry(frame.message).or_insert(Guess { extra, seen: 0, rival: None }).agrees(extra)
-    }
-
     fn message(&mut self, frame: &Frame<'_>, logged_ns: i64, place: u64) -> Fate {
         self.frames += 1;
         let sender = Sender::of(frame);
-        let run = self.runs.beside(place).filter(|_| sender == self.main);
-        self.beside += u64::from(run.is_some());
+        let restarts = if self.stamped { 0 } else { self.boot.restarts() };
+        let run = (restarts > 0 && sender == self.main).then_some(restarts + 1);
+        self.later_runs += u64::from(run.is_some());
         let Some(route) = self.route(sender, run, frame) else {
             self.unplaced.add(|| format!("message {}", frame.message));
             return Fate::Skipped;
@@ -284,8 +161,10 @@ impl<'b, 't> Book<'b, 't> {
         self.restored.clear();
         self.restored.extend_from_slice(frame.payload);
         self.restored.resize(frame.payload.len().max(length), 0);
-        if sender == self.main && run.is_none() {
-            self.vehicle.tell(frame.message, &self.restored, logged_ns);
+        if sender == self.main {
+            if run.is_none() {
+                self.vehicle.tell(frame.message, &self.restored, logged_ns);
+            }
             let came = if self.stamped { logged_ns } else { place as i64 };
             self.boot.message(definition, frame.message, &self.restored, came);
         }
@@ -298,8 +177,7 @@ impl<'b, 't> Book<'b, 't> {
     /// Where messages of this sender go; `None` if there are too many topics.
     fn route(&mut self, sender: Sender, run: Option<usize>, frame: &Frame<'_>) -> Option<Route> {
         let definition = definition_of(frame);
-        let is_defined = definition.is_some();
-        let key = Key { sender, message: frame.message, wide: frame.wide, is_defined, run };
+        let key = Key { sender, message: frame.message, wide: frame.wide, run };
         if let Some(route) = self.routes.get(&key) {
             return *route;
         }
@@ -333,11 +211,6 @@ impl<'b, 't> Book<'b, 't> {
                 notices.push(severity, code, "", tally.count, format!("{text}; the first: {}", tally.first));
             }
         };
-        let text = "frames have the checksum of a payload with zeros at its end, which the ground station left out as it \
-                    wrote them; with the zeros they are intact, and were read";
-        say(Severity::Info, "zeros-cut", &self.completed, text);
-        let text = "frames are intact, but bytes of the signature behind them are missing";
-        say(Severity::Loss, "cut-signature", &self.cut_signatures, text);
         let text = format!("frames have {FLAGGED}: they are intact and were not read, as MAVLink asks");
         say(Severity::Loss, "unknown-flags", &self.flagged, &text);
         let text = "messages found no topic, for there are too many";
@@ -351,10 +224,7 @@ impl<'b, 't> Book<'b, 't> {
         say(Severity::Warning, "receive-clock-back", &self.receive.set_back, text);
         let frames = self.undefined.values().sum();
         if frames > 0 {
-            let text = format!(
-                "frames of messages that are not defined, or otherwise than MAVLink has them, were not read: {}",
-                listed(&self.undefined)
-            );
+            let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));
             notices.push(Severity::Warning, "unknown-message", "", frames, text);
         }
         crate::format::tell_preamble(self.preamble, notices);
@@ -365,11 +235,11 @@ impl<'b, 't> Book<'b, 't> {
                         clocks are all there is";
             notices.push(Severity::Warning, "no-receive-time", "", self.frames, text);
         }
-        if self.beside > 0 {
-            let text = "messages are of another run of the vehicle: its clock since boot begins anew, and without times of \
-                        reception nothing tells how far apart the runs are. Channels are made of the longest alone; of the \
-                        others the topics have the number of the run, as ATTITUDE#2";
-            notices.push(Severity::Loss, "clock-restart", "", self.beside, text);
+        if self.later_runs > 0 {
+            let text = "messages are of a later run of the vehicle: its clock since boot restarts, and without times of \
+                        reception nobody knows how far apart the runs are. Channels are made of the first run alone; the \
+                        topics of the others have the number of the run, as ATTITUDE#2";
+            notices.push(Severity::Loss, "clock-restart", "", self.later_runs, text);
         }
         log.health.about = self.vehicle.finish();
     }

@@ -199,6 +199,11 @@ impl BootClock {
         }
     }
 
+    /// How often it restarted so far.
+    pub(super) fn restarts(&self) -> usize {
+        self.restarts.len()
+    }
+
     pub(super) fn finish(self) -> Vec<Restart> {
         self.restarts
     }

@@ -61,17 +61,6 @@ impl Definition {
         if wide { all } else { base }
     }
 
-    /// Where a payload may end whose sender leaves no zeros out: behind the fields of MAVLink 1, and behind each of those
-    /// that came with MAVLink 2, for senders of its day know fewer.
-    pub(super) fn ends(&self) -> Vec<usize> {
-        let mut end = 0;
-        let fields = fields_of(self.text(true)).map(|field| {
-            end += field.kind.size() * field.count.unwrap_or(1);
-            end
-        });
-        fields.filter(|end| *end >= self.length(false)).collect()
-    }
-
     /// What tells one layout from another.
     pub(super) fn text(&self, wide: bool) -> &'static str {
         let [base, all] = self.fields;

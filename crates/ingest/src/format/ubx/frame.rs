@@ -35,6 +35,18 @@ impl<'b> Frame<'b> {
             _ => Err(WRONG),
         }
     }
+
+    /// The frame that these bytes are, which was found to be intact.
+    pub(super) fn of(bytes: &'b [u8]) -> Frame<'b> {
+        let at = |place: usize| bytes.get(place).copied().unwrap_or_default();
+        let payload = bytes.get(HEADER..bytes.len().saturating_sub(CHECKSUM)).unwrap_or_default();
+        Frame { class: at(2), number: at(3), payload, length: bytes.len() }
+    }
+}
+
+/// Whether these last bytes of a file are the begin of a frame.
+pub(super) fn may_be_cut(bytes: &[u8]) -> bool {
+    SYNC.starts_with(bytes) || bytes.starts_with(&SYNC)
 }
 
 /// Said of a frame that is all there.
@@ -57,56 +69,16 @@ fn fletcher(bytes: &[u8]) -> [u8; 2] {
     bytes.iter().fold([0, 0], sum)
 }
 
-/// Finds intact frames in a block; each place takes one step, whatever length stands there.
-///
-/// With S(i) the sum of the first i bytes and T(i) = S(1) + ... + S(i), the checksum of the bytes from i to j is
-/// S(j) - S(i) and T(j) - T(i) - (j - i) S(i), all modulo 256.
-pub(super) struct Finder {
-    block: Vec<u8>,
-    /// S and T.
-    sums: Vec<[u8; 2]>,
-}
-
-impl Finder {
-    pub(super) fn new(block: Vec<u8>) -> Finder {
-        let mut sums = Vec::with_capacity(block.len() + 1);
-        let mut sum = [0_u8; 2];
-        sums.push(sum);
-        for byte in &block {
-            let a = sum[0].wrapping_add(*byte);
-            sum = [a, sum[1].wrapping_add(a)];
-            sums.push(sum);
-        }
-        Finder { block, sums }
-    }
-
-    pub(super) fn block(&self) -> &[u8] {
-        &self.block
-    }
-
-    /// Whether an intact frame begins here.
-    pub(super) fn is_frame(&self, at: usize) -> bool {
-        let Some(length) = self.block.get(at..).and_then(length_at) else { return false };
-        let (from, to) = (at + SYNC.len(), at + length - CHECKSUM);
-        let (Some(&[s_from, t_from]), Some(&[s_to, t_to])) = (self.sums.get(from), self.sums.get(to)) else {
-            return false;
-        };
-        let a = s_to.wrapping_sub(s_from);
-        let b = t_to.wrapping_sub(t_from).wrapping_sub(((to - from) as u8).wrapping_mul(s_from));
-        self.block.get(to..to + CHECKSUM) == Some(&[a, b])
-    }
-}
-
 /// Bytes of the RTCM 3 frame that the bytes begin with, as it says: preamble, ten bits of length, payload, CRC-24Q (RTCM
 /// 10403).
-pub(super) fn told_rtcm_length(bytes: &[u8]) -> Option<usize> {
+pub(super) fn stated_rtcm_length(bytes: &[u8]) -> Option<usize> {
     let &[preamble, high, low] = bytes.first_chunk()?;
     (preamble == RTCM && high & 0xfc == 0).then_some(3 + usize::from(u16::from_be_bytes([high, low])) + 3)
 }
 
 /// Bytes of the intact RTCM 3 frame that the bytes begin with.
 pub(super) fn rtcm_length(bytes: &[u8]) -> Option<usize> {
-    let length = told_rtcm_length(bytes)?;
+    let length = stated_rtcm_length(bytes)?;
     let (checked, told) = bytes.get(..length)?.split_last_chunk::<3>()?;
     (crc24(checked).to_be_bytes().get(1..) == Some(told)).then_some(length)
 }
@@ -161,20 +133,6 @@ mod tests {
             assert!(Frame::at(&changed).is_err(), "bit {bit}");
         }
         assert_eq!(Frame::at(&whole[..27]), Err(CUT));
-    }
-
-    #[test]
-    fn the_finder_finds_what_the_frames_are() {
-        let mut block = vec![];
-        for i in 0..200_u8 {
-            block.extend(vec![i.wrapping_mul(37); usize::from(i % 5)]);
-            block.extend(frame(i, i ^ 3, &vec![i.wrapping_mul(11); usize::from(i) * 3]));
-        }
-        let finder = Finder::new(block.clone());
-        let found = (0..block.len()).filter(|at| finder.is_frame(*at));
-        let truth = (0..block.len()).filter(|at| Frame::at(&block[*at..]).is_ok());
-        assert!(found.eq(truth));
-        assert_eq!((0..block.len()).filter(|at| finder.is_frame(*at)).count(), 200);
     }
 
     #[test]

@@ -77,8 +77,13 @@ pub(super) enum Trust {
     Wrong(&'static str),
 }
 
-/// Judges a message that the definitions do not help with. Of long ones the first `most` bytes are looked at.
-pub(super) fn judge(kind: Kind, body: &[u8], most: usize) -> Trust {
+/// Bytes of a message that are looked at.
+const GLANCE: usize = 64;
+/// The same of a format, of which nearly all are shorter.
+const FORMAT_GLANCE: usize = 2048;
+
+/// Judges a message that the definitions do not help with.
+pub(super) fn judge(kind: Kind, body: &[u8]) -> Trust {
     match kind {
         Kind::FlagBits => Trust::Wrong("flag bits that are not the first message"),
         Kind::Sync if body == SYNC => Trust::Sure,
@@ -86,7 +91,7 @@ pub(super) fn judge(kind: Kind, body: &[u8], most: usize) -> Trust {
         Kind::Dropout | Kind::Unsubscribe if body.len() == 2 => Trust::Weak,
         Kind::Dropout => Trust::Wrong("a dropout of a wrong length"),
         Kind::Unsubscribe => Trust::Wrong("an unsubscription of a wrong length"),
-        Kind::Format => format_trust(body, most),
+        Kind::Format => format_trust(body),
         Kind::Info => Entry::parse(body).map_or(Trust::Wrong("an information that is damaged"), Entry::trust),
         Kind::InfoPart | Kind::DefaultParameter => {
             let entry = body.get(1..).and_then(Entry::parse);
@@ -97,38 +102,36 @@ pub(super) fn judge(kind: Kind, body: &[u8], most: usize) -> Trust {
             Some(subscription) if is_name(subscription.name) => Trust::Fits,
             _ => Trust::Wrong("a subscription without a name"),
         },
-        Kind::Text => text_trust(body, 9, most),
-        Kind::TaggedText => text_trust(body, 11, most),
+        Kind::Text => text_trust(body, 9),
+        Kind::TaggedText => text_trust(body, 11),
         Kind::Data if body.len() >= 2 => Trust::Weak,
         Kind::Data => Trust::Wrong("a message too short for its number"),
     }
 }
 
-/// Said of a format that cannot be one.
-pub(super) const DAMAGED_FORMAT: &str = "a format that is damaged";
-
-/// Looked at as a whole, a format vouches for its length too: it ends with a field.
-fn format_trust(body: &[u8], most: usize) -> Trust {
-    const DAMAGED: Trust = Trust::Wrong(DAMAGED_FORMAT);
+/// A short format agrees with its length too: it ends with a field.
+fn format_trust(body: &[u8]) -> Trust {
+    const DAMAGED: Trust = Trust::Wrong("a format that is damaged");
     let head = body.get(..body.len().min(LONGEST_NAME)).unwrap_or_default();
-    let Some(end) = memchr::memchr(b':', head).filter(|&end| head.get(..end.min(most)).is_some_and(is_name)) else {
+    let Some(end) = memchr::memchr(b':', head).filter(|&end| head.get(..end.min(FORMAT_GLANCE)).is_some_and(is_name))
+    else {
         return DAMAGED;
     };
     // Some writers leave the last semicolon out.
     let ends = |last: &u8| matches!(last, b';' | b'_') || last.is_ascii_alphanumeric();
     let fields = body.get(end + 1..).unwrap_or_default();
-    if !fields.last().is_none_or(ends) || !body.iter().take(most).all(is_printable) {
+    if !fields.last().is_none_or(ends) || !body.iter().take(FORMAT_GLANCE).all(is_printable) {
         return DAMAGED;
     }
     match fields.last() {
-        Some(b';') | None if body.len() <= most && fields.split(|&b| b == b';').all(is_field) => Trust::Sure,
+        Some(b';') | None if body.len() <= FORMAT_GLANCE && fields.split(|&b| b == b';').all(is_field) => Trust::Sure,
         Some(_) => Trust::Fits,
         None => DAMAGED,
     }
 }
 
 /// Whether a character may stand in a format.
-pub(super) fn is_printable(character: &u8) -> bool {
+fn is_printable(character: &u8) -> bool {
     (b' '..=b'~').contains(character)
 }
 
@@ -139,14 +142,14 @@ fn is_field(field: &[u8]) -> bool {
 }
 
 /// A text behind its level, perhaps a tag, and a stamp of less than two thousand years.
-fn text_trust(body: &[u8], head: usize, most: usize) -> Trust {
+fn text_trust(body: &[u8], head: usize) -> Trust {
     let Some((head, text)) = body.split_at_checked(head) else { return Trust::Wrong("a text that is too short") };
     let level = head.first().is_some_and(|level| matches!(level, b'0'..=b'7'));
     // Some loggers write zeros behind a text.
     let zeros = text.iter().rev().take(MOST_ZEROS_OF_TEXT).take_while(|b| **b == 0).count();
     let text = text.get(..text.len() - zeros).unwrap_or_default();
     let control = |b: &u8| *b < b' ' && !b"\x07\x08\t\n\r\x1b".contains(b);
-    match level && head.last() == Some(&0) && !text.iter().take(most).any(control) {
+    match level && head.last() == Some(&0) && !text.iter().take(GLANCE).any(control) {
         true => Trust::Fits,
         false => Trust::Wrong("a logged text that is damaged"),
     }
@@ -228,8 +231,6 @@ impl<'m> Subscription<'m> {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct FlagBits {
     pub(super) incompatible: [u8; 8],
-    /// Where data were appended; zero for nowhere.
-    pub(super) offsets: [u64; 3],
 }
 
 impl FlagBits {
@@ -237,12 +238,9 @@ impl FlagBits {
         let mut rest = Bytes(body);
         rest.take(8)?;
         let incompatible = rest.take(8)?.try_into().ok()?;
-        Some(FlagBits { incompatible, offsets: [rest.u64()?, rest.u64()?, rest.u64()?] })
-    }
-
-    /// Whether data were appended.
-    pub(super) fn appended(&self) -> bool {
-        self.incompatible.first().is_some_and(|flags| flags & 1 == 1)
+        // Where data were appended: three offsets.
+        rest.take(24)?;
+        Some(FlagBits { incompatible })
     }
 
     /// Flags that nobody knows yet. The first one says that data were appended.
@@ -303,23 +301,23 @@ mod tests {
     #[test]
     fn a_parameter_vouches_for_itself_by_its_type_and_length() {
         let whole = entry("float EKF2_GPS_DELAY", &110_f32.to_le_bytes());
-        assert_eq!(judge(Kind::Parameter, &whole, 64), Trust::Sure);
+        assert_eq!(judge(Kind::Parameter, &whole), Trust::Sure);
         assert_eq!(Entry::parse(&whole).unwrap().number(), Some(110.0));
-        assert_eq!(judge(Kind::Parameter, &whole[..whole.len() - 1], 64), Trust::Weak);
-        assert!(matches!(judge(Kind::Parameter, &entry("flaot A", &[0; 4]), 64), Trust::Wrong(_)));
+        assert_eq!(judge(Kind::Parameter, &whole[..whole.len() - 1]), Trust::Weak);
+        assert!(matches!(judge(Kind::Parameter, &entry("flaot A", &[0; 4])), Trust::Wrong(_)));
     }
 
     #[test]
     fn what_is_no_format_no_text_and_no_sync_is_told() {
-        assert_eq!(judge(Kind::Format, b"a:float x;", 64), Trust::Sure);
-        assert_eq!(judge(Kind::Format, b"a:float x", 64), Trust::Fits);
+        assert_eq!(judge(Kind::Format, b"a:float x;"), Trust::Sure);
+        assert_eq!(judge(Kind::Format, b"a:float x"), Trust::Fits);
         for text in [&b"6\0\0\0\0\0\0\0\0hello"[..], b"6\0\0\0\0\0\0\0\0hello\x07\0\0", b"6\0\0\0\0\0\0\0\0"] {
-            assert_eq!(judge(Kind::Text, text, 64), Trust::Fits);
+            assert_eq!(judge(Kind::Text, text), Trust::Fits);
         }
         for name in ["/fmu/out/x", "_x", "-x", "a/b-c_d"] {
-            assert_eq!(judge(Kind::Format, format!("{name}:float x;").as_bytes(), 64), Trust::Sure, "{name}");
+            assert_eq!(judge(Kind::Format, format!("{name}:float x;").as_bytes()), Trust::Sure, "{name}");
         }
-        assert_eq!(judge(Kind::Sync, &SYNC, 64), Trust::Sure);
+        assert_eq!(judge(Kind::Sync, &SYNC), Trust::Sure);
         for (kind, body) in [
             (Kind::Format, &b"a:float "[..]),
             (Kind::Format, b"a:fl\0at x;"),
@@ -332,7 +330,7 @@ mod tests {
             (Kind::Sync, &SYNC[1..]),
             (Kind::Subscribe, b"\0\0\0"),
         ] {
-            assert!(matches!(judge(kind, body, 64), Trust::Wrong(_)), "{kind:?} {body:?}");
+            assert!(matches!(judge(kind, body), Trust::Wrong(_)), "{kind:?} {body:?}");
         }
     }
 
@@ -340,9 +338,8 @@ mod tests {
     fn flags_that_nobody_knows_are_seen() {
         let mut body = [0; FLAG_BITS];
         body[8] = 1;
-        body[16] = 99;
         let bits = FlagBits::parse(&body).unwrap();
-        assert_eq!((bits.unknown(), bits.offsets), (false, [99, 0, 0]));
+        assert!(!bits.unknown());
         body[10] = 4;
         assert!(FlagBits::parse(&body).unwrap().unknown());
         assert_eq!(FlagBits::parse(&body[1..]), None);

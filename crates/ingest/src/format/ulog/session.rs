@@ -4,14 +4,14 @@ use super::about::Gathered;
 use super::beside::Beside;
 use super::boots::LastStamp;
 use super::formats::{Extent, Formats, Stamp};
-use super::record::{Entry, FlagBits, Kind, Subscription, Trust, judge};
+use super::record::{Entry, FLAG_BITS, FlagBits, Kind, Subscription, Trust, judge};
 use crate::bytes::Bytes;
 use crate::decode::packed::float_of;
 use crate::decode::schema::Number;
 use crate::decode::{Route, Tally, Times, Topics};
-use crate::ledger::Fate;
 use crate::table::TopicInfo;
 use flight::{Notices, Severity};
+use logscan::Fate;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -23,6 +23,8 @@ const RECEIVER: (&str, &str) = ("sensor_gps", "device_id");
 /// The state of one log.
 pub(super) struct Session<'t, 'w> {
     topics: &'t mut Topics<'w>,
+    /// No message was taken yet.
+    is_fresh: bool,
     formats: Formats,
     /// By the number of their messages.
     known: Vec<Option<Known>>,
@@ -32,7 +34,7 @@ pub(super) struct Session<'t, 'w> {
     beside: Beside,
     pub(super) flags: FlagBits,
     /// Added to the stamps of messages to say when they were logged.
-    offset_us: u64,
+    pub(super) offset_us: u64,
     /// Stamp of the last message.
     latest_us: Option<u64>,
     /// The same, but for wrong ones.
@@ -110,16 +112,17 @@ struct Dropouts {
 }
 
 impl<'t, 'w> Session<'t, 'w> {
-    pub(super) fn new(topics: &'t mut Topics<'w>, offset_us: u64) -> Session<'t, 'w> {
+    pub(super) fn new(topics: &'t mut Topics<'w>) -> Session<'t, 'w> {
         Session {
             topics,
+            is_fresh: true,
             formats: Formats::default(),
             known: vec![],
             meanings: HashMap::new(),
             gathered: Gathered::default(),
             beside: Beside::default(),
             flags: FlagBits::default(),
-            offset_us,
+            offset_us: 0,
             latest_us: None,
             last_stamp: LastStamp::default(),
             began: false,
@@ -135,32 +138,32 @@ impl<'t, 'w> Session<'t, 'w> {
         }
     }
 
-    /// How far a message vouches for itself. Of long ones the first `most` bytes are looked at.
-    pub(super) fn judge(&self, kind: Kind, body: &[u8], most: usize) -> Trust {
+    /// Of the next log in the file.
+    pub(super) fn next(self, offset_us: u64) -> Session<'t, 'w> {
+        Session { offset_us, ..Session::new(self.topics) }
+    }
+
+    /// How far a message proves itself.
+    pub(super) fn judge(&self, kind: Kind, body: &[u8]) -> Trust {
         match kind {
+            Kind::FlagBits if self.is_fresh && body.len() == FLAG_BITS => Trust::Sure,
+            Kind::FlagBits if self.is_fresh && body.len() > FLAG_BITS => Trust::Fits,
             Kind::Data => match self.known_of(body).map(|known| &known.meaning.extent) {
                 Some(Ok(extent)) if extent.fits(body) => Trust::Sure,
                 Some(Ok(_)) => Trust::Wrong("a message whose length does not fit its format"),
-                Some(Err(_)) | None => judge(kind, body, most),
+                Some(Err(_)) | None => judge(kind, body),
             },
             Kind::Subscribe => match Subscription::parse(body).and_then(|s| std::str::from_utf8(s.name).ok()) {
                 Some(name) if self.formats.has(name) => Trust::Sure,
-                _ => judge(kind, body, most),
+                _ => judge(kind, body),
             },
-            _ => judge(kind, body, most),
+            _ => judge(kind, body),
         }
     }
 
     #[inline]
     fn known_of(&self, body: &[u8]) -> Option<&Known> {
         self.known.get(usize::from(Bytes(body).u16()?))?.as_ref().map(|known| known.of_message(body))
-    }
-
-    /// Takes a message of a topic if it vouches for itself.
-    #[inline]
-    pub(super) fn sure_data(&mut self, body: &[u8]) -> Option<Fate> {
-        let extent = self.known_of(body)?.meaning.extent.as_ref().ok()?;
-        extent.fits(body).then(|| self.data(body))
     }
 
     /// Whether a message, whose number and length agree with its topic's format, was logged near the last one.
@@ -171,13 +174,9 @@ impl<'t, 'w> Session<'t, 'w> {
         at_us.is_some_and(|at_us| at_us > 0 && self.last_stamp.is_near(at_us))
     }
 
-    /// Whether a message is of a topic that is subscribed to.
-    pub(super) fn is_known(&self, body: &[u8]) -> bool {
-        self.known_of(body).is_some()
-    }
-
     /// Takes a message. What is wrong with it is returned.
     pub(super) fn take(&mut self, kind: Kind, body: &[u8]) -> Result<Fate, String> {
+        self.is_fresh = false;
         self.began |= matches!(kind, Kind::Subscribe | Kind::Text | Kind::TaggedText);
         if kind != Kind::Data && self.topics.takes_extras() {
             let at_us = self.began.then(|| self.latest_us.unwrap_or_default());

@@ -3,7 +3,7 @@
 use super::{Packing, decoder, fault_of};
 use crate::bytes::is_zero;
 use crate::decode::Tally;
-use crate::format::MOST_ZEROS;
+use logscan::MOST_ZEROS;
 use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -288,7 +288,7 @@ struct At<'r> {
 
 impl Read for At<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let got = crate::platform::read_at(self.file, buffer, self.next)?;
+        let got = logscan::read_at(self.file, buffer, self.next)?;
         self.next += got as u64;
         Ok(got)
     }

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 /// Collects the fate of every byte while a reader walks its files.
 #[derive(Debug)]
-pub(crate) struct Ledger {
+pub struct Ledger {
     bytes: ByteLedger,
     damage: Vec<DamagedRange>,
     damage_count: u64,
@@ -17,11 +17,11 @@ pub(crate) struct Ledger {
 
 /// How far the log has come, by the log times of its messages; shared by those who count them and who meet damage.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct LogTime(Rc<Cell<Option<(i64, i64)>>>);
+pub struct LogTime(Rc<Cell<Option<(i64, i64)>>>);
 
 impl LogTime {
     /// A message was logged at this time. Zero is none: it is what loggers without a clock write.
-    pub(crate) fn passes(&self, logged_ns: i64) {
+    pub fn passes(&self, logged_ns: i64) {
         if logged_ns != 0 {
             let first = self.0.get().map_or(logged_ns, |(first, _)| first);
             self.0.set(Some((first, logged_ns)));
@@ -36,7 +36,7 @@ impl LogTime {
 
 /// What became of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Fate {
+pub enum Fate {
     /// Held wanted values.
     Decoded,
     /// Intact and unwanted.
@@ -46,7 +46,9 @@ pub(crate) enum Fate {
 }
 
 impl Ledger {
-    pub(crate) fn new(size: u64, listed: usize) -> Ledger {
+    /// Of files of this size in all; so many damaged ranges are listed.
+    #[must_use]
+    pub fn new(size: u64, listed: usize) -> Ledger {
         Ledger {
             bytes: ByteLedger { size, ..ByteLedger::default() },
             damage: vec![],
@@ -58,12 +60,13 @@ impl Ledger {
     }
 
     /// Damage is told with the time at which it lies. Only where messages stand in the order in which they were logged.
-    pub(crate) fn timed_by(mut self, time: &LogTime) -> Ledger {
+    pub fn timed_by(mut self, time: &LogTime) -> Ledger {
         self.time = time.clone();
         self
     }
 
-    pub(crate) fn count(&mut self, fate: Fate, bytes: u64) {
+    /// These bytes have this fate.
+    pub fn count(&mut self, fate: Fate, bytes: u64) {
         match fate {
             Fate::Decoded => self.bytes.decoded += bytes,
             Fate::Skipped => self.bytes.skipped += bytes,
@@ -72,7 +75,7 @@ impl Ledger {
     }
 
     /// Bytes that cannot be used. Ranges that touch and have the same reason become one.
-    pub(crate) fn damaged(&mut self, file: &str, offset: u64, length: u64, reason: impl Into<String>) {
+    pub fn damaged(&mut self, file: &str, offset: u64, length: u64, reason: impl Into<String>) {
         let reason = reason.into();
         self.bytes.damaged += length;
         if let Some(last) = self.damage.last_mut()
@@ -92,7 +95,7 @@ impl Ledger {
 
     /// The bytes from `offset` to the end of `file`, which ends inside the record that they begin. Few are the tail of a log
     /// that was written until the power went off, more are damage. Whether they are damage.
-    pub(crate) fn cut(&mut self, file: &str, offset: u64, length: u64, reason: impl Into<String>) -> bool {
+    pub fn cut(&mut self, file: &str, offset: u64, length: u64, reason: impl Into<String>) -> bool {
         if !ByteLedger::is_cut_tail(length, offset + length) {
             self.damaged(file, offset, length, reason);
             return true;
@@ -104,12 +107,12 @@ impl Ledger {
     }
 
     /// Bytes not yet accounted for.
-    pub(crate) fn open(&self) -> u64 {
+    pub fn open(&self) -> u64 {
         self.bytes.size.saturating_sub(self.bytes.sum())
     }
 
     /// Writes the result into `health`, and one notice of the losses.
-    pub(crate) fn finish(self, health: &mut LogHealth, notices: &mut Notices) {
+    pub fn finish(self, health: &mut LogHealth, notices: &mut Notices) {
         debug_assert_eq!(self.open(), 0, "bytes without a fate: {:?}", self.bytes);
         for d in &self.damage {
             notices.push(Severity::Loss, "damaged", place_of(d), d.length, &d.reason);

@@ -2,10 +2,9 @@
 //! kills the process, and its pages count as our memory.
 
 use crate::bytes::is_zero;
-use crate::error::IngestError;
-use crate::format::MOST_ZEROS;
+use crate::error::ScanError;
+use crate::limits::{MOST_ZEROS, ReadContext};
 use crate::platform::read_exact_at;
-use crate::reader::ReadContext;
 use std::fs::File;
 use std::io;
 use std::path::Path;
@@ -25,7 +24,7 @@ const PROGRESS_STEP: u64 = 1 << 20;
 
 /// An open log file, its size fixed at the time of opening.
 #[derive(Debug)]
-pub(crate) struct LogFile {
+pub struct LogFile {
     file: Arc<File>,
     name: Arc<str>,
     size: u64,
@@ -38,12 +37,16 @@ pub(crate) struct LogFile {
 }
 
 impl LogFile {
-    pub(crate) fn open(path: &Path) -> Result<LogFile, IngestError> {
+    /// Opens a regular file.
+    ///
+    /// # Errors
+    /// If it is not one, or cannot be opened.
+    pub fn open(path: &Path) -> Result<LogFile, ScanError> {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        let io_error = |source| IngestError::Io { file: name.clone(), offset: 0, source };
+        let io_error = |source| ScanError::Io { file: name.clone(), offset: 0, source };
         // Looked at before it is opened: opening a pipe would wait for its writer.
         if !std::fs::metadata(path).map_err(io_error)?.is_file() {
-            return Err(IngestError::NotALog { file: name, what: "not a regular file".to_owned() });
+            return Err(ScanError::NotAFile { file: name });
         }
         let file = File::open(path).map_err(io_error)?;
         let size = file.metadata().map_err(io_error)?.len();
@@ -65,12 +68,12 @@ impl LogFile {
     }
 
     /// The same file, to be read from elsewhere.
-    pub(crate) fn again(&self) -> LogFile {
+    pub fn again(&self) -> LogFile {
         LogFile::new(Arc::clone(&self.file), Arc::clone(&self.name), self.size)
     }
 
     /// What one has read, the other has, of the same file.
-    pub(crate) fn swap_buffer(&mut self, other: &mut LogFile) {
+    pub fn swap_buffer(&mut self, other: &mut LogFile) {
         std::mem::swap(&mut self.buffer, &mut other.buffer);
         std::mem::swap(&mut self.start, &mut other.start);
         std::mem::swap(&mut self.filled, &mut other.filled);
@@ -78,26 +81,28 @@ impl LogFile {
     }
 
     /// From now on only what is asked for is wanted: every step over something is a jump.
-    pub(crate) fn expect_jumps(&mut self) {
+    pub fn expect_jumps(&mut self) {
         self.longest_step = 0;
     }
 
     /// Memory of the buffer, bytes.
-    pub(crate) fn held(&self) -> usize {
+    pub fn held(&self) -> usize {
         self.buffer.capacity()
     }
 
     /// Name without its folder.
-    pub(crate) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         &self.name
     }
 
-    pub(crate) fn size(&self) -> u64 {
+    /// Bytes of the file.
+    #[must_use]
+    pub fn size(&self) -> u64 {
         self.size
     }
 
     /// `length` bytes at `offset`; `None` if the file ends before.
-    pub(crate) fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, IngestError> {
+    pub fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError> {
         let Some(end) = offset.checked_add(length as u64).filter(|&end| end <= self.size) else { return Ok(None) };
         if offset < self.start || end > self.start + self.filled as u64 {
             self.fill(offset, length)?;
@@ -107,13 +112,28 @@ impl LogFile {
     }
 
     /// As many as there are, up to `most`.
-    pub(crate) fn up_to(&mut self, offset: u64, most: usize) -> Result<&[u8], IngestError> {
+    pub fn up_to(&mut self, offset: u64, most: usize) -> Result<&[u8], ScanError> {
         let there = self.size.saturating_sub(offset).min(most as u64) as usize;
         Ok(self.bytes(offset, there)?.unwrap_or_default())
     }
 
+    /// What is held from `offset` on, `least` bytes or all up to the end; if fewer are held, `most` are fetched.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn ahead(&mut self, offset: u64, least: usize, most: usize) -> Result<&[u8], ScanError> {
+        let left = self.size.saturating_sub(offset);
+        let [least, most] = [least, most].map(|count| left.min(count as u64) as usize);
+        let end = self.start + self.filled as u64;
+        if offset < self.start || offset + least as u64 > end {
+            self.fill(offset, most)?;
+        }
+        let at = (offset - self.start) as usize;
+        Ok(self.buffer.get(at..self.filled).unwrap_or_default())
+    }
+
     /// A few bytes without moving the buffer: for looks far ahead.
-    pub(crate) fn peek<const N: usize>(&mut self, offset: u64) -> Result<Option<[u8; N]>, IngestError> {
+    pub fn peek<const N: usize>(&mut self, offset: u64) -> Result<Option<[u8; N]>, ScanError> {
         if offset.checked_add(N as u64).is_none_or(|end| end > self.size) {
             return Ok(None);
         }
@@ -128,7 +148,7 @@ impl LogFile {
 
     /// Behind the next LF at or after `from`, and whether there is one: else the end of the file, or of what is looked at
     /// because nothing but zeros follows.
-    pub(crate) fn line_end(&mut self, from: u64, context: &ReadContext<'_>) -> Result<(u64, bool), IngestError> {
+    pub fn line_end(&mut self, from: u64, context: &ReadContext<'_>) -> Result<(u64, bool), ScanError> {
         let (mut at, mut zeros) = (from, 0);
         while at < self.size && zeros <= MOST_ZEROS {
             let block = self.up_to(at, READ_AHEAD)?;
@@ -143,7 +163,7 @@ impl LogFile {
     }
 
     /// Makes the buffer hold at least `length` bytes at `offset`, which the file has.
-    fn fill(&mut self, offset: u64, length: usize) -> Result<(), IngestError> {
+    fn fill(&mut self, offset: u64, length: usize) -> Result<(), ScanError> {
         let end = self.start + self.filled as u64;
         let jump = offset < self.start || offset > end + self.longest_step;
         let alone = jump || length >= READ_AHEAD;
@@ -163,7 +183,7 @@ impl LogFile {
         Ok(())
     }
 
-    fn read(&self, space: &mut [u8], from: u64) -> Result<(), IngestError> {
+    fn read(&self, space: &mut [u8], from: u64) -> Result<(), ScanError> {
         read_exactly(&self.file, &self.name, space, from)
     }
 
@@ -178,7 +198,7 @@ impl LogFile {
     }
 
     /// Tells the surroundings that the walk has come to `offset`.
-    pub(crate) fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), IngestError> {
+    pub fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), ScanError> {
         if offset >= self.told + PROGRESS_STEP || (offset == self.size && offset > self.told) {
             let more = offset - self.told;
             self.told = offset;
@@ -189,10 +209,10 @@ impl LogFile {
 }
 
 /// Fills `space` from a place in the file, which had these bytes when it was opened.
-pub(crate) fn read_exactly(file: &File, name: &str, space: &mut [u8], from: u64) -> Result<(), IngestError> {
+pub fn read_exactly(file: &File, name: &str, space: &mut [u8], from: u64) -> Result<(), ScanError> {
     read_exact_at(file, space, from).map_err(|source| match source.kind() {
-        io::ErrorKind::UnexpectedEof => IngestError::Changed { file: name.to_owned() },
-        _ => IngestError::Io { file: name.to_owned(), offset: from, source },
+        io::ErrorKind::UnexpectedEof => ScanError::Changed { file: name.to_owned() },
+        _ => ScanError::Io { file: name.to_owned(), offset: from, source },
     })
 }
 
@@ -227,11 +247,11 @@ mod tests {
         on_disk.write_all(&[7; 4096]).unwrap();
         let mut file = LogFile::open(on_disk.path()).unwrap();
         on_disk.as_file().set_len(100).unwrap();
-        assert!(matches!(file.bytes(50, 1000), Err(IngestError::Changed { .. })));
+        assert!(matches!(file.bytes(50, 1000), Err(ScanError::Changed { .. })));
     }
 
     #[test]
     fn a_folder_is_no_log() {
-        assert!(matches!(LogFile::open(Path::new("/")), Err(IngestError::NotALog { .. })));
+        assert!(matches!(LogFile::open(Path::new("/")), Err(ScanError::NotAFile { .. })));
     }
 }

@@ -1,0 +1,24 @@
+//! Frames out of files, damaged or not. Knows no format.
+//!
+//! A format says what a frame is ([`Framing`]); [`scan`] walks from frame to frame, searches for the next one after damage,
+//! and gives every byte a fate in the [`Ledger`].
+
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+mod bytes;
+mod error;
+mod frame;
+mod ledger;
+mod limits;
+mod platform;
+mod scan;
+mod source;
+
+pub use bytes::{is_plain, is_zero};
+pub use error::ScanError;
+pub use frame::{Framing, Parsed, Trust};
+pub use ledger::{Fate, Ledger, LogTime};
+pub use limits::{FIRST_BLOCK, Limits, MOST_IN_VAIN, MOST_ZEROS, ReadContext};
+pub use platform::read_at;
+pub use scan::{Scanned, scan};
+pub use source::{LogFile, read_exactly};

@@ -1,0 +1,347 @@
+//! The walk over the frames of a file, and the search for the next one after damage.
+//!
+//! A frame that a checksum proves stands alone. Any other counts if another begins where it ends; after damage several have to
+//! follow one another, and the one just before damage is given up, for it may be made of two.
+
+use crate::bytes::is_zero;
+use crate::error::ScanError;
+use crate::frame::{Framing, Parsed, Trust};
+use crate::ledger::{Fate, Ledger};
+use crate::limits::{FIRST_BLOCK, MOST_IN_VAIN, MOST_ZEROS, ReadContext};
+use crate::source::LogFile;
+use memchr::memmem;
+
+/// Bytes walked over in one go.
+const BLOCK: usize = 256 << 10;
+/// Bytes by which a format sees whether a frame begins.
+const LOOK: usize = 16;
+/// Frames in which a weak frame has to lead to a better one.
+const HOPS: usize = 3;
+/// False starts in any file, however small, may cost so many bytes.
+const IN_VAIN_AT_LEAST: u64 = 1 << 20;
+/// The longest text before the first frame, bytes.
+const LONGEST_PREAMBLE: u64 = 64 << 10;
+
+/// What was found besides frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Scanned {
+    /// Bytes of text before the first frame.
+    pub preamble: u64,
+    /// Bytes of zeros or ones after the last.
+    pub padding: u64,
+}
+
+/// Walks over a file from its first byte to its last. Every byte gets a fate in the ledger.
+///
+/// # Errors
+/// If the file cannot be read, or the user stops.
+pub fn scan<F: Framing>(
+    file: &mut LogFile,
+    ledger: &mut Ledger,
+    context: &ReadContext<'_>,
+    framing: &mut F,
+) -> Result<Scanned, ScanError> {
+    let name = file.name().to_owned();
+    let size = file.size();
+    let mut scan = Scan { name, file, ledger, context, framing, at: 0, size, in_vain: 0, padding_from: None };
+    let mut scanned = Scanned::default();
+    while scan.at < size {
+        scan.block()?;
+        scan.file.progress(scan.at, context)?;
+        let parsed = if scan.at < size { scan.step()? } else { None };
+        let Some(parsed) = parsed else { continue };
+        if F::PADDED && scan.is_padding(scan.at)? {
+            scanned.padding = size - scan.at;
+            scan.pass(Fate::Structure, size);
+        } else {
+            scanned.preamble += scan.lost(parsed)?;
+        }
+    }
+    scan.file.progress(size, context)?;
+    Ok(scanned)
+}
+
+struct Scan<'s, 'c, F> {
+    name: String,
+    file: &'s mut LogFile,
+    ledger: &'s mut Ledger,
+    context: &'s ReadContext<'c>,
+    framing: &'s mut F,
+    at: u64,
+    size: u64,
+    /// Bytes looked at for false starts.
+    in_vain: u64,
+    /// Where the zeros or ones begin that the file ends in, once it was asked; the size if it ends in neither.
+    padding_from: Option<u64>,
+}
+
+impl<F: Framing> Scan<'_, '_, F> {
+    /// The frames of a block that nothing is wrong with, as nearly all are.
+    fn block(&mut self) -> Result<(), ScanError> {
+        let need = self.framing.longest() + LOOK;
+        let bytes = self.file.ahead(self.at, need, BLOCK + need)?;
+        let is_last = self.at + bytes.len() as u64 == self.size;
+        let stop = if is_last { bytes.len() } else { bytes.len().saturating_sub(need) };
+        let (mut place, mut start) = (0, None);
+        while place < stop {
+            let rest = bytes.get(place..).unwrap_or_default();
+            let Parsed::Frame(length, trust) = self.framing.parse(rest) else { break };
+            let Some((frame, next)) = rest.split_at_checked(length) else { break };
+            if !F::START.is_empty() && start.is_none_or(|start| start <= place) {
+                start = Some(start_in::<F>(bytes, place + 1));
+            }
+            let stands = start.is_none_or(|start| start >= place + length)
+                && match trust {
+                    Trust::Proven => true,
+                    Trust::Agrees => next.is_empty() || self.framing.begins(next),
+                    Trust::Shape => {
+                        (next.is_empty() || self.framing.begins(next)) && !holds_others(self.framing, frame, trust)
+                    }
+                    Trust::Weak => false,
+                };
+            if !stands {
+                break;
+            }
+            let at = self.at + place as u64;
+            match self.framing.take(frame, next, at) {
+                Ok(fate) => self.ledger.count(fate, length as u64),
+                Err(reason) => self.ledger.damaged(&self.name, at, length as u64, reason),
+            }
+            place += length;
+        }
+        self.at += place as u64;
+        Ok(())
+    }
+
+    /// One frame that has to be looked at more closely. It is taken if it is believed; else what it was is returned.
+    fn step(&mut self) -> Result<Option<Parsed>, ScanError> {
+        let parsed = self.parse(self.at)?;
+        let Parsed::Frame(length, trust) = parsed else { return Ok(Some(parsed)) };
+        if !self.stands(self.at, length, trust)? {
+            return Ok(Some(parsed));
+        }
+        let (at, longest) = (self.at, self.framing.longest());
+        let Some((frame, after)) = self.file.up_to(at, longest)?.split_at_checked(length) else {
+            return Ok(Some(parsed));
+        };
+        match self.framing.take(frame, after, at) {
+            Ok(fate) => self.ledger.count(fate, length as u64),
+            Err(reason) => self.ledger.damaged(&self.name, at, length as u64, reason),
+        }
+        self.at += length as u64;
+        Ok(None)
+    }
+
+    /// What begins at a place.
+    fn parse(&mut self, at: u64) -> Result<Parsed, ScanError> {
+        let longest = self.framing.longest();
+        Ok(self.framing.parse(self.file.up_to(at, longest)?))
+    }
+
+    fn stands(&mut self, at: u64, length: usize, trust: Trust) -> Result<bool, ScanError> {
+        let end = at + length as u64;
+        if !F::START.is_empty() && self.holds_a_start(at, length)? {
+            return Ok(false);
+        }
+        Ok(match trust {
+            Trust::Proven => true,
+            Trust::Agrees => self.may_begin(end)? || self.leads(end)?,
+            Trust::Shape => (self.may_begin(end)? || self.leads(end)?) && !self.holds(at, length, trust)?,
+            Trust::Weak => self.leads(end)? && !self.holds(at, length, trust)?,
+        })
+    }
+
+    fn holds(&mut self, at: u64, length: usize, trust: Trust) -> Result<bool, ScanError> {
+        let frame = self.file.bytes(at, length)?.unwrap_or_default();
+        Ok(holds_others(self.framing, frame, trust))
+    }
+
+    /// Whether another log begins within a frame.
+    fn holds_a_start(&mut self, at: u64, length: usize) -> Result<bool, ScanError> {
+        let mut from = 1;
+        while from < length {
+            let start = start_in::<F>(self.file.bytes(at, length)?.unwrap_or_default(), from);
+            if start < length && matches!(self.parse(at + start as u64)?, Parsed::Frame(_, Trust::Proven)) {
+                return Ok(true);
+            }
+            from = start.saturating_add(1);
+        }
+        Ok(false)
+    }
+
+    fn is_likely(&mut self, at: u64, length: usize) -> Result<bool, ScanError> {
+        let frame = self.file.bytes(at, length)?.unwrap_or_default();
+        Ok(self.framing.is_likely(frame))
+    }
+
+    /// Whether a frame, the padding or the end of the file may be here.
+    fn may_begin(&mut self, at: u64) -> Result<bool, ScanError> {
+        Ok(at == self.size || self.framing.begins(self.file.up_to(at, LOOK)?) || (F::PADDED && self.is_padding(at)?))
+    }
+
+    /// Whether the next few frames lead to one that is more than weak, or to the end of the file.
+    fn leads(&mut self, mut at: u64) -> Result<bool, ScanError> {
+        for _ in 0..HOPS {
+            match self.parse(at)? {
+                Parsed::Frame(length, Trust::Weak) => at += length as u64,
+                Parsed::Frame(..) => return Ok(true),
+                Parsed::Cut => return Ok(at == self.size || self.framing.begins(self.file.up_to(at, LOOK)?)),
+                Parsed::Not(_) => return Ok(at == self.size),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Whether the walk may go on here after damage.
+    fn is_certain(&mut self, at: u64) -> Result<bool, ScanError> {
+        let mut place = at;
+        for hop in 0..F::PROOF {
+            let parsed = self.parse(place)?;
+            self.in_vain += match parsed {
+                Parsed::Frame(looked, Trust::Shape) | Parsed::Not(looked) => looked as u64,
+                // Little of it was looked at.
+                Parsed::Frame(length, Trust::Weak) => length as u64 / 32,
+                Parsed::Frame(..) | Parsed::Cut => 1,
+            };
+            match parsed {
+                Parsed::Frame(_, Trust::Proven) => return Ok(true),
+                Parsed::Frame(_, Trust::Weak) if hop == 0 => return Ok(false),
+                Parsed::Frame(length, trust) => {
+                    if trust == Trust::Shape && self.holds(place, length, trust)? {
+                        return Ok(false);
+                    }
+                    if trust == Trust::Agrees && self.is_likely(place, length)? {
+                        return Ok(true);
+                    }
+                    place += length as u64;
+                }
+                Parsed::Cut => return Ok(hop > 0 && self.may_begin(place)?),
+                Parsed::Not(_) => return Ok(hop > 0 && (place == self.size || F::PADDED && self.is_padding(place)?)),
+            }
+        }
+        self.may_begin(place)
+    }
+
+    /// No frame is believed here: goes on where the next one begins. How many bytes were text before the first frame.
+    fn lost(&mut self, parsed: Parsed) -> Result<u64, ScanError> {
+        if let Parsed::Not(looked) | Parsed::Frame(looked, Trust::Weak | Trust::Shape) = parsed {
+            self.in_vain += looked as u64;
+        }
+        let longest = self.framing.longest();
+        let reason = self.framing.fault(self.file.up_to(self.at, longest)?);
+        let next = self.search(self.at + 1)?;
+        if self.at == 0 && next < self.size.min(LONGEST_PREAMBLE) && self.is_preamble(next as usize)? {
+            self.pass(Fate::Skipped, next);
+            return Ok(next);
+        }
+        let length = next - self.at;
+        if parsed == Parsed::Cut && next == self.size {
+            self.ledger.cut(&self.name, self.at, length, "the log ends inside a frame");
+        } else {
+            self.ledger.damaged(&self.name, self.at, length, reason);
+        }
+        self.framing.breaks();
+        self.at = next;
+        Ok(0)
+    }
+
+    /// Where the next frame begins that is certain; the padding or the end of the file if there is none.
+    fn search(&mut self, from: u64) -> Result<u64, ScanError> {
+        let (mut at, mut most, mut zeros) = (from, FIRST_BLOCK, 0);
+        while at < self.size && zeros <= MOST_ZEROS && self.in_vain < self.patience() {
+            let longest = self.framing.longest();
+            let block = self.file.up_to(at, most + longest)?;
+            let head = block.get(..most).unwrap_or(block);
+            zeros = if is_zero(head) { zeros + head.len() as u64 } else { 0 };
+            let step = head.len();
+            match self.framing.candidate(block, 0).filter(|found| *found < step) {
+                Some(found) => {
+                    at += found as u64;
+                    if self.is_certain(at)? {
+                        return Ok(at);
+                    }
+                    (at, most) = (at + 1, FIRST_BLOCK);
+                }
+                None => {
+                    at += step.max(1) as u64;
+                    most = BLOCK.min(2 * most);
+                }
+            }
+            self.file.progress(at.min(self.size), self.context)?;
+        }
+        // Less filling than a frame is long may be the rest of one that was cut.
+        let filling = F::PADDED && self.is_padding(self.size - 1)?;
+        let padding = self.padding_from.filter(|at| filling && self.size - at > self.framing.longest() as u64);
+        Ok(padding.map_or(self.size, |at| at.max(from)))
+    }
+
+    fn patience(&self) -> u64 {
+        IN_VAIN_AT_LEAST + MOST_IN_VAIN.saturating_mul(self.size)
+    }
+
+    fn is_preamble(&mut self, length: usize) -> Result<bool, ScanError> {
+        let bytes = self.file.bytes(0, length)?.unwrap_or_default();
+        Ok(self.framing.is_preamble(bytes))
+    }
+
+    /// Whether nothing but zeros, or nothing but ones, follows up to the end of the file.
+    fn is_padding(&mut self, at: u64) -> Result<bool, ScanError> {
+        let from = match self.padding_from {
+            Some(from) => from,
+            None => padding_from(self.file)?,
+        };
+        self.padding_from = Some(from);
+        Ok((from..self.size).contains(&at))
+    }
+
+    fn pass(&mut self, fate: Fate, to: u64) {
+        self.ledger.count(fate, to - self.at);
+        self.at = to;
+    }
+}
+
+/// Where, at or after `from`, a log begins by its first bytes; beyond all bytes if none does.
+fn start_in<F: Framing>(bytes: &[u8], from: usize) -> usize {
+    memmem::find(bytes.get(from..).unwrap_or_default(), F::START).map_or(usize::MAX, |at| from + at)
+}
+
+/// Whether a frame is within this one that shows its length to be wrong: one that reaches to its very end, or in a weak frame
+/// any that agrees with itself.
+fn holds_others<F: Framing>(framing: &F, frame: &[u8], trust: Trust) -> bool {
+    let mut from = 1;
+    while let Some(inner) = framing.candidate(frame, from) {
+        let rest = frame.get(inner..).unwrap_or_default();
+        let length = framing.length(rest).unwrap_or(usize::MAX);
+        let reaches = length == rest.len() || (trust == Trust::Weak && length < rest.len());
+        if reaches
+            && let Parsed::Frame(_, found) = framing.parse(rest)
+            && (found >= Trust::Agrees || (length == rest.len() && found > Trust::Weak))
+            && framing.is_likely(rest.get(..length).unwrap_or_default())
+        {
+            return true;
+        }
+        from = inner + 1;
+    }
+    false
+}
+
+/// Where the zeros or ones begin that a file ends in: a preallocated file has the first, flash memory the second. More than
+/// the reader looks back for are a sparse file, which has none.
+fn padding_from(file: &mut LogFile) -> Result<u64, ScanError> {
+    let size = file.size();
+    let mut end = size;
+    let mut filling = None;
+    while end > 0 && size - end <= MOST_ZEROS {
+        let start = end.saturating_sub(BLOCK as u64);
+        let block = file.up_to(start, (end - start) as usize)?;
+        let filling = *filling.get_or_insert(block.last().copied().unwrap_or_default());
+        if !matches!(filling, 0 | 0xff) {
+            return Ok(size);
+        }
+        if let Some(other) = block.iter().rposition(|b| *b != filling) {
+            return Ok(start + other as u64 + 1);
+        }
+        end = start;
+    }
+    Ok(if end == 0 { 0 } else { size })
+}
