@@ -1,5 +1,5 @@
-//! Whether two names are one file, which operating systems answer differently. The only file of this crate that may name
-//! one of them.
+//! What operating systems do in their own way: telling whether two names are one file. The only file of this crate that may
+//! name one of them.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Reading at a place of a file, which operating systems offer differently. The only file of this crate that may name one
+//! Reading at a place of a file, which operating systems do in their own way. The only file of this crate that may name one
 //! of them.
 
 use std::fs::File;

@@ -200,7 +200,7 @@ impl<F: Framing> Scan<'_, '_, F> {
             self.in_vain += match parsed {
                 Parsed::Frame(looked, Trust::Shape) | Parsed::Not(looked) => looked as u64,
                 // Little of it was looked at.
-                Parsed::Frame(length, Trust::Weak) => length as u64 / 32,
+                Parsed::Frame(_, Trust::Weak) => LOOK as u64,
                 Parsed::Frame(..) | Parsed::Cut => 1,
             };
             match parsed {
