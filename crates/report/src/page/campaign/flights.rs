@@ -191,16 +191,17 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
     }
 }
 
-/// Least and largest lateness of all flights, s: the ends of the bars.
+/// Ends of the scale of the bars, s: of all flights, and beyond them the half of a usual bar.
 type Scale = Option<(f64, f64)>;
 
 fn scale(flights: &[FlightRow]) -> Scale {
-    let all = flights.iter().filter_map(late).map(|e| e.value).filter(|v| v.is_finite());
-    let ends = all.fold(None, |ends: Option<(f64, f64)>, v| Some(ends.map_or((v, v), |(a, b)| (a.min(v), b.max(v)))));
-    ends.map(|(low, high)| {
-        let air = (0.05 * (high - low)).max(1e-3);
-        (low - air, high + air)
-    })
+    let all: Vec<Estimate> = flights.iter().filter_map(late).filter(|e| e.value.is_finite()).collect();
+    let mut halves: Vec<f64> = all.iter().filter_map(|e| e.standard_uncertainty).map(|u| 2.0 * u).collect();
+    halves.sort_unstable_by(f64::total_cmp);
+    let air = halves.get(halves.len() / 2).copied().filter(|half| half.is_finite()).unwrap_or(0.0).max(1e-3);
+    let low = all.iter().map(|e| e.value).reduce(f64::min)?;
+    let high = all.iter().map(|e| e.value).reduce(f64::max)?;
+    Some((low - air, high + air))
 }
 
 fn late(row: &FlightRow) -> Option<Estimate> {
