@@ -1,7 +1,7 @@
 //! One flight through all compensators.
 
 use crate::curves::{Curves, draw};
-use crate::estimate::{EXACT_ASYNC, Positions, estimates};
+use crate::estimate::{Positions, estimates};
 use crate::explorer::explorer_rows;
 use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
@@ -121,23 +121,31 @@ fn table(input: &Input, rows: &Rows, estimates: &[Positions]) -> Track {
             columns.push((format!("{prefix}_{axis}_m"), shown(values, &|row| estimate.shown(rows, row))));
         }
     }
-    if let (Some(frame), Some(exact)) = (&input.frame, estimates.iter().find(|e| e.name == EXACT_ASYNC)) {
-        let fixes: Vec<Geodetic> = (0..input.down.len())
-            .map(|fix| frame.to_geodetic([input.position.axes[0][fix], input.position.axes[1][fix], input.down[fix]]))
-            .collect();
-        let of = |points: Vec<Option<Geodetic>>, value: fn(Geodetic) -> f64| {
-            TrackColumn::F64(points.into_iter().map(|p| p.map(value)).collect())
-        };
-        let raw: Vec<_> = rows.fix.iter().map(|&fix| Some(fixes[fix])).collect();
-        let compensated: Vec<_> =
-            (0..rows.t.len()).map(|row| rows.has_output(row).then(|| point(frame, input, rows, exact, row))).collect();
-        columns.push(("height_m".to_owned(), of(raw.clone(), |p| p.height)));
-        for (name, points) in [("raw", raw), ("exact_async", compensated)] {
-            columns.push((format!("{name}_latitude_deg"), of(points.clone(), |p| p.latitude.to_degrees())));
-            columns.push((format!("{name}_longitude_deg"), of(points, |p| p.longitude.to_degrees())));
-        }
+    if let Some(frame) = &input.frame {
+        columns.extend(places(frame, input, rows, estimates));
     }
     Track { columns }
+}
+
+/// Height, then latitude and longitude of each estimate.
+fn places(frame: &LocalFrame, input: &Input, rows: &Rows, estimates: &[Positions]) -> Vec<(String, TrackColumn)> {
+    let column = |points: &[Option<Geodetic>], value: fn(&Geodetic) -> f64| {
+        TrackColumn::F64(points.iter().map(|p| p.as_ref().map(value)).collect())
+    };
+    let of = |estimate: &Positions| -> Vec<Option<Geodetic>> {
+        let shown = |row| estimate.shown(rows, row).then(|| point(frame, input, rows, estimate, row));
+        (0..rows.t.len()).map(shown).collect()
+    };
+    let mut columns = vec![];
+    for estimate in estimates {
+        let (prefix, points) = (estimate.name.replace('-', "_"), of(estimate));
+        if columns.is_empty() {
+            columns.push(("height_m".to_owned(), column(&points, |p| p.height)));
+        }
+        columns.push((format!("{prefix}_latitude_deg"), column(&points, |p| p.latitude.to_degrees())));
+        columns.push((format!("{prefix}_longitude_deg"), column(&points, |p| p.longitude.to_degrees())));
+    }
+    columns
 }
 
 /// The compensated point of a row at the height of its fix: only the horizontal position is compensated.

@@ -23,4 +23,4 @@ pub use error::ConvertError;
 pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};
 pub use recover::{How, Recovered, RecoveredExtra, RecoveredTopic, recover};
 pub use sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet};
-pub use track::{TrackOrder, TrackTo, WrittenTrack, export_track, write_track_table};
+pub use track::{TrackOrder, TrackTo, WrittenTrack, export_track, layouts_of, write_track_table};

@@ -1,5 +1,6 @@
 //! The compensated track of a flight, as maps and players read it.
 
+mod layouts;
 mod map_files;
 mod recording;
 
@@ -9,7 +10,7 @@ use crate::output::Output;
 use crate::sheet::{Cells, ReadTable, Sheet, SheetColumn, read_parquet, write_csv, write_parquet_about};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Key of the provenance in the metadata of a `track.parquet`.
 const METADATA: &str = "flightlag-track";
@@ -25,7 +26,8 @@ pub enum TrackTo {
     Gpx,
     /// CSV: one row for each instant.
     Csv,
-    /// MCAP: `sensor_msgs/msg/NavSatFix` (ROS 2) and `foxglove.LocationFix` for raw and compensated.
+    /// MCAP: `sensor_msgs/msg/NavSatFix` (ROS 2) and `foxglove.LocationFix` for raw and compensated, with layouts of Foxglove
+    /// and `PlotJuggler` as [`layouts_of`] calls them.
     Mcap,
 }
 
@@ -55,6 +57,12 @@ pub struct WrittenTrack {
     pub of: u64,
     /// Whether the points have UTC.
     pub has_utc: bool,
+}
+
+/// The layouts that are written with an MCAP: that of Foxglove, that of `PlotJuggler`.
+#[must_use]
+pub fn layouts_of(recording: &Path) -> [PathBuf; 2] {
+    ["foxglove.json", "plotjuggler.xml"].map(|ending| recording.with_extension(ending))
 }
 
 /// Writes the result table of a flight with texts about it, as `track.parquet` is.
@@ -111,7 +119,10 @@ impl Track {
 /// # Errors
 /// The track cannot be read or has no places, or OUT cannot be written.
 pub fn export_track(order: &TrackOrder<'_>) -> Result<WrittenTrack, ConvertError> {
-    may_write(order.out, &[order.track.to_owned()])?;
+    let layouts = if order.to == TrackTo::Mcap { layouts_of(order.out).into() } else { vec![] };
+    for path in layouts.iter().map(PathBuf::as_path).chain([order.out]) {
+        may_write(path, &[order.track.to_owned()])?;
+    }
     let track = read(order)?;
     let output = Output::begin(order.out)?;
     let mut file = BufWriter::new(output.file()?);
@@ -126,6 +137,12 @@ pub fn export_track(order: &TrackOrder<'_>) -> Result<WrittenTrack, ConvertError
     file.flush().map_err(failed)?;
     drop(file);
     output.keep()?;
+    let recording = order.out.file_name().unwrap_or_default().to_string_lossy();
+    for (path, text) in layouts.iter().zip([layouts::foxglove(&track), layouts::plotjuggler(&recording)]) {
+        let output = Output::begin(path)?;
+        output.file()?.write_all(text.as_bytes()).map_err(ConvertError::write(path, "write"))?;
+        output.keep()?;
+    }
     Ok(WrittenTrack {
         lines: LINES.iter().map(|(name, ..)| (*name).to_owned()).collect(),
         points: track.instants.len() as u64,

@@ -9,7 +9,7 @@ use crate::recover::{Output, check_output};
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::Exit;
-use convert::{ExportOrder, ExportTo, ExportWhat, Exported, TrackOrder, TrackTo, export, export_track};
+use convert::{ExportOrder, ExportTo, ExportWhat, Exported, TrackOrder, TrackTo, export, export_track, layouts_of};
 use ingest::{Limits, ReadContext};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -88,16 +88,22 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
     let name = folder.canonicalize().ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
     let name = name.unwrap_or_else(|| "flight".to_owned());
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.track.{ending}")));
-    check_output(&out, Output::File, arguments.force)?;
+    let layouts = if to == TrackTo::Mcap { layouts_of(&out).into() } else { vec![] };
+    for path in layouts.iter().chain([&out]) {
+        check_output(path, Output::File, arguments.force)?;
+    }
     let written = export_track(&TrackOrder { track: &table, name: &name, to, most_hz, out: &out })?;
     let utc = if written.has_utc { "" } else { "; the log does not know UTC, so the points have no date" };
-    let said = format!(
+    let mut said = format!(
         "{}: {} of {} rows, {}{utc}\n",
         visible(&out.display().to_string()),
         written.points,
         written.of,
         written.lines.join(" and "),
     );
+    for (path, program) in layouts.iter().zip(["Foxglove", "PlotJuggler"]) {
+        said += &format!("{}: layout for {program}\n", visible(&path.display().to_string()));
+    }
     std::io::stdout().lock().write_all(said.as_bytes())?;
     Ok(Exit::Well.into())
 }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::io::{self, Write};
 
 /// Colours of raw and compensated: `RRGGBB` as the pages have them.
-const COLOURS: [&str; 2] = ["4d5761", "0072b2"];
+pub(super) const COLOURS: [&str; 2] = ["4d5761", "0072b2"];
 
 /// RFC 7946: longitude first, heights in metres. Times stand in `coordTimes`, as toGeoJSON has them.
 pub(super) fn geojson(track: &Track, out: &mut impl Write) -> io::Result<()> {
@@ -135,7 +135,7 @@ fn utc(instant: &Instant) -> Option<String> {
 }
 
 /// Text of an XML element: characters that XML 1.0 does not know are left out.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
