@@ -280,6 +280,28 @@ fn the_table_of_flights_is_filtered_sorted_and_remembered_in_the_address() {
 }
 
 #[test]
+fn a_table_is_saved_with_all_digits_and_its_uncertainties_in_a_column_of_their_own() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make();
+    let (page, record) = report.flight("flight-0001");
+    browser.open(&page, "");
+    // What would be saved is taken from the click on the link.
+    browser.eval("HTMLAnchorElement.prototype.click = function () { window.saved = fetch(this.href).then((r) => r.text()); window.name = this.download; }");
+    let table = "[...document.querySelectorAll('.scroll > table')].find((t) => t.caption.textContent.startsWith('Compensators'))";
+    let csv =
+        browser.text(&format!("{{ const t = {table}; t.caption.querySelector('button.csv').click(); }} window.saved"));
+    let exact = csv.lines().find(|line| line.contains("exact-async")).unwrap_or_else(|| panic!("{csv}"));
+    let of_record = record.replay.unwrap().compensators.into_iter().find(|c| c.name == "exact-async").unwrap();
+    let correction = of_record.raw_minus_this_rms_m;
+    assert!(exact.contains(&format!(",{},", correction.value)), "{csv}");
+    assert!(
+        csv.lines().next().unwrap().contains("\"Raw − this, 2‑D rms (m)\",\"Raw − this, 2‑D rms (m), ±\""),
+        "{csv}"
+    );
+    assert!(browser.text("window.name").ends_with(".csv"));
+}
+
+#[test]
 fn no_page_asks_for_anything_overflows_or_points_nowhere() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();

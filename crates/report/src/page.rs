@@ -58,20 +58,23 @@ fn document(title: &str, needs: Needs, body: Markup) -> String {
         Needs::Explorer => (Some(style::EXPLORER_SCRIPT), style::EXPLORER_CSS),
         Needs::Bench => (Some(style::BENCH_SCRIPT), style::EXPLORER_CSS),
     };
+    let body = body.into_string();
+    let of_tables = body.contains("<table>").then_some(style::CSV_SCRIPT);
+    let scripts: Vec<&str> = script.into_iter().chain(of_tables).collect();
     html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(style::content_security_policy(script));
+                meta http-equiv="Content-Security-Policy" content=(style::content_security_policy(&scripts));
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content={ "flightlag report " (crate::REPORT_VERSION) };
                 title { (sentence(title)) }
                 style { (PreEscaped(css)) (PreEscaped(style::CSS)) (PreEscaped(style::running_title(title))) }
             }
             body.wide[needs == Needs::Table] {
-                (body)
-                @if let Some(script) = script { script { (PreEscaped(script)) } }
+                (PreEscaped(body))
+                @for script in scripts { script { (PreEscaped(script)) } }
             }
         }
     }
@@ -311,7 +314,7 @@ mod tests {
         let page = document("t", Needs::Table, html! { p { "x" } });
         let script = page.split("<script>").nth(1).and_then(|rest| rest.split("</script>").next()).unwrap();
         // Quotes of the policy are escaped inside the attribute or not: compare the hash alone.
-        let policy = style::content_security_policy(Some(script));
+        let policy = style::content_security_policy(&[script]);
         let hash = policy.split("sha256-").nth(1).unwrap().trim_end_matches('\'');
         assert!(page.contains(hash));
         assert!(!document("t", Needs::Nothing, html! {}).contains("script"));

@@ -8,6 +8,9 @@ pub(crate) const CSS: &str = include_str!("style.css");
 /// Sorts, filters and saves the table of flights. Without it it is a table.
 pub(super) const TABLE_SCRIPT: &str = include_str!("table.js");
 
+/// Saves every other table as CSV.
+pub(super) const CSV_SCRIPT: &str = include_str!("csv.js");
+
 /// Lets a reader zoom into the rows of a flight: uPlot (`uplot/LICENSE`), then our own. Without it there are the figures.
 pub(super) const EXPLORER_SCRIPT: &str =
     concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("explorer.js"));
@@ -18,12 +21,14 @@ pub(super) const BENCH_SCRIPT: &str = concat!(include_str!("uplot/uPlot.iife.min
 /// The style sheet of uPlot.
 pub(super) const EXPLORER_CSS: &str = include_str!("uplot/uPlot.min.css");
 
-/// What the page may load: its own styles, images inside it, and its own script by its hash.
-pub(super) fn content_security_policy(script: Option<&str>) -> String {
+/// What the page may load: its own styles, images inside it, and its own scripts by their hashes.
+pub(super) fn content_security_policy(scripts: &[&str]) -> String {
     let mut policy =
         "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'".to_owned();
-    if let Some(script) = script {
-        policy += &format!("; script-src 'sha256-{}'", base64(&Sha256::digest(script.as_bytes())));
+    let hash = |script: &&str| format!(" 'sha256-{}'", base64(&Sha256::digest(script.as_bytes())));
+    if !scripts.is_empty() {
+        policy += "; script-src";
+        policy.extend(scripts.iter().map(hash));
     }
     policy
 }
@@ -81,9 +86,9 @@ mod tests {
     #[test]
     fn a_script_is_allowed_by_its_hash_alone() {
         // SHA-256 of "abc" (FIPS 180-2) in base64.
-        let policy = content_security_policy(Some("abc"));
-        assert!(policy.contains("script-src 'sha256-ungWv48Bz+pBQUDeXa4iI7ADYaOWF3qctBD/YfIAFa0='"), "{policy}");
-        assert!(!content_security_policy(None).contains("script-src"));
+        let policy = content_security_policy(&["", "abc"]);
+        assert!(policy.contains("'sha256-ungWv48Bz+pBQUDeXa4iI7ADYaOWF3qctBD/YfIAFa0='"), "{policy}");
+        assert!(!content_security_policy(&[]).contains("script-src"));
     }
 
     /// `--name:#rgb` pairs of one block of the style sheet.
