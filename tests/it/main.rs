@@ -16,3 +16,4 @@ mod portable;
 mod program;
 mod real_logs;
 mod reference;
+mod schemas;

@@ -1073,6 +1073,7 @@ mod tests {
                 && !name.ends_with(".rig.toml")
                 && !name.ends_with(".card.toml")
                 && !name.ends_with("criteria.toml")
+                && !name.ends_with("test-card.toml")
         };
         let pipelines: Vec<PathBuf> = files.filter(is_pipeline).collect();
         assert!(pipelines.len() >= 3, "{pipelines:?}");

@@ -3,11 +3,12 @@
 use crate::line::DelayLine;
 use crate::manifest::{Stage, Why};
 use record::{CampaignTotals, DelayKind, EffectVerdict, Estimate, VerdictTally};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 
 /// One thing that happened.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
     /// The folder of flights was looked through.

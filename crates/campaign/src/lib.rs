@@ -48,6 +48,7 @@ mod reduce;
 mod reference;
 mod results;
 mod run;
+mod schemas;
 mod slug;
 mod source;
 mod state;
@@ -56,6 +57,7 @@ mod store;
 mod study;
 mod table;
 mod task;
+mod test_cards;
 mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_index, bench_run};
@@ -74,10 +76,12 @@ pub use manifest::{Manifest, Stage, Why};
 pub use plan::{Desk, Order};
 pub use reduce::{Verdict, reduce};
 pub use run::{plan_shards, run};
+pub use schemas::{bench_record_schema, campaign_schema, events_schema, record_schema};
 pub use status::{Status, Trouble, status};
 pub use store::StoreError;
 pub use task::{TaskReport, quiet_caught_panics, task};
+pub use test_cards::test_card_schema;
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
-pub const ANALYSIS_VERSION: u32 = 18;
+pub const ANALYSIS_VERSION: u32 = 19;

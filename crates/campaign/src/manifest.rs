@@ -13,8 +13,10 @@ use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::reference::FoundReference;
 use crate::store::{Keep, Store};
+use crate::test_cards::TestCardFiles;
 use ingest::{FlightUnit, LogKind};
 use record::{CriteriaUse, Decision, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -43,6 +45,9 @@ pub struct Manifest {
     pub(crate) measure_blake3: String,
     /// What flights are judged by; no part of a result's key.
     pub(crate) criteria: Option<CriteriaUse>,
+    /// What was to be flown; no part of a result's key either.
+    #[serde(default)]
+    pub(crate) test_cards: TestCardFiles,
     /// Sensor cards that delays are taken from; their hashes are part of the pipeline.
     pub(crate) cards: Vec<CardFile>,
     pub(crate) maps_folder: Option<PathBuf>,
@@ -89,7 +94,7 @@ pub(crate) struct Planned {
 }
 
 /// A stage of a campaign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
     /// How late each channel of a flight is.
@@ -151,7 +156,7 @@ impl PlannedReference {
 }
 
 /// Why a log is read.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "why", rename_all = "kebab-case")]
 pub enum Why {
     /// No run on this output folder has seen the flight.
@@ -335,6 +340,7 @@ impl Manifest {
             pipeline,
             measure_blake3,
             criteria: None,
+            test_cards: TestCardFiles::default(),
             cards,
             maps_folder,
             maps_blake3,

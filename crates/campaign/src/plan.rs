@@ -15,6 +15,7 @@ use crate::results;
 use crate::source;
 use crate::state::State;
 use crate::store::{Store, is_temporary};
+use crate::test_cards::TestCardFiles;
 use crate::work::Workers;
 use ingest::FlightUnit;
 use record::{Decision, FlightLateness, IgnoredInput};
@@ -86,6 +87,8 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     if found.units.is_empty() && found.unreadable.is_empty() {
         return Err(CampaignError::NoFlights { path: root, what: no_logs(&manifest.ignored) });
     }
+    let names = found.units.iter().map(|unit| unit.id.as_str());
+    manifest.test_cards = TestCardFiles::find(&root, names, &mut manifest.ignored)?;
     let cases = with_references(found.units, order.pipeline.reference_file(), &library)?;
     let mut contents = Contents::look_at(&root, &cases, order.verify, store);
     desk.tell(contents.found(cases.len() + found.unreadable.len(), manifest.ignored.len()));

@@ -21,6 +21,7 @@ use crate::store::{Keep, Store};
 use crate::study::failed_record;
 use crate::table;
 use crate::task::caught;
+use crate::test_cards::{TestCards, row_cards};
 use crate::work::Workers;
 use flight::{Notice, Severity, Stamp};
 use record::{
@@ -115,7 +116,8 @@ pub(crate) fn reduce_locked(
     let rows = old.into_iter().flat_map(|r| &r.record.flights).map(|row| (row.flight.clone(), row.clone())).collect();
     let before = before.map(|before| before.record);
     let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
-    let reducer = Reducer { manifest, pipeline, criteria, desk, store, before, rows };
+    let test_cards = TestCards::of_files(&manifest.test_cards)?;
+    let reducer = Reducer { manifest, pipeline, criteria, test_cards, desk, store, before, rows };
     reducer.reduce(&lines, made_from, state)
 }
 
@@ -184,12 +186,15 @@ fn page_hash(
     let criteria = manifest.criteria_parts();
     let beside = neighbours.each_ref().map(|n| n.as_ref().map_or("", |(name, _)| *name));
     let [before, after] = beside;
-    let parts = [&planned.flight, slug, before, after, &from, &version, &manifest.command, &manifest.flightlag_version];
+    let cards = manifest.test_cards.hash_of(&planned.flight);
+    let parts =
+        [&planned.flight, slug, before, after, &from, &version, &manifest.command, &manifest.flightlag_version, &cards];
     hash_of_parts(&[parts.as_slice(), &criteria].concat())
 }
 
 fn whole_hash(manifest: &Manifest, lines: &[Line<'_>]) -> String {
-    let mut parts = vec![manifest.name.as_str(), &manifest.pipeline.blake3, &manifest.command];
+    let cards = manifest.test_cards.hash();
+    let mut parts = vec![manifest.name.as_str(), &manifest.pipeline.blake3, &manifest.command, &cards];
     parts.extend(manifest.ignored.iter().flat_map(|i| [i.path.as_str(), i.reason.as_str()]));
     parts.extend(lines.iter().map(|l| l.made_from.as_str()));
     parts.extend(manifest.criteria_parts());
@@ -219,6 +224,7 @@ struct Reducer<'a> {
     manifest: &'a Manifest,
     pipeline: Pipeline,
     criteria: Option<Criteria>,
+    test_cards: TestCards,
     desk: &'a Desk<'a>,
     store: &'a Store,
     /// What the folder holds of an earlier run.
@@ -311,6 +317,7 @@ impl Reducer<'_> {
             },
         };
         record.criteria = self.criteria.as_ref().map(|c| c.judge(&line.planned.flight, &record));
+        record.test = self.test_cards.of_flight(&line.planned.flight, &record);
         let row = row_of(line, &record);
         let page = PageState { made_from: line.made_from.clone(), files: self.write_page(line, &record)? };
         Ok(Some(Reduced { row, page, result, fresh: true }))
@@ -341,8 +348,8 @@ impl Reducer<'_> {
         Ok(files)
     }
 
-    /// Puts record and track beside the page, where a person looks for them; the record with its verdicts, if there
-    /// are any.
+    /// Puts record and track beside the page, where a person looks for them; the record with its verdicts and
+    /// test cards, if there are any.
     fn place_results(&self, folder: &str, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
         let beside =
             [("record.json", results::record_name(&record.key)), ("track.parquet", results::track_name(&record.key))];
@@ -350,7 +357,7 @@ impl Reducer<'_> {
         for (base, from) in beside {
             let name = format!("{folder}/{base}");
             let (Source::Result(_), Some(bytes)) = (&line.source, self.store.size(&from)) else { continue };
-            if base == "record.json" && record.criteria.is_some() {
+            if base == "record.json" && (record.criteria.is_some() || record.test.is_some()) {
                 let text = results::text_of(record);
                 self.store.write(&name, &text, Keep::Renewable)?;
                 files.insert(name, text.len() as u64);
@@ -500,6 +507,7 @@ impl Reducer<'_> {
             pipeline: self.manifest.pipeline.clone(),
             command: self.manifest.command.clone(),
             criteria: self.criteria.as_ref().map(|c| c.summary(&flights)),
+            test: self.test_cards.of_campaign(&flights),
             totals: totals_of(&flights),
             flights,
             ignored: self.manifest.ignored.clone(),
@@ -593,6 +601,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         exact_error_rms_m: error("exact-async").and_then(known),
         valid_share: replay.and_then(valid_share),
         criteria: record.criteria.as_ref().map(row_verdicts),
+        cards: record.test.as_ref().map(row_cards).unwrap_or_default(),
         lateness: record.lateness.clone(),
         decision: record.decision.clone(),
         effect: record.effect.clone(),

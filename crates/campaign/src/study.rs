@@ -236,6 +236,7 @@ pub(crate) fn failed_record(planned: &Planned, manifest: &Manifest, reason: Stri
         decision: None,
         effect: None,
         criteria: None,
+        test: None,
         notices: Notices::new(),
     }
 }

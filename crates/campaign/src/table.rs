@@ -214,12 +214,12 @@ pub(crate) fn outcome_reason(outcome: &Outcome) -> Option<&str> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use polars::prelude::{ParquetReader, SerReader};
     use std::fs::File;
 
-    fn row(flight: &str) -> FlightRow {
+    pub(crate) fn row(flight: &str) -> FlightRow {
         FlightRow {
             flight: flight.to_owned(),
             key: "ab12".into(),
@@ -248,6 +248,7 @@ mod tests {
             exact_error_rms_m: None,
             valid_share: Some(1.0),
             criteria: None,
+            cards: vec![],
             lateness: None,
             decision: None,
             effect: None,

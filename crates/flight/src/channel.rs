@@ -3,11 +3,12 @@
 use crate::notice::Notices;
 use crate::series::Series;
 use crate::time::{Clock, Stamp, StampKind, UtcTie};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// What a channel holds, in which frame, and the order of its components.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
     /// WGS-84 latitude rad, longitude rad, height m. A height above mean sea level may
@@ -62,7 +63,7 @@ impl Quantity {
 }
 
 /// Where a channel's values came from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ChannelSource {
     /// The topic (or table) in the log.
     pub topic: String,

@@ -1,9 +1,10 @@
 //! How numbers are spread.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A sample described by its order statistics.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Distribution {
     /// Smallest.
     pub min: f64,

@@ -4,10 +4,11 @@ use crate::about::About;
 use crate::channel::{ChannelSource, Quantity};
 use crate::distribution::Distribution;
 use crate::time::{Clock, NANOS_PER_SECOND, StampKind, UtcTie};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where every byte of a log went: the five numbers below `size` add up to it.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ByteLedger {
     /// Size of all files of the flight together.
     pub size: u64,
@@ -50,7 +51,7 @@ impl ByteLedger {
 }
 
 /// A stretch of bytes that could not be used.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct DamagedRange {
     /// File name without its folder.
     pub file: String,
@@ -75,7 +76,7 @@ impl DamagedRange {
 }
 
 /// Everything about the reading of one log.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LogHealth {
     /// Format, such as `MCAP` or `ROS 1 bag 2.0`, with what its header says of its writer.
     pub format: String,
@@ -102,7 +103,7 @@ pub struct LogHealth {
 }
 
 /// One topic of the log, read or not.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TopicHealth {
     /// Name.
     pub name: String,
@@ -128,7 +129,7 @@ pub struct TopicHealth {
 
 /// How one kind of stamp of one topic behaves. Of a channel whose stamps go back, rate, steps, gaps and ends are those
 /// of its rows in order.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StampHealth {
     /// Kind.
     pub kind: StampKind,
@@ -158,7 +159,7 @@ pub struct StampHealth {
 }
 
 /// A hole in the stamps: a step of more than 2.5 median steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gap {
     /// Seconds after the first stamp.
     pub start_s: f64,
@@ -167,7 +168,7 @@ pub struct Gap {
 }
 
 /// One kind of stamp less another, on the same messages, s.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StampOffset {
     /// The later kind as a rule.
     pub of: StampKind,
@@ -178,7 +179,7 @@ pub struct StampOffset {
 }
 
 /// Rows that were not used, by reason.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RejectCount {
     /// Why.
     pub reason: String,
@@ -189,7 +190,7 @@ pub struct RejectCount {
 }
 
 /// Recognised repetition of held values (design note 3.8).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Held {
     /// Rows that repeat the value before.
     pub repeats: u64,
@@ -200,7 +201,7 @@ pub struct Held {
 }
 
 /// A channel that was bound, and what it cost.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChannelHealth {
     /// Channel name, such as `position.gps`.
     pub name: String,
@@ -225,7 +226,7 @@ pub struct ChannelHealth {
 }
 
 /// A channel map that was considered.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct MapCandidate {
     /// Name of the map.
     pub map: String,
@@ -236,7 +237,7 @@ pub struct MapCandidate {
 }
 
 /// How columns became channels.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Binding {
     /// Name of the map taken.
     pub map: String,

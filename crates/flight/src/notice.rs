@@ -1,9 +1,10 @@
 //! What a person must hear: nothing is dropped in silence.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How much a notice matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
     /// Worth knowing; every number stands.
@@ -15,7 +16,7 @@ pub enum Severity {
 }
 
 /// One thing that happened to the data, with its place and how often it happened.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Notice {
     /// How much it matters.
     pub severity: Severity,
@@ -30,7 +31,7 @@ pub struct Notice {
 }
 
 /// Notices in the order in which they were raised.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Notices(Vec<Notice>);
 

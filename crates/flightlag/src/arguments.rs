@@ -14,7 +14,7 @@ Exit codes:
   130  stopped by Ctrl-C";
 
 const SCHEMA: &str = "\
-Prints a JSON schema, of a kind of settings file or of `delay --json`.
+Prints the JSON schema of a settings file, or of what programs read.
 
 An editor that knows TOML completes and checks the keys of a file whose first line names the schema beside it: \
 `flightlag schema pipeline > pipeline.schema.json`, and `#:schema ./pipeline.schema.json` as that line.";
@@ -131,7 +131,7 @@ pub(crate) enum Command {
     Criteria(CriteriaArguments),
     /// Lists the channel maps that come with flightlag, or prints one.
     Maps(MapsArguments),
-    /// Prints a JSON schema, of a kind of settings file or of `delay --json`.
+    /// Prints the JSON schema of a settings file, or of what programs read.
     #[command(long_about = SCHEMA)]
     Schema(SchemaArguments),
     /// Print completions for a shell.
@@ -445,7 +445,8 @@ pub(crate) enum ExportKind {
     Parquet,
     /// One CSV file for each.
     Csv,
-    /// One MCAP with a typed topic for each; with --track fixes of `NavSatFix` and `foxglove.LocationFix`.
+    /// One MCAP with a typed topic for each; with --track fixes of `NavSatFix` and `foxglove.LocationFix`, and layouts
+    /// for Foxglove and PlotJuggler.
     Mcap,
     /// GeoJSON; with --track only.
     Geojson,
@@ -534,8 +535,18 @@ pub(crate) enum SchemaOf {
     Card,
     /// A channel map.
     ChannelMap,
+    /// A test card: objective, configuration, instrumentation.
+    TestCard,
     /// What `delay --json` prints.
     Delay,
+    /// The record.json of a flight.
+    Record,
+    /// The record.json of a bench record.
+    BenchRecord,
+    /// campaign.json.
+    Campaign,
+    /// A line of `--json` of `campaign`, `bench` and `demo`.
+    Events,
 }
 
 #[derive(Debug, Args)]

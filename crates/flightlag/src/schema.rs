@@ -1,4 +1,4 @@
-//! `flightlag schema`: the JSON schemas of settings files and of `--json`, for editors and programs.
+//! `flightlag schema`: the JSON schemas of settings files and of what programs read, for editors and programs.
 
 use crate::arguments::{SchemaArguments, SchemaOf};
 use crate::failure::{End, Failure};
@@ -17,7 +17,12 @@ fn text(of: SchemaOf) -> String {
         SchemaOf::Rig => campaign::rig_schema(),
         SchemaOf::Card => campaign::card_schema(),
         SchemaOf::ChannelMap => ingest::channel_map_schema(),
+        SchemaOf::TestCard => campaign::test_card_schema(),
         SchemaOf::Delay => campaign::delay_schema(),
+        SchemaOf::Record => campaign::record_schema(),
+        SchemaOf::BenchRecord => campaign::bench_record_schema(),
+        SchemaOf::Campaign => campaign::campaign_schema(),
+        SchemaOf::Events => campaign::events_schema(),
     }
 }
 
@@ -32,9 +37,11 @@ mod tests {
         for of in SchemaOf::value_variants() {
             let name = of.to_possible_value().unwrap().get_name().to_owned();
             let folder = match of {
-                SchemaOf::Delay => "docs",
+                SchemaOf::Pipeline | SchemaOf::Criteria | SchemaOf::Rig | SchemaOf::Card | SchemaOf::TestCard => {
+                    "pipelines"
+                }
                 SchemaOf::ChannelMap => "pipelines/channel-maps",
-                _ => "pipelines",
+                _ => "docs",
             };
             let file = root.join(folder).join(format!("{name}.schema.json"));
             assert_eq!(text(*of), std::fs::read_to_string(file).unwrap(), "{name}");

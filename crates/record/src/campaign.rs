@@ -1,13 +1,14 @@
 //! The record of one campaign.
 
 use crate::{
-    CampaignCriteria, Decision, DelaySource, DelaySweep, Effect, Estimate, FlightLateness, GroupLateness, Outcome,
-    RowVerdicts,
+    CampaignCriteria, CampaignTest, Decision, DelaySource, DelaySweep, Effect, Estimate, FlightLateness, GroupLateness,
+    Outcome, RowCard, RowVerdicts,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One line of the table of flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightRow {
     /// Path below the campaign's folder: the name people know.
     pub flight: String,
@@ -71,6 +72,9 @@ pub struct FlightRow {
     /// What the criteria say; `None` where none were given.
     #[serde(default)]
     pub criteria: Option<RowVerdicts>,
+    /// Test cards that it has flown.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cards: Vec<RowCard>,
     /// How late the position is; `None` if the log could not be read.
     #[serde(default)]
     pub lateness: Option<FlightLateness>,
@@ -92,7 +96,7 @@ pub struct FlightRow {
 }
 
 /// A file in the folder that is no flight.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct IgnoredInput {
     /// Path below the campaign's folder.
     pub path: String,
@@ -101,7 +105,7 @@ pub struct IgnoredInput {
 }
 
 /// Counts over all flights.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CampaignTotals {
     /// All.
     pub flights: u64,
@@ -135,7 +139,7 @@ pub struct CampaignTotals {
 }
 
 /// A campaign: what was asked, and one row for each flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CampaignRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -152,6 +156,9 @@ pub struct CampaignRecord {
     /// What the criteria say over all flights; `None` where none were given.
     #[serde(default)]
     pub criteria: Option<CampaignCriteria>,
+    /// What the test cards say; `None` without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test: Option<CampaignTest>,
     /// Flights, sorted by name.
     pub flights: Vec<FlightRow>,
     /// Other files, sorted by path.

@@ -174,7 +174,7 @@ pub struct SensorCard {
 }
 
 /// The card behind the delay of a replay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CardUse {
     /// File name of the card.
     pub file: String,

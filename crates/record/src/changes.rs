@@ -1,10 +1,11 @@
 //! What changed in a campaign since the run before.
 
 use crate::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A campaign against the one that the output folder held before. The only record that depends on earlier runs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CampaignChanges {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -31,7 +32,7 @@ pub struct CampaignChanges {
 }
 
 /// What decides the numbers of a campaign besides its logs.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct MadeWith {
     /// Version of flightlag.
     pub flightlag_version: String,
@@ -44,7 +45,7 @@ pub struct MadeWith {
 }
 
 /// A flight with another result than before.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RerunFlight {
     /// Name of the flight.
     pub flight: String,
@@ -53,7 +54,7 @@ pub struct RerunFlight {
 }
 
 /// A delay that is another one than before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MovedDelay {
     /// Name of the flight or of the group.
     pub name: String,
@@ -66,7 +67,7 @@ pub struct MovedDelay {
 }
 
 /// Troubles of a flight that came or went.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct TroubleChange {
     /// Name of the flight.
     pub flight: String,

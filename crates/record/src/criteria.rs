@@ -1,10 +1,11 @@
 //! What flights are judged by, and how they were judged.
 
 use crate::replay::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The criteria file that was used.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct CriteriaUse {
     /// Title from the file.
     pub title: String,
@@ -17,7 +18,7 @@ pub struct CriteriaUse {
 }
 
 /// How a flight stands to a criterion, or to all of them: the gravest first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CriterionVerdict {
     /// The limit is not kept.
@@ -33,7 +34,7 @@ pub enum CriterionVerdict {
 }
 
 /// Where a number must lie; the limits themselves are inside. SI units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Limit {
     /// Not above.
@@ -45,7 +46,7 @@ pub enum Limit {
 }
 
 /// How a number and its limit become a verdict.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DecisionRule {
     /// 95 % interval wholly within the limit: pass; wholly beyond: fail; else inconclusive.
@@ -57,7 +58,7 @@ pub enum DecisionRule {
 }
 
 /// A unit that people write.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CriterionUnit {
     /// As written behind the number; empty for counts and ratios.
     pub name: String,
@@ -66,7 +67,7 @@ pub struct CriterionUnit {
 }
 
 /// One criterion and what it says of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CriterionFinding {
     /// Name in the file, unique there.
     pub id: String,
@@ -97,7 +98,7 @@ pub struct CriterionFinding {
 }
 
 /// Verdicts, counted.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct VerdictTally {
     /// Limit not kept.
     pub fail: u64,
@@ -145,7 +146,7 @@ impl FromIterator<CriterionVerdict> for VerdictTally {
 }
 
 /// What the criteria say of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightCriteria {
     /// Which criteria.
     pub criteria: CriteriaUse,
@@ -168,7 +169,7 @@ impl FlightCriteria {
 }
 
 /// The verdicts of one flight in the table of flights.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RowVerdicts {
     /// The gravest.
     pub overall: CriterionVerdict,
@@ -177,7 +178,7 @@ pub struct RowVerdicts {
 }
 
 /// One of them.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RowVerdict {
     /// Name of the criterion.
     pub id: String,
@@ -186,7 +187,7 @@ pub struct RowVerdict {
 }
 
 /// How many of how many passed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PassRate {
     /// Flights that pass.
     pub passed: u64,
@@ -197,7 +198,7 @@ pub struct PassRate {
 }
 
 /// One criterion over all flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CriterionSummary {
     /// Name in the file.
     pub id: String,
@@ -216,7 +217,7 @@ pub struct CriterionSummary {
 }
 
 /// The criteria over all flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CampaignCriteria {
     /// Which criteria.
     pub criteria: CriteriaUse,

@@ -3,10 +3,11 @@
 //! Source of all of it: the delay-network specification (`science/delay-network.md`); sections are named in the docs.
 
 use crate::replay::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Zero of the latenesses of a network or of a part of it (section 3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum NetworkDatum {
     /// Accelerations of the IMU are on time within 5 ms by assumption.
@@ -20,7 +21,7 @@ pub enum NetworkDatum {
 }
 
 /// Outcome of the tests of a network (section 4).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum NetworkVerdict {
     /// All loops close within their uncertainty.
@@ -36,7 +37,7 @@ pub enum NetworkVerdict {
 }
 
 /// Kind of the model error of a pair (table of section 2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EffectKind {
     /// Two measured channels (`ss`).
@@ -56,7 +57,7 @@ pub enum EffectKind {
 }
 
 /// Name of an effect: one draw of the model error, shared by all pairs between two families of channels.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 pub struct EffectName {
     /// Kind of pair.
     pub kind: EffectKind,
@@ -67,7 +68,7 @@ pub struct EffectName {
 }
 
 /// Result of the delay network of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayNetwork {
     /// Channels, in the order of their names.
     pub channels: Vec<ChannelLateness>,
@@ -117,7 +118,7 @@ impl DelayNetwork {
 }
 
 /// Lateness of one channel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChannelLateness {
     /// Channel name, such as `position.gps`, or `acc[ahrs2+imu]` for attitude and specific force together.
     pub channel: String,
@@ -154,7 +155,7 @@ pub struct ChannelLateness {
 }
 
 /// Loop of pairs: its delays should add up to zero.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayLoop {
     /// Channels in the order of the walk; the last is tied to the first.
     pub channels: Vec<String>,
@@ -163,7 +164,7 @@ pub struct DelayLoop {
 }
 
 /// Effect with its test and its reliability.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NetworkEffect {
     /// Name.
     pub name: EffectName,
@@ -182,7 +183,7 @@ pub struct NetworkEffect {
 }
 
 /// Pair that took part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct UsedPair {
     /// First channel.
     pub first: String,
@@ -197,7 +198,7 @@ pub struct UsedPair {
 }
 
 /// Pair that did not take part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct UnusedPair {
     /// First channel.
     pub first: String,
@@ -208,7 +209,7 @@ pub struct UnusedPair {
 }
 
 /// Pair that would improve the network.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PairSuggestion {
     /// First channel, or a channel to log.
     pub first: String,
@@ -219,7 +220,7 @@ pub struct PairSuggestion {
 }
 
 /// Lateness judged by a reference that took no part in it (section 3.4).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReferenceJudgement {
     /// Channel judged.
     pub channel: String,
@@ -234,7 +235,7 @@ pub struct ReferenceJudgement {
 }
 
 /// Mean lateness of one channel over the flights of a group (section 5).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayPool {
     /// Flights in the mean.
     pub flights: u32,
@@ -259,7 +260,7 @@ pub struct DelayPool {
 }
 
 /// Test of heterogeneity with the full uncertainties less the datum's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightsDiffer {
     /// Cochran's Q.
     pub q: f64,
@@ -274,7 +275,7 @@ pub struct FlightsDiffer {
 }
 
 /// One flight against the pool of the others.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PoolMember {
     /// Flight.
     pub flight: String,
@@ -289,7 +290,7 @@ pub struct PoolMember {
 }
 
 /// Two clusters in what was taken for one group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GroupSplit {
     /// Flights of the earlier cluster.
     pub early: Vec<String>,
@@ -308,7 +309,7 @@ pub struct GroupSplit {
 }
 
 /// Source of the delay that is removed (section 6).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RemovedFrom {
     /// Mean of the other flights of the group.
@@ -328,7 +329,7 @@ pub enum RemovedFrom {
 }
 
 /// Delay that is removed from the position of one flight, and why (table of section 6).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RemovedDelay {
     /// Flight.
     pub flight: String,

@@ -1,10 +1,11 @@
 //! How a delay changes during a flight.
 
 use crate::replay::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The word for a delay over a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayKind {
     /// The level is not known: too little motion, or too much noise.
@@ -67,7 +68,7 @@ impl DelayKind {
 
 /// What is known of the delay of a position against a velocity over one flight. Positive is late:
 /// `position(t) = truth(t − delay)`, with the velocity as the clock.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayOverTime {
     /// The word.
     pub kind: DelayKind,
@@ -132,7 +133,7 @@ pub struct DelayOverTime {
 }
 
 /// Whether the windows of a flight agree on one delay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Constancy {
     /// Whether enough windows know their delay. `false`: nothing is said of constancy.
     pub tested: bool,
@@ -170,7 +171,7 @@ pub struct Constancy {
 }
 
 /// Scatter of a delay from fix to fix.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayJitter {
     /// Standard deviation, s.
     pub standard_deviation_s: f64,
@@ -181,7 +182,7 @@ pub struct DelayJitter {
 }
 
 /// A single fix far behind its neighbours.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LateFix {
     /// Stamp, s.
     pub t_s: f64,
@@ -190,7 +191,7 @@ pub struct LateFix {
 }
 
 /// Fixes that arrived at once.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Burst {
     /// Stamp of the first, s.
     pub start_s: f64,
@@ -201,7 +202,7 @@ pub struct Burst {
 }
 
 /// A point of the curve of the delay.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CurvePoint {
     /// Instant, s, on the clock of the position's stamps.
     pub t_s: f64,
@@ -212,7 +213,7 @@ pub struct CurvePoint {
 }
 
 /// What a term of a description does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayTermKind {
     /// The delay jumps.
@@ -222,7 +223,7 @@ pub enum DelayTermKind {
 }
 
 /// A term of the description of a delay that varies.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayTerm {
     /// What it does.
     pub kind: DelayTermKind,
@@ -238,7 +239,7 @@ pub struct DelayTerm {
 }
 
 /// Lateness from the device's own time, which needs no motion.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DeviceTime {
     /// Rate of the arrival's clock against the device's less 1, s/s.
     pub skew: f64,

@@ -1,16 +1,17 @@
 //! What a designer of a filter needs of each channel: noise, wander, delay, rate.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Values for the design of a Kalman filter, from one flight.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EkfValues {
     /// Channels in the order of their names.
     pub channels: Vec<EkfChannel>,
 }
 
 /// Values of one channel. What the flight does not give is not there.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EkfChannel {
     /// Name, such as `position.gps`.
     pub channel: String,
@@ -27,7 +28,7 @@ pub struct EkfChannel {
 }
 
 /// Which value it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EkfValueKind {
     /// Standard deviation of the white noise of one sample.
@@ -47,7 +48,7 @@ pub enum EkfValueKind {
 }
 
 /// One value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EkfValue {
     /// Which.
     pub kind: EkfValueKind,

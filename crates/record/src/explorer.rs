@@ -1,5 +1,6 @@
 //! The rows of a replay in few bytes, for a page that lets a reader zoom into them.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Rows of a replay, packed.
@@ -8,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// the lowest byte of every row, then the next, up to the fourth. They make little-endian 32-bit integers `z`: zigzag of
 /// differences, `(z >> 1) ^ −(z & 1)`, as many times over as [`ExplorerColumn::differences`] says. [`ExplorerRows::MISSING`] is a row without a value: the
 /// differences go on from the last row that has one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ExplorerRows {
     /// Rows that are here.
     pub rows: u64,
@@ -25,7 +26,7 @@ pub struct ExplorerRows {
 }
 
 /// A column of [`ExplorerRows`].
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ExplorerColumn {
     /// `t` in ms after the origin of the replay, or `raw_north`, `exact_async_east`, `truth_north` and so on in cm.
     pub name: String,

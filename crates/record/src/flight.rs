@@ -1,11 +1,12 @@
 //! The record of one flight.
 
-use crate::{Decision, DelayNetwork, Effect, FlightCriteria, FlightDelays, FlightLateness, ReplayRecord};
+use crate::{Decision, DelayNetwork, Effect, FlightCriteria, FlightDelays, FlightLateness, FlightTest, ReplayRecord};
 use flight::{Binding, LogHealth, Notices};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A file that the flight was read from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct InputFile {
     /// Name without its folder.
     pub name: String,
@@ -16,7 +17,7 @@ pub struct InputFile {
 }
 
 /// The settings that the flight was analysed with.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PipelineUse {
     /// Title from the file.
     pub title: String,
@@ -27,7 +28,7 @@ pub struct PipelineUse {
 }
 
 /// What became of the flight.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "outcome", rename_all = "kebab-case")]
 pub enum Outcome {
     /// There is a [`ReplayRecord`].
@@ -56,7 +57,7 @@ pub enum Outcome {
 
 /// Everything found about one flight. Free of times of day, hosts and folders, so that the
 /// same log, settings and analysis give the same bytes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -96,6 +97,9 @@ pub struct FlightRecord {
     /// whenever pages are made, so that another limit recomputes no flight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub criteria: Option<FlightCriteria>,
+    /// What the test cards say; `None` without one. Like the criteria no part of the result under its key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test: Option<FlightTest>,
     /// All notices, in the order in which they were raised.
     pub notices: Notices,
 }

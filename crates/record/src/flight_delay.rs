@@ -4,10 +4,11 @@ use crate::bench::{Finding, ObjectiveCurve};
 use crate::delay_over_time::DelayOverTime;
 use crate::replay::Estimate;
 use flight::Clock;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a pair of channels compares.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayPairKind {
     /// Position against the integral of velocity: δ = Tp − Tv.
@@ -23,14 +24,14 @@ pub enum DelayPairKind {
 }
 
 /// All delays that one flight can give. Every pair that was tried is here, measured or not.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightDelays {
     /// Pairs, in the order of [`DelayPairKind`], then of their names.
     pub pairs: Vec<PairDelay>,
 }
 
 /// What was found about one pair.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PairDelay {
     /// Which comparison this is.
     pub kind: DelayPairKind,
@@ -59,7 +60,7 @@ pub struct PairDelay {
 }
 
 /// What the flown path says about a delay, whatever the noise (design note 4).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayExcitation {
     /// Samples of the first channel that could be compared.
     pub samples: u64,
@@ -79,7 +80,7 @@ pub struct DelayExcitation {
 }
 
 /// A delay measured from a flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MeasuredDelay {
     /// δ, s: positive means that the first channel is late against the second.
     pub delay_s: Estimate,
@@ -127,7 +128,7 @@ pub struct MeasuredDelay {
 }
 
 /// A stretch with an offset and drift of its own.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayPiece {
     /// First sample, s after the origin.
     pub start_s: f64,
@@ -142,7 +143,7 @@ pub struct DelayPiece {
 }
 
 /// Noise about the fit: an Ornstein–Uhlenbeck wander plus white noise.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayNoise {
     /// Standard deviation of the wander; `None` if there is none.
     pub wander_std: Option<f64>,
@@ -153,7 +154,7 @@ pub struct DelayNoise {
 }
 
 /// The delay in one window of time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WindowDelay {
     /// Begin, s after the origin.
     pub start_s: f64,
@@ -164,7 +165,7 @@ pub struct WindowDelay {
 }
 
 /// A test of one delay for all windows.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayHomogeneity {
     /// Chi-squared.
     pub chi2: f64,
@@ -177,7 +178,7 @@ pub struct DelayHomogeneity {
 }
 
 /// A step of the delay.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayStep {
     /// When, s after the origin: the border of two windows.
     pub at_s: f64,
@@ -190,7 +191,7 @@ pub struct DelayStep {
 }
 
 /// The delay by operating point.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelaySplit {
     /// What it is split by: `ground speed, m/s`, or the name of a channel.
     pub by: String,
@@ -201,7 +202,7 @@ pub struct DelaySplit {
 }
 
 /// One operating point.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayGroup {
     /// Least and largest value in the group.
     pub range: [f64; 2],
@@ -212,7 +213,7 @@ pub struct DelayGroup {
 }
 
 /// A known delay that was put into the second half of the flight (half of what the flight says, not of its time).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightInjection {
     /// What was put in, s.
     pub injected_s: f64,
@@ -225,7 +226,7 @@ pub struct FlightInjection {
 }
 
 /// Time zero of a pair's seconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayOrigin {
     /// Stamp, ns.
     pub origin_ns: i64,

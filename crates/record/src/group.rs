@@ -1,10 +1,11 @@
 //! Which flights have the same receiver: their delays may be pooled.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The group that a flight belongs to (delay-network.md, section 5): receiver, its rate and line, channel map and kind of
 /// log. Delays are pooled within a group only.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ReceiverGroup {
     /// For people: `u-blox M8 3.01, 5 Hz, 115200 baud, ArduPilot DataFlash`.
     pub name: String,
@@ -18,7 +19,7 @@ pub struct ReceiverGroup {
 }
 
 /// One fact that makes a group.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GroupPart {
     /// What it is: `receiver`, `firmware`, `rate`.
     pub what: String,
@@ -29,7 +30,7 @@ pub struct GroupPart {
 }
 
 /// What a flight's position holds, in a few bytes: to find copies of it, and copies that have lost some of it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightContent {
     /// Hash of all of it.
     pub fingerprint: String,
@@ -40,7 +41,7 @@ pub struct FlightContent {
 }
 
 /// A flight that is there more than once, under other names or in other containers.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct DuplicateFlight {
     /// The flight that counts: of those with the most fixes the first by its identity.
     pub counts: String,

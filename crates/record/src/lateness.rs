@@ -6,10 +6,11 @@ use crate::group::{FlightContent, ReceiverGroup};
 use crate::replay::Estimate;
 use crate::{CampaignDelay, CardUse, DelaySource, Finding, FlightDelays, ReferenceFile};
 use flight::Notices;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What the first stage of a campaign finds of a flight: all delays, before one is removed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MeasuredFlight {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -28,7 +29,7 @@ pub struct MeasuredFlight {
 }
 
 /// How late the position of one flight is: what a person asks first. Small, so that a decision over many flights is cheap.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightLateness {
     /// Name of the measurement that it is from.
     pub key: String,
@@ -90,7 +91,7 @@ impl FlightLateness {
 }
 
 /// What a sensor card says of a flight's position, with the velocity's own delay taken off.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CardDelay {
     /// Delay, s.
     pub delay_s: Estimate,
@@ -103,7 +104,7 @@ pub struct CardDelay {
 }
 
 /// How grave an alarm is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Gravity {
     /// The number must not be used as it is.
@@ -115,7 +116,7 @@ pub enum Gravity {
 }
 
 /// Something that a reader must know of a flight's delay.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 pub struct DelayAlarm {
     /// How grave it is.
     pub gravity: Gravity,
@@ -139,7 +140,7 @@ pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decisi
 }
 
 /// What to do about a delay.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayAdvice {
     /// Settings that remove the delay, the pipeline's first.
     pub set: Vec<DelaySetting>,
@@ -148,7 +149,7 @@ pub struct DelayAdvice {
 }
 
 /// A setting that removes a delay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelaySetting {
     /// Its name: `position_s`, `GPS1_DELAY_MS`, `EKF2_GPS_DELAY`.
     pub name: String,
@@ -161,7 +162,7 @@ pub struct DelaySetting {
 }
 
 /// Whether compensation helped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EffectVerdict {
     /// The position is farther from the truth than before.
@@ -175,7 +176,7 @@ pub enum EffectVerdict {
 }
 
 /// What the effect is judged by.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum JudgedBy {
     /// The error against this reference channel.
@@ -189,7 +190,7 @@ pub enum JudgedBy {
 }
 
 /// What the removal of a delay did to the position, along its own timestamps: the age of a held fix is no part of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Effect {
     /// The verdict.
     pub verdict: EffectVerdict,
@@ -208,7 +209,7 @@ pub struct Effect {
 }
 
 /// What is removed from the position of a flight, decided over all flights of its group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Decision {
     /// What the pipeline asks for.
     pub asked: DelaySource,
@@ -229,7 +230,7 @@ pub struct Decision {
 }
 
 /// How late the position is in a group of flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GroupLateness {
     /// The group.
     pub group: ReceiverGroup,

@@ -31,6 +31,7 @@ mod reference_file;
 mod replay;
 mod score;
 mod sweep;
+mod test_card;
 
 pub use crate::bench::{
     BenchFindings, BenchLog, BenchOutcome, BenchRecord, ChannelDynamics, ClockFinding, ComponentDynamics, DelayFinding,
@@ -81,6 +82,10 @@ pub use crate::score::{
 pub use crate::sweep::{
     CampaignDelay, ControlPoint, DelayCandidate, DelayChoice, DelayOverFlights, DelaySource, DelaySweep,
     FlightHomogeneity, PooledSweep, SweepMethod, SweepOptimum, SweepPoint, SweepScore,
+};
+pub use crate::test_card::{
+    CampaignTest, CardCoverage, CardFlight, CardStatus, FlightTest, FlownCard, RowCard, TestAircraft, TestCard,
+    TestCardSource, TestConditions, TestInstrument, TestReport,
 };
 
 /// Version of the shape of these records: raised when a field changes its meaning.

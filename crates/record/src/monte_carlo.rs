@@ -1,10 +1,11 @@
 //! What a Monte-Carlo study says of an estimator.
 
 use crate::replay::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One case of a study.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MonteCarloCase {
     /// What was simulated, in words.
     pub name: String,
@@ -17,7 +18,7 @@ pub struct MonteCarloCase {
 }
 
 /// Cases with the same columns.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MonteCarloGroup {
     /// Title.
     pub title: String,
@@ -32,7 +33,7 @@ pub struct MonteCarloGroup {
 }
 
 /// A study.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MonteCarloRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,

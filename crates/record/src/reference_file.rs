@@ -1,10 +1,11 @@
 //! A second file of a flight: a reference or a velocity of its own, and how its clock relates to that of the log.
 
 use crate::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The reference file of a flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReferenceFile {
     /// Names of its files.
     pub files: Vec<String>,
@@ -17,7 +18,7 @@ pub struct ReferenceFile {
 }
 
 /// How the clock of a reference file relates to that of the log.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "clock", rename_all = "kebab-case")]
 pub enum ReferenceClock {
     /// Both count the same time.
@@ -32,7 +33,7 @@ pub enum ReferenceClock {
 }
 
 /// Clock of the log less clock of the reference file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClockOffset {
     /// Channel of the log that counts as on time; its lateness is part of the offset.
     pub by: String,

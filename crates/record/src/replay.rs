@@ -2,10 +2,11 @@
 
 use crate::{CardUse, DelayChoice, DelaySweep, Finding, OnboardComparison, ReplayScores};
 use flight::Delay;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A number with how well it is known.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Estimate {
     /// Best value.
     pub value: f64,
@@ -14,7 +15,7 @@ pub struct Estimate {
 }
 
 /// What a compensator assumes before its first sample (design note 5.8).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StartRule {
     /// The first velocity has always been flown: output starts at `Td · v0`.
@@ -26,7 +27,7 @@ pub enum StartRule {
 }
 
 /// Settings of the replay as they were used.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReplaySettings {
     /// Delay that was removed.
     pub delay: Delay,
@@ -44,7 +45,7 @@ pub struct ReplaySettings {
 }
 
 /// Which channels were replayed against each other.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PairUse {
     /// Late position.
     pub position: String,
@@ -55,7 +56,7 @@ pub struct PairUse {
 }
 
 /// Seconds of the flight by what the output is worth.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Coverage {
     /// From the first to the last output row, s.
     pub duration_s: f64,
@@ -80,7 +81,7 @@ pub struct Coverage {
 }
 
 /// One compensator on this flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CompensatorResult {
     /// Short name, such as `raw`, `pade-1-1`, `exact-async`.
     pub name: String,
@@ -99,7 +100,7 @@ pub struct CompensatorResult {
 }
 
 /// A curve for a figure, decimated so that every extreme is kept.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Curve {
     /// Name in the legend.
     pub name: String,
@@ -114,7 +115,7 @@ pub struct Curve {
 }
 
 /// A curve in the horizontal plane, thinned so that what is left out lies within a thousandth of its extent.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PathCurve {
     /// Name in the legend.
     pub name: String,
@@ -130,7 +131,7 @@ pub struct PathCurve {
 
 /// How far other positions are ahead of raw along the track, at the first row of every fix, less what was flown since the fix:
 /// its age is no part of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LeadCurves {
     /// The compensated position first, then the reference, if there is one.
     pub of: Vec<Lead>,
@@ -141,7 +142,7 @@ pub struct LeadCurves {
 }
 
 /// How far a position is ahead of raw.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Lead {
     /// Median, m.
     pub median_m: f64,
@@ -156,7 +157,7 @@ pub struct Lead {
 }
 
 /// A ground track with the lead at each of its points.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LeadTrack {
     /// Metres east of the origin.
     pub east_m: Vec<f64>,
@@ -171,7 +172,7 @@ pub struct LeadTrack {
 }
 
 /// North or east: the curves of the paper's Fig. 7.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AxisCurves {
     /// `north` or `east`.
     pub axis: String,
@@ -182,7 +183,7 @@ pub struct AxisCurves {
 }
 
 /// The hardest manoeuvre, drawn without decimation where it fits.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Zoom {
     /// Start, s after the origin.
     pub start_s: f64,
@@ -195,7 +196,7 @@ pub struct Zoom {
 }
 
 /// The replay of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReplayRecord {
     /// Settings used.
     pub settings: ReplaySettings,

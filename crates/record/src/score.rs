@@ -2,10 +2,11 @@
 //! the aircraft itself computed.
 
 use crate::{Estimate, Finding};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The scores of one replay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReplayScores {
     /// One for each compensator of the replay, in its order: raw first.
     pub compensators: Vec<CompensatorScore>,
@@ -28,7 +29,7 @@ pub struct ReplayScores {
 }
 
 /// Stretches on which velocity keeps its direction.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StraightLegs {
     /// How many.
     pub legs: u64,
@@ -39,7 +40,7 @@ pub struct StraightLegs {
 }
 
 /// Pairs of passes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OppositePasses {
     /// How many pairs.
     pub pairs: u64,
@@ -53,7 +54,7 @@ pub struct OppositePasses {
 }
 
 /// One compensator, raw included.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CompensatorScore {
     /// Name as in [`CompensatorResult::name`](crate::CompensatorResult::name).
     pub name: String,
@@ -84,7 +85,7 @@ pub struct CompensatorScore {
 /// How late the output is against the integral of velocity; a right compensation leaves minus what the velocity is
 /// late. A delay set wrongly by e leaves e times the cosine of what the track turns in Td: the way missed was flown then, not
 /// now.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ResidualDelay {
     /// s; positive is late still, negative too early.
     pub delay_s: Estimate,
@@ -99,7 +100,7 @@ pub struct ResidualDelay {
 }
 
 /// Offset between passes over the same place in opposite directions, mean over the pairs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Hysteresis {
     /// Along the track, m: positive if each pass stands behind, as a late position does.
     pub along_m: Estimate,
@@ -110,7 +111,7 @@ pub struct Hysteresis {
 }
 
 /// The output on straight legs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StraightScore {
     /// Output − raw along the track less the way flown in the delay given, mean, m.
     pub along_excess_m: Estimate,
@@ -121,7 +122,7 @@ pub struct StraightScore {
 }
 
 /// The output beside an independent reference, horizontal.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReferenceScore {
     /// Rows compared.
     pub rows: u64,
@@ -148,7 +149,7 @@ pub struct ReferenceScore {
 }
 
 /// Terms of the error of a compensated position, and their sum.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ErrorBudget {
     /// All terms, also those that are not known.
     pub terms: Vec<BudgetTerm>,
@@ -163,7 +164,7 @@ pub struct ErrorBudget {
 }
 
 /// One term.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BudgetTerm {
     /// What errs.
     pub name: String,
@@ -174,7 +175,7 @@ pub struct BudgetTerm {
 }
 
 /// Between which frequencies a compensator is of use.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HelpfulBand {
     /// The error must be below this share of the raw one to count as help.
     pub factor: f64,
@@ -191,7 +192,7 @@ pub struct HelpfulBand {
 }
 
 /// Power of the horizontal velocity over frequency.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MotionSpectrum {
     /// Edges of the bins, Hz, in equal ratios; one more than bins.
     pub edges_hz: Vec<f64>,
@@ -204,7 +205,7 @@ pub struct MotionSpectrum {
 }
 
 /// What the aircraft computed in flight beside what the replay computes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OnboardComparison {
     /// The channel.
     pub channel: String,
@@ -227,7 +228,7 @@ pub struct OnboardComparison {
 }
 
 /// On-board less one compensator.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OnboardAgainst {
     /// Name of the compensator.
     pub name: String,

@@ -2,10 +2,11 @@
 
 use crate::bench::Finding;
 use crate::replay::Estimate;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where a delay comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DelaySource {
     /// A number that the pipeline states.
@@ -41,7 +42,7 @@ impl DelaySource {
 }
 
 /// A delay that could be removed, or why this source has none for the flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayCandidate {
     /// Its source.
     pub source: DelaySource,
@@ -52,7 +53,7 @@ pub struct DelayCandidate {
 }
 
 /// Which of several delays was removed, and why.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayChoice {
     /// The source that the pipeline asks for.
     pub asked: DelaySource,
@@ -68,7 +69,7 @@ pub struct DelayChoice {
 }
 
 /// What a sweep scores.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepScore {
     /// 2-D error of the exact asynchronous form against this reference channel.
@@ -78,7 +79,7 @@ pub enum SweepScore {
 }
 
 /// The score of one flight over the delay that is removed. All delays are scored on the same samples.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelaySweep {
     /// What is scored.
     pub score: SweepScore,
@@ -95,7 +96,7 @@ pub struct DelaySweep {
 }
 
 /// The score at one delay.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SweepPoint {
     /// Who says this delay.
     pub source: DelaySource,
@@ -106,7 +107,7 @@ pub struct SweepPoint {
 }
 
 /// How the best delay and its interval were found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepMethod {
     /// Least squares against the reference; interval by a delete-one jackknife over consecutive blocks, which allows for
@@ -117,7 +118,7 @@ pub enum SweepMethod {
 }
 
 /// The delay that fits best.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SweepOptimum {
     /// Delay, s.
     pub delay_s: Estimate,
@@ -136,7 +137,7 @@ impl DelaySweep {
 }
 
 /// Delays over the flights of a campaign.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CampaignDelay {
     /// Over the delays that the flights themselves show.
     pub measured: Finding<DelayOverFlights>,
@@ -153,7 +154,7 @@ pub struct CampaignDelay {
 }
 
 /// One delay from many flights.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayOverFlights {
     /// Flights that have one.
     pub flights: u64,
@@ -166,7 +167,7 @@ pub struct DelayOverFlights {
 }
 
 /// A test of one delay for all flights.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightHomogeneity {
     /// Chi-squared.
     pub chi2: f64,
@@ -177,7 +178,7 @@ pub struct FlightHomogeneity {
 }
 
 /// A flight's delay on the control chart.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ControlPoint {
     /// The flight's name.
     pub flight: String,
@@ -194,7 +195,7 @@ pub struct ControlPoint {
 }
 
 /// Mean square over the samples of all flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PooledSweep {
     /// Whether errors against a reference are pooled, or steps at fixes.
     pub against_reference: bool,

@@ -18,6 +18,7 @@
 //!     pipeline: PipelineUse { title: "replay".into(), blake3: "00".into(), toml: String::new() },
 //!     command: "flightlag campaign flights".into(),
 //!     criteria: None,
+//!     test: None,
 //!     flights: vec![],
 //!     groups: vec![],
 //!     ignored: vec![],

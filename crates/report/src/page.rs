@@ -18,6 +18,7 @@ mod provenance;
 mod score;
 mod style;
 mod sweep;
+mod test_card;
 
 pub use bench::{BenchPage, bench_site};
 pub use campaign::{TABLE_FOLDER, TrackExcerpt, campaign_site, excerpt_flights};

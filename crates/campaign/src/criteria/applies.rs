@@ -102,7 +102,8 @@ impl AppliesTo {
     }
 }
 
-fn any_matches(patterns: &[String], name: &str) -> bool {
+/// Whether a name fits one of the patterns.
+pub(crate) fn any_matches(patterns: &[String], name: &str) -> bool {
     patterns.iter().any(|p| matches(p, name))
 }
 

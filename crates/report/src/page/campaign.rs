@@ -14,7 +14,7 @@ use super::Head::Text;
 use super::flight_delay::normalised_difference;
 use super::{
     Needs, badge, command_block, criteria, document, estimate, figure, files, finding, more, no_number,
-    pipeline_details, pipeline_rows, plain, table, versions,
+    pipeline_details, pipeline_rows, plain, table, test_card, versions,
 };
 use crate::figure::{Figure, effects, forest, trend, valley};
 use crate::number;
@@ -110,12 +110,14 @@ fn body(record: &CampaignRecord, figures: &Figures<'_>, excerpts: &[TrackExcerpt
             @for of in &figures.of_flights { a href={ "#" (of.id) } { (short_name(of)) } }
             a href="#attention" { "Needs attention" } a href="#all" { "All flights" }
             @if record.criteria.is_some() { a href="#criteria" { "Criteria" } }
+            @if record.test.is_some() { a href="#test-cards" { "Test cards" } }
             @if !figures.of_groups.is_empty() { a href="#delay" { "Agreement in each group" } }
             @if !excerpts.is_empty() { a href="#excerpts" { "North and east" } }
             a href="#ignored" { "Inputs not processed" } a href="#provenance" { "Provenance" }
         }
         main {
             h1 { (shown(&record.name)) }
+            (test_card::campaign_line(record.test.as_ref()))
             p.note { (shown(&record.pipeline.title)) }
             (answer(record))
             (todo::todo(record))
@@ -126,6 +128,7 @@ fn body(record: &CampaignRecord, figures: &Figures<'_>, excerpts: &[TrackExcerpt
             (attention::attention(record))
             (flights::section(record))
             @if let Some(of) = &record.criteria { (criteria::campaign_section(of, matrix::matrix(record, of))) }
+            (test_card::campaign_section(record.test.as_ref()))
             (agreement(record, figures))
             (excerpts::section(record, excerpts))
             (ignored(record))

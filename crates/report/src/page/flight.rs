@@ -3,7 +3,7 @@
 use super::Head::{Number, Text};
 use super::{
     Needs, anomalies, contents, criteria, document, estimate, explorer, figure, flight_delay, health, lateness,
-    maybe_estimate, method, provenance, reason, rows, score, sweep, table,
+    maybe_estimate, method, provenance, reason, rows, score, sweep, table, test_card,
 };
 use crate::figure::{Figure, flight_figures, timeline};
 use crate::number;
@@ -78,6 +78,7 @@ fn body(page: &FlightPage, explorer: Option<&Markup>, figures: &Figures, anomali
         main #main {
             h1 { bdi { (shown(page.name)) } }
             (facts(record))
+            (test_card::flight_line(record.test.as_ref()))
             (chips(record))
             (first_words(record))
             (on_this_page(record))
@@ -95,6 +96,7 @@ fn body(page: &FlightPage, explorer: Option<&Markup>, figures: &Figures, anomali
             (health::notices_section(&record.notices))
             @if let Some(replay) = &record.replay { (method::section(record, replay)) }
             (health::binding_section(record.binding.as_ref()))
+            (test_card::flight_section(record.test.as_ref()))
             (provenance::section(page))
         }
     }
@@ -184,6 +186,7 @@ fn on_this_page(record: &FlightRecord) -> Markup {
         (record.log.is_some(), "anomalies", "Anomalies"),
         (true, "notices", "Notices"),
         (replay.is_some(), "method", "Method"),
+        (true, "test-card", "Test card"),
         (true, "provenance", "Files and provenance"),
     ];
     let there: Vec<(&str, &str)> = parts.into_iter().filter(|p| p.0).map(|(_, id, name)| (id, name)).collect();

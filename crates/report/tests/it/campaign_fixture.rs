@@ -195,6 +195,7 @@ pub fn row(i: usize) -> FlightRow {
             contradicted: None,
         }),
         effect: done.then(|| effect(i)),
+        cards: vec![],
         duplicate_of: None,
         attention,
         warnings: i as u64 % 4,
@@ -314,6 +315,7 @@ pub fn varied(flights: usize) -> CampaignRecord {
         pipeline: PipelineUse { title: "A stated delay".into(), blake3: "cd".repeat(32), toml: "schema = 1\n".into() },
         command: "flightlag campaign flights --pipeline p.toml --out REPORT".into(),
         criteria: Some(criteria(&rows)),
+        test: None,
         groups,
         ignored: ignored.collect(),
         totals: CampaignTotals {

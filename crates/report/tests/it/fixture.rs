@@ -617,6 +617,7 @@ pub fn flight_record() -> FlightRecord {
         decision: None,
         effect: Some(helped()),
         criteria: None,
+        test: None,
         notices: notices(),
     }
 }
@@ -703,6 +704,7 @@ pub fn row(i: usize) -> FlightRow {
         pade_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0371, 0.002)),
         exact_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(0.0197, 0.001)),
         criteria: None,
+        cards: vec![],
         lateness: None,
         decision: None,
         effect: None,
@@ -726,6 +728,7 @@ pub fn campaign_record(flights: usize) -> CampaignRecord {
         pipeline: pipeline(),
         command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung".into(),
         criteria: None,
+        test: None,
         groups: vec![],
         ignored: (0..5)
             .map(|i| IgnoredInput { path: format!("notes/{i}.txt"), reason: "no reader knows this format".into() })

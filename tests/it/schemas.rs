@@ -1,0 +1,119 @@
+//! What programs read: the published schemas hold for what is written, and the pages say no number that it does not hold.
+
+use crate::program::{run, text};
+use serde_json::Value;
+use simulate::write_campaign;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Reports of two flights with a test card and criteria, and of a bench, with the lines of `--json`.
+struct Reports {
+    _folder: tempfile::TempDir,
+    campaign: PathBuf,
+    bench: PathBuf,
+    events: Vec<Value>,
+}
+
+fn reports() -> Reports {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let words = |path: &Path| path.to_str().unwrap().to_owned();
+    write_campaign(&path("flights"), 2, 60.0, 7).unwrap();
+    fs::write(path("flights/broken.csv"), "a,b\n1,2\n3,4\n").unwrap();
+    fs::write(path("flights/test-card.toml"), "schema = 1\n[[card]]\nnumber = \"1\"\nflights = [\"flight*\"]\n")
+        .unwrap();
+    fs::write(path("p.toml"), "schema = 1\n[delay]\nposition_s = 0.3\nsource = \"simulated\"\n").unwrap();
+    let criteria = Path::new(env!("CARGO_MANIFEST_DIR")).join("../pipelines/criteria.toml");
+    let (flights, campaign) = (words(&path("flights")), words(&path("report")));
+    let (pipeline, criteria) = (words(&path("p.toml")), words(&criteria));
+    let order = ["campaign", &flights, "--out", &campaign, "--pipeline", &pipeline, "--criteria", &criteria, "--json"];
+    let mut said = text(&crate::program::flightlag(order).output().unwrap().stdout);
+    run(["demo", &words(&path("demo")), "--quiet"], 0);
+    let bench = words(&path("bench"));
+    let record = words(&path("demo/bench/gps-1.mcap"));
+    said += &text(&crate::program::flightlag(["bench", &record, "--out", &bench, "--json"]).output().unwrap().stdout);
+    let events = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    Reports { campaign: campaign.into(), bench: bench.into(), events, _folder: folder }
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))).unwrap()
+}
+
+/// Folders of the pages below `flights` or `records` of a report.
+fn folders(report: &Path, of: &str) -> Vec<PathBuf> {
+    let mut all: Vec<PathBuf> = fs::read_dir(report.join(of)).unwrap().map(|e| e.unwrap().path()).collect();
+    all.sort();
+    all
+}
+
+fn assert_valid(schema: &str, values: &[Value]) {
+    assert!(!values.is_empty(), "{schema}");
+    let validator =
+        jsonschema::validator_for(&serde_json::from_str(&text(&run(["schema", schema], 0).stdout)).unwrap()).unwrap();
+    for value in values {
+        let wrong: Vec<String> =
+            validator.iter_errors(value).take(5).map(|e| format!("{}: {e}", e.instance_path())).collect();
+        assert!(wrong.is_empty(), "{schema}: {wrong:#?}");
+    }
+    let stray = serde_json::json!({ "event": "no such event" });
+    assert!(!validator.is_valid(&stray), "{schema} takes anything");
+}
+
+#[test]
+fn records_and_events_keep_to_their_published_schemas_and_pages_say_no_other_number() {
+    let reports = reports();
+    let campaign = json(&reports.campaign.join("campaign.json"));
+    let flights = folders(&reports.campaign, "flights");
+    let records: Vec<Value> =
+        flights.iter().map(|f| f.join("record.json")).filter(|f| f.exists()).map(|f| json(&f)).collect();
+    let bench: Vec<Value> = folders(&reports.bench, "records").iter().map(|f| json(&f.join("record.json"))).collect();
+    assert!(records.iter().any(|record| record["test"]["cards"][0]["status"].is_string()));
+    assert_valid("record", &records);
+    assert_valid("campaign", std::slice::from_ref(&campaign));
+    assert_valid("bench-record", &bench);
+    assert_valid("events", &reports.events);
+
+    assert_numbers(&reports.campaign.join("index.html"), &campaign);
+    for folder in flights.iter().filter(|f| f.join("record.json").exists()) {
+        assert_numbers(&folder.join("index.html"), &json(&folder.join("record.json")));
+    }
+    for folder in folders(&reports.bench, "records") {
+        assert_numbers(&folder.join("index.html"), &json(&folder.join("record.json")));
+    }
+}
+
+/// Between the unit of a record and that of a page: ms, µs or µT, mm, %, degrees, and U with k = 2.
+const FACTORS: [f64; 8] = [1.0, 1e3, 1e6, 1e2, 2.0, 2e3, 180.0 / std::f64::consts::PI, 1e9];
+
+/// Every number of a page that has all its digits in the markup is one of the record, in another unit perhaps.
+fn assert_numbers(page: &Path, record: &Value) {
+    let mut known = vec![];
+    numbers(record, &mut known);
+    known.sort_by(f64::total_cmp);
+    let html = fs::read_to_string(page).unwrap();
+    let shown: Vec<f64> = ["<data value=\"", " data-v=\""]
+        .iter()
+        .flat_map(|start| html.split(start).skip(1))
+        .filter_map(|rest| rest.split('"').next()?.parse().ok())
+        .collect();
+    assert!(!shown.is_empty(), "{}", page.display());
+    let is_known = |value: f64| {
+        FACTORS.iter().any(|factor| {
+            let (wanted, near) = (value / factor, 1e-9 * (value / factor).abs());
+            let from = known.partition_point(|k| *k < wanted - near);
+            known.get(from).is_some_and(|k| *k <= wanted + near)
+        })
+    };
+    let unknown: Vec<f64> = shown.into_iter().filter(|value| !is_known(*value)).collect();
+    assert!(unknown.is_empty(), "{}: {unknown:?}", page.display());
+}
+
+fn numbers(value: &Value, into: &mut Vec<f64>) {
+    match value {
+        Value::Number(number) => into.extend(number.as_f64()),
+        Value::Array(list) => list.iter().for_each(|value| numbers(value, into)),
+        Value::Object(fields) => fields.values().for_each(|value| numbers(value, into)),
+        _ => {}
+    }
+}
