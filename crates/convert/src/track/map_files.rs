@@ -52,16 +52,17 @@ pub(super) fn kml(track: &Track, out: &mut impl Write) -> io::Result<()> {
         escaped(&track.name),
         escaped(&track.about)
     )?;
-    for (n, (name, _, what)) in LINES.iter().enumerate() {
+    // Styles stand before what they are of.
+    for ((name, ..), rgb) in LINES.iter().zip(COLOURS) {
         // KML counts colours from alpha over blue and green to red.
-        let (rgb, is_dated) = (COLOURS[n], track.instants.iter().all(|i| i.utc_ns.is_some()));
+        let colour = format!("ff{}{}{}", &rgb[4..6], &rgb[2..4], &rgb[0..2]);
+        writeln!(out, "<Style id=\"{name}\"><LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>")?;
+    }
+    let is_dated = track.instants.iter().all(|i| i.utc_ns.is_some());
+    for (n, (name, _, what)) in LINES.iter().enumerate() {
         writeln!(
             out,
-            "<Style id=\"{name}\"><LineStyle><color>ff{}{}{}</color><width>2</width></LineStyle></Style>\n\
-             <Placemark>\n<name>{name}</name>\n<description>{what}</description>\n<styleUrl>#{name}</styleUrl>",
-            &rgb[4..6],
-            &rgb[2..4],
-            &rgb[0..2]
+            "<Placemark>\n<name>{name}</name>\n<description>{what}</description>\n<styleUrl>#{name}</styleUrl>"
         )?;
         match is_dated {
             true => kml_track(track, n, out)?,
