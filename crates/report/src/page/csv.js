@@ -5,7 +5,7 @@ for (const table of document.querySelectorAll(".scroll > table:not(.sortable)"))
   const clean = (text) => text.replace(/\s+/g, " ").trim();
   const number = (text) => {
     const plain = clean(text).replaceAll("\u2212", "-").replace(/(\d) (?=\d{3}\b)/g, "$1");
-    return plain !== "" && !Number.isNaN(Number(plain)) ? plain : null;
+    return plain !== "" && Number.isFinite(Number(plain)) ? plain : null;
   };
   const cell = (of) => {
     const text = clean(of.textContent), data = of.querySelectorAll("data[value]"), parts = text.split("\u00b1");
@@ -14,7 +14,7 @@ for (const table of document.querySelectorAll(".scroll > table:not(.sortable)"))
     return [data[0].value, ...parts.slice(1).map((u) => number(u) ?? clean(u))];
   };
   const quoted = (text) => {
-    const inert = Number.isNaN(Number(text)) && /^\s*[=+\-@]/.test(text) ? "'" + text : text;
+    const inert = !Number.isFinite(Number(text)) && /^\s*[=+\-@]/.test(text) ? "'" + text : text;
     return /[",\n]/.test(inert) ? '"' + inert.replaceAll('"', '""') + '"' : inert;
   };
   const save = () => {
