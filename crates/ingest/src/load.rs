@@ -99,8 +99,13 @@ pub fn load(
             (flight, Err(reason))
         }
         Err(IngestError::Map(mut reason)) => {
-            if let Some(why) = refused {
-                reason = format!("its columns cannot be bound by guess: {why}; {reason}");
+            match refused {
+                Some(NoGuess::Refused(why)) => {
+                    reason = format!("its columns cannot be bound by guess: {why}; {reason}");
+                }
+                // What the nearest map lacks is the better advice.
+                Some(NoGuess::Nameless(advice)) if !reason.contains("nearest: ") => reason += &format!("; {advice}"),
+                _ => {}
             }
             (Flight { notices: log.notices.clone(), ..Flight::default() }, Err(reason))
         }
@@ -126,15 +131,23 @@ fn needs_guess(bound: &Result<(Flight, Binding), IngestError>, library: &MapLibr
 }
 
 /// A guess, the log as its map reads it, and the map; or why there is none. Nothing where none was asked for.
-type Guessed = Result<Option<(Guess, Log, ChannelMap)>, String>;
+type Guessed = Result<Option<(Guess, Log, ChannelMap)>, NoGuess>;
+
+/// Why the columns of a table are not bound by guess.
+enum NoGuess {
+    /// Their names promise nothing; what to do.
+    Nameless(String),
+    /// They contradict the motion or leave something open; why.
+    Refused(String),
+}
 
 fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) -> Result<Guessed, IngestError> {
-    let Some(wanted) = guess::wanted(heads) else { return Ok(Err(guess::nameless(heads))) };
+    let Some(wanted) = guess::wanted(heads) else { return Ok(Err(NoGuess::Nameless(guess::nameless(heads)))) };
     // These bytes were counted when they were read first.
     let again = ReadContext { on_bytes: &|_| (), ..*context };
     let found = match guess::guess(&open(unit).read(&wanted, &again)?) {
         Ok(found) => found,
-        Err(why) => return Ok(Err(why)),
+        Err(why) => return Ok(Err(NoGuess::Refused(why))),
     };
     let map = ChannelMap::from_toml(Path::new("guess.toml"), &found.text)?;
     let log = open(unit).read(&MapSelect::of(&map), &again)?;
