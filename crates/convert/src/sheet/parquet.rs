@@ -228,7 +228,7 @@ mod tests {
     fn columns_of_unequal_length_and_files_that_are_cut_are_refused() {
         let mut sheet = every_kind();
         sheet.push("short", Cells::I64(vec![Some(1)]));
-        let said = write_parquet(&sheet, &mut vec![]).unwrap_err().to_string();
+        let said = write_parquet(&sheet, vec![]).unwrap_err().to_string();
         assert_eq!(said, "column short has 1 rows, not 4");
         let (_, bytes) = written(&every_kind());
         for length in [0, 3, 8, bytes.len() / 2, bytes.len() - 1] {
