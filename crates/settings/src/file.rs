@@ -370,11 +370,10 @@ mod tests {
     /// Reads and checks a file as its users do: every length must be above zero.
     fn read(text: &str) -> Result<Whole, Complaint> {
         let file = SettingsFile::new(text, Path::new("p.toml"));
-        file.finish(file.read::<Whole>().map(|whole| {
+        file.finish(file.read::<Whole>().inspect(|whole| {
             for part in whole.part.iter().filter(|part| *part.length_m.get_ref() <= 0.0) {
                 file.reject(&part.length_m, "length_m must be above zero");
             }
-            whole
         }))
     }
 
