@@ -54,9 +54,14 @@ pub(crate) fn wanted_of_bare(heads: &[TableHead]) -> Option<Wanted> {
     (!tables.is_empty()).then_some(Wanted(tables))
 }
 
+/// Whether a table has no header.
+pub(crate) fn has_bare(heads: &[TableHead]) -> bool {
+    heads.iter().any(bare::is_bare)
+}
+
 /// Why tables whose names promise nothing are not bound, and what to do about it.
 pub(crate) fn nameless(heads: &[TableHead]) -> String {
-    if heads.iter().any(bare::is_bare) {
+    if has_bare(heads) {
         return "the table has no header; `flightlag maps --suggest LOG` writes a channel map for it if its columns move as a \
                 position and a velocity do"
             .to_owned();

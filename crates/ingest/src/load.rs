@@ -137,12 +137,15 @@ type Guessed = Result<Option<(Guess, Log, ChannelMap)>, NoGuess>;
 enum NoGuess {
     /// Their names promise nothing; what to do.
     Nameless(String),
-    /// They contradict the motion or leave something open; why.
+    /// They contradict the motion, leave something open, or are missing; why.
     Refused(String),
 }
 
 fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) -> Result<Guessed, IngestError> {
-    let Some(wanted) = guess::wanted(heads) else { return Ok(Err(NoGuess::Nameless(guess::nameless(heads)))) };
+    let Some(wanted) = guess::wanted(heads) else {
+        let why = guess::nameless(heads);
+        return Ok(Err(if guess::has_bare(heads) { NoGuess::Refused(why) } else { NoGuess::Nameless(why) }));
+    };
     // These bytes were counted when they were read first.
     let again = ReadContext { on_bytes: &|_| (), ..*context };
     let found = match guess::guess(&open(unit).read(&wanted, &again)?) {
