@@ -296,7 +296,7 @@ fn a_table_is_saved_with_all_digits_and_its_uncertainties_in_a_column_of_their_o
     let correction = of_record.raw_minus_this_rms_m;
     assert!(exact.contains(&format!(",{},", correction.value)), "{csv}");
     assert!(
-        csv.lines().next().unwrap().contains("\"Raw − this, 2‑D rms (m)\",\"Raw − this, 2‑D rms (m), ±\""),
+        csv.lines().next().unwrap().contains("\"Step at a fix, 2‑D rms (m)\",\"Step at a fix, 2‑D rms (m), ±\""),
         "{csv}"
     );
     assert!(browser.text("window.name").ends_with(".csv"));
