@@ -36,7 +36,7 @@ pub(super) fn cards(record: &CampaignRecord) -> Markup {
 fn card(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     html! {
         li {
-            h3 { bdi { (shown(&group.group.name)) } }
+            h2 { bdi { (shown(&group.group.name)) } }
             p.big { (lateness(group, rows)) }
             p { (agreement(group, rows)) }
             p { (removal(rows)) }
