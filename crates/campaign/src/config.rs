@@ -637,6 +637,17 @@ impl Pipeline {
         Ok((settings, decided))
     }
 
+    /// The settings that would remove the difference between position and velocity, where the position is later.
+    pub(crate) fn trial_settings(&self, case: &FlightCase<'_>) -> Result<Settings, String> {
+        let difference = case.lateness.position_minus_velocity_s.filter(|d| d.value > 0.0);
+        let delay = difference.and_then(|d| Delay::from_seconds(d.value)).unwrap_or(Delay::ZERO);
+        Ok(Settings {
+            delay_uncertainty_s: difference.and_then(|d| d.standard_uncertainty),
+            delay_source: "trial: the difference between position and velocity".to_owned(),
+            ..self.settings(delay)
+        })
+    }
+
     /// Settings for what does not depend on the delay.
     pub(crate) fn provisional(&self) -> Settings {
         self.settings(Delay::from_seconds(PROVISIONAL_S).unwrap_or(Delay::ZERO))

@@ -205,7 +205,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     let outliers: Vec<String> = pool.members.iter().filter(|m| m.outlier).map(|m| m.flight.clone()).collect();
     let mut words = format!(
         "position {} ms late against {against} ({} of {})",
-        in_ms(&pool.mean_s),
+        in_ms(&as_wide_as(pool)),
         pool.flights,
         crate::answer::counted(members.len(), "flight")
     );
@@ -222,7 +222,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     };
     GroupLateness {
         pooled: u64::from(pool.flights),
-        lateness_s: Some(pool.mean_s),
+        lateness_s: Some(as_wide_as(pool)),
         interval_95_s: Some(pool.interval_95_s),
         against,
         between_s: pool.tau_s,
@@ -236,6 +236,15 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     }
 }
 
+/// Probability below which flights are said to differ.
+const DIFFER_P: f64 = 0.01;
+
+/// The mean of a pool with half the half width of its 95 % interval as standard uncertainty: few flights have wide tails, and
+/// ± U must not be narrower than the interval beside it.
+fn as_wide_as(pool: &DelayPool) -> Estimate {
+    Estimate { value: pool.mean_s.value, standard_uncertainty: Some(0.5 * pool.half_width_95_s) }
+}
+
 fn differ(flights: usize) -> String {
     match flights {
         1 => "one flight differs".to_owned(),
@@ -245,17 +254,16 @@ fn differ(flights: usize) -> String {
 
 /// A group without a datum: how far position and velocity are apart, weighted over its flights.
 fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> GroupLateness {
-    let told: Vec<(f64, f64)> = members
+    let told: Vec<(&str, f64, f64)> = members
         .iter()
         .filter(|(_, l)| matches!(l.datum, NetworkDatum::None | NetworkDatum::Refused))
-        .filter_map(|(_, l)| l.lateness_s())
-        .filter_map(|e| Some((e.value, e.standard_uncertainty.filter(|u| *u > 0.0)?)))
+        .filter_map(|(flight, l)| Some((*flight, l.lateness_s()?)))
+        .filter_map(|(flight, e)| Some((flight, e.value, e.standard_uncertainty.filter(|u| *u > 0.0)?)))
         .collect();
     let flights: Vec<delay_network::FlightLateness> = told
         .iter()
-        .enumerate()
-        .map(|(k, (lateness_s, u))| delay_network::FlightLateness {
-            flight: k.to_string(),
+        .map(|(flight, lateness_s, u)| delay_network::FlightLateness {
+            flight: (*flight).to_owned(),
             lateness_s: *lateness_s,
             standard_uncertainty_s: *u,
             model_uncertainty_s: 0.0,
@@ -264,18 +272,30 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
     let Some(pool) = delay_network::pool(&flights, 0.0) else { return empty };
     let velocity = empty.against.strip_prefix("relative to ").unwrap_or(&empty.against);
     let side = if pool.mean_s.value < 0.0 { "earlier" } else { "later" };
-    let apart = Estimate { value: pool.mean_s.value.abs(), ..pool.mean_s };
-    let words = format!(
+    let mean_s = as_wide_as(&pool);
+    let apart = Estimate { value: mean_s.value.abs(), ..mean_s };
+    let mut words = format!(
         "position {} ms {side} than {velocity} ({} of {}); how late both are is not known",
         in_ms(&apart),
         pool.flights,
         crate::answer::counted(members.len(), "flight")
     );
+    let between = told.iter().map(|(_, lateness_s, _)| 1e3 * lateness_s);
+    let (low, high) = between.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ms| (low.min(ms), high.max(ms)));
+    if pool.difference.is_some_and(|test| test.p < DIFFER_P) {
+        words = format!(
+            "no common delay: position {low:.0} to {high:.0} ms later than {velocity} ({} of {}); the flights differ by more \
+             than their uncertainties",
+            pool.flights,
+            crate::answer::counted(members.len(), "flight")
+        );
+    }
     GroupLateness {
         pooled: u64::from(pool.flights),
-        lateness_s: Some(pool.mean_s),
+        lateness_s: Some(mean_s),
         interval_95_s: Some(pool.interval_95_s),
         between_s: pool.tau_s,
+        difference: pool.difference,
         words,
         ..empty
     }

@@ -4,7 +4,6 @@
 mod card;
 mod over_flights;
 
-pub(crate) use card::instant;
 pub(crate) use over_flights::campaign_delay;
 
 use crate::cards::UsedCard;
@@ -140,6 +139,7 @@ impl DelayRule {
             why: if swept { "the pipeline asks for it".to_owned() } else { decision.words.clone() },
             circular: swept || decision.circular,
             candidates: candidates.into_iter().map(listed).collect(),
+            differences: vec![],
         };
         Ok(Decided { found, choice, optimum })
     }

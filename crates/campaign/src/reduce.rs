@@ -5,7 +5,7 @@ use crate::changes::changes;
 use crate::config::Pipeline;
 use crate::criteria::{Criteria, row_verdicts};
 use crate::decide;
-use crate::delay::{campaign_delay, instant};
+use crate::delay::campaign_delay;
 use crate::delay_report::GroupLine;
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
@@ -24,7 +24,7 @@ use crate::table;
 use crate::task::caught;
 use crate::test_cards::{TestCards, row_cards};
 use crate::work::Workers;
-use flight::{Notice, Severity, Stamp};
+use flight::{Notice, Severity};
 use record::{
     CampaignChanges, CampaignCriteria, CampaignDelay, CampaignRecord, CampaignTotals, CompensatorResult,
     CriterionVerdict, DelaySource, EffectVerdict, Estimate, FlightRecord, FlightRow, Gravity, GroupLateness,
@@ -329,7 +329,7 @@ impl Reducer<'_> {
 
     fn write_page(&self, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
         let folder = format!("flights/{}", line.slug);
-        let explorer = match (&line.source, &record.replay) {
+        let explorer = match (&line.source, record.drawable()) {
             (Source::Result(key), Some(_)) => results::read_explorer(self.store, key)?,
             _ => None,
         };
@@ -614,7 +614,9 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         measured_delay_s: record.lateness.as_ref().and_then(|l| l.position_minus_velocity_s),
         delay_from: replay.and_then(|r| r.choice.as_ref()).map(|choice| choice.used),
         card_delay_s: card_delay(record),
-        flown_at: replay.and_then(|r| Some(instant(utc_tie(record), r.clock, Stamp(r.origin_ns))?.to_string())),
+        flown_at: record
+            .began()
+            .and_then(|t| Some(jiff::Timestamp::from_nanosecond(i128::from(t.0)).ok()?.to_string())),
         sweep: replay.and_then(|r| r.sweep.clone()),
         correction_rms_m: result("exact-async").map(|c| c.raw_minus_this_rms_m).and_then(known),
         raw_error_rms_m: error("raw").and_then(known),
@@ -631,11 +633,6 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         warnings: count(Severity::Warning),
         losses: count(Severity::Loss),
     }
-}
-
-/// UTC of the clock since boot, if the log ties the two.
-fn utc_tie(record: &FlightRecord) -> Option<&flight::UtcTie> {
-    record.log.as_ref()?.utc.as_ref()
 }
 
 /// What the sensor card says of the delay of the pair that was replayed, s.

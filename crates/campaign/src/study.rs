@@ -115,7 +115,9 @@ impl Replaying {
                     Some(_) => Outcome::Uncompensated { reason },
                     None => Outcome::NotMeasurable { reason },
                 };
-                Studied::without_track(FlightRecord { outcome, ..draft })
+                let trial = self.trial(case).ok();
+                let (trial, explorer) = trial.map(|done| (done.record, done.explorer)).unzip();
+                Studied { record: FlightRecord { outcome, trial, ..draft }, track: None, explorer }
             }
         }
     }
@@ -133,9 +135,15 @@ impl Replaying {
         Some(effect(truth.as_ref(), answer::known(lateness, decision).as_ref(), lateness.speed_rms_mps, removed_s))
     }
 
+    /// The same as if the difference between position and velocity were removed, or nothing where the position is not later:
+    /// so that the page of a flight from which nothing is removed can show its track.
+    fn trial(&self, case: &FlightCase<'_>) -> Result<Replay, String> {
+        replay(case.flight, &self.pipeline.trial_settings(case)?).map_err(|refusal| refusal.to_string())
+    }
+
     /// Removes the delay that was decided on, and says what others would have done.
     fn compensated(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<Replay, String> {
-        let (settings, decided) = self.pipeline.settings_for(case)?;
+        let (settings, mut decided) = self.pipeline.settings_for(case)?;
         notices.extend_unsaid(decided.found.notices);
         let mut done = replay(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
         done.record.sweep = Sweeper::of(case.flight, &settings).ok().and_then(|sweeper| {
@@ -145,6 +153,7 @@ impl Replaying {
             let found: Vec<_> = candidates.filter_map(|c| Some((c.source, *c.delay_s.found()?))).collect();
             sweeper.sweep(&found, decided.optimum.unwrap_or_else(|| sweeper.best(&measured)))
         });
+        decided.choice.compare(done.record.sweep.as_ref());
         done.record.choice = Some(decided.choice);
         Ok(done)
     }
@@ -230,6 +239,7 @@ pub(crate) fn failed_record(planned: &Planned, manifest: &Manifest, reason: Stri
         log: None,
         binding: None,
         replay: None,
+        trial: None,
         delays: None,
         lateness: None,
         network: None,

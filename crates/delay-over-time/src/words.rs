@@ -207,7 +207,7 @@ pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
     }
     if found.fixes_used > 0 && found.noise.shape.jitter == 0.0 && found.fixes_used * 2 < found.queued.rows.len() {
         let every = found.queued.rows.len().div_ceil(found.fixes_used);
-        out.push(format!("Every {every}th fix was used."));
+        out.push(format!("1 of {every} fixes was used."));
     }
     out
 }

@@ -78,6 +78,10 @@ pub struct FlightRecord {
     pub binding: Option<Binding>,
     /// The replay.
     pub replay: Option<ReplayRecord>,
+    /// What the compensators would have done with the difference between position and velocity, of a flight from which
+    /// nothing was removed: for its page alone, no result of the flight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trial: Option<ReplayRecord>,
     /// Delays measured from the flight itself; `None` if no channel was bound.
     #[serde(default)]
     pub delays: Option<FlightDelays>,
@@ -112,6 +116,23 @@ impl FlightRecord {
     #[must_use]
     pub fn has_loss(&self) -> bool {
         self.notices.any_loss()
+    }
+
+    /// The replay, else the trial: what the page can draw.
+    #[must_use]
+    pub fn drawable(&self) -> Option<&ReplayRecord> {
+        self.replay.as_ref().or(self.trial.as_ref())
+    }
+
+    /// UTC (Unix, ns) at time zero of the replay, else of the first pair of channels; `None` if the clock does not know the
+    /// day and the log does not tie it to UTC.
+    #[must_use]
+    pub fn began(&self) -> Option<flight::Stamp> {
+        let replay = self.drawable().map(|r| (r.origin_ns, r.clock));
+        let mut pairs = self.delays.iter().flat_map(|d| &d.pairs).filter_map(|p| p.origin);
+        let (origin_ns, clock) = replay.or_else(|| pairs.next().map(|o| (o.origin_ns, o.clock)))?;
+        let tie = self.log.as_ref().and_then(|log| log.utc.as_ref()).filter(|tie| tie.clock == clock);
+        clock.unix(flight::Stamp(origin_ns)).or_else(|| tie?.unix(flight::Stamp(origin_ns)))
     }
 
     /// Whether a little was lost that touches no result.

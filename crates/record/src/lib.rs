@@ -80,8 +80,8 @@ pub use crate::score::{
     OnboardComparison, OppositePasses, ReferenceScore, ReplayScores, ResidualDelay, StraightLegs, StraightScore,
 };
 pub use crate::sweep::{
-    CampaignDelay, ControlPoint, DelayCandidate, DelayChoice, DelayOverFlights, DelaySource, DelaySweep,
-    FlightHomogeneity, PooledSweep, SweepMethod, SweepOptimum, SweepPoint, SweepScore,
+    CampaignDelay, ControlPoint, DelayCandidate, DelayChoice, DelayDifference, DelayOverFlights, DelaySource,
+    DelaySweep, FlightHomogeneity, PooledSweep, SweepMethod, SweepOptimum, SweepPoint, SweepScore,
 };
 pub use crate::test_card::{
     CampaignTest, CardCoverage, CardFlight, CardStatus, FlightTest, FlownCard, RowCard, TestAircraft, TestCard,

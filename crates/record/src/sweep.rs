@@ -66,6 +66,42 @@ pub struct DelayChoice {
     pub circular: bool,
     /// What was looked at: the used one first.
     pub candidates: Vec<DelayCandidate>,
+    /// How far the others, and the best of the sweep, are from the used one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub differences: Vec<DelayDifference>,
+}
+
+/// A delay against the one that is removed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DelayDifference {
+    /// Its source.
+    pub source: DelaySource,
+    /// E_n of ISO 13528, positive if it is later than the removed one: up to 1 in size they agree.
+    pub e_n: f64,
+}
+
+impl DelayChoice {
+    /// Compares what was found with what is removed. A delay is not compared with itself, nor a position against a
+    /// velocity with a lateness: both may be right and differ.
+    pub fn compare(&mut self, sweep: Option<&DelaySweep>) {
+        let comparable = |source| source != self.used && ![source, self.used].contains(&DelaySource::Flight);
+        let removed = self.candidates.iter().find(|c| c.source == self.used).and_then(|c| c.delay_s.found());
+        let Some(removed) = removed else { return };
+        let best = sweep.and_then(|s| s.optimum.found()).map(|best| (DelaySource::Sweep, best.delay_s));
+        let best = best.filter(|_| self.candidates.iter().all(|c| c.source != DelaySource::Sweep));
+        let found = self.candidates.iter().filter_map(|c| Some((c.source, *c.delay_s.found()?)));
+        self.differences = found
+            .filter(|(source, _)| comparable(*source))
+            .chain(best)
+            .filter_map(|(source, delay)| Some(DelayDifference { source, e_n: delay.normalised_difference(removed)? }))
+            .collect();
+    }
+
+    /// E_n of the delay of this source against the removed one, where they can be compared.
+    #[must_use]
+    pub fn e_n(&self, source: DelaySource) -> Option<f64> {
+        self.differences.iter().find(|d| d.source == source).map(|d| d.e_n)
+    }
 }
 
 /// What a sweep scores.

@@ -164,6 +164,17 @@ pub(crate) fn clock(seconds: f64, decimals: usize) -> String {
     format!("{}{}:{}", sign(seconds, decimals), hours, minutes(rest, decimals, true))
 }
 
+/// A span for a sentence: `52 s`, `1 min 52 s`, `2 h 5 min`.
+pub(crate) fn lasting(seconds: f64) -> String {
+    let whole = seconds.abs().round() as u64;
+    let (hours, minutes, rest) = (whole / 3600, whole / 60 % 60, whole % 60);
+    match (hours, minutes) {
+        (0, 0) => format!("{rest}\u{a0}s"),
+        (0, _) => format!("{minutes}\u{a0}min {rest}\u{a0}s"),
+        _ => format!("{}\u{a0}h {minutes}\u{a0}min", count(hours)),
+    }
+}
+
 /// Seconds as `m:ss`, for spans under an hour; longer ones as [`clock`].
 pub(crate) fn short_clock(seconds: f64, decimals: usize) -> String {
     let (hours, rest) = hours_and_seconds(seconds, decimals);

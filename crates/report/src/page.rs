@@ -158,6 +158,11 @@ fn estimate(estimate: &Estimate) -> Markup {
 }
 
 /// The same, where there may be none.
+/// Expanded uncertainty of a cell, for its CSV.
+fn expanded(value: &Estimate) -> Option<f64> {
+    value.standard_uncertainty.map(|u| number::COVERAGE_FACTOR * u).filter(|u| u.is_finite())
+}
+
 fn maybe_estimate(value: Option<&Estimate>) -> Markup {
     maybe(value, estimate)
 }

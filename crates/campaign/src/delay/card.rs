@@ -20,7 +20,7 @@ pub(super) fn delay_of(cards: &[UsedCard], case: &Case<'_>) -> Result<FoundDelay
 }
 
 /// The UTC instant of a stamp; `None` for a clock that neither knows the day nor is tied to UTC by the log.
-pub(crate) fn instant(tie: Option<&UtcTie>, clock: Clock, stamp: Stamp) -> Option<jiff::Timestamp> {
+fn instant(tie: Option<&UtcTie>, clock: Clock, stamp: Stamp) -> Option<jiff::Timestamp> {
     let tied = || tie.filter(|tie| tie.clock == clock)?.unix(stamp);
     let unix = clock.unix(stamp).or_else(tied)?;
     jiff::Timestamp::from_nanosecond(i128::from(unix.0)).ok()

@@ -77,7 +77,9 @@ pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: Remo
     };
     let done = match source {
         RemovedFrom::Card => "The delay on the sensor card is removed.",
-        RemovedFrom::Stated => "The number stated in the pipeline is removed. No lateness is known that would test it.",
+        RemovedFrom::Stated => {
+            "The number stated in the pipeline is removed. No pair of channels of this flight tests it."
+        }
         _ => "Nothing is removed.",
     };
     format!("{known}.{cluster} {done}")

@@ -4,7 +4,7 @@ use super::forest::{flights_axis, missing_words, newest};
 use super::{Axis, Figure, Line, Panel, Pen, extent, is_drawable, pieces, stroke};
 use crate::number;
 use crate::text::label;
-use record::{CampaignDelay, CampaignRecord, EffectVerdict, FlightRow};
+use record::{CampaignDelay, CampaignRecord, EffectVerdict, FlightRow, GroupLateness, PooledSweep};
 
 /// Error of each flight before and after a delay was removed: what was made worse first.
 pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
@@ -48,9 +48,21 @@ pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
     })
 }
 
+/// `Least error 0.031 m at 203 ms`.
+fn least_words(pooled: &PooledSweep) -> String {
+    let what = if pooled.against_reference { "error" } else { "step at a fix" };
+    let points = pooled.delay_s.iter().zip(&pooled.rms_m);
+    match points.filter(|(_, m)| is_drawable(**m)).min_by(|a, b| a.1.total_cmp(b.1)) {
+        Some((at_s, m)) => {
+            format!("Least {what} {}\u{a0}m at {}\u{a0}ms", number::significant(*m, 2), number::fixed(1e3 * at_s, 0))
+        }
+        None => "One delay".to_owned(),
+    }
+}
+
 /// The score of the flights of a group over one delay for all of them. `None` without a curve.
 /// `removed_s` are the delays that were removed.
-pub(crate) fn valley(group: &str, delay: &CampaignDelay, removed_s: &[f64], id: &str) -> Option<Figure> {
+pub(crate) fn valley(group: &GroupLateness, delay: &CampaignDelay, removed_s: &[f64], id: &str) -> Option<Figure> {
     let pooled = delay.curve.found()?;
     let x_ms: Vec<f64> = pooled.delay_s.iter().map(|s| s * 1e3).collect();
     let (curve, _) = pieces(&x_ms, &pooled.rms_m, &[]);
@@ -70,26 +82,28 @@ pub(crate) fn valley(group: &str, delay: &CampaignDelay, removed_s: &[f64], id: 
     if let Some(card) = &delay.card_s {
         upright_at("sensor card", Pen::Dashed, card.value);
     }
-    if let Some(measured) = delay.measured.found() {
-        upright_at("measured in the flights, mean", Pen::Rule, measured.delay_s.value);
+    if let Some(lateness) = &group.lateness_s {
+        let name =
+            if group.against.starts_with("relative") { "position − velocity, mean" } else { "lateness of the group" };
+        upright_at(name, Pen::Rule, lateness.value);
     }
     if let Some(swept) = delay.swept.found() {
         upright_at("best of each flight, mean", Pen::Dotted, swept.delay_s.value);
     }
     for removed in removed_s {
-        upright_at("removed", Pen::Raw, *removed);
+        upright_at("removed", Pen::Faint, *removed);
     }
     Some(Figure {
         id: id.to_owned(),
         number: 0,
-        title: format!("One delay for all flights of {}", label(group)),
+        title: format!("{} for {}", least_words(pooled), label(&group.group.name)),
         caption: format!(
             "{what} (2‑D rms, m) over one delay for {}, {}; mean squares weighted by {}.",
             number::counted(pooled.flights, "flight", "flights"),
             number::counted(pooled.samples, "sample", "samples"),
             if pooled.against_reference { "time flown" } else { "the number of fixes" },
         ),
-        how_to_read: "Good: a clear valley with the card at its bottom. Where flights differ, the valley is shallow and one \
+        how_to_read: "Good: a clear valley with the removed delay at its bottom. Where flights differ, the valley is shallow and one \
                       delay for all costs what its bottom lies above the flights' own.",
         panels: vec![Panel::of(x, y, lines)],
         panel_size: (860, 220),

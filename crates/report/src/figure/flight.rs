@@ -15,12 +15,13 @@ const REFERENCE: &str = "reference";
 
 /// All figures of a flight that have something to show, not numbered yet.
 pub(crate) fn flight_figures(record: &FlightRecord) -> Vec<Figure> {
-    let Some(replay) = &record.replay else { return vec![] };
+    let Some(replay) = record.drawable() else { return vec![] };
+    let is_trial = record.replay.is_none();
     let late = Late::of(record);
     let lead = replay.lead.as_ref();
     let turn_from_above = replay.zoom.as_ref().and_then(|zoom| turn(replay, zoom));
     [
-        fig_7(replay, late.as_ref()),
+        fig_7(replay, late.as_ref(), is_trial),
         turn_from_above,
         lead.and_then(|lead| track(&lead.track, replay)),
         lead.and_then(|lead| lead_over_time(replay, lead, late.as_ref())),
@@ -95,8 +96,12 @@ impl Late<'_> {
 }
 
 /// What the figures are about, in a line.
-fn finding(replay: &ReplayRecord, late: Option<&Late>) -> String {
+fn finding(replay: &ReplayRecord, late: Option<&Late>, is_trial: bool) -> String {
     match late {
+        Some(late) if is_trial => {
+            format!("The position is {}; nothing was removed, {} is a trial", late.words(), removed(replay))
+        }
+        None if is_trial => "Nothing was removed; how late the position is, this flight does not tell".to_owned(),
         Some(late) => format!("The position is {}; {} were removed", late.words(), removed(replay)),
         None => format!("{} were removed; how late the position is, this flight does not tell", removed(replay)),
     }
@@ -104,7 +109,7 @@ fn finding(replay: &ReplayRecord, late: Option<&Late>) -> String {
 
 // Fig. 7
 
-fn fig_7(replay: &ReplayRecord, late: Option<&Late>) -> Option<Figure> {
+fn fig_7(replay: &ReplayRecord, late: Option<&Late>, is_trial: bool) -> Option<Figure> {
     let axes = replay.zoom.as_ref().map_or(&replay.axes, |zoom| &zoom.axes);
     let mut tally = Tally::default();
     let of_axes: Vec<(&AxisCurves, Vec<Line>)> =
@@ -112,7 +117,10 @@ fn fig_7(replay: &ReplayRecord, late: Option<&Late>) -> Option<Figure> {
     let time = Axis::time(TIME, extent(of_axes.iter().flat_map(|(_, lines)| lines), |p| p.0)?, 10);
     // One bracket in each panel: what is removed, and how late the position was measured to be.
     let brackets = [
-        Some((replay.settings.delay.seconds(), format!("removed: {}", removed(replay)))),
+        Some((
+            replay.settings.delay.seconds(),
+            format!("{}: {}", if is_trial { "trial" } else { "removed" }, removed(replay)),
+        )),
         late.map(|late| (late.lateness_s.value, format!("measured: {}", late.words()))),
     ];
     let panels = of_axes.into_iter().zip(brackets).map(|((axis, lines), bracket)| {
@@ -134,7 +142,7 @@ fn fig_7(replay: &ReplayRecord, late: Option<&Late>) -> Option<Figure> {
     Some(Figure {
         id: "fig-7".to_owned(),
         number: 0,
-        title: finding(replay, late),
+        title: finding(replay, late, is_trial),
         caption: tally.caption(&window),
         how_to_read: "Good: the compensated curve lies on the reference, or reaches each turning point as long before raw \
                       as raw is late, at the same height. Bad: it runs ahead of the reference, or its peaks differ in height.",

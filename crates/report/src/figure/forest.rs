@@ -109,9 +109,7 @@ impl<'a> Forest<'a> {
     fn names(&self) -> Vec<String> {
         let name = |row: &Row<'_>| match row {
             Row::Flight(row, _) => row_name(&row.flight),
-            Row::Mean(group, _) => {
-                format!("mean: {}", label(&group.group.name).chars().take(20).collect::<String>().trim_end())
-            }
+            Row::Mean(group, _) => format!("mean: {}", ending(&label(&group.group.name), 20)),
         };
         self.rows.iter().map(name).collect()
     }
@@ -207,6 +205,14 @@ pub(crate) fn forest(record: &CampaignRecord) -> Option<Figure> {
     })
 }
 
+/// The end of a long name: names of groups begin alike.
+fn ending(name: &str, most: usize) -> String {
+    match name.chars().count().checked_sub(most) {
+        None | Some(0) => name.to_owned(),
+        Some(left_out) => format!("…{}", name.chars().skip(left_out + 1).collect::<String>().trim_start()),
+    }
+}
+
 /// The flights of a group on its chart: where along it, and the flight.
 type Points<'a> = Vec<(f64, &'a ControlPoint)>;
 
@@ -231,18 +237,22 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
         id: "trend".to_owned(),
         number: 0,
         title: if outside == 0 {
-            "No flight is outside the limits of its group".to_owned()
+            "Position − velocity: no flight is outside the limits of its group".to_owned()
         } else {
-            format!("{} outside the limits of its group", number::counted(outside as u64, "flight is", "flights are"))
+            format!(
+                "Position − velocity: {} outside the limits of its group",
+                number::counted(outside as u64, "flight is", "flights are")
+            )
         },
         caption: format!(
-            "How much later than the velocity {} show their position, {}; each group with its own mean and limits.{}",
+            "How much later than the velocity {} show their position, {}; each group with its own mean and limits. Where the \
+             lateness is known, it differs from this by what the velocity is late.{}",
             number::counted(drawn as u64, "flight", "flights"),
             if by_date { "by date" } else { "in the order of their names, for their dates are not known" },
             trend_rest(record, drawn, left_out)
         ),
-        how_to_read: "Good: bars around the line, none beyond the dashes (± 3 σ), no trend. Bad: a step (another firmware, \
-                      rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The dashes are wide where a \
+        how_to_read: "Good: bars around the line, none beyond its caps (± 3 σ), no trend. Bad: a step (another firmware, \
+                      rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The caps are far apart where a \
                       flight says little. Point at a flight for its name.",
         panels,
         panel_size: (620, height.max(110)),
@@ -293,16 +303,22 @@ fn trend_panel(group: &GroupLateness, points: &Points<'_>, x: &Axis) -> Option<P
         let place = |(at, p): &(f64, &ControlPoint)| Some((*at, of(p) * 1e3)).filter(|(_, y)| is_drawable(*y));
         points.iter().filter_map(place).collect::<Vec<_>>()
     };
+    // A cap for each flight: flights of one day would join to an upright line.
+    let half = 0.006 * (x.high - x.low);
+    let caps = |name: &str, of: &dyn Fn(&ControlPoint) -> f64| {
+        let pieces = level(of).into_iter().map(|(at, y)| vec![(at - half, y), (at + half, y)]).collect();
+        Line { name: name.to_owned(), pen: Pen::Faint, pieces }
+    };
     let should = "mean of the group, or its sensor card";
     let mut lines = vec![
         Line { name: "flight, ± U (k = 2)".to_owned(), pen: Pen::Points, pieces: of(false) },
         Line { name: "outside its limits".to_owned(), pen: Pen::HollowPoints, pieces: of(true) },
         stroke(should, Pen::Rule, level(&|p| p.centre_s)),
-        stroke("limits, ± 3 σ", Pen::Dashed, level(&|p| p.centre_s + p.limit_s)),
-        stroke("", Pen::Dashed, level(&|p| p.centre_s - p.limit_s)),
+        caps("limits, ± 3 σ", &|p| p.centre_s + p.limit_s),
+        caps("", &|p| p.centre_s - p.limit_s),
     ];
     lines.retain(|line| line.pieces.iter().any(|piece| !piece.is_empty()));
-    let y = Axis::linear("later by (ms)", extent(&lines, |p| p.1)?, 5);
+    let y = Axis::linear("position − velocity (ms)", extent(&lines, |p| p.1)?, 5);
     let named = points.iter().rev().take(MOST_NAMED).map(|(at, p)| Mark {
         at: (*at, p.delay_s.value * 1e3),
         label: format!("{}: {} ms", label(&p.flight), number::with_uncertainty(&in_millis(&p.delay_s))),

@@ -97,11 +97,7 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
         },
     ];
     names.push(together.to_owned());
-    let mut title = format!(
-        "The error of the compensated position should be {} {}\u{a0}m",
-        if of.budget.total_m.is_some() { "about" } else { "at least" },
-        number::significant(sum, 2)
-    );
+    let mut title = format!("Error of the compensated position: expected {}\u{a0}m", number::significant(sum, 2));
     if let Some(measured) = of.budget.measured_m.filter(|m| is_drawable(m.value)) {
         let half = COVERAGE_FACTOR * measured.standard_uncertainty.unwrap_or(0.0);
         let row = names.len() as f64;
@@ -111,7 +107,7 @@ pub(crate) fn budget_figure(scores: &ReplayScores) -> Option<Figure> {
             pieces: vec![vec![(measured.value, row), (measured.value - half, row), (measured.value + half, row)]],
         });
         names.push("measured".to_owned());
-        title += &format!(", and is {}\u{a0}m", number::with_uncertainty(&measured));
+        title += &format!(", measured {}\u{a0}m", number::with_uncertainty(&measured));
     }
     let ticks = names.iter().enumerate().map(|(row, name)| Tick { at: row as f64, label: name.clone() }).collect();
     let y = Axis { low: names.len() as f64 - 0.4, high: -0.6, ..Axis::ticked("", (-0.6, 0.0), ticks) };

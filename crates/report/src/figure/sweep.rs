@@ -52,7 +52,7 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> 
             + " Points are the delays that somebody says, with U (k = 2) of the score; the shaded stretch is \
                             the 95 % interval of the best delay.",
         how_to_read: "Good: the removed delay and the others lie in the shaded stretch, at the bottom of a clear valley. \
-                      Bad: the bench value lies up a slope: this flight is late by something else. A flat curve says \
+                      Bad: the removed delay lies up a slope: this flight is late by something else. A flat curve says \
                       that the flight does not care, for it hardly turned.",
         panels: vec![panel],
         panel_size: (760, 230),

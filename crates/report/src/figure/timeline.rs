@@ -17,7 +17,7 @@ pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
     let mut timed: Vec<(&ChannelHealth, &StampHealth)> =
         channels.filter_map(|c| Some((c, c.stamps.as_ref().filter(|s| s.clock == clock)?))).collect();
     // Those that the page is about first.
-    let pair = record.replay.as_ref().map(|replay| &replay.pair);
+    let pair = record.drawable().map(|replay| &replay.pair);
     let used = |name: &str| {
         pair.is_some_and(|p| p.position == name || p.velocity == name || p.reference.as_deref() == Some(name))
     };
@@ -92,7 +92,7 @@ pub(crate) fn timeline(record: &FlightRecord) -> Option<Figure> {
 
 /// Clock and stamp of time zero: that of the replay, else of the first stamp of any channel.
 fn time_zero(record: &FlightRecord) -> Option<(Clock, i64)> {
-    if let Some(replay) = &record.replay {
+    if let Some(replay) = record.drawable() {
         return Some((replay.clock, replay.origin_ns));
     }
     let mut stamps = record.binding.iter().flat_map(|b| &b.channels).filter_map(|c| c.stamps.as_ref());

@@ -27,7 +27,7 @@ const MOST_OF_A_KIND: usize = 10;
 
 /// All of a flight, in order of time; those without a time last.
 pub(super) fn of(record: &FlightRecord) -> Vec<Anomaly> {
-    let replay = record.replay.as_ref();
+    let replay = record.drawable();
     let pair = record.delays.as_ref().zip(replay).and_then(|(d, replay)| super::flight_delay::replayed(d, replay));
     let mut all: Vec<Anomaly> = pair.zip(replay).map(|(pair, replay)| of_delay(pair, replay)).unwrap_or_default();
     all.extend(gaps(record));
@@ -76,13 +76,13 @@ fn of_delay(pair: &PairDelay, replay: &ReplayRecord) -> Vec<Anomaly> {
 
 /// Seconds from the origin of the replay to a stamp of this clock.
 fn since_origin(record: &FlightRecord, clock: Clock, stamp_ns: i64) -> Option<f64> {
-    let replay = record.replay.as_ref().filter(|replay| replay.clock == clock)?;
+    let replay = record.drawable().filter(|replay| replay.clock == clock)?;
     Some(stamp_ns.saturating_sub(replay.origin_ns) as f64 * 1e-9)
 }
 
 /// The longest gaps of the channels that are replayed, or of all where none is.
 fn gaps(record: &FlightRecord) -> Vec<Anomaly> {
-    let pair = record.replay.as_ref().map(|replay| &replay.pair);
+    let pair = record.drawable().map(|replay| &replay.pair);
     let is_used = |name: &str| {
         pair.is_none_or(|p| p.position == name || p.velocity == name || p.reference.as_deref() == Some(name))
     };
@@ -103,7 +103,7 @@ fn gaps(record: &FlightRecord) -> Vec<Anomaly> {
 /// Damaged stretches of the log, placed where both its first message and the replay count one clock.
 fn damage(record: &FlightRecord) -> Vec<Anomaly> {
     let Some(log) = &record.log else { return vec![] };
-    let clock = record.replay.as_ref().map(|replay| replay.clock);
+    let clock = record.drawable().map(|replay| replay.clock);
     let stamps = || log.topics.iter().flat_map(|t| &t.stamps);
     let first_ns = stamps().filter(|s| Some(s.clock) == clock).map(|s| s.first_ns).min();
     let start = first_ns.and_then(|ns| since_origin(record, clock?, ns));

@@ -73,18 +73,18 @@
   panels.tabIndex = 0;
   panels.setAttribute("role", "group");
   panels.setAttribute("aria-label", "Panels over time: plus and minus zoom, arrows move, zero shows all");
-  make("caption", table, "Residual, rms over the whole record");
+  make("caption", table, "Residual: rms over the whole record, and measured − shifted reference at the cursor");
   const head = make("tr", make("thead", table));
-  ["Panel", "At this shift", "Least", "Delay found"].forEach((words, n) => { make("th", head, words, n ? "n" : "").scope = "col"; });
+  ["Panel", "At this shift", "At the cursor", "Least", "Delay found"].forEach((words, n) => { make("th", head, words, n ? "n" : "").scope = "col"; });
   const body = make("tbody", table);
   const rows = all.map((panel) => {
     const line = make("tr", body), name = make("th", line, panel.name);
     name.scope = "row";
-    const now = make("td", line, "", "n"), best = make("td", line, "", "n"), go = make("td", line, "", "n");
+    const [now, there, best, go] = [0, 1, 2, 3].map(() => make("td", line, "", "n"));
     const at = least(panel);
     best.textContent = `${number(residual(panel, at), 3)} ${panel.unit} at ${minus(String(Math.round(at) || 0))} ms`;
     if (panel.found_ms !== null) button(go, panel.found, () => shift(panel.found_ms)).title = "Shift the reference by it";
-    return now;
+    return { now, there };
   });
 
   // Panels
@@ -106,7 +106,7 @@
       const isLast = n === all.length - 1, axis = { stroke: soft, grid, ticks: grid, font }, none = { points: { show: false }, spanGaps: true };
       const dots = { label: "measured", stroke: css("ink"), paths: () => null, points: { show: true, size: panel.measured.t.length > 400 ? 3 : 5, fill: css("ink"), width: 0 } };
       plots.push(new uPlot({
-        width: panels.clientWidth, height: isLast ? 156 : 120, title: `${panel.name} (${panel.unit})`, padding: [8, 8, 0, 0], legend: { show: false },
+        width: panels.clientWidth, height: isLast ? 156 : 120, title: `${panel.name} (${panel.unit})`, padding: [8, 30, isLast ? 0 : 6, 0], legend: { show: false },
         scales: { x: { time: false, range: () => view } },
         axes: [{ ...axis, show: isLast, size: isLast ? 36 : 0, values: (u, at) => at.map((v) => `${+v.toFixed(3)} s`) }, { ...axis, size: 64, values: (u, at) => at.map((v) => minus(String(+v.toPrecision(6)))) }],
         cursor: { sync: { key: sync.key }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { show(...whole); return null; } } },
@@ -130,19 +130,23 @@
     slider.value = late;
     shown.textContent = `${minus(late.toFixed(late % 1 ? 1 : 0))} ms`;
     plots.forEach((u, n) => u.setData(dataOf(all[n]), true));
-    all.forEach((panel, n) => { rows[n].textContent = `${number(residual(panel, late), 3)} ${panel.unit}`; });
+    all.forEach((panel, n) => { rows[n].now.textContent = `${number(residual(panel, late), 3)} ${panel.unit}`; });
   }
   function show(from, to) {
     const span = Math.max(to - from, 0.1), start = Math.min(Math.max(from, whole[0]), Math.max(whole[0], whole[1] - span));
-    view = [start, Math.min(start + span, whole[1])];
+    const next = [start, Math.min(start + span, whole[1])];
+    if (next[0] === view[0] && next[1] === view[1]) return;
+    view = next;
     plots.forEach((u, n) => u.setData(dataOf(all[n]), true));
   }
   function point(t) {
-    readout.textContent = `${t.toFixed(3)} s: ` + all.map((panel) => {
+    // One line: what grows here would move the panels away from under the pointer.
+    readout.textContent = `Cursor at ${t.toFixed(3)} s`;
+    all.forEach((panel, n) => {
       const measured = between(panel.measured, t), reference = between(panel.reference, t - late / 1e3);
       const differs = measured === null || reference === null ? null : measured - panel.gain * reference;
-      return `${panel.name} − shifted reference ${number(differs, 2)} ${panel.unit}`;
-    }).join("; ");
+      rows[n].there.textContent = `${number(differs, 2)} ${panel.unit}`;
+    });
   }
   slider.addEventListener("input", () => shift(+slider.value));
   panels.addEventListener("keydown", (event) => {

@@ -7,11 +7,12 @@ mod flights;
 mod matrix;
 mod todo;
 
+pub(super) use cards::p_value;
 pub use excerpts::{TrackExcerpt, excerpt_flights};
 pub use flights::TABLE_FOLDER;
 
+use self::cards::is_relative;
 use super::Head::Text;
-use super::flight_delay::normalised_difference;
 use super::{
     Needs, badge, command_block, criteria, document, estimate, figure, files, finding, more, no_number,
     pipeline_details, pipeline_rows, plain, table, test_card, versions,
@@ -91,7 +92,7 @@ fn agreeing(record: &CampaignRecord) -> Vec<(&GroupLateness, &CampaignDelay, Opt
         // Many delays, one for each flight, would hide the curve.
         let removed: Vec<f64> =
             if removed.len() <= 3 { removed.into_iter().map(f64::from_bits).collect() } else { vec![] };
-        (group, delay, valley(&group.group.name, delay, &removed, &format!("valley-{}", k + 1)))
+        (group, delay, valley(group, delay, &removed, &format!("valley-{}", k + 1)))
     });
     with_figure.collect()
 }
@@ -150,13 +151,17 @@ fn answer(record: &CampaignRecord) -> Markup {
     let t = &record.totals;
     html! {
         p.answer {
-            b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) }
+            @if t.helped + t.harmed > 0 { b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) } }
+            @else { b { (number::counted(t.flights, "flight", "flights")) ", nothing removed that helped or harmed" } }
             @if t.harmed > 0 { ", " (badge("bad", "✗", "HARMED")) " " b { (number::count(t.harmed)) } }
             @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
-            ", " (number::count(t.uncompensated)) " measured with nothing removed, " (number::count(t.not_measurable)) " not measurable, "
-            @if t.pending > 0 { (number::count(t.pending)) " pending, " }
-            (number::count(t.failed)) " failed, " (number::count(t.lossy)) " with damaged logs; " (number::bytes(t.bytes)) " of logs, "
-            (number::clock(t.duration_s, 0)) " compensated. ± is U with k\u{a0}=\u{a0}2."
+            @for (count, words) in [
+                (t.uncompensated, "measured with nothing removed"), (t.not_measurable, "not measurable"), (t.pending, "pending"),
+                (t.failed, "failed"), (t.lossy, "with damaged logs"),
+            ] { @if count > 0 { ", " (number::count(count)) " " (words) } }
+            "; " (number::bytes(t.bytes)) " of logs"
+            @if t.duration_s > 0.0 { ", " (number::lasting(t.duration_s)) " compensated" }
+            ". ± is U with k\u{a0}=\u{a0}2."
         }
         (cards::cards(record))
     }
@@ -171,15 +176,16 @@ fn is_harmed(row: &FlightRow) -> bool {
 fn gravity(row: &FlightRow) -> (u8, &str) {
     let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
     let any = |gravity| alarms.iter().any(|a| a.gravity == gravity);
-    let fails = row.criteria.as_ref().is_some_and(|c| c.overall == CriterionVerdict::Fail);
+    let judged = |verdict| row.criteria.as_ref().is_some_and(|c| c.overall == verdict);
     let rank = match row.outcome {
         Outcome::Failed { .. } => 0,
         _ if is_harmed(row) => 1,
-        _ if any(Gravity::Red) || fails => 2,
+        _ if any(Gravity::Red) || judged(CriterionVerdict::Fail) => 2,
         _ if row.lossy => 3,
-        Outcome::NotMeasurable { .. } | Outcome::Pending { .. } => 6,
-        _ if any(Gravity::Amber) || !row.attention.is_empty() => 4,
-        Outcome::Compensated | Outcome::Uncompensated { .. } => 5,
+        Outcome::NotMeasurable { .. } | Outcome::Pending { .. } => 4,
+        _ if any(Gravity::Amber) || !row.attention.is_empty() => 5,
+        _ if judged(CriterionVerdict::Inconclusive) => 6,
+        Outcome::Compensated | Outcome::Uncompensated { .. } => 7,
     };
     (rank, &row.flight)
 }
@@ -196,8 +202,8 @@ fn agreement(record: &CampaignRecord, figures: &Figures<'_>) -> Markup {
         @if !figures.of_groups.is_empty() {
             h2 #delay { "Agreement in each group" }
             p.note {
-                "Position against velocity: a figure of consistency between flights. How late the position itself is, and what is \
-                 removed, is above: both differ by what the velocity is late."
+                "Position against velocity: a figure of consistency between flights. Where the lateness of the position is known, it \
+                 is above, and differs from this by what the velocity is late."
             }
             @for (group, delay, valley) in &figures.of_groups { (group_delay(group, delay, valley.as_ref())) }
             @if left_out > 0 { p.note { (number::counted(left_out as u64, "smaller group is", "smaller groups are")) " in campaign.json." } }
@@ -214,7 +220,7 @@ fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Fig
     html! {
         h3 { bdi { (shown(&group.group.name)) } }
         p {
-            "Position later than velocity: "
+            @if is_relative(group) { "Mean difference of the flights: " } @else { "Position later than velocity: " }
             (finding(&delay.measured, |found| over_flights(found, delay.card_s.as_ref()))) "."
         }
         (homogeneity(delay.measured.found()))
@@ -240,7 +246,9 @@ fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Fig
 }
 
 fn over_flights(found: &DelayOverFlights, card: Option<&Estimate>) -> Markup {
-    let e_n = card.and_then(|card| normalised_difference(&found.delay_s, card));
+    let e_n = card
+        .filter(|_| found.delay_s.standard_uncertainty.is_some())
+        .and_then(|card| found.delay_s.normalised_difference(card));
     html! {
         b { (estimate(&in_millis(&found.delay_s))) "\u{a0}ms" } " over " (number::counted(found.flights, "flight", "flights"))
         @if let Some(between) = found.between_s {

@@ -305,9 +305,9 @@
       }
       const font = "12px system-ui, sans-serif", axis = { stroke: soft, grid, ticks: grid, font };
       plot.u = new uPlot({
-        width, height: strip ? 96 : n < 2 ? 190 : 140, title, padding: [8, 8, isLast ? 0 : 6, 0], bands, legend: { show: false },
+        width, height: strip ? 96 : n < 2 ? 190 : 140, title, padding: [8, 30, isLast ? 0 : 6, 0], bands, legend: { show: false },
         scales: { x: { time: false, range: () => view } },
-        axes: [{ ...axis, show: isLast, size: isLast ? 36 : 0, values: (u, at) => at.map((v) => v == null ? "" : clock(v)), space: 90 }, { ...axis, size: 64, ...(strip && { values: () => [], grid: { show: false }, ticks: { show: false } }) }],
+        axes: [{ ...axis, show: isLast, size: isLast ? 36 : 0, values: (u, at) => at.map((v) => v == null ? "" : clock(v)), space: 90 }, { ...axis, size: 64, values: (u, at) => at.map((v) => String(+v.toPrecision(6)).replace("-", "−")), ...(strip && { values: () => [], grid: { show: false }, ticks: { show: false } }) }],
         cursor: { sync: { key: sync.key }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { show(...whole); return null; }, mousedown: (u, target, zoom) => (event) => event.shiftKey ? pan(u, event) : zoom(event) } },
         series: [{}, ...lines],
         hooks: {
@@ -359,6 +359,7 @@
     let [a, b] = [Math.min(from, to), Math.max(from, to)];
     if (b - a < least) [a, b] = [(a + b - least) / 2, (a + b + least) / 2];
     if (Math.abs(a - view[0]) + Math.abs(b - view[1]) < 1e-9) return;
+    choice.selectedIndex = places.findIndex(([, [c, d]]) => Math.abs(a - c) + Math.abs(b - d) < 1e-6);
     view = [Math.max(whole[0], a), Math.min(whole[1], b)];
     refresh();
   }
@@ -403,8 +404,8 @@
     const [ofSpeed, ofTurn, ofLead] = [speed, turn, lead].map(over);
     const lines = [["From, to", `${clock(view[0])} – ${clock(view[1])}`], ["Rows with a compensated position", `${over(north).n} of ${rows}`],
       ["Speed, mean and most", `${say(ofSpeed.mean, 1)}, ${say(ofSpeed.most, 1, "m/s")}`], ["Turn rate, most", say(ofTurn.most, 1, "°/s")],
-      ["Lead over raw, rms and most", `${say(ofLead.rms, 2)}, ${say(ofLead.most, 2, "m")}`], ["Lead over raw, mean", say(over(leadMs).mean, 0, "ms")]];
-    if (hasTruth) lines.push(["Lead of the reference over raw, mean", say(over(truthLeadMs).mean, 0, "ms")]);
+      ["Lead over raw, rms and most", `${say(ofLead.rms, 2)}, ${say(ofLead.most, 2, "m")}`], ["Lead over raw, mean: delay and wait for the next row", say(over(leadMs).mean, 0, "ms")]];
+    if (hasTruth) lines.push(["Lead of the reference over raw, mean: the same", say(over(truthLeadMs).mean, 0, "ms")]);
     for (const [name, words] of tracks) {
       if (!(name in errors)) continue;
       const error = over(errors[name]);
@@ -423,7 +424,8 @@
 
   const levels = 5, colourOf = (k) => css(`lead-${k}`);
   const sorted = Float64Array.from(lead.filter((v) => v === v).map(Math.abs)).sort();
-  const fullLead = Math.max(sorted[Math.floor(0.98 * (sorted.length - 1))] || 0, 1e-3);
+  const quantile = (share) => sorted[Math.floor(share * (sorted.length - 1))] || 0;
+  const fullLead = Math.max(quantile(0.98), 1e-3), leastLead = Math.min(quantile(0.02), 0.98 * fullLead);
   key.textContent = "Colour: lead over raw. Thin grey: raw, in windows below 3 min; below 1 min a line each second joins the two. Pale: outside of the window.";
   const niceStep = (span) => { const p = 10 ** Math.floor(Math.log10(span)); return [1, 2, 5, 10].map((k) => k * p).filter((v) => v <= span).pop() || p; };
   let place = null;
@@ -467,7 +469,7 @@
     for (let k = 1; k < rows.length; k++) {
       const i = rows[k];
       if (i < 0 || rows[k - 1] < 0) continue;
-      const share = Math.abs(lead[i]) / fullLead, bin = share !== share ? 0 : Math.min(levels - 1, Math.floor(share * levels));
+      const share = (Math.abs(lead[i]) - leastLead) / (fullLead - leastLead), bin = share !== share ? 0 : Math.max(0, Math.min(levels - 1, Math.floor(share * levels)));
       bins[bin].push(rows[k - 1], i, -1);
     }
     bins.forEach((of, k) => stroke(of, colourOf(k), 2.5, north, east));
@@ -502,8 +504,7 @@
     g.fillText("N", size - 20, 43);
     bins.forEach((of, k) => { g.fillStyle = colourOf(k); g.fillRect(28 + 22 * k, 8, 22, 9); });
     g.fillStyle = ink;
-    g.fillText("0", 14, 17);
-    g.fillText(`${fullLead.toPrecision(2)} m and more`, 32 + 22 * levels, 17);
+    g.fillText(`${leastLead.toPrecision(2)} to ${fullLead.toPrecision(2)} m`, 32 + 22 * levels, 17);
     drawCursor();
   }
   function drawCursor() {

@@ -7,7 +7,7 @@ use super::anomalies::{Anomaly, shift_s};
 use crate::number::COVERAGE_FACTOR;
 use crate::text::sentence;
 use maud::{Markup, PreEscaped, html};
-use record::{ExplorerRows, FlightRecord, Outcome, PairDelay, ReplayRecord};
+use record::{ExplorerRows, FlightRecord, PairDelay, ReplayRecord};
 use serde::Serialize;
 
 /// What the script reads. Times are seconds after the origin of the replay.
@@ -26,8 +26,8 @@ struct Data<'a> {
 
 /// The explorer, where there is something to explore.
 pub(super) fn section(record: &FlightRecord, rows: Option<&ExplorerRows>, anomalies: &[Anomaly]) -> Option<Markup> {
-    let (replay, rows) = (record.replay.as_ref()?, rows?);
-    if record.outcome != Outcome::Compensated || rows.rows < 2 {
+    let (replay, rows) = (record.drawable()?, rows?);
+    if rows.rows < 2 {
         return None;
     }
     let pair = record.delays.as_ref().and_then(|d| super::flight_delay::replayed(d, replay));
@@ -35,7 +35,7 @@ pub(super) fn section(record: &FlightRecord, rows: Option<&ExplorerRows>, anomal
     let is_relative = relative == Some(&replay.pair.velocity);
     let data = Data {
         rows,
-        removed_ms: is_relative.then(|| replay.settings.delay.millis()),
+        removed_ms: (is_relative && record.replay.is_some()).then(|| replay.settings.delay.millis()),
         against: sentence(&replay.pair.velocity),
         delay: pair.map(|pair| delay_over_flight(pair, replay)).unwrap_or_default(),
         places: anomalies.iter().filter(|a| a.t_s.is_some()).collect(),

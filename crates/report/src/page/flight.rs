@@ -83,7 +83,7 @@ fn body(page: &FlightPage, explorer: Option<&Markup>, figures: &Figures, anomali
             (first_words(record))
             (on_this_page(record))
             @if let Some(criteria) = &record.criteria { (criteria::section(criteria)) }
-            @if let Some(replay) = &record.replay { (evidence(replay, explorer, figures)) }
+            @if let Some(replay) = record.drawable() { (evidence(replay, record.replay.is_none(), explorer, figures)) }
             @if let Some(network) = &record.network { (lateness::network(network)) }
             @if let Some(delays) = &delays { (flight_delay::section(delays, record.lateness.as_ref(), figures.get("delay-over-time"))) }
             @if let Some(replay) = &record.replay {
@@ -120,11 +120,11 @@ fn campaign_links(page: &FlightPage) -> Markup {
 fn facts(record: &FlightRecord) -> Markup {
     let receiver = record.lateness.as_ref().map(|l| l.group.name.as_str()).filter(|name| !name.is_empty());
     let replay = record.replay.as_ref();
-    let date = replay.filter(|r| r.clock == flight::Clock::Unix).and_then(|r| {
-        let time = jiff::Timestamp::from_nanosecond(i128::from(r.origin_ns)).ok()?;
+    let date = record.began().and_then(|began| {
+        let time = jiff::Timestamp::from_nanosecond(i128::from(began.0)).ok()?;
         Some(format!("{} UTC", time.strftime("%Y-%m-%d %H:%M:%S")))
     });
-    let duration = replay.map(|r| format!("{} h:mm:ss", number::clock(r.coverage.duration_s, 0)));
+    let duration = replay.map(|r| number::lasting(r.coverage.duration_s));
     let place = replay.and_then(|r| r.origin).map(|origin| {
         let degrees = |radians: f64| number::fixed(radians.to_degrees(), 3);
         format!("{}°, {}°", degrees(origin.latitude), degrees(origin.longitude))
@@ -176,7 +176,7 @@ fn on_this_page(record: &FlightRecord) -> Markup {
     let replay = record.replay.as_ref();
     let parts = [
         (record.criteria.is_some(), "criteria", "Criteria"),
-        (replay.is_some(), "evidence", "Evidence"),
+        (record.drawable().is_some(), "evidence", "Evidence"),
         (record.network.is_some(), "network", "Latenesses"),
         (record.delays.is_some(), "delay", "Delay"),
         (replay.is_some_and(|r| r.choice.is_some() || r.sweep.is_some()), "choice", "Candidates"),
@@ -194,13 +194,22 @@ fn on_this_page(record: &FlightRecord) -> Markup {
 }
 
 /// Fig. 7, the explorer, and what stands for it on paper and without a script.
-fn evidence(replay: &ReplayRecord, explorer: Option<&Markup>, figures: &Figures) -> Markup {
+fn evidence(replay: &ReplayRecord, is_trial: bool, explorer: Option<&Markup>, figures: &Figures) -> Markup {
     let twins = html! {
         div.pair { (figures.show(&["turn", "track"])) }
         (figures.show(&["lead"]))
     };
     html! {
         h2 id="evidence" { "Evidence" }
+        @if is_trial {
+            p.why.unsure {
+                "Nothing was removed from this flight. "
+                @if replay.settings.delay.seconds() > 0.0 {
+                    "The compensated curves are a trial: what they would be if the difference between position and velocity, "
+                    (number::significant(replay.settings.delay.millis(), 3)) "\u{a0}ms, were removed. Nothing else on this page uses them."
+                } @else { "The curves show the position as it was logged; “compensated” only fills the time between its fixes." }
+            }
+        }
         @if figures.get("fig-7").is_none() && figures.get("track").is_none() {
             p { "The record holds no curve that could be drawn." }
         }
@@ -212,7 +221,7 @@ fn evidence(replay: &ReplayRecord, explorer: Option<&Markup>, figures: &Figures)
             }
             None => { (twins) }
         }
-        (coverage(replay))
+        @if !is_trial { (coverage(replay)) }
     }
 }
 

@@ -1,19 +1,22 @@
 //! Delays that the flight itself shows: the main pair first, then all.
 
 use super::Head::{Number, Text};
+use super::campaign::p_value;
 use super::{badge, estimate, exact, figure, maybe, maybe_estimate, no_number, plain, rows, table};
 use crate::figure::{Figure, delay_over_time};
-use crate::number::{self, COVERAGE_FACTOR};
+use crate::number;
 use crate::text::{ended, shown, shown_block};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{
-    DelayGroup, DelayNoise, DelayPairKind, DelayPiece, DelaySplit, Estimate, Finding, FlightDelays, FlightInjection,
-    FlightLateness, FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
+    DelayGroup, DelayHomogeneity, DelayNoise, DelayPairKind, DelayPiece, DelaySplit, Estimate, Finding, FlightDelays,
+    FlightInjection, FlightLateness, FlightRecord, MeasuredDelay, PairDelay, ReplayRecord,
 };
 
 /// Most rows of each table; the record holds all.
 const MOST: usize = 40;
+/// Probability below which the windows are said to scatter.
+const SCATTER_P: f64 = 0.01;
 
 /// What the section shows: all pairs, and the one that is asked for.
 #[derive(Debug, Clone, Copy)]
@@ -27,8 +30,16 @@ pub(super) struct DelaySection<'a> {
 pub(super) fn of(record: &FlightRecord) -> Option<DelaySection<'_>> {
     let delays = record.delays.as_ref()?;
     let replay = record.replay.as_ref();
-    let first_measured = || delays.pairs.iter().find(|p| p.delay.found().is_some());
-    let main = replay.and_then(|r| replayed(delays, r)).or_else(first_measured);
+    let is_answer = |p: &&PairDelay| {
+        record
+            .lateness
+            .as_ref()
+            .is_some_and(|l| l.position.as_deref() == Some(&*p.first) && l.velocity.as_deref() == Some(&*p.second))
+    };
+    let is_told = |p: &&PairDelay| p.delay.found().is_some();
+    let answers = || delays.pairs.iter().filter(is_told).find(is_answer);
+    let first_measured = || delays.pairs.iter().find(is_told);
+    let main = replay.and_then(|r| replayed(delays, r)).or_else(answers).or_else(first_measured);
     Some(DelaySection { delays, replay, main })
 }
 
@@ -102,7 +113,7 @@ fn sentence(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
         code { (shown(&pair.first)) } " is " b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" } " "
         (word) " than " code { (shown(&pair.second)) }
         @if found.delay_s.standard_uncertainty.is_some() { " (k = 2)" } @else { " (no uncertainty given)" }
-        @if low <= 0.0 && 0.0 <= high { "; its 95 % interval holds zero" }
+        @if low <= 0.0 && 0.0 <= high { "; its 95 % interval, " (interval_ms(found.interval_95_s, &found.delay_s)) "\u{a0}ms, holds zero" }
         @if is_difference { ". How late both are is not known from this pair." } @else { "." }
     }
 }
@@ -115,14 +126,6 @@ fn no_answer(pair: &PairDelay) -> Markup {
         }
         @if let Finding::CannotTell(why) = &pair.delay { p.why.unsure { (shown_block(why)) } }
     }
-}
-
-/// E_n = (δ − Td)/√(U_δ² + U_Td²) with U = 2u (ISO 13528); an uncertainty of Td that is not stated counts as none.
-/// `None` if that of δ is not known.
-pub(super) fn normalised_difference(found: &Estimate, removed: &Estimate) -> Option<f64> {
-    let u = found.standard_uncertainty.filter(|u| *u > 0.0)?;
-    let both = COVERAGE_FACTOR * u.hypot(removed.standard_uncertainty.unwrap_or(0.0));
-    Some((found.value - removed.value) / both).filter(|e_n| e_n.is_finite())
 }
 
 // All pairs
@@ -142,7 +145,7 @@ fn pairs(pairs: &[PairDelay]) -> Markup {
     let numbered: Vec<(bool, &PairDelay)> = pairs.iter().enumerate().map(|(i, pair)| (is_first(i), pair)).collect();
     html! {
         details {
-            summary { "All " (number::counted(pairs.len() as u64, "pair", "pairs")) " that were tried" }
+            summary { (number::counted(pairs.len() as u64, "pair was", "pairs were")) " tried" }
             (table("All pairs that were tried; positive: the first is later than the second; U with k = 2", &head,
                 rows(&numbered, MOST, head.len(), pair_row)))
         }
@@ -187,7 +190,7 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
             Some(over_time) => { (figure(over_time)) }
             None => { p { (no_number("the record holds no window of the delay over time")) } }
         }
-        (constancy(pair))
+        (constancy(pair, found.homogeneity.filter(|h| h.p < SCATTER_P)))
         h3 { code { (shown(&pair.first)) } " against " code { (shown(&pair.second)) } }
         (uncertainty(pair, found))
         (operating_points(found))
@@ -197,13 +200,17 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
 }
 
 /// One test of constancy, the one that the kind of the delay rests on.
-fn constancy(pair: &PairDelay) -> Markup {
+fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
     let Some(varies) = &pair.varies else { return html! {} };
     let constancy = &varies.constancy;
     html! {
         p {
             @if varies.kind.varies() {
                 (ended(&varies.words))
+            } @else if let Some(scatter) = scatter {
+                "The windows scatter by more than their bars (χ² = " (plain(scatter.chi2, 3)) ", "
+                (number::counted(scatter.degrees_of_freedom, "degree", "degrees")) " of freedom, " (p_value(scatter.p))
+                "), but no step, drift or queue explains it. One delay does not describe this flight well."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
                 "No change of the delay was seen. A lasting change of " (plain(least_s * 1e3, 2)) "\u{a0}ms or more would have been."
             } @else {
@@ -335,21 +342,5 @@ fn noise_words(noise: &DelayNoise) -> Markup {
             "; slow wander " (plain(wander, 2))
             @if let Some(s) = noise.time_constant_s { ", time constant " (plain(s, 2)) " s" }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_normalised_difference_is_that_of_iso_13528() {
-        let estimate = |value, standard_uncertainty| Estimate { value, standard_uncertainty };
-        let found = estimate(0.412, Some(0.0015));
-        // 12 ms over √(3² + 4²) ms, over 3 ms, and over nothing.
-        let e_n = |removed| normalised_difference(&found, &removed);
-        assert!((e_n(estimate(0.4, Some(0.002))).unwrap() - 2.4).abs() < 1e-12);
-        assert!((e_n(estimate(0.4, None)).unwrap() - 4.0).abs() < 1e-12);
-        assert_eq!(normalised_difference(&estimate(0.4, None), &estimate(0.4, Some(0.002))), None);
     }
 }

@@ -1,14 +1,15 @@
 //! The answer: how late the position is, what was removed, whether that helped, what to do.
 
 use super::Head::{Number, Text};
-use super::{badge, estimate, maybe, maybe_estimate, plain, table};
+use super::{badge, estimate, expanded, maybe, maybe_estimate, plain, table};
 use crate::number;
 use crate::text::{ended, shown, shown_block};
 use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, Effect, EffectVerdict, Estimate,
-    FlightLateness, FlightRecord, FlightRow, Gravity, NetworkDatum, Outcome, flight_alarms,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelaySource, Effect, EffectVerdict,
+    Estimate, FlightLateness, FlightRecord, FlightRow, Gravity, JudgedBy, NetworkDatum, Outcome, SweepMethod,
+    SweepScore, flight_alarms,
 };
 
 /// An interval is uneven where its halves differ by more than this share of it.
@@ -74,8 +75,8 @@ pub(super) fn answer(record: &FlightRecord) -> Markup {
         dl.answer {
             @if let Some(lateness) = lateness { dt { "How late" } dd { (late(lateness)) } }
             @if let Some(decision) = &record.decision { dt { "Removed" } dd { (removed(record, decision)) } }
-            @if let Some(effect) = &record.effect { dt { "Error" } dd { (error(effect)) } }
-            @if let Some(lateness) = lateness { dt { "Do" } dd { (todo(lateness)) } }
+            @if let Some(effect) = &record.effect { dt { "Error" } dd { (error(effect)) (held(record, effect)) } }
+            @if let Some(lateness) = lateness { dt { "Do" } dd { (todo(record, lateness)) } }
         }
         (alarms(&flight_alarms(lateness, record.decision.as_ref())))
         @if let Some(file) = lateness.and_then(|l| l.reference_file.as_ref()) { p.note { "Reference file: " (ended(&file.words)) } }
@@ -114,10 +115,44 @@ fn error(effect: &Effect) -> Markup {
     }
 }
 
-fn todo(lateness: &FlightLateness) -> Markup {
-    let advice = &lateness.advice;
+/// The error of the raw position while each fix is held, where another than that at the fixes.
+fn held(record: &FlightRecord, effect: &Effect) -> Markup {
+    let raw =
+        record.replay.iter().filter_map(|r| r.scores.as_ref()).flat_map(|s| &s.compensators).find(|c| c.name == "raw");
+    let held_m = raw.and_then(|raw| raw.reference.found()).map(|r| r.rms_m);
+    let fresh_m = effect.error_raw_m.filter(|_| matches!(effect.judged_by, JudgedBy::Truth(_)));
     html! {
-        @if advice.set.is_empty() && advice.fly.is_none() {
+        @if let (Some(held), Some(fresh)) = (held_m, fresh_m) {
+            @if held.value > 1.05 * fresh.value {
+                span.note { " This is at the fixes. Held until the next fix, the raw position errs by " (estimate(&held)) "\u{a0}m." }
+            }
+        }
+    }
+}
+
+/// What the error against a reference says of the delay that was removed: the best delay, and whether it agrees.
+struct Tested<'a> {
+    reference: &'a str,
+    best_s: Estimate,
+    e_n: f64,
+}
+
+fn tested(record: &FlightRecord) -> Option<Tested<'_>> {
+    let replay = record.replay.as_ref()?;
+    let sweep = replay.sweep.as_ref()?;
+    let SweepScore::ErrorAgainst(reference) = &sweep.score else { return None };
+    let best_s = sweep.optimum.found().filter(|o| o.method == SweepMethod::Jackknife)?.delay_s;
+    Some(Tested { reference, best_s, e_n: replay.choice.as_ref()?.e_n(DelaySource::Sweep)? })
+}
+
+fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
+    let advice = &lateness.advice;
+    let tested = tested(record);
+    html! {
+        @if let Some(tested) = tested.as_ref().filter(|_| advice.set.is_empty()) {
+            @if tested.e_n.abs() <= 1.0 { "Nothing to set: the delay that was removed agrees with " code { (shown(tested.reference)) } "." }
+            @else { "Remove " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" } " instead: the error against " code { (shown(tested.reference)) } " is least there." }
+        } @else if advice.set.is_empty() && advice.fly.is_none() {
             @match lateness.lateness.as_ref().and_then(|l| l.relative_to.as_deref()) {
                 Some(than) => { "No setting follows: how late " code { (shown(than)) } " is itself, is not known." }
                 None => { "Nothing to set." }
@@ -152,12 +187,16 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
                 }
                 @if let Some(used) = used { " (" (source_phrase(used)) ")" }
                 ": " (ended(&decision.words))
+                @if let Some(tested) = tested(record) {
+                    " The error against " code { (shown(tested.reference)) } " is least at " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" }
+                    @if tested.e_n.abs() <= 1.0 { ", which agrees." } @else { ", which differs (E_n = " (plain(tested.e_n, 2)) ")." }
+                }
                 @if decision.circular { " The delay was found in this flight, so what is left says nothing of whether it is right." }
             }
             (None, Outcome::NotMeasurable { .. } | Outcome::Failed { .. }) if decision.delay_s.is_some() => {
                 "Nothing removed: this flight was not replayed."
             }
-            (None, _) => { "Nothing removed: " (ended(&decision.words)) }
+            (None, _) => { b { "Nothing." } " " (ended(decision.words.trim_end_matches(" Nothing is removed."))) }
         }
     }
 }
@@ -211,7 +250,7 @@ pub(super) fn network(network: &DelayNetwork) -> Markup {
         Number(what),
         Number("95 % interval (ms)"),
         Text("Against"),
-        Number("of U by model (ms)"),
+        Number("Part of U from model errors (ms)"),
         Text("Rests on"),
     ];
     let body = html! { @for channel in &network.channels { (channel_row(channel)) } };
@@ -277,7 +316,7 @@ pub(super) fn alarm_badges(alarms: &[DelayAlarm]) -> Markup {
 pub(super) fn effect_cells(row: &FlightRow) -> Markup {
     let effect = row.effect.as_ref();
     let cell = |value: Option<&record::Estimate>| match value {
-        Some(value) => html! { td data-v=(value.value) { (number::with_uncertainty(value)) } },
+        Some(value) => html! { td data-v=(value.value) data-u=[expanded(value)] { (number::with_uncertainty(value)) } },
         None => html! { td.n { "—" } },
     };
     html! {

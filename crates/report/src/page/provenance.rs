@@ -20,7 +20,13 @@ pub(super) fn section(page: &FlightPage) -> Markup {
     };
     html! {
         h2 id="provenance" { "Files and provenance" }
-        @if record.replay.is_some() { (files(&["record.json", "track.parquet"])) }
+        @if record.replay.is_some() {
+            (files(&["record.json", "track.parquet"]))
+            p.note {
+                "The track for other programs, raw and compensated, from the folder of this page: "
+                code { "flightlag export . --track --to geojson" } " (or kml, gpx, csv, mcap)."
+            }
+        } @else { (files(&["record.json"])) }
         (inputs("Input files", &record.inputs))
         (table("Result", &[Text("Item"), Text("Value")], facts))
         (pipeline_details(&record.pipeline))

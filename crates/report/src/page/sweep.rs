@@ -1,7 +1,6 @@
 //! Which delay was removed and why, and what the others would have done.
 
 use super::Head::{Number, Text};
-use super::flight_delay::normalised_difference;
 use super::{badge, estimate, finding, maybe, maybe_estimate, or_why, plain, rows, table};
 use crate::figure::{Figure, objective_figure, sweep_figure};
 use crate::number;
@@ -9,8 +8,8 @@ use crate::text::{ended, shown};
 use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
 use record::{
-    DelayCandidate, DelayChoice, DelaySource, DelaySweep, Estimate, FlightRecord, ReplayRecord, SweepMethod,
-    SweepOptimum, SweepScore,
+    DelayCandidate, DelayChoice, DelaySource, DelaySweep, FlightRecord, ReplayRecord, SweepMethod, SweepOptimum,
+    SweepScore,
 };
 
 /// Figures of the section, not numbered yet.
@@ -75,7 +74,6 @@ fn circularity(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> &'static str
 }
 
 fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
-    let used = choice.candidates.iter().find(|c| c.source == choice.used).and_then(|c| c.delay_s.found());
     let score = match sweep.map(|s| &s.score) {
         Some(SweepScore::ErrorAgainst(_)) => "Error with it, 2‑D rms (m)",
         _ => "Step at a fix with it, 2‑D rms (m)",
@@ -88,14 +86,11 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
         Text("Where it comes from, or why there is none"),
     ];
     let row = |c: &DelayCandidate| {
-        let e_n = comparable(c.source, choice)
-            .then(|| c.delay_s.found().zip(used).and_then(|(c, used)| e_n(c, used)))
-            .flatten();
         html! {
             tr {
                 th scope="row" { (source_phrase(c.source)) @if c.source == choice.used { " " (badge("off", "●", "removed")) } }
                 td.n { (maybe_estimate(c.delay_s.found().map(in_millis).as_ref())) }
-                td.n { (maybe(e_n, agreement)) }
+                td.n { (maybe(choice.e_n(c.source), agreement)) }
                 td.n { (maybe_estimate(sweep.and_then(|s| s.score_at(c.source)).map(|p| &p.rms_m))) }
                 td.any { (finding(&c.delay_s, |_| html! { (shown(&c.words)) })) }
             }
@@ -105,7 +100,7 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
     html! {
         (table("Delays that could be removed; U with k = 2", &head, html! {
             (rows(&choice.candidates, 10, head.len(), row))
-            @if let Some(best) = best { (optimum_row(best, used)) }
+            @if let Some(best) = best { (optimum_row(best, choice)) }
         }))
         p.note {
             "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that nobody states \
@@ -115,26 +110,16 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
     }
 }
 
-fn optimum_row(sweep: &DelaySweep, used: Option<&Estimate>) -> Markup {
+fn optimum_row(sweep: &DelaySweep, choice: &DelayChoice) -> Markup {
     html! {
         tr {
             th scope="row" { (source_phrase(DelaySource::Sweep)) }
             td.n { (maybe_estimate(sweep.optimum.found().map(|o| in_millis(&o.delay_s)).as_ref())) }
-            td.n { (maybe(sweep.optimum.found().zip(used).and_then(|(o, used)| e_n(&o.delay_s, used)), agreement)) }
+            td.n { (maybe(choice.e_n(DelaySource::Sweep), agreement)) }
             td.n { (maybe_estimate(sweep.score_at(DelaySource::Sweep).map(|p| &p.rms_m))) }
             td.any { (finding(&sweep.optimum, |o| html! { (method(o)) })) }
         }
     }
-}
-
-/// A position against a velocity is another quantity than the lateness of the position: both may be right and differ.
-fn comparable(source: DelaySource, choice: &DelayChoice) -> bool {
-    source != choice.used && source != DelaySource::Flight && choice.used != DelaySource::Flight
-}
-
-/// E_n of two delays, of which one at least has an uncertainty.
-fn e_n(delay: &Estimate, removed: &Estimate) -> Option<f64> {
-    normalised_difference(delay, removed).or_else(|| normalised_difference(removed, delay).map(|e_n| -e_n))
 }
 
 fn agreement(e_n: f64) -> Markup {

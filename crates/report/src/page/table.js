@@ -42,9 +42,17 @@ for (const table of document.querySelectorAll("table.sortable")) {
   const help = make("p", "Keys: / filter, \u2193 \u2191 or j k next and previous flight, Enter open it, e its reasons, Esc leave the filter, ? this line.", bar);
   help.className = "note";
   help.hidden = true;
+  // Length of the words that all of some long names begin with: they tell none from another.
+  const start = (all) => {
+    let length = 0;
+    while (new Set(all).size > 1 && all.every((name) => name[length] === all[0][length])) length++;
+    const word = (all[0] || "").lastIndexOf(" ", length) + 1;
+    return word > 12 ? word : 0;
+  };
   const chosen = new Map(facets.map((f) => [f, new Set()])), chips = [];
   for (const facet of facets) {
     const group = make("div", "", bar), tally = new Map();
+    const common = start(rows.map((r) => values.get(r)[facet]).filter(Boolean));
     group.setAttribute("role", "group");
     group.setAttribute("aria-label", facet);
     make("span", facet + ": ", group);
@@ -55,7 +63,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
         set.has(name) ? set.delete(name) : set.add(name);
         apply();
       });
-      const text = make("bdi", name || "none", chip), number = make("span", " " + n, chip);
+      const text = make("bdi", name ? (common ? "…" + name.slice(common) : name) : "none", chip), number = make("span", " " + n, chip);
       text.title = name;
       chips.push([chip, facet, name, number]);
     }
@@ -76,20 +84,28 @@ for (const table of document.querySelectorAll("table.sortable")) {
     const bits = (of) => of.map((b) => (b ? "1" : "0")).join(""), now = bits(boxes.map((b) => b.checked));
     return now === bits(usual) ? "" : now;
   };
-  const column = (word) => names.findIndex((n) => n.toLowerCase().replace(/[^a-z]/g, "").startsWith(word));
+  // Words of the trade for columns and facets that are called otherwise here.
+  const aliases = { delay: "lateness", late: "lateness", receiver: "group", rate: "position(hz", date: "flown", error: "errorafter" };
+  const plainly = (n) => n.toLowerCase().replace(/[^a-z(]/g, "");
+  const column = (word) => names.findIndex((n) => plainly(n).startsWith(aliases[word] || word));
+  let unknown = [];
   const test = (token) => {
     const bounds = /^([a-z]+)([<>])(-?[0-9.]+)$/.exec(token), pair = /^([a-z]+):(.*)$/.exec(token);
     if (bounds) {
       const i = column(bounds[1]), scale = i >= 0 && names[i].includes("(ms)") ? 1e3 : 1, limit = Number(bounds[3]);
+      if (i < 0) { unknown.push(bounds[1]); return () => true; }
       return (row) => {
-        if (i < 0 || isAbsent(value(row, i))) return false;
+        if (isAbsent(value(row, i))) return false;
         const v = scale * Number(value(row, i));
         return bounds[2] === ">" ? v > limit : v < limit;
       };
     }
     if (pair && pair[1] === "reason") return (row) => (row.dataset.reason || "").split(" ").includes(pair[2]);
-    if (pair && named.includes(pair[1])) return (row) => values.get(row)[pair[1]].toLowerCase().includes(pair[2]);
+    const facet = pair && (aliases[pair[1]] || pair[1]);
+    if (pair && named.includes(facet)) return (row) => values.get(row)[facet].toLowerCase().includes(pair[2]);
     if (pair && pair[1] === "alarm") return (row) => (row.dataset.alarm || "").includes(pair[2]);
+    if (pair && column(pair[1]) >= 0) return (row) => row.cells[column(pair[1])].textContent.toLowerCase().includes(pair[2]);
+    if (pair && !rows.some((row) => texts.get(row).includes(token))) { unknown.push(pair[1]); return () => true; }
     return (row) => texts.get(row).includes(token);
   };
   const isIn = (row, facet) => chosen.get(facet).size === 0 || chosen.get(facet).has(values.get(row)[facet]);
@@ -107,13 +123,14 @@ for (const table of document.querySelectorAll("table.sortable")) {
   });
   addEventListener("beforeprint", all);
   const apply = () => {
+    unknown = [];
     const tests = state.q.toLowerCase().split(/\s+/).filter(Boolean).map(test);
     const found = rows.filter((row) => tests.every((t) => t(row))), kept = new Set(found.filter((row) => facets.every((f) => isIn(row, f))));
     wanted = sorted.filter((row) => kept.has(row));
     body.replaceChildren();
     drawn = 0;
     more();
-    count.textContent = " " + kept.size + " of " + rows.length + " flights ";
+    count.textContent = " " + kept.size + " of " + rows.length + " flights " + (unknown.length ? "(no column is called " + unknown.join(", ") + ") " : "");
     // Each count is of what a click would show: the other facets hold.
     const tallies = new Map(facets.map((f) => [f, new Map()]));
     for (const row of found) {
@@ -202,10 +219,11 @@ for (const table of document.querySelectorAll("table.sortable")) {
       return /[",\n]/.test(inert) ? '"' + inert.replaceAll('"', '""') + '"' : inert;
     };
     const seen = heads.map((_, i) => i).filter((i) => boxes[i].checked);
-    const plain = (n) => n.replace(" (ms)", " (s)");
-    const word = (row, i) => (row.cells[i].classList.contains("w") ? row.cells[i].textContent.trim() : value(row, i));
-    const line = (of) => seen.map((i) => cell(of(i))).join(",");
-    const lines = [line((i) => plain(names[i])), ...wanted.map((r) => line((i) => word(r, i)))];
+    const plain = (n) => n.replace(" (ms)", " (s)"), isUncertain = (i) => rows.some((row) => row.cells[i].dataset.u !== undefined);
+    const word = (row, i) => row.dataset[names[i].toLowerCase()] || (row.cells[i].classList.contains("w") ? row.cells[i].textContent.trim() : value(row, i));
+    // A value that has an uncertainty is followed by it, expanded with k = 2.
+    const line = (of, ofU) => seen.flatMap((i) => (isUncertain(i) ? [of(i), ofU(i)] : [of(i)])).map(cell).join(",");
+    const lines = [line((i) => plain(names[i]), (i) => "U of " + plain(names[i])), ...wanted.map((r) => line((i) => word(r, i), (i) => r.cells[i].dataset.u || ""))];
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([lines.join("\n") + "\n"], { type: "text/csv" }));
     link.download = "flights-shown.csv";

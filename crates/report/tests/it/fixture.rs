@@ -610,6 +610,7 @@ pub fn flight_record() -> FlightRecord {
         outcome: Outcome::Compensated,
         log: Some(log()),
         binding: Some(binding()),
+        trial: None,
         replay: Some(replay()),
         delays: Some(delays()),
         lateness: None,
@@ -643,6 +644,7 @@ pub fn failed_record() -> FlightRecord {
         },
         log: None,
         binding: None,
+        trial: None,
         replay: None,
         delays: None,
         effect: None,
@@ -657,6 +659,7 @@ pub fn parked_record() -> FlightRecord {
         outcome: Outcome::NotMeasurable {
             reason: "95 % of the ground speed is below 0.11 m/s, at least 3 m/s is needed: fly a circuit".into(),
         },
+        trial: None,
         replay: None,
         effect: None,
         delays: Some(FlightDelays { pairs: vec![still_pair()] }),

@@ -46,10 +46,10 @@ pub(super) fn side(geometry: &RigGeometry, reference: &ReferenceFinding) -> Opti
     });
     let mut marks = vec![
         Mark { at: (0.0, 0.0), label: "pivot and encoder".to_owned() },
-        Mark { at: arc[arc.len() / 2], label: sense(reference).to_owned() },
+        Mark { at: turned([0.6 * x, 0.0, 0.6 * z], 1.3 * SHOWN_ANGLE), label: sense(reference).to_owned() },
         Mark { at: gravity[0], label: format!("g {} m/s²", number::significant(reference.gravity_mps2, 4)) },
     ];
-    marks.extend(named(&geometry.parts, |arm| turned(arm, 0.0)));
+    marks.extend(named(&geometry.parts, 0.05 * length, |arm| turned(arm, 0.0)));
     let caption = format!(
         "Seen along the axis of rotation; the bar is {} m long, mounted {}. Lever arms are in the table.",
         number::exact(geometry.bar_length_m),
@@ -91,7 +91,11 @@ pub(super) fn above(geometry: &RigGeometry, reference: &ReferenceFinding) -> Opt
         pieces: geometry.parts.iter().map(|p| vec![at(p.lever_arm_m[0], p.lever_arm_m[1])]).collect(),
     });
     let azimuth = number::scaled(reference.azimuth_rad.as_ref()?, 1f64.to_degrees());
-    let marks = vec![Mark { at: arc[10], label: format!("azimuth {}°", number::with_uncertainty(&azimuth)) }];
+    let beyond = (1.3 * azimuth.value).sin_cos();
+    let marks = vec![Mark {
+        at: (0.6 * reach * beyond.0, 0.6 * reach * beyond.1),
+        label: format!("azimuth {}°", number::with_uncertainty(&azimuth)),
+    }];
     let caption =
         "Seen from above. The arrow is the direction in which the body's x axis points at bar angle zero.".to_owned();
     figure("geometry-above", "The rig from above", caption, ("east (m)", "north (m)"), lines, marks)
@@ -114,8 +118,18 @@ fn sense(reference: &ReferenceFinding) -> &'static str {
     if reference.sign < 0.0 { "angle +, counts fall" } else { "angle +, counts rise" }
 }
 
-fn named(parts: &[RigPart], at: impl Fn([f64; 3]) -> (f64, f64)) -> Vec<Mark> {
-    parts.iter().enumerate().map(|(i, part)| Mark { at: at(part.lever_arm_m), label: letter(i) }).collect()
+/// The letters of the parts; those nearer to one another than `least` share a mark.
+fn named(parts: &[RigPart], least: f64, at: impl Fn([f64; 3]) -> (f64, f64)) -> Vec<Mark> {
+    let mut marks: Vec<Mark> = vec![];
+    for (i, part) in parts.iter().enumerate() {
+        let place = at(part.lever_arm_m);
+        let near = |mark: &&mut Mark| (mark.at.0 - place.0).hypot(mark.at.1 - place.1) < least;
+        match marks.iter_mut().find(near) {
+            Some(mark) => mark.label += &format!(", {}", letter(i)),
+            None => marks.push(Mark { at: place, label: letter(i) }),
+        }
+    }
+    marks
 }
 
 /// Two short strokes at the end of a line.

@@ -140,7 +140,10 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
         let text = others.next().map_or("bytes or messages were lost", String::as_str);
         add(2, &without_numbers(text), ("lost", "▲", "LOG DAMAGED"), text);
     } else {
-        others.for_each(|text| add(3, &without_numbers(text), ("unsure", "!", "Warning"), text));
+        others.for_each(|text| match text.ends_with(": FAIL") {
+            true => add(1, &without_numbers(text), ("bad", "✗", "FAIL"), text),
+            false => add(3, &without_numbers(text), ("unsure", "!", "Warning"), text),
+        });
     }
     out.dedup_by(|a, b| a.0 == b.0);
     out

@@ -7,7 +7,7 @@ use crate::number;
 use crate::text::{ended, shown};
 use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
-use record::{CampaignRecord, DelaySetting, DelaySource, EffectVerdict, FlightRow, GroupLateness};
+use record::{CampaignRecord, DelaySetting, DelaySource, EffectVerdict, Estimate, FlightRow, GroupLateness};
 use std::collections::BTreeSet;
 
 /// Most groups that are shown; the record holds all.
@@ -16,6 +16,8 @@ const MOST_GROUPS: usize = 20;
 const SPARK: (f64, f64) = (150.0, 28.0);
 /// Most flights on the small chart, the newest.
 const MOST_SPARKS: usize = 100;
+/// Probability below which flights are said to differ.
+const DIFFER_P: f64 = 0.01;
 
 /// How late the position is in each group, whether the removal helped, and what to set.
 pub(super) fn cards(record: &CampaignRecord) -> Markup {
@@ -52,18 +54,31 @@ fn lateness(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let (low, high) = (all().reduce(f64::min), all().reduce(f64::max));
     html! {
         @match (&group.split, &group.lateness_s) {
-            (Some(_), _) => {
+            (split, found) if split.is_some() || found.is_some() && is_relative(group) && differ(group) => {
                 b { "No common delay" }
                 @if let (Some(low), Some(high)) = (low, high) { ": " (millis(low)) " to " (millis(high)) "\u{a0}ms" }
+                @if is_relative(group) { " later, " (shown(&group.against)) }
                 ". Do not use one delay."
             }
-            (None, Some(found)) if group.against.starts_with("relative") => {
-                b { (estimate(&in_millis(found))) "\u{a0}ms" } " later, " (shown(&group.against)) "; how late both are is not known"
+            (_, Some(found)) if is_relative(group) => {
+                @let apart = Estimate { value: found.value.abs(), ..*found };
+                b { (estimate(&in_millis(&apart))) "\u{a0}ms" } @if found.value < 0.0 { " earlier, " } @else { " later, " }
+                (shown(&group.against)) "; how late both are is not known"
             }
-            (None, Some(found)) => { b { (estimate(&in_millis(found))) "\u{a0}ms" } " late, against " (shown(datum(&group.against))) }
-            (None, None) => { (no_number(&group.words)) }
+            (_, Some(found)) => { b { (estimate(&in_millis(found))) "\u{a0}ms" } " late, against " (shown(datum(&group.against))) }
+            (_, None) => { (no_number(&group.words)) }
         }
     }
+}
+
+/// Whether the lateness is counted from a velocity, whose own lateness is not known.
+pub(super) fn is_relative(group: &GroupLateness) -> bool {
+    group.against.starts_with("relative")
+}
+
+/// Whether the flights differ by more than their uncertainties.
+fn differ(group: &GroupLateness) -> bool {
+    group.difference.is_some_and(|test| test.p < DIFFER_P)
 }
 
 fn millis(seconds: f64) -> String {
@@ -87,7 +102,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
         @if let Some(words) = &group.split { ": " (ended(words)) }
         @else {
             @if let Some(test) = &group.difference {
-                @if test.p < 0.01 {
+                @if test.p < DIFFER_P {
                     ", and they differ (" (p_value(test.p))
                     @if let Some(between) = group.between_s.filter(|b| *b > 0.0) { "; " (number::significant(1e3 * between, 2)) "\u{a0}ms, 1\u{a0}σ" }
                     ")"
@@ -100,7 +115,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
 }
 
 /// `p = 0.41`, `p < 0.001`.
-pub(super) fn p_value(p: f64) -> String {
+pub(in super::super) fn p_value(p: f64) -> String {
     if p < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", number::significant(p, 2)) }
 }
 

@@ -1,7 +1,7 @@
 //! The table of all flights: the gravest first, with what the script filters by.
 
 use super::super::Head::{self, Number, Text};
-use super::super::{Needs, criteria, data_lost, document, files, lateness, minor_loss, tail_cut};
+use super::super::{Needs, criteria, data_lost, document, expanded, files, lateness, minor_loss, tail_cut};
 use super::attention::{self, Reasons};
 use super::gravity;
 use crate::criterion::criterion_word;
@@ -9,7 +9,7 @@ use crate::number;
 use crate::text::{Shown, href, sentence, shown};
 use crate::verdict::{in_millis, source_word};
 use maud::{Markup, Render, html};
-use record::{CampaignRecord, Estimate, FlightLateness, FlightRow, Gravity, Outcome, flight_alarms};
+use record::{CampaignRecord, DelayAlarm, Estimate, FlightLateness, FlightRow, Gravity, Outcome, flight_alarms};
 use std::collections::BTreeMap;
 
 /// Most flights in the table of the campaign's page. More are in pages of their own.
@@ -106,13 +106,14 @@ pub(super) fn pages(record: &CampaignRecord) -> Vec<(String, String)> {
 
 fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Reasons<'_>) -> Markup {
     let judged = record.flights.iter().any(|r| r.criteria.is_some());
+    let alarmed = record.flights.iter().any(|r| !told(r).is_empty());
     let scale = scale(&record.flights);
     let row = |row: &FlightRow| flight_row(row, judged, base, scale, reasons.get(row.flight.as_str()));
     html! {
         div.scroll.tall tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
                 caption { "One row for each flight, the gravest first; ± is U with k = 2. —: not available." }
-                thead { tr { @for column in head(judged) { (column) } } }
+                thead { tr { @for column in head(judged, alarmed) { (column) } } }
                 tbody { @for of in rows { (row(of)) } }
             }
         }
@@ -120,7 +121,7 @@ fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Rea
 }
 
 /// The first eight are printed.
-fn head(judged: bool) -> Vec<Column> {
+fn head(judged: bool, alarmed: bool) -> Vec<Column> {
     let (usual, more) = (|h| Column(h, true), |h| Column(h, false));
     let mut head = vec![
         usual(Text("Flight")),
@@ -134,8 +135,8 @@ fn head(judged: bool) -> Vec<Column> {
     ];
     head.extend(judged.then(|| usual(Text("Criteria"))));
     head.extend([
-        usual(Text("Alarms")),
-        usual(Text("Group")),
+        Column(Text("Alarms"), alarmed),
+        more(Text("Group")),
         more(Text("Kind")),
         more(Text("Against")),
         more(Text("Removed from")),
@@ -155,14 +156,14 @@ fn head(judged: bool) -> Vec<Column> {
 }
 
 fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: Option<&String>) -> Markup {
-    let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
-    let told: Vec<&str> = alarms.iter().filter(|a| a.gravity != Gravity::Grey).map(|a| a.code.as_str()).collect();
+    let told = told(row);
+    let codes: Vec<&str> = told.iter().map(|a| a.code.as_str()).collect();
     let group = row.lateness.as_ref().map_or("", |l| l.group.name.as_str());
     html! {
         tr data-effect=(lateness::result_word(&row.outcome, row.effect.as_ref()))
             data-data=(data_name(row))
             data-criteria=[row.criteria.as_ref().map(|c| criterion_word(c.overall).to_lowercase())]
-            data-alarm=[Some(told.join(" ")).filter(|t| !t.is_empty())]
+            data-alarm=[Some(codes.join(" ")).filter(|t| !t.is_empty())]
             data-reason=[reasons] {
             th scope="row" { (link(row, base)) }
             td { (row.flown_at.as_deref().map_or_else(|| "—".to_owned(), minute)) }
@@ -172,7 +173,7 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
             (lateness::effect_cells(row))
             td.w data-v=(data_rank(row)) { (data_word(row)) }
             @if judged { (criteria::cell(row)) }
-            td.w data-v=(told.len()) { (lateness::alarm_badges(&alarms)) }
+            td.w data-v=(told.len()) { (lateness::alarm_badges(&told)) }
             td { (or_dash(Some(group).filter(|g| !g.is_empty()))) }
             (lateness::kind_cells(row))
             td { (or_dash(row.delay_from.map(source_word))) }
@@ -189,6 +190,12 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
             td data-v=(row.bytes) { (number::bytes(row.bytes)) }
         }
     }
+}
+
+/// Alarms of a flight without the grey ones.
+fn told(row: &FlightRow) -> Vec<DelayAlarm> {
+    let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
+    alarms.into_iter().filter(|a| a.gravity != Gravity::Grey).collect()
 }
 
 /// Ends of the scale of the bars, s: of all flights, and beyond them the half of a usual bar.
@@ -216,7 +223,7 @@ fn lateness_cell(row: &FlightRow, scale: Scale) -> Markup {
     let place = |at: f64| if share(at).is_finite() { 100.0 * share(at).clamp(0.0, 1.0) } else { 0.0 };
     let (from, to) = (place(late.value - half), place(late.value + half));
     let style = format!("--a:{from:.0}%;--b:{:.0}%", to.max(from + 2.0));
-    html! { td.range style=(style) data-v=(late.value) { (number::with_uncertainty(&in_millis(&late))) } }
+    html! { td.range style=(style) data-v=(late.value) data-u=[expanded(&late)] { (number::with_uncertainty(&in_millis(&late))) } }
 }
 
 /// A link to the flight's page, its name isolated from the text around it. `base` leads to the folder of the campaign's page.
@@ -275,7 +282,7 @@ fn cell(value: Option<f64>, show: impl FnOnce(f64) -> String) -> Markup {
 
 fn estimate_cell(value: Option<&Estimate>) -> Markup {
     match value {
-        Some(value) => html! { td data-v=(value.value) { (number::with_uncertainty(value)) } },
+        Some(value) => html! { td data-v=(value.value) data-u=[expanded(value)] { (number::with_uncertainty(value)) } },
         None => html! { td.n { "—" } },
     }
 }
@@ -284,7 +291,7 @@ fn estimate_cell(value: Option<&Estimate>) -> Markup {
 fn millis_cell(value: Option<&Estimate>) -> Markup {
     match value {
         Some(value) => {
-            html! { td data-v=(value.value) { (number::with_uncertainty(&in_millis(value))) } }
+            html! { td data-v=(value.value) data-u=[expanded(value)] { (number::with_uncertainty(&in_millis(value))) } }
         }
         None => html! { td.n { "—" } },
     }

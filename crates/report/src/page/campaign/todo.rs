@@ -123,15 +123,20 @@ fn failed(flights: &[FlightRow]) -> Option<Action> {
 /// What to fly, by the most frequent advice.
 fn fly(flights: &[FlightRow]) -> Option<Action> {
     let mut by_advice: BTreeMap<&str, Vec<&FlightRow>> = BTreeMap::new();
-    for row in flights {
+    for row in flights.iter().filter(|row| row.duplicate_of.is_none()) {
         if let Some(fly) = row.lateness.as_ref().and_then(|l| l.advice.fly.as_deref()) {
             by_advice.entry(fly).or_default().push(row);
         }
     }
     let (advice, rows) = by_advice.into_iter().max_by_key(|(_, rows)| rows.len())?;
+    // Advice is also given where the lateness is known, and only whether it changes is not.
+    let lacks = rows.iter().filter(|r| r.lateness.as_ref().is_some_and(|l| l.lateness.is_none())).count();
     let what = html! {
-        (ended(advice)) " It would tell what " (number::counted(rows.len() as u64, "flight does not", "flights do not")) " tell: "
-        (names(&rows)) "."
+        (ended(advice)) " "
+        @if lacks > 0 { (number::counted(lacks as u64, "flight does not", "flights do not")) " tell how late the position is" }
+        @if lacks > 0 && lacks < rows.len() { "; " }
+        @if lacks < rows.len() { (number::counted((rows.len() - lacks) as u64, "flight does not", "flights do not")) " tell whether the delay changes" }
+        ": " (names(&rows)) "."
     };
     Some(Action { saves_m: 0.0, what })
 }
