@@ -138,6 +138,8 @@ fn words_numbers_and_reasons_filter_the_table() {
     let expected = [
         ("effect:failed", index.count(failed)),
         ("lateness%3E300", index.count(|row| late(row).is_some_and(|s| s > 0.3))),
+        ("delay%3E300", index.count(|row| late(row).is_some_and(|s| s > 0.3))),
+        ("receiver:vn-200", index.count(|row| row.lateness.as_ref().is_some_and(|l| l.group.name.contains("VN-200")))),
         ("lateness%3C100", index.count(|row| late(row).is_some_and(|s| s < 0.1))),
         ("criteria:fail", index.count(|row| row.criteria.as_ref().unwrap().overall == record::CriterionVerdict::Fail)),
         (
@@ -161,8 +163,12 @@ fn words_numbers_and_reasons_filter_the_table() {
     browser.open(&index.page(), "");
     browser.eval("document.querySelector('li[data-reason=two-delays-fit] a.show').click()");
     browser.until("location.hash.includes('reason')");
-    browser.until(&format!("document.querySelector('.controls output').textContent.includes('{} of')", expected[4].1));
-    assert_eq!(column(&mut browser, "Flight").len(), expected[4].1);
+    browser.until(&format!("document.querySelector('.controls output').textContent.includes('{} of')", expected[6].1));
+    assert_eq!(column(&mut browser, "Flight").len(), expected[6].1);
+    // A column that is not there filters nothing, and that is said.
+    browser.open(&index.page(), "#?q=foo%3E3");
+    assert_eq!(column(&mut browser, "Flight").len(), 200);
+    assert!(browser.text("document.querySelector('.controls output').textContent").contains("no column is called foo"));
     is_quiet(&mut browser);
 }
 
@@ -173,16 +179,16 @@ fn columns_are_chosen_and_the_csv_holds_what_is_shown_with_all_bits() {
     browser.open(&index.page(), "");
     let heads = "[...document.querySelectorAll('#flights thead th')].filter((h) => getComputedStyle(h).display !== 'none').map((h) => h.textContent.trim())";
     let usual = browser.eval(heads).as_array().unwrap().len();
-    assert_eq!(usual, 11);
+    assert_eq!(usual, 10);
     let toggle = |name: &str| {
         format!(
             "[...document.querySelectorAll('.controls details label')].find((l) => l.textContent.trim() === '{name}').querySelector('input').click()"
         )
     };
     browser.eval(&toggle("Format"));
-    browser.eval(&toggle("Group"));
+    browser.eval(&toggle("Data"));
     let shown: Vec<Value> = browser.eval(heads).as_array().unwrap().clone();
-    assert!(shown.len() == usual && shown.contains(&"Format".into()) && !shown.contains(&"Group".into()), "{shown:?}");
+    assert!(shown.len() == usual && shown.contains(&"Format".into()) && !shown.contains(&"Data".into()), "{shown:?}");
     assert!(browser.text("location.hash").contains("show="));
     browser.eval("{ const input = document.querySelector('.controls input[type=search]'); input.value = 'effect:harmed'; input.dispatchEvent(new Event('input')); }");
     browser.eval(
@@ -193,16 +199,17 @@ fn columns_are_chosen_and_the_csv_holds_what_is_shown_with_all_bits() {
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 1 + index.count(harmed), "{csv}");
     assert!(
-        lines[0].starts_with("Flight,Flown,Effect,Lateness (s),Removed (s)") && lines[0].ends_with(",Format"),
+        lines[0].starts_with("Flight,Flown,Effect,Lateness (s),U of Lateness (s),Removed (s)") && lines[0].ends_with(",Format"),
         "{}",
         lines[0]
     );
     for row in index.record.flights.iter().filter(|row| harmed(row)) {
         let line = lines.iter().find(|line| line.starts_with(&row.flight)).unwrap();
-        let late = row.lateness.as_ref().unwrap().lateness_s().unwrap().value;
+        let late = row.lateness.as_ref().unwrap().lateness_s().unwrap();
         let cells: Vec<&str> = line.split(',').collect();
-        assert_eq!(cells[3].parse::<f64>().unwrap(), late, "every bit");
-        assert!(cells[2].contains("HARMED") && cells[4] == "0.2", "{line}");
+        assert_eq!(cells[3].parse::<f64>().unwrap(), late.value, "every bit");
+        assert_eq!(cells[4].parse::<f64>().unwrap(), 2.0 * late.standard_uncertainty.unwrap(), "k = 2");
+        assert!(cells[2] == "harmed" && cells[5] == "0.2", "{line}");
     }
 }
 

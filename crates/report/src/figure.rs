@@ -19,7 +19,7 @@ pub(crate) use bench::{BenchFigures, ChannelFigures, KINDS, families, letter, ma
 pub(crate) use campaign::{effects, valley};
 pub(crate) use card::{Forest, ForestRow, LeftOut, card_forest};
 pub(crate) use csv::csv;
-pub(crate) use flight::flight_figures;
+pub(crate) use flight::{THUMBNAIL, flight_figures, thumbnail};
 pub(crate) use flight_delay::delay_over_time;
 pub(crate) use forest::{forest, trend};
 pub(crate) use monte_carlo::group_figure;

@@ -369,6 +369,41 @@ fn track(track: &LeadTrack, replay: &ReplayRecord) -> Option<Figure> {
     })
 }
 
+/// Width and height of the track beside a page's head, CSS pixels.
+pub(crate) const THUMBNAIL: (f64, f64) = (240.0, 150.0);
+/// Most points of it.
+const MOST_THUMBNAIL: usize = 600;
+
+/// The track in small: the number of each colour and its path, in CSS pixels, equal scales. Empty if nothing can be drawn.
+pub(crate) fn thumbnail(track: &LeadTrack) -> Vec<(u8, String)> {
+    let most = track.lead_m.iter().fold(0.0, |most: f64, lead| most.max(lead.abs()));
+    let (lines, _) = coloured(track, most);
+    let (Some(east), Some(north)) = (extent(&lines, |p| p.0), extent(&lines, |p| p.1)) else { return vec![] };
+    let scale = ((THUMBNAIL.0 - 8.0) / (east.1 - east.0)).min((THUMBNAIL.1 - 8.0) / (north.1 - north.0));
+    if !scale.is_finite() {
+        return vec![];
+    }
+    let middle = |(low, high): (f64, f64)| (low + high) / 2.0;
+    let place = |p: &(f64, f64)| {
+        let (x, y) =
+            (THUMBNAIL.0 / 2.0 + scale * (p.0 - middle(east)), THUMBNAIL.1 / 2.0 - scale * (p.1 - middle(north)));
+        (x.round() as i32, y.round() as i32)
+    };
+    let step = track.east_m.len().div_ceil(MOST_THUMBNAIL).max(1);
+    let thin = |piece: &Vec<(f64, f64)>| {
+        let last = piece.len().saturating_sub(1);
+        let kept = piece.iter().enumerate().filter(|(k, _)| k % step == 0 || *k == last);
+        let mut points: Vec<(i32, i32)> = kept.map(|(_, p)| place(p)).collect();
+        points.dedup();
+        crate::draw::curve(&points)
+    };
+    let path = |line: &Line| match line.pen {
+        Pen::Lead(colour) => Some((colour, line.pieces.iter().map(thin).collect())),
+        _ => None,
+    };
+    lines.iter().filter_map(path).collect()
+}
+
 /// The track in pieces of one colour each, and the gaps between its strokes; how many points cannot be drawn.
 fn coloured(track: &LeadTrack, most: f64) -> (Vec<Line>, usize) {
     let step = most / f64::from(LEADS);

@@ -5,7 +5,7 @@ use super::{
     Needs, anomalies, contents, criteria, document, estimate, explorer, figure, flight_delay, health, lateness,
     maybe_estimate, method, provenance, reason, rows, score, sweep, table, test_card,
 };
-use crate::figure::{Figure, flight_figures, timeline};
+use crate::figure::{Figure, THUMBNAIL, flight_figures, thumbnail, timeline};
 use crate::number;
 use crate::site::Site;
 use crate::text::{href, shown, shown_block};
@@ -76,6 +76,7 @@ fn body(page: &FlightPage, explorer: Option<&Markup>, figures: &Figures, anomali
     html! {
         (campaign_links(page))
         main #main {
+            @if let Some(lead) = record.drawable().and_then(|r| r.lead.as_ref()) { (track_link(&lead.track)) }
             h1 { bdi { (shown(page.name)) } }
             (facts(record))
             (test_card::flight_line(record.test.as_ref()))
@@ -110,6 +111,21 @@ fn campaign_links(page: &FlightPage) -> Markup {
             @for (n, (sign, rel)) in [("← ", "prev"), ("→ ", "next")].into_iter().enumerate() {
                 @if let Some((name, path)) = page.neighbours[n] {
                     a rel=(rel) href=(href(path)) { (sign) bdi { (shown(name)) } }
+                }
+            }
+        }
+    }
+}
+
+/// The ground track in small, coloured by lead.
+fn track_link(track: &record::LeadTrack) -> Markup {
+    let paths = thumbnail(track);
+    let (width, height) = THUMBNAIL;
+    html! {
+        @if !paths.is_empty() {
+            a.thumb href="#evidence" {
+                svg viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label="Ground track, coloured by lead; to the evidence" {
+                    @for (colour, d) in &paths { path style={ "stroke:var(--lead-" (colour) ")" } d=(d) {} }
                 }
             }
         }

@@ -1,15 +1,15 @@
 //! Which delay was removed and why, and what the others would have done.
 
 use super::Head::{Number, Text};
-use super::{badge, estimate, finding, maybe, maybe_estimate, or_why, plain, rows, table};
+use super::{badge, estimate, expanded, finding, maybe, maybe_estimate, or_why, plain, rows, table};
 use crate::figure::{Figure, objective_figure, sweep_figure};
 use crate::number;
 use crate::text::{ended, shown};
 use crate::verdict::{in_millis, source_phrase};
 use maud::{Markup, html};
 use record::{
-    DelayCandidate, DelayChoice, DelaySource, DelaySweep, FlightRecord, ReplayRecord, SweepMethod, SweepOptimum,
-    SweepScore,
+    DelayCandidate, DelayChoice, DelaySource, DelaySweep, Estimate, FlightRecord, ReplayRecord, SweepMethod,
+    SweepOptimum, SweepScore,
 };
 
 /// Figures of the section, not numbered yet.
@@ -73,6 +73,30 @@ fn circularity(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> &'static str
     }
 }
 
+/// Ends of the bars of the candidates, s: one scale for all, so that the table is a forest.
+struct Scale(Option<(f64, f64)>);
+
+impl Scale {
+    fn of(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Scale {
+        let best = sweep.and_then(|s| s.optimum.found()).map(|best| &best.delay_s);
+        let all = choice.candidates.iter().filter_map(|c| c.delay_s.found()).chain(best);
+        let ends = all.flat_map(|e| [-1.0, 1.0].map(|side| e.value + side * expanded(e).unwrap_or(0.0)));
+        let ends: Vec<f64> = ends.filter(|end| end.is_finite()).collect();
+        let (low, high) = (ends.iter().copied().reduce(f64::min), ends.iter().copied().reduce(f64::max));
+        Scale(low.zip(high).filter(|(low, high)| high > low))
+    }
+
+    fn cell(&self, delay: Option<&Estimate>) -> Markup {
+        let place = |at: f64| self.0.map_or(0.0, |(low, high)| (100.0 * (at - low) / (high - low)).clamp(0.0, 100.0));
+        let style = delay.filter(|_| self.0.is_some()).map(|e| {
+            let half = expanded(e).unwrap_or(0.0);
+            let (from, to) = (place(e.value - half), place(e.value + half));
+            format!("--a:{:.0}%;--b:{:.0}%", from.min(98.0), to.max(from + 2.0))
+        });
+        html! { td.n.range style=[style] { (maybe_estimate(delay.map(in_millis).as_ref())) } }
+    }
+}
+
 fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
     let score = match sweep.map(|s| &s.score) {
         Some(SweepScore::ErrorAgainst(_)) => "Error with it, 2‑D rms (m)",
@@ -85,11 +109,12 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
         Number(score),
         Text("Where it comes from, or why there is none"),
     ];
+    let scale = Scale::of(choice, sweep);
     let row = |c: &DelayCandidate| {
         html! {
             tr {
                 th scope="row" { (source_phrase(c.source)) @if c.source == choice.used { " " (badge("off", "●", "removed")) } }
-                td.n { (maybe_estimate(c.delay_s.found().map(in_millis).as_ref())) }
+                (scale.cell(c.delay_s.found()))
                 td.n { (maybe(choice.e_n(c.source), agreement)) }
                 td.n { (maybe_estimate(sweep.and_then(|s| s.score_at(c.source)).map(|p| &p.rms_m))) }
                 td.any { (finding(&c.delay_s, |_| html! { (shown(&c.words)) })) }
@@ -100,7 +125,7 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
     html! {
         (table("Delays that could be removed; U with k = 2", &head, html! {
             (rows(&choice.candidates, 10, head.len(), row))
-            @if let Some(best) = best { (optimum_row(best, choice)) }
+            @if let Some(best) = best { (optimum_row(best, choice, &scale)) }
         }))
         p.note {
             "E_n = (Td − Td removed)/√(U² + U²) (ISO 13528): up to 1 in size they agree. An uncertainty that nobody states \
@@ -110,11 +135,11 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
     }
 }
 
-fn optimum_row(sweep: &DelaySweep, choice: &DelayChoice) -> Markup {
+fn optimum_row(sweep: &DelaySweep, choice: &DelayChoice, scale: &Scale) -> Markup {
     html! {
         tr {
             th scope="row" { (source_phrase(DelaySource::Sweep)) }
-            td.n { (maybe_estimate(sweep.optimum.found().map(|o| in_millis(&o.delay_s)).as_ref())) }
+            (scale.cell(sweep.optimum.found().map(|o| &o.delay_s)))
             td.n { (maybe(choice.e_n(DelaySource::Sweep), agreement)) }
             td.n { (maybe_estimate(sweep.score_at(DelaySource::Sweep).map(|p| &p.rms_m))) }
             td.any { (finding(&sweep.optimum, |o| html! { (method(o)) })) }
