@@ -199,7 +199,8 @@ fn columns_are_chosen_and_the_csv_holds_what_is_shown_with_all_bits() {
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 1 + index.count(harmed), "{csv}");
     assert!(
-        lines[0].starts_with("Flight,Flown,Effect,Lateness (s),U of Lateness (s),Removed (s)") && lines[0].ends_with(",Format"),
+        lines[0].starts_with("Flight,Flown,Effect,Lateness (s),U of Lateness (s),Removed (s)")
+            && lines[0].ends_with(",Format"),
         "{}",
         lines[0]
     );

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 
 /// The rig that is used when none is given: `pipelines/bench.rig.toml`, compiled in.
-pub const DEFAULT_RIG: &str = include_str!("../../../pipelines/bench.rig.toml");
+pub const DEFAULT_RIG: &str = pipelines::DEFAULT_RIG;
 
 /// A rig file is wrong, and where.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -26,10 +26,10 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 
 /// The pipeline that is used when none is given: `pipelines/default.toml`, compiled in.
-pub const DEFAULT_PIPELINE: &str = include_str!("../../../pipelines/default.toml");
+pub const DEFAULT_PIPELINE: &str = pipelines::DEFAULT_PIPELINE;
 
 /// The pipeline of the simulated campaign: `pipelines/demo.toml`, compiled in.
-pub const DEMO_PIPELINE: &str = include_str!("../../../pipelines/demo.toml");
+pub const DEMO_PIPELINE: &str = pipelines::DEMO_PIPELINE;
 
 /// Longest delay that is taken for one, s, as far as one is searched; a larger number is a delay in milliseconds.
 const LONGEST_DELAY_S: f64 = 30.0;

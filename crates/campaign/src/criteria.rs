@@ -30,10 +30,10 @@ use serde::Serialize;
 use std::path::Path;
 
 /// The commented example, compiled in: `pipelines/criteria.toml`.
-pub const EXAMPLE_CRITERIA: &str = include_str!("../../../pipelines/criteria.toml");
+pub const EXAMPLE_CRITERIA: &str = pipelines::EXAMPLE_CRITERIA;
 
 /// The criteria of the simulated campaign, compiled in: `pipelines/demo.criteria.toml`.
-pub const DEMO_CRITERIA: &str = include_str!("../../../pipelines/demo.criteria.toml");
+pub const DEMO_CRITERIA: &str = pipelines::DEMO_CRITERIA;
 
 /// Criteria, checked and complete.
 #[derive(Debug, Clone, PartialEq)]

@@ -14,46 +14,11 @@ use settings::{Refused, SettingsFile};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The maps that come with flightlag.
 /// The commented example of a channel map: it uses every key.
-pub const EXAMPLE_MAP: &str = include_str!("../../../pipelines/channel-map.example.toml");
+pub const EXAMPLE_MAP: &str = pipelines::EXAMPLE_MAP;
 
-const SHIPPED: &[(&str, &str)] = &[
-    ("ardupilot.toml", include_str!("../../../pipelines/channel-maps/ardupilot.toml")),
-    ("bench-wide-csv.toml", include_str!("../../../pipelines/channel-maps/bench-wide-csv.toml")),
-    ("encoder-csv.toml", include_str!("../../../pipelines/channel-maps/encoder-csv.toml")),
-    ("encoder-ros.toml", include_str!("../../../pipelines/channel-maps/encoder-ros.toml")),
-    ("flightlag-bench.toml", include_str!("../../../pipelines/channel-maps/flightlag-bench.toml")),
-    ("flightlag-bench-clocks.toml", include_str!("../../../pipelines/channel-maps/flightlag-bench-clocks.toml")),
-    ("flightlag-demo.toml", include_str!("../../../pipelines/channel-maps/flightlag-demo.toml")),
-    ("flightlag-demo-wide.toml", include_str!("../../../pipelines/channel-maps/flightlag-demo-wide.toml")),
-    ("flysight-1.toml", include_str!("../../../pipelines/channel-maps/flysight-1.toml")),
-    ("flysight-2.toml", include_str!("../../../pipelines/channel-maps/flysight-2.toml")),
-    ("garmin-g1000.toml", include_str!("../../../pipelines/channel-maps/garmin-g1000.toml")),
-    ("gps-fix.toml", include_str!("../../../pipelines/channel-maps/gps-fix.toml")),
-    ("inertial-nav.toml", include_str!("../../../pipelines/channel-maps/inertial-nav.toml")),
-    ("inertial-nav-gps.toml", include_str!("../../../pipelines/channel-maps/inertial-nav-gps.toml")),
-    ("mavlink-tlog.toml", include_str!("../../../pipelines/channel-maps/mavlink-tlog.toml")),
-    ("mavros.toml", include_str!("../../../pipelines/channel-maps/mavros.toml")),
-    ("navsatfix-twist.toml", include_str!("../../../pipelines/channel-maps/navsatfix-twist.toml")),
-    ("nmea.toml", include_str!("../../../pipelines/channel-maps/nmea.toml")),
-    ("rtklib-pos.toml", include_str!("../../../pipelines/channel-maps/rtklib-pos.toml")),
-    ("novatel-ascii.toml", include_str!("../../../pipelines/channel-maps/novatel-ascii.toml")),
-    ("novatel-ros.toml", include_str!("../../../pipelines/channel-maps/novatel-ros.toml")),
-    ("oxts-csv.toml", include_str!("../../../pipelines/channel-maps/oxts-csv.toml")),
-    ("px4-ecl-replay.toml", include_str!("../../../pipelines/channel-maps/px4-ecl-replay.toml")),
-    ("px4-ros2.toml", include_str!("../../../pipelines/channel-maps/px4-ros2.toml")),
-    ("px4-sdlog2.toml", include_str!("../../../pipelines/channel-maps/px4-sdlog2.toml")),
-    ("px4-ulog.toml", include_str!("../../../pipelines/channel-maps/px4-ulog.toml")),
-    ("septentrio-ros.toml", include_str!("../../../pipelines/channel-maps/septentrio-ros.toml")),
-    ("ublox-ros.toml", include_str!("../../../pipelines/channel-maps/ublox-ros.toml")),
-    ("ubx.toml", include_str!("../../../pipelines/channel-maps/ubx.toml")),
-    ("vectornav-csv.toml", include_str!("../../../pipelines/channel-maps/vectornav-csv.toml")),
-    ("wide-csv.toml", include_str!("../../../pipelines/channel-maps/wide-csv.toml")),
-    ("xsens-mt-manager.toml", include_str!("../../../pipelines/channel-maps/xsens-mt-manager.toml")),
-    ("xsens-mti.toml", include_str!("../../../pipelines/channel-maps/xsens-mti.toml")),
-    ("xsens-mtig.toml", include_str!("../../../pipelines/channel-maps/xsens-mtig.toml")),
-];
+/// The maps that come with flightlag.
+const SHIPPED: &[(&str, &str)] = pipelines::CHANNEL_MAPS;
 
 /// Which topics and fields of a kind of log become which channels.
 ///
