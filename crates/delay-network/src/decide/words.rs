@@ -54,21 +54,10 @@ pub(crate) fn why(flight: &FlightSources) -> String {
     }
 }
 
-/// `position is 147.1 ms later than velocity.ekf`.
-pub(crate) fn relative(relative: &RelativeLateness) -> String {
-    let side = if relative.delay_s.value < 0.0 { "earlier" } else { "later" };
-    format!("position is {} ms {side} than {}", ms(relative.delay_s.value.abs()), relative.velocity)
-}
-
 /// Row 8, and its use of a card or a stated number.
 pub(crate) fn not_told(flight: &FlightSources, evidence: &Evidence, source: RemovedFrom) -> String {
     let known = match &flight.relative {
-        Some(pair) => {
-            let sentence = relative(pair);
-            let mut letters = sentence.chars();
-            let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
-            format!("{first}{}; how late both are is not known: {}", letters.as_str(), why(flight))
-        }
+        Some(pair) => format!("How late position and {} are is not known: {}", pair.velocity, why(flight)),
         None => format!("It is not known how late the position is: {}", why(flight)),
     };
     let cluster = match evidence.cluster_unknown {

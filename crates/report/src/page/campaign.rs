@@ -33,6 +33,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const MOST_PATHS: usize = 500;
 /// Most flights named as outside their limits.
 const MOST_OUTSIDE: usize = 20;
+/// Flights up to which the forest leaves room below it.
+const LOW_FOREST: usize = 30;
 /// Most groups whose agreement is shown; the record holds all.
 const MOST_GROUPS: usize = 6;
 
@@ -68,10 +70,14 @@ impl Figures<'_> {
         self.of_flights.iter().chain(self.of_groups.iter().filter_map(|(_, _, figure)| figure.as_ref()))
     }
 
-    /// The forest, which is as high as it has flights, beside the others.
-    fn columns(&self) -> impl Iterator<Item = &[Figure]> {
-        let is_forest = self.of_flights.first().is_some_and(|figure| figure.id == "lateness");
-        let (left, right) = self.of_flights.split_at(usize::from(is_forest));
+    /// The forest, which is as high as it has flights, beside the others; a low one with the effects below it.
+    fn columns(&self, flights: usize) -> impl Iterator<Item = Vec<&Figure>> {
+        let is_left = |figure: &&Figure| match figure.id.as_str() {
+            "lateness" => true,
+            "effect" => flights <= LOW_FOREST,
+            _ => false,
+        };
+        let (left, right): (Vec<&Figure>, Vec<&Figure>) = self.of_flights.iter().partition(is_left);
         [left, right].into_iter().filter(|column| !column.is_empty())
     }
 
@@ -124,7 +130,7 @@ fn body(record: &CampaignRecord, figures: &Figures<'_>, excerpts: &[TrackExcerpt
             (todo::todo(record))
             p { a href="since-last-run.html" { "What changed since the last run" } }
             div.side-by-side {
-                @for column in figures.columns() { div { @for of in column { (figure(of)) } } }
+                @for column in figures.columns(record.flights.len()) { div { @for of in column { (figure(of)) } } }
             }
             (attention::attention(record))
             (flights::section(record))
@@ -152,7 +158,9 @@ fn answer(record: &CampaignRecord) -> Markup {
     html! {
         p.answer {
             @if t.helped + t.harmed > 0 { b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) } }
-            @else { b { (number::counted(t.flights, "flight", "flights")) ", nothing removed that helped or harmed" } }
+            @else if record.flights.iter().any(|r| r.delay_s.is_some()) {
+                b { (number::counted(t.flights, "flight", "flights")) ", no removal helped or harmed" }
+            } @else { b { (number::counted(t.flights, "flight", "flights")) ", nothing was removed" } }
             @if t.harmed > 0 { ", " (badge("bad", "✗", "HARMED")) " " b { (number::count(t.harmed)) } }
             @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
             @for (count, words) in [
