@@ -129,6 +129,9 @@ pub(crate) enum Command {
     /// Lists what criteria can ask of a flight, or checks a criteria file.
     #[command(after_help = EXIT_CODES)]
     Criteria(CriteriaArguments),
+    /// Explains a code of a notice or an alarm, or lists all codes.
+    #[command(after_help = EXIT_CODES)]
+    Explain(ExplainArguments),
     /// Lists the channel maps that come with flightlag, or prints one.
     Maps(MapsArguments),
     /// Prints the JSON schema of a settings file, or of what programs read.
@@ -533,6 +536,13 @@ pub(crate) struct CriteriaArguments {
     /// Prints the commented example, as a start for one of your own.
     #[arg(long, conflicts_with = "file")]
     pub(crate) example: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExplainArguments {
+    /// The code, as `tail-cut`. Without it all are listed.
+    #[arg(value_name = "CODE")]
+    pub(crate) code: Option<String>,
 }
 
 #[derive(Debug, Args)]

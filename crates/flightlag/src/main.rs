@@ -8,6 +8,7 @@ mod compensator;
 mod criteria;
 mod delay_command;
 mod demo;
+mod explain;
 mod export;
 mod failure;
 mod findings;
@@ -48,6 +49,7 @@ fn run(command: Command) -> Result<End, Failure> {
         Command::Demo(arguments) => demo::run(&arguments, &stop),
         Command::Compensator(arguments) => compensator::run(&arguments),
         Command::Criteria(arguments) => criteria::run(&arguments),
+        Command::Explain(arguments) => explain::run(&arguments),
         Command::Maps(arguments) => maps::run(&arguments, &stop),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Completions(arguments) => manual::completions(&arguments),

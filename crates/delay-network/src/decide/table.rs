@@ -168,7 +168,9 @@ impl Table<'_> {
             (None, Some(_)) => {
                 "The number stated in the pipeline is removed. What was measured does not contradict it."
             }
-            (None, None) => "The number stated in the pipeline is removed. No pair of channels of this flight tests it.",
+            (None, None) => {
+                "The number stated in the pipeline is removed. No pair of channels of this flight tests it."
+            }
         };
         Choice { contradicted, ..Choice::new(0, RemovedFrom::Stated, Some(stated), text.to_owned()) }
     }
