@@ -94,6 +94,12 @@ impl<'a> SettingsFile<'a> {
         Refused
     }
 
+    /// Complains about a line, from 1.
+    pub fn reject_line(&self, line: usize, what: impl Into<String>) -> Refused {
+        self.complaints.borrow_mut().push(Complaint { line: Some(line), what: what.into() });
+        Refused
+    }
+
     /// Complains about the file as a whole.
     pub fn reject_whole(&self, what: impl Into<String>) -> Refused {
         self.complaints.borrow_mut().push(Complaint { line: None, what: what.into() });

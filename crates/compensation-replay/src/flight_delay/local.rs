@@ -62,9 +62,14 @@ pub(crate) fn prepare(
         }
         let rows = channel.update_rows().len();
         if rows < LEAST_SAMPLES {
-            return Err(format!(
-                "{name} has {rows} measurement(s); at least {LEAST_SAMPLES} are needed: log a longer flight"
-            ));
+            let of_position = matches!(channel.quantity, Quantity::PositionGeodetic | Quantity::PositionNed);
+            let what = match (of_position, rows) {
+                (true, 1) => "fix",
+                (true, _) => "fixes",
+                (false, 1) => "measurement",
+                (false, _) => "measurements",
+            };
+            return Err(format!("{name} has {rows} {what}; at least {LEAST_SAMPLES} are needed: log a longer flight"));
         }
         if channel.quantity != Quantity::Attitude && channel.present.iter().take(2).any(|present| !present) {
             return Err(format!("{name} lacks one of its first two components"));
