@@ -21,6 +21,13 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
                 reasons.join(", "),
             )
         }
+        None if never_fixed(flight).is_some() => {
+            let (fix, rows) = never_fixed(flight).unwrap_or_default();
+            format!(
+                "no position: the receiver never had a fix: {fix} is 0 in all {rows} rows, so no row has a latitude and a \
+                 longitude. {held}"
+            )
+        }
         None => {
             format!(
                 "no position channel: the pipeline asks for {}, and the log has none of them. {held}",
@@ -28,6 +35,13 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
             )
         }
     }
+}
+
+/// A channel with the quality of the fix that is 0 throughout, and its number of rows.
+fn never_fixed(flight: &Flight) -> Option<(&str, usize)> {
+    let (name, channel) = flight.channels.iter().find(|(name, _)| name.starts_with("fix."))?;
+    let values = channel.series.components().first()?;
+    (!values.is_empty() && values.iter().all(|value| *value == 0.0)).then_some((name.as_str(), values.len()))
 }
 
 fn held(flight: &Flight) -> String {
