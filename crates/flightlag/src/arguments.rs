@@ -8,7 +8,8 @@ Exit codes:
   0    all well
   1    failed
   2    wrong command, pipeline, criteria, rig file, sensor card or channel map
-  3    finished, but some flights or records failed, lost data, have a delay that changes, or contradict their rig file
+  3    finished, but some flights or records failed, lost data, have a delay that changes or a reference file that cannot
+       be used, or contradict their rig file
   4    finished, but a flight fails a criterion or was harmed (whether or not 3 holds too)
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
@@ -208,7 +209,7 @@ pub(crate) struct DelayArguments {
     #[arg(long, value_name = "RULE", value_parser = clock_rule)]
     pub(crate) reference_clock: Option<campaign::ClockRule>,
     /// Number of threads. Default: all cores, or SLURM_CPUS_PER_TASK.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Show no progress.
     #[arg(long)]
@@ -248,9 +249,12 @@ pub(crate) fn clock_rule_name(rule: campaign::ClockRule) -> &'static str {
     }
 }
 
-/// A delay as far as one is searched.
+/// A delay that a compensator can remove, as far as one is searched.
 fn delay_s(text: &str) -> Result<f64, String> {
-    settings::seconds(text, -5.0, 30.0)
+    match settings::seconds(text, 0.0, 30.0)? {
+        0.0 => Err("must be above 0 s: a compensator removes a positive delay".to_owned()),
+        delay_s => Ok(delay_s),
+    }
 }
 
 fn positive_s(text: &str) -> Result<f64, String> {
@@ -304,7 +308,7 @@ pub(crate) struct OrderArguments {
 #[derive(Debug, Args)]
 pub(crate) struct DeskArguments {
     /// Threads; all cores if not given, or what SLURM_CPUS_PER_TASK says.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Events as JSON, one a line, on standard output; nothing else is written there.
     #[arg(long)]
@@ -325,7 +329,7 @@ pub(crate) enum Step {
         #[arg(long, value_name = "FILE")]
         manifest: Option<PathBuf>,
         /// Most shards. Fewer if there is less to do.
-        #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+        #[arg(long, value_name = "N", default_value_t = 1000, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
         max_shards: u32,
         #[command(flatten)]
         desk: DeskArguments,
@@ -336,7 +340,7 @@ pub(crate) enum Step {
         #[arg(long, value_name = "FILE")]
         manifest: PathBuf,
         /// Which shard, from 0.
-        #[arg(long, value_name = "I")]
+        #[arg(long, value_name = "I", allow_negative_numbers = true)]
         shard: u32,
         #[command(flatten)]
         desk: DeskArguments,
@@ -442,7 +446,7 @@ pub(crate) struct ExportArguments {
     #[arg(long, conflicts_with_all = ["topics", "map", "maps"])]
     pub(crate) track: bool,
     /// Write at most this many points per second; 0 writes every row. Without it: 5 for maps, every row for CSV and MCAP.
-    #[arg(long, value_name = "HZ", requires = "track")]
+    #[arg(long, value_name = "HZ", requires = "track", allow_negative_numbers = true)]
     pub(crate) rate: Option<f64>,
     /// All topics with all fields as they stand in the log, instead of the channels that a map binds.
     #[arg(long)]
@@ -487,7 +491,7 @@ pub(crate) struct DemoArguments {
     #[arg(long)]
     pub(crate) run: bool,
     /// Seed of everything random in flights and records.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) desk: DeskArguments,
