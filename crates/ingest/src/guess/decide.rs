@@ -206,17 +206,7 @@ fn fit(
     let found = axes(place.set, motion.set, windows)?;
     let (first, second) = (&motion.set.first, &motion.set.second);
     let speed = unit_of_speed(motion, found.scale)?;
-    let evidence = format!(
-        "{} windows of {:.1} s: it agrees with the motion of {} to {:.3}, velocity over displacement is {:.3} ({speed} would be {:.3}), \
-         the position is {:.1} s late in this comparison",
-        windows.moved.len(),
-        windows.length_s,
-        place.set.first.path,
-        found.agreement,
-        found.scale,
-        1.0 / speed.to_si(1.0),
-        windows.late_s
-    );
+    let evidence = evidence(windows, &place.set.first.path, &found, speed);
     let (height, vertical, notes) = verticals(place, motion.set, windows, (angle, speed));
     let is_unnamed = |first: &Named| !says_axes(first);
     // Axes that only agree with each other: x is called north.
@@ -258,6 +248,20 @@ fn fit(
         why: whys,
     };
     Ok((found.agreement, place, motion))
+}
+
+/// Why a velocity is taken as it is.
+fn evidence(windows: &Windows, place: &str, found: &Match, speed: Unit) -> String {
+    format!(
+        "{} windows of {:.1} s: it agrees with the motion of {place} to {:.3}, velocity over displacement is {:.3} ({speed} would \
+         be {:.3}), the position is {:.1} s late in this comparison",
+        windows.moved.len(),
+        windows.length_s,
+        found.agreement,
+        found.scale,
+        1.0 / speed.to_si(1.0),
+        windows.late_s
+    )
 }
 
 /// The way in which the axes stand: as the names say where they say it, else the one that fits by far best.

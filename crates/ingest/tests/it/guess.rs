@@ -335,8 +335,13 @@ fn a_header_that_says_nothing_is_no_obstacle_to_a_suggestion() {
 
 #[test]
 fn columns_without_names_may_be_east_first_and_behind_a_counter() {
-    let text = table("", |t, [a, b, h], [n, e, _]| {
-        format!("{:.0},{t:.1},{:.4},{:.4},{:.9},{:.9},{h:.3},12.5", 10.0 * t, 3.6 * e, 3.6 * n, deg(b), deg(a))
+    // Far from the equator, where latitude and longitude cannot be exchanged.
+    let text = table("", |t, _, [n, e, _]| {
+        let [north, east, up] = truth(t - LATE_S).0;
+        let latitude = 0.82 + north / 6_369_700.0;
+        let longitude = 0.15 + east / (6_389_600.0 * latitude.cos());
+        let (lat, lon) = (deg(latitude), deg(longitude));
+        format!("{:.0},{t:.1},{:.4},{:.4},{lon:.9},{lat:.9},{up:.3},12.5", 10.0 * t, 3.6 * e, 3.6 * n)
     });
     let (map, _) = suggested(&text);
     for line in [
