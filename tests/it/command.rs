@@ -77,6 +77,8 @@ fn a_slow_loop_is_promised_nothing_above_half_of_its_rate() {
     let arguments = ["compensator", "pade-1-1-tustin", "--delay-s", "0.2", "--step-s", "1", "--out", out];
     let said = text(&run(arguments, 0).stdout);
     assert!(said.contains("removes nine tenths of the error up to 0.50 Hz, half the rate of the loop"), "{said}");
+    assert!(said.starts_with("wrote "), "{said}");
+    assert!(text(&run(arguments, 0).stdout).starts_with("replaced "), "a file that was there is not gone in silence");
 }
 
 #[test]

@@ -93,18 +93,22 @@ pub(crate) fn measure(
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
     lateness.alarms.extend(lateness.reference_file.as_ref().and_then(unused_reference));
-    // What was assumed of a table is said with the answer.
-    let assumed = flight.notices.iter().filter(|n| ASSUMED.contains(&n.code.as_str()));
-    lateness.alarms.extend(assumed.map(|n| DelayAlarm {
+    lateness.alarms.extend(assumed(flight));
+    lateness.alarms.sort();
+    measured_with(lateness, Some(delays), network, notices)
+}
+
+/// What was assumed of a table is said with the answer.
+fn assumed(flight: &Flight) -> impl Iterator<Item = DelayAlarm> {
+    let notices = flight.notices.iter().filter(|n| ASSUMED.contains(&n.code.as_str()));
+    notices.map(|n| DelayAlarm {
         gravity: Gravity::Amber,
         code: n.code.clone(),
         text: match n.place.starts_with(OF_REFERENCE_FILE) {
             true => format!("{OF_REFERENCE_FILE}: {}", n.text),
             false => n.text.clone(),
         },
-    }));
-    lateness.alarms.sort();
-    measured_with(lateness, Some(delays), network, notices)
+    })
 }
 
 /// An alarm where a reference file was asked for and cannot be used.

@@ -83,4 +83,29 @@ mod tests {
              channel is there"
         );
     }
+
+    #[test]
+    fn a_receiver_whose_fix_is_0_throughout_is_named() {
+        let channel = |values: Vec<f64>| {
+            let stamps = (0..values.len() as i64).map(flight::Stamp).collect();
+            let timeline = flight::Timeline::new(flight::StampKind::Measured, flight::Clock::Elapsed, stamps).unwrap();
+            let series = flight::Series::new(timeline, vec![values]).unwrap();
+            flight::Channel {
+                quantity: flight::Quantity::Scalar,
+                present: vec![true],
+                other_stamps: vec![],
+                held: vec![false; series.timeline().stamps().len()],
+                source: flight::ChannelSource { topic: "GGA".into(), type_name: String::new(), fields: vec![] },
+                series,
+            }
+        };
+        let said = |values| {
+            let mut flight = Flight::default();
+            flight.channels.insert("fix.gps".to_owned(), channel(values));
+            no_position(&flight, &binding(serde_json::json!([])), &["position.gps".to_owned()])
+        };
+        let none = said(vec![0.0; 3]);
+        assert!(none.starts_with("no position: the receiver never had a fix: fix.gps is 0 in all 3 rows"), "{none}");
+        assert!(said(vec![0.0, 1.0]).starts_with("no position channel"));
+    }
 }

@@ -205,6 +205,13 @@ mod tests {
         }
     }
 
+    /// A group of logs that name no autopilot.
+    fn group_in_seconds(name: &str, lateness_s: f64, datum: &str) -> GroupLine {
+        let set =
+            vec![LineSetting { name: "position_s".into(), value: lateness_s, unit: "s".into(), note: String::new() }];
+        GroupLine { set, ..group(name, lateness_s, datum, "") }
+    }
+
     #[test]
     fn parameters_are_in_the_autopilots_own_format() {
         let ardupilot = parameters(&[group("u-blox", 0.201, "imu", "GPS1_DELAY_MS")]).unwrap();
@@ -222,6 +229,9 @@ mod tests {
                 vec![group("a", 0.2, "imu", "GPS1_DELAY_MS"), group("b", 0.1, "imu", "GPS1_DELAY_MS")],
                 "are of 2 receivers",
             ),
+            // Against a reference no parameter of an autopilot is known.
+            (vec![group_in_seconds("a", 0.25, "reference")], "the delay is known against a reference alone"),
+            (vec![group_in_seconds("a", 0.25, "imu")], "these logs name no autopilot (ArduPilot or PX4)"),
             (vec![], "no flight was measured"),
         ] {
             let refused = parameters(&groups).unwrap_err();

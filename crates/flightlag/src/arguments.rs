@@ -220,13 +220,14 @@ pub(crate) struct DelayArguments {
 #[derive(Debug, Args)]
 pub(crate) struct AircraftArguments {
     /// Also write compensators as C to this folder, with delay and interval: the exact form and the paper's (Padé [1/1]), each a
-    /// header and a C file, for each group of flights whose lateness is known.
+    /// header and a C file, for each group of flights whose lateness is known. Files of these names are replaced.
     #[arg(long, value_name = "DIR")]
     pub(crate) c: Option<PathBuf>,
     /// Step of the loop that the C runs in, s.
     #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
-    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns).
+    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns). A FILE
+    /// that is there is replaced.
     #[arg(long, value_name = "FILE")]
     pub(crate) params: Option<PathBuf>,
 }

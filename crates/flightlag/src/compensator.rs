@@ -56,8 +56,9 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
     let mut out = std::io::stdout().lock();
     for (name, text) in [(&source.header_name, &source.header), (&source.source_name, &source.source)] {
         let path = arguments.out.join(name);
+        let done = if path.exists() { "replaced" } else { "wrote" };
         std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
-        writeln!(out, "wrote {}", path.display())?;
+        writeln!(out, "{done} {}", path.display())?;
     }
     if let Some(band) = band(kind, arguments.delay_s, arguments.step_s) {
         writeln!(out, "{band}")?;
