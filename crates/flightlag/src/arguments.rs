@@ -252,9 +252,11 @@ pub(crate) fn clock_rule_name(rule: campaign::ClockRule) -> &'static str {
 
 /// A delay that a compensator can remove, as far as one is searched.
 fn delay_s(text: &str) -> Result<f64, String> {
-    match settings::seconds(text, 0.0, 30.0)? {
-        0.0 => Err("must be above 0 s: a compensator removes a positive delay".to_owned()),
-        delay_s => Ok(delay_s),
+    match text.trim().parse::<f64>() {
+        Ok(seconds) if seconds <= 0.0 => {
+            Err("must be from 0 to 30 s, and not 0: a compensator removes a positive delay".to_owned())
+        }
+        _ => settings::seconds(text, 0.0, 30.0),
     }
 }
 

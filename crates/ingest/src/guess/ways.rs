@@ -25,7 +25,11 @@ pub(crate) fn ways(log: &Log) -> Vec<Guess> {
 
 fn of_source<'l>(source: &'l Source<'l>) -> Vec<All<'l>> {
     let topic = source.table.topic.name.as_str();
-    let [timing] = source.timings.as_slice() else { return vec![] };
+    // A time whose unit is open is read in each: only one of them moves as the log does.
+    source.timings.iter().flat_map(|timing| of_timing(source, topic, timing)).collect()
+}
+
+fn of_timing<'l>(source: &'l Source<'l>, topic: &'l str, timing: &Timing) -> Vec<All<'l>> {
     let alone = |places, motions| All { places, motions, bodies: vec![] };
     if source.positions.is_empty() {
         let motions = source.velocities.iter().flat_map(motions);
