@@ -47,11 +47,38 @@ fn two_folders_of_one_name_do_not_share_a_report_unless_it_is_said() {
 fn seconds_that_must_be_milliseconds_are_refused_with_the_unit() {
     let told = |arguments: &[&str]| text(&run(arguments, 2).stderr);
     let delay = told(&["compensator", "pade-1-1", "--delay-s", "400", "--step-s", "0.01"]);
-    assert!(delay.contains("must be from -5 to 30 s; 400 ms are 0.4 s"), "{delay}");
+    assert!(delay.contains("must be from 0 to 30 s; 400 ms are 0.4 s"), "{delay}");
     let step = told(&["delay", "logs", "--c", "out", "--step-s", "10"]);
     assert!(step.contains("must be from 0.00001 to 1 s; 10 ms are 0.01 s"), "{step}");
+    let early = told(&["compensator", "pade-1-1", "--delay-s", "-0.2", "--step-s", "0.01"]);
+    assert!(early.contains("must be from 0 to 30 s"), "{early}");
+    let unknown = told(&["compensator", "pade-1-1", "--delay-s", "0.2", "--uncertainty-s", "8", "--step-s", "0.01"]);
+    assert!(unknown.contains("--uncertainty-s 8: it is larger than the delay of 0.2 s"), "{unknown}");
+    let slip = told(&["compensator", "exact-asinc", "--delay-s", "0.4", "--step-s", "0.01"]);
+    assert!(slip.contains("no compensator is called \"exact-asinc\"; did you mean \"exact-async\"?"), "{slip}");
+    // A number below zero is a number.
+    for (arguments, range) in [
+        (vec!["delay", "x", "--threads", "-1"], "-1 is not in 1..=1024"),
+        (vec!["demo", "x", "--seed", "-1"], "invalid digit"),
+        (vec!["campaign", "plan", "x", "--max-shards", "-3"], "-3 is not in 1"),
+        (vec!["export", "x", "--track", "--rate", "-5"], "--rate -5: must be from 0 to"),
+    ] {
+        let refused = told(&arguments);
+        assert!(refused.contains(range) && !refused.contains("unexpected argument"), "{refused}");
+    }
     let impossible = told(&["compensator", "pade-3-2", "--delay-s", "0.4", "--step-s", "0.01"]);
     assert!(impossible.contains("\"pade-3-2\": [3/2] is not proper"), "{impossible}");
+}
+
+#[test]
+fn a_slow_loop_is_promised_nothing_above_half_of_its_rate() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let arguments = ["compensator", "pade-1-1-tustin", "--delay-s", "0.2", "--step-s", "1", "--out", out];
+    let said = text(&run(arguments, 0).stdout);
+    assert!(said.contains("removes nine tenths of the error up to 0.50 Hz, half the rate of the loop"), "{said}");
+    assert!(said.starts_with("wrote "), "{said}");
+    assert!(text(&run(arguments, 0).stdout).starts_with("replaced "), "a file that was there is not gone in silence");
 }
 
 #[test]

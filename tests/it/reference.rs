@@ -191,7 +191,8 @@ fn a_campaign_takes_the_second_file_of_each_flight() {
     campaign();
     assert_eq!(record(), before);
     // Another solution is another result.
-    write_pos(&flown(5), &flights.join("one_ppk.pos"));
+    let solution = fs::read_to_string(flights.join("one_ppk.pos")).unwrap();
+    fs::write(flights.join("one_ppk.pos"), solution.replace("  1  12\n", "  2  12\n")).unwrap();
     campaign();
     assert_ne!(record()["key"], before["key"]);
 }
@@ -209,10 +210,99 @@ fn a_second_file_that_cannot_be_used_is_an_alarm_with_its_reason() {
             |a: &serde_json::Value| (a["code"] == "reference-not-used").then(|| a["text"].as_str().unwrap().to_owned());
         alarms.iter().find_map(of).unwrap()
     };
-    assert!(alarm(&[".", "--reference", "{stem}.ppk"]).contains("c.ppk is not used: there is no such file"));
+    let refused = |arguments: &[&str]| {
+        let output = flightlag([&["delay"], arguments].concat()).current_dir(folder.path()).output().unwrap();
+        assert_eq!((output.status.code(), text(&output.stdout)), (Some(2), String::new()), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let none = refused(&["c_POS.csv", "c_VEL.csv", "--reference", "{stem}.ppk"]);
+    assert!(none.contains("reference file {stem}.ppk: no flight has one"), "{none}");
+    let none = refused(&["c_POS.csv", "--reference", "none.csv"]);
+    assert!(none.contains("reference file none.csv: there is no such file"), "{none}");
     fs::copy(folder.path().join("c.pos"), folder.path().join("c2.pos")).unwrap();
-    assert!(alarm(&["c_POS.csv", "--reference", "c*.pos"]).contains("2 files have such a name"));
+    assert!(refused(&["c_POS.csv", "--reference", "c*.pos"]).contains("2 files have such a name"));
+    fs::write(folder.path().join("short.csv"), "time,lat,lon,alt\n0,47.1,8.1,400\n1,47.1,8.1,400\n").unwrap();
+    fs::create_dir(folder.path().join("log")).unwrap();
+    for name in ["c_POS.csv", "c_VEL.csv"] {
+        fs::copy(folder.path().join(name), folder.path().join("log").join(name)).unwrap();
+    }
+    let reason = alarm(&["log", "--reference", "short.csv"]);
+    let asked = ["delay", "log", "--quiet", "--reference", "short.csv"];
+    let unusable = flightlag(asked).current_dir(folder.path()).output().unwrap();
+    assert_eq!(unusable.status.code(), Some(3));
+    let first = format!("reference file {reason}");
+    assert_eq!(text(&unusable.stdout).lines().next(), Some(first.as_str()), "its reason comes first");
     let several = flightlag(["delay", ".", "--reference", "c.pos"]).current_dir(folder.path()).output().unwrap();
     assert_eq!(several.status.code(), Some(2));
     assert!(text(&several.stderr).contains("give a pattern in which {stem} stands for"), "{}", text(&several.stderr));
+}
+
+/// The truth as a second file without names for its axes: east, north, up, in the clock of a motion capture.
+fn write_mocap(flight: &Flight, path: &Path, start_s: f64) {
+    let frame = flight::LocalFrame::new(flight::Geodetic { latitude: 0.0, longitude: 0.0, height: 0.0 });
+    let all = rows(flight, &flight.channels["position.truth"]);
+    let first = all[0].1;
+    let frame = if first[0] == 0.0 {
+        frame
+    } else {
+        flight::LocalFrame::new(flight::Geodetic { latitude: first[0], longitude: first[1], height: 0.0 })
+    };
+    let mut out = "Frame,Time,X,Y,Z\n".to_owned();
+    for (k, (t, [latitude, longitude, height])) in all.into_iter().step_by(10).enumerate() {
+        let [north, east, _] = frame.to_ned(flight::Geodetic { latitude, longitude, height: 0.0 });
+        writeln!(out, "{k},{:.3},{east:.4},{north:.4},{height:.4}", start_s + t).unwrap();
+    }
+    fs::write(path, out).unwrap();
+}
+
+#[test]
+fn a_second_file_that_decides_nothing_alone_is_judged_by_the_motion_of_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = flown(7);
+    write_table(&flight, &folder.path().join("d_POS.csv"), START_S as f64);
+    // A velocity alone.
+    let found = answer(folder.path(), &["d_POS.csv", "--reference", "d_VEL.csv", "--reference-clock", "same"]);
+    let line = &found["flights"][0];
+    assert_eq!(line["datum"], "reference", "{line:#}");
+    is_late(line);
+    assert!(line["reference_file"].as_str().unwrap().contains("north = vn [m/s], east = ve [m/s]"), "{line:#}");
+    // A motion capture whose axes nobody names, with a clock of its own.
+    write_mocap(&flight, &folder.path().join("mocap.csv"), 1234.0);
+    let found = answer(folder.path(), &[".", "--reference", "mocap.csv"]);
+    let line = &found["flights"][0];
+    assert!(line["reference_file"].as_str().unwrap().contains("north = Y [m], east = X [m]"), "{line:#}");
+    is_late(line);
+    // In other units it is refused with what to do.
+    let text = fs::read_to_string(folder.path().join("d_VEL.csv")).unwrap();
+    let in_kmh = |line: &str| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        format!("{},{},{},{}\n", cells[0], 3.6 * cells[1], 3.6 * cells[2], 3.6 * cells[3])
+    };
+    let rows: String = text.lines().skip(1).map(in_kmh).collect();
+    fs::create_dir(folder.path().join("kmh")).unwrap();
+    fs::write(folder.path().join("kmh/fast.csv"), format!("time,vn,ve,vd\n{rows}")).unwrap();
+    let asked = ["delay", "d_POS.csv", "--reference", "kmh/fast.csv", "--reference-clock", "same"];
+    let refused = flightlag(asked).current_dir(folder.path()).output().unwrap();
+    assert_eq!(refused.status.code(), Some(1), "without a velocity nothing is measured");
+    let said = text_of(&refused);
+    assert!(said.contains("it moves 3.6") && said.contains("state the unit in the name of its column"), "{said}");
+}
+
+fn text_of(output: &std::process::Output) -> String {
+    text(&output.stdout) + &text(&output.stderr)
+}
+
+#[test]
+fn a_clock_that_is_not_shared_is_no_error_of_a_thousand_metres() {
+    let folder = tempfile::tempdir().unwrap();
+    let flight = flown(8);
+    write_table(&flight, &folder.path().join("e_POS.csv"), 17.0);
+    write_mocap(&flight, &folder.path().join("mocap.csv"), 109.7);
+    let asked = ["delay", ".", "--reference", "mocap.csv", "--reference-clock", "same"];
+    let refused = flightlag(asked).current_dir(folder.path()).output().unwrap();
+    assert_eq!(refused.status.code(), Some(3), "{}", text_of(&refused));
+    let said = text(&refused.stdout);
+    let first = said.lines().next().unwrap();
+    assert!(first.starts_with("reference file mocap.csv is not used: its clock is not that of the log"), "{said}");
+    assert!(first.contains("-92."), "{said}");
 }

@@ -8,9 +8,10 @@ use crate::group::{content_of, group_of};
 use crate::lever;
 use crate::no_position::no_position;
 use crate::rate::rate_of;
-use crate::reference::settled;
+use crate::reference::{OF_REFERENCE_FILE, settled};
 use compensation_replay::{
-    FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, autopilot_advice, measure_delays, pick_pair,
+    FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice, measure_delays,
+    pick_pair,
 };
 use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{Binding, Delay, Flight, LogHealth, Notices};
@@ -22,6 +23,10 @@ use record::{
 
 /// Code of the alarm of a log that goes with a flight and is none.
 pub(crate) const COMPANION: &str = "companion";
+/// Code of the alarm of a flight whose reference file was asked for and cannot be used.
+pub(crate) const REFERENCE_NOT_USED: &str = "reference-not-used";
+/// Codes of notices of a log that are alarms of its flight: columns bound by guess, and stated units that are not known.
+const ASSUMED: [&str; 2] = [ingest::BOUND_BY_GUESS, "unit-unknown"];
 /// A delay whose 90 % interval lies within this is none, s.
 const ON_TIME_S: f64 = 0.020;
 
@@ -81,23 +86,35 @@ pub(crate) fn measure(
             let reason = no_position(flight, binding, positions);
             FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
         }
+        Err(refusal @ Refusal::NoChannel { .. }) => {
+            let reason = refusal.to_string();
+            FlightLateness { words: reason.clone(), failed: Some(reason), ..base }
+        }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
     lateness.alarms.extend(lateness.reference_file.as_ref().and_then(unused_reference));
-    let guessed = flight.notices.iter().find(|n| n.code == ingest::BOUND_BY_GUESS);
-    lateness.alarms.extend(guessed.map(|n| DelayAlarm {
-        gravity: Gravity::Amber,
-        code: n.code.clone(),
-        text: n.text.clone(),
-    }));
+    lateness.alarms.extend(assumed(flight));
     lateness.alarms.sort();
     measured_with(lateness, Some(delays), network, notices)
+}
+
+/// What was assumed of a table is said with the answer.
+fn assumed(flight: &Flight) -> impl Iterator<Item = DelayAlarm> {
+    let notices = flight.notices.iter().filter(|n| ASSUMED.contains(&n.code.as_str()));
+    notices.map(|n| DelayAlarm {
+        gravity: Gravity::Amber,
+        code: n.code.clone(),
+        text: match n.place.starts_with(OF_REFERENCE_FILE) {
+            true => format!("{OF_REFERENCE_FILE}: {}", n.text),
+            false => n.text.clone(),
+        },
+    })
 }
 
 /// An alarm where a reference file was asked for and cannot be used.
 fn unused_reference(reference: &ReferenceFile) -> Option<DelayAlarm> {
     let text = reference.words.clone();
-    let alarm = DelayAlarm { gravity: Gravity::Amber, code: "reference-not-used".to_owned(), text };
+    let alarm = DelayAlarm { gravity: Gravity::Amber, code: REFERENCE_NOT_USED.to_owned(), text };
     reference.channels.is_empty().then_some(alarm)
 }
 

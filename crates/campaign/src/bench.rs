@@ -181,7 +181,10 @@ const MOST_CHANNELS: usize = 4;
 
 fn summary_of(verdict: &BenchVerdict) -> Summary {
     let channel = |channel: &CardChannel| {
-        let (delay_ms, expanded_ms) = (1e3 * channel.delay_s, 2e3 * channel.delay_standard_uncertainty_s);
+        // Rounded here, so that what is below zero by a hair is not shown as minus zero.
+        let tenths = |ms: f64| (10.0 * ms).round() / 10.0 + 0.0;
+        let delay_ms = tenths(1e3 * channel.delay_s);
+        let expanded_ms = tenths(2e3 * channel.delay_standard_uncertainty_s);
         format!("{} {delay_ms:.1} ± {expanded_ms:.1} ms (k = 2)", channel.name)
     };
     let mut answers: Vec<String> = verdict.channels().iter().take(MOST_CHANNELS).map(channel).collect();

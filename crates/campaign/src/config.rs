@@ -22,6 +22,7 @@ use record::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 use settings::{Refused, SettingsFile};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
@@ -434,6 +435,8 @@ pub struct Pipeline {
     maps_folder: Option<PathBuf>,
     criteria: Option<Criteria>,
     file_name: String,
+    /// Channels that the file names, with the line of their list.
+    channel_lines: Vec<(String, usize)>,
 }
 
 impl Pipeline {
@@ -540,6 +543,11 @@ impl Pipeline {
     pub(crate) fn channel_names(&self) -> impl Iterator<Item = &str> {
         let MeantChannels { position, velocity, reference, onboard } = &self.meant.channels;
         position.iter().chain(velocity).chain(reference).chain(onboard).map(String::as_str)
+    }
+
+    /// Line of the list in which the file names a channel; `None` for a default.
+    pub(crate) fn line_of_channel(&self, name: &str) -> Option<usize> {
+        self.channel_lines.iter().find(|(known, _)| known == name).map(|(_, line)| *line)
     }
 
     /// Hash of the settings that a measurement depends on.
@@ -741,10 +749,20 @@ impl Checker<'_> {
         let written_delay = written.delay.unwrap_or_else(|| Spanned::new(0..0, WrittenDelay::default()));
         let delay = sensor.as_ref().map_err(|r| *r).and_then(|s| self.delay(&written_delay, s.as_ref()));
         let (measure, replay) = (self.measure(&written.measure), self.replay(&written.replay));
+        let channel_lines = self.channel_lines(&written.channels);
         let channels = self.channels(written.channels);
         let reference = written.reference.map(|r| self.reference(r.into_inner())).transpose();
         let criteria = written.criteria.map(|c| self.criteria(&c.file)).transpose();
+        let searched = match (&measure, &delay) {
+            (Ok(measure), Ok((rule, _))) => self.is_searched(&written_delay, rule, measure),
+            _ => Ok(()),
+        };
+        let fine = delay.is_ok() && measure.is_ok() && replay.is_ok() && channels.is_ok() && searched.is_ok();
+        if !fine {
+            self.likely_typos(&channel_lines);
+        }
         let (rule, delay) = delay?;
+        searched?;
         let mut meant = Meant {
             schema: 1,
             title: written.title,
@@ -761,7 +779,52 @@ impl Checker<'_> {
         }
         let file_name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let maps_folder = written.maps.folder.map(|f| self.beside(&f));
-        Ok(Pipeline { meant, delay: rule, maps_folder, criteria: criteria?, file_name })
+        Ok(Pipeline { meant, delay: rule, maps_folder, criteria: criteria?, file_name, channel_lines })
+    }
+
+    /// A stated delay that no flight could be tested for is a slip of the pen.
+    fn is_searched(
+        &self,
+        written: &Spanned<WrittenDelay>,
+        rule: &DelayRule,
+        measure: &MeantMeasure,
+    ) -> Result<(), Refused> {
+        let (Some(fixed), [from, to]) = (&rule.fixed, measure.search_s) else { return Ok(()) };
+        let seconds = fixed.delay.seconds();
+        if (from..=to).contains(&seconds) {
+            return Ok(());
+        }
+        let what = format!(
+            "delay.position_s = {seconds} s: outside of measure.search_s = [{from}, {to}] s, so that no flight can show it; \
+             widen the search or correct the delay"
+        );
+        Err(match &written.get_ref().position_s {
+            Some(at) => self.fault(at, what),
+            None => self.fault(written, what),
+        })
+    }
+
+    fn channel_lines(&self, written: &WrittenChannels) -> Vec<(String, usize)> {
+        let lists = [&written.position, &written.velocity, &written.reference, &written.onboard];
+        let all = lists.into_iter().flatten();
+        let of_list = |list: &Spanned<Vec<String>>| {
+            let line = self.file.line_of(list);
+            list.get_ref().iter().map(|name| (name.clone(), line)).collect::<Vec<_>>()
+        };
+        all.flat_map(of_list).collect()
+    }
+
+    /// Complains about channels of a wrong file that no shipped map binds, if one of nearly the same name is bound: maps of the
+    /// user are not looked at before the file is right.
+    fn likely_typos(&self, channels: &[(String, usize)]) {
+        let Ok(maps) = ingest::MapLibrary::shipped() else { return };
+        let known: BTreeSet<&str> = maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
+        for (name, line) in channels.iter().filter(|(name, _)| !known.contains(name.as_str())) {
+            if let Some(near) = settings::likely(name, known.iter().copied()) {
+                self.file
+                    .reject_line(*line, format!("[channels]: no channel map binds {name:?}; did you mean {near:?}?"));
+            }
+        }
     }
 
     fn criteria(&self, file: &Spanned<PathBuf>) -> Result<Criteria, Refused> {
@@ -1099,6 +1162,32 @@ mod tests {
     }
 
     #[test]
+    fn a_delay_that_no_flight_could_show_is_refused_with_its_line() {
+        let error = parse(&SMALL.replace("0.4", "20")).unwrap_err();
+        assert_eq!(error.line, Some(3));
+        assert!(error.what.contains("outside of measure.search_s = [-2.5, 13] s"), "{error}");
+        let narrow = SMALL.replace("0.4", "3") + "[measure]\nsearch_s = [-1, 1]\n";
+        assert!(parse(&narrow).unwrap_err().what.contains("measure.search_s = [-1, 1] s"));
+        assert!(parse(&(SMALL.replace("0.4", "20") + "[measure]\nsearch_s = [-2.5, 25]\n")).is_ok());
+    }
+
+    #[test]
+    fn channels_with_slips_are_told_with_the_other_errors_of_the_file() {
+        let text = format!(
+            "{SMALL}[channels]\nposition = [\"position.gsp\"]\nvelocity = [\"velocity.gspp\"]\n[replay]\ncompensators = [\"exact-fri\"]\n"
+        );
+        let text = parse(&text).unwrap_err().to_string();
+        for said in [
+            "binds \"position.gsp\"; did you mean \"position.",
+            "binds \"velocity.gspp\"; did you mean",
+            "did you mean \"exact-fir\"?",
+        ] {
+            assert!(text.contains(said), "{said}: {text}");
+        }
+        assert!(text.lines().all(|line| line.starts_with("settings/p.toml:")), "{text}");
+    }
+
+    #[test]
     fn an_unknown_key_is_refused_with_file_line_and_the_key_that_was_meant_or_those_that_are_known() {
         let error = parse("schema = 1\n[delay]\nposition_s = 0.4\nsource = \"bench\"\npositon_s = 1\n").unwrap_err();
         let text = error.to_string();
@@ -1232,7 +1321,7 @@ mod tests {
             )
         };
         for (name, says) in [
-            ("wishful", "no compensator is called \"wishful\"; known are pade-"),
+            ("wishful", "no compensator is called \"wishful\"; `flightlag compensator --help` lists"),
             ("pade-0-5-foh", "unstable"),
             ("pade-2-2", "names pade-2-2-foh twice"),
         ] {

@@ -192,7 +192,7 @@ fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> V
         consistency: None,
     };
     if pools.is_empty() {
-        return vec![relative_group(members, empty)];
+        return relative_groups(members, &empty);
     }
     // The first pool is over all flights; those after it are the parts of a group that is not one.
     let of = |(k, pool): (usize, &DelayPool)| pooled(members, pool, empty.clone(), k > 0);
@@ -250,6 +250,34 @@ fn differ(flights: usize) -> String {
         1 => "one flight differs".to_owned(),
         n => format!("{n} flights differ"),
     }
+}
+
+/// A group without a datum: one for each velocity that positions are told against, for such numbers have no common mean.
+fn relative_groups(members: &[(&str, &FlightLateness)], empty: &GroupLateness) -> Vec<GroupLateness> {
+    let tells = |l: &FlightLateness| l.lateness_s().is_some();
+    let mut velocities: Vec<&str> = vec![];
+    for (_, lateness) in members.iter().filter(|(_, l)| tells(l)) {
+        if !velocities.contains(&lateness.against.as_str()) {
+            velocities.push(&lateness.against);
+        }
+    }
+    let [first, _, ..] = velocities[..] else { return vec![relative_group(members, empty.clone())] };
+    let of_velocity = |velocity: &str| {
+        let own = |(_, l): &&(&str, &FlightLateness)| match tells(l) {
+            true => l.against == velocity,
+            // A flight that tells nothing is counted once.
+            false => velocity == first,
+        };
+        let own: Vec<(&str, &FlightLateness)> = members.iter().filter(own).copied().collect();
+        let empty = GroupLateness {
+            flights: own.len() as u64,
+            against: velocity.to_owned(),
+            members: own.iter().map(|(flight, _)| (*flight).to_owned()).collect(),
+            ..empty.clone()
+        };
+        relative_group(&own, empty)
+    };
+    velocities.into_iter().map(of_velocity).collect()
 }
 
 /// A group without a datum: how far position and velocity are apart, weighted over its flights.

@@ -8,15 +8,18 @@ use crate::event::Event;
 use crate::filter_values;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
+use crate::losses;
 use crate::plan::{Desk, why_no_logs};
 use crate::reference::{FlightFiles, ReferenceLog, with_references};
 use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
-use flight::Flight;
+use flight::{Flight, Notices};
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};
-use record::{Decision, DelaySource, Effect, EkfValues, FlightLateness, GroupLateness, MINOR_LOSS};
+use record::{
+    Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness, MINOR_LOSS,
+};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -102,16 +105,19 @@ impl GroupLine {
 }
 
 impl DelayReport {
-    /// 4 if a flight is harmed by the delay that the pipeline states, else 3 if some failed, are damaged or have a delay
-    /// that changes, else 0; 1 if the only log cannot be used.
+    /// 4 if a flight is harmed by the delay that the pipeline states, else 3 if some failed, are damaged, have a delay that
+    /// changes or a reference file that cannot be used, else 0; 1 if the only log cannot be used, and 2 if that is so because
+    /// a channel map of the user does not fit it.
     #[must_use]
     pub fn exit(&self) -> Exit {
         let any = |of: &dyn Fn(&DelayLine) -> bool| self.flights.iter().any(of);
         if any(&|l| l.effect == "harmed") {
             Exit::CriterionFailed
+        } else if self.flights.len() == 1 && any(&|l| l.alarms.iter().any(|a| a.code == ingest::MAP_LACKS)) {
+            Exit::Wrong
         } else if self.flights.len() == 1 && any(&|l| l.data == "failed") {
             Exit::Failed
-        } else if any(&|l| l.data == "damaged" || l.data == "failed" || l.varies()) {
+        } else if any(&|l| l.data == "damaged" || l.data == "failed" || l.varies() || l.lacks_reference()) {
             Exit::Incomplete
         } else {
             Exit::Well
@@ -298,7 +304,7 @@ impl Reader<'_> {
         let (damaged, tail_cut) = (loaded.flight.notices.any_loss(), loaded.health.bytes.tail_cut > 0);
         let minor_loss = loaded.flight.notices.iter().any(|notice| notice.code == MINOR_LOSS);
         let pipeline = &self.order.pipeline;
-        let (measured, filter_values) = match &loaded.binding {
+        let (mut measured, filter_values) = match &loaded.binding {
             _ if loaded.companion.is_some() => {
                 (answer::companion("", loaded.companion.clone().unwrap_or_default()), None)
             }
@@ -310,6 +316,9 @@ impl Reader<'_> {
             Err(reason) => (answer::failed("", reason.clone()), None),
         };
         settle(&mut loaded.flight, reference.as_ref(), &measured.lateness, pipeline);
+        measured.lateness.alarms.extend(losses::alarm(&loaded.flight.notices, &loaded.health));
+        measured.lateness.alarms.extend(wrong_map(&loaded.flight.notices));
+        measured.lateness.alarms.sort();
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
         Measured { lateness: measured.lateness, damaged, minor_loss, tail_cut, has_reference, kept, filter_values }
@@ -337,6 +346,12 @@ impl Reader<'_> {
         let removed_s = decision.delay_s.filter(|_| measured.may_be_replayed(decision));
         Some(effect(truth.as_ref(), known.as_ref(), measured.lateness.speed_rms_mps, removed_s))
     }
+}
+
+/// An alarm where a channel map of the user does not fit.
+fn wrong_map(notices: &Notices) -> Option<DelayAlarm> {
+    let notice = notices.iter().find(|notice| notice.code == ingest::MAP_LACKS)?;
+    Some(DelayAlarm { gravity: Gravity::Red, code: notice.code.clone(), text: notice.text.clone() })
 }
 
 /// Gives the reference file the clock that it has once the network is solved.
@@ -390,6 +405,10 @@ mod tests {
         assert_eq!(report(vec![tail_cut]), Exit::Well, "power goes off at the end of most logs");
         assert_eq!(report(vec![whole.clone(), damaged.clone()]), Exit::Incomplete);
         assert_eq!(report(vec![queues]), Exit::Incomplete, "a delay that changes is no result to rely on");
+        let text = "a.pos is not used: there is no such file".to_owned();
+        let alarm = crate::line::LineAlarm { gravity: "amber".into(), code: "reference-not-used".into(), text };
+        let alone = with(&|l| l.alarms.push(alarm.clone()));
+        assert_eq!(report(vec![alone]), Exit::Incomplete, "what was asked for was not done");
         assert_eq!(report(vec![failed.clone()]), Exit::Failed);
         assert_eq!(report(vec![failed, whole.clone()]), Exit::Incomplete);
         assert_eq!(report(vec![damaged, harmed]), Exit::CriterionFailed);

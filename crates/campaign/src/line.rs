@@ -178,6 +178,12 @@ impl DelayLine {
         })
     }
 
+    /// Whether a reference file was asked for and could not be used.
+    #[must_use]
+    pub fn lacks_reference(&self) -> bool {
+        self.alarms.iter().any(|alarm| alarm.code == crate::answer::REFERENCE_NOT_USED)
+    }
+
     /// Whether the delay was seen to change.
     #[must_use]
     pub fn varies(&self) -> bool {

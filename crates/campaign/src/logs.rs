@@ -44,10 +44,21 @@ impl Library {
         let known: BTreeSet<&str> = self.maps.iter().flat_map(ingest::ChannelMap::channel_names).collect();
         let of_reference_file = |name: &str| [REFERENCE_POSITION, REFERENCE_VELOCITY].contains(&name);
         let is_known = |name: &&str| known.contains(name) || of_reference_file(name);
-        let Some(name) = pipeline.channel_names().find(|name| !is_known(name)) else { return Ok(()) };
-        let near = settings::nearest_few(name, known, NEAREST).join(", ");
         let file = pipeline.file_name();
-        Err(CampaignError::Asked(format!("{file}: [channels]: no channel map binds {name:?}; the nearest are {near}")))
+        let complaint = |name: &str| {
+            let near = settings::nearest_few(name, known.iter().copied(), NEAREST).join(", ");
+            let line = pipeline.line_of_channel(name).map(|line| format!(":{line}")).unwrap_or_default();
+            format!("{file}{line}: [channels]: no channel map binds {name:?}; the nearest are {near}")
+        };
+        let mut unknown: Vec<&str> = pipeline.channel_names().filter(|name| !is_known(name)).collect();
+        unknown.dedup();
+        match unknown.is_empty() {
+            true => Ok(()),
+            false => {
+                let all: Vec<String> = unknown.into_iter().map(complaint).collect();
+                Err(CampaignError::Asked(all.join("\n")))
+            }
+        }
     }
 
     /// Hash of what the maps mean.

@@ -2,14 +2,16 @@
 //!
 //! A loss is red and ends with exit code 3, unless it is minor: then it is amber, counted and named, and the exit code is 0. It is
 //! minor if less than a thousandth of the log is lost, and what is lost is of topics that no channel is bound from, or leaves
-//! no hole in any channel that is bound.
+//! no hole in any channel that is bound that the analysis does not bridge.
 
 use flight::{Binding, ByteLedger, ChannelHealth, LogHealth, Notice, Notices, Severity};
-use record::MINOR_LOSS;
+use record::{DelayAlarm, Gravity, MINOR_LOSS};
 use std::collections::BTreeSet;
 
 /// A step between timestamps that is longer than so many usual ones is a hole: one row is missing.
 const HOLE: f64 = 1.5;
+/// A hole up to this length is bridged in every channel that is compared, s: it changes no result.
+const BRIDGED_S: f64 = 0.5;
 
 /// Makes warnings of the losses of a log, if all of them are minor, and says why.
 pub(crate) fn weigh(notices: &mut Notices, health: &LogHealth, binding: &Binding) {
@@ -25,7 +27,7 @@ pub(crate) fn weigh(notices: &mut Notices, health: &LogHealth, binding: &Binding
         return;
     }
     let why = match elsewhere.into_iter().collect::<Vec<_>>()[..] {
-        [] => "no channel that is used has a hole".to_owned(),
+        [] => format!("no channel that is used has a hole of more than {BRIDGED_S} s"),
         [topic] => format!("no result uses {topic}"),
         [topic, ..] => format!("no result uses {topic} and the other topics that were hit"),
     };
@@ -52,10 +54,29 @@ fn unused_topic<'n>(loss: &'n Notice, health: &LogHealth, binding: &Binding) -> 
     (is_topic && !is_used).then_some(topic)
 }
 
+/// How much of a log was lost and where, if that is no minor loss.
+pub(crate) fn alarm(notices: &Notices, health: &LogHealth) -> Option<DelayAlarm> {
+    let losses = || notices.iter().filter(|notice| notice.severity == Severity::Loss);
+    let first = losses().next()?;
+    let bytes = (health.bytes.damaged > 0).then(|| {
+        let range = health.damage.first();
+        let at =
+            range.map_or(String::new(), |r| format!(", the first in {} at byte {}: {}", r.file, r.offset, r.reason));
+        format!("{} of {} bytes could not be read{at}", health.bytes.damaged, health.bytes.size)
+    });
+    let other = losses().find(|loss| loss.code != "damaged").or(Some(first).filter(|_| bytes.is_none()));
+    let other = other.map(|loss| match loss.place.is_empty() {
+        true => loss.text.clone(),
+        false => format!("{}: {}", loss.place, loss.text),
+    });
+    let text = bytes.into_iter().chain(other).collect::<Vec<_>>().join("; ");
+    Some(DelayAlarm { gravity: Gravity::Red, code: "log-damaged".to_owned(), text })
+}
+
 fn is_without_hole(binding: &Binding) -> bool {
     let whole = |channel: &ChannelHealth| {
         let steps = channel.stamps.as_ref().and_then(|stamps| stamps.steps_s);
-        steps.is_some_and(|steps| steps.max <= HOLE * steps.median)
+        steps.is_some_and(|steps| steps.max <= BRIDGED_S.max(HOLE * steps.median))
     };
     binding.channels.iter().all(whole)
 }
@@ -108,8 +129,8 @@ mod tests {
     #[test]
     fn a_few_bytes_are_minor_where_no_bound_channel_has_a_hole() {
         let bytes = [("damaged", "a.bin, bytes 10 to 20")];
-        assert!(is_minor(&bytes, 999, 0.29));
-        assert!(!is_minor(&bytes, 999, 0.31), "a row is missing");
+        assert!(is_minor(&bytes, 999, 0.5), "two rows are missing, which every comparison bridges");
+        assert!(!is_minor(&bytes, 999, 0.51), "more rows are missing");
         assert!(!is_minor(&bytes, 1000, 0.2), "a thousandth of the log");
     }
 

@@ -21,6 +21,13 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
                 reasons.join(", "),
             )
         }
+        None if never_fixed(flight).is_some() => {
+            let (fix, rows) = never_fixed(flight).unwrap_or_default();
+            format!(
+                "no position: the receiver never had a fix: {fix} is 0 in all {rows} rows, so no row has a latitude and a \
+                 longitude. {held}"
+            )
+        }
         None => {
             format!(
                 "no position channel: the pipeline asks for {}, and the log has none of them. {held}",
@@ -28,6 +35,13 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
             )
         }
     }
+}
+
+/// A channel with the quality of the fix that is 0 throughout, and its number of rows.
+fn never_fixed(flight: &Flight) -> Option<(&str, usize)> {
+    let (name, channel) = flight.channels.iter().find(|(name, _)| name.starts_with("fix."))?;
+    let values = channel.series.components().first()?;
+    (!values.is_empty() && values.iter().all(|value| *value == 0.0)).then_some((name.as_str(), values.len()))
 }
 
 fn held(flight: &Flight) -> String {
@@ -68,5 +82,30 @@ mod tests {
             "no position channel: the pipeline asks for position.gps, position.gnss, and the log has none of them. No other \
              channel is there"
         );
+    }
+
+    #[test]
+    fn a_receiver_whose_fix_is_0_throughout_is_named() {
+        let channel = |values: Vec<f64>| {
+            let stamps = (0..values.len() as i64).map(flight::Stamp).collect();
+            let timeline = flight::Timeline::new(flight::StampKind::Measured, flight::Clock::Elapsed, stamps).unwrap();
+            let series = flight::Series::new(timeline, vec![values]).unwrap();
+            flight::Channel {
+                quantity: flight::Quantity::Scalar,
+                present: vec![true],
+                other_stamps: vec![],
+                held: vec![false; series.timeline().stamps().len()],
+                source: flight::ChannelSource { topic: "GGA".into(), type_name: String::new(), fields: vec![] },
+                series,
+            }
+        };
+        let said = |values| {
+            let mut flight = Flight::default();
+            flight.channels.insert("fix.gps".to_owned(), channel(values));
+            no_position(&flight, &binding(serde_json::json!([])), &["position.gps".to_owned()])
+        };
+        let none = said(vec![0.0; 3]);
+        assert!(none.starts_with("no position: the receiver never had a fix: fix.gps is 0 in all 3 rows"), "{none}");
+        assert!(said(vec![0.0, 1.0]).starts_with("no position channel"));
     }
 }

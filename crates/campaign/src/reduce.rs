@@ -58,14 +58,16 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// 4 if a flight fails a criterion or was harmed, else 3 if some failed, lost data or have a delay that changes, else 0.
+    /// 4 if a flight fails a criterion or was harmed, else 3 if some failed, lost data, have a delay that changes or a
+    /// reference file that cannot be used, else 0.
     #[must_use]
     pub fn exit(&self) -> Exit {
         if self.totals.harmed > 0 || self.criteria.as_ref().is_some_and(|c| c.flights.fail > 0) {
             return Exit::CriterionFailed;
         }
         let CampaignTotals { failed, lossy, varying, .. } = self.totals;
-        let whole = failed == 0 && lossy == 0 && varying == 0 && self.troubled == 0;
+        let lacks_reference = self.lines.iter().any(DelayLine::lacks_reference);
+        let whole = failed == 0 && lossy == 0 && varying == 0 && self.troubled == 0 && !lacks_reference;
         if whole { Exit::Well } else { Exit::Incomplete }
     }
 }
@@ -715,6 +717,7 @@ fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
         pending: count(&|r| matches!(r.outcome, Outcome::Pending { .. })),
         lossy: count(&|r| r.lossy),
         bytes: rows.iter().map(|r| r.bytes).sum(),
-        duration_s: rows.iter().filter_map(|r| r.duration_s).sum(),
+        // The sum of nothing is minus zero.
+        duration_s: rows.iter().filter_map(|r| r.duration_s).fold(0.0, |sum, s| sum + s),
     }
 }

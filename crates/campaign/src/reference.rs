@@ -3,13 +3,25 @@
 use crate::config::Pipeline;
 use crate::error::CampaignError;
 use crate::logs::Library;
-use compensation_replay::{ClockRule, join_reference, relate_clocks};
+use compensation_replay::{ClockRule, Likeness, join_reference, likeness, relate_clocks};
 use flight::{Flight, Severity};
 use ingest::{FlightUnit, IngestError, ReadContext};
 use record::{ChannelLateness, DelayNetwork, ReferenceClock, ReferenceFile};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+
+/// Two files move alike if the correlation of their velocities is at least this,
+const LEAST_ALIKE: f64 = 0.9;
+/// and larger than with any other axes by this,
+const DECIDES: f64 = 0.05;
+/// and one is as fast as the other within this, as a logarithm.
+const SAME_SCALE: f64 = 0.15;
+
+/// Before the places of notices of a reference file.
+pub(crate) const OF_REFERENCE_FILE: &str = "reference file";
+/// Before what was bound by the motion of the log.
+const AXES_ARE: &str = "; its columns were bound by the motion of the log: ";
 
 /// Stands for the name of the log without its ending.
 const STEM: &str = "{stem}";
@@ -71,8 +83,14 @@ pub(crate) fn with_references(
     let paths: BTreeSet<&PathBuf> = found.iter().flatten().collect();
     let is_reference =
         |unit: &FlightUnit| unit.files.iter().all(|f| f.canonicalize().is_ok_and(|f| paths.contains(&f)));
+    let flights = || units.iter().zip(&found).filter(|(unit, _)| !is_reference(unit));
+    if flights().all(|(_, found)| found.is_err())
+        && let Some((_, Err((file, reason)))) = flights().next()
+    {
+        return Err(CampaignError::Asked(rule.none_found(file, reason)));
+    }
     let mut out = vec![];
-    for (unit, found) in units.iter().zip(&found).filter(|(unit, _)| !is_reference(unit)) {
+    for (unit, found) in flights() {
         let reference = match found {
             Ok(path) => read_as(path, &units, library)?,
             Err((file, reason)) => FoundReference::Missing { file: file.clone(), reason: reason.clone() },
@@ -110,6 +128,19 @@ fn read_as(path: &Path, units: &[FlightUnit], library: &Library) -> Result<Found
 impl ReferenceRule {
     fn is_pattern(&self) -> bool {
         self.file.contains(STEM) || self.file.contains('*')
+    }
+
+    /// What is said where no flight has a reference file.
+    fn none_found(&self, file: &str, reason: &str) -> String {
+        match self.is_pattern() {
+            true => format!(
+                "reference file {}: no flight has one; the first one looked for is {file:?}: {reason}",
+                self.file
+            ),
+            false => {
+                format!("reference file {file}: {reason}; a relative path starts here or at the folder of the log")
+            }
+        }
     }
 
     /// The reference file of a flight; else its name and why there is none.
@@ -170,6 +201,8 @@ fn matches(pattern: &str, name: &str) -> bool {
 pub(crate) struct ReferenceLog {
     files: Vec<String>,
     read: Result<Flight, String>,
+    /// Where its table alone does not say where its axes point: the ways in which they may, and what is bound then.
+    ways: Vec<(Flight, String)>,
 }
 
 impl ReferenceLog {
@@ -185,7 +218,7 @@ impl ReferenceLog {
         let unit = match found {
             FoundReference::There(unit) => unit,
             FoundReference::Missing { file, reason } => {
-                return Ok(ReferenceLog { files: vec![file.clone()], read: Err(reason.clone()) });
+                return Ok(ReferenceLog { files: vec![file.clone()], read: Err(reason.clone()), ways: vec![] });
             }
         };
         let name = |f: &PathBuf| f.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -194,38 +227,70 @@ impl ReferenceLog {
             Err(error) => Err(error.to_string()),
             Ok(loaded) => loaded.binding.map(|_| loaded.flight),
         };
-        Ok(ReferenceLog { files: unit.files.iter().map(name).collect(), read })
+        let ways = match &read {
+            Err(_) => ingest::load_ways(unit, context).or_else(|error| match error {
+                IngestError::Cancelled => Err(error),
+                _ => Ok(vec![]),
+            })?,
+            Ok(_) => vec![],
+        };
+        Ok(ReferenceLog { files: unit.files.iter().map(name).collect(), read, ways })
+    }
+
+    /// The reference as the log decides where its axes point, and what was bound where that was so.
+    fn judged(&self, flight: &Flight, wanted: &[String]) -> Result<(&Flight, Option<&str>), String> {
+        let why = match &self.read {
+            Ok(reference) => return Ok((reference, None)),
+            Err(why) => why,
+        };
+        let mut alike: Vec<(Likeness, &Flight, &str)> = vec![];
+        for (way, said) in &self.ways {
+            alike.extend(likeness(flight, way, wanted).map(|found| (found, way, said.as_str())));
+        }
+        alike.sort_by(|a, b| b.0.correlation.total_cmp(&a.0.correlation));
+        let Some((best, way, said)) = alike.first() else { return Err(why.clone()) };
+        let next = alike.get(1).map_or(-1.0, |(next, ..)| next.correlation);
+        if best.correlation < LEAST_ALIKE || best.correlation - next < DECIDES {
+            return Err(format!(
+                "{why}; and beside the log: no order and sign of its axes moves as the log does and any other less (best \
+                 correlation of the velocities {:.2}, next {next:.2})",
+                best.correlation
+            ));
+        }
+        if best.scale.ln().abs() > SAME_SCALE {
+            return Err(format!(
+                "read as {said}, it moves {:.2} times as fast as the log: state the unit in the name of its column, as vn_kmh",
+                best.scale
+            ));
+        }
+        Ok((way, Some(said)))
     }
 
     /// Adds its channels to the flight; their clock is related as the pipeline says.
     pub(crate) fn join(&self, flight: &mut Flight, pipeline: &Pipeline) -> ReferenceFile {
         let rule = pipeline.reference_file().map(|rule| rule.clock).unwrap_or_default();
         let (positions, settings) = (pipeline.position_and_velocity().0, pipeline.measure_settings());
-        let clock = match &self.read {
-            Ok(reference) => relate_clocks(flight, reference, positions, rule, &settings),
-            Err(reason) => ReferenceClock::Unknown { reason: reason.clone() },
+        let clock = match self.judged(flight, positions) {
+            Ok((reference, _)) => relate_clocks(flight, reference, positions, rule, &settings),
+            Err(reason) => ReferenceClock::Unknown { reason },
         };
         self.join_as(flight, pipeline, clock)
     }
 
     /// Adds its channels to the flight, with the clock that was found before.
     pub(crate) fn join_as(&self, flight: &mut Flight, pipeline: &Pipeline, clock: ReferenceClock) -> ReferenceFile {
-        let channels = match &self.read {
-            Ok(reference) => join_reference(flight, reference, pipeline.position_and_velocity().0, &clock),
-            Err(_) => vec![],
+        let wanted = pipeline.position_and_velocity().0;
+        let Ok((reference, said)) = self.judged(flight, wanted) else {
+            let words = words(&self.files, &clock);
+            return ReferenceFile { files: self.files.clone(), channels: vec![], clock, words };
         };
-        if let Ok(reference) = &self.read {
-            for n in reference.notices.iter().filter(|n| n.severity != Severity::Info) {
-                flight.notices.push(
-                    n.severity,
-                    &n.code,
-                    format!("reference file, {}", n.place),
-                    n.count,
-                    n.text.clone(),
-                );
-            }
+        let said = said.map(|said| format!("{AXES_ARE}{said}"));
+        let channels = join_reference(flight, reference, wanted, &clock);
+        for n in reference.notices.iter().filter(|n| n.severity != Severity::Info && said.is_none()) {
+            let place = format!("{OF_REFERENCE_FILE}, {}", n.place);
+            flight.notices.push(n.severity, &n.code, place, n.count, n.text.clone());
         }
-        let words = words(&self.files, &clock);
+        let words = words(&self.files, &clock) + said.as_deref().unwrap_or_default();
         ReferenceFile { files: self.files.clone(), channels, clock, words }
     }
 }
@@ -241,7 +306,8 @@ pub(crate) fn settled(reference: ReferenceFile, network: Option<&DelayNetwork>) 
     offset.standard_uncertainty_s = lateness_s.standard_uncertainty.unwrap_or(offset.standard_uncertainty_s);
     offset.by = relative_to.clone().unwrap_or_else(|| "the IMU".to_owned());
     let clock = ReferenceClock::Own(offset);
-    ReferenceFile { words: words(&reference.files, &clock), clock, ..reference }
+    let axes = reference.words.find(AXES_ARE).and_then(|at| reference.words.get(at..)).unwrap_or_default();
+    ReferenceFile { words: words(&reference.files, &clock) + axes, clock, ..reference }
 }
 
 fn words(files: &[String], clock: &ReferenceClock) -> String {

@@ -52,7 +52,9 @@ pub use lever_arm::{
     lever_sensitivity_of_speeds,
 };
 pub use pade::PadeTustin;
-pub use reference_file::{ClockRule, REFERENCE_POSITION, REFERENCE_VELOCITY, join_reference, relate_clocks};
+pub use reference_file::{
+    ClockRule, Likeness, REFERENCE_POSITION, REFERENCE_VELOCITY, join_reference, likeness, relate_clocks,
+};
 pub use replay::{Replay, replay};
 pub use settings::Settings;
 pub use sweep::Sweeper;

@@ -117,16 +117,86 @@ pub fn relate_clocks(
     let timeline = position.series.timeline();
     let same = rule == ClockRule::Same || (rule == ClockRule::Auto && share_utc(timeline, &taken));
     if same {
-        return match converted(taken.clock, timeline.clock(), Stamp(0)) {
-            Some(_) => ReferenceClock::Same,
-            None => unknown(format!(
+        if converted(taken.clock, timeline.clock(), Stamp(0)).is_none() {
+            return unknown(format!(
                 "its clock is said to be that of the log, but it counts {} and the log {}",
                 taken.clock,
                 timeline.clock()
-            )),
-        };
+            ));
+        }
+        return contradicted(flight, position, &taken, settings).map_or(ReferenceClock::Same, unknown);
     }
     offset(flight, &taken, timeline.clock(), settings).map_or_else(unknown, ReferenceClock::Own)
+}
+
+/// How alike the motions of a log and of a second file are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Likeness {
+    /// Correlation coefficient of the horizontal velocities at the offset of the clocks that fits best.
+    pub correlation: f64,
+    /// Speed of the second file over that of the log, rms over the time that both share.
+    pub scale: f64,
+}
+
+/// How alike the motions of `reference` and of the log are, whatever their clocks. `None` if one of them does not move.
+#[must_use]
+pub fn likeness(flight: &Flight, reference: &Flight, wanted: &[String]) -> Option<Likeness> {
+    let taken = Taken::of(reference).ok()?;
+    let (_, position) = flight.first_of(wanted)?;
+    let clock = position.series.timeline().clock();
+    let moves = velocity_of(flight, clock).map_or(position, |(_, velocity)| velocity);
+    let log = Motion::of(moves, moves.series.timeline().first()?);
+    let own = Motion::of(taken.velocity.or(taken.position)?, taken.span()?.0);
+    let lag = signal::coarse_lag(log.as_input(), own.as_input(), GRID_HZ, SAME_OFFSET_S)?;
+    let shared = |motion: &Motion, other: &Motion, shift_s: f64| {
+        let ends = (*other.t.first()? + shift_s, *other.t.last()? + shift_s);
+        motion.rms_between(ends)
+    };
+    let scale = shared(&own, &log, -lag.shift_s)? / shared(&log, &own, lag.shift_s)?;
+    Some(Likeness { correlation: lag.correlation, scale })
+}
+
+/// What to say where both count one clock, and the motion agrees only with clocks that are further apart than any delay that
+/// is looked for.
+fn contradicted(
+    flight: &Flight,
+    position: &Channel,
+    taken: &Taken<'_>,
+    settings: &FlightDelaySettings,
+) -> Option<String> {
+    let clock = position.series.timeline().clock();
+    let moves = velocity_of(flight, clock).map_or(position, |(_, velocity)| velocity);
+    let coarse = match coarse_offset(moves, taken) {
+        Ok(coarse) => coarse,
+        Err(why) => return is_of_another_flight(moves, taken).then_some(why),
+    };
+    let at = taken.span()?.0;
+    let said_ns = converted(taken.clock, clock, at)?.0.checked_sub(at.0)?;
+    let apart_s = coarse.offset_ns.checked_sub(said_ns)? as f64 * 1e-9;
+    let (earliest, latest) = settings.search_s;
+    let fits = apart_s >= earliest.min(-SAME_OFFSET_S) && apart_s <= latest.max(SAME_OFFSET_S);
+    (!fits).then(|| {
+        format!(
+            "its clock is not that of the log: the motion agrees if about {apart_s:.1} s are added to its timestamps (correlation of \
+             the velocities {:.2}). Use --reference-clock own (clock = \"own\" in a pipeline), which estimates the offset",
+            coarse.correlation
+        )
+    })
+}
+
+/// Velocities of one flight that are less alike than this are none,
+const OTHER_FLIGHT: f64 = 0.5;
+/// where the log moves as fast as this, rms, m/s: at rest there is nothing to be alike.
+const MOVES_MPS: f64 = 2.0;
+
+/// Whether a log that moves has nothing in common with a second file.
+fn is_of_another_flight(moves: &Channel, taken: &Taken<'_>) -> bool {
+    let log = moves.series.timeline().first().map(|origin| Motion::of(moves, origin));
+    let own = taken.velocity.or(taken.position).zip(taken.span()).map(|(channel, span)| Motion::of(channel, span.0));
+    let Some((log, own)) = log.zip(own) else { return false };
+    let is_fast = log.rms_between((f64::MIN, f64::MAX)).is_some_and(|rms| rms > MOVES_MPS);
+    let lag = signal::coarse_lag(log.as_input(), own.as_input(), GRID_HZ, SAME_OFFSET_S);
+    is_fast && lag.is_some_and(|lag| lag.correlation < OTHER_FLIGHT)
 }
 
 /// Adds position and velocity of `reference` to the flight; gives their names. None if the clocks are not related.
@@ -173,7 +243,8 @@ fn offset(
 ) -> Result<ClockOffset, String> {
     let (by, velocity) = velocity_of(flight, clock).ok_or(
         "the log has no velocity to relate the clocks by, and the offset of the clocks and the delay of the position are one \
-         number: log a velocity, or say clock = \"same\" if both files were stamped by one clock",
+         number: log a velocity, or use --reference-clock same (clock = \"same\" in a pipeline) if one clock made the timestamps of \
+         both files",
     )?;
     let coarse = coarse_offset(velocity, taken)?;
     let (first, last) = taken.span().ok_or("it is empty")?;
@@ -200,7 +271,7 @@ fn offset(
 /// A velocity of this clock that a sensor measured, else one that a filter made; of these the one with most samples.
 fn velocity_of(flight: &Flight, clock: Clock) -> Option<(&str, &Channel)> {
     let fits = |c: &Channel| c.quantity == Quantity::VelocityNed && c.series.timeline().clock() == clock;
-    let all = flight.channels.iter().filter(|(_, c)| fits(c));
+    let all = flight.channels.iter().filter(|(name, c)| fits(c) && *name != REFERENCE_VELOCITY);
     let best = all.max_by_key(|(name, c)| (!record::is_filter_output(name), c.update_rows().len()));
     best.map(|(name, channel)| (name.as_str(), channel))
 }
@@ -211,19 +282,13 @@ struct Coarse {
     correlation: f64,
 }
 
-fn coarse_offset(velocity: &Channel, taken: &Taken<'_>) -> Result<Coarse, String> {
-    let (log_origin, origin) = velocity
-        .series
-        .timeline()
-        .first()
-        .zip(taken.span().map(|span| span.0))
-        .ok_or("one of the velocities is empty")?;
-    let log = Motion::of_velocity(velocity, log_origin);
-    let own = match (taken.velocity, taken.position) {
-        (Some(velocity), _) => Motion::of_velocity(velocity, origin),
-        (None, Some(position)) => Motion::of_position(position, origin),
-        (None, None) => return Err("it holds no position and no velocity".to_owned()),
-    };
+/// `moves` is a velocity or a position of the log.
+fn coarse_offset(moves: &Channel, taken: &Taken<'_>) -> Result<Coarse, String> {
+    let (log_origin, origin) =
+        moves.series.timeline().first().zip(taken.span().map(|span| span.0)).ok_or("one of the velocities is empty")?;
+    let log = Motion::of(moves, log_origin);
+    let own = taken.velocity.or(taken.position).ok_or("it holds no position and no velocity")?;
+    let own = Motion::of(own, origin);
     let lag = signal::coarse_lag(log.as_input(), own.as_input(), GRID_HZ, SAME_OFFSET_S)
         .ok_or("its velocity does not move, or is too short, for the clocks to be related")?;
     let correlation = lag.correlation;
@@ -235,8 +300,8 @@ fn coarse_offset(velocity: &Channel, taken: &Taken<'_>) -> Result<Coarse, String
     }
     if 1.0 - lag.runner_up < RIVAL_RATIO * (1.0 - correlation) {
         return Err(format!(
-            "the motion repeats itself: the clocks may be {:.1} s or {:.1} s apart: give logs of the whole flight, or say \
-             clock = \"same\" if both files were stamped by one clock",
+            "the motion repeats itself: the clocks may be {:.1} s or {:.1} s apart: give logs of the whole flight, or use \
+             --reference-clock same (clock = \"same\" in a pipeline) if one clock made the timestamps of both files",
             lag.shift_s, lag.runner_up_s
         ));
     }
@@ -255,6 +320,22 @@ struct Motion {
 impl Motion {
     fn as_input(&self) -> (&[f64], [&[f64]; 2]) {
         (&self.t, [&self.north, &self.east])
+    }
+
+    /// Rms speed over a span of time, m/s; `None` without a moving sample in it.
+    fn rms_between(&self, (from, to): (f64, f64)) -> Option<f64> {
+        let all = self.t.iter().zip(self.north.iter().zip(&self.east));
+        let inside = all.filter(|(t, _)| (from..=to).contains(*t)).map(|(_, (n, e))| n * n + e * e);
+        let (sum, count) = inside.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
+        (sum > 0.0).then(|| (sum / f64::from(count)).sqrt())
+    }
+
+    /// Of a velocity or a position.
+    fn of(channel: &Channel, origin: Stamp) -> Motion {
+        match channel.quantity {
+            Quantity::VelocityNed => Motion::of_velocity(channel, origin),
+            _ => Motion::of_position(channel, origin),
+        }
     }
 
     fn of_velocity(channel: &Channel, origin: Stamp) -> Motion {

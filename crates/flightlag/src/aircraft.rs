@@ -18,14 +18,21 @@ pub(crate) fn write(arguments: &AircraftArguments, groups: &[GroupLine]) -> Resu
         compensators(folder, arguments.step_s, groups)?;
     }
     if let Some(file) = &arguments.params {
-        put(file, &parameters(groups)?)?;
-        say(&format!("parameters written: {}", file.display()));
+        let text = parameters(groups)?;
+        let was_there = file.exists();
+        put(file, &text)?;
+        say(&format!("parameters {}: {}", done(was_there), file.display()));
     }
     Ok(())
 }
 
 pub(crate) fn put(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|e| failed(path, &e))
+}
+
+/// A file that was there is replaced, as every tool that takes the name of its output does; the user reads which it was.
+fn done(was_there: bool) -> &'static str {
+    if was_there { "replaced" } else { "written" }
 }
 
 /// On standard error: standard output is for the answer.
@@ -59,8 +66,9 @@ fn compensators(folder: &Path, step_s: f64, groups: &[GroupLine]) -> Result<(), 
         let prefix = if late.len() == 1 { "position_delay".to_owned() } else { format!("position_delay_{}", k + 1) };
         let forms = [(CompensatorKind::ExactAsync, prefix.clone()), (PAPERS, format!("{prefix}_pade"))];
         for (kind, prefix) in forms {
+            let was_there = folder.join(format!("{prefix}.h")).exists();
             let file = compensator(folder, kind, prefix, group, *delay_s, step_s)?;
-            say(&format!("C written: {file} and .c, {kind}, {:.1} ms, {}", 1e3 * delay_s, group.group));
+            say(&format!("C {}: {file} and .c, {kind}, {:.1} ms, {}", done(was_there), 1e3 * delay_s, group.group));
         }
     }
     Ok(())
@@ -120,6 +128,7 @@ fn parameters(groups: &[GroupLine]) -> Result<String, Failure> {
         lines.push((group, line(known.name, known.value_ms), known));
     }
     match &lines[..] {
+        [] if groups.iter().any(|group| delay_of(group).is_some()) => Err(no_autopilot(groups)),
         [] => Err(nothing("no parameters were written", groups)),
         [(group, line, known)] => {
             let interval = known.interval_ms.map_or(String::new(), |[a, b]| format!(", {a} to {b} ms (k = 2)"));
@@ -147,9 +156,21 @@ fn line(name: &str, value_ms: i64) -> String {
     }
 }
 
+/// A delay is known, and no parameter of an autopilot removes it.
+fn no_autopilot(groups: &[GroupLine]) -> Failure {
+    let late: Vec<&GroupLine> = groups.iter().filter(|group| delay_of(group).is_some()).collect();
+    let names: Vec<String> = late.iter().map(|group| format!("{}: {}", group.group, group.words)).collect();
+    let why = match late.iter().any(|group| group.datum == "imu") {
+        true => "these logs name no autopilot (ArduPilot or PX4) whose parameter removes the delay",
+        false => "a parameter of an autopilot counts from the IMU, and the delay is known against a reference alone",
+    };
+    Failure::new(Exit::Failed, format!("no parameters were written: {why}. {}", names.join("; ")))
+}
+
 /// No group has a delay that can be written.
 fn nothing(what: &str, groups: &[GroupLine]) -> Failure {
-    let why: Vec<String> = groups.iter().map(|g| format!("{}: {}", g.group, g.words)).collect();
+    let named = groups.iter().filter(|g| !g.group.is_empty());
+    let why: Vec<String> = named.map(|g| format!("{}: {}", g.group, g.words)).collect();
     let why = if why.is_empty() { "no flight was measured".to_owned() } else { why.join("; ") };
     Failure::new(
         Exit::Failed,
@@ -184,6 +205,13 @@ mod tests {
         }
     }
 
+    /// A group of logs that name no autopilot.
+    fn group_in_seconds(name: &str, lateness_s: f64, datum: &str) -> GroupLine {
+        let set =
+            vec![LineSetting { name: "position_s".into(), value: lateness_s, unit: "s".into(), note: String::new() }];
+        GroupLine { set, ..group(name, lateness_s, datum, "") }
+    }
+
     #[test]
     fn parameters_are_in_the_autopilots_own_format() {
         let ardupilot = parameters(&[group("u-blox", 0.201, "imu", "GPS1_DELAY_MS")]).unwrap();
@@ -201,6 +229,9 @@ mod tests {
                 vec![group("a", 0.2, "imu", "GPS1_DELAY_MS"), group("b", 0.1, "imu", "GPS1_DELAY_MS")],
                 "are of 2 receivers",
             ),
+            // Against a reference no parameter of an autopilot is known.
+            (vec![group_in_seconds("a", 0.25, "reference")], "the delay is known against a reference alone"),
+            (vec![group_in_seconds("a", 0.25, "imu")], "these logs name no autopilot (ArduPilot or PX4)"),
             (vec![], "no flight was measured"),
         ] {
             let refused = parameters(&groups).unwrap_err();

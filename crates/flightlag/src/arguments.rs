@@ -8,7 +8,8 @@ Exit codes:
   0    all well
   1    failed
   2    wrong command, pipeline, criteria, rig file, sensor card or channel map
-  3    finished, but some flights or records failed, lost data, have a delay that changes, or contradict their rig file
+  3    finished, but some flights or records failed, lost data, have a delay that changes or a reference file that cannot
+       be used, or contradict their rig file
   4    finished, but a flight fails a criterion or was harmed (whether or not 3 holds too)
   75   not now: try again (a log is being written, another flight has to come first)
   130  stopped by Ctrl-C";
@@ -211,7 +212,7 @@ pub(crate) struct DelayArguments {
     #[arg(long, value_name = "RULE", value_parser = clock_rule)]
     pub(crate) reference_clock: Option<campaign::ClockRule>,
     /// Number of threads. Default: all cores, or SLURM_CPUS_PER_TASK.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Show no progress.
     #[arg(long)]
@@ -222,13 +223,14 @@ pub(crate) struct DelayArguments {
 #[derive(Debug, Args)]
 pub(crate) struct AircraftArguments {
     /// Also write compensators as C to this folder, with delay and interval: the exact form and the paper's (Padé [1/1]), each a
-    /// header and a C file, for each group of flights whose lateness is known.
+    /// header and a C file, for each group of flights whose lateness is known. Files of these names are replaced.
     #[arg(long, value_name = "DIR")]
     pub(crate) c: Option<PathBuf>,
     /// Step of the loop that the C runs in, s.
     #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
-    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns).
+    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns). A FILE
+    /// that is there is replaced.
     #[arg(long, value_name = "FILE")]
     pub(crate) params: Option<PathBuf>,
 }
@@ -251,9 +253,14 @@ pub(crate) fn clock_rule_name(rule: campaign::ClockRule) -> &'static str {
     }
 }
 
-/// A delay as far as one is searched.
+/// A delay that a compensator can remove, as far as one is searched.
 fn delay_s(text: &str) -> Result<f64, String> {
-    settings::seconds(text, -5.0, 30.0)
+    match text.trim().parse::<f64>() {
+        Ok(seconds) if seconds <= 0.0 => {
+            Err("must be from 0 to 30 s, and not 0: a compensator removes a positive delay".to_owned())
+        }
+        _ => settings::seconds(text, 0.0, 30.0),
+    }
 }
 
 fn positive_s(text: &str) -> Result<f64, String> {
@@ -307,7 +314,7 @@ pub(crate) struct OrderArguments {
 #[derive(Debug, Args)]
 pub(crate) struct DeskArguments {
     /// Threads; all cores if not given, or what SLURM_CPUS_PER_TASK says.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Events as JSON, one a line, on standard output; nothing else is written there.
     #[arg(long)]
@@ -328,7 +335,7 @@ pub(crate) enum Step {
         #[arg(long, value_name = "FILE")]
         manifest: Option<PathBuf>,
         /// Most shards. Fewer if there is less to do.
-        #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+        #[arg(long, value_name = "N", default_value_t = 1000, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
         max_shards: u32,
         #[command(flatten)]
         desk: DeskArguments,
@@ -339,7 +346,7 @@ pub(crate) enum Step {
         #[arg(long, value_name = "FILE")]
         manifest: PathBuf,
         /// Which shard, from 0.
-        #[arg(long, value_name = "I")]
+        #[arg(long, value_name = "I", allow_negative_numbers = true)]
         shard: u32,
         #[command(flatten)]
         desk: DeskArguments,
@@ -445,7 +452,7 @@ pub(crate) struct ExportArguments {
     #[arg(long, conflicts_with_all = ["topics", "map", "maps"])]
     pub(crate) track: bool,
     /// Write at most this many points per second; 0 writes every row. Without it: 5 for maps, every row for CSV and MCAP.
-    #[arg(long, value_name = "HZ", requires = "track")]
+    #[arg(long, value_name = "HZ", requires = "track", allow_negative_numbers = true)]
     pub(crate) rate: Option<f64>,
     /// All topics with all fields as they stand in the log, instead of the channels that a map binds.
     #[arg(long)]
@@ -490,7 +497,7 @@ pub(crate) struct DemoArguments {
     #[arg(long)]
     pub(crate) run: bool,
     /// Seed of everything random in flights and records.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) desk: DeskArguments,

@@ -84,8 +84,28 @@ fn reduce(path: &Path, files: &AircraftArguments, arguments: &DeskArguments, sto
     let manifest = Manifest::read(path)?;
     let verdict = campaign::reduce(&manifest, &desk(arguments, stop, events.as_ref()))?;
     say_verdict(&verdict, manifest.out(), arguments)?;
+    if let Some(next) = next_step(&verdict, &manifest) {
+        say(arguments, &next)?;
+    }
     aircraft::write(files, &verdict.groups)?;
     Ok(verdict.exit().into())
+}
+
+/// What to do about flights without a result; `None` if all have one.
+fn next_step(verdict: &Verdict, manifest: &Manifest) -> Option<String> {
+    let pending = verdict.totals.pending;
+    let is_measured = || {
+        let status = campaign::status(manifest).ok();
+        manifest.stage() == Some(campaign::Stage::Measure) && status.is_some_and(|s| s.done == s.flights)
+    };
+    let flights = count(pending, "flight");
+    (pending > 0).then(|| match is_measured() {
+        true => format!(
+            "{flights} pending: all flights are measured, and none is replayed yet. Run `flightlag campaign plan` again, then \
+             its tasks, then reduce"
+        ),
+        false => format!("{flights} pending: run the tasks of the manifest that are missing, then plan again"),
+    })
 }
 
 fn status(path: &Path, json: bool) -> Result<End, Failure> {

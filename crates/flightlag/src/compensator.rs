@@ -21,7 +21,8 @@ pub(crate) fn names_and(exit_codes: &str) -> String {
     let names = |kinds: &[CompensatorKind]| kinds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let (written, others) = (names(&written), names(&others));
     format!(
-        "Compensator names:\n  {written}\n\nA pipeline's [replay] compensators also takes:\n  {others}\n\n{exit_codes}"
+        "Compensator names:\n  {written}\n\nA pipeline's [replay] compensators also takes:\n  {others}\n\nOther Pade forms up to \
+         degree 8 are taken too. A form without a rule is tustin for pade-1-1, and foh for the others.\n\n{exit_codes}"
     )
 }
 
@@ -31,6 +32,13 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
     let delay = Delay::from_seconds(arguments.delay_s)
         .filter(|delay| delay.seconds() > 0.0)
         .ok_or_else(|| asked(&format!("--delay-s {}: a compensator removes a positive delay", arguments.delay_s)))?;
+    if let Some(u) = arguments.uncertainty_s.filter(|u| *u > arguments.delay_s) {
+        let what = format!(
+            "--uncertainty-s {u}: it is larger than the delay of {} s, which is then not known",
+            arguments.delay_s
+        );
+        return Err(asked(&what));
+    }
     let export = CExport {
         kind,
         prefix: arguments.prefix.clone(),
@@ -48,10 +56,11 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
     let mut out = std::io::stdout().lock();
     for (name, text) in [(&source.header_name, &source.header), (&source.source_name, &source.source)] {
         let path = arguments.out.join(name);
+        let done = if path.exists() { "replaced" } else { "wrote" };
         std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
-        writeln!(out, "wrote {}", path.display())?;
+        writeln!(out, "{done} {}", path.display())?;
     }
-    if let Some(band) = band(kind, arguments.delay_s) {
+    if let Some(band) = band(kind, arguments.delay_s, arguments.step_s) {
         writeln!(out, "{band}")?;
     }
     let advice = autopilot_advice(delay, arguments.uncertainty_s, MeasuredAgainst::UnknownVelocity);
@@ -60,14 +69,22 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
 }
 
 /// Up to which frequency of motion it helps, and from where on it harms.
-fn band(kind: CompensatorKind, delay_s: f64) -> Option<String> {
+fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
     let CompensatorKind::Pade { m, n, .. } = kind else { return None };
     let form = PadeForm::new(m, n).ok()?;
     let band = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(delay_s), HELP)?;
-    let up_to = |hz: Option<f64>| hz.map_or("nowhere".to_owned(), |hz| format!("up to {hz:.2} Hz"));
-    let worse = band
-        .worse_above_hz
-        .map_or("never worse than raw below 1/Td".to_owned(), |hz| format!("worse than raw from {hz:.2} Hz on"));
+    // A loop sees no motion above half of its rate.
+    let nyquist_hz = 0.5 / step_s;
+    let up_to = |hz: Option<f64>| match hz {
+        None => "nowhere".to_owned(),
+        Some(hz) if hz > nyquist_hz => format!("up to {nyquist_hz:.2} Hz, half the rate of the loop"),
+        Some(hz) => format!("up to {hz:.2} Hz"),
+    };
+    let worse = match band.worse_above_hz {
+        None => "never worse than raw below 1/Td".to_owned(),
+        Some(hz) if hz > nyquist_hz => "nowhere worse than raw".to_owned(),
+        Some(hz) => format!("worse than raw from {hz:.2} Hz on"),
+    };
     Some(format!(
         "removes nine tenths of the error {}, half of it {}, {worse} (velocity on time, position not held)",
         up_to(band.helps_below_hz),

@@ -7,7 +7,9 @@ use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
-use campaign::{DelayLine, DelayOrder, DelayReport, Exit, GroupLine, LineSetting, delay_report, delay_schema};
+use campaign::{
+    DelayLine, DelayOrder, DelayReport, Exit, GroupLine, LineAlarm, LineSetting, delay_report, delay_schema,
+};
 use compensation_replay::ekf_values_toml;
 use record::Estimate;
 use std::io::Write;
@@ -77,7 +79,11 @@ pub(crate) fn short_text(flights: &[DelayLine], groups: &[GroupLine]) -> String 
 }
 
 fn one_flight(line: &DelayLine) -> String {
-    let mut text = format!("{}: {}\n", line.flight, line.words);
+    let mut text = String::new();
+    for alarm in line.alarms.iter().filter(|_| line.lacks_reference()).filter(|alarm| is_reference(alarm)) {
+        text += &format!("reference file {}\n", alarm.text);
+    }
+    text += &format!("{}: {}\n", line.flight, line.words);
     let mut row = |what: &str, value: String| {
         if !value.is_empty() {
             text += &format!("  {what:<22}{value}\n");
@@ -93,11 +99,16 @@ fn one_flight(line: &DelayLine) -> String {
     row("set", settings(&line.set));
     row("fly", line.fly.clone().unwrap_or_default());
     row("group", line.group.clone());
-    row("reference file", line.reference_file.clone().unwrap_or_default());
-    for alarm in &line.alarms {
+    row("reference file", line.reference_file.clone().filter(|_| !line.lacks_reference()).unwrap_or_default());
+    for alarm in line.alarms.iter().filter(|alarm| !is_reference(alarm)) {
         row(&alarm.gravity, alarm.text.clone());
     }
     text
+}
+
+/// Whether an alarm is about the reference file: its reason is the first line.
+fn is_reference(alarm: &LineAlarm) -> bool {
+    alarm.code == "reference-not-used"
 }
 
 /// Empty for a log that is whole.
@@ -110,16 +121,28 @@ fn data(word: &str) -> String {
 }
 
 fn groups_text(groups: &[GroupLine]) -> String {
-    let mut text = String::new();
+    let mut lines: Vec<String> = vec![];
     for group in groups {
-        let name = if group.group.is_empty() { "no group" } else { &group.group };
-        text += &format!("{name}: {}\n", group.words);
-        let set = settings(&group.set);
-        if !set.is_empty() {
-            text += &format!("  set {set}\n");
+        let line = match group.group.as_str() {
+            "" => format!("{} without an answer; see below\n", count(group.flights, "file")),
+            name => {
+                let set = settings(&group.set);
+                let set = if set.is_empty() { set } else { format!("  set {set}\n") };
+                format!("{name}: {}\n{set}", group.words)
+            }
+        };
+        // Groups may differ in what their names do not say.
+        if !lines.contains(&line) {
+            lines.push(line);
         }
     }
-    text
+    lines.concat()
+}
+
+/// The state of the log, and whether it counts for another one.
+fn data_cell(line: &DelayLine) -> String {
+    let copy = line.duplicate_of.as_ref().map_or(String::new(), |of| format!(", copy of {of}"));
+    format!("{}{copy}", line.data.replace('-', " "))
 }
 
 fn flights_text(flights: &[DelayLine], most: usize) -> String {
@@ -135,7 +158,7 @@ fn flights_text(flights: &[DelayLine], most: usize) -> String {
             relative,
             removed(line),
             effect(line),
-            line.data.replace('-', " "),
+            data_cell(line),
         ]);
     }
     let more = match flights.len().saturating_sub(most) {
@@ -157,7 +180,10 @@ fn alarms_text(flights: &[DelayLine]) -> String {
     };
     let harmed = flights.iter().filter(|l| l.effect == "harmed").map(|l| format!("{}: {}", l.flight, l.effect_words));
     let failed = flights.iter().filter(|l| l.data == "failed").map(|l| format!("{}: {}", l.flight, l.words));
-    let all: Vec<String> = harmed.chain(of("red")).chain(failed).chain(of("amber")).collect();
+    let is_unsaid =
+        |l: &&DelayLine| l.kind.starts_with("cannot-tell") && !["failed", "companion"].contains(&l.data.as_str());
+    let unknown = flights.iter().filter(is_unsaid).map(|l| format!("{}: {}", l.flight, l.words));
+    let all: Vec<String> = harmed.chain(of("red")).chain(failed).chain(of("amber")).chain(unknown).collect();
     let mut text = String::new();
     if !all.is_empty() {
         text += "\nneeds attention\n";

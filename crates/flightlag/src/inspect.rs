@@ -34,8 +34,19 @@ pub(crate) fn run(arguments: &InspectArguments, stop: &Stop) -> Result<End, Fail
     let loaded = load(&unit, &library, arguments.map.as_deref(), &context)?;
     let text = if arguments.json { json_text(&unit, &loaded) } else { page(&unit, &loaded, arguments) };
     std::io::stdout().lock().write_all(text.as_bytes())?;
-    let lossy = loaded.flight.notices.any_loss();
-    Ok(if lossy { Exit::Incomplete } else { Exit::Well }.into())
+    Ok(exit(&loaded).into())
+}
+
+/// A map that does not fit is a wrong map, and no damage.
+fn exit(loaded: &Loaded) -> Exit {
+    let notices = &loaded.flight.notices;
+    if notices.iter().any(|notice| notice.code == ingest::MAP_LACKS) {
+        Exit::Wrong
+    } else if notices.any_loss() {
+        Exit::Incomplete
+    } else {
+        Exit::Well
+    }
 }
 
 /// The flight that a path stands for: a file, or a folder that holds one flight.
@@ -367,7 +378,11 @@ fn next(unit: &FlightUnit, loaded: &Loaded, log: &Path) -> String {
             LogKind::Csv | LogKind::Nmea => format!("flightlag export {} --topics --to csv", typed(log)),
             _ => format!("flightlag recover {} GOOD.mcap", typed(log)),
         };
-        let _ = writeln!(text, "data were lost (exit code 3); what is good of them: {command}");
+        let lost = match loaded.health.bytes.damaged {
+            0 => "data were lost".to_owned(),
+            bytes => format!("{} of the log could not be read", count(bytes, "byte")),
+        };
+        let _ = writeln!(text, "{lost} (exit code 3); save the rest with: {command}");
     }
     if loaded.binding.is_err() {
         let _ = writeln!(

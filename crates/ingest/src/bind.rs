@@ -181,6 +181,11 @@ fn candidate(trial: &Trial<'_>, best: &Trial<'_>) -> MapCandidate {
 
 /// What comes nearest, and which topics there are.
 fn nothing_fits(trials: &[Trial<'_>], log: &Log) -> IngestError {
+    let meant: Vec<String> =
+        trials.iter().filter(|trial| trial.is_meant()).filter_map(|trial| lacking::check(trial, log).err()).collect();
+    if !meant.is_empty() {
+        return IngestError::MapLacks(meant.join("; "));
+    }
     // Who asks for one map wants to know all.
     let (mut text, channels) = match trials {
         [only] => (format!("the channel map {} does not fit", only.map.name), usize::MAX),
@@ -193,8 +198,7 @@ fn nothing_fits(trials: &[Trial<'_>], log: &Log) -> IngestError {
         text += &format!("; nearest: {}", near.into_iter().map(|(_, what)| what).collect::<Vec<_>>().join("; "));
     }
     let text = format!("{text}; {}", topics_of(log));
-    let is_meant = trials.iter().any(Trial::is_meant);
-    if is_meant { IngestError::MapLacks(text) } else { IngestError::Map(text) }
+    if trials.iter().any(Trial::is_meant) { IngestError::MapLacks(text) } else { IngestError::Map(text) }
 }
 
 /// At most ten topics with their types.

@@ -8,15 +8,18 @@ mod motion;
 mod names;
 mod sets;
 mod times;
+mod ways;
 mod write;
 
-use self::decide::{Motion, Of, Place, Vertical, decide, side, units_of_place};
+pub(crate) use self::ways::ways;
+
+use self::decide::{Motion, Of, Place, Vertical, decide, plausible_height, side, units_of_place};
 use self::names::{Named, Role};
 use self::sets::{Position, Source, Velocity, has_body, may_hold, says_axes, sources};
 use self::times::Timing;
 use self::write::All;
 use crate::reader::{FieldRequest, Log, Select, Selection, TableHead, ValueKind};
-use crate::table::TopicInfo;
+use crate::table::{Table, TopicInfo};
 use flight::Unit;
 use std::collections::BTreeMap;
 
@@ -37,21 +40,29 @@ pub(crate) struct Guess {
 pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
     let named =
         |head: &TableHead| -> Vec<Named> { head.names.iter().filter_map(|path| names::named(head, path)).collect() };
-    let all: Vec<(String, Vec<Named>)> = heads.iter().map(|head| (head.topic.clone(), named(head))).collect();
+    let all: Vec<(&TableHead, Vec<Named>)> = heads.iter().map(|head| (head, named(head))).collect();
+    let lacks_time = |head: &TableHead, named: &[Named]| bare::may_be_tried(head) && sets::lacks_time(named);
     // An attitude alone is no flight.
-    let any = all.iter().any(|(_, named)| may_hold(named));
-    let tables = all.into_iter().filter(|(_, named)| may_hold(named) || has_body(named));
-    let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|(topic, named)| (topic, requests(&named))).collect();
+    let any = all.iter().any(|(head, named)| may_hold(named) || lacks_time(head, named));
+    let tables = all.into_iter().filter_map(|(head, named)| match may_hold(&named) || has_body(&named) {
+        true => Some((head.topic.clone(), requests(&named))),
+        // Any column may be the time.
+        false => lacks_time(head, &named).then(|| (head.topic.clone(), every_column(head))),
+    });
+    let tables: BTreeMap<String, Vec<FieldRequest>> = tables.collect();
     any.then_some(Wanted(tables))
 }
 
-/// What of tables without a header is to be read for [`guess`]: every column.
-pub(crate) fn wanted_of_bare(heads: &[TableHead]) -> Option<Wanted> {
-    let all =
-        |head: &TableHead| -> Vec<Named> { head.names.iter().map(|path| bare::named(path, Role::Time)).collect() };
-    let tables = heads.iter().filter(|head| bare::is_bare(head));
-    let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|h| (h.topic.clone(), requests(&all(h)))).collect();
+/// What of tables whose names say nothing is to be read for [`guess_by_motion`]: every column.
+pub(crate) fn wanted_by_motion(heads: &[TableHead]) -> Option<Wanted> {
+    let tables = heads.iter().filter(|head| bare::may_be_tried(head));
+    let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|h| (h.topic.clone(), every_column(h))).collect();
     (!tables.is_empty()).then_some(Wanted(tables))
+}
+
+fn every_column(head: &TableHead) -> Vec<FieldRequest> {
+    let all: Vec<Named> = head.names.iter().map(|path| bare::named(path, Role::Time)).collect();
+    requests(&all)
 }
 
 /// Whether a table has no header.
@@ -66,8 +77,8 @@ pub(crate) fn nameless(heads: &[TableHead]) -> String {
                 position and a velocity do"
             .to_owned();
     }
-    "no columns are named like a time and a position or a velocity; name them in a channel map, for which \
-     `flightlag maps --example` is a start"
+    "no columns are named like a time and a position or a velocity; `flightlag maps --suggest LOG` writes a channel map if \
+     the columns move as a position and a velocity do; else name them in a map, for which `flightlag maps --example` is a start"
         .to_owned()
 }
 
@@ -108,17 +119,12 @@ struct Found<'l, T> {
 /// Why there is none.
 pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     let sources = sources(log);
-    if log.heads.iter().any(bare::is_bare) {
-        return of_bare(&sources);
-    }
     if let Some(odd) = odd_unit(&sources) {
         return Err(odd);
     }
     let mut reasons: Vec<String> = vec![];
     let (mut places, mut motions): (Vec<Found<'_, Place>>, Vec<Found<'_, Motion>>) = (vec![], vec![]);
-    for source in sources.iter().filter(|s| s.timings.is_empty()) {
-        reasons.push(format!("no column of {} is a time that goes on", source.table.topic.name));
-    }
+    reasons.extend(sources.iter().filter(|s| s.timings.is_empty()).map(without_time));
     for (of, velocity) in sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v))) {
         match best_place(&sources, of, velocity) {
             Ok(pairs) => {
@@ -182,14 +188,36 @@ fn with_bodies<'l>(
     Guess { said: guess.said + &unsure.concat(), ..guess }
 }
 
-/// The two pairs of neighbours of a table without a header that agree best, if they agree very well.
-fn of_bare(sources: &[Source<'_>]) -> Result<Guess, String> {
+/// The map for a table without a header, or whose header says nothing: the two pairs of neighbours that agree best, if they
+/// agree very well.
+///
+/// # Errors
+/// There are none.
+pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     const LEAST: f64 = 0.97;
-    let all = sources.iter().flat_map(|s| s.velocities.iter().map(move |v| (s, v)));
-    let pairs = all.filter_map(|(of, velocity)| best_place(sources, of, velocity).ok()).flatten();
-    let best = pairs.max_by(|a, b| a.1.what.agreement.total_cmp(&b.1.what.agreement));
+    /// Agreements in steps of this are the same: then the usual order of axes counts.
+    const SAME: f64 = 0.005;
+    let of_table = |table: &'l Table| log.head(&table.topic.name).map_or(vec![], |head| bare::sources(head, table));
+    let all: Vec<Source<'l>> = log.tables.iter().flat_map(of_table).collect();
+    let mut pairs = vec![];
+    for source in &all {
+        let one = std::slice::from_ref(source);
+        pairs.extend(source.velocities.iter().filter_map(|v| best_place(one, source, v).ok()).flatten());
+    }
+    let rank = |pair: &Pair<'_>| {
+        let Motion { agreement, swapped, is_west, .. } = pair.1.what;
+        ((agreement / SAME).round() as i64, !swapped, !is_west)
+    };
+    let best = pairs.into_iter().max_by_key(rank);
     let Some((mut place, motion)) = best.filter(|(_, motion)| motion.what.agreement >= LEAST) else {
-        return Err("the table has no header, and no two neighbouring columns move as two others say".into());
+        let what = match log.heads.iter().all(bare::is_bare) {
+            true => "the table has no header",
+            false => "no columns are named like a time and a position or a velocity",
+        };
+        return Err(format!(
+            "{what}, and no two neighbouring columns move as two others say; name the columns in a channel map, for which \
+             `flightlag maps --example` is a start"
+        ));
     };
     // A neighbour is a height only if a vertical velocity proves it.
     place.what.third =
@@ -197,8 +225,24 @@ fn of_bare(sources: &[Source<'_>]) -> Result<Guess, String> {
     Ok(write::map(&All { places: vec![place], motions: vec![motion], bodies: vec![] }, &[], true))
 }
 
+/// What is said of a table without a time.
+fn without_time(source: &Source<'_>) -> String {
+    let of_positions = source.positions.iter().flat_map(|p| [&p.first.path, &p.second.path]);
+    let all: Vec<&str> = of_positions
+        .chain(source.velocities.iter().flat_map(|v| [&v.first.path, &v.second.path]))
+        .map(String::as_str)
+        .collect();
+    let known = if all.is_empty() { String::new() } else { format!("{} are recognised, but ", all.join(", ")) };
+    format!("{known}no column of {} is a time that goes on", source.table.topic.name)
+}
+
 /// An unknown unit that a table states is no reason to take another one.
 fn odd_unit(sources: &[Source<'_>]) -> Option<String> {
+    if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
+        return Some(format!(
+            "the table states the time {path} in {unit:?}, which is no unit of time that flightlag knows"
+        ));
+    }
     let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
     let of_velocities = sources.iter().flat_map(|s| &s.velocities).map(|v| (&v.first, &v.second, &v.third));
     of_positions.chain(of_velocities).find_map(|(first, second, third)| {
@@ -308,14 +352,13 @@ fn unchecked<'l>(
             "{path}: nothing shows what it counts and where it points; a channel map can say it, see `flightlag maps --example`"
         ));
     }
-    let third = set.third.as_ref().and_then(|third| Some((third.unit.or("m".parse().ok())?, side(third)?)));
     let mut why = vec![why.clone(), "no velocity was found that moves as it does".to_owned()];
-    why.extend(
-        set.third
-            .as_ref()
-            .filter(|t| t.unit.is_none())
-            .map(|t| format!("{} is taken as metres, which nothing shows", t.path)),
-    );
-    let what = Place { set: set.clone(), unit: *unit, third, swapped: false, why };
+    let third = set.third.as_ref().and_then(|third| {
+        let (found, said) = plausible_height(of.table, third, *unit);
+        why.extend(said);
+        let side = side(third)?;
+        Some((found.or("m".parse().ok())?, if found.is_some() { side } else { Vertical::LeftOut }))
+    });
+    let what = Place { set: set.clone(), unit: *unit, third, swapped: false, is_west: false, why };
     Ok(Found { topic: &of.table.topic.name, timing: timing.clone(), what })
 }

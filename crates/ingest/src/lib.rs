@@ -36,7 +36,7 @@ pub use format::{
 };
 #[doc(hidden)]
 pub use format::{mcap_indexed_records, mcap_records};
-pub use load::{BOUND_BY_GUESS, Loaded, load, open, suggest};
+pub use load::{BOUND_BY_GUESS, Loaded, MAP_LACKS, load, load_ways, open, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
 pub use map_schema::channel_map_schema;
 pub use reader::{

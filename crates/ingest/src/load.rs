@@ -20,6 +20,9 @@ use std::time::SystemTime;
 /// Code of the notice that says which columns of a table were bound by guess.
 pub const BOUND_BY_GUESS: &str = "bound-by-guess";
 
+/// Code of the notice that says that a channel map of the user does not fit a log.
+pub const MAP_LACKS: &str = "map-lacks";
+
 /// A log that was read, and the flight in it.
 #[derive(Debug)]
 pub struct Loaded {
@@ -94,14 +97,15 @@ pub fn load(
         }
         Err(IngestError::MapLacks(reason)) => {
             let mut flight = Flight { notices: log.notices.clone(), ..Flight::default() };
-            let text = "no channel is bound: a channel map of yours does not fit the log";
-            flight.notices.push(Severity::Loss, "map-lacks", "", 1, text);
+            let text = "no channel is bound: your channel map does not fit this log";
+            flight.notices.push(Severity::Warning, MAP_LACKS, "", 1, text);
             (flight, Err(reason))
         }
         Err(IngestError::Map(mut reason)) => {
             match refused {
                 Some(NoGuess::Refused(why)) => {
-                    reason = format!("its columns cannot be bound by guess: {why}; {reason}");
+                    // What the nearest shipped map lacks is no advice for a table that nearly binds by itself.
+                    reason = format!("no channel map fits, and its columns cannot be bound by guess: {why}");
                 }
                 // What the nearest map lacks is the better advice.
                 Some(NoGuess::Nameless(advice)) if !reason.contains("nearest: ") => reason += &format!("; {advice}"),
@@ -171,6 +175,29 @@ fn by_guess(log: &Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bindin
     Ok((flight, Binding { why: "no map fits; columns bound by guess".into(), ..binding }))
 }
 
+/// A table as the second file of a flight, where [`load`] does not bind it: each way in which its axes may point, with what was
+/// bound to what. None for a table whose time or units are not known.
+///
+/// # Errors
+/// As [`LogReader::read`].
+pub fn load_ways(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<Vec<(Flight, String)>, IngestError> {
+    if unit.kind != LogKind::Csv {
+        return Ok(vec![]);
+    }
+    let nothing = |_: &TopicInfo| Selection::Skip;
+    let heads = open(unit).read(&nothing, context)?.heads;
+    let Some(wanted) = guess::wanted(&heads) else { return Ok(vec![]) };
+    let mut ways = vec![];
+    for guess in guess::ways(&open(unit).read(&wanted, context)?) {
+        let map = ChannelMap::from_toml(Path::new("guess.toml"), &guess.text)?;
+        let log = open(unit).read(&MapSelect::of(&map), context)?;
+        if let Ok((flight, _)) = by_guess(&log, &guess, map) {
+            ways.push((flight, guess.said));
+        }
+    }
+    Ok(ways)
+}
+
 /// The channel map by which [`load`] would read a table that no map fits, as the text of a file with the reasons as comments.
 ///
 /// # Errors
@@ -181,10 +208,23 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
     }
     let nothing = |_: &TopicInfo| Selection::Skip;
     let heads = open(unit).read(&nothing, context)?.heads;
-    let nameless = || IngestError::Map(guess::nameless(&heads));
-    let wanted = guess::wanted(&heads).or_else(|| guess::wanted_of_bare(&heads)).ok_or_else(nameless)?;
-    let found = guess::guess(&open(unit).read(&wanted, context)?).map_err(IngestError::Map)?;
-    Ok(found.text)
+    let by_names = match guess::wanted(&heads) {
+        Some(wanted) => Some(guess::guess(&open(unit).read(&wanted, context)?)),
+        None => None,
+    };
+    if let Some(Ok(found)) = by_names {
+        return Ok(found.text);
+    }
+    let Some(wanted) = guess::wanted_by_motion(&heads) else {
+        let why = by_names.and_then(Result::err).unwrap_or_else(|| guess::nameless(&heads));
+        return Err(IngestError::Map(why));
+    };
+    let by_motion = guess::guess_by_motion(&open(unit).read(&wanted, context)?);
+    match (by_motion, by_names) {
+        (Ok(found), _) => Ok(found.text),
+        (Err(_), Some(Err(why))) => Err(IngestError::Map(why)),
+        (Err(why), _) => Err(IngestError::Map(why)),
+    }
 }
 
 /// Formats without stamps of their own get those of their bound channels.

@@ -473,6 +473,11 @@ impl MapLibrary {
     /// [`IngestError::Io`] or [`IngestError::BadMap`]; [`IngestError::Map`] of a definition that is none.
     pub fn with_folder(mut self, folder: &Path) -> Result<MapLibrary, IngestError> {
         let failed = |source| IngestError::Io { file: folder.display().to_string(), offset: 0, source };
+        if folder.is_file() {
+            let above = folder.parent().filter(|above| !above.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let (file, above) = (folder.display(), above.display());
+            return Err(IngestError::Map(format!("{file} is a file; --maps takes its folder: --maps {above}")));
+        }
         let mut paths: Vec<PathBuf> = vec![];
         for entry in std::fs::read_dir(folder).map_err(failed)? {
             paths.push(entry.map_err(failed)?.path());

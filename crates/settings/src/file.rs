@@ -94,6 +94,12 @@ impl<'a> SettingsFile<'a> {
         Refused
     }
 
+    /// Complains about a line, from 1.
+    pub fn reject_line(&self, line: usize, what: impl Into<String>) -> Refused {
+        self.complaints.borrow_mut().push(Complaint { line: Some(line), what: what.into() });
+        Refused
+    }
+
     /// Complains about the file as a whole.
     pub fn reject_whole(&self, what: impl Into<String>) -> Refused {
         self.complaints.borrow_mut().push(Complaint { line: None, what: what.into() });
@@ -217,7 +223,10 @@ fn value_at<'b, 't>(table: &'b mut DeTable<'t>, span: &Range<usize>) -> Option<&
 }
 
 fn value_in<'b, 't>(value: &'b mut Spanned<DeValue<'t>>, span: &Range<usize>) -> Option<&'b mut Spanned<DeValue<'t>>> {
-    if value.span() == *span {
+    // A list of tables begins where its first table does.
+    let is_first_table = |one: &Spanned<DeValue<'_>>| one.span() == *span && matches!(one.get_ref(), DeValue::Table(_));
+    let holds_it = matches!(value.get_ref(), DeValue::Array(array) if array.iter().any(is_first_table));
+    if value.span() == *span && !holds_it {
         return Some(value);
     }
     match value.get_mut() {
@@ -419,6 +428,21 @@ mod tests {
     fn a_value_that_stands_in_for_a_wrong_one_is_not_complained_about() {
         let found = refused("title = \"x\"\n[[part]]\nlength_m = \"long\"\n[[part]]\n");
         assert_eq!(found.what, "part.length_m = \"long\": must be a number in m\np.toml:4: missing key `length_m`");
+    }
+
+    #[test]
+    fn a_missing_key_of_the_first_table_of_a_list_hides_no_other() {
+        let found = refused("title = \"x\"\n[[part]]\nwidth_m = 1\n[[part]]\nwidth_m = \"2\"\n");
+        assert_eq!(found.line, Some(2));
+        let lines: Vec<&str> = found.what.lines().collect();
+        assert_eq!(
+            lines,
+            [
+                "missing key `length_m`",
+                "p.toml:4: missing key `length_m`",
+                "p.toml:5: part.width_m = \"2\": must be a number in m",
+            ]
+        );
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Words for a lateness and for a difference, and what else follows from an answer.
 
 use super::{kind_of, unknown, velocity_lateness_s, words};
+use crate::config::Pipeline;
 use crate::line::{DelayLine, LineParts};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelaySetting, DelaySource, Estimate, FlightLateness,
@@ -107,4 +108,25 @@ fn a_group_that_is_not_one_gives_no_setting_for_its_mean() {
         groups.iter().find(near).unwrap().advice.set.len()
     };
     assert_eq!((groups.len(), settings(0.25), settings(0.2), settings(0.3)), (3, 0, 1, 1));
+}
+
+#[test]
+fn numbers_against_two_velocities_have_no_common_mean() {
+    let against = |velocity: &str, value_s| {
+        let mut flight = late(value_s, Some(velocity));
+        flight.against = format!("relative to {velocity}");
+        flight.datum = NetworkDatum::None;
+        flight
+    };
+    let flights = [
+        ("a", against("velocity.ekf", 0.1)),
+        ("b", against("velocity.gps", -0.02)),
+        ("c", against("velocity.ekf", 0.1)),
+    ];
+    let named: Vec<(&str, &FlightLateness)> = flights.iter().map(|(name, l)| (*name, l)).collect();
+    let decided = crate::decide::over(&named, &Pipeline::shipped_default().unwrap());
+    let said: Vec<(&str, u64)> = decided.groups.iter().map(|g| (g.words.as_str(), g.flights)).collect();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].0.contains("later than velocity.ekf (2 of 2 flights)") && said[0].1 == 2, "{said:?}");
+    assert!(said[1].0.contains("earlier than velocity.gps (1 of 1 flight)") && said[1].1 == 1, "{said:?}");
 }

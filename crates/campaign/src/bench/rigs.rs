@@ -11,10 +11,10 @@ const ENDING: &str = ".rig.toml";
 
 /// The rig of every record.
 pub(super) fn of(swings: &[Swing], logs: &[ReadLog], shared: Option<Rig>) -> Result<Vec<Rig>, CampaignError> {
+    no_record(swings, logs)?;
     if let Some(rig) = shared {
         return Ok(vec![rig; swings.len()]);
     }
-    no_record(swings, logs)?;
     swings.iter().map(|swing| Ok(Rig::read(&beside(swing, logs)?)?)).collect()
 }
 

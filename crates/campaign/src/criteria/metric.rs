@@ -649,8 +649,15 @@ impl MetricEntry {
             if names.is_empty() {
                 names = METRICS.iter().map(|m| m.name).collect();
             }
-            format!("no metric is called `{name}`; known are {} (all: flightlag criteria)", names.join(", "))
+            let meant = MetricEntry::nearest(name).map_or(String::new(), |m| format!("did you mean `{}`? ", m.name));
+            format!("no metric is called `{name}`; {meant}known are {} (all: flightlag criteria)", names.join(", "))
         })
+    }
+
+    /// The metric whose name is likely meant.
+    pub(crate) fn nearest(name: &str) -> Option<&'static MetricEntry> {
+        let near = settings::likely(name, METRICS.iter().map(|m| m.name))?;
+        METRICS.iter().find(|m| m.name == near)
     }
 }
 

@@ -84,11 +84,14 @@ impl Checker<'_> {
             self.says_something(&table.rationale, "rationale must say why the limit is what it is"),
         ];
         let applies_to = table.applies_to.as_ref().map(|a| self.applies_to(a)).transpose();
-        let entry = MetricEntry::of(table.metric.get_ref()).map_err(|what| self.fault(&table.metric, what))?;
+        let metric = MetricEntry::of(table.metric.get_ref()).map_err(|what| self.fault(&table.metric, what));
+        // The rest of a criterion is checked by the metric that was probably meant.
+        let entry = metric.or_else(|refused| MetricEntry::nearest(table.metric.get_ref()).ok_or(refused))?;
         let compensator = self.compensator(&table, entry, &whole);
         let channels = self.channels(&table, entry, &whole);
         let limit = self.limit(&table, entry, &whole);
         let rule = self.rule(table.decision.as_ref(), entry);
+        metric?;
         texts.into_iter().chain([channels]).collect::<Result<(), _>>()?;
         let (compensator, (limit, quantity), rule) = (compensator?, limit?, rule?);
         let applies_to = applies_to?.unwrap_or_default();

@@ -66,12 +66,12 @@ impl CompensatorOptions {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CompensatorError {
     /// No compensator has this name.
-    #[error("no compensator is called {name:?}; known are {known}")]
+    #[error("no compensator is called {name:?}{meant}; `flightlag compensator --help` lists the names")]
     Unknown {
         /// The name.
         name: String,
-        /// All known names.
-        known: String,
+        /// The name that was probably meant, as a question after a semicolon; empty if none is near.
+        meant: String,
     },
     /// The Padé form is refused.
     #[error("{name:?}: {reason}")]
@@ -312,11 +312,8 @@ fn pade(name: &str) -> Option<CompensatorKind> {
 }
 
 fn unknown(name: &str) -> CompensatorError {
-    let forms: Vec<String> = OFFERED.iter().map(|(m, n)| format!("{m}-{n}")).collect();
-    let known = format!(
-        "pade-<m>-<n>-<tustin|foh|zoh> with <m>-<n> of {}, pade-0-1-matched, pade-1-1-matched, exact-fir, exact-async, \
-         kalman, offline-shift, rts-smoother",
-        forms.join(", ")
-    );
-    CompensatorError::Unknown { name: name.to_owned(), known }
+    let all: Vec<String> = CompensatorKind::all().iter().map(ToString::to_string).collect();
+    let near = settings::likely(name, all.iter().map(String::as_str));
+    let meant = near.map_or(String::new(), |near| format!("; did you mean {near:?}?"));
+    CompensatorError::Unknown { name: name.to_owned(), meant }
 }

@@ -34,6 +34,17 @@ pub(crate) struct Prepared {
 /// Body axes forward, right and down, each with its north and its east component.
 pub(crate) type BodyAxes = [[Vec<f64>; 2]; 3];
 
+/// What the samples of a channel are called.
+fn counted(quantity: Quantity, rows: usize) -> &'static str {
+    let of_position = matches!(quantity, Quantity::PositionGeodetic | Quantity::PositionNed);
+    match (of_position, rows) {
+        (true, 1) => "fix",
+        (true, _) => "fixes",
+        (false, 1) => "measurement",
+        (false, _) => "measurements",
+    }
+}
+
 /// Reads the channels of `pair`, with at most so many samples of the first and so many a second; says in words why that cannot be.
 pub(crate) fn prepare(
     flight: &Flight,
@@ -62,9 +73,8 @@ pub(crate) fn prepare(
         }
         let rows = channel.update_rows().len();
         if rows < LEAST_SAMPLES {
-            return Err(format!(
-                "{name} has {rows} measurement(s); at least {LEAST_SAMPLES} are needed: log a longer flight"
-            ));
+            let what = counted(channel.quantity, rows);
+            return Err(format!("{name} has {rows} {what}; at least {LEAST_SAMPLES} are needed: log a longer flight"));
         }
         if channel.quantity != Quantity::Attitude && channel.present.iter().take(2).any(|present| !present) {
             return Err(format!("{name} lacks one of its first two components"));

@@ -17,9 +17,10 @@ pub(crate) struct Skew {
 
 impl Skew {
     pub(crate) fn words(&self) -> String {
+        let side = if self.typical_s < 0.0 { "early" } else { "late" };
         format!(
-            "the lateness is lopsided, as behind a queue: this is its mean; typical samples are {:.0} ms late",
-            1e3 * self.typical_s
+            "the lateness is lopsided, as behind a queue: this is its mean; typical samples are {:.0} ms {side}",
+            1e3 * self.typical_s.abs()
         )
     }
 }
@@ -41,4 +42,16 @@ pub(crate) fn is_skewed(fit: &DelayFit) -> bool {
         }
     }
     squares > 0.0 && (sum / squares.sqrt()).abs() > SURE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_early_sample_is_called_early() {
+        let words = |typical_s| Skew { typical_s }.words();
+        assert!(words(-0.036).ends_with("typical samples are 36 ms early"), "{}", words(-0.036));
+        assert!(words(0.036).ends_with("typical samples are 36 ms late"));
+    }
 }

@@ -146,3 +146,23 @@ fn a_second_file_may_hold_a_velocity_alone() {
     let clock = ReferenceClock::Own(found);
     assert_eq!(join_reference(&mut log, &far, &wanted(), &clock), [REFERENCE_VELOCITY]);
 }
+
+#[test]
+fn a_shared_clock_that_the_motion_contradicts_is_refused_with_what_lies_between() {
+    let (log, second) = two_files();
+    let relate =
+        |second: &Flight| relate_clocks(&log, second, &wanted(), ClockRule::Same, &FlightDelaySettings::default());
+    let clock = log.channels["position.gps"].series.timeline().clock();
+    assert_eq!(relate(&with_clock(&second, clock, 0.0, 0.0)), ReferenceClock::Same);
+    assert_eq!(relate(&with_clock(&second, clock, -4.0, 0.0)), ReferenceClock::Same, "a delay may be as large");
+    match relate(&with_clock(&second, clock, 92.7, 0.0)) {
+        ReferenceClock::Unknown { reason } => {
+            assert!(
+                reason.starts_with("its clock is not that of the log: the motion agrees if about -92."),
+                "{reason}"
+            );
+            assert!(reason.contains("Use --reference-clock own"), "{reason}");
+        }
+        other => panic!("{other:?}"),
+    }
+}

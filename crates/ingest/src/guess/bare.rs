@@ -3,7 +3,7 @@
 
 use super::names::{Axis, Named, Role};
 use super::sets::{Position, Source, Velocity};
-use super::times::timings;
+use super::times::{Timing, timings};
 use crate::reader::TableHead;
 use crate::table::{Table, numbers};
 
@@ -12,24 +12,35 @@ const MOST_COLUMNS: usize = 40;
 /// No flight goes further, as an angle in degrees.
 const MOST_TRAVELLED: f64 = 20.0;
 
+/// Columns that are tried as the time.
+const MOST_TIMES: usize = 4;
+
 /// Whether no column has a name of its own.
 pub(super) fn is_bare(head: &TableHead) -> bool {
     let is_numbered = |(i, name): (usize, &String)| *name == format!("column_{}", i + 1);
-    !head.names.is_empty() && head.names.len() <= MOST_COLUMNS && head.names.iter().enumerate().all(is_numbered)
+    may_be_tried(head) && head.names.iter().enumerate().all(is_numbered)
+}
+
+/// Whether the columns are few enough to be tried by their motion alone.
+pub(super) fn may_be_tried(head: &TableHead) -> bool {
+    !head.names.is_empty() && head.names.len() <= MOST_COLUMNS
 }
 
 pub(super) fn named(path: &str, role: Role) -> Named {
     Named { path: path.to_owned(), role, source: String::new(), unit: None, odd_unit: None, words: vec![] }
 }
 
-/// All neighbours that may be a latitude and a longitude, and all that may be velocities to the north and east.
-pub(super) fn source<'l>(head: &TableHead, table: &'l Table) -> Option<Source<'l>> {
-    let time = head.names.iter().find_map(|path| {
-        let column = named(path, Role::Time);
-        let found = timings(table, std::slice::from_ref(&column));
+/// All neighbours that may be a latitude and a longitude, and all that may be horizontal velocities: once for each column
+/// that may be the time.
+pub(super) fn sources<'l>(head: &TableHead, table: &'l Table) -> Vec<Source<'l>> {
+    let times = head.names.iter().filter_map(|path| {
+        let found = timings(table, &[named(path, Role::Time)]);
         (!found.is_empty()).then_some((path, found))
     });
-    let (time, timings) = time?;
+    times.take(MOST_TIMES).map(|(time, timings)| source(head, table, time, timings)).collect()
+}
+
+fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Timing>) -> Source<'l> {
     let columns: Vec<&String> = head.names.iter().filter(|path| *path != time && varies(table, path)).collect();
     let follow = |at: usize| columns.get(at).copied();
     let pairs = || columns.windows(2).enumerate().filter_map(|(at, pair)| Some((at, *pair.first()?, *pair.get(1)?)));
@@ -49,13 +60,13 @@ pub(super) fn source<'l>(head: &TableHead, table: &'l Table) -> Option<Source<'l
     let velocities = pairs().filter(|(_, a, b)| !is_place(a) && !is_place(b)).map(|(at, a, b)| Velocity {
         source: String::new(),
         is_polar: false,
-        first: named(a, Role::Velocity(Axis::North)),
-        second: named(b, Role::Velocity(Axis::East)),
+        first: named(a, Role::Velocity(Axis::X)),
+        second: named(b, Role::Velocity(Axis::Y)),
         third: follow(at + 2).map(|path| named(path, Role::Velocity(Axis::Z))),
     });
     let velocities = velocities.collect();
     let (attitudes, rates, forces) = (vec![], vec![], vec![]);
-    Some(Source { table, timings, positions, velocities, attitudes, rates, forces })
+    Source { table, timings, odd_time: None, positions, velocities, attitudes, rates, forces }
 }
 
 fn range(table: &Table, path: &str) -> Option<(f64, f64)> {

@@ -36,6 +36,8 @@ pub(super) struct Place {
     pub(super) third: Option<(Unit, Vertical)>,
     /// The second column goes north, and the first one east.
     pub(super) swapped: bool,
+    /// The east column counts west.
+    pub(super) is_west: bool,
     pub(super) why: Vec<String>,
 }
 
@@ -204,18 +206,8 @@ fn fit(
     let found = axes(place.set, motion.set, windows)?;
     let (first, second) = (&motion.set.first, &motion.set.second);
     let speed = unit_of_speed(motion, found.scale)?;
-    let evidence = format!(
-        "{} windows of {:.1} s: it agrees with the motion of {} to {:.3}, velocity over displacement is {:.3} ({speed} would be {:.3}), \
-         the position is {:.1} s late in this comparison",
-        windows.moved.len(),
-        windows.length_s,
-        place.set.first.path,
-        found.agreement,
-        found.scale,
-        1.0 / speed.to_si(1.0),
-        windows.late_s
-    );
-    let (height, vertical, notes) = verticals(place.set, motion.set, windows, speed);
+    let evidence = evidence(windows, &place.set.first.path, &found, speed);
+    let (height, vertical, notes) = verticals(place, motion.set, windows, (angle, speed));
     let is_unnamed = |first: &Named| !says_axes(first);
     // Axes that only agree with each other: x is called north.
     let both_local = !place.set.is_geodetic && is_unnamed(&place.set.first);
@@ -237,8 +229,14 @@ fn fit(
         ));
     }
     let (place_swapped, swapped) = if of_place { (found.swapped, false) } else { (false, found.swapped) };
-    let place =
-        Place { set: place.set.clone(), unit: angle, third: height, swapped: place_swapped, why: vec![place_unit_why] };
+    let place = Place {
+        set: place.set.clone(),
+        unit: angle,
+        third: height,
+        swapped: place_swapped,
+        is_west: false,
+        why: vec![place_unit_why],
+    };
     let motion = Motion {
         set: motion.set.clone(),
         unit: speed,
@@ -250,6 +248,20 @@ fn fit(
         why: whys,
     };
     Ok((found.agreement, place, motion))
+}
+
+/// Why a velocity is taken as it is.
+fn evidence(windows: &Windows, place: &str, found: &Match, speed: Unit) -> String {
+    format!(
+        "{} windows of {:.1} s: it agrees with the motion of {place} to {:.3}, velocity over displacement is {:.3} ({speed} would \
+         be {:.3}), the position is {:.1} s late in this comparison",
+        windows.moved.len(),
+        windows.length_s,
+        found.agreement,
+        found.scale,
+        1.0 / speed.to_si(1.0),
+        windows.late_s
+    )
 }
 
 /// The way in which the axes stand: as the names say where they say it, else the one that fits by far best.
@@ -287,7 +299,10 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
     match (is_alone, best.signs[0] > 0.0) {
         (false, _) => Err(format!("the way is too straight to tell which of {a} and {b} goes north")),
         (true, false) => {
-            Err(format!("what goes north of {a} and {b} counts south, for which a channel map has no word"))
+            let north = if best.swapped { b } else { a };
+            Err(format!(
+                "{north} counts south positive, and a channel map has north alone: negate that column and try again"
+            ))
         }
         (true, true) => Ok(best),
     }
@@ -346,35 +361,36 @@ pub(super) fn side(named: &Named) -> Option<Vertical> {
 /// Heights and vertical velocities: units and signs, as the motion says or else the names; and what is to be said.
 #[expect(clippy::type_complexity, reason = "two verticals and their notes")]
 fn verticals(
-    place: &Position,
+    of: Of<'_, Position>,
     motion: &Velocity,
     windows: &Windows,
-    speed: Unit,
+    (angle, speed): (Unit, Unit),
 ) -> (Option<(Unit, Vertical)>, Option<(Unit, Vertical)>, Vec<String>) {
     let mut notes = vec![];
-    let m = unit("m").unwrap_or(speed);
     let measured = windows.vertical().filter(|(agreement, _)| agreement.abs() >= LEAST_VERTICAL);
-    let (height, third) = (place.third.as_ref(), motion.third.as_ref());
-    // What is stated is kept; what is not is tried.
-    let mut height_unit = height.map(|h| h.unit.unwrap_or(m));
+    let (height, third) = (of.set.third.as_ref(), motion.third.as_ref());
     let third_unit = third.map(|t| t.unit.unwrap_or(speed));
-    let place_side = height.map(|h| side(h).unwrap_or(Vertical::Up));
+    let (height_unit, why) = match (height, third_unit.zip(third), measured) {
+        (Some(h), Some((of_third, t)), Some((_, scale))) => measured_height(of.table, h, (t, of_third), scale, angle),
+        (Some(h), ..) => plausible_height(of.table, h, angle),
+        (None, ..) => (None, None),
+    };
+    notes.extend(why);
+    let place_side = height.map(|h| match height_unit {
+        Some(_) => side(h).unwrap_or(Vertical::Up),
+        None => Vertical::LeftOut,
+    });
     let mut counts = third.map(|t| side(t).unwrap_or(Vertical::LeftOut));
     match (height, third, measured) {
-        (Some(h), Some(t), Some((agreement, scale))) => {
-            let per_unit = |u: Unit| (scale * third_unit.unwrap_or(speed).to_si(1.0) / u.to_si(1.0)).ln().abs();
-            let ft = unit("ft").filter(|ft| h.unit.is_none() && per_unit(*ft) < NEAR && per_unit(m) > NEAR);
-            if let Some(ft) = ft {
-                height_unit = Some(ft);
-                notes.push(format!("{} changes as {} says if it is in ft", h.path, t.path));
-            }
-            let up = (agreement > 0.0) == (place_side == Some(Vertical::Up));
-            let told = if up { Vertical::Up } else { Vertical::Down };
-            if side(t).is_some_and(|named| named != told) {
+        (Some(h), Some(t), Some((agreement, _))) => {
+            let height_up = side(h).unwrap_or(Vertical::Up) == Vertical::Up;
+            let up = (agreement > 0.0) == height_up;
+            let shown = if up { Vertical::Up } else { Vertical::Down };
+            if side(t).is_some_and(|named| named != shown) {
                 let word = if up { "up" } else { "down" };
                 notes.push(format!("{} counts {word}, as {} shows, and not as its name says", t.path, h.path));
             }
-            counts = Some(told);
+            counts = Some(shown);
         }
         (_, Some(t), _) if counts == Some(Vertical::LeftOut) => {
             notes.push(format!("{} is left out: nothing shows whether it counts up or down", t.path));
@@ -382,8 +398,70 @@ fn verticals(
         (_, Some(t), _) => notes.push(format!("the sign of {} is by its name alone", t.path)),
         _ => {}
     }
-    if let Some(h) = height.filter(|h| h.unit.is_none() && measured.is_none()) {
-        notes.push(format!("{} is taken as metres, which nothing shows", h.path));
+    let height = height_unit.or(unit("m")).zip(place_side);
+    (height, third_unit.zip(counts), notes)
+}
+
+/// Units in which heights are logged.
+const OF_HEIGHTS: [&str; 4] = ["m", "ft", "mm", "cm"];
+/// No table of flights holds heights above this, m.
+const HIGHEST_M: f64 = 20_000.0;
+/// Above this no height is in feet: it would be above [`HIGHEST_M`].
+const HIGHEST_FT: f64 = 65_600.0;
+
+/// The unit of a height by the vertical velocity that was compared with it, and what is to be said. `scale` is velocity over
+/// displacement as the columns stand, with the height in SI units where its unit is stated.
+fn measured_height(
+    table: &Table,
+    height: &Named,
+    (third, of_third): (&Named, Unit),
+    scale: f64,
+    angle: Unit,
+) -> (Option<Unit>, Option<String>) {
+    let per_unit = |to_si: f64| scale * of_third.to_si(1.0) / to_si;
+    if let Some(stated) = height.unit {
+        // The comparison has it in metres already.
+        let times = 1.0 / per_unit(1.0);
+        let differs = times.ln().abs() > NEAR;
+        return (
+            Some(stated),
+            differs.then(|| {
+                format!(
+                    "{} changes {times:.3} times as fast as {} says, if it is in {stated} as stated",
+                    height.path, third.path
+                )
+            }),
+        );
     }
-    (height_unit.zip(place_side), third_unit.zip(counts), notes)
+    let fits = |symbol: &&str| unit(symbol).filter(|u| per_unit(u.to_si(1.0)).ln().abs() < NEAR);
+    match OF_HEIGHTS.iter().find_map(|symbol| fits(symbol)) {
+        Some(found) if found.symbol() == "m" => (Some(found), None),
+        Some(found) => {
+            (Some(found), Some(format!("{} changes as {} says if it is in {found}", height.path, third.path)))
+        }
+        None => {
+            let (found, why) = plausible_height(table, height, angle);
+            let times = 1.0 / per_unit(1.0);
+            let odd = format!("{} changes {times:.3} times as fast as {} says, if it is in m", height.path, third.path);
+            (found, Some(why.map_or(odd.clone(), |why| format!("{odd}; {why}"))))
+        }
+    }
+}
+
+/// The unit of a height that nothing is compared with, by its size; `None` if that leaves it open.
+pub(super) fn plausible_height(table: &Table, height: &Named, angle: Unit) -> (Option<Unit>, Option<String>) {
+    if let Some(stated) = height.unit {
+        return (Some(stated), None);
+    }
+    let most = largest(table, height);
+    let path = &height.path;
+    if most <= HIGHEST_M {
+        return (unit("m"), Some(format!("{path} is taken as metres, which nothing shows")));
+    }
+    if most > HIGHEST_FT && angle.symbol() == "1e-7 deg" && unit("mm").is_some_and(|mm| mm.to_si(most) <= HIGHEST_M) {
+        let why =
+            format!("{path} is taken as mm: up to {most:.0} it is no height in metres, and the table counts 1e-7 deg");
+        return (unit("mm"), Some(why));
+    }
+    (None, Some(format!("{path} is left out: up to {most:.0} it is no height in metres, and nothing shows its unit")))
 }

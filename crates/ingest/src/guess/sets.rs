@@ -9,6 +9,8 @@ use crate::table::{Table, numbers};
 pub(super) struct Source<'l> {
     pub(super) table: &'l Table,
     pub(super) timings: Vec<Timing>,
+    /// The time column and the unit that the table states of it, if nobody knows that unit.
+    pub(super) odd_time: Option<(String, String)>,
     pub(super) positions: Vec<Position>,
     pub(super) velocities: Vec<Velocity>,
     /// Roll, pitch and yaw.
@@ -68,9 +70,6 @@ pub(super) fn sources(log: &Log) -> Vec<Source<'_>> {
 
 fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
     let head = log.head(&table.topic.name)?;
-    if super::bare::is_bare(head) {
-        return super::bare::source(head, table);
-    }
     let named: Vec<Named> = head.names.iter().filter_map(|path| super::names::named(head, path)).collect();
     let holds = |column: &&Named| {
         let values = || numbers(table, &column.path);
@@ -85,10 +84,14 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<Source<'l>> {
     }
     let positions = labels.iter().flat_map(|label| positions(&named, label)).collect();
     let velocities = labels.iter().flat_map(|label| velocities(&named, label)).collect();
+    let odd = super::times::odd(table, &named);
+    let odd_time = odd.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
+    let is_named = named.iter().any(|column| column.role == Role::Time);
+    let timings = if is_named { timings(table, &named) } else { super::times::by_rise(table, &head.names, &named) };
     let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
     let attitudes = triples(ATTITUDE);
     let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
-    Some(Source { table, timings: timings(table, &named), positions, velocities, attitudes, rates, forces })
+    Some(Source { table, timings, odd_time, positions, velocities, attitudes, rates, forces })
 }
 
 const ATTITUDE: [Role; 3] = [Role::Roll, Role::Pitch, Role::Yaw];
@@ -111,9 +114,20 @@ pub(super) fn has_body(named: &[Named]) -> bool {
 
 /// Whether names alone say that something may be found in a table of these columns.
 pub(super) fn may_hold(named: &[Named]) -> bool {
-    let mut labels = named.iter().map(|c| c.source.as_str());
-    named.iter().any(|c| c.role == Role::Time)
-        && labels.any(|label| !positions(named, label).is_empty() || !velocities(named, label).is_empty())
+    named.iter().any(|c| c.role == Role::Time) && (has_position(named) || has_velocity(named))
+}
+
+/// Whether names alone say that a position and a velocity may be found, and no name says the time.
+pub(super) fn lacks_time(named: &[Named]) -> bool {
+    named.iter().all(|c| c.role != Role::Time) && has_position(named) && has_velocity(named)
+}
+
+fn has_position(named: &[Named]) -> bool {
+    named.iter().any(|c| !positions(named, &c.source).is_empty())
+}
+
+fn has_velocity(named: &[Named]) -> bool {
+    named.iter().any(|c| !velocities(named, &c.source).is_empty())
 }
 
 fn of(named: &[Named], label: &str, role: Role) -> Option<Named> {

@@ -23,6 +23,8 @@ pub(super) struct Timing {
     pub(super) clock: Clock,
     /// Of each row, s.
     pub(super) times_s: Vec<Option<f64>>,
+    /// For people: `time [s], clock elapsed`.
+    pub(super) said: String,
     /// Why it is taken so.
     pub(super) why: String,
     /// The table states its unit, or its size does.
@@ -47,7 +49,8 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
         let times = of_role(Role::Time).filter(|c| c.path != date.path);
         let both = times.filter_map(|time| {
             let entry = format!("{{ date = {}, time = {} }}", super::quoted(&date.path), super::quoted(&time.path));
-            timing(table, entry, "measured", "a column of dates and one of times".into(), true)
+            let said = format!("{} and {}", date.path, time.path);
+            timing(table, (entry, said), "measured", "a column of dates and one of times".into(), true)
         });
         if let Some(found) = both.into_iter().next() {
             return vec![found];
@@ -66,10 +69,11 @@ fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
     let values = numbers(table, &time.path)?;
     let most = (0..table.rows).filter_map(|row| values.number(row)).fold(0.0, f64::max);
     let unit = time.unit.map_or(if most > 604_800.0 { "ms" } else { "s" }, Unit::symbol);
+    let said = format!("{} and {} [{unit}], clock gps", week.path, time.path);
     let (week, field) = (super::quoted(&week.path), super::quoted(&time.path));
     timing(
         table,
-        format!("{{ week = {week}, field = {field}, unit = \"{unit}\" }}"),
+        (format!("{{ week = {week}, field = {field}, unit = \"{unit}\" }}"), said),
         "measured",
         "a GPS week and the time in it".into(),
         true,
@@ -81,7 +85,8 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     if numbers(table, &column.path).is_none() {
         let texts = ["iso-8601", "time-of-day", "day-of-year"].into_iter().filter_map(|text| {
             let why = format!("its text is {text}");
-            timing(table, format!("{{ field = {field}, text = \"{text}\" }}"), kind_of(column), why, true)
+            let said = format!("{} as {text}", column.path);
+            timing(table, (format!("{{ field = {field}, text = \"{text}\" }}"), said), kind_of(column), why, true)
         });
         return texts.into_iter().next().into_iter().collect();
     }
@@ -94,7 +99,8 @@ fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
             false => "elapsed",
         };
         let entry = format!("{{ field = {field}, unit = \"{unit}\", clock = \"{clock}\" }}");
-        timing(table, entry, kind_of(column), format!("{why}, clock {clock}"), is_certain)
+        let said = format!("{} [{unit}], clock {clock}", column.path);
+        timing(table, (entry, said), kind_of(column), format!("{why}, clock {clock}"), is_certain)
     };
     if let Some(unit) = column.unit {
         let found = of_unit((unit.symbol(), unit.to_si(1.0)), "the table states its unit", true);
@@ -123,7 +129,13 @@ fn middles(table: &Table, column: &Named) -> Option<(f64, f64)> {
 }
 
 /// Stamps that nine rows of ten have, and that go on in as many.
-fn timing(table: &Table, entry: String, kind: &'static str, why: String, is_certain: bool) -> Option<Timing> {
+fn timing(
+    table: &Table,
+    (entry, said): (String, String),
+    kind: &'static str,
+    why: String,
+    is_certain: bool,
+) -> Option<Timing> {
     let source = time_source_of(&entry)?;
     let (clock, nanos) = stamps_by(&source, table)?;
     let first = nanos.iter().flatten().next().copied()?;
@@ -133,5 +145,56 @@ fn timing(table: &Table, entry: String, kind: &'static str, why: String, is_cert
     let most = |count: usize| 10 * count >= 9 * table.rows.saturating_sub(1);
     let is_time = moves && most(times.len()) && most(goes_on);
     let times_s = nanos.iter().map(|ns| ns.map(|ns| ns as f64 * 1e-9)).collect();
-    is_time.then_some(Timing { entry, kind, clock, times_s, why, is_certain })
+    is_time.then_some(Timing { entry, kind, clock, times_s, said, why, is_certain })
+}
+
+/// Words in brackets or in a line of units that say which clock a time counts, and no unit.
+const CLOCKS: &[&str] =
+    &["utc", "gps", "gpst", "gnss", "unix", "posix", "epoch", "tai", "local", "boot", "iso", "hh", "h"];
+
+/// The first column that is a time by its name, if it counts a unit that nobody knows.
+pub(super) fn odd<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> {
+    let times = columns.iter().filter(|column| column.role == Role::Time);
+    let first = times.into_iter().find(|column| !of_column(table, column).is_empty())?;
+    let unit = first.odd_unit.as_ref()?.to_lowercase();
+    let is_clock = unit.split(|c: char| !c.is_alphanumeric()).any(|word| CLOCKS.contains(&word));
+    (!is_clock && numbers(table, &first.path).is_some()).then_some(first)
+}
+
+/// Most columns that are tried as the time where none is named like one.
+const MOST_RISING: usize = 4;
+/// A time goes on in so many of a hundred rows, and most of its steps are alike.
+const RISES: usize = 99;
+/// Steps within this factor of the middle one are alike.
+const ALIKE: f64 = 3.0;
+
+/// The ways to read the time of a table without a column that is named like one: by the columns that rise steadily.
+pub(super) fn by_rise(table: &Table, names: &[String], taken: &[Named]) -> Vec<Timing> {
+    let is_free = |path: &&String| !taken.iter().any(|column| column.path == **path);
+    let rising = names.iter().filter(is_free).filter(|path| numbers(table, path).is_none() || rises(table, path));
+    let ways = rising.map(|path| of_column(table, &super::bare::named(path, Role::Time))).filter(|all| !all.is_empty());
+    ways.take(MOST_RISING).flatten().map(unnamed).collect()
+}
+
+fn unnamed(timing: Timing) -> Timing {
+    Timing {
+        said: format!("{} (no column is named like a time; this one rises steadily)", timing.said),
+        why: format!("no column is named like a time, and this one rises steadily; {}; confirm it", timing.why),
+        is_certain: false,
+        ..timing
+    }
+}
+
+/// Whether a column rises in nearly all rows, by steps that are alike.
+fn rises(table: &Table, path: &str) -> bool {
+    let Some(values) = numbers(table, path) else { return false };
+    let all: Vec<f64> = (0..table.rows).filter_map(|row| values.number(row)).collect();
+    let mut steps: Vec<f64> = all.iter().zip(all.iter().skip(1)).map(|(a, b)| b - a).collect();
+    let goes_on = steps.iter().filter(|step| **step >= 0.0).count();
+    steps.retain(|step| *step > 0.0);
+    steps.sort_by(f64::total_cmp);
+    let Some(middle) = steps.get(steps.len() / 2).copied() else { return false };
+    let alike = steps.iter().filter(|step| (middle / ALIKE..=middle * ALIKE).contains(*step)).count();
+    let most = |count: usize, of: usize| 100 * count >= RISES * of;
+    most(all.len(), table.rows) && most(goes_on, all.len().saturating_sub(1)) && 10 * alike >= 9 * steps.len()
 }

@@ -55,9 +55,38 @@ pub(super) fn map(All { places, motions, bodies }: &All<'_>, reasons: &[String],
             &Where::of(body, several),
         ));
     }
+    said.extend(times(places, motions));
+    said.extend(left_out(places, motions));
     let both = !places.is_empty() && !motions.is_empty();
     let channels = (places.len() + motions.len() + bodies.len()) as u64;
     Guess { text, said: said.join("; "), channels, both }
+}
+
+/// The times of all channels in words: once, where they are the same.
+fn times(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<String> {
+    let of_places = places.iter().map(|place| (place.timing.said.as_str(), place.timing.kind));
+    let all = of_places.chain(motions.iter().map(|motion| (motion.timing.said.as_str(), motion.timing.kind)));
+    let mut said: Vec<String> = vec![];
+    for (time, kind) in all {
+        let time = format!("time = {time}, {kind}");
+        if !said.contains(&time) {
+            said.push(time);
+        }
+    }
+    said
+}
+
+/// Vertical columns that are not bound, with the reason.
+fn left_out(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<String> {
+    let is_out = |third: &Option<(Unit, Vertical)>| matches!(third, Some((_, Vertical::LeftOut)));
+    let heights = places.iter().filter(|place| is_out(&place.what.third)).filter_map(|p| p.what.set.third.as_ref());
+    let speeds = motions.iter().filter(|motion| is_out(&motion.what.third)).filter_map(|m| m.what.set.third.as_ref());
+    let heights = heights.map(|column| match column.role {
+        super::names::Role::Height => format!("not bound: {}: nothing shows its unit", column.path),
+        _ => format!("not bound: {}: nothing shows its unit, or whether it counts up or down", column.path),
+    });
+    let speeds = speeds.map(|column| format!("not bound: {}: nothing shows whether it counts up or down", column.path));
+    heights.chain(speeds).collect()
 }
 
 fn body_fields(body: &Body) -> Vec<Field<'_>> {
@@ -125,7 +154,11 @@ fn vertical<'a>(third: Option<(Unit, Vertical)>, column: Option<&'a str>, is_hei
 fn place_fields(place: &Place) -> Vec<Field<'_>> {
     let set = &place.set;
     let third = vertical(place.third, set.third.as_ref().map(|c| c.path.as_str()), set.is_geodetic);
-    let roles = if set.is_geodetic { ["latitude", "longitude"] } else { ["north", "east"] };
+    let roles = match (set.is_geodetic, place.is_west) {
+        (true, _) => ["latitude", "longitude"],
+        (false, false) => ["north", "east"],
+        (false, true) => ["north", "west"],
+    };
     let (first, second) = if place.swapped { (&set.second, &set.first) } else { (&set.first, &set.second) };
     [(roles[0], first.path.as_str(), place.unit), (roles[1], second.path.as_str(), place.unit)]
         .into_iter()

@@ -240,7 +240,118 @@ fn the_heading_of_motion_is_a_course_and_names_of_another_language_are_asked_for
     let german =
         table("Zeit,Breite,Laenge,v_Nord", |t, [a, b, _], [n, ..]| format!("{t:.1},{},{},{n}", deg(a), deg(b)));
     let refused = load_text(&german).binding.unwrap_err();
-    assert!(refused.contains("no columns are named like a time and a position or a velocity; name them"), "{refused}");
+    let advice = "no columns are named like a time and a position or a velocity; `flightlag maps --suggest LOG`";
+    assert!(refused.contains(advice), "{refused}");
+}
+
+/// The notice of what was bound by guess.
+fn said(loaded: &Loaded) -> String {
+    loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text.clone()
+}
+
+#[test]
+fn the_time_column_its_unit_and_its_clock_are_said_and_an_unknown_unit_of_it_is_refused() {
+    let with_units = |unit: &str| {
+        table(&format!("time,lat,lon,alt,vn,ve,vd\n{unit},deg,deg,m,m/s,m/s,m/s"), |t, [a, b, h], [n, e, u]| {
+            format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", deg(a), deg(b), -u)
+        })
+    };
+    let known = load_text(&with_units("(s)"));
+    assert_is_truth(&known);
+    assert!(said(&known).contains("; time = time [s], clock elapsed, logged;"), "{}", said(&known));
+    assert_is_truth(&load_text(&with_units("(GPS)")));
+    let error = load_text(&with_units("(fortnight)")).binding.unwrap_err();
+    assert!(error.contains("the table states the time time in \"(fortnight)\""), "{error}");
+}
+
+#[test]
+fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_left_open() {
+    let height = |loaded: &Loaded| of(loaded, Quantity::PositionGeodetic).series.components()[2].clone();
+    for (factor, unit) in [(1e3, "mm"), (1e2, "cm"), (1.0 / 0.3048, "ft"), (1.0, "m")] {
+        let text = table("time,lat,lon,alt,vn,ve,vd", move |t, [a, b, h], [n, e, u]| {
+            format!(
+                "{t:.1},{:.9},{:.9},{:.0},{n:.4},{e:.4},{:.4}",
+                deg(a),
+                deg(b),
+                factor * (1e3 * h).round() / 1e3,
+                -u
+            )
+        });
+        let loaded = load_text(&text);
+        assert!(said(&loaded).contains(&format!("height = alt [{unit}]")), "{}", said(&loaded));
+        assert!((height(&loaded)[0] - truth(-LATE_S).0[2]).abs() < 0.51, "{unit}");
+    }
+    // Of u-blox: integers of 1e-7 deg and mm, without a vertical velocity.
+    let ublox = table("iTOW,lat,lon,hMSL,velN,velE", |t, [a, b, h], [n, e, _]| {
+        let (lat, lon) = (1e7 * deg(a), 1e7 * deg(b));
+        format!("{:.0},{lat:.0},{lon:.0},{:.0},{:.0},{:.0}", 1e3 * t, 1e3 * h, 1e3 * n, 1e3 * e)
+    });
+    let loaded = load_text(&ublox);
+    assert!((height(&loaded)[0] - truth(-LATE_S).0[2]).abs() < 0.1, "{}", said(&loaded));
+    let open = table("time,lat,lon,alt,vn,ve", |t, [a, b, h], [n, e, _]| {
+        format!("{t:.1},{:.9},{:.9},{:.0},{n:.4},{e:.4}", deg(a), deg(b), 1e3 * h)
+    });
+    let open = load_text(&open);
+    assert!(said(&open).contains("not bound: alt: nothing shows its unit"), "{}", said(&open));
+}
+
+#[test]
+fn a_time_under_an_unknown_name_is_the_column_that_rises_steadily() {
+    let text = table("Nr;Zeit;Lat;Lon;Alt;VN;VE;VD", |t, [a, b, h], [n, e, u]| {
+        let nr = (10.0 * t).round();
+        format!("{nr};{t:.1};{:.9};{:.9};{h:.3};{n:.4};{e:.4};{:.4}", deg(a), deg(b), -u)
+    });
+    let loaded = load_text(&text);
+    assert_is_truth(&loaded);
+    let expected = "time = Zeit [s], clock elapsed (no column is named like a time; this one rises steadily)";
+    assert!(said(&loaded).contains(expected), "{}", said(&loaded));
+}
+
+/// The suggested map of a table, and the channels that it then gives.
+fn suggested(text: &str) -> (String, Loaded) {
+    let (_folder, path) = file("bare.csv", text.trim_start().as_bytes());
+    let unit = tables(&[path]);
+    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    let mut library = MapLibrary::shipped().unwrap();
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
+    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    (map, loaded)
+}
+
+#[test]
+fn a_header_that_says_nothing_is_no_obstacle_to_a_suggestion() {
+    let text = table("A,B,C,D,E,F,G", |t, [a, b, h], [n, e, u]| {
+        format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", deg(a), deg(b), -u)
+    });
+    assert!(load_text(&text).binding.unwrap_err().contains("`flightlag maps --suggest LOG`"));
+    let (map, loaded) = suggested(&text);
+    for line in
+        ["latitude = { field = \"B\"", "height = { field = \"D\"", "north = { field = \"E\"", "down = { field = \"G\""]
+    {
+        assert!(map.contains(line), "{line}: {map}");
+    }
+    assert_eq!(loaded.flight.channels.len(), 2);
+}
+
+#[test]
+fn columns_without_names_may_be_east_first_and_behind_a_counter() {
+    // Far from the equator, where latitude and longitude cannot be exchanged.
+    let text = table("", |t, _, [n, e, _]| {
+        let [north, east, up] = truth(t - LATE_S).0;
+        let latitude = 0.82 + north / 6_369_700.0;
+        let longitude = 0.15 + east / (6_389_600.0 * latitude.cos());
+        let (lat, lon) = (deg(latitude), deg(longitude));
+        format!("{:.0},{t:.1},{:.4},{:.4},{lon:.9},{lat:.9},{up:.3},12.5", 10.0 * t, 3.6 * e, 3.6 * n)
+    });
+    let (map, _) = suggested(&text);
+    for line in [
+        "logged = [{ field = \"column_2\", unit = \"s\"",
+        "latitude = { field = \"column_6\", unit = \"deg\" }",
+        "north = { field = \"column_4\", unit = \"km/h\" }",
+        "east = { field = \"column_3\", unit = \"km/h\" }",
+    ] {
+        assert!(map.contains(line), "{line}: {map}");
+    }
 }
 
 #[test]
@@ -277,7 +388,7 @@ fn a_table_without_a_header_is_suggested_a_map_by_its_motion_alone() {
     let unit = tables(&[path]);
     // What to do is the first thing that is said.
     let refused = load_text(text.trim_start()).binding.unwrap_err();
-    let what_to_do = "its columns cannot be bound by guess: the table has no header; `flightlag maps --suggest LOG`";
+    let what_to_do = "no channel map fits, and its columns cannot be bound by guess: the table has no header; `flightlag maps --suggest LOG`";
     assert!(refused.starts_with(what_to_do), "{refused}");
     let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
     for line in [

@@ -79,12 +79,17 @@ fn with_map(map: &str, table: &str) -> Loaded {
 fn a_field_that_the_log_lacks_is_an_error_with_the_nearest_name() {
     let table = "t,my_lat,my_lon,v_north,v_east\n0,47,8,1,2\n1,47.00001,8,1,2\n2,47.00002,8,1,2\n";
     let loaded = with_map(MINE, table);
-    assert!(lossy(&loaded), "the command ends with 3");
+    assert!(!lossy(&loaded), "a wrong map is no damage");
+    assert_eq!(count_of(&loaded, ingest::MAP_LACKS), 1);
     assert_eq!(
         loaded.binding.unwrap_err(),
         "the channel map mine names fields that the log does not have: velocity.gps: topic flight has no \"vnorth\" (the \
          nearest name is \"v_north\"); correct the names, or say `optional = true` in the channel"
     );
+    // Each channel with a slip: no channel binds, and the names are told all the same.
+    let none = with_map(&MINE.replace("my_lat", "my_latt"), table).binding.unwrap_err();
+    assert!(none.contains("no \"my_latt\" (the nearest name is \"my_lat\")"), "{none}");
+    assert!(none.contains("no \"vnorth\" (the nearest name is \"v_north\")"), "{none}");
     let optional = MINE.replace("name = \"velocity.gps\"\n", "name = \"velocity.gps\"\noptional = true\n");
     let loaded = with_map(&optional, table);
     assert_eq!(loaded.binding.unwrap().map, "mine");

@@ -187,7 +187,7 @@ impl Book {
         };
         let text = match self.epochs.begin_ns {
             Some(_) => "sentences stand before the first date, and are dated backwards from it",
-            None => "sentences have no date: the log has no RMC or ZDA with one",
+            None => "sentences have no date: the log has no RMC with a valid fix and no ZDA",
         };
         say(Severity::Info, "undated", &self.early, text);
         let text = "sentences stand before the first time, for the log begins inside an epoch: they are not used";
