@@ -93,7 +93,7 @@ impl CampaignError {
             | CampaignError::Rig(_)
             | CampaignError::Asked(_) => Exit::Wrong,
             CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
-            CampaignError::TryAgain(_) => Exit::TryAgain,
+            CampaignError::TryAgain(_) | CampaignError::Busy { .. } => Exit::TryAgain,
             CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,
             _ => Exit::Failed,
         }

@@ -29,11 +29,13 @@ mod criteria;
 mod decide;
 mod delay;
 mod delay_report;
+mod disk;
 #[cfg(test)]
 mod engine_tests;
 mod error;
 mod event;
 mod filter_values;
+mod gc;
 mod group;
 mod lever;
 mod line;
@@ -44,6 +46,7 @@ mod manifest;
 mod memory;
 mod no_position;
 mod plan;
+mod process;
 mod rate;
 mod reduce;
 mod reference;
@@ -72,6 +75,7 @@ pub use criteria::{
 pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report, delay_schema};
 pub use error::{CampaignError, Exit};
 pub use event::{Event, EventSink};
+pub use gc::{Garbage, gc};
 pub use group::{content_of, duplicates, fingerprint, group_of, receiver_number, shared_content, usual_rate_hz};
 pub use line::{DelayLine, LineAlarm, LineSetting};
 pub use manifest::{Manifest, Stage, Why};
@@ -86,4 +90,4 @@ pub use test_cards::test_card_schema;
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
-pub const ANALYSIS_VERSION: u32 = 19;
+pub const ANALYSIS_VERSION: u32 = 20;

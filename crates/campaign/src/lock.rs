@@ -1,8 +1,10 @@
 //! One run at a time on an output folder.
 
 use crate::error::CampaignError;
-use crate::event::{Event, EventSink};
-use crate::store::{Store, host_name};
+use crate::event::Event;
+use crate::plan::Desk;
+use crate::process::host_name;
+use crate::store::Store;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, Write};
 
@@ -18,7 +20,7 @@ pub(crate) struct OutputLock {
 
 impl OutputLock {
     /// Takes the lock, or says who has it.
-    pub(crate) fn take(store: &Store, sink: &dyn EventSink) -> Result<OutputLock, CampaignError> {
+    pub(crate) fn take(store: &Store, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
         let path = store.path(LOCK)?;
         let failed = |doing| move |source| crate::store::StoreError { path: path.clone(), doing, source };
         let folder = store.path(".flightlag")?;
@@ -32,7 +34,7 @@ impl OutputLock {
             }
             Err(TryLockError::Error(e)) => {
                 let text = format!("this file system knows no locks ({e}): do not start a second run on this folder");
-                sink.event(&Event::Remark { text });
+                desk.tell(Event::Remark { text });
             }
         }
         sign(&mut file).map_err(failed("write"))?;
@@ -61,11 +63,12 @@ mod tests {
     fn a_second_run_is_refused_with_the_owner_and_may_start_when_the_first_has_ended() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
-        let quiet = |_: &Event| {};
-        let first = OutputLock::take(&store, &quiet).unwrap();
-        let refusal = OutputLock::take(&store, &quiet).unwrap_err().to_string();
+        let cancel = std::sync::atomic::AtomicBool::new(false);
+        let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
+        let first = OutputLock::take(&store, &desk).unwrap();
+        let refusal = OutputLock::take(&store, &desk).unwrap_err().to_string();
         assert!(refusal.contains(&format!("process {} on", std::process::id())), "{refusal}");
         drop(first);
-        OutputLock::take(&store, &quiet).unwrap();
+        OutputLock::take(&store, &desk).unwrap();
     }
 }

@@ -21,8 +21,14 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-const MANIFEST_VERSION: u32 = 4;
+const MANIFEST_VERSION: u32 = 5;
+
+/// Where plans are kept, below the output folder.
+pub(crate) const PLANS: &str = ".flightlag/plans";
+/// The tasks of a plan have ended after this time at the latest.
+const PLAN_LIFE: Duration = Duration::from_secs(14 * 24 * 3600);
 
 /// Version of this flightlag.
 pub(crate) const FLIGHTLAG_VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -43,6 +49,8 @@ pub struct Manifest {
     pub(crate) pipeline: PipelineUse,
     /// Hash of the settings that a measurement depends on.
     pub(crate) measure_blake3: String,
+    /// Hash of the settings that a result depends on.
+    pub(crate) replay_blake3: String,
     /// What flights are judged by; no part of a result's key.
     pub(crate) criteria: Option<CriteriaUse>,
     /// What was to be flown; no part of a result's key either.
@@ -285,7 +293,7 @@ impl Manifest {
     /// Name of the result of a flight: what was measured, the settings, and what is removed.
     pub(crate) fn result_key(&self, measure_key: &str, decision: &Decision) -> String {
         let decided = serde_json::to_string(decision).unwrap_or_default();
-        hash_of_parts(&["flightlag result", measure_key, &self.pipeline.blake3, &decided])
+        hash_of_parts(&["flightlag result", measure_key, &self.replay_blake3, &decided])
     }
 }
 
@@ -322,7 +330,7 @@ impl Manifest {
         name: String,
         root: PathBuf,
         out: PathBuf,
-        (pipeline, measure_blake3): (PipelineUse, String),
+        (pipeline, measure_blake3, replay_blake3): (PipelineUse, String, String),
         cards: Vec<CardFile>,
         maps_folder: Option<PathBuf>,
         maps_blake3: String,
@@ -339,6 +347,7 @@ impl Manifest {
             out,
             pipeline,
             measure_blake3,
+            replay_blake3,
             criteria: None,
             test_cards: TestCardFiles::default(),
             cards,
@@ -436,7 +445,23 @@ impl Manifest {
         let text = serde_json::to_vec_pretty(self).map_err(|e| wrong(format!("cannot be written: {e}")))?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is no name of a file".into()))?;
-        Ok(Store::open(folder)?.write(name, &text, Keep::Synced)?)
+        Ok(Store::open(folder)?.write(name, &text, Keep::Synced).map(drop)?)
+    }
+
+    /// The plans of the last days: their tasks may still be at work.
+    pub(crate) fn recent(store: &Store) -> Vec<Manifest> {
+        let is_recent = |name: &&String| store.age(name).is_none_or(|age| age < PLAN_LIFE);
+        store
+            .list(PLANS)
+            .iter()
+            .filter(is_recent)
+            .filter_map(|name| Manifest::read(&store.path(name).ok()?).ok())
+            .collect()
+    }
+
+    /// Keys of the results and measurements that it names.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.flights.iter().flat_map(|f| [&f.measure_key, &f.key]).flatten().map(String::as_str)
     }
 
     /// Reads a manifest that this version of flightlag made.
@@ -493,7 +518,7 @@ pub(crate) mod tests {
             "n".into(),
             "/r".into(),
             "/o".into(),
-            (pipeline, "m".into()),
+            (pipeline, "m".into(), "r".into()),
             vec![],
             None,
             "m".into(),

@@ -5,10 +5,11 @@ use crate::event::Event;
 use crate::lock::OutputLock;
 use crate::manifest::{FLIGHTLAG_VERSION, Manifest, Stage};
 use crate::plan::{Desk, Order, Retry, check_output, judge, plan};
-use crate::reduce::{Reduction, Verdict, reduce_locked};
+use crate::process::host_name;
+use crate::reduce::{Reduction, Verdict, compare, reduce_locked};
 use crate::source;
 use crate::state::State;
-use crate::store::{Keep, Store, host_name};
+use crate::store::{Keep, Store};
 use crate::study::{Replaying, Study};
 use crate::task::{TaskReport, make};
 use serde::Serialize;
@@ -62,6 +63,7 @@ fn round(
     state: &mut State,
     prepare: Prepare<'_>,
 ) -> Result<(TaskReport, Reduction), CampaignError> {
+    compare(state, store, order.check(), desk)?;
     let mut manifest = planned(order, desk, store, state, 1)?;
     let mut report = TaskReport::default();
     if manifest.stale_count() > 0 {
@@ -89,7 +91,8 @@ fn round(
 pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Manifest, CampaignError> {
     source::leaving_no_empty_folder(&order.out, || {
         let (store, _lock) = enter(order, desk)?;
-        let state = State::recall(&store);
+        let mut state = State::recall(&store);
+        compare(&mut state, &store, order.check(), desk)?;
         planned(order, desk, &store, &state, max_shards)
     })
 }
@@ -98,7 +101,7 @@ pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Ma
 fn enter(order: &Order, desk: &Desk<'_>) -> Result<(Store, OutputLock), CampaignError> {
     check_output(order)?;
     let store = Store::open(&order.out)?;
-    let lock = OutputLock::take(&store, desk.events)?;
+    let lock = OutputLock::take(&store, desk)?;
     let leftovers = store.clean();
     if leftovers > 0 {
         desk.tell(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
@@ -168,5 +171,5 @@ fn write_run(
     };
     let mut text = serde_json::to_vec_pretty(&run).unwrap_or_default();
     text.push(b'\n');
-    Ok(store.write("run.json", &text, Keep::Renewable)?)
+    Ok(store.write("run.json", &text, Keep::Renewable).map(drop)?)
 }

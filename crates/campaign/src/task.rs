@@ -5,7 +5,7 @@ use crate::event::Event;
 use crate::manifest::{Manifest, Planned, Stage};
 use crate::plan::Desk;
 use crate::results;
-use crate::store::Store;
+use crate::store::{Check, Store};
 use crate::study::{Interrupted, Replaying, Study, failed_record};
 use crate::table::{outcome_name, outcome_reason};
 use crate::work::Workers;
@@ -67,12 +67,8 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
 
 /// Whether a flight has work left: its result is not there, or the plan knows that it is not whole.
 fn is_to_do(flight: &Planned, store: &Store) -> bool {
-    let (Some(stage), Some(key)) = (flight.stage, flight.work_key()) else { return false };
-    let is_there = match stage {
-        Stage::Measure => results::is_measured(store, key),
-        Stage::Replay => results::is_there(store, key),
-    };
-    !is_there || flight.why.contains(&crate::manifest::Why::ResultMissing)
+    let Some(key) = flight.work_key() else { return false };
+    !results::is_there(store, key, Check::Quick) || flight.why.contains(&crate::manifest::Why::ResultMissing)
 }
 
 /// Does the work of `flights`, largest first.

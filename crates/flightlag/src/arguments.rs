@@ -10,7 +10,7 @@ Exit codes:
   2    wrong command, pipeline, criteria, rig file, sensor card or channel map
   3    finished, but some flights or records failed, lost data, have a delay that changes, or contradict their rig file
   4    finished, but a flight fails a criterion or was harmed (whether or not 3 holds too)
-  75   not now: try again (a log is being written, another flight has to come first)
+  75   not now: try again (another run is at work on the folder, the disk is full, a log is being written)
   130  stopped by Ctrl-C";
 
 const SCHEMA: &str = "\
@@ -67,6 +67,22 @@ these last three depend on logs, settings and build alone.
 
 The steps plan, task, reduce and status do the same work on a cluster, shard by shard.";
 
+const GC: &str = "\
+Remove the results of a campaign that no report refers to.
+
+OUT/by-key keeps a result for each log, setting and version that a campaign was made with. A run with earlier settings finds \
+them again. This command removes those that neither the report in OUT nor a plan of the last 14 days refers to.";
+
+/// Arguments of `flightlag gc`.
+#[derive(Debug, Args)]
+pub(crate) struct GcArguments {
+    /// Output folder of a campaign.
+    pub(crate) out: PathBuf,
+    /// Remove nothing; show what would be removed.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
 const BENCH: &str = "\
 Records of a swing bench in, a sensor card and pages out.
 
@@ -108,6 +124,9 @@ pub(crate) enum Command {
     /// A folder of flight logs in, a report out: tables, records, pages.
     #[command(long_about = CAMPAIGN, after_help = EXIT_CODES)]
     Campaign(Box<CampaignArguments>),
+    /// Remove the results of a campaign that no report refers to.
+    #[command(long_about = GC, after_help = EXIT_CODES)]
+    Gc(GcArguments),
     /// Records of a swing bench in, a sensor card and pages out.
     #[command(long_about = BENCH, after_help = EXIT_CODES)]
     Bench(Box<BenchArguments>),

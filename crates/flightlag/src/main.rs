@@ -11,6 +11,7 @@ mod demo;
 mod export;
 mod failure;
 mod findings;
+mod gc;
 mod inspect;
 mod listen;
 mod manual;
@@ -41,6 +42,7 @@ fn run(command: Command) -> Result<End, Failure> {
     match command {
         Command::Delay(arguments) => delay_command::run(&arguments, &stop),
         Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
+        Command::Gc(arguments) => gc::run(&arguments, &stop),
         Command::Bench(arguments) => bench_command::run(&arguments, &stop),
         Command::Inspect(arguments) => inspect::run(&arguments, &stop),
         Command::Recover(arguments) => recover::run(&arguments, &stop),
