@@ -17,6 +17,37 @@ pub(crate) trait Disk: fmt::Debug + Send + Sync {
     fn sync_folder(&self, path: &Path) -> io::Result<()>;
 }
 
+/// Whether an error of the system may be over later: a disk that is full or away. A file that must not be written is no
+/// such thing.
+pub(crate) fn may_heal(error: &io::Error) -> bool {
+    use io::ErrorKind::{
+        HostUnreachable, NetworkDown, NetworkUnreachable, NotConnected, QuotaExceeded, ResourceBusy,
+        StaleNetworkFileHandle, StorageFull, TimedOut,
+    };
+    let kinds = [
+        HostUnreachable,
+        NetworkDown,
+        NetworkUnreachable,
+        NotConnected,
+        QuotaExceeded,
+        ResourceBusy,
+        StaleNetworkFileHandle,
+        StorageFull,
+        TimedOut,
+    ];
+    kinds.contains(&error.kind()) || is_input_output_error(error)
+}
+
+#[cfg(unix)]
+fn is_input_output_error(error: &io::Error) -> bool {
+    error.raw_os_error() == Some(5)
+}
+
+#[cfg(not(unix))]
+fn is_input_output_error(_error: &io::Error) -> bool {
+    false
+}
+
 /// The system itself.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct System;

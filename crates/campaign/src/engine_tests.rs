@@ -1,5 +1,6 @@
 //! The engine with a study that is quick and can be made to misbehave.
 
+mod cluster;
 mod store;
 mod told;
 

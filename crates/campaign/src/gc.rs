@@ -42,6 +42,9 @@ pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, Campaig
     let mut used: BTreeSet<String> = record.flights.iter().map(|row| row.key.clone()).collect();
     used.extend(state.keys().map(str::to_owned));
     used.extend(Manifest::recent(&store).iter().flat_map(Manifest::keys).map(str::to_owned));
+    if !dry_run {
+        Manifest::remove_old(&store)?;
+    }
     sweep(&store, &used, dry_run, desk)
 }
 

@@ -116,7 +116,7 @@ impl Memory {
             self.files.remove(path);
             return;
         }
-        self.files.insert(path.to_owned(), Known { stamp: stamp.clone(), blake3: blake3.to_owned() });
+        self.files.insert(path.to_owned(), Known { stamp: *stamp, blake3: blake3.to_owned() });
     }
 
     /// Forgets files that are gone.

@@ -82,7 +82,7 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     let mut manifest = Manifest::new(
         root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         root.clone(),
-        out,
+        (out, store.id()?),
         (order.pipeline.as_used(), order.pipeline.measure_blake3(), order.pipeline.replay_blake3()),
         order.pipeline.card_files(),
         order.pipeline.maps_folder().map(absolute).transpose()?,

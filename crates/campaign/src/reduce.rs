@@ -17,6 +17,7 @@ use crate::rate::rate_of;
 use crate::reports::{self, Summary};
 use crate::results;
 use crate::results::{Damaged, ResultFiles};
+use crate::run::write_run;
 use crate::slug::slugs;
 use crate::state::{PageState, State, WholeState};
 use crate::store::{Check, Files, Keep, Store};
@@ -78,7 +79,8 @@ impl Verdict {
 /// # Errors
 /// An output cannot be written, another process is at work on the folder, or the user stopped.
 pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
-    let store = Store::open(manifest.out())?;
+    let clock = (jiff::Timestamp::now(), Instant::now());
+    let store = Store::open_planned(manifest.out(), &manifest.out_id)?;
     let _lock = OutputLock::take(&store, desk)?;
     store.clean();
     let mut state = State::recall(&store);
@@ -88,13 +90,16 @@ pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignE
         return Err(plan_again(known - state.results.len()));
     }
     match reduce_locked(manifest, desk, &store, &mut state)? {
-        Reduction::Finished(verdict) => Ok(*verdict),
+        Reduction::Finished(verdict) => {
+            write_run(&store, desk, clock, None, &verdict)?;
+            Ok(*verdict)
+        }
         Reduction::Damaged(flights) => Err(plan_again(flights.len())),
     }
 }
 
 fn plan_again(count: usize) -> CampaignError {
-    CampaignError::TryAgain(format!("{count} results were damaged and have been removed: plan again"))
+    CampaignError::Outdated(format!("{count} results were damaged and have been removed"))
 }
 
 /// Files named of those that have changed.

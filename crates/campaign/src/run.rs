@@ -46,11 +46,13 @@ fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verd
     };
     match reduction {
         Reduction::Finished(verdict) => {
-            write_run(&store, desk, clock, &report, &verdict)?;
+            write_run(&store, desk, clock, Some(report.made), &verdict)?;
             Ok(*verdict)
         }
         Reduction::Damaged(flights) => {
-            Err(CampaignError::TryAgain(format!("results do not stay whole: {}", flights.join(", "))))
+            let path = store.root().join("by-key");
+            let what = format!("results do not stay as they were written: {}", flights.join(", "));
+            Err(CampaignError::Table { path: path.display().to_string(), what })
         }
     }
 }
@@ -146,16 +148,18 @@ struct RunRecord {
     host: String,
     threads: usize,
     flights: u64,
-    results_made: usize,
+    /// Absent where the tasks of a cluster made them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    results_made: Option<usize>,
     flights_in_trouble: u64,
     nothing_changed: bool,
 }
 
-fn write_run(
+pub(crate) fn write_run(
     store: &Store,
     desk: &Desk<'_>,
     (started, clock): (jiff::Timestamp, Instant),
-    report: &TaskReport,
+    results_made: Option<usize>,
     verdict: &Verdict,
 ) -> Result<(), CampaignError> {
     let run = RunRecord {
@@ -165,7 +169,7 @@ fn write_run(
         host: host_name(),
         threads: desk.threads,
         flights: verdict.totals.flights,
-        results_made: report.made,
+        results_made,
         flights_in_trouble: verdict.troubled,
         nothing_changed: verdict.nothing_changed,
     };

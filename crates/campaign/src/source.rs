@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const SOURCE: &str = ".flightlag/source";
 
 /// What a run that failed before its first result leaves in a new folder.
-const LEFTOVERS: [&str; 4] = ["source", "lock", "found.json", "inputs.json"];
+const LEFTOVERS: [&str; 5] = ["source", "lock", "id", "found.json", "inputs.json"];
 
 /// Refuses a folder that holds the report of other logs, unless that may be replaced. A report of a bench goes on as long as
 /// one of its records is among the new ones.

@@ -43,7 +43,7 @@ impl Status {
 /// # Errors
 /// The output folder cannot be opened.
 pub fn status(manifest: &Manifest) -> Result<Status, CampaignError> {
-    let store = Store::open(manifest.out())?;
+    let store = Store::open_planned(manifest.out(), &manifest.out_id)?;
     let mut status =
         Status { stage: manifest.stage(), flights: manifest.flights.len(), done: 0, troubled: vec![], missing: vec![] };
     let is_there = |key: &str| results::is_there(&store, key, Check::Quick);

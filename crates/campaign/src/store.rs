@@ -8,6 +8,7 @@
 //! Every write returns what was written, with its hash. A later run compares.
 
 use crate::disk::{Disk, System};
+use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::process::Process;
 use serde::{Deserialize, Serialize};
@@ -27,6 +28,9 @@ const ABANDONED: Duration = Duration::from_secs(24 * 3600);
 /// What a note of our own begins with, and what comes between its hash and its content.
 const SEAL: &str = "{\"blake3\":\"";
 const CONTENT: &str = "\",\"content\":";
+
+/// The name of an output folder.
+const ID: &str = ".flightlag/id";
 
 /// Size of the piece in which files are copied and hashed, bytes.
 const PIECE: usize = 1 << 16;
@@ -106,6 +110,29 @@ impl Store {
         let written = fs::write(&probe, b"flightlag\n").map_err(|e| failed(root, "write to this folder", e));
         let removed = fs::remove_file(&probe).map_err(|e| failed(&probe, "remove", e));
         written.and(removed).map(|()| store)
+    }
+
+    /// Opens the folder of a plan. It is not made: on a node where it is not mounted, results would go nowhere.
+    pub(crate) fn open_planned(root: &Path, id: &str) -> Result<Store, CampaignError> {
+        let found = fs::read_to_string(root.join(ID)).unwrap_or_default();
+        if found.trim() != id {
+            let what = "is not the output folder of this plan; it may not be mounted here";
+            return Err(CampaignError::TryAgain(format!("{}: {what}", root.display())));
+        }
+        Ok(Store::open(root)?)
+    }
+
+    /// The name that this folder got when it was first written to. A plan knows its folder by it.
+    pub(crate) fn id(&self) -> Result<String, StoreError> {
+        if let Some(id) =
+            self.read(ID)?.and_then(|bytes| String::from_utf8(bytes).ok()).filter(|id| !id.trim().is_empty())
+        {
+            return Ok(id.trim().to_owned());
+        }
+        let name = self.temporary_name(&self.root).display().to_string();
+        let id: String = blake3::hash(name.as_bytes()).to_hex().chars().take(16).collect();
+        self.write(ID, format!("{id}\n").as_bytes(), Keep::Synced)?;
+        Ok(id)
     }
 
     /// The folder.

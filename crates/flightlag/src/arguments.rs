@@ -340,7 +340,7 @@ pub(crate) enum Step {
     Plan {
         #[command(flatten)]
         order: OrderArguments,
-        /// Where the manifest goes. Without it: OUT/manifest.json.
+        /// Where to write the manifest. Without it: OUT/.flightlag/plans, under a name that no other plan has.
         #[arg(long, value_name = "FILE")]
         manifest: Option<PathBuf>,
         /// Most shards. Fewer if there is less to do.
@@ -349,7 +349,7 @@ pub(crate) enum Step {
         #[command(flatten)]
         desk: DeskArguments,
     },
-    /// Makes the results of one shard. Exit 0: every flight of it has a result; 75: try again.
+    /// Make the results of one shard. Exit 0: every flight of it has a result; 75: time may heal what happened; 3: it may not.
     Task {
         /// The manifest.
         #[arg(long, value_name = "FILE")]
