@@ -205,9 +205,15 @@ fn the_steps_of_a_cluster_give_the_bytes_of_a_run() {
     };
     let said = plan();
     assert!(said.starts_with("flights=5 stage=measure stale=5 shards=2"), "{said}");
-    let manifest = out.join("manifest.json");
+    let manifest = std::cell::RefCell::new(manifest_of(&said));
+    let plan = || {
+        let said = plan();
+        manifest.replace(manifest_of(&said));
+        said
+    };
     let step = |step: &str, more: &[&str], exit| {
-        let mut all = vec!["campaign", step, "--manifest", manifest.to_str().unwrap()];
+        let manifest = manifest.borrow().clone();
+        let mut all = vec!["campaign", step, "--manifest", &manifest];
         all.extend(more);
         text(&run(all, exit).stdout)
     };
@@ -227,11 +233,119 @@ fn the_steps_of_a_cluster_give_the_bytes_of_a_run() {
     assert!(step("status", &[], 0).starts_with("5 of 5 flights have a result"));
     step("reduce", &[], 0);
     assert!(plan().contains("stage=done stale=0 shards=0"));
-    let mut steps = results(&out);
-    steps.remove(Path::new("manifest.json"));
-    let mut whole = results(&campaign.out("run"));
-    whole.retain(|path, _| path != Path::new("run.json"));
-    assert_same(&steps, &whole);
+    assert_same(&results(&out), &results(&campaign.out("run")));
+}
+
+/// The manifest that `plan` names in its line.
+fn manifest_of(said: &str) -> String {
+    said.trim().rsplit_once(" manifest=").unwrap().1.to_owned()
+}
+
+/// A stand-in for Slurm: what is submitted runs at once, one task after another.
+const SBATCH: &str = r#"#!/bin/bash
+set -u
+array= name= output=/dev/null
+while [ $# -gt 0 ]; do
+    case $1 in
+    --array=*) array=${1#--array=} ;;
+    --job-name=*) name=${1#--job-name=} ;;
+    --output=*) output=${1#--output=} ;;
+    --*) ;;
+    *) break ;;
+    esac
+    shift
+done
+id=$(( $(cat "$SLURM_STUB/last" 2>/dev/null || echo 0) + 1 ))
+echo "$id" > "$SLURM_STUB/last"
+echo "$id $name ${array:-none}" >> "$SLURM_STUB/jobs"
+run() {
+    local tries=0
+    while :; do
+        rm -f "$SLURM_STUB/requeued"
+        SLURM_RESTART_COUNT=$tries SLURM_JOB_ID=$id SLURM_ARRAY_JOB_ID=$id SLURM_ARRAY_TASK_ID=${2:-}             bash "${@:3}" >> "$SLURM_STUB/log" 2>&1
+        echo "$1 ended with $?" >> "$SLURM_STUB/ended"
+        [ -e "$SLURM_STUB/requeued" ] || break
+        tries=$((tries + 1))
+    done
+}
+if [ -n "$array" ]; then
+    for task in $(seq 0 "${array#0-}"); do run "${id}_$task" "$task" "$@"; done
+else
+    run "$id" "" "$@"
+fi
+echo "$id"
+"#;
+const SCONTROL: &str = r#"#!/bin/bash
+case $1 in
+requeue) touch "$SLURM_STUB/requeued" ;;
+show) echo "MaxArraySize            = 4" ;;
+esac
+"#;
+
+/// Runs `pipelines/slurm/campaign.sh` with the stand-in; returns its folder.
+fn on_slurm(campaign: &Campaign, out: &str, environment: &[(&str, &str)]) -> PathBuf {
+    let stub = campaign.out(&format!("stub-{out}"));
+    fs::create_dir(&stub).unwrap();
+    for (name, text) in [("sbatch", SBATCH), ("scontrol", SCONTROL)] {
+        fs::write(stub.join(name), text).unwrap();
+        let made = std::process::Command::new("chmod").arg("+x").arg(stub.join(name)).status().unwrap();
+        assert!(made.success());
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../pipelines/slurm/campaign.sh");
+    let path = format!("{}:{}", stub.display(), std::env::var("PATH").unwrap());
+    let mut command = std::process::Command::new("bash");
+    command.arg(script).args([campaign.flights(), campaign.out(out)]);
+    command.arg("--pipeline").arg(campaign.folder.path().join("known.toml"));
+    command.env("PATH", path).env("SLURM_STUB", &stub).env("FLIGHTLAG", flightlag([""]).get_program());
+    let output = command.env("RETRY_WAIT", "0").envs(environment.iter().copied()).output().unwrap();
+    assert!(
+        output.status.success(),
+        "{}{}",
+        text(&output.stderr),
+        text(&fs::read(stub.join("log")).unwrap_or_default())
+    );
+    stub
+}
+
+#[test]
+fn the_scripts_for_slurm_give_the_bytes_of_one_machine() {
+    let campaign = Campaign::of(5);
+    run(campaign.arguments("run", &[]), 0);
+    let stub = on_slurm(&campaign, "slurm", &[]);
+    let read = |name: &str| fs::read_to_string(stub.join(name)).unwrap();
+    // At most as many tasks as the site allows, in each of two stages, then the reduction.
+    let jobs = "1 flightlag-step none
+2 flightlag 0-2
+3 flightlag-step none
+4 flightlag 0-2
+5 flightlag-step none
+";
+    assert_eq!(read("jobs"), jobs, "{}", read("log"));
+    assert_same(&results(&campaign.out("slurm")), &results(&campaign.out("run")));
+    assert!(read("ended").lines().all(|line| line.ends_with(" 0")), "{}", read("ended"));
+}
+
+#[test]
+fn a_task_on_slurm_that_ends_with_75_goes_back_to_the_queue_three_times_at_most() {
+    let campaign = Campaign::of(1);
+    // A program whose tasks never see the output folder.
+    let away = campaign.out("away.sh");
+    let program = flightlag([""]).get_program().to_string_lossy().into_owned();
+    fs::write(
+        &away,
+        format!("#!/bin/bash
+[ "$2" = task ] && exit 75
+exec {program} "$@"
+"),
+    )
+    .unwrap();
+    assert!(std::process::Command::new("chmod").arg("+x").arg(&away).status().unwrap().success());
+    let stub = on_slurm(&campaign, "slurm", &[("FLIGHTLAG", away.to_str().unwrap()), ("MAX_ROUNDS", "1")]);
+    let ended = fs::read_to_string(stub.join("ended")).unwrap();
+    assert_eq!(ended.matches("2_0 ended with 75").count(), 4, "{ended}");
+    // The report names the flight that has no result; the job itself did its work.
+    let record = campaign.record("slurm");
+    assert_eq!(record.totals.pending, 1);
 }
 
 #[test]
@@ -243,8 +357,9 @@ fn a_second_run_on_one_report_is_refused_with_the_owner() {
     let owner = fs::read_to_string(&path).unwrap();
     let lock = fs::File::options().write(true).open(&path).unwrap();
     lock.try_lock().unwrap();
-    let refusal = text(&run(campaign.arguments("report", &["--verify"]), 1).stderr);
-    assert!(owner.starts_with("process ") && refusal.contains(owner.trim()), "{refusal}");
+    let refusal = text(&run(campaign.arguments("report", &["--verify"]), 75).stderr);
+    let owner: serde_json::Value = serde_json::from_str(owner.trim()).unwrap();
+    assert!(refusal.contains(owner["owner"].as_str().unwrap()) && refusal.contains("process "), "{refusal}");
     assert_same(&results(&campaign.out("report")), &before);
     drop(lock);
     run(campaign.arguments("report", &[]), 0);
@@ -263,7 +378,7 @@ fn an_output_that_cannot_be_written_ends_with_its_path_and_leaves_nothing_half()
         .output()
         .unwrap();
     let said = text(&limited.stderr);
-    assert_eq!(limited.status.code(), Some(1), "{said}");
+    assert_eq!(limited.status.code(), Some(1), "time does not heal it: {said}");
     assert!(said.contains("measured.json") && said.contains("too large"), "{said}");
     assert_outputs_are_whole(&campaign.out("full"));
     run(campaign.arguments("full", &[]), 0);

@@ -391,9 +391,11 @@ fn a_cluster_judges_by_the_criteria_of_the_plan() {
     let (flights, out) = (campaign.path("flights"), campaign.path("out"));
     let criteria = campaign.criteria("10 Hz", "2 s");
     let known = campaign.path("known.toml");
-    let manifest = campaign.path("out/manifest.json");
-    for _stage in ["measure", "replay"] {
-        run(["campaign", "plan", &flights, "--out", &out, "--criteria", &criteria, "--pipeline", &known], 0);
+    let mut manifest = String::new();
+    for stage in ["measure", "replay"] {
+        manifest = campaign.path(&format!("{stage}.json"));
+        let planned = ["--criteria", &criteria, "--pipeline", &known, "--manifest", &manifest];
+        run([["campaign", "plan", &flights, "--out", &out].as_slice(), &planned].concat(), 0);
         run(["campaign", "task", "--manifest", &manifest, "--shard", "0"], 0);
     }
     fs::remove_file(&criteria).unwrap();

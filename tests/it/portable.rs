@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Files that may name an operating system.
-const NAMED_FOR_IT: [&str; 5] = [
+const NAMED_FOR_IT: [&str; 6] = [
+    "campaign/src/disk.rs",
     "campaign/src/memory.rs",
     "convert/src/guard.rs",
     "flightlag/src/stop.rs",

@@ -152,7 +152,7 @@ fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, Campaig
     let shared_rig = order.rig.as_deref().map(Rig::read).transpose()?;
 
     let store = Store::open(&order.out)?;
-    let _lock = OutputLock::take(&store, desk.events)?;
+    let _lock = OutputLock::take(&store, desk)?;
     store.clean();
     source::claim(&store, &order.records)?;
     let logs = logs::read(&sources, &library, order.forced_map.as_deref(), desk)?;

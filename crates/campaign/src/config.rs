@@ -550,6 +550,12 @@ impl Pipeline {
         self.channel_lines.iter().find(|(known, _)| known == name).map(|(_, line)| *line)
     }
 
+    /// Hash of the settings that a result depends on: all but the title.
+    pub(crate) fn replay_blake3(&self) -> String {
+        let untitled = Meant { title: String::new(), ..self.meant.clone() };
+        blake3::hash(toml::to_string(&untitled).unwrap_or_default().as_bytes()).to_hex().to_string()
+    }
+
     /// Hash of the settings that a measurement depends on.
     pub(crate) fn measure_blake3(&self) -> String {
         let Meant { measure, channels, maps, delay, reference, .. } = &self.meant;

@@ -1,5 +1,7 @@
 //! The engine with a study that is quick and can be made to misbehave.
 
+mod cluster;
+mod store;
 mod told;
 
 use crate::config::Pipeline;
@@ -205,6 +207,14 @@ impl Bench {
         }
         tree.retain(|path, _| !depends_on_earlier_runs(path) && !path.starts_with(".flightlag"));
         tree
+    }
+
+    /// Changes what the last run wrote down for the next.
+    fn edit_state(&self, edit: impl FnOnce(&mut serde_json::Value)) {
+        let store = crate::store::Store::open(&self.out()).unwrap();
+        let mut state: serde_json::Value = store.read_sealed(".flightlag/state.json").unwrap();
+        edit(&mut state);
+        store.write_sealed(".flightlag/state.json", &state).unwrap();
     }
 
     fn changes(&self) -> CampaignChanges {
@@ -562,7 +572,6 @@ fn a_page_of_an_abandoned_reduce_is_not_taken_for_the_old_one() {
     let tree = bench.tree(&bench.out());
     bench.log("c.csv", "Three");
     bench.run();
-    let state = bench.out().join(".flightlag/state.json");
     let newer = fs::read(bench.out().join("flights/c.csv/index.html")).unwrap();
     bench.log("c.csv", "three");
     bench.run();
@@ -571,11 +580,10 @@ fn a_page_of_an_abandoned_reduce_is_not_taken_for_the_old_one() {
         tree.get(Path::new("flights/c.csv/index.html"))
     );
     // As if a reduce had been killed after it withdrew its claims and wrote one newer page.
-    let text = fs::read_to_string(&state).unwrap();
-    let mut claims: serde_json::Value = serde_json::from_str(&text).unwrap();
-    claims["pages"].as_object_mut().unwrap().remove("c.csv");
-    claims["whole"] = serde_json::Value::Null;
-    fs::write(&state, claims.to_string()).unwrap();
+    bench.edit_state(|claims| {
+        claims["pages"].as_object_mut().unwrap().remove("c.csv");
+        claims["whole"] = serde_json::Value::Null;
+    });
     fs::write(bench.out().join("flights/c.csv/index.html"), newer).unwrap();
     bench.run();
     let now = bench.tree(&bench.out());

@@ -58,6 +58,9 @@ pub enum CampaignError {
     /// Something is not there yet or has changed; the same command may work later.
     #[error("{0}")]
     TryAgain(String),
+    /// What was planned is no longer as it was planned. Waiting does not help; another plan does.
+    #[error("{0}: plan again")]
+    Outdated(String),
     /// The user stopped.
     #[error("stopped; finished flights are kept, the same command goes on from there")]
     Cancelled,
@@ -93,7 +96,8 @@ impl CampaignError {
             | CampaignError::Rig(_)
             | CampaignError::Asked(_) => Exit::Wrong,
             CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
-            CampaignError::TryAgain(_) => Exit::TryAgain,
+            CampaignError::Store(error) if crate::disk::may_heal(&error.source) => Exit::TryAgain,
+            CampaignError::TryAgain(_) | CampaignError::Busy { .. } => Exit::TryAgain,
             CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,
             _ => Exit::Failed,
         }

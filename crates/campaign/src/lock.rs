@@ -1,71 +1,244 @@
-//! One run at a time on an output folder.
+//! One run at a time on an output folder, also across hosts and containers.
 
 use crate::error::CampaignError;
-use crate::event::{Event, EventSink};
-use crate::store::{Store, host_name};
+use crate::event::Event;
+use crate::plan::Desk;
+use crate::process::Process;
+use crate::store::{Store, StoreError};
+use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Seek, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// The lock's file; it also marks the folder as one of ours.
 pub(crate) const LOCK: &str = ".flightlag/lock";
 
-/// Held while a run or a reduce is at work. The system lets go of it when the process ends,
-/// however it ends, so that there is no stale lock.
+/// The owner counts on at this interval.
+const HEARTBEAT: Duration = Duration::from_secs(5);
+/// An owner of another host or container that does not count on for so long has ended.
+const SILENCE: Duration = Duration::from_secs(16);
+/// How long two runs that start at once on a file system without locks wait for one another's name.
+const SETTLE: Duration = Duration::from_secs(1);
+const LOOK: Duration = Duration::from_millis(100);
+/// Size of the text in the lock's file, so that a shorter text leaves nothing of a longer one.
+const WIDTH: usize = 240;
+
+/// Held while a run or a reduce is at work.
+///
+/// The system lets go of the file's lock when the process ends, however it ends. Some network file systems have no such locks,
+/// or keep them from other hosts. So the owner also writes its name, and counts. A second run on the same host and container
+/// sees whether the owner's process runs. Elsewhere it waits until the owner counts on, or is silent for too long. No clock
+/// is compared with that of another host.
 #[derive(Debug)]
 pub(crate) struct OutputLock {
-    _file: File,
+    stop: Option<Sender<()>>,
+    heart: Option<JoinHandle<()>>,
+}
+
+/// What the lock's file says.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Owner {
+    /// For people.
+    owner: String,
+    host: String,
+    /// Start of the system and namespace of process numbers.
+    system: String,
+    process: u32,
+    process_start: u64,
+    /// Counts on while the owner is at work.
+    heartbeat: u64,
+    /// The owner let go.
+    released: bool,
 }
 
 impl OutputLock {
     /// Takes the lock, or says who has it.
-    pub(crate) fn take(store: &Store, sink: &dyn EventSink) -> Result<OutputLock, CampaignError> {
+    pub(crate) fn take(store: &Store, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
+        OutputLock::take_after(store, desk, SILENCE)
+    }
+
+    fn take_after(store: &Store, desk: &Desk<'_>, silence: Duration) -> Result<OutputLock, CampaignError> {
         let path = store.path(LOCK)?;
-        let failed = |doing| move |source| crate::store::StoreError { path: path.clone(), doing, source };
+        let failed = |doing| move |source| StoreError { path: path.clone(), doing, source };
         let folder = store.path(".flightlag")?;
         std::fs::create_dir_all(&folder).map_err(failed.clone()("make the folder of"))?;
         let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(store.path(LOCK)?);
         let mut file = open.map_err(failed.clone()("open"))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(CampaignError::Busy { out: store.root().to_owned(), owner: owner(&mut file) });
-            }
-            Err(TryLockError::Error(e)) => {
-                let text = format!("this file system knows no locks ({e}): do not start a second run on this folder");
-                sink.event(&Event::Remark { text });
+        let busy = |owner: Option<Owner>| CampaignError::Busy {
+            out: store.root().to_owned(),
+            owner: owner.map_or("its process is not known".to_owned(), |owner| owner.owner),
+        };
+        let locked = match file.try_lock() {
+            Ok(()) => true,
+            Err(TryLockError::WouldBlock) => return Err(busy(read(&mut file))),
+            Err(TryLockError::Error(_)) => false,
+        };
+        if let Some(owner) = owner_at_work(&mut file, silence, desk)? {
+            return Err(busy(Some(owner)));
+        }
+        let mine = Owner::this();
+        write(&mut file, &mine).map_err(failed("write"))?;
+        if !locked {
+            std::thread::sleep(SETTLE);
+            if let Some(other) = read(&mut file).filter(|owner| *owner != mine) {
+                return Err(busy(Some(other)));
             }
         }
-        sign(&mut file).map_err(failed("write"))?;
-        Ok(OutputLock { _file: file })
+        let (stop, stopped) = channel();
+        let heart = std::thread::spawn(move || beat(file, mine, &stopped));
+        Ok(OutputLock { stop: Some(stop), heart: Some(heart) })
     }
 }
 
-fn sign(file: &mut File) -> std::io::Result<()> {
-    file.set_len(0)?;
-    file.rewind()?;
-    writeln!(file, "process {} on {}", std::process::id(), host_name())
+impl Drop for OutputLock {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(heart) = self.heart.take() {
+            let _ = heart.join();
+        }
+    }
 }
 
-fn owner(file: &mut File) -> String {
+/// Counts on until the lock is let go.
+fn beat(mut file: File, mut owner: Owner, stopped: &Receiver<()>) {
+    while stopped.recv_timeout(HEARTBEAT) == Err(RecvTimeoutError::Timeout) {
+        owner.heartbeat += 1;
+        // A disk that is full or away for a moment is no reason to stop counting.
+        let _ = write(&mut file, &owner);
+    }
+    owner.released = true;
+    let _ = write(&mut file, &owner);
+}
+
+impl Owner {
+    fn this() -> Owner {
+        let Process { host, system, pid, started } = Process::this().clone();
+        let owner = format!("process {pid} on {host}");
+        Owner { owner, host, system, process: pid, process_start: started, heartbeat: 0, released: false }
+    }
+
+    fn has_ended(&self) -> Option<bool> {
+        let (host, system) = (self.host.clone(), self.system.clone());
+        Process { host, system, pid: self.process, started: self.process_start }.has_ended()
+    }
+}
+
+/// The owner, if one is at work although the file could be locked.
+fn owner_at_work(file: &mut File, silence: Duration, desk: &Desk<'_>) -> Result<Option<Owner>, CampaignError> {
+    let Some(owner) = read(file).filter(|owner| !owner.released) else { return Ok(None) };
+    match owner.has_ended() {
+        Some(true) => return Ok(None),
+        Some(false) => return Ok(Some(owner)),
+        None => {}
+    }
+    let text = format!("{} did not let go of this folder; waiting whether it is still at work", owner.owner);
+    desk.tell(Event::Remark { text });
+    let since = Instant::now();
+    while since.elapsed() < silence {
+        desk.stopped()?;
+        std::thread::sleep(LOOK);
+        match read(file) {
+            Some(now) if now.released => return Ok(None),
+            Some(now) if now != owner => return Ok(Some(now)),
+            _ => {}
+        }
+    }
+    Ok(None)
+}
+
+fn write(file: &mut File, owner: &Owner) -> std::io::Result<()> {
+    let text = serde_json::to_string(owner).unwrap_or_default();
+    file.seek(SeekFrom::Start(0))?;
+    file.write_all(format!("{text:<WIDTH$}\n").as_bytes())?;
+    let end = file.stream_position()?;
+    file.set_len(end)
+}
+
+fn read(file: &mut File) -> Option<Owner> {
     let mut text = String::new();
-    let _ = file.take(200).read_to_string(&mut text);
-    let line = text.lines().next().unwrap_or_default().trim().to_owned();
-    if line.is_empty() { "its process is not known".to_owned() } else { line }
+    file.seek(SeekFrom::Start(0)).ok()?;
+    file.take(4096).read_to_string(&mut text).ok()?;
+    serde_json::from_str(text.trim()).ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::AtomicBool;
+
+    const SHORT: Duration = Duration::from_millis(400);
+
+    fn take(store: &Store) -> Result<OutputLock, CampaignError> {
+        let cancel = AtomicBool::new(false);
+        OutputLock::take_after(store, &Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} }, SHORT)
+    }
+
+    fn store() -> (tempfile::TempDir, Store) {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path()).unwrap();
+        (folder, store)
+    }
 
     #[test]
     fn a_second_run_is_refused_with_the_owner_and_may_start_when_the_first_has_ended() {
-        let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(folder.path()).unwrap();
-        let quiet = |_: &Event| {};
-        let first = OutputLock::take(&store, &quiet).unwrap();
-        let refusal = OutputLock::take(&store, &quiet).unwrap_err().to_string();
-        assert!(refusal.contains(&format!("process {} on", std::process::id())), "{refusal}");
+        let (_folder, store) = store();
+        let first = take(&store).unwrap();
+        let refusal = take(&store).unwrap_err();
+        assert!(refusal.to_string().contains(&format!("process {} on", std::process::id())), "{refusal}");
+        assert_eq!(refusal.exit(), crate::Exit::TryAgain);
         drop(first);
-        OutputLock::take(&store, &quiet).unwrap();
+        take(&store).unwrap();
+    }
+
+    /// The file that an owner without a lock of the system leaves.
+    fn owned_by(store: &Store, owner: &Owner) -> File {
+        let path = store.path(LOCK).unwrap();
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(path).unwrap();
+        write(&mut file, owner).unwrap();
+        file
+    }
+
+    fn other_host() -> Owner {
+        let (host, owner) = ("node7".to_owned(), format!("process {} on node7", std::process::id()));
+        Owner { owner, host, system: "0badcafe".to_owned(), ..Owner::this() }
+    }
+
+    #[test]
+    fn an_owner_of_another_host_that_counts_on_keeps_the_folder_although_no_lock_shows() {
+        let (_folder, store) = store();
+        let mut file = owned_by(&store, &other_host());
+        let counting = std::thread::spawn(move || {
+            std::thread::sleep(SHORT / 2);
+            write(&mut file, &Owner { heartbeat: 1, ..other_host() }).unwrap();
+        });
+        let refusal = take(&store).unwrap_err().to_string();
+        assert!(refusal.contains("on node7"), "{refusal}");
+        counting.join().unwrap();
+    }
+
+    #[test]
+    fn an_owner_of_another_host_that_is_silent_or_lets_go_loses_the_folder() {
+        let (_folder, store) = store();
+        drop(owned_by(&store, &other_host()));
+        drop(take(&store).unwrap());
+        let mut file = owned_by(&store, &other_host());
+        let letting_go = std::thread::spawn(move || {
+            std::thread::sleep(SHORT / 2);
+            write(&mut file, &Owner { released: true, ..other_host() }).unwrap();
+        });
+        drop(take(&store).unwrap());
+        letting_go.join().unwrap();
+    }
+
+    #[test]
+    fn an_owner_of_this_host_counts_if_its_process_runs_and_not_if_its_number_is_used_again() {
+        let (_folder, store) = store();
+        drop(owned_by(&store, &Owner::this()));
+        assert!(take(&store).is_err(), "it runs, and some file system hid its lock");
+        drop(owned_by(&store, &Owner { process_start: 1, ..Owner::this() }));
+        take(&store).unwrap();
     }
 }

@@ -5,7 +5,7 @@ use crate::error::CampaignError;
 use crate::losses;
 use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
 use crate::memory::FileStamp;
-use crate::store::{Keep, Store};
+use crate::store::Store;
 use compensation_replay::{REFERENCE_POSITION, REFERENCE_VELOCITY};
 use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, discover, load};
 use record::IgnoredInput;
@@ -137,20 +137,33 @@ const LAST_LOOK: &str = ".flightlag/found.json";
 
 /// Looks for flights; opens no file if `fresh` is false and nothing has changed since the last look.
 pub(crate) fn find(root: &Path, library: &Library, store: &Store, fresh: bool) -> Result<Found, CampaignError> {
+    find_by(root, library, store, fresh, || look(root, library))
+}
+
+fn find_by(
+    root: &Path,
+    library: &Library,
+    store: &Store,
+    fresh: bool,
+    look: impl FnOnce() -> Result<Found, CampaignError>,
+) -> Result<Found, CampaignError> {
     let listing = listing_hash(root).map(|listing| hash_of_parts(&[&listing, library.blake3(), FLIGHTLAG_VERSION]));
-    let last = || store.read(LAST_LOOK).ok().flatten().and_then(|b| serde_json::from_slice::<LastLook>(&b).ok());
-    if let Some(last) = last().filter(|l| !fresh && Some(&l.of) == listing.as_ref()) {
+    let last: Option<LastLook> = store.read_sealed(LAST_LOOK);
+    if let Some(last) = last.filter(|l| !fresh && Some(&l.of) == listing.as_ref()) {
         return Ok(last.found);
     }
-    let found = look(root, library)?;
-    if let Some(of) = listing {
-        let look = LastLook { of, found: found.clone() };
-        // Paths that are no text cannot be written down; then the next run looks again.
-        if let Ok(text) = serde_json::to_vec(&look) {
-            store.write(LAST_LOOK, &text, Keep::Renewable)?;
-        }
+    let found = look()?;
+    // What could not be read this time may be readable next time, with no change of its times.
+    match listing.filter(|_| found.unreadable.is_empty() && found.units.iter().all(is_text)) {
+        Some(of) => store.write_sealed(LAST_LOOK, &LastLook { of, found: found.clone() })?,
+        None => store.remove(LAST_LOOK)?,
     }
     Ok(found)
+}
+
+/// Whether the paths of a flight are text. Others cannot be written down, so that the next run looks again.
+fn is_text(unit: &FlightUnit) -> bool {
+    unit.files.iter().all(|path| path.to_str().is_some())
 }
 
 /// Hash of the names, sizes and times of everything below `root`. `None` if something could not
@@ -183,3 +196,27 @@ fn listing_hash(root: &Path) -> Option<String> {
 /// A tree that is deeper than this, or wider than that, is looked at anew each time: links may lead in circles.
 const DEEPEST: usize = 20;
 const MOST_OPEN: usize = 1_000_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn a_log_that_could_not_be_read_once_is_looked_at_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("flights");
+        std::fs::create_dir(&root).unwrap();
+        std::fs::write(root.join("a.csv"), "time,word\n0,one\n").unwrap();
+        std::thread::sleep(Duration::from_millis(60));
+        let (store, library) = (Store::open(&folder.path().join("out")).unwrap(), Library::open(None, None).unwrap());
+        let unreadable = IgnoredInput { path: "a.csv".into(), reason: "cannot be read: Input/output error".into() };
+        let failing = Found { unreadable: vec![unreadable], ..Found::default() };
+        let found = find_by(&root, &library, &store, false, || Ok(failing.clone())).unwrap();
+        assert_eq!(found, failing);
+        let found = find(&root, &library, &store, false).unwrap();
+        assert_eq!((found.units.len(), found.unreadable.len()), (1, 0));
+        let again = find_by(&root, &library, &store, false, || panic!("nothing has changed")).unwrap();
+        assert_eq!(again, found);
+    }
+}

@@ -21,8 +21,14 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-const MANIFEST_VERSION: u32 = 4;
+const MANIFEST_VERSION: u32 = 6;
+
+/// Where plans are kept, below the output folder.
+pub(crate) const PLANS: &str = ".flightlag/plans";
+/// The tasks of a plan have ended after this time at the latest.
+const PLAN_LIFE: Duration = Duration::from_secs(14 * 24 * 3600);
 
 /// Version of this flightlag.
 pub(crate) const FLIGHTLAG_VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -40,9 +46,13 @@ pub struct Manifest {
     pub(crate) root: PathBuf,
     /// Output folder, absolute.
     pub(crate) out: PathBuf,
+    /// The name that the output folder got when it was first written to.
+    pub(crate) out_id: String,
     pub(crate) pipeline: PipelineUse,
     /// Hash of the settings that a measurement depends on.
     pub(crate) measure_blake3: String,
+    /// Hash of the settings that a result depends on.
+    pub(crate) replay_blake3: String,
     /// What flights are judged by; no part of a result's key.
     pub(crate) criteria: Option<CriteriaUse>,
     /// What was to be flown; no part of a result's key either.
@@ -246,7 +256,7 @@ impl Planned {
     }
 
     /// Its files and those of its reference.
-    fn all_files(&self) -> impl Iterator<Item = &PlannedFile> {
+    pub(crate) fn all_files(&self) -> impl Iterator<Item = &PlannedFile> {
         self.files.iter().chain(self.reference.iter().flat_map(PlannedReference::files))
     }
 
@@ -260,11 +270,6 @@ impl Planned {
     pub(crate) fn unit(&self) -> Option<FlightUnit> {
         let files = self.files.iter().map(|f| f.path.clone()).collect();
         self.kind.map(|kind| FlightUnit { id: self.flight.clone(), files, kind })
-    }
-
-    /// The file that is not as it was when it was hashed, if any.
-    pub(crate) fn changed_file(&self) -> Option<&PlannedFile> {
-        self.all_files().find(|f| FileStamp::of(&f.path).ok().as_ref() != Some(&f.stamp))
     }
 }
 
@@ -285,7 +290,7 @@ impl Manifest {
     /// Name of the result of a flight: what was measured, the settings, and what is removed.
     pub(crate) fn result_key(&self, measure_key: &str, decision: &Decision) -> String {
         let decided = serde_json::to_string(decision).unwrap_or_default();
-        hash_of_parts(&["flightlag result", measure_key, &self.pipeline.blake3, &decided])
+        hash_of_parts(&["flightlag result", measure_key, &self.replay_blake3, &decided])
     }
 }
 
@@ -321,8 +326,8 @@ impl Manifest {
     pub(crate) fn new(
         name: String,
         root: PathBuf,
-        out: PathBuf,
-        (pipeline, measure_blake3): (PipelineUse, String),
+        (out, out_id): (PathBuf, String),
+        (pipeline, measure_blake3, replay_blake3): (PipelineUse, String, String),
         cards: Vec<CardFile>,
         maps_folder: Option<PathBuf>,
         maps_blake3: String,
@@ -337,8 +342,10 @@ impl Manifest {
             name,
             root,
             out,
+            out_id,
             pipeline,
             measure_blake3,
+            replay_blake3,
             criteria: None,
             test_cards: TestCardFiles::default(),
             cards,
@@ -427,16 +434,68 @@ impl Manifest {
         first
     }
 
-    /// Writes the manifest whole.
+    /// Writes the manifest into its output folder, under a name made from its content: no other plan has that name. Returns
+    /// the path.
     ///
     /// # Errors
     /// The file cannot be written, or a path is no text.
+    pub fn keep(&self) -> Result<PathBuf, CampaignError> {
+        let text = self.text(&self.out)?;
+        let hash: String = blake3::hash(&text).to_hex().chars().take(16).collect();
+        let (store, name) = (Store::open(&self.out)?, format!("{PLANS}/{hash}.json"));
+        if store.read(&name)?.as_ref() != Some(&text) {
+            store.write(&name, &text, Keep::Synced)?;
+        }
+        Ok(store.path(&name)?)
+    }
+
+    fn text(&self, path: &Path) -> Result<Vec<u8>, CampaignError> {
+        let wrong = |e| CampaignError::Manifest { path: path.to_owned(), what: format!("cannot be written: {e}") };
+        let mut text = serde_json::to_vec(self).map_err(wrong)?;
+        text.push(b'\n');
+        Ok(text)
+    }
+
+    /// Writes the manifest whole. One of another plan is not written over: its tasks may still wait in a queue.
+    ///
+    /// # Errors
+    /// The file cannot be written, holds something else, or a path is no text.
     pub fn write(&self, path: &Path) -> Result<(), CampaignError> {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
-        let text = serde_json::to_vec_pretty(self).map_err(|e| wrong(format!("cannot be written: {e}")))?;
+        let text = self.text(path)?;
+        match std::fs::read(path) {
+            Ok(there) if there == text => return Ok(()),
+            Ok(_) => {
+                return Err(CampaignError::Asked(format!("{}: is there already; name another file", path.display())));
+            }
+            Err(_) => {}
+        }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is no name of a file".into()))?;
-        Ok(Store::open(folder)?.write(name, &text, Keep::Synced)?)
+        Ok(Store::open(folder)?.write(name, &text, Keep::Synced).map(drop)?)
+    }
+
+    /// Removes plans whose tasks have ended.
+    pub(crate) fn remove_old(store: &Store) -> Result<(), CampaignError> {
+        let is_old = |name: &&String| store.age(name).is_some_and(|age| age >= PLAN_LIFE);
+        let plans = store.list(PLANS).into_iter().filter(|name| name.ends_with(".json"));
+        plans.filter(|name| is_old(&name)).try_for_each(|name| Ok(store.remove(&name)?))
+    }
+
+    /// The plans of the last days: their tasks may still be at work.
+    pub(crate) fn recent(store: &Store) -> Vec<Manifest> {
+        let is_recent = |name: &&String| store.age(name).is_none_or(|age| age < PLAN_LIFE);
+        store
+            .list(PLANS)
+            .iter()
+            .filter(is_recent)
+            .filter_map(|name| Manifest::read(&store.path(name).ok()?).ok())
+            .collect()
+    }
+
+    /// Keys of the results and measurements that it names.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.flights.iter().flat_map(|f| [&f.measure_key, &f.key]).flatten().map(String::as_str)
     }
 
     /// Reads a manifest that this version of flightlag made.
@@ -492,8 +551,8 @@ pub(crate) mod tests {
         let mut manifest = Manifest::new(
             "n".into(),
             "/r".into(),
-            "/o".into(),
-            (pipeline, "m".into()),
+            ("/o".into(), "id".into()),
+            (pipeline, "m".into(), "r".into()),
             vec![],
             None,
             "m".into(),
@@ -535,6 +594,8 @@ pub(crate) mod tests {
         written.write(&path).unwrap();
         assert_eq!(Manifest::read(&path).unwrap(), written);
         written.analysis_version += 1;
+        assert_eq!(written.write(&path).unwrap_err().exit(), crate::Exit::Wrong, "another plan has this name");
+        std::fs::remove_file(&path).unwrap();
         written.write(&path).unwrap();
         assert!(Manifest::read(&path).unwrap_err().to_string().contains("plan the campaign again"));
     }

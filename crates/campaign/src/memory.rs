@@ -1,7 +1,7 @@
 //! Remembers what is in a file by its path, size and times, so that a second run reads no log.
 
 use crate::error::CampaignError;
-use crate::store::{Keep, Store};
+use crate::store::Store;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{File, Metadata};
@@ -10,10 +10,11 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 const MEMORY: &str = ".flightlag/inputs.json";
-const MEMORY_VERSION: u32 = 1;
+const MEMORY_VERSION: u32 = 2;
 
 /// A file as the file system describes it. If any of it differs, the content may differ.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "(u64, i64, i64, u64)", into = "(u64, i64, i64, u64)")]
 pub(crate) struct FileStamp {
     pub(crate) bytes: u64,
     /// Last modification, ns since 1970.
@@ -23,6 +24,18 @@ pub(crate) struct FileStamp {
     changed_ns: i64,
     /// Number of the file in its file system; zero where the system has none.
     number: u64,
+}
+
+impl From<(u64, i64, i64, u64)> for FileStamp {
+    fn from((bytes, modified_ns, changed_ns, number): (u64, i64, i64, u64)) -> FileStamp {
+        FileStamp { bytes, modified_ns, changed_ns, number }
+    }
+}
+
+impl From<FileStamp> for (u64, i64, i64, u64) {
+    fn from(stamp: FileStamp) -> (u64, i64, i64, u64) {
+        (stamp.bytes, stamp.modified_ns, stamp.changed_ns, stamp.number)
+    }
 }
 
 impl FileStamp {
@@ -69,7 +82,6 @@ fn nanos(time: SystemTime) -> i64 {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Known {
-    #[serde(flatten)]
     stamp: FileStamp,
     blake3: String,
 }
@@ -87,8 +99,7 @@ impl Memory {
     /// read, or is of another folder, is empty: it only saves time.
     pub(crate) fn recall(store: &Store, root: &Path) -> Memory {
         let root = root.to_string_lossy().into_owned();
-        let read = store.read(MEMORY).ok().flatten();
-        let memory = read.and_then(|bytes| serde_json::from_slice::<Memory>(&bytes).ok());
+        let memory: Option<Memory> = store.read_sealed(MEMORY);
         let fits = memory.filter(|m| m.version == MEMORY_VERSION && m.root == root);
         fits.unwrap_or(Memory { version: MEMORY_VERSION, root, files: BTreeMap::new() })
     }
@@ -105,7 +116,7 @@ impl Memory {
             self.files.remove(path);
             return;
         }
-        self.files.insert(path.to_owned(), Known { stamp: stamp.clone(), blake3: blake3.to_owned() });
+        self.files.insert(path.to_owned(), Known { stamp: *stamp, blake3: blake3.to_owned() });
     }
 
     /// Forgets files that are gone.
@@ -115,8 +126,7 @@ impl Memory {
 
     /// Writes it down.
     pub(crate) fn save(&self, store: &Store) -> Result<(), CampaignError> {
-        let text = serde_json::to_vec(self).unwrap_or_default();
-        Ok(store.write(MEMORY, &text, Keep::Synced)?)
+        Ok(store.write_sealed(MEMORY, self)?)
     }
 }
 

@@ -14,7 +14,7 @@ use crate::reference::{FlightFiles, FoundReference, with_references};
 use crate::results;
 use crate::source;
 use crate::state::State;
-use crate::store::{Store, is_temporary};
+use crate::store::{Check, Store, is_temporary};
 use crate::test_cards::TestCardFiles;
 use crate::work::Workers;
 use ingest::FlightUnit;
@@ -46,6 +46,13 @@ pub struct Order {
     pub command: String,
 }
 
+impl Order {
+    /// How thoroughly earlier outputs are compared with what was written.
+    pub(crate) fn check(&self) -> Check {
+        if self.verify { Check::Full } else { Check::Quick }
+    }
+}
+
 /// How it is to be done, and who is told. Nothing of it changes a result.
 pub struct Desk<'a> {
     /// Threads.
@@ -75,8 +82,8 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     let mut manifest = Manifest::new(
         root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         root.clone(),
-        out,
-        (order.pipeline.as_used(), order.pipeline.measure_blake3()),
+        (out, store.id()?),
+        (order.pipeline.as_used(), order.pipeline.measure_blake3(), order.pipeline.replay_blake3()),
         order.pipeline.card_files(),
         order.pipeline.maps_folder().map(absolute).transpose()?,
         library.blake3().to_owned(),
@@ -150,7 +157,7 @@ pub(crate) fn judge(
     for i in 0..manifest.flights.len() {
         let key = manifest.flights[i].content.as_deref().map(|content| manifest.measure_key(content));
         let found = match &key {
-            Some(key) if state.stands(store, key) => results::read_lateness(store, key)?,
+            Some(key) if state.has_result(store, key)? => results::read_lateness(store, key, state.results.get(key))?,
             _ => None,
         };
         let why = match (&key, &found) {
@@ -172,18 +179,24 @@ pub(crate) fn judge(
     if !untried {
         let decided = decide(&manifest.flights, &lateness, pipeline);
         for (i, decision) in decided.into_iter().enumerate() {
-            judge_replay(manifest, i, decision, store, state);
+            judge_replay(manifest, i, decision, store, state)?;
         }
     }
     Ok(())
 }
 
 /// Gives a flight the key of its result, and the reasons why it has to be made if it is not there.
-fn judge_replay(manifest: &mut Manifest, i: usize, decision: Option<Decision>, store: &Store, state: &State) {
+fn judge_replay(
+    manifest: &mut Manifest,
+    i: usize,
+    decision: Option<Decision>,
+    store: &Store,
+    state: &State,
+) -> Result<(), CampaignError> {
     let measured = manifest.flights[i].measure_key.clone().filter(|_| manifest.flights[i].stage.is_none());
-    let (Some(decision), Some(measured)) = (decision, measured) else { return };
+    let (Some(decision), Some(measured)) = (decision, measured) else { return Ok(()) };
     let key = manifest.result_key(&measured, &decision);
-    let whole = results::is_there(store, &key) && state.stands(store, &key);
+    let whole = state.has_result(store, &key)?;
     let had_trouble = results::had_trouble(store, &key);
     let flight = &mut manifest.flights[i];
     (flight.key, flight.decision) = (Some(key), Some(decision));
@@ -193,6 +206,7 @@ fn judge_replay(manifest: &mut Manifest, i: usize, decision: Option<Decision>, s
         let flight = &mut manifest.flights[i];
         (flight.stage, flight.why) = (Some(Stage::Replay), why);
     }
+    Ok(())
 }
 
 /// The absolute path without links that a folder has, or will have once it is made.

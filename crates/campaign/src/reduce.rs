@@ -16,9 +16,11 @@ use crate::plan::Desk;
 use crate::rate::rate_of;
 use crate::reports::{self, Summary};
 use crate::results;
+use crate::results::{Damaged, ResultFiles};
+use crate::run::write_run;
 use crate::slug::slugs;
-use crate::state::{PageState, Sizes, State, WholeState, stand};
-use crate::store::{Keep, Store};
+use crate::state::{PageState, State, WholeState};
+use crate::store::{Check, Files, Keep, Store};
 use crate::study::failed_record;
 use crate::table;
 use crate::task::caught;
@@ -28,11 +30,13 @@ use flight::{Notice, Severity};
 use record::{
     CampaignChanges, CampaignCriteria, CampaignDelay, CampaignRecord, CampaignTotals, CompensatorResult,
     CriterionVerdict, DelaySource, EffectVerdict, Estimate, FlightRecord, FlightRow, Gravity, GroupLateness,
-    MINOR_LOSS, Outcome, flight_alarms,
+    MINOR_LOSS, Outcome, RECORD_VERSION, flight_alarms,
 };
 use report::{FlightPage, REPORT_VERSION, Site, TrackExcerpt};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 const RECORD: &str = "campaign.json";
 /// What changed since the run before: besides `run.json` the only output that depends on it.
@@ -77,17 +81,45 @@ impl Verdict {
 /// # Errors
 /// An output cannot be written, another process is at work on the folder, or the user stopped.
 pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignError> {
-    let store = Store::open(manifest.out())?;
-    let _lock = OutputLock::take(&store, desk.events)?;
+    let clock = (jiff::Timestamp::now(), Instant::now());
+    let store = Store::open_planned(manifest.out(), &manifest.out_id)?;
+    let _lock = OutputLock::take(&store, desk)?;
     store.clean();
     let mut state = State::recall(&store);
-    match reduce_locked(manifest, desk, &store, &mut state)? {
-        Reduction::Finished(verdict) => Ok(*verdict),
-        Reduction::Damaged(flights) => {
-            let count = flights.len();
-            Err(CampaignError::TryAgain(format!("{count} results were damaged and have been removed: plan again")))
-        }
+    let known = state.results.len();
+    compare(&mut state, &store, Check::Quick, desk)?;
+    if state.results.len() < known {
+        return Err(plan_again(known - state.results.len()));
     }
+    match reduce_locked(manifest, desk, &store, &mut state)? {
+        Reduction::Finished(verdict) => {
+            write_run(&store, desk, clock, None, &verdict)?;
+            Ok(*verdict)
+        }
+        Reduction::Damaged(flights) => Err(plan_again(flights.len())),
+    }
+}
+
+fn plan_again(count: usize) -> CampaignError {
+    CampaignError::Outdated(format!("{count} results were damaged and have been removed"))
+}
+
+/// Files named of those that have changed.
+const MOST_CHANGED: usize = 3;
+
+/// Compares what an earlier run left with what is there, and says which files are made again.
+pub(crate) fn compare(state: &mut State, store: &Store, check: Check, desk: &Desk<'_>) -> Result<(), CampaignError> {
+    let changed = state.compare(store, check, desk)?;
+    let more = match changed.len().saturating_sub(MOST_CHANGED) {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
+    let names: Vec<&str> = changed.iter().take(MOST_CHANGED).map(String::as_str).collect();
+    if !names.is_empty() {
+        let text = format!("missing or changed since they were written, and made again: {}{more}", names.join(", "));
+        desk.tell(Event::Remark { text });
+    }
+    Ok(())
 }
 
 /// What a reduction came to.
@@ -104,19 +136,16 @@ pub(crate) fn reduce_locked(
     store: &Store,
     state: &mut State,
 ) -> Result<Reduction, CampaignError> {
-    let lines = lines(manifest, store);
+    let lines = lines(manifest, store, state)?;
     let made_from = whole_hash(manifest, &lines);
     let before = previous_record(store);
-    let old = before.as_ref().filter(|before| state.whole.as_ref().is_some_and(|w| w.record_blake3 == before.blake3));
-    let stands = |w: &&WholeState| w.made_from == made_from && everything_stands(store, state, w);
-    if let (Some(whole), Some(old)) = (state.whole.as_ref().filter(stands), old) {
-        desk.tell(Event::NothingChanged);
-        let verdict = verdict(store, whole, &old.record, true);
-        if reports::is_unlisted(store) {
-            reports::list(store, &summary_of(&verdict), desk)?;
+    let old = before.as_ref().filter(|before| before.blake3 == state.record_blake3);
+    let stands = state.whole.as_ref().is_some_and(|whole| whole.made_from == made_from);
+    if let Some(old) = old.filter(|_| stands) {
+        if state.refreshed {
+            state.save(store)?;
         }
-        tell_end(desk, store, &old.record, &verdict);
-        return Ok(Reduction::Finished(Box::new(verdict)));
+        return nothing_changed(&lines, &old.record, store, desk);
     }
     let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
     let rows = old.into_iter().flat_map(|r| &r.record.flights).map(|row| (row.flight.clone(), row.clone())).collect();
@@ -125,6 +154,27 @@ pub(crate) fn reduce_locked(
     let test_cards = TestCards::of_files(&manifest.test_cards)?;
     let reducer = Reducer { manifest, pipeline, criteria, test_cards, desk, store, before, rows };
     reducer.reduce(&lines, made_from, state)
+}
+
+/// Everything stands already.
+fn nothing_changed(
+    lines: &[Line<'_>],
+    record: &CampaignRecord,
+    store: &Store,
+    desk: &Desk<'_>,
+) -> Result<Reduction, CampaignError> {
+    desk.tell(Event::NothingChanged);
+    let verdict = verdict(store, record, troubled(lines), true);
+    if reports::is_unlisted(store) {
+        reports::list(store, &summary_of(&verdict), desk)?;
+    }
+    tell_end(desk, store, record, &verdict);
+    Ok(Reduction::Finished(Box::new(verdict)))
+}
+
+/// Flights without a lasting result.
+fn troubled(lines: &[Line<'_>]) -> u64 {
+    lines.iter().filter(|line| matches!(line.source, Source::Without(_))).count() as u64
 }
 
 /// A flight and where its result comes from.
@@ -146,24 +196,26 @@ enum Source {
     Without(Box<FlightRecord>),
 }
 
-fn lines<'a>(manifest: &'a Manifest, store: &Store) -> Vec<Line<'a>> {
+fn lines<'a>(manifest: &'a Manifest, store: &Store, state: &State) -> Result<Vec<Line<'a>>, CampaignError> {
     let slugs = slugs(manifest.flights.iter().map(|f| f.flight.as_str()));
     let flights = &manifest.flights;
     let slug_of = |planned: &Planned| slugs.get(&planned.flight).cloned().unwrap_or_default();
     let line = |(n, planned): (usize, &'a Planned)| {
-        let source = source_of(planned, manifest, store);
+        let source = source_of(planned, manifest, store, state)?;
         let slug = slug_of(planned);
         let neighbour = |n: Option<usize>| n.and_then(|n| flights.get(n)).map(|p| (p.flight.as_str(), slug_of(p)));
         let neighbours = [neighbour(n.checked_sub(1)), neighbour(n.checked_add(1))];
         let made_from = page_hash(manifest, planned, &slug, &neighbours, &source);
-        Line { planned, slug, neighbours, source, made_from }
+        Ok(Line { planned, slug, neighbours, source, made_from })
     };
     flights.iter().enumerate().map(line).collect()
 }
 
-fn source_of(planned: &Planned, manifest: &Manifest, store: &Store) -> Source {
-    if let Some(key) = planned.key.as_ref().filter(|key| results::is_there(store, key)) {
-        return Source::Result(key.clone());
+fn source_of(planned: &Planned, manifest: &Manifest, store: &Store, state: &State) -> Result<Source, CampaignError> {
+    if let Some(key) = &planned.key
+        && state.has_result(store, key)?
+    {
+        return Ok(Source::Result(key.clone()));
     }
     let keys = [&planned.key, &planned.measure_key];
     let attempt = keys.into_iter().flatten().find_map(|key| results::read_trouble(store, key));
@@ -174,7 +226,7 @@ fn source_of(planned: &Planned, manifest: &Manifest, store: &Store) -> Source {
             FlightRecord { outcome, ..failed_record(planned, manifest, String::new()) }
         }
     };
-    Source::Without(Box::new(attempt.unwrap_or_else(without)))
+    Ok(Source::Without(Box::new(attempt.unwrap_or_else(without))))
 }
 
 fn page_hash(
@@ -193,8 +245,9 @@ fn page_hash(
     let beside = neighbours.each_ref().map(|n| n.as_ref().map_or("", |(name, _)| *name));
     let [before, after] = beside;
     let cards = manifest.test_cards.hash_of(&planned.flight);
+    let (pipeline, build) = (&manifest.pipeline.blake3, &manifest.flightlag_version);
     let parts =
-        [&planned.flight, slug, before, after, &from, &version, &manifest.command, &manifest.flightlag_version, &cards];
+        [&planned.flight, slug, before, after, &from, &version, &manifest.command, build, pipeline, cards.as_str()];
     hash_of_parts(&[parts.as_slice(), &criteria].concat())
 }
 
@@ -207,22 +260,19 @@ fn whole_hash(manifest: &Manifest, lines: &[Line<'_>]) -> String {
     hash_of_parts(&parts)
 }
 
-fn everything_stands(store: &Store, state: &State, whole: &WholeState) -> bool {
-    stand(store, &whole.files)
-        && state.pages.values().all(|page| stand(store, &page.files))
-        && state.results.values().all(|files| stand(store, files))
-}
-
 /// The campaign's record that the folder holds, and its hash.
-struct Previous {
-    record: CampaignRecord,
-    blake3: String,
+pub(crate) struct Previous {
+    pub(crate) record: CampaignRecord,
+    pub(crate) blake3: String,
 }
 
 /// What the folder holds of an earlier run; `None` if it cannot be read.
-fn previous_record(store: &Store) -> Option<Previous> {
+pub(crate) fn previous_record(store: &Store) -> Option<Previous> {
     let bytes = store.read(RECORD).ok().flatten()?;
     let record = serde_json::from_slice::<CampaignRecord>(&bytes).ok()?;
+    if record.record_version != RECORD_VERSION {
+        return None;
+    }
     Some(Previous { record, blake3: blake3::hash(&bytes).to_hex().to_string() })
 }
 
@@ -243,14 +293,37 @@ struct Reducer<'a> {
 struct Reduced {
     row: FlightRow,
     page: PageState,
-    result: Option<(String, Sizes)>,
+    result: Option<(String, Files)>,
     fresh: bool,
+}
+
+/// How far a reduction is. It is written down from time to time, so that one that is stopped goes on from there.
+struct Progress<'a> {
+    state: &'a mut State,
+    saved: Instant,
+}
+
+/// Pages of a reduction are written down as done after this time at the latest.
+const SAVE_EVERY: Duration = Duration::from_secs(20);
+
+impl Progress<'_> {
+    fn done(&mut self, slug: &str, page: &PageState, store: &Store) -> Result<(), CampaignError> {
+        self.state.pages.insert(slug.to_owned(), PageState { has_row: false, ..page.clone() });
+        if self.saved.elapsed() > SAVE_EVERY {
+            self.state.save(store)?;
+            self.saved = Instant::now();
+        }
+        Ok(())
+    }
 }
 
 impl Reducer<'_> {
     fn reduce(&self, lines: &[Line<'_>], made_from: String, state: &mut State) -> Result<Reduction, CampaignError> {
-        let standing: BTreeSet<&str> =
-            lines.iter().filter(|l| self.stands(l, state)).map(|l| l.slug.as_str()).collect();
+        let standing = |line: &Line<'_>| {
+            let page = state.pages.get(&line.slug).filter(|page| page.made_from == line.made_from)?;
+            Some((line.slug.clone(), page.clone()))
+        };
+        let standing: BTreeMap<String, PageState> = lines.iter().filter_map(standing).collect();
         self.withdraw(&standing, state)?;
         let reduced = self.each_line(lines, &standing, state)?;
         let damaged: Vec<String> =
@@ -261,19 +334,12 @@ impl Reducer<'_> {
         let reduced: Vec<Reduced> = reduced.into_iter().flatten().collect();
         let pages = reduced.iter().filter(|r| r.fresh).count();
         self.desk.tell(Event::Reduced { pages, kept: reduced.len() - pages });
-        let troubled = lines.iter().filter(|l| matches!(l.source, Source::Without(_))).count() as u64;
-        self.finish(lines, reduced, made_from, troubled, state)
-    }
-
-    /// Whether page and row of a line can stay as they are.
-    fn stands(&self, line: &Line<'_>, state: &State) -> bool {
-        let page = state.pages.get(&line.slug).filter(|p| p.made_from == line.made_from);
-        page.is_some_and(|p| stand(self.store, &p.files)) && self.rows.contains_key(&line.planned.flight)
+        self.finish(lines, reduced, made_from, state)
     }
 
     /// From here on, only what stays is claimed to stand: a kill must not leave a claim that is wrong.
-    fn withdraw(&self, standing: &BTreeSet<&str>, state: &mut State) -> Result<(), CampaignError> {
-        state.pages.retain(|slug, _| standing.contains(slug.as_str()));
+    fn withdraw(&self, standing: &BTreeMap<String, PageState>, state: &mut State) -> Result<(), CampaignError> {
+        state.pages.clone_from(standing);
         state.whole = None;
         state.save(self.store)
     }
@@ -281,59 +347,100 @@ impl Reducer<'_> {
     fn each_line(
         &self,
         lines: &[Line<'_>],
-        standing: &BTreeSet<&str>,
-        state: &State,
+        standing: &BTreeMap<String, PageState>,
+        state: &mut State,
     ) -> Result<Vec<Option<Reduced>>, CampaignError> {
-        let one = |(): &mut (), line: &Line<'_>| match standing.contains(line.slug.as_str()) {
-            true => Ok(self.kept(line, state)),
-            false => self.made(line),
+        let results = state.results.clone();
+        let progress = Mutex::new(Progress { state, saved: Instant::now() });
+        let one = |(): &mut (), line: &Line<'_>| {
+            let reduced = match standing.get(&line.slug) {
+                Some(page) => self.kept(line, page, &results)?,
+                None => self.made(line)?,
+            };
+            if let Some(reduced) = reduced.as_ref().filter(|r| r.fresh) {
+                let mut progress = progress.lock().unwrap_or_else(|e| e.into_inner());
+                progress.done(&line.slug, &reduced.page, self.store)?;
+            }
+            Ok(reduced)
         };
         let answers = Workers::start(self.desk.threads)?.each(lines, self.desk.cancel, || (), one);
-        self.desk.stopped()?;
+        if let Err(stopped) = self.desk.stopped() {
+            progress.into_inner().unwrap_or_else(|e| e.into_inner()).state.save(self.store)?;
+            return Err(stopped);
+        }
         answers.into_iter().map(|a| a.unwrap_or(Err(CampaignError::Cancelled))).collect()
     }
 
-    fn kept(&self, line: &Line<'_>, state: &State) -> Option<Reduced> {
-        let row = self.rows.get(&line.planned.flight)?.clone();
-        let page = state.pages.get(&line.slug)?.clone();
-        let result = self.result_files(line, state);
-        Some(Reduced { row, page, result, fresh: false })
-    }
-
-    fn result_files(&self, line: &Line<'_>, state: &State) -> Option<(String, Sizes)> {
-        let Source::Result(key) = &line.source else { return None };
-        let files = state.results.get(key).cloned().unwrap_or_else(|| results::sizes(self.store, key));
-        Some((key.clone(), files))
+    /// A line whose page stands. Its row does too, or is made from the record.
+    fn kept(
+        &self,
+        line: &Line<'_>,
+        page: &PageState,
+        known: &BTreeMap<String, Files>,
+    ) -> Result<Option<Reduced>, CampaignError> {
+        let row = self.rows.get(&line.planned.flight).filter(|_| page.has_row).cloned();
+        let row = match row {
+            Some(row) => row,
+            None => match self.record_of(line)? {
+                Some((record, _)) => row_of(line, &record),
+                None => return Ok(None),
+            },
+        };
+        let files =
+            |key: &String| known.get(key).cloned().or_else(|| Some(ResultFiles::of(self.store, key)?.kept(self.store)));
+        let result = match &line.source {
+            Source::Result(key) => files(key).map(|files| (key.clone(), files)),
+            Source::Without(_) => None,
+        };
+        Ok(Some(Reduced { row, page: page.clone(), result, fresh: false }))
     }
 
     /// Files of the measurement of a line.
-    fn measured_files(&self, line: &Line<'_>, state: &State) -> Option<(String, Sizes)> {
-        let key = line.planned.measure_key.as_ref().filter(|key| results::is_measured(self.store, key))?;
-        let files = state.results.get(key).cloned().unwrap_or_else(|| results::sizes(self.store, key));
-        Some((key.clone(), files))
+    fn measured_files(&self, line: &Line<'_>, state: &State) -> Option<(String, Files)> {
+        let key = line.planned.measure_key.as_ref()?;
+        let known = state.results.get(key).cloned();
+        Some((key.clone(), known.or_else(|| Some(ResultFiles::of(self.store, key)?.kept(self.store)))?))
+    }
+
+    /// The record of a line as its page shows it, and the files of the result that it is from; `None` if the result turns out
+    /// not to be whole.
+    fn record_of(&self, line: &Line<'_>) -> Result<Option<(FlightRecord, Option<ResultFiles>)>, CampaignError> {
+        let (record, list) = match &line.source {
+            Source::Without(record) => ((**record).clone(), None),
+            Source::Result(key) => match results::read(self.store, key)? {
+                Some((record, list)) => (record, Some(list)),
+                None => return Ok(None),
+            },
+        };
+        let mut record = FlightRecord { pipeline: self.manifest.pipeline.clone(), ..record };
+        record.criteria = self.criteria.as_ref().map(|c| c.judge(&line.planned.flight, &record));
+        record.test = self.test_cards.of_flight(&line.planned.flight, &record);
+        Ok(Some((record, list)))
     }
 
     /// Page and row of a line; `None` if its result turns out not to be whole.
     fn made(&self, line: &Line<'_>) -> Result<Option<Reduced>, CampaignError> {
-        let (mut record, result) = match &line.source {
-            Source::Without(record) => ((**record).clone(), None),
-            Source::Result(key) => match results::read(self.store, key)? {
-                Some(record) => (record, Some((key.clone(), results::sizes(self.store, key)))),
-                None => return Ok(None),
-            },
-        };
-        record.criteria = self.criteria.as_ref().map(|c| c.judge(&line.planned.flight, &record));
-        record.test = self.test_cards.of_flight(&line.planned.flight, &record);
+        let Some((record, list)) = self.record_of(line)? else { return Ok(None) };
+        let Ok(files) = self.write_page(line, &record, list.as_ref())? else { return Ok(None) };
         let row = row_of(line, &record);
-        let page = PageState { made_from: line.made_from.clone(), files: self.write_page(line, &record)? };
+        let page = PageState { made_from: line.made_from.clone(), files, has_row: true };
+        let result = list.map(|list| (record.key.clone(), list.kept(self.store)));
         Ok(Some(Reduced { row, page, result, fresh: true }))
     }
 
-    fn write_page(&self, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
+    fn write_page(
+        &self,
+        line: &Line<'_>,
+        record: &FlightRecord,
+        list: Option<&ResultFiles>,
+    ) -> Result<Result<Files, Damaged>, CampaignError> {
         let folder = format!("flights/{}", line.slug);
-        let explorer = match (&line.source, record.drawable()) {
-            (Source::Result(key), Some(_)) => results::read_explorer(self.store, key)?,
-            _ => None,
+        let explorer = match list.filter(|_| record.drawable().is_some()) {
+            Some(list) => match results::read_explorer(self.store, list)? {
+                Ok(rows) => rows,
+                Err(damaged) => return Ok(Err(damaged)),
+            },
+            None => None,
         };
         let neighbours =
             line.neighbours.each_ref().map(|n| n.as_ref().map(|(name, slug)| (*name, format!("../{slug}/index.html"))));
@@ -347,40 +454,40 @@ impl Reducer<'_> {
         };
         let site = caught(|| report::flight_site(&page)).map_err(|what| defect(&folder, what))?;
         let mut files = self.write_site(&folder, &site)?;
-        files.extend(self.place_results(&folder, line, record)?);
+        if let Some(list) = list {
+            match self.place_results(&folder, record, list)? {
+                Ok(placed) => files.extend(placed),
+                Err(damaged) => return Ok(Err(damaged)),
+            }
+        }
         for name in self.store.list(&folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
             self.store.remove(name)?;
         }
-        Ok(files)
+        Ok(Ok(files))
     }
 
-    /// Puts record and track beside the page, where a person looks for them; the record with its verdicts and
-    /// test cards, if there are any.
-    fn place_results(&self, folder: &str, line: &Line<'_>, record: &FlightRecord) -> Result<Sizes, CampaignError> {
-        let beside =
-            [("record.json", results::record_name(&record.key)), ("track.parquet", results::track_name(&record.key))];
-        let mut files = Sizes::new();
-        for (base, from) in beside {
-            let name = format!("{folder}/{base}");
-            let (Source::Result(_), Some(bytes)) = (&line.source, self.store.size(&from)) else { continue };
-            if base == "record.json" && (record.criteria.is_some() || record.test.is_some()) {
-                let text = results::text_of(record);
-                self.store.write(&name, &text, Keep::Renewable)?;
-                files.insert(name, text.len() as u64);
-            } else {
-                self.store.link(&from, &name)?;
-                files.insert(name, bytes);
-            }
-        }
-        Ok(files)
+    /// Puts the record, with settings, verdicts and test cards, and a copy of the track beside the page, where a person looks
+    /// for them.
+    fn place_results(
+        &self,
+        folder: &str,
+        record: &FlightRecord,
+        list: &ResultFiles,
+    ) -> Result<Result<Files, Damaged>, CampaignError> {
+        let (of_record, of_track) = (format!("{folder}/record.json"), format!("{folder}/{}", results::TRACK));
+        let Ok(track) = results::copy_track(self.store, list, &of_track)? else { return Ok(Err(Damaged)) };
+        let kept = self.store.write(&of_record, &results::text_of(record), Keep::Renewable)?;
+        let mut files = Files::from([(of_record, kept)]);
+        files.extend(track.map(|track| (of_track, track)));
+        Ok(Ok(files))
     }
 
-    fn write_site(&self, folder: &str, site: &Site) -> Result<Sizes, CampaignError> {
-        let mut files = Sizes::new();
+    fn write_site(&self, folder: &str, site: &Site) -> Result<Files, CampaignError> {
+        let mut files = Files::new();
         for (path, bytes) in &site.files {
             let name = if folder.is_empty() { path.clone() } else { format!("{folder}/{path}") };
-            self.store.write(&name, bytes, Keep::Renewable)?;
-            files.insert(name, bytes.len() as u64);
+            let kept = self.store.write(&name, bytes, Keep::Renewable)?;
+            files.insert(name, kept);
         }
         Ok(files)
     }
@@ -390,7 +497,6 @@ impl Reducer<'_> {
         lines: &[Line<'_>],
         reduced: Vec<Reduced>,
         made_from: String,
-        troubled: u64,
         state: &mut State,
     ) -> Result<Reduction, CampaignError> {
         let mut rows = vec![];
@@ -400,16 +506,19 @@ impl Reducer<'_> {
         for (line, done) in lines.iter().zip(reduced) {
             rows.push(done.row);
             state.results.extend(done.result);
-            state.pages.insert(line.slug.clone(), done.page);
+            state.pages.insert(line.slug.clone(), PageState { has_row: true, ..done.page });
         }
-        self.remove_other_pages(state)?;
         let record = self.campaign_record(rows);
+        let excerpts = match self.excerpts(&record)? {
+            Ok(excerpts) => excerpts,
+            Err(damaged) => return Ok(Reduction::Damaged(vec![damaged])),
+        };
+        self.remove_other_pages(state)?;
         let changes = self.changes(lines, &record, state);
-        let (files, record_blake3) = self.write_whole(&record, &changes)?;
-        let (totals, criteria) = (record.totals.clone(), record.criteria.clone());
-        let whole = WholeState { made_from, files, record_blake3, totals, criteria, troubled };
-        let verdict = verdict(self.store, &whole, &record, false);
-        state.whole = Some(whole);
+        let (files, record_blake3) = self.write_whole(&record, &changes, &excerpts)?;
+        let verdict = verdict(self.store, &record, troubled(lines), false);
+        state.whole = Some(WholeState { made_from, files });
+        state.record_blake3 = record_blake3;
         state.learn(self.manifest);
         state.save(self.store)?;
         reports::list(self.store, &summary_of(&verdict), self.desk)?;
@@ -449,42 +558,43 @@ impl Reducer<'_> {
         kept.filter(|_| found.is_empty()).unwrap_or(found)
     }
 
-    /// Where the aircraft turned hardest, of the flights whose tracks the campaign's page shows.
-    fn excerpts(&self, record: &CampaignRecord) -> Result<Vec<TrackExcerpt>, CampaignError> {
+    /// Where the aircraft turned hardest, of the flights whose tracks the campaign's page shows. The error is the flight whose
+    /// result turns out not to be whole.
+    fn excerpts(&self, record: &CampaignRecord) -> Result<Result<Vec<TrackExcerpt>, String>, CampaignError> {
         let mut excerpts = vec![];
         for row in report::excerpt_flights(record) {
-            let zoom = results::read(self.store, &row.key)?.and_then(|record| record.replay?.zoom);
+            let Some((record, _)) = results::read(self.store, &row.key)? else { return Ok(Err(row.flight.clone())) };
+            let zoom = record.replay.and_then(|replay| replay.zoom);
             excerpts.extend(zoom.map(|zoom| TrackExcerpt { flight: row.flight.clone(), zoom }));
         }
-        Ok(excerpts)
+        Ok(Ok(excerpts))
     }
 
     fn write_whole(
         &self,
         record: &CampaignRecord,
         changes: &CampaignChanges,
-    ) -> Result<(Sizes, String), CampaignError> {
+        excerpts: &[TrackExcerpt],
+    ) -> Result<(Files, String), CampaignError> {
         let tables = caught(|| table::write_flights(self.store, &record.flights));
-        tables.map_err(|what| defect("flights.parquet", what))??;
+        let mut files = tables.map_err(|what| defect("flights.parquet", what))??;
         // Before the record: a run that is killed in between compares the same two again.
         let mut site = caught(|| report::changes_site(changes, &record.flights))
             .map_err(|what| defect("since-last-run.html", what))?;
-        self.store.write(CHANGES, &pretty(changes), Keep::Renewable)?;
-        let mut files = self.write_site("", &site)?;
-        let text = pretty(record);
-        self.store.write(RECORD, &text, Keep::Renewable)?;
-        let excerpts = self.excerpts(record)?;
-        site = caught(|| report::campaign_site(record, &excerpts)).map_err(|what| defect("index.html", what))?;
+        let kept = self.store.write(CHANGES, &pretty(changes), Keep::Renewable)?;
+        files.insert(CHANGES.to_owned(), kept);
+        files.extend(self.write_site("", &site)?);
+        let kept = self.store.write(RECORD, &pretty(record), Keep::Renewable)?;
+        let blake3 = kept.blake3.clone();
+        files.insert(RECORD.to_owned(), kept);
+        site = caught(|| report::campaign_site(record, excerpts)).map_err(|what| defect("index.html", what))?;
         files.extend(self.write_site("", &site)?);
         self.remove_other_tables(&files)?;
-        for name in [RECORD, CHANGES, "flights.parquet", "flights.csv"] {
-            files.extend(self.store.size(name).map(|bytes| (name.to_owned(), bytes)));
-        }
-        Ok((files, blake3::hash(&text).to_hex().to_string()))
+        Ok((files, blake3))
     }
 
     /// Pages of flights that the table no longer needs, and figures that are no longer drawn.
-    fn remove_other_tables(&self, files: &Sizes) -> Result<(), CampaignError> {
+    fn remove_other_tables(&self, files: &Files) -> Result<(), CampaignError> {
         for (folder, ending) in [(report::TABLE_FOLDER, ".html"), ("figures", ".svg")] {
             let ours = self.store.list(folder).into_iter().filter(|name| name.ends_with(ending));
             for name in ours.filter(|name| !files.contains_key(name)) {
@@ -550,8 +660,8 @@ fn is_ours(name: &str) -> bool {
     }
 }
 
-fn verdict(store: &Store, whole: &WholeState, record: &CampaignRecord, nothing_changed: bool) -> Verdict {
-    let WholeState { totals, criteria, troubled, .. } = whole.clone();
+fn verdict(store: &Store, record: &CampaignRecord, troubled: u64, nothing_changed: bool) -> Verdict {
+    let (totals, criteria) = (record.totals.clone(), record.criteria.clone());
     let (groups, lines) =
         (record.groups.iter().map(GroupLine::of).collect(), record.flights.iter().map(DelayLine::of_row).collect());
     Verdict { totals, criteria, troubled, groups, lines, page: store.root().join("index.html"), nothing_changed }

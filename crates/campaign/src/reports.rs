@@ -66,7 +66,7 @@ fn write(folder: &Path) -> Result<(), StoreError> {
     collect(folder, folder, DEPTH, &mut found);
     found.sort_by(|(a, one), (b, other)| b.cmp(a).then_with(|| one.path.cmp(&other.path)));
     let entries: Vec<ReportEntry> = found.into_iter().map(|(_, entry)| entry).collect();
-    Store::open(folder)?.write(INDEX, reports_page(&entries).as_bytes(), Keep::Renewable)
+    Store::open(folder)?.write(INDEX, reports_page(&entries).as_bytes(), Keep::Renewable).map(drop)
 }
 
 /// Reports below `folder` with the times of their last change. A report holds no other.

@@ -1,144 +1,262 @@
 //! Where the results of a flight lie, and what belongs to them.
 //!
-//! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes) and, written last, `record.json`: a result with a
-//! record is whole. That of a measurement holds `measured.json` and, written last, the short `lateness.json`, which is all that the
-//! decision over many flights reads. `trouble.json` instead tells of an attempt that may end otherwise next time.
+//! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes) and `record.json`. That of a
+//! measurement holds `measured.json` and the short `lateness.json`, which is all that the decision over many flights reads.
+//! Both hold, written last, `files.json`: the hash of every file of the result. A result with that list is whole, and whatever
+//! is read of it is compared with its hash. `trouble.json` instead tells of an attempt that may end otherwise next time.
 
 use crate::error::CampaignError;
-use crate::state::Sizes;
-use crate::store::{Keep, Store};
+use crate::store::{Check, Files, Keep, Kept, Store};
 use crate::study::Studied;
 use crate::table;
-use record::{ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome};
-use serde::Serialize;
+use record::{ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome, PipelineUse, RECORD_VERSION};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The compensated track.
+pub(crate) const TRACK: &str = "track.parquet";
+const RECORD: &str = "record.json";
+/// The rows that the flight's page lets a reader zoom into.
+const EXPLORER: &str = "explorer.json";
+const MEASURED: &str = "measured.json";
+const LATENESS: &str = "lateness.json";
+const FILES: &str = "files.json";
+const TROUBLE: &str = "trouble.json";
 
 /// Folder of a result below the output folder.
 pub(crate) fn folder(key: &str) -> String {
     format!("by-key/{}/{key}", key.get(..2).unwrap_or("--"))
 }
 
-/// The record: there if and only if the result is whole.
-pub(crate) fn record_name(key: &str) -> String {
-    format!("{}/record.json", folder(key))
+fn name(key: &str, base: &str) -> String {
+    format!("{}/{base}", folder(key))
 }
 
-/// The compensated track.
-pub(crate) fn track_name(key: &str) -> String {
-    format!("{}/track.parquet", folder(key))
+/// The files of a result: there if and only if the result is whole.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct ResultFiles {
+    key: String,
+    record_version: u32,
+    /// By name in the folder of the result.
+    files: BTreeMap<String, ResultFile>,
 }
 
-/// The rows that the flight's page lets a reader zoom into.
-fn explorer_name(key: &str) -> String {
-    format!("{}/explorer.json", folder(key))
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct ResultFile {
+    bytes: u64,
+    blake3: String,
 }
 
-fn measured_name(key: &str) -> String {
-    format!("{}/measured.json", folder(key))
+impl ResultFiles {
+    /// The list of a result; `None` if it is not there or not of this version.
+    pub(crate) fn of(store: &Store, key: &str) -> Option<ResultFiles> {
+        let bytes = store.read(&name(key, FILES)).ok().flatten()?;
+        let list = serde_json::from_slice::<ResultFiles>(&bytes).ok()?;
+        (list.key == key && list.record_version == RECORD_VERSION).then_some(list)
+    }
+
+    fn blake3(&self, base: &str) -> Option<&str> {
+        self.files.get(base).map(|file| file.blake3.as_str())
+    }
+
+    /// Whether a file of the list is there with its size; with [`Check::Full`], with its content.
+    fn has(&self, store: &Store, base: &str, check: Check) -> bool {
+        let Some(file) = self.files.get(base) else { return false };
+        let name = name(&self.key, base);
+        store.size(&name) == Some(file.bytes)
+            && (check == Check::Quick || store.hash(&name).as_ref() == Some(&file.blake3))
+    }
+
+    fn is_whole(&self, store: &Store, check: Check) -> bool {
+        self.files.keys().all(|base| self.has(store, base, check))
+    }
+
+    /// The files as they are now, the list among them, with the hashes that they should have.
+    pub(crate) fn kept(&self, store: &Store) -> Files {
+        let listed = self.files.iter().map(|(base, file)| (name(&self.key, base), file.blake3.clone()));
+        let list = name(&self.key, FILES);
+        let own = store.hash(&list).map(|blake3| (list, blake3));
+        listed.chain(own).filter_map(|(name, blake3)| Some((name.clone(), store.kept(&name, &blake3)?))).collect()
+    }
 }
 
-fn lateness_name(key: &str) -> String {
-    format!("{}/lateness.json", folder(key))
-}
-
-fn trouble_name(key: &str) -> String {
-    format!("{}/trouble.json", folder(key))
-}
-
-/// Whether the result is there.
-pub(crate) fn is_there(store: &Store, key: &str) -> bool {
-    store.size(&record_name(key)).is_some_and(|bytes| bytes > 0)
-}
-
-/// Whether the measurement is there.
-pub(crate) fn is_measured(store: &Store, key: &str) -> bool {
-    store.size(&lateness_name(key)).is_some_and(|bytes| bytes > 0)
+/// Whether the result or measurement is there and whole.
+pub(crate) fn is_there(store: &Store, key: &str, check: Check) -> bool {
+    ResultFiles::of(store, key).is_some_and(|list| list.is_whole(store, check))
 }
 
 /// Whether an earlier attempt ended in trouble.
 pub(crate) fn had_trouble(store: &Store, key: &str) -> bool {
-    store.size(&trouble_name(key)).is_some()
+    store.size(&name(key, TROUBLE)).is_some()
 }
 
-/// Files of a result that is there, with their sizes.
-pub(crate) fn sizes(store: &Store, key: &str) -> Sizes {
-    let names = [track_name(key), explorer_name(key), record_name(key), measured_name(key), lateness_name(key)];
-    names.into_iter().filter_map(|n| store.size(&n).map(|bytes| (n, bytes))).collect()
+/// A result on its way.
+struct Writer<'a> {
+    store: &'a Store,
+    list: ResultFiles,
 }
 
-/// Writes a result: the track first, the record last.
+impl Writer<'_> {
+    fn begin<'a>(store: &'a Store, key: &str) -> Writer<'a> {
+        let list = ResultFiles { key: key.to_owned(), record_version: RECORD_VERSION, files: BTreeMap::new() };
+        Writer { store, list }
+    }
+
+    fn add(&mut self, base: &str, kept: Kept) {
+        let file = ResultFile { bytes: kept.stamp.bytes, blake3: kept.blake3 };
+        self.list.files.insert(base.to_owned(), file);
+    }
+
+    fn write(&mut self, base: &str, value: &impl Serialize) -> Result<(), CampaignError> {
+        let kept = self.store.write(&name(&self.list.key, base), &line_of(value), Keep::Part)?;
+        self.add(base, kept);
+        Ok(())
+    }
+
+    /// Removes what an earlier writer may have left under this name.
+    fn without(&self, base: &str) -> Result<(), CampaignError> {
+        Ok(self.store.remove(&name(&self.list.key, base))?)
+    }
+
+    /// Writes the list: the result is there now.
+    fn finish(self) -> Result<(), CampaignError> {
+        self.store.write(&name(&self.list.key, FILES), &line_of(&self.list), Keep::Synced)?;
+        self.without(TROUBLE)
+    }
+}
+
+/// Writes a result. Its record names the settings by their hash alone, for the same result is used under another title.
 pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignError> {
     let Studied { record, track, explorer } = studied;
-    let name = track_name(&record.key);
+    let mut writer = Writer::begin(store, &record.key);
     match track {
-        Some(track) => table::write_track(store, &name, record, track)?,
-        None => store.remove(&name)?,
+        Some(track) => {
+            let kept = table::write_track(store, &name(&record.key, TRACK), record, track)?;
+            writer.add(TRACK, kept);
+        }
+        None => writer.without(TRACK)?,
     }
-    let name = explorer_name(&record.key);
     match explorer {
-        Some(rows) => store.write(&name, &line_of(rows), Keep::Synced)?,
-        None => store.remove(&name)?,
+        Some(rows) => writer.write(EXPLORER, rows)?,
+        None => writer.without(EXPLORER)?,
     }
-    store.write(&record_name(&record.key), &text_of(record), Keep::Synced)?;
-    Ok(store.remove(&trouble_name(&record.key))?)
+    let pipeline = PipelineUse { title: String::new(), blake3: String::new(), toml: String::new() };
+    writer.write(RECORD, &FlightRecord { pipeline, ..record.clone() })?;
+    writer.finish()
 }
 
-/// Writes a measurement: the whole first, what the decision reads last.
+/// Writes a measurement.
 pub(crate) fn write_measured(store: &Store, measured: &MeasuredFlight) -> Result<(), CampaignError> {
-    store.write(&measured_name(&measured.key), &line_of(measured), Keep::Synced)?;
-    store.write(&lateness_name(&measured.key), &line_of(&measured.lateness), Keep::Synced)?;
-    Ok(store.remove(&trouble_name(&measured.key))?)
+    let mut writer = Writer::begin(store, &measured.key);
+    writer.write(MEASURED, measured)?;
+    writer.write(LATENESS, &measured.lateness)?;
+    writer.finish()
 }
 
-/// What the decision needs of a measurement; `None` if it is missing or not whole. What is left of one that is not whole
-/// is removed, so that it is made again.
-pub(crate) fn read_lateness(store: &Store, key: &str) -> Result<Option<FlightLateness>, CampaignError> {
-    let Some(bytes) = store.read(&lateness_name(key))? else { return Ok(None) };
-    let whole = serde_json::from_slice::<FlightLateness>(&bytes).ok().filter(|l| l.key == key);
+/// A file of a result as it was written; `None` if it is missing or has another content. The list of such a result is
+/// removed, so that it is made again.
+fn read_checked(store: &Store, key: &str, base: &str, blake3: Option<&str>) -> Result<Option<Vec<u8>>, CampaignError> {
+    let bytes = store.read(&name(key, base))?;
+    let whole = bytes.filter(|bytes| Some(blake3::hash(bytes).to_hex().as_str()) == blake3);
     if whole.is_none() {
-        store.remove(&lateness_name(key))?;
+        remove(store, key)?;
     }
     Ok(whole)
 }
 
-/// A measurement; `None` if it is missing or not whole, in which case what is left of it is removed.
+/// Makes a result one that has to be made again.
+pub(crate) fn remove(store: &Store, key: &str) -> Result<(), CampaignError> {
+    Ok(store.remove(&name(key, FILES))?)
+}
+
+/// What the decision needs of a measurement; `None` if it is missing or not whole. `known` are its files, if this machine
+/// remembers them.
+pub(crate) fn read_lateness(
+    store: &Store,
+    key: &str,
+    known: Option<&Files>,
+) -> Result<Option<FlightLateness>, CampaignError> {
+    let blake3 = match known.and_then(|files| files.get(&name(key, LATENESS))) {
+        Some(kept) => Some(kept.blake3.clone()),
+        None => match ResultFiles::of(store, key) {
+            Some(list) => list.blake3(LATENESS).map(str::to_owned),
+            None => return Ok(None),
+        },
+    };
+    let bytes = read_checked(store, key, LATENESS, blake3.as_deref())?;
+    Ok(bytes.and_then(|bytes| serde_json::from_slice::<FlightLateness>(&bytes).ok()).filter(|l| l.key == key))
+}
+
+/// A measurement; `None` if it is missing or not whole.
 pub(crate) fn read_measured(store: &Store, key: &str) -> Result<Option<MeasuredFlight>, CampaignError> {
-    let bytes = store.read(&measured_name(key))?.unwrap_or_default();
-    let whole = serde_json::from_slice::<MeasuredFlight>(&bytes).ok().filter(|m| m.key == key);
-    if whole.is_none() {
-        store.remove(&lateness_name(key))?;
-    }
-    Ok(whole)
+    let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
+    let bytes = read_checked(store, key, MEASURED, list.blake3(MEASURED))?;
+    Ok(bytes.and_then(|bytes| serde_json::from_slice::<MeasuredFlight>(&bytes).ok()).filter(|m| m.key == key))
 }
 
 /// Writes down an attempt that gave no lasting result.
 pub(crate) fn write_trouble(store: &Store, key: &str, record: &FlightRecord) -> Result<(), CampaignError> {
-    Ok(store.write(&trouble_name(key), &text_of(record), Keep::Synced)?)
+    Ok(store.write_sealed(&name(key, TROUBLE), record)?)
 }
 
 /// The record of an attempt that gave no lasting result.
 pub(crate) fn read_trouble(store: &Store, key: &str) -> Option<FlightRecord> {
-    store.read(&trouble_name(key)).ok().flatten().and_then(|bytes| serde_json::from_slice(&bytes).ok())
+    store.read_sealed(&name(key, TROUBLE))
 }
 
-/// The record of a result; `None` if the result is missing or not whole. What is left of a
-/// result that is not whole is removed, so that the next plan makes it anew.
-pub(crate) fn read(store: &Store, key: &str) -> Result<Option<FlightRecord>, CampaignError> {
-    let Some(bytes) = store.read(&record_name(key))? else { return Ok(None) };
-    let record = serde_json::from_slice::<FlightRecord>(&bytes).ok().filter(|r| r.key == key);
-    let track_fits = |r: &FlightRecord| r.outcome != Outcome::Compensated || store.size(&track_name(key)).is_some();
-    match record.filter(track_fits) {
-        Some(record) => Ok(Some(record)),
+/// The record of a result, with its files as they are now; `None` if the result is missing, of another version or not whole.
+pub(crate) fn read(store: &Store, key: &str) -> Result<Option<(FlightRecord, ResultFiles)>, CampaignError> {
+    let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
+    let bytes = read_checked(store, key, RECORD, list.blake3(RECORD))?;
+    let record = bytes.and_then(|bytes| serde_json::from_slice::<FlightRecord>(&bytes).ok());
+    let fits = |r: &FlightRecord| {
+        let has_track = list.has(store, TRACK, Check::Quick);
+        r.key == key && r.record_version == RECORD_VERSION && (r.outcome != Outcome::Compensated || has_track)
+    };
+    match record.filter(fits) {
+        Some(record) => Ok(Some((record, list))),
         None => {
-            store.remove(&record_name(key))?;
+            remove(store, key)?;
             Ok(None)
         }
     }
 }
 
-/// The rows that the flight's page lets a reader zoom into; `None` if there are none or the file is not whole.
-pub(crate) fn read_explorer(store: &Store, key: &str) -> Result<Option<ExplorerRows>, CampaignError> {
-    let bytes = store.read(&explorer_name(key))?.unwrap_or_default();
-    Ok(serde_json::from_slice(&bytes).ok())
+/// The rows that the flight's page lets a reader zoom into; `None` if the result has none.
+///
+/// # Errors
+/// They are not as they were written. The result is removed.
+pub(crate) fn read_explorer(
+    store: &Store,
+    list: &ResultFiles,
+) -> Result<Result<Option<ExplorerRows>, Damaged>, CampaignError> {
+    let Some(blake3) = list.blake3(EXPLORER) else { return Ok(Ok(None)) };
+    let bytes = read_checked(store, &list.key, EXPLORER, Some(blake3))?;
+    let rows = bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    Ok(rows.map(Some).ok_or(Damaged))
+}
+
+/// A file of a result is not as it was written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Damaged;
+
+/// Puts a copy of the track in the folder of the flight's page; `None` if the result has no track.
+///
+/// # Errors
+/// The track is not as it was written. The result is removed.
+pub(crate) fn copy_track(
+    store: &Store,
+    list: &ResultFiles,
+    to: &str,
+) -> Result<Result<Option<Kept>, Damaged>, CampaignError> {
+    let Some(blake3) = list.blake3(TRACK) else { return Ok(Ok(None)) };
+    match store.copy(&name(&list.key, TRACK), blake3, to)? {
+        Some(kept) => Ok(Ok(Some(kept))),
+        None => {
+            remove(store, &list.key)?;
+            Ok(Err(Damaged))
+        }
+    }
 }
 
 /// The record as it is written.

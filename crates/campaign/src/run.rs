@@ -5,10 +5,11 @@ use crate::event::Event;
 use crate::lock::OutputLock;
 use crate::manifest::{FLIGHTLAG_VERSION, Manifest, Stage};
 use crate::plan::{Desk, Order, Retry, check_output, judge, plan};
-use crate::reduce::{Reduction, Verdict, reduce_locked};
+use crate::process::host_name;
+use crate::reduce::{Reduction, Verdict, compare, reduce_locked};
 use crate::source;
 use crate::state::State;
-use crate::store::{Keep, Store, host_name};
+use crate::store::{Keep, Store};
 use crate::study::{Replaying, Study};
 use crate::task::{TaskReport, make};
 use serde::Serialize;
@@ -45,11 +46,13 @@ fn run_here(order: &Order, desk: &Desk<'_>, prepare: Prepare<'_>) -> Result<Verd
     };
     match reduction {
         Reduction::Finished(verdict) => {
-            write_run(&store, desk, clock, &report, &verdict)?;
+            write_run(&store, desk, clock, Some(report.made), &verdict)?;
             Ok(*verdict)
         }
         Reduction::Damaged(flights) => {
-            Err(CampaignError::TryAgain(format!("results do not stay whole: {}", flights.join(", "))))
+            let path = store.root().join("by-key");
+            let what = format!("results do not stay as they were written: {}", flights.join(", "));
+            Err(CampaignError::Table { path: path.display().to_string(), what })
         }
     }
 }
@@ -62,6 +65,7 @@ fn round(
     state: &mut State,
     prepare: Prepare<'_>,
 ) -> Result<(TaskReport, Reduction), CampaignError> {
+    compare(state, store, order.check(), desk)?;
     let mut manifest = planned(order, desk, store, state, 1)?;
     let mut report = TaskReport::default();
     if manifest.stale_count() > 0 {
@@ -89,7 +93,8 @@ fn round(
 pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Manifest, CampaignError> {
     source::leaving_no_empty_folder(&order.out, || {
         let (store, _lock) = enter(order, desk)?;
-        let state = State::recall(&store);
+        let mut state = State::recall(&store);
+        compare(&mut state, &store, order.check(), desk)?;
         planned(order, desk, &store, &state, max_shards)
     })
 }
@@ -98,7 +103,7 @@ pub fn plan_shards(order: &Order, desk: &Desk<'_>, max_shards: u32) -> Result<Ma
 fn enter(order: &Order, desk: &Desk<'_>) -> Result<(Store, OutputLock), CampaignError> {
     check_output(order)?;
     let store = Store::open(&order.out)?;
-    let lock = OutputLock::take(&store, desk.events)?;
+    let lock = OutputLock::take(&store, desk)?;
     let leftovers = store.clean();
     if leftovers > 0 {
         desk.tell(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
@@ -143,16 +148,18 @@ struct RunRecord {
     host: String,
     threads: usize,
     flights: u64,
-    results_made: usize,
+    /// Absent where the tasks of a cluster made them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    results_made: Option<usize>,
     flights_in_trouble: u64,
     nothing_changed: bool,
 }
 
-fn write_run(
+pub(crate) fn write_run(
     store: &Store,
     desk: &Desk<'_>,
     (started, clock): (jiff::Timestamp, Instant),
-    report: &TaskReport,
+    results_made: Option<usize>,
     verdict: &Verdict,
 ) -> Result<(), CampaignError> {
     let run = RunRecord {
@@ -162,11 +169,11 @@ fn write_run(
         host: host_name(),
         threads: desk.threads,
         flights: verdict.totals.flights,
-        results_made: report.made,
+        results_made,
         flights_in_trouble: verdict.troubled,
         nothing_changed: verdict.nothing_changed,
     };
     let mut text = serde_json::to_vec_pretty(&run).unwrap_or_default();
     text.push(b'\n');
-    Ok(store.write("run.json", &text, Keep::Renewable)?)
+    Ok(store.write("run.json", &text, Keep::Renewable).map(drop)?)
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const SOURCE: &str = ".flightlag/source";
 
 /// What a run that failed before its first result leaves in a new folder.
-const LEFTOVERS: [&str; 4] = ["source", "lock", "found.json", "inputs.json"];
+const LEFTOVERS: [&str; 5] = ["source", "lock", "id", "found.json", "inputs.json"];
 
 /// Refuses a folder that holds the report of other logs, unless that may be replaced. A report of a bench goes on as long as
 /// one of its records is among the new ones.
@@ -34,7 +34,7 @@ pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(),
 /// The file cannot be written.
 pub(crate) fn claim(store: &Store, inputs: &[PathBuf]) -> Result<(), CampaignError> {
     let text: String = lines(inputs).iter().map(|line| format!("{line}\n")).collect();
-    Ok(store.write(SOURCE, text.as_bytes(), Keep::Renewable)?)
+    Ok(store.write(SOURCE, text.as_bytes(), Keep::Renewable).map(drop)?)
 }
 
 /// Where the logs of the report in `out` lie; `None` if it does not say.

@@ -5,16 +5,16 @@
 
 use crate::error::CampaignError;
 use crate::manifest::{Manifest, Planned, Stage, Why};
-use crate::store::{Keep, Store};
-use record::{CampaignCriteria, CampaignTotals, Decision};
+use crate::plan::Desk;
+use crate::results;
+use crate::store::{Check, Files, Kept, Store};
+use crate::work::Workers;
+use record::Decision;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 const STATE: &str = ".flightlag/state.json";
-const STATE_VERSION: u32 = 2;
-
-/// Sizes of files by name below the output folder.
-pub(crate) type Sizes = BTreeMap<String, u64>;
+const STATE_VERSION: u32 = 3;
 
 /// The last run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -27,11 +27,19 @@ pub(crate) struct State {
     /// Every flight, by name.
     flights: BTreeMap<String, KnownFlight>,
     /// Files of every result, by key.
-    pub(crate) results: BTreeMap<String, Sizes>,
+    pub(crate) results: BTreeMap<String, Files>,
     /// Pages that stand, by the folder's name.
     pub(crate) pages: BTreeMap<String, PageState>,
     /// The outputs of the whole, if they stand.
     pub(crate) whole: Option<WholeState>,
+    /// Hash of the campaign's record, whose rows may be used again.
+    pub(crate) record_blake3: String,
+    /// How thoroughly results are compared that no run here has seen.
+    #[serde(skip)]
+    check: Check,
+    /// A file has a new description and its old content.
+    #[serde(skip)]
+    pub(crate) refreshed: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -48,7 +56,9 @@ pub(crate) struct PageState {
     /// Hash of everything that it was made from.
     pub(crate) made_from: String,
     /// Its files.
-    pub(crate) files: Sizes,
+    pub(crate) files: Files,
+    /// Whether the campaign's record has its row. It has not if a reduction was stopped after the page.
+    pub(crate) has_row: bool,
 }
 
 /// Table, index and record of the campaign.
@@ -57,30 +67,52 @@ pub(crate) struct WholeState {
     /// Hash of everything that they were made from.
     pub(crate) made_from: String,
     /// The files.
-    pub(crate) files: Sizes,
-    /// Hash of the campaign's record, whose rows may be used again.
-    pub(crate) record_blake3: String,
-    /// Counts, for the exit code.
-    pub(crate) totals: CampaignTotals,
-    /// What the criteria say, for the exit code too.
-    #[serde(default)]
-    pub(crate) criteria: Option<CampaignCriteria>,
-    /// Flights without a lasting result.
-    pub(crate) troubled: u64,
+    pub(crate) files: Files,
 }
 
 impl State {
     /// What the last run wrote down; nothing if that cannot be read.
     pub(crate) fn recall(store: &Store) -> State {
-        let read = store.read(STATE).ok().flatten();
-        let state = read.and_then(|bytes| serde_json::from_slice::<State>(&bytes).ok());
+        let state: Option<State> = store.read_sealed(STATE);
         state.filter(|s| s.version == STATE_VERSION).unwrap_or_default()
     }
 
     /// Writes it down.
     pub(crate) fn save(&self, store: &Store) -> Result<(), CampaignError> {
-        let text = serde_json::to_vec(self).unwrap_or_default();
-        Ok(store.write(STATE, &text, Keep::Synced)?)
+        Ok(store.write_sealed(STATE, self)?)
+    }
+
+    /// Keys of the results and measurements of the last run.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.flights.values().flat_map(|f| [&f.measure_key, &f.key]).flatten().map(String::as_str)
+    }
+
+    /// Compares every file that it knows with what is on the disk. What is not as it was written is made again: pages and
+    /// tables are no longer known, results are removed. Returns the names of such files.
+    pub(crate) fn compare(
+        &mut self,
+        store: &Store,
+        check: Check,
+        desk: &Desk<'_>,
+    ) -> Result<Vec<String>, CampaignError> {
+        self.check = check;
+        let of_results = self.results.values_mut().flatten();
+        let of_pages = self.pages.values_mut().flat_map(|page| &mut page.files);
+        let of_whole = self.whole.iter_mut().flat_map(|whole| &mut whole.files);
+        let files: Vec<(&String, &mut Kept)> = of_results.chain(of_pages).chain(of_whole).collect();
+        let (changed, refreshed) = compared(files, store, check, desk)?;
+        self.refreshed = refreshed;
+        if changed.is_empty() {
+            return Ok(vec![]);
+        }
+        let is_changed = |files: &Files| files.keys().any(|name| changed.contains(name));
+        for (key, _) in self.results.iter().filter(|(_, files)| is_changed(files)) {
+            results::remove(store, key)?;
+        }
+        self.results.retain(|_, files| !is_changed(files));
+        self.pages.retain(|_, page| !is_changed(&page.files));
+        self.whole = None;
+        Ok(changed.into_iter().collect())
     }
 
     /// Takes over what is planned now.
@@ -132,9 +164,16 @@ impl State {
         self.why(flight, manifest, Stage::Replay, false).iter().map(ToString::to_string).collect()
     }
 
-    /// Whether the files of a result are as they were left, as far as is known.
-    pub(crate) fn stands(&self, store: &Store, key: &str) -> bool {
-        self.results.get(key).is_none_or(|files| stand(store, files))
+    /// Whether a result is there and as it was written. One that is not is removed.
+    pub(crate) fn has_result(&self, store: &Store, key: &str) -> Result<bool, CampaignError> {
+        if self.results.contains_key(key) {
+            return Ok(true);
+        }
+        let is_there = results::is_there(store, key, self.check);
+        if !is_there && self.check == Check::Full {
+            results::remove(store, key)?;
+        }
+        Ok(is_there)
     }
 
     fn what_changed(&self, now: &Manifest) -> Vec<Why> {
@@ -156,9 +195,30 @@ impl State {
     }
 }
 
-/// Whether all files are there with the sizes they had.
-pub(crate) fn stand(store: &Store, files: &Sizes) -> bool {
-    files.iter().all(|(name, bytes)| store.size(name) == Some(*bytes))
+/// Names of the files that are not as they were written, and whether any other has a new description.
+fn compared(
+    files: Vec<(&String, &mut Kept)>,
+    store: &Store,
+    check: Check,
+    desk: &Desk<'_>,
+) -> Result<(BTreeSet<String>, bool), CampaignError> {
+    if check == Check::Quick {
+        let (mut changed, mut refreshed) = (BTreeSet::new(), false);
+        for (name, kept) in files {
+            let before = kept.stamp;
+            if !store.is_as_kept(name, kept, check) {
+                changed.insert(name.clone());
+            }
+            refreshed |= kept.stamp != before;
+        }
+        return Ok((changed, refreshed));
+    }
+    let differs =
+        |(): &mut (), (name, kept): &(&String, &mut Kept)| !store.is_as_kept(name, &mut (**kept).clone(), check);
+    let answers = Workers::start(desk.threads)?.each(&files, desk.cancel, || (), differs);
+    desk.stopped()?;
+    let changed = files.iter().zip(answers).filter(|(_, differs)| *differs == Some(true));
+    Ok((changed.map(|((name, _), _)| (*name).clone()).collect(), false))
 }
 
 /// A decision in a few words.

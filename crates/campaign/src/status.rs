@@ -3,7 +3,7 @@
 use crate::error::{CampaignError, Exit};
 use crate::manifest::{Manifest, Stage};
 use crate::results;
-use crate::store::Store;
+use crate::store::{Check, Store};
 use serde::Serialize;
 
 /// Counts of a manifest's flights, and the names of those without a result.
@@ -43,14 +43,15 @@ impl Status {
 /// # Errors
 /// The output folder cannot be opened.
 pub fn status(manifest: &Manifest) -> Result<Status, CampaignError> {
-    let store = Store::open(manifest.out())?;
+    let store = Store::open_planned(manifest.out(), &manifest.out_id)?;
     let mut status =
         Status { stage: manifest.stage(), flights: manifest.flights.len(), done: 0, troubled: vec![], missing: vec![] };
+    let is_there = |key: &str| results::is_there(&store, key, Check::Quick);
     for planned in &manifest.flights {
         let key = planned.key.as_deref().unwrap_or_default();
         let is_done = match planned.stage {
-            Some(Stage::Measure) => planned.measure_key.as_deref().is_some_and(|key| results::is_measured(&store, key)),
-            _ => planned.key.is_some() && results::is_there(&store, key),
+            Some(Stage::Measure) => planned.measure_key.as_deref().is_some_and(is_there),
+            _ => planned.key.as_deref().is_some_and(is_there),
         };
         let attempt = || results::read_trouble(&store, planned.work_key().unwrap_or(key));
         let reason = || attempt().and_then(|r| crate::table::outcome_reason(&r.outcome).map(str::to_owned));

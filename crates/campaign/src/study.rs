@@ -33,8 +33,10 @@ impl Studied {
 pub(crate) enum Interrupted {
     /// The user stopped.
     Cancelled,
-    /// Something that may be over next time: a disk that does not answer, a file that is being written.
+    /// Something that may be over next time: a disk that does not answer.
     Trouble(String),
+    /// Something that waiting does not end.
+    Lasting(String),
 }
 
 /// Makes the results of one flight. There is one real study; tests put others in its place.
@@ -64,7 +66,7 @@ impl Replaying {
         let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
         let library = Library::open(manifest.maps_folder.as_deref(), pipeline.forced_map())?;
         if library.blake3() != manifest.maps_blake3 {
-            return Err(CampaignError::TryAgain("channel maps have changed since the plan: plan again".to_owned()));
+            return Err(CampaignError::Outdated("channel maps have changed since the plan".to_owned()));
         }
         Ok(Replaying { library, pipeline })
     }
@@ -77,7 +79,7 @@ impl Replaying {
     ) -> Result<Result<(Loaded, Option<ReferenceLog>), String>, Interrupted> {
         let on_bytes = |bytes| desk.tell(Event::Read { bytes });
         let context = ReadContext { limits: Limits::default(), cancel: desk.cancel, on_bytes: &on_bytes };
-        let trouble = || Interrupted::Trouble("its format is not known".to_owned());
+        let trouble = || Interrupted::Lasting("its format is not known".to_owned());
         let unit = planned.unit().ok_or_else(trouble)?;
         let read = |found: PlannedReference| ReferenceLog::read(&found.found(), &self.library, &context);
         let both = self.library.load(&unit, self.pipeline.forced_map(), &context).and_then(|loaded| {
@@ -87,7 +89,10 @@ impl Replaying {
         match both {
             Ok(both) => Ok(Ok(both)),
             Err(IngestError::Cancelled) => Err(Interrupted::Cancelled),
-            Err(e @ (IngestError::Io { .. } | IngestError::Changed { .. })) => Err(Interrupted::Trouble(e.to_string())),
+            Err(e) if is_denied(&e) || matches!(e, IngestError::Changed { .. }) => {
+                Err(Interrupted::Lasting(e.to_string()))
+            }
+            Err(e @ IngestError::Io { .. }) => Err(Interrupted::Trouble(e.to_string())),
             Err(e) => Ok(Err(e.to_string())),
         }
     }
@@ -225,6 +230,11 @@ impl Study for Replaying {
         };
         Ok(self.replayed(&flight, &case, draft))
     }
+}
+
+/// Whether the system does not let us read the log.
+fn is_denied(error: &IngestError) -> bool {
+    matches!(error, IngestError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied)
 }
 
 /// The record of a flight that could not be used.

@@ -2,7 +2,7 @@
 
 use crate::error::CampaignError;
 use crate::line::DelayLine;
-use crate::store::{Keep, Store};
+use crate::store::{Files, Keep, Kept, Store};
 use compensation_replay::{Track, TrackColumn};
 use convert::{Cells, Sheet, SheetColumn, write_csv, write_parquet, write_track_table};
 use flight::Stamp;
@@ -14,7 +14,7 @@ pub(crate) fn write_track(
     name: &str,
     record: &FlightRecord,
     track: &Track,
-) -> Result<(), CampaignError> {
+) -> Result<Kept, CampaignError> {
     let mut sheet = Sheet::default();
     for (name, values) in &track.columns {
         let cells = match values {
@@ -27,9 +27,8 @@ pub(crate) fn write_track(
             sheet.push("utc_ns", Cells::I64(stamps.iter().map(|ns| utc_ns(record, Stamp(*ns))).collect()));
         }
     }
-    let keep = if name.starts_with("by-key/") { Keep::Synced } else { Keep::Renewable };
     let about = provenance(record).to_string();
-    Ok(store.write_with(name, keep, |file| write_track_table(&sheet, &about, file))?)
+    Ok(store.write_with(name, Keep::Part, |file| write_track_table(&sheet, &about, file))?)
 }
 
 /// UTC of a stamp of the replay, where the log knows it.
@@ -63,10 +62,11 @@ fn provenance(record: &FlightRecord) -> serde_json::Value {
 }
 
 /// Writes the table of flights as Parquet and as CSV.
-pub(crate) fn write_flights(store: &Store, rows: &[FlightRow]) -> Result<(), CampaignError> {
+pub(crate) fn write_flights(store: &Store, rows: &[FlightRow]) -> Result<Files, CampaignError> {
     let sheet = flight_sheet(rows);
-    store.write_with("flights.parquet", Keep::Renewable, |file| write_parquet(&sheet, file))?;
-    Ok(store.write_with("flights.csv", Keep::Renewable, |file| write_csv(&sheet, file))?)
+    let parquet = store.write_with("flights.parquet", Keep::Renewable, |file| write_parquet(&sheet, file))?;
+    let csv = store.write_with("flights.csv", Keep::Renewable, |file| write_csv(&sheet, file))?;
+    Ok(Files::from([("flights.parquet".to_owned(), parquet), ("flights.csv".to_owned(), csv)]))
 }
 
 /// The columns of the table; names end in their unit.

@@ -2,10 +2,11 @@
 
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
-use crate::manifest::{Manifest, Planned, Stage};
+use crate::manifest::{Manifest, Planned, PlannedFile, Stage};
+use crate::memory::{FileStamp, hash_file};
 use crate::plan::Desk;
 use crate::results;
-use crate::store::Store;
+use crate::store::{Check, Store};
 use crate::study::{Interrupted, Replaying, Study, failed_record};
 use crate::table::{outcome_name, outcome_reason};
 use crate::work::Workers;
@@ -22,8 +23,10 @@ pub struct TaskReport {
     pub made: usize,
     /// Results that were there already when their turn came.
     pub found: usize,
-    /// Flights without a lasting result, with the reason.
+    /// Flights without a lasting result, with the reason. Trying again may help.
     pub troubled: Vec<(String, String)>,
+    /// Flights without a lasting result, where waiting does not help: the log has changed since the plan, a defect.
+    pub lasting: Vec<(String, String)>,
 }
 
 impl TaskReport {
@@ -32,12 +35,17 @@ impl TaskReport {
         self.made += other.made;
         self.found += other.found;
         self.troubled.extend(other.troubled);
+        self.lasting.extend(other.lasting);
     }
 
-    /// 0 if every flight has a result (an unusable log is one), 75 if trying again may help.
+    /// 0 if every flight has a result (an unusable log is one), 75 if trying again may help, 3 if it does not.
     #[must_use]
     pub fn exit(&self) -> Exit {
-        if self.troubled.is_empty() { Exit::Well } else { Exit::TryAgain }
+        match (self.troubled.is_empty(), self.lasting.is_empty()) {
+            (false, _) => Exit::TryAgain,
+            (true, false) => Exit::Incomplete,
+            (true, true) => Exit::Well,
+        }
     }
 }
 
@@ -51,7 +59,7 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
         let count = manifest.shards;
         return Err(CampaignError::Asked(format!("no shard {shard}: this manifest has {count}, counted from 0")));
     }
-    let store = Store::open(manifest.out())?;
+    let store = Store::open_planned(manifest.out(), &manifest.out_id)?;
     let flights = manifest.of_shard(shard);
     let study = Replaying::prepare(manifest)?;
     let to_do: Vec<&&Planned> = flights.iter().filter(|flight| is_to_do(flight, &store)).collect();
@@ -67,12 +75,8 @@ pub fn task(manifest: &Manifest, shard: u32, desk: &Desk<'_>) -> Result<TaskRepo
 
 /// Whether a flight has work left: its result is not there, or the plan knows that it is not whole.
 fn is_to_do(flight: &Planned, store: &Store) -> bool {
-    let (Some(stage), Some(key)) = (flight.stage, flight.work_key()) else { return false };
-    let is_there = match stage {
-        Stage::Measure => results::is_measured(store, key),
-        Stage::Replay => results::is_there(store, key),
-    };
-    !is_there || flight.why.contains(&crate::manifest::Why::ResultMissing)
+    let Some(key) = flight.work_key() else { return false };
+    !results::is_there(store, key, Check::Quick) || flight.why.contains(&crate::manifest::Why::ResultMissing)
 }
 
 /// Does the work of `flights`, largest first.
@@ -100,7 +104,7 @@ pub(crate) fn make(
 enum Attempt {
     Made,
     Found,
-    Troubled(String),
+    Troubled(Trouble),
     NotDone,
 }
 
@@ -109,7 +113,8 @@ impl TaskReport {
         match attempt {
             Attempt::Made => self.made += 1,
             Attempt::Found => self.found += 1,
-            Attempt::Troubled(reason) => self.troubled.push((flight.to_owned(), reason)),
+            Attempt::Troubled(Trouble { reason, may_heal: true }) => self.troubled.push((flight.to_owned(), reason)),
+            Attempt::Troubled(Trouble { reason, .. }) => self.lasting.push((flight.to_owned(), reason)),
             Attempt::NotDone => {}
         }
     }
@@ -154,15 +159,19 @@ impl Worker<'_> {
         match caught(work) {
             Ok(Ok(attempt)) => Ok(attempt),
             Ok(Err(Stop::Cancelled)) => Ok(Attempt::NotDone),
-            Ok(Err(Stop::Trouble(reason))) => self.troubled(flight, reason),
+            Ok(Err(Stop::Trouble(trouble))) => self.troubled(flight, trouble),
             Ok(Err(Stop::Failed(error))) => Err(error),
-            Err(panic) => self.troubled(flight, format!("a defect in flightlag, please report it: {panic}")),
+            Err(panic) => {
+                let reason = format!("a defect in flightlag, please report it: {panic}");
+                self.troubled(flight, Trouble { reason, may_heal: false })
+            }
         }
     }
 
     fn measured(&self, flight: &Planned) -> Result<Attempt, Stop> {
+        let files = planned_content(flight)?;
         let measured = self.study.measure(flight, self.manifest, self.desk)?;
-        refuse_changed(flight)?;
+        refuse_changed(flight, &files)?;
         results::write_measured(self.store, &measured)?;
         let lateness = &measured.lateness;
         self.desk.tell(Event::DelayMeasured {
@@ -175,11 +184,12 @@ impl Worker<'_> {
     }
 
     fn studied(&self, flight: &Planned) -> Result<Attempt, Stop> {
-        let again = || Stop::Trouble("its measurement was not whole and is made again by the next run".to_owned());
+        let again = || lasting("its measurement was not whole and is made again by the next run".to_owned());
         let key = flight.measure_key.as_deref().unwrap_or_default();
         let measured = results::read_measured(self.store, key)?.ok_or_else(again)?;
+        let files = planned_content(flight)?;
         let studied = self.study.study(flight, measured, self.manifest, self.desk)?;
-        refuse_changed(flight)?;
+        refuse_changed(flight, &files)?;
         results::write(self.store, &studied)?;
         let record = &studied.record;
         self.desk.tell(Event::Finished {
@@ -194,24 +204,59 @@ impl Worker<'_> {
         Ok(Attempt::Made)
     }
 
-    fn troubled(&self, flight: &Planned, reason: String) -> Result<Attempt, CampaignError> {
+    fn troubled(&self, flight: &Planned, trouble: Trouble) -> Result<Attempt, CampaignError> {
+        let reason = &trouble.reason;
         let key = flight.work_key().unwrap_or_default();
         results::write_trouble(self.store, key, &failed_record(flight, self.manifest, reason.clone()))?;
         self.desk.tell(Event::Troubled { flight: flight.flight.clone(), reason: reason.clone() });
-        Ok(Attempt::Troubled(reason))
+        Ok(Attempt::Troubled(trouble))
     }
 }
 
+/// Why a flight has no lasting result.
+struct Trouble {
+    reason: String,
+    /// Whether time may heal it.
+    may_heal: bool,
+}
+
+fn lasting(reason: String) -> Stop {
+    Stop::Trouble(Trouble { reason, may_heal: false })
+}
+
+/// The files of a flight as they are now, if they hold what was planned. Another node may have a copy of its own, with other
+/// times: then the content counts.
+fn planned_content(flight: &Planned) -> Result<Vec<FileStamp>, Stop> {
+    let of_file = |file: &PlannedFile| {
+        let unreadable = |e: std::io::Error| {
+            let may_heal = e.kind() != std::io::ErrorKind::PermissionDenied;
+            Stop::Trouble(Trouble { reason: format!("{}: {e}", file.name()), may_heal })
+        };
+        let stamp = FileStamp::of(&file.path).map_err(unreadable)?;
+        let is_planned = stamp == file.stamp
+            || stamp.bytes == file.stamp.bytes && {
+                let hash = hash_file(&file.path, &mut vec![0; 1 << 16], |_| true).map_err(unreadable)?;
+                hash.as_ref() == Some(&file.blake3)
+            };
+        let changed = || lasting(format!("{}: the log has changed since it was planned", file.name()));
+        if is_planned { Ok(stamp) } else { Err(changed()) }
+    };
+    flight.all_files().map(of_file).collect()
+}
+
 /// A result of a log that changed meanwhile would stand under the wrong key.
-fn refuse_changed(flight: &Planned) -> Result<(), Stop> {
-    let changed = |name: String| Stop::Trouble(format!("{name}: the file changed while it was read"));
-    flight.changed_file().map_or(Ok(()), |file| Err(changed(file.name())))
+fn refuse_changed(flight: &Planned, before: &[FileStamp]) -> Result<(), Stop> {
+    let changed = |(file, stamp): &(&PlannedFile, &FileStamp)| FileStamp::of(&file.path).ok().as_ref() != Some(*stamp);
+    match flight.all_files().zip(before).find(changed) {
+        Some((file, _)) => Err(lasting(format!("{}: the file changed while it was read", file.name()))),
+        None => Ok(()),
+    }
 }
 
 /// Why a study did not end in a result.
 enum Stop {
     Cancelled,
-    Trouble(String),
+    Trouble(Trouble),
     Failed(CampaignError),
 }
 
@@ -219,7 +264,8 @@ impl From<Interrupted> for Stop {
     fn from(interrupted: Interrupted) -> Stop {
         match interrupted {
             Interrupted::Cancelled => Stop::Cancelled,
-            Interrupted::Trouble(reason) => Stop::Trouble(reason),
+            Interrupted::Trouble(reason) => Stop::Trouble(Trouble { reason, may_heal: true }),
+            Interrupted::Lasting(reason) => lasting(reason),
         }
     }
 }

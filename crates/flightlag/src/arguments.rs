@@ -11,7 +11,7 @@ Exit codes:
   3    finished, but some flights or records failed, lost data, have a delay that changes or a reference file that cannot
        be used, or contradict their rig file
   4    finished, but a flight fails a criterion or was harmed (whether or not 3 holds too)
-  75   not now: try again (a log is being written, another flight has to come first)
+  75   not now: try again (another run is at work on the folder, the disk is full, a log is being written)
   130  stopped by Ctrl-C";
 
 const SCHEMA: &str = "\
@@ -68,6 +68,22 @@ these last three depend on logs, settings and build alone.
 
 The steps plan, task, reduce and status do the same work on a cluster, shard by shard.";
 
+const GC: &str = "\
+Remove the results of a campaign that no report refers to.
+
+OUT/by-key keeps a result for each log, setting and version that a campaign was made with. A run with earlier settings finds \
+them again. This command removes those that neither the report in OUT nor a plan of the last 14 days refers to.";
+
+/// Arguments of `flightlag gc`.
+#[derive(Debug, Args)]
+pub(crate) struct GcArguments {
+    /// Output folder of a campaign.
+    pub(crate) out: PathBuf,
+    /// Remove nothing; show what would be removed.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
 const BENCH: &str = "\
 Records of a swing bench in, a sensor card and pages out.
 
@@ -109,6 +125,9 @@ pub(crate) enum Command {
     /// A folder of flight logs in, a report out: tables, records, pages.
     #[command(long_about = CAMPAIGN, after_help = EXIT_CODES)]
     Campaign(Box<CampaignArguments>),
+    /// Remove the results of a campaign that no report refers to.
+    #[command(long_about = GC, after_help = EXIT_CODES)]
+    Gc(GcArguments),
     /// Records of a swing bench in, a sensor card and pages out.
     #[command(long_about = BENCH, after_help = EXIT_CODES)]
     Bench(Box<BenchArguments>),
@@ -331,7 +350,7 @@ pub(crate) enum Step {
     Plan {
         #[command(flatten)]
         order: OrderArguments,
-        /// Where the manifest goes. Without it: OUT/manifest.json.
+        /// Where to write the manifest. Without it: OUT/.flightlag/plans, under a name that no other plan has.
         #[arg(long, value_name = "FILE")]
         manifest: Option<PathBuf>,
         /// Most shards. Fewer if there is less to do.
@@ -340,7 +359,7 @@ pub(crate) enum Step {
         #[command(flatten)]
         desk: DeskArguments,
     },
-    /// Makes the results of one shard. Exit 0: every flight of it has a result; 75: try again.
+    /// Make the results of one shard. Exit 0: every flight of it has a result; 75: time may heal what happened; 3: it may not.
     Task {
         /// The manifest.
         #[arg(long, value_name = "FILE")]

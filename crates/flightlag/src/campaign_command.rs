@@ -41,10 +41,7 @@ pub(crate) fn run_order(order: &Order, arguments: &DeskArguments, stop: &Stop) -
 
 fn take(step: Step, stop: &Stop) -> Result<End, Failure> {
     match step {
-        Step::Plan { order, manifest, max_shards, desk } => {
-            let path = manifest.unwrap_or_else(|| out_of(&order).join("manifest.json"));
-            plan(&order, &path, max_shards, &desk, stop)
-        }
+        Step::Plan { order, manifest, max_shards, desk } => plan(&order, manifest.as_deref(), max_shards, &desk, stop),
         Step::Task { manifest, shard, desk } => task(&manifest, shard, &desk, stop),
         Step::Reduce { manifest, aircraft, desk } => reduce(&manifest, &aircraft, &desk, stop),
         Step::Status { manifest, json } => status(&manifest, json),
@@ -53,7 +50,7 @@ fn take(step: Step, stop: &Stop) -> Result<End, Failure> {
 
 fn plan(
     order: &OrderArguments,
-    path: &Path,
+    path: Option<&Path>,
     max_shards: u32,
     arguments: &DeskArguments,
     stop: &Stop,
@@ -61,21 +58,25 @@ fn plan(
     let events = listener(arguments);
     let order = order_of(order)?;
     let manifest = campaign::plan_shards(&order, &desk(arguments, stop, events.as_ref()), max_shards)?;
-    manifest.write(path)?;
+    let kept = manifest.keep()?;
+    path.map_or(Ok(()), |path| manifest.write(path))?;
+    let path = path.unwrap_or(&kept);
     let (flights, stale, shards) = (manifest.flight_count(), manifest.stale_count(), manifest.shards());
     let stage = manifest.stage().map_or("done".to_owned(), |stage| stage.to_string());
-    say(
-        arguments,
-        &format!("flights={flights} stage={stage} stale={stale} shards={shards} manifest={}", path.display()),
-    )?;
+    let line = format!("flights={flights} stage={stage} stale={stale} shards={shards} manifest={}", path.display());
+    // A script reads this line, whatever else is quiet.
+    match arguments.quiet && !arguments.json {
+        true => writeln!(std::io::stdout(), "{}", visible(&line))?,
+        false => say(arguments, &line)?,
+    }
     Ok(Exit::Well.into())
 }
 
 fn task(path: &Path, shard: u32, arguments: &DeskArguments, stop: &Stop) -> Result<End, Failure> {
     let events = listener(arguments);
     let report = campaign::task(&Manifest::read(path)?, shard, &desk(arguments, stop, events.as_ref()))?;
-    let TaskReport { made, found, troubled } = &report;
-    say(arguments, &format!("made={made} found={found} troubled={}", troubled.len()))?;
+    let TaskReport { made, found, troubled, lasting } = &report;
+    say(arguments, &format!("made={made} found={found} troubled={}", troubled.len() + lasting.len()))?;
     Ok(report.exit().into())
 }
 

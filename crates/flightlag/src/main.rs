@@ -12,6 +12,7 @@ mod explain;
 mod export;
 mod failure;
 mod findings;
+mod gc;
 mod inspect;
 mod listen;
 mod manual;
@@ -42,6 +43,7 @@ fn run(command: Command) -> Result<End, Failure> {
     match command {
         Command::Delay(arguments) => delay_command::run(&arguments, &stop),
         Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
+        Command::Gc(arguments) => gc::run(&arguments, &stop),
         Command::Bench(arguments) => bench_command::run(&arguments, &stop),
         Command::Inspect(arguments) => inspect::run(&arguments, &stop),
         Command::Recover(arguments) => recover::run(&arguments, &stop),

@@ -5,8 +5,9 @@ use crate::cards::CARD_ENDING;
 use crate::error::CampaignError;
 use crate::manifest::FLIGHTLAG_VERSION;
 use crate::plan::{BENCH_MARK, Desk};
+use crate::process::host_name;
 use crate::slug::slugs;
-use crate::store::{Keep, Store, host_name};
+use crate::store::{Keep, Store};
 use crate::task::caught;
 use bench_analysis::{card_text, sensor_name};
 use flight::{Notices, Severity};
@@ -199,5 +200,5 @@ pub(super) fn write_run(
     };
     let mut text = serde_json::to_vec_pretty(&run).unwrap_or_default();
     text.push(b'\n');
-    Ok(store.write("run.json", &text, Keep::Renewable)?)
+    Ok(store.write("run.json", &text, Keep::Renewable).map(drop)?)
 }

@@ -1,0 +1,83 @@
+//! The few things that the store asks of the system to put a file in its place. Tests put a recorder between the two.
+
+use std::fmt;
+use std::fs::{self, File};
+use std::io;
+use std::path::Path;
+
+/// Creates, syncs and renames.
+pub(crate) trait Disk: fmt::Debug + Send + Sync {
+    /// Creates a file that is not there yet.
+    fn create(&self, path: &Path) -> io::Result<File>;
+    /// Waits until the content of a file is on the disk.
+    fn sync(&self, file: &File, path: &Path) -> io::Result<()>;
+    /// Gives a file its final name; an earlier file of that name is replaced in one step.
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
+    /// Waits until the names in a folder are on the disk.
+    fn sync_folder(&self, path: &Path) -> io::Result<()>;
+}
+
+/// Whether an error of the system may be over later: a disk that is full or away. A file that must not be written is no
+/// such thing.
+pub(crate) fn may_heal(error: &io::Error) -> bool {
+    use io::ErrorKind::{
+        HostUnreachable, NetworkDown, NetworkUnreachable, NotConnected, QuotaExceeded, ResourceBusy,
+        StaleNetworkFileHandle, StorageFull, TimedOut,
+    };
+    let kinds = [
+        HostUnreachable,
+        NetworkDown,
+        NetworkUnreachable,
+        NotConnected,
+        QuotaExceeded,
+        ResourceBusy,
+        StaleNetworkFileHandle,
+        StorageFull,
+        TimedOut,
+    ];
+    kinds.contains(&error.kind()) || is_input_output_error(error)
+}
+
+#[cfg(unix)]
+fn is_input_output_error(error: &io::Error) -> bool {
+    error.raw_os_error() == Some(5)
+}
+
+#[cfg(not(unix))]
+fn is_input_output_error(_error: &io::Error) -> bool {
+    false
+}
+
+/// The system itself.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct System;
+
+impl Disk for System {
+    fn create(&self, path: &Path) -> io::Result<File> {
+        File::create_new(path)
+    }
+
+    fn sync(&self, file: &File, _path: &Path) -> io::Result<()> {
+        file.sync_all()
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        fs::rename(from, to)
+    }
+
+    #[cfg(unix)]
+    fn sync_folder(&self, path: &Path) -> io::Result<()> {
+        // Some network file systems cannot sync a folder. They write its names at once.
+        let unsupported = |e: &io::Error| matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported);
+        match File::open(path)?.sync_all() {
+            Err(e) if !unsupported(&e) => Err(e),
+            _ => Ok(()),
+        }
+    }
+
+    /// Other systems cannot open a folder; they keep the order of names by themselves.
+    #[cfg(not(unix))]
+    fn sync_folder(&self, _path: &Path) -> io::Result<()> {
+        Ok(())
+    }
+}

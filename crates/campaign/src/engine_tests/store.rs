@@ -1,0 +1,269 @@
+//! A store that can be trusted: what changed behind its back is noticed, and nothing else is made again.
+
+use super::*;
+use crate::memory::FileStamp;
+use crate::store::{Check, Store};
+
+impl Bench {
+    /// The file of a flight's result or measurement.
+    fn stored(&self, flight: &str, base: &str) -> PathBuf {
+        let record = self.record();
+        let row = record.flights.iter().find(|row| row.flight == flight).unwrap();
+        let measured = ["measured.json", "lateness.json"].contains(&base);
+        let key = if measured { row.lateness.as_ref().unwrap().key.clone() } else { row.key.clone() };
+        self.out().join(format!("by-key/{}/{key}/{base}", &key[..2]))
+    }
+
+    /// As if the file system had kept all times of this file, as a disk does that loses a bit.
+    fn forget_change(&self, path: &Path) {
+        let stamp = serde_json::to_value(FileStamp::of(path).unwrap()).unwrap();
+        let name = path.strip_prefix(self.out()).unwrap().to_str().unwrap().to_owned();
+        self.edit_state(|state| {
+            let mut places: Vec<&mut serde_json::Value> = vec![];
+            let state = state.as_object_mut().unwrap();
+            for (field, value) in state {
+                match field.as_str() {
+                    "results" => places.extend(value.as_object_mut().unwrap().values_mut()),
+                    "pages" => places.extend(value.as_object_mut().unwrap().values_mut().map(|p| &mut p["files"])),
+                    "whole" => places.push(&mut value["files"]),
+                    _ => {}
+                }
+            }
+            let file = places.into_iter().find_map(|files| files.get_mut(&name)).unwrap();
+            file[0] = stamp;
+        });
+    }
+}
+
+/// Changes a byte in the middle of a file and leaves its size.
+fn flip(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+/// Files that a run keeps, of each kind.
+fn one_of_each_kind(bench: &Bench) -> Vec<PathBuf> {
+    let stored = ["record.json", "track.parquet", "measured.json", "lateness.json", "files.json"];
+    let placed = ["flights/b.csv/index.html", "flights/b.csv/record.json", "flights/b.csv/track.parquet"];
+    let whole = ["flights.csv", "flights.parquet", "index.html", "campaign.json"];
+    let of_results = stored.map(|base| bench.stored("b.csv", base));
+    of_results.into_iter().chain(placed.iter().chain(&whole).map(|name| bench.out().join(name))).collect()
+}
+
+#[test]
+fn a_change_of_the_same_size_is_noticed_in_every_kind_of_file() {
+    let bench = Bench::five();
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    for path in one_of_each_kind(&bench) {
+        flip(&path);
+        let again = bench.run();
+        assert!(!again.verdict().nothing_changed, "{}", path.display());
+        assert_eq!(bench.tree(&bench.out()), tree, "{}", path.display());
+        assert!(bench.run().verdict().nothing_changed, "{}", path.display());
+    }
+}
+
+#[test]
+fn verify_notices_a_change_that_no_time_of_the_file_shows() {
+    let bench = Bench::five();
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    for path in one_of_each_kind(&bench) {
+        flip(&path);
+        bench.forget_change(&path);
+        let again = bench.run_into(&bench.out(), 2, true);
+        assert!(!again.verdict().nothing_changed, "{}", path.display());
+        assert_eq!(bench.tree(&bench.out()), tree, "{}", path.display());
+    }
+}
+
+#[test]
+fn what_is_read_for_a_page_is_compared_with_its_hash() {
+    let bench = Bench::five();
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    for base in ["record.json", "track.parquet"] {
+        let path = bench.stored("b.csv", base);
+        flip(&path);
+        bench.forget_change(&path);
+        assert!(bench.run().verdict().nothing_changed, "a quick look cannot see it");
+        // Another neighbour: the page is made again, and for that the result is read.
+        bench.log("b0.csv", "three");
+        let again = bench.run();
+        assert!(again.started_to(Stage::Replay).contains_key("b.csv"), "{base}: {:?}", again.started());
+        fs::remove_file(bench.flights().join("b0.csv")).unwrap();
+        bench.run();
+        let results = |tree: BTreeMap<PathBuf, Vec<u8>>| {
+            let of_flights = |path: &PathBuf| path.starts_with("flights");
+            tree.into_iter().filter(|(path, _)| of_flights(path)).collect::<Vec<_>>()
+        };
+        assert_eq!(results(bench.tree(&bench.out())), results(tree.clone()), "{base}");
+    }
+}
+
+#[test]
+fn the_remark_names_the_files_that_changed() {
+    let bench = Bench::five();
+    bench.run();
+    fs::remove_file(bench.out().join("flights/b.csv/index.html")).unwrap();
+    let remarks = |ran: &Ran| {
+        let text = |e: &Event| if let Event::Remark { text } = e { Some(text.clone()) } else { None };
+        ran.events.iter().filter_map(text).collect::<Vec<_>>().join("; ")
+    };
+    let said = remarks(&bench.run());
+    assert!(said.contains("flights/b.csv/index.html") && !said.contains("more"), "{said}");
+}
+
+#[test]
+fn a_result_of_another_record_version_is_made_again_and_not_read() {
+    let bench = Bench::five();
+    bench.run();
+    let list = bench.stored("b.csv", "files.json");
+    let text = fs::read_to_string(&list).unwrap();
+    let version = format!("\"record_version\":{}", record::RECORD_VERSION);
+    assert!(text.contains(&version), "{text}");
+    fs::write(&list, text.replace(&version, "\"record_version\":0")).unwrap();
+    fs::remove_file(bench.out().join(".flightlag/state.json")).unwrap();
+    let again = bench.run();
+    assert_eq!(again.started().keys().collect::<Vec<_>>(), ["b.csv"]);
+}
+
+#[test]
+fn counts_for_the_exit_code_come_from_the_checked_record() {
+    let bench = Bench::five();
+    bench.log("x.csv", "bad");
+    bench.run();
+    let path = bench.out().join("campaign.json");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replacen("\"failed\": 1", "\"failed\": 0", 1)).unwrap();
+    bench.forget_change(&path);
+    let again = bench.run();
+    assert_eq!((again.verdict().totals.failed, again.verdict().exit()), (1, Exit::Incomplete));
+    // The notes for the next run are not believed either once they have changed.
+    let notes = bench.out().join(".flightlag/state.json");
+    flip(&notes);
+    assert_eq!(bench.run().verdict().exit(), Exit::Incomplete);
+    assert!(fs::read_to_string(&path).unwrap().contains("\"failed\": 1"));
+}
+
+#[test]
+fn files_of_a_flights_folder_are_copies_that_may_be_edited() {
+    use std::os::unix::fs::MetadataExt;
+    let bench = Bench::five();
+    bench.run();
+    let (track, copy) = (bench.stored("b.csv", "track.parquet"), bench.out().join("flights/b.csv/track.parquet"));
+    assert_eq!([&track, &copy].map(|path| fs::metadata(path).unwrap().nlink()), [1, 1]);
+    let whole = fs::read(&track).unwrap();
+    fs::write(&copy, "edited in place").unwrap();
+    assert_eq!(fs::read(&track).unwrap(), whole);
+    let again = bench.run();
+    assert!(again.started().is_empty() && fs::read(&copy).unwrap() == whole);
+}
+
+#[test]
+fn another_title_or_limit_rewrites_pages_and_makes_no_analysis() {
+    let mut bench = Bench::five();
+    bench.run();
+    bench.pipeline = format!("title = \"Spring campaign\"\n{}", bench.pipeline);
+    let again = bench.run();
+    assert!(again.started().is_empty() && !again.verdict().nothing_changed, "{:?}", again.started());
+    for page in ["index.html", "flights/b.csv/index.html", "flights/b.csv/record.json"] {
+        assert!(fs::read_to_string(bench.out().join(page)).unwrap().contains("Spring campaign"), "{page}");
+    }
+    assert!(bench.run().verdict().nothing_changed);
+}
+
+#[test]
+fn a_reduction_that_was_stopped_goes_on_with_the_pages_that_are_left() {
+    let bench = Bench::five();
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    // As a stopped run leaves it: three pages are written down, and no row of them.
+    bench.edit_state(|state| {
+        state["whole"] = serde_json::Value::Null;
+        state["record_blake3"] = "".into();
+        let pages = state["pages"].as_object_mut().unwrap();
+        pages.retain(|slug, _| ["a.csv", "b.csv", "c.csv"].contains(&slug.as_str()));
+        pages.values_mut().for_each(|page| page["has_row"] = false.into());
+    });
+    let again = bench.run();
+    let made = again.events.iter().find_map(|e| if let Event::Reduced { pages, .. } = e { Some(*pages) } else { None });
+    assert_eq!(made, Some(2));
+    assert_eq!(bench.tree(&bench.out()), tree);
+}
+
+#[test]
+fn half_a_track_between_task_and_reduce_is_no_result() {
+    let bench = group();
+    let (store, cancel) = (Store::open(&bench.out()).unwrap(), AtomicBool::new(false));
+    let sink = |_: &Event| {};
+    let desk = Desk { threads: 1, cancel: &cancel, events: &sink };
+    let order = bench.order(&bench.out(), false);
+    let work = || loop {
+        let manifest = plan_shards(&order, &desk, 2).unwrap();
+        if manifest.stage().is_none() {
+            break manifest;
+        }
+        for shard in 0..manifest.shards() {
+            make(&manifest.of_shard(shard), &manifest, &Scripted { stop_at: None }, &store, &desk).unwrap();
+        }
+    };
+    for damage in [halve as fn(&Path), flip] {
+        let manifest = work();
+        let key = manifest.flights[2].key.clone().unwrap();
+        damage(&bench.out().join(format!("by-key/{}/{key}/track.parquet", &key[..2])));
+        let mut reduced = crate::reduce::reduce(&manifest, &desk);
+        if let Ok(verdict) = &reduced {
+            // Its size alone shows that it is not whole: the flight has no result yet.
+            assert_eq!(verdict.totals.pending, 1);
+        } else {
+            assert!(reduced.as_ref().unwrap_err().to_string().contains("plan again"), "{reduced:?}");
+        }
+        reduced = crate::reduce::reduce(&work(), &desk);
+        assert_eq!(reduced.unwrap().totals.compensated, 7);
+        assert!(crate::results::is_there(&store, &key, Check::Full));
+        fs::remove_dir_all(bench.out().join("flights")).unwrap();
+        fs::remove_file(bench.out().join(".flightlag/state.json")).unwrap();
+    }
+}
+
+fn halve(path: &Path) {
+    let bytes = fs::read(path).unwrap();
+    fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
+}
+
+#[test]
+fn gc_removes_what_no_report_refers_to_and_nothing_else() {
+    let mut bench = Bench::five();
+    bench.run();
+    bench.pipeline = bench.pipeline.replace("0.4", "0.35");
+    bench.run();
+    let tree = bench.tree(&bench.out());
+    let cancel = AtomicBool::new(false);
+    let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
+    let gc = |dry_run| crate::gc(&bench.out(), dry_run, &desk).unwrap();
+    let would = gc(true);
+    assert_eq!((would.results, would.kept), (5, 10), "{would:?}");
+    assert_eq!(bench.tree(&bench.out()), tree);
+    assert_eq!(gc(false), would);
+    let left = bench.tree(&bench.out());
+    assert!(left.len() < tree.len() && left.iter().all(|(path, bytes)| tree.get(path) == Some(bytes)));
+    assert_eq!(gc(false).results, 0);
+    assert!(bench.run().verdict().nothing_changed);
+    assert_eq!(bench.tree(&bench.out()), left);
+}
+
+#[test]
+fn gc_refuses_a_folder_whose_report_it_cannot_trust() {
+    let bench = Bench::five();
+    bench.run();
+    let cancel = AtomicBool::new(false);
+    let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &Event| {} };
+    assert_eq!(crate::gc(&bench.flights(), false, &desk).unwrap_err().exit(), Exit::Wrong);
+    flip(&bench.out().join("campaign.json"));
+    let refusal = crate::gc(&bench.out(), false, &desk).unwrap_err().to_string();
+    assert!(refusal.contains("campaign.json"), "{refusal}");
+}

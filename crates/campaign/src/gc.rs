@@ -1,0 +1,80 @@
+//! Removes results that no report refers to: those of earlier settings, earlier logs and earlier versions.
+
+use crate::error::CampaignError;
+use crate::lock::{LOCK, OutputLock};
+use crate::manifest::Manifest;
+use crate::plan::{BENCH_MARK, Desk, refuse_other_kind};
+use crate::reduce::previous_record;
+use crate::state::State;
+use crate::store::Store;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// What was removed, or would be.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Garbage {
+    /// Results and measurements that no report refers to.
+    pub results: usize,
+    /// Size of their files.
+    pub bytes: u64,
+    /// Results and measurements that stay.
+    pub kept: usize,
+}
+
+/// Removes every result in the output folder `out` that neither its report nor a plan of the last days refers to. With
+/// `dry_run` it only counts them.
+///
+/// # Errors
+/// The folder holds no report, its record is not as it was written, another process is at work on it, or a file cannot be
+/// removed.
+pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
+    let refused = |what: &str| CampaignError::Asked(format!("{}: {what}", out.display()));
+    if !out.join(LOCK).exists() {
+        return Err(refused("is no output folder of a campaign"));
+    }
+    refuse_other_kind(out, BENCH_MARK, "a bench")?;
+    let store = Store::open(out)?;
+    let _lock = OutputLock::take(&store, desk)?;
+    let state = State::recall(&store);
+    let record = previous_record(&store).filter(|record| record.blake3 == state.record_blake3);
+    let run_first = "its campaign.json is missing or not as it was written; run the campaign again first";
+    let record = record.ok_or_else(|| refused(run_first))?.record;
+    let mut used: BTreeSet<String> = record.flights.iter().map(|row| row.key.clone()).collect();
+    used.extend(state.keys().map(str::to_owned));
+    used.extend(Manifest::recent(&store).iter().flat_map(Manifest::keys).map(str::to_owned));
+    if !dry_run {
+        Manifest::remove_old(&store)?;
+    }
+    sweep(&store, &used, dry_run, desk)
+}
+
+fn sweep(store: &Store, used: &BTreeSet<String>, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
+    let mut garbage = Garbage::default();
+    for (key, files) in by_key(store) {
+        desk.stopped()?;
+        if used.contains(&key) {
+            garbage.kept += 1;
+            continue;
+        }
+        garbage.results += 1;
+        garbage.bytes += files.iter().filter_map(|name| store.size(name)).sum::<u64>();
+        if !dry_run {
+            // Without the list of its files, what is left of a result is not taken for one.
+            crate::results::remove(store, &key)?;
+            files.iter().try_for_each(|name| store.remove(name))?;
+            store.remove_empty_folder(&crate::results::folder(&key));
+        }
+    }
+    Ok(garbage)
+}
+
+/// Files of every result, by its key.
+fn by_key(store: &Store) -> BTreeMap<String, Vec<String>> {
+    let mut results: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for name in store.list("by-key") {
+        if let [_, _, key, _] = name.split('/').collect::<Vec<_>>().as_slice() {
+            results.entry((*key).to_owned()).or_default().push(name.clone());
+        }
+    }
+    results
+}
