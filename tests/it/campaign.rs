@@ -331,14 +331,7 @@ fn a_task_on_slurm_that_ends_with_75_goes_back_to_the_queue_three_times_at_most(
     // A program whose tasks never see the output folder.
     let away = campaign.out("away.sh");
     let program = flightlag([""]).get_program().to_string_lossy().into_owned();
-    fs::write(
-        &away,
-        format!("#!/bin/bash
-[ "$2" = task ] && exit 75
-exec {program} "$@"
-"),
-    )
-    .unwrap();
+    fs::write(&away, format!("#!/bin/bash\n[ \"$2\" = task ] && exit 75\nexec {program} \"$@\"\n")).unwrap();
     assert!(std::process::Command::new("chmod").arg("+x").arg(&away).status().unwrap().success());
     let stub = on_slurm(&campaign, "slurm", &[("FLIGHTLAG", away.to_str().unwrap()), ("MAX_ROUNDS", "1")]);
     let ended = fs::read_to_string(stub.join("ended")).unwrap();
