@@ -23,6 +23,9 @@ use crate::table::{Table, TopicInfo};
 use flight::Unit;
 use std::collections::BTreeMap;
 
+/// Said of a table without a time.
+pub(crate) const NO_TIME: &str = "is a time that goes on";
+
 /// A guessed map.
 #[derive(Debug)]
 pub(crate) struct Guess {
@@ -233,7 +236,7 @@ fn without_time(source: &Source<'_>) -> String {
         .map(String::as_str)
         .collect();
     let known = if all.is_empty() { String::new() } else { format!("{} are recognised, but ", all.join(", ")) };
-    format!("{known}no column of {} is a time that goes on", source.table.topic.name)
+    format!("{known}no column of {} {NO_TIME}", source.table.topic.name)
 }
 
 /// An unknown unit that a table states is no reason to take another one.
@@ -286,7 +289,7 @@ fn with_times<'l>(
     velocity: &Velocity,
 ) -> Result<Pair<'l>, String> {
     let mut fits: Vec<Pair<'l>> = vec![];
-    let mut why_not = format!("no column of {} is a time that goes on", of.table.topic.name);
+    let mut why_not = format!("no column of {} {NO_TIME}", of.table.topic.name);
     for timing in &of.timings {
         let own = std::ptr::eq(source, of);
         let others = source

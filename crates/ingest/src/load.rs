@@ -105,7 +105,10 @@ pub fn load(
             match refused {
                 Some(NoGuess::Refused(why)) => {
                     // What the nearest shipped map lacks is no advice for a table that nearly binds by itself.
-                    reason = format!("no channel map fits, and its columns cannot be bound by guess: {why}");
+                    reason = match why.contains(guess::NO_TIME) {
+                        true => format!("its columns cannot be bound by guess: {why}; {reason}"),
+                        false => format!("no channel map fits, and its columns cannot be bound by guess: {why}"),
+                    };
                 }
                 // What the nearest map lacks is the better advice.
                 Some(NoGuess::Nameless(advice)) if !reason.contains("nearest: ") => reason += &format!("; {advice}"),

@@ -32,7 +32,11 @@ fn what_is_wrong_is_refused_with_its_line_and_what_would_be_right() {
         (good.replace("\"asked\"", "\" \""), 4, "say what is asked"),
         (good.replace("\"why\"", "\"\""), 6, "why the limit is"),
         (good.replace("rationale = \"why\"\n", ""), 2, "missing key `rationale`"),
-        (good.replace("\"delay\"", "\"delays\""), 5, "no metric is called `delays`; known are delay,"),
+        (
+            good.replace("\"delay\"", "\"delays\""),
+            5,
+            "no metric is called `delays`; did you mean `delay`? known are delay,",
+        ),
         (good.replace("\"delay\"", "\"speed\""), 5, "known are speed-median"),
         (format!("{twice}at_most = \"2 s\"\n"), 9, "id \"a\" is that of the criterion on line 3 too"),
         (delay(""), 2, "needs a limit"),
