@@ -5,7 +5,7 @@ mod folder;
 
 use self::folder::Folder;
 use crate::error::ConvertError;
-use crate::guard::may_write;
+use crate::guard::{Unchanged, may_write};
 use crate::message_type::MessageType;
 use crate::output::Output;
 use crate::recording::{Entry, Recording};
@@ -118,15 +118,16 @@ struct Read {
 /// notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part under that key. The log's own
 /// clock stays as it is; where UTC of it is known, tables have it beside, in `utc_ns`, and an MCAP as its log time.
 ///
-/// The files of an export appear together. Tables of an earlier export in the folder are removed, other files stay.
+/// The files of an export appear together, in the place of those of an earlier export. Other files in the folder stay.
 ///
 /// # Errors
-/// [`ConvertError::Log`], [`ConvertError::Nothing`] if no map fits or nothing was decoded, [`ConvertError::Refused`] if an
+/// [`ConvertError::Log`] also if the log changed while it was read, [`ConvertError::Nothing`] if no map fits or nothing was decoded, [`ConvertError::Refused`] if an
 /// output is a file of the log or no plain file, [`ConvertError::Write`]. Nothing of this export is left then.
 pub fn export(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Exported, ConvertError> {
     if order.to == ExportTo::Mcap {
         may_write(order.out, &order.unit.files)?;
     }
+    let unchanged = Unchanged::of(&order.unit.files)?;
     let mut read = match order.what {
         ExportWhat::Channels => channels(order, context)?,
         ExportWhat::Topics => topics(order, context)?,
@@ -138,8 +139,8 @@ pub fn export(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Expo
     note_zero_bytes(order.to, &mut read);
     let places = places(&read.sources, order.to);
     match order.to {
-        ExportTo::Parquet | ExportTo::Csv => write_folder(order, &read, &places, context)?,
-        ExportTo::Mcap => write_mcap(order, &mut read, &places, context)?,
+        ExportTo::Parquet | ExportTo::Csv => write_folder(order, &read, &places, &unchanged, context)?,
+        ExportTo::Mcap => write_mcap(order, &mut read, &places, &unchanged, context)?,
     }
     let sheet = |(source, place): (&Source, &String)| ExportedSheet {
         name: source.name.clone(),
@@ -324,6 +325,7 @@ fn provenance(
     order: &ExportOrder<'_>,
     read: &Read,
     places: &[String],
+    unchanged: &Unchanged,
     context: &ReadContext<'_>,
 ) -> Result<Value, ConvertError> {
     let input = |path: &Path| -> io::Result<Value> {
@@ -341,6 +343,8 @@ fn provenance(
         .iter()
         .map(|path| input(path).map_err(|e| ConvertError::write(path, "read")(e).or_stopped(context)))
         .collect::<Result<_, _>>()?;
+    // Tables and hash are of one content.
+    unchanged.check()?;
     let sheet = |(source, place): (&Source, &String)| {
         let mut sheet = json!({
             "name": source.name,
@@ -390,10 +394,11 @@ fn write_folder(
     order: &ExportOrder<'_>,
     read: &Read,
     places: &[String],
+    unchanged: &Unchanged,
     context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
     let mut folder = Folder::begin(order.out, places, &order.unit.files)?;
-    let provenance = provenance(order, read, places, context)?;
+    let provenance = provenance(order, read, places, unchanged, context)?;
     for (number, (source, place)) in read.sources.iter().zip(places).enumerate() {
         context.advance(0).map_err(IngestError::from)?;
         folder.write(place, context, |file| match order.to {
@@ -417,6 +422,7 @@ fn write_mcap(
     order: &ExportOrder<'_>,
     read: &mut Read,
     places: &[String],
+    unchanged: &Unchanged,
     context: &ReadContext<'_>,
 ) -> Result<(), ConvertError> {
     let output = Output::begin(order.out)?;
@@ -426,7 +432,7 @@ fn write_mcap(
     }
     recording.note_before_epoch(&mut read.notices);
     // Behind the messages: it says what was found while they were written.
-    let entries = [("provenance".to_owned(), provenance(order, read, places, context)?.to_string())].into();
+    let entries = [("provenance".to_owned(), provenance(order, read, places, unchanged, context)?.to_string())].into();
     recording.extra(&Extra::Metadata { name: METADATA, entries: &entries })?;
     recording.end()?;
     output.keep()

@@ -1,6 +1,7 @@
 //! What is never written over: the log itself, and whatever is no plain file.
 
 use crate::error::ConvertError;
+use ingest::IngestError;
 use std::fs::{self, Metadata};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -44,6 +45,48 @@ fn beside(file: &Path) -> impl Iterator<Item = PathBuf> {
         name.push(end);
         PathBuf::from(name)
     })
+}
+
+/// The files of a log as the system describes them before they are read.
+pub(crate) struct Unchanged {
+    files: Vec<(PathBuf, Description)>,
+}
+
+/// Size, time of the last change, and where there is one the number of the file and the time of its entry.
+type Description = (u64, Option<std::time::SystemTime>, (u64, i64, i64));
+
+impl Unchanged {
+    /// Looks at the files.
+    pub(crate) fn of(files: &[PathBuf]) -> Result<Unchanged, ConvertError> {
+        let look =
+            |path: &PathBuf| Ok((path.clone(), description(path).map_err(ConvertError::write(path, "look at"))?));
+        Ok(Unchanged { files: files.iter().map(look).collect::<Result<_, ConvertError>>()? })
+    }
+
+    /// Refuses files that are not as they were: what was read of them may be of two contents.
+    pub(crate) fn check(&self) -> Result<(), ConvertError> {
+        let changed = self.files.iter().find(|(path, before)| description(path).ok().as_ref() != Some(before));
+        match changed {
+            Some((path, _)) => Err(IngestError::Changed { file: path.display().to_string() }.into()),
+            None => Ok(()),
+        }
+    }
+}
+
+fn description(path: &Path) -> std::io::Result<Description> {
+    let about = fs::metadata(path)?;
+    Ok((about.len(), about.modified().ok(), entry(&about)))
+}
+
+#[cfg(unix)]
+fn entry(about: &Metadata) -> (u64, i64, i64) {
+    use std::os::unix::fs::MetadataExt;
+    (about.ino(), about.ctime(), about.ctime_nsec())
+}
+
+#[cfg(not(unix))]
+fn entry(_about: &Metadata) -> (u64, i64, i64) {
+    (0, 0, 0)
 }
 
 /// One file, whatever links lead to it.

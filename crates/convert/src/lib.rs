@@ -11,12 +11,14 @@ mod anew;
 mod error;
 mod export;
 mod guard;
+mod leftover;
 mod message_type;
 mod output;
 mod recording;
 mod recover;
 mod row_time;
 mod sheet;
+mod swap;
 mod track;
 
 pub use error::ConvertError;

@@ -3,7 +3,7 @@
 use crate::anew;
 use crate::error::ConvertError;
 use crate::export::about_tie;
-use crate::guard::may_write;
+use crate::guard::{Unchanged, may_write};
 use crate::output::Output;
 use crate::recording::{Content, Entry, Recording, Tally};
 use crate::row_time::{self, LogTime, RowTime};
@@ -84,7 +84,7 @@ impl Recovered {
 ///
 /// # Errors
 /// [`ConvertError::Refused`] if `out` is a file of the log or no plain file, [`ConvertError::Log`] if nothing of the log can
-/// be used, [`ConvertError::Nothing`] for a log without a message, [`ConvertError::Write`],
+/// be used or it changed while it was read, [`ConvertError::Nothing`] for a log without a message, [`ConvertError::Write`],
 /// [`ConvertError::ReadsBackDifferently`]. Nothing is left at `out` then, or what was there before.
 pub fn recover(
     unit: &FlightUnit,
@@ -93,6 +93,7 @@ pub fn recover(
     context: &ReadContext<'_>,
 ) -> Result<Recovered, ConvertError> {
     may_write(out, &unit.files)?;
+    let unchanged = Unchanged::of(&unit.files)?;
     let output = Output::begin(out)?;
     let taker = Taker::new(Recording::begin(out, output.file()?, profile(unit.kind))?);
     let mut log = ingest::open(unit).read(&taker, context)?;
@@ -126,6 +127,7 @@ pub fn recover(
     recording.extra(&Extra::Metadata { name: "flightlag-recover", entries: &entries })?;
     let written = recording.end()?;
     check(output.written(), out, &written, context)?;
+    unchanged.check()?;
     let bytes = std::fs::metadata(output.written()).map_err(ConvertError::write(out, "look at"))?.len();
     output.keep()?;
     Ok(Recovered { how, topics, extras, health: log.health, notices, bytes })

@@ -495,8 +495,12 @@ fn stopped(log: &Path, out: &Path) -> convert::ConvertError {
     let (unit, library) = (unit(log), library());
     let cancel = std::sync::atomic::AtomicBool::new(false);
     let any_table = || {
-        let inner = |e: std::fs::DirEntry| std::fs::read_dir(e.path()).is_ok_and(|mut inside| inside.next().is_some());
-        std::fs::read_dir(out).is_ok_and(|entries| entries.flatten().any(inner))
+        // What is being written lies beside its place, with a file that says so.
+        let is_begun = |e: std::fs::DirEntry| {
+            let is_temporary = e.file_name().to_string_lossy().ends_with("flightlag-tmp");
+            is_temporary && std::fs::read_dir(e.path()).is_ok_and(|inside| inside.count() > 1)
+        };
+        std::fs::read_dir(out.parent().unwrap()).is_ok_and(|entries| entries.flatten().any(is_begun))
     };
     let on_bytes = |_| cancel.store(any_table(), std::sync::atomic::Ordering::Relaxed);
     let context = ingest::ReadContext { limits: Default::default(), cancel: &cancel, on_bytes: &on_bytes };
@@ -557,4 +561,118 @@ fn a_wish_to_stop_is_heard_while_the_rows_are_written_and_nothing_is_left() {
         assert!(matches!(stopped, convert::ConvertError::Log(ingest::IngestError::Cancelled)), "{kind:?}: {stopped}");
         assert_eq!(files(folder.path()), ["log.csv"], "{kind:?}");
     }
+}
+
+#[test]
+fn a_log_that_changes_while_it_is_read_gives_no_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    for to in [ExportTo::Csv, ExportTo::Mcap] {
+        let log = mcap(folder.path());
+        let out = folder.path().join("tables");
+        let (unit, library) = (unit(&log), library());
+        let order = ExportOrder {
+            unit: &unit,
+            library,
+            map: None,
+            what: ExportWhat::Channels,
+            to,
+            out: &out,
+            command: "flightlag export",
+        };
+        let bytes = std::fs::read(&log).unwrap();
+        // As a logger that goes on, or another log that is copied to this name.
+        let on_bytes = |_| std::fs::write(&log, [bytes.as_slice(), b"more"].concat()).unwrap();
+        let cancel = std::sync::atomic::AtomicBool::new(false);
+        let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &on_bytes };
+        let error = export(&order, &context).unwrap_err().to_string();
+        assert!(error.contains("changed while it was read"), "{error}");
+        assert!(!out.exists());
+    }
+}
+
+/// Names in a folder, hidden ones too.
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_new_tables_take_the_place_of_the_old_ones_in_one_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = mcap(folder.path());
+    let out = folder.path().join("tables");
+    exported(&log, ExportWhat::Topics, ExportTo::Csv, &out);
+    std::fs::write(out.join("notes.txt"), "mine").unwrap();
+    let stop = std::sync::atomic::AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        // Whenever somebody looks, there is a whole export: its provenance, and every table that it lists.
+        let looker = scope.spawn(|| {
+            let mut looks = 0;
+            while !stop.load(std::sync::atomic::Ordering::Relaxed) || looks == 0 {
+                let text = std::fs::read_to_string(out.join("provenance.json")).unwrap();
+                let provenance: serde_json::Value = serde_json::from_str(&text).unwrap();
+                assert!(!provenance["sheets"].as_array().unwrap().is_empty());
+                looks += 1;
+            }
+        });
+        for to in [ExportTo::Parquet, ExportTo::Csv, ExportTo::Parquet] {
+            exported(&log, ExportWhat::Channels, to, &out);
+        }
+        stop.store(true, std::sync::atomic::Ordering::Relaxed);
+        looker.join().unwrap();
+    });
+    let left = names(&out);
+    assert!(left.contains(&"notes.txt".to_owned()) && left.contains(&"provenance.json".to_owned()), "{left:?}");
+    assert!(left.iter().all(|name| !name.ends_with(".csv")), "{left:?}");
+    assert_eq!(names(folder.path()), [log.file_name().unwrap().to_str().unwrap(), "tables"]);
+}
+
+#[test]
+fn what_killed_runs_left_is_cleared_and_what_was_not_theirs_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = mcap(folder.path());
+    let out = folder.path().join("tables");
+    exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
+    // One run was killed while it wrote, one after it had taken the place of the old folder.
+    let half = folder.path().join(".tables.1-2-0.flightlag-tmp");
+    std::fs::create_dir(&half).unwrap();
+    std::fs::write(half.join(".lock"), "").unwrap();
+    std::fs::write(half.join("position.gps.csv"), "half").unwrap();
+    let old = folder.path().join(".tables.3-4-0.flightlag-tmp");
+    std::fs::create_dir(&old).unwrap();
+    std::fs::copy(out.join("provenance.json"), old.join("provenance.json")).unwrap();
+    std::fs::write(old.join("position.gps.csv"), "old").unwrap();
+    std::fs::write(old.join("notes.txt"), "mine").unwrap();
+    // Another run is at work.
+    let live = folder.path().join(".tables.5-6-0.flightlag-tmp");
+    std::fs::create_dir(&live).unwrap();
+    let lock = File::create(live.join(".lock")).unwrap();
+    lock.try_lock().unwrap();
+    exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
+    assert!(!half.exists() && !old.exists() && live.exists());
+    assert_eq!(std::fs::read_to_string(out.join("notes.txt")).unwrap(), "mine");
+    let half = folder.path().join(".other.mcap.1-2-0.flightlag-tmp");
+    std::fs::write(&half, "half").unwrap();
+    exported(&log, ExportWhat::Channels, ExportTo::Mcap, &folder.path().join("other.mcap"));
+    assert!(!half.exists() && folder.path().join("other.mcap").exists());
+}
+
+#[test]
+fn one_broken_cell_leaves_a_column_of_numbers_and_is_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("flight.csv");
+    let rows: String = (0..50).map(|i| format!("{i},{},{}\n", if i == 20 { "1.5#" } else { "1.5" }, "word")).collect();
+    std::fs::write(&log, format!("time,speed,mode\n{rows}")).unwrap();
+    let out = folder.path().join("tables");
+    let report = exported(&log, ExportWhat::Topics, ExportTo::Parquet, &out);
+    let frame = ParquetReader::new(File::open(out.join(&report.sheets[0].place)).unwrap()).finish().unwrap();
+    let speed = frame.column("speed").unwrap().f64().unwrap().to_vec();
+    assert_eq!(speed.iter().filter(|v| **v == Some(1.5)).count(), 49);
+    assert_eq!(speed[20], None);
+    assert_eq!(frame.column("mode").unwrap().str().unwrap().get(20), Some("word"));
+    let notice = report.notices.iter().find(|n| n.code == "bad-number").unwrap();
+    assert_eq!(notice.count, 1);
+    assert!(notice.text.contains("speed") && notice.text.contains("1.5#"), "{}", notice.text);
 }

@@ -87,6 +87,11 @@ pub(super) struct Part {
     began: Vec<Kind>,
 }
 
+/// Where every column is wanted, one of numbers may hold one broken cell, and one more for so many numbers.
+const NUMBERS_PER_BROKEN: u64 = 1000;
+/// At its end it holds so many numbers for each broken cell, or is one of words.
+const LEAST_NUMBERS: u64 = 10;
+
 /// What the next cell of a column is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -304,7 +309,11 @@ impl Topic {
 
     /// Raises what happened to the cells.
     pub(super) fn report(&mut self, file: &str, listed: usize, notices: &mut Notices) {
-        self.columns.iter_mut().for_each(|column| column.fill_up(self.rows as usize));
+        let (rows, decimal) = (self.rows as usize, self.decimal);
+        self.columns.iter_mut().for_each(|column| {
+            column.fill_up(rows);
+            column.settle(decimal);
+        });
         self.drop_numbers_that_are_text();
         if let Some(line) = self.unended {
             let text = "the last row has no line end: its last value may be cut and is not used";
@@ -480,13 +489,11 @@ impl Building {
                 !cell.is_empty()
             }
             Cells::Undecided(..) => {
-                let valid = self.cells.push_undecided(cell, decimal);
-                if let Cells::Text(texts) = &self.cells {
-                    // What seemed to say nothing was a word among others.
-                    self.valid = if self.valid.is_empty() { vec![] } else { filled(texts) };
-                    self.valid.pop();
+                let value = self.cells.push_undecided(cell, decimal);
+                match value {
+                    Cell::Bad => self.push_word(cell, decimal, line),
+                    value => matches!(value, Cell::Integer(_) | Cell::Float(_)),
                 }
-                valid
             }
             Cells::Integers(_) | Cells::Floats(_) => {
                 let value = decimal.number(cell);
@@ -500,6 +507,38 @@ impl Building {
         self.rows += 1;
         if !valid || !self.valid.is_empty() {
             self.valid.push(valid);
+        }
+    }
+
+    /// A cell that is no number, in a column that is one of numbers so far. A few such cells are broken numbers; with more, the
+    /// column is one of words.
+    #[cold]
+    fn push_word(&mut self, cell: &[u8], decimal: Decimal, line: u64) -> bool {
+        self.note(Cell::Bad, cell, line);
+        if self.bad <= 1 + self.filled / NUMBERS_PER_BROKEN {
+            return false;
+        }
+        self.take_as_text(decimal);
+        // The caller adds what it knows of this cell.
+        self.valid.pop();
+        true
+    }
+
+    /// Takes all cells as they are written.
+    fn take_as_text(&mut self, decimal: Decimal) {
+        let Cells::Undecided(numbers, written) = &self.cells else { return };
+        let texts = written.texts(numbers, decimal);
+        // What seemed to say nothing was a word among others.
+        self.valid = Some(filled(&texts)).filter(|valid| valid.contains(&false)).unwrap_or_default();
+        self.cells = Cells::Text(texts);
+        (self.bad, self.bad_example) = (0, String::new());
+        self.bad_lines.clear();
+    }
+
+    /// A short column with few numbers is one of words.
+    fn settle(&mut self, decimal: Decimal) {
+        if self.bad * LEAST_NUMBERS > self.filled {
+            self.take_as_text(decimal);
         }
     }
 
@@ -693,27 +732,24 @@ impl Cells {
         false
     }
 
-    fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> bool {
-        let Cells::Undecided(numbers, written) = self else { return false };
+    /// Appends a cell as it is written, and as a number or a placeholder. Returns what it was taken for.
+    fn push_undecided(&mut self, cell: &[u8], decimal: Decimal) -> Cell {
+        let Cells::Undecided(numbers, written) = self else { return Cell::Empty };
         if let (Cells::Integers(held), true, Some(integer)) =
             (&mut **numbers, written.others.is_empty(), plain_integer(cell))
         {
             written.integers += 1;
             held.values.push(integer);
-            return true;
+            return Cell::Integer(integer);
         }
         written.push(cell);
         let value = decimal.number(cell);
-        if numbers.push_fitting(value) {
-            return true;
+        if !numbers.push_fitting(value) {
+            let value = numbers.fitting(value);
+            numbers.push_number(value);
+            return value;
         }
-        let value = numbers.fitting(value);
-        let valid = numbers.push_number(value);
-        if value == Cell::Bad {
-            *self = Cells::Text(written.texts(numbers, decimal));
-            return true;
-        }
-        valid
+        value
     }
 
     fn finish(self) -> ColumnData {
@@ -759,10 +795,29 @@ mod tests {
             [(&plain[..0], &odd[..]), (&plain[..3], &odd), (&plain, &odd), (&plain, &odd[1..]), (&plain, &[])]
         {
             let mut column = Building::new("t", 0, Cells::undecided());
-            let cells: Vec<&str> = plain.iter().chain(odd).chain(&["x", "3"]).copied().collect();
+            let cells: Vec<&str> = plain.iter().chain(odd).chain(&["x", "y", "3"]).copied().collect();
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Comma, line));
             let ColumnData::Text(texts) = column.finish(Decimal::Comma).data else { panic!("a column of numbers") };
             assert_eq!(texts, cells.iter().map(|cell| cell.replace(',', ".")).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn a_few_broken_cells_among_numbers_are_counted_and_more_make_a_column_of_words() {
+        let column = |cells: &[&str]| {
+            let mut column = Building::new("t", 0, Cells::undecided());
+            cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Point, line));
+            column.settle(Decimal::Point);
+            column
+        };
+        let one = column(&["1", "2", "x", "4", "5", "6", "7", "8", "9", "10", "11"]);
+        assert_eq!((one.bad, one.filled, one.bad_example.as_str()), (1, 10, "x"));
+        assert!(matches!(one.finish(Decimal::Point).data, ColumnData::F64(v) if v[3] == 4.0));
+        let words = column(&["1", "2", "x", "y", "5"]);
+        assert_eq!(words.bad, 0);
+        assert!(matches!(words.finish(Decimal::Point).data, ColumnData::Text(v) if v == ["1", "2", "x", "y", "5"]));
+        let single = column(&["x"]);
+        assert_eq!(single.bad, 0);
+        assert!(matches!(single.finish(Decimal::Point).data, ColumnData::Text(v) if v == ["x"]));
     }
 }
