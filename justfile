@@ -16,6 +16,21 @@ delay +logs:
 campaign flights *options:
     @cargo run --release --quiet -p flightlag -- campaign "$@"
 
+# Run the campaigns of a night: just nightly [CONFIG] (a TOML as pipelines/nightly/nightly.toml)
+[no-exit-message]
+nightly config="nightly.toml" *options:
+    @cargo run --release --quiet -p flightlag -- nightly "$@"
+
+# Ask a history (builds polars): just query 'delay_s > 0.3' --by firmware --agg 'median(delay_s), count()' [--to csv|parquet|json]
+[no-exit-message]
+query *question:
+    @cargo run --release --quiet -p flightlag --features query -- query "$@"
+
+# Compare two reports: just diff RUN_A RUN_B [--out DIR]
+[no-exit-message]
+diff a b *options:
+    @cargo run --release --quiet -p flightlag -- diff "$@"
+
 # From bench records of one sensor to its card and pages: just bench RECORD... [--rig R] [--out DIR] ...
 [no-exit-message]
 bench +records:
@@ -62,7 +77,7 @@ check:
 
 # Accept changed generated files (JSON schemas) after reading the diff
 bless:
-    FLIGHTLAG_BLESS=1 cargo test -p ingest -p campaign -p bench-analysis schema
+    FLIGHTLAG_BLESS=1 cargo test -p ingest -p campaign -p bench-analysis -p history schema
     git diff --stat
 
 # Print a page of a report as PDF, A4, by Chromium: just pdf PAGE.html|FOLDER [OUT.pdf]

@@ -11,6 +11,7 @@ mod campaign;
 mod command;
 mod convert;
 mod index_page;
+mod nightly;
 mod pages;
 mod portable;
 mod program;

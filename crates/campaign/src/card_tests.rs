@@ -58,6 +58,7 @@ impl Case {
             verify: false,
             replace: false,
             command: "c".into(),
+            settle: None,
         };
         run(&order, &Desk { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
         let read = |name: &str| std::fs::read(self.path("out").join(name)).unwrap();
@@ -133,6 +134,7 @@ fn shards_of_a_cluster_need_the_manifest_and_no_card() {
         verify: false,
         replace: false,
         command: "c".into(),
+        settle: None,
     };
     std::fs::remove_file(case.path("m.card.toml")).unwrap();
     let planned = || {

@@ -185,6 +185,7 @@ impl Bench {
             verify,
             replace: false,
             command: "flightlag campaign flights --out REPORT".into(),
+            settle: None,
         }
     }
 

@@ -79,7 +79,7 @@ pub use gc::{Garbage, gc};
 pub use group::{content_of, duplicates, fingerprint, group_of, receiver_number, shared_content, usual_rate_hz};
 pub use line::{DelayLine, LineAlarm, LineSetting};
 pub use manifest::{Manifest, Stage, Why};
-pub use plan::{Desk, Order};
+pub use plan::{Desk, Order, STILL_WRITTEN};
 pub use reduce::{Verdict, reduce};
 pub use run::{plan_shards, run};
 pub use schemas::{bench_record_schema, campaign_schema, events_schema, record_schema};

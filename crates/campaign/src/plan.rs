@@ -5,7 +5,7 @@ use crate::criteria::Criteria;
 use crate::decide::decide;
 use crate::error::CampaignError;
 use crate::event::{Event, EventSink};
-use crate::logs::{self, Library};
+use crate::logs::{self, Found, Library};
 
 use crate::lock::LOCK;
 use crate::manifest::{Manifest, Planned, PlannedFile, PlannedReference, Stage, content_hash};
@@ -23,6 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, SystemTime};
 
 /// Size of the piece in which files are hashed, bytes.
 const PIECE: usize = 1 << 20;
@@ -44,6 +45,8 @@ pub struct Order {
     pub replace: bool,
     /// Command that makes the campaign again, with names instead of paths, for the pages.
     pub command: String,
+    /// Logs that were written to less than this ago are left out: they are still being written.
+    pub settle: Option<Duration>,
 }
 
 impl Order {
@@ -52,6 +55,9 @@ impl Order {
         if self.verify { Check::Full } else { Check::Quick }
     }
 }
+
+/// Begin of the reason why a log is left out that is still being written.
+pub const STILL_WRITTEN: &str = "still being written: left for the next run";
 
 /// How it is to be done, and who is told. Nothing of it changes a result.
 pub struct Desk<'a> {
@@ -78,7 +84,10 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     let (root, out) = folders(order)?;
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
-    let found = logs::find(&root, &library, store, order.verify)?;
+    let mut found = logs::find(&root, &library, store, order.verify)?;
+    if let Some(settle) = order.settle {
+        leave_unsettled(&mut found, settle, SystemTime::now(), desk)?;
+    }
     let mut manifest = Manifest::new(
         root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         root.clone(),
@@ -108,6 +117,31 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     manifest.flights.sort_by(|a, b| a.flight.cmp(&b.flight));
     judge(&mut manifest, &order.pipeline, store, state, Retry::Troubled)?;
     Ok(manifest)
+}
+
+/// Takes flights whose files were written to less than `settle` ago off the list of flights, and says so. A time that is later
+/// than now by more than that is a wrong clock, not a recent write.
+fn leave_unsettled(found: &mut Found, settle: Duration, now: SystemTime, desk: &Desk<'_>) -> Result<(), CampaignError> {
+    let is_fresh = |file: &PathBuf| {
+        let written = std::fs::metadata(file).and_then(|about| about.modified()).ok();
+        let apart = written.map(|at| now.duration_since(at).unwrap_or_else(|ahead| ahead.duration()));
+        apart.is_some_and(|apart| apart < settle)
+    };
+    let (left, settled): (Vec<FlightUnit>, Vec<FlightUnit>) =
+        std::mem::take(&mut found.units).into_iter().partition(|unit| unit.files.iter().any(is_fresh));
+    found.units = settled;
+    let minutes = settle.as_secs_f64() / 60.0;
+    let reason = format!("{STILL_WRITTEN} (written to less than {minutes} min before this one)");
+    for unit in &left {
+        desk.tell(Event::Remark { text: format!("{}: {reason}", unit.id) });
+        found.ignored.push(IgnoredInput { path: unit.id.clone(), reason: reason.clone() });
+    }
+    found.ignored.sort_by(|a, b| a.path.cmp(&b.path));
+    if !left.is_empty() && found.units.is_empty() && found.unreadable.is_empty() {
+        let count = left.len();
+        return Err(CampaignError::TryAgain(format!("all logs ({count}) are {STILL_WRITTEN}")));
+    }
+    Ok(())
 }
 
 fn no_logs(ignored: &[IgnoredInput]) -> String {

@@ -24,5 +24,8 @@ mod track;
 pub use error::ConvertError;
 pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};
 pub use recover::{How, Recovered, RecoveredExtra, RecoveredTopic, recover};
-pub use sheet::{Cells, Sheet, SheetColumn, write_csv, write_parquet};
+pub use sheet::{
+    Cells, ReadTable, Sheet, SheetColumn, read_parquet, read_parquet_columns, write_csv, write_parquet,
+    write_parquet_about,
+};
 pub use track::{TrackOrder, TrackTo, WrittenTrack, export_track, layouts_of, write_track_table};

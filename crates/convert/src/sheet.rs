@@ -3,8 +3,7 @@
 mod parquet;
 mod text;
 
-pub use parquet::write_parquet;
-pub(crate) use parquet::{ReadTable, read_parquet, write_parquet_about};
+pub use parquet::{ReadTable, read_parquet, read_parquet_columns, write_parquet, write_parquet_about};
 pub(crate) use text::with_zero_bytes;
 pub use text::write_csv;
 
@@ -74,7 +73,8 @@ impl Sheet {
     }
 
     /// The cells of the column of this name.
-    pub(crate) fn cells(&self, name: &str) -> Option<&Cells> {
+    #[must_use]
+    pub fn cells(&self, name: &str) -> Option<&Cells> {
         self.columns.iter().find(|c| c.name == name).map(|c| &c.cells)
     }
 

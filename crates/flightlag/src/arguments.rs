@@ -97,6 +97,49 @@ record is taken: NAME.rig.toml, or the only one in its folder.
 In OUT: index.html (the card's page, open this), SENSOR.card.toml (for `flightlag campaign`: [delay] card = ...), \
 records/NAME/ (page, record.json), and run.json, the only file that holds the time of day.";
 
+const NIGHTLY: &str = "\
+Run every campaign of a night, add to the history, and write the page of the morning.
+
+CONFIG names folders of logs, settings, criteria, the folder of the reports, the history and a fleet file; \
+pipelines/nightly/nightly.toml is a commented example. Only what is new or changed is computed. A log that is still being \
+written is left for the next night, and reported.
+
+In the folder of the reports: morning.html (open this), summary.txt, .json, .md and .xml (JUnit) with the five lines that are \
+printed, nights/RUN/ (the same for each night, and night.json), and a report for each campaign. The history gets one Parquet file \
+with a row for each flight whose finding is new or changed.";
+
+const EXIT_CODES_OF_A_NIGHT: &str = "\
+Exit codes, the gravest of all campaigns:
+  0    all well
+  3    finished, but some flights failed, lost data or have a delay that changes, or a trend has a new change
+  4    finished, but a flight fails a criterion or was harmed, or a setting did not do what was predicted
+  75   a campaign was not possible now: run again
+  1    a campaign failed, or an output cannot be written
+  2    wrong command, nightly file or a file that it names
+  130  stopped by Ctrl-C";
+
+const TREND: &str = "\
+Show control charts of a history, and where they change.
+
+A chart shows how late the position of each flight is, in the order in which they were flown, for one aircraft, serial number, \
+receiver, firmware, rate or baud. Each flight counts with its own uncertainty and the spread between flights. A change is a step of \
+the mean. A chart without a change shows one with a probability of 1 %, for one look at it.";
+
+const QUERY: &str = "\
+Ask a history: which rows, grouped by what, and which numbers of each group.
+
+CONDITION compares columns with values, as `delay_s > 0.3 and firmware == '3.01'`; there are and, or, not, parentheses, == != < <= > >= \
+and `is null`. Texts are in quotes, instants may be dates. Aggregates are count(), median, mean, min, max, std, sum and quantile(column, share). \
+--columns lists the columns; delay_s is another name for lateness_s. The latest row of each flight counts.
+
+This command is built with polars: `cargo build --release -p flightlag --features query`, or `just query`.";
+
+const DIFF: &str = "\
+Compare two reports of campaigns: what moved, by how many sigma, and because of what.
+
+A cause is the log, the settings, the build of flightlag, the criteria, or the other flights of a group. With --flights, RUN_A and \
+RUN_B are two pipelines: both are run over the same flights, into OUT/first and OUT/second.";
+
 /// Measures how late each channel of a sensor is on a swing bench, and replays delay compensators over logs of flights
 /// whose position comes late.
 #[derive(Debug, Parser)]
@@ -128,6 +171,21 @@ pub(crate) enum Command {
     /// Remove the results of a campaign that no report refers to.
     #[command(long_about = GC, after_help = EXIT_CODES)]
     Gc(GcArguments),
+    /// Run every campaign of a night, add to the history, and write the page of the morning.
+    #[command(long_about = NIGHTLY, after_help = EXIT_CODES_OF_A_NIGHT)]
+    Nightly(NightlyArguments),
+    /// List the runs of a history, or how late positions are by receiver, firmware, rate and baud.
+    #[command(after_help = EXIT_CODES)]
+    History(HistoryArguments),
+    /// Show control charts of a history, and where they change.
+    #[command(long_about = TREND, after_help = EXIT_CODES)]
+    Trend(TrendArguments),
+    /// Ask a history: which rows, grouped by what, and which numbers of each group.
+    #[command(long_about = QUERY, after_help = EXIT_CODES)]
+    Query(QueryArguments),
+    /// Compare two reports: what moved, by how many sigma, and because of what.
+    #[command(long_about = DIFF, after_help = EXIT_CODES)]
+    Diff(DiffArguments),
     /// Records of a swing bench in, a sensor card and pages out.
     #[command(long_about = BENCH, after_help = EXIT_CODES)]
     Bench(Box<BenchArguments>),
@@ -330,7 +388,7 @@ pub(crate) struct OrderArguments {
 }
 
 /// How it is done, and told.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct DeskArguments {
     /// Threads; all cores if not given, or what SLURM_CPUS_PER_TASK says.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -389,6 +447,121 @@ pub(crate) enum Step {
         #[arg(long)]
         json: bool,
     },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct NightlyArguments {
+    /// The nightly file (TOML). `flightlag schema nightly` prints its schema.
+    #[arg(value_name = "CONFIG")]
+    pub(crate) config: PathBuf,
+    #[command(flatten)]
+    pub(crate) desk: DeskArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct HistoryArguments {
+    /// Folder of the history.
+    #[arg(value_name = "HISTORY")]
+    pub(crate) history: PathBuf,
+    /// Show how late positions are by receiver, firmware, rate and baud, instead of the runs.
+    #[arg(long)]
+    pub(crate) latency: bool,
+    /// Print JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct TrendArguments {
+    /// Folder of the history.
+    #[arg(value_name = "HISTORY")]
+    pub(crate) history: PathBuf,
+    /// What flights are told apart by. Default: all of these.
+    #[arg(long, value_enum, value_name = "NAME", value_delimiter = ',')]
+    pub(crate) by: Vec<TrendBy>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Also write a page with the charts, trend.json and trend.csv to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Folder of the reports as seen from the page, to link the flights.
+    #[arg(long, value_name = "PATH", requires = "out")]
+    pub(crate) reports: Option<String>,
+}
+
+/// What flights are told apart by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum TrendBy {
+    /// Aircraft.
+    Airframe,
+    /// Serial number of the receiver.
+    Serial,
+    /// Make and model of the receiver.
+    Receiver,
+    /// Firmware of the receiver.
+    Firmware,
+    /// Rate of the position.
+    Rate,
+    /// Speed of the serial line.
+    Baud,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct QueryArguments {
+    /// Rows that count. Default: all.
+    #[arg(value_name = "CONDITION")]
+    pub(crate) condition: Option<String>,
+    /// Folder of the history.
+    #[arg(long, value_name = "DIR", default_value = "reports/history")]
+    pub(crate) history: PathBuf,
+    /// Columns by which rows are grouped, with commas between.
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) by: Vec<String>,
+    /// Numbers of each group, with commas between. Default: count() with --by, else the rows themselves.
+    #[arg(long, value_name = "AGGREGATES")]
+    pub(crate) agg: Option<String>,
+    /// Take every row of every run, and not only the latest of each flight.
+    #[arg(long)]
+    pub(crate) every_run: bool,
+    /// Output format. Default: a table for people.
+    #[arg(long, value_enum, value_name = "KIND")]
+    pub(crate) to: Option<QueryTo>,
+    /// File to write instead of standard output. Parquet needs one.
+    #[arg(long, value_name = "FILE", requires = "to")]
+    pub(crate) out: Option<PathBuf>,
+    /// List the columns and stop.
+    #[arg(long)]
+    pub(crate) columns: bool,
+}
+
+/// What an answer is written as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum QueryTo {
+    /// Comma-separated values.
+    Csv,
+    /// A list of objects.
+    Json,
+    /// A Parquet file.
+    Parquet,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DiffArguments {
+    /// The first report; with --flights the first pipeline.
+    #[arg(value_name = "RUN_A")]
+    pub(crate) before: PathBuf,
+    /// The second report; with --flights the second pipeline.
+    #[arg(value_name = "RUN_B")]
+    pub(crate) now: PathBuf,
+    /// Run both pipelines over this folder of logs first.
+    #[arg(long, value_name = "FLIGHTS", requires = "out")]
+    pub(crate) flights: Option<PathBuf>,
+    /// Write a page and diff.json to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) desk: DeskArguments,
 }
 
 #[derive(Debug, Args)]
@@ -593,6 +766,10 @@ pub(crate) enum SchemaOf {
     ChannelMap,
     /// A test card: objective, configuration, instrumentation.
     TestCard,
+    /// What `nightly` runs.
+    Nightly,
+    /// Which aircraft and receiver a flight is of.
+    Fleet,
     /// What `delay --json` prints.
     Delay,
     /// The record.json of a flight.

@@ -246,6 +246,7 @@ fn order_of(arguments: &OrderArguments) -> Result<Order, Failure> {
         verify: arguments.verify,
         replace: arguments.replace,
         command: command_of(arguments),
+        settle: None,
     })
 }
 

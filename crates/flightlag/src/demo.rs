@@ -87,7 +87,8 @@ fn run_flights(arguments: &DemoArguments, flights: PathBuf, stop: &Stop) -> Resu
         Criteria::parse(DEMO_CRITERIA, Path::new("demo.criteria.toml")).map_err(campaign::CampaignError::from)?;
     let pipeline = pipeline.with_criteria(Some(criteria));
     let command = format!("flightlag demo DIR --run --seed {}", arguments.seed);
-    let order = Order { flights, out: report(arguments), pipeline, verify: false, replace: false, command };
+    let order =
+        Order { flights, out: report(arguments), pipeline, verify: false, replace: false, command, settle: None };
     run_order(&order, &arguments.desk, stop)
 }
 

@@ -55,6 +55,15 @@ impl From<CampaignError> for Failure {
     }
 }
 
+impl From<history::HistoryError> for Failure {
+    fn from(error: history::HistoryError) -> Failure {
+        match error {
+            history::HistoryError::Campaign(error) => error.into(),
+            other => Failure::new(other.exit(), other.to_string()),
+        }
+    }
+}
+
 impl From<ingest::IngestError> for Failure {
     fn from(error: ingest::IngestError) -> Failure {
         CampaignError::from(error).into()

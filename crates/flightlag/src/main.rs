@@ -8,15 +8,20 @@ mod compensator;
 mod criteria;
 mod delay_command;
 mod demo;
+mod diff_command;
 mod explain;
 mod export;
 mod failure;
+mod files;
 mod findings;
 mod gc;
+mod history_command;
 mod inspect;
 mod listen;
 mod manual;
 mod maps;
+mod nightly_command;
+mod query_command;
 mod recover;
 mod schema;
 mod show;
@@ -45,6 +50,11 @@ fn run(command: Command) -> Result<End, Failure> {
         Command::Campaign(arguments) => campaign_command::run(*arguments, &stop),
         Command::Gc(arguments) => gc::run(&arguments, &stop),
         Command::Bench(arguments) => bench_command::run(&arguments, &stop),
+        Command::Nightly(arguments) => nightly_command::run(&arguments, &stop),
+        Command::History(arguments) => history_command::history(&arguments),
+        Command::Trend(arguments) => history_command::trend_over(&arguments),
+        Command::Query(arguments) => query_command::run(&arguments),
+        Command::Diff(arguments) => diff_command::run(&arguments, &stop),
         Command::Inspect(arguments) => inspect::run(&arguments, &stop),
         Command::Recover(arguments) => recover::run(&arguments, &stop),
         Command::Export(arguments) => export::run(&arguments, &stop),

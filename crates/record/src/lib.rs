@@ -27,6 +27,7 @@ mod flight_delay;
 mod group;
 mod lateness;
 mod monte_carlo;
+mod night;
 mod reference_file;
 mod replay;
 mod score;
@@ -70,6 +71,11 @@ pub use crate::lateness::{
     GroupLateness, JudgedBy, MeasuredFlight, flight_alarms,
 };
 pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
+pub use crate::night::{
+    ChangeCause, ComparedReport, DiffRecord, FlightWords, LeftLog, MovedNumber, NamedFlight, NewTrendChange,
+    NightCampaign, NightRecord, ProofVerdict, RerunCause, RunChanges, SettingProof, TrendChange, TrendChart,
+    TrendPoint, TrendRecord, TrendSegment,
+};
 pub use crate::reference_file::{ClockOffset, ReferenceClock, ReferenceFile};
 pub use crate::replay::{
     AxisCurves, CompensatorResult, Coverage, Curve, Estimate, Lead, LeadCurves, LeadTrack, PairUse, PathCurve,

@@ -7,6 +7,7 @@ mod card;
 mod cards;
 mod changes;
 mod criteria;
+mod diff;
 mod explorer;
 mod flight;
 mod flight_delay;
@@ -14,23 +15,29 @@ mod health;
 mod lateness;
 mod method;
 mod monte_carlo;
+mod night;
 mod provenance;
 mod reports;
+mod run_changes;
 mod score;
 mod style;
 mod sweep;
 mod test_card;
+mod trend;
 
 pub use bench::{BenchPage, bench_site};
 pub use campaign::{TABLE_FOLDER, TrackExcerpt, campaign_site, excerpt_flights};
 pub use card::{CardPage, CardRecord, card_site};
 pub use cards::{IndexedCard, cards_site};
 pub use changes::changes_site;
+pub use diff::diff_site;
 pub use flight::{FlightPage, flight_site};
 pub use monte_carlo::monte_carlo_site;
+pub use night::night_site;
 pub use reports::{REPORTS_TITLE, ReportEntry, reports_page};
 #[cfg(test)]
 pub(crate) use style::CSS;
+pub use trend::trend_site;
 
 use crate::draw;
 use crate::figure::Figure;

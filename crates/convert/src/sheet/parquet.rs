@@ -26,11 +26,10 @@ pub fn write_parquet(sheet: &Sheet, file: impl Write + Send) -> io::Result<()> {
 }
 
 /// As [`write_parquet`], with texts by name in the file's metadata.
-pub(crate) fn write_parquet_about(
-    sheet: &Sheet,
-    about: &[(String, String)],
-    file: impl Write + Send,
-) -> io::Result<()> {
+///
+/// # Errors
+/// As [`write_parquet`].
+pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl Write + Send) -> io::Result<()> {
     let rows = sheet.rows();
     if let Some(other) = sheet.columns.iter().find(|c| c.cells.len() != rows) {
         return Err(io::Error::other(format!("column {} has {} rows, not {rows}", other.name, other.cells.len())));
@@ -90,22 +89,36 @@ fn write_column<T: DataType, C>(
 }
 
 /// A table that was read, and what its file says of itself, by name.
-pub(crate) struct ReadTable {
-    pub(crate) sheet: Sheet,
-    pub(crate) about: BTreeMap<String, String>,
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReadTable {
+    /// The table.
+    pub sheet: Sheet,
+    /// Texts of the file's metadata, by name.
+    pub about: BTreeMap<String, String>,
 }
 
 /// Reads a flat table of integers, numbers and texts, as [`write_parquet`] writes it.
 ///
 /// # Errors
 /// The file is no Parquet file, is damaged, or holds columns of other types.
-pub(crate) fn read_parquet(file: File) -> io::Result<ReadTable> {
+pub fn read_parquet(file: File) -> io::Result<ReadTable> {
+    read_parquet_columns(file, &|_| true)
+}
+
+/// As [`read_parquet`], but only the columns that are wanted: the others are not decoded.
+///
+/// # Errors
+/// As [`read_parquet`].
+pub fn read_parquet_columns(file: File, is_wanted: &dyn Fn(&str) -> bool) -> io::Result<ReadTable> {
     let reader = SerializedFileReader::new(file)?;
     let metadata = reader.metadata().file_metadata();
     let about = metadata.key_value_metadata().into_iter().flatten();
     let about = about.filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?))).collect();
     let mut sheet = Sheet::default();
     for (number, column) in metadata.schema_descr().columns().iter().enumerate() {
+        if !is_wanted(column.name()) {
+            continue;
+        }
         let unsigned = matches!(column.logical_type_ref(), Some(LogicalType::Integer(i)) if !i.is_signed);
         let cells = match column.physical_type() {
             Stored::INT64 if unsigned => {

@@ -328,12 +328,12 @@ fn trend_panel(group: &GroupLateness, points: &Points<'_>, x: &Axis) -> Option<P
 }
 
 /// Seconds since 1970 of an instant as records hold it.
-fn seconds(instant: &str) -> Option<f64> {
+pub(super) fn seconds(instant: &str) -> Option<f64> {
     Some(instant.parse::<jiff::Timestamp>().ok()?.as_second() as f64)
 }
 
 /// An axis of dates, or of times of day where all are within two days.
-fn date_axis((low, high): (f64, f64)) -> Axis {
+pub(super) fn date_axis((low, high): (f64, f64)) -> Axis {
     const DAY: f64 = 86_400.0;
     const STEPS_H: [f64; 8] = [0.25, 1.0, 3.0, 6.0, 24.0, 48.0, 168.0, 336.0];
     let air = ((high - low) * 0.04).max(0.01 * DAY);

@@ -1,0 +1,184 @@
+//! `flightlag diff`: two reports, or two pipelines over the same flights.
+
+use crate::arguments::DiffArguments;
+use crate::campaign_command::{desk, name_for_shell, pipeline_of};
+use crate::failure::{End, Failure};
+use crate::files::write_site;
+use crate::listen::listener;
+use crate::show::{Table, count, visible};
+use crate::stop::Stop;
+use campaign::{Exit, Order};
+use record::{ComparedReport, DiffRecord, Estimate, FlightWords, MovedNumber, NamedFlight, RunChanges};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Most flights that are listed in a section; page and JSON have all.
+const MOST: usize = 50;
+
+pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure> {
+    let (before, now) = match &arguments.flights {
+        Some(flights) => both_pipelines(arguments, flights, stop)?,
+        None => (arguments.before.clone(), arguments.now.clone()),
+    };
+    let found = history::diff(&before, &now, arguments.out.as_deref())?;
+    if let Some(out) = &arguments.out {
+        let json = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
+        write_site(out, &report::diff_site(&found), &[("diff.json", &json)])?;
+    }
+    let mut stdout = std::io::stdout().lock();
+    match arguments.desk.json {
+        true => writeln!(stdout, "{}", serde_json::to_string(&found).unwrap_or_default())?,
+        false if arguments.desk.quiet => {}
+        false => {
+            write!(stdout, "{}", text(&found))?;
+            if let Some(out) = &arguments.out {
+                writeln!(stdout, "open {}", visible(&out.join("index.html").display().to_string()))?;
+            }
+        }
+    }
+    Ok(Exit::Well.into())
+}
+
+/// Runs a campaign with each pipeline, into OUT/first and OUT/second.
+fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Result<(PathBuf, PathBuf), Failure> {
+    let Some(out) = &arguments.out else {
+        return Err(Failure::new(
+            Exit::Wrong,
+            "two pipelines are compared in reports of their own: give their folder by --out",
+        ));
+    };
+    // Standard output is for the comparison alone.
+    let quiet = crate::arguments::DeskArguments {
+        quiet: arguments.desk.quiet || arguments.desk.json,
+        json: false,
+        ..arguments.desk.clone()
+    };
+    let events = listener(&quiet);
+    let mut reports = vec![];
+    for (name, pipeline) in [("first", &arguments.before), ("second", &arguments.now)] {
+        let order = Order {
+            flights: flights.to_owned(),
+            out: out.join(name),
+            pipeline: pipeline_of(Some(pipeline), None, None)?,
+            verify: false,
+            replace: false,
+            command: format!(
+                "flightlag campaign {} --pipeline {} --out REPORT",
+                name_for_shell(flights),
+                name_for_shell(pipeline)
+            ),
+            settle: None,
+        };
+        campaign::run(&order, &desk(&quiet, stop, events.as_ref()))?;
+        reports.push(order.out);
+    }
+    match reports.as_slice() {
+        [before, now] => Ok((before.clone(), now.clone())),
+        _ => Err(Failure::new(Exit::Failed, "a report is missing")),
+    }
+}
+
+fn text(found: &DiffRecord) -> String {
+    let changes = &found.changes;
+    let mut text = format!("first:  {}\nsecond: {}\n", report_line(&found.before), report_line(&found.now));
+    for line in &found.settings {
+        text += &format!("  {}\n", visible(line));
+    }
+    text += &format!(
+        "{} in both: {} moved by more than 2 sigma, {} with another result, {} newly failing; {} only in the second, {} only in the first\n",
+        count(changes.compared, "flight"),
+        count(changes.moved.len() as u64, "number"),
+        changes.rerun.len(),
+        changes.failing.len(),
+        changes.new.len(),
+        changes.gone.len()
+    );
+    text + &groups(found) + &moved(changes) + &rerun(changes) + &lists(changes)
+}
+
+fn report_line(report: &ComparedReport) -> String {
+    let ComparedReport { folder, flights, flightlag_version, analysis_version, settings, settings_blake3, .. } = report;
+    let hash = settings_blake3.get(..8).unwrap_or(settings_blake3);
+    let text = format!(
+        "{folder}: {}, settings \"{settings}\" ({hash}), flightlag {flightlag_version}, analysis {analysis_version}",
+        count(*flights, "flight")
+    );
+    visible(&text)
+}
+
+/// A number with its expanded uncertainty (k = 2): seconds as milliseconds.
+pub(crate) fn with_u(estimate: &Estimate, unit: &str) -> String {
+    let (factor, digits) = if unit == "s" { (1e3, 1) } else { (1.0, 3) };
+    let value = estimate.value * factor;
+    match estimate.standard_uncertainty {
+        Some(u) => format!("{value:.digits$} ± {:.digits$}", 2.0 * u * factor),
+        None => format!("{value:.digits$}"),
+    }
+}
+
+fn groups(found: &DiffRecord) -> String {
+    let mut table = Table::new(&["group", "first ms|", "second ms|", "sigma|"]);
+    for group in found.moved_groups.iter().take(MOST) {
+        let (before, now) = (with_u(&group.before_s, "s"), with_u(&group.now_s, "s"));
+        table.row(vec![group.name.clone(), before, now, format!("{:.1}", group.sigmas)]);
+    }
+    section("groups that moved", &table, found.moved_groups.len())
+}
+
+fn moved(changes: &RunChanges) -> String {
+    let mut table = Table::new(&["flight", "quantity", "first|", "second|", "unit", "sigma|", "because of"]);
+    for of in changes.moved.iter().take(MOST) {
+        let MovedNumber { flight, quantity, unit, before, now, sigmas, causes } = of;
+        let causes: Vec<&str> = causes.iter().map(|cause| cause.word()).collect();
+        let shown = if unit == "s" { "ms" } else { unit };
+        table.row(vec![
+            flight.flight.clone(),
+            quantity.clone(),
+            with_u(before, unit),
+            with_u(now, unit),
+            shown.to_owned(),
+            format!("{sigmas:+.1}"),
+            causes.join(", "),
+        ]);
+    }
+    section("moved by more than 2 sigma (± is U, k = 2)", &table, changes.moved.len())
+}
+
+fn rerun(changes: &RunChanges) -> String {
+    let mut table = Table::new(&["flight", "because of"]);
+    for of in changes.rerun.iter().take(MOST) {
+        let causes: Vec<&str> = of.causes.iter().map(|cause| cause.word()).collect();
+        table.row(vec![of.flight.flight.clone(), causes.join(", ")]);
+    }
+    section("another result", &table, changes.rerun.len())
+}
+
+fn lists(changes: &RunChanges) -> String {
+    let words = |title: &str, all: &[FlightWords]| {
+        let mut table = Table::new(&["flight", "what", "first line of the error"]);
+        for of in all.iter().take(MOST) {
+            table.row(vec![of.flight.flight.clone(), of.words.join(", "), of.error.clone().unwrap_or_default()]);
+        }
+        section(title, &table, all.len())
+    };
+    let names = |title: &str, all: &[NamedFlight]| {
+        let mut table = Table::new(&["flight"]);
+        all.iter().take(MOST).for_each(|flight| table.row(vec![flight.flight.clone()]));
+        section(title, &table, all.len())
+    };
+    words("newly failing", &changes.failing)
+        + &words("no longer failing", &changes.recovered)
+        + &words("new alarms", &changes.alarms_new)
+        + &words("alarms cleared", &changes.alarms_cleared)
+        + &names("only in the second", &changes.new)
+        + &names("only in the first", &changes.gone)
+}
+
+/// A table under its title with how many rows are not shown; nothing if it has no row.
+fn section(title: &str, table: &Table, all: usize) -> String {
+    let more = match all.saturating_sub(MOST) {
+        0 => String::new(),
+        n => format!("  and {n} more; --json and the page of --out have all\n"),
+    };
+    crate::findings::section(title, table) + &more
+}

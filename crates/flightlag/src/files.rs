@@ -1,0 +1,28 @@
+//! Pages that a command writes by itself.
+
+use crate::failure::Failure;
+use campaign::Exit;
+use report::Site;
+use std::path::Path;
+
+/// Writes the files of a site and some texts to a folder, each to a temporary name first. A folder that holds something else
+/// than an earlier page of the same kind is refused: the first of the texts is the mark of that kind.
+pub(crate) fn write_site(out: &Path, site: &Site, texts: &[(&str, &str)]) -> Result<(), Failure> {
+    let holds_page = out.join("index.html").exists();
+    if let Some((mark, _)) = texts.first().filter(|(mark, _)| holds_page && !out.join(mark).exists()) {
+        let what = format!(
+            "{}: holds another page (it has an index.html and no {mark}); give an empty or new folder",
+            out.display()
+        );
+        return Err(Failure::new(Exit::Wrong, what));
+    }
+    let texts = texts.iter().map(|(name, text)| (*name, text.as_bytes()));
+    // The page last: it is complete when it is there.
+    let mut files: Vec<(&str, &[u8])> =
+        texts.chain(site.files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()))).collect();
+    files.sort_by_key(|(name, _)| *name == "index.html");
+    for (name, bytes) in files {
+        history::write_file(&out.join(name), bytes)?;
+    }
+    Ok(())
+}

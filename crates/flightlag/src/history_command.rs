@@ -1,0 +1,239 @@
+//! `flightlag history` and `flightlag trend`: what many nights found.
+
+use crate::arguments::{HistoryArguments, TrendArguments, TrendBy};
+use crate::diff_command::with_u;
+use crate::failure::{End, Failure};
+use crate::files::write_site;
+use crate::show::{Table, count, number, visible};
+use campaign::Exit;
+use history::{Dimension, History, LatencyLine, Latest, RunLine, latency, runs, trend};
+use record::{Estimate, TrendRecord};
+use std::io::Write;
+use std::path::Path;
+
+pub(crate) fn history(arguments: &HistoryArguments) -> Result<End, Failure> {
+    let history = existing(&arguments.history)?;
+    if arguments.latency {
+        let (latest, unreadable) = latest_of(&history)?;
+        let lines = latency(&latest);
+        return said(arguments.json, &lines, || latency_text(&lines), &unreadable);
+    }
+    let lines = runs(&history)?;
+    let unreadable = lines.iter().filter_map(|line| Some(format!("{}: {}", line.run, line.unreadable.as_ref()?)));
+    let unreadable: Vec<String> = unreadable.collect();
+    said(arguments.json, &lines, || runs_text(&lines), &unreadable)
+}
+
+/// A history that is there. A folder without files is a wrong path more often than an empty history.
+pub(crate) fn existing(folder: &Path) -> Result<History, Failure> {
+    let history = History::new(folder);
+    match history.files()?.is_empty() {
+        false => Ok(history),
+        true => {
+            let what =
+                format!("{}: holds no history; give the history folder of `flightlag nightly`", folder.display());
+            Err(Failure::new(Exit::Wrong, what))
+        }
+    }
+}
+
+fn latest_of(history: &History) -> Result<(Latest, Vec<String>), Failure> {
+    Ok(history.latest(&|_| true)?)
+}
+
+/// Prints lines as JSON or as text, then what could not be read: exit code 3 if that is anything.
+fn said<T: serde::Serialize>(
+    json: bool,
+    lines: &T,
+    text: impl Fn() -> String,
+    unreadable: &[String],
+) -> Result<End, Failure> {
+    let mut out = std::io::stdout().lock();
+    match json {
+        true => writeln!(out, "{}", serde_json::to_string(lines).unwrap_or_default())?,
+        false => write!(out, "{}", text())?,
+    }
+    warn(unreadable)
+}
+
+/// Names files that could not be read on standard error.
+pub(crate) fn warn(unreadable: &[String]) -> Result<End, Failure> {
+    for what in unreadable {
+        let _ = writeln!(std::io::stderr(), "flightlag: not read: {}", visible(what));
+    }
+    Ok(if unreadable.is_empty() { Exit::Well } else { Exit::Incomplete }.into())
+}
+
+fn runs_text(lines: &[RunLine]) -> String {
+    let mut table = Table::new(&[
+        "run",
+        "campaigns",
+        "flights|",
+        "failed|",
+        "harmed or criterion failed|",
+        "flown from",
+        "to",
+        "build",
+    ]);
+    let day = |instant: &Option<String>| instant.as_deref().and_then(|at| at.get(..10)).unwrap_or("-").to_owned();
+    for line in lines {
+        table.row(vec![
+            line.run.clone(),
+            if line.unreadable.is_some() { "CANNOT BE READ".to_owned() } else { line.campaigns.join(", ") },
+            line.flights.to_string(),
+            line.failed.to_string(),
+            line.harmed_or_criterion_failed.to_string(),
+            day(&line.flown_from),
+            day(&line.flown_to),
+            line.builds.join(", "),
+        ]);
+    }
+    format!(
+        "{}, each with the flights whose finding is new or changed\n{}",
+        count(lines.len() as u64, "run"),
+        table.text()
+    )
+}
+
+fn latency_text(lines: &[LatencyLine]) -> String {
+    let heads = [
+        "receiver",
+        "firmware",
+        "rate",
+        "baud",
+        "counted from",
+        "flights|",
+        "late ms|",
+        "spread ms|",
+        "least ms|",
+        "most ms|",
+    ];
+    let mut table = Table::new(&heads);
+    let known = |value: &Option<String>| value.clone().unwrap_or_else(|| "unknown".to_owned());
+    let millis = |s: f64| number(Some(s * 1e3), 1);
+    for line in lines {
+        let mean = Estimate { value: line.lateness_s, standard_uncertainty: Some(line.lateness_u_s) };
+        table.row(vec![
+            known(&line.receiver),
+            known(&line.firmware),
+            known(&line.rate),
+            known(&line.baud),
+            line.datum.clone(),
+            line.flights.to_string(),
+            with_u(&mean, "s"),
+            millis(line.between_s),
+            millis(line.low_s),
+            millis(line.high_s),
+        ]);
+    }
+    if table.is_empty() {
+        "no flight has a lateness\n".to_owned()
+    } else {
+        format!("± is U (k = 2) of the mean\n{}", table.text())
+    }
+}
+
+pub(crate) fn trend_over(arguments: &TrendArguments) -> Result<End, Failure> {
+    let history = existing(&arguments.history)?;
+    let (latest, unreadable) = latest_of(&history)?;
+    let dimensions: Vec<Dimension> = match arguments.by.is_empty() {
+        true => Dimension::ALL.to_vec(),
+        false => arguments.by.iter().map(|by| dimension(*by)).collect(),
+    };
+    let reports = arguments.reports.as_deref().unwrap_or("..").trim_end_matches('/').to_owned();
+    let page = |row: &history::Row| {
+        Some(format!("{reports}/{}/{}", row.campaign, row.page)).filter(|_| arguments.reports.is_some())
+    };
+    let found = trend(&latest, &dimensions, &page).record;
+    if let Some(out) = &arguments.out {
+        let json = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
+        let csv = trend_csv(&found);
+        write_site(out, &report::trend_site(&found, "Trends", ""), &[("trend.json", &json), ("trend.csv", &csv)])?;
+    }
+    let mut out = std::io::stdout().lock();
+    match arguments.json {
+        true => writeln!(out, "{}", serde_json::to_string(&found).unwrap_or_default())?,
+        false => write!(out, "{}", trend_text(&found))?,
+    }
+    if let Some(folder) = arguments.out.as_ref().filter(|_| !arguments.json) {
+        writeln!(out, "open {}", visible(&folder.join("index.html").display().to_string()))?;
+    }
+    warn(&unreadable)
+}
+
+fn dimension(by: TrendBy) -> Dimension {
+    match by {
+        TrendBy::Airframe => Dimension::Airframe,
+        TrendBy::Serial => Dimension::Serial,
+        TrendBy::Receiver => Dimension::Receiver,
+        TrendBy::Firmware => Dimension::Firmware,
+        TrendBy::Rate => Dimension::Rate,
+        TrendBy::Baud => Dimension::Baud,
+    }
+}
+
+fn trend_text(found: &TrendRecord) -> String {
+    let mut charts =
+        Table::new(&["chart", "counted from", "flights|", "late now ms|", "spread ms|", "changes|", "outside|"]);
+    let mut changes = Table::new(&["chart", "from this flight on", "step ms|", "sigma|", "with it"]);
+    for chart in &found.charts {
+        let name = format!("{} {}", chart.dimension, chart.value);
+        let now = chart.segments.last().map(|segment| with_u(&segment.mean_s, "s")).unwrap_or_default();
+        charts.row(vec![
+            name.clone(),
+            chart.datum.clone(),
+            (chart.points.len() as u64 + chart.older_points).to_string(),
+            now,
+            number(Some(chart.between_s * 1e3), 1),
+            chart.changes.len().to_string(),
+            chart.points.iter().filter(|point| point.is_outside).count().to_string(),
+        ]);
+        for change in &chart.changes {
+            let at = format!("{}/{}", change.at.campaign, change.at.flight);
+            changes.row(vec![
+                name.clone(),
+                at,
+                with_u(&change.step_s, "s"),
+                format!("{:+.1}", change.sigmas),
+                change.with_it.join("; "),
+            ]);
+        }
+    }
+    let left_out = found.left_out.iter().map(|why| format!("  {}\n", visible(why))).collect::<String>();
+    let left_out = if left_out.is_empty() { left_out } else { format!("not on a chart\n{left_out}") };
+    let charts = if charts.is_empty() {
+        "no chart: no three flights share a value\n".to_owned()
+    } else {
+        crate::findings::section("charts (± is U, k = 2)", &charts)
+    };
+    charts + &crate::findings::section("changes", &changes) + &left_out
+}
+
+/// Every point of every chart.
+fn trend_csv(found: &TrendRecord) -> String {
+    let mut sheet = convert::Sheet::default();
+    let points: Vec<_> =
+        found.charts.iter().flat_map(|chart| chart.points.iter().map(move |point| (chart, point))).collect();
+    let texts = |of: &dyn Fn(&(&record::TrendChart, &record::TrendPoint)) -> Option<String>| {
+        convert::Cells::Text(points.iter().map(of).collect())
+    };
+    let numbers = |of: &dyn Fn(&(&record::TrendChart, &record::TrendPoint)) -> Option<f64>| {
+        convert::Cells::F64(points.iter().map(of).collect())
+    };
+    sheet.push("dimension", texts(&|(chart, _)| Some(chart.dimension.clone())));
+    sheet.push("value", texts(&|(chart, _)| Some(chart.value.clone())));
+    sheet.push("datum", texts(&|(chart, _)| Some(chart.datum.clone())));
+    sheet.push("campaign", texts(&|(_, point)| Some(point.flight.campaign.clone())));
+    sheet.push("flight", texts(&|(_, point)| Some(point.flight.flight.clone())));
+    sheet.push("flown_at", texts(&|(_, point)| point.flown_at.clone()));
+    sheet.push("lateness_s", numbers(&|(_, point)| Some(point.lateness_s.value)));
+    sheet.push("lateness_u_s", numbers(&|(_, point)| point.lateness_s.standard_uncertainty));
+    sheet.push("centre_s", numbers(&|(_, point)| Some(point.centre_s)));
+    sheet.push("limit_s", numbers(&|(_, point)| Some(point.limit_s)));
+    sheet.push("is_outside", convert::Cells::I64(points.iter().map(|(_, p)| Some(i64::from(p.is_outside))).collect()));
+    sheet.push("is_odd", convert::Cells::I64(points.iter().map(|(_, p)| Some(i64::from(p.is_odd))).collect()));
+    let mut bytes = vec![];
+    // Columns are of one length, and a vector takes everything.
+    let _ = convert::write_csv(&sheet, &mut bytes);
+    String::from_utf8(bytes).unwrap_or_default()
+}

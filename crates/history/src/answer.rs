@@ -1,0 +1,381 @@
+//! Answers a [`Query`] with polars.
+
+use crate::dataset::History;
+use crate::error::HistoryError;
+use crate::query::{Aggregate, Condition, Function, Operator, Query, Value};
+use crate::schema::{HISTORY_SCHEMA, SCHEMA_KEY, current};
+use convert::{Cells, Sheet, read_parquet, read_parquet_columns};
+use polars::prelude::{
+    BooleanChunked, ChunkAgg, ChunkCompareEq, ChunkCompareIneq, ChunkQuantile, Column, DataFrame, DataType, IdxCa,
+    NamedFrom, ParquetReader, PolarsError, PolarsResult, QuantileMethod, SerReader, Series,
+};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::path::Path;
+
+/// The answer to a query.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Answer {
+    /// The table: rows of the history, or one row for each group.
+    pub table: Sheet,
+    /// Rows that count.
+    pub matched: usize,
+    /// Rows that were looked at.
+    pub of: usize,
+    /// Files that could not be read, each with the reason.
+    pub unreadable: Vec<String>,
+}
+
+/// Answers a query.
+///
+/// # Errors
+/// The folder cannot be listed. A file that cannot be read is named in the answer.
+pub fn answer(history: &History, query: &Query) -> Result<Answer, HistoryError> {
+    let names = query.columns();
+    let mut frame: Option<DataFrame> = None;
+    let mut unreadable = vec![];
+    for path in history.files()? {
+        match read(&path, &names) {
+            Ok(part) if part.height() == 0 => {}
+            Ok(part) => match &mut frame {
+                None => frame = Some(part),
+                Some(all) => drop(all.vstack_mut(&part).map_err(|e| failed(&path, &e))?),
+            },
+            Err(what) => unreadable.push(format!("{}: {what}", path.display())),
+        }
+    }
+    let Some(frame) = frame else { return Ok(Answer { unreadable, ..Answer::default() }) };
+    let answered = answered(&frame, query, &names).map_err(|e| failed(history.folder(), &e))?;
+    Ok(Answer { unreadable, ..answered })
+}
+
+fn failed(path: &Path, error: &PolarsError) -> HistoryError {
+    HistoryError::Report { path: path.to_owned(), what: error.to_string() }
+}
+
+/// The wanted columns of a file. Files of the current layout are read by polars, earlier ones are brought to it first.
+fn read(path: &Path, names: &[&str]) -> Result<DataFrame, String> {
+    let open = || File::open(path).map_err(|e| format!("cannot be opened: {e}"));
+    let about = read_parquet_columns(open()?, &|_| false).map_err(|e| format!("cannot be read: {e}"))?;
+    let is_current = about.about.get(SCHEMA_KEY).is_some_and(|schema| *schema == HISTORY_SCHEMA.to_string());
+    let frame = if is_current {
+        let wanted = names.iter().map(|name| (*name).to_owned()).collect();
+        ParquetReader::new(open()?).with_columns(Some(wanted)).finish().map_err(|e| e.to_string())?
+    } else {
+        let table = read_parquet(open()?).map_err(|e| format!("cannot be read: {e}"))?;
+        frame_of(current(table)?).map_err(|e| e.to_string())?
+    };
+    frame.select(names.iter().copied()).map_err(|e| e.to_string())
+}
+
+fn frame_of(sheet: Sheet) -> PolarsResult<DataFrame> {
+    let rows = sheet.rows();
+    let column = |column: convert::SheetColumn| {
+        let name = column.name.as_str().into();
+        let series = match column.cells {
+            Cells::I64(values) => Series::new(name, values),
+            Cells::U64(values) => {
+                Series::new(name, values.into_iter().map(|v| v.map(u64::cast_signed)).collect::<Vec<_>>())
+            }
+            Cells::F64(values) => Series::new(name, values),
+            Cells::Text(values) => Series::new(name, values),
+        };
+        Column::from(series)
+    };
+    DataFrame::new(rows, sheet.columns.into_iter().map(column).collect())
+}
+
+fn answered(frame: &DataFrame, query: &Query, names: &[&str]) -> PolarsResult<Answer> {
+    let latest;
+    let frame = if query.every_run {
+        frame
+    } else {
+        latest = latest_rows(frame)?;
+        &latest
+    };
+    let chosen = match &query.condition {
+        Some(condition) => frame.filter(&mask(frame, condition)?)?,
+        None => frame.clone(),
+    };
+    let table = match query.by.is_empty() && query.aggregates.is_empty() {
+        true => sheet_of(&chosen, names)?,
+        false => groups(&chosen, query)?,
+    };
+    Ok(Answer { table, matched: chosen.height(), of: frame.height(), unreadable: vec![] })
+}
+
+/// The latest row of each flight.
+fn latest_rows(frame: &DataFrame) -> PolarsResult<DataFrame> {
+    let (campaigns, flights) = (frame.column("campaign")?.str()?.clone(), frame.column("flight")?.str()?.clone());
+    let runs = frame.column("run_ns")?.i64()?.clone();
+    let mut latest: HashMap<(&str, &str), (i64, u32)> = HashMap::new();
+    for (row, ((campaign, flight), run)) in campaigns.iter().zip(flights.iter()).zip(runs.iter()).enumerate() {
+        let (Some(campaign), Some(flight), Some(run)) = (campaign, flight, run) else { continue };
+        let row = u32::try_from(row).unwrap_or(u32::MAX);
+        let known = latest.entry((campaign, flight)).or_insert((run, row));
+        if known.0 <= run {
+            *known = (run, row);
+        }
+    }
+    let mut rows: Vec<u32> = latest.into_values().map(|(_, row)| row).collect();
+    rows.sort_unstable();
+    frame.take(&IdxCa::from_vec("row".into(), rows))
+}
+
+/// Which rows count. A comparison with an absent value is absent, and such a row does not count.
+fn mask(frame: &DataFrame, condition: &Condition) -> PolarsResult<BooleanChunked> {
+    match condition {
+        Condition::And(one, other) => Ok(&mask(frame, one)? & &mask(frame, other)?),
+        Condition::Or(one, other) => Ok(&mask(frame, one)? | &mask(frame, other)?),
+        Condition::Not(one) => Ok(!&mask(frame, one)?),
+        Condition::IsNull { column } => Ok(frame.column(column)?.is_null()),
+        Condition::Compare { column, operator, value } => {
+            let column = frame.column(column)?;
+            match value {
+                Value::Number(number) => Ok(compared(column.f64()?, *operator, *number)),
+                Value::Integer(number) => Ok(compared(column.i64()?, *operator, *number)),
+                Value::Text(text) => Ok(compared(column.str()?, *operator, text.as_str())),
+            }
+        }
+    }
+}
+
+fn compared<C, T>(column: &C, operator: Operator, value: T) -> BooleanChunked
+where
+    C: ChunkCompareEq<T, Item = BooleanChunked> + ChunkCompareIneq<T, Item = BooleanChunked>,
+{
+    match operator {
+        Operator::Equal => column.equal(value),
+        Operator::NotEqual => column.not_equal(value),
+        Operator::Less => column.lt(value),
+        Operator::LessOrEqual => column.lt_eq(value),
+        Operator::Greater => column.gt(value),
+        Operator::GreaterOrEqual => column.gt_eq(value),
+    }
+}
+
+/// A value by which rows are grouped, in its order.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+enum Key {
+    Absent,
+    Integer(i64),
+    /// The bits of a number in the order of numbers.
+    Number(i64),
+    Text(String),
+}
+
+impl Key {
+    fn of(number: f64) -> Key {
+        let bits = number.to_bits().cast_signed();
+        Key::Number(if bits < 0 { bits ^ i64::MAX } else { bits })
+    }
+}
+
+fn keys(frame: &DataFrame, name: &str) -> PolarsResult<Vec<Key>> {
+    let column = frame.column(name)?;
+    Ok(match column.dtype() {
+        DataType::Int64 => column.i64()?.iter().map(|v| v.map_or(Key::Absent, Key::Integer)).collect(),
+        DataType::Float64 => column.f64()?.iter().map(|v| v.map_or(Key::Absent, Key::of)).collect(),
+        _ => column.str()?.iter().map(|v| v.map_or(Key::Absent, |text| Key::Text(text.to_owned()))).collect(),
+    })
+}
+
+/// One row for each group, in the order of what it is grouped by.
+fn groups(frame: &DataFrame, query: &Query) -> PolarsResult<Sheet> {
+    let columns: Vec<Vec<Key>> = query.by.iter().map(|name| keys(frame, name)).collect::<PolarsResult<_>>()?;
+    let mut groups: BTreeMap<Vec<&Key>, Vec<u32>> = BTreeMap::new();
+    for row in 0..frame.height() {
+        let key = columns.iter().map(|column| &column[row]).collect();
+        groups.entry(key).or_default().push(u32::try_from(row).unwrap_or(u32::MAX));
+    }
+    if query.by.is_empty() {
+        // A question over all rows has one answer, also if there are none.
+        groups.entry(vec![]).or_default();
+    }
+    let firsts: Vec<u32> = groups.values().filter_map(|rows| rows.first().copied()).collect();
+    let by: Vec<&str> = query.by.iter().map(String::as_str).collect();
+    let mut sheet = match by.is_empty() {
+        true => Sheet::default(),
+        false => sheet_of(&frame.take(&IdxCa::from_vec("row".into(), firsts))?, &by)?,
+    };
+    let count = Aggregate { name: "count()".to_owned(), function: Function::Count, column: None };
+    let wanted = if query.aggregates.is_empty() { std::slice::from_ref(&count) } else { &query.aggregates };
+    for aggregate in wanted {
+        sheet.push(aggregate.name.clone(), numbers(frame, aggregate, groups.values())?);
+    }
+    Ok(sheet)
+}
+
+/// A number of each group.
+fn numbers<'a>(
+    frame: &DataFrame,
+    aggregate: &Aggregate,
+    groups: impl Iterator<Item = &'a Vec<u32>>,
+) -> PolarsResult<Cells> {
+    let Some(column) = &aggregate.column else {
+        return Ok(Cells::I64(groups.map(|rows| i64::try_from(rows.len()).ok()).collect()));
+    };
+    let values = frame.column(column)?.cast(&DataType::Float64)?;
+    let one = |rows: &Vec<u32>| -> PolarsResult<Option<f64>> {
+        let part = values.take(&IdxCa::from_vec("row".into(), rows.clone()))?;
+        let part = part.f64()?;
+        Ok(match aggregate.function {
+            Function::Count => None,
+            Function::Median => part.median(),
+            Function::Mean => part.mean(),
+            Function::Min => part.iter().flatten().reduce(f64::min),
+            Function::Max => part.iter().flatten().reduce(f64::max),
+            Function::Sum => part.iter().flatten().reduce(|a, b| a + b),
+            Function::Std => standard_deviation(&part.iter().flatten().collect::<Vec<f64>>()),
+            Function::Quantile(share) => part.quantile(share, QuantileMethod::Linear)?,
+        })
+    };
+    Ok(Cells::F64(groups.map(one).collect::<PolarsResult<_>>()?))
+}
+
+/// Of a sample; `None` for fewer than two numbers.
+fn standard_deviation(values: &[f64]) -> Option<f64> {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt())
+}
+
+/// Columns of a frame as a sheet.
+fn sheet_of(frame: &DataFrame, names: &[&str]) -> PolarsResult<Sheet> {
+    let mut sheet = Sheet::default();
+    for name in names {
+        let column = frame.column(name)?;
+        let cells = match column.dtype() {
+            DataType::Int64 => Cells::I64(column.i64()?.iter().collect()),
+            DataType::Float64 => Cells::F64(column.f64()?.iter().collect()),
+            _ => Cells::Text(column.str()?.iter().map(|text| text.map(str::to_owned)).collect()),
+        };
+        sheet.push(*name, cells);
+    }
+    Ok(sheet)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Run;
+    use crate::row::Row;
+
+    fn history(folder: &Path) -> History {
+        let history = History::new(folder);
+        let row = |run: &Run, flight: &str, firmware: Option<&str>, late_s: Option<f64>| Row {
+            run_id: run.id.clone(),
+            run_ns: run.start_ns,
+            campaign: "c".into(),
+            flight: flight.into(),
+            firmware: firmware.map(str::to_owned),
+            lateness_s: late_s,
+            ..Row::default()
+        };
+        let run = |second| Run::at(jiff::Timestamp::from_second(second).unwrap());
+        let (first, second) = (run(1_795_644_000), run(1_795_730_400));
+        let rows = [
+            row(&first, "a", Some("3.01"), Some(0.9)),
+            row(&first, "b", Some("3.01"), Some(0.4)),
+            row(&first, "c", Some("4.04"), Some(0.32)),
+            row(&first, "d", None, Some(0.5)),
+            row(&first, "e", Some("4.04"), None),
+        ];
+        history.append(&first, &rows).unwrap();
+        let rows = [row(&second, "a", Some("3.01"), Some(0.6)), row(&second, "f", Some("3.01"), Some(0.1))];
+        history.append(&second, &rows).unwrap();
+        history
+    }
+
+    fn ask(condition: Option<&str>, by: &[&str], aggregates: Option<&str>) -> Answer {
+        let folder = tempfile::tempdir().unwrap();
+        let by: Vec<String> = by.iter().map(|name| (*name).to_owned()).collect();
+        let query = Query::parse(condition, &by, aggregates, false).unwrap();
+        answer(&history(folder.path()), &query).unwrap()
+    }
+
+    fn texts(answer: &Answer, name: &str) -> Vec<Option<String>> {
+        match answer.table.cells(name) {
+            Some(Cells::Text(texts)) => texts.clone(),
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_latest_row_of_each_flight_answers_by_group() {
+        let found = ask(Some("delay_s > 0.3"), &["firmware"], Some("median(delay_s), count()"));
+        assert_eq!((found.matched, found.of), (4, 6));
+        assert_eq!(texts(&found, "firmware"), [None, Some("3.01".to_owned()), Some("4.04".to_owned())]);
+        let medians = found.table.cells("median(delay_s)");
+        assert_eq!(
+            medians,
+            Some(&Cells::F64(vec![Some(0.5), Some(0.5), Some(0.32)])),
+            "0.6 and 0.4 have the median 0.5"
+        );
+        assert_eq!(found.table.cells("count()"), Some(&Cells::I64(vec![Some(1), Some(2), Some(1)])));
+    }
+
+    #[test]
+    fn an_absent_value_is_in_no_comparison_and_not_in_the_opposite() {
+        let flights = |condition: &str| {
+            texts(&ask(Some(condition), &[], None), "flight").into_iter().flatten().collect::<Vec<_>>().join("")
+        };
+        assert_eq!(flights("delay_s <= 0.3"), "f");
+        assert_eq!(flights("not delay_s > 0.3"), "f");
+        assert_eq!(flights("delay_s is null"), "e");
+        assert_eq!(flights("firmware != '3.01'"), "ce");
+        assert_eq!(flights("firmware == '4.04' and delay_s is not null or flight == 'd'"), "cd");
+        assert_eq!(flights("run_ns >= '2026-11-26'"), "af");
+    }
+
+    #[test]
+    fn a_question_over_all_rows_has_one_answer() {
+        let found = ask(
+            None,
+            &[],
+            Some("count(), min(delay_s), max(delay_s), sum(delay_s), quantile(delay_s, 0.5), std(delay_s)"),
+        );
+        let number = |name: &str| match found.table.cells(name) {
+            Some(Cells::F64(values)) => values[0].unwrap(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(found.table.cells("count()"), Some(&Cells::I64(vec![Some(6)])));
+        assert_eq!((number("min(delay_s)"), number("max(delay_s)")), (0.1, 0.6));
+        assert!(
+            (number("sum(delay_s)") - 1.92).abs() < 1e-12 && (number("quantile(delay_s, 0.5)") - 0.4).abs() < 1e-12
+        );
+        assert!((number("std(delay_s)") - 0.190_473).abs() < 1e-6);
+        let none = ask(Some("delay_s > 9"), &[], Some("count(), median(delay_s)"));
+        assert_eq!(none.table.cells("count()"), Some(&Cells::I64(vec![Some(0)])));
+        assert_eq!(none.table.cells("median(delay_s)"), Some(&Cells::F64(vec![None])));
+    }
+
+    #[test]
+    fn a_file_of_layout_1_answers_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let history = History::new(folder.path());
+        let mut sheet = crate::row::sheet_of(&[Row {
+            campaign: "c".into(),
+            flight: "a".into(),
+            lateness_s: Some(0.4),
+            ..Row::default()
+        }]);
+        for column in &mut sheet.columns {
+            if column.name == "lateness_s" {
+                column.name = "lateness_ms".into();
+                column.cells = Cells::F64(vec![Some(400.0)]);
+            }
+            if column.name == "run_ns" {
+                column.name = "run_at".into();
+                column.cells = Cells::Text(vec![Some("2026-01-01T00:00:00Z".into())]);
+            }
+        }
+        let file = File::create(folder.path().join("2026-01-01T000000Z.parquet")).unwrap();
+        convert::write_parquet_about(&sheet, &[(SCHEMA_KEY.to_owned(), "1".to_owned())], file).unwrap();
+        let query = Query::parse(Some("delay_s > 0.3"), &[], Some("median(delay_s)"), false).unwrap();
+        let found = answer(&history, &query).unwrap();
+        assert_eq!(found.unreadable, [] as [String; 0]);
+        assert_eq!(found.table.cells("median(delay_s)"), Some(&Cells::F64(vec![Some(0.4)])));
+    }
+}

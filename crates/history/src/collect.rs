@@ -1,0 +1,266 @@
+//! From the report of a campaign to rows of the history.
+
+use crate::dataset::{Latest, Run};
+use crate::error::HistoryError;
+use crate::fleet::{Aircraft, Fleet};
+use crate::row::Row;
+use crate::schema::nanoseconds;
+use campaign::DelayLine;
+use flight::About;
+use record::{CampaignRecord, CriterionVerdict, FlightRow, GroupLateness, InputFile, Outcome, RECORD_VERSION};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What the rows of a report are made with.
+#[derive(Debug, Clone, Copy)]
+pub struct Collecting<'a> {
+    /// The run that they are rows of.
+    pub run: &'a Run,
+    /// Name of the campaign in the history.
+    pub campaign: &'a str,
+    /// Identities that logs do not say.
+    pub fleet: &'a Fleet,
+    /// The latest row of each flight that is known already: the record of a flight with the same result is not read again.
+    pub known: &'a Latest,
+}
+
+/// The record of the campaign whose report is in a folder.
+///
+/// # Errors
+/// The folder holds no report of a campaign, or one of another version.
+pub fn read_campaign(report: &Path) -> Result<CampaignRecord, HistoryError> {
+    let path = report.join("campaign.json");
+    let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::NotFound => HistoryError::Asked(format!(
+            "{}: not the report of a campaign: it holds no campaign.json; give the folder that `flightlag campaign` wrote",
+            report.display()
+        )),
+        _ => HistoryError::io(&path, "read", e),
+    })?;
+    let wrong = |what: String| HistoryError::Report { path: path.clone(), what };
+    let found: CampaignRecord = serde_json::from_slice(&bytes).map_err(|e| wrong(format!("is damaged: {e}")))?;
+    if found.record_version != RECORD_VERSION {
+        let what = format!("has record version {}; this flightlag reads {RECORD_VERSION}", found.record_version);
+        return Err(wrong(what));
+    }
+    Ok(found)
+}
+
+/// One row for each flight of a report.
+///
+/// # Errors
+/// The record of a flight is damaged.
+pub fn collect(record: &CampaignRecord, report: &Path, with: &Collecting<'_>) -> Result<Vec<Row>, HistoryError> {
+    let groups = groups_of(&record.groups);
+    let row = |flight: &FlightRow| {
+        let group = groups.get(flight.flight.as_str()).copied();
+        row_of(record, flight, group, report, with)
+    };
+    record.flights.iter().map(row).collect()
+}
+
+/// The group of each flight. A group that was split describes no flight: its parts do.
+fn groups_of(groups: &[GroupLateness]) -> BTreeMap<&str, &GroupLateness> {
+    let whole = groups.iter().filter(|group| group.split.is_none());
+    whole.flat_map(|group| group.members.iter().map(move |member| (member.as_str(), group))).collect()
+}
+
+/// What only the flight's own record holds.
+#[derive(Debug, Default, Deserialize)]
+struct RecordPart {
+    #[serde(default)]
+    inputs: Vec<InputFile>,
+    log: Option<LogPart>,
+}
+
+#[derive(Debug, Deserialize)]
+struct LogPart {
+    #[serde(default)]
+    about: About,
+}
+
+/// The record beside the flight's page; `None` if there is none.
+fn record_part(report: &Path, flight: &FlightRow) -> Result<Option<RecordPart>, HistoryError> {
+    let page = report.join(&flight.page);
+    let path = page.with_file_name("record.json");
+    match std::fs::read(&path) {
+        Ok(bytes) => serde_json::from_slice(&bytes)
+            .map(Some)
+            .map_err(|e| HistoryError::Report { path, what: format!("is damaged: {e}") }),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(e) => Err(HistoryError::io(&path, "read", e)),
+    }
+}
+
+fn row_of(
+    record: &CampaignRecord,
+    flight: &FlightRow,
+    group: Option<&GroupLateness>,
+    report: &Path,
+    with: &Collecting<'_>,
+) -> Result<Row, HistoryError> {
+    let line = DelayLine::of_row(flight);
+    let text = |words: &str| Some(words.to_owned()).filter(|w| !w.is_empty());
+    let codes: Vec<&str> = line.alarms.iter().map(|alarm| alarm.code.as_str()).collect();
+    let row = Row {
+        run_id: with.run.id.clone(),
+        run_ns: with.run.start_ns,
+        campaign: with.campaign.to_owned(),
+        flight: flight.flight.clone(),
+        flown_ns: flight.flown_at.as_deref().and_then(|instant| nanoseconds(instant).ok()),
+        settings_hash: record.pipeline.blake3.clone(),
+        criteria_hash: record.criteria.as_ref().map(|c| c.criteria.blake3.clone()),
+        analysis_version: i64::from(record.analysis_version),
+        build: record.flightlag_version.clone(),
+        key: flight.key.clone(),
+        outcome: outcome(&flight.outcome).0.to_owned(),
+        reason: outcome(&flight.outcome).1.map(str::to_owned),
+        group: text(&line.group),
+        data: line.data.clone(),
+        kind: text(&line.kind),
+        lateness_s: line.lateness_s,
+        lateness_u_s: line.lateness_u_s,
+        lateness_low_s: line.lateness_low_s,
+        lateness_high_s: line.lateness_high_s,
+        datum: text(&line.datum),
+        position_minus_velocity_s: line.position_minus_velocity_s,
+        position_minus_velocity_u_s: line.position_minus_velocity_u_s,
+        removed_s: line.removed_s,
+        removed_from: text(&line.removed_from),
+        effect: text(&line.effect),
+        error_raw_m: line.error_raw_m,
+        error_raw_u_m: line.error_raw_u_m,
+        error_compensated_m: line.error_compensated_m,
+        error_compensated_u_m: line.error_compensated_u_m,
+        alarms: text(&codes.join(" ")),
+        criteria: flight.criteria.as_ref().map(|c| verdict(c.overall).to_owned()),
+        criteria_failed: failed_criteria(flight),
+        duplicate_of: flight.duplicate_of.clone(),
+        duration_s: flight.duration_s,
+        page: flight.page.clone(),
+        ..Row::default()
+    };
+    let row = with_record(row, (flight, group), report, with)?;
+    Ok(with_identity(with_advice(row, flight, group), flight, with.fleet))
+}
+
+/// Adds what only the flight's record says. A known row of the same result says the same.
+fn with_record(
+    row: Row,
+    (flight, group): (&FlightRow, Option<&GroupLateness>),
+    report: &Path,
+    with: &Collecting<'_>,
+) -> Result<Row, HistoryError> {
+    let name = (row.campaign.clone(), row.flight.clone());
+    if let Some(known) =
+        with.known.get(&name).filter(|k| k.key == row.key && k.log_hash.is_some() && !row.key.is_empty())
+    {
+        let Row { log_hash, vehicle, system, system_firmware, parameter, parameter_s, .. } = known.clone();
+        return Ok(Row { log_hash, vehicle, system, system_firmware, parameter, parameter_s, ..row });
+    }
+    let Some(part) = record_part(report, flight)? else { return Ok(row) };
+    let about = part.log.map(|log| log.about).unwrap_or_default();
+    let wanted = advised(flight, group).map(|(name, _)| name);
+    let configured = about.configured_delays.iter();
+    let parameter = match &wanted {
+        Some(name) => configured.clone().find(|c| c.parameter == *name),
+        None => configured.clone().next(),
+    };
+    Ok(Row {
+        log_hash: content_hash(&part.inputs),
+        vehicle: about.vehicle,
+        system: about.system,
+        system_firmware: about.firmware,
+        parameter: parameter.map(|c| c.parameter.clone()),
+        parameter_s: parameter.map(|c| c.value_s),
+        ..row
+    })
+}
+
+/// One hash of all files of a flight: that of the only file, else all of them in their order.
+fn content_hash(inputs: &[InputFile]) -> Option<String> {
+    let hashes: Vec<&str> = inputs.iter().map(|input| input.blake3.as_str()).filter(|hash| !hash.is_empty()).collect();
+    (!hashes.is_empty()).then(|| hashes.join("+"))
+}
+
+/// The autopilot's parameter that is recommended for a flight, and its value, s.
+fn advised(flight: &FlightRow, group: Option<&GroupLateness>) -> Option<(String, f64)> {
+    let own = flight.lateness.iter().flat_map(|l| &l.advice.set);
+    let all = group.into_iter().flat_map(|g| &g.advice.set).chain(own);
+    let found = all.into_iter().find(|setting| setting.unit == "ms")?;
+    Some((found.name.clone(), found.value / 1e3))
+}
+
+/// Adds what is recommended: by the group where it says something, else by the flight.
+fn with_advice(row: Row, flight: &FlightRow, group: Option<&GroupLateness>) -> Row {
+    let Some((parameter, value_s)) = advised(flight, group) else { return row };
+    let of_group = group.filter(|g| g.advice.set.iter().any(|s| s.unit == "ms")).and_then(|g| g.lateness_s);
+    let from = of_group.or_else(|| flight.lateness.as_ref().and_then(|l| l.lateness_s()));
+    // The log says the value of one parameter only: that of another would be compared with the wrong one.
+    let parameter_s = row.parameter_s.filter(|_| row.parameter.as_ref() == Some(&parameter));
+    Row {
+        parameter: Some(parameter),
+        parameter_s,
+        advised_s: Some(value_s),
+        advised_from_s: from.map(|e| e.value),
+        advised_from_u_s: from.and_then(|e| e.standard_uncertainty),
+        ..row
+    }
+}
+
+/// Who flew: the log first, then the fleet file.
+fn with_identity(row: Row, flight: &FlightRow, fleet: &Fleet) -> Row {
+    let parts = flight.lateness.iter().flat_map(|l| &l.group.parts);
+    let part = |what: &str| parts.clone().find(|part| part.what == what).map(|part| part.value.clone());
+    let number = |text: String| text.split(' ').next().and_then(|number| number.parse::<f64>().ok());
+    let known = fleet.of(&row.campaign, &row.flight).cloned().unwrap_or_default();
+    let Aircraft { airframe, receiver, serial, firmware, rate_hz, baud } = known;
+    let mut from = vec![];
+    let airframe = first_of("airframe", row.vehicle.clone(), airframe, &mut from);
+    let receiver = first_of("receiver", part("receiver"), receiver, &mut from);
+    let serial = first_of("serial", part("serial"), serial, &mut from);
+    let firmware = first_of("firmware", part("firmware"), firmware, &mut from);
+    let rate_hz = first_of("rate", part("rate").and_then(number), rate_hz, &mut from);
+    let baud = first_of("baud", part("baud").and_then(number).map(|baud| baud as i64), baud, &mut from);
+    let identity_from = (!from.is_empty()).then(|| from.join(", "));
+    Row { airframe, receiver, serial, firmware, rate_hz, baud, identity_from, ..row }
+}
+
+/// What the log says, else what the fleet file says; writes down which.
+fn first_of<T>(what: &str, log: Option<T>, fleet: Option<T>, from: &mut Vec<String>) -> Option<T> {
+    let source = match (&log, &fleet) {
+        (Some(_), _) => "log",
+        (None, Some(_)) => "fleet file",
+        (None, None) => return None,
+    };
+    from.push(format!("{what}: {source}"));
+    log.or(fleet)
+}
+
+fn outcome(outcome: &Outcome) -> (&'static str, Option<&str>) {
+    match outcome {
+        Outcome::Compensated => ("compensated", None),
+        Outcome::Uncompensated { reason } => ("uncompensated", Some(reason)),
+        Outcome::NotMeasurable { reason } => ("not-measurable", Some(reason)),
+        Outcome::Pending { reason } => ("pending", Some(reason)),
+        Outcome::Failed { reason } => ("failed", Some(reason)),
+    }
+}
+
+fn verdict(verdict: CriterionVerdict) -> &'static str {
+    match verdict {
+        CriterionVerdict::Fail => "fail",
+        CriterionVerdict::Inconclusive => "inconclusive",
+        CriterionVerdict::NotEvaluated => "not-evaluated",
+        CriterionVerdict::Pass => "pass",
+        CriterionVerdict::NotApplicable => "not-applicable",
+    }
+}
+
+fn failed_criteria(flight: &FlightRow) -> Option<String> {
+    let each = &flight.criteria.as_ref()?.each;
+    let failed: Vec<&str> =
+        each.iter().filter(|v| v.verdict == CriterionVerdict::Fail).map(|v| v.id.as_str()).collect();
+    (!failed.is_empty()).then(|| failed.join(" "))
+}

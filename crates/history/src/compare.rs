@@ -1,0 +1,212 @@
+//! One set of rows against another: what is new, what moved, what fails now, and why.
+
+use crate::dataset::Latest;
+use crate::row::Row;
+use record::{ChangeCause, Estimate, FlightWords, MovedNumber, NamedFlight, RerunCause, RunChanges};
+
+/// A number has moved if it did by more than this many standard uncertainties.
+const MOVED_SIGMAS: f64 = 2.0;
+
+/// The page of a flight, relative to the page that names it.
+pub type PageOf<'a> = &'a dyn Fn(&Row) -> Option<String>;
+
+/// Compares rows with the latest ones before. Flights that are gone are not in rows: the caller knows them.
+#[must_use]
+pub fn compare(before: &Latest, now: &[Row], page: PageOf<'_>) -> RunChanges {
+    let mut changes = RunChanges::default();
+    for row in now {
+        let named = name_of(row, page);
+        let Some(was) = before.get(&(row.campaign.clone(), row.flight.clone())) else {
+            changes.new.push(named.clone());
+            words(&mut changes.failing, &named, troubles(row), row);
+            words(&mut changes.alarms_new, &named, row.alarm_codes().map(str::to_owned).collect(), row);
+            continue;
+        };
+        changes.compared += 1;
+        let causes = causes(was, row);
+        if was.key != row.key {
+            changes.rerun.push(RerunCause { flight: named.clone(), causes: causes.clone() });
+        }
+        changes.moved.extend(moved(was, row, &named, &causes));
+        came_and_went(&mut changes, was, row, &named);
+    }
+    changes.moved.sort_by(|a, b| b.sigmas.abs().total_cmp(&a.sigmas.abs()));
+    changes
+}
+
+/// A flight with its page.
+pub(crate) fn name_of(row: &Row, page: PageOf<'_>) -> NamedFlight {
+    NamedFlight { campaign: row.campaign.clone(), flight: row.flight.clone(), page: page(row) }
+}
+
+/// Troubles and alarms that came or went.
+fn came_and_went(changes: &mut RunChanges, was: &Row, row: &Row, named: &NamedFlight) {
+    let only = |of: &[String], not: &[String]| of.iter().filter(|t| !not.contains(t)).cloned().collect::<Vec<_>>();
+    let (had, has) = (troubles(was), troubles(row));
+    words(&mut changes.failing, named, only(&has, &had), row);
+    words(&mut changes.recovered, named, only(&had, &has), row);
+    let codes = |row: &Row| row.alarm_codes().map(str::to_owned).collect::<Vec<_>>();
+    let (had, has) = (codes(was), codes(row));
+    words(&mut changes.alarms_new, named, only(&has, &had), row);
+    words(&mut changes.alarms_cleared, named, only(&had, &has), row);
+}
+
+/// Adds an entry if there is something to say.
+fn words(list: &mut Vec<FlightWords>, named: &NamedFlight, words: Vec<String>, row: &Row) {
+    if !words.is_empty() {
+        let error = row.reason.as_deref().and_then(|reason| reason.lines().next()).map(str::to_owned);
+        list.push(FlightWords { flight: named.clone(), words, error });
+    }
+}
+
+/// Everything that makes a flight one to look at.
+fn troubles(row: &Row) -> Vec<String> {
+    let outcome = match row.outcome.as_str() {
+        "failed" => Some("failed".to_owned()),
+        "not-measurable" => Some("not measurable".to_owned()),
+        "pending" => Some("pending".to_owned()),
+        _ => None,
+    };
+    let harmed = (row.effect.as_deref() == Some("harmed")).then(|| "harmed".to_owned());
+    let damaged = (row.data == "damaged").then(|| "log damaged".to_owned());
+    let failed = row.criteria_failed.iter().flat_map(|ids| ids.split_whitespace());
+    let failed = failed.map(|id| format!("criterion {id} failed"));
+    outcome.into_iter().chain(harmed).chain(damaged).chain(failed).collect()
+}
+
+/// Every reason why the second row may differ from the first.
+#[must_use]
+pub fn causes(was: &Row, row: &Row) -> Vec<ChangeCause> {
+    let log = was.log_hash.is_some() && row.log_hash.is_some() && was.log_hash != row.log_hash;
+    let build = was.analysis_version != row.analysis_version || was.build != row.build;
+    let found = [
+        (log, ChangeCause::Log),
+        (was.settings_hash != row.settings_hash, ChangeCause::Settings),
+        (build, ChangeCause::Build),
+        (was.criteria_hash != row.criteria_hash, ChangeCause::Criteria),
+    ];
+    let mut causes: Vec<ChangeCause> = found.into_iter().filter(|(is, _)| *is).map(|(_, cause)| cause).collect();
+    if causes.is_empty() && was.key != row.key {
+        causes.push(ChangeCause::OtherFlights);
+    }
+    causes
+}
+
+/// Numbers of a flight that moved.
+fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> Vec<MovedNumber> {
+    let same_datum = was.datum == row.datum;
+    let numbers = [
+        ("lateness", "s", (was.lateness_s, was.lateness_u_s), (row.lateness_s, row.lateness_u_s)),
+        (
+            "position minus velocity",
+            "s",
+            (was.position_minus_velocity_s, was.position_minus_velocity_u_s),
+            (row.position_minus_velocity_s, row.position_minus_velocity_u_s),
+        ),
+        (
+            "error after compensation",
+            "m",
+            (was.error_compensated_m, was.error_compensated_u_m),
+            (row.error_compensated_m, row.error_compensated_u_m),
+        ),
+    ];
+    let wanted = numbers.into_iter().filter(|(quantity, ..)| same_datum || *quantity != "lateness");
+    let one = |(quantity, unit, was, is): (&str, &str, _, _)| {
+        let (before, now) = (estimate(was)?, estimate(is)?);
+        let sigmas = sigmas(&before, &now)?;
+        (sigmas.abs() > MOVED_SIGMAS).then(|| MovedNumber {
+            flight: named.clone(),
+            quantity: quantity.to_owned(),
+            unit: unit.to_owned(),
+            before,
+            now,
+            sigmas,
+            causes: causes.to_vec(),
+        })
+    };
+    wanted.filter_map(one).collect()
+}
+
+fn estimate((value, u): (Option<f64>, Option<f64>)) -> Option<Estimate> {
+    Some(Estimate { value: value?, standard_uncertainty: u })
+}
+
+/// Now less before over the root of the sum of both squared standard uncertainties.
+fn sigmas(before: &Estimate, now: &Estimate) -> Option<f64> {
+    let u = before.standard_uncertainty?.hypot(now.standard_uncertainty?);
+    (u > 0.0).then(|| (now.value - before.value) / u)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::latest_of;
+
+    fn row(flight: &str) -> Row {
+        Row {
+            campaign: "c".into(),
+            flight: flight.into(),
+            key: "k1".into(),
+            log_hash: Some("log".into()),
+            settings_hash: "s".into(),
+            build: "0.1.0".into(),
+            outcome: "compensated".into(),
+            data: "whole".into(),
+            datum: Some("imu".into()),
+            lateness_s: Some(0.118),
+            lateness_u_s: Some(0.003),
+            alarms: Some("weak".into()),
+            ..Row::default()
+        }
+    }
+
+    fn changes(before: &[Row], now: &[Row]) -> RunChanges {
+        compare(&latest_of(before.iter().cloned()), now, &|_| None)
+    }
+
+    #[test]
+    fn each_cause_is_told_from_the_others() {
+        let rerun = |change: &dyn Fn(&mut Row)| {
+            let mut now = row("a");
+            now.key = "k2".into();
+            change(&mut now);
+            changes(&[row("a")], &[now]).rerun[0].causes.clone()
+        };
+        assert_eq!(rerun(&|_| ()), [ChangeCause::OtherFlights]);
+        assert_eq!(rerun(&|now| now.log_hash = Some("other".into())), [ChangeCause::Log]);
+        assert_eq!(rerun(&|now| now.settings_hash = "t".into()), [ChangeCause::Settings]);
+        assert_eq!(rerun(&|now| now.analysis_version = 20), [ChangeCause::Build]);
+        let both = rerun(&|now| {
+            now.log_hash = Some("other".into());
+            now.build = "0.2.0".into();
+        });
+        assert_eq!(both, [ChangeCause::Log, ChangeCause::Build]);
+    }
+
+    #[test]
+    fn a_delay_moves_by_its_combined_uncertainty_and_never_against_another_datum() {
+        let by = |ms: f64, datum: &str| {
+            let now = Row { lateness_s: Some(0.118 + ms / 1e3), datum: Some(datum.into()), ..row("a") };
+            changes(&[row("a")], &[now]).moved.first().map(|m| m.sigmas)
+        };
+        // √(3² + 3²) = 4.24 ms.
+        assert_eq!(by(8.4, "imu"), None);
+        assert!((by(-8.6, "imu").unwrap() + 2.027).abs() < 0.001);
+        assert_eq!(by(50.0, "reference"), None);
+    }
+
+    #[test]
+    fn new_failures_have_their_first_error_line_and_alarms_come_and_go() {
+        let failed =
+            Row { outcome: "failed".into(), reason: Some("a.bin: byte 12: no frame\nmore".into()), ..row("a") };
+        let other = Row { alarms: Some("steps".into()), ..row("b") };
+        let new = Row { data: "damaged".into(), alarms: None, ..row("n") };
+        let found = changes(&[row("a"), row("b")], &[failed, other, new]);
+        assert_eq!(found.failing[0].words, ["failed"]);
+        assert_eq!(found.failing[0].error.as_deref(), Some("a.bin: byte 12: no frame"));
+        assert_eq!((found.failing[1].flight.flight.as_str(), found.failing[1].words[0].as_str()), ("n", "log damaged"));
+        assert_eq!(found.alarms_new[0].words, ["steps"]);
+        assert_eq!(found.alarms_cleared[0].words, ["weak"]);
+        assert_eq!((found.compared, found.new.len(), found.rerun.len()), (2, 1, 0));
+    }
+}

@@ -1,0 +1,341 @@
+//! The nightly file: which campaigns a night runs, and where everything goes.
+
+use crate::error::HistoryError;
+use crate::fleet::Fleet;
+use campaign::{CampaignError, Criteria, Order, Pipeline};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use settings::{Refused, SettingsFile};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use toml::Spanned;
+
+/// The commented example, compiled in: `pipelines/nightly/nightly.toml`.
+pub const EXAMPLE_NIGHTLY: &str = include_str!("../../../pipelines/nightly/nightly.toml");
+
+/// Names that a campaign may not have: the night writes files of these names into the same folder.
+const TAKEN: [&str; 6] = ["nights", "history", "index.html", "morning.html", "figures", "summary"];
+
+/// The nightly file as its author writes it.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "flightlag nightly")]
+struct NightlyFile {
+    /// Version of this file's layout: 1.
+    #[schemars(with = "u32", range(min = 1, max = 1))]
+    schema: Spanned<u32>,
+    /// Name of the night, for its page.
+    #[serde(default = "default_title")]
+    title: String,
+    /// Folder of the reports: each campaign in OUT/NAME, the page of the latest night in OUT/morning.html.
+    #[schemars(with = "String")]
+    out: Spanned<PathBuf>,
+    /// Folder of the history: one Parquet file for each night. Default: OUT/history.
+    history: Option<PathBuf>,
+    /// Fleet file: aircraft and receivers that logs do not say.
+    #[schemars(with = "Option<String>")]
+    fleet: Option<Spanned<PathBuf>>,
+    /// Settings of all campaigns (TOML). Default: the shipped ones.
+    #[schemars(with = "Option<String>")]
+    pipeline: Option<Spanned<PathBuf>>,
+    /// Criteria of all campaigns (TOML). Default: those that the pipeline names, if any.
+    #[schemars(with = "Option<String>")]
+    criteria: Option<Spanned<PathBuf>>,
+    /// A log that was written to less than this ago is left for the next night, minutes. Default: 10.
+    #[serde(default = "default_settle")]
+    #[schemars(with = "f64", range(min = 0.0, max = 1440.0))]
+    settle_min: Spanned<f64>,
+    /// Campaigns, run one after the other.
+    #[serde(default)]
+    #[schemars(with = "Vec<CampaignTable>", length(min = 1))]
+    campaign: Vec<Spanned<CampaignTable>>,
+}
+
+fn default_title() -> String {
+    "Night".to_owned()
+}
+
+fn default_settle() -> Spanned<f64> {
+    Spanned::new(0..0, 10.0)
+}
+
+/// One campaign.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct CampaignTable {
+    /// Folder of the logs. It is only read.
+    #[schemars(with = "String")]
+    flights: Spanned<PathBuf>,
+    /// Name of the campaign in reports and history. Default: the name of the folder.
+    #[schemars(with = "Option<String>", regex(pattern = "^[A-Za-z0-9._-]+$"))]
+    name: Option<Spanned<String>>,
+    /// Settings of this campaign instead of those of all.
+    #[schemars(with = "Option<String>")]
+    pipeline: Option<Spanned<PathBuf>>,
+    /// Criteria of this campaign instead of those of all.
+    #[schemars(with = "Option<String>")]
+    criteria: Option<Spanned<PathBuf>>,
+    /// Channel map with which every flight is read.
+    map: Option<String>,
+    /// Folder with further channel maps.
+    #[schemars(with = "Option<String>")]
+    maps: Option<PathBuf>,
+}
+
+/// A night as it is meant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NightlyConfig {
+    /// Name of the night.
+    pub title: String,
+    /// Folder of the reports.
+    pub out: PathBuf,
+    /// Folder of the history.
+    pub history: PathBuf,
+    /// Identities that logs do not say.
+    pub fleet: Fleet,
+    /// Campaigns in their order: name and what is asked.
+    pub campaigns: Vec<(String, Order)>,
+}
+
+impl NightlyConfig {
+    /// Reads a nightly file, and the pipelines, criteria and fleet that it names. Paths are relative to its folder.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the file, with lines; or what is wrong with a file that it names.
+    pub fn read(path: &Path) -> Result<NightlyConfig, HistoryError> {
+        let fault = |line, what| HistoryError::Settings { file: path.to_owned(), line, what };
+        let text = std::fs::read_to_string(path).map_err(|e| fault(None, format!("cannot be read: {e}")))?;
+        NightlyConfig::parse(&text, path)
+    }
+
+    /// Reads a nightly file from `text`; `path` is for errors and relative paths.
+    ///
+    /// # Errors
+    /// As [`NightlyConfig::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<NightlyConfig, HistoryError> {
+        let file = SettingsFile::new(text, path);
+        let reader = Reader { file: &file, folder: path.parent().unwrap_or(Path::new("")) };
+        let meant = file.read().and_then(|written| reader.meaning_of(written));
+        let wrong =
+            |e: settings::Complaint| HistoryError::Settings { file: path.to_owned(), line: e.line, what: e.what };
+        file.finish(meant).map_err(wrong)
+    }
+}
+
+struct Reader<'a> {
+    file: &'a SettingsFile<'a>,
+    folder: &'a Path,
+}
+
+impl Reader<'_> {
+    fn meaning_of(&self, written: NightlyFile) -> Result<NightlyConfig, Refused> {
+        if *written.schema.get_ref() != 1 {
+            return Err(self
+                .file
+                .reject(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+        }
+        let some = match written.campaign.is_empty() {
+            true => Err(self.file.reject_whole("holds no [[campaign]]: there is nothing to run")),
+            false => Ok(()),
+        };
+        let settle = self.settle(&written.settle_min);
+        let fleet = written.fleet.as_ref().map(|at| self.named_file(at, Fleet::read)).transpose();
+        let all = (written.pipeline.as_ref(), written.criteria.as_ref());
+        let out = self.folder.join(written.out.get_ref());
+        let names = self.names(&written.campaign);
+        let campaigns: Vec<Result<Order, Refused>> =
+            written.campaign.iter().map(|table| self.order(table.get_ref(), all, settle.unwrap_or_default())).collect();
+        let campaigns: Result<Vec<Order>, Refused> = campaigns.into_iter().collect();
+        some?;
+        settle?;
+        let orders = names?.into_iter().zip(campaigns?);
+        Ok(NightlyConfig {
+            title: written.title,
+            history: written.history.map_or_else(|| out.join("history"), |history| self.folder.join(history)),
+            fleet: fleet?.unwrap_or_default(),
+            campaigns: orders.map(|(name, order)| (name.clone(), Order { out: out.join(&name), ..order })).collect(),
+            out,
+        })
+    }
+
+    fn settle(&self, minutes: &Spanned<f64>) -> Result<Duration, Refused> {
+        match *minutes.get_ref() {
+            m if (0.0..=1440.0).contains(&m) => Ok(Duration::from_secs_f64(60.0 * m)),
+            _ => Err(self.file.reject(minutes, "settle_min must be from 0 to 1440 minutes")),
+        }
+    }
+
+    /// The names of all campaigns; each is the name of a folder, and no two are equal.
+    fn names(&self, campaigns: &[Spanned<CampaignTable>]) -> Result<Vec<String>, Refused> {
+        let mut lines: BTreeMap<String, usize> = BTreeMap::new();
+        let mut names = vec![];
+        let mut right = Ok(());
+        for table in campaigns {
+            let flights = &table.get_ref().flights;
+            let given = table.get_ref().name.as_ref();
+            let of_folder =
+                || self.folder.join(flights.get_ref()).file_name().map(|n| n.to_string_lossy().into_owned());
+            let name = given.map(|name| name.get_ref().clone()).or_else(of_folder).unwrap_or_default();
+            let line = given.map_or_else(|| self.file.line_of(flights), |name| self.file.line_of(name));
+            let complain = |what: String| match given {
+                Some(name) => self.file.reject(name, what),
+                None => self.file.reject(flights, format!("{what}; give the campaign a `name`")),
+            };
+            let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+            if name.is_empty() || name.starts_with('.') || !name.chars().all(plain) {
+                right = Err(complain(format!("name {name:?} must be letters, digits, `-`, `_` and `.`")));
+            } else if TAKEN.contains(&name.as_str()) {
+                right = Err(complain(format!("name {name:?} is taken by the night itself")));
+            } else if let Some(other) = lines.insert(name.clone(), line) {
+                right = Err(complain(format!("name {name:?} is that of the campaign on line {other} too")));
+            }
+            names.push(name);
+        }
+        right.map(|()| names)
+    }
+
+    /// What is asked of a campaign. Its output folder follows from its name.
+    fn order(
+        &self,
+        table: &CampaignTable,
+        (pipeline, criteria): (Option<&Spanned<PathBuf>>, Option<&Spanned<PathBuf>>),
+        settle: Duration,
+    ) -> Result<Order, Refused> {
+        let flights = self.folder.join(table.flights.get_ref());
+        let there = match flights.is_dir() {
+            true => Ok(()),
+            false => Err(self.file.reject(&table.flights, format!("flights: {} is not a folder", flights.display()))),
+        };
+        let pipeline = table.pipeline.as_ref().or(pipeline);
+        let criteria = table.criteria.as_ref().or(criteria);
+        let settings = match pipeline {
+            Some(at) => self.named_file(at, |path| Pipeline::read(path).map_err(campaign_error)),
+            None => Pipeline::shipped_default().map_err(|e| self.file.reject_whole(e.to_string())),
+        };
+        let judged =
+            criteria.map(|at| self.named_file(at, |path| Criteria::read(path).map_err(campaign_error))).transpose();
+        there?;
+        let maps = table.maps.as_ref().map(|maps| self.folder.join(maps));
+        let settings = settings?.with_criteria(judged?).with_forced_map(table.map.clone()).with_maps_folder(maps);
+        Ok(Order {
+            command: command(&flights, pipeline, criteria),
+            flights,
+            out: PathBuf::new(),
+            pipeline: settings,
+            verify: false,
+            replace: false,
+            settle: Some(settle),
+        })
+    }
+
+    /// What `read` makes of a file that is named here.
+    fn named_file<T>(
+        &self,
+        at: &Spanned<PathBuf>,
+        read: impl FnOnce(&Path) -> Result<T, HistoryError>,
+    ) -> Result<T, Refused> {
+        read(&self.folder.join(at.get_ref())).map_err(|e| self.file.reject(at, e.to_string()))
+    }
+}
+
+fn campaign_error(error: impl Into<CampaignError>) -> HistoryError {
+    HistoryError::Campaign(error.into())
+}
+
+/// The command that makes the same report by hand, with names instead of paths.
+fn command(flights: &Path, pipeline: Option<&Spanned<PathBuf>>, criteria: Option<&Spanned<PathBuf>>) -> String {
+    let name = |path: &Path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=@%+,".contains(c);
+        match !name.is_empty() && name.chars().all(plain) && !name.starts_with('-') {
+            true => name,
+            false => format!("'{}'", name.replace('\'', "'\\''")),
+        }
+    };
+    let mut command = format!("flightlag campaign {}", name(flights));
+    for (option, file) in [("--pipeline", pipeline), ("--criteria", criteria)] {
+        if let Some(file) = file {
+            command += &format!(" {option} {}", name(file.get_ref()));
+        }
+    }
+    command + " --out REPORT"
+}
+
+/// The JSON schema of a nightly file, as text.
+#[must_use]
+pub fn nightly_schema() -> String {
+    let schema = schemars::schema_for!(NightlyFile);
+    serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["may", "june"] {
+            std::fs::create_dir(folder.path().join(name)).unwrap();
+        }
+        folder
+    }
+
+    #[test]
+    fn paths_are_relative_to_the_file_and_names_follow_from_folders() {
+        let folder = folder();
+        let text = "schema = 1\nout = \"reports\"\nsettle_min = 5\n[[campaign]]\nflights = \"may\"\n\
+                    [[campaign]]\nflights = \"june\"\nname = \"summer\"\n";
+        let config = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap();
+        let names: Vec<&str> = config.campaigns.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["may", "summer"]);
+        let order = &config.campaigns[1].1;
+        assert_eq!(order.out, folder.path().join("reports/summer"));
+        assert_eq!((order.settle, &order.flights), (Some(Duration::from_secs(300)), &folder.path().join("june")));
+        assert_eq!(config.history, folder.path().join("reports/history"));
+    }
+
+    #[test]
+    fn all_that_is_wrong_is_said_at_once_with_lines() {
+        let folder = folder();
+        std::fs::write(folder.path().join("p.toml"), "schema = 1\n[delay]\npositon_s = 0.4\nsource = \"x\"\n").unwrap();
+        let text = "schema = 1\nout = \"reports\"\nsettle_min = -1\npipeline = \"p.toml\"\nfleet = \"none.toml\"\n\
+                    [[campaign]]\nflights = \"may\"\n[[campaign]]\nflights = \"may\"\n[[campaign]]\nflights = \"july\"\n\
+                    name = \"nights\"\nflihgts = 1\n";
+        let said = NightlyConfig::parse(text, &folder.path().join("n.toml")).unwrap_err().to_string();
+        for part in [
+            "n.toml:3: settle_min must be from 0 to 1440 minutes",
+            "p.toml:3: unknown key `positon_s`",
+            "n.toml:5: ",
+            "none.toml: cannot be read",
+            "n.toml:9: name \"may\" is that of the campaign on line 7 too; give the campaign a `name`",
+            "july is not a folder",
+            "n.toml:12: name \"nights\" is taken by the night itself",
+            "n.toml:13: unknown key `flihgts`: did you mean `flights`?",
+        ] {
+            assert!(said.contains(part), "{part}\nis not in\n{said}");
+        }
+    }
+
+    /// `FLIGHTLAG_BLESS=1` writes them again.
+    #[test]
+    fn the_published_schemas_are_those_of_the_files() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/nightly");
+        for (name, text) in [("nightly", nightly_schema()), ("fleet", crate::fleet::fleet_schema())] {
+            let file = folder.join(format!("{name}.schema.json"));
+            if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
+                std::fs::write(&file, &text).unwrap();
+            }
+            assert_eq!(std::fs::read_to_string(&file).unwrap(), text, "{name}: accept a change with `just bless`");
+        }
+    }
+
+    #[test]
+    fn the_example_is_right_but_for_its_folders() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = NightlyConfig::parse(EXAMPLE_NIGHTLY, &folder.path().join("nightly.toml")).unwrap_err().to_string();
+        let others: Vec<&str> =
+            said.lines().filter(|line| !line.contains("is not a folder") && !line.contains("cannot be read")).collect();
+        assert_eq!(others, [] as [&str; 0], "{said}");
+    }
+}

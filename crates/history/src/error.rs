@@ -1,0 +1,58 @@
+//! What can go wrong with a history, a fleet file or a nightly file.
+
+use std::path::PathBuf;
+
+/// Why a history could not be read, written or used.
+#[derive(Debug, thiserror::Error)]
+pub enum HistoryError {
+    /// A file or folder cannot be read or written.
+    #[error("{}: cannot {doing}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried.
+        doing: &'static str,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A settings file is wrong.
+    #[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    Settings {
+        /// The file.
+        file: PathBuf,
+        /// Line, from 1, where there is one.
+        line: Option<usize>,
+        /// What is wrong, and what would be right.
+        what: String,
+    },
+    /// A folder is not the report of a campaign, or one of its files is damaged.
+    #[error("{}: {what}", path.display())]
+    Report {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// The command asks for something that cannot be done.
+    #[error("{0}")]
+    Asked(String),
+    /// A campaign failed, or one of its settings files is wrong.
+    #[error(transparent)]
+    Campaign(#[from] campaign::CampaignError),
+}
+
+impl HistoryError {
+    pub(crate) fn io(path: &std::path::Path, doing: &'static str, source: std::io::Error) -> HistoryError {
+        HistoryError::Io { path: path.to_owned(), doing, source }
+    }
+
+    /// The exit code that this error stands for.
+    #[must_use]
+    pub fn exit(&self) -> campaign::Exit {
+        match self {
+            HistoryError::Settings { .. } | HistoryError::Asked(_) => campaign::Exit::Wrong,
+            HistoryError::Campaign(error) => error.exit(),
+            HistoryError::Io { .. } | HistoryError::Report { .. } => campaign::Exit::Failed,
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! The fleet file: which aircraft and receiver a flight is of, where its log does not say it.
+
+use crate::error::HistoryError;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use settings::{Refused, SettingsFile};
+use std::path::Path;
+use toml::Spanned;
+
+/// The commented example, compiled in: `pipelines/nightly/fleet.toml`.
+pub const EXAMPLE_FLEET: &str = include_str!("../../../pipelines/nightly/fleet.toml");
+
+/// The fleet file as its author writes it.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "flightlag fleet")]
+struct FleetFile {
+    /// Version of this file's layout: 1.
+    #[schemars(with = "u32", range(min = 1, max = 1))]
+    schema: Spanned<u32>,
+    /// Aircraft, each with the flights that are its own. The first that fits a flight counts.
+    #[serde(default)]
+    #[schemars(with = "Vec<AircraftTable>", length(min = 1))]
+    aircraft: Vec<Spanned<AircraftTable>>,
+}
+
+/// An aircraft with its receiver, and which flights are its own.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct AircraftTable {
+    /// Pattern of CAMPAIGN/FLIGHT; `*` stands for anything, also for several folders.
+    #[schemars(with = "String")]
+    flights: Spanned<String>,
+    /// Aircraft, as its registration or tail number.
+    airframe: Option<String>,
+    /// Make and model of the receiver.
+    receiver: Option<String>,
+    /// Serial number of the receiver.
+    serial: Option<String>,
+    /// Firmware of the receiver.
+    firmware: Option<String>,
+    /// Rate of the position, Hz.
+    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0))]
+    rate_hz: Option<Spanned<f64>>,
+    /// Speed of the receiver's serial line, baud.
+    #[schemars(with = "Option<u32>", range(min = 1))]
+    baud: Option<Spanned<u32>>,
+}
+
+/// What the fleet file says of a flight.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Aircraft {
+    /// Aircraft.
+    pub airframe: Option<String>,
+    /// Make and model of the receiver.
+    pub receiver: Option<String>,
+    /// Serial number of the receiver.
+    pub serial: Option<String>,
+    /// Firmware of the receiver.
+    pub firmware: Option<String>,
+    /// Rate of the position, Hz.
+    pub rate_hz: Option<f64>,
+    /// Speed of the receiver's serial line, baud.
+    pub baud: Option<i64>,
+}
+
+/// Which aircraft flew what. Empty without a fleet file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Fleet {
+    /// Patterns with what they stand for, the first that fits counts.
+    aircraft: Vec<(String, Aircraft)>,
+}
+
+impl Fleet {
+    /// Reads a fleet file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or holds something wrong: every complaint with its line.
+    pub fn read(path: &Path) -> Result<Fleet, HistoryError> {
+        let text = std::fs::read_to_string(path).map_err(|e| HistoryError::Settings {
+            file: path.to_owned(),
+            line: None,
+            what: format!("cannot be read: {e}"),
+        })?;
+        Fleet::parse(&text, path)
+    }
+
+    /// Reads a fleet from a text; `path` is for errors.
+    ///
+    /// # Errors
+    /// As [`Fleet::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Fleet, HistoryError> {
+        let file = SettingsFile::new(text, path);
+        let meant = file.read().and_then(|written| meaning_of(&file, written));
+        let wrong =
+            |e: settings::Complaint| HistoryError::Settings { file: path.to_owned(), line: e.line, what: e.what };
+        file.finish(meant).map_err(wrong)
+    }
+
+    /// What is said of a flight; the first pattern that fits `CAMPAIGN/FLIGHT` counts.
+    #[must_use]
+    pub fn of(&self, campaign: &str, flight: &str) -> Option<&Aircraft> {
+        let name = format!("{campaign}/{flight}");
+        self.aircraft.iter().find(|(pattern, _)| fits(pattern, &name)).map(|(_, aircraft)| aircraft)
+    }
+}
+
+fn meaning_of(file: &SettingsFile<'_>, written: FleetFile) -> Result<Fleet, Refused> {
+    if *written.schema.get_ref() != 1 {
+        return Err(file.reject(&written.schema, "schema must be 1, the only layout that this flightlag knows"));
+    }
+    if written.aircraft.is_empty() {
+        return Err(file.reject_whole("holds no [[aircraft]]: no flight could be found in it"));
+    }
+    let aircraft: Vec<_> = written.aircraft.into_iter().map(|a| aircraft(file, a)).collect();
+    Ok(Fleet { aircraft: aircraft.into_iter().collect::<Result<_, _>>()? })
+}
+
+fn aircraft(file: &SettingsFile<'_>, written: Spanned<AircraftTable>) -> Result<(String, Aircraft), Refused> {
+    let whole = Spanned::new(written.span(), ());
+    let table = written.into_inner();
+    let says_nothing = table.airframe.is_none()
+        && [&table.receiver, &table.serial, &table.firmware].iter().all(|text| text.is_none())
+        && table.rate_hz.is_none()
+        && table.baud.is_none();
+    let mut right = Ok(());
+    if says_nothing {
+        right = Err(file
+            .reject(&whole, "[[aircraft]] says nothing: give airframe, receiver, serial, firmware, rate_hz or baud"));
+    }
+    if table.flights.get_ref().trim().is_empty() {
+        right = Err(file.reject(&table.flights, "flights must be a pattern of CAMPAIGN/FLIGHT, as \"uav-1/*\""));
+    }
+    if let Some(rate) = table.rate_hz.as_ref().filter(|rate| !(rate.get_ref().is_finite() && *rate.get_ref() > 0.0)) {
+        right = Err(file.reject(rate, "rate_hz must be more than 0 Hz"));
+    }
+    if let Some(baud) = table.baud.as_ref().filter(|baud| *baud.get_ref() == 0) {
+        right = Err(file.reject(baud, "baud must be more than 0 baud"));
+    }
+    right?;
+    let AircraftTable { flights, airframe, receiver, serial, firmware, rate_hz, baud } = table;
+    let (rate_hz, baud) = (rate_hz.map(Spanned::into_inner), baud.map(|baud| i64::from(baud.into_inner())));
+    Ok((flights.into_inner(), Aircraft { airframe, receiver, serial, firmware, rate_hz, baud }))
+}
+
+/// Whether a name fits a pattern in which `*` stands for anything.
+fn fits(pattern: &str, name: &str) -> bool {
+    let mut parts = pattern.split('*');
+    let first = parts.next().unwrap_or_default();
+    let Some(mut rest) = name.strip_prefix(first) else { return false };
+    let mut parts: Vec<&str> = parts.collect();
+    let Some(last) = parts.pop() else { return rest.is_empty() };
+    for part in parts {
+        match rest.find(part) {
+            Some(at) => rest = &rest[at + part.len()..],
+            None => return false,
+        }
+    }
+    rest.ends_with(last)
+}
+
+/// The JSON schema of a fleet file, as text.
+#[must_use]
+pub fn fleet_schema() -> String {
+    let schema = schemars::schema_for!(FleetFile);
+    serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_pattern_that_fits_counts() {
+        let text = "schema = 1\n[[aircraft]]\nflights = \"uav/may/*\"\nairframe = \"N1\"\nbaud = 115200\n\
+                    [[aircraft]]\nflights = \"uav/*.bin\"\nairframe = \"N2\"\nserial = \"7\"\n";
+        let fleet = Fleet::parse(text, Path::new("fleet.toml")).unwrap();
+        let airframe = |flight: &str| fleet.of("uav", flight).and_then(|a| a.airframe.clone());
+        assert_eq!(airframe("may/1.bin").as_deref(), Some("N1"));
+        assert_eq!(airframe("june/day/1.bin").as_deref(), Some("N2"));
+        assert_eq!(airframe("june/1.ulg"), None);
+        assert_eq!(fleet.of("uav", "may/1.bin").unwrap().baud, Some(115_200));
+    }
+
+    #[test]
+    fn a_star_stands_for_anything() {
+        for (pattern, name, does) in [
+            ("*", "", true),
+            ("a*", "abc", true),
+            ("a*c", "abbc", true),
+            ("a*c", "ab", false),
+            ("a*b*c", "a-b-b-c", true),
+            ("ab", "ab", true),
+            ("ab", "abc", false),
+            ("ab*ba", "aba", false),
+        ] {
+            assert_eq!(fits(pattern, name), does, "{pattern} {name}");
+        }
+    }
+
+    #[test]
+    fn all_that_is_wrong_is_said_at_once_with_lines() {
+        let text = "schema = 1\n[[aircraft]]\nflights = \"a/*\"\n[[aircraft]]\nflights = \"b/*\"\nairfarme = \"N2\"\n\
+                    [[aircraft]]\nflights = \"c/*\"\nrate_hz = -5.0\n";
+        let said = Fleet::parse(text, Path::new("fleet.toml")).unwrap_err().to_string();
+        assert!(said.contains("fleet.toml:2: [[aircraft]] says nothing"), "{said}");
+        assert!(said.contains("fleet.toml:6: unknown key `airfarme`: did you mean `airframe`?"), "{said}");
+        assert!(said.contains("fleet.toml:9: rate_hz must be more than 0 Hz"), "{said}");
+    }
+
+    #[test]
+    fn the_example_is_a_fleet() {
+        let fleet = Fleet::parse(EXAMPLE_FLEET, Path::new("fleet.toml")).unwrap();
+        assert!(!fleet.aircraft.is_empty());
+    }
+}

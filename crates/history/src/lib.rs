@@ -1,0 +1,55 @@
+//! Campaigns over many nights.
+//!
+//! A [`History`] is a folder of Parquet files, one for each run. A run adds one [`Row`] for each flight whose finding is new
+//! or changed. Each row has two time axes: when the flight was flown and when the run was.
+//! [`collect`] makes the rows from the report of a campaign. Identities that a log does not say come from a [`Fleet`] file.
+//!
+//! ```
+//! use history::{History, Row, Run};
+//! let folder = tempfile::tempdir()?;
+//! let history = History::new(folder.path());
+//! let run = Run::at("2026-11-25T22:00:00Z".parse()?);
+//! let row = Row { run_id: run.id.clone(), run_ns: run.start_ns, campaign: "may".into(), flight: "1.bin".into(), ..Row::default() };
+//! history.append(&run, &[row])?;
+//! let (latest, _unreadable) = history.latest(&|_| true)?;
+//! assert_eq!(latest.len(), 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#[cfg(any(test, feature = "query"))]
+mod answer;
+mod change_points;
+mod collect;
+mod compare;
+mod config;
+mod dataset;
+mod diff;
+mod error;
+mod fleet;
+mod latency;
+mod night;
+mod proof;
+mod query;
+mod row;
+mod runs;
+mod schema;
+mod summary;
+mod trend;
+
+#[cfg(any(test, feature = "query"))]
+pub use answer::{Answer, answer};
+pub use collect::{Collecting, collect, read_campaign};
+pub use compare::{PageOf, causes, compare};
+pub use config::{EXAMPLE_NIGHTLY, NightlyConfig, nightly_schema};
+pub use dataset::{History, Latest, ReadRows, Run, latest_of};
+pub use diff::diff;
+pub use error::HistoryError;
+pub use fleet::{Aircraft, EXAMPLE_FLEET, Fleet, fleet_schema};
+pub use latency::{LatencyLine, latency};
+pub use night::{Night, nightly, write_file};
+pub use proof::proofs;
+pub use query::Query;
+pub use row::{COLUMNS, Dimension, Row};
+pub use runs::{RunLine, runs};
+pub use schema::HISTORY_SCHEMA;
+pub use trend::{FALSE_ALARM, Trend, new_changes, trend};

@@ -1,0 +1,300 @@
+//! One night: every campaign, the history, what changed, trends, and whether settings held.
+
+use crate::collect::{Collecting, collect, read_campaign};
+use crate::compare::compare;
+use crate::config::NightlyConfig;
+use crate::dataset::{History, Latest, Run, latest_of};
+use crate::error::HistoryError;
+use crate::proof::proofs;
+use crate::row::{Dimension, Row};
+use crate::summary;
+use crate::trend::{Trend, new_changes, trend};
+use campaign::{CampaignError, Desk, Exit, Order, STILL_WRITTEN, Verdict};
+use record::{
+    CampaignRecord, LeftLog, NamedFlight, NightCampaign, NightRecord, ProofVerdict, RECORD_VERSION, TrendRecord,
+};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Folder of the pages and summaries of all nights, below the folder of the reports.
+const NIGHTS: &str = "nights";
+/// Page of the latest night, in the folder of the reports.
+const MORNING: &str = "morning.html";
+/// Held while a night runs.
+const LOCK: &str = ".nightly-lock";
+
+/// What a night left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Night {
+    /// Everything that it found.
+    pub record: NightRecord,
+    /// Page to open.
+    pub page: PathBuf,
+    /// Folder with the page, night.json and the summaries of this night.
+    pub folder: PathBuf,
+    /// The new file of the history.
+    pub history: PathBuf,
+    /// How the night ended.
+    pub exit: Exit,
+}
+
+/// Runs a night.
+///
+/// # Errors
+/// The user stopped, another night is at work on the same folder, or an output cannot be written. A campaign that fails is a
+/// row of the night's page.
+pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, HistoryError> {
+    let clock = (jiff::Timestamp::now(), Instant::now());
+    std::fs::create_dir_all(&config.out).map_err(|e| HistoryError::io(&config.out, "make this folder", e))?;
+    let _lock = lock(&config.out)?;
+    let history = History::new(&config.history);
+    let nights = config.out.join(NIGHTS);
+    let is_used = |id: &str| nights.join(id).exists() || config.history.join(format!("{id}.parquet")).exists();
+    let run = Run::unused(clock.0, &is_used);
+    let names: BTreeSet<&str> = config.campaigns.iter().map(|(name, _)| name.as_str()).collect();
+    let known = history.rows(&|row| names.contains(row.campaign.as_str()))?;
+    let before = latest_of(known.rows.iter().cloned());
+    let mut made = Made { problems: known.unreadable, ..Made::default() };
+    for (name, order) in &config.campaigns {
+        made.campaign(name, order, &Context { run: &run, config, before: &before, desk })?;
+    }
+    let fresh: Vec<Row> = made.rows.iter().filter(|row| !stands(row, &before)).cloned().collect();
+    let record = record(config, &run, clock, &before, &known.rows, &fresh, made);
+    let exit = exit_of(record.exit);
+    let folder = nights.join(&run.id);
+    write(&record, config, &folder)?;
+    let history = history.append(&run, &fresh)?;
+    Ok(Night { page: config.out.join(MORNING), record, folder, history, exit })
+}
+
+/// Whether the history says the same already.
+fn stands(row: &Row, before: &Latest) -> bool {
+    before.get(&(row.campaign.clone(), row.flight.clone())).is_some_and(|known| known.says_the_same(row))
+}
+
+/// Two nights at once would write the same pages.
+fn lock(out: &Path) -> Result<File, HistoryError> {
+    let path = out.join(LOCK);
+    let file = File::create(&path).map_err(|e| HistoryError::io(&path, "make", e))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(std::fs::TryLockError::WouldBlock) => {
+            let what = format!("{}: another night is at work on this folder", out.display());
+            Err(CampaignError::TryAgain(what).into())
+        }
+        // Some network file systems know no locks: the campaigns have locks of their own.
+        Err(std::fs::TryLockError::Error(_)) => Ok(file),
+    }
+}
+
+/// What a campaign needs of its night.
+struct Context<'a> {
+    run: &'a Run,
+    config: &'a NightlyConfig,
+    before: &'a Latest,
+    desk: &'a Desk<'a>,
+}
+
+/// What was made so far.
+#[derive(Default)]
+struct Made {
+    campaigns: Vec<NightCampaign>,
+    rows: Vec<Row>,
+    gone: Vec<NamedFlight>,
+    left: Vec<LeftLog>,
+    problems: Vec<String>,
+}
+
+impl Made {
+    /// Runs one campaign and takes down what came of it. Only the user's stop ends the night.
+    fn campaign(&mut self, name: &str, order: &Order, context: &Context<'_>) -> Result<(), HistoryError> {
+        let earlier = read_campaign(&order.out).map(|record| record.flights.into_iter().map(|row| row.flight));
+        let earlier: BTreeSet<String> = earlier.map(Iterator::collect).unwrap_or_default();
+        let ended = match campaign::run(order, context.desk) {
+            Err(CampaignError::Cancelled) => return Err(CampaignError::Cancelled.into()),
+            Ok(verdict) => self.collected(name, order, context, &earlier, &verdict).map(|()| verdict),
+            Err(error) => Err(error.into()),
+        };
+        self.campaigns.push(row_of(name, order, ended));
+        Ok(())
+    }
+
+    fn collected(
+        &mut self,
+        name: &str,
+        order: &Order,
+        context: &Context<'_>,
+        earlier: &BTreeSet<String>,
+        verdict: &Verdict,
+    ) -> Result<(), HistoryError> {
+        let record = read_campaign(&order.out)?;
+        let fleet = &context.config.fleet;
+        let with = Collecting { run: context.run, campaign: name, fleet, known: context.before };
+        self.rows.extend(collect(&record, &order.out, &with)?);
+        let left = left_of(name, &record);
+        let is_left = |flight: &String| left.iter().any(|log| log.path == *flight);
+        let now: BTreeSet<&str> = record.flights.iter().map(|row| row.flight.as_str()).collect();
+        let gone = earlier.iter().filter(|flight| !now.contains(flight.as_str()) && !is_left(flight));
+        self.gone.extend(gone.map(|flight| NamedFlight {
+            campaign: name.to_owned(),
+            flight: flight.clone(),
+            page: None,
+        }));
+        self.left.extend(left);
+        if verdict.troubled > 0 {
+            self.problems.push(format!(
+                "{name}: {} flights have no lasting result: the next night tries again",
+                verdict.troubled
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Logs that are left for the next night.
+fn left_of(name: &str, record: &CampaignRecord) -> Vec<LeftLog> {
+    let unsettled = record.ignored.iter().filter(|input| input.reason.starts_with(STILL_WRITTEN));
+    let left = unsettled.map(|input| (input.path.clone(), input.reason.clone()));
+    left.map(|(path, reason)| LeftLog { campaign: name.to_owned(), path, reason }).collect()
+}
+
+/// The campaign's row of the night.
+fn row_of(name: &str, order: &Order, ended: Result<Verdict, HistoryError>) -> NightCampaign {
+    let row = NightCampaign {
+        name: name.to_owned(),
+        flights: order.flights.display().to_string(),
+        report: format!("{name}/index.html"),
+        totals: None,
+        criteria_failed: 0,
+        exit: Exit::Well as u8,
+        error: None,
+        nothing_changed: false,
+    };
+    match ended {
+        Err(error) => NightCampaign { exit: error.exit() as u8, error: Some(error.to_string()), ..row },
+        Ok(verdict) => NightCampaign {
+            exit: verdict.exit() as u8,
+            criteria_failed: verdict.criteria.as_ref().map_or(0, |c| c.flights.fail),
+            nothing_changed: verdict.nothing_changed,
+            totals: Some(verdict.totals),
+            ..row
+        },
+    }
+}
+
+fn record(
+    config: &NightlyConfig,
+    run: &Run,
+    (started, clock): (jiff::Timestamp, Instant),
+    before: &Latest,
+    known: &[Row],
+    fresh: &[Row],
+    made: Made,
+) -> NightRecord {
+    let page = |row: &Row| Some(format!("{}/{}", row.campaign, row.page)).filter(|_| !row.page.is_empty());
+    let mut changes = compare(before, &made.rows, &page);
+    changes.gone = made.gone;
+    let earlier = trend(before, &Dimension::ALL, &page);
+    let all: Vec<Row> = known.iter().chain(fresh).cloned().collect();
+    let now = trend(&latest_of(all.iter().cloned()), &Dimension::ALL, &page);
+    let mut record = NightRecord {
+        record_version: RECORD_VERSION,
+        title: config.title.clone(),
+        run_id: run.id.clone(),
+        started: started.to_string(),
+        seconds: clock.elapsed().as_secs_f64(),
+        flightlag_version: env!("CARGO_PKG_VERSION").to_owned(),
+        before: known.last().map(|row| row.run_id.clone()),
+        exit: Exit::Well as u8,
+        summary: vec![],
+        campaigns: made.campaigns,
+        changes,
+        left: made.left,
+        new_trend_changes: new_changes(&earlier, &now),
+        trend: with_changes(now),
+        proofs: proofs(&all, &page),
+        problems: made.problems,
+    };
+    record.exit = code(&record);
+    record.summary = summary::lines(&record);
+    record
+}
+
+/// Only the charts that show a change: `flightlag trend` shows all.
+fn with_changes(trend: Trend) -> TrendRecord {
+    let mut record = trend.record;
+    let all = record.charts.len();
+    record.charts.retain(|chart| !chart.changes.is_empty());
+    let without = all - record.charts.len();
+    if without > 0 {
+        record.left_out.push(format!("{without} charts without a change"));
+    }
+    record
+}
+
+/// The gravest exit code. What no retry heals comes first, then what one may heal, then what was found.
+fn code(record: &NightRecord) -> u8 {
+    let is_failed = record.proofs.iter().any(|proof| proof.verdict == ProofVerdict::Fail);
+    let proof = if is_failed { Exit::CriterionFailed } else { Exit::Well };
+    let incomplete = !record.problems.is_empty() || !record.new_trend_changes.is_empty();
+    let own = if incomplete { Exit::Incomplete } else { Exit::Well };
+    let codes = record.campaigns.iter().map(|c| c.exit).chain([proof as u8, own as u8]);
+    codes.max_by_key(|code| GRAVEST_LAST.iter().position(|known| *known as u8 == *code)).unwrap_or_default()
+}
+
+const GRAVEST_LAST: [Exit; 6] =
+    [Exit::Well, Exit::Incomplete, Exit::CriterionFailed, Exit::TryAgain, Exit::Failed, Exit::Wrong];
+
+fn exit_of(code: u8) -> Exit {
+    GRAVEST_LAST.into_iter().find(|known| *known as u8 == code).unwrap_or(Exit::Failed)
+}
+
+/// Writes the pages and summaries: those of this night in its folder, and the page of the latest night above.
+fn write(record: &NightRecord, config: &NightlyConfig, folder: &Path) -> Result<(), HistoryError> {
+    let site = report::night_site(record, "../../");
+    for (path, bytes) in &site.files {
+        write_file(&folder.join(path), bytes)?;
+    }
+    let text = summary::text(record);
+    let files = [
+        ("night.json", serde_json::to_string_pretty(record).unwrap_or_default() + "\n"),
+        ("summary.txt", text.clone()),
+        ("summary.json", summary::json(record)),
+        ("summary.md", summary::markdown(record)),
+        ("summary.xml", summary::junit(record)),
+    ];
+    for (name, text) in &files {
+        write_file(&folder.join(name), text.as_bytes())?;
+    }
+    let latest = report::night_site(record, "");
+    for (path, bytes) in &latest.files {
+        let name = if path == "index.html" { MORNING } else { path };
+        write_file(&config.out.join(name), bytes)?;
+    }
+    for (name, text) in files.iter().filter(|(name, _)| name.starts_with("summary.")) {
+        write_file(&config.out.join(name), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Writes a file whole: to a temporary name in its folder, then renamed.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), HistoryError> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|e| HistoryError::io(folder, "make this folder", e))?;
+    let failed = |e| HistoryError::io(path, "write", e);
+    let mut file = tempfile::Builder::new().prefix(".").suffix(".flightlag-tmp").tempfile_in(folder).map_err(failed)?;
+    file.write_all(bytes).and_then(|()| crate::dataset::readable_by_all(file.as_file())).map_err(failed)?;
+    file.persist(path).map_err(|e| failed(e.error))?;
+    Ok(())
+}
+
+/// The name of a flight for a sentence.
+pub(crate) fn flight_name(flight: &NamedFlight) -> String {
+    if flight.campaign.is_empty() { flight.flight.clone() } else { format!("{}/{}", flight.campaign, flight.flight) }
+}

@@ -1,0 +1,349 @@
+//! "Set this, then prove it": whether a recommended parameter did what was predicted, by the flights after it.
+//!
+//! The residual is the lateness of the position less the value of the parameter: what the autopilot does not account for. A
+//! run recommends a value from the lateness of the flights before. When later logs show that the parameter was set, their
+//! residual is measured and put beside the prediction.
+
+use crate::change_points::{spread, weighted_mean};
+use crate::compare::{PageOf, name_of};
+use crate::row::Row;
+use record::{Estimate, ProofVerdict, SettingProof};
+use std::collections::BTreeMap;
+
+/// Parameters are whole milliseconds: values nearer than this are the same, s.
+const SAME_S: f64 = 0.5e-3;
+/// Residuals that differ by no more than the step of the parameter agree, s.
+const STEP_S: f64 = 1e-3;
+/// Prediction and measurement agree within this many combined standard uncertainties.
+const AGREE_SIGMAS: f64 = 2.0;
+
+/// Which setting of which aircraft.
+type Subject<'a> = (&'a str, &'a str, &'a str, &'a str);
+
+/// Flights after one another with the same value of the parameter.
+struct Epoch<'a> {
+    set_s: f64,
+    /// The latest row of each flight.
+    latest: Vec<&'a Row>,
+}
+
+/// The state of each recommended setting. `rows` are all rows of all runs.
+#[must_use]
+pub fn proofs(rows: &[Row], page: PageOf<'_>) -> Vec<SettingProof> {
+    let mut subjects: BTreeMap<Subject<'_>, Vec<&Row>> = BTreeMap::new();
+    for row in rows.iter().filter(|row| row.duplicate_of.is_none()) {
+        let Some(parameter) = row.parameter.as_deref() else { continue };
+        let text = |of: &'_ Option<String>| -> bool { of.is_some() };
+        let receiver = if text(&row.serial) { row.serial.as_deref() } else { row.receiver.as_deref() };
+        let subject = (
+            row.campaign.as_str(),
+            row.airframe.as_deref().unwrap_or_default(),
+            receiver.or(row.group.as_deref()).unwrap_or_default(),
+            parameter,
+        );
+        subjects.entry(subject).or_default().push(row);
+    }
+    subjects.iter().flat_map(|(subject, rows)| of_subject(*subject, rows, page)).collect()
+}
+
+/// The latest change of a setting, and the recommendation that is open.
+fn of_subject(subject: Subject<'_>, rows: &[&Row], page: PageOf<'_>) -> Vec<SettingProof> {
+    let epochs = epochs(rows);
+    let mut found = vec![];
+    if let [.., before, after] = epochs.as_slice() {
+        found.extend(tested(subject, before, after, rows, page));
+    }
+    if let Some(last) = epochs.last() {
+        found.extend(open(subject, last));
+    }
+    found
+}
+
+/// Flights with a known value of the parameter, in the order in which they were flown, by value.
+fn epochs<'a>(rows: &[&'a Row]) -> Vec<Epoch<'a>> {
+    let mut latest: BTreeMap<&str, &Row> = BTreeMap::new();
+    for row in rows.iter().filter(|row| row.parameter_s.is_some()) {
+        let known = latest.entry(row.flight.as_str()).or_insert(row);
+        if known.run_ns <= row.run_ns {
+            *known = row;
+        }
+    }
+    let mut ordered: Vec<&Row> = latest.into_values().collect();
+    ordered.sort_by_key(|row| (row.flown_ns.unwrap_or(row.run_ns), &row.flight));
+    let mut epochs: Vec<Epoch<'_>> = vec![];
+    for row in ordered {
+        let Some(set_s) = row.parameter_s else { continue };
+        match epochs.last_mut() {
+            Some(epoch) if (epoch.set_s - set_s).abs() <= SAME_S => epoch.latest.push(row),
+            _ => epochs.push(Epoch { set_s, latest: vec![row] }),
+        }
+    }
+    epochs
+}
+
+/// What the last run before any of the later flights recommended for the earlier ones.
+fn recommendation<'a>(before: &Epoch<'_>, after: &Epoch<'_>, rows: &[&'a Row]) -> Option<&'a Row> {
+    let is_in = |epoch: &Epoch<'_>, row: &Row| epoch.latest.iter().any(|of| of.flight == row.flight);
+    let first_run = rows.iter().filter(|row| is_in(after, row)).map(|row| row.run_ns).min()?;
+    let earlier = rows.iter().filter(|row| row.run_ns < first_run && row.advised_s.is_some() && is_in(before, row));
+    earlier.copied().max_by_key(|row| (row.run_ns, row.flown_ns))
+}
+
+fn tested(
+    subject: Subject<'_>,
+    before: &Epoch<'_>,
+    after: &Epoch<'_>,
+    rows: &[&Row],
+    page: PageOf<'_>,
+) -> Option<SettingProof> {
+    let recommended = recommendation(before, after, rows)?;
+    let (advised_s, from) = (recommended.advised_s?, lateness_from(recommended)?);
+    let parameter = subject.3;
+    let less = |set_s: f64| Estimate { value: from.value - set_s, ..from };
+    let before_s = (!is_automatic(parameter, before.set_s)).then(|| less(before.set_s));
+    let predicted_s = less(if is_automatic(parameter, after.set_s) { advised_s } else { after.set_s });
+    let measuring: Vec<&&Row> = after
+        .latest
+        .iter()
+        .filter(|row| {
+            row.datum == recommended.datum && row.lateness_s.is_some() && row.lateness_u_s.is_some_and(|u| u > 0.0)
+        })
+        .collect();
+    let measured_s = residual(&measuring, after.set_s).filter(|_| !is_automatic(parameter, after.set_s));
+    let (verdict, why) = match is_automatic(parameter, after.set_s) {
+        true => {
+            (ProofVerdict::CannotTell, "0 leaves the delay to the autopilot: the residual is not known.".to_owned())
+        }
+        false => judge(&predicted_s, measured_s.as_ref(), (before.set_s - after.set_s).abs()),
+    };
+    let proof = SettingProof {
+        campaign: subject.0.to_owned(),
+        of: label(subject),
+        parameter: parameter.to_owned(),
+        recommended_by: recommended.run_id.clone(),
+        was_s: Some(before.set_s),
+        recommended_s: advised_s,
+        set_s: Some(after.set_s),
+        before_s,
+        predicted_s,
+        measured_s,
+        flights: measuring.iter().map(|row| name_of(row, page)).collect(),
+        verdict,
+        words: String::new(),
+    };
+    let other = (advised_s - after.set_s).abs() > SAME_S;
+    let other = if other { format!(" {} was recommended.", millis(advised_s)) } else { String::new() };
+    let [was, is] = [before, after].map(|epoch| set_words(parameter, epoch.set_s));
+    let words = format!("Set from {was} to {is}.{other} {why}");
+    Some(SettingProof { words, ..proof })
+}
+
+/// A recommendation that no later log shows to be followed.
+fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
+    let recommended =
+        last.latest.iter().filter(|row| row.advised_s.is_some()).max_by_key(|row| (row.run_ns, row.flown_ns))?;
+    let (advised_s, from) = (recommended.advised_s?, lateness_from(recommended)?);
+    let before_s = Estimate { value: from.value - last.set_s, ..from };
+    let before_s = Some(before_s).filter(|_| !is_automatic(subject.3, last.set_s));
+    let u = from.standard_uncertainty.unwrap_or(0.0);
+    let matters = before_s.is_none_or(|before| before.value.abs() > STEP_S + AGREE_SIGMAS * u);
+    if (advised_s - last.set_s).abs() <= SAME_S || !matters {
+        return None;
+    }
+    Some(SettingProof {
+        campaign: subject.0.to_owned(),
+        of: label(subject),
+        parameter: subject.3.to_owned(),
+        recommended_by: recommended.run_id.clone(),
+        was_s: Some(last.set_s),
+        recommended_s: advised_s,
+        set_s: None,
+        before_s,
+        predicted_s: Estimate { value: from.value - advised_s, ..from },
+        measured_s: None,
+        flights: vec![],
+        verdict: ProofVerdict::NotSet,
+        words: format!(
+            "Recommended: {}. All logs so far have {}.",
+            millis(advised_s),
+            set_words(subject.3, last.set_s)
+        ),
+    })
+}
+
+/// Whether ArduPilot takes a value of its own for this kind of receiver: the log does not say which.
+fn is_automatic(parameter: &str, set_s: f64) -> bool {
+    parameter.starts_with("GPS") && parameter.ends_with("DELAY_MS") && set_s.abs() < SAME_S
+}
+
+/// The value of a parameter for a sentence.
+fn set_words(parameter: &str, set_s: f64) -> String {
+    if is_automatic(parameter, set_s) { "0 (automatic)".to_owned() } else { millis(set_s) }
+}
+
+/// The lateness that a recommendation follows from.
+fn lateness_from(row: &Row) -> Option<Estimate> {
+    Some(Estimate { value: row.advised_from_s?, standard_uncertainty: row.advised_from_u_s })
+}
+
+/// Mean residual of some flights, with their spread.
+fn residual(rows: &[&&Row], set_s: f64) -> Option<Estimate> {
+    let of = |of: &dyn Fn(&Row) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
+    let (late, u) = (of(&|row| row.lateness_s), of(&|row| row.lateness_u_s));
+    let (mean, u) = weighted_mean(&late, &u, spread(&late, &u))?;
+    Some(Estimate { value: mean - set_s, standard_uncertainty: Some(u) })
+}
+
+/// The verdict, and why. A change that the measurement could not have shown proves nothing.
+fn judge(predicted: &Estimate, measured: Option<&Estimate>, changed_by_s: f64) -> (ProofVerdict, String) {
+    let Some(measured) = measured else {
+        return (ProofVerdict::CannotTell, "No flight after it measures its lateness.".to_owned());
+    };
+    let (Some(of_prediction), Some(of_measurement)) = (predicted.standard_uncertainty, measured.standard_uncertainty)
+    else {
+        return (ProofVerdict::CannotTell, "The prediction has no uncertainty.".to_owned());
+    };
+    let u = of_prediction.hypot(of_measurement);
+    let apart = (measured.value - predicted.value).abs();
+    let side_by_side = format!("Predicted residual {}, measured {}", with_u(predicted), with_u(measured));
+    if apart > STEP_S + AGREE_SIGMAS * u {
+        let why = format!(
+            "{side_by_side}: they differ by {}, more than {}.",
+            millis(apart),
+            millis(STEP_S + AGREE_SIGMAS * u)
+        );
+        (ProofVerdict::Fail, why)
+    } else if AGREE_SIGMAS * u > 0.5 * changed_by_s {
+        let why = format!("{side_by_side}: too uncertain to show a change of {}.", millis(changed_by_s));
+        (ProofVerdict::CannotTell, why)
+    } else {
+        (ProofVerdict::Pass, format!("{side_by_side}: they agree."))
+    }
+}
+
+fn label((_, airframe, receiver, _): Subject<'_>) -> String {
+    [airframe, receiver].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
+}
+
+/// Seconds as milliseconds, for a sentence.
+pub(crate) fn millis(seconds: f64) -> String {
+    let text = format!("{:.1}", seconds * 1e3);
+    format!("{} ms", text.strip_suffix(".0").unwrap_or(&text))
+}
+
+/// Seconds as milliseconds with the expanded uncertainty (k = 2).
+pub(crate) fn with_u(estimate: &Estimate) -> String {
+    let value = estimate.value * 1e3;
+    match estimate.standard_uncertainty {
+        Some(u) => format!("{value:.1} ± {:.1} ms", 2.0 * u * 1e3),
+        None => format!("{value:.1} ms"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flight of `uav-1` whose position is 118 ms late, in a log with this parameter.
+    fn row(run: i64, day: i64, set_ms: f64, late_ms: f64) -> Row {
+        Row {
+            run_id: format!("night-{run}"),
+            run_ns: run,
+            campaign: "c".into(),
+            flight: format!("{day:03}.bin"),
+            flown_ns: Some(day),
+            airframe: Some("uav-1".into()),
+            serial: Some("D9".into()),
+            datum: Some("imu".into()),
+            lateness_s: Some(late_ms / 1e3),
+            lateness_u_s: Some(0.002),
+            parameter: Some("GPS1_DELAY_MS".into()),
+            parameter_s: Some(set_ms / 1e3),
+            advised_s: Some(0.118),
+            advised_from_s: Some(0.1183),
+            advised_from_u_s: Some(0.001),
+            ..Row::default()
+        }
+    }
+
+    fn before() -> Vec<Row> {
+        (1..=5).map(|day| row(10, day, 220.0, 118.0 + (day % 3) as f64)).collect()
+    }
+
+    fn only(rows: &[Row]) -> SettingProof {
+        let all = proofs(rows, &|_| None);
+        assert_eq!(all.len(), 1, "{all:#?}");
+        all.into_iter().next().unwrap()
+    }
+
+    #[test]
+    fn a_setting_that_does_what_was_predicted_passes() {
+        let mut rows = before();
+        rows.extend((6..=9).map(|day| row(20, day, 118.0, 117.5 + (day % 2) as f64)));
+        let proof = only(&rows);
+        assert_eq!((proof.verdict, proof.recommended_by.as_str()), (ProofVerdict::Pass, "night-10"));
+        assert!((proof.before_s.unwrap().value + 0.1017).abs() < 1e-9);
+        assert!((proof.predicted_s.value - 0.0003).abs() < 1e-9);
+        assert!(proof.measured_s.unwrap().value.abs() < 0.001);
+        assert_eq!(proof.flights.len(), 4);
+        assert!(
+            proof.words.starts_with("Set from 220 ms to 118 ms. Predicted residual 0.3 ± 2.0 ms, measured "),
+            "{}",
+            proof.words
+        );
+    }
+
+    #[test]
+    fn a_receiver_that_is_late_by_something_else_afterwards_fails() {
+        let mut rows = before();
+        rows.extend((6..=9).map(|day| row(20, day, 118.0, 150.0)));
+        let proof = only(&rows);
+        assert_eq!(proof.verdict, ProofVerdict::Fail);
+        assert!((proof.measured_s.unwrap().value - 0.032).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_setting_that_nobody_made_is_open_and_one_that_is_right_is_no_news() {
+        let proof = only(&before());
+        assert_eq!((proof.verdict, proof.set_s, proof.measured_s), (ProofVerdict::NotSet, None, None));
+        let right: Vec<Row> = (1..=5).map(|day| row(10, day, 118.0, 118.0)).collect();
+        assert_eq!(proofs(&right, &|_| None), []);
+    }
+
+    #[test]
+    fn an_automatic_delay_of_ardupilot_has_no_known_residual() {
+        let mut rows: Vec<Row> = (1..=5).map(|day| row(10, day, 0.0, 118.0)).collect();
+        let proof = only(&rows);
+        assert_eq!((proof.verdict, proof.before_s), (ProofVerdict::NotSet, None));
+        assert_eq!(proof.words, "Recommended: 118 ms. All logs so far have 0 (automatic).");
+        rows.extend((6..=9).map(|day| row(20, day, 118.0, 118.0)));
+        let proof = only(&rows);
+        assert_eq!((proof.verdict, proof.before_s), (ProofVerdict::Pass, None));
+        assert!(proof.words.starts_with("Set from 0 (automatic) to 118 ms."), "{}", proof.words);
+    }
+
+    #[test]
+    fn a_change_within_the_uncertainty_proves_nothing() {
+        let mut rows: Vec<Row> = (1..=5).map(|day| row(10, day, 116.0, 118.0)).collect();
+        rows.extend((6..=7).map(|day| row(20, day, 118.0, 118.0)));
+        assert_eq!(only(&rows).verdict, ProofVerdict::CannotTell);
+    }
+
+    #[test]
+    fn only_a_recommendation_that_came_before_the_flights_is_proved() {
+        // All flights are in one run: nothing was recommended before the later ones were flown.
+        let mut rows = before();
+        rows.extend((6..=9).map(|day| row(10, day, 118.0, 118.0)));
+        assert_eq!(proofs(&rows, &|_| None), []);
+    }
+
+    #[test]
+    fn another_value_than_the_recommended_one_is_judged_by_its_own_prediction() {
+        let mut rows = before();
+        rows.extend((6..=9).map(|day| row(20, day, 100.0, 118.0)));
+        let all = proofs(&rows, &|_| None);
+        assert_eq!(all.iter().map(|p| p.verdict).collect::<Vec<_>>(), [ProofVerdict::Pass, ProofVerdict::NotSet]);
+        assert!((all[0].predicted_s.value - 0.0183).abs() < 1e-9);
+        assert!(all[0].words.contains("118 ms was recommended."), "{}", all[0].words);
+    }
+}

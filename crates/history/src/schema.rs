@@ -1,0 +1,145 @@
+//! The layout of a history file, and how files of earlier layouts are read.
+
+use convert::{Cells, ReadTable, Sheet};
+
+/// Version of the layout that is written.
+pub const HISTORY_SCHEMA: u32 = 2;
+
+/// Name of the version in the file's metadata.
+pub(crate) const SCHEMA_KEY: &str = "flightlag-history-schema";
+
+/// Columns that layout 1 has not: they are empty in rows from such files.
+const SINCE_2: [&str; 14] = [
+    "identity_from",
+    "vehicle",
+    "system",
+    "system_firmware",
+    "position_minus_velocity_s",
+    "position_minus_velocity_u_s",
+    "criteria_hash",
+    "duplicate_of",
+    "parameter",
+    "parameter_s",
+    "advised_s",
+    "advised_from_s",
+    "advised_from_u_s",
+    "duration_s",
+];
+
+/// A table in the current layout, whatever layout its file has.
+///
+/// # Errors
+/// The file does not say its layout, says one that this flightlag does not know, or does not keep to it.
+pub(crate) fn current(table: ReadTable) -> Result<Sheet, String> {
+    let said = table.about.get(SCHEMA_KEY).ok_or("does not say its layout: it is not a file of a history")?;
+    match said.parse() {
+        Ok(1) => from_1(table.sheet),
+        Ok(HISTORY_SCHEMA) => Ok(table.sheet),
+        Ok(newer) if newer > HISTORY_SCHEMA => Err(format!(
+            "has layout {newer}; this flightlag reads up to layout {HISTORY_SCHEMA}: use the flightlag that wrote it, or a newer one"
+        )),
+        _ => Err(format!("says layout {said:?}, which does not exist")),
+    }
+}
+
+/// Layout 1 gave instants as text (`flown_at`, `run_at`) and delays in milliseconds.
+fn from_1(mut sheet: Sheet) -> Result<Sheet, String> {
+    let rows = sheet.rows();
+    for column in &mut sheet.columns {
+        if let Some(base) = column.name.strip_suffix("_at") {
+            let Cells::Text(texts) = &column.cells else { return Err(format!("column {} holds no text", column.name)) };
+            let instants = texts.iter().map(|text| text.as_deref().map(nanoseconds).transpose());
+            column.cells = Cells::I64(instants.collect::<Result<_, _>>()?);
+            column.name = format!("{base}_ns");
+        } else if let Some(base) = column.name.strip_suffix("_ms") {
+            let Cells::F64(values) = &column.cells else {
+                return Err(format!("column {} holds no numbers", column.name));
+            };
+            column.cells = Cells::F64(values.iter().map(|value| value.map(|ms| ms / 1e3)).collect());
+            column.name = format!("{base}_s");
+        }
+    }
+    let missing: Vec<&str> = SINCE_2.into_iter().filter(|name| sheet.cells(name).is_none()).collect();
+    for name in missing {
+        let is_text = !name.ends_with("_s");
+        sheet.push(name, if is_text { Cells::Text(vec![None; rows]) } else { Cells::F64(vec![None; rows]) });
+    }
+    Ok(sheet)
+}
+
+/// Nanoseconds since 1970 of an instant such as `2026-05-04T09:30:00Z`.
+pub(crate) fn nanoseconds(instant: &str) -> Result<i64, String> {
+    let parsed: jiff::Timestamp = instant.parse().map_err(|e| format!("{instant:?} is not an instant: {e}"))?;
+    i64::try_from(parsed.as_nanosecond()).map_err(|_| format!("{instant:?} is too far from 1970"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::row::{Row, rows_of, sheet_of};
+
+    pub(crate) fn row() -> Row {
+        Row {
+            run_id: "2026-11-25T220000Z".into(),
+            run_ns: 1_795_644_000_000_000_000,
+            campaign: "goheung".into(),
+            flight: "day-1/a.bin".into(),
+            flown_ns: Some(1_777_887_000_000_000_000),
+            lateness_s: Some(0.118),
+            lateness_u_s: Some(0.002),
+            lateness_low_s: Some(0.114),
+            settings_hash: "ab".into(),
+            outcome: "compensated".into(),
+            data: "whole".into(),
+            ..Row::default()
+        }
+    }
+
+    /// The sheet as layout 1 had it.
+    fn layout_1(rows: &[Row]) -> Sheet {
+        let mut sheet = sheet_of(rows);
+        sheet.columns.retain(|column| !SINCE_2.contains(&column.name.as_str()));
+        for column in &mut sheet.columns {
+            if let Some(base) = column.name.strip_suffix("_ns").map(str::to_owned) {
+                let Cells::I64(stamps) = &column.cells else { unreachable!() };
+                let text = |ns: &i64| jiff::Timestamp::from_nanosecond(i128::from(*ns)).unwrap().to_string();
+                column.cells = Cells::Text(stamps.iter().map(|ns| ns.as_ref().map(text)).collect());
+                column.name = format!("{base}_at");
+            } else if let Some(base) = column.name.strip_suffix("_s").map(str::to_owned) {
+                let Cells::F64(values) = &column.cells else { unreachable!() };
+                column.cells = Cells::F64(values.iter().map(|v| v.map(|s| s * 1e3)).collect());
+                column.name = format!("{base}_ms");
+            }
+        }
+        sheet
+    }
+
+    fn table(schema: &str, sheet: Sheet) -> ReadTable {
+        ReadTable { sheet, about: [(SCHEMA_KEY.to_owned(), schema.to_owned())].into() }
+    }
+
+    #[test]
+    fn rows_of_layout_1_are_read_in_seconds_and_nanoseconds() {
+        let undated = Row { flown_ns: None, ..row() };
+        let old = layout_1(&[row(), undated.clone()]);
+        assert!(old.cells("lateness_ms").is_some() && old.cells("flown_at").is_some());
+        let read = rows_of(current(table("1", old)).unwrap()).unwrap();
+        assert_eq!(read, [row(), undated]);
+    }
+
+    #[test]
+    fn rows_of_the_current_layout_are_read_back_to_the_bit() {
+        assert_eq!(rows_of(current(table("2", sheet_of(&[row()]))).unwrap()).unwrap(), [row()]);
+    }
+
+    #[test]
+    fn a_newer_layout_and_a_file_without_one_are_refused_with_what_to_do() {
+        let newer = current(table("3", sheet_of(&[row()]))).unwrap_err();
+        assert!(newer.contains("layout 3") && newer.contains("up to layout 2"), "{newer}");
+        let other = current(ReadTable { sheet: sheet_of(&[row()]), ..ReadTable::default() }).unwrap_err();
+        assert!(other.contains("not a file of a history"), "{other}");
+        let mut short = sheet_of(&[row()]);
+        short.columns.retain(|column| column.name != "flight");
+        assert_eq!(rows_of(current(table("2", short)).unwrap()).unwrap_err(), "column flight is missing");
+    }
+}

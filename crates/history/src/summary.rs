@@ -1,0 +1,380 @@
+//! The summary of a night in five lines, as text, JSON, Markdown and JUnit.
+
+use crate::night::flight_name;
+use crate::proof::with_u;
+use record::{ChangeCause, Estimate, FlightWords, MovedNumber, NightRecord, ProofVerdict, RunChanges, SettingProof};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// Most names in a line; the page has all.
+const MOST_NAMES: usize = 2;
+
+/// The five lines.
+pub(crate) fn lines(record: &NightRecord) -> Vec<String> {
+    vec![night(record), moved(&record.changes), failing(&record.changes), alarms(record), settings(record)]
+}
+
+/// How the night went.
+fn night(record: &NightRecord) -> String {
+    let flights: u64 = record.campaigns.iter().filter_map(|c| c.totals.as_ref()).map(|t| t.flights).sum();
+    let changes = &record.changes;
+    let mut parts = vec![
+        counted(record.campaigns.len(), "campaign"),
+        counted(usize::try_from(flights).unwrap_or(usize::MAX), "flight"),
+        format!("{} new", changes.new.len()),
+        rerun(changes),
+        format!("{} gone", changes.gone.len()),
+        format!("{} left for the next night", record.left.len()),
+    ];
+    let failed = record.campaigns.iter().filter(|c| c.error.is_some());
+    parts.extend(
+        failed.map(|c| format!("CAMPAIGN {} FAILED: {}", c.name, first_line(c.error.as_deref().unwrap_or_default()))),
+    );
+    if !record.problems.is_empty() {
+        parts.push(format!("{}: {}", counted(record.problems.len(), "PROBLEM"), first_line(&record.problems[0])));
+    }
+    format!("{} {}: exit {}; {}", record.title, record.run_id, record.exit, parts.join(", "))
+}
+
+/// `3 rerun (log 1, settings 2)`.
+fn rerun(changes: &RunChanges) -> String {
+    let mut counts: BTreeMap<ChangeCause, usize> = BTreeMap::new();
+    changes.rerun.iter().flat_map(|rerun| &rerun.causes).for_each(|cause| *counts.entry(*cause).or_default() += 1);
+    let causes: Vec<String> = counts.iter().map(|(cause, count)| format!("{} {count}", cause.word())).collect();
+    let causes = if causes.is_empty() { String::new() } else { format!(" ({})", causes.join(", ")) };
+    format!("{} rerun{causes}", changes.rerun.len())
+}
+
+fn moved(changes: &RunChanges) -> String {
+    match changes.moved.first() {
+        None => format!("Moved by more than 2 sigma: none of {} compared", changes.compared),
+        Some(most) => format!("Moved by more than 2 sigma: {}; the most: {}", changes.moved.len(), moved_words(most)),
+    }
+}
+
+/// `uav-1/a.bin lateness 118.0 ± 4.0 → 131.0 ± 4.0 ms (+4.6 sigma; log)`.
+fn moved_words(moved: &MovedNumber) -> String {
+    let causes: Vec<&str> = moved.causes.iter().map(|cause| cause.word()).collect();
+    let (name, quantity) = (flight_name(&moved.flight), &moved.quantity);
+    let (before, now) = (in_unit(&moved.before, &moved.unit), in_unit(&moved.now, &moved.unit));
+    format!("{name} {quantity} {before} → {now} ({:+.1} sigma; {})", moved.sigmas, causes.join(", "))
+}
+
+/// A number with its expanded uncertainty: seconds as milliseconds.
+pub(crate) fn in_unit(estimate: &Estimate, unit: &str) -> String {
+    match (unit, estimate.standard_uncertainty) {
+        ("s", _) => with_u(estimate),
+        (_, Some(u)) => format!("{:.3} ± {:.3} {unit}", estimate.value, 2.0 * u),
+        (_, None) => format!("{:.3} {unit}", estimate.value),
+    }
+}
+
+fn failing(changes: &RunChanges) -> String {
+    let recovered = format!("{} recovered", changes.recovered.len());
+    if changes.failing.is_empty() {
+        return format!("Newly failing: none; {recovered}");
+    }
+    let named: Vec<String> = changes.failing.iter().take(MOST_NAMES).map(failing_words).collect();
+    let more = match changes.failing.len().saturating_sub(MOST_NAMES) {
+        0 => String::new(),
+        n => format!("; and {n} more"),
+    };
+    format!("Newly failing: {}: {}{more}; {recovered}", changes.failing.len(), named.join("; "))
+}
+
+/// `uav-1/a.bin: failed: first line of the error`.
+pub(crate) fn failing_words(failing: &FlightWords) -> String {
+    let error = failing.error.as_deref().map(|error| format!(": {}", first_line(error))).unwrap_or_default();
+    format!("{}: {}{error}", flight_name(&failing.flight), failing.words.join(", "))
+}
+
+fn alarms(record: &NightRecord) -> String {
+    let count = |all: &[FlightWords]| all.iter().map(|of| of.words.len()).sum::<usize>();
+    let mut codes: BTreeMap<&str, usize> = BTreeMap::new();
+    let new = &record.changes.alarms_new;
+    new.iter().flat_map(|of| &of.words).for_each(|code| *codes.entry(code).or_default() += 1);
+    let codes: Vec<String> = codes.iter().map(|(code, count)| format!("{code} {count}")).collect();
+    let codes = if codes.is_empty() { String::new() } else { format!(" ({})", codes.join(", ")) };
+    let trend = match record.new_trend_changes.as_slice() {
+        [] => "no new change".to_owned(),
+        [first, rest @ ..] => {
+            let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+            let with = if first.change.with_it.is_empty() {
+                String::new()
+            } else {
+                format!(" ({})", first.change.with_it.join(", "))
+            };
+            let at = flight_name(&first.change.at);
+            format!("NEW CHANGE of {}: {} at {at}{with}{more}", first.chart, with_u(&first.change.step_s))
+        }
+    };
+    format!("Alarms: {} new{codes}, {} cleared; trend: {trend}", count(new), count(&record.changes.alarms_cleared))
+}
+
+fn settings(record: &NightRecord) -> String {
+    if record.proofs.is_empty() {
+        return "Settings: no change of a parameter is recommended or to be proved".to_owned();
+    }
+    let mut proofs: Vec<&SettingProof> = record.proofs.iter().collect();
+    proofs.sort_by_key(|proof| proof.verdict);
+    let named: Vec<String> = proofs.iter().take(MOST_NAMES).map(|proof| proof_words(proof)).collect();
+    let more = match proofs.len().saturating_sub(MOST_NAMES) {
+        0 => String::new(),
+        n => format!("; and {n} more"),
+    };
+    format!("Settings: {}{more}", named.join("; "))
+}
+
+/// `GPS1_DELAY_MS of uav-1, D9: PASS: Set from 220 ms to 118 ms. …`.
+pub(crate) fn proof_words(proof: &SettingProof) -> String {
+    format!("{} of {} {}: {}: {}", proof.parameter, proof.campaign, proof.of, proof.verdict.word(), proof.words)
+}
+
+/// The five lines as a text file.
+pub(crate) fn text(record: &NightRecord) -> String {
+    record.summary.iter().map(|line| one_line(line) + "\n").collect()
+}
+
+/// The five lines and the counts behind them.
+pub(crate) fn json(record: &NightRecord) -> String {
+    let changes = &record.changes;
+    let value = serde_json::json!({
+        "run_id": record.run_id,
+        "exit": record.exit,
+        "lines": record.summary,
+        "new": changes.new.len(),
+        "rerun": changes.rerun.len(),
+        "gone": changes.gone.len(),
+        "left": record.left.len(),
+        "moved": changes.moved.len(),
+        "failing": changes.failing.len(),
+        "recovered": changes.recovered.len(),
+        "alarms_new": changes.alarms_new.len(),
+        "alarms_cleared": changes.alarms_cleared.len(),
+        "new_trend_changes": record.new_trend_changes.len(),
+        "proofs_failed": record.proofs.iter().filter(|proof| proof.verdict == ProofVerdict::Fail).count(),
+        "problems": record.problems.len(),
+    });
+    format!("{value:#}\n")
+}
+
+/// The five lines as a list. Names from logs are no markup.
+pub(crate) fn markdown(record: &NightRecord) -> String {
+    record.summary.iter().map(|line| format!("- {}\n", escaped_markdown(&one_line(line)))).collect()
+}
+
+fn escaped_markdown(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        if "\\`*_{}[]<>#|~!".contains(c) {
+            escaped.push('\\');
+        }
+        escaped.push(c);
+    }
+    escaped
+}
+
+/// The night for a build server: a test for each campaign, each new trouble, each new change of a trend and each setting.
+pub(crate) fn junit(record: &NightRecord) -> String {
+    let mut cases = Cases::default();
+    for campaign in &record.campaigns {
+        let failed = campaign.error.clone().or_else(|| match campaign.exit {
+            0 => None,
+            code => Some(format!("exit code {code}")),
+        });
+        cases.add("campaign", &campaign.name, failed.as_deref());
+    }
+    for failing in &record.changes.failing {
+        cases.add("newly failing", &flight_name(&failing.flight), Some(&failing_words(failing)));
+    }
+    for new in &record.new_trend_changes {
+        let what = format!("{} at {}", with_u(&new.change.step_s), flight_name(&new.change.at));
+        cases.add("trend", &new.chart, Some(&what));
+    }
+    for proof in &record.proofs {
+        let name = format!("{} of {} {}", proof.parameter, proof.campaign, proof.of);
+        match proof.verdict {
+            ProofVerdict::Pass => cases.add("setting", &name, None),
+            ProofVerdict::Fail => cases.add("setting", &name, Some(&proof.words)),
+            ProofVerdict::CannotTell | ProofVerdict::NotSet => cases.skip("setting", &name, &proof.words),
+        }
+    }
+    for left in &record.left {
+        cases.skip("left for the next night", &format!("{}/{}", left.campaign, left.path), &left.reason);
+    }
+    for problem in &record.problems {
+        cases.add("night", "problem", Some(problem));
+    }
+    cases.document(record)
+}
+
+/// Tests of a JUnit file.
+#[derive(Default)]
+struct Cases {
+    xml: String,
+    tests: u32,
+    failures: u32,
+    skipped: u32,
+}
+
+impl Cases {
+    fn add(&mut self, class: &str, name: &str, failure: Option<&str>) {
+        self.tests += 1;
+        let (class, name) = (escaped_xml(class), escaped_xml(name));
+        let _ = match failure {
+            None => writeln!(self.xml, "  <testcase classname=\"{class}\" name=\"{name}\"/>"),
+            Some(what) => {
+                self.failures += 1;
+                let (first, what) = (escaped_xml(first_line(what)), escaped_xml(what));
+                writeln!(
+                    self.xml,
+                    "  <testcase classname=\"{class}\" name=\"{name}\"><failure message=\"{first}\">{what}</failure></testcase>"
+                )
+            }
+        };
+    }
+
+    fn skip(&mut self, class: &str, name: &str, why: &str) {
+        self.tests += 1;
+        self.skipped += 1;
+        let (class, name, why) = (escaped_xml(class), escaped_xml(name), escaped_xml(first_line(why)));
+        let _ = writeln!(
+            self.xml,
+            "  <testcase classname=\"{class}\" name=\"{name}\"><skipped message=\"{why}\"/></testcase>"
+        );
+    }
+
+    fn document(&self, record: &NightRecord) -> String {
+        let Cases { xml, tests, failures, skipped } = self;
+        let (name, at, seconds) = (escaped_xml(&record.title), escaped_xml(&record.started), record.seconds);
+        let lines: String = record.summary.iter().map(|line| escaped_xml(&one_line(line)) + "\n").collect();
+        format!(
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"{name}\" timestamp=\"{at}\" time=\"{seconds:.3}\" \
+             tests=\"{tests}\" failures=\"{failures}\" errors=\"0\" skipped=\"{skipped}\">\n{xml}  <system-out>{lines}</system-out>\n</testsuite>\n"
+        )
+    }
+}
+
+/// A text in XML: characters that XML 1.0 does not know become `?`.
+fn escaped_xml(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\n' | '\t' => escaped.push(' '),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => escaped.push('?'),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+fn first_line(text: &str) -> &str {
+    text.lines().next().unwrap_or_default()
+}
+
+/// A line without characters that begin another or steer a terminal.
+fn one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') { ' ' } else { c }).collect()
+}
+
+/// `1 flight`, `2 flights`.
+fn counted(n: usize, what: &str) -> String {
+    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use record::{LeftLog, NamedFlight, NightCampaign, RECORD_VERSION, TrendRecord};
+
+    pub(crate) fn night() -> NightRecord {
+        let named = |flight: &str| NamedFlight { campaign: "uav".into(), flight: flight.into(), page: None };
+        let estimate = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
+        let changes = RunChanges {
+            compared: 9,
+            new: vec![named("n.bin")],
+            moved: vec![MovedNumber {
+                flight: named("m.bin"),
+                quantity: "lateness".into(),
+                unit: "s".into(),
+                before: estimate(0.118),
+                now: estimate(0.131),
+                sigmas: 4.6,
+                causes: vec![ChangeCause::Log],
+            }],
+            failing: vec![FlightWords {
+                flight: named("<b>&.bin"),
+                words: vec!["failed".into()],
+                error: Some("b.bin: byte 12: no frame".into()),
+            }],
+            ..RunChanges::default()
+        };
+        let campaign = NightCampaign {
+            name: "uav".into(),
+            flights: "/logs/uav".into(),
+            report: "uav/index.html".into(),
+            totals: None,
+            criteria_failed: 0,
+            exit: 3,
+            error: None,
+            nothing_changed: false,
+        };
+        let mut record = NightRecord {
+            record_version: RECORD_VERSION,
+            title: "Night".into(),
+            run_id: "2026-11-25T220000Z".into(),
+            started: "2026-11-25T22:00:00Z".into(),
+            seconds: 1.5,
+            flightlag_version: "0.1.0".into(),
+            before: None,
+            exit: 3,
+            summary: vec![],
+            campaigns: vec![campaign],
+            changes,
+            left: vec![LeftLog { campaign: "uav".into(), path: "w.bin".into(), reason: "still being written".into() }],
+            new_trend_changes: vec![],
+            trend: TrendRecord::default(),
+            proofs: vec![],
+            problems: vec![],
+        };
+        record.summary = lines(&record);
+        record
+    }
+
+    #[test]
+    fn the_summary_has_five_lines_that_say_what_matters() {
+        let text = text(&night());
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(
+            lines,
+            [
+                "Night 2026-11-25T220000Z: exit 3; 1 campaign, 0 flights, 1 new, 0 rerun, 0 gone, 1 left for the next night",
+                "Moved by more than 2 sigma: 1; the most: uav/m.bin lateness 118.0 ± 4.0 ms → 131.0 ± 4.0 ms (+4.6 sigma; log)",
+                "Newly failing: 1: uav/<b>&.bin: failed: b.bin: byte 12: no frame; 0 recovered",
+                "Alarms: 0 new, 0 cleared; trend: no new change",
+                "Settings: no change of a parameter is recommended or to be proved",
+            ]
+        );
+    }
+
+    #[test]
+    fn names_from_logs_are_no_markup() {
+        let junit = junit(&night());
+        assert!(junit.contains("name=\"uav/&lt;b&gt;&amp;.bin\""), "{junit}");
+        assert!(junit.contains("tests=\"3\" failures=\"2\" errors=\"0\" skipped=\"1\""), "{junit}");
+        let markdown = markdown(&night());
+        assert!(markdown.contains("uav/\\<b\\>&.bin") && markdown.lines().count() == 5, "{markdown}");
+        assert_eq!(escaped_xml("a\u{1b}[0m\u{0}"), "a?[0m?");
+    }
+
+    #[test]
+    fn the_json_summary_has_the_lines_and_the_counts() {
+        let value: serde_json::Value = serde_json::from_str(&json(&night())).unwrap();
+        assert_eq!(value["lines"].as_array().unwrap().len(), 5);
+        assert_eq!((&value["moved"], &value["left"]), (&1.into(), &1.into()));
+    }
+}

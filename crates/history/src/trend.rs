@@ -1,0 +1,307 @@
+//! Control charts: the lateness of flights in the order in which they were flown, and where it changes.
+
+use crate::change_points::{ChangePoints, change_points, weighted_mean};
+use crate::compare::{PageOf, name_of};
+use crate::dataset::Latest;
+use crate::row::{Dimension, Row};
+use record::{
+    Estimate, NewTrendChange, RECORD_VERSION, TrendChange, TrendChart, TrendPoint, TrendRecord, TrendSegment,
+};
+use std::collections::BTreeMap;
+
+/// Probability that one chart without a change shows one, for one look at it.
+pub const FALSE_ALARM: f64 = 0.01;
+/// Fewest flights of a chart.
+const FEWEST: usize = 3;
+/// Most points that a chart lists, the newest.
+const MOST_POINTS: usize = 1000;
+/// Limits are this many standard deviations from the centre.
+const LIMIT_SIGMAS: f64 = 3.0;
+
+/// Control charts, and when their changes may be.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Trend {
+    /// The charts.
+    pub record: TrendRecord,
+    /// For each chart and each of its changes: first and last instant at which it may be.
+    spans: Vec<Vec<(i64, i64)>>,
+}
+
+/// What a chart is of: dimension, value, datum.
+type ChartKey = (Dimension, String, String);
+
+/// The control charts of the latest rows, by each of the dimensions.
+#[must_use]
+pub fn trend(latest: &Latest, dimensions: &[Dimension], page: PageOf<'_>) -> Trend {
+    let mut left_out: BTreeMap<String, u64> = BTreeMap::new();
+    let mut series: BTreeMap<ChartKey, Vec<&Row>> = BTreeMap::new();
+    for row in latest.values() {
+        match why_not(row) {
+            Some(why) => *left_out.entry(why.to_owned()).or_default() += 1,
+            None => dimensions.iter().for_each(|&dimension| match row.of(dimension) {
+                Some(value) => {
+                    let datum = row.datum.clone().unwrap_or_default();
+                    series.entry((dimension, value, datum)).or_default().push(row);
+                }
+                None => *left_out.entry(format!("without {}", dimension.name())).or_default() += 1,
+            }),
+        }
+    }
+    let mut trend = Trend::default();
+    for (key, mut rows) in series {
+        if rows.len() < FEWEST {
+            *left_out.entry(format!("on a chart of fewer than {FEWEST} flights")).or_default() += rows.len() as u64;
+            continue;
+        }
+        rows.sort_by_key(|row| (order_of(row), &row.campaign, &row.flight));
+        let (chart, spans) = chart(key, &rows, page);
+        trend.record.charts.push(chart);
+        trend.spans.push(spans);
+    }
+    trend.record.record_version = RECORD_VERSION;
+    trend.record.false_alarm = FALSE_ALARM;
+    trend.record.left_out = left_out.into_iter().map(|(why, count)| format!("{count} {why}")).collect();
+    trend
+}
+
+/// Changes that another look did not show: its chart has no change at the same place.
+#[must_use]
+pub fn new_changes(before: &Trend, now: &Trend) -> Vec<NewTrendChange> {
+    let key = |chart: &TrendChart| (chart.dimension.clone(), chart.value.clone(), chart.datum.clone());
+    let known: BTreeMap<_, _> = before.record.charts.iter().map(key).zip(&before.spans).collect();
+    let mut new = vec![];
+    for (chart, spans) in now.record.charts.iter().zip(&now.spans) {
+        let old = known.get(&key(chart));
+        let is_known = |(from, to): &(i64, i64)| old.is_some_and(|old| old.iter().any(|(f, t)| f <= to && from <= t));
+        for (change, _) in chart.changes.iter().zip(spans).filter(|(_, span)| !is_known(span)) {
+            let chart = format!("{} {}", chart.dimension, chart.value);
+            new.push(NewTrendChange { chart, change: change.clone() });
+        }
+    }
+    new
+}
+
+/// Why a flight is on no chart.
+fn why_not(row: &Row) -> Option<&'static str> {
+    let known = row.lateness_s.is_some_and(f64::is_finite);
+    let uncertain = row.lateness_u_s.is_some_and(|u| u.is_finite() && u > 0.0);
+    match (known, uncertain) {
+        (false, _) => Some("without a lateness"),
+        (_, false) => Some("without an uncertainty"),
+        _ if row.duplicate_of.is_some() => Some("that are copies of another flight"),
+        _ => None,
+    }
+}
+
+/// When a flight was flown; where its log does not know the day, when it was first run.
+fn order_of(row: &Row) -> i64 {
+    row.flown_ns.unwrap_or(row.run_ns)
+}
+
+fn chart((dimension, value, datum): ChartKey, rows: &[&Row], page: PageOf<'_>) -> (TrendChart, Vec<(i64, i64)>) {
+    let number =
+        |of: &dyn Fn(&Row) -> Option<f64>| rows.iter().map(|row| of(row).unwrap_or_default()).collect::<Vec<f64>>();
+    let (x, u) = (number(&|row| row.lateness_s), number(&|row| row.lateness_u_s));
+    let found = change_points(&x, &u, FALSE_ALARM);
+    let starts: Vec<usize> = [0].into_iter().chain(found.changes.iter().copied()).collect();
+    let ends = found.changes.iter().copied().chain([rows.len()]);
+    let parts: Vec<Part> = starts.iter().zip(ends).map(|(&from, to)| Part::of(from, to, (&x, &u), &found)).collect();
+    let named = |i: usize| name_of(rows[i], page);
+    let segments = parts.iter().map(|part| TrendSegment {
+        first: named(part.from),
+        last: named(part.to - 1),
+        flights: part.counted,
+        mean_s: part.mean(),
+    });
+    let changes = (0..found.changes.len()).map(|k| change(k, &parts, &found, rows, page));
+    let points = points(rows, (&x, &u), &parts, &found, page);
+    let spans = found.ranges.iter().map(|&(first, last)| (order_of(rows[first]), order_of(rows[last])));
+    let chart = TrendChart {
+        dimension: dimension.name().to_owned(),
+        value,
+        datum,
+        between_s: found.between,
+        threshold: found.threshold,
+        older_points: rows.len().saturating_sub(MOST_POINTS) as u64,
+        segments: segments.collect(),
+        changes: changes.collect(),
+        points,
+    };
+    (chart, spans.collect())
+}
+
+/// A stretch without a change.
+struct Part {
+    from: usize,
+    to: usize,
+    counted: u64,
+    mean_s: f64,
+    u_s: f64,
+}
+
+impl Part {
+    fn of(from: usize, to: usize, (x, u): (&[f64], &[f64]), found: &ChangePoints) -> Part {
+        let counts: Vec<usize> = (from..to).filter(|i| found.odd.binary_search(i).is_err()).collect();
+        // If every one of them is odd, they are all there is.
+        let counts = if counts.is_empty() { (from..to).collect() } else { counts };
+        let of = |values: &[f64]| counts.iter().map(|&i| values[i]).collect::<Vec<f64>>();
+        let (mean_s, u_s) = weighted_mean(&of(x), &of(u), found.between).unwrap_or((f64::NAN, f64::NAN));
+        Part { from, to, counted: counts.len() as u64, mean_s, u_s }
+    }
+
+    fn mean(&self) -> Estimate {
+        Estimate { value: self.mean_s, standard_uncertainty: Some(self.u_s) }
+    }
+}
+
+fn change(k: usize, parts: &[Part], found: &ChangePoints, rows: &[&Row], page: PageOf<'_>) -> TrendChange {
+    let (before, after) = (&parts[k], &parts[k + 1]);
+    let step_s = after.mean_s - before.mean_s;
+    let u_s = before.u_s.hypot(after.u_s);
+    let (first, last) = found.ranges[k];
+    let at = rows[found.changes[k]];
+    TrendChange {
+        at: name_of(at, page),
+        flown_at: at.flown_ns.and_then(instant),
+        earliest: name_of(rows[first], page),
+        latest: name_of(rows[last], page),
+        step_s: Estimate { value: step_s, standard_uncertainty: Some(u_s) },
+        sigmas: step_s / u_s,
+        with_it: with_it(&rows[before.from..before.to], &rows[after.from..after.to]),
+    }
+}
+
+fn points(
+    rows: &[&Row],
+    (x, u): (&[f64], &[f64]),
+    parts: &[Part],
+    found: &ChangePoints,
+    page: PageOf<'_>,
+) -> Vec<TrendPoint> {
+    let newest = rows.len().saturating_sub(MOST_POINTS);
+    let point = |i: usize| {
+        let part = parts.iter().find(|part| i < part.to);
+        let (centre_s, centre_u_s) = part.map_or((f64::NAN, 0.0), |part| (part.mean_s, part.u_s));
+        let limit_s = LIMIT_SIGMAS * u[i].hypot(found.between).hypot(centre_u_s);
+        TrendPoint {
+            flight: name_of(rows[i], page),
+            flown_at: rows[i].flown_ns.and_then(instant),
+            lateness_s: Estimate { value: x[i], standard_uncertainty: Some(u[i]) },
+            centre_s,
+            limit_s,
+            is_outside: (x[i] - centre_s).abs() > limit_s,
+            is_odd: found.odd.binary_search(&i).is_ok(),
+        }
+    };
+    (newest..rows.len()).map(point).collect()
+}
+
+/// What else most flights after a change have, and most flights before it had not.
+fn with_it(before: &[&Row], after: &[&Row]) -> Vec<String> {
+    type Fact = fn(&Row) -> Option<String>;
+    let facts: [(&str, Fact); 10] = [
+        ("airframe", |row| row.of(Dimension::Airframe)),
+        ("serial", |row| row.of(Dimension::Serial)),
+        ("receiver", |row| row.of(Dimension::Receiver)),
+        ("firmware", |row| row.of(Dimension::Firmware)),
+        ("rate", |row| row.of(Dimension::Rate)),
+        ("baud", |row| row.of(Dimension::Baud)),
+        ("autopilot firmware", |row| row.system_firmware.clone()),
+        ("settings", |row| row.settings_hash.get(..8).map(str::to_owned)),
+        ("analysis", |row| Some(row.analysis_version.to_string())),
+        ("build", |row| Some(row.build.clone())),
+    ];
+    let changed = |(name, of): &(&str, Fact)| {
+        let (was, is) = (most_frequent(before, *of), most_frequent(after, *of));
+        let word = |value: Option<String>| value.unwrap_or_else(|| "unknown".to_owned());
+        (was != is).then(|| format!("{name}: {} → {}", word(was), word(is)))
+    };
+    facts.iter().filter_map(changed).collect()
+}
+
+fn most_frequent(rows: &[&Row], of: fn(&Row) -> Option<String>) -> Option<String> {
+    let mut counts: BTreeMap<Option<String>, usize> = BTreeMap::new();
+    rows.iter().for_each(|row| *counts.entry(of(row)).or_default() += 1);
+    counts.into_iter().max_by_key(|(_, count)| *count).and_then(|(value, _)| value)
+}
+
+/// An instant as text, UTC.
+pub(crate) fn instant(ns: i64) -> Option<String> {
+    jiff::Timestamp::from_nanosecond(i128::from(ns)).ok().map(|at| at.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::latest_of;
+
+    const DAY_NS: i64 = 86_400_000_000_000;
+
+    /// Forty flights a day apart; from the 24th on another firmware, and 20 ms later.
+    fn fleet() -> Vec<Row> {
+        let wiggle = [0.4, -1.1, 0.9, -0.3, 1.3, -0.8, 0.1, -0.6, 0.7, -0.2];
+        let row = |n: usize| Row {
+            campaign: "c".into(),
+            flight: format!("{n:02}.bin"),
+            flown_ns: Some(1_777_852_800_000_000_000 + n as i64 * DAY_NS),
+            airframe: Some("uav-1".into()),
+            serial: Some("D9-0412".into()),
+            firmware: Some(if n < 24 { "3.01" } else { "4.04" }.into()),
+            settings_hash: "0123456789".into(),
+            datum: Some("imu".into()),
+            lateness_s: Some(0.118 + if n < 24 { 0.0 } else { 0.020 } + 0.003 * wiggle[n % 10]),
+            lateness_u_s: Some(0.003),
+            ..Row::default()
+        };
+        (0..40).map(row).collect()
+    }
+
+    fn charts(rows: &[Row]) -> Trend {
+        trend(&latest_of(rows.iter().cloned()), &Dimension::ALL, &|row| Some(row.page.clone()))
+    }
+
+    fn chart_of<'a>(trend: &'a Trend, dimension: &str) -> &'a TrendChart {
+        trend.record.charts.iter().find(|chart| chart.dimension == dimension).unwrap()
+    }
+
+    #[test]
+    fn another_firmware_is_a_change_of_the_serial_and_none_of_the_firmware() {
+        let found = charts(&fleet());
+        let serial = chart_of(&found, "serial");
+        assert_eq!(serial.changes.len(), 1);
+        let change = &serial.changes[0];
+        assert_eq!(change.at.flight, "24.bin");
+        assert!((change.step_s.value - 0.020).abs() < 2.0 * change.step_s.standard_uncertainty.unwrap());
+        assert_eq!(change.with_it, ["firmware: 3.01 → 4.04"]);
+        assert_eq!(serial.segments.iter().map(|s| s.flights).collect::<Vec<_>>(), [24, 16]);
+        let of_firmware = found.record.charts.iter().filter(|chart| chart.dimension == "firmware");
+        assert_eq!(of_firmware.clone().count(), 2);
+        assert!(of_firmware.clone().all(|chart| chart.changes.is_empty()));
+        assert!(serial.points.iter().all(|point| !point.is_outside));
+        assert_eq!(found.record.left_out, ["40 without baud", "40 without rate", "40 without receiver"]);
+    }
+
+    #[test]
+    fn a_change_is_new_in_the_night_that_first_shows_it() {
+        let rows = fleet();
+        let nights: Vec<Trend> = (24..=30).map(|n| charts(&rows[..n])).collect();
+        let new: Vec<usize> = nights.windows(2).map(|pair| new_changes(&pair[0], &pair[1]).len()).collect();
+        // Airframe and serial; each once.
+        assert_eq!(new.iter().sum::<usize>(), 2, "{new:?}");
+        assert_eq!(new[..2], [0, 0], "two flights may be odd, three are a change");
+    }
+
+    #[test]
+    fn flights_against_another_datum_are_on_another_chart_and_copies_on_none() {
+        let mut rows = fleet();
+        rows.iter_mut().take(10).for_each(|row| row.datum = Some("reference".into()));
+        rows[39].duplicate_of = Some("38.bin".into());
+        rows[38].lateness_u_s = None;
+        let found = charts(&rows);
+        let sizes: Vec<usize> =
+            found.record.charts.iter().filter(|c| c.dimension == "serial").map(|c| c.points.len()).collect();
+        assert_eq!(sizes, [28, 10]);
+        assert!(found.record.left_out.contains(&"1 that are copies of another flight".to_owned()));
+        assert!(found.record.left_out.contains(&"1 without an uncertainty".to_owned()));
+    }
+}

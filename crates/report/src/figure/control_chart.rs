@@ -1,0 +1,91 @@
+//! A control chart: flights in the order in which they were flown, the mean of each stretch, its limits, and the steps.
+
+use super::forest::{date_axis, seconds};
+use super::{Axis, Figure, Line, Mark, Panel, Pen, Span, extent, is_drawable, stroke, upright};
+use crate::number::{self, COVERAGE_FACTOR};
+use crate::text::label;
+use crate::verdict::in_millis;
+use record::{TrendChart, TrendPoint};
+
+/// Most flights whose names show.
+const MOST_NAMED: usize = 100;
+
+/// The chart; `None` if nothing of it can be drawn.
+pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
+    let dates: Option<Vec<f64>> = chart.points.iter().map(|point| seconds(point.flown_at.as_deref()?)).collect();
+    let by_date = dates.is_some();
+    let at = dates.unwrap_or_else(|| (0..chart.points.len()).map(|k| k as f64 + 1.0).collect());
+    let range = (at.iter().copied().reduce(f64::min)?, at.iter().copied().reduce(f64::max)?);
+    let placed: Vec<(f64, &TrendPoint)> = at.iter().copied().zip(&chart.points).collect();
+    let x = if by_date { date_axis(range) } else { Axis::linear("flight, in the order of the runs", range, 8) };
+    let lines = lines(&placed);
+    let y = Axis::linear("lateness (ms)", extent(&lines, |p| p.1)?, 5);
+    let names = placed.iter().rev().take(MOST_NAMED).map(|(at, point)| Mark {
+        at: (*at, point.lateness_s.value * 1e3),
+        label: format!(
+            "{}: {} ms",
+            label(&point.flight.flight),
+            number::with_uncertainty(&in_millis(&point.lateness_s))
+        ),
+    });
+    let names = names.filter(|mark| is_drawable(mark.at.1)).collect();
+    let spans = spans(chart, &placed);
+    let name = format!("{} {}", chart.dimension, chart.value);
+    let steps = number::counted(chart.changes.len() as u64, "change", "changes");
+    Some(Figure {
+        id: format!("trend-{number}"),
+        number,
+        title: if chart.changes.is_empty() { format!("{name}: no change") } else { format!("{name}: {steps}") },
+        caption: format!(
+            "Lateness (ms) of {} against {}, {}.{}",
+            number::counted(chart.points.len() as u64, "flight", "flights"),
+            chart.datum,
+            if by_date { "by date" } else { "in the order of the runs, for dates are not known" },
+            match chart.older_points {
+                0 => String::new(),
+                older =>
+                    format!(" {} are not drawn, but count.", number::counted(older, "older flight", "older flights")),
+            }
+        ),
+        how_to_read: "Good: bars around one line, none beyond the dashes (± 3 σ). Bad: a shaded step (another firmware, rate, cable \
+                      or receiver), and rings, which differ from the flights before and after them. About 3 flights of 1000 lie \
+                      outside by chance. Point at a flight for its name.",
+        panels: vec![Panel { names, spans, ..Panel::of(x, y, lines) }],
+        panel_size: (620, 220),
+        fine: chart.points.len() > 150,
+    })
+}
+
+fn lines(placed: &[(f64, &TrendPoint)]) -> Vec<Line> {
+    let of = |odd: bool| {
+        let wanted = placed.iter().filter(move |(_, p)| (p.is_odd || p.is_outside) == odd);
+        let piece = |(at, p): &(f64, &TrendPoint)| {
+            let half = COVERAGE_FACTOR * p.lateness_s.standard_uncertainty.unwrap_or(0.0);
+            upright(*at, p.lateness_s.value * 1e3, half * 1e3)
+        };
+        wanted.filter_map(piece).collect::<Vec<_>>()
+    };
+    let level = |of: &dyn Fn(&TrendPoint) -> f64| {
+        let place = |(at, p): &(f64, &TrendPoint)| Some((*at, of(p) * 1e3)).filter(|(_, y)| is_drawable(*y));
+        placed.iter().filter_map(place).collect::<Vec<_>>()
+    };
+    let mut lines = vec![
+        Line { name: "flight, ± U (k = 2)".to_owned(), pen: Pen::Points, pieces: of(false) },
+        Line { name: "odd, or outside its limits".to_owned(), pen: Pen::HollowPoints, pieces: of(true) },
+        stroke("mean between changes", Pen::Rule, level(&|p| p.centre_s)),
+        stroke("limits, ± 3 σ", Pen::Dashed, level(&|p| p.centre_s + p.limit_s)),
+        stroke("", Pen::Dashed, level(&|p| p.centre_s - p.limit_s)),
+    ];
+    lines.retain(|line| line.pieces.iter().any(|piece| !piece.is_empty()));
+    lines
+}
+
+/// Where each step is: from the flight before it to the first one after it, or over the places where it may be.
+fn spans(chart: &TrendChart, placed: &[(f64, &TrendPoint)]) -> Vec<Span> {
+    let place = |flight: &record::NamedFlight| placed.iter().position(|(_, point)| point.flight == *flight);
+    let span = |change: &record::TrendChange| {
+        let (first, last) = (place(&change.earliest)?, place(&change.latest)?);
+        Some(Span { from: placed[first.saturating_sub(1)].0, to: placed[last].0, label: String::new() })
+    };
+    chart.changes.iter().filter_map(span).collect()
+}

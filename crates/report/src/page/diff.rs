@@ -1,0 +1,99 @@
+//! The page of a comparison of two reports.
+
+use super::Head::{Number, Text};
+use super::run_changes::{Names, is_empty, sections};
+use super::{Needs, document, estimate, files, number, rows, table};
+use crate::site::Site;
+use crate::text::shown;
+use crate::verdict::in_millis;
+use maud::{Markup, html};
+use record::{ComparedReport, DiffRecord, MovedDelay};
+
+/// Most groups in the table.
+const MOST: usize = 200;
+
+/// The page of a comparison as `index.html`.
+#[must_use]
+pub fn diff_site(record: &DiffRecord) -> Site {
+    let changes = &record.changes;
+    let count = |n: usize| number::count(n as u64);
+    let title = format!("{} against {}", record.now.folder, record.before.folder);
+    let body = html! {
+        main {
+            h1 { (shown(&title)) }
+            p.answer {
+                b { (count(changes.moved.len())) " moved by more than 2\u{a0}σ" } " of " (number::count(changes.compared)) " flights in both, "
+                (count(changes.rerun.len())) " with another result, " (count(changes.failing.len())) " newly failing, "
+                (count(changes.new.len())) " only in the second, " (count(changes.gone.len())) " only in the first."
+            }
+            (reports(&record.before, &record.now))
+            (settings(record))
+            (groups(&record.moved_groups))
+            h2 { "Flights" }
+            @if is_empty(changes) { p { "No flight differs." } }
+            (sections(changes, &Names { base: "", all: "diff.json" }))
+            (files(&["diff.json"]))
+        }
+    };
+    let mut site = Site::default();
+    site.add("index.html", document(&title, Needs::Nothing, body));
+    site
+}
+
+fn reports(before: &ComparedReport, now: &ComparedReport) -> Markup {
+    let head = [Text("Fact"), Text("First"), Text("Second")];
+    let facts = [
+        ("Folder", before.folder.clone(), now.folder.clone()),
+        ("Campaign", before.name.clone(), now.name.clone()),
+        ("Flights", number::count(before.flights), number::count(now.flights)),
+        ("flightlag", before.flightlag_version.clone(), now.flightlag_version.clone()),
+        ("Analysis", before.analysis_version.to_string(), now.analysis_version.to_string()),
+        ("Settings", before.settings.clone(), now.settings.clone()),
+        ("Settings BLAKE3", before.settings_blake3.clone(), now.settings_blake3.clone()),
+        ("Criteria BLAKE3", hash(before), hash(now)),
+    ];
+    html! {
+        (table("What is compared", &head, html! {
+            @for (name, first, second) in &facts {
+                tr {
+                    th scope="row" { (name) }
+                    td.any { (shown(first)) }
+                    td.any { @if first == second { "the same" } @else { b { (shown(second)) } } }
+                }
+            }
+        }))
+    }
+}
+
+fn hash(report: &ComparedReport) -> String {
+    report.criteria_blake3.clone().unwrap_or_else(|| "no criteria".to_owned())
+}
+
+fn settings(record: &DiffRecord) -> Markup {
+    html! {
+        @if !record.settings.is_empty() {
+            h2 { "Settings that differ" }
+            ul { @for line in &record.settings { li { code { (shown(line)) } } } }
+        }
+    }
+}
+
+fn groups(moved: &[MovedDelay]) -> Markup {
+    let head = [Text("Group"), Number("First (ms)"), Number("Second (ms)"), Number("Moved by (σ)")];
+    let row = |of: &MovedDelay| {
+        html! {
+            tr {
+                th scope="row" { (shown(&of.name)) }
+                td.n { (estimate(&in_millis(&of.before_s))) }
+                td.n { (estimate(&in_millis(&of.now_s))) }
+                td.n { (super::plain(of.sigmas, 2)) }
+            }
+        }
+    };
+    html! {
+        @if !moved.is_empty() {
+            h2 { "Groups whose delay moved" }
+            (table("Mean lateness of groups that moved by more than 2 σ", &head, rows(moved, MOST, head.len(), row)))
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! The page of a night: what a person reads in the morning.
+
+use super::Head::{Number, Text};
+use super::run_changes::{Names, is_empty, sections};
+use super::{Needs, badge, document, estimate, maybe_estimate, number, table};
+use crate::site::Site;
+use crate::text::{href, shown};
+use crate::verdict::in_millis;
+use maud::{Markup, html};
+use record::{NightCampaign, NightRecord, ProofVerdict, SettingProof};
+
+/// The page of a night as `index.html`, with its figures. `base` leads from the page to the folder of the reports, as
+/// `../../`.
+#[must_use]
+pub fn night_site(record: &NightRecord, base: &str) -> Site {
+    let mut site = Site::default();
+    let names = Names { base, all: "night.json" };
+    let title = format!("{} — {}", record.title, record.run_id);
+    let folder = if base.is_empty() { format!("nights/{}/", record.run_id) } else { String::new() };
+    let body = html! {
+        nav aria-label="Pages" {
+            @for campaign in &record.campaigns { a href={ (base) (href(&campaign.report)) } { (shown(&campaign.name)) } }
+        }
+        main {
+            h1 { (shown(&record.title)) ": " (shown(&record.run_id)) }
+            div.strip { (exit(record.exit)) }
+            ul { @for line in &record.summary { li { (shown(line)) } } }
+            (problems(record))
+            h2 { "Campaigns" }
+            (campaigns(&record.campaigns, base))
+            h2 { "What changed since " @match &record.before { Some(run) => { (shown(run)) } None => { "the beginning" } } }
+            @if is_empty(&record.changes) { p { "Nothing changed." } }
+            (sections(&record.changes, &names))
+            (left(record))
+            (settings(record, &names))
+            h2 { "Trends" }
+            (trends(record, &names, &mut site))
+            p.note {
+                "Files of this night: "
+                @for (i, name) in ["night.json", "summary.txt", "summary.json", "summary.md", "summary.xml"].iter().enumerate() {
+                    @if i > 0 { ", " }
+                    a href={ (href(&folder)) (name) } download="" { (name) }
+                }
+                ". It took " (number::significant(record.seconds, 2)) " s with flightlag " (shown(&record.flightlag_version)) "."
+            }
+        }
+    };
+    site.add("index.html", document(&title, Needs::Nothing, body));
+    site
+}
+
+/// The exit code in words.
+fn exit(code: u8) -> Markup {
+    let (class, icon, word) = match code {
+        0 => ("ok", "✓", "all well"),
+        3 => ("unsure", "▲", "finished, look at what follows"),
+        4 => ("bad", "✗", "a criterion failed, a flight was harmed, or a setting did not do what was predicted"),
+        75 => ("unsure", "○", "a part was not possible now: run again"),
+        _ => ("bad", "✗", "a campaign failed"),
+    };
+    html! { (badge(class, icon, &format!("exit {code}: {word}"))) }
+}
+
+fn problems(record: &NightRecord) -> Markup {
+    html! {
+        @for campaign in &record.campaigns {
+            @if let Some(error) = &campaign.error { p.why { b { (shown(&campaign.name)) ": " } (shown(error)) } }
+        }
+        @for problem in &record.problems { p.why { (shown(problem)) } }
+    }
+}
+
+fn campaigns(all: &[NightCampaign], base: &str) -> Markup {
+    let head = [
+        Text("Campaign"),
+        Number("Flights"),
+        Number("Helped"),
+        Number("Harmed"),
+        Number("Not measurable"),
+        Number("Failed"),
+        Number("Logs damaged"),
+        Number("Fail a criterion"),
+        Number("Exit"),
+        Text("Logs"),
+    ];
+    let count = |campaign: &NightCampaign, of: fn(&record::CampaignTotals) -> u64| {
+        campaign.totals.as_ref().map_or_else(|| "—".to_owned(), |totals| number::count(of(totals)))
+    };
+    html! {
+        (table("Campaigns of this night", &head, html! {
+            @for campaign in all {
+                tr {
+                    th scope="row" { a href={ (base) (href(&campaign.report)) } { (shown(&campaign.name)) } }
+                    td.n { (count(campaign, |t| t.flights)) }
+                    td.n { (count(campaign, |t| t.helped)) }
+                    td.n { (count(campaign, |t| t.harmed)) }
+                    td.n { (count(campaign, |t| t.not_measurable)) }
+                    td.n { (count(campaign, |t| t.failed)) }
+                    td.n { (count(campaign, |t| t.lossy)) }
+                    td.n { (number::count(campaign.criteria_failed)) }
+                    td.n { (campaign.exit) }
+                    td.any { (shown(&campaign.flights)) @if campaign.nothing_changed { " (nothing changed)" } }
+                }
+            }
+        }))
+    }
+}
+
+fn left(record: &NightRecord) -> Markup {
+    html! {
+        @if !record.left.is_empty() {
+            h3 { "Left for the next night: " (number::count(record.left.len() as u64)) }
+            ul { @for log in &record.left { li { bdi { (shown(&format!("{}/{}", log.campaign, log.path))) } ": " (shown(&log.reason)) } } }
+        }
+    }
+}
+
+fn verdict(verdict: ProofVerdict) -> Markup {
+    match verdict {
+        ProofVerdict::Pass => badge("ok", "✓", verdict.word()),
+        ProofVerdict::Fail => badge("bad", "✗", verdict.word()),
+        ProofVerdict::CannotTell => badge("unsure", "?", verdict.word()),
+        ProofVerdict::NotSet => badge("off", "○", verdict.word()),
+    }
+}
+
+/// Recommended settings, predicted and measured residual side by side.
+fn settings(record: &NightRecord, names: &Names<'_>) -> Markup {
+    let head = [
+        Text("Parameter"),
+        Text("Of"),
+        Number("Residual before (ms)"),
+        Number("Predicted (ms)"),
+        Number("Measured (ms)"),
+        Number("Flights"),
+        Text("Verdict"),
+        Text("In words"),
+    ];
+    let millis = |estimate: Option<record::Estimate>| estimate.map(|e| in_millis(&e));
+    let row = |proof: &SettingProof| {
+        html! {
+            tr {
+                th scope="row" { code { (shown(&proof.parameter)) } }
+                td { (shown(&format!("{} {}", proof.campaign, proof.of))) }
+                td.n { (maybe_estimate(millis(proof.before_s).as_ref())) }
+                td.n { (estimate(&in_millis(&proof.predicted_s))) }
+                td.n { (maybe_estimate(millis(proof.measured_s).as_ref())) }
+                td.n { (number::count(proof.flights.len() as u64)) }
+                td { (verdict(proof.verdict)) }
+                td.any {
+                    (shown(&proof.words))
+                    @for (i, flight) in proof.flights.iter().take(5).enumerate() { @if i == 0 { " " } @else { ", " } (names.flight(flight)) }
+                }
+            }
+        }
+    };
+    html! {
+        @if !record.proofs.is_empty() {
+            h2 { "Set this, then prove it" }
+            (table("Recommended settings and the flights after them", &head, html! { @for proof in &record.proofs { (row(proof)) } }))
+            p.note {
+                "The residual is the lateness of the position less the parameter: what the autopilot does not account for. The \
+                 prediction follows from the flights before the setting, the measurement from those after it. ± is U with k = 2."
+            }
+        }
+    }
+}
+
+fn trends(record: &NightRecord, names: &Names<'_>, site: &mut Site) -> Markup {
+    html! {
+        @if record.new_trend_changes.is_empty() { p { "No new change." } }
+        @for new in &record.new_trend_changes {
+            p.why.unsure {
+                b { "New: " (shown(&new.chart)) } ": " (estimate(&in_millis(&new.change.step_s))) " ms from "
+                (names.flight(&new.change.at)) " on"
+                @if !new.change.with_it.is_empty() { "; with it " (shown(&new.change.with_it.join("; "))) }
+                "."
+            }
+        }
+        (super::trend::charts(&record.trend, names, site))
+    }
+}

@@ -1,0 +1,154 @@
+//! What changed between two sets of results: the sections that the page of a night and the page of a comparison share.
+
+use super::Head::{Number, Text};
+use super::{estimate, number, rows, table};
+use crate::text::{href, shown};
+use crate::verdict::in_millis;
+use maud::{Markup, html};
+use record::{ChangeCause, FlightWords, MovedNumber, NamedFlight, RunChanges};
+use std::collections::BTreeMap;
+
+/// Most flights that are named in one list.
+const MOST: usize = 200;
+
+/// How a page names flights and points to what it does not list.
+pub(super) struct Names<'a> {
+    /// From the page to the folder that pages of flights are relative to.
+    pub(super) base: &'a str,
+    /// File that holds all entries.
+    pub(super) all: &'a str,
+}
+
+impl Names<'_> {
+    /// A flight, linked to its page if it has one.
+    pub(super) fn flight(&self, flight: &NamedFlight) -> Markup {
+        let name = match flight.campaign.as_str() {
+            "" => flight.flight.clone(),
+            campaign => format!("{campaign}/{}", flight.flight),
+        };
+        html! {
+            @match &flight.page {
+                Some(page) => { a href={ (self.base) (href(page)) } { bdi { (shown(&name)) } } }
+                None => { bdi { (shown(&name)) } }
+            }
+        }
+    }
+
+    fn list<'f>(&self, flights: impl ExactSizeIterator<Item = &'f NamedFlight>) -> Markup {
+        let more = flights.len().saturating_sub(MOST);
+        html! {
+            @for (i, flight) in flights.take(MOST).enumerate() { @if i > 0 { ", " } (self.flight(flight)) }
+            @if more > 0 { ", and " (number::count(more as u64)) " more, in " (self.all) }
+        }
+    }
+
+    fn section(&self, title: &str, flights: &[NamedFlight]) -> Markup {
+        html! {
+            @if !flights.is_empty() {
+                h3 { (title) ": " (number::count(flights.len() as u64)) }
+                p { (self.list(flights.iter())) "." }
+            }
+        }
+    }
+
+    fn words(&self, title: &str, all: &[FlightWords]) -> Markup {
+        html! {
+            @if !all.is_empty() {
+                h3 { (title) ": " (number::count(all.len() as u64)) }
+                ul {
+                    @for of in all.iter().take(MOST) {
+                        li {
+                            (self.flight(&of.flight)) ": " b { (shown(&of.words.join(", "))) }
+                            @if let Some(error) = &of.error { ": " (shown(error)) }
+                        }
+                    }
+                    @if all.len() > MOST { li { "and " (number::count((all.len() - MOST) as u64)) " more, in " (self.all) } }
+                }
+            }
+        }
+    }
+}
+
+/// All sections, what needs attention first.
+pub(super) fn sections(changes: &RunChanges, names: &Names<'_>) -> Markup {
+    html! {
+        (names.words("Newly failing", &changes.failing))
+        (moved(&changes.moved, names))
+        (rerun(changes, names))
+        (names.words("New alarms", &changes.alarms_new))
+        (names.section("New flights", &changes.new))
+        (names.section("No longer there", &changes.gone))
+        (names.words("No longer failing", &changes.recovered))
+        (names.words("Alarms cleared", &changes.alarms_cleared))
+    }
+}
+
+/// Whether there is nothing to show.
+pub(super) fn is_empty(changes: &RunChanges) -> bool {
+    RunChanges { compared: 0, ..changes.clone() } == RunChanges::default()
+}
+
+/// Causes in words.
+pub(super) fn causes(causes: &[ChangeCause]) -> String {
+    match causes {
+        [] => "nothing that is known".to_owned(),
+        causes => causes.iter().map(|cause| cause.word()).collect::<Vec<_>>().join(", "),
+    }
+}
+
+fn rerun(changes: &RunChanges, names: &Names<'_>) -> Markup {
+    let mut by_cause: BTreeMap<String, Vec<&NamedFlight>> = BTreeMap::new();
+    for flight in &changes.rerun {
+        by_cause.entry(causes(&flight.causes)).or_default().push(&flight.flight);
+    }
+    html! {
+        @if !changes.rerun.is_empty() {
+            h3 { "Another result: " (number::count(changes.rerun.len() as u64)) }
+            ul {
+                @for (cause, flights) in &by_cause {
+                    li {
+                        b { (number::counted(flights.len() as u64, "flight", "flights")) } ", because of " (cause) ": "
+                        (names.list(flights.iter().copied())) "."
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn moved(all: &[MovedNumber], names: &Names<'_>) -> Markup {
+    let head = [
+        Text("Flight"),
+        Text("Quantity"),
+        Number("Before"),
+        Number("Now"),
+        Text("Unit"),
+        Number("Moved by (σ)"),
+        Text("Because of"),
+    ];
+    let row = |of: &MovedNumber| {
+        let in_ms = of.unit == "s";
+        let shown_value = |e: &record::Estimate| if in_ms { in_millis(e) } else { *e };
+        html! {
+            tr {
+                th scope="row" { (names.flight(&of.flight)) }
+                td { (shown(&of.quantity)) }
+                td.n { (estimate(&shown_value(&of.before))) }
+                td.n { (estimate(&shown_value(&of.now))) }
+                td { @if in_ms { "ms" } @else { (shown(&of.unit)) } }
+                td.n { (super::plain(of.sigmas, 2)) }
+                td { (causes(&of.causes)) }
+            }
+        }
+    };
+    html! {
+        @if !all.is_empty() {
+            h3 { "Moved by more than 2\u{a0}σ: " (number::count(all.len() as u64)) }
+            (table("Numbers that moved, the largest move first", &head, rows(all, MOST, head.len(), row)))
+            p.note {
+                "± is U with k = 2. σ: root of the sum of both squared standard uncertainties. If the log is the same in both, \
+                 the two numbers are not independent: σ then says how large the move is, not how likely."
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The page of trends: control charts with the places where they change.
+
+use super::Head::{Number, Text};
+use super::run_changes::Names;
+use super::{Needs, document, estimate, figure, files, number, table};
+use crate::figure::control_chart;
+use crate::site::Site;
+use crate::text::shown;
+use crate::verdict::in_millis;
+use maud::{Markup, html};
+use record::{TrendChart, TrendRecord};
+
+/// Most charts that are drawn; the table has all.
+const MOST_DRAWN: usize = 40;
+
+/// The page of trends as `index.html`, with its figures. `base` leads from the page to the folder that pages of flights are
+/// relative to.
+#[must_use]
+pub fn trend_site(record: &TrendRecord, title: &str, base: &str) -> Site {
+    let mut site = Site::default();
+    let names = Names { base, all: "trend.json" };
+    let with_changes = record.charts.iter().filter(|chart| !chart.changes.is_empty()).count();
+    let body = html! {
+        main {
+            h1 { (shown(title)) }
+            p.answer {
+                b { (number::counted(with_changes as u64, "chart with a change", "charts with a change")) } " of "
+                (number::counted(record.charts.len() as u64, "chart", "charts")) "."
+            }
+            (charts(record, &names, &mut site))
+            (method(record))
+            (files(&["trend.json", "trend.csv"]))
+        }
+    };
+    site.add("index.html", document(title, Needs::Nothing, body));
+    site
+}
+
+/// The table of changes, and the charts: those that change first.
+pub(super) fn charts(record: &TrendRecord, names: &Names<'_>, site: &mut Site) -> Markup {
+    let mut ordered: Vec<&TrendChart> = record.charts.iter().collect();
+    ordered.sort_by_key(|chart| (chart.changes.is_empty(), std::cmp::Reverse(chart.points.len())));
+    let figures: Vec<_> = ordered
+        .iter()
+        .take(MOST_DRAWN)
+        .zip(1..)
+        .filter_map(|(chart, number)| control_chart(chart, number))
+        .inspect(|figure| site.add_figure(figure))
+        .collect();
+    html! {
+        (changes(&ordered, names))
+        (means(&ordered))
+        @for drawn in &figures { (figure(drawn)) }
+        @if ordered.len() > MOST_DRAWN {
+            p.note { (number::count((ordered.len() - MOST_DRAWN) as u64)) " more charts are in the table and not drawn." }
+        }
+        @if !record.left_out.is_empty() { p.note { "Not on a chart: " (shown(&record.left_out.join("; "))) "." } }
+    }
+}
+
+fn changes(charts: &[&TrendChart], names: &Names<'_>) -> Markup {
+    let head = [
+        Text("Chart"),
+        Text("From this flight on"),
+        Text("Flown (UTC)"),
+        Number("Step (ms)"),
+        Number("σ"),
+        Text("With it"),
+    ];
+    let any = charts.iter().any(|chart| !chart.changes.is_empty());
+    html! {
+        @if any {
+            (table("Changes", &head, html! {
+                @for chart in charts {
+                    @for change in &chart.changes {
+                        tr {
+                            th scope="row" { (shown(&format!("{} {}", chart.dimension, chart.value))) }
+                            td {
+                                (names.flight(&change.at))
+                                @if change.earliest != change.latest {
+                                    " (95 %: " (names.flight(&change.earliest)) " to " (names.flight(&change.latest)) ")"
+                                }
+                            }
+                            td { (shown(change.flown_at.as_deref().unwrap_or("not known"))) }
+                            td.n { (estimate(&in_millis(&change.step_s))) }
+                            td.n { (super::plain(change.sigmas, 2)) }
+                            td.any { @if change.with_it.is_empty() { "nothing else that is known" } @else { (shown(&change.with_it.join("; "))) } }
+                        }
+                    }
+                }
+            }))
+        }
+    }
+}
+
+/// The mean of each stretch: the newest is what holds now.
+fn means(charts: &[&TrendChart]) -> Markup {
+    let head = [
+        Text("Chart"),
+        Text("Counted from"),
+        Number("Flights"),
+        Number("Lateness now (ms)"),
+        Number("Spread between flights (ms)"),
+        Number("Changes"),
+        Number("Outside limits"),
+    ];
+    html! {
+        (table("Charts", &head, html! {
+            @for chart in charts {
+                @let outside = chart.points.iter().filter(|point| point.is_outside).count();
+                tr {
+                    th scope="row" { (shown(&format!("{} {}", chart.dimension, chart.value))) }
+                    td { (shown(&chart.datum)) }
+                    td.n { (number::count(chart.points.len() as u64 + chart.older_points)) }
+                    td.n { @if let Some(last) = chart.segments.last() { (estimate(&in_millis(&last.mean_s))) } }
+                    td.n { (super::plain(chart.between_s * 1e3, 2)) }
+                    td.n { (number::count(chart.changes.len() as u64)) }
+                    td.n { (number::count(outside as u64)) }
+                }
+            }
+        }))
+    }
+}
+
+fn method(record: &TrendRecord) -> Markup {
+    html! {
+        p.note {
+            "Each flight counts with its own uncertainty and the spread between flights. A change is a step of the mean that lowers \
+             the weighted sum of squares by more than a threshold; the threshold is found by simulation for each chart. A chart \
+             without a change shows one with a probability of " (number::percent(record.false_alarm)) " %, for one look. Fewer than three \
+             flights after a step are no change yet. ± is U with k = 2."
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Nights as a team runs them: new, changed and unfinished logs, other settings, and two reports side by side.
+
+use crate::program::{flightlag, run, text};
+use serde_json::Value;
+use simulate::write_campaign;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+/// A folder with logs, a nightly file and what the nights leave.
+struct Nights {
+    folder: tempfile::TempDir,
+}
+
+impl Nights {
+    fn new(flights: usize) -> Nights {
+        let nights = Nights { folder: tempfile::tempdir().unwrap() };
+        write_campaign(&nights.path("logs"), flights, 60.0, 3).unwrap();
+        nights.logs().iter().for_each(|log| written_an_hour_ago(log));
+        nights.config("");
+        nights
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn logs(&self) -> Vec<PathBuf> {
+        let mut logs: Vec<PathBuf> = fs::read_dir(self.path("logs")).unwrap().map(|e| e.unwrap().path()).collect();
+        logs.sort();
+        logs
+    }
+
+    fn config(&self, more: &str) {
+        let fleet = "schema = 1\n[[aircraft]]\nflights = \"sim/*\"\nairframe = \"uav-1\"\nserial = \"D9-0412\"\n";
+        fs::write(self.path("fleet.toml"), fleet).unwrap();
+        let text = format!(
+            "schema = 1\nout = \"out\"\nfleet = \"fleet.toml\"\n{more}\n[[campaign]]\nflights = \"logs\"\nname = \"sim\"\n"
+        );
+        fs::write(self.path("nightly.toml"), text).unwrap();
+    }
+
+    /// Runs a night and gives its `night.json`.
+    fn night(&self, exit: i32) -> Value {
+        let config = self.path("nightly.toml");
+        let said = run(["nightly".as_ref(), config.as_os_str(), "--threads".as_ref(), "2".as_ref()], exit);
+        let lines = text(&said.stdout);
+        let summary = fs::read_to_string(self.path("out/summary.txt")).unwrap();
+        assert_eq!(summary.lines().count(), 5, "{summary}");
+        assert!(lines.starts_with(&summary), "{lines}");
+        let latest = fs::read_dir(self.path("out/nights")).unwrap().map(|e| e.unwrap().path()).max().unwrap();
+        let night: Value = serde_json::from_slice(&fs::read(latest.join("night.json")).unwrap()).unwrap();
+        for name in ["index.html", "summary.json", "summary.md", "summary.xml"] {
+            assert!(latest.join(name).is_file(), "{name}");
+        }
+        assert_eq!(night["exit"], exit);
+        night
+    }
+}
+
+/// Logs are left alone while they are written.
+fn written_an_hour_ago(path: &Path) {
+    let then = SystemTime::now() - Duration::from_secs(3600);
+    File::options().write(true).open(path).unwrap().set_modified(then).unwrap();
+}
+
+fn names(list: &Value) -> Vec<&str> {
+    list.as_array().unwrap().iter().map(|of| of["flight"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn a_night_says_what_is_new_changed_failing_and_left_and_why() {
+    let nights = Nights::new(3);
+    let logs = nights.logs();
+    let other = tempfile::tempdir().unwrap();
+    write_campaign(other.path(), 4, 60.0, 99).unwrap();
+
+    // The third log is still being written.
+    File::options().write(true).open(&logs[2]).unwrap().set_modified(SystemTime::now()).unwrap();
+    let first = nights.night(0);
+    assert_eq!(names(&first["changes"]["new"]), ["flight-0001.mcap", "flight-0002.mcap"]);
+    assert_eq!(first["left"][0]["path"], "flight-0003.mcap");
+    assert!(first["left"][0]["reason"].as_str().unwrap().starts_with("still being written"));
+
+    // It is finished; the first is another one now; a fourth is cut in the middle.
+    written_an_hour_ago(&logs[2]);
+    fs::copy(other.path().join("flight-0001.mcap"), &logs[0]).unwrap();
+    written_an_hour_ago(&logs[0]);
+    let whole = fs::read(other.path().join("flight-0004.mcap")).unwrap();
+    let cut = nights.path("logs/flight-0004.mcap");
+    fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
+    written_an_hour_ago(&cut);
+    let second = nights.night(3);
+    let changes = &second["changes"];
+    assert_eq!(names(&changes["new"]), ["flight-0003.mcap", "flight-0004.mcap"]);
+    let rerun = changes["rerun"].as_array().unwrap();
+    let of_first = rerun.iter().find(|of| of["flight"] == "flight-0001.mcap").unwrap();
+    assert_eq!(of_first["causes"], serde_json::json!(["log"]));
+    assert!(
+        rerun.iter().all(|of| of["flight"] == "flight-0001.mcap" || of["causes"][0] == "other-flights"),
+        "{rerun:?}"
+    );
+    assert_eq!(names(&changes["failing"]), ["flight-0004.mcap"]);
+    assert_eq!(changes["failing"][0]["words"][0], "log damaged");
+    assert_eq!(second["left"].as_array().unwrap().len(), 0);
+    assert_eq!(second["before"], first["run_id"]);
+
+    // Nothing changes: the night says so, and the history has a file without rows.
+    let third = nights.night(3);
+    assert!(third["campaigns"][0]["nothing_changed"].as_bool().unwrap());
+    assert!(fs::read_to_string(nights.path("out/morning.html")).unwrap().contains("Nothing changed."));
+
+    // Other settings; a log is gone.
+    fs::write(nights.path("p.toml"), "schema = 1\n[delay]\nposition_s = 1.0\nsource = \"test\"\n").unwrap();
+    nights.config("pipeline = \"p.toml\"");
+    fs::remove_file(&cut).unwrap();
+    let fourth = nights.night(4);
+    let changes = &fourth["changes"];
+    assert_eq!(names(&changes["gone"]), ["flight-0004.mcap"]);
+    let rerun = changes["rerun"].as_array().unwrap();
+    assert_eq!(rerun.len(), 3);
+    assert!(rerun.iter().all(|of| of["causes"] == serde_json::json!(["settings"])), "{rerun:?}");
+    assert_eq!(names(&changes["failing"]).len(), 3);
+    assert!(changes["failing"].as_array().unwrap().iter().all(|of| of["words"][0] == "harmed"), "{changes}");
+
+    let runs: Value = serde_json::from_slice(
+        &run(["history".as_ref(), nights.path("out/history").as_os_str(), "--json".as_ref()], 0).stdout,
+    )
+    .unwrap();
+    let rows: Vec<u64> = runs.as_array().unwrap().iter().map(|run| run["flights"].as_u64().unwrap()).collect();
+    assert_eq!((rows[0], rows[2], rows[3]), (2, 0, 3), "{rows:?}");
+    latency_and_trend(&nights.path("out/history"), &nights.path("trend"));
+}
+
+/// The fleet file says who flew: the logs do not.
+fn latency_and_trend(history: &Path, out: &Path) {
+    let table = text(&run(["history".as_ref(), history.as_os_str(), "--latency".as_ref()], 0).stdout);
+    assert!(table.contains("± is U (k = 2) of the mean") && table.contains("5 Hz"), "{table}");
+    let arguments = ["trend".as_ref(), history.as_os_str(), "--out".as_ref(), out.as_os_str(), "--json".as_ref()];
+    let trend: Value = serde_json::from_slice(&run(arguments, 0).stdout).unwrap();
+    let serial = trend["charts"].as_array().unwrap().iter().find(|chart| chart["dimension"] == "serial").unwrap();
+    assert_eq!(serial["value"], "D9-0412");
+    assert!(serial["points"].as_array().unwrap().len() >= 3, "{serial}");
+    assert!(serial["changes"].as_array().unwrap().is_empty());
+    assert!(fs::read_to_string(out.join("index.html")).unwrap().contains("serial D9-0412: no change"));
+    assert!(fs::read_to_string(out.join("trend.csv")).unwrap().lines().count() > 3);
+}
+
+#[test]
+fn a_campaign_that_fails_does_not_stop_the_others_and_wrong_files_are_named_with_lines() {
+    let nights = Nights::new(1);
+    fs::create_dir(nights.path("empty")).unwrap();
+    nights.config("");
+    let config = fs::read_to_string(nights.path("nightly.toml")).unwrap();
+    fs::write(nights.path("nightly.toml"), format!("{config}[[campaign]]\nflights = \"empty\"\n")).unwrap();
+    let night = nights.night(1);
+    assert_eq!(night["campaigns"][0]["exit"], 0);
+    assert!(night["campaigns"][1]["error"].as_str().unwrap().contains("no flight found"));
+    let junit = fs::read_to_string(nights.path("out/summary.xml")).unwrap();
+    assert!(junit.contains("tests=\"2\" failures=\"1\""), "{junit}");
+    fs::write(nights.path("nightly.toml"), "schema = 1\nout = \"out\"\nhistroy = \"h\"\n").unwrap();
+    let wrong = text(&run(["nightly".as_ref(), nights.path("nightly.toml").as_os_str()], 2).stderr);
+    assert!(wrong.contains("nightly.toml:3: unknown key `histroy`: did you mean `history`?"), "{wrong}");
+    assert!(wrong.contains("holds no [[campaign]]"), "{wrong}");
+    let none = text(&run(["trend".as_ref(), nights.path("empty").as_os_str()], 2).stderr);
+    assert!(none.contains("holds no history"), "{none}");
+    let query = |arguments: &[&str]| text(&run([&["query"], arguments].concat(), 2).stderr);
+    assert!(query(&["delay_s > 0.3"]).contains("just query"), "the usual build has no queries, and says what has");
+    assert!(query(&["dely_s > 0.3"]).contains("the nearest are delay_s"));
+}
+
+#[test]
+fn two_pipelines_over_the_same_flights_differ_by_their_settings_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    write_campaign(&folder.path().join("logs"), 2, 60.0, 5).unwrap();
+    for (name, delay) in [("old.toml", 0.4), ("new.toml", 0.2)] {
+        fs::write(path(name), format!("schema = 1\n[delay]\nposition_s = {delay}\nsource = \"test\"\n")).unwrap();
+    }
+    let (old, new, logs, out) = (path("old.toml"), path("new.toml"), path("logs"), path("diff"));
+    let arguments = ["diff", &old, &new, "--flights", &logs, "--out", &out, "--json"];
+    let diff: Value = serde_json::from_slice(&run(arguments, 0).stdout).unwrap();
+    assert_eq!(diff["settings"][0], "delay.position_s: was 0.4, is 0.2");
+    let changes = &diff["changes"];
+    assert_eq!((&changes["compared"], names(&changes["rerun"]).len()), (&2.into(), 2));
+    let moved = changes["moved"].as_array().unwrap();
+    let error = moved.iter().find(|of| of["quantity"] == "error after compensation").unwrap();
+    assert_eq!(error["causes"], serde_json::json!(["settings"]));
+    assert!(error["now"]["value"].as_f64() > error["before"]["value"].as_f64(), "{error}");
+    assert!(!moved.iter().any(|of| of["quantity"] == "lateness"), "the lateness of the log is the same: {moved:?}");
+    let page = fs::read_to_string(folder.path().join("diff/index.html")).unwrap();
+    assert!(page.contains("href=\"second/flights/flight-0001.mcap/index.html\""), "{page}");
+    // The two reports by themselves, as text; and a folder that is no report.
+    let (first, second) = (path("diff/first"), path("diff/second"));
+    let said = text(&run(["diff", &first, &second], 0).stdout);
+    assert!(said.contains("error after compensation") && said.contains("settings"), "{said}");
+    let same = text(&run(["diff", &first, &first], 0).stdout);
+    assert!(same.contains("2 flights in both: 0 numbers moved"), "{same}");
+    let wrong = text(&flightlag(["diff", &first, &logs]).output().unwrap().stderr);
+    assert!(wrong.contains("not the report of a campaign"), "{wrong}");
+}
