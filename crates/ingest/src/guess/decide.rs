@@ -434,7 +434,7 @@ fn measured_height(
         );
     }
     let fits = |symbol: &&str| unit(symbol).filter(|u| per_unit(u.to_si(1.0)).ln().abs() < NEAR);
-    match OF_HEIGHTS.iter().find_map(|symbol| fits(symbol)) {
+    match OF_HEIGHTS.iter().find_map(fits) {
         Some(found) if found.symbol() == "m" => (Some(found), None),
         Some(found) => {
             (Some(found), Some(format!("{} changes as {} says if it is in {found}", height.path, third.path)))

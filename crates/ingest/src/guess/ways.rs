@@ -53,7 +53,7 @@ fn motions(set: &Velocity) -> Vec<Motion> {
     let Some(speed) = set.first.unit.or(unit("m/s")) else { return vec![] };
     let angle = set.is_polar.then(|| set.second.unit.or(unit("deg"))).flatten();
     let is_plain = set.is_polar || says_axes(&set.first);
-    let third = set.third.as_ref().and_then(|t| Some((t.unit.unwrap_or(speed), side(t).unwrap_or(Vertical::LeftOut))));
+    let third = set.third.as_ref().map(|t| (t.unit.unwrap_or(speed), side(t).unwrap_or(Vertical::LeftOut)));
     let one = |(swapped, is_west): (bool, bool)| Motion {
         set: set.clone(),
         unit: speed,
