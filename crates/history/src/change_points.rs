@@ -15,8 +15,10 @@
 //! 4. The steps are the exact minimum of `Σ cost(segment) + β · steps` over all segmentations with at least three numbers in
 //!    a segment (PELT, Killick, Fearnhead & Eckley 2012). The cost of a segment is its weighted sum of squares.
 //!
-//! How well it does is measured in the tests: the false alarm rate with and without spread, for short and long series, for
-//! one look and for a look each night over a year.
+//! How well it does is measured in the tests. In 2000 series each, false alarms were 0 % (8 numbers, no spread), 0.05 % (20, no
+//! spread), 0.65 % (20, spread of twice the median uncertainty), 0.75 % (60, as large as it) and 1.3 % (200, half as large), where
+//! 1 % was wanted. A test
+//! for a look each night over four months is there; its figure is still to be taken.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -329,7 +331,7 @@ mod tests {
 
     /// A look each night: a flight more, from the sixth to the hundred-and-twentieth. `cargo test -p history -- --ignored` runs it.
     #[test]
-    #[ignore = "takes minutes; its figure is in docs/src/nightly.md"]
+    #[ignore = "takes many minutes; prints its figure"]
     fn a_look_each_night_gives_few_more_false_alarms() {
         let rate = share(120, 200, |random| {
             let (x, u) = series(random, 120, 2.0, &|_| 118.0);

@@ -3,6 +3,7 @@
 use crate::dataset::Latest;
 use crate::row::Row;
 use record::{ChangeCause, Estimate, FlightWords, MovedNumber, NamedFlight, RerunCause, RunChanges};
+use std::collections::BTreeSet;
 
 /// A number has moved if it did by more than this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
@@ -19,7 +20,7 @@ pub fn compare(before: &Latest, now: &[Row], page: PageOf<'_>) -> RunChanges {
         let Some(was) = before.get(&(row.campaign.clone(), row.flight.clone())) else {
             changes.new.push(named.clone());
             words(&mut changes.failing, &named, troubles(row), row);
-            words(&mut changes.alarms_new, &named, row.alarm_codes().map(str::to_owned).collect(), row);
+            words(&mut changes.alarms_new, &named, codes(row), row);
             continue;
         };
         changes.compared += 1;
@@ -45,10 +46,14 @@ fn came_and_went(changes: &mut RunChanges, was: &Row, row: &Row, named: &NamedFl
     let (had, has) = (troubles(was), troubles(row));
     words(&mut changes.failing, named, only(&has, &had), row);
     words(&mut changes.recovered, named, only(&had, &has), row);
-    let codes = |row: &Row| row.alarm_codes().map(str::to_owned).collect::<Vec<_>>();
     let (had, has) = (codes(was), codes(row));
     words(&mut changes.alarms_new, named, only(&has, &had), row);
     words(&mut changes.alarms_cleared, named, only(&had, &has), row);
+}
+
+/// Codes of the alarms of a flight, each once.
+fn codes(row: &Row) -> Vec<String> {
+    row.alarm_codes().map(str::to_owned).collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// Adds an entry if there is something to say.
@@ -199,7 +204,7 @@ mod tests {
     fn new_failures_have_their_first_error_line_and_alarms_come_and_go() {
         let failed =
             Row { outcome: "failed".into(), reason: Some("a.bin: byte 12: no frame\nmore".into()), ..row("a") };
-        let other = Row { alarms: Some("steps".into()), ..row("b") };
+        let other = Row { alarms: Some("steps steps".into()), ..row("b") };
         let new = Row { data: "damaged".into(), alarms: None, ..row("n") };
         let found = changes(&[row("a"), row("b")], &[failed, other, new]);
         assert_eq!(found.failing[0].words, ["failed"]);

@@ -92,7 +92,7 @@ impl History {
                 files.push(path);
             }
         }
-        files.sort();
+        files.sort_by_cached_key(|path| order_of(path));
         Ok(files)
     }
 
@@ -156,6 +156,14 @@ impl History {
         }
         Ok((latest, unreadable))
     }
+}
+
+/// The second of a file's run, and the number of the run within that second.
+fn order_of(path: &Path) -> (String, u32) {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let numbered =
+        name.rsplit_once("Z-").and_then(|(second, number)| Some((format!("{second}Z"), number.parse().ok()?)));
+    numbered.unwrap_or((name, 1))
 }
 
 /// Puts a row in the place of an earlier one of the same flight.
@@ -249,6 +257,7 @@ mod tests {
         let run = run(1_795_644_000);
         let files = [0.1, 0.2].map(|late| history.append(&run, &[row(&run, "a", late)]).unwrap());
         assert!(files[0] != files[1] && files[1].ends_with("2026-11-25T220000Z-2.parquet"), "{files:?}");
+        assert_eq!(history.files().unwrap(), files, "in the order of the runs");
         let left = std::fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(left, 2, "no temporary file is left");
     }

@@ -104,6 +104,9 @@ fn means(charts: &[&TrendChart]) -> Markup {
         Number("Changes"),
         Number("Outside limits"),
     ];
+    if charts.is_empty() {
+        return html! {};
+    }
     html! {
         (table("Charts", &head, html! {
             @for chart in charts {
