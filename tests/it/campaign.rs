@@ -85,6 +85,26 @@ fn a_simulated_delay_is_removed_and_the_files_are_where_a_person_looks() {
 }
 
 #[test]
+fn records_are_small_and_the_points_of_figures_are_kept_once() {
+    let campaign = Campaign::of(1);
+    campaign.run("report", &[], 0);
+    let out = campaign.out("report");
+    let files = results(&out);
+    let records: Vec<_> = files.iter().filter(|(path, _)| path.ends_with("record.json")).collect();
+    assert_eq!(records.len(), 2, "under its key, and beside the page");
+    for (path, bytes) in records {
+        assert!(bytes.len() <= 64_000, "{}: {} bytes", path.display(), bytes.len());
+        let record: FlightRecord = serde_json::from_slice(bytes).unwrap();
+        assert!(record.replay.unwrap().axes.iter().all(|axis| axis.position_m.iter().all(|c| c.t_s.is_empty())));
+    }
+    assert_eq!(files.keys().filter(|path| path.ends_with("points.bin")).count(), 1);
+    // The figures have their points all the same.
+    let page = out.join(&campaign.record("report").flights[0].page);
+    let curves: Vec<PathBuf> = files.keys().filter(|p| p.extension().is_some_and(|e| e == "csv")).cloned().collect();
+    assert!(page.exists() && curves.iter().any(|p| files[p].len() > 10_000), "{curves:?}");
+}
+
+#[test]
 fn a_second_run_with_nothing_changed_reads_no_log_and_changes_no_byte() {
     let campaign = Campaign::of(3);
     campaign.run("report", &[], 0);

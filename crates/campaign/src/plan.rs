@@ -231,7 +231,7 @@ fn judge_replay(
     let (Some(decision), Some(measured)) = (decision, measured) else { return Ok(()) };
     let key = manifest.result_key(&measured, &decision);
     let whole = state.has_result(store, &key)?;
-    let had_trouble = results::had_trouble(store, &key);
+    let had_trouble = !whole && results::had_trouble(store, &key);
     let flight = &mut manifest.flights[i];
     (flight.key, flight.decision) = (Some(key), Some(decision));
     if !whole {

@@ -49,10 +49,16 @@ fn system() -> String {
     }
 }
 
-/// Field 22 of `/proc/PID/stat`. The second field is a name in brackets, which may hold anything.
+/// Field 22 of `/proc/PID/stat`; `None` if there is no such process, or it has ended and only waits to be taken note of. The
+/// second field is a name in brackets, which may hold anything.
 fn started(stat: &Path) -> Option<u64> {
     let text = fs::read_to_string(stat).ok()?;
-    text.rsplit_once(')')?.1.split_whitespace().nth(19)?.parse().ok()
+    let mut fields = text.rsplit_once(')')?.1.split_whitespace();
+    let state = fields.next()?;
+    if ["Z", "X"].contains(&state) {
+        return None;
+    }
+    fields.nth(18)?.parse().ok()
 }
 
 /// Name of this machine, without characters that separate parts of a temporary name.
@@ -76,6 +82,21 @@ mod tests {
         assert_eq!(ended.has_ended(), Some(true));
         // The number is in use again, by a process that started at another time.
         assert_eq!(Process { started: 7, ..Process::this().clone() }.has_ended(), Some(true));
+    }
+
+    #[test]
+    fn a_process_that_was_killed_has_ended_although_its_parent_takes_no_note() {
+        let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
+        let stat = Path::new("/proc").join(child.id().to_string()).join("stat");
+        let process = Process { pid: child.id(), started: started(&stat).unwrap(), ..Process::this().clone() };
+        assert_eq!(process.has_ended(), Some(false));
+        child.kill().unwrap();
+        let patience = std::time::Instant::now() + std::time::Duration::from_secs(10);
+        while process.has_ended() != Some(true) && std::time::Instant::now() < patience {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        assert_eq!(process.has_ended(), Some(true));
+        child.wait().unwrap();
     }
 
     #[test]

@@ -86,10 +86,11 @@ pub fn reduce(manifest: &Manifest, desk: &Desk<'_>) -> Result<Verdict, CampaignE
     let _lock = OutputLock::take(&store, desk)?;
     store.clean();
     let mut state = State::recall(&store);
-    let known = state.results.len();
+    let of_plan: Vec<&str> = manifest.keys().filter(|key| state.results.contains_key(*key)).collect();
     compare(&mut state, &store, Check::Quick, desk)?;
-    if state.results.len() < known {
-        return Err(plan_again(known - state.results.len()));
+    let damaged = of_plan.iter().filter(|key| !state.results.contains_key(**key)).count();
+    if damaged > 0 {
+        return Err(plan_again(damaged));
     }
     match reduce_locked(manifest, desk, &store, &mut state)? {
         Reduction::Finished(verdict) => {

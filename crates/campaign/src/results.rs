@@ -1,11 +1,13 @@
 //! Where the results of a flight lie, and what belongs to them.
 //!
-//! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes) and `record.json`. That of a
+//! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes), `points.bin` (the points of its
+//! figures) and `record.json`. That of a
 //! measurement holds `measured.json` and the short `lateness.json`, which is all that the decision over many flights reads.
 //! Both hold, written last, `files.json`: the hash of every file of the result. A result with that list is whole, and whatever
 //! is read of it is compared with its hash. `trouble.json` instead tells of an attempt that may end otherwise next time.
 
 use crate::error::CampaignError;
+use crate::points;
 use crate::store::{Check, Files, Keep, Kept, Store};
 use crate::study::Studied;
 use crate::table;
@@ -18,6 +20,8 @@ pub(crate) const TRACK: &str = "track.parquet";
 const RECORD: &str = "record.json";
 /// The rows that the flight's page lets a reader zoom into.
 const EXPLORER: &str = "explorer.json";
+/// The points of its figures.
+const POINTS: &str = "points.bin";
 const MEASURED: &str = "measured.json";
 const LATENESS: &str = "lateness.json";
 const FILES: &str = "files.json";
@@ -141,8 +145,33 @@ pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignErro
         None => writer.without(EXPLORER)?,
     }
     let pipeline = PipelineUse { title: String::new(), blake3: String::new(), toml: String::new() };
-    writer.write(RECORD, &FlightRecord { pipeline, ..record.clone() })?;
+    let (lean, points) = without_points(FlightRecord { pipeline, ..record.clone() });
+    match points {
+        Some(points) => {
+            let kept = store.write(&name(&record.key, POINTS), &points, Keep::Part)?;
+            writer.add(POINTS, kept);
+        }
+        None => writer.without(POINTS)?,
+    }
+    writer.write(RECORD, &lean)?;
     writer.finish()
+}
+
+/// A record with empty lists in the place of the points of its figures, and these points.
+fn without_points(record: FlightRecord) -> (FlightRecord, Option<Vec<u8>>) {
+    let Ok(mut value) = serde_json::to_value(&record) else { return (record, None) };
+    let points = points::take(&mut value);
+    match serde_json::from_value(value) {
+        Ok(lean) if points.is_some() => (lean, points),
+        _ => (record, None),
+    }
+}
+
+/// A record with the points of its figures.
+fn with_points(record: &FlightRecord, points: &[u8]) -> Option<FlightRecord> {
+    let mut value = serde_json::to_value(record).ok()?;
+    points::put_back(&mut value, points)?;
+    serde_json::from_value(value).ok()
 }
 
 /// Writes a measurement.
@@ -213,7 +242,14 @@ pub(crate) fn read(store: &Store, key: &str) -> Result<Option<(FlightRecord, Res
         let has_track = list.has(store, TRACK, Check::Quick);
         r.key == key && r.record_version == RECORD_VERSION && (r.outcome != Outcome::Compensated || has_track)
     };
-    match record.filter(fits) {
+    let record = match (record.filter(fits), list.blake3(POINTS)) {
+        (Some(record), Some(blake3)) => {
+            let points = read_checked(store, key, POINTS, Some(blake3))?;
+            points.and_then(|points| with_points(&record, &points))
+        }
+        (record, _) => record,
+    };
+    match record {
         Some(record) => Ok(Some((record, list))),
         None => {
             remove(store, key)?;
@@ -259,9 +295,9 @@ pub(crate) fn copy_track(
     }
 }
 
-/// The record as it is written.
+/// The record as it is written beside the flight's page: without the points, which the files of the figures hold.
 pub(crate) fn text_of(record: &FlightRecord) -> Vec<u8> {
-    line_of(record)
+    line_of(&without_points(record.clone()).0)
 }
 
 fn line_of(value: &impl Serialize) -> Vec<u8> {

@@ -109,7 +109,8 @@ pub struct CompensatorResult {
     pub error_p95_m: Option<Estimate>,
 }
 
-/// A curve for a figure, decimated so that every extreme is kept.
+/// A curve for a figure, decimated so that every extreme is kept. In `record.json` its lists are empty: the file of the figure
+/// holds the points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Curve {
     /// Name in the legend.
@@ -124,7 +125,8 @@ pub struct Curve {
     pub stands_for: u64,
 }
 
-/// A curve in the horizontal plane, thinned so that what is left out lies within a thousandth of its extent.
+/// A curve in the horizontal plane, thinned so that what is left out lies within a thousandth of its extent. In `record.json`
+/// its lists are empty: the file of the figure holds the points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PathCurve {
     /// Name in the legend.
@@ -166,7 +168,8 @@ pub struct Lead {
     pub over_time_ms: Curve,
 }
 
-/// A ground track with the lead at each of its points.
+/// A ground track with the lead at each of its points. In `record.json` its lists are empty: the file of the figure holds the
+/// points.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LeadTrack {
     /// Metres east of the origin.

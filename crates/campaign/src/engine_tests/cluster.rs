@@ -128,6 +128,20 @@ fn a_later_plan_leaves_the_manifest_of_an_earlier_one() {
 }
 
 #[test]
+fn a_damaged_result_that_no_plan_needs_any_more_stops_no_reduction() {
+    let bench = group();
+    let cluster = Cluster::of(&bench);
+    let first = cluster.work();
+    reduce(&first, &cluster.desk()).unwrap();
+    let key = first.flights[1].key.clone().unwrap();
+    fs::write(bench.out().join(format!("by-key/{}/{key}/track.parquet", &key[..2])), "short").unwrap();
+    assert_eq!(reduce(&first, &cluster.desk()).unwrap_err().exit(), Exit::Failed, "it is needed: plan again");
+    fs::remove_file(bench.flights().join("b.csv")).unwrap();
+    let verdict = reduce(&cluster.work(), &cluster.desk()).unwrap();
+    assert_eq!((verdict.totals.flights, verdict.exit()), (6, Exit::Well));
+}
+
+#[test]
 fn gc_keeps_what_a_recent_plan_names() {
     let bench = group();
     let cluster = Cluster::of(&bench);
