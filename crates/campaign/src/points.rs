@@ -25,7 +25,16 @@ const LEAST: usize = 16;
 const MOST_BYTES: u64 = 1 << 30;
 
 /// The parts of a record that hold points.
-const PLACES: [&str; 4] = ["/replay/axes", "/replay/zoom", "/replay/track", "/replay/lead"];
+const PLACES: [&str; 8] = [
+    "/replay/axes",
+    "/replay/zoom",
+    "/replay/track",
+    "/replay/lead",
+    "/trial/axes",
+    "/trial/zoom",
+    "/trial/track",
+    "/trial/lead",
+];
 
 /// Takes the points out of a record; `None` if it has none.
 pub(crate) fn take(record: &mut Value) -> Option<Vec<u8>> {
