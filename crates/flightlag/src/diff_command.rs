@@ -137,7 +137,7 @@ fn moved(changes: &RunChanges) -> String {
             with_u(before, unit),
             with_u(now, unit),
             shown.to_owned(),
-            format!("{sigmas:+.1}"),
+            sigmas.map_or_else(|| "unknown".to_owned(), |sigmas| format!("{sigmas:+.1}")),
             causes.join(", "),
         ]);
     }

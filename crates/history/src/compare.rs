@@ -7,6 +7,8 @@ use std::collections::BTreeSet;
 
 /// A number has moved if it did by more than this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
+/// A number whose uncertainty is not known has moved if it changed by more than this share.
+const MOVED_SHARE: f64 = 0.1;
 
 /// The page of a flight, relative to the page that names it.
 pub type PageOf<'a> = &'a dyn Fn(&Row) -> Option<String>;
@@ -31,7 +33,8 @@ pub fn compare(before: &Latest, now: &[Row], page: PageOf<'_>) -> RunChanges {
         changes.moved.extend(moved(was, row, &named, &causes));
         came_and_went(&mut changes, was, row, &named);
     }
-    changes.moved.sort_by(|a, b| b.sigmas.abs().total_cmp(&a.sigmas.abs()));
+    let size = |m: &MovedNumber| m.sigmas.map_or(f64::INFINITY, f64::abs);
+    changes.moved.sort_by(|a, b| size(b).total_cmp(&size(a)));
     changes
 }
 
@@ -118,8 +121,12 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
     let wanted = numbers.into_iter().filter(|(quantity, ..)| same_datum || *quantity != "lateness");
     let one = |(quantity, unit, was, is): (&str, &str, _, _)| {
         let (before, now) = (estimate(was)?, estimate(is)?);
-        let sigmas = sigmas(&before, &now)?;
-        (sigmas.abs() > MOVED_SIGMAS).then(|| MovedNumber {
+        let sigmas = sigmas(&before, &now);
+        let has_moved = match sigmas {
+            Some(sigmas) => sigmas.abs() > MOVED_SIGMAS,
+            None => (now.value - before.value).abs() > MOVED_SHARE * before.value.abs().max(now.value.abs()),
+        };
+        has_moved.then(|| MovedNumber {
             flight: named.clone(),
             quantity: quantity.to_owned(),
             unit: unit.to_owned(),
@@ -189,10 +196,23 @@ mod tests {
     }
 
     #[test]
+    fn a_number_without_an_uncertainty_moves_by_more_than_a_tenth() {
+        let error = |error_compensated_m| Row {
+            error_compensated_m: Some(error_compensated_m),
+            error_compensated_u_m: None,
+            ..row("a")
+        };
+        let moved = |now| changes(&[error(0.14)], &[error(now)]).moved;
+        assert_eq!(moved(0.15), vec![]);
+        let [one] = moved(3.5).try_into().unwrap();
+        assert_eq!((one.quantity.as_str(), one.now.value, one.sigmas), ("error after compensation", 3.5, None));
+    }
+
+    #[test]
     fn a_delay_moves_by_its_combined_uncertainty_and_never_against_another_datum() {
         let by = |ms: f64, datum: &str| {
             let now = Row { lateness_s: Some(0.118 + ms / 1e3), datum: Some(datum.into()), ..row("a") };
-            changes(&[row("a")], &[now]).moved.first().map(|m| m.sigmas)
+            changes(&[row("a")], &[now]).moved.first().and_then(|m| m.sigmas)
         };
         // √(3² + 3²) = 4.24 ms.
         assert_eq!(by(8.4, "imu"), None);

@@ -57,7 +57,8 @@ fn moved_words(moved: &MovedNumber) -> String {
     let causes: Vec<&str> = moved.causes.iter().map(|cause| cause.word()).collect();
     let (name, quantity) = (flight_name(&moved.flight), &moved.quantity);
     let (before, now) = (in_unit(&moved.before, &moved.unit), in_unit(&moved.now, &moved.unit));
-    format!("{name} {quantity} {before} → {now} ({:+.1} sigma; {})", moved.sigmas, causes.join(", "))
+    let by = moved.sigmas.map_or_else(|| "uncertainty unknown".to_owned(), |sigmas| format!("{sigmas:+.1} sigma"));
+    format!("{name} {quantity} {before} → {now} ({by}; {})", causes.join(", "))
 }
 
 /// A number with its expanded uncertainty: seconds as milliseconds.
@@ -303,7 +304,7 @@ pub(crate) mod tests {
                 unit: "s".into(),
                 before: estimate(0.118),
                 now: estimate(0.131),
-                sigmas: 4.6,
+                sigmas: Some(4.6),
                 causes: vec![ChangeCause::Log],
             }],
             failing: vec![FlightWords {

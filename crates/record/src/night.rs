@@ -69,8 +69,9 @@ pub struct MovedNumber {
     pub before: Estimate,
     /// Value now.
     pub now: Estimate,
-    /// Difference over the root of the sum of both squared standard uncertainties, with the sign of now − before.
-    pub sigmas: f64,
+    /// Difference over the root of the sum of both squared standard uncertainties, with the sign of now − before; `None` where
+    /// one of them is not known: then the value changed by more than a tenth.
+    pub sigmas: Option<f64>,
     /// Every cause.
     pub causes: Vec<ChangeCause>,
 }
@@ -98,7 +99,8 @@ pub struct RunChanges {
     pub gone: Vec<NamedFlight>,
     /// Flights with another result.
     pub rerun: Vec<RerunCause>,
-    /// Numbers that moved by more than two standard uncertainties, the largest move first.
+    /// Numbers that moved by more than two standard uncertainties, or by more than a tenth where an uncertainty is not known:
+    /// these first, then the largest move.
     pub moved: Vec<MovedNumber>,
     /// Flights with a trouble that they did not have; new flights with a trouble too.
     pub failing: Vec<FlightWords>,

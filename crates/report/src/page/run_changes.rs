@@ -136,7 +136,7 @@ fn moved(all: &[MovedNumber], names: &Names<'_>) -> Markup {
                 td.n { (estimate(&shown_value(&of.before))) }
                 td.n { (estimate(&shown_value(&of.now))) }
                 td { @if in_ms { "ms" } @else { (shown(&of.unit)) } }
-                td.n { (super::plain(of.sigmas, 2)) }
+                td.n { @match of.sigmas { Some(sigmas) => { (super::plain(sigmas, 2)) } None => { "uncertainty unknown" } } }
                 td { (causes(&of.causes)) }
             }
         }
