@@ -88,8 +88,8 @@ fn the_pages_of_flights_and_benches_say_no_number_that_is_not_in_their_record() 
     }
 }
 
-/// Between the unit of a record and that of a page: ms, µs or µT, mm, %, degrees, and U with k = 2.
-const FACTORS: [f64; 8] = [1.0, 1e3, 1e6, 1e2, 2.0, 2e3, 180.0 / std::f64::consts::PI, 1e9];
+/// Between the unit of a record and that of a page: ms, µs or µT, mm, %, degrees, ms/min, and U with k = 2.
+const FACTORS: [f64; 9] = [1.0, 1e3, 1e6, 1e2, 2.0, 2e3, 180.0 / std::f64::consts::PI, 1e9, 6e4];
 
 /// Every number of a page that has all its digits in the markup is one of the record, in another unit perhaps. Other cells
 /// are sorted by ranks, which are no numbers of the record.

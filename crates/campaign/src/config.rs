@@ -1154,6 +1154,7 @@ mod tests {
                 && !name.ends_with(".card.toml")
                 && !name.ends_with("criteria.toml")
                 && name != "channel-map.example.toml"
+                && name != "Cargo.toml"
                 && !name.ends_with("test-card.toml")
         };
         let pipelines: Vec<PathBuf> = files.filter(is_pipeline).collect();

@@ -173,7 +173,7 @@ fn row_8_does_not_take_a_relative_figure_for_a_delay() {
     let (card, stated) = (Some(estimate(0.2, 0.004)), Some(estimate(0.4, 0.01)));
     let nothing = by_default(&[own(None, None)]);
     assert_eq!((nothing.row, nothing.source, nothing.value_s), (8, RemovedFrom::None, None));
-    let words = "Position is 147.1 ms later than velocity.ekf; how late both are is not known";
+    let words = "How late position and velocity.ekf are is not known: ";
     assert!(nothing.words.starts_with(words) && nothing.words.ends_with("Nothing is removed."), "{}", nothing.words);
     let by_card = by_default(&[own(card, stated)]);
     assert_eq!((by_card.row, by_card.source, by_card.value_s), (8, RemovedFrom::Card, Some(0.2)));

@@ -165,9 +165,10 @@ fn estimate(estimate: &Estimate) -> Markup {
 }
 
 /// The same, where there may be none.
-/// Expanded uncertainty of a cell, for its CSV.
+/// Expanded uncertainty of a cell to two digits, for its CSV.
 fn expanded(value: &Estimate) -> Option<f64> {
-    value.standard_uncertainty.map(|u| number::COVERAGE_FACTOR * u).filter(|u| u.is_finite())
+    let u = value.standard_uncertainty.map(|u| number::COVERAGE_FACTOR * u).filter(|u| u.is_finite())?;
+    format!("{u:.1e}").parse().ok()
 }
 
 fn maybe_estimate(value: Option<&Estimate>) -> Markup {

@@ -401,7 +401,7 @@ fn unstable_and_improper_forms_are_refused_with_the_reason() {
     assert!(text("pade-2-2-matched").contains("first order only"));
     for wrong in ["pade", "pade-1", "pade-1-1-bilinear", "pade-01-1-foh", "exact", "", "pade-1-1-foh-x", "pade--1-1"] {
         let text = text(wrong);
-        assert!(text.contains("known are") && text.contains("exact-async") && text.contains("3-3"), "{wrong}: {text}");
+        assert!(text.contains(&format!("{wrong:?}")) && text.contains("--help"), "{wrong}: {text}");
     }
 }
 

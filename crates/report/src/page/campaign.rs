@@ -157,7 +157,7 @@ fn answer(record: &CampaignRecord) -> Markup {
     let t = &record.totals;
     html! {
         p.answer {
-            @if t.helped + t.harmed > 0 { b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) } }
+            @if t.helped > 0 || t.harmed > 0 { b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) } }
             @else if record.flights.iter().any(|r| r.delay_s.is_some()) {
                 b { (number::counted(t.flights, "flight", "flights")) ", no removal helped or harmed" }
             } @else { b { (number::counted(t.flights, "flight", "flights")) ", nothing was removed" } }

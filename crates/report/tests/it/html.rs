@@ -55,7 +55,7 @@ const TAGS: [&str; 50] = [
     "g",
 ];
 const VOID: [&str; 2] = ["meta", "wbr"];
-const ATTRIBUTES: [&str; 62] = [
+const ATTRIBUTES: [&str; 63] = [
     "data-t",
     "data-length",
     "hidden",
@@ -78,6 +78,7 @@ const ATTRIBUTES: [&str; 62] = [
     "colspan",
     "title",
     "value",
+    "data-u",
     "data-v",
     "download",
     "data-effect",

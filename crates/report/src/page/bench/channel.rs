@@ -125,10 +125,7 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
             " of the reference, " (ms(found.stamps_s)) " of the stamps and " (ms(found.anchor_s))
             " of the anchor in quadrature"
         }))
-        (fact("Cramér–Rao bound at the fitted noise", html! {
-            (ms(found.crlb_s))
-            @if found.crlb_s > 0.0 { "; the uncertainty is " (plain(found.standard_uncertainty_s / found.crlb_s, 3)) " of it" }
-        }))
+        (fact("Cramér–Rao bound at the fitted noise", ms(found.crlb_s)))
         (fact("Effective delay when the last value is held", or_why(found.as_seen_s.as_ref(), not_held(channel), held)))
         (fact("Fit that ignores the holding", or_why(found.held_fit_s.as_ref(), not_held(channel), held)))
         (fact("Smallest detectable delay (power 80 %)", ms(found.minimum_detectable_s)))
