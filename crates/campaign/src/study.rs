@@ -9,10 +9,10 @@ use crate::logs::Library;
 use crate::manifest::{Manifest, Planned, PlannedReference};
 use crate::plan::Desk;
 use crate::reference::ReferenceLog;
-use compensation_replay::{Replay, Sweeper, Track, TruthEffect, effect, replay};
+use compensation_replay::{Replay, Sweeper, Track, TruthEffect, effect, replay, sketch};
 use flight::{Flight, Notices};
 use ingest::{IngestError, Limits, Loaded, ReadContext};
-use record::{Decision, Effect, ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome};
+use record::{Decision, Effect, ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
 
 /// What was found in a flight, for good: the same log and settings always give it.
 #[derive(Debug)]
@@ -121,7 +121,7 @@ impl Replaying {
                     None => Outcome::NotMeasurable { reason },
                 };
                 let trial = self.trial(case).ok();
-                let (trial, explorer) = trial.map(|done| (done.record, done.explorer)).unzip();
+                let (trial, explorer) = trial.unzip();
                 Studied { record: FlightRecord { outcome, trial, ..draft }, track: None, explorer }
             }
         }
@@ -142,8 +142,8 @@ impl Replaying {
 
     /// The same as if the difference between position and velocity were removed, or nothing where the position is not later:
     /// so that the page of a flight from which nothing is removed can show its track.
-    fn trial(&self, case: &FlightCase<'_>) -> Result<Replay, String> {
-        replay(case.flight, &self.pipeline.trial_settings(case)?).map_err(|refusal| refusal.to_string())
+    fn trial(&self, case: &FlightCase<'_>) -> Result<(ReplayRecord, ExplorerRows), String> {
+        sketch(case.flight, &self.pipeline.trial_settings(case)?).map_err(|refusal| refusal.to_string())
     }
 
     /// Removes the delay that was decided on, and says what others would have done.

@@ -55,7 +55,7 @@ pub use pade::PadeTustin;
 pub use reference_file::{
     ClockRule, Likeness, REFERENCE_POSITION, REFERENCE_VELOCITY, join_reference, likeness, relate_clocks,
 };
-pub use replay::{Replay, replay};
+pub use replay::{Replay, replay, sketch};
 pub use settings::Settings;
 pub use sweep::Sweeper;
 pub use track::{RowState, Track, TrackColumn};

@@ -29,6 +29,25 @@ pub struct Replay {
 /// # Errors
 /// A [`Refusal`] when compensation says nothing about this flight, with the reason.
 pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
+    play(flight, settings, Extent::Whole)
+}
+
+/// The same without scores and without the rows of the track: what a page needs to draw a flight.
+///
+/// # Errors
+/// As [`replay`].
+pub fn sketch(flight: &Flight, settings: &Settings) -> Result<(ReplayRecord, ExplorerRows), Refusal> {
+    play(flight, settings, Extent::Sketch).map(|done| (done.record, done.explorer))
+}
+
+/// How much of a replay is wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Extent {
+    Whole,
+    Sketch,
+}
+
+fn play(flight: &Flight, settings: &Settings, extent: Extent) -> Result<Replay, Refusal> {
     let input = Input::of(flight, settings)?;
     let speed = ground_speed(&input, settings)?;
     let bridge_s = bridge(&input, settings);
@@ -47,16 +66,19 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
     let coverage = rows.coverage(&input, bridge_s, &segments, resets);
     let compensators = score::compensators(&input, settings, &rows, &estimates, &innovations);
     let predicted_rms_m = score::predicted(&rows, settings);
-    let scores = score::scores(&score::Played {
-        input: &input,
-        settings,
-        segments: &segments,
-        rows: &rows,
-        tracks: &estimates,
-        innovations: &innovations,
-        way_m: predicted_rms_m.value,
+    let is_whole = extent == Extent::Whole;
+    let scores = is_whole.then(|| {
+        score::scores(&score::Played {
+            input: &input,
+            settings,
+            segments: &segments,
+            rows: &rows,
+            tracks: &estimates,
+            innovations: &innovations,
+            way_m: predicted_rms_m.value,
+        })
     });
-    let onboard = score::onboard(flight, settings, &input, &rows, &estimates, &mut notices);
+    let onboard = is_whole.then(|| score::onboard(flight, settings, &input, &rows, &estimates, &mut notices)).flatten();
     let Curves { axes, zoom, track, lead } = draw(&input, settings, &rows, &estimates);
     let record = ReplayRecord {
         settings: ReplaySettings {
@@ -75,7 +97,7 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
         speed_mps: speed,
         predicted_rms_m,
         compensators,
-        scores: Some(scores),
+        scores,
         onboard,
         axes,
         zoom,
@@ -84,7 +106,7 @@ pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
         choice: None,
         sweep: None,
     };
-    let track = table(&input, &rows, &estimates);
+    let track = if is_whole { table(&input, &rows, &estimates) } else { Track::default() };
     let explorer = explorer_rows(&input, &rows, &estimates);
     Ok(Replay { record, track, explorer, notices })
 }
