@@ -104,7 +104,7 @@ fn packed(columns: &[Column], kept: &[usize]) -> String {
             bytes.extend(steps.iter().map(|&step| zigzag(step).to_le_bytes()[byte]));
         }
     }
-    let mut encoder = DeflateEncoder::new(vec![], Compression::default());
+    let mut encoder = DeflateEncoder::new(vec![], Compression::new(3));
     // A vector cannot refuse a write.
     let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish());
     STANDARD.encode(deflated.unwrap_or_default())
