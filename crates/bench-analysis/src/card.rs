@@ -6,13 +6,11 @@ mod example;
 mod file;
 mod identity;
 mod iron;
-mod random_effects;
 
 pub use combine::{CardTerms, Combined, combine};
 pub use file::{card_schema, card_text, parse_card};
 pub use identity::{identity_conflict, sensor_name};
 pub use iron::{MagneticEvidence, card_magnetometer};
-pub use random_effects::{Mean, Reading, mean_of};
 
 use std::path::PathBuf;
 

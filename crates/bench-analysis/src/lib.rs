@@ -34,7 +34,6 @@ pub use crate::card::{
     CardError, CardTerms, Combined, MagneticEvidence, card_magnetometer, card_schema, card_text, combine,
     identity_conflict, parse_card, sensor_name,
 };
-pub use crate::card::{Mean, Reading, mean_of};
 pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 pub use crate::flexibility::{bending_response, first_mode_of_gain, flexibility};
 pub use crate::gravity::{STANDARD_GRAVITY_MPS2, normal_gravity};

@@ -177,6 +177,15 @@ pub struct DelayHomogeneity {
     pub largest_step: DelayStep,
 }
 
+impl DelayHomogeneity {
+    /// Whether the windows differ by more than their uncertainties: p < 0.01. The uncertainty of the delay then
+    /// includes their scatter.
+    #[must_use]
+    pub fn scatters(&self) -> bool {
+        self.p < 0.01
+    }
+}
+
 /// A step of the delay.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DelayStep {

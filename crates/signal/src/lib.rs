@@ -24,6 +24,7 @@ mod minimise;
 mod noise;
 mod path;
 mod piecewise;
+mod random_effects;
 mod reference;
 mod regression;
 mod residuals;
@@ -54,6 +55,7 @@ pub use lag::{LagCandidate, LagChoice, LagModel, LaggedReference, choose_lag_mod
 pub use noise::NoiseRule;
 pub use path::thin_path;
 pub use piecewise::{PiecewiseClock, PulseError};
+pub use random_effects::{Mean, Reading, mean_of, outliers};
 pub use reference::{Cursor, Reference, SharedColumn};
 pub use regression::{Regression, RegressionError, regress};
 pub use residuals::{autocorrelation, jitter_from_residuals, kurtosis, ljung_box};

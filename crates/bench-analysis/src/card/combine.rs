@@ -1,7 +1,6 @@
 //! Several records of one sensor make one card.
 
 use super::identity::identity_conflict;
-use super::random_effects::{Mean, Reading, mean_of, outliers};
 use super::{CardError, sensor_name};
 use crate::verdict::Evidence;
 use flight::{Notices, Quantity, Severity, StampKind};
@@ -11,6 +10,7 @@ use record::{
     BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DelayFinding, SensorCard,
     SensorIdentity, TimeBasis, Verdict,
 };
+use signal::{Mean, Reading, mean_of, outliers};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 

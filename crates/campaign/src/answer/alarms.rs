@@ -11,8 +11,6 @@ use std::collections::BTreeSet;
 const MANY_OUTLIERS: f64 = 0.05;
 /// Share of normal noise that Huber's weights (k = 1.345) hold back, and that is no outlier.
 const HELD_BACK_BY_CHANCE: f64 = 0.179;
-/// Probability below which the windows of a delay are said to scatter.
-const SCATTER_P: f64 = 0.01;
 /// A step this close to a whole second is one of the clock, s.
 const CLOCK_STEP_S: f64 = 0.05;
 /// Delays of this size are between two time scales, s: GPS time is ahead of UTC by 13 s since 1999 and 18 s since 2017.
@@ -89,10 +87,10 @@ pub(super) fn of(
             raise(Gravity::Amber, "outliers", text);
         }
         let is_one = !over_time.is_some_and(|o| o.kind.varies());
-        if let Some(h) = m.homogeneity.filter(|h| is_one && h.p < SCATTER_P) {
+        if let Some(h) = m.homogeneity.filter(|h| is_one && h.scatters()) {
             let text = format!(
                 "the windows of the delay scatter by more than their uncertainties (chi-squared {:.0}, {} degrees of freedom), \
-                 but no step, drift or queue explains it",
+                 and no step, drift or queue explains it. U includes that scatter",
                 h.chi2, h.degrees_of_freedom
             );
             raise(Gravity::Grey, "delay-windows-scatter", text);

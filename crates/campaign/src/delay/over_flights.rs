@@ -1,11 +1,10 @@
 //! Delays over the flights of a campaign: one mean, one test, one chart, one curve.
 
-use bench_analysis::{Reading, mean_of};
 use record::{
     CampaignDelay, ControlPoint, DelayOverFlights, DelaySweep, Estimate, Finding, FlightHomogeneity, FlightRow,
     PooledSweep, SweepScore,
 };
-use signal::{CubicSpline, SegmentDelay, homogeneity};
+use signal::{CubicSpline, Reading, SegmentDelay, homogeneity, mean_of};
 
 /// Limits of the control chart, in standard uncertainties.
 const LIMIT: f64 = 3.0;

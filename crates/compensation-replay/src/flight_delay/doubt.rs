@@ -3,7 +3,8 @@
 use super::bands::Bands;
 use super::fit::View;
 use super::skew::Skew;
-use record::{DelayOverTime, DelayPairKind, MeasuredDelay};
+use record::{DelayHomogeneity, DelayOverTime, DelayPairKind, Estimate, MeasuredDelay, WindowDelay};
+use signal::{Reading, mean_of};
 
 /// An error of the recovery beyond this many standard uncertainties is an alarm.
 const NOT_RECOVERED: f64 = 3.3;
@@ -19,7 +20,11 @@ pub(crate) fn doubt(
     over_time: Option<&DelayOverTime>,
     (kind, skew): (DelayPairKind, Option<&Skew>),
 ) {
-    let mut wider_s = over_time.map_or(0.0, |o| o.level_widening_s);
+    let mut wider_s = 0.0;
+    if !over_time.is_some_and(|o| o.kind.varies()) {
+        // Both say how unlike the parts of the flight are.
+        wider_s = over_time.map_or(0.0, |o| o.level_widening_s).max(by_window(found.homogeneity, &found.over_time));
+    }
     if let Some(o) = over_time {
         found.alarm = o.kind.varies().then(|| o.words.clone());
         if found.alarm.is_none() && o.level_widening_s > 0.0 {
@@ -33,6 +38,18 @@ pub(crate) fn doubt(
     }
     noise(found, kind);
     widen(found, wider_s);
+}
+
+/// What the scatter of the windows adds to the uncertainty of their mean.
+fn by_window(homogeneity: Option<DelayHomogeneity>, windows: &[WindowDelay]) -> f64 {
+    if !homogeneity.is_some_and(|h| h.scatters()) {
+        return 0.0;
+    }
+    let reading =
+        |delay_s: Estimate| Some(Reading { value: delay_s.value, standard_uncertainty: delay_s.standard_uncertainty? });
+    let windows: Vec<Reading> = windows.iter().filter_map(|w| reading(w.delay_s)).collect();
+    let of_equals: f64 = windows.iter().map(|w| w.standard_uncertainty.powi(-2)).sum::<f64>().recip();
+    mean_of(&windows).map_or(0.0, |mean| (mean.standard_uncertainty.powi(2) - of_equals).max(0.0).sqrt())
 }
 
 /// Slow and fast motion apart.
@@ -111,4 +128,42 @@ fn widen(found: &mut MeasuredDelay, wider_s: f64) {
 
 fn small(p: f64) -> String {
     if p < 0.001 { "< 0.001".to_owned() } else { format!("= {p:.3}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::DelayStep;
+
+    /// Windows of 60 s with u = 1 s.
+    fn windows(delays_s: &[f64]) -> Vec<WindowDelay> {
+        let window = |(k, delay_s): (usize, &f64)| WindowDelay {
+            start_s: 60.0 * k as f64,
+            end_s: 60.0 * (k + 1) as f64,
+            delay_s: Estimate { value: *delay_s, standard_uncertainty: Some(1.0) },
+        };
+        delays_s.iter().enumerate().map(window).collect()
+    }
+
+    fn agreement(p: f64) -> Option<DelayHomogeneity> {
+        let mean = Estimate { value: 0.0, standard_uncertainty: Some(1.0) };
+        let largest_step = DelayStep { at_s: 60.0, before_s: mean, after_s: mean, p: 1.0 };
+        Some(DelayHomogeneity { chi2: 18.0, degrees_of_freedom: 2, p, largest_step })
+    }
+
+    #[test]
+    fn windows_that_scatter_widen_the_interval_to_that_of_a_mean_of_unlike_readings() {
+        // Standard deviation 3 of three windows, Student's 97.5 % quantile with two degrees of freedom; without scatter
+        // the mean would be known to 1/√3.
+        let unlike: f64 = 3.0 / 3_f64.sqrt() * 4.302_653 / 1.959_964;
+        let expected = (unlike.powi(2) - 1.0 / 3.0).sqrt();
+        let wider = by_window(agreement(1.2e-4), &windows(&[-3.0, 0.0, 3.0]));
+        assert!((wider - expected).abs() < 1e-5, "{wider} is not {expected}");
+    }
+
+    #[test]
+    fn windows_that_agree_widen_nothing() {
+        assert_eq!(by_window(agreement(0.02), &windows(&[-2.0, 0.0, 2.0])), 0.0);
+        assert_eq!(by_window(None, &windows(&[0.0])), 0.0);
+    }
 }

@@ -15,8 +15,6 @@ use record::{
 
 /// Most rows of each table; the record holds all.
 const MOST: usize = 40;
-/// Probability below which the windows are said to scatter.
-const SCATTER_P: f64 = 0.01;
 
 /// What the section shows: all pairs, and the one that is asked for.
 #[derive(Debug, Clone, Copy)]
@@ -190,7 +188,7 @@ fn details(pair: &PairDelay, found: &MeasuredDelay, over_time: Option<&Figure>) 
             Some(over_time) => { (figure(over_time)) }
             None => { p { (no_number("the record holds no window of the delay over time")) } }
         }
-        (constancy(pair, found.homogeneity.filter(|h| h.p < SCATTER_P)))
+        (constancy(pair, found.homogeneity.filter(record::DelayHomogeneity::scatters)))
         h3 { code { (shown(&pair.first)) } " against " code { (shown(&pair.second)) } }
         (uncertainty(pair, found))
         (operating_points(found))
@@ -210,7 +208,7 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
             } @else if let Some(scatter) = scatter {
                 "The windows scatter by more than their bars (χ² = " (plain(scatter.chi2, 3)) ", "
                 (number::counted(scatter.degrees_of_freedom, "degree", "degrees")) " of freedom, " (p_value(scatter.p))
-                "), but no step, drift or queue explains it. One delay does not describe this flight well."
+                "), and no step, drift or queue explains it. U includes that scatter."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
                 "No change of the delay was seen. A lasting change of " (plain(least_s * 1e3, 2)) "\u{a0}ms or more would have been."
             } @else {

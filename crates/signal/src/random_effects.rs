@@ -1,6 +1,6 @@
-//! One number from several, each with its own uncertainty, when runs may differ by more than these say.
+//! The mean of readings that may differ by more than their own uncertainties explain.
 
-use signal::{median_in_place, student_quantile};
+use crate::{median_in_place, student_quantile};
 
 /// Rounds of bisection: the interval shrinks to 2⁻⁸⁰ of its length.
 const ROUNDS: usize = 80;
@@ -99,7 +99,8 @@ fn paule_mandel(readings: &[Reading]) -> f64 {
 
 /// Which readings do not belong to the others: |x − median of the others| over their robust spread (median absolute
 /// deviation, never below the uncertainties) beyond Student's quantile for their number. None with fewer than four.
-pub(crate) fn outliers(readings: &[Reading]) -> Vec<bool> {
+#[must_use]
+pub fn outliers(readings: &[Reading]) -> Vec<bool> {
     let n = readings.len();
     if n < LEAST_FOR_OUTLIERS {
         return vec![false; n];
