@@ -47,20 +47,20 @@ bench-demo folder="reports/demo":
 
 # How well the estimators do on simulated data: the size of an uncertainty to a tenth, then benches (rms, coverage, verdicts)
 monte-carlo *options:
-    cargo test --release -p signal -- --ignored
-    cargo run --release -p bench-analysis --example monte_carlo -- "$@"
+    cargo test --release -p flightlag-signal -- --ignored
+    cargo run --release -p flightlag-bench-analysis --example monte_carlo -- "$@"
 
 # Table 5.7 of the design note: every compensator on six kinds of data, found beside noted
 table-5-7:
-    cargo run --release -p compensation-replay --example table_5_7
+    cargo run --release -p flightlag-compensation-replay --example table_5_7
 
 # How good the delay from a flight is over simulated circuits, and beside integer shifts of velocity differences
 delay-study *options:
-    cargo run --release -p compensation-replay --example flight_delay_study -- "$@"
+    cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- "$@"
 
 # Samples per second and core of every compensator, one hour at 100 Hz
 perf-compensators:
-    cargo run --release -p compensation-replay --example compensator_speed
+    cargo run --release -p flightlag-compensation-replay --example compensator_speed
 
 # What a log holds, and how good its time stamps are
 [no-exit-message]
@@ -77,7 +77,7 @@ check:
 
 # Accept changed generated files (JSON schemas) after reading the diff
 bless:
-    FLIGHTLAG_BLESS=1 cargo test -p ingest -p campaign -p bench-analysis -p history schema
+    FLIGHTLAG_BLESS=1 cargo test -p whole the_published_schemas
     git diff --stat
 
 # Print a page of a report as PDF, A4, by Chromium: just pdf PAGE.html|FOLDER [OUT.pdf]
@@ -106,18 +106,18 @@ specimen: (demo "reports/demo")
 
 # Reading what a delay needs of one flight in every format: CPU against the least it can cost, and against Python readers
 perf *folder:
-    cargo build --release -p ingest -p simulate --examples
+    cargo build --release -p flightlag-ingest -p flightlag-simulate --examples
     python3 tests/perf/formats.py "$@"
 
 # CPU of reading three topics of an MCAP against decompressing it: just perf-mcap FILE TOPIC=FIELD,FIELD ...
 perf-mcap file *topics:
-    cargo build --release -p ingest --examples
+    cargo build --release -p flightlag-ingest --examples
     tests/perf/mcap.sh "$@"
 
 # Campaign of 200 simulated flights: one and two threads, and a rerun with nothing changed
 perf-campaign flights="200":
     cargo build --release -p flightlag
-    cargo build --release -p simulate --example campaign
+    cargo build --release -p flightlag-simulate --example campaign
     tests/perf/campaign.sh "$1"
 
 # What is good of a damaged log, as MCAP
@@ -136,9 +136,9 @@ fuzz target seconds="60" *options:
 
 # Every truncation, every bit flip, every hostile number of the seeds of every format (an hour); prints a table
 faults *filter:
-    cargo test --release -p ingest --test faults -- --ignored --nocapture --test-threads 2 "$@"
+    cargo test --release -p flightlag-ingest --test faults -- --ignored --nocapture --test-threads 2 "$@"
 
 # Every value of every log beside pyulog, pymavlink, rosbags, mcap, pyubx2 and pynmeagps of Python: just peers [LOGS] [PART-OF-A-PATH ...]
 peers logs="../shared/logs" *parts:
-    cargo build --release --quiet -p ingest --example dump_topics
+    cargo build --release --quiet -p flightlag-ingest --example dump_topics
     python3 tests/peers/compare.py "${CARGO_TARGET_DIR:-target}"/release/examples/dump_topics "$@"

@@ -1,4 +1,5 @@
-//! The settings files that come with flightlag, embedded: what a user copies and changes is what the command uses.
+//! The settings files that come with flightlag and their JSON schemas, embedded: what a user copies and changes is what
+//! the command uses.
 
 /// Settings of a campaign when a user names none.
 pub const DEFAULT_PIPELINE: &str = include_str!("default.toml");
@@ -12,6 +13,28 @@ pub const DEMO_CRITERIA: &str = include_str!("demo.criteria.toml");
 pub const DEFAULT_RIG: &str = include_str!("bench.rig.toml");
 /// The commented example of a channel map: it uses every key.
 pub const EXAMPLE_MAP: &str = include_str!("channel-map.example.toml");
+
+/// The commented example of a night: it uses every key.
+pub const EXAMPLE_NIGHTLY: &str = include_str!("nightly/nightly.toml");
+/// The commented example of a fleet: it uses every key.
+pub const EXAMPLE_FLEET: &str = include_str!("nightly/fleet.toml");
+
+/// JSON schema of a pipeline.
+pub const PIPELINE_SCHEMA: &str = include_str!("pipeline.schema.json");
+/// JSON schema of criteria.
+pub const CRITERIA_SCHEMA: &str = include_str!("criteria.schema.json");
+/// JSON schema of test cards.
+pub const TEST_CARD_SCHEMA: &str = include_str!("test-card.schema.json");
+/// JSON schema of a rig.
+pub const RIG_SCHEMA: &str = include_str!("rig.schema.json");
+/// JSON schema of a sensor card.
+pub const CARD_SCHEMA: &str = include_str!("card.schema.json");
+/// JSON schema of a channel map.
+pub const CHANNEL_MAP_SCHEMA: &str = include_str!("channel-maps/channel-map.schema.json");
+/// JSON schema of a night.
+pub const NIGHTLY_SCHEMA: &str = include_str!("nightly/nightly.schema.json");
+/// JSON schema of a fleet.
+pub const FLEET_SCHEMA: &str = include_str!("nightly/fleet.schema.json");
 
 /// The channel maps, by file name.
 pub const CHANNEL_MAPS: &[(&str, &str)] = &[

@@ -60,6 +60,27 @@ fn assert_valid(schema: &str, values: &[Value]) {
     assert!(!validator.is_valid(&stray), "{schema} takes anything");
 }
 
+/// `FLIGHTLAG_BLESS=1` writes them again.
+#[test]
+fn the_published_schemas_are_those_of_the_types() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for (file, generated) in campaign::schemas().into_iter().chain(history::schemas()) {
+        let path = root.join(file);
+        if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
+            fs::write(&path, &generated).unwrap();
+        }
+        assert!(fs::read_to_string(&path).unwrap() == generated, "{file}: accept a change with `just bless`");
+    }
+}
+
+#[test]
+fn every_published_schema_is_printed_by_the_command() {
+    for (file, generated) in campaign::schemas().into_iter().chain(history::schemas()) {
+        let name = file.rsplit('/').next().unwrap().trim_end_matches(".schema.json");
+        assert!(text(&run(["schema", name], 0).stdout) == generated, "{name}");
+    }
+}
+
 #[test]
 fn records_and_events_keep_to_their_published_schemas_and_the_index_says_no_other_number() {
     let reports = reports();

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Wall seconds of a campaign of simulated one-minute flights: one thread and two in turn, then reruns with nothing
-# changed. Build first: cargo build --release -p flightlag; cargo build --release -p simulate --example campaign
+# changed. Build first: cargo build --release -p flightlag; cargo build --release -p flightlag-simulate --example campaign
 set -euo pipefail
 flights=${1:-200}
 flightlag=$(realpath "${CARGO_TARGET_DIR:-target}/release/flightlag")

@@ -2,7 +2,7 @@
 """Reading what a delay needs of one simulated flight in every format, and of one with a camera and a laser scanner beside
 it, against the least that it can cost and against the Python readers that are installed. The least is told in CPU seconds
 (user + system) of whole processes with one thread, one after the other in each round, their ratios round by round; Python in
-wall seconds end to end, ours with all cores. Needs: cargo build --release -p ingest -p simulate --examples"""
+wall seconds end to end, ours with all cores. Needs: cargo build --release -p flightlag-ingest -p flightlag-simulate --examples"""
 
 import os, re, resource, struct, subprocess, sys, tempfile, time
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # CPU seconds of reading topics of an MCAP against decompressing it with CRCs checked, in turn,
-# nine times after one warm-up; the ratio pair by pair. Build first: cargo build --release -p ingest --examples
+# nine times after one warm-up; the ratio pair by pair. Build first: cargo build --release -p flightlag-ingest --examples
 set -euo pipefail
 file=${1:?usage: mcap.sh FILE TOPIC[=FIELD,FIELD]...}
 shift

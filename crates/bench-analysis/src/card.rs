@@ -8,7 +8,9 @@ mod identity;
 mod iron;
 
 pub use combine::{CardTerms, Combined, combine};
-pub use file::{card_schema, card_text, parse_card};
+#[cfg(feature = "schema")]
+pub use file::card_schema;
+pub use file::{card_text, parse_card};
 pub use identity::{identity_conflict, sensor_name};
 pub use iron::{MagneticEvidence, card_magnetometer};
 

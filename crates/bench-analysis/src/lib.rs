@@ -30,9 +30,11 @@ mod verdict;
 
 pub use crate::alignment::{Alignment, align};
 pub use crate::bench::{Bench, BenchInput, BenchRefusal, bench};
+#[cfg(feature = "schema")]
+pub use crate::card::card_schema;
 pub use crate::card::{
-    CardError, CardTerms, Combined, MagneticEvidence, card_magnetometer, card_schema, card_text, combine,
-    identity_conflict, parse_card, sensor_name,
+    CardError, CardTerms, Combined, MagneticEvidence, card_magnetometer, card_text, combine, identity_conflict,
+    parse_card, sensor_name,
 };
 pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 pub use crate::flexibility::{bending_response, first_mode_of_gain, flexibility};
@@ -50,5 +52,6 @@ pub use crate::rig::{
     AnalysisRule, Bar, ClockRule, DEFAULT_RIG, EncoderRule, FieldRule, Mount, MountKind, Rig, RigError, Site,
     StampChoice,
 };
+#[cfg(feature = "schema")]
 pub use crate::rig_file::rig_schema;
 pub use crate::surroundings::{Surroundings, place_of};

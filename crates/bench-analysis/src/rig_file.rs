@@ -1,16 +1,18 @@
 //! The rig file as its author writes it. Every table refuses keys that it does not know.
 
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
 /// The bench: what is known of it before a record is looked at.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "flightlag rig")]
+#[cfg_attr(feature = "schema", schemars(title = "flightlag rig"))]
 pub(crate) struct RigFile {
     /// Version of this file's layout: 1.
-    #[schemars(with = "u32", range(min = 1, max = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     pub(crate) schema: Spanned<u32>,
     /// Name of the bench, for the pages. Default: Swing bench.
     #[serde(default = "default_title")]
@@ -43,11 +45,12 @@ fn default_title() -> String {
     "Swing bench".to_owned()
 }
 
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SensorTable {
     /// Maker and model.
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(crate) model: Spanned<String>,
     /// Serial number.
     pub(crate) serial: Option<String>,
@@ -59,25 +62,27 @@ pub(crate) struct SensorTable {
     pub(crate) configuration: Option<String>,
 }
 
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct BarTable {
     /// From the pivot to the sensor, m.
-    #[schemars(with = "f64", range(min = 0.05, max = 50.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "f64", range(min = 0.05, max = 50.0)))]
     pub(crate) length_m: Spanned<f64>,
     /// Where the sensor is when the bar's angle is zero.
-    #[schemars(with = "MountName")]
+    #[cfg_attr(feature = "schema", schemars(with = "MountName"))]
     pub(crate) mount: Spanned<MountName>,
     /// Azimuth of the swing's plane (direction of the body's x axis at rest), from north over east, deg. Left out: fitted.
-    #[schemars(with = "Option<f64>", range(min = -360.0, max = 360.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -360.0, max = 360.0)))]
     pub(crate) azimuth_deg: Option<Spanned<f64>>,
     /// First bending mode that is expected, Hz.
-    #[schemars(with = "Option<f64>", range(min = 0.1, max = 1000.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.1, max = 1000.0)))]
     pub(crate) first_mode_hz: Option<Spanned<f64>>,
 }
 
 /// Where the sensor is when the bar's angle is zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum MountName {
     /// Above the pivot: lever arm (0, 0, -length), as Park & Lee 2010.
@@ -88,50 +93,53 @@ pub(crate) enum MountName {
     Custom,
 }
 
-#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct EncoderTable {
     /// Its channel. Left out: the only encoder in the log.
     pub(crate) channel: Option<String>,
     /// Lines per revolution. Left out: inferred from the smallest step of an angle; a count cannot do without.
-    #[schemars(with = "Option<u32>", range(min = 4, max = 67_108_864))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<u32>", range(min = 4, max = 67_108_864)))]
     pub(crate) counts_per_rev: Option<Spanned<u32>>,
     /// Counts per line: 1, 2 or 4. Default: 1.
-    #[schemars(with = "Option<u32>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<u32>"))]
     pub(crate) decoding: Option<Spanned<u32>>,
     /// 1 if the count rises with the bar's angle (body x turning up), else -1. Left out: fitted.
-    #[schemars(with = "Option<i32>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<i32>"))]
     pub(crate) sign: Option<Spanned<i32>>,
     /// The bar's angle at count 0, deg. Left out: fitted.
-    #[schemars(with = "Option<f64>", range(min = -360.0, max = 360.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -360.0, max = 360.0)))]
     pub(crate) zero_deg: Option<Spanned<f64>>,
 }
 
-#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct SiteTable {
     /// Latitude, deg, positive north. Left out: from the log's position, if it has a geodetic one.
-    #[schemars(with = "Option<f64>", range(min = -90.0, max = 90.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -90.0, max = 90.0)))]
     pub(crate) latitude_deg: Option<Spanned<f64>>,
     /// Longitude, deg, positive east.
-    #[schemars(with = "Option<f64>", range(min = -180.0, max = 360.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -180.0, max = 360.0)))]
     pub(crate) longitude_deg: Option<Spanned<f64>>,
     /// Height above the ellipsoid, m. Default: 0.
-    #[schemars(with = "Option<f64>", range(min = -1000.0, max = 10_000.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -1000.0, max = 10_000.0)))]
     pub(crate) height_m: Option<Spanned<f64>>,
     /// Day of the record, yyyy-mm-dd, where the log itself does not say.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(crate) date: Option<Spanned<String>>,
     /// Gravity, m/s². Left out: from latitude and height.
-    #[schemars(with = "Option<f64>", range(min = 9.7, max = 9.9))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 9.7, max = 9.9)))]
     pub(crate) gravity_mps2: Option<Spanned<f64>>,
     /// The magnetic field at the bench. Default: fit.
-    #[schemars(with = "Option<FieldName>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<FieldName>"))]
     pub(crate) field: Option<Spanned<toml::Value>>,
 }
 
 /// Where the magnetic field comes from. Only the schema reads this type; the value is checked by hand, for the
 /// sake of its error message.
+#[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(untagged)]
 #[allow(dead_code)]
@@ -143,6 +151,7 @@ enum FieldName {
 }
 
 /// Where the magnetic field comes from.
+#[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[allow(dead_code)]
@@ -154,7 +163,8 @@ enum FieldRule {
 }
 
 /// The field as measured, nT.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StatedField {
     /// North, nT.
@@ -165,37 +175,40 @@ pub(crate) struct StatedField {
     pub(crate) down_nt: f64,
 }
 
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MountTable {
     /// Channel names; `*` at the end of a name stands for anything.
-    #[schemars(with = "Vec<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<String>"))]
     pub(crate) channels: Spanned<Vec<String>>,
     /// From the pivot to this part, body axes (x, y, z), m. Default: along the bar, by bar.mount and bar.length_m.
-    #[schemars(with = "Option<[f64; 3]>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 3]>"))]
     pub(crate) lever_arm_m: Option<Spanned<[f64; 3]>>,
     /// Rotation vector that turns the sensor's axes to the body's, deg. Default: 0, 0, 0.
-    #[schemars(with = "Option<[f64; 3]>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 3]>"))]
     pub(crate) rotation_deg: Option<Spanned<[f64; 3]>>,
     /// Which sensor axes are the body's x, y and z: `x`, `-y` and so on. Default: x, y, z.
-    #[schemars(with = "Option<[String; 3]>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<[String; 3]>"))]
     pub(crate) axes: Option<Spanned<[String; 3]>>,
 }
 
-#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct ClockTable {
     /// Whether one clock stamps encoder and sensor. Default: yes for one log whose stamps name one clock, else no.
     pub(crate) shared: Option<bool>,
     /// The channel that is taken as on time where clocks differ. Left out: the first angular rate of the sensor.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(crate) anchor: Option<Spanned<String>>,
     /// Which stamps of the sensor are measured with. Default: auto.
     pub(crate) stamps: Option<StampsName>,
 }
 
 /// Which stamps are measured with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum StampsName {
     /// Those that the channel map chose.
@@ -208,34 +221,37 @@ pub(crate) enum StampsName {
     Logged,
 }
 
-#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct AnalysisTable {
     /// Delays are looked for from the first to the second number, s. Default: -1.0, 1.5.
-    #[schemars(with = "Option<[f64; 2]>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 2]>"))]
     pub(crate) search_s: Option<Spanned<[f64; 2]>>,
     /// Delays within this margin count as none, ms. Default: per channel half the log interval, at least 5 ms.
-    #[schemars(with = "Option<f64>", range(min = 0.01, max = 1000.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.01, max = 1000.0)))]
     pub(crate) margin_ms: Option<Spanned<f64>>,
     /// Whether the offsets of position, velocity and height may drift. Default: true.
     pub(crate) drift: Option<bool>,
     /// Delays put into the data and found again, ms. Default: 5, 50.
-    #[schemars(with = "Option<Vec<f64>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<f64>>"))]
     pub(crate) inject_ms: Option<Spanned<Vec<f64>>>,
     /// Gain put in along with them. Default: 1.05.
-    #[schemars(with = "Option<f64>", range(min = 0.5, max = 2.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.5, max = 2.0)))]
     pub(crate) inject_gain: Option<Spanned<f64>>,
 }
 
-#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct CardTable {
     /// Days after the newest record for which the card may be used. Left out: without end.
-    #[schemars(with = "Option<u32>", range(min = 1, max = 36_500))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<u32>", range(min = 1, max = 36_500)))]
     pub(crate) valid_days: Option<Spanned<u32>>,
 }
 
 /// The JSON schema of a rig file, as text.
+#[cfg(feature = "schema")]
 #[must_use]
 pub fn rig_schema() -> String {
     let schema = schemars::schema_for!(RigFile);

@@ -2,6 +2,7 @@
 
 use bench_analysis::{identity_conflict, parse_card, sensor_name};
 use record::{SensorCard, SensorIdentity};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -17,7 +18,8 @@ pub(crate) struct CardFile {
 }
 
 /// A card by name and content.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Pin {
     /// Name of the card, without its folder.

@@ -19,6 +19,7 @@ use record::{
     CardDelay, Decision, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, PipelineUse, SensorIdentity,
     StartRule,
 };
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 use settings::{Refused, SettingsFile};
@@ -56,30 +57,31 @@ pub struct PipelineError {
 }
 
 /// A pipeline as the user wrote it.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "flightlag pipeline")]
+#[cfg_attr(feature = "schema", schemars(title = "flightlag pipeline"))]
 struct Written {
     /// Version of this file's layout: 1.
-    #[schemars(with = "u32", range(min = 1, max = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     schema: Spanned<u32>,
     /// Name of this kind of campaign, for the pages.
     #[serde(default = "default_title")]
     title: String,
     /// The delay that is removed. Without it: what the flights themselves tell (`from = "network"`).
-    #[schemars(with = "Option<WrittenDelay>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenDelay>"))]
     delay: Option<Spanned<WrittenDelay>>,
     /// How delays are measured.
     #[serde(default)]
     measure: WrittenMeasure,
     /// The sensor of these flights, to find its card by.
-    #[schemars(with = "Option<WrittenSensor>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenSensor>"))]
     sensor: Option<Spanned<WrittenSensor>>,
     /// Which channels of a flight are used: the first of each list that the flight holds.
     #[serde(default)]
     channels: WrittenChannels,
     /// A second file of each flight, with a reference or a velocity.
-    #[schemars(with = "Option<WrittenReference>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenReference>"))]
     reference: Option<Spanned<WrittenReference>>,
     /// How the compensators run.
     #[serde(default)]
@@ -91,30 +93,33 @@ struct Written {
     criteria: Option<WrittenCriteria>,
 }
 
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenCriteria {
     /// Criteria file, relative to this file; as `--criteria`, which overrules it.
-    #[schemars(with = "PathBuf")]
+    #[cfg_attr(feature = "schema", schemars(with = "PathBuf"))]
     file: Spanned<PathBuf>,
 }
 
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenReference {
     /// The second file, relative to the folder of the flight's log. `{stem}` stands for the log's name without its ending,
     /// `*` for anything: `{stem}.pos`, `{stem}_*.csv`.
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
     file: Spanned<String>,
     /// How its clock relates to that of the log: `auto` (two files that count UTC or GPS time share a clock; of others the
     /// offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
     #[serde(default)]
-    #[schemars(with = "WrittenClock")]
+    #[cfg_attr(feature = "schema", schemars(with = "WrittenClock"))]
     clock: ClockRule,
 }
 
 /// How the clock of a reference file relates to that of the log.
-#[derive(Debug, JsonSchema)]
+#[cfg(feature = "schema")]
+#[derive(JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[expect(dead_code, reason = "for the schema of ClockRule")]
 enum WrittenClock {
@@ -123,51 +128,54 @@ enum WrittenClock {
     Own,
 }
 
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenMeasure {
     /// Delays that are searched, first and last, s; wider when the best lies at the edge. Default: -2.5 and 13.
-    #[schemars(with = "Option<[f64; 2]>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 2]>"))]
     search_s: Option<Spanned<[f64; 2]>>,
     /// Antenna ahead of the point where velocity is taken, m; negative is behind. It shifts the delay by about
     /// -1/speed for each metre. Default: what the log's parameters say, else unknown.
-    #[schemars(with = "Option<f64>", range(min = -100.0, max = 100.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -100.0, max = 100.0)))]
     antenna_ahead_m: Option<Spanned<f64>>,
     /// Standard uncertainty of the antenna's place, m; it widens the delay's. Default: 0.
-    #[schemars(with = "Option<f64>", range(min = 0.0, max = 100.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0, max = 100.0)))]
     antenna_uncertainty_m: Option<Spanned<f64>>,
 }
 
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenDelay {
     /// Which delay is removed. Default: fixed with `position_s`, card with `card` or `cards`, else network. Where a flight
     /// has no delay of its own, the card is used if one is given, then `position_s`; else nothing is removed.
-    #[schemars(with = "Option<WrittenFrom>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenFrom>"))]
     from: Option<Spanned<WrittenFrom>>,
     /// How late position is against velocity, s; positive means late.
-    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 30.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 30.0)))]
     position_s: Option<Spanned<f64>>,
     /// With `position_s`: its standard uncertainty (k = 1), s; leave out if it is not known.
-    #[schemars(with = "Option<f64>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>"))]
     standard_uncertainty_s: Option<Spanned<f64>>,
     /// With `position_s`: where the number comes from, in words; it is printed on every page.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     source: Option<Spanned<String>>,
     /// Sensor card of `flightlag bench` that holds the delay, relative to this file.
-    #[schemars(with = "Option<PathBuf>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<PathBuf>"))]
     card: Option<Spanned<PathBuf>>,
     /// Folder of sensor cards (`*.card.toml`), relative to this file: that of `[sensor]` is looked for, and each
     /// flight takes the one that is valid on its day.
-    #[schemars(with = "Option<PathBuf>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<PathBuf>"))]
     cards: Option<Spanned<PathBuf>>,
     /// Cards that must be found, each with this content and no other.
-    #[schemars(with = "Option<Vec<Pin>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<Pin>>"))]
     pin: Option<Spanned<Vec<Pin>>>,
 }
 
 /// Which delay is removed.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 enum WrittenFrom {
     /// How late the position is: the mean of the other flights of its group, else the flight's own delay network.
@@ -196,7 +204,8 @@ impl From<WrittenFrom> for DelaySource {
 }
 
 /// Which sensor; what is left out is not compared.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenSensor {
     /// Maker and model, as on the card.
@@ -247,53 +256,56 @@ const DEFAULT_VELOCITIES: [&str; 11] = [
     "velocity.ekf-global",
 ];
 
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenChannels {
     /// Late position, best first. Default: position.gps, position.ins, position.ekf, position.precise,
     /// position.precise-ecef, position.posllh, position.sol, position.posecef, position.hnr, position.nav2,
     /// position.ekf-global.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     position: Option<Spanned<Vec<String>>>,
     /// Velocity on time, best first. Default: velocity.ekf, velocity.ins, velocity.gps, velocity.xyz,
     /// velocity.velned, velocity.sol, velocity.pubx, velocity.vtg, velocity.hnr, velocity.nav2, velocity.ekf-global.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     velocity: Option<Spanned<Vec<String>>>,
     /// Independent position to score against. Default: position.truth.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     reference: Option<Spanned<Vec<String>>>,
     /// Compensated position that the aircraft computed in flight. Default: position.compensated.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     onboard: Option<Spanned<Vec<String>>>,
 }
 
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenReplay {
     /// What a compensator assumes before its first sample. Default: warm.
     start: Option<WrittenStart>,
     /// Velocity gaps up to this long are bridged, s. Default: two delays, and at least 2.5 velocity intervals.
-    #[schemars(with = "Option<f64>", range(min = 0.0, max = 600.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0, max = 600.0)))]
     bridge_s: Option<Spanned<f64>>,
     /// A flight whose ground speed stays below this is not replayed, m/s. Default: 0.5.
-    #[schemars(with = "Option<f64>", range(min = 0.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0)))]
     min_speed_mps: Option<Spanned<f64>>,
     /// Length of the zoom on the hardest manoeuvre, s. Default: 20.
-    #[schemars(with = "Option<f64>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>"))]
     zoom_s: Option<Spanned<f64>>,
     /// Rows at this rate instead of one for each velocity sample, Hz.
-    #[schemars(with = "Option<f64>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>"))]
     output_rate_hz: Option<Spanned<f64>>,
     /// Compensators beside those that always run (raw, pade-1-1-tustin, the same told of the age of held fixes,
     /// exact-async): pade-M-N-tustin, pade-M-N-foh, pade-M-N-zoh, exact-fir, kalman, and for a bound the offline-shift
     /// and rts-smoother, which are not causal. All are in the tables and the track, the first two in the figures.
     /// Default: none.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     compensators: Option<Vec<Spanned<String>>>,
 }
 
 /// What a compensator assumes before its first sample.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 enum WrittenStart {
     /// The first velocity has always been flown.
@@ -314,7 +326,8 @@ impl From<WrittenStart> for StartRule {
     }
 }
 
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenMaps {
     /// Folder with further channel maps, relative to this file.
@@ -707,8 +720,8 @@ pub(crate) struct FlightCase<'a> {
 }
 
 /// The JSON schema of a pipeline file, as text.
-#[must_use]
-pub fn pipeline_schema() -> String {
+#[cfg(feature = "schema")]
+pub(crate) fn pipeline_schema() -> String {
     let schema = schemars::schema_for!(Written);
     serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
 }
@@ -1547,15 +1560,5 @@ mod tests {
     fn maps_are_found_beside_the_pipeline_file() {
         let pipeline = parse(&format!("{SMALL}[maps]\nfolder = \"maps\"\n")).unwrap();
         assert_eq!(pipeline.maps_folder(), Some(Path::new("settings/maps")));
-    }
-
-    /// `FLIGHTLAG_BLESS=1` writes it anew.
-    #[test]
-    fn the_schema_file_is_the_schema_of_the_code() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/pipeline.schema.json");
-        if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
-            std::fs::write(&file, pipeline_schema()).unwrap();
-        }
-        assert_eq!(std::fs::read_to_string(&file).unwrap(), pipeline_schema());
     }
 }

@@ -13,7 +13,8 @@ mod read;
 pub(crate) mod tests;
 mod unit;
 
-pub use file::criteria_schema;
+#[cfg(feature = "schema")]
+pub(crate) use file::criteria_schema;
 pub use metric::{METRICS, MetricEntry, Takes};
 pub use read::CriteriaError;
 pub use unit::Dimension;

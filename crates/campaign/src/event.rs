@@ -3,12 +3,14 @@
 use crate::line::DelayLine;
 use crate::manifest::{Stage, Why};
 use record::{CampaignTotals, DelayKind, EffectVerdict, Estimate, VerdictTally};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 
 /// One thing that happened.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
     /// The folder of flights was looked through.

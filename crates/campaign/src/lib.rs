@@ -54,6 +54,7 @@ mod reference;
 mod reports;
 mod results;
 mod run;
+#[cfg(feature = "schema")]
 mod schemas;
 mod slug;
 mod source;
@@ -67,13 +68,10 @@ mod test_cards;
 mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_index, bench_run};
-pub use bench_analysis::{card_schema, rig_schema};
 pub use compensation_replay::{ClockRule, error_words};
-pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError, pipeline_schema};
-pub use criteria::{
-    Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes, criteria_schema,
-};
-pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report, delay_schema};
+pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError};
+pub use criteria::{Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes};
+pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report};
 pub use error::{CampaignError, Exit};
 pub use event::{Event, EventSink};
 pub use gc::{Garbage, gc};
@@ -83,11 +81,11 @@ pub use manifest::{Manifest, Stage, Why};
 pub use plan::{Desk, Order, STILL_WRITTEN};
 pub use reduce::{Verdict, reduce};
 pub use run::{plan_shards, run};
-pub use schemas::{bench_record_schema, campaign_schema, events_schema, record_schema};
+#[cfg(feature = "schema")]
+pub use schemas::schemas;
 pub use status::{Status, Trouble, status};
 pub use store::StoreError;
 pub use task::{TaskReport, quiet_caught_panics, task};
-pub use test_cards::test_card_schema;
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.

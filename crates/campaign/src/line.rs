@@ -4,11 +4,13 @@ use record::{
     Decision, DelayAdvice, DelayAlarm, DelayKind, Effect, EffectVerdict, FlightLateness, FlightRow, Outcome,
     flight_alarms,
 };
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The answer for one flight. Seconds and metres; a number that is not known is `null`.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayLine {
     /// Path of the log.
     pub flight: String,
@@ -66,7 +68,8 @@ pub struct DelayLine {
 }
 
 /// An alarm of a flight.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LineAlarm {
     /// `red`, `amber` or `grey`.
     pub gravity: String,
@@ -77,7 +80,8 @@ pub struct LineAlarm {
 }
 
 /// A setting that removes a delay.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LineSetting {
     /// Its name.
     pub name: String,

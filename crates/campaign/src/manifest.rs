@@ -16,6 +16,7 @@ use crate::store::{Keep, Store};
 use crate::test_cards::TestCardFiles;
 use ingest::{FlightUnit, LogKind};
 use record::{CriteriaUse, Decision, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -104,7 +105,8 @@ pub(crate) struct Planned {
 }
 
 /// A stage of a campaign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
     /// How late each channel of a flight is.
@@ -166,7 +168,8 @@ impl PlannedReference {
 }
 
 /// Why a log is read.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "why", rename_all = "kebab-case")]
 pub enum Why {
     /// No run on this output folder has seen the flight.

@@ -9,7 +9,8 @@ mod file;
 mod tests;
 
 pub(crate) use cover::row_cards;
-pub use file::test_card_schema;
+#[cfg(feature = "schema")]
+pub(crate) use file::test_card_schema;
 
 use crate::criteria::{Criteria, any_matches};
 use crate::error::CampaignError;

@@ -1,6 +1,6 @@
 //! How fast each compensator is: one hour at 100 Hz, velocity and position at every sample, on one core.
 //!
-//! `cargo run --release -p compensation-replay --example compensator_speed`
+//! `cargo run --release -p flightlag-compensation-replay --example compensator_speed`
 
 #![allow(clippy::print_stdout)]
 

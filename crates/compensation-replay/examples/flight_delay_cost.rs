@@ -1,5 +1,5 @@
 //! What measuring the delays of a flight costs, beside what comes out:
-//! `cargo run --release -p compensation-replay --example flight_delay_cost -- [part of a case's name]`
+//! `cargo run --release -p flightlag-compensation-replay --example flight_delay_cost -- [part of a case's name]`
 
 #![allow(clippy::print_stdout)] // it is what it is for
 

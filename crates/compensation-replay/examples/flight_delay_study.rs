@@ -1,5 +1,5 @@
 //! How good the delay from a flight is: many simulated circuits of known delay, one line of figures for each kind of
-//! receiver. `cargo run --release -p compensation-replay --example flight_delay_study -- [trials] [part of a case's name]`
+//! receiver. `cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- [trials] [part of a case's name]`
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example's output is its print")]
 
 use compensation_replay::{FlightDelaySettings, measure_delays};

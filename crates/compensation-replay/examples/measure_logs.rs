@@ -1,5 +1,5 @@
 //! Every delay of every log below a folder, one line a pair:
-//! `cargo run --release -p compensation-replay --example measure_logs -- FOLDER [part of a name]`
+//! `cargo run --release -p flightlag-compensation-replay --example measure_logs -- FOLDER [part of a name]`
 #![allow(clippy::print_stdout, reason = "an example's output is its print")]
 
 use compensation_replay::{FlightDelaySettings, measure_delays};

@@ -1,6 +1,6 @@
 //! Table 5.7 of the design note: 2-D rms error of every compensator on six kinds of data, beside the note's figures.
 //!
-//! `cargo run --release -p compensation-replay --example table_5_7`
+//! `cargo run --release -p flightlag-compensation-replay --example table_5_7`
 
 #![allow(clippy::print_stdout)]
 

@@ -1,5 +1,5 @@
 //! The acceptance table of `delay-over-time.md`, from simulated flights:
-//! `nice -n 15 cargo run --release -p delay-over-time --example over_time_study [flights per case] [part of a case's name]`
+//! `nice -n 15 cargo run --release -p flightlag-delay-over-time --example over_time_study [flights per case] [part of a case's name]`
 
 #![allow(clippy::print_stdout, clippy::indexing_slicing, clippy::unwrap_used)]
 

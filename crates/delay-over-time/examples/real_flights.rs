@@ -1,5 +1,5 @@
 //! Silence on untouched real flights, and what is found of changes that were injected into them:
-//! `cargo run --release -p delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds one folder for
+//! `cargo run --release -p flightlag-delay-over-time --example real_flights FOLDER [LONGEST_PIECE_S]`. The folder holds one folder for
 //! each log, written by `flightlag export LOG --to csv --out FOLDER/NAME`. Positions are re-timed; nothing else is touched.
 //! A piece of 0 s takes whole flights, injects nothing and says what each costs.
 

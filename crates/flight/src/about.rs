@@ -1,12 +1,14 @@
 //! What a log says of itself beside its samples: who flew, with what software and which settings.
 
 use crate::time::Clock;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// What a log says of the vehicle, its software and its settings.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct About {
     /// Autopilot or logger, such as `PX4`, `ArduCopter`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -68,7 +70,8 @@ impl About {
 }
 
 /// What a log says of one receiver. Absent is what the log does not say.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReceiverIdentity {
     /// Number of the receiver; the first is 1 (PX4 counts from 0: its instance 0 is receiver 1).
     pub number: u32,
@@ -106,7 +109,8 @@ impl ReceiverIdentity {
 
 /// Where a sensor sits on the vehicle, as configured: in body axes, from the point that the autopilot calls the
 /// vehicle's origin (PX4 and ArduPilot: the centre of gravity, as a rule).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeverArm {
     /// `gps` and `gps-2` for antennas, `imu` for the inertial sensors.
     pub sensor: String,
@@ -133,7 +137,8 @@ fn is_zero(count: &u64) -> bool {
 }
 
 /// A parameter that sets a delay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ConfiguredDelay {
     /// Its name, such as `EKF2_GPS_DELAY`.
     pub parameter: String,
@@ -144,7 +149,8 @@ pub struct ConfiguredDelay {
 }
 
 /// The begin of a flight mode.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ModeStart {
     /// Stamp, ns.
     pub at_ns: i64,

@@ -3,12 +3,14 @@
 use crate::notice::Notices;
 use crate::series::Series;
 use crate::time::{Clock, Stamp, StampKind, UtcTie};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// What a channel holds, in which frame, and the order of its components.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
     /// WGS-84 latitude rad, longitude rad, height m. A height above mean sea level may
@@ -63,7 +65,8 @@ impl Quantity {
 }
 
 /// Where a channel's values came from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ChannelSource {
     /// The topic (or table) in the log.
     pub topic: String,

@@ -1,6 +1,7 @@
 //! WGS-84: geodetic, earth-centred and local north-east-down coordinates, exact.
 
 use nalgebra::{Matrix3, Vector3};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +13,8 @@ pub const WGS84_F: f64 = 1.0 / 298.257_223_563;
 pub const WGS84_E2: f64 = WGS84_F * (2.0 - WGS84_F);
 
 /// Latitude rad, longitude rad, height above the ellipsoid m.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Geodetic {
     /// Latitude, rad, positive north.
     pub latitude: f64,

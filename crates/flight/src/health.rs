@@ -4,11 +4,13 @@ use crate::about::About;
 use crate::channel::{ChannelSource, Quantity};
 use crate::distribution::Distribution;
 use crate::time::{Clock, NANOS_PER_SECOND, StampKind, UtcTie};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where every byte of a log went: the five numbers below `size` add up to it.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ByteLedger {
     /// Size of all files of the flight together.
     pub size: u64,
@@ -51,7 +53,8 @@ impl ByteLedger {
 }
 
 /// A stretch of bytes that could not be used.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DamagedRange {
     /// File name without its folder.
     pub file: String,
@@ -76,7 +79,8 @@ impl DamagedRange {
 }
 
 /// Everything about the reading of one log.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LogHealth {
     /// Format, such as `MCAP` or `ROS 1 bag 2.0`, with what its header says of its writer.
     pub format: String,
@@ -103,7 +107,8 @@ pub struct LogHealth {
 }
 
 /// One topic of the log, read or not.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TopicHealth {
     /// Name.
     pub name: String,
@@ -129,7 +134,8 @@ pub struct TopicHealth {
 
 /// How one kind of stamp of one topic behaves. Of a channel whose stamps go back, rate, steps, gaps and ends are those
 /// of its rows in order.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StampHealth {
     /// Kind.
     pub kind: StampKind,
@@ -159,7 +165,8 @@ pub struct StampHealth {
 }
 
 /// A hole in the stamps: a step of more than 2.5 median steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Gap {
     /// Seconds after the first stamp.
     pub start_s: f64,
@@ -168,7 +175,8 @@ pub struct Gap {
 }
 
 /// One kind of stamp less another, on the same messages, s.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StampOffset {
     /// The later kind as a rule.
     pub of: StampKind,
@@ -179,7 +187,8 @@ pub struct StampOffset {
 }
 
 /// Rows that were not used, by reason.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RejectCount {
     /// Why.
     pub reason: String,
@@ -190,7 +199,8 @@ pub struct RejectCount {
 }
 
 /// Recognised repetition of held values (design note 3.8).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Held {
     /// Rows that repeat the value before.
     pub repeats: u64,
@@ -201,7 +211,8 @@ pub struct Held {
 }
 
 /// A channel that was bound, and what it cost.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ChannelHealth {
     /// Channel name, such as `position.gps`.
     pub name: String,
@@ -226,7 +237,8 @@ pub struct ChannelHealth {
 }
 
 /// A channel map that was considered.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MapCandidate {
     /// Name of the map.
     pub map: String,
@@ -237,7 +249,8 @@ pub struct MapCandidate {
 }
 
 /// How columns became channels.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Binding {
     /// Name of the map taken.
     pub map: String,

@@ -1,6 +1,7 @@
 //! Stamps, their clocks, their kinds, and the one definition of delay.
 
 use crate::distribution::Distribution;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -11,7 +12,8 @@ pub const NANOS_PER_SECOND: i64 = 1_000_000_000;
 /// An instant in integer nanoseconds since the epoch of its [`Clock`].
 ///
 /// Integers, because at 1.7e9 s since 1970 an `f64` second resolves only 238 ns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(transparent)]
 pub struct Stamp(pub i64);
 
@@ -31,7 +33,8 @@ impl Stamp {
 }
 
 /// The clock that a stamp was read from. Stamps of different clocks are never compared.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
     /// UTC as Unix counts it: since 1970-01-01, leap seconds not counted.
@@ -59,7 +62,8 @@ impl fmt::Display for Clock {
 ///
 /// It dates the flight. Samples keep their stamps, for a receiver's message comes late by an unknown and changing
 /// time, so that a tie is no better than its spread.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct UtcTie {
     /// The clock that is tied.
     pub clock: Clock,
@@ -85,7 +89,8 @@ impl UtcTie {
 
 /// What a stamp says about its sample. The three are kept apart, for their
 /// differences are what flightlag measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum StampKind {
     /// When the device says that the value was true (ROS `header.stamp`, ULog `timestamp_sample`).
@@ -108,7 +113,8 @@ impl fmt::Display for StampKind {
 
 /// How late a signal is, in seconds. **Positive means late**: `measured(t) = truth(t − delay)`
 /// (design note, notation; Park & Lee 2010 call it Td).
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(transparent)]
 pub struct Delay(f64);
 

@@ -253,17 +253,14 @@ pub(crate) struct CampaignArguments {
 #[derive(Debug, Args)]
 pub(crate) struct DelayArguments {
     /// Logs, or folders of logs; they are only read.
-    #[arg(value_name = "LOG|FOLDER", required_unless_present = "schema")]
+    #[arg(value_name = "LOG|FOLDER", required = true)]
     pub(crate) logs: Vec<PathBuf>,
-    /// Print JSON; `--schema` prints its schema.
+    /// Print JSON; `flightlag schema delay` prints its schema.
     #[arg(long, conflicts_with = "csv")]
     pub(crate) json: bool,
     /// Print CSV, one row for each flight.
     #[arg(long)]
     pub(crate) csv: bool,
-    /// Print the JSON schema of `--json` and stop.
-    #[arg(long)]
-    pub(crate) schema: bool,
     /// Also write values for the design of a Kalman filter to this folder, one TOML file for each flight: noise density,
     /// wander and delay of each channel, each with its uncertainty and formula.
     #[arg(long, value_name = "DIR")]

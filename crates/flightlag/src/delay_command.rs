@@ -7,9 +7,7 @@ use crate::failure::{End, Failure};
 use crate::listen::listener;
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
-use campaign::{
-    DelayLine, DelayOrder, DelayReport, Exit, GroupLine, LineAlarm, LineSetting, delay_report, delay_schema,
-};
+use campaign::{DelayLine, DelayOrder, DelayReport, GroupLine, LineAlarm, LineSetting, delay_report};
 use compensation_replay::ekf_values_toml;
 use record::Estimate;
 use std::io::Write;
@@ -22,10 +20,6 @@ const MOST_ALARMS: usize = 20;
 
 pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failure> {
     let mut out = std::io::stdout().lock();
-    if arguments.schema {
-        write!(out, "{}", delay_schema())?;
-        return Ok(Exit::Well.into());
-    }
     let pipeline = pipeline_of(arguments.pipeline.as_deref(), arguments.map.clone(), arguments.maps.clone())?;
     let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock);
     let order = DelayOrder { paths: arguments.logs.clone(), pipeline, filter_values: arguments.ekf.is_some() };

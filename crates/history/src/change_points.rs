@@ -320,7 +320,7 @@ mod tests {
         }
     }
 
-    /// The same with 2000 series: 1 % is 20 ± 4.5. `cargo test --release -p history -- --ignored` runs it.
+    /// The same with 2000 series: 1 % is 20 ± 4.5. `cargo test --release -p flightlag-history -- --ignored` runs it.
     #[test]
     #[ignore = "takes minutes; its figures are in docs/src/nightly.md"]
     fn a_series_without_a_step_shows_one_as_rarely_as_is_said() {
@@ -329,7 +329,7 @@ mod tests {
         }
     }
 
-    /// A look each night: a flight more, from the sixth to the hundred-and-twentieth. `cargo test -p history -- --ignored` runs it.
+    /// A look each night: a flight more, from the sixth to the hundred-and-twentieth. `cargo test -p flightlag-history -- --ignored` runs it.
     #[test]
     #[ignore = "takes many minutes; prints its figure"]
     fn a_look_each_night_gives_more_false_alarms_than_one_look() {

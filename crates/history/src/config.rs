@@ -3,6 +3,7 @@
 use crate::error::HistoryError;
 use crate::fleet::Fleet;
 use campaign::{CampaignError, Criteria, Order, Pipeline};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
 use settings::{Refused, SettingsFile};
@@ -11,44 +12,42 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use toml::Spanned;
 
-/// The commented example, compiled in: `pipelines/nightly/nightly.toml`.
-pub const EXAMPLE_NIGHTLY: &str = include_str!("../../../pipelines/nightly/nightly.toml");
-
 /// Names that a campaign may not have: the night writes files of these names into the same folder.
 const TAKEN: [&str; 6] = ["nights", "history", "index.html", "morning.html", "figures", "summary"];
 
 /// The nightly file as its author writes it.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "flightlag nightly")]
+#[cfg_attr(feature = "schema", schemars(title = "flightlag nightly"))]
 struct NightlyFile {
     /// Version of this file's layout: 1.
-    #[schemars(with = "u32", range(min = 1, max = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     schema: Spanned<u32>,
     /// Name of the night, for its page.
     #[serde(default = "default_title")]
     title: String,
     /// Folder of the reports: each campaign in OUT/NAME, the page of the latest night in OUT/morning.html.
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
     out: Spanned<PathBuf>,
     /// Folder of the history: one Parquet file for each night. Default: OUT/history.
     history: Option<PathBuf>,
     /// Fleet file: aircraft and receivers that logs do not say.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     fleet: Option<Spanned<PathBuf>>,
     /// Settings of all campaigns (TOML). Default: the shipped ones.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pipeline: Option<Spanned<PathBuf>>,
     /// Criteria of all campaigns (TOML). Default: those that the pipeline names, if any.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     criteria: Option<Spanned<PathBuf>>,
     /// A log that was written to less than this ago is left for the next night, minutes. Default: 10.
     #[serde(default = "default_settle")]
-    #[schemars(with = "f64", range(min = 0.0, max = 1440.0))]
+    #[cfg_attr(feature = "schema", schemars(with = "f64", range(min = 0.0, max = 1440.0)))]
     settle_min: Spanned<f64>,
     /// Campaigns, run one after the other.
     #[serde(default)]
-    #[schemars(with = "Vec<CampaignTable>", length(min = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<CampaignTable>", length(min = 1)))]
     campaign: Vec<Spanned<CampaignTable>>,
 }
 
@@ -61,25 +60,26 @@ fn default_settle() -> Spanned<f64> {
 }
 
 /// One campaign.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct CampaignTable {
     /// Folder of the logs. It is only read.
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
     flights: Spanned<PathBuf>,
     /// Name of the campaign in reports and history. Default: the name of the folder.
-    #[schemars(with = "Option<String>", regex(pattern = "^[A-Za-z0-9._-]+$"))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>", regex(pattern = "^[A-Za-z0-9._-]+$")))]
     name: Option<Spanned<String>>,
     /// Settings of this campaign instead of those of all.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pipeline: Option<Spanned<PathBuf>>,
     /// Criteria of this campaign instead of those of all.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     criteria: Option<Spanned<PathBuf>>,
     /// Channel map with which every flight is read.
     map: Option<String>,
     /// Folder with further channel maps.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     maps: Option<PathBuf>,
 }
 
@@ -263,8 +263,8 @@ fn command(flights: &Path, pipeline: Option<&Spanned<PathBuf>>, criteria: Option
 }
 
 /// The JSON schema of a nightly file, as text.
-#[must_use]
-pub fn nightly_schema() -> String {
+#[cfg(feature = "schema")]
+pub(crate) fn nightly_schema() -> String {
     let schema = schemars::schema_for!(NightlyFile);
     serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
 }
@@ -317,23 +317,12 @@ mod tests {
         }
     }
 
-    /// `FLIGHTLAG_BLESS=1` writes them again.
-    #[test]
-    fn the_published_schemas_are_those_of_the_files() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/nightly");
-        for (name, text) in [("nightly", nightly_schema()), ("fleet", crate::fleet::fleet_schema())] {
-            let file = folder.join(format!("{name}.schema.json"));
-            if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
-                std::fs::write(&file, &text).unwrap();
-            }
-            assert_eq!(std::fs::read_to_string(&file).unwrap(), text, "{name}: accept a change with `just bless`");
-        }
-    }
-
     #[test]
     fn the_example_is_right_but_for_its_folders() {
         let folder = tempfile::tempdir().unwrap();
-        let said = NightlyConfig::parse(EXAMPLE_NIGHTLY, &folder.path().join("nightly.toml")).unwrap_err().to_string();
+        let said = NightlyConfig::parse(pipelines::EXAMPLE_NIGHTLY, &folder.path().join("nightly.toml"))
+            .unwrap_err()
+            .to_string();
         let others: Vec<&str> =
             said.lines().filter(|line| !line.contains("is not a folder") && !line.contains("cannot be read")).collect();
         assert_eq!(others, [] as [&str; 0], "{said}");

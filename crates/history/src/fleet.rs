@@ -1,35 +1,35 @@
 //! The fleet file: which aircraft and receiver a flight is of, where its log does not say it.
 
 use crate::error::HistoryError;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
 use settings::{Refused, SettingsFile};
 use std::path::Path;
 use toml::Spanned;
 
-/// The commented example, compiled in: `pipelines/nightly/fleet.toml`.
-pub const EXAMPLE_FLEET: &str = include_str!("../../../pipelines/nightly/fleet.toml");
-
 /// The fleet file as its author writes it.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "flightlag fleet")]
+#[cfg_attr(feature = "schema", schemars(title = "flightlag fleet"))]
 struct FleetFile {
     /// Version of this file's layout: 1.
-    #[schemars(with = "u32", range(min = 1, max = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     schema: Spanned<u32>,
     /// Aircraft, each with the flights that are its own. The first that fits a flight counts.
     #[serde(default)]
-    #[schemars(with = "Vec<AircraftTable>", length(min = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<AircraftTable>", length(min = 1)))]
     aircraft: Vec<Spanned<AircraftTable>>,
 }
 
 /// An aircraft with its receiver, and which flights are its own.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct AircraftTable {
     /// Pattern of CAMPAIGN/FLIGHT; `*` stands for anything, also for several folders.
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
     flights: Spanned<String>,
     /// Aircraft, as its registration or tail number.
     airframe: Option<String>,
@@ -40,10 +40,10 @@ struct AircraftTable {
     /// Firmware of the receiver.
     firmware: Option<String>,
     /// Rate of the position, Hz.
-    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0)))]
     rate_hz: Option<Spanned<f64>>,
     /// Speed of the receiver's serial line, baud.
-    #[schemars(with = "Option<u32>", range(min = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<u32>", range(min = 1)))]
     baud: Option<Spanned<u32>>,
 }
 
@@ -160,8 +160,8 @@ fn fits(pattern: &str, name: &str) -> bool {
 }
 
 /// The JSON schema of a fleet file, as text.
-#[must_use]
-pub fn fleet_schema() -> String {
+#[cfg(feature = "schema")]
+pub(crate) fn fleet_schema() -> String {
     let schema = schemars::schema_for!(FleetFile);
     serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
 }
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn the_example_is_a_fleet() {
-        let fleet = Fleet::parse(EXAMPLE_FLEET, Path::new("fleet.toml")).unwrap();
+        let fleet = Fleet::parse(pipelines::EXAMPLE_FLEET, Path::new("fleet.toml")).unwrap();
         assert!(!fleet.aircraft.is_empty());
     }
 }

@@ -3,12 +3,14 @@
 use crate::change_points::{spread, weighted_mean};
 use crate::dataset::Latest;
 use crate::row::{Dimension, Row};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// One line of the table of latencies.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LatencyLine {
     /// Make and model of the receiver; `null` if it is not known.
     pub receiver: Option<String>,

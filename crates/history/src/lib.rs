@@ -40,11 +40,11 @@ mod trend;
 pub use answer::{Answer, answer};
 pub use collect::{Collecting, collect, read_campaign};
 pub use compare::{PageOf, causes, compare};
-pub use config::{EXAMPLE_NIGHTLY, NightlyConfig, nightly_schema};
+pub use config::NightlyConfig;
 pub use dataset::{History, Latest, ReadRows, Run, latest_of};
 pub use diff::diff;
 pub use error::HistoryError;
-pub use fleet::{Aircraft, EXAMPLE_FLEET, Fleet, fleet_schema};
+pub use fleet::{Aircraft, Fleet};
 pub use latency::{LatencyLine, latency};
 pub use night::{Night, nightly, write_file};
 pub use proof::proofs;
@@ -53,3 +53,13 @@ pub use row::{COLUMNS, Dimension, Row};
 pub use runs::{RunLine, runs};
 pub use schema::HISTORY_SCHEMA;
 pub use trend::{FALSE_ALARM, Trend, new_changes, trend};
+
+/// The JSON schemas of the files of a night, with their files in the repository.
+#[cfg(feature = "schema")]
+#[must_use]
+pub fn schemas() -> Vec<(&'static str, String)> {
+    vec![
+        ("pipelines/nightly/nightly.schema.json", config::nightly_schema()),
+        ("pipelines/nightly/fleet.schema.json", fleet::fleet_schema()),
+    ]
+}

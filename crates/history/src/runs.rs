@@ -3,12 +3,14 @@
 use crate::dataset::History;
 use crate::error::HistoryError;
 use crate::row::Row;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeSet;
 
 /// One run: a file of the history.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RunLine {
     /// Name of its file without the ending.
     pub run: String,

@@ -1,4 +1,4 @@
-//! What every file below a folder is: `cargo run -p ingest --example bind_logs -- FOLDER [part of a name]`. For each
+//! What every file below a folder is: `cargo run -p flightlag-ingest --example bind_logs -- FOLDER [part of a name]`. For each
 //! flight its map, channels and notices; for the rest the reason.
 #![allow(clippy::print_stdout, reason = "an example's output is its print")]
 

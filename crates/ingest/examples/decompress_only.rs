@@ -1,7 +1,7 @@
 //! The least that reading a log with chunks costs: every chunk of an MCAP or ROS 1 bag read and decompressed, the
 //! checksums of chunks and LZ4 frames checked, nothing more; of any other file, or with `read`, that it is read.
 //!
-//! `cargo run --release -p ingest --example decompress_only FILE [read]` is the yardstick that `just perf` holds the
+//! `cargo run --release -p flightlag-ingest --example decompress_only FILE [read]` is the yardstick that `just perf` holds the
 //! reader against.
 
 #![allow(clippy::print_stdout)]

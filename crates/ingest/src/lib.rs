@@ -38,6 +38,7 @@ pub use format::{
 pub use format::{mcap_indexed_records, mcap_records};
 pub use load::{BOUND_BY_GUESS, Loaded, MAP_LACKS, load, load_ways, open, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
+#[cfg(feature = "schema")]
 pub use map_schema::channel_map_schema;
 pub use reader::{
     Extra, FieldRequest, LeftOut, Limits, Log, LogReader, MessageSink, RawMessage, ReadContext, Restart, Select,

@@ -1,17 +1,19 @@
 //! A channel map as its author writes it. Every struct refuses fields that it does not know.
 
 use crate::reader::Log;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use toml::Spanned;
 
 /// A channel map: which topic and field becomes which channel, in which unit, frame and timeline.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MapFile {
     /// Version of this format: 1.
-    #[schemars(with = "u32")]
+    #[cfg_attr(feature = "schema", schemars(with = "u32"))]
     pub(crate) schema: Spanned<u32>,
     /// Short name, as `--map` takes it.
     pub(crate) name: String,
@@ -25,15 +27,16 @@ pub(crate) struct MapFile {
     pub(crate) time: TimeTable,
     /// What ties the clock since boot to UTC. Of several the first that the log holds is taken.
     #[serde(default)]
-    #[schemars(with = "Vec<UtcEntry>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<UtcEntry>"))]
     pub(crate) utc: Vec<Spanned<UtcEntry>>,
     /// The channels. Of several of one name, for other types, the first is made that finds its data.
-    #[schemars(with = "Vec<ChannelEntry>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<ChannelEntry>"))]
     pub(crate) channel: Vec<Spanned<ChannelEntry>>,
 }
 
 /// Sources of stamps by kind; of each kind the first that exists is taken.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct TimeTable {
     /// When the device says that the value was true.
@@ -46,7 +49,8 @@ pub(crate) struct TimeTable {
 
 /// A topic whose messages say both the time since boot and UTC, as those of a receiver do. It dates the flight; the
 /// samples keep their stamps.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct UtcEntry {
     /// As in a channel.
@@ -66,7 +70,8 @@ pub(crate) struct UtcEntry {
 
 /// One source of stamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and `offset` or `zone`,
 /// or `week` with `field` and `unit`, or `calendar`.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct TimeEntry {
     /// A stamp that the container gives to every message.
@@ -109,7 +114,8 @@ pub(crate) struct TimeEntry {
 }
 
 /// A counter of a device, of 32 bits or more.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CounterEntry {
     /// The field.
@@ -119,7 +125,8 @@ pub(crate) struct CounterEntry {
 }
 
 /// A stamp of the container.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ContainerStamp {
     /// When the container says that it wrote the message.
@@ -132,7 +139,8 @@ pub(crate) enum ContainerStamp {
 }
 
 /// A unit of time.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum TickName {
     /// Days.
@@ -155,7 +163,8 @@ pub(crate) enum TickName {
 }
 
 /// A way to write an instant.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum TimeText {
     /// `2024-05-10T17:27:44.30Z`; without a zone it is UTC.
@@ -169,7 +178,8 @@ pub(crate) enum TimeText {
 }
 
 /// What a date begins with.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum OrderName {
     /// `23/06/2021`.
@@ -181,7 +191,8 @@ pub(crate) enum OrderName {
 }
 
 /// A clock.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ClockName {
     /// UTC since 1970.
@@ -207,7 +218,8 @@ pub(crate) enum ClockName {
 }
 
 /// A kind of stamp.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum KindName {
     /// When the device says that the value was true.
@@ -219,7 +231,8 @@ pub(crate) enum KindName {
 }
 
 /// What a channel holds.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum QuantityName {
     /// `latitude`, `longitude` and perhaps `height`; or `x`, `y`, `z` with the frame `ecef`.
@@ -252,7 +265,8 @@ pub(crate) enum QuantityName {
 }
 
 /// The axes that a source counts in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum FrameName {
     /// Of a vector: x forward, y right, z down.
@@ -272,7 +286,8 @@ pub(crate) enum FrameName {
 }
 
 /// What a height is above.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum HeightAbove {
     /// WGS-84, as flightlag wants it.
@@ -282,7 +297,8 @@ pub(crate) enum HeightAbove {
 }
 
 /// One channel.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ChannelEntry {
     /// `quantity.source`, as `position.gps`.
@@ -321,7 +337,8 @@ pub(crate) struct ChannelEntry {
 }
 
 /// A remark of the log itself, as a comment `// Coordinate system: NED` above a table of text.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct WhenEntry {
     /// What stands before the colon.
@@ -345,7 +362,8 @@ impl WhenEntry {
 
 /// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read; a height that
 /// is zero in every row stands back behind another that is not.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct FieldTable {
     /// Latitude, positive north.
@@ -414,7 +432,8 @@ pub(crate) struct FieldTable {
 }
 
 /// One field, or several of which the first that exists is read.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(untagged)]
 pub(crate) enum OneOrMore {
     /// One.
@@ -424,7 +443,8 @@ pub(crate) enum OneOrMore {
 }
 
 /// A field and its unit.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FieldEntry {
     /// Dotted path.
@@ -437,7 +457,8 @@ pub(crate) struct FieldEntry {
 
 /// A condition on a row; rows that fail it are counted and not used. A field that the log does not have is no obstacle, and
 /// neither is an epoch that the other topics do not have. Of several messages of one epoch all must fulfil it.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RequireEntry {
     /// The field.
@@ -458,7 +479,8 @@ pub(crate) struct RequireEntry {
 }
 
 /// One field, or several that mean something together.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(untagged)]
 pub(crate) enum FieldNames {
     /// None.
@@ -493,6 +515,7 @@ impl RequireEntry {
 }
 
 /// The JSON schema of a channel map, for editors.
+#[cfg(feature = "schema")]
 #[must_use]
 pub fn channel_map_schema() -> String {
     let schema = schemars::schema_for!(MapFile);

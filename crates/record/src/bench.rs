@@ -4,11 +4,13 @@ use crate::SensorIdentity;
 use crate::flight::InputFile;
 use crate::replay::{Curve, Estimate};
 use flight::{Binding, Clock, Delay, LogHealth, Notices, Quantity, RejectCount, StampKind};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The rig file that a record was analysed with.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RigUse {
     /// Title from the file.
     pub title: String,
@@ -19,7 +21,8 @@ pub struct RigUse {
 }
 
 /// What came of the bench record.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "outcome", rename_all = "kebab-case")]
 pub enum BenchOutcome {
     /// At least one channel has a delay.
@@ -37,7 +40,8 @@ pub enum BenchOutcome {
 }
 
 /// One log of a bench record.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct BenchLog {
     /// `encoder`, `sensor`, or `encoder and sensor`.
     pub role: String,
@@ -50,7 +54,8 @@ pub struct BenchLog {
 }
 
 /// Everything found about one bench record. Free of times of day, hosts and folders.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct BenchRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -74,7 +79,8 @@ pub struct BenchRecord {
 }
 
 /// What a bench record shows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct BenchFindings {
     /// Time zero of all `t_s`: a stamp, ns, in the encoder's clock.
     pub origin_ns: i64,
@@ -98,7 +104,8 @@ pub struct BenchFindings {
 }
 
 /// Pivot, bar and parts of the sensor, as the rig file states them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RigGeometry {
     /// Pivot to sensor, m.
     pub bar_length_m: f64,
@@ -109,7 +116,8 @@ pub struct RigGeometry {
 }
 
 /// A place on the bar.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RigPart {
     /// Channels of the record that are measured there.
     pub channels: Vec<String>,
@@ -120,7 +128,8 @@ pub struct RigPart {
 }
 
 /// A finding, or why there is none.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Finding<T> {
     /// It was found.
@@ -140,7 +149,8 @@ impl<T> Finding<T> {
 }
 
 /// The encoder, and the reference motion that a four-state smoother made of it (design note 2).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReferenceFinding {
     /// Channel of the encoder.
     pub channel: String,
@@ -189,7 +199,8 @@ pub struct ReferenceFinding {
 }
 
 /// One thing that was asked before any verdict.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GateCheck {
     /// What was asked, as `swing amplitude`.
     pub name: String,
@@ -200,7 +211,8 @@ pub struct GateCheck {
 }
 
 /// The quality of the record, judged before any verdict (design note 1.6, 3.3).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct QualityGate {
     /// What was asked.
     pub checks: Vec<GateCheck>,
@@ -215,7 +227,8 @@ pub struct QualityGate {
 }
 
 /// How the stamps of the sensor were tied to the encoder's clock.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ClockFinding {
     /// What all delays are measured against.
     pub basis: TimeBasis,
@@ -232,7 +245,8 @@ pub struct ClockFinding {
 }
 
 /// What a delay is measured against.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case", tag = "basis")]
 pub enum TimeBasis {
     /// Encoder and sensor carry stamps of one clock: delays are absolute, up to that clock's own stamping.
@@ -247,7 +261,8 @@ pub enum TimeBasis {
 }
 
 /// The fastest arrivals as a line (design note 6).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct HullFinding {
     /// Channel whose stamps were used.
     pub channel: String,
@@ -266,7 +281,8 @@ pub struct HullFinding {
 }
 
 /// Pulses per second as a ruler.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PpsFinding {
     /// Channel of the pulses.
     pub channel: String,
@@ -281,7 +297,8 @@ pub struct PpsFinding {
 }
 
 /// What a verdict on a delay says (design note 3.7).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// The interval excludes zero.
@@ -297,7 +314,8 @@ pub enum Verdict {
 }
 
 /// A delay with everything that says how well it is known.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayFinding {
     /// Best value; positive is late.
     pub delay: Delay,
@@ -335,7 +353,8 @@ pub struct DelayFinding {
 }
 
 /// Noise about the reference: an Ornstein–Uhlenbeck process plus white noise, in the channel's unit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NoiseFinding {
     /// Standard deviation of the part that wanders; zero if the fit found none.
     pub wander_std: f64,
@@ -350,7 +369,8 @@ pub struct NoiseFinding {
 }
 
 /// One component of a channel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ComponentDynamics {
     /// Its name, such as `north`, or `swing angle` for an attitude.
     pub name: String,
@@ -385,7 +405,8 @@ pub struct ComponentDynamics {
 
 /// A few swings of one component in which the measured values differ from the reference by delay, gain and fast noise
 /// alone: offset, drift and slow wander are taken out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Overlay {
     /// Reference at the true time, unit. It reaches beyond the measured values by the largest shift.
     pub reference: Curve,
@@ -399,7 +420,8 @@ pub struct Overlay {
 
 /// Slow wander, estimated as the mean of measured − fitted over several swings, weighted with a Hann window. Whatever has
 /// the frequency of the swing averages out, so a wrong delay or gain is not taken out with it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct WanderTaken {
     /// Full width of the window, s: four mean periods of the bar's angle.
     pub window_s: f64,
@@ -411,7 +433,8 @@ pub struct WanderTaken {
 
 /// Rms of measured less reference over the whole record, the reference scaled by the fitted gain and shifted. Offset, drift
 /// and slow wander are taken out again at each shift.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ShiftCurve {
     /// First shift, s; positive makes the reference late.
     pub from_s: f64,
@@ -422,7 +445,8 @@ pub struct ShiftCurve {
 }
 
 /// Which kind of lateness it is (design note 3.6).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ModelFinding {
     /// The candidates that were fitted.
     pub candidates: Vec<ModelCandidate>,
@@ -435,7 +459,8 @@ pub struct ModelFinding {
 }
 
 /// A delay, a lag, or both.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ModelCandidate {
     /// `D` delay, `L` first-order lag, `DL` both, `DLL` delay and two lags.
     pub name: String,
@@ -450,7 +475,8 @@ pub struct ModelCandidate {
 }
 
 /// One frequency of a response, H1 = Sxy/Sxx (design note 9).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ResponsePoint {
     /// Hz.
     pub frequency_hz: f64,
@@ -469,7 +495,8 @@ pub struct ResponsePoint {
 }
 
 /// Frequency response of one component.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ResponseFinding {
     /// Component that was used: the one with the most signal.
     pub component: String,
@@ -490,7 +517,8 @@ pub struct ResponseFinding {
 }
 
 /// The fit looked at from outside.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FitChecks {
     /// Autocorrelation of the whitened residuals: lags 1 to n, in samples.
     pub autocorrelation: Vec<f64>,
@@ -509,7 +537,8 @@ pub struct FitChecks {
 }
 
 /// The objective that was minimised, −2 log likelihood above the least of each curve: that is 0, at the delay of the fit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ObjectiveCurve {
     /// Over the search range: delay, s.
     pub delay_s: Vec<f64>,
@@ -522,7 +551,8 @@ pub struct ObjectiveCurve {
 }
 
 /// The delay over the record (design note 9).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Stationarity {
     /// Windows of this length, half overlapping, s.
     pub window_s: f64,
@@ -539,7 +569,8 @@ pub struct Stationarity {
 }
 
 /// Arrival less device time, where both are logged.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LatencyHistogram {
     /// In words: which stamps, and whether the number is absolute or above the fastest.
     pub text: String,
@@ -555,7 +586,8 @@ pub struct LatencyHistogram {
 
 /// One extra delay and gain put into the second half of the real data, and found again against the first half:
 /// two estimates whose noise has nothing in common, so that the interval is put to the test.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Injection {
     /// Delay added, s.
     pub injected_s: f64,
@@ -566,7 +598,8 @@ pub struct Injection {
 }
 
 /// How well an injected delay and gain were found again.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Recovery {
     /// Recovered − injected, s.
     pub delay_error_s: Estimate,
@@ -575,7 +608,8 @@ pub struct Recovery {
 }
 
 /// Dynamics of one channel against the reference motion.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ChannelDynamics {
     /// Name, such as `position.ins`.
     pub name: String,
@@ -624,7 +658,8 @@ pub struct ChannelDynamics {
 }
 
 /// A number from the data beside what the rig file says.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MountCheck {
     /// What, as `lever arm z of imu`.
     pub name: String,
@@ -644,7 +679,8 @@ pub struct MountCheck {
 }
 
 /// Mount and calibration (design note 1.6).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MountFinding {
     /// `upright`, `hanging`: as the data say.
     pub detected: Finding<String>,
@@ -657,7 +693,8 @@ pub struct MountFinding {
 }
 
 /// Hard and soft iron, as far as the azimuths of the records show them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MagnetometerFinding {
     /// `planar` (one azimuth) or `full` (three or more).
     pub kind: String,
@@ -685,7 +722,8 @@ pub struct MagnetometerFinding {
 }
 
 /// Whether the bar bends (design note 1.6).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Flexibility {
     /// Gain of position and velocity.
     pub translation_gain: Estimate,

@@ -4,11 +4,13 @@ use crate::{
     CampaignCriteria, CampaignTest, Decision, DelaySource, DelaySweep, Effect, Estimate, FlightLateness, GroupLateness,
     Outcome, RowCard, RowVerdicts,
 };
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One line of the table of flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightRow {
     /// Path below the campaign's folder: the name people know.
     pub flight: String,
@@ -99,7 +101,8 @@ pub struct FlightRow {
 }
 
 /// A file in the folder that is no flight.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct IgnoredInput {
     /// Path below the campaign's folder.
     pub path: String,
@@ -108,7 +111,8 @@ pub struct IgnoredInput {
 }
 
 /// Counts over all flights.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignTotals {
     /// All.
     pub flights: u64,
@@ -142,7 +146,8 @@ pub struct CampaignTotals {
 }
 
 /// A campaign: what was asked, and one row for each flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,

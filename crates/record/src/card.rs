@@ -3,6 +3,7 @@
 use crate::bench::{Finding, TimeBasis, Verdict};
 use crate::replay::Estimate;
 use flight::{Quantity, StampKind};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,8 @@ use serde::{Deserialize, Serialize};
 pub const CARD_VERSION: u32 = 1;
 
 /// Which sensor. Two sensors are the same if every part that both name is equal.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SensorIdentity {
     /// Maker and model, as `Xsens MTi-G`.
@@ -30,7 +32,8 @@ pub struct SensorIdentity {
 }
 
 /// What one channel of the sensor does.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CardChannel {
     /// Channel name, as `position.ins`.
@@ -81,7 +84,8 @@ pub struct CardChannel {
 }
 
 /// Hard and soft iron of a magnetometer: `read = soft_iron · field + hard_iron`, in body axes forward, right, down.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct IronCalibration {
     /// Hard iron x, y, z, in the unit of [`CardMagnetometer`].
@@ -108,7 +112,8 @@ pub struct IronCalibration {
 }
 
 /// What all records together say of the magnetometer.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CardMagnetometer {
     /// Channel, as `magnetic-field.imu`.
@@ -122,7 +127,8 @@ pub struct CardMagnetometer {
 }
 
 /// One record behind a card.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CardSource {
     /// Files, without folder.
@@ -137,9 +143,10 @@ pub struct CardSource {
 }
 
 /// A sensor card (`*.card.toml`).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "flightlag sensor card")]
+#[cfg_attr(feature = "schema", schemars(title = "flightlag sensor card"))]
 pub struct SensorCard {
     /// [`CARD_VERSION`].
     pub card_version: u32,
@@ -174,7 +181,8 @@ pub struct SensorCard {
 }
 
 /// The card behind the delay of a replay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CardUse {
     /// File name of the card.
     pub file: String,

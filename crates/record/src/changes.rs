@@ -1,11 +1,13 @@
 //! What changed in a campaign since the run before.
 
 use crate::Estimate;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A campaign against the one that the output folder held before. The only record that depends on earlier runs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignChanges {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -32,7 +34,8 @@ pub struct CampaignChanges {
 }
 
 /// What decides the numbers of a campaign besides its logs.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MadeWith {
     /// Version of flightlag.
     pub flightlag_version: String,
@@ -45,7 +48,8 @@ pub struct MadeWith {
 }
 
 /// A flight with another result than before.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RerunFlight {
     /// Name of the flight.
     pub flight: String,
@@ -54,7 +58,8 @@ pub struct RerunFlight {
 }
 
 /// A delay that is another one than before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MovedDelay {
     /// Name of the flight or of the group.
     pub name: String,
@@ -67,7 +72,8 @@ pub struct MovedDelay {
 }
 
 /// Troubles of a flight that came or went.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TroubleChange {
     /// Name of the flight.
     pub flight: String,

@@ -1,11 +1,13 @@
 //! What flights are judged by, and how they were judged.
 
 use crate::replay::Estimate;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The criteria file that was used.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CriteriaUse {
     /// Title from the file.
     pub title: String,
@@ -18,7 +20,8 @@ pub struct CriteriaUse {
 }
 
 /// How a flight stands to a criterion, or to all of them: the gravest first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CriterionVerdict {
     /// The limit is not kept.
@@ -34,7 +37,8 @@ pub enum CriterionVerdict {
 }
 
 /// Where a number must lie; the limits themselves are inside. SI units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Limit {
     /// Not above.
@@ -46,7 +50,8 @@ pub enum Limit {
 }
 
 /// How a number and its limit become a verdict.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DecisionRule {
     /// 95 % interval wholly within the limit: pass; wholly beyond: fail; else inconclusive.
@@ -58,7 +63,8 @@ pub enum DecisionRule {
 }
 
 /// A unit that people write.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CriterionUnit {
     /// As written behind the number; empty for counts and ratios.
     pub name: String,
@@ -67,7 +73,8 @@ pub struct CriterionUnit {
 }
 
 /// One criterion and what it says of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CriterionFinding {
     /// Name in the file, unique there.
     pub id: String,
@@ -98,7 +105,8 @@ pub struct CriterionFinding {
 }
 
 /// Verdicts, counted.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct VerdictTally {
     /// Limit not kept.
     pub fail: u64,
@@ -146,7 +154,8 @@ impl FromIterator<CriterionVerdict> for VerdictTally {
 }
 
 /// What the criteria say of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightCriteria {
     /// Which criteria.
     pub criteria: CriteriaUse,
@@ -169,7 +178,8 @@ impl FlightCriteria {
 }
 
 /// The verdicts of one flight in the table of flights.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RowVerdicts {
     /// The gravest.
     pub overall: CriterionVerdict,
@@ -178,7 +188,8 @@ pub struct RowVerdicts {
 }
 
 /// One of them.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RowVerdict {
     /// Name of the criterion.
     pub id: String,
@@ -187,7 +198,8 @@ pub struct RowVerdict {
 }
 
 /// How many of how many passed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PassRate {
     /// Flights that pass.
     pub passed: u64,
@@ -198,7 +210,8 @@ pub struct PassRate {
 }
 
 /// One criterion over all flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CriterionSummary {
     /// Name in the file.
     pub id: String,
@@ -217,7 +230,8 @@ pub struct CriterionSummary {
 }
 
 /// The criteria over all flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignCriteria {
     /// Which criteria.
     pub criteria: CriteriaUse,

@@ -3,11 +3,13 @@
 //! Source of all of it: the delay-network specification (`science/delay-network.md`); sections are named in the docs.
 
 use crate::replay::Estimate;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Zero of the latenesses of a network or of a part of it (section 3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum NetworkDatum {
     /// Accelerations of the IMU are on time within 5 ms by assumption.
@@ -21,7 +23,8 @@ pub enum NetworkDatum {
 }
 
 /// Outcome of the tests of a network (section 4).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum NetworkVerdict {
     /// All loops close within their uncertainty.
@@ -37,7 +40,8 @@ pub enum NetworkVerdict {
 }
 
 /// Kind of the model error of a pair (table of section 2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum EffectKind {
     /// Two measured channels (`ss`).
@@ -57,7 +61,8 @@ pub enum EffectKind {
 }
 
 /// Name of an effect: one draw of the model error, shared by all pairs between two families of channels.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct EffectName {
     /// Kind of pair.
     pub kind: EffectKind,
@@ -68,7 +73,8 @@ pub struct EffectName {
 }
 
 /// Result of the delay network of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayNetwork {
     /// Channels, in the order of their names.
     pub channels: Vec<ChannelLateness>,
@@ -118,7 +124,8 @@ impl DelayNetwork {
 }
 
 /// Lateness of one channel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ChannelLateness {
     /// Channel name, such as `position.gps`, or `acc[ahrs2+imu]` for attitude and specific force together.
     pub channel: String,
@@ -155,7 +162,8 @@ pub struct ChannelLateness {
 }
 
 /// Loop of pairs: its delays should add up to zero.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayLoop {
     /// Channels in the order of the walk; the last is tied to the first.
     pub channels: Vec<String>,
@@ -164,7 +172,8 @@ pub struct DelayLoop {
 }
 
 /// Effect with its test and its reliability.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NetworkEffect {
     /// Name.
     pub name: EffectName,
@@ -183,7 +192,8 @@ pub struct NetworkEffect {
 }
 
 /// Pair that took part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct UsedPair {
     /// First channel.
     pub first: String,
@@ -198,7 +208,8 @@ pub struct UsedPair {
 }
 
 /// Pair that did not take part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct UnusedPair {
     /// First channel.
     pub first: String,
@@ -209,7 +220,8 @@ pub struct UnusedPair {
 }
 
 /// Pair that would improve the network.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PairSuggestion {
     /// First channel, or a channel to log.
     pub first: String,
@@ -220,7 +232,8 @@ pub struct PairSuggestion {
 }
 
 /// Lateness judged by a reference that took no part in it (section 3.4).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReferenceJudgement {
     /// Channel judged.
     pub channel: String,
@@ -235,7 +248,8 @@ pub struct ReferenceJudgement {
 }
 
 /// Mean lateness of one channel over the flights of a group (section 5).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayPool {
     /// Flights in the mean.
     pub flights: u32,
@@ -260,7 +274,8 @@ pub struct DelayPool {
 }
 
 /// Test of heterogeneity with the full uncertainties less the datum's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightsDiffer {
     /// Cochran's Q.
     pub q: f64,
@@ -275,7 +290,8 @@ pub struct FlightsDiffer {
 }
 
 /// One flight against the pool of the others.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PoolMember {
     /// Flight.
     pub flight: String,
@@ -290,7 +306,8 @@ pub struct PoolMember {
 }
 
 /// Two clusters in what was taken for one group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GroupSplit {
     /// Flights of the earlier cluster.
     pub early: Vec<String>,
@@ -309,7 +326,8 @@ pub struct GroupSplit {
 }
 
 /// Source of the delay that is removed (section 6).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum RemovedFrom {
     /// Mean of the other flights of the group.
@@ -329,7 +347,8 @@ pub enum RemovedFrom {
 }
 
 /// Delay that is removed from the position of one flight, and why (table of section 6).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RemovedDelay {
     /// Flight.
     pub flight: String,

@@ -1,11 +1,13 @@
 //! How a delay changes during a flight.
 
 use crate::replay::Estimate;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The word for a delay over a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayKind {
     /// The level is not known: too little motion, or too much noise.
@@ -68,7 +70,8 @@ impl DelayKind {
 
 /// What is known of the delay of a position against a velocity over one flight. Positive is late:
 /// `position(t) = truth(t − delay)`, with the velocity as the clock.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayOverTime {
     /// The word.
     pub kind: DelayKind,
@@ -133,7 +136,8 @@ pub struct DelayOverTime {
 }
 
 /// Whether the windows of a flight agree on one delay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Constancy {
     /// Whether enough windows know their delay. `false`: nothing is said of constancy.
     pub tested: bool,
@@ -171,7 +175,8 @@ pub struct Constancy {
 }
 
 /// Scatter of a delay from fix to fix.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayJitter {
     /// Standard deviation, s.
     pub standard_deviation_s: f64,
@@ -182,7 +187,8 @@ pub struct DelayJitter {
 }
 
 /// A single fix far behind its neighbours.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LateFix {
     /// Stamp, s.
     pub t_s: f64,
@@ -191,7 +197,8 @@ pub struct LateFix {
 }
 
 /// Fixes that arrived at once.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Burst {
     /// Stamp of the first, s.
     pub start_s: f64,
@@ -202,7 +209,8 @@ pub struct Burst {
 }
 
 /// A point of the curve of the delay.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CurvePoint {
     /// Instant, s, on the clock of the position's stamps.
     pub t_s: f64,
@@ -213,7 +221,8 @@ pub struct CurvePoint {
 }
 
 /// What a term of a description does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayTermKind {
     /// The delay jumps.
@@ -223,7 +232,8 @@ pub enum DelayTermKind {
 }
 
 /// A term of the description of a delay that varies.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayTerm {
     /// What it does.
     pub kind: DelayTermKind,
@@ -239,7 +249,8 @@ pub struct DelayTerm {
 }
 
 /// Lateness from the device's own time, which needs no motion.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DeviceTime {
     /// Rate of the arrival's clock against the device's less 1, s/s.
     pub skew: f64,

@@ -1,17 +1,20 @@
 //! What a designer of a filter needs of each channel: noise, wander, delay, rate.
 
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Values for the design of a Kalman filter, from one flight.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct EkfValues {
     /// Channels in the order of their names.
     pub channels: Vec<EkfChannel>,
 }
 
 /// Values of one channel. What the flight does not give is not there.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct EkfChannel {
     /// Name, such as `position.gps`.
     pub channel: String,
@@ -28,7 +31,8 @@ pub struct EkfChannel {
 }
 
 /// Which value it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum EkfValueKind {
     /// Standard deviation of the white noise of one sample.
@@ -48,7 +52,8 @@ pub enum EkfValueKind {
 }
 
 /// One value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct EkfValue {
     /// Which.
     pub kind: EkfValueKind,

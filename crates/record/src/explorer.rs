@@ -1,5 +1,6 @@
 //! The rows of a replay in few bytes, for a page that lets a reader zoom into them.
 
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +10,8 @@ use serde::{Deserialize, Serialize};
 /// the lowest byte of every row, then the next, up to the fourth. They make little-endian 32-bit integers `z`: zigzag of
 /// differences, `(z >> 1) ^ −(z & 1)`, as many times over as [`ExplorerColumn::differences`] says. [`ExplorerRows::MISSING`] is a row without a value: the
 /// differences go on from the last row that has one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ExplorerRows {
     /// Rows that are here.
     pub rows: u64,
@@ -26,7 +28,8 @@ pub struct ExplorerRows {
 }
 
 /// A column of [`ExplorerRows`].
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ExplorerColumn {
     /// `t` in ms after the origin of the replay, or `raw_north`, `exact_async_east`, `truth_north` and so on in cm.
     pub name: String,

@@ -2,11 +2,13 @@
 
 use crate::{Decision, DelayNetwork, Effect, FlightCriteria, FlightDelays, FlightLateness, FlightTest, ReplayRecord};
 use flight::{Binding, LogHealth, Notices};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A file that the flight was read from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct InputFile {
     /// Name without its folder.
     pub name: String,
@@ -17,7 +19,8 @@ pub struct InputFile {
 }
 
 /// The settings that the flight was analysed with.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PipelineUse {
     /// Title from the file.
     pub title: String,
@@ -28,7 +31,8 @@ pub struct PipelineUse {
 }
 
 /// What became of the flight.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "outcome", rename_all = "kebab-case")]
 pub enum Outcome {
     /// There is a [`ReplayRecord`].
@@ -57,7 +61,8 @@ pub enum Outcome {
 
 /// Everything found about one flight. Free of times of day, hosts and folders, so that the
 /// same log, settings and analysis give the same bytes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,

@@ -4,11 +4,13 @@ use crate::bench::{Finding, ObjectiveCurve};
 use crate::delay_over_time::DelayOverTime;
 use crate::replay::Estimate;
 use flight::Clock;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a pair of channels compares.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DelayPairKind {
     /// Position against the integral of velocity: δ = Tp − Tv.
@@ -24,14 +26,16 @@ pub enum DelayPairKind {
 }
 
 /// All delays that one flight can give. Every pair that was tried is here, measured or not.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightDelays {
     /// Pairs, in the order of [`DelayPairKind`], then of their names.
     pub pairs: Vec<PairDelay>,
 }
 
 /// What was found about one pair.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PairDelay {
     /// Which comparison this is.
     pub kind: DelayPairKind,
@@ -60,7 +64,8 @@ pub struct PairDelay {
 }
 
 /// What the flown path says about a delay, whatever the noise (design note 4).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayExcitation {
     /// Samples of the first channel that could be compared.
     pub samples: u64,
@@ -80,7 +85,8 @@ pub struct DelayExcitation {
 }
 
 /// A delay measured from a flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MeasuredDelay {
     /// δ, s: positive means that the first channel is late against the second.
     pub delay_s: Estimate,
@@ -128,7 +134,8 @@ pub struct MeasuredDelay {
 }
 
 /// A stretch with an offset and drift of its own.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayPiece {
     /// First sample, s after the origin.
     pub start_s: f64,
@@ -143,7 +150,8 @@ pub struct DelayPiece {
 }
 
 /// Noise about the fit: an Ornstein–Uhlenbeck wander plus white noise.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayNoise {
     /// Standard deviation of the wander; `None` if there is none.
     pub wander_std: Option<f64>,
@@ -154,7 +162,8 @@ pub struct DelayNoise {
 }
 
 /// The delay in one window of time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct WindowDelay {
     /// Begin, s after the origin.
     pub start_s: f64,
@@ -165,7 +174,8 @@ pub struct WindowDelay {
 }
 
 /// A test of one delay for all windows.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayHomogeneity {
     /// Chi-squared.
     pub chi2: f64,
@@ -187,7 +197,8 @@ impl DelayHomogeneity {
 }
 
 /// A step of the delay.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayStep {
     /// When, s after the origin: the border of two windows.
     pub at_s: f64,
@@ -200,7 +211,8 @@ pub struct DelayStep {
 }
 
 /// The delay by operating point.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelaySplit {
     /// What it is split by: `ground speed, m/s`, or the name of a channel.
     pub by: String,
@@ -211,7 +223,8 @@ pub struct DelaySplit {
 }
 
 /// One operating point.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayGroup {
     /// Least and largest value in the group.
     pub range: [f64; 2],
@@ -222,7 +235,8 @@ pub struct DelayGroup {
 }
 
 /// A known delay that was put into the second half of the flight (half of what the flight says, not of its time).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightInjection {
     /// What was put in, s.
     pub injected_s: f64,
@@ -235,7 +249,8 @@ pub struct FlightInjection {
 }
 
 /// Time zero of a pair's seconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayOrigin {
     /// Stamp, ns.
     pub origin_ns: i64,

@@ -1,11 +1,13 @@
 //! Which flights have the same receiver: their delays may be pooled.
 
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The group that a flight belongs to (delay-network.md, section 5): receiver, its rate and line, channel map and kind of
 /// log. Delays are pooled within a group only.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReceiverGroup {
     /// For people: `u-blox M8 3.01, 5 Hz, 115200 baud, ArduPilot DataFlash`.
     pub name: String,
@@ -19,7 +21,8 @@ pub struct ReceiverGroup {
 }
 
 /// One fact that makes a group.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GroupPart {
     /// What it is: `receiver`, `firmware`, `rate`.
     pub what: String,
@@ -30,7 +33,8 @@ pub struct GroupPart {
 }
 
 /// What a flight's position holds, in a few bytes: to find copies of it, and copies that have lost some of it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightContent {
     /// Hash of all of it.
     pub fingerprint: String,
@@ -41,7 +45,8 @@ pub struct FlightContent {
 }
 
 /// A flight that is there more than once, under other names or in other containers.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DuplicateFlight {
     /// The flight that counts: of those with the most fixes the first by its identity.
     pub counts: String,

@@ -6,11 +6,13 @@ use crate::group::{FlightContent, ReceiverGroup};
 use crate::replay::Estimate;
 use crate::{CampaignDelay, CardUse, DelaySource, Finding, FlightDelays, ReferenceFile};
 use flight::Notices;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What the first stage of a campaign finds of a flight: all delays, before one is removed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MeasuredFlight {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -29,7 +31,8 @@ pub struct MeasuredFlight {
 }
 
 /// How late the position of one flight is: what a person asks first. Small, so that a decision over many flights is cheap.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightLateness {
     /// Name of the measurement that it is from.
     pub key: String,
@@ -91,7 +94,8 @@ impl FlightLateness {
 }
 
 /// What a sensor card says of a flight's position, with the velocity's own delay taken off.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CardDelay {
     /// Delay, s.
     pub delay_s: Estimate,
@@ -104,7 +108,8 @@ pub struct CardDelay {
 }
 
 /// How grave an alarm is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Gravity {
     /// The number must not be used as it is.
@@ -116,7 +121,8 @@ pub enum Gravity {
 }
 
 /// Something that a reader must know of a flight's delay.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayAlarm {
     /// How grave it is.
     pub gravity: Gravity,
@@ -140,7 +146,8 @@ pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decisi
 }
 
 /// What to do about a delay.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayAdvice {
     /// Settings that remove the delay, the pipeline's first.
     pub set: Vec<DelaySetting>,
@@ -149,7 +156,8 @@ pub struct DelayAdvice {
 }
 
 /// A setting that removes a delay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelaySetting {
     /// Its name: `position_s`, `GPS1_DELAY_MS`, `EKF2_GPS_DELAY`.
     pub name: String,
@@ -162,7 +170,8 @@ pub struct DelaySetting {
 }
 
 /// Whether compensation helped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum EffectVerdict {
     /// The position is farther from the truth than before.
@@ -176,7 +185,8 @@ pub enum EffectVerdict {
 }
 
 /// What the effect is judged by.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum JudgedBy {
     /// The error against this reference channel.
@@ -190,7 +200,8 @@ pub enum JudgedBy {
 }
 
 /// What the removal of a delay did to the position, along its own timestamps: the age of a held fix is no part of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Effect {
     /// The verdict.
     pub verdict: EffectVerdict,
@@ -209,7 +220,8 @@ pub struct Effect {
 }
 
 /// What is removed from the position of a flight, decided over all flights of its group.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Decision {
     /// What the pipeline asks for.
     pub asked: DelaySource,
@@ -230,7 +242,8 @@ pub struct Decision {
 }
 
 /// How late the position is in a group of flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct GroupLateness {
     /// The group.
     pub group: ReceiverGroup,

@@ -1,11 +1,13 @@
 //! What a Monte-Carlo study says of an estimator.
 
 use crate::replay::Estimate;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One case of a study.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MonteCarloCase {
     /// What was simulated, in words.
     pub name: String,
@@ -18,7 +20,8 @@ pub struct MonteCarloCase {
 }
 
 /// Cases with the same columns.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MonteCarloGroup {
     /// Title.
     pub title: String,
@@ -33,7 +36,8 @@ pub struct MonteCarloGroup {
 }
 
 /// A study.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MonteCarloRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,

@@ -1,11 +1,13 @@
 //! What a night found: what changed against the runs before, trends, and whether recommended settings held.
 
 use crate::{CampaignTotals, Estimate};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A flight of a campaign, and its page.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NamedFlight {
     /// Name of the campaign.
     pub campaign: String,
@@ -16,7 +18,8 @@ pub struct NamedFlight {
 }
 
 /// Why a flight has another result than before.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ChangeCause {
     /// The content of its log changed.
@@ -46,7 +49,8 @@ impl ChangeCause {
 }
 
 /// A flight with another result than before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RerunCause {
     /// The flight.
     #[serde(flatten)]
@@ -56,7 +60,8 @@ pub struct RerunCause {
 }
 
 /// A number of a flight that is another one than before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MovedNumber {
     /// The flight.
     #[serde(flatten)]
@@ -77,7 +82,8 @@ pub struct MovedNumber {
 }
 
 /// Words about a flight: troubles or alarms that came or went.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightWords {
     /// The flight.
     #[serde(flatten)]
@@ -89,7 +95,8 @@ pub struct FlightWords {
 }
 
 /// One set of results against another.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RunChanges {
     /// Flights that are in both.
     pub compared: u64,
@@ -113,7 +120,8 @@ pub struct RunChanges {
 }
 
 /// A point of a control chart.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TrendPoint {
     /// The flight.
     #[serde(flatten)]
@@ -133,7 +141,8 @@ pub struct TrendPoint {
 }
 
 /// Flights between two changes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TrendSegment {
     /// First flight.
     pub first: NamedFlight,
@@ -146,7 +155,8 @@ pub struct TrendSegment {
 }
 
 /// A step between two segments.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TrendChange {
     /// First flight after the step.
     pub at: NamedFlight,
@@ -165,7 +175,8 @@ pub struct TrendChange {
 }
 
 /// The control chart of one aircraft, receiver or setting.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TrendChart {
     /// `airframe`, `serial`, `receiver`, `firmware`, `rate` or `baud`.
     pub dimension: String,
@@ -189,7 +200,8 @@ pub struct TrendChart {
 }
 
 /// Control charts of a history.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TrendRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -202,7 +214,8 @@ pub struct TrendRecord {
 }
 
 /// Whether a recommended setting did what was predicted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ProofVerdict {
     /// It did not.
@@ -230,7 +243,8 @@ impl ProofVerdict {
 
 /// A recommended setting and the flights after it. The residual is the lateness less the parameter: what the autopilot does
 /// not account for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct SettingProof {
     /// Name of the campaign.
     pub campaign: String,
@@ -261,7 +275,8 @@ pub struct SettingProof {
 }
 
 /// A log that a night left for the next one.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeftLog {
     /// Name of the campaign.
     pub campaign: String,
@@ -272,7 +287,8 @@ pub struct LeftLog {
 }
 
 /// One campaign of a night.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NightCampaign {
     /// Name of the campaign.
     pub name: String,
@@ -293,7 +309,8 @@ pub struct NightCampaign {
 }
 
 /// Everything that a night found.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NightRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -330,7 +347,8 @@ pub struct NightRecord {
 }
 
 /// A change of a trend that is new.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NewTrendChange {
     /// Chart that shows it: `receiver u-blox M8`.
     pub chart: String,
@@ -340,7 +358,8 @@ pub struct NewTrendChange {
 }
 
 /// Two reports side by side.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DiffRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
@@ -357,7 +376,8 @@ pub struct DiffRecord {
 }
 
 /// One of two reports that are compared.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ComparedReport {
     /// Its folder.
     pub folder: String,

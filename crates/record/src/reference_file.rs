@@ -1,11 +1,13 @@
 //! A second file of a flight: a reference or a velocity of its own, and how its clock relates to that of the log.
 
 use crate::Estimate;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The reference file of a flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReferenceFile {
     /// Names of its files.
     pub files: Vec<String>,
@@ -18,7 +20,8 @@ pub struct ReferenceFile {
 }
 
 /// How the clock of a reference file relates to that of the log.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(tag = "clock", rename_all = "kebab-case")]
 pub enum ReferenceClock {
     /// Both count the same time.
@@ -33,7 +36,8 @@ pub enum ReferenceClock {
 }
 
 /// Clock of the log less clock of the reference file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ClockOffset {
     /// Channel of the log that counts as on time; its lateness is part of the offset.
     pub by: String,

@@ -2,11 +2,13 @@
 
 use crate::{CardUse, DelayChoice, DelaySweep, Finding, OnboardComparison, ReplayScores};
 use flight::Delay;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A number with how well it is known.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Estimate {
     /// Best value.
     pub value: f64,
@@ -25,7 +27,8 @@ impl Estimate {
 }
 
 /// What a compensator assumes before its first sample (design note 5.8).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum StartRule {
     /// The first velocity has always been flown: output starts at `Td · v0`.
@@ -37,7 +40,8 @@ pub enum StartRule {
 }
 
 /// Settings of the replay as they were used.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReplaySettings {
     /// Delay that was removed.
     pub delay: Delay,
@@ -55,7 +59,8 @@ pub struct ReplaySettings {
 }
 
 /// Which channels were replayed against each other.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PairUse {
     /// Late position.
     pub position: String,
@@ -66,7 +71,8 @@ pub struct PairUse {
 }
 
 /// Seconds of the flight by what the output is worth.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Coverage {
     /// From the first to the last output row, s.
     pub duration_s: f64,
@@ -91,7 +97,8 @@ pub struct Coverage {
 }
 
 /// One compensator on this flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CompensatorResult {
     /// Short name, such as `raw`, `pade-1-1`, `exact-async`.
     pub name: String,
@@ -111,7 +118,8 @@ pub struct CompensatorResult {
 
 /// A curve for a figure, decimated so that every extreme is kept. In `record.json` its lists are empty: the file of the figure
 /// holds the points.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Curve {
     /// Name in the legend.
     pub name: String,
@@ -127,7 +135,8 @@ pub struct Curve {
 
 /// A curve in the horizontal plane, thinned so that what is left out lies within a thousandth of its extent. In `record.json`
 /// its lists are empty: the file of the figure holds the points.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PathCurve {
     /// Name in the legend.
     pub name: String,
@@ -143,7 +152,8 @@ pub struct PathCurve {
 
 /// How far other positions are ahead of raw along the track, at the first row of every fix, less what was flown since the fix:
 /// its age is no part of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeadCurves {
     /// The compensated position first, then the reference, if there is one.
     pub of: Vec<Lead>,
@@ -154,7 +164,8 @@ pub struct LeadCurves {
 }
 
 /// How far a position is ahead of raw.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Lead {
     /// Median, m.
     pub median_m: f64,
@@ -170,7 +181,8 @@ pub struct Lead {
 
 /// A ground track with the lead at each of its points. In `record.json` its lists are empty: the file of the figure holds the
 /// points.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LeadTrack {
     /// Metres east of the origin.
     pub east_m: Vec<f64>,
@@ -185,7 +197,8 @@ pub struct LeadTrack {
 }
 
 /// North or east: the curves of the paper's Fig. 7.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct AxisCurves {
     /// `north` or `east`.
     pub axis: String,
@@ -196,7 +209,8 @@ pub struct AxisCurves {
 }
 
 /// The hardest manoeuvre, drawn without decimation where it fits.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Zoom {
     /// Start, s after the origin.
     pub start_s: f64,
@@ -209,7 +223,8 @@ pub struct Zoom {
 }
 
 /// The replay of one flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReplayRecord {
     /// Settings used.
     pub settings: ReplaySettings,

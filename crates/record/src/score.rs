@@ -2,11 +2,13 @@
 //! the aircraft itself computed.
 
 use crate::{Estimate, Finding};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The scores of one replay.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReplayScores {
     /// One for each compensator of the replay, in its order: raw first.
     pub compensators: Vec<CompensatorScore>,
@@ -29,7 +31,8 @@ pub struct ReplayScores {
 }
 
 /// Stretches on which velocity keeps its direction.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StraightLegs {
     /// How many.
     pub legs: u64,
@@ -40,7 +43,8 @@ pub struct StraightLegs {
 }
 
 /// Pairs of passes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct OppositePasses {
     /// How many pairs.
     pub pairs: u64,
@@ -54,7 +58,8 @@ pub struct OppositePasses {
 }
 
 /// One compensator, raw included.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CompensatorScore {
     /// Name as in [`CompensatorResult::name`](crate::CompensatorResult::name).
     pub name: String,
@@ -85,7 +90,8 @@ pub struct CompensatorScore {
 /// How late the output is against the integral of velocity; a right compensation leaves minus what the velocity is
 /// late. A delay set wrongly by e leaves e times the cosine of what the track turns in Td: the way missed was flown then, not
 /// now.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ResidualDelay {
     /// s; positive is late still, negative too early.
     pub delay_s: Estimate,
@@ -100,7 +106,8 @@ pub struct ResidualDelay {
 }
 
 /// Offset between passes over the same place in opposite directions, mean over the pairs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Hysteresis {
     /// Along the track, m: positive if each pass stands behind, as a late position does.
     pub along_m: Estimate,
@@ -111,7 +118,8 @@ pub struct Hysteresis {
 }
 
 /// The output on straight legs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct StraightScore {
     /// Output − raw along the track less the way flown in the delay given, mean, m.
     pub along_excess_m: Estimate,
@@ -122,7 +130,8 @@ pub struct StraightScore {
 }
 
 /// The output beside an independent reference, horizontal.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ReferenceScore {
     /// Rows compared.
     pub rows: u64,
@@ -149,7 +158,8 @@ pub struct ReferenceScore {
 }
 
 /// Terms of the error of a compensated position, and their sum.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ErrorBudget {
     /// All terms, also those that are not known.
     pub terms: Vec<BudgetTerm>,
@@ -164,7 +174,8 @@ pub struct ErrorBudget {
 }
 
 /// One term.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct BudgetTerm {
     /// What errs.
     pub name: String,
@@ -175,7 +186,8 @@ pub struct BudgetTerm {
 }
 
 /// Between which frequencies a compensator is of use.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct HelpfulBand {
     /// The error must be below this share of the raw one to count as help.
     pub factor: f64,
@@ -192,7 +204,8 @@ pub struct HelpfulBand {
 }
 
 /// Power of the horizontal velocity over frequency.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct MotionSpectrum {
     /// Edges of the bins, Hz, in equal ratios; one more than bins.
     pub edges_hz: Vec<f64>,
@@ -205,7 +218,8 @@ pub struct MotionSpectrum {
 }
 
 /// What the aircraft computed in flight beside what the replay computes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct OnboardComparison {
     /// The channel.
     pub channel: String,
@@ -228,7 +242,8 @@ pub struct OnboardComparison {
 }
 
 /// On-board less one compensator.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct OnboardAgainst {
     /// Name of the compensator.
     pub name: String,

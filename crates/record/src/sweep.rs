@@ -2,11 +2,13 @@
 
 use crate::bench::Finding;
 use crate::replay::Estimate;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where a delay comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DelaySource {
     /// A number that the pipeline states.
@@ -42,7 +44,8 @@ impl DelaySource {
 }
 
 /// A delay that could be removed, or why this source has none for the flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayCandidate {
     /// Its source.
     pub source: DelaySource,
@@ -53,7 +56,8 @@ pub struct DelayCandidate {
 }
 
 /// Which of several delays was removed, and why.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayChoice {
     /// The source that the pipeline asks for.
     pub asked: DelaySource,
@@ -72,7 +76,8 @@ pub struct DelayChoice {
 }
 
 /// A delay against the one that is removed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayDifference {
     /// Its source.
     pub source: DelaySource,
@@ -105,7 +110,8 @@ impl DelayChoice {
 }
 
 /// What a sweep scores.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepScore {
     /// 2-D error of the exact asynchronous form against this reference channel.
@@ -115,7 +121,8 @@ pub enum SweepScore {
 }
 
 /// The score of one flight over the delay that is removed. All delays are scored on the same samples.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelaySweep {
     /// What is scored.
     pub score: SweepScore,
@@ -132,7 +139,8 @@ pub struct DelaySweep {
 }
 
 /// The score at one delay.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct SweepPoint {
     /// Who says this delay.
     pub source: DelaySource,
@@ -143,7 +151,8 @@ pub struct SweepPoint {
 }
 
 /// How the best delay and its interval were found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepMethod {
     /// Least squares against the reference; interval by a delete-one jackknife over consecutive blocks, which allows for
@@ -154,7 +163,8 @@ pub enum SweepMethod {
 }
 
 /// The delay that fits best.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct SweepOptimum {
     /// Delay, s.
     pub delay_s: Estimate,
@@ -173,7 +183,8 @@ impl DelaySweep {
 }
 
 /// Delays over the flights of a campaign.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignDelay {
     /// Over the delays that the flights themselves show.
     pub measured: Finding<DelayOverFlights>,
@@ -190,7 +201,8 @@ pub struct CampaignDelay {
 }
 
 /// One delay from many flights.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct DelayOverFlights {
     /// Flights that have one.
     pub flights: u64,
@@ -203,7 +215,8 @@ pub struct DelayOverFlights {
 }
 
 /// A test of one delay for all flights.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightHomogeneity {
     /// Chi-squared.
     pub chi2: f64,
@@ -214,7 +227,8 @@ pub struct FlightHomogeneity {
 }
 
 /// A flight's delay on the control chart.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ControlPoint {
     /// The flight's name.
     pub flight: String,
@@ -231,7 +245,8 @@ pub struct ControlPoint {
 }
 
 /// Mean square over the samples of all flights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct PooledSweep {
     /// Whether errors against a reference are pooled, or steps at fixes.
     pub against_reference: bool,

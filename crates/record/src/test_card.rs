@@ -1,11 +1,13 @@
 //! What was to be tested, with what, and what was flown of it. The words come from test card files; nothing here is measured.
 
 use crate::FlightCriteria;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Front matter of a report.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TestReport {
     /// Number of the report.
@@ -26,7 +28,8 @@ pub struct TestReport {
 }
 
 /// The aircraft and how it was configured.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TestAircraft {
     /// Type and serial number or registration.
@@ -42,7 +45,8 @@ pub struct TestAircraft {
 }
 
 /// A row of the instrumentation table.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TestInstrument {
     /// Channel of the log, as `position.gps`.
@@ -68,7 +72,8 @@ pub struct TestInstrument {
 }
 
 /// Under which conditions it was flown.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TestConditions {
     /// Place of the test.
@@ -82,7 +87,8 @@ pub struct TestConditions {
 }
 
 /// A test card: one test point.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TestCard {
     /// Number of the card, unique in its file.
@@ -107,7 +113,8 @@ pub struct TestCard {
 }
 
 /// How a card stands after the flights: the most urgent first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CardStatus {
     /// No flight has flown it.
@@ -119,7 +126,8 @@ pub enum CardStatus {
 }
 
 /// A file that test cards were read from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct TestCardSource {
     /// Path below the folder of flights.
     pub file: String,
@@ -128,7 +136,8 @@ pub struct TestCardSource {
 }
 
 /// A card that a flight has flown.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlownCard {
     /// The card.
     pub card: TestCard,
@@ -141,7 +150,8 @@ pub struct FlownCard {
 }
 
 /// What the test cards say of a flight. What the card of the flight leaves out is taken from that of the campaign.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct FlightTest {
     /// Where this comes from: the campaign's card, then that of the flight.
     pub sources: Vec<TestCardSource>,
@@ -160,7 +170,8 @@ pub struct FlightTest {
 }
 
 /// A card that a flight has flown, short.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct RowCard {
     /// Number of the card.
     pub number: String,
@@ -173,7 +184,8 @@ pub struct RowCard {
 }
 
 /// A flight of a card.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CardFlight {
     /// Path below the folder of flights.
     pub flight: String,
@@ -186,7 +198,8 @@ pub struct CardFlight {
 }
 
 /// A card over all flights.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CardCoverage {
     /// The card.
     pub card: TestCard,
@@ -199,7 +212,8 @@ pub struct CardCoverage {
 }
 
 /// What the test cards say of a campaign.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignTest {
     /// The campaign's card; `None` if only flights have cards.
     pub source: Option<TestCardSource>,

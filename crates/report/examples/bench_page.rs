@@ -1,4 +1,4 @@
-//! Writes the pages of the bench fixture to a folder: `cargo run -p report --example bench_page -- DIR`.
+//! Writes the pages of the bench fixture to a folder: `cargo run -p flightlag-report --example bench_page -- DIR`.
 
 #[path = "../tests/it/bench_fixture.rs"]
 #[allow(dead_code)]

@@ -1,4 +1,4 @@
-//! Writes specimen pages to a folder, to look at: `cargo run -p report --example specimen DIR`.
+//! Writes specimen pages to a folder, to look at: `cargo run -p flightlag-report --example specimen DIR`.
 
 #[path = "../tests/it/campaign_fixture.rs"]
 mod campaign_fixture;

@@ -1,5 +1,5 @@
 //! How long one fit takes on one core: 60 s at 100 Hz, median over fifty records. Needs Linux.
-//! `cargo run --release -p signal --example delay_speed`
+//! `cargo run --release -p flightlag-signal --example delay_speed`
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example's output is its print")]
 
 use rand::{RngExt, SeedableRng};

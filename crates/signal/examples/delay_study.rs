@@ -1,5 +1,5 @@
 //! How good the delay estimator is: many simulated hand swings of known delay, one line of figures for each kind of
-//! noise, rate and stamps. `cargo run --release -p signal --example delay_study -- [trials] [part of a case's name, or lag]`
+//! noise, rate and stamps. `cargo run --release -p flightlag-signal --example delay_study -- [trials] [part of a case's name, or lag]`
 #![allow(clippy::print_stdout, reason = "an example's output is its print")]
 
 use rand::{RngExt, SeedableRng};

@@ -1,6 +1,6 @@
 //! How well the bench measures: many simulated records, each with a known answer.
 //!
-//! `cargo run --release -p bench-analysis --example monte_carlo -- DIR [TRIALS]` prints the tables and writes them as a page
+//! `cargo run --release -p flightlag-bench-analysis --example monte_carlo -- DIR [TRIALS]` prints the tables and writes them as a page
 //! and as JSON. Every trial has its own seed, so that the number of threads changes nothing.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
@@ -39,7 +39,7 @@ fn main() {
         title: "The bench, measured by simulation".to_owned(),
         seed: SEED,
         command: format!(
-            "cargo run --release -p bench-analysis --example monte_carlo -- {} {trials}",
+            "cargo run --release -p flightlag-bench-analysis --example monte_carlo -- {} {trials}",
             folder.display()
         ),
         groups,

@@ -140,6 +140,7 @@ pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, CardError> {
 }
 
 /// The JSON schema of a sensor card, as text.
+#[cfg(feature = "schema")]
 #[must_use]
 pub fn card_schema() -> String {
     let schema = schemars::schema_for!(SensorCard);

@@ -46,7 +46,7 @@ fn a_pure_delay_is_not_called_a_negative_delay_and_a_lag() {
 }
 
 #[test]
-#[ignore = "40 s: cargo test -p bench-analysis --test it -- --ignored of_200_gyros"]
+#[ignore = "40 s: cargo test -p flightlag-bench-analysis --test it -- --ignored of_200_gyros"]
 fn of_200_gyros_with_a_pure_delay_at_most_one_in_a_hundred_is_wrong() {
     let wrong = wrong_of(200);
     assert!(wrong <= 2, "{wrong} of 200");
@@ -96,7 +96,7 @@ fn the_encoders_steps_move_the_delay_by_as_much_as_stated() {
 /// Of 60 records each, before and with the reference's own uncertainty: position against 250 counts 91.7 and 95.0 %, against
 /// 1000 counts 85.0 and 95.0 %, specific force against 250 counts 93.3 and 96.7 %; velocity and gyro 98 % or more.
 #[test]
-#[ignore = "5 min: cargo test -p bench-analysis --test it -- --ignored intervals_hold_against_a_coarse_encoder"]
+#[ignore = "5 min: cargo test -p flightlag-bench-analysis --test it -- --ignored intervals_hold_against_a_coarse_encoder"]
 fn intervals_hold_against_a_coarse_encoder() {
     use BenchChannel::{AngularRate, PositionIns, SpecificForce, VelocityIns};
     let trials = 150;

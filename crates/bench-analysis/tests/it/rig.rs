@@ -1,6 +1,6 @@
 //! The rig file: what is meant, and what is refused with its line.
 
-use bench_analysis::{FieldRule, MountKind, Rig, RigError, StampChoice, card_schema, rig_schema};
+use bench_analysis::{FieldRule, MountKind, Rig, RigError, StampChoice};
 use std::path::Path;
 
 fn parse(text: &str) -> Result<Rig, RigError> {
@@ -181,24 +181,4 @@ fn what_is_meant_is_itself_a_rig_with_the_same_meaning() {
         let again = parse(&rig.as_used().toml).unwrap();
         assert_eq!(again, rig);
     }
-}
-
-/// `FLIGHTLAG_BLESS=1` writes it anew.
-#[test]
-fn the_schema_file_is_the_schema_of_the_code() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/rig.schema.json");
-    if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
-        std::fs::write(&file, rig_schema()).unwrap();
-    }
-    assert_eq!(std::fs::read_to_string(&file).unwrap(), rig_schema());
-}
-
-/// `FLIGHTLAG_BLESS=1` writes it again.
-#[test]
-fn the_schema_file_of_sensor_cards_is_the_schema_of_the_code() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/card.schema.json");
-    if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
-        std::fs::write(&file, card_schema()).unwrap();
-    }
-    assert_eq!(std::fs::read_to_string(&file).unwrap(), card_schema());
 }

@@ -23,86 +23,105 @@ pub(super) fn of(
     measured: Option<&MeasuredDelay>,
     over_time: Option<&DelayOverTime>,
 ) -> Vec<DelayAlarm> {
-    let mut all = vec![];
-    let mut raise = |gravity, code: &str, text: String| {
-        all.push(DelayAlarm { gravity, code: code.to_owned(), text });
-    };
-    for text in over_time.iter().filter(|o| o.kind.varies()).flat_map(|o| leap_seconds(&o.terms)) {
-        raise(Gravity::Red, "leap-second", text);
-    }
+    let mut alarms = Alarms::default();
     if let Some(text) = out.position_minus_velocity_s.and_then(|apart| other_time_scale(apart.value)) {
-        raise(Gravity::Red, "other-time-scale", text);
+        alarms.raise(Gravity::Red, "other-time-scale", text);
     }
-    if let Some(o) = over_time {
-        if o.kind.varies() {
-            raise(Gravity::Red, &format!("delay-{}", o.kind.word().replace(' ', "-")), o.words.clone());
+    if let Some(over_time) = over_time {
+        alarms.over_time(over_time, out.lateness.is_some());
+    }
+    alarms.network(out, network);
+    if let Some(measured) = measured {
+        alarms.pair(measured, out, over_time.is_some_and(|o| o.kind.varies()));
+    }
+    alarms.0.sort();
+    let mut said = BTreeSet::new();
+    alarms.0.retain(|alarm| said.insert(alarm.text.clone()));
+    alarms.0
+}
+
+#[derive(Default)]
+struct Alarms(Vec<DelayAlarm>);
+
+impl Alarms {
+    fn raise(&mut self, gravity: Gravity, code: &str, text: String) {
+        self.0.push(DelayAlarm { gravity, code: code.to_owned(), text });
+    }
+
+    /// What the test for a delay that varies found.
+    fn over_time(&mut self, found: &DelayOverTime, is_known: bool) {
+        if found.kind.varies() {
+            leap_seconds(&found.terms).into_iter().for_each(|text| self.raise(Gravity::Red, "leap-second", text));
+            self.raise(Gravity::Red, &format!("delay-{}", found.kind.word().replace(' ', "-")), found.words.clone());
         }
-        if let Some(note) = &o.constancy.note {
-            raise(Gravity::Grey, "delay-differs-between-parts", note.clone());
+        if let Some(note) = &found.constancy.note {
+            self.raise(Gravity::Grey, "delay-differs-between-parts", note.clone());
         }
-        if let Some([a, b]) = o.two_delays_fit.filter(|_| out.lateness.is_some()) {
-            raise(Gravity::Red, "two-delays-fit", format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
+        if let Some([a, b]) = found.two_delays_fit.filter(|_| is_known) {
+            self.raise(Gravity::Red, "two-delays-fit", format!("two delays fit: {:.0} and {:.0} ms", 1e3 * a, 1e3 * b));
         }
-        if let Some(jitter) = &o.jitters {
+        if let Some(jitter) = &found.jitters {
             let text = format!(
                 "the delay jitters by {:.0} ms from fix to fix; {:.2} m remain after its mean is removed",
                 1e3 * jitter.standard_deviation_s,
                 jitter.remains_m
             );
-            raise(Gravity::Amber, "delay-jitters", text);
+            self.raise(Gravity::Amber, "delay-jitters", text);
         }
-        if !o.late_fixes.is_empty() {
-            let text = format!("{} lie far behind the others", counted(o.late_fixes.len(), "fix"));
-            raise(Gravity::Amber, "late-fixes", text);
+        if !found.late_fixes.is_empty() {
+            let text = format!("{} lie far behind the others", counted(found.late_fixes.len(), "fix"));
+            self.raise(Gravity::Amber, "late-fixes", text);
         }
-        if !o.bursts.is_empty() {
-            let text = format!("{} of fixes after a pause: they waited in a queue", counted(o.bursts.len(), "burst"));
-            raise(Gravity::Amber, "bursts", text);
+        if !found.bursts.is_empty() {
+            let bursts = counted(found.bursts.len(), "burst");
+            self.raise(Gravity::Amber, "bursts", format!("{bursts} of fixes after a pause: they waited in a queue"));
         }
-        for remark in &o.remarks {
-            raise(Gravity::Grey, "delay-remark", remark.clone());
+        found.remarks.iter().for_each(|remark| self.raise(Gravity::Grey, "delay-remark", remark.clone()));
+    }
+
+    /// Pairs that contradict each other.
+    fn network(&mut self, out: &FlightLateness, network: Option<&DelayNetwork>) {
+        match (network, out.verdict) {
+            (Some(n), Some(NetworkVerdict::Undecided | NetworkVerdict::Scattered)) => {
+                self.raise(Gravity::Amber, "pairs-disagree", n.verdict_words.clone());
+            }
+            (Some(n), Some(NetworkVerdict::Named)) => {
+                self.raise(Gravity::Amber, "channel-lies", n.verdict_words.clone());
+            }
+            _ => {}
+        }
+        if out.datum == NetworkDatum::Refused {
+            let text = network.map(|n| n.datum_words.clone()).unwrap_or_default();
+            self.raise(Gravity::Amber, "datum-refused", text);
         }
     }
-    match (network, out.verdict) {
-        (Some(n), Some(NetworkVerdict::Undecided | NetworkVerdict::Scattered)) => {
-            raise(Gravity::Amber, "pairs-disagree", n.verdict_words.clone());
+
+    /// What the fit of position against velocity says against itself.
+    fn pair(&mut self, fit: &MeasuredDelay, out: &FlightLateness, varies: bool) {
+        if let Some(rival) = fit.rival_s {
+            let delay_ms = 1e3 * fit.delay_s.value;
+            let text = format!("{delay_ms:.0} and {:.0} ms explain it almost equally well", 1e3 * rival);
+            self.raise(Gravity::Red, "two-delays-fit", text);
         }
-        (Some(n), Some(NetworkVerdict::Named)) => raise(Gravity::Amber, "channel-lies", n.verdict_words.clone()),
-        _ => {}
-    }
-    if out.datum == NetworkDatum::Refused {
-        let text = network.map(|n| n.datum_words.clone()).unwrap_or_default();
-        raise(Gravity::Amber, "datum-refused", text);
-    }
-    if let Some(m) = measured {
-        let name = |channel: &Option<String>| channel.clone().unwrap_or_default();
-        let compared = format!("{} against {}", name(&out.position), name(&out.velocity));
-        if let Some(rival) = m.rival_s {
-            let text = format!("{:.0} and {:.0} ms explain it almost equally well", 1e3 * m.delay_s.value, 1e3 * rival);
-            raise(Gravity::Red, "two-delays-fit", text);
-        }
-        let outliers = (m.downweighted_share - HELD_BACK_BY_CHANCE) / (1.0 - HELD_BACK_BY_CHANCE);
+        let outliers = (fit.downweighted_share - HELD_BACK_BY_CHANCE) / (1.0 - HELD_BACK_BY_CHANCE);
         if outliers > MANY_OUTLIERS {
             let text = format!("about {:.0} % of the samples are outliers", 100.0 * outliers);
-            raise(Gravity::Amber, "outliers", text);
+            self.raise(Gravity::Amber, "outliers", text);
         }
-        let is_one = !over_time.is_some_and(|o| o.kind.varies());
-        if let Some(h) = m.homogeneity.filter(|h| is_one && h.scatters()) {
+        if let Some(h) = fit.homogeneity.filter(|h| !varies && h.scatters()) {
             let text = format!(
                 "the windows of the delay scatter by more than their uncertainties (chi-squared {:.0}, {} degrees of freedom), \
                  and no step, drift or queue explains it. U includes that scatter",
                 h.chi2, h.degrees_of_freedom
             );
-            raise(Gravity::Grey, "delay-windows-scatter", text);
+            self.raise(Gravity::Grey, "delay-windows-scatter", text);
         }
-        for text in &m.alarms {
-            raise(Gravity::Amber, "delay-doubtful", format!("{compared}: {text}"));
+        let name = |channel: &Option<String>| channel.clone().unwrap_or_default();
+        let compared = format!("{} against {}", name(&out.position), name(&out.velocity));
+        for text in &fit.alarms {
+            self.raise(Gravity::Amber, "delay-doubtful", format!("{compared}: {text}"));
         }
     }
-    all.sort();
-    let mut said = BTreeSet::new();
-    all.retain(|alarm| said.insert(alarm.text.clone()));
-    all
 }
 
 /// Steps of the delay by a whole second, which clocks make and links do not.

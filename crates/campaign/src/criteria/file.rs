@@ -1,24 +1,27 @@
 //! The criteria file as its author writes it. Every table refuses keys that it does not know.
 
+#[cfg(feature = "schema")]
 use super::metric::MetricName;
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
 /// What flights are judged by.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "flightlag criteria")]
+#[cfg_attr(feature = "schema", schemars(title = "flightlag criteria"))]
 pub(super) struct CriteriaFile {
     /// Version of this file's layout: 1.
-    #[schemars(with = "u32", range(min = 1, max = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     pub(super) schema: Spanned<u32>,
     /// Name of this set of criteria, for the pages.
     #[serde(default = "default_title")]
     pub(super) title: String,
     /// The criteria, in the order in which they are shown.
     #[serde(default)]
-    #[schemars(with = "Vec<CriterionTable>", length(min = 1))]
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<CriterionTable>", length(min = 1)))]
     pub(super) criterion: Vec<Spanned<CriterionTable>>,
 }
 
@@ -27,49 +30,51 @@ fn default_title() -> String {
 }
 
 /// One criterion: a metric, exactly one limit, and why.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct CriterionTable {
     /// Name, unique in the file: letters, digits, `-`, `_` and `.`.
-    #[schemars(with = "String", regex(pattern = "^[A-Za-z0-9._-]+$"))]
+    #[cfg_attr(feature = "schema", schemars(with = "String", regex(pattern = "^[A-Za-z0-9._-]+$")))]
     pub(super) id: Spanned<String>,
     /// What is asked, in words.
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(super) title: Spanned<String>,
     /// What is measured.
-    #[schemars(with = "MetricName")]
+    #[cfg_attr(feature = "schema", schemars(with = "MetricName"))]
     pub(super) metric: Spanned<String>,
     /// With a metric of a compensator: which, as `raw`, `pade-1-1` (the paper's) or `exact-async`.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) compensator: Option<Spanned<String>>,
     /// With a metric of a channel: which, as `position.gps`. With a delay: whose, instead of the replayed one's.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) channel: Option<Spanned<String>>,
     /// With a delay: against which channel, instead of the replayed one.
-    #[schemars(with = "Option<String>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) against: Option<Spanned<String>>,
     /// Not above this: a number and its unit, as "150 ms"; counts and ratios are bare numbers.
-    #[schemars(with = "Option<LimitText>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) at_most: Option<Spanned<toml::Value>>,
     /// Not below this.
-    #[schemars(with = "Option<LimitText>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) at_least: Option<Spanned<toml::Value>>,
     /// From the first to the second; both are inside.
-    #[schemars(with = "Option<[LimitText; 2]>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<[LimitText; 2]>"))]
     pub(super) between: Option<Spanned<Vec<toml::Value>>>,
     /// How an uncertain number is decided. Default: interval.
-    #[schemars(with = "Option<DecisionName>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<DecisionName>"))]
     pub(super) decision: Option<Spanned<String>>,
     /// Why the limit is what it is: a standard, a requirement, a calculation.
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(super) rationale: Spanned<String>,
     /// Which flights it is meant for. Left out: all.
-    #[schemars(with = "Option<AppliesTable>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<AppliesTable>"))]
     pub(super) applies_to: Option<Spanned<AppliesTable>>,
 }
 
 /// A number with its unit. Only the schema reads this type; the value is checked by hand, for the sake of its
 /// error message.
+#[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(untagged)]
 #[allow(dead_code)]
@@ -81,6 +86,7 @@ enum LimitText {
 }
 
 /// How an uncertain number is decided.
+#[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[allow(dead_code)]
@@ -92,29 +98,30 @@ enum DecisionName {
 }
 
 /// Flights that a criterion is meant for: all that is given must hold. `*` in a name stands for anything.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct AppliesTable {
     /// Names of flights: paths below the folder of flights.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     pub(super) flights: Option<Spanned<Vec<String>>>,
     /// Channel maps that they were read with.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     pub(super) maps: Option<Spanned<Vec<String>>>,
     /// Channels that the flight must hold, all of them.
-    #[schemars(with = "Option<Vec<String>>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     pub(super) channels: Option<Spanned<Vec<String>>>,
     /// `true`: only flights with a reference to score against.
-    #[schemars(with = "Option<bool>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<bool>"))]
     pub(super) reference: Option<Spanned<bool>>,
     /// Only flights at least as long, as "60 s".
-    #[schemars(with = "Option<LimitText>")]
+    #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) duration_at_least: Option<Spanned<toml::Value>>,
 }
 
 /// The JSON schema of a criteria file, as text.
-#[must_use]
-pub fn criteria_schema() -> String {
+#[cfg(feature = "schema")]
+pub(crate) fn criteria_schema() -> String {
     let schema = schemars::schema_for!(CriteriaFile);
     format!("{:#}\n", schema.as_value())
 }

@@ -1,8 +1,8 @@
 //! What can be asked of a flight: the vocabulary of criteria files.
 
 use super::unit::Dimension;
+#[cfg(feature = "schema")]
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use std::borrow::Cow;
 
 /// A number that the record of a flight holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -662,10 +662,12 @@ impl MetricEntry {
 }
 
 /// The names of all metrics, for the schema.
+#[cfg(feature = "schema")]
 pub(crate) struct MetricName;
 
+#[cfg(feature = "schema")]
 impl JsonSchema for MetricName {
-    fn schema_name() -> Cow<'static, str> {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
         "Metric".into()
     }
 

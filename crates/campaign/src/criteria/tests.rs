@@ -1,7 +1,7 @@
 //! Criteria files, right and wrong, and every metric on a record whose numbers are known.
 
 use super::metric::METRICS;
-use super::{Criteria, DEMO_CRITERIA, EXAMPLE_CRITERIA, Takes, criteria_schema, row_verdicts};
+use super::{Criteria, DEMO_CRITERIA, EXAMPLE_CRITERIA, Takes, row_verdicts};
 use record::{CriterionFinding, CriterionVerdict, Estimate, FlightRecord, Limit, VerdictTally};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -94,16 +94,6 @@ fn what_is_meant_is_itself_a_criteria_file_with_the_same_meaning() {
     assert_ne!(parse(&plain).unwrap().as_used().blake3, parse(&plain.replace("= 3", "= 4")).unwrap().as_used().blake3);
     let paper = one("error-rms", "at_most = \"1 m\"\ncompensator = \"pade-1-1-tustin\"");
     assert!(parse(&paper).unwrap().as_used().toml.contains("compensator = \"pade-1-1\""), "as records name it");
-}
-
-/// `FLIGHTLAG_BLESS=1` writes it anew.
-#[test]
-fn the_schema_file_of_criteria_is_the_schema_of_the_code() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/criteria.schema.json");
-    if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
-        std::fs::write(&file, criteria_schema()).unwrap();
-    }
-    assert_eq!(std::fs::read_to_string(&file).unwrap(), criteria_schema());
 }
 
 fn estimate(value: f64, u: f64) -> Value {

@@ -2,6 +2,7 @@
 
 use jiff::civil::Date;
 use record::{TestAircraft, TestCard, TestConditions, TestInstrument, TestReport};
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
 use settings::SettingsFile;
@@ -10,12 +11,13 @@ use std::path::Path;
 use toml::Spanned;
 
 /// What is to be tested, with what, and by whom: of a campaign, or of one flight.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "flightlag test card")]
+#[cfg_attr(feature = "schema", schemars(title = "flightlag test card"))]
 pub(super) struct TestCardFile {
     /// Version of this file's layout: 1.
-    #[schemars(range(min = 1, max = 1))]
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1)))]
     pub(super) schema: u32,
     /// Title of the report.
     pub(super) title: Option<String>,
@@ -56,8 +58,8 @@ impl TestCardFile {
 }
 
 /// The JSON schema of a test card file, as text.
-#[must_use]
-pub fn test_card_schema() -> String {
+#[cfg(feature = "schema")]
+pub(crate) fn test_card_schema() -> String {
     let schema = schemars::schema_for!(TestCardFile);
     format!("{:#}\n", schema.as_value())
 }

@@ -88,7 +88,7 @@ fn every_small_real_log_reads_as_it_was_frozen() {
 }
 
 #[test]
-#[ignore = "about 100 MB of logs, minutes in a debug build: cargo test -p ingest --test frozen -- --ignored"]
+#[ignore = "about 100 MB of logs, minutes in a debug build: cargo test -p flightlag-ingest --test frozen -- --ignored"]
 fn every_large_real_log_reads_as_it_was_frozen() {
     real(|size| size > SMALL);
 }

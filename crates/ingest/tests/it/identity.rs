@@ -85,7 +85,7 @@ fn sentences_with_texts_say_what_a_version_message_says() {
     assert_eq!(found, ["1: u-blox M8 | SPG 3.01 | NMEA, version 18.00 | - Hz | - baud"]);
 }
 
-/// `cargo test -p ingest --test it -- --ignored --nocapture what_all_real_logs_say` prints it.
+/// `cargo test -p flightlag-ingest --test it -- --ignored --nocapture what_all_real_logs_say` prints it.
 #[test]
 #[ignore = "a listing to be read: it takes half a minute"]
 fn what_all_real_logs_say() {
