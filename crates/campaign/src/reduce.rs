@@ -270,7 +270,7 @@ pub(crate) struct Previous {
 /// What the folder holds of an earlier run; `None` if it cannot be read.
 pub(crate) fn previous_record(store: &Store) -> Option<Previous> {
     let bytes = store.read(RECORD).ok().flatten()?;
-    let record = serde_json::from_slice::<CampaignRecord>(&bytes).ok()?;
+    let record = CampaignRecord::from_json(&bytes).ok()?;
     if record.record_version != RECORD_VERSION {
         return None;
     }
@@ -585,7 +585,7 @@ impl Reducer<'_> {
         let kept = self.store.write(CHANGES, &pretty(changes), Keep::Renewable)?;
         files.insert(CHANGES.to_owned(), kept);
         files.extend(self.write_site("", &site)?);
-        let kept = self.store.write(RECORD, &pretty(record), Keep::Renewable)?;
+        let kept = self.store.write(RECORD, &record.to_json(), Keep::Renewable)?;
         let blake3 = kept.blake3.clone();
         files.insert(RECORD.to_owned(), kept);
         site = caught(|| report::campaign_site(record, excerpts)).map_err(|what| defect("index.html", what))?;

@@ -13,6 +13,7 @@ use crate::study::Studied;
 use crate::table;
 use record::{ExplorerRows, FlightLateness, FlightRecord, MeasuredFlight, Outcome, PipelineUse, RECORD_VERSION};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// The compensated track.
@@ -111,8 +112,8 @@ impl Writer<'_> {
         self.list.files.insert(base.to_owned(), file);
     }
 
-    fn write(&mut self, base: &str, value: &impl Serialize) -> Result<(), CampaignError> {
-        let kept = self.store.write(&name(&self.list.key, base), &line_of(value), Keep::Part)?;
+    fn write(&mut self, base: &str, bytes: &[u8]) -> Result<(), CampaignError> {
+        let kept = self.store.write(&name(&self.list.key, base), bytes, Keep::Part)?;
         self.add(base, kept);
         Ok(())
     }
@@ -141,44 +142,42 @@ pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignErro
         None => writer.without(TRACK)?,
     }
     match explorer {
-        Some(rows) => writer.write(EXPLORER, rows)?,
+        Some(rows) => writer.write(EXPLORER, &line_of(rows))?,
         None => writer.without(EXPLORER)?,
     }
     let pipeline = PipelineUse { title: String::new(), blake3: String::new(), toml: String::new() };
     let (lean, points) = without_points(FlightRecord { pipeline, ..record.clone() });
     match points {
-        Some(points) => {
-            let kept = store.write(&name(&record.key, POINTS), &points, Keep::Part)?;
-            writer.add(POINTS, kept);
-        }
+        Some(points) => writer.write(POINTS, &points)?,
         None => writer.without(POINTS)?,
     }
-    writer.write(RECORD, &lean)?;
+    writer.write(RECORD, &lean.to_json())?;
     writer.finish()
 }
 
 /// A record with empty lists in the place of the points of its figures, and these points.
 fn without_points(record: FlightRecord) -> (FlightRecord, Option<Vec<u8>>) {
-    let Ok(mut value) = serde_json::to_value(&record) else { return (record, None) };
+    let Ok(mut value) = record.to_value() else { return (record, None) };
     let points = points::take(&mut value);
-    match serde_json::from_value(value) {
+    match FlightRecord::from_value(value) {
         Ok(lean) if points.is_some() => (lean, points),
         _ => (record, None),
     }
 }
 
-/// A record with the points of its figures.
-fn with_points(record: &FlightRecord, points: &[u8]) -> Option<FlightRecord> {
-    let mut value = serde_json::to_value(record).ok()?;
-    points::put_back(&mut value, points)?;
-    serde_json::from_value(value).ok()
+/// A record from its JSON, with the points of its figures.
+fn with_points(mut record: Value, points: Option<&[u8]>) -> Option<FlightRecord> {
+    if let Some(points) = points {
+        points::put_back(&mut record, points)?;
+    }
+    FlightRecord::from_value(record).ok()
 }
 
 /// Writes a measurement.
 pub(crate) fn write_measured(store: &Store, measured: &MeasuredFlight) -> Result<(), CampaignError> {
     let mut writer = Writer::begin(store, &measured.key);
-    writer.write(MEASURED, measured)?;
-    writer.write(LATENESS, &measured.lateness)?;
+    writer.write(MEASURED, &measured.to_json())?;
+    writer.write(LATENESS, &line_of(&measured.lateness))?;
     writer.finish()
 }
 
@@ -220,35 +219,36 @@ pub(crate) fn read_lateness(
 pub(crate) fn read_measured(store: &Store, key: &str) -> Result<Option<MeasuredFlight>, CampaignError> {
     let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
     let bytes = read_checked(store, key, MEASURED, list.blake3(MEASURED))?;
-    Ok(bytes.and_then(|bytes| serde_json::from_slice::<MeasuredFlight>(&bytes).ok()).filter(|m| m.key == key))
+    Ok(bytes.and_then(|bytes| MeasuredFlight::from_json(&bytes).ok()).filter(|m| m.key == key))
 }
 
 /// Writes down an attempt that gave no lasting result.
 pub(crate) fn write_trouble(store: &Store, key: &str, record: &FlightRecord) -> Result<(), CampaignError> {
-    Ok(store.write_sealed(&name(key, TROUBLE), record)?)
+    Ok(store.write_sealed(&name(key, TROUBLE), &record.to_value().unwrap_or_default())?)
 }
 
 /// The record of an attempt that gave no lasting result.
 pub(crate) fn read_trouble(store: &Store, key: &str) -> Option<FlightRecord> {
-    store.read_sealed(&name(key, TROUBLE))
+    FlightRecord::from_value(store.read_sealed(&name(key, TROUBLE))?).ok()
 }
 
 /// The record of a result, with its files as they are now; `None` if the result is missing, of another version or not whole.
 pub(crate) fn read(store: &Store, key: &str) -> Result<Option<(FlightRecord, ResultFiles)>, CampaignError> {
     let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
     let bytes = read_checked(store, key, RECORD, list.blake3(RECORD))?;
-    let record = bytes.and_then(|bytes| serde_json::from_slice::<FlightRecord>(&bytes).ok());
+    let value = bytes.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
+    let points = match list.blake3(POINTS) {
+        Some(blake3) => match read_checked(store, key, POINTS, Some(blake3))? {
+            Some(points) => Some(points),
+            None => return Ok(None),
+        },
+        None => None,
+    };
     let fits = |r: &FlightRecord| {
         let has_track = list.has(store, TRACK, Check::Quick);
         r.key == key && r.record_version == RECORD_VERSION && (r.outcome != Outcome::Compensated || has_track)
     };
-    let record = match (record.filter(fits), list.blake3(POINTS)) {
-        (Some(record), Some(blake3)) => {
-            let points = read_checked(store, key, POINTS, Some(blake3))?;
-            points.and_then(|points| with_points(&record, &points))
-        }
-        (record, _) => record,
-    };
+    let record = value.and_then(|value| with_points(value, points.as_deref())).filter(fits);
     match record {
         Some(record) => Ok(Some((record, list))),
         None => {
@@ -297,7 +297,7 @@ pub(crate) fn copy_track(
 
 /// The record as it is written beside the flight's page: without the points, which the files of the figures hold.
 pub(crate) fn text_of(record: &FlightRecord) -> Vec<u8> {
-    line_of(&without_points(record.clone()).0)
+    without_points(record.clone()).0.to_json()
 }
 
 fn line_of(value: &impl Serialize) -> Vec<u8> {

@@ -39,7 +39,7 @@ pub fn read_campaign(report: &Path) -> Result<CampaignRecord, HistoryError> {
         _ => HistoryError::io(&path, "read", e),
     })?;
     let wrong = |what: String| HistoryError::Report { path: path.clone(), what };
-    let found: CampaignRecord = serde_json::from_slice(&bytes).map_err(|e| wrong(format!("is damaged: {e}")))?;
+    let found = CampaignRecord::from_json(&bytes).map_err(|e| wrong(format!("is damaged: {e}")))?;
     if found.record_version != RECORD_VERSION {
         let what = format!("has record version {}; this flightlag reads {RECORD_VERSION}", found.record_version);
         return Err(wrong(what));

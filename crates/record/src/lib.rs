@@ -25,6 +25,7 @@ mod explorer;
 mod flight;
 mod flight_delay;
 mod group;
+mod json;
 mod lateness;
 mod monte_carlo;
 mod night;

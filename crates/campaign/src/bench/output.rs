@@ -56,10 +56,7 @@ impl Writer<'_> {
 
     fn record(&mut self, one: &Measured, command: &str) -> Result<(), CampaignError> {
         let folder = format!("records/{}/", one.slug);
-        // The record's types have text keys and no way to fail.
-        let mut text = serde_json::to_vec(&one.record).unwrap_or_default();
-        text.push(b'\n');
-        self.put(format!("{folder}record.json"), &text, Keep::Synced)?;
+        self.put(format!("{folder}record.json"), &one.record.to_json(), Keep::Synced)?;
         let page = BenchPage { name: &one.name, record: &one.record, command, index_href: Some("../../index.html") };
         let site = caught(|| bench_site(&page)).map_err(|what| defect(&folder, &what))?;
         self.site(&folder, &site)

@@ -9,6 +9,7 @@ mod layout;
 mod lines;
 mod meaning;
 mod novatel;
+mod one_table;
 mod plain;
 
 pub use self::formula::inert;
@@ -20,7 +21,7 @@ use self::header::{Changes, Header, Other};
 use self::layout::{Layout, TableLayout};
 use self::lines::{Extent, Lines, Next, comment_mark};
 use self::meaning::Meaning;
-use self::plain::Cutter;
+use self::one_table::OneTable;
 use crate::error::IngestError;
 use crate::format::crew::Crew;
 use crate::format::identity::{GARMIN, of_table_head};
@@ -32,7 +33,6 @@ use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Bytes from which the layout is found, unless a line is longer.
 const HEAD: u64 = 256 << 10;
@@ -218,25 +218,33 @@ impl Reading<'_> {
         Ok(())
     }
 
-    fn table(&mut self, open: &mut Open<'_>, table: &TableLayout, stem: String) -> Result<(), IngestError> {
-        self.formats.push(format!("CSV, {}", table.describe()));
-        if table.header_line.is_none() {
-            self.books.notices.push(
-                if table.bare { Severity::Info } else { Severity::Warning },
-                "no-header",
-                open.name,
-                1,
-                "no header row: columns are called column_1, column_2, ...",
-            );
+    fn table(&mut self, open: &mut Open<'_>, layout: &TableLayout, stem: String) -> Result<(), IngestError> {
+        self.formats.push(format!("CSV, {}", layout.describe()));
+        if layout.header_line.is_none() {
+            let severity = if layout.bare { Severity::Info } else { Severity::Warning };
+            let text = "no header row: columns are called column_1, column_2, ...";
+            self.books.notices.push(severity, "no-header", open.name, 1, text);
         }
-        if table.renamed > 0 && table.header_line.is_some() {
+        if layout.renamed > 0 && layout.header_line.is_some() {
             let text = "columns without a name of their own were given one";
-            self.books.notices.push(Severity::Info, "column-renamed", open.name, table.renamed as u64, text);
+            self.books.notices.push(Severity::Info, "column-renamed", open.name, layout.renamed as u64, text);
         }
+        let topic = self.topic_of(open, layout, stem);
+        let crew = if open.size > LEAST_SHARED && topic.may_be_parted() { Crew::at_hand() } else { None };
+        let mut table = OneTable::new(layout, topic, self.context.limits.line_bytes);
+        table.read(&mut self.books, open, crew.as_ref())?;
+        table.tell(open.name, &mut self.books.notices);
+        table.topic.report(open.name, self.context.limits.listed_damage, &mut self.books.notices);
+        self.topics.push(table.topic);
+        Ok(())
+    }
+
+    /// The topic of the only table of a file, without rows yet.
+    fn topic_of(&mut self, open: &Open<'_>, layout: &TableLayout, stem: String) -> Topic {
         let info =
             TopicInfo { name: self.free_name(stem, open.name), type_name: String::new(), encoding: "csv".into() };
         let selection = self.want.select(&info);
-        let mut meaning = Meaning::of(&table.names);
+        let mut meaning = Meaning::of(&layout.names);
         if let Some(text) = meaning.told.take() {
             self.books.notices.push(Severity::Info, "several-devices", open.name, 1, text);
         }
@@ -244,135 +252,8 @@ impl Reading<'_> {
         let mut topic = Topic::new(info, names, &meaning.sources(&selection));
         meaning.kept_as_text().into_iter().for_each(|path| topic.keep_text(path));
         self.meanings.insert(topic.info.name.clone(), (meaning, selection));
-        topic.decimal = table.decimal;
-        let (mut preamble, mut header, mut repeated, mut changes) = (0, Arc::default(), 0, Changes::default());
-        // Whether the header is a comment, and the line of units.
-        let (mut is_marked, mut units) = (false, vec![]);
-        // Whether a header stands again in the line before.
-        let mut behind_header = false;
-        let longest = self.context.limits.line_bytes;
-        let mut made = 0;
-        let mut rules_of = |topic: &Topic, header: &Arc<Header>| {
-            // Rows that lack columns are looked at one by one.
-            let plain = topic.decoded && table.delimiter != fields::BLANKS && topic.absent == 0 && !topic.is_lost;
-            let cutter = || Cutter::new(table.delimiter, topic.width, &topic.places(), header);
-            made += 1;
-            plain.then(|| Rules { number: made, cutter: cutter(), header: Arc::clone(header), longest })
-        };
-        let mut rules = rules_of(&topic, &header);
-        let crew = if open.size > LEAST_SHARED && topic.may_be_parted() { Crew::at_hand() } else { None };
-        loop {
-            if let Some(rules) = rules.as_mut().filter(|_| open.lines.number >= table.first_row_line) {
-                let line = open.lines.number;
-                self.books.plain_rows(open, &mut topic, rules, crew.as_ref())?;
-                behind_header &= open.lines.number == line;
-            }
-            let Some((extent, line)) = self.books.next_record(open, table.delimiter)? else { break };
-            // Where files were put one behind another, a mark may stand before a header.
-            let text = without_bom(open.lines.text(extent).trim_ascii());
-            let mark = comment_mark(text);
-            if table.header_line == Some(line) {
-                // Names may be missing at the beginning of the line.
-                let whole = open.lines.text(extent);
-                let marked = || unmarked(without_bom(whole.trim_ascii_start()));
-                let names = if mark > 0 { marked() } else { without_bom(whole) };
-                open.fields.split(names, table.delimiter);
-                header = Arc::new(Header::new(
-                    bare(open.lines.text(extent)),
-                    &open.fields,
-                    table.delimiter,
-                    table.numbers.clone(),
-                ));
-                rules = rules_of(&topic, &header);
-                is_marked = mark > 0;
-            }
-            if table.units_line == Some(line) {
-                units = text.to_vec();
-                // Cells may be empty at the beginning of the line.
-                let cells = if mark > 0 { unmarked(text) } else { without_bom(open.lines.text(extent)) };
-                open.fields.split(cells, table.delimiter);
-                topic.units = open.fields.texts();
-            }
-            if line < table.first_row_line && !units.is_empty() {
-                // Nobody else has the header before the first row.
-                drop(rules.take());
-                let begin = units.split(|b| *b == table.delimiter).next().unwrap_or_default().trim_ascii();
-                Arc::get_mut(&mut header).into_iter().for_each(|header| header.has_units(begin));
-                rules = rules_of(&topic, &header);
-            }
-            let is_row = line >= table.first_row_line;
-            let plain = !text.is_empty() && mark == 0;
-            let again = is_row && header.is(bare(open.lines.text(extent)));
-            let again_units = is_row && behind_header && !units.is_empty() && text == units;
-            behind_header = again;
-            if is_marked && mark > 0 && is_row && !again {
-                match self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
-                    Between::Header => {
-                        rules = rules_of(&topic, &header);
-                        behind_header = true;
-                    }
-                    Between::Row { .. } => self.books.structure(open, extent),
-                }
-                continue;
-            }
-            if mark > 0 && is_row && !again && !is_marked {
-                open.fields.split(text, table.delimiter);
-                if header.has_marked_row(&open.fields) {
-                    changes.marked_row(line);
-                    self.books.row(open, extent, &mut topic, 0, table.delimiter, false);
-                    continue;
-                }
-                changes.remark(line, header.is_like_marked_row(&open.fields));
-            }
-            if !plain || again || again_units || line < table.first_row_line {
-                if line < table.first_row_line {
-                    let remark = remark_of(text).filter(|_| self.books.health.extras.len() < EXTRAS);
-                    self.books.health.extras.extend(remark);
-                }
-                let said = [table.header_line, table.units_line].contains(&Some(line));
-                preamble += u64::from(plain && !is_row && !said);
-                if again {
-                    repeated += 1;
-                    topic.follow_first();
-                    rules = rules_of(&topic, &header);
-                }
-                self.books.structure(open, extent);
-                continue;
-            }
-            match self.books.other_header(open, extent, &mut topic, &header, &mut changes) {
-                Between::Header => {
-                    rules = rules_of(&topic, &header);
-                    behind_header = true;
-                }
-                Between::Row { is_split } => {
-                    self.books.row(open, extent, &mut topic, 0, table.delimiter, is_split);
-                }
-            }
-        }
-        changes.tell(open.name, &mut self.books.notices);
-        if let Some((first, rows)) = table.other_rows {
-            let text = format!("rows of another table stand before this one, from line {first} on: they are not read");
-            self.books.notices.push(Severity::Loss, "other-table", open.name, rows, text);
-        }
-        if topic.rows == 0 && table.header_line.is_some() {
-            self.books.notices.push(Severity::Info, "no-rows", open.name, 1, "a header without a row below it");
-        }
-        if repeated > 0 {
-            let text = "the header stands again between the rows";
-            self.books.notices.push(Severity::Info, "header-repeated", open.name, repeated, text);
-        }
-        if preamble > 0 {
-            self.books.notices.push(
-                Severity::Info,
-                "preamble",
-                open.name,
-                preamble,
-                "lines before the header are not read",
-            );
-        }
-        topic.report(open.name, self.context.limits.listed_damage, &mut self.books.notices);
-        self.topics.push(topic);
-        Ok(())
+        topic.decimal = layout.decimal;
+        topic
     }
 
     /// FlySight 2: `$COL` lines name the columns of a table, `$UNIT` lines their units, and below
