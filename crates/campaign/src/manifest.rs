@@ -9,6 +9,7 @@
 
 use crate::ANALYSIS_VERSION;
 use crate::cards::CardFile;
+use crate::disk::may_heal;
 use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::reference::FoundReference;
@@ -504,10 +505,21 @@ impl Manifest {
     /// Reads a manifest that this version of flightlag made.
     ///
     /// # Errors
-    /// It cannot be read, is no manifest, or another version made it.
+    /// It cannot be read, is no manifest, or another version made it. If its folder is not there either, or the disk is away,
+    /// trying again may help: the folder may not be mounted on this node.
     pub fn read(path: &Path) -> Result<Manifest, CampaignError> {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
-        let bytes = std::fs::read(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
+        let bytes = std::fs::read(path).map_err(|e| {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            let is_away = e.kind() == std::io::ErrorKind::NotFound && folder.is_some_and(|folder| !folder.is_dir());
+            match is_away || may_heal(&e) {
+                true => CampaignError::TryAgain(format!(
+                    "{}: cannot be read ({e}); its folder may not be mounted here",
+                    path.display()
+                )),
+                false => wrong(format!("cannot be read: {e}")),
+            }
+        })?;
         let manifest: Manifest =
             serde_json::from_slice(&bytes).map_err(|e| wrong(format!("is no manifest of a campaign: {e}")))?;
         let versions = |m: &Manifest| (m.manifest_version, m.analysis_version, m.record_version);

@@ -74,7 +74,9 @@ impl State {
     /// What the last run wrote down; nothing if that cannot be read.
     pub(crate) fn recall(store: &Store) -> State {
         let state: Option<State> = store.read_sealed(STATE);
-        state.filter(|s| s.version == STATE_VERSION).unwrap_or_default()
+        // A first run that is stopped is gone on with too, so its notes have a version from the start.
+        let first = || State { version: STATE_VERSION, ..State::default() };
+        state.filter(|s| s.version == STATE_VERSION).unwrap_or_else(first)
     }
 
     /// Writes it down.
@@ -117,7 +119,6 @@ impl State {
 
     /// Takes over what is planned now.
     pub(crate) fn learn(&mut self, manifest: &Manifest) {
-        self.version = STATE_VERSION;
         self.pipeline_toml.clone_from(&manifest.pipeline.toml);
         self.maps_blake3.clone_from(&manifest.maps_blake3);
         self.analysis_version = manifest.analysis_version;

@@ -46,6 +46,7 @@ fn a_task_whose_output_folder_is_not_mounted_ends_with_75_and_makes_nothing() {
     let bench = group();
     let cluster = Cluster::of(&bench);
     let manifest = cluster.plan(2);
+    let kept = manifest.keep().unwrap();
     let (out, away) = (bench.out(), bench.folder.path().join("away"));
     fs::rename(&out, &away).unwrap();
     let refused = |what: Result<(), CampaignError>| {
@@ -56,14 +57,19 @@ fn a_task_whose_output_folder_is_not_mounted_ends_with_75_and_makes_nothing() {
     refused(crate::task(&manifest, 0, &cluster.desk()).map(drop));
     refused(reduce(&manifest, &cluster.desk()).map(drop));
     refused(status(&manifest).map(drop));
+    // The plan lies in that folder.
+    refused(Manifest::read(&kept).map(drop));
     assert!(!out.exists(), "nothing is made where nothing is mounted");
     // The mount point is there, and empty.
     fs::create_dir(&out).unwrap();
     refused(crate::task(&manifest, 0, &cluster.desk()).map(drop));
+    refused(Manifest::read(&kept).map(drop));
     assert_eq!(fs::read_dir(&out).unwrap().count(), 0);
     fs::remove_dir(&out).unwrap();
     fs::rename(&away, &out).unwrap();
-    assert!(status(&manifest).is_ok());
+    assert!(status(&Manifest::read(&kept).unwrap()).is_ok());
+    // A wrong name is no matter of time.
+    assert_ne!(Manifest::read(&kept.with_extension("jsn")).unwrap_err().exit(), Exit::TryAgain);
 }
 
 #[test]

@@ -196,6 +196,18 @@ fn a_reduction_that_was_stopped_goes_on_with_the_pages_that_are_left() {
 }
 
 #[test]
+fn the_pages_of_a_first_reduction_that_was_stopped_are_known_to_the_next() {
+    use crate::state::{PageState, State};
+    let bench = Bench::five();
+    let store = Store::open(&bench.out()).unwrap();
+    let mut state = State::recall(&store);
+    let page = PageState { made_from: "this".to_owned(), files: BTreeMap::new(), has_row: false };
+    state.pages.insert("a.csv".to_owned(), page.clone());
+    state.save(&store).unwrap();
+    assert_eq!(State::recall(&store).pages.get("a.csv"), Some(&page));
+}
+
+#[test]
 fn half_a_track_between_task_and_reduce_is_no_result() {
     let bench = group();
     let (store, cancel) = (Store::open(&bench.out()).unwrap(), AtomicBool::new(false));
