@@ -48,6 +48,14 @@ fn is_input_output_error(_error: &io::Error) -> bool {
     false
 }
 
+/// What a store writes with that is opened now. Tests put a disk in its place on which something goes wrong.
+#[cfg(not(test))]
+pub(crate) fn disk() -> Box<dyn Disk> {
+    Box::new(System)
+}
+#[cfg(test)]
+pub(crate) use crate::engine_tests::faults::disk;
+
 /// The system itself.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct System;

@@ -1,6 +1,7 @@
 //! The engine with a study that is quick and can be made to misbehave.
 
 mod cluster;
+pub(crate) mod faults;
 mod store;
 mod told;
 

@@ -34,7 +34,7 @@ pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(),
 /// The file cannot be written.
 pub(crate) fn claim(store: &Store, inputs: &[PathBuf]) -> Result<(), CampaignError> {
     let text: String = lines(inputs).iter().map(|line| format!("{line}\n")).collect();
-    Ok(store.write(SOURCE, text.as_bytes(), Keep::Renewable).map(drop)?)
+    Ok(store.write(SOURCE, text.as_bytes(), Keep::Synced).map(drop)?)
 }
 
 /// Where the logs of the report in `out` lie; `None` if it does not say.

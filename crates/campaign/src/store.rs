@@ -7,7 +7,7 @@
 //!
 //! Every write returns what was written, with its hash. A later run compares.
 
-use crate::disk::{Disk, System};
+use crate::disk::{Disk, disk};
 use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::process::Process;
@@ -105,7 +105,7 @@ impl Store {
     /// Opens the folder, makes it if it is missing, and shows by a test file that it can be written to.
     pub(crate) fn open(root: &Path) -> Result<Store, StoreError> {
         fs::create_dir_all(root).map_err(|e| failed(root, "make this folder", e))?;
-        let store = Store { root: root.to_owned(), disk: Box::new(System), number: AtomicU64::new(0) };
+        let store = Store { root: root.to_owned(), disk: disk(), number: AtomicU64::new(0) };
         let probe = store.temporary_name(&root.join("probe"));
         let written = fs::write(&probe, b"flightlag\n").map_err(|e| failed(root, "write to this folder", e));
         let removed = fs::remove_file(&probe).map_err(|e| failed(&probe, "remove", e));
@@ -433,6 +433,7 @@ pub(crate) fn is_temporary(name: &std::ffi::OsStr) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::disk::System;
 
     fn store() -> (tempfile::TempDir, Store) {
         let folder = tempfile::tempdir().unwrap();
