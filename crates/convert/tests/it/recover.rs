@@ -88,6 +88,29 @@ fn tables(log: &Path) -> Vec<Table> {
 }
 
 #[test]
+fn a_log_that_changes_while_it_is_read_is_not_recovered_and_an_earlier_output_stays() {
+    for container in [Container::Mcap(McapSettings::default()), Container::Ulog] {
+        for before in [None, Some(b"an earlier output".as_slice())] {
+            let folder = tempfile::tempdir().unwrap();
+            let log = write(container, folder.path());
+            let out = folder.path().join("out.mcap");
+            before.iter().for_each(|bytes| std::fs::write(&out, bytes).unwrap());
+            let bytes = std::fs::read(&log).unwrap();
+            // As a logger that goes on, or another log that is copied to this name.
+            let on_bytes = |_| std::fs::write(&log, [bytes.as_slice(), b"more"].concat()).unwrap();
+            let cancel = std::sync::atomic::AtomicBool::new(false);
+            let limits = ingest::Limits::default();
+            let context = ingest::ReadContext { limits, cancel: &cancel, on_bytes: &on_bytes };
+            let error = recover(&unit(&log), library(), &out, &context).unwrap_err().to_string();
+            assert!(error.contains("changed while it was read"), "{container:?}: {error}");
+            assert_eq!(std::fs::read(&out).ok().as_deref(), before, "{container:?}");
+            let files = std::fs::read_dir(folder.path()).unwrap().count();
+            assert_eq!(files, 1 + before.iter().len(), "no temporary file is left");
+        }
+    }
+}
+
+#[test]
 fn a_log_without_a_message_is_refused_and_nothing_is_left() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.mcap");
