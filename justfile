@@ -71,6 +71,10 @@ inspect log *options:
 test:
     cargo test --workspace
 
+# A campaign on a real Slurm of three nodes, one of which is cut, against one machine (root; Debian's slurm-wlm and munge)
+slurm-test:
+    cargo test -p whole --test it on_a_real_slurm -- --nocapture
+
 # What CI checks
 check:
     bash .ci/run
@@ -137,6 +141,10 @@ fuzz target seconds="60" *options:
 # Every truncation, every bit flip, every hostile number of the seeds of every format (an hour); prints a table
 faults *filter:
     cargo test --release -p flightlag-ingest --test faults -- --ignored --nocapture --test-threads 2 "$@"
+
+# A disk that is full, fails or loses power at every step of a campaign (minutes)
+faults-outputs:
+    cargo test -p campaign --lib -- --ignored faults
 
 # Every value of every log beside pyulog, pymavlink, rosbags, mcap, pyubx2 and pynmeagps of Python: just peers [LOGS] [PART-OF-A-PATH ...]
 peers logs="../shared/logs" *parts:

@@ -9,7 +9,9 @@ HERE=$(cd "$(dirname "$0")" && pwd)
 FLIGHTS=$(realpath "$1") OUT=$(realpath -m "$2")
 shift 2
 LOGS=$OUT.slurm
-mkdir -p "$LOGS"
+mkdir -p "$LOGS" "$OUT"
+# A node where OUT is empty does not see this folder.
+[ -n "$(ls -A "$OUT")" ] || mkdir "$OUT/.flightlag"
 export HERE FLIGHTS OUT LOGS ROUND=0
 # shellcheck source=common.sh
 . "$HERE/common.sh"

@@ -282,7 +282,10 @@ run() {
     local tries=0
     while :; do
         rm -f "$SLURM_STUB/requeued"
-        SLURM_RESTART_COUNT=$tries SLURM_JOB_ID=$id SLURM_ARRAY_JOB_ID=$id SLURM_ARRAY_TASK_ID=${2:-}             bash "${@:3}" >> "$SLURM_STUB/log" 2>&1
+        SLURM_RESTART_COUNT=$tries SLURM_JOB_ID=$id SLURM_ARRAY_JOB_ID=$id SLURM_ARRAY_TASK_ID=${2:-} \
+            bash "${@:3}" >> "$SLURM_STUB/log" 2>&1 &
+        echo $! > "$SLURM_STUB/script"
+        wait $!
         echo "$1 ended with $?" >> "$SLURM_STUB/ended"
         [ -e "$SLURM_STUB/requeued" ] || break
         tries=$((tries + 1))
@@ -359,6 +362,29 @@ fn a_task_on_slurm_that_ends_with_75_goes_back_to_the_queue_three_times_at_most(
     // The report names the flight that has no result; the job itself did its work.
     let record = campaign.record("slurm");
     assert_eq!(record.totals.pending, 1);
+}
+
+#[test]
+fn a_step_on_slurm_that_gets_term_while_it_plans_goes_back_to_the_queue() {
+    let campaign = Campaign::of(1);
+    let termed = campaign.out("termed.sh");
+    let program = flightlag([""]).get_program().to_string_lossy().into_owned();
+    let text = format!(
+        r#"#!/bin/bash
+if [ "$2" = plan ] && mkdir "$SLURM_STUB/once" 2> /dev/null; then
+    trap 'exit 75' TERM
+    kill -TERM "$(cat "$SLURM_STUB/script")"
+    sleep 60 & wait
+fi
+exec {program} "$@"
+"#
+    );
+    fs::write(&termed, text).unwrap();
+    assert!(std::process::Command::new("chmod").arg("+x").arg(&termed).status().unwrap().success());
+    let stub = on_slurm(&campaign, "slurm", &[("FLIGHTLAG", termed.to_str().unwrap())]);
+    let ended = fs::read_to_string(stub.join("ended")).unwrap();
+    assert!(ended.starts_with("1 ended with 75\n") && ended.contains("\n1 ended with 0\n"), "{ended}");
+    assert_eq!(campaign.record("slurm").totals.compensated, 1);
 }
 
 #[test]

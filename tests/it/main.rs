@@ -8,6 +8,7 @@ mod bench_pages;
 mod book;
 mod browser;
 mod campaign;
+mod cluster;
 mod command;
 mod convert;
 mod index_page;
