@@ -1,5 +1,6 @@
 //! The few things that the store asks of the system to put a file in its place. Tests put a recorder between the two.
 
+use std::error::Error;
 use std::fmt;
 use std::fs::{self, File};
 use std::io;
@@ -18,8 +19,21 @@ pub(crate) trait Disk: fmt::Debug + Send + Sync {
 }
 
 /// Whether an error of the system may be over later: a disk that is full or away. A file that must not be written is no
-/// such thing.
+/// such thing. A library that writes may have put the error of the system into one of its own.
 pub(crate) fn may_heal(error: &io::Error) -> bool {
+    let mut chain = std::iter::successors(Some(error as &(dyn Error + 'static)), |e| inside(*e));
+    chain.any(|e| e.downcast_ref::<io::Error>().is_some_and(is_passing))
+}
+
+/// The error that an error was made of.
+fn inside<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'static)> {
+    match error.downcast_ref::<io::Error>() {
+        Some(error) => error.get_ref().map(|inner| inner as &(dyn Error + 'static)),
+        None => error.source(),
+    }
+}
+
+fn is_passing(error: &io::Error) -> bool {
     use io::ErrorKind::{
         HostUnreachable, NetworkDown, NetworkUnreachable, NotConnected, QuotaExceeded, ResourceBusy,
         StaleNetworkFileHandle, StorageFull, TimedOut,

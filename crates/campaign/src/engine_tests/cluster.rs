@@ -112,6 +112,8 @@ fn what_time_may_heal_ends_with_75_and_a_defect_does_not() {
     let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
     let failed = |source| crate::StoreError { path: "x".into(), doing: "write", source };
     assert_eq!(CampaignError::from(failed(full)).exit(), Exit::TryAgain);
+    let wrapped = std::io::Error::other(std::io::Error::other(std::io::Error::from(std::io::ErrorKind::StorageFull)));
+    assert_eq!(CampaignError::from(failed(wrapped)).exit(), Exit::TryAgain);
     let large = std::io::Error::from(std::io::ErrorKind::FileTooLarge);
     assert_eq!(CampaignError::from(failed(large)).exit(), Exit::Failed);
 }
