@@ -142,9 +142,10 @@ fuzz target seconds="60" *options:
 faults *filter:
     cargo test --release -p flightlag-ingest --test faults -- --ignored --nocapture --test-threads 2 "$@"
 
-# A disk that is full, fails or loses power at every step of a campaign (minutes)
+# A disk that is full, fails or loses power at every step of a campaign, and limits of the system (minutes)
 faults-outputs:
     cargo test -p campaign --lib -- --ignored faults
+    cargo test -p whole --test it limits_of_the_system -- --ignored
 
 # Every value of every log beside pyulog, pymavlink, rosbags, mcap, pyubx2 and pynmeagps of Python: just peers [LOGS] [PART-OF-A-PATH ...]
 peers logs="../shared/logs" *parts:

@@ -13,9 +13,12 @@ use std::sync::atomic::{AtomicI32, Ordering};
 use std::time::Duration;
 
 /// How long flights in work get to stop by themselves. Results are written whole or not at all,
-/// so that leaving earlier than that loses work and nothing else.
+/// so that leaving earlier than that loses work and nothing else. A person who presses Ctrl-C waits for it; a machine that
+/// sends SIGTERM gives more time, in which a reduction writes down how far it is.
 #[cfg(unix)]
-const PATIENCE: Duration = Duration::from_millis(700);
+fn patience(signal: i32) -> Duration {
+    Duration::from_millis(if signal == SIGINT { 700 } else { 5000 })
+}
 
 #[cfg(unix)]
 static LAST_SIGNAL: AtomicI32 = AtomicI32::new(0);
@@ -40,8 +43,8 @@ impl Stop {
                 if raised.swap(true, Ordering::SeqCst) {
                     leave();
                 }
-                std::thread::spawn(|| {
-                    std::thread::sleep(PATIENCE);
+                std::thread::spawn(move || {
+                    std::thread::sleep(patience(signal));
                     leave();
                 });
             }
