@@ -95,12 +95,12 @@ must "a $(slurmctld -V) of three nodes is up" 60 three_idle
 # --- Processes of flightlag: they are stopped in the middle of their work -------------------------------------------------
 
 # of_job PID NAME: what the job of a process has in its environment under this name.
-of_job() { tr '\0' '\n' < "/proc/$1/environ" 2> /dev/null | sed -n "s/^$2=//p"; }
+of_job() { cat "/proc/$1/environ" 2> /dev/null | tr '\0' '\n' | sed -n "s/^$2=//p"; }
 # workers STEP: processes of `flightlag campaign STEP`.
 workers() {
     local pid
     for pid in $(pgrep -x flightlag); do
-        tr '\0' ' ' < "/proc/$pid/cmdline" 2> /dev/null | grep -q " campaign $1 " && echo "$pid"
+        cat "/proc/$pid/cmdline" 2> /dev/null | tr '\0' ' ' | grep -q " campaign $1 " && echo "$pid"
     done
 }
 # hold PID COMMAND...: lets a process work in slices until the command succeeds, and then holds it. Fails if it ends before.
@@ -128,7 +128,7 @@ hold_tasks() {
     [ "${#held[@]}" = 3 ]
 }
 # TERM reaches a process that is held, and waits for it.
-term_waits_for() { grep -qE '^ShdPnd:\s+[0-9a-f]{12}[4-7c-f]' "/proc/$1/status"; }
+term_waits_for() { grep -qsE '^ShdPnd:\s+[0-9a-f]{12}[4-7c-f]' "/proc/$1/status"; }
 # ends_by_term JOB PID: the time limit comes near, so Slurm sends TERM.
 ends_by_term() {
     on ctl scontrol update "jobid=$1" TimeLimit=1
