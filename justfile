@@ -73,7 +73,7 @@ test:
 
 # A campaign on a real Slurm of three nodes, one of which is cut, against one machine (root; Debian's slurm-wlm and munge)
 slurm-test:
-    cargo test -p whole --test it on_a_real_slurm -- --nocapture
+    cargo test -p whole --test it on_a_real_slurm -- --ignored --nocapture
 
 # What CI checks
 check:
@@ -144,7 +144,7 @@ faults *filter:
 
 # A disk that is full, fails or loses power at every step of a campaign, and limits of the system (minutes)
 faults-outputs:
-    cargo test -p campaign --lib -- --ignored faults
+    cargo test -p flightlag-campaign --lib -- --ignored faults
     cargo test -p whole --test it limits_of_the_system -- --ignored
 
 # Every value of every log beside pyulog, pymavlink, rosbags, mcap, pyubx2 and pynmeagps of Python: just peers [LOGS] [PART-OF-A-PATH ...]
