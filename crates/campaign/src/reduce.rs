@@ -239,7 +239,7 @@ fn page_hash(
 ) -> String {
     let from = match source {
         Source::Result(key) => format!("result {key}"),
-        Source::Without(record) => format!("without {}", table::outcome_reason(&record.outcome).unwrap_or_default()),
+        Source::Without(record) => format!("without {}", record.outcome.reason().unwrap_or_default()),
     };
     let version = REPORT_VERSION.to_string();
     let criteria = manifest.criteria_parts();
@@ -687,8 +687,8 @@ fn summary_of(verdict: &Verdict) -> Summary {
 fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
     for (row, line) in record.flights.iter().zip(&verdict.lines) {
         desk.tell(Event::Flight {
-            outcome: table::outcome_name(&row.outcome),
-            reason: table::outcome_reason(&row.outcome).map(str::to_owned),
+            outcome: row.outcome.word(),
+            reason: row.outcome.reason().map(str::to_owned),
             page: store.root().join(&row.page),
             line: Box::new(line.clone()),
         });
