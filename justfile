@@ -26,6 +26,10 @@ nightly config="nightly.toml" *options:
 query *question:
     @cargo run --release --quiet -p flightlag --features query -- query "$@"
 
+# The tests of `flightlag query`, which the usual build lacks
+test-query:
+    cargo test -p flightlag --features query query
+
 # Compare two reports: just diff RUN_A RUN_B [--out DIR]
 [no-exit-message]
 diff a b *options:
@@ -49,6 +53,10 @@ bench-demo folder="reports/demo":
 monte-carlo *options:
     cargo test --release -p flightlag-signal -- --ignored
     cargo run --release -p flightlag-bench-analysis --example monte_carlo -- "$@"
+
+# How often a trend shows a change that is not there, over a year of nights and for one look (an hour)
+trend-calibration:
+    cargo test --release -p flightlag-history --lib -- --ignored --nocapture change_points
 
 # Table 5.7 of the design note: every compensator on six kinds of data, found beside noted
 table-5-7:

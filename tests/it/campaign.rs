@@ -78,7 +78,9 @@ fn a_simulated_delay_is_removed_and_the_files_are_where_a_person_looks() {
         let beside = page.parent().unwrap();
         let flight: FlightRecord = serde_json::from_slice(&fs::read(beside.join("record.json")).unwrap()).unwrap();
         assert_eq!((flight.outcome, flight.key), (Outcome::Compensated, row.key.clone()));
-        assert_eq!(fs::read(beside.join("track.parquet")).unwrap().get(..4), Some(b"PAR1".as_slice()));
+        let html = fs::read_to_string(&page).unwrap();
+        let track = beside.join(html.split('"').find(|part| part.ends_with("/track.parquet")).unwrap());
+        assert_eq!(fs::read(track).unwrap().get(..4), Some(b"PAR1".as_slice()));
         let (raw, exact) = (row.raw_error_rms_m.unwrap().value, row.exact_error_rms_m.unwrap().value);
         // At 15 to 20 m/s, 0.4 s are 6 to 8 m; the receiver's own noise of 0.3 m remains.
         assert!((5.0..9.0).contains(&raw) && exact < 1.0, "raw {raw} m, compensated {exact} m");
@@ -98,7 +100,9 @@ fn records_are_small_and_the_points_of_figures_are_kept_once() {
         let record: FlightRecord = serde_json::from_slice(bytes).unwrap();
         assert!(record.replay.unwrap().axes.iter().all(|axis| axis.position_m.iter().all(|c| c.t_s.is_empty())));
     }
-    assert_eq!(files.keys().filter(|path| path.ends_with("points.bin")).count(), 1);
+    for once in ["points.bin", "track.parquet"] {
+        assert_eq!(files.keys().filter(|path| path.ends_with(once)).count(), 1, "{once}");
+    }
     // The figures have their points all the same.
     let page = out.join(&campaign.record("report").flights[0].page);
     let curves: Vec<PathBuf> = files.keys().filter(|p| p.extension().is_some_and(|e| e == "csv")).cloned().collect();

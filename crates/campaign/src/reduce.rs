@@ -239,7 +239,7 @@ fn page_hash(
 ) -> String {
     let from = match source {
         Source::Result(key) => format!("result {key}"),
-        Source::Without(record) => format!("without {}", table::outcome_reason(&record.outcome).unwrap_or_default()),
+        Source::Without(record) => format!("without {}", record.outcome.reason().unwrap_or_default()),
     };
     let version = REPORT_VERSION.to_string();
     let criteria = manifest.criteria_parts();
@@ -443,43 +443,33 @@ impl Reducer<'_> {
             },
             None => None,
         };
+        let track = match list.map(|list| results::track_of(self.store, list)).transpose()? {
+            Some(Err(damaged)) => return Ok(Err(damaged)),
+            Some(Ok(track)) => track.map(|track| format!("../../{track}")),
+            None => None,
+        };
         let neighbours =
             line.neighbours.each_ref().map(|n| n.as_ref().map(|(name, slug)| (*name, format!("../{slug}/index.html"))));
         let page = FlightPage {
             name: &line.planned.flight,
             record,
             explorer: explorer.as_ref(),
+            track_href: track.as_deref(),
             index_href: "../../index.html",
             neighbours: neighbours.each_ref().map(|n| n.as_ref().map(|(name, href)| (*name, href.as_str()))),
             command: &self.manifest.command,
         };
         let site = caught(|| report::flight_site(&page)).map_err(|what| defect(&folder, what))?;
         let mut files = self.write_site(&folder, &site)?;
-        if let Some(list) = list {
-            match self.place_results(&folder, record, list)? {
-                Ok(placed) => files.extend(placed),
-                Err(damaged) => return Ok(Err(damaged)),
-            }
+        if list.is_some() {
+            // With settings, verdicts and test cards, where a person looks for it.
+            let name = format!("{folder}/record.json");
+            let kept = self.store.write(&name, &results::text_of(record), Keep::Renewable)?;
+            files.insert(name, kept);
         }
         for name in self.store.list(&folder).iter().filter(|n| is_ours(n) && !files.contains_key(*n)) {
             self.store.remove(name)?;
         }
-        Ok(Ok(files))
-    }
-
-    /// Puts the record, with settings, verdicts and test cards, and a copy of the track beside the page, where a person looks
-    /// for them.
-    fn place_results(
-        &self,
-        folder: &str,
-        record: &FlightRecord,
-        list: &ResultFiles,
-    ) -> Result<Result<Files, Damaged>, CampaignError> {
-        let (of_record, of_track) = (format!("{folder}/record.json"), format!("{folder}/{}", results::TRACK));
-        let Ok(track) = results::copy_track(self.store, list, &of_track)? else { return Ok(Err(Damaged)) };
-        let kept = self.store.write(&of_record, &results::text_of(record), Keep::Renewable)?;
-        let mut files = Files::from([(of_record, kept)]);
-        files.extend(track.map(|track| (of_track, track)));
         Ok(Ok(files))
     }
 
@@ -687,8 +677,8 @@ fn summary_of(verdict: &Verdict) -> Summary {
 fn tell_end(desk: &Desk<'_>, store: &Store, record: &CampaignRecord, verdict: &Verdict) {
     for (row, line) in record.flights.iter().zip(&verdict.lines) {
         desk.tell(Event::Flight {
-            outcome: table::outcome_name(&row.outcome),
-            reason: table::outcome_reason(&row.outcome).map(str::to_owned),
+            outcome: row.outcome.word(),
+            reason: row.outcome.reason().map(str::to_owned),
             page: store.root().join(&row.page),
             line: Box::new(line.clone()),
         });

@@ -276,23 +276,18 @@ pub(crate) fn read_explorer(
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Damaged;
 
-/// Puts a copy of the track in the folder of the flight's page; `None` if the result has no track.
+/// Where the track lies, to be linked from the flight's page; `None` if the result has none.
 ///
 /// # Errors
 /// The track is not as it was written. The result is removed.
-pub(crate) fn copy_track(
-    store: &Store,
-    list: &ResultFiles,
-    to: &str,
-) -> Result<Result<Option<Kept>, Damaged>, CampaignError> {
+pub(crate) fn track_of(store: &Store, list: &ResultFiles) -> Result<Result<Option<String>, Damaged>, CampaignError> {
     let Some(blake3) = list.blake3(TRACK) else { return Ok(Ok(None)) };
-    match store.copy(&name(&list.key, TRACK), blake3, to)? {
-        Some(kept) => Ok(Ok(Some(kept))),
-        None => {
-            remove(store, &list.key)?;
-            Ok(Err(Damaged))
-        }
+    let track = name(&list.key, TRACK);
+    if store.hash(&track).as_deref() == Some(blake3) {
+        return Ok(Ok(Some(track)));
     }
+    remove(store, &list.key)?;
+    Ok(Err(Damaged))
 }
 
 /// The record as it is written beside the flight's page: without the points, which the files of the figures hold.

@@ -54,7 +54,7 @@ pub fn status(manifest: &Manifest) -> Result<Status, CampaignError> {
             _ => planned.key.as_deref().is_some_and(is_there),
         };
         let attempt = || results::read_trouble(&store, planned.work_key().unwrap_or(key));
-        let reason = || attempt().and_then(|r| crate::table::outcome_reason(&r.outcome).map(str::to_owned));
+        let reason = || attempt().and_then(|r| r.outcome.reason().map(str::to_owned));
         let flight = planned.flight.clone();
         if is_done {
             status.done += 1;

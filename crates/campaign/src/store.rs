@@ -209,27 +209,6 @@ impl Store {
         self.disk.sync_folder(folder).map_err(|e| failed(folder, "sync this folder", e))
     }
 
-    /// Copies the output `from`, if its content is the one with this hash. `None` if it is not, or is not there.
-    pub(crate) fn copy(&self, from: &str, blake3: &str, name: &str) -> Result<Option<Kept>, StoreError> {
-        let path = self.path(from)?;
-        let mut source = match File::open(&path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            opened => opened.map_err(|e| failed(&path, "read", e))?,
-        };
-        let copied = self.write_with(name, Keep::Renewable, |file| {
-            copy_all(&mut source, file)?;
-            file.flush()?;
-            match file.get_ref().hasher.finalize().to_hex().as_str() == blake3 {
-                true => Ok(()),
-                false => Err(io::Error::new(io::ErrorKind::InvalidData, "its content has changed")),
-            }
-        });
-        match copied {
-            Err(e) if e.source.kind() == io::ErrorKind::InvalidData => Ok(None),
-            copied => copied.map(Some),
-        }
-    }
-
     /// Whether a file is as it was written. `kept` learns a new description of the same content.
     pub(crate) fn is_as_kept(&self, name: &str, kept: &mut Kept, check: Check) -> bool {
         let Some(stamp) = self.path(name).ok().and_then(|path| FileStamp::of(&path).ok()) else { return false };
@@ -590,20 +569,6 @@ mod tests {
         assert!(
             store.is_as_kept("a.bin", &mut kept, Check::Quick) && !store.is_as_kept("a.bin", &mut kept, Check::Full)
         );
-    }
-
-    #[test]
-    fn a_copy_is_made_of_the_content_that_was_kept_and_of_no_other() {
-        let (folder, store) = store();
-        let kept = store.write("by-key/track", b"track", Keep::Synced).unwrap();
-        let copy = store.copy("by-key/track", &kept.blake3, "flights/track").unwrap().unwrap();
-        assert_eq!(copy.blake3, kept.blake3);
-        fs::write(folder.path().join("flights/track"), "edited").unwrap();
-        assert_eq!(store.read("by-key/track").unwrap().unwrap(), b"track", "who edits a copy edits no result");
-        fs::write(folder.path().join("by-key/track"), "trick").unwrap();
-        assert_eq!(store.copy("by-key/track", &kept.blake3, "flights/track").unwrap(), None);
-        assert_eq!(store.read("flights/track").unwrap().unwrap(), b"edited");
-        assert_eq!(store.copy("by-key/none", &kept.blake3, "flights/track").unwrap(), None);
     }
 
     #[test]

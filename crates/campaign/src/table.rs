@@ -6,7 +6,7 @@ use crate::store::{Files, Keep, Kept, Store};
 use compensation_replay::{Track, TrackColumn};
 use convert::{Cells, Sheet, SheetColumn, write_csv, write_parquet, write_track_table};
 use flight::Stamp;
-use record::{CriterionVerdict, Estimate, FlightRecord, FlightRow, Outcome, RowVerdicts};
+use record::{Estimate, FlightRecord, FlightRow, RowVerdicts};
 
 /// Writes the compensated track of a flight.
 pub(crate) fn write_track(
@@ -86,8 +86,8 @@ fn flight_sheet(rows: &[FlightRow]) -> Sheet {
     let mut columns = line_columns(&lines);
     columns.extend([
         text("duplicate_of", &|r| r.duplicate_of.clone()),
-        text("outcome", &|r| Some(outcome_name(&r.outcome).to_owned())),
-        text("reason", &|r| outcome_reason(&r.outcome).map(str::to_owned)),
+        text("outcome", &|r| Some(r.outcome.word().to_owned())),
+        text("reason", &|r| r.outcome.reason().map(str::to_owned)),
         count("lossy", &|r| u64::from(r.lossy)),
         text("format", &|r| Some(r.format.clone())),
         text("map", &|r| r.map.clone()),
@@ -112,8 +112,8 @@ fn flight_sheet(rows: &[FlightRow]) -> Sheet {
         number("exact_error_rms_m", &|r| value(&r.exact_error_rms_m)),
         number("exact_error_rms_standard_uncertainty_m", &|r| spread(&r.exact_error_rms_m)),
         number("valid_share", &|r| r.valid_share),
-        text("criteria", &|r| r.criteria.as_ref().map(|c| verdict_name(c.overall).to_owned())),
-        text("criteria_failed", &|r| r.criteria.as_ref().map(failed_criteria)),
+        text("criteria", &|r| r.criteria.as_ref().map(|c| c.overall.word().to_owned())),
+        text("criteria_failed", &|r| r.criteria.as_ref().map(RowVerdicts::failed)),
         count("warnings", &|r| r.warnings),
         count("losses", &|r| r.losses),
         text("key", &|r| Some(r.key.clone())),
@@ -174,49 +174,11 @@ fn optimum(row: &FlightRow) -> Option<Estimate> {
     Some(row.sweep.as_ref()?.optimum.found()?.delay_s)
 }
 
-/// A verdict as records name it.
-fn verdict_name(verdict: CriterionVerdict) -> &'static str {
-    match verdict {
-        CriterionVerdict::Fail => "fail",
-        CriterionVerdict::Inconclusive => "inconclusive",
-        CriterionVerdict::NotEvaluated => "not-evaluated",
-        CriterionVerdict::Pass => "pass",
-        CriterionVerdict::NotApplicable => "not-applicable",
-    }
-}
-
-/// Their names with spaces between.
-fn failed_criteria(verdicts: &RowVerdicts) -> String {
-    let failed = verdicts.each.iter().filter(|v| v.verdict == CriterionVerdict::Fail);
-    failed.map(|v| v.id.as_str()).collect::<Vec<_>>().join(" ")
-}
-
-/// The outcome in a word.
-pub(crate) fn outcome_name(outcome: &Outcome) -> &'static str {
-    match outcome {
-        Outcome::Compensated => "compensated",
-        Outcome::Uncompensated { .. } => "uncompensated",
-        Outcome::NotMeasurable { .. } => "not-measurable",
-        Outcome::Pending { .. } => "pending",
-        Outcome::Failed { .. } => "failed",
-    }
-}
-
-/// Why there is no compensated track.
-pub(crate) fn outcome_reason(outcome: &Outcome) -> Option<&str> {
-    match outcome {
-        Outcome::Compensated => None,
-        Outcome::Uncompensated { reason }
-        | Outcome::NotMeasurable { reason }
-        | Outcome::Pending { reason }
-        | Outcome::Failed { reason } => Some(reason),
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use polars::prelude::{ParquetReader, SerReader};
+    use record::Outcome;
     use std::fs::File;
 
     pub(crate) fn row(flight: &str) -> FlightRow {

@@ -8,7 +8,6 @@ use crate::plan::Desk;
 use crate::results;
 use crate::store::{Check, Store};
 use crate::study::{Interrupted, Replaying, Study, failed_record};
-use crate::table::{outcome_name, outcome_reason};
 use crate::work::Workers;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -194,8 +193,8 @@ impl Worker<'_> {
         let record = &studied.record;
         self.desk.tell(Event::Finished {
             flight: flight.flight.clone(),
-            outcome: outcome_name(&record.outcome),
-            reason: outcome_reason(&record.outcome).map(str::to_owned),
+            outcome: record.outcome.word(),
+            reason: record.outcome.reason().map(str::to_owned),
             lossy: record.has_loss(),
             lateness_s: record.lateness.as_ref().and_then(record::FlightLateness::lateness_s),
             removed_s: record.replay.as_ref().map(|replay| replay.settings.delay.seconds()),

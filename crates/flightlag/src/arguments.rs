@@ -1,6 +1,8 @@
 //! What can be typed, and its help.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
+use history::Dimension;
 use std::path::PathBuf;
 
 const EXIT_CODES: &str = "\
@@ -123,7 +125,8 @@ Show control charts of a history, and where they change.
 
 A chart shows how late the position of each flight is, in the order in which they were flown, for one aircraft, serial number, \
 receiver, firmware, rate or baud. Each flight counts with its own uncertainty and the spread between flights. A change is a step of \
-the mean. A chart without a change shows one with a probability of 1 %, for one look at it.";
+the mean. A chart without a change shows one with a probability of 1 %, for one look at it. `flightlag nightly` looks every night, \
+and so shows a change only if it is large enough for 1 % over all nights.";
 
 const QUERY: &str = "\
 Ask a history: which rows, grouped by what, and which numbers of each group.
@@ -474,8 +477,8 @@ pub(crate) struct TrendArguments {
     #[arg(value_name = "HISTORY")]
     pub(crate) history: PathBuf,
     /// What flights are told apart by. Default: all of these.
-    #[arg(long, value_enum, value_name = "NAME", value_delimiter = ',')]
-    pub(crate) by: Vec<TrendBy>,
+    #[arg(long, value_parser = dimension(), value_name = "NAME", value_delimiter = ',')]
+    pub(crate) by: Vec<Dimension>,
     /// Print JSON.
     #[arg(long)]
     pub(crate) json: bool,
@@ -487,21 +490,12 @@ pub(crate) struct TrendArguments {
     pub(crate) reports: Option<String>,
 }
 
-/// What flights are told apart by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum TrendBy {
-    /// Aircraft.
-    Airframe,
-    /// Serial number of the receiver.
-    Serial,
-    /// Make and model of the receiver.
-    Receiver,
-    /// Firmware of the receiver.
-    Firmware,
-    /// Rate of the position.
-    Rate,
-    /// Speed of the serial line.
-    Baud,
+/// The dimensions of a trend by their names.
+fn dimension() -> impl TypedValueParser<Value = Dimension> {
+    let names = Dimension::ALL.map(|dimension| PossibleValue::new(dimension.name()).help(dimension.what()));
+    PossibleValuesParser::new(names).try_map(|name| {
+        Dimension::ALL.into_iter().find(|dimension| dimension.name() == name).ok_or("not a dimension of a trend")
+    })
 }
 
 #[derive(Debug, Args)]

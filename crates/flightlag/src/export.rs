@@ -58,6 +58,14 @@ const MAP_HZ: f64 = 5.0;
 /// Most points per second that make sense to ask for.
 const MOST_HZ: f64 = 1e4;
 
+/// The track of the flight whose page is in this folder: its record names the result that holds it.
+fn track_in(folder: &Path) -> Option<PathBuf> {
+    let record: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("record.json")).ok()?).ok()?;
+    let key = record.get("key")?.as_str()?;
+    let key = key.bytes().all(|byte| byte.is_ascii_hexdigit()).then_some(key)?;
+    Some(folder.canonicalize().ok()?.join("../../by-key").join(key.get(..2)?).join(key).join("track.parquet"))
+}
+
 /// The track of a flight of a report.
 fn track(arguments: &ExportArguments) -> Result<End, Failure> {
     let (to, ending) = match arguments.to {
@@ -79,7 +87,7 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
     };
     let folder =
         if arguments.log.is_dir() { arguments.log.as_path() } else { arguments.log.parent().unwrap_or(Path::new("")) };
-    let table = if arguments.log.is_dir() { folder.join("track.parquet") } else { arguments.log.clone() };
+    let table = if arguments.log.is_dir() { track_in(folder).unwrap_or_default() } else { arguments.log.clone() };
     if !table.is_file() {
         let what = "no track.parquet there. Give the folder of a flight in a report, as reports/NAME/flights/FLIGHT; a \
                     flight of which nothing was removed has no track";

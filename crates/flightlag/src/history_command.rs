@@ -1,12 +1,12 @@
 //! `flightlag history` and `flightlag trend`: what many nights found.
 
-use crate::arguments::{HistoryArguments, TrendArguments, TrendBy};
+use crate::arguments::{HistoryArguments, TrendArguments};
 use crate::diff_command::with_u;
 use crate::failure::{End, Failure};
 use crate::files::write_site;
 use crate::show::{Table, count, number, visible};
 use campaign::Exit;
-use history::{Dimension, History, LatencyLine, Latest, RunLine, latency, runs, trend};
+use history::{Dimension, History, LatencyLine, Looks, RunLine, latency, latest_briefs, runs, trend};
 use record::{Estimate, TrendRecord};
 use std::io::Write;
 use std::path::Path;
@@ -14,9 +14,9 @@ use std::path::Path;
 pub(crate) fn history(arguments: &HistoryArguments) -> Result<End, Failure> {
     let history = existing(&arguments.history)?;
     if arguments.latency {
-        let (latest, unreadable) = latest_of(&history)?;
-        let lines = latency(&latest);
-        return said(arguments.json, &lines, || latency_text(&lines), &unreadable);
+        let read = history.briefs(&|_| true)?;
+        let lines = latency(&latest_briefs(&read.rows));
+        return said(arguments.json, &lines, || latency_text(&lines), &read.unreadable);
     }
     let lines = runs(&history)?;
     let unreadable = lines.iter().filter_map(|line| Some(format!("{}: {}", line.run, line.unreadable.as_ref()?)));
@@ -35,10 +35,6 @@ pub(crate) fn existing(folder: &Path) -> Result<History, Failure> {
             Err(Failure::new(Exit::Wrong, what))
         }
     }
-}
-
-fn latest_of(history: &History) -> Result<(Latest, Vec<String>), Failure> {
-    Ok(history.latest(&|_| true)?)
 }
 
 /// Prints lines as JSON or as text, then what could not be read: exit code 3 if that is anything.
@@ -135,16 +131,16 @@ fn latency_text(lines: &[LatencyLine]) -> String {
 
 pub(crate) fn trend_over(arguments: &TrendArguments) -> Result<End, Failure> {
     let history = existing(&arguments.history)?;
-    let (latest, unreadable) = latest_of(&history)?;
+    let read = history.briefs(&|_| true)?;
     let dimensions: Vec<Dimension> = match arguments.by.is_empty() {
         true => Dimension::ALL.to_vec(),
-        false => arguments.by.iter().map(|by| dimension(*by)).collect(),
+        false => arguments.by.clone(),
     };
     let reports = arguments.reports.as_deref().unwrap_or("..").trim_end_matches('/').to_owned();
-    let page = |row: &history::Row| {
-        Some(format!("{reports}/{}/{}", row.campaign, row.page)).filter(|_| arguments.reports.is_some())
+    let page = |campaign: &str, page: &str| {
+        Some(format!("{reports}/{campaign}/{page}")).filter(|_| arguments.reports.is_some())
     };
-    let found = trend(&latest, &dimensions, &page).record;
+    let found = trend(&latest_briefs(&read.rows), &dimensions, Looks::One, &page).record;
     if let Some(out) = &arguments.out {
         let json = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
         let csv = trend_csv(&found);
@@ -158,18 +154,7 @@ pub(crate) fn trend_over(arguments: &TrendArguments) -> Result<End, Failure> {
     if let Some(folder) = arguments.out.as_ref().filter(|_| !arguments.json) {
         writeln!(out, "open {}", visible(&folder.join("index.html").display().to_string()))?;
     }
-    warn(&unreadable)
-}
-
-fn dimension(by: TrendBy) -> Dimension {
-    match by {
-        TrendBy::Airframe => Dimension::Airframe,
-        TrendBy::Serial => Dimension::Serial,
-        TrendBy::Receiver => Dimension::Receiver,
-        TrendBy::Firmware => Dimension::Firmware,
-        TrendBy::Rate => Dimension::Rate,
-        TrendBy::Baud => Dimension::Baud,
-    }
+    warn(&read.unreadable)
 }
 
 fn trend_text(found: &TrendRecord) -> String {

@@ -110,4 +110,57 @@ mod with_polars {
         }
         lines
     }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+        use history::{History, Row, Run};
+
+        /// A history of two nights; flight `a` was run in both.
+        fn history(folder: &std::path::Path) {
+            let history = History::new(folder);
+            for (night, late_s) in [(0, [0.4, 0.2]), (1, [0.5, 0.3])] {
+                let run = Run::at(jiff::Timestamp::from_second(1_795_644_000 + night * 86_400).unwrap());
+                let flight = |name: String, late_s| Row {
+                    run_id: run.id.clone(),
+                    run_ns: run.start_ns,
+                    campaign: "c".into(),
+                    flight: name,
+                    firmware: Some("3.01".into()),
+                    lateness_s: Some(late_s),
+                    ..Row::default()
+                };
+                history.append(&run, &[flight("a".into(), late_s[0]), flight(format!("b{night}"), late_s[1])]).unwrap();
+            }
+        }
+
+        fn asked(to: Option<QueryTo>, question: (&str, &[&str], &str)) -> String {
+            let folder = tempfile::tempdir().unwrap();
+            history(&folder.path().join("history"));
+            let out = folder.path().join("answer");
+            let arguments = QueryArguments {
+                condition: Some(question.0.to_owned()),
+                history: folder.path().join("history"),
+                by: question.1.iter().map(|name| (*name).to_owned()).collect(),
+                agg: Some(question.2.to_owned()),
+                to,
+                out: Some(out.clone()),
+                every_run: false,
+                columns: false,
+            };
+            assert!(run(&arguments).is_ok());
+            String::from_utf8_lossy(&std::fs::read(out).unwrap()).into_owned()
+        }
+
+        #[test]
+        fn an_answer_is_the_same_as_text_csv_json_and_parquet() {
+            let question = ("delay_s > 0.25", &["firmware"][..], "median(delay_s), count()");
+            let text = "2 of 3 rows\n  firmware  median(delay_s)  count()\n  3.01      0.400000         2\n";
+            assert_eq!(asked(None, question), text);
+            assert_eq!(asked(Some(QueryTo::Csv), question), "firmware,median(delay_s),count()\n3.01,0.4,2\n");
+            let json: serde_json::Value = serde_json::from_str(&asked(Some(QueryTo::Json), question)).unwrap();
+            assert_eq!(json, serde_json::json!([{"firmware": "3.01", "median(delay_s)": 0.4, "count()": 2}]));
+            assert!(asked(Some(QueryTo::Parquet), question).starts_with("PAR1"));
+        }
+    }
 }

@@ -7,7 +7,7 @@ use crate::row::Row;
 use crate::schema::nanoseconds;
 use campaign::DelayLine;
 use flight::About;
-use record::{CampaignRecord, CriterionVerdict, FlightRow, GroupLateness, InputFile, Outcome, RECORD_VERSION};
+use record::{CampaignRecord, FlightRow, GroupLateness, InputFile, RECORD_VERSION};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -114,8 +114,8 @@ fn row_of(
         analysis_version: i64::from(record.analysis_version),
         build: record.flightlag_version.clone(),
         key: flight.key.clone(),
-        outcome: outcome(&flight.outcome).0.to_owned(),
-        reason: outcome(&flight.outcome).1.map(str::to_owned),
+        outcome: flight.outcome.word().to_owned(),
+        reason: flight.outcome.reason().map(str::to_owned),
         group: text(&line.group),
         data: line.data.clone(),
         kind: text(&line.kind),
@@ -134,8 +134,8 @@ fn row_of(
         error_compensated_m: line.error_compensated_m,
         error_compensated_u_m: line.error_compensated_u_m,
         alarms: text(&codes.join(" ")),
-        criteria: flight.criteria.as_ref().map(|c| verdict(c.overall).to_owned()),
-        criteria_failed: failed_criteria(flight),
+        criteria: flight.criteria.as_ref().map(|c| c.overall.word().to_owned()),
+        criteria_failed: flight.criteria.as_ref().and_then(|c| text(&c.failed())),
         duplicate_of: flight.duplicate_of.clone(),
         duration_s: flight.duration_s,
         page: flight.page.clone(),
@@ -236,31 +236,4 @@ fn first_of<T>(what: &str, log: Option<T>, fleet: Option<T>, from: &mut Vec<Stri
     };
     from.push(format!("{what}: {source}"));
     log.or(fleet)
-}
-
-fn outcome(outcome: &Outcome) -> (&'static str, Option<&str>) {
-    match outcome {
-        Outcome::Compensated => ("compensated", None),
-        Outcome::Uncompensated { reason } => ("uncompensated", Some(reason)),
-        Outcome::NotMeasurable { reason } => ("not-measurable", Some(reason)),
-        Outcome::Pending { reason } => ("pending", Some(reason)),
-        Outcome::Failed { reason } => ("failed", Some(reason)),
-    }
-}
-
-fn verdict(verdict: CriterionVerdict) -> &'static str {
-    match verdict {
-        CriterionVerdict::Fail => "fail",
-        CriterionVerdict::Inconclusive => "inconclusive",
-        CriterionVerdict::NotEvaluated => "not-evaluated",
-        CriterionVerdict::Pass => "pass",
-        CriterionVerdict::NotApplicable => "not-applicable",
-    }
-}
-
-fn failed_criteria(flight: &FlightRow) -> Option<String> {
-    let each = &flight.criteria.as_ref()?.each;
-    let failed: Vec<&str> =
-        each.iter().filter(|v| v.verdict == CriterionVerdict::Fail).map(|v| v.id.as_str()).collect();
-    (!failed.is_empty()).then(|| failed.join(" "))
 }

@@ -1,5 +1,6 @@
 //! One set of rows against another: what is new, what moved, what fails now, and why.
 
+use crate::brief::PageOf;
 use crate::dataset::Latest;
 use crate::row::Row;
 use record::{ChangeCause, Estimate, FlightWords, MovedNumber, NamedFlight, RerunCause, RunChanges};
@@ -9,9 +10,6 @@ use std::collections::BTreeSet;
 const MOVED_SIGMAS: f64 = 2.0;
 /// A number whose uncertainty is not known has moved if it changed by more than this share.
 const MOVED_SHARE: f64 = 0.1;
-
-/// The page of a flight, relative to the page that names it.
-pub type PageOf<'a> = &'a dyn Fn(&Row) -> Option<String>;
 
 /// Compares rows with the latest ones before. Flights that are gone are not in rows: the caller knows them.
 #[must_use]
@@ -39,8 +37,8 @@ pub fn compare(before: &Latest, now: &[Row], page: PageOf<'_>) -> RunChanges {
 }
 
 /// A flight with its page.
-pub(crate) fn name_of(row: &Row, page: PageOf<'_>) -> NamedFlight {
-    NamedFlight { campaign: row.campaign.clone(), flight: row.flight.clone(), page: page(row) }
+fn name_of(row: &Row, page: PageOf<'_>) -> NamedFlight {
+    NamedFlight { campaign: row.campaign.clone(), flight: row.flight.clone(), page: page(&row.campaign, &row.page) }
 }
 
 /// Troubles and alarms that came or went.
@@ -173,7 +171,7 @@ mod tests {
     }
 
     fn changes(before: &[Row], now: &[Row]) -> RunChanges {
-        compare(&latest_of(before.iter().cloned()), now, &|_| None)
+        compare(&latest_of(before.iter().cloned()), now, &|_, _| None)
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! The history as a folder: one Parquet file for each run, written whole and never changed.
 
 use crate::error::HistoryError;
-use crate::row::{Row, rows_of, sheet_of};
+use crate::row::{Row, column, rows_of, sheet_of};
 use crate::schema::{HISTORY_SCHEMA, SCHEMA_KEY, current};
-use convert::{read_parquet, write_parquet_about};
-use std::collections::BTreeMap;
+use convert::{read_parquet, read_parquet_columns, write_parquet_about};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -42,15 +42,6 @@ impl Run {
         let id = std::iter::once(first.id.clone()).chain(other).find(|id| !exists(id)).unwrap_or(first.id);
         Run { id, ..first }
     }
-}
-
-/// Rows that were read, and files that could not be.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReadRows {
-    /// Rows, by run and then as they are in the file.
-    pub rows: Vec<Row>,
-    /// Files that could not be read, each with the reason.
-    pub unreadable: Vec<String>,
 }
 
 /// A folder of history files.
@@ -125,37 +116,35 @@ impl History {
         )))
     }
 
-    /// Every row of every run that `is_wanted`.
+    /// The latest row of each of these flights of a campaign. Files that cannot be read are left out: [`History::briefs`] names
+    /// them.
     ///
     /// # Errors
-    /// The folder cannot be listed. A file that cannot be read is named in the answer.
-    pub fn rows(&self, is_wanted: &dyn Fn(&Row) -> bool) -> Result<ReadRows, HistoryError> {
-        let mut all = ReadRows::default();
-        for path in self.files()? {
-            match read_file(&path) {
-                Ok(rows) => all.rows.extend(rows.into_iter().filter(|row| is_wanted(row))),
-                Err(what) => all.unreadable.push(format!("{}: {what}", path.display())),
-            }
-        }
-        all.rows.sort_by_key(|row| row.run_ns);
-        Ok(all)
-    }
-
-    /// The latest row of each flight that `is_wanted`, and the files that could not be read.
-    ///
-    /// # Errors
-    /// As [`History::rows`].
-    pub fn latest(&self, is_wanted: &dyn Fn(&Row) -> bool) -> Result<(Latest, Vec<String>), HistoryError> {
+    /// The folder cannot be listed.
+    pub fn latest(&self, campaign: &str, flights: &BTreeSet<&str>) -> Result<Latest, HistoryError> {
         let mut latest = Latest::new();
-        let mut unreadable = vec![];
         for path in self.files()? {
-            match read_file(&path) {
-                Ok(rows) => rows.into_iter().filter(|row| is_wanted(row)).for_each(|row| keep_later(&mut latest, row)),
-                Err(what) => unreadable.push(format!("{}: {what}", path.display())),
+            let is_named = |names: &(String, String)| names.0 == campaign && flights.contains(names.1.as_str());
+            // Most files hold none of them, and two columns of fifty tell.
+            if names_in(&path).is_ok_and(|names| !names.iter().any(is_named)) {
+                continue;
             }
+            let rows = read_file(&path).unwrap_or_default().into_iter();
+            rows.filter(|row| row.campaign == campaign && flights.contains(row.flight.as_str()))
+                .for_each(|row| keep_later(&mut latest, row));
         }
-        Ok((latest, unreadable))
+        Ok(latest)
     }
+}
+
+/// Campaign and flight of each row of a file.
+fn names_in(path: &Path) -> Result<Vec<(String, String)>, String> {
+    let file = File::open(path).map_err(|e| e.to_string())?;
+    let table =
+        read_parquet_columns(file, &|name| ["campaign", "flight"].contains(&name)).map_err(|e| e.to_string())?;
+    let mut sheet = table.sheet;
+    let (campaigns, flights) = (column(&mut sheet, "campaign")?, column(&mut sheet, "flight")?);
+    Ok(std::iter::zip(campaigns, flights).collect())
 }
 
 /// The second of a file's run, and the number of the run within that second.
@@ -243,11 +232,12 @@ mod tests {
         let names: Vec<String> =
             history.files().unwrap().iter().map(|f| f.file_name().unwrap().to_string_lossy().into_owned()).collect();
         assert_eq!(names, ["2026-11-25T220000Z.parquet", "2026-11-26T220000Z.parquet"]);
-        let (latest, unreadable) = history.latest(&|_| true).unwrap();
-        assert_eq!(unreadable, [] as [String; 0]);
-        let delays: Vec<f64> = latest.values().filter_map(|row| row.lateness_s).collect();
-        assert_eq!(delays, [0.3, 0.2]);
-        assert_eq!(history.rows(&|row| row.flight == "a").unwrap().rows.len(), 2);
+        let late = |flights: &[&str]| {
+            let latest = history.latest("c", &flights.iter().copied().collect()).unwrap();
+            latest.into_values().filter_map(|row| row.lateness_s).collect::<Vec<f64>>()
+        };
+        assert_eq!((late(&["a", "b"]), late(&["b"]), late(&["none"])), (vec![0.3, 0.2], vec![0.2], vec![]));
+        assert_eq!(history.briefs(&|_| true).unwrap().rows.len(), 3);
     }
 
     #[test]
@@ -271,7 +261,8 @@ mod tests {
         history.append(&second, &[row(&second, "b", 0.2)]).unwrap();
         let bytes = std::fs::read(&file).unwrap();
         std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
-        let read = history.rows(&|_| true).unwrap();
+        assert_eq!(history.latest("c", &["a", "b"].into()).unwrap().len(), 1);
+        let read = history.briefs(&|_| true).unwrap();
         assert_eq!(read.rows.len(), 1);
         assert!(read.unreadable[0].contains("2026-11-25T220000Z.parquet: cannot be read"), "{:?}", read.unreadable);
     }

@@ -24,7 +24,7 @@ pub fn diff(before: &Path, now: &Path, page_folder: Option<&Path>) -> Result<Dif
     let records = (read_campaign(before)?, read_campaign(now)?);
     let (was, is) = (rows(&records.0, before)?, rows(&records.1, now)?);
     let from = page_folder.and_then(|folder| relative(folder, now));
-    let page = |row: &Row| Some(format!("{}/{}", from.as_ref()?, row.page));
+    let page = |_: &str, page: &str| Some(format!("{}/{page}", from.as_ref()?));
     let names: BTreeSet<&str> = is.iter().map(|row| row.flight.as_str()).collect();
     let gone = was.iter().filter(|row| !names.contains(row.flight.as_str()));
     let gone =

@@ -1,8 +1,8 @@
 //! How late positions are, by receiver, firmware, rate and baud.
 
+use crate::brief::Brief;
 use crate::change_points::{spread, weighted_mean};
-use crate::dataset::Latest;
-use crate::row::{Dimension, Row};
+use crate::row::Dimension;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -38,18 +38,18 @@ pub struct LatencyLine {
 
 /// One line for each receiver, firmware, rate, baud and datum. Copies of a flight count once.
 #[must_use]
-pub fn latency(latest: &Latest) -> Vec<LatencyLine> {
+pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
     type Key = ([Option<String>; 4], String);
-    let mut lines: BTreeMap<Key, Vec<&Row>> = BTreeMap::new();
-    for row in latest.values().filter(|row| row.duplicate_of.is_none()) {
+    let mut lines: BTreeMap<Key, Vec<&Brief>> = BTreeMap::new();
+    for row in latest.iter().copied().filter(|row| row.duplicate_of.is_none()) {
         if row.lateness_s.is_some() && row.lateness_u_s.is_some_and(|u| u > 0.0) {
             let facts = [Dimension::Receiver, Dimension::Firmware, Dimension::Rate, Dimension::Baud].map(|d| row.of(d));
-            lines.entry((facts, row.datum.clone().unwrap_or_default())).or_default().push(row);
+            lines.entry((facts, row.datum.as_deref().unwrap_or_default().to_owned())).or_default().push(row);
         }
     }
-    let line = |(([receiver, firmware, rate, baud], datum), mut rows): (Key, Vec<&Row>)| {
-        rows.sort_by_key(|row| row.flown_ns.unwrap_or(row.run_ns));
-        let of = |of: &dyn Fn(&Row) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
+    let line = |(([receiver, firmware, rate, baud], datum), mut rows): (Key, Vec<&Brief>)| {
+        rows.sort_by_key(|row| row.order());
+        let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
         let (x, u) = (of(&|row| row.lateness_s), of(&|row| row.lateness_u_s));
         let between_s = spread(&x, &u);
         let (lateness_s, lateness_u_s) = weighted_mean(&x, &u, between_s)?;
@@ -75,7 +75,8 @@ pub fn latency(latest: &Latest) -> Vec<LatencyLine> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::latest_of;
+    use crate::brief::latest_briefs;
+    use crate::row::Row;
 
     #[test]
     fn receivers_and_firmwares_are_lines_of_their_own() {
@@ -91,7 +92,8 @@ mod tests {
         };
         let rows = [row(1, "3.01", 0.118), row(2, "3.01", 0.119), row(3, "4.04", 0.100)];
         let copy = Row { duplicate_of: Some("3".into()), ..row(4, "4.04", 0.3) };
-        let table = latency(&latest_of(rows.into_iter().chain([copy])));
+        let briefs: Vec<Brief> = rows.iter().chain([&copy]).map(Brief::from).collect();
+        let table = latency(&latest_briefs(&briefs));
         let short: Vec<(u64, f64)> = table.iter().map(|line| (line.flights, (line.lateness_s * 1e6).round())).collect();
         assert_eq!(short, [(2, 118_500.0), (1, 100_000.0)]);
         assert!((table[0].lateness_u_s - 0.002 / 2f64.sqrt()).abs() < 1e-9);

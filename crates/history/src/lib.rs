@@ -11,13 +11,13 @@
 //! let run = Run::at("2026-11-25T22:00:00Z".parse()?);
 //! let row = Row { run_id: run.id.clone(), run_ns: run.start_ns, campaign: "may".into(), flight: "1.bin".into(), ..Row::default() };
 //! history.append(&run, &[row])?;
-//! let (latest, _unreadable) = history.latest(&|_| true)?;
-//! assert_eq!(latest.len(), 1);
+//! assert_eq!(history.latest("may", &["1.bin"].into())?.len(), 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 #[cfg(any(test, feature = "query"))]
 mod answer;
+mod brief;
 mod change_points;
 mod collect;
 mod compare;
@@ -38,10 +38,12 @@ mod trend;
 
 #[cfg(any(test, feature = "query"))]
 pub use answer::{Answer, answer};
+pub use brief::{Brief, Briefs, PageOf, latest_briefs};
+pub use change_points::{FALSE_ALARM, Looks};
 pub use collect::{Collecting, collect, read_campaign};
-pub use compare::{PageOf, causes, compare};
+pub use compare::{causes, compare};
 pub use config::NightlyConfig;
-pub use dataset::{History, Latest, ReadRows, Run, latest_of};
+pub use dataset::{History, Latest, Run, latest_of};
 pub use diff::diff;
 pub use error::HistoryError;
 pub use fleet::{Aircraft, Fleet};
@@ -52,7 +54,7 @@ pub use query::Query;
 pub use row::{COLUMNS, Dimension, Row};
 pub use runs::{RunLine, runs};
 pub use schema::HISTORY_SCHEMA;
-pub use trend::{FALSE_ALARM, Trend, new_changes, trend};
+pub use trend::{Trend, new_changes, trend};
 
 /// The JSON schemas of the files of a night, with their files in the repository.
 #[cfg(feature = "schema")]

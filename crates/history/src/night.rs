@@ -1,9 +1,11 @@
 //! One night: every campaign, the history, what changed, trends, and whether settings held.
 
+use crate::brief::{Brief, latest_briefs};
+use crate::change_points::Looks;
 use crate::collect::{Collecting, collect, read_campaign};
 use crate::compare::compare;
 use crate::config::NightlyConfig;
-use crate::dataset::{History, Latest, Run, latest_of};
+use crate::dataset::{History, Latest, Run};
 use crate::error::HistoryError;
 use crate::proof::proofs;
 use crate::row::{Dimension, Row};
@@ -55,14 +57,13 @@ pub fn nightly(config: &NightlyConfig, desk: &Desk<'_>) -> Result<Night, History
     let is_used = |id: &str| nights.join(id).exists() || config.history.join(format!("{id}.parquet")).exists();
     let run = Run::unused(clock.0, &is_used);
     let names: BTreeSet<&str> = config.campaigns.iter().map(|(name, _)| name.as_str()).collect();
-    let known = history.rows(&|row| names.contains(row.campaign.as_str()))?;
-    let before = latest_of(known.rows.iter().cloned());
+    let known = history.briefs(&|campaign| names.contains(campaign))?;
     let mut made = Made { problems: known.unreadable, ..Made::default() };
     for (name, order) in &config.campaigns {
-        made.campaign(name, order, &Context { run: &run, config, before: &before, desk })?;
+        made.campaign(name, order, &Context { run: &run, config, history: &history, desk })?;
     }
-    let fresh: Vec<Row> = made.rows.iter().filter(|row| !stands(row, &before)).cloned().collect();
-    let record = record(config, &run, clock, &before, &known.rows, &fresh, made);
+    let fresh: Vec<Row> = made.rows.iter().filter(|row| !stands(row, &made.before)).cloned().collect();
+    let record = record(config, &run, clock, known.rows, &fresh, made);
     let exit = exit_of(record.exit);
     let folder = nights.join(&run.id);
     write(&record, config, &folder)?;
@@ -94,7 +95,7 @@ fn lock(out: &Path) -> Result<File, HistoryError> {
 struct Context<'a> {
     run: &'a Run,
     config: &'a NightlyConfig,
-    before: &'a Latest,
+    history: &'a History,
     desk: &'a Desk<'a>,
 }
 
@@ -103,6 +104,8 @@ struct Context<'a> {
 struct Made {
     campaigns: Vec<NightCampaign>,
     rows: Vec<Row>,
+    /// What the history says of the flights of these rows.
+    before: Latest,
     gone: Vec<NamedFlight>,
     left: Vec<LeftLog>,
     problems: Vec<String>,
@@ -132,11 +135,13 @@ impl Made {
     ) -> Result<(), HistoryError> {
         let record = read_campaign(&order.out)?;
         let fleet = &context.config.fleet;
-        let with = Collecting { run: context.run, campaign: name, fleet, known: context.before };
+        let now: BTreeSet<&str> = record.flights.iter().map(|row| row.flight.as_str()).collect();
+        let known = context.history.latest(name, &now)?;
+        let with = Collecting { run: context.run, campaign: name, fleet, known: &known };
         self.rows.extend(collect(&record, &order.out, &with)?);
+        self.before.extend(known);
         let left = left_of(name, &record);
         let is_left = |flight: &String| left.iter().any(|log| log.path == *flight);
-        let now: BTreeSet<&str> = record.flights.iter().map(|row| row.flight.as_str()).collect();
         let gone = earlier.iter().filter(|flight| !now.contains(flight.as_str()) && !is_left(flight));
         self.gone.extend(gone.map(|flight| NamedFlight {
             campaign: name.to_owned(),
@@ -189,17 +194,19 @@ fn record(
     config: &NightlyConfig,
     run: &Run,
     (started, clock): (jiff::Timestamp, Instant),
-    before: &Latest,
-    known: &[Row],
+    known: Vec<Brief>,
     fresh: &[Row],
     made: Made,
 ) -> NightRecord {
-    let page = |row: &Row| Some(format!("{}/{}", row.campaign, row.page)).filter(|_| !row.page.is_empty());
-    let mut changes = compare(before, &made.rows, &page);
+    let page = |campaign: &str, page: &str| Some(format!("{campaign}/{page}")).filter(|_| !page.is_empty());
+    let mut changes = compare(&made.before, &made.rows, &page);
     changes.gone = made.gone;
-    let earlier = trend(before, &Dimension::ALL, &page);
-    let all: Vec<Row> = known.iter().chain(fresh).cloned().collect();
-    let now = trend(&latest_of(all.iter().cloned()), &Dimension::ALL, &page);
+    let before = known.last().map(|row| row.run_id.to_string());
+    let charts = |rows: &[Brief]| trend(&latest_briefs(rows), &Dimension::ALL, Looks::Every, &page);
+    let earlier = charts(&known);
+    let mut all = known;
+    all.extend(fresh.iter().map(Brief::from));
+    let now = charts(&all);
     let mut record = NightRecord {
         record_version: RECORD_VERSION,
         title: config.title.clone(),
@@ -207,7 +214,7 @@ fn record(
         started: started.to_string(),
         seconds: clock.elapsed().as_secs_f64(),
         flightlag_version: env!("CARGO_PKG_VERSION").to_owned(),
-        before: known.last().map(|row| row.run_id.clone()),
+        before,
         exit: Exit::Well as u8,
         summary: vec![],
         campaigns: made.campaigns,

@@ -4,9 +4,8 @@
 //! run recommends a value from the lateness of the flights before. When later logs show that the parameter was set, their
 //! residual is measured and put beside the prediction.
 
+use crate::brief::{Brief, PageOf};
 use crate::change_points::{spread, weighted_mean};
-use crate::compare::{PageOf, name_of};
-use crate::row::Row;
 use record::{Estimate, ProofVerdict, SettingProof};
 use std::collections::BTreeMap;
 
@@ -24,19 +23,18 @@ type Subject<'a> = (&'a str, &'a str, &'a str, &'a str);
 struct Epoch<'a> {
     set_s: f64,
     /// The latest row of each flight.
-    latest: Vec<&'a Row>,
+    latest: Vec<&'a Brief>,
 }
 
 /// The state of each recommended setting. `rows` are all rows of all runs.
 #[must_use]
-pub fn proofs(rows: &[Row], page: PageOf<'_>) -> Vec<SettingProof> {
-    let mut subjects: BTreeMap<Subject<'_>, Vec<&Row>> = BTreeMap::new();
+pub fn proofs(rows: &[Brief], page: PageOf<'_>) -> Vec<SettingProof> {
+    let mut subjects: BTreeMap<Subject<'_>, Vec<&Brief>> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.duplicate_of.is_none()) {
         let Some(parameter) = row.parameter.as_deref() else { continue };
-        let text = |of: &'_ Option<String>| -> bool { of.is_some() };
-        let receiver = if text(&row.serial) { row.serial.as_deref() } else { row.receiver.as_deref() };
+        let receiver = row.serial.as_deref().or(row.receiver.as_deref());
         let subject = (
-            row.campaign.as_str(),
+            &*row.campaign,
             row.airframe.as_deref().unwrap_or_default(),
             receiver.or(row.group.as_deref()).unwrap_or_default(),
             parameter,
@@ -47,7 +45,7 @@ pub fn proofs(rows: &[Row], page: PageOf<'_>) -> Vec<SettingProof> {
 }
 
 /// The latest change of a setting, and the recommendation that is open.
-fn of_subject(subject: Subject<'_>, rows: &[&Row], page: PageOf<'_>) -> Vec<SettingProof> {
+fn of_subject(subject: Subject<'_>, rows: &[&Brief], page: PageOf<'_>) -> Vec<SettingProof> {
     let epochs = epochs(rows);
     let mut found = vec![];
     if let [.., before, after] = epochs.as_slice() {
@@ -60,16 +58,16 @@ fn of_subject(subject: Subject<'_>, rows: &[&Row], page: PageOf<'_>) -> Vec<Sett
 }
 
 /// Flights with a known value of the parameter, in the order in which they were flown, by value.
-fn epochs<'a>(rows: &[&'a Row]) -> Vec<Epoch<'a>> {
-    let mut latest: BTreeMap<&str, &Row> = BTreeMap::new();
+fn epochs<'a>(rows: &[&'a Brief]) -> Vec<Epoch<'a>> {
+    let mut latest: BTreeMap<&str, &Brief> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.parameter_s.is_some()) {
-        let known = latest.entry(row.flight.as_str()).or_insert(row);
+        let known = latest.entry(&row.flight).or_insert(row);
         if known.run_ns <= row.run_ns {
             *known = row;
         }
     }
-    let mut ordered: Vec<&Row> = latest.into_values().collect();
-    ordered.sort_by_key(|row| (row.flown_ns.unwrap_or(row.run_ns), &row.flight));
+    let mut ordered: Vec<&Brief> = latest.into_values().collect();
+    ordered.sort_by_key(|row| (row.order(), &row.flight));
     let mut epochs: Vec<Epoch<'_>> = vec![];
     for row in ordered {
         let Some(set_s) = row.parameter_s else { continue };
@@ -82,8 +80,8 @@ fn epochs<'a>(rows: &[&'a Row]) -> Vec<Epoch<'a>> {
 }
 
 /// What the last run before any of the later flights recommended for the earlier ones.
-fn recommendation<'a>(before: &Epoch<'_>, after: &Epoch<'_>, rows: &[&'a Row]) -> Option<&'a Row> {
-    let is_in = |epoch: &Epoch<'_>, row: &Row| epoch.latest.iter().any(|of| of.flight == row.flight);
+fn recommendation<'a>(before: &Epoch<'_>, after: &Epoch<'_>, rows: &[&'a Brief]) -> Option<&'a Brief> {
+    let is_in = |epoch: &Epoch<'_>, row: &Brief| epoch.latest.iter().any(|of| of.flight == row.flight);
     let first_run = rows.iter().filter(|row| is_in(after, row)).map(|row| row.run_ns).min()?;
     let earlier = rows.iter().filter(|row| row.run_ns < first_run && row.advised_s.is_some() && is_in(before, row));
     earlier.copied().max_by_key(|row| (row.run_ns, row.flown_ns))
@@ -93,7 +91,7 @@ fn tested(
     subject: Subject<'_>,
     before: &Epoch<'_>,
     after: &Epoch<'_>,
-    rows: &[&Row],
+    rows: &[&Brief],
     page: PageOf<'_>,
 ) -> Option<SettingProof> {
     let recommended = recommendation(before, after, rows)?;
@@ -102,7 +100,7 @@ fn tested(
     let less = |set_s: f64| Estimate { value: from.value - set_s, ..from };
     let before_s = (!is_automatic(parameter, before.set_s)).then(|| less(before.set_s));
     let predicted_s = less(if is_automatic(parameter, after.set_s) { advised_s } else { after.set_s });
-    let measuring: Vec<&&Row> = after
+    let measuring: Vec<&&Brief> = after
         .latest
         .iter()
         .filter(|row| {
@@ -120,14 +118,14 @@ fn tested(
         campaign: subject.0.to_owned(),
         of: label(subject),
         parameter: parameter.to_owned(),
-        recommended_by: recommended.run_id.clone(),
+        recommended_by: recommended.run_id.to_string(),
         was_s: Some(before.set_s),
         recommended_s: advised_s,
         set_s: Some(after.set_s),
         before_s,
         predicted_s,
         measured_s,
-        flights: measuring.iter().map(|row| name_of(row, page)).collect(),
+        flights: measuring.iter().map(|row| row.named(page)).collect(),
         verdict,
         words: String::new(),
     };
@@ -154,7 +152,7 @@ fn open(subject: Subject<'_>, last: &Epoch<'_>) -> Option<SettingProof> {
         campaign: subject.0.to_owned(),
         of: label(subject),
         parameter: subject.3.to_owned(),
-        recommended_by: recommended.run_id.clone(),
+        recommended_by: recommended.run_id.to_string(),
         was_s: Some(last.set_s),
         recommended_s: advised_s,
         set_s: None,
@@ -182,13 +180,13 @@ fn set_words(parameter: &str, set_s: f64) -> String {
 }
 
 /// The lateness that a recommendation follows from.
-fn lateness_from(row: &Row) -> Option<Estimate> {
+fn lateness_from(row: &Brief) -> Option<Estimate> {
     Some(Estimate { value: row.advised_from_s?, standard_uncertainty: row.advised_from_u_s })
 }
 
 /// Mean residual of some flights, with their spread.
-fn residual(rows: &[&&Row], set_s: f64) -> Option<Estimate> {
-    let of = |of: &dyn Fn(&Row) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
+fn residual(rows: &[&&Brief], set_s: f64) -> Option<Estimate> {
+    let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
     let (late, u) = (of(&|row| row.lateness_s), of(&|row| row.lateness_u_s));
     let (mean, u) = weighted_mean(&late, &u, spread(&late, &u))?;
     Some(Estimate { value: mean - set_s, standard_uncertainty: Some(u) })
@@ -243,6 +241,7 @@ pub(crate) fn with_u(estimate: &Estimate) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::row::Row;
 
     /// A flight of `uav-1` whose position is 118 ms late, in a log with this parameter.
     fn row(run: i64, day: i64, set_ms: f64, late_ms: f64) -> Row {
@@ -270,8 +269,12 @@ mod tests {
         (1..=5).map(|day| row(10, day, 220.0, 118.0 + (day % 3) as f64)).collect()
     }
 
+    fn briefs(rows: &[Row]) -> Vec<Brief> {
+        rows.iter().map(Brief::from).collect()
+    }
+
     fn only(rows: &[Row]) -> SettingProof {
-        let all = proofs(rows, &|_| None);
+        let all = proofs(&briefs(rows), &|_, _| None);
         assert_eq!(all.len(), 1, "{all:#?}");
         all.into_iter().next().unwrap()
     }
@@ -307,7 +310,7 @@ mod tests {
         let proof = only(&before());
         assert_eq!((proof.verdict, proof.set_s, proof.measured_s), (ProofVerdict::NotSet, None, None));
         let right: Vec<Row> = (1..=5).map(|day| row(10, day, 118.0, 118.0)).collect();
-        assert_eq!(proofs(&right, &|_| None), []);
+        assert_eq!(proofs(&briefs(&right), &|_, _| None), []);
     }
 
     #[test]
@@ -334,14 +337,14 @@ mod tests {
         // All flights are in one run: nothing was recommended before the later ones were flown.
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(10, day, 118.0, 118.0)));
-        assert_eq!(proofs(&rows, &|_| None), []);
+        assert_eq!(proofs(&briefs(&rows), &|_, _| None), []);
     }
 
     #[test]
     fn another_value_than_the_recommended_one_is_judged_by_its_own_prediction() {
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(20, day, 100.0, 118.0)));
-        let all = proofs(&rows, &|_| None);
+        let all = proofs(&briefs(&rows), &|_, _| None);
         assert_eq!(all.iter().map(|p| p.verdict).collect::<Vec<_>>(), [ProofVerdict::Pass, ProofVerdict::NotSet]);
         assert!((all[0].predicted_s.value - 0.0183).abs() < 1e-9);
         assert!(all[0].words.contains("118 ms was recommended."), "{}", all[0].words);

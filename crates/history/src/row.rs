@@ -3,7 +3,7 @@
 use convert::{Cells, Sheet};
 
 /// A value that a column can hold.
-trait Cell: Sized {
+pub(crate) trait Cell: Sized {
     fn gather(values: Vec<Self>) -> Cells;
     fn scatter(cells: Cells) -> Option<Vec<Self>>;
 }
@@ -102,7 +102,7 @@ macro_rules! row {
 }
 
 /// Takes a column out of a sheet.
-fn column<T: Cell>(sheet: &mut Sheet, name: &str) -> Result<Vec<T>, String> {
+pub(crate) fn column<T: Cell>(sheet: &mut Sheet, name: &str) -> Result<Vec<T>, String> {
     let at = sheet.columns.iter().position(|c| c.name == name).ok_or(format!("column {name} is missing"))?;
     T::scatter(sheet.columns.swap_remove(at).cells).ok_or(format!("column {name} holds another type, or has gaps"))
 }
@@ -240,6 +240,19 @@ impl Dimension {
         Dimension::Baud,
     ];
 
+    /// What it is.
+    #[must_use]
+    pub fn what(self) -> &'static str {
+        match self {
+            Dimension::Airframe => "Aircraft",
+            Dimension::Serial => "Serial number of the receiver",
+            Dimension::Receiver => "Make and model of the receiver",
+            Dimension::Firmware => "Firmware of the receiver",
+            Dimension::Rate => "Rate of the position",
+            Dimension::Baud => "Speed of the serial line",
+        }
+    }
+
     /// Its name on the command line and in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -255,19 +268,6 @@ impl Dimension {
 }
 
 impl Row {
-    /// The flight's value of a dimension; `None` where it is not known.
-    #[must_use]
-    pub fn of(&self, dimension: Dimension) -> Option<String> {
-        match dimension {
-            Dimension::Airframe => self.airframe.clone(),
-            Dimension::Serial => self.serial.clone(),
-            Dimension::Receiver => self.receiver.clone(),
-            Dimension::Firmware => self.firmware.clone(),
-            Dimension::Rate => self.rate_hz.map(|hz| format!("{hz} Hz")),
-            Dimension::Baud => self.baud.map(|baud| format!("{baud} baud")),
-        }
-    }
-
     /// Whether both rows say the same of the flight, whenever the runs were.
     #[must_use]
     pub fn says_the_same(&self, other: &Row) -> bool {

@@ -42,6 +42,11 @@ pub(crate) fn current(table: ReadTable) -> Result<Sheet, String> {
     }
 }
 
+/// Whether a table is of layout 1, whose columns have other names.
+pub(crate) fn is_of_layout_1(table: &ReadTable) -> bool {
+    table.about.get(SCHEMA_KEY).is_some_and(|said| said == "1")
+}
+
 /// Layout 1 gave instants as text (`flown_at`, `run_at`) and delays in milliseconds.
 fn from_1(mut sheet: Sheet) -> Result<Sheet, String> {
     let rows = sheet.rows();

@@ -1,16 +1,13 @@
 //! Control charts: the lateness of flights in the order in which they were flown, and where it changes.
 
-use crate::change_points::{ChangePoints, change_points, weighted_mean};
-use crate::compare::{PageOf, name_of};
-use crate::dataset::Latest;
-use crate::row::{Dimension, Row};
+use crate::brief::{Brief, PageOf};
+use crate::change_points::{ChangePoints, FALSE_ALARM, Looks, change_points, weighted_mean};
+use crate::row::Dimension;
 use record::{
     Estimate, NewTrendChange, RECORD_VERSION, TrendChange, TrendChart, TrendPoint, TrendRecord, TrendSegment,
 };
 use std::collections::BTreeMap;
 
-/// Probability that one chart without a change shows one, for one look at it.
-pub const FALSE_ALARM: f64 = 0.01;
 /// Fewest flights of a chart.
 const FEWEST: usize = 3;
 /// Most points that a chart lists, the newest.
@@ -30,17 +27,18 @@ pub struct Trend {
 /// What a chart is of: dimension, value, datum.
 type ChartKey = (Dimension, String, String);
 
-/// The control charts of the latest rows, by each of the dimensions.
+/// The control charts of the latest row of each flight, by each of the dimensions. The probability of a false alarm is that of one look, or
+/// of every look as the charts grow.
 #[must_use]
-pub fn trend(latest: &Latest, dimensions: &[Dimension], page: PageOf<'_>) -> Trend {
+pub fn trend(latest: &[&Brief], dimensions: &[Dimension], looks: Looks, page: PageOf<'_>) -> Trend {
     let mut left_out: BTreeMap<String, u64> = BTreeMap::new();
-    let mut series: BTreeMap<ChartKey, Vec<&Row>> = BTreeMap::new();
-    for row in latest.values() {
+    let mut series: BTreeMap<ChartKey, Vec<&Brief>> = BTreeMap::new();
+    for &row in latest {
         match why_not(row) {
             Some(why) => *left_out.entry(why.to_owned()).or_default() += 1,
             None => dimensions.iter().for_each(|&dimension| match row.of(dimension) {
                 Some(value) => {
-                    let datum = row.datum.clone().unwrap_or_default();
+                    let datum = row.datum.as_deref().unwrap_or_default().to_owned();
                     series.entry((dimension, value, datum)).or_default().push(row);
                 }
                 None => *left_out.entry(format!("without {}", dimension.name())).or_default() += 1,
@@ -53,13 +51,14 @@ pub fn trend(latest: &Latest, dimensions: &[Dimension], page: PageOf<'_>) -> Tre
             *left_out.entry(format!("on a chart of fewer than {FEWEST} flights")).or_default() += rows.len() as u64;
             continue;
         }
-        rows.sort_by_key(|row| (order_of(row), &row.campaign, &row.flight));
-        let (chart, spans) = chart(key, &rows, page);
+        rows.sort_by_key(|row| (row.order(), &row.campaign, &row.flight));
+        let (chart, spans) = chart(key, &rows, looks, page);
         trend.record.charts.push(chart);
         trend.spans.push(spans);
     }
     trend.record.record_version = RECORD_VERSION;
     trend.record.false_alarm = FALSE_ALARM;
+    trend.record.every_look = looks == Looks::Every;
     trend.record.left_out = left_out.into_iter().map(|(why, count)| format!("{count} {why}")).collect();
     trend
 }
@@ -82,7 +81,7 @@ pub fn new_changes(before: &Trend, now: &Trend) -> Vec<NewTrendChange> {
 }
 
 /// Why a flight is on no chart.
-fn why_not(row: &Row) -> Option<&'static str> {
+fn why_not(row: &Brief) -> Option<&'static str> {
     let known = row.lateness_s.is_some_and(f64::is_finite);
     let uncertain = row.lateness_u_s.is_some_and(|u| u.is_finite() && u > 0.0);
     match (known, uncertain) {
@@ -93,20 +92,20 @@ fn why_not(row: &Row) -> Option<&'static str> {
     }
 }
 
-/// When a flight was flown; where its log does not know the day, when it was first run.
-fn order_of(row: &Row) -> i64 {
-    row.flown_ns.unwrap_or(row.run_ns)
-}
-
-fn chart((dimension, value, datum): ChartKey, rows: &[&Row], page: PageOf<'_>) -> (TrendChart, Vec<(i64, i64)>) {
+fn chart(
+    (dimension, value, datum): ChartKey,
+    rows: &[&Brief],
+    looks: Looks,
+    page: PageOf<'_>,
+) -> (TrendChart, Vec<(i64, i64)>) {
     let number =
-        |of: &dyn Fn(&Row) -> Option<f64>| rows.iter().map(|row| of(row).unwrap_or_default()).collect::<Vec<f64>>();
+        |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().map(|row| of(row).unwrap_or_default()).collect::<Vec<f64>>();
     let (x, u) = (number(&|row| row.lateness_s), number(&|row| row.lateness_u_s));
-    let found = change_points(&x, &u, FALSE_ALARM);
+    let found = change_points(&x, &u, looks);
     let starts: Vec<usize> = [0].into_iter().chain(found.changes.iter().copied()).collect();
     let ends = found.changes.iter().copied().chain([rows.len()]);
     let parts: Vec<Part> = starts.iter().zip(ends).map(|(&from, to)| Part::of(from, to, (&x, &u), &found)).collect();
-    let named = |i: usize| name_of(rows[i], page);
+    let named = |i: usize| rows[i].named(page);
     let segments = parts.iter().map(|part| TrendSegment {
         first: named(part.from),
         last: named(part.to - 1),
@@ -115,7 +114,7 @@ fn chart((dimension, value, datum): ChartKey, rows: &[&Row], page: PageOf<'_>) -
     });
     let changes = (0..found.changes.len()).map(|k| change(k, &parts, &found, rows, page));
     let points = points(rows, (&x, &u), &parts, &found, page);
-    let spans = found.ranges.iter().map(|&(first, last)| (order_of(rows[first]), order_of(rows[last])));
+    let spans = found.ranges.iter().map(|&(first, last)| (rows[first].order(), rows[last].order()));
     let chart = TrendChart {
         dimension: dimension.name().to_owned(),
         value,
@@ -154,17 +153,17 @@ impl Part {
     }
 }
 
-fn change(k: usize, parts: &[Part], found: &ChangePoints, rows: &[&Row], page: PageOf<'_>) -> TrendChange {
+fn change(k: usize, parts: &[Part], found: &ChangePoints, rows: &[&Brief], page: PageOf<'_>) -> TrendChange {
     let (before, after) = (&parts[k], &parts[k + 1]);
     let step_s = after.mean_s - before.mean_s;
     let u_s = before.u_s.hypot(after.u_s);
     let (first, last) = found.ranges[k];
     let at = rows[found.changes[k]];
     TrendChange {
-        at: name_of(at, page),
+        at: at.named(page),
         flown_at: at.flown_ns.and_then(instant),
-        earliest: name_of(rows[first], page),
-        latest: name_of(rows[last], page),
+        earliest: rows[first].named(page),
+        latest: rows[last].named(page),
         step_s: Estimate { value: step_s, standard_uncertainty: Some(u_s) },
         sigmas: step_s / u_s,
         with_it: with_it(&rows[before.from..before.to], &rows[after.from..after.to]),
@@ -172,7 +171,7 @@ fn change(k: usize, parts: &[Part], found: &ChangePoints, rows: &[&Row], page: P
 }
 
 fn points(
-    rows: &[&Row],
+    rows: &[&Brief],
     (x, u): (&[f64], &[f64]),
     parts: &[Part],
     found: &ChangePoints,
@@ -184,7 +183,7 @@ fn points(
         let (centre_s, centre_u_s) = part.map_or((f64::NAN, 0.0), |part| (part.mean_s, part.u_s));
         let limit_s = LIMIT_SIGMAS * u[i].hypot(found.between).hypot(centre_u_s);
         TrendPoint {
-            flight: name_of(rows[i], page),
+            flight: rows[i].named(page),
             flown_at: rows[i].flown_ns.and_then(instant),
             lateness_s: Estimate { value: x[i], standard_uncertainty: Some(u[i]) },
             centre_s,
@@ -197,8 +196,8 @@ fn points(
 }
 
 /// What else most flights after a change have, and most flights before it had not.
-fn with_it(before: &[&Row], after: &[&Row]) -> Vec<String> {
-    type Fact = fn(&Row) -> Option<String>;
+fn with_it(before: &[&Brief], after: &[&Brief]) -> Vec<String> {
+    type Fact = fn(&Brief) -> Option<String>;
     let facts: [(&str, Fact); 10] = [
         ("airframe", |row| row.of(Dimension::Airframe)),
         ("serial", |row| row.of(Dimension::Serial)),
@@ -206,10 +205,10 @@ fn with_it(before: &[&Row], after: &[&Row]) -> Vec<String> {
         ("firmware", |row| row.of(Dimension::Firmware)),
         ("rate", |row| row.of(Dimension::Rate)),
         ("baud", |row| row.of(Dimension::Baud)),
-        ("autopilot firmware", |row| row.system_firmware.clone()),
+        ("autopilot firmware", |row| row.system_firmware.as_deref().map(str::to_owned)),
         ("settings", |row| row.settings_hash.get(..8).map(str::to_owned)),
         ("analysis", |row| Some(row.analysis_version.to_string())),
-        ("build", |row| Some(row.build.clone())),
+        ("build", |row| Some(row.build.to_string())),
     ];
     let changed = |(name, of): &(&str, Fact)| {
         let (was, is) = (most_frequent(before, *of), most_frequent(after, *of));
@@ -219,7 +218,7 @@ fn with_it(before: &[&Row], after: &[&Row]) -> Vec<String> {
     facts.iter().filter_map(changed).collect()
 }
 
-fn most_frequent(rows: &[&Row], of: fn(&Row) -> Option<String>) -> Option<String> {
+fn most_frequent(rows: &[&Brief], of: fn(&Brief) -> Option<String>) -> Option<String> {
     let mut counts: BTreeMap<Option<String>, usize> = BTreeMap::new();
     rows.iter().for_each(|row| *counts.entry(of(row)).or_default() += 1);
     counts.into_iter().max_by_key(|(_, count)| *count).and_then(|(value, _)| value)
@@ -233,7 +232,8 @@ pub(crate) fn instant(ns: i64) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::latest_of;
+    use crate::brief::latest_briefs;
+    use crate::row::Row;
 
     const DAY_NS: i64 = 86_400_000_000_000;
 
@@ -257,7 +257,8 @@ mod tests {
     }
 
     fn charts(rows: &[Row]) -> Trend {
-        trend(&latest_of(rows.iter().cloned()), &Dimension::ALL, &|row| Some(row.page.clone()))
+        let briefs: Vec<Brief> = rows.iter().map(Brief::from).collect();
+        trend(&latest_briefs(&briefs), &Dimension::ALL, Looks::Every, &|_, page| Some(page.to_owned()))
     }
 
     fn chart_of<'a>(trend: &'a Trend, dimension: &str) -> &'a TrendChart {

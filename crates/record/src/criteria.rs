@@ -36,6 +36,20 @@ pub enum CriterionVerdict {
     NotApplicable,
 }
 
+impl CriterionVerdict {
+    /// The verdict as tables give it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            CriterionVerdict::Fail => "fail",
+            CriterionVerdict::Inconclusive => "inconclusive",
+            CriterionVerdict::NotEvaluated => "not-evaluated",
+            CriterionVerdict::Pass => "pass",
+            CriterionVerdict::NotApplicable => "not-applicable",
+        }
+    }
+}
+
 /// Where a number must lie; the limits themselves are inside. SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
@@ -185,6 +199,15 @@ pub struct RowVerdicts {
     pub overall: CriterionVerdict,
     /// In the order of the file.
     pub each: Vec<RowVerdict>,
+}
+
+impl RowVerdicts {
+    /// Names of the criteria that fail, with spaces between.
+    #[must_use]
+    pub fn failed(&self) -> String {
+        let failed = self.each.iter().filter(|v| v.verdict == CriterionVerdict::Fail);
+        failed.map(|v| v.id.as_str()).collect::<Vec<_>>().join(" ")
+    }
 }
 
 /// One of them.

@@ -59,6 +59,32 @@ pub enum Outcome {
     },
 }
 
+impl Outcome {
+    /// The outcome as tables give it.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Outcome::Compensated => "compensated",
+            Outcome::Uncompensated { .. } => "uncompensated",
+            Outcome::NotMeasurable { .. } => "not-measurable",
+            Outcome::Pending { .. } => "pending",
+            Outcome::Failed { .. } => "failed",
+        }
+    }
+
+    /// Why the flight is not compensated; `None` if it is.
+    #[must_use]
+    pub fn reason(&self) -> Option<&str> {
+        match self {
+            Outcome::Compensated => None,
+            Outcome::Uncompensated { reason }
+            | Outcome::NotMeasurable { reason }
+            | Outcome::Pending { reason }
+            | Outcome::Failed { reason } => Some(reason),
+        }
+    }
+}
+
 /// Everything found about one flight. Free of times of day, hosts and folders, so that the
 /// same log, settings and analysis give the same bytes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

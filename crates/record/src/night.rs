@@ -205,8 +205,11 @@ pub struct TrendChart {
 pub struct TrendRecord {
     /// [`crate::RECORD_VERSION`].
     pub record_version: u32,
-    /// Probability that one chart without a change shows one, for one look at it.
+    /// Probability that one chart without a change shows one.
     pub false_alarm: f64,
+    /// Whether that is over every look as the chart grows, as a night needs it, and not for one look.
+    #[serde(default)]
+    pub every_look: bool,
     /// Charts by dimension and value.
     pub charts: Vec<TrendChart>,
     /// Flights that are on no chart, with the reason: `3 without a lateness`.

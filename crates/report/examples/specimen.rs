@@ -41,6 +41,7 @@ fn main() -> std::io::Result<()> {
             record,
             explorer: None,
             neighbours: [None; 2],
+            track_href: None,
             index_href: "../../index.html",
             command: "flightlag campaign flights --pipeline pipelines/replay.toml --out reports/goheung",
         };

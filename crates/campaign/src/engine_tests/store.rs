@@ -46,7 +46,7 @@ fn flip(path: &Path) {
 /// Files that a run keeps, of each kind.
 fn one_of_each_kind(bench: &Bench) -> Vec<PathBuf> {
     let stored = ["record.json", "track.parquet", "measured.json", "lateness.json", "files.json"];
-    let placed = ["flights/b.csv/index.html", "flights/b.csv/record.json", "flights/b.csv/track.parquet"];
+    let placed = ["flights/b.csv/index.html", "flights/b.csv/record.json"];
     let whole = ["flights.csv", "flights.parquet", "index.html", "campaign.json"];
     let of_results = stored.map(|base| bench.stored("b.csv", base));
     of_results.into_iter().chain(placed.iter().chain(&whole).map(|name| bench.out().join(name))).collect()
@@ -150,17 +150,29 @@ fn counts_for_the_exit_code_come_from_the_checked_record() {
 }
 
 #[test]
-fn files_of_a_flights_folder_are_copies_that_may_be_edited() {
+fn the_track_is_kept_once_and_the_page_links_to_it() {
     use std::os::unix::fs::MetadataExt;
     let bench = Bench::five();
     bench.run();
-    let (track, copy) = (bench.stored("b.csv", "track.parquet"), bench.out().join("flights/b.csv/track.parquet"));
-    assert_eq!([&track, &copy].map(|path| fs::metadata(path).unwrap().nlink()), [1, 1]);
-    let whole = fs::read(&track).unwrap();
-    fs::write(&copy, "edited in place").unwrap();
-    assert_eq!(fs::read(&track).unwrap(), whole);
+    let (track, page) = (bench.stored("b.csv", "track.parquet"), bench.out().join("flights/b.csv/index.html"));
+    let html = fs::read_to_string(&page).unwrap();
+    let link = html.split('"').find(|part| part.ends_with("/track.parquet")).unwrap();
+    assert_eq!(page.parent().unwrap().join(link).canonicalize().unwrap(), track.canonicalize().unwrap());
+    // A copy that an earlier flightlag left beside the page goes with that page.
+    let copy = page.with_file_name("track.parquet");
+    assert!(!copy.exists());
+    fs::write(&copy, "left by an earlier version").unwrap();
+    flip(&page);
+    bench.run();
+    assert!(!copy.exists());
+    // Whoever edits the record beside the page edits no result.
+    let (record, placed) = (bench.stored("b.csv", "record.json"), page.with_file_name("record.json"));
+    assert_eq!([&record, &placed].map(|path| fs::metadata(path).unwrap().nlink()), [1, 1]);
+    let (result, whole) = (fs::read(&record).unwrap(), fs::read(&placed).unwrap());
+    fs::write(&placed, "edited in place").unwrap();
+    assert_eq!(fs::read(&record).unwrap(), result);
     let again = bench.run();
-    assert!(again.started().is_empty() && fs::read(&copy).unwrap() == whole);
+    assert!(again.started().is_empty() && fs::read(&placed).unwrap() == whole);
 }
 
 #[test]

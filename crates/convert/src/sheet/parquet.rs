@@ -1,21 +1,24 @@
 //! Sheets as Parquet files. The one file that knows the `parquet` crate.
 
 use super::{Cells, Sheet, SheetColumn};
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Stored, ZstdLevel};
+use parquet::basic::{Compression, Encoding, LogicalType, Repetition, Type as Stored, ZstdLevel};
 use parquet::column::reader::get_typed_column_reader;
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
-use parquet::schema::types::{Type, TypePtr};
-use std::collections::BTreeMap;
+use parquet::schema::types::{ColumnPath, Type, TypePtr};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Write};
 use std::sync::Arc;
 
 /// Rows of a row group: a reader that wants a part of a long table reads no more than these at a time.
 const ROWS_OF_A_GROUP: usize = 1 << 18;
+
+/// Values of a column that are looked at for its encoding. Shorter columns have a dictionary.
+const LOOKED_AT: usize = 256;
 
 /// Writes a sheet. Bytes depend on the sheet and the build alone.
 ///
@@ -35,10 +38,19 @@ pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl
         return Err(io::Error::other(format!("column {} has {} rows, not {rows}", other.name, other.cells.len())));
     }
     let about: Vec<KeyValue> = about.iter().map(|(key, text)| KeyValue::new(key.clone(), text.clone())).collect();
-    let properties = WriterProperties::builder()
-        .set_compression(Compression::ZSTD(ZstdLevel::default()))
-        .set_key_value_metadata((!about.is_empty()).then_some(about))
-        .build();
+    let properties = sheet.columns.iter().fold(
+        WriterProperties::builder()
+            .set_compression(Compression::ZSTD(ZstdLevel::default()))
+            .set_key_value_metadata((!about.is_empty()).then_some(about)),
+        |properties, column| match encoding(&column.cells) {
+            Some(encoding) => {
+                let path = ColumnPath::from(column.name.as_str());
+                properties.set_column_dictionary_enabled(path.clone(), false).set_column_encoding(path, encoding)
+            }
+            None => properties,
+        },
+    );
+    let properties = properties.build();
     let mut writer = SerializedFileWriter::new(file, schema(sheet)?, Arc::new(properties))?;
     for from in (0..rows).step_by(ROWS_OF_A_GROUP) {
         let rows = from..rows.min(from + ROWS_OF_A_GROUP);
@@ -59,6 +71,23 @@ pub fn write_parquet_about(sheet: &Sheet, about: &[(String, String)], file: impl
     }
     writer.close()?;
     Ok(())
+}
+
+/// How the values of a column are laid out; `None` for a dictionary. Stamps rise by nearly the same step, and neighbouring numbers
+/// share their first bytes: so they take a quarter less.
+fn encoding(cells: &Cells) -> Option<Encoding> {
+    // Not one that is held, nor one of few values.
+    let is_varied = |values: &[Option<f64>]| {
+        let moves = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let step = values.len() / LOOKED_AT + 1;
+        let seen: BTreeSet<u64> = values.iter().step_by(step).flatten().map(|value| value.to_bits()).collect();
+        2 * moves > values.len() && 4 * seen.len() > LOOKED_AT
+    };
+    match cells {
+        Cells::I64(values) if values.len() > LOOKED_AT => Some(Encoding::DELTA_BINARY_PACKED),
+        Cells::F64(values) if values.len() > LOOKED_AT && is_varied(values) => Some(Encoding::BYTE_STREAM_SPLIT),
+        _ => None,
+    }
 }
 
 fn schema(sheet: &Sheet) -> io::Result<TypePtr> {
@@ -217,6 +246,31 @@ mod tests {
         assert_eq!(bits("nothing_m"), [None; 4]);
         let texts: Vec<Option<&str>> = frame.column("text").unwrap().str().unwrap().iter().collect();
         assert_eq!(texts, [Some(""), Some("Grüße, 高度"), None, Some("=1+1")]);
+    }
+
+    #[test]
+    fn a_long_table_is_packed_and_polars_and_we_read_it_to_the_bit() {
+        let count = 6000_i32;
+        let track = |i: i32| 100.0 * (f64::from(i) / 300.0).sin();
+        let mut sheet = Sheet::default();
+        let stamp = |i: i32| i64::from(i) * 10_000_000 + i64::from(i % 7);
+        sheet.push("stamp_ns", Cells::I64((0..count).map(|i| (i % 50 != 9).then(|| stamp(i))).collect()));
+        sheet.push("north_m", Cells::F64((0..count).map(|i| (i % 90 > 3).then(|| track(i))).collect()));
+        sheet.push("held_m", Cells::F64((0..count).map(|i| Some(track(i / 20))).collect()));
+        let bytes = |name: &str| {
+            let mut one = Sheet::default();
+            one.push(name, sheet.cells(name).unwrap().clone());
+            written(&one).1.len()
+        };
+        // Eight bytes a value; by a dictionary 5,733, 44,786 and 3,141 bytes.
+        let sizes = ["stamp_ns", "north_m", "held_m"].map(bytes);
+        println!("{sizes:?} bytes");
+        assert!(sizes[0] < 3_000 && sizes[1] < 38_000 && sizes[2] < 4_000, "{sizes:?}");
+        let (file, _) = written(&sheet);
+        let frame: DataFrame = ParquetReader::new(file.try_clone().unwrap()).finish().unwrap();
+        assert_eq!(bits(&read_parquet(file).unwrap().sheet), bits(&sheet));
+        assert_eq!(Cells::I64(frame.column("stamp_ns").unwrap().i64().unwrap().to_vec()), sheet.columns[0].cells);
+        assert_eq!(Cells::F64(frame.column("north_m").unwrap().f64().unwrap().to_vec()), sheet.columns[1].cells);
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub struct FlightPage<'a> {
     pub record: &'a FlightRecord,
     /// The rows of its replay, to zoom into; `None` if there are none.
     pub explorer: Option<&'a ExplorerRows>,
+    /// Path of its track from this page; `None` if it has none.
+    pub track_href: Option<&'a str>,
     /// Path of the campaign's page from this one, as `../../index.html`; not encoded yet.
     pub index_href: &'a str,
     /// Names and paths of the pages of the flights before and after this one; not encoded yet.

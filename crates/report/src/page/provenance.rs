@@ -5,7 +5,7 @@ use super::{
     FlightPage, command_block, estimate, files, pipeline_details, pipeline_rows, rows, sensor_name, table, versions,
 };
 use crate::number;
-use crate::text::shown;
+use crate::text::{href, shown};
 use crate::verdict;
 use maud::{Markup, html};
 use record::{CardUse, InputFile};
@@ -20,13 +20,14 @@ pub(super) fn section(page: &FlightPage) -> Markup {
     };
     html! {
         h2 id="provenance" { "Files and provenance" }
-        @if record.replay.is_some() {
-            (files(&["record.json", "track.parquet"]))
+        (files(&["record.json"]))
+        @if let Some(track) = page.track_href {
             p.note {
-                "The track for other programs, raw and compensated, from the folder of this page: "
+                "The track, raw and compensated: " a href=(href(track)) download="" { "track.parquet" }
+                ". For other programs, from the folder of this page: "
                 code { "flightlag export . --track --to geojson" } " (or kml, gpx, csv, mcap)."
             }
-        } @else { (files(&["record.json"])) }
+        }
         (inputs("Input files", &record.inputs))
         (table("Result", &[Text("Item"), Text("Value")], facts))
         (pipeline_details(&record.pipeline))

@@ -129,9 +129,14 @@ fn method(record: &TrendRecord) -> Markup {
     html! {
         p.note {
             "Each flight counts with its own uncertainty and the spread between flights. A change is a step of the mean that lowers \
-             the weighted sum of squares by more than a threshold; the threshold is found by simulation for each chart. A chart \
-             without a change shows one with a probability of " (number::percent(record.false_alarm)) " %, for one look. Fewer than three \
-             flights after a step are no change yet. ± is U with k = 2."
+             the weighted sum of squares by more than a threshold. A chart without a change shows one with a probability of at most \
+             about " (number::percent(record.false_alarm)) " %, "
+            @if record.every_look {
+                "over all nights together. `flightlag trend` looks once and shows smaller changes. "
+            } @else {
+                "for one look. Over many looks it is more: the page of a night has a higher threshold, which holds over all nights. "
+            }
+            "Fewer than three flights after a step are no change yet. ± is U with k = 2."
         }
     }
 }

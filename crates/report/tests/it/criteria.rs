@@ -14,6 +14,7 @@ fn page(record: &FlightRecord) -> String {
         record,
         explorer: None,
         neighbours: [None; 2],
+        track_href: None,
         index_href: "index.html",
         command: "c",
     });

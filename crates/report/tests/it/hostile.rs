@@ -86,6 +86,7 @@ fn site(record: &FlightRecord, text: &str) -> Site {
         record,
         explorer: None,
         neighbours: [None; 2],
+        track_href: None,
         index_href: text,
         command: text,
     })

@@ -12,6 +12,7 @@ fn site(record: &FlightRecord) -> Site {
         record,
         explorer: None,
         neighbours: [None; 2],
+        track_href: None,
         index_href,
         command: "flightlag campaign flights --out reports",
     })

@@ -11,6 +11,7 @@ fn page(record: &FlightRecord) -> String {
         record,
         explorer: None,
         neighbours: [None; 2],
+        track_href: None,
         index_href: "index.html",
         command: "c",
     });
@@ -71,6 +72,7 @@ fn the_figure_of_the_bands_is_drawn_below_the_motion() {
         record: &record,
         explorer: None,
         neighbours: [None; 2],
+        track_href: None,
         index_href: "index.html",
         command: "c",
     });

@@ -54,6 +54,7 @@ fn site(record: &FlightRecord) -> Site {
         record,
         explorer: None,
         neighbours: [None; 2],
+        track_href: None,
         index_href: "../../index.html",
         command: "flightlag",
     })

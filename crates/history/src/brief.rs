@@ -1,0 +1,236 @@
+//! What trends, latencies and proofs need of a row, in few bytes: a history of years has a million of them.
+
+use crate::dataset::History;
+use crate::error::HistoryError;
+use crate::row::{Dimension, Row, column};
+use crate::schema::{current, is_of_layout_1};
+use convert::{Sheet, read_parquet_columns};
+use record::NamedFlight;
+use std::collections::{HashMap, HashSet};
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A text that many rows share.
+type Shared = Option<Arc<str>>;
+
+/// The page of a flight of a campaign, relative to the page that names it.
+pub type PageOf<'a> = &'a dyn Fn(&str, &str) -> Option<String>;
+
+/// The struct, its columns, and how it is made of a row and of a sheet.
+macro_rules! brief {
+    (boxed { $($boxed:ident,)+ } own { $($own:ident: $kind:ty,)+ } one { $($one:ident,)+ } shared { $($shared:ident,)+ }) => {
+        /// Some columns of a [`Row`].
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Brief {
+            $(pub(crate) $boxed: Box<str>,)+
+            $(pub(crate) $own: $kind,)+
+            $(pub(crate) $one: Arc<str>,)+
+            $(pub(crate) $shared: Shared,)+
+        }
+
+        const COLUMNS: &[&str] = &[$(stringify!($boxed),)+ $(stringify!($own),)+ $(stringify!($one),)+ $(stringify!($shared),)+];
+
+        impl From<&Row> for Brief {
+            fn from(row: &Row) -> Brief {
+                Brief {
+                    $($boxed: row.$boxed.as_str().into(),)+
+                    $($own: row.$own,)+
+                    $($one: row.$one.as_str().into(),)+
+                    $($shared: row.$shared.as_deref().map(Into::into),)+
+                }
+            }
+        }
+
+        impl Texts {
+            /// # Errors
+            /// Names a column that is missing or holds something else.
+            fn briefs_of(&mut self, mut sheet: Sheet) -> Result<Vec<Brief>, String> {
+                let rows = sheet.rows();
+                $(let mut $boxed = column::<String>(&mut sheet, stringify!($boxed))?.into_iter();)+
+                $(let mut $own = column::<$kind>(&mut sheet, stringify!($own))?.into_iter();)+
+                $(let mut $one = column::<String>(&mut sheet, stringify!($one))?.into_iter();)+
+                $(let mut $shared = column::<Option<String>>(&mut sheet, stringify!($shared))?.into_iter();)+
+                let short = || "columns of unequal length".to_owned();
+                (0..rows)
+                    .map(|_| {
+                        Ok(Brief {
+                            $($boxed: $boxed.next().ok_or_else(short)?.into(),)+
+                            $($own: $own.next().ok_or_else(short)?,)+
+                            $($one: self.shared($one.next().ok_or_else(short)?),)+
+                            $($shared: $shared.next().ok_or_else(short)?.map(|text| self.shared(text)),)+
+                        })
+                    })
+                    .collect()
+            }
+        }
+    };
+}
+
+brief! {
+    boxed {
+        flight,
+        page,
+    }
+    own {
+        run_ns: i64,
+        flown_ns: Option<i64>,
+        analysis_version: i64,
+        rate_hz: Option<f64>,
+        baud: Option<i64>,
+        lateness_s: Option<f64>,
+        lateness_u_s: Option<f64>,
+        parameter_s: Option<f64>,
+        advised_s: Option<f64>,
+        advised_from_s: Option<f64>,
+        advised_from_u_s: Option<f64>,
+    }
+    one {
+        run_id,
+        campaign,
+        settings_hash,
+        build,
+    }
+    shared {
+        group,
+        airframe,
+        receiver,
+        firmware,
+        serial,
+        system_firmware,
+        datum,
+        parameter,
+        duplicate_of,
+    }
+}
+
+/// Texts that were met, each kept once.
+#[derive(Default)]
+struct Texts(HashSet<Arc<str>>);
+
+impl Texts {
+    fn shared(&mut self, text: String) -> Arc<str> {
+        if let Some(known) = self.0.get(text.as_str()) {
+            return Arc::clone(known);
+        }
+        let new: Arc<str> = text.into();
+        self.0.insert(Arc::clone(&new));
+        new
+    }
+}
+
+/// Rows that were read in brief, and files that could not be.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Briefs {
+    /// Rows, by run and then as they are in the file.
+    pub rows: Vec<Brief>,
+    /// Files that could not be read, each with the reason.
+    pub unreadable: Vec<String>,
+}
+
+impl History {
+    /// Every row of every run of the campaigns that are wanted.
+    ///
+    /// # Errors
+    /// The folder cannot be listed. A file that cannot be read is named in the answer.
+    pub fn briefs(&self, is_wanted: &dyn Fn(&str) -> bool) -> Result<Briefs, HistoryError> {
+        let mut all = Briefs::default();
+        let mut texts = Texts::default();
+        for path in self.files()? {
+            match read(&path, &mut texts) {
+                Ok(rows) => all.rows.extend(rows.into_iter().filter(|row| is_wanted(&row.campaign))),
+                Err(what) => all.unreadable.push(format!("{}: {what}", path.display())),
+            }
+        }
+        all.rows.sort_by_key(|row| row.run_ns);
+        Ok(all)
+    }
+}
+
+fn read(path: &Path, texts: &mut Texts) -> Result<Vec<Brief>, String> {
+    let open = || File::open(path).map_err(|e| format!("cannot be opened: {e}"));
+    let read = |is_wanted: &dyn Fn(&str) -> bool| {
+        read_parquet_columns(open()?, is_wanted).map_err(|e| format!("cannot be read: {e}"))
+    };
+    let mut table = read(&|name| COLUMNS.contains(&name))?;
+    if is_of_layout_1(&table) {
+        table = read(&|_| true)?;
+    }
+    texts.briefs_of(current(table)?)
+}
+
+/// The latest of the rows of each flight, by campaign and flight.
+#[must_use]
+pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
+    let mut latest: HashMap<(&str, &str), &Brief> = HashMap::with_capacity(rows.len());
+    for row in rows {
+        let known = latest.entry((&row.campaign, &row.flight)).or_insert(row);
+        if known.run_ns <= row.run_ns {
+            *known = row;
+        }
+    }
+    let mut latest: Vec<&Brief> = latest.into_values().collect();
+    latest.sort_unstable_by(|a, b| (&a.campaign, &a.flight).cmp(&(&b.campaign, &b.flight)));
+    latest
+}
+
+impl Brief {
+    /// The flight's value of a dimension; `None` where it is not known.
+    #[must_use]
+    pub fn of(&self, dimension: Dimension) -> Option<String> {
+        let text = |text: &Shared| text.as_deref().map(str::to_owned);
+        match dimension {
+            Dimension::Airframe => text(&self.airframe),
+            Dimension::Serial => text(&self.serial),
+            Dimension::Receiver => text(&self.receiver),
+            Dimension::Firmware => text(&self.firmware),
+            Dimension::Rate => self.rate_hz.map(|hz| format!("{hz} Hz")),
+            Dimension::Baud => self.baud.map(|baud| format!("{baud} baud")),
+        }
+    }
+
+    /// When the flight was flown; where its log does not know the day, when it was first run.
+    pub(crate) fn order(&self) -> i64 {
+        self.flown_ns.unwrap_or(self.run_ns)
+    }
+
+    /// The flight with its page.
+    pub(crate) fn named(&self, page: PageOf<'_>) -> NamedFlight {
+        let (campaign, flight) = (self.campaign.to_string(), self.flight.to_string());
+        NamedFlight { campaign, flight, page: page(&self.campaign, &self.page) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Run;
+
+    #[test]
+    fn a_brief_from_a_file_says_what_its_row_says() {
+        let folder = tempfile::tempdir().unwrap();
+        let history = History::new(folder.path());
+        let rows = [0, 86_400].map(|second| {
+            let run = Run::at(jiff::Timestamp::from_second(1_795_644_000 + second).unwrap());
+            let row = Row {
+                run_id: run.id.clone(),
+                run_ns: run.start_ns,
+                campaign: "c".into(),
+                flight: "a".into(),
+                page: "flights/a/index.html".into(),
+                serial: Some("D9".into()),
+                rate_hz: Some(5.0),
+                lateness_s: Some(0.118),
+                ..Row::default()
+            };
+            history.append(&run, std::slice::from_ref(&row)).unwrap();
+            row
+        });
+        let read = history.briefs(&|campaign| campaign == "c").unwrap();
+        assert_eq!(read, Briefs { rows: rows.iter().map(Brief::from).collect(), unreadable: vec![] });
+        assert!(Arc::ptr_eq(read.rows[0].serial.as_ref().unwrap(), read.rows[1].serial.as_ref().unwrap()));
+        assert_eq!(latest_briefs(&read.rows), [&read.rows[1]]);
+        assert_eq!(read.rows[0].of(Dimension::Rate).as_deref(), Some("5 Hz"));
+        assert_eq!(history.briefs(&|_| false).unwrap(), Briefs::default());
+    }
+}
