@@ -55,6 +55,7 @@ mod reports;
 mod results;
 mod run;
 mod schemas;
+mod sketch;
 mod slug;
 mod source;
 mod state;
