@@ -159,7 +159,12 @@ fn pages_of_a_bench_are_light_name_every_region_once_and_print_on_few_sheets() {
             if let Some(faults) = browser.accessibility_faults() {
                 assert_eq!(faults, Vec::<String>::new(), "{} at {width} px, {scheme}", page.display());
             }
+            browser.eval("document.querySelectorAll('details').forEach((d) => { d.open = true; })");
+            let (pixels, text) = browser.smallest_figure_text();
+            assert!(pixels >= 11.0, "{} at {width} px: {pixels:.1} px, {text}", page.display());
         }
+        // As it is printed by who has opened nothing.
+        browser.open(page, "");
         let labels = browser.eval(
             "[...document.querySelectorAll('[role=region],nav,section')].map((e) => e.getAttribute('aria-label'))",
         );

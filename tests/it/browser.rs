@@ -149,6 +149,33 @@ impl Browser {
         self.drag_with(from, to, 8);
     }
 
+    /// Fingers that go from one place each to another.
+    pub fn touch(&mut self, from: &[[f64; 2]], to: &[[f64; 2]]) {
+        let points = |share: f64| -> Vec<Value> {
+            let place = |(id, (a, b)): (usize, (&[f64; 2], &[f64; 2]))| json!({ "x": a[0] + share * (b[0] - a[0]), "y": a[1] + share * (b[1] - a[1]), "id": id });
+            from.iter().zip(to).enumerate().map(place).collect()
+        };
+        let mut act = |kind: &str, points: Vec<Value>| {
+            self.call("Input.dispatchTouchEvent", json!({ "type": kind, "touchPoints": points }));
+        };
+        act("touchStart", points(0.0));
+        (1..=4).for_each(|step| act("touchMove", points(f64::from(step) / 4.0)));
+        // The page draws once a frame.
+        self.eval("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))");
+        self.call("Input.dispatchTouchEvent", json!({ "type": "touchEnd", "touchPoints": [] }));
+    }
+
+    /// Smallest text of the figures of a page as it is drawn, CSS pixels, and which it is.
+    pub fn smallest_figure_text(&mut self) -> (f64, String) {
+        let found = self.eval(
+            "[...document.querySelectorAll('figure svg text')].filter((t) => t.getBoundingClientRect().width > 0).map((t) => { \
+             const svg = t.ownerSVGElement, scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width; \
+             return [parseFloat(getComputedStyle(t).fontSize) * scale, svg.closest('figure').id + ': ' + t.textContent]; }) \
+             .reduce((a, b) => (b[0] < a[0] ? b : a), [Infinity, ''])",
+        );
+        (found[0].as_f64().unwrap_or(f64::INFINITY), found[1].as_str().unwrap_or_default().to_owned())
+    }
+
     fn drag_with(&mut self, from: [f64; 2], to: [f64; 2], modifiers: u8) {
         let mut act = |kind: &str, [x, y]: [f64; 2], buttons: u8| {
             let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1, "modifiers": modifiers });

@@ -234,8 +234,20 @@ fn keys_walk_the_table_explain_a_flight_and_open_it() {
     browser.key("e");
     let why = browser.text("document.querySelector('#flights tr.why').textContent");
     assert!(why.contains("no channel map fits"), "{why}");
+    assert!(why.contains("No track to show"), "{why}");
     browser.key("e");
     assert_eq!(browser.number("document.querySelectorAll('#flights tr.why').length"), 0.0);
+    // A flight that was compensated shows where it flew, within 160 by 60 pixels.
+    browser.eval("document.querySelector('#flights tr[data-track] td').click()");
+    let drawn = "document.querySelector('#flights tr.why svg.sketch')";
+    let of = |browser: &mut Browser, side: &str| browser.number(&format!("{drawn}.getBoundingClientRect().{side}"));
+    assert_eq!((of(&mut browser, "width"), of(&mut browser, "height")), (160.0, 60.0));
+    let path = browser.eval(&format!(
+        "(({{ x, y, width, height }}) => [x, y, width, height])({drawn}.querySelector('path').getBBox())"
+    ));
+    let side = |k: usize| path[k].as_f64().unwrap();
+    assert!(side(0) >= 0.0 && side(1) >= 0.0 && side(0) + side(2) <= 87.0 && side(1) + side(3) <= 33.0, "{path}");
+    assert!(side(2) > 86.0 || side(3) > 32.0, "it fills one of both sides: {path}");
     browser.key("?");
     assert_eq!(browser.eval("document.querySelector('.controls .note').hidden"), false);
     browser.key("/");

@@ -198,6 +198,57 @@ fn a_reader_zooms_moves_and_points_and_track_and_numbers_follow() {
 }
 
 #[test]
+fn fingers_move_and_stretch_the_window_and_buttons_do_too() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make();
+    let (page, _) = report.flight("flight-0001");
+    explore(&mut browser, &page);
+    let whole = window(&mut browser);
+    browser.eval("document.getElementById('explorer').explorer.show(10, 30)");
+    // A quarter of the width to the left: the window moves as much to the right.
+    let (a, b) = (on_panel(&mut browser, 0, 0.5), on_panel(&mut browser, 0, 0.25));
+    browser.touch(&[a], &[b]);
+    let [from, to] = window(&mut browser);
+    assert!((from - 15.0).abs() < 0.2 && (to - 35.0).abs() < 0.2, "{from} to {to}");
+    // Fingers at 3/8 and 5/8 that end at 1/4 and 3/4: half the window about its middle.
+    let places = [0.375, 0.625, 0.25, 0.75].map(|share| on_panel(&mut browser, 0, share));
+    browser.touch(&places[..2], &places[2..]);
+    let [from, to] = window(&mut browser);
+    assert!((from - 20.0).abs() < 0.3 && (to - 30.0).abs() < 0.3, "{from} to {to}");
+    let mut press = |name: &str| {
+        browser.eval(&format!("document.querySelector('#explorer button[title=\"{name}\"]').click()"));
+        window(&mut browser)
+    };
+    let [a, b] = press("Zoom in");
+    assert!((a - from - 2.5).abs() < 0.2 && (to - b - 2.5).abs() < 0.2, "{a} to {b}");
+    let [a, b] = press("Zoom out");
+    assert!((b - a - (to - from)).abs() < 0.1, "{a} to {b}");
+    assert_eq!(press("The whole flight"), whole);
+    // It ends where the flight does, as wide as it was.
+    browser.eval("document.getElementById('explorer').explorer.show(2, 12)");
+    let (a, b) = (on_panel(&mut browser, 0, 0.2), on_panel(&mut browser, 0, 0.9));
+    browser.touch(&[a], &[b]);
+    let [from, to] = window(&mut browser);
+    assert!((from - whole[0]).abs() < 1e-6 && (to - from - 10.0).abs() < 1e-6, "{from} to {to}");
+    assert_eq!(browser.faults(), Vec::<String>::new());
+}
+
+#[test]
+fn words_of_figures_are_large_enough_to_be_read_at_every_width() {
+    let Some(mut browser) = Browser::start() else { return };
+    let report = Report::make();
+    for page in report.pages() {
+        for width in [1440, 1100, 940, 800, 400] {
+            browser.size(width, 900, "light");
+            browser.open(&page, "");
+            browser.eval("document.querySelectorAll('details').forEach((d) => { d.open = true; })");
+            let (pixels, text) = browser.smallest_figure_text();
+            assert!(pixels >= 11.0, "{} at {width} px: {pixels:.1} px, {text}", page.display());
+        }
+    }
+}
+
+#[test]
 fn a_wrong_fix_of_one_row_shows_at_every_zoom() {
     let Some(mut browser) = Browser::start() else { return };
     let report = Report::make();

@@ -16,7 +16,7 @@ use crate::references::{ChannelReference, ComponentReference, References};
 use crate::rig::Rig;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent};
 use crate::surroundings::{Surroundings, place_of};
-use crate::verdict::with_minus;
+use flight::with_minus;
 use flight::{Clock, Flight, Notices, Quantity, Severity, Stamp};
 use jiff::civil::Date;
 use record::{

@@ -1,7 +1,7 @@
 //! Whether the bar bends, and at which frequency it would ring (design note 1.6).
 
 use crate::alignment::estimate;
-use crate::verdict::with_minus;
+use flight::with_minus;
 use record::{Estimate, Finding, Flexibility};
 
 /// Modal factor Γ of tip deflection against root rotation, for tip masses from none to any: 1.1377 to 1.

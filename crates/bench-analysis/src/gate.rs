@@ -2,7 +2,7 @@
 
 use crate::kinematics::{BarState, specific_force};
 use crate::motion::Motion;
-use crate::verdict::with_minus;
+use flight::with_minus;
 use flight::{Channel, Flight, Quantity};
 use record::{GateCheck, QualityGate};
 use signal::power_spectrum;

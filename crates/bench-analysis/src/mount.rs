@@ -159,7 +159,7 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
     MountCheck {
         name,
         unit: "rad".to_owned(),
-        text: format!("{:.2}° away from the one in use ({source})", difference.to_degrees()),
+        text: format!("{}° away from the one in use ({source})", flight::fixed(difference.to_degrees(), 2)),
         fitted: Finding::Found(value),
         stated: Some(used.value),
         agrees: Some(agrees),

@@ -105,12 +105,7 @@ pub(crate) fn millis(seconds: f64) -> String {
         m if m >= 1.0 => 2,
         _ => 3,
     };
-    with_minus(&format!("{ms:.decimals$}"))
-}
-
-/// A number as text, with the minus sign U+2212.
-pub(crate) fn with_minus(number: &str) -> String {
-    number.replace('-', "\u{2212}")
+    flight::fixed(ms, decimals)
 }
 
 /// A probability as text: three decimals at most, and never 0.

@@ -266,7 +266,7 @@ fn late(case: &Case<'_>, delay_s: Estimate, source: String) -> Result<FoundDelay
 fn shown(delay_s: &Estimate) -> String {
     match delay_s.standard_uncertainty {
         Some(u) => milliseconds(delay_s.value, u),
-        None => format!("{:.1}", 1e3 * delay_s.value),
+        None => flight::fixed(1e3 * delay_s.value, 1),
     }
 }
 
@@ -279,7 +279,7 @@ pub(crate) fn milliseconds(seconds: f64, standard_uncertainty_s: f64) -> String 
         u if u >= 0.1 => 2,
         _ => 3,
     };
-    format!("{value:.digits$} ± {uncertainty:.digits$}")
+    format!("{} ± {uncertainty:.digits$}", flight::fixed(value, digits))
 }
 
 #[cfg(test)]

@@ -56,6 +56,7 @@ mod results;
 mod run;
 #[cfg(feature = "schema")]
 mod schemas;
+mod sketch;
 mod slug;
 mod source;
 mod state;

@@ -18,6 +18,7 @@ use crate::reports::{self, Summary};
 use crate::results;
 use crate::results::{Damaged, ResultFiles};
 use crate::run::write_run;
+use crate::sketch::sketch;
 use crate::slug::slugs;
 use crate::state::{PageState, State, WholeState};
 use crate::store::{Check, Files, Keep, Store};
@@ -720,6 +721,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         flown_at: record
             .began()
             .and_then(|t| Some(jiff::Timestamp::from_nanosecond(i128::from(t.0)).ok()?.to_string())),
+        track_sketch_m: record.drawable().and_then(|r| sketch(&r.lead.as_ref()?.track)),
         sweep: replay.and_then(|r| r.sweep.clone()),
         correction_rms_m: result("exact-async").map(|c| c.raw_minus_this_rms_m).and_then(known),
         raw_error_rms_m: error("raw").and_then(known),

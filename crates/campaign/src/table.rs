@@ -204,6 +204,7 @@ pub(crate) mod tests {
             delay_from: None,
             card_delay_s: None,
             flown_at: None,
+            track_sketch_m: None,
             sweep: None,
             correction_rms_m: Some(Estimate { value: 6.983_999_999_999_999, standard_uncertainty: None }),
             raw_error_rms_m: None,

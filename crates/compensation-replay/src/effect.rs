@@ -178,7 +178,7 @@ fn clearly_above(after: &Estimate, best_m: f64) -> bool {
 }
 
 fn ms(s: f64) -> String {
-    format!("{:.0} ms", 1e3 * s)
+    format!("{} ms", flight::fixed(1e3 * s, 0))
 }
 
 #[cfg(test)]

@@ -8,8 +8,7 @@ use record::{EffectName, NetworkDatum, NetworkVerdict};
 
 /// Milliseconds of seconds, as text.
 pub(crate) fn ms(seconds: f64) -> String {
-    let text = format!("{:.1}", 1e3 * seconds);
-    if text == "-0.0" { "0.0".to_owned() } else { text }
+    flight::fixed(1e3 * seconds, 1)
 }
 
 /// `a`, `a and b`, `a, b and c`.

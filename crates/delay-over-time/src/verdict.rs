@@ -225,7 +225,7 @@ pub(crate) fn plus_minus(e: Estimate) -> String {
     match e.standard_uncertainty {
         Some(u) => {
             let decimals = usize::from(2e3 * u < 9.95 && e.value.abs() < 0.0995);
-            format!("{:.decimals$} ± {:.decimals$} ms", 1e3 * e.value, 2e3 * u)
+            format!("{} ± {:.decimals$} ms", flight::fixed(1e3 * e.value, decimals), 2e3 * u)
         }
         None => milliseconds(e.value),
     }
@@ -238,5 +238,5 @@ pub(crate) fn milliseconds(s: f64) -> String {
 
 fn number(s: f64) -> String {
     let ms = 1e3 * s;
-    if ms.abs() < 9.95 { format!("{ms:.1}") } else { format!("{ms:.0}") }
+    flight::fixed(ms, usize::from(ms.abs() < 9.95))
 }

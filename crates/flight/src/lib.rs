@@ -21,6 +21,7 @@ mod geodesy;
 mod health;
 mod leap;
 mod notice;
+mod number;
 mod series;
 mod time;
 mod unit;
@@ -38,6 +39,7 @@ pub use leap::{
     unix_of_gps,
 };
 pub use notice::{Notice, Notices, Severity};
+pub use number::{fixed, with_minus};
 pub use series::{Series, SeriesError, Timeline};
 pub use time::{Clock, Delay, NANOS_PER_SECOND, Stamp, StampKind, UtcTie};
 pub use unit::{Dimension, Unit, UnknownUnit};

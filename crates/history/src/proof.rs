@@ -225,7 +225,7 @@ fn label((_, airframe, receiver, _): Subject<'_>) -> String {
 
 /// Seconds as milliseconds, for a sentence.
 pub(crate) fn millis(seconds: f64) -> String {
-    let text = format!("{:.1}", seconds * 1e3);
+    let text = flight::fixed(seconds * 1e3, 1);
     format!("{} ms", text.strip_suffix(".0").unwrap_or(&text))
 }
 
@@ -233,8 +233,8 @@ pub(crate) fn millis(seconds: f64) -> String {
 pub(crate) fn with_u(estimate: &Estimate) -> String {
     let value = estimate.value * 1e3;
     match estimate.standard_uncertainty {
-        Some(u) => format!("{value:.1} ± {:.1} ms", 2.0 * u * 1e3),
-        None => format!("{value:.1} ms"),
+        Some(u) => format!("{} ± {:.1} ms", flight::fixed(value, 1), 2.0 * u * 1e3),
+        None => format!("{} ms", flight::fixed(value, 1)),
     }
 }
 

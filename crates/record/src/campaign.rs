@@ -61,6 +61,10 @@ pub struct FlightRow {
     /// UTC instant at which the record begins, if its clock knows the day.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flown_at: Option<String>,
+    /// The compensated ground track in small, m: `east,north` of its points with blanks between them, and `;` where fixes are
+    /// missing. `None` where nothing was compensated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track_sketch_m: Option<String>,
     /// What other delays would have done.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep: Option<DelaySweep>,

@@ -45,7 +45,7 @@ const SPAN_LABEL: RGBColor = RGBColor(0x6b, 0x4a, 0x00);
 
 /// Every colour of a figure: as a file has it, and the CSS variable that stands for it on a page, so that dark mode and
 /// print restyle the figure with the rest.
-const PALETTE: [(&str, &str); 21] = [
+const PALETTE: [(&str, &str); 22] = [
     ("#1b1f24", "ink"),
     ("#57606a", "axis"),
     ("#e4e7eb", "grid"),
@@ -57,6 +57,7 @@ const PALETTE: [(&str, &str); 21] = [
     ("#b34e00", "line-pade_1_1"),
     ("#00785a", "line-truth"),
     ("#5aa7de", "pen-band"),
+    ("#3fa98c", "pen-true"),
     ("#cfe3f3", "pen-pale"),
     ("#7fa9c9", "pen-bars"),
     ("#9aa3ab", "pen-faint"),
@@ -96,6 +97,7 @@ fn look(pen: Pen, fine: bool) -> Look {
         Pen::Samples => line("#1b1f24", 5, 5),
         Pen::DoubtfulPoints => Look { hollow: true, ..line("#767f88", 13, 13) },
         Pen::Band => line("#5aa7de", 10, 6),
+        Pen::TrueBand => line("#3fa98c", 10, 6),
         Pen::Exact => line("#0072b2", 4, 3),
         Pen::Lead(level) => {
             let colours = ["#3b2f9e", "#7a1fa2", "#b12a90", "#d5455f", "#d9691e"];
@@ -280,7 +282,7 @@ fn shade(chart: &mut Chart, panel: &Panel, span: &Span) -> Result<(), Failure> {
             place if place > 0.85 => (span.to, HPos::Right),
             _ => (middle, HPos::Center),
         };
-        let style = font(22).color(&SPAN_LABEL).pos(Pos::new(anchor, VPos::Bottom));
+        let style = font(FONT).color(&SPAN_LABEL).pos(Pos::new(anchor, VPos::Bottom));
         chart.draw_series([Text::new(span.label.clone(), (at, panel.y.high), style)])?;
     }
     Ok(())
@@ -614,6 +616,7 @@ mod tests {
             Pen::Bars,
             Pen::Faint,
             Pen::Band,
+            Pen::TrueBand,
             Pen::Exact,
             Pen::Lead(0),
             Pen::Lead(4),

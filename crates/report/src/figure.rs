@@ -12,6 +12,7 @@ mod flight_delay;
 mod forest;
 mod monte_carlo;
 mod score;
+mod sketch;
 mod sweep;
 mod timeline;
 
@@ -26,6 +27,7 @@ pub(crate) use flight_delay::delay_over_time;
 pub(crate) use forest::{forest, trend};
 pub(crate) use monte_carlo::group_figure;
 pub(crate) use score::{bands_figure, budget_figure};
+pub(crate) use sketch::packed_sketch;
 pub(crate) use sweep::{objective_figure, sweep_figure};
 pub(crate) use timeline::timeline;
 
@@ -129,6 +131,8 @@ pub(crate) enum Pen {
     Faint,
     /// Wide and pale, drawn first so that what lies on it stays visible.
     Band,
+    /// The same in the green of references: where they truly are.
+    TrueBand,
     /// Unbroken, 2 px: the compensated position.
     Exact,
     /// Unbroken, 2 px, in one of [`LEADS`] colours, from little to much.

@@ -1,5 +1,6 @@
 //! Numbers as people read them: rounding by uncertainty, one minus sign, one clock.
 
+use flight::with_minus;
 use record::Estimate;
 
 /// The minus sign of all pages (U+2212), as wide as the plus.
@@ -91,22 +92,13 @@ fn rounded(value: f64, last: i32) -> String {
         return "not finite".to_owned();
     }
     if last < -9 || value.abs() >= 1e12 {
-        return with_minus(format!("{value:.2e}"));
+        return with_minus(&format!("{value:.2e}"));
     }
     if last <= 0 {
-        return with_minus(format!("{value:.*}", usize::try_from(-last).unwrap_or(0)));
+        return with_minus(&format!("{value:.*}", usize::try_from(-last).unwrap_or(0)));
     }
     let unit = 10f64.powi(last);
-    with_minus(format!("{:.0}", (value / unit).round() * unit))
-}
-
-/// The one minus sign; a negative zero is a zero.
-fn with_minus(text: String) -> String {
-    match text.strip_prefix('-') {
-        Some(rest) if rest.bytes().any(|b| (b'1'..=b'9').contains(&b)) => format!("{MINUS}{rest}"),
-        Some(rest) => rest.to_owned(),
-        None => text,
-    }
+    with_minus(&format!("{:.0}", (value / unit).round() * unit))
 }
 
 /// A count, in groups of three digits.

@@ -36,7 +36,7 @@ pub use monte_carlo::monte_carlo_site;
 pub use night::night_site;
 pub use reports::{REPORTS_TITLE, ReportEntry, reports_page};
 #[cfg(test)]
-pub(crate) use style::CSS;
+pub(crate) use style::{CSS, TABLE_SCRIPT};
 pub use trend::trend_site;
 
 use crate::draw;

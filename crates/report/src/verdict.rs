@@ -1,7 +1,7 @@
 //! Verdicts in words: the same on every page and figure.
 
 use crate::number;
-use record::{ChannelDynamics, DelayFinding, DelaySource, Estimate, Verdict};
+use record::{ChannelDynamics, DelayFinding, DelaySource, Estimate, GroupLateness, Verdict};
 
 /// A verdict as one or two words.
 pub(crate) fn word(verdict: Verdict) -> &'static str {
@@ -33,6 +33,20 @@ pub(crate) fn delay(found: &DelayFinding) -> Estimate {
     Estimate { value: found.delay.seconds(), standard_uncertainty: Some(found.standard_uncertainty_s) }
 }
 
+/// Probability below which flights are said to differ.
+pub(crate) const DIFFER_P: f64 = 0.01;
+
+/// Whether the lateness of a group is counted from a velocity, whose own lateness is not known.
+pub(crate) fn is_relative(group: &GroupLateness) -> bool {
+    group.against.starts_with("relative")
+}
+
+/// Whether the flights of a group differ so that no one number describes them.
+pub(crate) fn has_no_common_delay(group: &GroupLateness) -> bool {
+    let differ = group.difference.is_some_and(|test| test.p < DIFFER_P);
+    group.split.is_some() || group.lateness_s.is_some() && is_relative(group) && differ
+}
+
 /// Seconds as milliseconds.
 pub(crate) fn in_millis(seconds: &Estimate) -> Estimate {
     number::scaled(seconds, 1e3)
@@ -46,7 +60,7 @@ pub(crate) fn source_phrase(source: DelaySource) -> &'static str {
         DelaySource::Network => "the delay network",
         DelaySource::OthersFlights => "other flights of the group",
         DelaySource::OwnNetwork => "this flight's own lateness",
-        DelaySource::Flight => "position against velocity in this flight",
+        DelaySource::Flight => "position against velocity, one pair of this flight",
         DelaySource::Sweep => "best of the sweep",
     }
 }

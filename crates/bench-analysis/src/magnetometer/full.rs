@@ -208,13 +208,13 @@ impl FullFit {
         let stated =
             if self.is_stated { " Azimuths that the rig file states are taken as good to 0.5° (k = 1)." } else { "" };
         format!(
-            "From {} swings at {} azimuths: hard and soft iron of all axes, with the field's own direction (declination {:.2}°, \
-             dip {:.2}°) fitted along; the soft iron is scaled to determinant one. The mean of a swing is off the common \
+            "From {} swings at {} azimuths: hard and soft iron of all axes, with the field's own direction (declination {}°, \
+             dip {}°) fitted along; the soft iron is scaled to determinant one. The mean of a swing is off the common \
              fit by at most {:.2} times the rms of what is left. Uncertainties hold noise and azimuths.{stated}",
             swings.len(),
             self.azimuths,
-            wrapped(self.direction.declination).to_degrees(),
-            self.direction.dip.to_degrees(),
+            flight::fixed(wrapped(self.direction.declination).to_degrees(), 2),
+            flight::fixed(self.direction.dip.to_degrees(), 2),
             self.swings_apart / self.residual_rms.max(f64::MIN_POSITIVE),
         )
     }

@@ -52,8 +52,8 @@ fn in_plane(look: &Look<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
     let size = cos_0.hypot(sin_0);
     let scale = estimate(size, fit.spread_of_gravity(cos_0 / size, sin_0 / size));
     let pitched = format!(
-        "off the bar's line by {:.2}°: a lever arm off the axis, or the sensor pitched by as much",
-        crate::kinematics::wrapped(pitch).to_degrees()
+        "off the bar's line by {}°: a lever arm off the axis, or the sensor pitched by as much",
+        flight::fixed(crate::kinematics::wrapped(pitch).to_degrees(), 2)
     );
     let gravity =
         format!("gravity as measured over {:.5} m/s² ({})", look.around.gravity_mps2, look.around.gravity_source);

@@ -114,12 +114,12 @@ pub const METRICS: &[MetricEntry] = {
         entry(
             Metric::Delay,
             "delay",
-            "Td(position)",
+            "Td(position), one pair",
             Time,
             UNSURE,
             Pair,
             Signed,
-            "How late position is against velocity, measured from the flight itself; positive is late.",
+            "How late position is against velocity, from this one pair of the flight; positive is late. All pairs together: lateness.",
         ),
         entry(
             Metric::Lateness,
@@ -206,7 +206,7 @@ pub const METRICS: &[MetricEntry] = {
         entry(
             Metric::DelayExpandedUncertainty,
             "delay-expanded-uncertainty",
-            "U of Td(position)",
+            "U of Td(position), one pair",
             Time,
             PLAIN,
             Pair,

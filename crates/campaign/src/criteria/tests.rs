@@ -385,7 +385,7 @@ fn a_verdict_follows_from_interval_and_limit_in_the_unit_of_the_file() {
         assert_eq!((finding.unit.name.as_str(), finding.unit.si), ("ms", 1e-3));
     }
     let finding = judged(&one("delay", "at_most = \"150 ms\""), &record);
-    assert_eq!((finding.limit, finding.quantity.as_str()), (Limit::AtMost(0.15), "Td(position)"));
+    assert_eq!((finding.limit, finding.quantity.as_str()), (Limit::AtMost(0.15), "Td(position), one pair"));
 }
 
 #[test]
@@ -393,7 +393,7 @@ fn another_pair_is_judged_where_the_criterion_names_it() {
     let record = record();
     let of = |keys: &str| judged(&one("delay", &format!("at_most = \"1 s\"\n{keys}")), &record);
     assert_eq!(of("channel = \"position.ins\"").value.unwrap().value, 0.5);
-    assert_eq!(of("channel = \"position.ins\"").quantity, "Td(position), position.ins");
+    assert_eq!(of("channel = \"position.ins\"").quantity, "Td(position), one pair, position.ins");
     assert_eq!(of("against = \"velocity.ekf\"").value.unwrap().value, 0.4, "the replayed one of two");
     let missing = of("channel = \"position.none\"");
     assert_eq!(missing.verdict, CriterionVerdict::NotEvaluated);

@@ -60,10 +60,10 @@ fn by_frequency(found: &mut MeasuredDelay, view: &View) -> f64 {
         return 0.0;
     }
     found.alarms.push(format!(
-        "the delay depends on frequency: {:.0} ms in slow motion, {:.0} ms in fast (different by {:.0} ± {:.0} ms; the \
+        "the delay depends on frequency: {} ms in slow motion, {} ms in fast (different by {:.0} ± {:.0} ms; the \
          border is about {:.2} Hz). It is no pure delay, as behind a filter",
-        1e3 * bands.slow_s,
-        1e3 * bands.fast_s,
+        flight::fixed(1e3 * bands.slow_s, 0),
+        flight::fixed(1e3 * bands.fast_s, 0),
         1e3 * apart_s.abs(),
         1.96e3 * u,
         bands.border_hz

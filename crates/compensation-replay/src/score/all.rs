@@ -126,7 +126,7 @@ fn fits(played: &Played, updates: &Updates) -> Vec<Fit> {
     let mut fitter = TrackFitter::new(&played.input.velocity);
     let fit = |track: &Positions| {
         if track.further.is_none() && track.delay.seconds() > played.settings.delay.seconds() {
-            return Err("set to be right on the mean between two fixes; only fresh fixes are looked at".to_owned());
+            return Err("tuned for the average between two fixes, and this test uses fresh fixes only".to_owned());
         }
         let expected_s = if track.is_raw() { played.settings.delay.seconds() } else { 0.0 };
         fitter.fit(updates.horizontal(track), expected_s)

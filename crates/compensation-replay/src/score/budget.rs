@@ -118,10 +118,12 @@ impl Ground<'_> {
             Some(seen) => term(
                 name,
                 Finding::Found(self.way_m * ((set_s + seen.value) / set_s).abs()),
-                "way flown in Td and the age of the fix, from velocity, in proportion to the lateness of the position, \
+                "distance flown in Td and the age of the fix, from velocity, in proportion to the lateness of the position, \
                  which differs from the delay set by more than two standard uncertainties",
             ),
-            None => term(name, Finding::Found(self.way_m), "way flown in Td and the age of the fix, from velocity"),
+            None => {
+                term(name, Finding::Found(self.way_m), "distance flown in Td and the age of the fix, from velocity")
+            }
         }
     }
 

@@ -24,7 +24,7 @@ pub(super) fn foxglove(track: &Track) -> String {
             })
         };
         json!({
-            "title": format!("{field} (deg)"), "paths": COLOURS.iter().enumerate().map(path).collect::<Vec<_>>(),
+            "foxglovePanelTitle": format!("{field} (deg)"), "lichtblickPanelTitle": format!("{field} (deg)"), "paths": COLOURS.iter().enumerate().map(path).collect::<Vec<_>>(),
             "xAxisVal": "timestamp", "isSynced": true, "showXAxisLabels": true, "showYAxisLabels": true,
             "showLegend": true, "legendDisplay": "floating", "showPlotValuesInLegend": true, "sidebarDimension": 240,
         })

@@ -3,6 +3,7 @@
 mod export;
 mod flight;
 mod guard;
+mod layouts;
 mod original;
 mod recover;
 mod track;

@@ -9,7 +9,7 @@ const START_NS: i64 = 1_777_896_000_000_000_000;
 
 /// Ten seconds at 10 Hz, north along the meridian of 8° east; raw is 1e-4° behind. No compensated place at first, nor from
 /// 5 s to 6 s.
-fn write(path: &Path, has_utc: bool) {
+pub fn write(path: &Path, has_utc: bool) {
     let t: Vec<f64> = (0..100).map(|n| f64::from(n) / 10.0).collect();
     let utc = t.iter().map(|t| has_utc.then_some(START_NS + (t * 1e9).round() as i64)).collect();
     let column = |of: &dyn Fn(f64) -> Option<f64>| Cells::F64(t.iter().map(|&t| of(t)).collect());

@@ -43,7 +43,7 @@ pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
         how_to_read: "Good: the full point lies left of the ring. Bad: it lies right of it. Against a reference where the log \
                       has one, else by the lateness that is left.",
         panels: vec![Panel::of(x, flights_axis(&names), lines)],
-        panel_size: (620, 24 + 15 * rows.len() as u32),
+        panel_size: (540, 24 + 15 * rows.len() as u32),
         fine: true,
     })
 }

@@ -51,7 +51,7 @@ pub(crate) fn control_chart(chart: &TrendChart, number: u32) -> Option<Figure> {
                       or receiver), and rings, which differ from the flights before and after them. About 3 flights of 1000 lie \
                       outside by chance. Point at a flight for its name.",
         panels: vec![Panel { names, spans, ..Panel::of(x, y, lines) }],
-        panel_size: (620, 220),
+        panel_size: (540, 220),
         fine: chart.points.len() > 150,
     })
 }

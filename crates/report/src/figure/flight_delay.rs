@@ -36,7 +36,7 @@ pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay) -> Option
         id: "delay-over-time".to_owned(),
         number: 0,
         title: format!(
-            "Over the whole flight {}\u{a0}ms{}",
+            "This pair alone: {}\u{a0}ms over the whole flight{}",
             number::with_uncertainty(&number::scaled(&found.delay_s, 1e3)),
             if found.alarm.is_some() { "; the windows do not agree on one delay" } else { "" }
         ),

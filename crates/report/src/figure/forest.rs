@@ -4,7 +4,7 @@ use super::axis::Tick;
 use super::{Axis, Figure, Line, Mark, Panel, Pen, extent, is_drawable, outline, stroke, upright};
 use crate::number::{self, COVERAGE_FACTOR};
 use crate::text::label;
-use crate::verdict::in_millis;
+use crate::verdict::{has_no_common_delay, in_millis, is_relative};
 use record::{CampaignRecord, ControlPoint, Estimate, FlightRow, GroupLateness};
 
 /// Flights in a figure with a row for each: the newest. The table has all.
@@ -14,7 +14,7 @@ const MOST_OTHERS: usize = 60;
 /// Most groups over the date, each in a panel of its own.
 const MOST_PANELS: usize = 4;
 /// Most points of a group whose names show when one points at them: the newest.
-const MOST_NAMED: usize = 60;
+const MOST_NAMED: usize = 30;
 
 /// The newest flights, and every older one that stands out, the newest first; and how many are left out.
 pub(super) fn newest(
@@ -61,8 +61,8 @@ pub(super) fn missing_words(missing: usize, which: &str) -> String {
 /// A row of the forest.
 enum Row<'a> {
     Flight(&'a FlightRow, Estimate),
-    /// After the flights of a group.
-    Mean(&'a GroupLateness, Estimate),
+    /// After the flights of a group; without a number where none describes them all.
+    Mean(&'a GroupLateness, Option<Estimate>),
 }
 
 /// Flights by group, the newest first, each group with its mean.
@@ -87,12 +87,12 @@ impl<'a> Forest<'a> {
         for k in (0..groups.len()).map(Some).chain([None]) {
             let members = placed.iter().filter(|(group, _)| *group == k);
             let flights: Vec<Row<'_>> = members.filter_map(|(_, row)| Some(Row::Flight(row, late(row)?))).collect();
-            let mean = k
-                .and_then(|k| Some((groups[k], in_millis(&groups[k].lateness_s?))))
-                .filter(|(_, e)| is_drawable(e.value));
             let has_mean = flights.len() > 1;
             out.rows.extend(flights);
-            out.rows.extend(mean.filter(|_| has_mean).map(|(group, mean)| Row::Mean(group, mean)));
+            if let Some(group) = k.map(|k| groups[k]).filter(|group| has_mean && group.lateness_s.is_some()) {
+                let mean = group.lateness_s.filter(|_| !has_no_common_delay(group)).map(|e| in_millis(&e));
+                out.rows.push(Row::Mean(group, mean.filter(|e| is_drawable(e.value))));
+            }
         }
         out
     }
@@ -109,7 +109,10 @@ impl<'a> Forest<'a> {
     fn names(&self) -> Vec<String> {
         let name = |row: &Row<'_>| match row {
             Row::Flight(row, _) => row_name(&row.flight),
-            Row::Mean(group, _) => format!("mean: {}", ending(&label(&group.group.name), 20)),
+            Row::Mean(group, mean) => {
+                let words = if mean.is_some() { "mean" } else { "differ" };
+                format!("{words}: {}", ending(&label(&group.group.name), 20))
+            }
         };
         self.rows.iter().map(name).collect()
     }
@@ -139,11 +142,11 @@ impl<'a> Forest<'a> {
     /// The mean of each group with its expanded uncertainty.
     fn means(&self) -> Vec<Vec<(f64, f64)>> {
         let bar = |(y, row): (f64, &Row<'_>)| match row {
-            Row::Mean(_, mean) => {
+            Row::Mean(_, Some(mean)) => {
                 let half = COVERAGE_FACTOR * mean.standard_uncertainty.unwrap_or(0.0);
                 is_drawable(half).then(|| vec![(mean.value - half, y - 0.3), (mean.value + half, y + 0.3)])
             }
-            Row::Flight(..) => None,
+            Row::Mean(_, None) | Row::Flight(..) => None,
         };
         self.placed().filter_map(bar).collect()
     }
@@ -167,11 +170,11 @@ impl<'a> Forest<'a> {
         let mark = |(y, row): (f64, &Row<'_>)| {
             let (name, e) = match row {
                 Row::Flight(row, e) => (&row.flight, e),
-                Row::Mean(group, e) => (&group.group.name, e),
+                Row::Mean(group, e) => (&group.group.name, e.as_ref()?),
             };
-            Mark { at: (e.value, y), label: format!("{}: {} ms", label(name), number::with_uncertainty(e)) }
+            Some(Mark { at: (e.value, y), label: format!("{}: {} ms", label(name), number::with_uncertainty(e)) })
         };
-        self.placed().map(mark).collect()
+        self.placed().filter_map(mark).collect()
     }
 }
 
@@ -193,14 +196,19 @@ pub(crate) fn forest(record: &CampaignRecord) -> Option<Figure> {
         number: 0,
         title: "How late each position is".to_owned(),
         caption: format!(
-            "Lateness (ms) of {}, by group, the newest first.{}",
+            "Lateness (ms) of {}, by group, the newest first{}.{}",
             number::counted(forest.flights as u64, "flight", "flights"),
+            if record.groups.iter().any(is_relative) {
+                "; relative to the velocity where nothing ties a flight to true time"
+            } else {
+                ""
+            },
             missing_words(forest.missing, "the oldest that agree with their group")
         ),
         how_to_read: "Good: the bars of a group reach the mean below them. Bad: a flight whose bar does not (another cable, \
                       rate or firmware), and a grey ring far from its point (a wrong delay was removed).",
         panels: vec![named],
-        panel_size: (620, 24 + 15 * forest.rows.len() as u32),
+        panel_size: (540, 24 + 15 * forest.rows.len() as u32),
         fine: true,
     })
 }
@@ -255,7 +263,7 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
                       rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The caps are far apart where a \
                       flight says little. Point at a flight for its name.",
         panels,
-        panel_size: (620, height.max(110)),
+        panel_size: (540, height.max(110)),
         fine: drawn > 150,
     })
 }

@@ -95,7 +95,7 @@ pub(crate) fn objective_figure(pair: &PairDelay, found: &MeasuredDelay) -> Optio
         id: "delay-objective".to_owned(),
         number: 0,
         title: format!(
-            "Least at {}\u{a0}ms{}",
+            "This pair alone: least at {}\u{a0}ms{}",
             number::with_uncertainty(&number::scaled(&found.delay_s, 1e3)),
             if found.rival_s.is_some() { ", and another that is almost as deep" } else { "" }
         ),

@@ -110,7 +110,7 @@
         scales: { x: { time: false, range: () => view } },
         axes: [{ ...axis, show: isLast, size: isLast ? 36 : 0, values: (u, at) => at.map((v) => `${+v.toFixed(3)} s`) }, { ...axis, size: 64, values: (u, at) => at.map((v) => minus(String(+v.toPrecision(6)))) }],
         cursor: { sync: { key: sync.key }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => { show(...whole); return null; } } },
-        series: [{}, { ...none, label: "reference", show: visible[0], stroke: css("line-truth"), width: 5, alpha: 0.45 }, { ...none, label: "shifted", show: visible[1], stroke: css("line-pade_1_1"), width: 2, dash: [7, 4] }, { ...dots, show: visible[2] }],
+        series: [{}, { ...none, label: "reference", show: visible[0], stroke: css("pen-true"), width: 5 }, { ...none, label: "shifted", show: visible[1], stroke: css("line-pade_1_1"), width: 2, dash: [7, 4] }, { ...dots, show: visible[2] }],
         hooks: {
           setSelect: [(u) => {
             const { left, width } = u.select;
@@ -156,6 +156,7 @@
     event.preventDefault();
     show(...moves);
   });
+  fingers(panels, whole, () => view, show);
   box.hidden = false;
   build();
   shift(all[0].found_ms ?? 0);

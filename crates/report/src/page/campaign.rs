@@ -11,7 +11,6 @@ pub(super) use cards::p_value;
 pub use excerpts::{TrackExcerpt, excerpt_flights};
 pub use flights::TABLE_FOLDER;
 
-use self::cards::is_relative;
 use super::Head::Text;
 use super::{
     Needs, badge, command_block, criteria, document, estimate, figure, files, finding, more, no_number,
@@ -21,11 +20,11 @@ use crate::figure::{Figure, effects, forest, trend, valley};
 use crate::number;
 use crate::site::Site;
 use crate::text::shown;
-use crate::verdict::in_millis;
+use crate::verdict::{DIFFER_P, in_millis, is_relative};
 use maud::{Markup, html};
 use record::{
     CampaignDelay, CampaignRecord, ControlPoint, CriterionVerdict, DelayOverFlights, EffectVerdict, Estimate, Finding,
-    FlightRow, Gravity, GroupLateness, Outcome, flight_alarms,
+    FlightHomogeneity, FlightRow, Gravity, GroupLateness, Outcome, flight_alarms,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -128,6 +127,7 @@ fn body(record: &CampaignRecord, figures: &Figures<'_>, excerpts: &[TrackExcerpt
             p.note { (shown(&record.pipeline.title)) }
             (answer(record))
             (todo::todo(record))
+            (cards::others(record))
             p { a href="since-last-run.html" { "What changed since the last run" } }
             div.side-by-side {
                 @for column in figures.columns(record.flights.len()) { div { @for of in column { (figure(of)) } } }
@@ -155,23 +155,25 @@ fn short_name(figure: &Figure) -> &str {
 
 fn answer(record: &CampaignRecord) -> Markup {
     let t = &record.totals;
+    let is_removed = record.flights.iter().any(|r| r.delay_s.is_some());
+    let measured = if is_removed { "measured with nothing removed" } else { "measured" };
     html! {
         p.answer {
             @if t.helped > 0 || t.harmed > 0 { b { "Helped " (number::count(t.helped)) " of " (number::counted(t.flights, "flight", "flights")) } }
-            @else if record.flights.iter().any(|r| r.delay_s.is_some()) {
+            @else if is_removed {
                 b { (number::counted(t.flights, "flight", "flights")) ", no removal helped or harmed" }
             } @else { b { (number::counted(t.flights, "flight", "flights")) ", nothing was removed" } }
             @if t.harmed > 0 { ", " (badge("bad", "✗", "HARMED")) " " b { (number::count(t.harmed)) } }
             @if t.varying > 0 { ", " (number::count(t.varying)) " with a delay that changes" }
             @for (count, words) in [
-                (t.uncompensated, "measured with nothing removed"), (t.not_measurable, "not measurable"), (t.pending, "pending"),
+                (t.uncompensated, measured), (t.not_measurable, "not measurable"), (t.pending, "pending"),
                 (t.failed, "failed"), (t.lossy, "with damaged logs"),
             ] { @if count > 0 { ", " (number::count(count)) " " (words) } }
             "; " (number::bytes(t.bytes)) " of logs"
             @if t.duration_s > 0.0 { ", " (number::lasting(t.duration_s)) " compensated" }
             ". ± is U with k\u{a0}=\u{a0}2."
         }
-        (cards::cards(record))
+        (cards::first(record))
     }
 }
 
@@ -227,11 +229,16 @@ fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Fig
     let outside: Vec<&ControlPoint> = delay.control.iter().filter(|p| p.is_outside).collect();
     html! {
         h3 { bdi { (shown(&group.group.name)) } }
-        p {
-            @if is_relative(group) { "Mean difference of the flights: " } @else { "Position later than velocity: " }
-            (finding(&delay.measured, |found| over_flights(found, delay.card_s.as_ref()))) "."
+        @match delay.measured.found().and_then(|found| Some((found, found.homogeneity.filter(|h| h.p < DIFFER_P)?))) {
+            Some((found, test)) => { (no_common_delay(found, &test, delay.card_s.as_ref())) }
+            None => {
+                p {
+                    @if is_relative(group) { "Mean difference of the flights: " } @else { "Position later than velocity: " }
+                    (finding(&delay.measured, |found| over_flights(found, delay.card_s.as_ref()))) "."
+                }
+                (homogeneity(delay.measured.found()))
+            }
         }
-        (homogeneity(delay.measured.found()))
         @if delay.measured != delay.swept {
             p { "Best delays of the flights' sweeps: " (finding(&delay.swept, |found| over_flights(found, delay.card_s.as_ref()))) "." }
         }
@@ -253,15 +260,36 @@ fn group_delay(group: &GroupLateness, delay: &CampaignDelay, valley: Option<&Fig
     }
 }
 
+/// Where the flights differ, their mean describes none of them, and is no headline.
+fn no_common_delay(found: &DelayOverFlights, test: &FlightHomogeneity, card: Option<&Estimate>) -> Markup {
+    html! {
+        p {
+            b { "No common delay" }
+            @if let Some(between) = found.between_s { ": the flights differ by " (plain(between * 1e3, 2)) "\u{a0}ms, 1\u{a0}σ" }
+            " (χ² = " (plain(test.chi2, 3)) ", " (number::counted(test.degrees_of_freedom, "degree", "degrees")) " of freedom, "
+            (cards::p_value(test.p)) "). Their mean, " (estimate(&in_millis(&found.delay_s))) "\u{a0}ms over "
+            (number::counted(found.flights, "flight", "flights")) ", describes none of them"
+            (against_card(found, card)) "."
+        }
+    }
+}
+
 fn over_flights(found: &DelayOverFlights, card: Option<&Estimate>) -> Markup {
-    let e_n = card
-        .filter(|_| found.delay_s.standard_uncertainty.is_some())
-        .and_then(|card| found.delay_s.normalised_difference(card));
     html! {
         b { (estimate(&in_millis(&found.delay_s))) "\u{a0}ms" } " over " (number::counted(found.flights, "flight", "flights"))
         @if let Some(between) = found.between_s {
             ", spread between flights beyond their own uncertainties " (plain(between * 1e3, 2)) "\u{a0}ms"
         }
+        (against_card(found, card))
+    }
+}
+
+/// What the sensor card has, and whether that agrees.
+fn against_card(found: &DelayOverFlights, card: Option<&Estimate>) -> Markup {
+    let e_n = card
+        .filter(|_| found.delay_s.standard_uncertainty.is_some())
+        .and_then(|card| found.delay_s.normalised_difference(card));
+    html! {
         @if let (Some(card), Some(e_n)) = (card, e_n) {
             "; the sensor card has " (estimate(&in_millis(card))) "\u{a0}ms: "
             @if e_n.abs() <= 1.0 { (badge("ok", "✓", "agrees")) } @else { (badge("bad", "✗", "differs")) }
@@ -276,7 +304,7 @@ fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
             p {
                 "One difference for all flights: χ² = " (plain(h.chi2, 3)) " with "
                 (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, " (cards::p_value(h.p)) ": "
-                @if h.p < 0.01 { "the flights do not agree." } @else { "nothing speaks against it." }
+                "nothing speaks against it."
             }
         }
     }

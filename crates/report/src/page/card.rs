@@ -3,8 +3,8 @@
 use super::Head::{self, Number, Text};
 use super::bench::{for_people, soft_iron};
 use super::{
-    Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, no_number, or_why, plain,
-    provenance, rows, sensor_name, table, verdict_badge,
+    Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, maybe, no_number, or_why,
+    plain, provenance, rows, sensor_name, table, verdict_badge,
 };
 use crate::figure::{BenchFigures, Figure, Forest, ForestRow, LeftOut, card_forest, place_in_paper};
 use crate::number;
@@ -16,6 +16,7 @@ use record::{
     BenchOutcome, BenchRecord, CardChannel, CardMagnetometer, ChannelDynamics, Estimate, InputFile, IronCalibration,
     SensorCard, TimeBasis, Verdict,
 };
+use std::collections::BTreeMap;
 
 /// Most channels that have a column of their own in the table of records; the record pages have all.
 const MOST_COLUMNS: usize = 8;
@@ -98,13 +99,12 @@ fn margin(channel: &CardChannel, records: &[Forest]) -> f64 {
 /// What each record says of a channel.
 fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
     let row = |(number, record): (usize, &CardRecord)| {
-        let channels = record.record.findings.iter().flat_map(|f| &f.channels);
-        let found = channels.filter(|c| c.name == channel.name).find_map(|c| Some((c, c.delay.as_ref()?)));
+        let found = measured_in(record.record, channel).and_then(|c| Some((c, c.delay.as_ref()?)));
         let is_outlier = channel.outliers.iter().any(|name| name == record.name)
             || files_of(record.record).any(|file| channel.outliers.contains(&file.name));
         let left_out = match found {
             _ if is_outlier => Some(LeftOut::Outlier),
-            Some((measured, _)) if !is_comparable(measured, channel) => Some(LeftOut::NotComparable),
+            Some((measured, _)) if unlike(measured, channel).is_some() => Some(LeftOut::NotComparable),
             _ => None,
         };
         Forest {
@@ -117,16 +117,32 @@ fn forest(channel: &CardChannel, records: &[CardRecord]) -> Vec<Forest> {
     (1..).zip(records).map(row).collect()
 }
 
-/// Whether the card's mean could be made of it: the same kind of stamps against the same clock.
-fn is_comparable(measured: &ChannelDynamics, card: &CardChannel) -> bool {
+/// Why the card's mean could not be made of it; `None` if it could: the same kind of stamps against the same clock.
+fn unlike(measured: &ChannelDynamics, card: &CardChannel) -> Option<String> {
     let anchor = |basis: &TimeBasis| match basis {
         TimeBasis::OneClock | TimeBasis::Pps => None,
         TimeBasis::Anchor { channel } => Some(channel.clone()),
     };
-    measured.verdict != Verdict::NotMeasurable
-        && measured.quantity == card.quantity
-        && measured.stamp_kind == card.stamp_kind
-        && anchor(&measured.basis) == anchor(&card.basis)
+    let clock =
+        |basis: &TimeBasis| anchor(basis).map_or("absolute".to_owned(), |channel| format!("relative to {channel}"));
+    if measured.verdict == Verdict::NotMeasurable {
+        return Some("its delay was not measurable".to_owned());
+    }
+    if measured.quantity != card.quantity {
+        return Some("it holds another quantity".to_owned());
+    }
+    if measured.stamp_kind != card.stamp_kind {
+        return Some(format!("its timestamps are {}, those of the card {}", measured.stamp_kind, card.stamp_kind));
+    }
+    let (of_record, of_card) = (anchor(&measured.basis), anchor(&card.basis));
+    (of_record != of_card)
+        .then(|| format!("its delay is {}, that of the card {}", clock(&measured.basis), clock(&card.basis)))
+}
+
+/// What a record says of a channel of the card.
+fn measured_in<'a>(record: &'a BenchRecord, card: &CardChannel) -> Option<&'a ChannelDynamics> {
+    let channels = record.findings.iter().flat_map(|f| &f.channels);
+    channels.filter(|c| c.name == card.name).find(|c| c.delay.is_some())
 }
 
 fn files_of(record: &BenchRecord) -> impl Iterator<Item = &InputFile> {
@@ -261,33 +277,69 @@ pub(super) fn validity(card: &SensorCard) -> Markup {
     }
 }
 
-fn channel_table(channels: &[Channel]) -> Markup {
-    let head = [
-        Text("Channel"),
-        Text("Verdict"),
-        Number("Delay (ms)"),
-        Number("Margin (ms)"),
-        Number("If held (ms)"),
-        Text("Delay or lag"),
-        Number("Gain"),
-        Number("Updates (Hz)"),
-        Text("Measured against"),
-        Number("Records"),
-        Number("Spread between (ms)"),
-    ];
-    html! {
-        div.compact {
-            (table("Channels of the card; ± is U with k = 2, within and between records", &head,
-                rows(channels, 60, head.len(), channel_row)))
+/// What the table of channels says in a column: what is the same for all, or known of none, is said once below it.
+struct Columns {
+    held: bool,
+    spread: bool,
+    clock: bool,
+}
+
+impl Columns {
+    fn of(channels: &[Channel]) -> Columns {
+        let is_other =
+            |c: &Channel| (&c.card.basis, c.card.stamp_kind) != (&channels[0].card.basis, channels[0].card.stamp_kind);
+        Columns {
+            held: channels.iter().any(|c| c.card.as_seen_delay_s.is_some()),
+            spread: channels.iter().any(|c| c.card.between_runs_s.is_some()),
+            clock: channels.iter().any(is_other),
         }
-        p.note {
-            "If held: effective delay when the last value is held. Spread between records: one standard deviation. —: not \
-             available."
+    }
+
+    fn head(&self) -> Vec<Head> {
+        let all = [
+            (true, Text("Channel")),
+            (true, Text("Verdict")),
+            (true, Number("Delay (ms)")),
+            (true, Number("Margin (ms)")),
+            (self.held, Number("If held (ms)")),
+            (true, Text("Delay or lag")),
+            (true, Number("Gain")),
+            (true, Number("Updates (Hz)")),
+            (self.clock, Text("Measured against")),
+            (true, Number("Records")),
+            (self.spread, Number("Spread between (ms)")),
+        ];
+        all.into_iter().filter_map(|(is_shown, head)| is_shown.then_some(head)).collect()
+    }
+
+    fn note(&self, channels: &[Channel]) -> Markup {
+        html! {
+            p.note {
+                @if self.held { "If held: effective delay when the last value is held; —: not held. " }
+                @else { "No channel was held. " }
+                @if self.spread { "Spread between records: one standard deviation; —: one record. " }
+                @else { "No channel has two records, so that their spread is not known. " }
+                @if let Some(first) = channels.first().filter(|_| !self.clock) {
+                    "All delays: " (time_base(&first.card.basis)) ", by " (first.card.stamp_kind) " timestamps."
+                }
+            }
         }
     }
 }
 
-fn channel_row(channel: &Channel) -> Markup {
+fn channel_table(channels: &[Channel]) -> Markup {
+    let columns = Columns::of(channels);
+    let head = columns.head();
+    html! {
+        div.compact {
+            (table("Channels of the card; ± is U with k = 2, within and between records", &head,
+                rows(channels, 60, head.len(), |channel| channel_row(channel, &columns))))
+        }
+        (columns.note(channels))
+    }
+}
+
+fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
     let Channel { card: channel, margin_s, .. } = channel;
     let gain = Estimate { value: channel.gain, standard_uncertainty: Some(channel.gain_standard_uncertainty) };
     html! {
@@ -299,7 +351,7 @@ fn channel_row(channel: &Channel) -> Markup {
             }
             td.n { (estimate(&delay_ms(channel))) }
             td.n { "±" (number::exact(margin_s * 1e3)) }
-            td.n { (or_why(channel.as_seen_delay_s, "not held", |s| plain(s * 1e3, 4))) }
+            @if columns.held { td.n { (maybe(channel.as_seen_delay_s, |s| plain(s * 1e3, 4))) } }
             td.any {
                 (shown(&channel.model))
                 @for (i, lag) in channel.lags_s.iter().enumerate() { (if i > 0 { ", " } else { "; lags " }) (plain(lag * 1e3, 3)) }
@@ -308,9 +360,9 @@ fn channel_row(channel: &Channel) -> Markup {
             }
             td.n { (estimate(&gain)) }
             td.n { (or_why(channel.update_rate_hz, "not known", |hz| plain(hz, 4))) }
-            td.any { (basis(&channel.basis)) ", " (channel.stamp_kind) }
+            @if columns.clock { td.any { (basis(&channel.basis)) ", " (channel.stamp_kind) } }
             td.n { (number::count(channel.records)) }
-            td.n { (or_why(channel.between_runs_s, "one record", |s| plain(s * 1e3, 2))) }
+            @if columns.spread { td.n { (maybe(channel.between_runs_s, |s| plain(s * 1e3, 2))) } }
         }
     }
 }
@@ -461,36 +513,45 @@ fn record_row(number: usize, record: &CardRecord, columns: &[Channel]) -> Markup
     }
 }
 
-/// Records that are no part of a channel's delay, with the reason.
+/// Records that are no part of a channel's delay: each reason once, with the channels that it is true of.
 fn left_out(page: &CardPage, channels: &[Channel]) -> Markup {
-    let all = channels
-        .iter()
-        .flat_map(|channel| channel.records.iter().filter_map(move |r| Some((channel.card, r, r.left_out?))));
-    let all: Vec<_> = all.collect();
-    let row = |(channel, record, why): &(&CardChannel, &Forest, LeftOut)| {
-        let name = page.records.get(record.number - 1).map_or("", |r| r.name);
+    let mut all: BTreeMap<(usize, String), Vec<&str>> = BTreeMap::new();
+    for channel in channels {
+        for (record, why) in channel.records.iter().filter_map(|r| Some((r, r.left_out?))) {
+            let reason = why_left_out(page, channel.card, record, why);
+            all.entry((record.number, reason)).or_default().push(&channel.card.name);
+        }
+    }
+    let all: Vec<_> = all.into_iter().collect();
+    let row = |((number, reason), names): &((usize, String), Vec<&str>)| {
+        let name = page.records.get(number - 1).map_or("", |r| r.name);
         html! {
             tr {
-                th scope="row" { (shown(&channel.name)) }
-                td { (record.number) ": " (shown(name)) }
+                th scope="row" { (number) ": " (shown(name)) }
                 td.any {
-                    @match why {
-                        LeftOut::Outlier => {
-                            "outlier: its delay does not belong to those of the other records"
-                            @if let Some(delay) = &record.delay_s {
-                                ", " (number::significant((delay.value - channel.delay_s) * 1e3, 3)) " ms from their mean"
-                            }
-                        }
-                        LeftOut::NotComparable => { "of another kind: other timestamps, another clock, or no verdict" }
-                    }
+                    @if names.len() == channels.len() && names.len() > 1 { "all " (names.len()) " channels" }
+                    @else { @for (i, name) in names.iter().enumerate() { @if i > 0 { ", " } (shown(name)) } }
                 }
+                td.any { (shown(reason)) }
             }
         }
     };
-    let head = [Text("Channel"), Text("Record"), Text("Reason")];
+    let head = [Text("Record"), Text("Channels"), Text("Reason")];
     html! {
         @if all.is_empty() { p.note { "No record was left out." } }
         @else { (table("Left out of the mean", &head, rows(&all, 100, head.len(), row))) }
+    }
+}
+
+fn why_left_out(page: &CardPage, card: &CardChannel, record: &Forest, why: LeftOut) -> String {
+    let measured = page.records.get(record.number - 1).and_then(|r| measured_in(r.record, card));
+    match (why, &record.delay_s) {
+        (LeftOut::Outlier, Some(delay)) => format!(
+            "outlier: its delay is {} ms from the mean of the others",
+            number::significant((delay.value - card.delay_s) * 1e3, 3)
+        ),
+        (LeftOut::Outlier, None) => "outlier: its delay does not belong to those of the others".to_owned(),
+        (LeftOut::NotComparable, _) => measured.and_then(|m| unlike(m, card)).unwrap_or_default(),
     }
 }
 

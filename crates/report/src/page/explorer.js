@@ -157,6 +157,15 @@
     button.title = `key ${key}`;
     button.addEventListener("click", go);
   }
+  const middle = () => (view[0] + view[1]) / 2, half = () => (view[1] - view[0]) / 2;
+  for (const [name, words, go] of [["+", "Zoom in", () => show(middle() - half() / 2, middle() + half() / 2)],
+    ["−", "Zoom out", () => show(middle() - 2 * half(), middle() + 2 * half())], ["All", "The whole flight", () => show(...whole)]]) {
+    const button = make("button", bar, name);
+    button.type = "button";
+    button.title = words;
+    button.setAttribute("aria-label", words);
+    button.addEventListener("click", go);
+  }
   const visible = { raw: true, exact_async: true, pade_1_1: false, truth: true };
   for (const [name, words] of tracks) {
     const chip = make("button", bar, words, `line-${name}`);
@@ -189,9 +198,9 @@
     { title: "North (m)", series: ofTracks("north") },
     { title: "East (m)", series: ofTracks("east") },
     { title: "Lead over raw along the track, at the first row of each fix (m)", series: leads(lead, truthLead) },
-    { title: "Lead over raw, at the first row of each fix (ms)", series: leads(leadMs, truthLeadMs) },
+    { title: "Lead over raw at the first row of each fix: delay and wait for that row (ms)", series: leads(leadMs, truthLeadMs) },
   ];
-  if (given.delay.length) wanted.push({ title: `Delay against ${given.against} ± U (ms)${given.removed_ms === null ? "" : "; removed: dashed"}`, series: [], delay: true });
+  if (given.delay.length) wanted.push({ title: `Delay against ${given.against}, this pair alone, ± U (ms)${given.removed_ms === null ? "" : "; removed: dashed"}`, series: [], delay: true });
   if (hasTruth) wanted.push({ title: "Error against the reference, 2‑D (m)", series: tracks.filter(([name]) => name in errors).map(([name, words]) => [name, words, errors[name]]) });
   else wanted.push({ title: "Step of the compensated position at the last fix (m)", series: [["exact_async", "step", step]] });
   wanted.push({ title: "Speed (m/s)", series: [["plain", "speed", speed]] }, { title: "Turn rate (°/s)", series: [["plain", "turn rate", turn]] },
@@ -547,6 +556,7 @@
     const u = plots[0].u, at = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, "x"), factor = event.deltaY < 0 ? 0.75 : 1 / 0.75;
     show(at - (at - view[0]) * factor, at + (view[1] - at) * factor);
   }, { passive: false });
+  fingers(panels, whole, () => view, show);
   box.hidden = false;
   box.explorer = { plots, show, point, window: () => view, row: () => cursorRow };
   let width = 0;
@@ -559,7 +569,7 @@
   })).observe(frame);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", rebuild);
   const help = make("dialog", document.body), keys = [["j, k", "next flight, previous flight"], ["+ −", "zoom in, out"], ["← →", "move"], ["0", "the whole flight"],
-    ...presets.map(({ name, key }) => [key, name]), ["drag", "zoom"], ["Shift-drag", "move"], ["Ctrl-wheel", "zoom at the pointer"], ["double-click", "the whole flight"], ["?", "this list"]];
+    ...presets.map(({ name, key }) => [key, name]), ["drag", "zoom"], ["Shift-drag", "move"], ["Ctrl-wheel", "zoom at the pointer"], ["one finger, two", "move, zoom"], ["double-click", "the whole flight"], ["?", "this list"]];
   make("h2", help, "Keys");
   const list = make("dl", help), shut = make("button", make("form", help), "Close");
   for (const [key, words] of keys) { make("dt", list, key); make("dd", list, words); }

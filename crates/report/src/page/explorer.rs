@@ -46,7 +46,7 @@ pub(super) fn section(record: &FlightRecord, rows: Option<&ExplorerRows>, anomal
         section.explorer #explorer hidden="" aria-label="Flight explorer" {
             h2 { "Explore the flight" }
             p.note {
-                "Drag over a panel to zoom, Shift-drag to move, double-click for all; the numbers and the track follow the \
+                "Drag over a panel to zoom, Shift-drag to move, double-click for all; one finger moves, two zoom; the numbers and the track follow the \
                  window. "
                 b { "?" } " lists the keys."
                 @if rows.extremes_of > 1 {

@@ -89,7 +89,8 @@ fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay, lateness:
         p.answer {
             (sentence(pair, found))
             @if let Some(by_all) = by_all {
-                " All pairs together say " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" } "."
+                " All pairs together: " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" } ", the number of the answer; its U holds what the other pairs and the "
+                "models of all of them say."
             }
         }
         @if let Some(alarm) = &found.alarm { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(alarm)) } }
@@ -108,7 +109,7 @@ fn sentence(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
     let is_difference =
         matches!(pair.kind, DelayPairKind::PositionAgainstVelocity | DelayPairKind::VelocityAgainstAcceleration);
     html! {
-        code { (shown(&pair.first)) } " is " b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" } " "
+        "This pair alone: " code { (shown(&pair.first)) } " is " b { (estimate(&number::scaled(&found.delay_s, sign))) "\u{a0}ms" } " "
         (word) " than " code { (shown(&pair.second)) }
         @if found.delay_s.standard_uncertainty.is_some() { " (k = 2)" } @else { " (no uncertainty given)" }
         @if low <= 0.0 && 0.0 <= high { "; its 95 % interval, " (interval_ms(found.interval_95_s, &found.delay_s)) "\u{a0}ms, holds zero" }

@@ -75,7 +75,7 @@ pub(super) fn answer(record: &FlightRecord) -> Markup {
         dl.answer {
             @if let Some(lateness) = lateness { dt { "How late" } dd { (late(lateness)) } }
             @if let Some(decision) = &record.decision { dt { "Removed" } dd { (removed(record, decision)) } }
-            @if let Some(effect) = &record.effect { dt { "Error" } dd { (error(effect)) (held(record, effect)) } }
+            @if let Some(effect) = &record.effect { dt { "Error" } dd { (error(record, effect)) (held(record, effect)) } }
             @if let Some(lateness) = lateness { dt { "Do" } dd { (todo(record, lateness)) } }
         }
         (alarms(&flight_alarms(lateness, record.decision.as_ref())))
@@ -106,9 +106,12 @@ fn interval(channel: Option<&ChannelLateness>) -> Markup {
 }
 
 /// What removal did to the error, and what would have been possible.
-fn error(effect: &Effect) -> Markup {
+fn error(record: &FlightRecord, effect: &Effect) -> Markup {
+    // Where nothing was removed there is nothing that could have changed.
+    let is_judged = !matches!(record.outcome, Outcome::Uncompensated { .. });
     html! {
-        (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words)))
+        @if is_judged { (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words))) }
+        @else { (ended(&capitalised(after_verdict(&effect.words)))) }
         @if let Some(best) = effect.best_m.filter(|_| effect.short_by.is_some()) {
             " With the best delay it would be " b { (plain(best, 2)) "\u{a0}m" } "."
         }
@@ -201,6 +204,12 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
     }
 }
 
+/// With a capital at its beginning.
+fn capitalised(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
 /// The sentence of an effect without the verdict, which is in the badge.
 fn after_verdict(words: &str) -> &str {
     let verdicts = ["helped: ", "harmed: ", "no change: ", "cannot tell: "];
@@ -208,14 +217,11 @@ fn after_verdict(words: &str) -> &str {
 }
 
 fn kind_words(lateness: &FlightLateness) -> String {
-    let mut words = match lateness.kind {
-        DelayKind::NotTested => "not tested for changes".to_owned(),
-        kind => kind.word().to_owned(),
+    let words = match lateness.kind {
+        DelayKind::NotTested => "not tested for changes",
+        kind => kind.word(),
     };
-    if let Some(first) = words.get(..1) {
-        words = format!("{}{}", first.to_uppercase(), words.get(1..).unwrap_or_default());
-    }
-    lateness.also.iter().fold(words, |words, also| format!("{words}, {}", also.replace('-', " ")))
+    lateness.also.iter().fold(capitalised(words), |words, also| format!("{words}, {}", also.replace('-', " ")))
 }
 
 fn alarms(alarms: &[DelayAlarm]) -> Markup {

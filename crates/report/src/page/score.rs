@@ -77,12 +77,12 @@ impl<'a> Reasons<'a> {
 fn without_reference(scores: &ReplayScores) -> Markup {
     let head = [
         Text("Compensator"),
-        Number("Delay left against ∫v ± U (ms)"),
-        Number("Expected ± U (ms)"),
+        Number("Delay left against ∫v ± U of the fit (ms)"),
+        Number("Expected, from all pairs ± U (ms)"),
         Text("Agrees"),
         Number("Lead over raw ± U (ms)"),
         Number("Delay given (ms)"),
-        Number("Correlation of steps with the way flown"),
+        Number("Step correlation"),
         Number("Raw − this, north (m)"),
         Number("Raw − this, east (m)"),
     ];
@@ -93,7 +93,7 @@ fn without_reference(scores: &ReplayScores) -> Markup {
                 td.n { (cell(&c.residual_delay, |r| estimate(&in_millis(&r.delay_s)))) }
                 td.n { (cell(&c.residual_delay, |r| estimate(&in_millis(&r.expected_s)))) }
                 td { (cell(&c.residual_delay, agreement)) }
-                td.n { (cell(&c.lead_s, |lead| estimate(&in_millis(lead)))) }
+                td.n { @if is_raw(c) { "ref." } @else { (cell(&c.lead_s, |lead| estimate(&in_millis(lead)))) } }
                 td.n { (plain(c.expected_lead_s * 1e3, 4)) }
                 td.n { (cell(&c.step_correlation, estimate)) }
                 @for axis in &c.raw_minus_this_axes_rms_m { td.n { (estimate(axis)) } }
@@ -103,7 +103,9 @@ fn without_reference(scores: &ReplayScores) -> Markup {
     let mut reasons = Reasons::default();
     for c in scores.compensators.iter().take(MOST) {
         reasons.add("delay left", &c.name, &c.residual_delay);
-        reasons.add("lead", &c.name, &c.lead_s);
+        if !is_raw(c) {
+            reasons.add("lead", &c.name, &c.lead_s);
+        }
         reasons.add("steps", &c.name, &c.step_correlation);
     }
     let [north, east] = scores.predicted_axes_rms_m;
@@ -113,16 +115,20 @@ fn without_reference(scores: &ReplayScores) -> Markup {
             rows(&scores.compensators, MOST, head.len(), row)))
         p.note {
             "Delay left: how much later than the integrated velocity the output is at fresh fixes, by the estimator of "
-            a href="#delay" { "Delays of pairs of channels" } "; raw shows Tp − Tv, a right compensation leaves −Tv for it puts \
-             the position where it is and not where a late velocity is, \
-             a Padé filter also what its truncation looks like (known to a half) and the age of the fix. Lead: along-track way before raw over the speed. Steps: 1 if a \
-             fix brings all the way flown since the last one, 0 if it brings news only. One velocity, half way back, \
-             predicts for raw − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m east rms. \
+            a href="#delay" { "Delays of pairs of channels" } ", with the U of the fit alone; raw shows Tp − Tv. A right compensation leaves −Tv: it puts the position where it is, not where a late \
+             velocity is. A Padé filter leaves its truncation delay (± 50 %) and the fix age. Lead: distance ahead of raw along the \
+             track, over the speed. Step correlation: 1 = each fix jumps by the whole distance flown; 0 = no predictable jump \
+             (ideal). One velocity, half way back, predicts for raw − compensated " (plain(north, 3)) "\u{a0}m north and " (plain(east, 3)) "\u{a0}m east rms. \
              A delay that position and velocity share shows in none of these."
         }
         (reasons.show())
         (passes_and_legs(scores))
     }
+}
+
+/// What leads are measured over.
+fn is_raw(score: &CompensatorScore) -> bool {
+    score.name == "raw"
 }
 
 /// Whether what is left is what is expected, within U. Harm is what the effect says, not a difference here.
@@ -143,7 +149,7 @@ fn passes_and_legs(scores: &ReplayScores) -> Markup {
         Number("Opposite passes, apart along the track (m)"),
         Number("Expected (m)"),
         Number("Apart across (m)"),
-        Number("Straight legs: way beyond U·Td, mean (m)"),
+        Number("Straight legs: distance beyond U·Td, mean (m)"),
         Number("Moved across, rms (m)"),
         Number("Noise across, over raw's"),
     ];

@@ -6,17 +6,23 @@ use sha2::{Digest, Sha256};
 pub(crate) const CSS: &str = include_str!("style.css");
 
 /// Sorts, filters and saves the table of flights. Without it it is a table.
-pub(super) const TABLE_SCRIPT: &str = include_str!("table.js");
+pub(crate) const TABLE_SCRIPT: &str = include_str!("table.js");
 
 /// Saves every other table as CSV.
 pub(super) const CSV_SCRIPT: &str = include_str!("csv.js");
 
 /// Lets a reader zoom into the rows of a flight: uPlot (`uplot/LICENSE`), then our own. Without it there are the figures.
-pub(super) const EXPLORER_SCRIPT: &str =
-    concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("explorer.js"));
+pub(super) const EXPLORER_SCRIPT: &str = concat!(
+    include_str!("uplot/uPlot.iife.min.js"),
+    "\n",
+    include_str!("fingers.js"),
+    "\n",
+    include_str!("explorer.js")
+);
 
 /// Lets a reader shift the reference of a bench record by hand: uPlot, then our own. Without it there are the figures.
-pub(super) const BENCH_SCRIPT: &str = concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("bench.js"));
+pub(super) const BENCH_SCRIPT: &str =
+    concat!(include_str!("uplot/uPlot.iife.min.js"), "\n", include_str!("fingers.js"), "\n", include_str!("bench.js"));
 
 /// The style sheet of uPlot.
 pub(super) const EXPLORER_CSS: &str = include_str!("uplot/uPlot.min.css");

@@ -24,8 +24,13 @@ for (const table of document.querySelectorAll("table.sortable")) {
   };
   const texts = new Map(rows.map((row) => [row, row.textContent.toLowerCase()]));
   const state = { q: "", sort: "", show: "" };
-  const named = ["effect", "group", "data", "criteria", "kind"], places = { group: names.indexOf("Group"), kind: names.indexOf("Kind") };
-  const read1 = (row, f) => (f in places ? row.cells[places[f]].textContent.trim().replace("\u2014", "") : row.dataset[f] || "");
+  const named = ["effect", "group", "data", "criteria", "kind"], places = Object.fromEntries(named.map((f) => [f, names.findIndex((n) => n.toLowerCase() === f)]));
+  // A verdict is its word alone, without its sign and without how many it is of.
+  const read1 = (row, f) => {
+    const cell = row.cells[places[f]], text = cell ? cell.textContent.trim() : "";
+    if (isAbsent(text) || !cell.classList.contains("w")) return isAbsent(text) ? "" : text;
+    return text.replace(/^[^a-z]+|[^a-z]+$/gi, "").toLowerCase().replace("log damaged", "damaged");
+  };
   const values = new Map(rows.map((row) => [row, Object.fromEntries(named.map((f) => [f, read1(row, f)]))]));
   const facets = named.filter((f) => new Set(rows.map((r) => values.get(r)[f])).size > 1);
   const bar = document.createElement("div");
@@ -164,7 +169,14 @@ for (const table of document.querySelectorAll("table.sortable")) {
     const text = [...head.childNodes];
     button("", head, () => { sortBy(i, head.getAttribute("aria-sort") === "ascending" ? -1 : 1); apply(); }).append(...text);
   });
-  // A row says why it wants a look.
+  // Where it flew, in small: two letters for each point, steps from the left and from the top; a blank lifts the pen.
+  const letters = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%()*+,-./:;=?@[]^_`{|}~";
+  const picture = (packed, cell) => {
+    if (!packed) return void (make("p", "No track to show: no position of this flight was compensated.", cell).className = "note");
+    const d = packed.split(" ").map((piece) => "M" + piece.replace(/../g, (two) => letters.indexOf(two[0]) + " " + letters.indexOf(two[1]) + " ")).join("");
+    cell.insertAdjacentHTML("beforeend", '<svg class="sketch" viewBox="-1 -1 90 35" width="160" height="60" role="img" aria-label="Ground track, north up"><path d="' + d + '"/></svg>');
+  };
+  // A row says why it wants a look, and where it flew.
   const explain = (row) => {
     if (!row) return;
     const next = row.nextElementSibling;
@@ -178,6 +190,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
       make("li", text ? text.textContent : slug.replaceAll("-", " "), list);
     });
     if (reasons.length === 0) make("li", "Nothing wants attention on this flight.", list);
+    picture(row.dataset.track, cell);
     row.after(why);
   };
   let current = null;
@@ -220,7 +233,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
     };
     const seen = heads.map((_, i) => i).filter((i) => boxes[i].checked);
     const plain = (n) => n.replace(" (ms)", " (s)"), isUncertain = (i) => rows.some((row) => row.cells[i].dataset.u !== undefined);
-    const word = (row, i) => row.dataset[names[i].toLowerCase()] || (row.cells[i].classList.contains("w") ? row.cells[i].textContent.trim() : value(row, i));
+    const word = (row, i) => values.get(row)[names[i].toLowerCase()] ?? (row.cells[i].classList.contains("w") ? row.cells[i].textContent.trim() : value(row, i));
     // A value that has an uncertainty is followed by it, expanded with k = 2.
     const line = (of, ofU) => seen.flatMap((i) => (isUncertain(i) ? [of(i), ofU(i)] : [of(i)])).map(cell).join(",");
     const lines = [line((i) => plain(names[i]), (i) => "U of " + plain(names[i])), ...wanted.map((r) => line((i) => word(r, i), (i) => r.cells[i].dataset.u || ""))];

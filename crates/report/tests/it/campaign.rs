@@ -3,7 +3,7 @@
 use crate::campaign_fixture::{REMOVED_S, row, varied};
 use crate::fixture;
 use crate::html::{points, read};
-use record::{CampaignRecord, CriterionVerdict, EffectVerdict, GroupLateness};
+use record::{CampaignRecord, CriterionVerdict, EffectVerdict, GroupLateness, GroupPart};
 use report::{Site, TrackExcerpt, campaign_site, excerpt_flights};
 
 fn site(record: &CampaignRecord) -> Site {
@@ -90,6 +90,40 @@ fn flights_that_are_not_one_group_have_a_range_and_no_mean() {
     let card = words(html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").next().unwrap());
     assert!(card.contains("No common delay: ") && card.contains("Do not use one delay."), "{card}");
     assert!(card.contains("two clusters, 45 ms apart") && !card.contains(&format!("{:.1} ±", 1e3 * mean)), "{card}");
+}
+
+#[test]
+fn a_group_that_differs_in_the_log_alone_says_so() {
+    let mut record = varied(40);
+    let part = |what: &str, value: &str| GroupPart { what: what.into(), value: value.into(), from: "test".into() };
+    let of = [("MCAP", "5 Hz"), ("CSV", "5 Hz"), ("CSV", "10 Hz")];
+    for (group, (log, rate)) in record.groups.iter_mut().zip(of) {
+        group.group.parts = vec![part("log", log), part("rate", rate), part("channel map", "mavros")];
+    }
+    let html = text(&site(&record), "index.html");
+    let cards: Vec<String> = html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").map(words).collect();
+    assert!(cards[0].contains("All but the log is as in the group of CSV."), "{}", cards[0]);
+    assert!(cards[1].contains("All but the log is as in the group of MCAP."), "{}", cards[1]);
+    assert!(cards[2..].iter().all(|card| !card.contains("All but the log")), "{cards:?}");
+}
+
+#[test]
+fn flights_of_which_only_a_difference_is_known_have_a_way_to_know_more() {
+    let mut record = varied(40);
+    for group in &mut record.groups {
+        group.against = "relative to velocity.ekf".into();
+        group.advice.set.clear();
+    }
+    assert!(!words(&text(&site(&record), "index.html")).contains("Log the IMU"), "something was removed");
+    let members = record.groups[0].members.clone();
+    let mut told = 0;
+    for row in record.flights.iter_mut().filter(|row| members.contains(&row.flight)) {
+        row.delay_s = None;
+        told += usize::from(row.lateness.as_ref().is_some_and(|l| l.lateness.is_some()));
+    }
+    assert!(told > 1);
+    let text = words(&text(&site(&record), "index.html"));
+    assert!(text.contains("Log the IMU") && text.contains(&format!("{told} flights tell how much later")), "{text}");
 }
 
 #[test]
@@ -202,8 +236,12 @@ fn a_campaign_of_very_many_flights_has_them_in_pages_of_a_thousand_and_says_so()
 #[test]
 fn a_page_with_everything_on_it_keeps_within_its_size() {
     for (flights, most) in [(12, 300_000), (200, 500_000), (1000, 1_500_000)] {
-        let size = site(&varied(flights)).files["index.html"].len();
-        assert!(size < most, "{flights} flights: {size} bytes");
+        let record = varied(flights);
+        let page = text(&site(&record), "index.html");
+        assert!(page.len() < most, "{flights} flights: {} bytes", page.len());
+        // With the track of every flight that has one.
+        let drawn = record.flights.iter().filter(|row| row.track_sketch_m.is_some()).count();
+        assert_eq!(page.matches(" data-track=").count(), drawn);
     }
 }
 

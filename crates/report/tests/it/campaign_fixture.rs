@@ -177,6 +177,7 @@ pub fn row(i: usize) -> FlightRow {
         delay_from: done.then_some(DelaySource::Fixed),
         card_delay_s: (receiver(i) == 0).then(|| estimate(0.2012, 0.002)),
         flown_at: read.then(|| format!("{flown_at}T{:02}:{:02}:07.250Z", 8 + 2 * (i % 4), i % 60)),
+        track_sketch_m: done.then(|| track_sketch(i)),
         sweep: None,
         correction_rms_m: done.then(|| estimate(3.1, 0.05)),
         raw_error_rms_m: None,
@@ -202,6 +203,16 @@ pub fn row(i: usize) -> FlightRow {
         warnings: i as u64 % 4,
         losses: u64::from(lossy),
     }
+}
+
+/// Four circuits of eight corners, as many points as a sketch has.
+fn track_sketch(i: usize) -> String {
+    let corner = |k: usize| {
+        let angle = std::f64::consts::TAU * k as f64 / 8.0;
+        let radius = 200.0 + 150.0 * chance(i, 7 + k as u64);
+        format!("{:.0},{:.0}", radius * angle.sin(), radius * angle.cos())
+    };
+    (0..32).map(corner).collect::<Vec<_>>().join(" ")
 }
 
 fn group_lateness(k: usize, rows: &[(usize, &FlightRow)]) -> GroupLateness {

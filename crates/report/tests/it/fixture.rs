@@ -702,6 +702,7 @@ pub fn row(i: usize) -> FlightRow {
         delay_from: done.then_some(DelaySource::Fixed),
         card_delay_s: None,
         flown_at: None,
+        track_sketch_m: None,
         sweep: None,
         correction_rms_m: done.then(|| estimate(speed * TD * (1.02 + 0.02 * (x * 1.3).cos()), 0.05)),
         raw_error_rms_m: (done && i.is_multiple_of(2)).then(|| estimate(7.0, 0.1)),

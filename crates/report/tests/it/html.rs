@@ -55,7 +55,7 @@ const TAGS: [&str; 50] = [
     "g",
 ];
 const VOID: [&str; 2] = ["meta", "wbr"];
-const ATTRIBUTES: [&str; 63] = [
+const ATTRIBUTES: [&str; 61] = [
     "data-t",
     "data-length",
     "hidden",
@@ -81,13 +81,11 @@ const ATTRIBUTES: [&str; 63] = [
     "data-u",
     "data-v",
     "download",
-    "data-effect",
     "data-kind",
     "data-group",
-    "data-data",
     "data-alarm",
-    "data-criteria",
     "data-reason",
+    "data-track",
     "data-q",
     "style",
     "viewBox",

@@ -207,7 +207,7 @@ fn troubled_flights_stand_first_with_their_reason() {
     let attention = attention.split_once(">Needs attention</h2>").unwrap().1;
     let link = |flight: &str| format!("<bdi>{flight}</bdi></a>");
     for row in &record.flights {
-        let of_row = all.split("<tr ").find(|part| part.contains(&link(&row.flight))).unwrap();
+        let of_row = all.split("<tr").find(|part| part.contains(&link(&row.flight))).unwrap();
         let of_row = of_row.split("</tr>").next().unwrap();
         let troubled = row.lossy || row.outcome != Outcome::Compensated;
         assert_eq!(of_row.contains("data-reason="), troubled, "{}", row.flight);

@@ -143,10 +143,9 @@ fn the_campaign_says_what_the_flights_show_together_and_which_is_outside() {
     assert_said(
         &text,
         &[
-            "403.5 ± 6.0 ms over 12 flights, spread between flights beyond their own uncertainties 8.0 ms",
-            "the sensor card has 400.0 ± 4.4 ms: ✓ agrees, E_n = 0.47",
-            "χ² = 212 with 11 degrees of freedom, p < 0.001:",
-            "the flights do not agree.",
+            "No common delay: the flights differ by 8.0 ms, 1 σ (χ² = 212, 11 degrees of freedom, p < 0.001).",
+            "Their mean, 403.5 ± 6.0 ms over 12 flights, describes none of them; the sensor card has 400.0 ± 4.4 ms: ✓ agrees, \
+             E_n = 0.47.",
             "flight-07.<mcap> (431.0 ± 4.0 ms)",
             "1 flight is outside the limits of its group",
         ],

@@ -261,7 +261,7 @@ fn axis_label(component: &ComponentDynamics) -> String {
 
 fn component_lines(curves: &[Curve], measured: Pen, tally: &mut Tally) -> Vec<Line> {
     let look = |role| match role {
-        Role::Reference => ("reference at the true time", Pen::Band),
+        Role::Reference => ("reference at the true time", Pen::TrueBand),
         Role::Delayed => ("reference, late as found", Pen::Dashed),
         Role::Measured => ("measured", measured),
     };
@@ -277,7 +277,7 @@ fn component_lines(curves: &[Curve], measured: Pen, tally: &mut Tally) -> Vec<Li
 /// such places the one nearest the middle.
 fn dimension(channel: &ChannelDynamics, lines: &[Line]) -> Option<Dimension> {
     let found = channel.delay.as_ref()?;
-    let reference = lines.iter().find(|line| line.pen == Pen::Band)?;
+    let reference = lines.iter().find(|line| line.pen == Pen::TrueBand)?;
     let (low, high) = extent([reference], |p| p.1)?;
     let (start, end) = extent([reference], |p| p.0)?;
     let at = (low + high) / 2.0;

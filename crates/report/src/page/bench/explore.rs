@@ -63,7 +63,7 @@ pub(super) fn section(findings: &BenchFindings) -> Option<Markup> {
         section.explorer #shift hidden="" aria-label="Shift the reference by hand" {
             h3 { "Shift the reference by hand" }
             p.note {
-                "Move the slider and watch the residuals: each is least at the delay of its channel. Drag over a panel to zoom; \
+                "Move the slider and watch the residuals: each is least at the delay of its channel. Drag over a panel to zoom (one finger moves, two zoom); \
                  double-click to see all. Keys, once the panels have the focus: " b { "+ −" } " zoom, " b { "← →" } " move, "
                 b { "0" } " all. Offset, drift and slow wander are taken out of the measured values."
             }

@@ -5,42 +5,82 @@ use super::attention::names;
 use super::members;
 use crate::number;
 use crate::text::{ended, shown};
-use crate::verdict::{in_millis, source_phrase};
+use crate::verdict::{DIFFER_P, has_no_common_delay, in_millis, is_relative, source_phrase};
 use maud::{Markup, html};
 use record::{CampaignRecord, DelaySetting, DelaySource, EffectVerdict, Estimate, FlightRow, GroupLateness};
 use std::collections::BTreeSet;
 
 /// Most groups that are shown; the record holds all.
 const MOST_GROUPS: usize = 20;
+/// Groups before what is to be done: a row of them.
+const FIRST: usize = 3;
 /// Width and height of the small chart, CSS pixels.
 const SPARK: (f64, f64) = (150.0, 28.0);
 /// Most flights on the small chart, the newest.
 const MOST_SPARKS: usize = 100;
-/// Probability below which flights are said to differ.
-const DIFFER_P: f64 = 0.01;
+/// The fact of a group that says which kind of log its flights are.
+const LOG: &str = "log";
 
-/// How late the position is in each group, whether the removal helped, and what to set.
-pub(super) fn cards(record: &CampaignRecord) -> Markup {
-    let groups = &record.groups;
+/// How late the position is in the largest groups, whether the removal helped, and what to set.
+pub(super) fn first(record: &CampaignRecord) -> Markup {
     html! {
-        @if groups.iter().all(|g| g.lateness_s.is_none()) {
+        @if record.groups.iter().all(|g| g.lateness_s.is_none()) {
             p.answer { "No flight tells how late its position is." }
         }
-        ul.cards {
-            @for group in groups.iter().take(MOST_GROUPS) { (card(group, &members(group, &record.flights))) }
-        }
-        @if let Some(more) = groups.len().checked_sub(MOST_GROUPS).filter(|more| *more > 0) {
-            p.note { (number::counted(more as u64, "smaller group is", "smaller groups are")) " in campaign.json." }
+        (cards(record, 0, FIRST))
+    }
+}
+
+/// The same of the other groups, below what is to be done: that belongs on the first screen.
+pub(super) fn others(record: &CampaignRecord) -> Markup {
+    let rest = record.groups.len().saturating_sub(FIRST);
+    html! {
+        @if rest > 0 {
+            h2 #groups { (number::counted(rest as u64, "smaller group", "smaller groups")) }
+            (cards(record, FIRST, MOST_GROUPS))
+            @if let Some(more) = record.groups.len().checked_sub(MOST_GROUPS).filter(|more| *more > 0) {
+                p.note { (number::count(more as u64)) " more in campaign.json." }
+            }
         }
     }
 }
 
-fn card(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
+fn cards(record: &CampaignRecord, from: usize, to: usize) -> Markup {
+    let groups = &record.groups;
+    html! {
+        ul.cards {
+            @for group in groups.iter().take(to).skip(from) { (card(group, &members(group, &record.flights), &other_logs(group, groups))) }
+        }
+    }
+}
+
+/// Kinds of log of the groups that are like this one in everything else.
+fn other_logs<'a>(group: &GroupLateness, groups: &'a [GroupLateness]) -> Vec<&'a str> {
+    let log =
+        |of: &'a GroupLateness| of.group.parts.iter().find(|part| part.what == LOG).map(|part| part.value.as_str());
+    let rest = |of: &GroupLateness| -> BTreeSet<(String, String)> {
+        let facts = of.group.parts.iter().filter(|part| part.what != LOG);
+        facts.map(|part| (part.what.clone(), part.value.to_lowercase())).collect()
+    };
+    let own = rest(group);
+    let like =
+        groups.iter().filter(|other| !own.is_empty() && other.group.key != group.group.key && rest(other) == own);
+    like.filter_map(log).collect()
+}
+
+fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Markup {
     html! {
         li {
             h2 { bdi { (shown(&group.group.name)) } }
             p.big { (lateness(group, rows)) }
             p { (agreement(group, rows)) }
+            @if !other_logs.is_empty() {
+                p.note {
+                    "All but the log is as in the " @if other_logs.len() == 1 { "group" } @else { "groups" } " of "
+                    @for (i, log) in other_logs.iter().enumerate() { (joint(i, other_logs.len())) (shown(log)) }
+                    ". Another logger may stamp at another moment, so they are not averaged."
+                }
+            }
             p { (removal(rows)) }
             @if !group.advice.set.is_empty() { p { "To remove it, set " (settings(&group.advice.set)) "." } }
             (spark(rows))
@@ -53,32 +93,41 @@ fn lateness(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let all = || rows.iter().filter_map(|r| r.lateness.as_ref()?.lateness_s()).map(|e| e.value);
     let (low, high) = (all().reduce(f64::min), all().reduce(f64::max));
     html! {
-        @match (&group.split, &group.lateness_s) {
-            (split, found) if split.is_some() || found.is_some() && is_relative(group) && differ(group) => {
+        @match &group.lateness_s {
+            _ if has_no_common_delay(group) => {
                 b { "No common delay" }
-                @if let (Some(low), Some(high)) = (low, high) { ": " (millis(low)) " to " (millis(high)) "\u{a0}ms" }
-                @if is_relative(group) { " later, " (shown(&group.against)) }
+                @if let (Some(low), Some(high)) = (low, high) { ": " (range(low, high)) }
+                @if is_relative(group) { ", " (shown(&group.against)) }
                 ". Do not use one delay."
             }
-            (_, Some(found)) if is_relative(group) => {
+            Some(found) if is_relative(group) => {
                 @let apart = Estimate { value: found.value.abs(), ..*found };
                 b { (estimate(&in_millis(&apart))) "\u{a0}ms" } @if found.value < 0.0 { " earlier, " } @else { " later, " }
                 (shown(&group.against)) "; how late both are is not known"
             }
-            (_, Some(found)) => { b { (estimate(&in_millis(found))) "\u{a0}ms" } " late, against " (shown(datum(&group.against))) }
-            (_, None) => { (no_number(&group.words)) }
+            Some(found) => { b { (estimate(&in_millis(found))) "\u{a0}ms" } " late, against " (shown(datum(&group.against))) }
+            None => { (no_number(&group.words)) }
         }
     }
 }
 
-/// Whether the lateness is counted from a velocity, whose own lateness is not known.
-pub(super) fn is_relative(group: &GroupLateness) -> bool {
-    group.against.starts_with("relative")
+/// `3 to 20 ms later`, `1 to 21 ms earlier`, `5 ms earlier to 12 ms later`.
+fn range(low_s: f64, high_s: f64) -> String {
+    let ms = |s: f64| millis(s.abs());
+    match (low_s < 0.0, high_s > 0.0) {
+        (true, true) => format!("{}\u{a0}ms earlier to {}\u{a0}ms later", ms(low_s), ms(high_s)),
+        (true, false) => format!("{} to {}\u{a0}ms earlier", ms(high_s), ms(low_s)),
+        _ => format!("{} to {}\u{a0}ms later", ms(low_s), ms(high_s)),
+    }
 }
 
-/// Whether the flights differ by more than their uncertainties.
-fn differ(group: &GroupLateness) -> bool {
-    group.difference.is_some_and(|test| test.p < DIFFER_P)
+/// What stands before an item of a list in a sentence.
+fn joint(item: usize, of: usize) -> &'static str {
+    match item {
+        0 => "",
+        last if last + 1 == of => " and ",
+        _ => ", ",
+    }
 }
 
 fn millis(seconds: f64) -> String {
@@ -212,6 +261,12 @@ fn spark(rows: &[&FlightRow]) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_length_of_time_is_negatively_late() {
+        let all = [(0.003, 0.02), (-0.021, -0.001), (-0.005, 0.012)].map(|(low, high)| range(low, high));
+        assert_eq!(all, ["3 to 20\u{a0}ms later", "1 to 21\u{a0}ms earlier", "5\u{a0}ms earlier to 12\u{a0}ms later"]);
+    }
 
     #[test]
     fn a_probability_is_never_zero() {

@@ -4,7 +4,7 @@ use super::super::Head::{self, Number, Text};
 use super::super::{Needs, criteria, data_lost, document, expanded, files, lateness, minor_loss, tail_cut};
 use super::attention::{self, Reasons};
 use super::gravity;
-use crate::criterion::criterion_word;
+use crate::figure::packed_sketch;
 use crate::number;
 use crate::text::{Shown, href, sentence, shown};
 use crate::verdict::{in_millis, source_word};
@@ -160,11 +160,9 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
     let codes: Vec<&str> = told.iter().map(|a| a.code.as_str()).collect();
     let group = row.lateness.as_ref().map_or("", |l| l.group.name.as_str());
     html! {
-        tr data-effect=(lateness::result_word(&row.outcome, row.effect.as_ref()))
-            data-data=(data_name(row))
-            data-criteria=[row.criteria.as_ref().map(|c| criterion_word(c.overall).to_lowercase())]
-            data-alarm=[Some(codes.join(" ")).filter(|t| !t.is_empty())]
-            data-reason=[reasons] {
+        tr data-alarm=[Some(codes.join(" ")).filter(|t| !t.is_empty())]
+            data-reason=[reasons]
+            data-track=[row.track_sketch_m.as_deref().and_then(packed_sketch)] {
             th scope="row" { (link(row, base)) }
             td { (row.flown_at.as_deref().map_or_else(|| "—".to_owned(), minute)) }
             td.w data-v=(gravity(row).0) { (lateness::result_cell(&row.outcome, row.effect.as_ref())) }

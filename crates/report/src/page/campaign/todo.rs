@@ -5,6 +5,7 @@ use super::cards::settings;
 use super::{is_harmed, members};
 use crate::number;
 use crate::text::{ended, shown};
+use crate::verdict::is_relative;
 use maud::{Markup, html};
 use record::{CampaignRecord, Effect, FlightRow, GroupLateness, Outcome};
 use std::collections::BTreeMap;
@@ -30,6 +31,7 @@ pub(super) fn todo(record: &CampaignRecord) -> Markup {
     all.extend(failed(&record.flights));
     all.extend(copies(&record.flights));
     all.extend(fly(&record.flights));
+    all.extend(relative(record));
     all.extend(guessed(&record.flights));
     all.sort_by(|a, b| b.saves_m.total_cmp(&a.saves_m));
     html! {
@@ -139,6 +141,21 @@ fn fly(flights: &[FlightRow]) -> Option<Action> {
         ": " (names(&rows)) "."
     };
     Some(Action { saves_m: 0.0, what })
+}
+
+/// What would tie to true time the flights that know a difference of two channels and no more, so that nothing was removed.
+fn relative(record: &CampaignRecord) -> Option<Action> {
+    let groups = record.groups.iter().filter(|g| is_relative(g) && g.lateness_s.is_some());
+    let rows: Vec<&FlightRow> =
+        groups.flat_map(|g| members(g, &record.flights)).filter(|r| r.delay_s.is_none()).collect();
+    let is_told = |r: &&FlightRow| r.lateness.as_ref().is_some_and(|l| l.lateness.is_some());
+    let rows: Vec<&FlightRow> = rows.into_iter().filter(|r| r.duplicate_of.is_none()).filter(is_told).collect();
+    let what = html! {
+        "Log the IMU (acceleration and attitude, 10 Hz or more), or measure the receiver on the bench: "
+        (number::counted(rows.len() as u64, "flight tells", "flights tell"))
+        " how much later the position is than the velocity, but not how late both are, so that nothing was removed: " (names(&rows)) "."
+    };
+    (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
 
 fn guessed(flights: &[FlightRow]) -> Option<Action> {
