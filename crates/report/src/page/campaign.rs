@@ -127,8 +127,8 @@ fn body(record: &CampaignRecord, figures: &Figures<'_>, excerpts: &[TrackExcerpt
             p.note { (shown(&record.pipeline.title)) }
             (answer(record))
             (todo::todo(record))
-            (cards::others(record))
             p { a href="since-last-run.html" { "What changed since the last run" } }
+            (cards::others(record))
             div.side-by-side {
                 @for column in figures.columns(record.flights.len()) { div { @for of in column { (figure(of)) } } }
             }

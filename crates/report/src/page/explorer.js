@@ -158,12 +158,11 @@
     button.addEventListener("click", go);
   }
   const middle = () => (view[0] + view[1]) / 2, half = () => (view[1] - view[0]) / 2;
-  for (const [name, words, go] of [["+", "Zoom in", () => show(middle() - half() / 2, middle() + half() / 2)],
-    ["−", "Zoom out", () => show(middle() - 2 * half(), middle() + 2 * half())], ["All", "The whole flight", () => show(...whole)]]) {
+  for (const [name, words, go] of [["Zoom in", "key +", () => show(middle() - half() / 2, middle() + half() / 2)],
+    ["Zoom out", "key −", () => show(middle() - 2 * half(), middle() + 2 * half())], ["All", "key 0", () => show(...whole)]]) {
     const button = make("button", bar, name);
     button.type = "button";
     button.title = words;
-    button.setAttribute("aria-label", words);
     button.addEventListener("click", go);
   }
   const visible = { raw: true, exact_async: true, pade_1_1: false, truth: true };

@@ -89,8 +89,7 @@ fn answer(all: &DelaySection, pair: &PairDelay, found: &MeasuredDelay, lateness:
         p.answer {
             (sentence(pair, found))
             @if let Some(by_all) = by_all {
-                " All pairs together: " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" } ", the number of the answer; its U holds what the other pairs and the "
-                "models of all of them say."
+                " All pairs together: " b { (estimate(&in_millis(&by_all))) "\u{a0}ms" } ", as the answer has it: its U comes from all pairs and from what their models leave out."
             }
         }
         @if let Some(alarm) = &found.alarm { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(alarm)) } }

@@ -123,7 +123,11 @@ fn flights_of_which_only_a_difference_is_known_have_a_way_to_know_more() {
     }
     assert!(told > 1);
     let text = words(&text(&site(&record), "index.html"));
-    assert!(text.contains("Log the IMU") && text.contains(&format!("{told} flights tell how much later")), "{text}");
+    assert!(
+        text.contains("Log the IMU")
+            && text.contains(&format!("{told} flights tell how far position and velocity are apart")),
+        "{text}"
+    );
 }
 
 #[test]

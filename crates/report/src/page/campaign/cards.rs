@@ -83,7 +83,7 @@ fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Mark
             }
             p { (removal(rows)) }
             @if !group.advice.set.is_empty() { p { "To remove it, set " (settings(&group.advice.set)) "." } }
-            (spark(rows))
+            (spark(rows, is_relative(group)))
         }
     }
 }
@@ -231,7 +231,7 @@ pub(super) fn settings(set: &[DelaySetting]) -> Markup {
 }
 
 /// Lateness of the flights by date; nothing for fewer than three.
-fn spark(rows: &[&FlightRow]) -> Markup {
+fn spark(rows: &[&FlightRow], is_relative: bool) -> Markup {
     let mut all: Vec<(&str, f64)> =
         rows.iter().filter_map(|r| Some((r.flown_at.as_deref()?, r.lateness.as_ref()?.lateness_s()?.value))).collect();
     // What is further off is a fault, and hides all others.
@@ -252,7 +252,8 @@ fn spark(rows: &[&FlightRow]) -> Markup {
                 svg.spark viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label="Lateness by date" {
                     path fill="none" stroke="currentColor" stroke-width="4" stroke-linecap="round" d=(dots) {}
                 }
-                " by date, " (millis(low)) " to " (millis(high)) "\u{a0}ms"
+                " by date, "
+                @if is_relative { (range(low, high)) } @else { (millis(low)) " to " (millis(high)) "\u{a0}ms" }
             }
         }
     }

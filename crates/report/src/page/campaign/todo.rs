@@ -153,7 +153,7 @@ fn relative(record: &CampaignRecord) -> Option<Action> {
     let what = html! {
         "Log the IMU (acceleration and attitude, 10 Hz or more), or measure the receiver on the bench: "
         (number::counted(rows.len() as u64, "flight tells", "flights tell"))
-        " how much later the position is than the velocity, but not how late both are, so that nothing was removed: " (names(&rows)) "."
+        " how far position and velocity are apart in time, but not how late both are, so that nothing was removed: " (names(&rows)) "."
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
