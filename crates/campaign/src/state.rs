@@ -74,7 +74,7 @@ impl State {
     /// What the last run wrote down; nothing if that cannot be read.
     pub(crate) fn recall(store: &Store) -> State {
         let state: Option<State> = store.read_sealed(STATE);
-        // A first run that is stopped is gone on with too, so its notes have a version from the start.
+        // The next run continues a first run that was stopped, so its notes have a version from the start.
         let first = || State { version: STATE_VERSION, ..State::default() };
         state.filter(|s| s.version == STATE_VERSION).unwrap_or_else(first)
     }

@@ -183,7 +183,7 @@ impl<'t> OneTable<'t> {
         between
     }
 
-    /// Takes a row in that stands behind the mark of a comment; `false` if the line is a remark.
+    /// Reads a row that begins with the mark of a comment; `false` if the line is a remark.
     fn marked_row(&mut self, books: &mut Books, open: &mut Open<'_>, extent: Extent, line: u64) -> bool {
         let text = without_bom(open.lines.text(extent).trim_ascii());
         open.fields.split(text, self.layout.delimiter);
