@@ -6,6 +6,7 @@ use crate::input::{AXES, Input};
 use crate::rows::{Rows, median_step};
 use crate::score::Reference;
 use record::{Curve, Lead, LeadCurves, LeadTrack};
+use std::ops::Range;
 
 /// Below this ground speed a lead is no time, m/s,
 const LEAST_SPEED_MPS: f64 = 2.0;
@@ -14,6 +15,9 @@ const LEAST_SHARE: f64 = 0.25;
 
 /// The colour of a track changes by steps of this share of the largest lead.
 const COLOUR_STEP: f64 = 0.05;
+/// Points of a track beyond which it is drawn coarser, by these factors in turn.
+const MOST_OF_TRACK: usize = 8000;
+const COARSER: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// `None` if the exact form gives out no position.
 pub(super) fn lead(input: &Input, rows: &Rows, estimates: &[&Positions]) -> Option<LeadCurves> {
@@ -89,8 +93,8 @@ fn along(rows: &Rows, row: usize, way: [f64; 2]) -> Option<f64> {
 }
 
 /// Ranges of points without a gap between them.
-fn strokes(rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Vec<std::ops::Range<usize>> {
-    let mut out: Vec<std::ops::Range<usize>> = vec![];
+fn strokes(rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Vec<Range<usize>> {
+    let mut out: Vec<Range<usize>> = vec![];
     for i in 0..points.len() {
         match out.last_mut() {
             Some(stroke) if rows.t[points[i].0] - rows.t[points[i - 1].0] <= gap_s => stroke.end = i + 1,
@@ -119,7 +123,7 @@ fn curve(name: &str, rows: &Rows, points: &[(usize, f64)], gap_s: f64) -> Curve 
     out
 }
 
-/// The compensated track at its fixes, thinned where neither the way nor the colour bends.
+/// The compensated track at its fixes, thinned where neither the way nor the colour bends, and coarser until it has few points.
 fn track(rows: &Rows, exact: &Positions, points: &[(usize, f64)], gap_s: f64) -> LeadTrack {
     let [north, east] = AXES.map(|k| points.iter().map(|(row, _)| exact.axes[k][*row]).collect::<Vec<f64>>());
     let extent = |y: &[f64]| {
@@ -127,8 +131,26 @@ fn track(rows: &Rows, exact: &Positions, points: &[(usize, f64)], gap_s: f64) ->
     };
     let tolerance = extent(&north).max(extent(&east)) / PATH_RESOLUTION;
     let colour = COLOUR_STEP * points.iter().map(|(_, lead)| lead.abs()).fold(0.0, f64::max);
+    let strokes = strokes(rows, points, gap_s);
+    let thinned = |coarser: f64| thinned(&strokes, [&north, &east], points, (coarser * tolerance, coarser * colour));
+    let mut out = thinned(1.0);
+    for coarser in COARSER {
+        if out.east_m.len() <= MOST_OF_TRACK {
+            break;
+        }
+        out = thinned(coarser);
+    }
+    out
+}
+
+fn thinned(
+    strokes: &[Range<usize>],
+    [north, east]: [&[f64]; 2],
+    points: &[(usize, f64)],
+    (tolerance, colour): (f64, f64),
+) -> LeadTrack {
     let mut out = LeadTrack::default();
-    for stroke in strokes(rows, points, gap_s) {
+    for stroke in strokes.iter().cloned() {
         let (n, e) = (&north[stroke.clone()], &east[stroke.clone()]);
         let of_way = signal::thin_path(e, n, tolerance);
         if !out.east_m.is_empty() {
@@ -191,5 +213,20 @@ mod tests {
         let most = |values: &[f64]| values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
         let of_curve = most(&lead.of[0].over_time_m.y);
         assert!((most(&track.lead_m) - of_curve).abs() <= 0.06 * of_curve);
+    }
+
+    #[test]
+    fn a_long_track_with_a_noisy_lead_has_few_points() {
+        let settings = FlightSettings {
+            duration_s: 600.0,
+            position: SensorSettings { delay_s: 0.3, white_std: 0.3, ..SensorSettings::clean(50.0) },
+            velocity: SensorSettings { white_std: 0.0, ..SensorSettings::clean(50.0) },
+            ..FlightSettings::default()
+        };
+        let flight = simulate(&settings).unwrap().to_flight().unwrap();
+        let settings = Settings::with_delay(Delay::from_seconds(0.4).unwrap(), "test");
+        let track = replay(&flight, &settings).unwrap().record.lead.unwrap().track;
+        assert!(track.stands_for > 25_000, "{}", track.stands_for);
+        assert!((100..=super::MOST_OF_TRACK).contains(&track.east_m.len()), "{}", track.east_m.len());
     }
 }
