@@ -114,7 +114,8 @@ pdf report out="":
 
 # Renew the page in reports/specimen from a fresh demo
 specimen: (demo "reports/demo")
-    cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/demo/report/flights/2026-05-04-flight-01.mcap/figures/fig-7.svg reports/specimen/
+    cp reports/demo/report/flights/2026-05-04-flight-01.mcap/index.html reports/specimen/
+    unzip -qop reports/demo/report/flights/2026-05-04-flight-01.mcap/figures.zip fig-7.svg > reports/specimen/fig-7.svg
 
 # Reading what a delay needs of one flight in every format: CPU against the least it can cost, and against Python readers
 perf *folder:
@@ -131,6 +132,12 @@ perf-campaign flights="200":
     cargo build --release -p flightlag
     cargo build --release -p flightlag-simulate --example campaign
     tests/perf/campaign.sh "$1"
+
+# Time, memory and sizes of a campaign of many simulated flights, planned, run shard by shard and reduced
+perf-scale flights="1000" seconds="20" shards="20":
+    cargo build --release -p flightlag
+    cargo build --release -p flightlag-simulate --example campaign
+    tests/perf/scale.sh "$@"
 
 # What is good of a damaged log, as MCAP
 [no-exit-message]

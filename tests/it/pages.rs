@@ -60,7 +60,7 @@ impl Report {
     }
 
     fn campaign(&self) -> CampaignRecord {
-        serde_json::from_slice(&fs::read(self.path("campaign.json")).unwrap()).unwrap()
+        campaign::read_report(&self.folder.path().join("report")).unwrap().unwrap()
     }
 
     /// Page and record of the flight whose name holds these words.

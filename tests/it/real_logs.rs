@@ -42,9 +42,9 @@ impl Report {
         let arguments =
             ["campaign".as_ref(), flights, "--out".as_ref(), folder, "--quiet".as_ref(), "--pipeline".as_ref(), file];
         let output = flightlag(arguments).output().unwrap();
-        let campaign =
-            std::fs::read(out.path().join("campaign.json")).unwrap_or_else(|e| panic!("{e}: {}", text(&output.stderr)));
-        Report { exit: output.status.code(), campaign: serde_json::from_slice(&campaign).unwrap(), out }
+        let campaign = campaign::read_report(out.path()).unwrap();
+        let campaign = campaign.unwrap_or_else(|| panic!("no report: {}", text(&output.stderr)));
+        Report { exit: output.status.code(), campaign, out }
     }
 
     fn row(&self, flight: &str) -> &FlightRow {

@@ -134,8 +134,8 @@ pub fn bench_index(folder: &Path, verdicts: &[BenchVerdict]) -> Result<PathBuf, 
     });
     let cards: Vec<IndexedCard<'_>> = cards.collect();
     let store = Store::open(folder)?;
-    for (name, bytes) in &cards_site(&cards).files {
-        store.write(name, bytes, Keep::Renewable)?;
+    for (name, bytes) in cards_site(&cards).to_write() {
+        store.write(name, &bytes, Keep::Renewable)?;
     }
     Ok(store.root().join("index.html"))
 }

@@ -63,7 +63,7 @@ impl Case {
         run(&order, &Desk { threads: 1, cancel: &AtomicBool::new(false), events: &listener }).unwrap();
         let read = |name: &str| std::fs::read(self.path("out").join(name)).unwrap();
         let flight = serde_json::from_slice(&read("flights/f.mcap/record.json")).unwrap();
-        (serde_json::from_slice(&read("campaign.json")).unwrap(), flight, why.into_inner().unwrap())
+        (crate::read_report(&self.path("out")).unwrap().unwrap(), flight, why.into_inner().unwrap())
     }
 }
 

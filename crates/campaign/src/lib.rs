@@ -53,6 +53,7 @@ mod reduce;
 mod reference;
 mod reports;
 mod results;
+mod rows;
 mod run;
 #[cfg(feature = "schema")]
 mod schemas;
@@ -81,6 +82,7 @@ pub use line::{DelayLine, LineAlarm, LineSetting};
 pub use manifest::{Manifest, Stage, Why};
 pub use plan::{Desk, Order, STILL_WRITTEN};
 pub use reduce::{Verdict, reduce};
+pub use rows::read_report;
 pub use run::{plan_shards, run};
 #[cfg(feature = "schema")]
 pub use schemas::schemas;
@@ -90,4 +92,4 @@ pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives anything else than before: earlier results are
 /// then made anew. The build's own hash is no part of a result's key, for most changes change no number.
-pub const ANALYSIS_VERSION: u32 = 23;
+pub const ANALYSIS_VERSION: u32 = 24;

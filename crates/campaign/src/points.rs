@@ -1,7 +1,8 @@
 //! The points of figures, apart from the record that they belong to.
 //!
 //! Most of a record would be lists of numbers that only figures need. They are taken out of its JSON, which keeps empty lists in
-//! their place, and are written as few bytes into a file of their own. Values are kept to [`STEP`], which no figure shows.
+//! their place, and are written as few bytes into a file of their own. Times are kept to 0.1 ms,
+//! lengths to 1 mm, delays to 1 µs: no figure shows more.
 //!
 //! The file begins with [`MAGIC`]. A raw deflate stream (RFC 1951) follows. Inflated, it holds one list after another: the length
 //! of its JSON pointer and the pointer, how many values it has, how often differences were taken, and the values as zigzag of
@@ -13,10 +14,12 @@ use flate2::write::DeflateEncoder;
 use serde_json::Value;
 use std::io::{Read, Write};
 
-const MAGIC: &[u8; 8] = b"flpts\x01\r\n";
+const MAGIC: &[u8; 8] = b"flpts\x02\r\n";
 
-/// Values are multiples of this: a tenth of a millimetre or of a millisecond.
-const STEP: f64 = 1e-4;
+/// How many steps one unit of a list has: times are kept to 0.1 ms, lengths to 1 mm, delays to 1 µs.
+fn steps_of_one(pointer: &str) -> i64 {
+    if pointer.ends_with("/t_s") { 10_000 } else { 1_000 }
+}
 
 /// Shorter lists stay in the record.
 const LEAST: usize = 16;
@@ -52,7 +55,7 @@ fn collect(part: &mut Value, pointer: &str, lists: &mut Vec<(String, Vec<i64>)>)
         Value::Object(fields) => {
             fields.iter_mut().for_each(|(name, value)| collect(value, &format!("{pointer}/{name}"), lists));
         }
-        Value::Array(values) => match steps(values) {
+        Value::Array(values) => match steps(values, steps_of_one(pointer)) {
             Some(steps) => {
                 values.clear();
                 lists.push((pointer.to_owned(), steps));
@@ -63,11 +66,11 @@ fn collect(part: &mut Value, pointer: &str, lists: &mut Vec<(String, Vec<i64>)>)
     }
 }
 
-/// A list of numbers as multiples of [`STEP`]; `None` if it is short or holds anything else.
-fn steps(values: &[Value]) -> Option<Vec<i64>> {
+/// A list of numbers in steps; `None` if it is short or holds anything else.
+fn steps(values: &[Value], of_one: i64) -> Option<Vec<i64>> {
     // 2^53 steps: a double holds them exactly.
     const LARGEST: f64 = 9.0e15;
-    let step = |value: &Value| value.as_f64().map(|x| (x / STEP).round()).filter(|x| x.abs() < LARGEST);
+    let step = |value: &Value| value.as_f64().map(|x| (x * of_one as f64).round()).filter(|x| x.abs() < LARGEST);
     (values.len() >= LEAST).then(|| values.iter().map(|v| step(v).map(|x| x as i64)).collect())?
 }
 
@@ -137,14 +140,15 @@ pub(crate) fn put_back(record: &mut Value, points: &[u8]) -> Option<()> {
         let length = usize::try_from(number(&mut rest)?).ok()?;
         let (pointer, behind) = rest.split_at_checked(length)?;
         rest = behind;
-        let values = list(&mut rest)?;
-        let place = record.pointer_mut(std::str::from_utf8(pointer).ok()?)?;
+        let pointer = std::str::from_utf8(pointer).ok()?;
+        let values = list(&mut rest, steps_of_one(pointer))?;
+        let place = record.pointer_mut(pointer)?;
         *place = Value::Array(values);
     }
     Some(())
 }
 
-fn list(rest: &mut &[u8]) -> Option<Vec<Value>> {
+fn list(rest: &mut &[u8], of_one: i64) -> Option<Vec<Value>> {
     let count = usize::try_from(number(rest)?).ok()?;
     let order = number(rest)?;
     let mut steps = Vec::with_capacity(count.min(rest.len()));
@@ -155,16 +159,15 @@ fn list(rest: &mut &[u8]) -> Option<Vec<Value>> {
     for _ in 0..order.min(2) {
         steps = sums(&steps)?;
     }
-    Some(steps.into_iter().map(value).collect())
+    Some(steps.into_iter().map(|step| value(step, of_one)).collect())
 }
 
 /// A whole number stays one: lists of rows hold nothing else.
-fn value(step: i64) -> Value {
-    const STEPS_OF_ONE: i64 = 10_000;
-    match step % STEPS_OF_ONE {
-        0 => (step / STEPS_OF_ONE).into(),
+fn value(step: i64, of_one: i64) -> Value {
+    match step % of_one {
+        0 => (step / of_one).into(),
         // The quotient is the double nearest to the decimal.
-        _ => (step as f64 / STEPS_OF_ONE as f64).into(),
+        _ => (step as f64 / of_one as f64).into(),
     }
 }
 
@@ -198,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn points_come_back_to_a_tenth_of_a_millimetre_and_all_else_as_it_was() {
+    fn points_come_back_to_half_a_millimetre_and_all_else_as_it_was() {
         let values: Vec<f64> = (0..500).map(|i| 1e4 * f64::from(i).sin() + 1e-5).collect();
         let whole = record(&values);
         let mut lean = whole.clone();
@@ -207,9 +210,10 @@ mod tests {
         assert_eq!((&lean["delays"], &lean["replay"]["track"][0]["breaks"]), (&whole["delays"], &json!([1, 2])));
         let mut back = lean.clone();
         put_back(&mut back, &points).unwrap();
-        let of = |record: &Value| record["replay"]["track"][0]["east_m"].as_array().unwrap().clone();
-        for (is, was) in of(&back).iter().zip(&values) {
-            assert!((is.as_f64().unwrap() - was).abs() <= STEP, "{is} {was}");
+        for (list, most) in [("/replay/track/0/east_m", 5.1e-4), ("/replay/axes/0/position_m/0/t_s", 5.1e-5)] {
+            for (is, was) in back.pointer(list).unwrap().as_array().unwrap().iter().zip(&values) {
+                assert!((is.as_f64().unwrap() - was).abs() <= most, "{list}: {is} {was}");
+            }
         }
         assert_eq!(
             back["replay"]["axes"][0]["position_m"][0]["breaks"],

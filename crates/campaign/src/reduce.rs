@@ -17,6 +17,7 @@ use crate::rate::rate_of;
 use crate::reports::{self, Summary};
 use crate::results;
 use crate::results::{Damaged, ResultFiles};
+use crate::rows::{self, RECORD, ROWS};
 use crate::run::write_run;
 use crate::sketch::sketch;
 use crate::slug::slugs;
@@ -39,7 +40,6 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-const RECORD: &str = "campaign.json";
 /// What changed since the run before: besides `run.json` the only output that depends on it.
 const CHANGES: &str = "since-last-run.json";
 
@@ -270,12 +270,11 @@ pub(crate) struct Previous {
 
 /// What the folder holds of an earlier run; `None` if it cannot be read.
 pub(crate) fn previous_record(store: &Store) -> Option<Previous> {
-    let bytes = store.read(RECORD).ok().flatten()?;
-    let record = CampaignRecord::from_json(&bytes).ok()?;
-    if record.record_version != RECORD_VERSION {
-        return None;
-    }
-    Some(Previous { record, blake3: blake3::hash(&bytes).to_hex().to_string() })
+    let [text, rows] = [RECORD, ROWS].map(|name| store.read(name).ok().flatten());
+    let (text, rows) = (text?, rows?);
+    let record = rows::unpacked(&text, &rows).ok()?;
+    let is_ours = record.record_version == RECORD_VERSION;
+    is_ours.then(|| Previous { record, blake3: hash_of_bytes(&[&text, &rows]) })
 }
 
 struct Reducer<'a> {
@@ -476,9 +475,9 @@ impl Reducer<'_> {
 
     fn write_site(&self, folder: &str, site: &Site) -> Result<Files, CampaignError> {
         let mut files = Files::new();
-        for (path, bytes) in &site.files {
-            let name = if folder.is_empty() { path.clone() } else { format!("{folder}/{path}") };
-            let kept = self.store.write(&name, bytes, Keep::Renewable)?;
+        for (path, bytes) in site.to_write() {
+            let name = if folder.is_empty() { path.to_owned() } else { format!("{folder}/{path}") };
+            let kept = self.store.write(&name, &bytes, Keep::Renewable)?;
             files.insert(name, kept);
         }
         Ok(files)
@@ -576,9 +575,11 @@ impl Reducer<'_> {
         let kept = self.store.write(CHANGES, &pretty(changes), Keep::Renewable)?;
         files.insert(CHANGES.to_owned(), kept);
         files.extend(self.write_site("", &site)?);
-        let kept = self.store.write(RECORD, &record.to_json(), Keep::Renewable)?;
-        let blake3 = kept.blake3.clone();
-        files.insert(RECORD.to_owned(), kept);
+        let (text, rows) = (record.to_json(), rows::packed(record));
+        for (name, bytes) in [(ROWS, &rows), (RECORD, &text)] {
+            files.insert(name.to_owned(), self.store.write(name, bytes, Keep::Renewable)?);
+        }
+        let blake3 = hash_of_bytes(&[&text, &rows]);
         site = caught(|| report::campaign_site(record, excerpts)).map_err(|what| defect("index.html", what))?;
         files.extend(self.write_site("", &site)?);
         self.remove_other_tables(&files)?;
@@ -631,6 +632,14 @@ fn consistency(group: &GroupLateness, flights: &[FlightRow]) -> Option<CampaignD
     campaign_delay(&rows)
 }
 
+fn hash_of_bytes(parts: &[&[u8]]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for part in parts {
+        hasher.update(part);
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
 fn pretty(record: &impl serde::Serialize) -> Vec<u8> {
     // The record's types have text keys and no way to fail.
     let mut text = serde_json::to_vec_pretty(record).unwrap_or_default();
@@ -646,7 +655,7 @@ fn defect(path: &str, what: String) -> CampaignError {
 fn is_ours(name: &str) -> bool {
     let mut parts = name.split('/').skip(2);
     match (parts.next(), parts.next(), parts.next()) {
-        (Some("index.html" | "record.json" | "track.parquet"), None, _) => true,
+        (Some("index.html" | "record.json" | "track.parquet" | "figures.zip"), None, _) => true,
         (Some(_), Some(figure), None) => figure.ends_with(".svg") || figure.ends_with(".csv"),
         _ => false,
     }

@@ -1,13 +1,14 @@
 //! Where the results of a flight lie, and what belongs to them.
 //!
 //! `by-key/ab/<key>/` of a replay holds `track.parquet`, `explorer.json` (its rows in few bytes), `points.bin` (the points of its
-//! figures) and `record.json`. That of a
-//! measurement holds `measured.json` and the short `lateness.json`, which is all that the decision over many flights reads.
+//! figures) and `record.json.gz`. That of a
+//! measurement holds `measured.json.gz` and the short `lateness.json`, which is all that the decision over many flights reads.
 //! Both hold, written last, `files.json`: the hash of every file of the result. A result with that list is whole, and whatever
 //! is read of it is compared with its hash. `trouble.json` instead tells of an attempt that may end otherwise next time.
 
 use crate::error::CampaignError;
 use crate::points;
+use crate::rows::{gunzip, gzip};
 use crate::store::{Check, Files, Keep, Kept, Store};
 use crate::study::Studied;
 use crate::table;
@@ -18,15 +19,18 @@ use std::collections::BTreeMap;
 
 /// The compensated track.
 pub(crate) const TRACK: &str = "track.parquet";
-const RECORD: &str = "record.json";
+const RECORD: &str = "record.json.gz";
 /// The rows that the flight's page lets a reader zoom into.
 const EXPLORER: &str = "explorer.json";
 /// The points of its figures.
 const POINTS: &str = "points.bin";
-const MEASURED: &str = "measured.json";
+const MEASURED: &str = "measured.json.gz";
 const LATENESS: &str = "lateness.json";
 const FILES: &str = "files.json";
 const TROUBLE: &str = "trouble.json";
+
+/// No record that we write inflates to more.
+const MOST_BYTES: u64 = 1 << 30;
 
 /// Folder of a result below the output folder.
 pub(crate) fn folder(key: &str) -> String {
@@ -151,7 +155,7 @@ pub(crate) fn write(store: &Store, studied: &Studied) -> Result<(), CampaignErro
         Some(points) => writer.write(POINTS, &points)?,
         None => writer.without(POINTS)?,
     }
-    writer.write(RECORD, &lean.to_json())?;
+    writer.write(RECORD, &gzip(&lean.to_json()))?;
     writer.finish()
 }
 
@@ -176,7 +180,7 @@ fn with_points(mut record: Value, points: Option<&[u8]>) -> Option<FlightRecord>
 /// Writes a measurement.
 pub(crate) fn write_measured(store: &Store, measured: &MeasuredFlight) -> Result<(), CampaignError> {
     let mut writer = Writer::begin(store, &measured.key);
-    writer.write(MEASURED, &measured.to_json())?;
+    writer.write(MEASURED, &gzip(&measured.to_json()))?;
     writer.write(LATENESS, &line_of(&measured.lateness))?;
     writer.finish()
 }
@@ -219,7 +223,8 @@ pub(crate) fn read_lateness(
 pub(crate) fn read_measured(store: &Store, key: &str) -> Result<Option<MeasuredFlight>, CampaignError> {
     let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
     let bytes = read_checked(store, key, MEASURED, list.blake3(MEASURED))?;
-    Ok(bytes.and_then(|bytes| MeasuredFlight::from_json(&bytes).ok()).filter(|m| m.key == key))
+    let text = bytes.and_then(|bytes| gunzip(&bytes, MOST_BYTES).ok());
+    Ok(text.and_then(|text| MeasuredFlight::from_json(&text).ok()).filter(|m| m.key == key))
 }
 
 /// Writes down an attempt that gave no lasting result.
@@ -236,7 +241,8 @@ pub(crate) fn read_trouble(store: &Store, key: &str) -> Option<FlightRecord> {
 pub(crate) fn read(store: &Store, key: &str) -> Result<Option<(FlightRecord, ResultFiles)>, CampaignError> {
     let Some(list) = ResultFiles::of(store, key) else { return Ok(None) };
     let bytes = read_checked(store, key, RECORD, list.blake3(RECORD))?;
-    let value = bytes.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
+    let text = bytes.and_then(|bytes| gunzip(&bytes, MOST_BYTES).ok());
+    let value = text.and_then(|text| serde_json::from_slice::<Value>(&text).ok());
     let points = match list.blake3(POINTS) {
         Some(blake3) => match read_checked(store, key, POINTS, Some(blake3))? {
             Some(points) => Some(points),

@@ -19,7 +19,7 @@ pub(crate) fn write_track(
     for (name, values) in &track.columns {
         let cells = match values {
             TrackColumn::I64(v) => Cells::I64(v.iter().copied().map(Some).collect()),
-            TrackColumn::F64(v) => Cells::F64(v.clone()),
+            TrackColumn::F64(v) => Cells::F64(v.iter().map(|x| x.map(|x| rounded(name, x))).collect()),
             TrackColumn::Text(v) => Cells::Text(v.iter().map(|t| Some((*t).to_owned())).collect()),
         };
         sheet.push(name.as_str(), cells);
@@ -29,6 +29,18 @@ pub(crate) fn write_track(
     }
     let about = provenance(record).to_string();
     Ok(store.write_with(name, Keep::Part, |file| write_track_table(&sheet, &about, file))?)
+}
+
+/// Lengths are kept to 2^-13 m = 0.12 mm and degrees to 2^-30, which is 0.10 mm on the ground: the digits below these are noise,
+/// and would be more than half of the file.
+fn rounded(column: &str, value: f64) -> f64 {
+    let bits = match column.rsplit('_').next() {
+        Some("m") => 13,
+        Some("deg") => 30,
+        _ => return value,
+    };
+    let scale = 2_f64.powi(bits);
+    (value * scale).round() / scale
 }
 
 /// UTC of a stamp of the replay, where the log knows it.
@@ -259,6 +271,7 @@ pub(crate) mod tests {
             columns: vec![
                 ("stamp_ns".into(), TrackColumn::I64(stamps.clone())),
                 ("north_m".into(), TrackColumn::F64(north.clone())),
+                ("age_s".into(), TrackColumn::F64(north.clone())),
                 ("state".into(), TrackColumn::Text(vec!["warm-up", "valid", "valid"])),
             ],
         };
@@ -272,7 +285,12 @@ pub(crate) mod tests {
         assert_eq!(column("stamp_ns").i64().unwrap().to_vec(), stamps);
         assert_eq!(column("utc_ns").i64().unwrap().to_vec(), stamps);
         let bits = |v: Vec<Option<f64>>| v.into_iter().map(|x| x.map(f64::to_bits)).collect::<Vec<_>>();
-        assert_eq!(bits(column("north_m").f64().unwrap().to_vec()), bits(north));
+        // 0.3 m in steps of 2^-13 m.
+        assert_eq!(
+            bits(column("north_m").f64().unwrap().to_vec()),
+            bits(vec![Some(2458.0 / 8192.0), None, Some(-0.0)])
+        );
+        assert_eq!(bits(column("age_s").f64().unwrap().to_vec()), bits(north));
         let states = column("state");
         let states: Vec<Option<&str>> = states.str().unwrap().iter().collect();
         assert_eq!(states, [Some("warm-up"), Some("valid"), Some("valid")]);

@@ -10,7 +10,7 @@ use flight::About;
 use record::{CampaignRecord, FlightRow, GroupLateness, InputFile, RECORD_VERSION};
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What the rows of a report are made with.
 #[derive(Debug, Clone, Copy)]
@@ -30,19 +30,16 @@ pub struct Collecting<'a> {
 /// # Errors
 /// The folder holds no report of a campaign, or one of another version.
 pub fn read_campaign(report: &Path) -> Result<CampaignRecord, HistoryError> {
-    let path = report.join("campaign.json");
-    let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::NotFound => HistoryError::Asked(format!(
+    let wrong = |(path, what): (PathBuf, String)| HistoryError::Report { path, what };
+    let found = campaign::read_report(report).map_err(wrong)?.ok_or_else(|| {
+        HistoryError::Asked(format!(
             "{}: not the report of a campaign: it holds no campaign.json; give the folder that `flightlag campaign` wrote",
             report.display()
-        )),
-        _ => HistoryError::io(&path, "read", e),
+        ))
     })?;
-    let wrong = |what: String| HistoryError::Report { path: path.clone(), what };
-    let found = CampaignRecord::from_json(&bytes).map_err(|e| wrong(format!("is damaged: {e}")))?;
     if found.record_version != RECORD_VERSION {
         let what = format!("has record version {}; this flightlag reads {RECORD_VERSION}", found.record_version);
-        return Err(wrong(what));
+        return Err(wrong((report.join("campaign.json"), what)));
     }
     Ok(found)
 }

@@ -13,7 +13,7 @@ use std::time::Duration;
 use toml::Spanned;
 
 /// Names that a campaign may not have: the night writes files of these names into the same folder.
-const TAKEN: [&str; 6] = ["nights", "history", "index.html", "morning.html", "figures", "summary"];
+const TAKEN: [&str; 6] = ["nights", "history", "index.html", "morning.html", "figures.zip", "summary"];
 
 /// The nightly file as its author writes it.
 #[derive(Debug, Deserialize)]

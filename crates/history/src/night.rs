@@ -262,8 +262,8 @@ fn exit_of(code: u8) -> Exit {
 /// Writes the pages and summaries: those of this night in its folder, and the page of the latest night above.
 fn write(record: &NightRecord, config: &NightlyConfig, folder: &Path) -> Result<(), HistoryError> {
     let site = report::night_site(record, "../../");
-    for (path, bytes) in &site.files {
-        write_file(&folder.join(path), bytes)?;
+    for (path, bytes) in site.to_write() {
+        write_file(&folder.join(path), &bytes)?;
     }
     let text = summary::text(record);
     let files = [
@@ -277,9 +277,9 @@ fn write(record: &NightRecord, config: &NightlyConfig, folder: &Path) -> Result<
         write_file(&folder.join(name), text.as_bytes())?;
     }
     let latest = report::night_site(record, "");
-    for (path, bytes) in &latest.files {
+    for (path, bytes) in latest.to_write() {
         let name = if path == "index.html" { MORNING } else { path };
-        write_file(&config.out.join(name), bytes)?;
+        write_file(&config.out.join(name), &bytes)?;
     }
     for (name, text) in files.iter().filter(|(name, _)| name.starts_with("summary.")) {
         write_file(&config.out.join(name), text.as_bytes())?;

@@ -149,7 +149,8 @@ pub struct CampaignTotals {
     pub duration_s: f64,
 }
 
-/// A campaign: what was asked, and one row for each flight.
+/// A campaign: what was asked, and one row for each flight. Its JSON is without the rows: those are JSON lines in a file of
+/// their own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct CampaignRecord {
@@ -172,6 +173,7 @@ pub struct CampaignRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub test: Option<CampaignTest>,
     /// Flights, sorted by name.
+    #[serde(skip)]
     pub flights: Vec<FlightRow>,
     /// Other files, sorted by path.
     pub ignored: Vec<IgnoredInput>,

@@ -1,6 +1,6 @@
 //! Records as JSON: here alone, so that the code that reads and writes these large types is made once.
 
-use crate::{BenchRecord, CampaignRecord, FlightRecord, MeasuredFlight};
+use crate::{BenchRecord, CampaignRecord, FlightRecord, FlightRow, MeasuredFlight};
 use serde_json::{Error, Value};
 
 impl FlightRecord {
@@ -44,18 +44,26 @@ impl MeasuredFlight {
 }
 
 impl CampaignRecord {
-    /// As JSON in many lines.
+    /// As JSON in many lines, without the rows.
     #[must_use]
     pub fn to_json(&self) -> Vec<u8> {
         line(serde_json::to_vec_pretty(self))
     }
 
-    /// From JSON.
+    /// The rows as JSON lines.
+    #[must_use]
+    pub fn rows_to_json(&self) -> Vec<u8> {
+        self.flights.iter().flat_map(|row| line(serde_json::to_vec(row))).collect()
+    }
+
+    /// From its JSON and that of its rows.
     ///
     /// # Errors
     /// The text is no record of this version.
-    pub fn from_json(text: &[u8]) -> Result<CampaignRecord, Error> {
-        serde_json::from_slice(text)
+    pub fn from_json(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, Error> {
+        let record: CampaignRecord = serde_json::from_slice(text)?;
+        let flights = serde_json::Deserializer::from_slice(rows).into_iter::<FlightRow>().collect::<Result<_, _>>()?;
+        Ok(CampaignRecord { flights, ..record })
     }
 }
 

@@ -192,7 +192,9 @@ pub struct CampaignDelay {
     pub swept: Finding<DelayOverFlights>,
     /// What the card says, s, if it says the same for all flights.
     pub card_s: Option<Estimate>,
-    /// The measured delays in the order in which they were flown, with their limits.
+    /// The measured delays in the order in which they were flown, with their limits. Not in the JSON, for it has one for each
+    /// flight.
+    #[serde(skip)]
     pub control: Vec<ControlPoint>,
     /// Whether that order is the order of time; else it is that of the names.
     pub in_time_order: bool,

@@ -42,6 +42,7 @@ pub use trend::trend_site;
 use crate::draw;
 use crate::figure::Figure;
 use crate::number;
+use crate::site::FIGURES_ZIP;
 use crate::text::{sentence, shown, shown_block};
 use crate::verdict;
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
@@ -62,21 +63,28 @@ enum Needs {
 
 /// A whole page.
 fn document(title: &str, needs: Needs, body: Markup) -> String {
-    let (script, css) = match needs {
-        Needs::Nothing => (None, ""),
-        Needs::Table => (Some(style::TABLE_SCRIPT), ""),
-        Needs::Explorer => (Some(style::EXPLORER_SCRIPT), style::EXPLORER_CSS),
-        Needs::Bench => (Some(style::BENCH_SCRIPT), style::EXPLORER_CSS),
+    let (script, packed, css): (_, Option<(&str, &str)>, _) = match needs {
+        Needs::Nothing => (None, None, ""),
+        Needs::Table => (Some(style::TABLE_SCRIPT), None, ""),
+        Needs::Explorer => {
+            let packed = (style::EXPLORER_SCRIPT, style::PACKED_EXPLORER.as_str());
+            (Some(style::UNPACK_SCRIPT), Some(packed), style::EXPLORER_CSS)
+        }
+        Needs::Bench => {
+            let packed = (style::BENCH_SCRIPT, style::PACKED_BENCH.as_str());
+            (Some(style::UNPACK_SCRIPT), Some(packed), style::EXPLORER_CSS)
+        }
     };
     let body = body.into_string();
     let of_tables = body.contains("<table>").then_some(style::CSV_SCRIPT);
     let scripts: Vec<&str> = script.into_iter().chain(of_tables).collect();
+    let allowed: Vec<&str> = scripts.iter().copied().chain(packed.map(|(plain, _)| plain)).collect();
     html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(style::content_security_policy(&scripts));
+                meta http-equiv="Content-Security-Policy" content=(style::content_security_policy(&allowed));
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content={ "flightlag report " (crate::REPORT_VERSION) };
                 title { (sentence(title)) }
@@ -84,6 +92,9 @@ fn document(title: &str, needs: Needs, body: Markup) -> String {
             }
             body.wide[needs == Needs::Table] {
                 (PreEscaped(body))
+                @if let Some((_, packed)) = packed {
+                    script type="text/plain" #packed-script { (PreEscaped(packed)) }
+                }
                 @for script in scripts { script { (PreEscaped(script)) } }
             }
         }
@@ -238,8 +249,9 @@ fn figure(figure: &Figure) -> Markup {
             figcaption {
                 b { "Figure " (figure.number) ". " (figure.title) ". " }
                 (figure.caption) " "
-                a.file href={ "figures/" (figure.id) ".svg" } download="" { "SVG" } " · "
-                a.file href={ "figures/" (figure.id) ".csv" } download="" { "CSV" }
+                a.file href=(FIGURES_ZIP) download="" title={ "Holds " (figure.id) ".svg and " (figure.id) ".csv" } {
+                    "SVG and CSV"
+                }
                 @if !figure.how_to_read.is_empty() { span.read { b { "How to read it. " } (figure.how_to_read) } }
             }
         }

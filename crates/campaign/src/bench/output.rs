@@ -51,7 +51,8 @@ impl Writer<'_> {
     }
 
     fn site(&mut self, folder: &str, site: &Site) -> Result<(), CampaignError> {
-        site.files.iter().try_for_each(|(path, bytes)| self.put(format!("{folder}{path}"), bytes, Keep::Renewable))
+        let mut files = site.to_write().into_iter();
+        files.try_for_each(|(path, bytes)| self.put(format!("{folder}{path}"), &bytes, Keep::Renewable))
     }
 
     fn record(&mut self, one: &Measured, command: &str) -> Result<(), CampaignError> {
@@ -118,7 +119,7 @@ fn record_row<'a>(measured: &'a Measured, href: &'a str) -> CardRecord<'a> {
 fn is_ours(name: &str) -> bool {
     let parts: Vec<&str> = name.split('/').collect();
     match parts.as_slice() {
-        ["records", _, "index.html" | "record.json"] => true,
+        ["records", _, "index.html" | "record.json" | "figures.zip"] | ["figures.zip"] => true,
         ["records", _, "figures", figure] | ["figures", figure] => figure.ends_with(".svg") || figure.ends_with(".csv"),
         [card] => card.ends_with(CARD_ENDING),
         _ => false,

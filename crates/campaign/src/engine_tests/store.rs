@@ -9,7 +9,7 @@ impl Bench {
     fn stored(&self, flight: &str, base: &str) -> PathBuf {
         let record = self.record();
         let row = record.flights.iter().find(|row| row.flight == flight).unwrap();
-        let measured = ["measured.json", "lateness.json"].contains(&base);
+        let measured = ["measured.json.gz", "lateness.json"].contains(&base);
         let key = if measured { row.lateness.as_ref().unwrap().key.clone() } else { row.key.clone() };
         self.out().join(format!("by-key/{}/{key}/{base}", &key[..2]))
     }
@@ -45,9 +45,9 @@ fn flip(path: &Path) {
 
 /// Files that a run keeps, of each kind.
 fn one_of_each_kind(bench: &Bench) -> Vec<PathBuf> {
-    let stored = ["record.json", "track.parquet", "measured.json", "lateness.json", "files.json"];
+    let stored = ["record.json.gz", "track.parquet", "measured.json.gz", "lateness.json", "files.json"];
     let placed = ["flights/b.csv/index.html", "flights/b.csv/record.json"];
-    let whole = ["flights.csv", "flights.parquet", "index.html", "campaign.json"];
+    let whole = ["flights.csv", "flights.parquet", "flights.jsonl.gz", "index.html", "campaign.json"];
     let of_results = stored.map(|base| bench.stored("b.csv", base));
     of_results.into_iter().chain(placed.iter().chain(&whole).map(|name| bench.out().join(name))).collect()
 }
@@ -85,7 +85,7 @@ fn what_is_read_for_a_page_is_compared_with_its_hash() {
     let bench = Bench::five();
     bench.run();
     let tree = bench.tree(&bench.out());
-    for base in ["record.json", "track.parquet"] {
+    for base in ["record.json.gz", "track.parquet"] {
         let path = bench.stored("b.csv", base);
         flip(&path);
         bench.forget_change(&path);
@@ -166,7 +166,7 @@ fn the_track_is_kept_once_and_the_page_links_to_it() {
     bench.run();
     assert!(!copy.exists());
     // Whoever edits the record beside the page edits no result.
-    let (record, placed) = (bench.stored("b.csv", "record.json"), page.with_file_name("record.json"));
+    let (record, placed) = (bench.stored("b.csv", "record.json.gz"), page.with_file_name("record.json"));
     assert_eq!([&record, &placed].map(|path| fs::metadata(path).unwrap().nlink()), [1, 1]);
     let (result, whole) = (fs::read(&record).unwrap(), fs::read(&placed).unwrap());
     fs::write(&placed, "edited in place").unwrap();

@@ -7,6 +7,9 @@ use crate::text::label;
 use crate::verdict::{has_no_common_delay, in_millis, is_relative};
 use record::{CampaignRecord, ControlPoint, Estimate, FlightRow, GroupLateness};
 
+/// Most flights of a trend that are drawn.
+const MOST_OF_TREND: usize = 2_000;
+
 /// Flights in a figure with a row for each: the newest. The table has all.
 const NEWEST: usize = 60;
 /// Most older flights beside them, because they stand out.
@@ -232,6 +235,9 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     groups.sort_by_key(|(_, points)| std::cmp::Reverse(points.len()));
     let left_out = groups.len().saturating_sub(MOST_PANELS);
     groups.truncate(MOST_PANELS);
+    let outside = groups.iter().flat_map(|(_, points)| points).filter(|(_, point)| point.is_outside).count();
+    let most = MOST_OF_TREND / groups.len().max(1);
+    let older = groups.iter_mut().map(|(_, points)| keep_newest(points, most)).sum();
     let all = || groups.iter().flat_map(|(_, points)| points.iter().map(|(at, _)| *at));
     let range = all().fold(None, |range: Option<(f64, f64)>, at| {
         Some(range.map_or((at, at), |(low, high)| (low.min(at), high.max(at))))
@@ -239,7 +245,6 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     let x = if by_date { date_axis(range) } else { Axis::linear("flight, in the order of names", range, 8) };
     let drawn = all().count();
     let panels: Vec<Panel> = groups.iter().filter_map(|(group, points)| trend_panel(group, points, &x)).collect();
-    let outside = groups.iter().flat_map(|(_, points)| points).filter(|(_, point)| point.is_outside).count();
     let height = 300 / u32::try_from(panels.len()).unwrap_or(1).max(1);
     Some(Figure {
         id: "trend".to_owned(),
@@ -257,7 +262,7 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
              lateness is known, it differs from this by what the velocity is late.{}",
             number::counted(drawn as u64, "flight", "flights"),
             if by_date { "by date" } else { "in the order of their names, for their dates are not known" },
-            trend_rest(record, drawn, left_out)
+            trend_rest(record, drawn, older, left_out)
         ),
         how_to_read: "Good: bars around the line, none beyond its caps (± 3 σ), no trend. Bad: a step (another firmware, \
                       rate or cable) or a trend. About 3 flights of 1000 lie outside by chance. The caps are far apart where a \
@@ -281,10 +286,30 @@ fn charts<'a>(
     record.groups.iter().filter_map(of).collect()
 }
 
+/// Keeps the newest points, those outside their limits first; says how many others there were.
+fn keep_newest(points: &mut Points<'_>, most: usize) -> usize {
+    let before = points.len();
+    for outside in [false, true] {
+        let mut excess = points.len().saturating_sub(most);
+        points.retain(|(_, point)| {
+            let goes = excess > 0 && point.is_outside == outside;
+            excess -= usize::from(goes);
+            !goes
+        });
+    }
+    before - points.len()
+}
+
 /// What the trend leaves out.
-fn trend_rest(record: &CampaignRecord, drawn: usize, groups: usize) -> String {
-    let rest = record.flights.len() - drawn;
+fn trend_rest(record: &CampaignRecord, drawn: usize, older: usize, groups: usize) -> String {
+    let rest = record.flights.len() - drawn - older;
     let mut words = String::new();
+    if older > 0 {
+        words += &format!(
+            " {} are not drawn; those outside their limits are drawn first.",
+            number::counted(older as u64, "older flight", "older flights")
+        );
+    }
     if rest > 0 {
         words += &format!(
             " Not here: {} without this delay, without a date, or in groups of fewer than three.",

@@ -2,17 +2,12 @@
 // Zooms into the rows of a flight: panels over time with one cursor and one window, beside the ground track.
 (async () => {
   const box = document.getElementById("explorer"), source = document.getElementById("explorer-data");
-  if (!box || !source || typeof DecompressionStream === "undefined") return;
+  if (!box || !source) return;
   const given = JSON.parse(source.textContent), count = given.rows.rows;
 
   // Rows
 
-  const unpack = async (text) => {
-    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-    return new Uint8Array(await new Response(stream).arrayBuffer());
-  };
-  const bytes = await unpack(given.rows.data), column = {};
+  const bytes = new Uint8Array(await inflated(given.rows.data).arrayBuffer()), column = {};
   given.rows.columns.forEach(({ name, differences }, n) => {
     const plane = bytes.subarray(4 * n * count, 4 * (n + 1) * count), values = new Float64Array(count);
     let last = 0, slope = 0;

@@ -1,6 +1,10 @@
 //! How pages look, and what they may load: nothing.
 
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
 use sha2::{Digest, Sha256};
+use std::io::Write;
+use std::sync::LazyLock;
 
 /// The style sheet. Text has a contrast of 4.5 and more on its ground, lines of figures one of 3, in both modes and on paper.
 pub(crate) const CSS: &str = include_str!("style.css");
@@ -10,6 +14,9 @@ pub(crate) const TABLE_SCRIPT: &str = include_str!("table.js");
 
 /// Saves every other table as CSV.
 pub(super) const CSV_SCRIPT: &str = include_str!("csv.js");
+
+/// Inflates data of the page, and the script that the page holds packed.
+pub(super) const UNPACK_SCRIPT: &str = include_str!("unpack.js");
 
 /// Lets a reader zoom into the rows of a flight: uPlot (`uplot/LICENSE`), then our own. Without it there are the figures.
 pub(super) const EXPLORER_SCRIPT: &str = concat!(
@@ -26,6 +33,20 @@ pub(super) const BENCH_SCRIPT: &str =
 
 /// The style sheet of uPlot.
 pub(super) const EXPLORER_CSS: &str = include_str!("uplot/uPlot.min.css");
+
+/// [`EXPLORER_SCRIPT`] as [`UNPACK_SCRIPT`] reads it: half the size.
+pub(super) static PACKED_EXPLORER: LazyLock<String> = LazyLock::new(|| packed(EXPLORER_SCRIPT));
+
+/// [`BENCH_SCRIPT`] as [`UNPACK_SCRIPT`] reads it.
+pub(super) static PACKED_BENCH: LazyLock<String> = LazyLock::new(|| packed(BENCH_SCRIPT));
+
+/// Raw deflate (RFC 1951) in base64.
+fn packed(text: &str) -> String {
+    let mut encoder = DeflateEncoder::new(vec![], Compression::best());
+    // Writing to memory cannot fail.
+    let _ = encoder.write_all(text.as_bytes());
+    base64(&encoder.finish().unwrap_or_default())
+}
 
 /// What the page may load: its own styles, images inside it, and its own scripts by their hashes.
 pub(super) fn content_security_policy(scripts: &[&str]) -> String {

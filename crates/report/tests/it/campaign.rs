@@ -66,6 +66,17 @@ fn no_flight_is_missing_over_the_date_and_limits_are_those_of_its_group() {
 }
 
 #[test]
+fn the_index_of_many_flights_does_not_grow_with_them_and_says_which_are_not_drawn() {
+    let size = |flights| {
+        let site = site(&varied(flights));
+        (text(&site, "index.html").len(), words(&text(&site, "index.html")))
+    };
+    let ((some, _), (many, said)) = (size(6_000), size(12_000));
+    assert!(many < some + some / 20, "{some} bytes, then {many}");
+    assert!(said.contains("older flights are not drawn; those outside their limits are drawn first"), "{said:.3000}");
+}
+
+#[test]
 fn no_number_is_a_mean_over_receivers_that_differ() {
     let record = varied(200);
     let text = words(&text(&site(&record), "index.html"));

@@ -1,0 +1,64 @@
+//! The rows of a campaign's record, one for each flight: JSON lines, packed by gzip. `campaign.json` would be mostly rows.
+
+use flate2::Compression;
+use flate2::read::MultiGzDecoder;
+use flate2::write::GzEncoder;
+use record::CampaignRecord;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// The record of the campaign, without the rows.
+pub(crate) const RECORD: &str = "campaign.json";
+/// The rows.
+pub(crate) const ROWS: &str = "flights.jsonl.gz";
+
+/// No rows that we write inflate to more.
+const MOST_BYTES: u64 = 16 << 30;
+
+/// The rows of a record. The same rows give the same bytes: the header has no time.
+pub(crate) fn packed(record: &CampaignRecord) -> Vec<u8> {
+    gzip(&record.rows_to_json())
+}
+
+/// A record from its JSON and its packed rows.
+pub(crate) fn unpacked(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, String> {
+    let rows = gunzip(rows, MOST_BYTES).map_err(|e| format!("{ROWS}: {e}"))?;
+    let record = CampaignRecord::from_json(text, &rows).map_err(|e| e.to_string())?;
+    match record.totals.flights == record.flights.len() as u64 {
+        true => Ok(record),
+        false => Err(format!("it counts {} flights, {ROWS} holds {}", record.totals.flights, record.flights.len())),
+    }
+}
+
+/// Reads the record of the report of a campaign, with its rows; `None` if the folder holds no such report.
+///
+/// # Errors
+/// The path of the record and what is wrong: it cannot be read, is damaged, or its rows are those of another run.
+pub fn read_report(report: &Path) -> Result<Option<CampaignRecord>, (PathBuf, String)> {
+    let path = report.join(RECORD);
+    let text = match std::fs::read(&path) {
+        Ok(text) => text,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err((path, format!("cannot be read: {e}"))),
+    };
+    let rows = std::fs::read(report.join(ROWS)).map_err(|e| (report.join(ROWS), format!("cannot be read: {e}")))?;
+    unpacked(&text, &rows).map(Some).map_err(|what| (path, format!("is damaged: {what}")))
+}
+
+/// As a gzip file without name and time.
+pub(crate) fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(vec![], Compression::new(3));
+    // Writing to memory cannot fail.
+    let _ = encoder.write_all(bytes);
+    encoder.finish().unwrap_or_default()
+}
+
+/// The content of a gzip file; more than `most` bytes are an error.
+pub(crate) fn gunzip(bytes: &[u8], most: u64) -> io::Result<Vec<u8>> {
+    let mut plain = vec![];
+    let length = MultiGzDecoder::new(bytes).take(most + 1).read_to_end(&mut plain)?;
+    match length as u64 <= most {
+        true => Ok(plain),
+        false => Err(io::Error::new(io::ErrorKind::InvalidData, "it inflates to more than anything we write")),
+    }
+}

@@ -1,0 +1,13 @@
+"use strict";
+// Inflates what the page holds packed, raw deflate in base64, and starts the script among it.
+const inflated = (text) => {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw")));
+};
+(async () => {
+  const packed = document.getElementById("packed-script");
+  if (!packed || typeof DecompressionStream === "undefined") return;
+  const script = document.createElement("script");
+  script.textContent = await inflated(packed.textContent).text();
+  document.body.append(script);
+})();
