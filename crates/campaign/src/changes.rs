@@ -7,21 +7,23 @@ use record::{
     CampaignChanges, CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, FlightRow, MadeWith, MovedDelay,
     Outcome, RECORD_VERSION, RerunFlight, TroubleChange,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A delay has moved if it did by more than this many standard uncertainties.
 const MOVED_SIGMAS: f64 = 2.0;
 
-/// Compares a campaign with the one before. `causes` says why a flight has another result.
+/// Compares a campaign with the one before, which is given with its rows but for those of the flights `same`: these rows are
+/// those of `now`. `causes` says why a flight has another result.
 pub(crate) fn changes(
-    before: Option<&CampaignRecord>,
+    before: Option<(&CampaignRecord, Vec<&FlightRow>)>,
     now: &CampaignRecord,
+    same: &BTreeSet<&str>,
     causes: &dyn Fn(&str) -> Vec<String>,
 ) -> CampaignChanges {
     let mut changes = CampaignChanges {
         record_version: RECORD_VERSION,
         name: now.name.clone(),
-        before: before.map(made_with),
+        before: before.as_ref().map(|(record, _)| made_with(record)),
         now: made_with(now),
         new: vec![],
         gone: vec![],
@@ -31,9 +33,9 @@ pub(crate) fn changes(
         failing: vec![],
         recovered: vec![],
     };
-    let Some(before) = before else { return changes };
-    let mut old: BTreeMap<&str, &FlightRow> = before.flights.iter().map(|row| (row.flight.as_str(), row)).collect();
-    for row in &now.flights {
+    let Some((before, rows)) = before else { return changes };
+    let mut old: BTreeMap<&str, &FlightRow> = rows.into_iter().map(|row| (row.flight.as_str(), row)).collect();
+    for row in now.flights.iter().filter(|row| !same.contains(row.flight.as_str())) {
         match old.remove(row.flight.as_str()) {
             None => changes.new.push(row.flight.clone()),
             Some(was) => compare(was, row, causes, &mut changes),

@@ -150,10 +150,13 @@ pub(crate) fn reduce_locked(
         return nothing_changed(&lines, &old.record, store, desk);
     }
     let criteria = manifest.criteria.as_ref().map(Criteria::of_use).transpose()?;
-    let rows = old.into_iter().flat_map(|r| &r.record.flights).map(|row| (row.flight.clone(), row.clone())).collect();
-    let before = before.map(|before| before.record);
+    let is_usable = old.is_some();
+    let mut before = before.map(|before| before.record);
+    let usable = before.as_mut().filter(|_| is_usable).map(|record| std::mem::take(&mut record.flights));
+    let rows = usable.into_iter().flatten().map(|row| (row.flight.clone(), row)).collect();
     let pipeline = Pipeline::of_manifest(&manifest.pipeline.toml, &manifest.cards)?;
     let test_cards = TestCards::of_files(&manifest.test_cards)?;
+    let rows = Mutex::new(rows);
     let reducer = Reducer { manifest, pipeline, criteria, test_cards, desk, store, before, rows };
     reducer.reduce(&lines, made_from, state)
 }
@@ -284,17 +287,23 @@ struct Reducer<'a> {
     test_cards: TestCards,
     desk: &'a Desk<'a>,
     store: &'a Store,
-    /// What the folder holds of an earlier run.
+    /// What the folder holds of an earlier run, without the rows that may be used again.
     before: Option<CampaignRecord>,
-    /// Rows of that run that may be used again.
-    rows: BTreeMap<String, FlightRow>,
+    /// Rows of that run that may be used again. They are taken, for many thousands would need much memory twice.
+    rows: Mutex<BTreeMap<String, FlightRow>>,
 }
+
+/// Files of results, by key.
+type Results = BTreeMap<String, Files>;
 
 /// A line that is done.
 struct Reduced {
     row: FlightRow,
+    /// Whether that is the row of the run before.
+    same_row: bool,
     page: PageState,
-    result: Option<(String, Files)>,
+    /// Files of the result that the page was made from, if it was made now.
+    files: Option<Files>,
     fresh: bool,
 }
 
@@ -351,11 +360,10 @@ impl Reducer<'_> {
         standing: &BTreeMap<String, PageState>,
         state: &mut State,
     ) -> Result<Vec<Option<Reduced>>, CampaignError> {
-        let results = state.results.clone();
         let progress = Mutex::new(Progress { state, saved: Instant::now() });
         let one = |(): &mut (), line: &Line<'_>| {
             let reduced = match standing.get(&line.slug) {
-                Some(page) => self.kept(line, page, &results)?,
+                Some(page) => self.kept(line, page)?,
                 None => self.made(line)?,
             };
             if let Some(reduced) = reduced.as_ref().filter(|r| r.fresh) {
@@ -373,13 +381,11 @@ impl Reducer<'_> {
     }
 
     /// A line whose page stands. Its row does too, or is made from the record.
-    fn kept(
-        &self,
-        line: &Line<'_>,
-        page: &PageState,
-        known: &BTreeMap<String, Files>,
-    ) -> Result<Option<Reduced>, CampaignError> {
-        let row = self.rows.get(&line.planned.flight).filter(|_| page.has_row).cloned();
+    fn kept(&self, line: &Line<'_>, page: &PageState) -> Result<Option<Reduced>, CampaignError> {
+        let mut rows = self.rows.lock().unwrap_or_else(|e| e.into_inner());
+        let row = if page.has_row { rows.remove(&line.planned.flight) } else { None };
+        drop(rows);
+        let same_row = row.is_some();
         let row = match row {
             Some(row) => row,
             None => match self.record_of(line)? {
@@ -387,20 +393,25 @@ impl Reducer<'_> {
                 None => return Ok(None),
             },
         };
-        let files =
-            |key: &String| known.get(key).cloned().or_else(|| Some(ResultFiles::of(self.store, key)?.kept(self.store)));
-        let result = match &line.source {
-            Source::Result(key) => files(key).map(|files| (key.clone(), files)),
-            Source::Without(_) => None,
-        };
-        Ok(Some(Reduced { row, page: page.clone(), result, fresh: false }))
+        Ok(Some(Reduced { row, same_row, page: page.clone(), files: None, fresh: false }))
     }
 
-    /// Files of the measurement of a line.
-    fn measured_files(&self, line: &Line<'_>, state: &State) -> Option<(String, Files)> {
-        let key = line.planned.measure_key.as_ref()?;
-        let known = state.results.get(key).cloned();
-        Some((key.clone(), known.or_else(|| Some(ResultFiles::of(self.store, key)?.kept(self.store)))?))
+    /// Files of measurement and result of each line: those of this run, else those that are known, else those on the disk.
+    fn files_of(&self, lines: &[Line<'_>], reduced: &mut [Reduced], mut known: Results) -> Results {
+        let mut results = Results::new();
+        for (line, done) in lines.iter().zip(reduced) {
+            let result = match &line.source {
+                Source::Result(key) => Some(key),
+                Source::Without(_) => None,
+            };
+            for (key, fresh) in [(line.planned.measure_key.as_ref(), None), (result, done.files.take())] {
+                let Some(key) = key.filter(|key| !results.contains_key(*key)) else { continue };
+                let files = fresh.or_else(|| known.remove(key));
+                let files = files.or_else(|| Some(ResultFiles::of(self.store, key)?.kept(self.store)));
+                results.extend(files.map(|files| (key.clone(), files)));
+            }
+        }
+        results
     }
 
     /// The record of a line as its page shows it, and the files of the result that it is from; `None` if the result turns out
@@ -425,8 +436,8 @@ impl Reducer<'_> {
         let Ok(files) = self.write_page(line, &record, list.as_ref())? else { return Ok(None) };
         let row = row_of(line, &record);
         let page = PageState { made_from: line.made_from.clone(), files, has_row: true };
-        let result = list.map(|list| (record.key.clone(), list.kept(self.store)));
-        Ok(Some(Reduced { row, page, result, fresh: true }))
+        let files = list.map(|list| list.kept(self.store));
+        Ok(Some(Reduced { row, same_row: false, page, files, fresh: true }))
     }
 
     fn write_page(
@@ -486,17 +497,18 @@ impl Reducer<'_> {
     fn finish(
         &self,
         lines: &[Line<'_>],
-        reduced: Vec<Reduced>,
+        mut reduced: Vec<Reduced>,
         made_from: String,
         state: &mut State,
     ) -> Result<Reduction, CampaignError> {
-        let mut rows = vec![];
-        let measured: Vec<_> = lines.iter().filter_map(|line| self.measured_files(line, state)).collect();
-        state.results = measured.into_iter().collect();
+        let (mut rows, mut same) = (vec![], BTreeSet::new());
+        state.results = self.files_of(lines, &mut reduced, std::mem::take(&mut state.results));
         state.pages.clear();
         for (line, done) in lines.iter().zip(reduced) {
+            if done.same_row {
+                same.insert(line.planned.flight.as_str());
+            }
             rows.push(done.row);
-            state.results.extend(done.result);
             state.pages.insert(line.slug.clone(), PageState { has_row: true, ..done.page });
         }
         let record = self.campaign_record(rows);
@@ -505,7 +517,7 @@ impl Reducer<'_> {
             Err(damaged) => return Ok(Reduction::Damaged(vec![damaged])),
         };
         self.remove_other_pages(state)?;
-        let changes = self.changes(lines, &record, state);
+        let changes = self.changes(lines, &record, &same, state);
         let (files, record_blake3) = self.write_whole(&record, &changes, &excerpts)?;
         let verdict = verdict(self.store, &record, troubled(lines), false);
         state.whole = Some(WholeState { made_from, files });
@@ -541,10 +553,18 @@ impl Reducer<'_> {
     }
 
     /// Against the run before; what is there already if this run changes nothing.
-    fn changes(&self, lines: &[Line<'_>], record: &CampaignRecord, state: &State) -> CampaignChanges {
+    fn changes(
+        &self,
+        lines: &[Line<'_>],
+        record: &CampaignRecord,
+        same: &BTreeSet<&str>,
+        state: &State,
+    ) -> CampaignChanges {
         let planned: BTreeMap<&str, &Planned> = lines.iter().map(|l| (l.planned.flight.as_str(), l.planned)).collect();
         let causes = |flight: &str| planned.get(flight).map(|p| state.causes(p, self.manifest)).unwrap_or_default();
-        let found = changes(self.before.as_ref(), record, &causes);
+        let rows = self.rows.lock().unwrap_or_else(|e| e.into_inner());
+        let others = self.before.iter().flat_map(|before| &before.flights).chain(rows.values());
+        let found = changes(self.before.as_ref().map(|before| (before, others.collect())), record, same, &causes);
         let kept = self.store.read(CHANGES).ok().flatten().and_then(|bytes| serde_json::from_slice(&bytes).ok());
         kept.filter(|_| found.is_empty()).unwrap_or(found)
     }

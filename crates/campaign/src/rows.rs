@@ -3,8 +3,8 @@
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
-use record::CampaignRecord;
-use std::io::{self, Read, Write};
+use record::{CampaignRecord, FlightRow};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// The record of the campaign, without the rows.
@@ -12,21 +12,41 @@ pub(crate) const RECORD: &str = "campaign.json";
 /// The rows.
 pub(crate) const ROWS: &str = "flights.jsonl.gz";
 
-/// No rows that we write inflate to more.
-const MOST_BYTES: u64 = 16 << 30;
+/// No row that we write is longer.
+const MOST_OF_ROW: u64 = 64 << 20;
+
+/// A level higher makes files a few percent smaller and a campaign slower.
+const LEVEL: Compression = Compression::new(3);
 
 /// The rows of a record. The same rows give the same bytes: the header has no time.
 pub(crate) fn packed(record: &CampaignRecord) -> Vec<u8> {
-    gzip(&record.rows_to_json())
+    let mut encoder = GzEncoder::new(vec![], LEVEL);
+    // Writing to memory cannot fail.
+    record.flights.iter().for_each(|row| drop(encoder.write_all(&row.to_json())));
+    encoder.finish().unwrap_or_default()
 }
 
 /// A record from its JSON and its packed rows.
 pub(crate) fn unpacked(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, String> {
-    let rows = gunzip(rows, MOST_BYTES).map_err(|e| format!("{ROWS}: {e}"))?;
-    let record = CampaignRecord::from_json(text, &rows).map_err(|e| e.to_string())?;
+    let mut record = CampaignRecord::from_json(text).map_err(|e| e.to_string())?;
+    record.flights = each_row(rows).map_err(|e| format!("{ROWS}, {e}"))?;
     match record.totals.flights == record.flights.len() as u64 {
         true => Ok(record),
         false => Err(format!("it counts {} flights, {ROWS} holds {}", record.totals.flights, record.flights.len())),
+    }
+}
+
+/// The rows one by one, for their text is many times as large as they are packed.
+fn each_row(packed: &[u8]) -> Result<Vec<FlightRow>, String> {
+    let mut lines = BufReader::new(MultiGzDecoder::new(packed));
+    let (mut rows, mut line) = (vec![], vec![]);
+    loop {
+        line.clear();
+        let at = |what: String| format!("line {}: {what}", rows.len() + 1);
+        match lines.by_ref().take(MOST_OF_ROW).read_until(b'\n', &mut line).map_err(|e| at(e.to_string()))? {
+            0 => return Ok(rows),
+            _ => rows.push(FlightRow::from_json(&line).map_err(|e| at(e.to_string()))?),
+        }
     }
 }
 
@@ -47,7 +67,7 @@ pub fn read_report(report: &Path) -> Result<Option<CampaignRecord>, (PathBuf, St
 
 /// As a gzip file without name and time.
 pub(crate) fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(vec![], Compression::new(3));
+    let mut encoder = GzEncoder::new(vec![], LEVEL);
     // Writing to memory cannot fail.
     let _ = encoder.write_all(bytes);
     encoder.finish().unwrap_or_default()

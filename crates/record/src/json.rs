@@ -50,20 +50,12 @@ impl CampaignRecord {
         line(serde_json::to_vec_pretty(self))
     }
 
-    /// The rows as JSON lines.
-    #[must_use]
-    pub fn rows_to_json(&self) -> Vec<u8> {
-        self.flights.iter().flat_map(|row| line(serde_json::to_vec(row))).collect()
-    }
-
-    /// From its JSON and that of its rows.
+    /// From JSON, without rows.
     ///
     /// # Errors
     /// The text is no record of this version.
-    pub fn from_json(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, Error> {
-        let record: CampaignRecord = serde_json::from_slice(text)?;
-        let flights = serde_json::Deserializer::from_slice(rows).into_iter::<FlightRow>().collect::<Result<_, _>>()?;
-        Ok(CampaignRecord { flights, ..record })
+    pub fn from_json(text: &[u8]) -> Result<CampaignRecord, Error> {
+        serde_json::from_slice(text)
     }
 }
 
@@ -72,6 +64,22 @@ impl BenchRecord {
     #[must_use]
     pub fn to_json(&self) -> Vec<u8> {
         line(serde_json::to_vec(self))
+    }
+}
+
+impl FlightRow {
+    /// As JSON in one line.
+    #[must_use]
+    pub fn to_json(&self) -> Vec<u8> {
+        line(serde_json::to_vec(self))
+    }
+
+    /// From JSON.
+    ///
+    /// # Errors
+    /// The text is no row of this version.
+    pub fn from_json(text: &[u8]) -> Result<FlightRow, Error> {
+        serde_json::from_slice(text)
     }
 }
 
