@@ -1,7 +1,8 @@
 //! Whose report an output folder holds: that of the logs which it was made from, and of no others of the same name.
 
 use crate::error::CampaignError;
-use crate::store::{Keep, Store};
+use crate::s3;
+use crate::store::{Keep, Store, look_into};
 use std::path::{Path, PathBuf};
 
 /// Where the logs of the report lie: a path in each line.
@@ -16,7 +17,8 @@ const LEFTOVERS: [&str; 5] = ["source", "lock", "id", "found.json", "inputs.json
 /// # Errors
 /// Says whose report it is, and what to do.
 pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(), CampaignError> {
-    let Ok(known) = std::fs::read_to_string(out.join(SOURCE)) else { return Ok(()) };
+    let Some(known) = look_into(out, SOURCE)? else { return Ok(()) };
+    let known = String::from_utf8_lossy(&known);
     let now = lines(inputs);
     if replace || known.lines().any(|line| now.iter().any(|new| new == line)) {
         return Ok(());
@@ -58,6 +60,10 @@ pub(crate) fn leaving_no_empty_folder<T>(
     out: &Path,
     work: impl FnOnce() -> Result<T, CampaignError>,
 ) -> Result<T, CampaignError> {
+    if s3::is_in_bucket(out) {
+        // A bucket has no folders.
+        return work();
+    }
     let missing: Vec<&Path> = out.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).collect();
     let ended = work();
     let stopped = matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_)));
