@@ -61,8 +61,13 @@ pub(crate) fn leaving_no_empty_folder<T>(
     work: impl FnOnce() -> Result<T, CampaignError>,
 ) -> Result<T, CampaignError> {
     if s3::is_in_bucket(out) {
-        // A bucket has no folders.
-        return work();
+        let ended = work();
+        let is_ours =
+            !matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_) | CampaignError::Busy { .. }));
+        if ended.is_err() && is_ours {
+            disclaim(out);
+        }
+        return ended;
     }
     let missing: Vec<&Path> = out.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).collect();
     let ended = work();
@@ -73,6 +78,16 @@ pub(crate) fn leaving_no_empty_folder<T>(
         made.for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
     ended
+}
+
+/// A bucket has no folders. Where a run failed before any result, only its claim goes: another run may have the lock by now.
+fn disclaim(out: &Path) {
+    let Ok(store) = Store::open(out) else { return };
+    let is_leftover = |name: &String| name.strip_prefix(".flightlag/").is_some_and(|name| LEFTOVERS.contains(&name));
+    // What cannot be listed or removed stays; the next run says whose report it is.
+    if store.all_files().is_ok_and(|names| names.iter().all(is_leftover)) {
+        let _ = store.remove(SOURCE);
+    }
 }
 
 /// Whether there is nothing in `out` but what a run writes before its first result. With anything else the lock stays too: it

@@ -351,6 +351,11 @@ impl Store {
         self.storage.list(folder).map_err(|e| failed(&path, "list", e))
     }
 
+    /// Names of all files of a bucket; of a folder, of none.
+    pub(crate) fn all_files(&self) -> io::Result<Vec<String>> {
+        Ok(self.storage.describe_all()?.unwrap_or_default().into_keys().collect())
+    }
+
     /// Removes a folder if it is empty.
     pub(crate) fn remove_empty_folder(&self, name: &str) {
         if self.path(name).is_ok() {

@@ -265,12 +265,14 @@ impl Worker<'_> {
 
     /// A result of a log that changed meanwhile would stand under the wrong key.
     fn refuse_changed(&self, flight: &Planned, before: &[FileStamp]) -> Result<(), Stop> {
-        let changed =
-            |(file, stamp): &(&PlannedFile, &FileStamp)| self.logs.stamp_now(&file.path).ok().as_ref() != Some(*stamp);
-        match flight.all_files().zip(before).find(changed) {
-            Some((file, _)) => Err(lasting(format!("{}: the file changed while it was read", file.name()))),
-            None => Ok(()),
+        for (file, before) in flight.all_files().zip(before) {
+            match self.logs.stamp_now(&file.path) {
+                Ok(now) if now == *before => {}
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(self.unreadable(&file.name(), &e)),
+                _ => return Err(lasting(format!("{}: the file changed while it was read", file.name()))),
+            }
         }
+        Ok(())
     }
 }
 

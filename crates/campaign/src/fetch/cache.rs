@@ -3,7 +3,7 @@
 use super::CACHE;
 use crate::s3::{Bucket, Object};
 use crate::store::folder::{clean_folder, entries, is_leftover, is_temporary, temporary_name};
-use std::fs::{self, File, Metadata};
+use std::fs::{self, File, FileTimes, Metadata};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -82,8 +82,9 @@ impl Cache {
                 }
             }
         }
-        // Its time says when it was used last.
-        let _ = File::open(&copy).and_then(|file| file.set_modified(SystemTime::now()));
+        // Says when it was used last. The time of modification stays: somebody else may read it, and would take it for changed.
+        let used = FileTimes::new().set_accessed(SystemTime::now());
+        let _ = File::open(&copy).and_then(|file| file.set_times(used));
         fs::rename(&link, place)
     }
 
@@ -127,7 +128,7 @@ impl Cache {
         let _ = lock.lock();
         let with_metadata = |(path, _): (PathBuf, _)| Some((fs::metadata(&path).ok()?, path));
         let mut copies: Vec<(Metadata, PathBuf)> = entries(&self.objects()).filter_map(with_metadata).collect();
-        copies.sort_by_key(|(about, _)| about.modified().ok());
+        copies.sort_by_key(|(about, _)| about.accessed().ok());
         let mut taken: u64 = copies.iter().map(|(about, _)| about.len()).sum();
         for (about, path) in copies {
             if taken.saturating_add(bytes) <= self.most_bytes {
@@ -179,7 +180,8 @@ mod tests {
         for (name, age) in [("read", 400), ("old", 300), ("newer", 200)] {
             let path = cache.objects().join(name);
             fs::write(&path, [0; 30]).unwrap();
-            File::options().write(true).open(&path).unwrap().set_modified(long_ago(age)).unwrap();
+            let used = FileTimes::new().set_accessed(long_ago(age));
+            File::options().write(true).open(&path).unwrap().set_times(used).unwrap();
         }
         fs::hard_link(cache.objects().join("read"), folder.path().join("views/reader")).unwrap();
         let is_there = |name: &str| cache.objects().join(name).exists();

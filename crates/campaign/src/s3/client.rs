@@ -4,6 +4,7 @@
 //! `AWS_ENDPOINT_URL`, `AWS_ALLOW_HTTP` and the others that `object_store` knows.
 
 use super::SCHEME;
+use crate::disk::may_heal;
 use crate::memory::FileStamp;
 use futures_util::TryStreamExt;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
@@ -22,8 +23,14 @@ use tokio::runtime::{Builder, Runtime};
 
 /// A request that answers nothing for so long is tried again; the library's own 30 s are short for a large track.
 const TIMEOUT: &str = "120s";
-/// No request is tried again after this time. Less than [`crate::lock`] gives an owner that does not count on.
+/// No request is tried again after this time. Less than the lock gives an owner that does not renew it.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A connection that nobody used for so long is not used again: the server may have closed it.
+const IDLE: &str = "10s";
+/// A write under a condition whose answer is lost is sent again so often, after this time.
+const MORE_ATTEMPTS: u32 = 2;
+const PAUSE: Duration = Duration::from_secs(1);
 
 /// A bucket and a prefix in it.
 #[derive(Debug)]
@@ -86,8 +93,12 @@ impl Bucket {
         Key::parse(prefix).map_err(|e| wrong(&e.to_string()))?;
         let retry = RetryConfig { retry_timeout: PATIENCE, ..RetryConfig::default() };
         let mut builder = AmazonS3Builder::from_env().with_bucket_name(name).with_retry(retry);
-        if std::env::var_os("AWS_TIMEOUT").is_none() {
-            builder = builder.with_config(AmazonS3ConfigKey::Client(ClientConfigKey::Timeout), TIMEOUT);
+        let usual = [
+            ("AWS_TIMEOUT", ClientConfigKey::Timeout, TIMEOUT),
+            ("AWS_POOL_IDLE_TIMEOUT", ClientConfigKey::PoolIdleTimeout, IDLE),
+        ];
+        for (_, key, value) in usual.into_iter().filter(|(name, ..)| std::env::var_os(name).is_none()) {
+            builder = builder.with_config(AmazonS3ConfigKey::Client(key), value);
         }
         let endpoint = [AmazonS3ConfigKey::S3Endpoint, AmazonS3ConfigKey::Endpoint];
         let endpoint = endpoint.iter().find_map(|key| builder.get_config_value(key)).unwrap_or_default();
@@ -158,11 +169,17 @@ impl Bucket {
             Written::IfTagged(tag) => PutMode::Update(UpdateVersion { e_tag: Some(tag.to_owned()), version: None }),
         };
         let options = PutOptions { mode, attributes: Attributes::new(), ..PutOptions::default() };
-        let work = self.client.put_opts(&key, bytes.to_vec().into(), options);
-        match runtime()?.block_on(work) {
-            Ok(answer) => answer.e_tag.map(Some).ok_or_else(no_tag),
-            Err(Error::AlreadyExists { .. } | Error::Precondition { .. }) => self.own(name, bytes),
-            Err(error) => Err(told(&error)),
+        let mut left = if matches!(when, Written::Always) { 0 } else { MORE_ATTEMPTS };
+        loop {
+            let work = self.client.put_opts(&key, bytes.to_vec().into(), options.clone());
+            match runtime()?.block_on(work).map_err(|error| (told(&error), error)) {
+                Ok(answer) => return answer.e_tag.map(Some).ok_or_else(no_tag),
+                Err((_, Error::AlreadyExists { .. } | Error::Precondition { .. })) => return self.own(name, bytes),
+                // The library sends a write under a condition once, for it cannot know whether the first was its own.
+                Err((error, _)) if left > 0 && may_heal(&error) => std::thread::sleep(PAUSE),
+                Err((error, _)) => return Err(error),
+            }
+            left -= 1;
         }
     }
 
@@ -228,7 +245,7 @@ fn found<T>(answer: Result<T, Error>) -> io::Result<Option<T>> {
     }
 }
 
-/// An error of the library as one of the system: with what time may heal, [`crate::disk::may_heal`].
+/// An error of the library as one of the system: with what time may heal, [`may_heal`].
 fn told(error: &Error) -> io::Error {
     let text = reason(error);
     let (kind, advice) = match error {
@@ -282,7 +299,7 @@ mod tests {
 
     #[test]
     fn what_time_may_heal_is_told_apart_from_what_it_does_not() {
-        let heals = |error: &Error| crate::disk::may_heal(&told(error));
+        let heals = |error: &Error| may_heal(&told(error));
         assert!(heals(&generic("Server returned non-2xx status code: 503 Service Unavailable: SlowDown")));
         assert!(heals(&generic("Server returned non-2xx status code: 429 Too Many Requests")));
         assert!(heals(&generic("HTTP error: error sending request: connection refused")));

@@ -119,6 +119,10 @@ impl BucketStorage {
     }
 
     fn note(&self, name: &str, tag: Option<String>) {
+        // Results are many, and are never written over one that was read.
+        if !name.starts_with(".flightlag/") {
+            return;
+        }
         self.read.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_owned(), tag);
     }
 
@@ -219,5 +223,25 @@ impl Storage for BucketStorage {
 
     fn bucket(&self) -> Option<&BucketStorage> {
         Some(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_lost_the_lock_or_could_not_renew_it_writes_nothing_more() {
+        let fence = Fence::default();
+        let seen_elsewhere = fence.clone();
+        fence.check().unwrap();
+        fence.renew(Instant::now());
+        seen_elsewhere.check().unwrap();
+        fence.renew(Instant::now().checked_sub(UNSURE + Duration::from_secs(1)).unwrap());
+        let error = seen_elsewhere.check().unwrap_err();
+        assert!(error.to_string().contains("could not be renewed") && crate::disk::may_heal(&error), "{error}");
+        fence.shut();
+        let error = seen_elsewhere.check().unwrap_err();
+        assert!(error.to_string().contains("took over") && crate::disk::may_heal(&error), "{error}");
     }
 }
