@@ -83,6 +83,10 @@ test:
 slurm-test:
     cargo test -p whole --test it on_a_real_slurm -- --ignored --nocapture
 
+# Campaigns whose logs and results lie in a bucket, of an S3 server on loopback (moto of PyPI): just s3-test [PART-OF-A-NAME ...]
+s3-test *parts:
+    @tests/s3/run "$@"
+
 # What CI checks
 check:
     bash .ci/run

@@ -17,6 +17,7 @@ use crate::logs::Library;
 use crate::manifest::FLIGHTLAG_VERSION;
 use crate::plan::{Desk, check_out, refuse_other_kind};
 use crate::reports::{self, Summary};
+use crate::s3;
 use crate::source;
 use crate::store::{Keep, Store};
 use crate::task::caught;
@@ -142,6 +143,11 @@ pub fn bench_index(folder: &Path, verdicts: &[BenchVerdict]) -> Result<PathBuf, 
 
 fn run_here(order: &BenchOrder, desk: &Desk<'_>) -> Result<BenchVerdict, CampaignError> {
     let clock = (jiff::Timestamp::now(), Instant::now());
+    let mut paths = order.records.iter().chain(&order.encoder).chain([&order.out]);
+    if let Some(path) = paths.find(|path| s3::is_in_bucket(path)) {
+        let what = "a bench reads and writes local files; only campaigns and `flightlag delay` know buckets";
+        return Err(CampaignError::Asked(format!("{}: {what}", path.display())));
+    }
     for input in order.records.iter().chain(&order.encoder) {
         check_out(input, &order.out)?;
     }

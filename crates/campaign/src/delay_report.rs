@@ -5,6 +5,7 @@ use crate::config::Pipeline;
 use crate::decide;
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
+use crate::fetch::{Brought, Logs};
 use crate::filter_values;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
@@ -162,14 +163,17 @@ struct Measured {
 pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, CampaignError> {
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
-    let units = units_of(order, &library)?;
+    let places: Vec<Logs> = order.paths.iter().map(|path| Logs::below(path)).collect::<Result<_, _>>()?;
+    places.iter().try_for_each(|logs| logs.fetch_heads(desk.threads, desk.cancel))?;
+    let units = units_of(order, &places, &library)?;
+    places.iter().for_each(Logs::drop_heads);
     let size =
         |unit: &FlightFiles| -> u64 { unit.all().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum() };
     let sizes: Vec<u64> = units.iter().map(|(_, unit)| size(unit)).collect();
     let bytes = sizes.iter().sum();
     let stage = Some(crate::manifest::Stage::Measure);
     desk.tell(Event::Planned { stage, flights: units.len(), reused: 0, to_run: units.len(), bytes });
-    let reader = Reader { library: &library, order, desk, keep: bytes <= KEPT_BYTES };
+    let reader = Reader { library: &library, places: &places, order, desk, keep: bytes <= KEPT_BYTES };
     let mut queue: Vec<usize> = (0..units.len()).collect();
     queue.sort_by_key(|&i| std::cmp::Reverse(sizes[i]));
     let workers = Workers::start(desk.threads)?;
@@ -213,10 +217,14 @@ pub fn delay_report(order: &DelayOrder, desk: &Desk<'_>) -> Result<DelayReport, 
 }
 
 /// The flights of all paths with their names, sorted.
-fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, FlightFiles)>, CampaignError> {
+fn units_of(
+    order: &DelayOrder,
+    places: &[Logs],
+    library: &Library,
+) -> Result<Vec<(String, FlightFiles)>, CampaignError> {
     let mut units = vec![];
-    for path in &order.paths {
-        let found = library.discover(path).map_err(|e| match e {
+    for (path, logs) in order.paths.iter().zip(places) {
+        let found = library.discover(logs.root()).map_err(|e| match e {
             IngestError::Io { file, source, .. } => CampaignError::Asked(format!("{file}: {source}")),
             other => CampaignError::Ingest(other),
         })?;
@@ -225,7 +233,7 @@ fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, Flight
             let what = why_no_logs(files.map(|(file, why)| (file.as_str(), why.as_str())));
             return Err(CampaignError::NoFlights { path: path.clone(), what });
         }
-        let several = order.paths.len() > 1 && path.is_dir();
+        let several = order.paths.len() > 1 && logs.root().is_dir();
         let name = |unit: &FlightUnit| match several {
             true => format!("{}/{}", path.display(), unit.id),
             false => unit.id.clone(),
@@ -242,6 +250,7 @@ fn units_of(order: &DelayOrder, library: &Library) -> Result<Vec<(String, Flight
 
 struct Reader<'a> {
     library: &'a Library,
+    places: &'a [Logs],
     order: &'a DelayOrder,
     desk: &'a Desk<'a>,
     /// Whether logs stay in memory until they are judged.
@@ -278,6 +287,10 @@ impl Reader<'_> {
     fn load(&self, files: &FlightFiles) -> Result<(Loaded, Option<ReferenceLog>), String> {
         let on_bytes = |bytes| self.desk.tell(Event::Read { bytes });
         let context = ReadContext { limits: Limits::default(), cancel: self.desk.cancel, on_bytes: &on_bytes };
+        let paths: Vec<PathBuf> = files.all().cloned().collect();
+        // Each place has the files below it; of a folder all are there already.
+        let here = self.places.iter().map(|logs| logs.bring(&paths, self.desk.cancel));
+        let _here: Vec<Vec<Brought<'_>>> = here.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
         let loaded = self.library.load(&files.unit, self.order.pipeline.forced_map(), &context);
         let loaded = loaded.map_err(|e| e.to_string())?;
         let read = |found| ReferenceLog::read(found, self.library, &context);

@@ -6,7 +6,7 @@ use crate::manifest::Manifest;
 use crate::plan::{BENCH_MARK, Desk, refuse_other_kind};
 use crate::reduce::previous_record;
 use crate::state::State;
-use crate::store::Store;
+use crate::store::{Store, look_into};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -29,7 +29,7 @@ pub struct Garbage {
 /// removed.
 pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
     let refused = |what: &str| CampaignError::Asked(format!("{}: {what}", out.display()));
-    if !out.join(LOCK).exists() {
+    if look_into(out, LOCK)?.is_none() {
         return Err(refused("is no output folder of a campaign"));
     }
     refuse_other_kind(out, BENCH_MARK, "a bench")?;
@@ -50,7 +50,7 @@ pub fn gc(out: &Path, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, Campaig
 
 fn sweep(store: &Store, used: &BTreeSet<String>, dry_run: bool, desk: &Desk<'_>) -> Result<Garbage, CampaignError> {
     let mut garbage = Garbage::default();
-    for (key, files) in by_key(store) {
+    for (key, files) in by_key(store)? {
         desk.stopped()?;
         if used.contains(&key) {
             garbage.kept += 1;
@@ -69,12 +69,12 @@ fn sweep(store: &Store, used: &BTreeSet<String>, dry_run: bool, desk: &Desk<'_>)
 }
 
 /// Files of every result, by its key.
-fn by_key(store: &Store) -> BTreeMap<String, Vec<String>> {
+fn by_key(store: &Store) -> Result<BTreeMap<String, Vec<String>>, CampaignError> {
     let mut results: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for name in store.list("by-key") {
+    for name in store.list_surely("by-key")? {
         if let [_, _, key, _] = name.split('/').collect::<Vec<_>>().as_slice() {
             results.entry((*key).to_owned()).or_default().push(name.clone());
         }
     }
-    results
+    Ok(results)
 }

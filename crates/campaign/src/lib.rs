@@ -34,6 +34,7 @@ mod disk;
 mod engine_tests;
 mod error;
 mod event;
+mod fetch;
 mod filter_values;
 mod gc;
 mod group;
@@ -55,6 +56,7 @@ mod reports;
 mod results;
 mod rows;
 mod run;
+mod s3;
 #[cfg(feature = "schema")]
 mod schemas;
 mod sketch;
@@ -76,6 +78,7 @@ pub use criteria::{Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CR
 pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report};
 pub use error::{CampaignError, Exit};
 pub use event::{Event, EventSink};
+pub use fetch::{LogCache, keep_logs_in};
 pub use gc::{Garbage, gc};
 pub use group::{content_of, duplicates, fingerprint, group_of, receiver_number, shared_content, usual_rate_hz};
 pub use line::{DelayLine, LineAlarm, LineSetting};
@@ -84,6 +87,7 @@ pub use plan::{Desk, Order, STILL_WRITTEN};
 pub use reduce::{Verdict, reduce};
 pub use rows::read_report;
 pub use run::{plan_shards, run};
+pub use s3::is_in_bucket;
 #[cfg(feature = "schema")]
 pub use schemas::schemas;
 pub use status::{Status, Trouble, status};

@@ -1,5 +1,8 @@
 //! One run at a time on an output folder, also across hosts and containers.
 
+#[cfg(feature = "s3")]
+mod bucket;
+
 use crate::error::CampaignError;
 use crate::event::Event;
 use crate::plan::Desk;
@@ -56,6 +59,10 @@ struct Owner {
 impl OutputLock {
     /// Takes the lock, or says who has it.
     pub(crate) fn take(store: &Store, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
+        #[cfg(feature = "s3")]
+        if let Some(storage) = store.bucket() {
+            return bucket::take(store.root(), storage, desk);
+        }
         OutputLock::take_after(store, desk, SILENCE)
     }
 
@@ -86,9 +93,14 @@ impl OutputLock {
                 return Err(busy(Some(other)));
             }
         }
+        Ok(OutputLock::with_heart(move |stopped| beat(file, mine, stopped)))
+    }
+
+    /// The lock is held while `beat` is at work, which ends when it is told to.
+    fn with_heart(beat: impl FnOnce(&Receiver<()>) + Send + 'static) -> OutputLock {
         let (stop, stopped) = channel();
-        let heart = std::thread::spawn(move || beat(file, mine, &stopped));
-        Ok(OutputLock { stop: Some(stop), heart: Some(heart) })
+        let heart = std::thread::spawn(move || beat(&stopped));
+        OutputLock { stop: Some(stop), heart: Some(heart) }
     }
 }
 

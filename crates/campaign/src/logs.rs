@@ -2,9 +2,11 @@
 
 use crate::config::Pipeline;
 use crate::error::CampaignError;
+use crate::fetch::Logs;
 use crate::losses;
 use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
 use crate::memory::FileStamp;
+use crate::plan::Desk;
 use crate::store::Store;
 use compensation_replay::{REFERENCE_POSITION, REFERENCE_VELOCITY};
 use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, discover, load};
@@ -116,8 +118,17 @@ pub(crate) struct Found {
     pub(crate) unreadable: Vec<IgnoredInput>,
 }
 
-fn look(root: &Path, library: &Library) -> Result<Found, CampaignError> {
-    let found = library.discover(root)?;
+impl Found {
+    fn with_files(mut self, name: impl Fn(&Path) -> PathBuf) -> Found {
+        let files = self.units.iter_mut().flat_map(|unit| &mut unit.files);
+        files.for_each(|file| *file = name(file));
+        self
+    }
+}
+
+fn look(logs: &Logs, library: &Library, desk: &Desk<'_>) -> Result<Found, CampaignError> {
+    logs.fetch_heads(desk.threads, desk.cancel)?;
+    let found = library.discover(logs.root())?;
     let inputs = |list: Vec<(String, String)>| {
         list.into_iter().map(|(path, reason)| IgnoredInput { path, reason }).collect::<Vec<_>>()
     };
@@ -136,26 +147,36 @@ struct LastLook {
 const LAST_LOOK: &str = ".flightlag/found.json";
 
 /// Looks for flights; opens no file if `fresh` is false and nothing has changed since the last look.
-pub(crate) fn find(root: &Path, library: &Library, store: &Store, fresh: bool) -> Result<Found, CampaignError> {
-    find_by(root, library, store, fresh, || look(root, library))
+pub(crate) fn find(
+    logs: &Logs,
+    library: &Library,
+    store: &Store,
+    fresh: bool,
+    desk: &Desk<'_>,
+) -> Result<Found, CampaignError> {
+    find_by(logs, library, store, fresh, || look(logs, library, desk))
 }
 
 fn find_by(
-    root: &Path,
+    logs: &Logs,
     library: &Library,
     store: &Store,
     fresh: bool,
     look: impl FnOnce() -> Result<Found, CampaignError>,
 ) -> Result<Found, CampaignError> {
-    let listing = listing_hash(root).map(|listing| hash_of_parts(&[&listing, library.blake3(), FLIGHTLAG_VERSION]));
+    let listing = logs.listing().or_else(|| listing_hash(logs.root()));
+    let listing = listing.map(|listing| hash_of_parts(&[&listing, library.blake3(), FLIGHTLAG_VERSION]));
     let last: Option<LastLook> = store.read_sealed(LAST_LOOK);
     if let Some(last) = last.filter(|l| !fresh && Some(&l.of) == listing.as_ref()) {
-        return Ok(last.found);
+        return Ok(last.found.with_files(|file| logs.local(file)));
     }
     let found = look()?;
     // What could not be read this time may be readable next time, with no change of its times.
     match listing.filter(|_| found.unreadable.is_empty() && found.units.iter().all(is_text)) {
-        Some(of) => store.write_sealed(LAST_LOOK, &LastLook { of, found: found.clone() })?,
+        Some(of) => {
+            let found = found.clone().with_files(|file| logs.shown(file));
+            store.write_sealed(LAST_LOOK, &LastLook { of, found })?;
+        }
         None => store.remove(LAST_LOOK)?,
     }
     Ok(found)
@@ -209,14 +230,17 @@ mod tests {
         std::fs::create_dir(&root).unwrap();
         std::fs::write(root.join("a.csv"), "time,word\n0,one\n").unwrap();
         std::thread::sleep(Duration::from_millis(60));
+        let logs = Logs::below(&root).unwrap();
         let (store, library) = (Store::open(&folder.path().join("out")).unwrap(), Library::open(None, None).unwrap());
         let unreadable = IgnoredInput { path: "a.csv".into(), reason: "cannot be read: Input/output error".into() };
         let failing = Found { unreadable: vec![unreadable], ..Found::default() };
-        let found = find_by(&root, &library, &store, false, || Ok(failing.clone())).unwrap();
+        let found = find_by(&logs, &library, &store, false, || Ok(failing.clone())).unwrap();
         assert_eq!(found, failing);
-        let found = find(&root, &library, &store, false).unwrap();
+        let cancel = std::sync::atomic::AtomicBool::new(false);
+        let desk = Desk { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
+        let found = find(&logs, &library, &store, false, &desk).unwrap();
         assert_eq!((found.units.len(), found.unreadable.len()), (1, 0));
-        let again = find_by(&root, &library, &store, false, || panic!("nothing has changed")).unwrap();
+        let again = find_by(&logs, &library, &store, false, || panic!("nothing has changed")).unwrap();
         assert_eq!(again, found);
     }
 }

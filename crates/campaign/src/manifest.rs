@@ -13,7 +13,8 @@ use crate::disk::may_heal;
 use crate::error::CampaignError;
 use crate::memory::FileStamp;
 use crate::reference::FoundReference;
-use crate::store::{Keep, Store};
+use crate::s3;
+use crate::store::{Keep, Store, look_into};
 use crate::test_cards::TestCardFiles;
 use ingest::{FlightUnit, LogKind};
 use record::{CriteriaUse, Decision, IgnoredInput, InputFile, PipelineUse, RECORD_VERSION};
@@ -154,6 +155,13 @@ impl PlannedReference {
         }
     }
 
+    fn files_mut(&mut self) -> &mut [PlannedFile] {
+        match self {
+            PlannedReference::Files { files, .. } => files,
+            PlannedReference::Missing { .. } => &mut [],
+        }
+    }
+
     /// As it is read.
     pub(crate) fn found(&self) -> FoundReference {
         match self {
@@ -262,6 +270,14 @@ impl Planned {
     /// Its files and those of its reference.
     pub(crate) fn all_files(&self) -> impl Iterator<Item = &PlannedFile> {
         self.files.iter().chain(self.reference.iter().flat_map(PlannedReference::files))
+    }
+
+    /// The same flight with other names for its files.
+    pub(crate) fn with_files(mut self, name: impl Fn(&Path) -> PathBuf) -> Planned {
+        let own = self.files.iter_mut();
+        let reference = self.reference.iter_mut().flat_map(PlannedReference::files_mut);
+        own.chain(reference).for_each(|file| file.path = name(&file.path));
+        self
     }
 
     /// Its files as a record names them.
@@ -467,15 +483,15 @@ impl Manifest {
     pub fn write(&self, path: &Path) -> Result<(), CampaignError> {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
         let text = self.text(path)?;
-        match std::fs::read(path) {
-            Ok(there) if there == text => return Ok(()),
-            Ok(_) => {
-                return Err(CampaignError::Asked(format!("{}: is there already; name another file", path.display())));
-            }
-            Err(_) => {}
-        }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is no name of a file".into()))?;
+        match look_into(folder, name)? {
+            Some(there) if there == text => return Ok(()),
+            Some(_) => {
+                return Err(CampaignError::Asked(format!("{}: is there already; name another file", path.display())));
+            }
+            None => {}
+        }
         Ok(Store::open(folder)?.write(name, &text, Keep::Synced).map(drop)?)
     }
 
@@ -509,9 +525,10 @@ impl Manifest {
     /// trying again may help: the folder may not be mounted on this node.
     pub fn read(path: &Path) -> Result<Manifest, CampaignError> {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
-        let bytes = std::fs::read(path).map_err(|e| {
+        let bytes = read_file(path).map_err(|e| {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            let is_away = e.kind() == std::io::ErrorKind::NotFound && folder.is_some_and(|folder| !folder.is_dir());
+            let is_away = e.kind() == std::io::ErrorKind::NotFound
+                && folder.is_some_and(|folder| !s3::is_in_bucket(folder) && !folder.is_dir());
             match is_away || may_heal(&e) {
                 true => CampaignError::TryAgain(format!(
                     "{}: cannot be read ({e}); its folder may not be mounted here",
@@ -528,6 +545,17 @@ impl Manifest {
             return Err(wrong(format!("was made by another flightlag ({by}): plan the campaign again")));
         }
         Ok(manifest)
+    }
+}
+
+/// Content of a file, or of an object of a bucket.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    match s3::is_in_bucket(path) {
+        false => std::fs::read(path),
+        #[cfg(feature = "s3")]
+        true => s3::read_url(path)?.ok_or(std::io::ErrorKind::NotFound.into()),
+        #[cfg(not(feature = "s3"))]
+        true => Err(s3::not_built()),
     }
 }
 

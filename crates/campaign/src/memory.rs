@@ -44,6 +44,18 @@ impl FileStamp {
         std::fs::metadata(path).map(|found| FileStamp::from_metadata(&found))
     }
 
+    /// An object of a bucket: its size, and the tag that the server gives each content. There are no times in it: who writes the
+    /// same bytes again changes nothing, and nobody can change the bytes and keep the tag.
+    #[cfg(feature = "s3")]
+    pub(crate) fn of_object(bytes: u64, tag: &str) -> FileStamp {
+        let hash = blake3::hash(tag.trim_matches('"').as_bytes());
+        let mut parts = hash.as_bytes().chunks_exact(8).map(|part| part.try_into().map_or(0, u64::from_le_bytes));
+        let number = parts.next().unwrap_or_default();
+        // Never a time, so that it is never too fresh.
+        let changed_ns = i64::try_from(parts.next().unwrap_or_default() >> 1).map_or(-1, |n| -1 - n);
+        FileStamp { bytes, modified_ns: i64::MIN, changed_ns, number }
+    }
+
     fn from_metadata(found: &Metadata) -> FileStamp {
         let (changed_ns, number) = entry_change(found);
         let modified_ns = found.modified().map(nanos).unwrap_or_default();
@@ -180,6 +192,18 @@ mod tests {
         File::options().write(true).open(&path).unwrap().set_modified(modified).unwrap();
         assert_eq!(memory.hash_of("a.csv", &FileStamp::of(&path).unwrap()), None);
         assert_eq!(Memory::recall(&store, Path::new("/elsewhere")).hash_of("a.csv", &stamp), None);
+    }
+
+    #[test]
+    #[cfg(feature = "s3")]
+    fn an_object_is_known_by_its_size_and_tag_however_the_tag_is_quoted() {
+        let stamp = FileStamp::of_object(7, "\"d41d8cd98f00b204e9800998ecf8427e\"");
+        assert_eq!(stamp, FileStamp::of_object(7, "d41d8cd98f00b204e9800998ecf8427e"));
+        assert_ne!(stamp, FileStamp::of_object(7, "d41d8cd98f00b204e9800998ecf8427f"));
+        assert_ne!(stamp, FileStamp::of_object(8, "d41d8cd98f00b204e9800998ecf8427e"));
+        assert!(!stamp.is_too_fresh(SystemTime::UNIX_EPOCH));
+        let text = serde_json::to_string(&stamp).unwrap();
+        assert_eq!(serde_json::from_str::<FileStamp>(&text).unwrap(), stamp);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::criteria::Criteria;
 use crate::decide::decide;
 use crate::error::CampaignError;
 use crate::event::{Event, EventSink};
+use crate::fetch::Logs;
 use crate::logs::{self, Found, Library};
 
 use crate::lock::LOCK;
@@ -12,9 +13,10 @@ use crate::manifest::{Manifest, Planned, PlannedFile, PlannedReference, Stage, c
 use crate::memory::{FileStamp, Memory, hash_file};
 use crate::reference::{FlightFiles, FoundReference, with_references};
 use crate::results;
+use crate::s3;
 use crate::source;
 use crate::state::State;
-use crate::store::{Check, Store, is_temporary};
+use crate::store::{Check, Store, first_names, is_temporary, look_into};
 use crate::test_cards::TestCardFiles;
 use crate::work::Workers;
 use ingest::FlightUnit;
@@ -84,9 +86,10 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     let (root, out) = folders(order)?;
     let library = Library::open(order.pipeline.maps_folder(), order.pipeline.forced_map())?;
     library.check(&order.pipeline)?;
-    let mut found = logs::find(&root, &library, store, order.verify)?;
+    let logs = Logs::below(&root)?;
+    let mut found = logs::find(&logs, &library, store, order.verify, desk)?;
     if let Some(settle) = order.settle {
-        leave_unsettled(&mut found, settle, SystemTime::now(), desk)?;
+        leave_unsettled(&mut found, &logs, settle, SystemTime::now(), desk)?;
     }
     let mut manifest = Manifest::new(
         root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -103,10 +106,15 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     if found.units.is_empty() && found.unreadable.is_empty() {
         return Err(CampaignError::NoFlights { path: root, what: no_logs(&manifest.ignored) });
     }
+    let told = |error| as_shown(error, &logs);
     let names = found.units.iter().map(|unit| unit.id.as_str());
-    manifest.test_cards = TestCardFiles::find(&root, names, &mut manifest.ignored)?;
-    let cases = with_references(found.units, order.pipeline.reference_file(), &library)?;
-    let mut contents = Contents::look_at(&root, &cases, order.verify, store);
+    manifest.test_cards = TestCardFiles::find(logs.root(), names, &mut manifest.ignored).map_err(told)?;
+    if order.pipeline.reference_file().is_some() {
+        logs.fetch_heads(desk.threads, desk.cancel)?;
+    }
+    let cases = with_references(found.units, order.pipeline.reference_file(), &library).map_err(told)?;
+    logs.drop_heads();
+    let mut contents = Contents::look_at(&logs, &root, &cases, order.verify, store);
     desk.tell(contents.found(cases.len() + found.unreadable.len(), manifest.ignored.len()));
     contents.read_unknown(desk)?;
     // What was hashed before the user stopped need not be hashed again.
@@ -119,11 +127,25 @@ pub(crate) fn plan(order: &Order, desk: &Desk<'_>, store: &Store, state: &State)
     Ok(manifest)
 }
 
+/// An error in which a local file may be named that stands for an object.
+fn as_shown(error: CampaignError, logs: &Logs) -> CampaignError {
+    match error {
+        CampaignError::Asked(text) => CampaignError::Asked(logs.told(text)),
+        other => other,
+    }
+}
+
 /// Takes flights whose files were written to less than `settle` ago off the list of flights, and says so. A time that is later
 /// than now by more than that is a wrong clock, not a recent write.
-fn leave_unsettled(found: &mut Found, settle: Duration, now: SystemTime, desk: &Desk<'_>) -> Result<(), CampaignError> {
+fn leave_unsettled(
+    found: &mut Found,
+    logs: &Logs,
+    settle: Duration,
+    now: SystemTime,
+    desk: &Desk<'_>,
+) -> Result<(), CampaignError> {
     let is_fresh = |file: &PathBuf| {
-        let written = std::fs::metadata(file).and_then(|about| about.modified()).ok();
+        let written = logs.modified(file);
         let apart = written.map(|at| now.duration_since(at).unwrap_or_else(|ahead| ahead.duration()));
         apart.is_some_and(|apart| apart < settle)
     };
@@ -253,10 +275,11 @@ fn to_be(path: &Path) -> std::io::Result<PathBuf> {
 
 /// The folder of flights and the output folder, absolute.
 fn folders(order: &Order) -> Result<(PathBuf, PathBuf), CampaignError> {
-    let shown = order.flights.display();
-    let root = order.flights.canonicalize().map_err(|e| CampaignError::Asked(format!("{shown}: {e}")))?;
-    let out = order.out.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", order.out.display())))?;
-    Ok((root, out))
+    let whole = |path: &Path| match path.to_str() {
+        Some(url) if s3::is_in_bucket(path) => Ok(PathBuf::from(url.trim_end_matches('/'))),
+        _ => absolute(path),
+    };
+    Ok((whole(&order.flights)?, whole(&order.out)?))
 }
 
 /// Refuses an output folder that holds something and was not made by us; before anything is written.
@@ -271,7 +294,7 @@ pub(crate) const BENCH_MARK: &str = ".flightlag/bench.json";
 
 /// A report that is not of this kind would be written over, page by page.
 pub(crate) fn refuse_other_kind(out: &Path, mark: &str, kind: &str) -> Result<(), CampaignError> {
-    match out.join(mark).exists() {
+    match look_into(out, mark)?.is_some() {
         true => Err(CampaignError::Asked(format!("{}: holds the report of {kind}; give another --out", out.display()))),
         false => Ok(()),
     }
@@ -279,16 +302,18 @@ pub(crate) fn refuse_other_kind(out: &Path, mark: &str, kind: &str) -> Result<()
 
 /// Refuses an output folder that holds the input, lies in it, or holds something that we did not write.
 pub(crate) fn check_out(input: &Path, out_folder: &Path) -> Result<(), CampaignError> {
-    let root = input.canonicalize().map_err(|e| CampaignError::Asked(format!("{}: {e}", input.display())))?;
-    let out = to_be(out_folder).map_err(|e| CampaignError::Asked(format!("{}: {e}", out_folder.display())))?;
+    let whole = |path: &Path, to_be: &dyn Fn(&Path) -> std::io::Result<PathBuf>| match s3::is_in_bucket(path) {
+        true => Ok(path.to_owned()),
+        false => to_be(path).map_err(|e| CampaignError::Asked(format!("{}: {e}", path.display()))),
+    };
+    let (root, out) = (whole(input, &|path| path.canonicalize())?, whole(out_folder, &to_be)?);
     if out.starts_with(&root) || root.starts_with(&out) {
         let what = "logs and the output folder must not hold one another";
         return Err(CampaignError::Asked(format!("{} and {}: {what}", input.display(), out_folder.display())));
     }
     // A run that was killed at its very start leaves no more than these.
     let foreign = |name: &OsStr| name != ".flightlag" && !is_temporary(name);
-    let mut entries = std::fs::read_dir(out_folder).into_iter().flatten().flatten();
-    if out_folder.join(LOCK).exists() || !entries.any(|e| foreign(&e.file_name())) {
+    if look_into(out_folder, LOCK)?.is_some() || !first_names(out_folder)?.iter().any(|name| foreign(name)) {
         return Ok(());
     }
     let what = "this folder holds something that flightlag did not write; give an empty or new folder for --out";
@@ -322,7 +347,8 @@ struct Looked {
 }
 
 /// The contents of all files of a campaign.
-struct Contents {
+struct Contents<'a> {
+    logs: &'a Logs,
     files: BTreeMap<PathBuf, Looked>,
     memory: Remembered,
 }
@@ -339,13 +365,13 @@ impl Remembered {
     }
 }
 
-impl Contents {
-    fn look_at(root: &Path, cases: &[FlightFiles], verify: bool, store: &Store) -> Contents {
+impl<'a> Contents<'a> {
+    fn look_at(logs: &'a Logs, root: &Path, cases: &[FlightFiles], verify: bool, store: &Store) -> Contents<'a> {
         let mut now = Memory::recall(store, root);
         let before = now.clone();
         let look = |path: &PathBuf| {
-            let name = name_below(root, path);
-            let stamp = FileStamp::of(path).map_err(|e| format!("{name}: {e}"));
+            let name = name_below(logs.root(), path);
+            let stamp = logs.stamp(path).map_err(|e| format!("{name}: {e}"));
             let known = stamp.as_ref().ok().filter(|_| !verify).and_then(|s| now.hash_of(&name, s));
             let blake3 = known.map(str::to_owned);
             (path.clone(), Looked { path: path.clone(), name, stamp, blake3 })
@@ -353,7 +379,7 @@ impl Contents {
         let files: BTreeMap<PathBuf, Looked> = cases.iter().flat_map(FlightFiles::all).map(look).collect();
         let names: BTreeSet<&str> = files.values().map(|f| f.name.as_str()).collect();
         now.retain(|name| names.contains(name));
-        Contents { files, memory: Remembered { before, now } }
+        Contents { logs, files, memory: Remembered { before, now } }
     }
 
     fn found(&self, flights: usize, ignored: usize) -> Event {
@@ -372,7 +398,10 @@ impl Contents {
             desk.tell(Event::Hashed { bytes });
             !desk.cancel.load(Ordering::Relaxed)
         };
-        let hash = |piece: &mut Vec<u8>, file: &&Looked| hash_file(&file.path, piece, advance);
+        let hash = |piece: &mut Vec<u8>, file: &&Looked| {
+            let _here = self.logs.bring(std::slice::from_ref(&file.path), desk.cancel)?;
+            hash_file(&file.path, piece, advance)
+        };
         let hashes = Workers::start(desk.threads)?.each(&unknown, desk.cancel, || vec![0; PIECE], hash);
         let paths: Vec<PathBuf> = unknown.iter().map(|f| f.path.clone()).collect();
         for (path, hash) in paths.iter().zip(hashes) {
@@ -399,7 +428,11 @@ impl Contents {
         let trouble = case.all().filter_map(|p| self.files.get(p)).find_map(|f| f.stamp.as_ref().err().cloned());
         let file = |path: &PathBuf| {
             let f = self.files.get(path)?;
-            Some(PlannedFile { path: f.path.clone(), stamp: f.stamp.clone().ok()?, blake3: f.blake3.clone()? })
+            Some(PlannedFile {
+                path: self.logs.shown(&f.path),
+                stamp: f.stamp.clone().ok()?,
+                blake3: f.blake3.clone()?,
+            })
         };
         let planned = |unit: &FlightUnit| unit.files.iter().filter_map(file).collect::<Vec<PlannedFile>>();
         let whole = case.all().all(|path| file(path).is_some());

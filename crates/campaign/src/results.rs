@@ -127,9 +127,18 @@ impl Writer<'_> {
         Ok(self.store.remove(&name(&self.list.key, base))?)
     }
 
-    /// Writes the list: the result is there now.
+    /// Writes the list: the result is there now. In a bucket the first list stays if its result is whole; this one, of the same
+    /// bytes, is dropped.
     fn finish(self) -> Result<(), CampaignError> {
-        self.store.write(&name(&self.list.key, FILES), &line_of(&self.list), Keep::Synced)?;
+        let (files, list) = (name(&self.list.key, FILES), line_of(&self.list));
+        if self.store.write_first(&files, &list)?.is_none() {
+            let first = ResultFiles::of(self.store, &self.list.key);
+            let is_whole = |first: ResultFiles| first == self.list || first.is_whole(self.store, Check::Full);
+            if !first.is_some_and(is_whole) {
+                // Left by somebody whose files are gone or changed; those of this writer are there.
+                self.store.write(&files, &list, Keep::Synced)?;
+            }
+        }
         self.without(TROUBLE)
     }
 }

@@ -1,7 +1,8 @@
 //! Whose report an output folder holds: that of the logs which it was made from, and of no others of the same name.
 
 use crate::error::CampaignError;
-use crate::store::{Keep, Store};
+use crate::s3;
+use crate::store::{Keep, Store, look_into};
 use std::path::{Path, PathBuf};
 
 /// Where the logs of the report lie: a path in each line.
@@ -16,7 +17,8 @@ const LEFTOVERS: [&str; 5] = ["source", "lock", "id", "found.json", "inputs.json
 /// # Errors
 /// Says whose report it is, and what to do.
 pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(), CampaignError> {
-    let Ok(known) = std::fs::read_to_string(out.join(SOURCE)) else { return Ok(()) };
+    let Some(known) = look_into(out, SOURCE)? else { return Ok(()) };
+    let known = String::from_utf8_lossy(&known);
     let now = lines(inputs);
     if replace || known.lines().any(|line| now.iter().any(|new| new == line)) {
         return Ok(());
@@ -58,6 +60,15 @@ pub(crate) fn leaving_no_empty_folder<T>(
     out: &Path,
     work: impl FnOnce() -> Result<T, CampaignError>,
 ) -> Result<T, CampaignError> {
+    if s3::is_in_bucket(out) {
+        let ended = work();
+        let is_ours =
+            !matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_) | CampaignError::Busy { .. }));
+        if ended.is_err() && is_ours {
+            disclaim(out);
+        }
+        return ended;
+    }
     let missing: Vec<&Path> = out.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).collect();
     let ended = work();
     let stopped = matches!(ended, Err(CampaignError::Cancelled | CampaignError::TryAgain(_)));
@@ -67,6 +78,16 @@ pub(crate) fn leaving_no_empty_folder<T>(
         made.for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
     ended
+}
+
+/// A bucket has no folders. Where a run failed before any result, only its claim goes: another run may have the lock by now.
+fn disclaim(out: &Path) {
+    let Ok(store) = Store::open(out) else { return };
+    let is_leftover = |name: &String| name.strip_prefix(".flightlag/").is_some_and(|name| LEFTOVERS.contains(&name));
+    // What cannot be listed or removed stays; the next run says whose report it is.
+    if store.all_files().is_ok_and(|names| names.iter().all(is_leftover)) {
+        let _ = store.remove(SOURCE);
+    }
 }
 
 /// Whether there is nothing in `out` but what a run writes before its first result. With anything else the lock stays too: it

@@ -5,6 +5,7 @@
 
 use crate::error::CampaignError;
 use crate::manifest::{Manifest, Planned, Stage, Why};
+use crate::memory::FileStamp;
 use crate::plan::Desk;
 use crate::results;
 use crate::store::{Check, Files, Kept, Store};
@@ -81,7 +82,7 @@ impl State {
 
     /// Writes it down.
     pub(crate) fn save(&self, store: &Store) -> Result<(), CampaignError> {
-        Ok(store.write_sealed(STATE, self)?)
+        Ok(store.rewrite_sealed(STATE, self)?)
     }
 
     /// Keys of the results and measurements of the last run.
@@ -205,13 +206,14 @@ fn compared(
 ) -> Result<(BTreeSet<String>, bool), CampaignError> {
     if check == Check::Quick {
         let (mut changed, mut refreshed) = (BTreeSet::new(), false);
-        for (name, kept) in files {
-            let before = kept.stamp;
-            if !store.is_as_kept(name, kept, check) {
+        let before: Vec<FileStamp> = files.iter().map(|(_, kept)| kept.stamp).collect();
+        let mut files = files;
+        for (name, is_as_kept) in store.are_as_kept(files.iter_mut().map(|(name, kept)| (*name, &mut **kept)))? {
+            if !is_as_kept {
                 changed.insert(name.clone());
             }
-            refreshed |= kept.stamp != before;
         }
+        refreshed |= files.iter().zip(before).any(|((_, kept), before)| kept.stamp != before);
         return Ok((changed, refreshed));
     }
     let differs =

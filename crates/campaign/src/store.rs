@@ -1,29 +1,28 @@
-//! The one place where outputs are written.
+//! The one place where outputs are written: a folder, or a bucket of S3.
 //!
-//! Every write goes to a temporary name in the file's own folder, is synced, and renamed over the
-//! final name: a file is absent, the old one, or the new one, whole. Of results the folder is synced too.
-//! A plain rename, because NFS knows no `RENAME_NOREPLACE`; a second writer of a result writes
-//! the same bytes, so that it does not matter who comes last.
+//! An output is absent, the old one, or the new one, whole. How a folder and a bucket hold that is said in [`folder`] and in
+//! `bucket`.
 //!
 //! Every write returns what was written, with its hash. A later run compares.
 
-use crate::disk::{Disk, disk};
+#[cfg(feature = "s3")]
+pub(crate) mod bucket;
+pub(crate) mod folder;
+
 use crate::error::CampaignError;
 use crate::memory::FileStamp;
-use crate::process::Process;
+use crate::s3;
+use folder::Folder;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Read, Write};
+use std::ffi::OsString;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::{Component, Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
-/// Ends the name of a temporary file, `.name.host.system.pid-start.number.flightlag-tmp`.
-const TEMPORARY: &str = "flightlag-tmp";
-
-/// Temporary files of other hosts and containers are taken for leftovers after this time.
-const ABANDONED: Duration = Duration::from_secs(24 * 3600);
+pub(crate) use folder::is_temporary;
 
 /// What a note of our own begins with, and what comes between its hash and its content.
 const SEAL: &str = "{\"blake3\":\"";
@@ -31,9 +30,6 @@ const CONTENT: &str = "\",\"content\":";
 
 /// The name of an output folder.
 const ID: &str = ".flightlag/id";
-
-/// Size of the piece in which files are copied and hashed, bytes.
-const PIECE: usize = 1 << 16;
 
 /// An output could not be written, read or removed.
 #[derive(Debug, thiserror::Error)]
@@ -93,29 +89,75 @@ pub(crate) enum Check {
     Full,
 }
 
+/// When an output may be written. A folder has a lock of the system, and a rename cannot ask: there it is always.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Only {
+    /// In any case.
+    Always,
+    /// If it is not there: what completes a result.
+    IfAbsent,
+    /// If it is as this store read it or wrote it last: the notes on the last run.
+    IfAsRead,
+}
+
+/// Makes the content of an output.
+pub(crate) type Fill<'a> = &'a mut dyn FnMut(&mut BufWriter<Hashing>) -> io::Result<()>;
+
+/// The place where outputs lie. Names are below the output folder, with `/` between folders.
+pub(crate) trait Storage: fmt::Debug + Send + Sync {
+    /// Content of an output; `None` if it is not there.
+    fn read(&self, name: &str) -> io::Result<Option<Vec<u8>>>;
+    /// BLAKE3 of an output.
+    fn hash(&self, name: &str) -> io::Result<String>;
+    /// Writes an output whole; `None` if `only` forbids it.
+    fn put(&self, name: &str, keep: Keep, only: Only, fill: Fill<'_>) -> Result<Option<Kept>, StoreError>;
+    /// An output as it is now; `None` if it is not there.
+    fn describe(&self, name: &str) -> io::Result<Option<FileStamp>>;
+    /// All outputs as they are now; `None` where it costs as little to ask for each.
+    fn describe_all(&self) -> io::Result<Option<BTreeMap<String, FileStamp>>>;
+    /// How long ago an output was written, if that is known.
+    fn age(&self, name: &str) -> Option<Duration>;
+    /// Removes an output; that it is not there is fine.
+    fn remove(&self, name: &str) -> io::Result<()>;
+    /// Names of the files below a folder, and afterwards of the folders, deepest first.
+    fn list(&self, folder: &str) -> io::Result<Vec<String>>;
+    /// Names of the files right in the output folder.
+    fn files_of_root(&self) -> Vec<String>;
+    /// Removes a folder if it is empty.
+    fn remove_empty_folder(&self, name: &str);
+    /// Removes what a killed run left behind; says how many files.
+    fn clean(&self) -> u64;
+    /// The bucket, if it is one.
+    #[cfg(feature = "s3")]
+    fn bucket(&self) -> Option<&bucket::BucketStorage> {
+        None
+    }
+}
+
 /// An output folder.
 #[derive(Debug)]
 pub(crate) struct Store {
     root: PathBuf,
-    disk: Box<dyn Disk>,
-    number: AtomicU64,
+    storage: Box<dyn Storage>,
 }
 
 impl Store {
     /// Opens the folder, makes it if it is missing, and shows by a test file that it can be written to.
     pub(crate) fn open(root: &Path) -> Result<Store, StoreError> {
-        fs::create_dir_all(root).map_err(|e| failed(root, "make this folder", e))?;
-        let store = Store { root: root.to_owned(), disk: disk(), number: AtomicU64::new(0) };
-        let probe = store.temporary_name(&root.join("probe"));
-        let written = fs::write(&probe, b"flightlag\n").map_err(|e| failed(root, "write to this folder", e));
-        let removed = fs::remove_file(&probe).map_err(|e| failed(&probe, "remove", e));
-        written.and(removed).map(|()| store)
+        let storage: Box<dyn Storage> = match s3::is_in_bucket(root) {
+            false => Box::new(Folder::open(root)?),
+            #[cfg(feature = "s3")]
+            true => Box::new(bucket::BucketStorage::open(root)?),
+            #[cfg(not(feature = "s3"))]
+            true => return Err(failed(root, "use", s3::not_built())),
+        };
+        Ok(Store { root: root.to_owned(), storage })
     }
 
     /// Opens the folder of a plan. It is not made: on a node where it is not mounted, results would go nowhere.
     pub(crate) fn open_planned(root: &Path, id: &str) -> Result<Store, CampaignError> {
-        let found = fs::read_to_string(root.join(ID)).unwrap_or_default();
-        if found.trim() != id {
+        let found = look_into(root, ID)?.unwrap_or_default();
+        if String::from_utf8_lossy(&found).trim() != id {
             let what = "is not the output folder of this plan; it may not be mounted here";
             return Err(CampaignError::TryAgain(format!("{}: {what}", root.display())));
         }
@@ -129,7 +171,7 @@ impl Store {
         {
             return Ok(id.trim().to_owned());
         }
-        let name = self.temporary_name(&self.root).display().to_string();
+        let name = folder::temporary_name(&self.root).display().to_string();
         let id: String = blake3::hash(name.as_bytes()).to_hex().chars().take(16).collect();
         self.write(ID, format!("{id}\n").as_bytes(), Keep::Synced)?;
         Ok(id)
@@ -138,6 +180,12 @@ impl Store {
     /// The folder.
     pub(crate) fn root(&self) -> &Path {
         &self.root
+    }
+
+    /// The bucket, if the outputs lie in one.
+    #[cfg(feature = "s3")]
+    pub(crate) fn bucket(&self) -> Option<&bucket::BucketStorage> {
+        self.storage.bucket()
     }
 
     /// Where an output is or will be. A name that would lead out of the folder is refused.
@@ -163,55 +211,52 @@ impl Store {
         keep: Keep,
         fill: impl FnOnce(&mut BufWriter<Hashing>) -> io::Result<()>,
     ) -> Result<Kept, StoreError> {
-        let path = self.path(name)?;
-        self.make_folder_of(&path, keep)?;
-        let temporary = self.temporary_name(&path);
-        let placed = self.place(&temporary, &path, keep, fill);
-        placed.map_err(|error| {
-            let _ = fs::remove_file(&temporary);
-            // People know the file by its final name.
-            StoreError { path, ..error }
-        })
+        let kept = self.put(name, keep, Only::Always, fill)?;
+        kept.ok_or_else(|| failed(Path::new(name), "write", io::ErrorKind::Other.into()))
     }
 
-    fn place(
+    /// Writes a file that completes something, unless it is there; `None` then. In a folder the later writer wins: both write
+    /// the same.
+    pub(crate) fn write_first(&self, name: &str, bytes: &[u8]) -> Result<Option<Kept>, StoreError> {
+        self.put(name, Keep::Synced, Only::IfAbsent, |file| file.write_all(bytes))
+    }
+
+    fn put(
         &self,
-        temporary: &Path,
-        path: &Path,
+        name: &str,
         keep: Keep,
+        only: Only,
         fill: impl FnOnce(&mut BufWriter<Hashing>) -> io::Result<()>,
-    ) -> Result<Kept, StoreError> {
-        let file = self.disk.create(temporary).map_err(|e| failed(temporary, "make", e))?;
-        let mut file = BufWriter::new(Hashing { file, hasher: blake3::Hasher::new() });
-        fill(&mut file).and_then(|()| file.flush()).map_err(|e| failed(temporary, "write", e))?;
-        if keep != Keep::Renewable {
-            self.disk.sync(&file.get_ref().file, temporary).map_err(|e| failed(temporary, "sync", e))?;
-        }
-        self.disk.rename(temporary, path).map_err(|e| failed(path, "rename", e))?;
-        if keep == Keep::Synced {
-            self.sync_folder_of(path)?;
-        }
-        let stamp = FileStamp::of(path).map_err(|e| failed(path, "look at", e))?;
-        Ok(Kept { stamp, blake3: file.get_ref().hasher.finalize().to_hex().to_string() })
-    }
-
-    /// Makes the folder of a file, and the folders above it. Names of new folders of results are synced.
-    fn make_folder_of(&self, path: &Path, keep: Keep) -> Result<(), StoreError> {
-        let folder = path.parent().unwrap_or(&self.root);
-        let is_missing = |above: &&Path| keep != Keep::Renewable && !above.exists();
-        let missing: Vec<&Path> = folder.ancestors().take_while(is_missing).collect();
-        fs::create_dir_all(folder).map_err(|e| failed(folder, "make this folder", e))?;
-        missing.into_iter().try_for_each(|made| self.sync_folder_of(made))
-    }
-
-    fn sync_folder_of(&self, path: &Path) -> Result<(), StoreError> {
-        let folder = path.parent().unwrap_or(&self.root);
-        self.disk.sync_folder(folder).map_err(|e| failed(folder, "sync this folder", e))
+    ) -> Result<Option<Kept>, StoreError> {
+        self.path(name)?;
+        let mut fill = Some(fill);
+        self.storage.put(name, keep, only, &mut |file| fill.take().map_or(Ok(()), |fill| fill(file)))
     }
 
     /// Whether a file is as it was written. `kept` learns a new description of the same content.
     pub(crate) fn is_as_kept(&self, name: &str, kept: &mut Kept, check: Check) -> bool {
-        let Some(stamp) = self.path(name).ok().and_then(|path| FileStamp::of(&path).ok()) else { return false };
+        let Some(stamp) = self.stamp(name) else { return false };
+        self.is_still(name, kept, stamp, check)
+    }
+
+    /// The same for many files, by name. All are described at once where that is cheaper.
+    pub(crate) fn are_as_kept<'a>(
+        &self,
+        files: impl Iterator<Item = (&'a String, &'a mut Kept)>,
+    ) -> Result<Vec<(&'a String, bool)>, StoreError> {
+        let all = self.storage.describe_all().map_err(|e| failed(&self.root, "list", e))?;
+        let mut answers = vec![];
+        for (name, kept) in files {
+            let stamp = match &all {
+                Some(all) => all.get(name.as_str()).copied(),
+                None => self.stamp(name),
+            };
+            answers.push((name, stamp.is_some_and(|stamp| self.is_still(name, kept, stamp, Check::Quick))));
+        }
+        Ok(answers)
+    }
+
+    fn is_still(&self, name: &str, kept: &mut Kept, stamp: FileStamp, check: Check) -> bool {
         if check == Check::Quick && stamp == kept.stamp {
             return true;
         }
@@ -222,47 +267,57 @@ impl Store {
         same
     }
 
+    fn stamp(&self, name: &str) -> Option<FileStamp> {
+        self.path(name).ok()?;
+        self.storage.describe(name).ok().flatten()
+    }
+
     /// BLAKE3 of an output; `None` if it cannot be read.
     pub(crate) fn hash(&self, name: &str) -> Option<String> {
-        let mut file = File::open(self.path(name).ok()?).ok()?;
-        let mut hasher = blake3::Hasher::new();
-        copy_all(&mut file, &mut hasher).ok()?;
-        Some(hasher.finalize().to_hex().to_string())
+        self.path(name).ok()?;
+        self.storage.hash(name).ok()
     }
 
     /// An output as it is now.
     pub(crate) fn kept(&self, name: &str, blake3: &str) -> Option<Kept> {
-        let stamp = FileStamp::of(&self.path(name).ok()?).ok()?;
-        Some(Kept { stamp, blake3: blake3.to_owned() })
+        Some(Kept { stamp: self.stamp(name)?, blake3: blake3.to_owned() })
     }
 
     /// Size of an output, if it is there.
     pub(crate) fn size(&self, name: &str) -> Option<u64> {
-        let found = fs::metadata(self.path(name).ok()?).ok()?;
-        found.is_file().then_some(found.len())
+        self.stamp(name).map(|stamp| stamp.bytes)
     }
 
     /// How long ago an output was written, if that is known.
     pub(crate) fn age(&self, name: &str) -> Option<Duration> {
-        age(&self.path(name).ok()?)
+        self.path(name).ok()?;
+        self.storage.age(name)
     }
 
     /// Content of an output; `None` if it is not there.
     pub(crate) fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let path = self.path(name)?;
-        match fs::read(&path) {
-            Ok(bytes) => Ok(Some(bytes)),
-            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(e) => Err(failed(&path, "read", e)),
-        }
+        self.storage.read(name).map_err(|e| failed(&path, "read", e))
     }
 
     /// Writes a note of our own with its hash in it.
     pub(crate) fn write_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
+        let sealed = self.sealed(name, note)?;
+        self.write(name, sealed.as_bytes(), Keep::Synced).map(drop)
+    }
+
+    /// The same for a note that this store has read before, and that nobody else may have written since.
+    pub(crate) fn rewrite_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
+        let sealed = self.sealed(name, note)?;
+        let kept = self.put(name, Keep::Synced, Only::IfAsRead, |file| file.write_all(sealed.as_bytes()))?;
+        let taken = || io::Error::new(io::ErrorKind::ResourceBusy, "another flightlag wrote it meanwhile");
+        kept.map(drop).ok_or_else(|| failed(&self.root.join(name), "write", taken()))
+    }
+
+    fn sealed(&self, name: &str, note: &impl Serialize) -> Result<String, StoreError> {
         let path = self.path(name)?;
         let text = serde_json::to_string(note).map_err(|e| failed(&path, "write", e.into()))?;
-        let sealed = format!("{SEAL}{}{CONTENT}{text}}}\n", blake3::hash(text.as_bytes()).to_hex());
-        self.write(name, sealed.as_bytes(), Keep::Synced).map(drop)
+        Ok(format!("{SEAL}{}{CONTENT}{text}}}\n", blake3::hash(text.as_bytes()).to_hex()))
     }
 
     /// A note that [`Store::write_sealed`] wrote; `None` if it is not there, or not as it was written.
@@ -277,142 +332,124 @@ impl Store {
     /// Removes an output; that it is not there is fine.
     pub(crate) fn remove(&self, name: &str) -> Result<(), StoreError> {
         let path = self.path(name)?;
-        match fs::remove_file(&path) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(failed(&path, "remove", e)),
-            _ => Ok(()),
-        }
+        self.storage.remove(name).map_err(|e| failed(&path, "remove", e))
     }
 
     /// Names of the files right in the output folder.
     pub(crate) fn files_of_root(&self) -> Vec<String> {
-        let files = entries(&self.root).filter(|(_, kind)| kind.is_file());
-        files.filter_map(|(path, _)| path.file_name()?.to_str().map(str::to_owned)).collect()
+        self.storage.files_of_root()
     }
 
     /// Names of the files below a folder, and afterwards of the folders, deepest first.
     pub(crate) fn list(&self, folder: &str) -> Vec<String> {
-        let (mut files, mut folders) = (vec![], vec![]);
-        if let Ok(path) = self.path(folder) {
-            self.collect(&path, folder, &mut files, &mut folders);
-        }
-        files.append(&mut folders);
-        files
+        self.list_surely(folder).unwrap_or_default()
     }
 
-    fn collect(&self, path: &Path, name: &str, files: &mut Vec<String>, folders: &mut Vec<String>) {
-        for (entry, kind) in entries(path) {
-            let Some(base) = entry.file_name().and_then(|n| n.to_str()).map(str::to_owned) else { continue };
-            match kind.is_dir() {
-                true => self.collect(&entry, &format!("{name}/{base}"), files, folders),
-                false => files.push(format!("{name}/{base}")),
-            }
-        }
-        folders.push(name.to_owned());
+    /// The same, where a list that cannot be had must not pass for an empty one.
+    pub(crate) fn list_surely(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+        let path = self.path(folder)?;
+        self.storage.list(folder).map_err(|e| failed(&path, "list", e))
+    }
+
+    /// Names of all files of a bucket; of a folder, of none.
+    pub(crate) fn all_files(&self) -> io::Result<Vec<String>> {
+        Ok(self.storage.describe_all()?.unwrap_or_default().into_keys().collect())
     }
 
     /// Removes a folder if it is empty.
     pub(crate) fn remove_empty_folder(&self, name: &str) {
-        if let Ok(path) = self.path(name) {
-            // Whatever is still in it is not ours, and stays.
-            let _ = fs::remove_dir(path);
+        if self.path(name).is_ok() {
+            self.storage.remove_empty_folder(name);
         }
     }
 
     /// Removes temporary files that a killed run left behind; says how many.
     pub(crate) fn clean(&self) -> u64 {
-        self.clean_folder(&self.root)
+        self.storage.clean()
     }
+}
 
-    fn clean_folder(&self, folder: &Path) -> u64 {
-        let of_entry = |(path, kind): (PathBuf, fs::FileType)| match kind.is_dir() {
-            true => self.clean_folder(&path),
-            false => u64::from(is_leftover(&path) && fs::remove_file(&path).is_ok()),
-        };
-        entries(folder).map(of_entry).sum()
+/// A file of an output folder that is only looked into; `None` if it is not there. Nothing is written.
+pub(crate) fn look_into(root: &Path, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+    let path = root.join(name);
+    #[cfg(feature = "s3")]
+    if s3::is_in_bucket(root) {
+        return s3::read_url(&path).map_err(|e| failed(&path, "read", e));
     }
+    #[cfg(not(feature = "s3"))]
+    if s3::is_in_bucket(root) {
+        return Err(failed(root, "use", s3::not_built()));
+    }
+    // A folder that cannot be looked into cannot be written to either, which is said then.
+    Ok(std::fs::read(path).ok())
+}
 
-    /// A name in the same folder that no other process uses.
-    fn temporary_name(&self, path: &Path) -> PathBuf {
-        let base = path.file_name().unwrap_or_default().to_string_lossy();
-        let short: String = base.chars().take(40).collect();
-        let Process { host, system, pid, started } = Process::this();
-        let number = self.number.fetch_add(1, Ordering::Relaxed);
-        let salt = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().subsec_nanos();
-        path.with_file_name(format!(".{short}.{host}.{system}.{pid}-{started}.{number}-{salt:x}.{TEMPORARY}"))
+/// Names of what is right in an output folder, which may not be there.
+pub(crate) fn first_names(root: &Path) -> Result<Vec<OsString>, StoreError> {
+    #[cfg(feature = "s3")]
+    if s3::is_in_bucket(root) {
+        let names = s3::Bucket::of_url(root).and_then(|bucket| bucket.first_names());
+        return names.map_err(|e| failed(root, "list", e));
     }
+    let entries = std::fs::read_dir(root).into_iter().flatten().flatten();
+    Ok(entries.map(|entry| entry.file_name()).collect())
 }
 
 fn failed(path: &Path, doing: &'static str, source: io::Error) -> StoreError {
     StoreError { path: path.to_owned(), doing, source }
 }
 
-fn entries(folder: &Path) -> impl Iterator<Item = (PathBuf, fs::FileType)> {
-    let found = fs::read_dir(folder).into_iter().flatten().flatten();
-    found.filter_map(|e| e.file_type().ok().map(|kind| (e.path(), kind)))
-}
-
-fn age(path: &Path) -> Option<Duration> {
-    fs::metadata(path).ok()?.modified().ok()?.elapsed().ok()
-}
-
-/// Whether a temporary file is one that nobody writes to any more: its process ended, or if that cannot be seen from here,
-/// it is old.
-fn is_leftover(path: &Path) -> bool {
-    let Some(name) = path.file_name().and_then(|n| n.to_str()).filter(|n| n.ends_with(TEMPORARY)) else { return false };
-    match writer_of(name).and_then(|process| process.has_ended()) {
-        Some(ended) => ended,
-        None => age(path).is_some_and(|a| a > ABANDONED),
-    }
-}
-
-/// The process that made a temporary file, as its name says.
-fn writer_of(name: &str) -> Option<Process> {
-    let mut parts = name.rsplit('.').skip(2);
-    let (pid, started) = parts.next()?.split_once('-')?;
-    let (pid, started) = (pid.parse().ok()?, started.parse().ok()?);
-    let (system, host) = (parts.next()?.to_owned(), parts.next()?.to_owned());
-    Some(Process { host, system, pid, started })
-}
-
 /// A file on its way, and the hash of what was written to it so far.
 pub(crate) struct Hashing {
-    file: File,
+    sink: Sink,
     hasher: blake3::Hasher,
+}
+
+enum Sink {
+    File(File),
+    #[cfg(feature = "s3")]
+    Memory(Vec<u8>),
+}
+
+impl Hashing {
+    fn new(sink: Sink) -> BufWriter<Hashing> {
+        BufWriter::new(Hashing { sink, hasher: blake3::Hasher::new() })
+    }
+
+    fn blake3(&self) -> String {
+        self.hasher.finalize().to_hex().to_string()
+    }
 }
 
 impl Write for Hashing {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.file.write(bytes)?;
+        let written = match &mut self.sink {
+            Sink::File(file) => file.write(bytes)?,
+            #[cfg(feature = "s3")]
+            Sink::Memory(content) => content.write(bytes)?,
+        };
         self.hasher.update(bytes.get(..written).unwrap_or_default());
         Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
-}
-
-fn copy_all(from: &mut File, to: &mut impl Write) -> io::Result<()> {
-    let mut piece = vec![0; PIECE];
-    loop {
-        match from.read(&mut piece) {
-            Ok(0) => return Ok(()),
-            Ok(n) => to.write_all(piece.get(..n).unwrap_or_default())?,
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(e),
+        match &mut self.sink {
+            Sink::File(file) => file.flush(),
+            #[cfg(feature = "s3")]
+            Sink::Memory(_) => Ok(()),
         }
     }
 }
 
-/// Whether this is the name of a temporary file of ours.
-pub(crate) fn is_temporary(name: &std::ffi::OsStr) -> bool {
-    Path::new(name).extension().is_some_and(|e| e == TEMPORARY)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::folder::{ABANDONED, TEMPORARY};
     use super::*;
-    use crate::disk::System;
+    use crate::disk::{Disk, System};
+    use crate::process::Process;
+    use std::fs;
+    use std::io::Read;
+    use std::time::SystemTime;
 
     fn store() -> (tempfile::TempDir, Store) {
         let folder = tempfile::tempdir().unwrap();
@@ -481,7 +518,8 @@ mod tests {
     fn a_result_is_written_whole_then_synced_then_renamed_and_its_folder_is_synced_last() {
         let (folder, store) = store();
         let notes = std::sync::Arc::default();
-        let store = Store { disk: Box::new(Recorder(std::sync::Arc::clone(&notes))), ..store };
+        let recorded = Folder { root: store.root.clone(), disk: Box::new(Recorder(std::sync::Arc::clone(&notes))) };
+        let store = Store { storage: Box::new(recorded), ..store };
         let steps = || std::mem::take(&mut *notes.lock().unwrap());
         store.write("a/b/track", b"1234567", Keep::Part).unwrap();
         let of_folder = base(folder.path());

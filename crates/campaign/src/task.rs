@@ -2,6 +2,7 @@
 
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
+use crate::fetch::{Brought, Logs};
 use crate::manifest::{Manifest, Planned, PlannedFile, Stage};
 use crate::memory::{FileStamp, hash_file};
 use crate::plan::Desk;
@@ -12,6 +13,7 @@ use crate::work::Workers;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -86,7 +88,8 @@ pub(crate) fn make(
     store: &Store,
     desk: &Desk<'_>,
 ) -> Result<TaskReport, CampaignError> {
-    let worker = Worker { manifest, study, store, desk, broken: AtomicBool::new(false), error: Mutex::new(None) };
+    let (broken, logs) = (AtomicBool::new(false), Logs::planned(&manifest.root)?);
+    let worker = Worker { manifest, study, store, desk, logs, broken, error: Mutex::new(None) };
     let answers = Workers::start(desk.threads)?.each(flights, desk.cancel, || (), |(), flight| worker.attempt(flight));
     if let Some(error) = worker.error.into_inner().unwrap_or_else(|e| e.into_inner()) {
         return Err(error);
@@ -124,6 +127,7 @@ struct Worker<'a> {
     study: &'a dyn Study,
     store: &'a Store,
     desk: &'a Desk<'a>,
+    logs: Logs,
     /// An output could not be written: nobody begins another flight.
     broken: AtomicBool,
     error: Mutex<Option<CampaignError>>,
@@ -168,9 +172,9 @@ impl Worker<'_> {
     }
 
     fn measured(&self, flight: &Planned) -> Result<Attempt, Stop> {
-        let files = planned_content(flight)?;
-        let measured = self.study.measure(flight, self.manifest, self.desk)?;
-        refuse_changed(flight, &files)?;
+        let (flight, files, _here) = self.here(flight)?;
+        let measured = self.study.measure(&flight, self.manifest, self.desk)?;
+        self.refuse_changed(&flight, &files)?;
         results::write_measured(self.store, &measured)?;
         let lateness = &measured.lateness;
         self.desk.tell(Event::DelayMeasured {
@@ -186,9 +190,9 @@ impl Worker<'_> {
         let again = || lasting("its measurement was not whole and is made again by the next run".to_owned());
         let key = flight.measure_key.as_deref().unwrap_or_default();
         let measured = results::read_measured(self.store, key)?.ok_or_else(again)?;
-        let files = planned_content(flight)?;
-        let studied = self.study.study(flight, measured, self.manifest, self.desk)?;
-        refuse_changed(flight, &files)?;
+        let (flight, files, _here) = self.here(flight)?;
+        let studied = self.study.study(&flight, measured, self.manifest, self.desk)?;
+        self.refuse_changed(&flight, &files)?;
         results::write(self.store, &studied)?;
         let record = &studied.record;
         self.desk.tell(Event::Finished {
@@ -223,32 +227,52 @@ fn lasting(reason: String) -> Stop {
     Stop::Trouble(Trouble { reason, may_heal: false })
 }
 
-/// The files of a flight as they are now, if they hold what was planned. Another node may have a copy of its own, with other
-/// times: then the content counts.
-fn planned_content(flight: &Planned) -> Result<Vec<FileStamp>, Stop> {
-    let of_file = |file: &PlannedFile| {
-        let unreadable = |e: std::io::Error| {
-            let may_heal = e.kind() != std::io::ErrorKind::PermissionDenied;
-            Stop::Trouble(Trouble { reason: format!("{}: {e}", file.name()), may_heal })
-        };
-        let stamp = FileStamp::of(&file.path).map_err(unreadable)?;
+/// A flight whose files are local, the files as they are now, and what keeps them here.
+type Here<'a> = (Planned, Vec<FileStamp>, Vec<Brought<'a>>);
+
+impl Worker<'_> {
+    /// The files of a flight where readers can open them, if they hold what was planned. Another node may have a copy of its own,
+    /// with other times, or a bucket other tags: then the content counts.
+    fn here(&self, flight: &Planned) -> Result<Here<'_>, Stop> {
+        let flight = flight.clone().with_files(|file| self.logs.local(file));
+        let files: Vec<FileStamp> =
+            flight.all_files().map(|file| self.stamp_of_planned(file)).collect::<Result<_, Stop>>()?;
+        let paths: Vec<PathBuf> = flight.all_files().map(|file| file.path.clone()).collect();
+        let here = self.logs.bring(&paths, self.desk.cancel).map_err(|e| self.unreadable(&flight.flight, &e))?;
+        Ok((flight, files, here))
+    }
+
+    fn unreadable(&self, name: &str, error: &std::io::Error) -> Stop {
+        match error.kind() {
+            std::io::ErrorKind::Interrupted => Stop::Cancelled,
+            _ => Stop::Trouble(Trouble { reason: format!("{name}: {error}"), may_heal: self.logs.may_heal(error) }),
+        }
+    }
+
+    fn stamp_of_planned(&self, file: &PlannedFile) -> Result<FileStamp, Stop> {
+        let unreadable = |e: std::io::Error| self.unreadable(&file.name(), &e);
+        let stamp = self.logs.stamp_now(&file.path).map_err(unreadable)?;
         let is_planned = stamp == file.stamp
             || stamp.bytes == file.stamp.bytes && {
+                let paths = std::slice::from_ref(&file.path);
+                let _here = self.logs.bring(paths, self.desk.cancel).map_err(unreadable)?;
                 let hash = hash_file(&file.path, &mut vec![0; 1 << 16], |_| true).map_err(unreadable)?;
                 hash.as_ref() == Some(&file.blake3)
             };
         let changed = || lasting(format!("{}: the log has changed since it was planned", file.name()));
         if is_planned { Ok(stamp) } else { Err(changed()) }
-    };
-    flight.all_files().map(of_file).collect()
-}
+    }
 
-/// A result of a log that changed meanwhile would stand under the wrong key.
-fn refuse_changed(flight: &Planned, before: &[FileStamp]) -> Result<(), Stop> {
-    let changed = |(file, stamp): &(&PlannedFile, &FileStamp)| FileStamp::of(&file.path).ok().as_ref() != Some(*stamp);
-    match flight.all_files().zip(before).find(changed) {
-        Some((file, _)) => Err(lasting(format!("{}: the file changed while it was read", file.name()))),
-        None => Ok(()),
+    /// A result of a log that changed meanwhile would stand under the wrong key.
+    fn refuse_changed(&self, flight: &Planned, before: &[FileStamp]) -> Result<(), Stop> {
+        for (file, before) in flight.all_files().zip(before) {
+            match self.logs.stamp_now(&file.path) {
+                Ok(now) if now == *before => {}
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(self.unreadable(&file.name(), &e)),
+                _ => return Err(lasting(format!("{}: the file changed while it was read", file.name()))),
+            }
+        }
+        Ok(())
     }
 }
 

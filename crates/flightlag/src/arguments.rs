@@ -255,7 +255,7 @@ pub(crate) struct CampaignArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct DelayArguments {
-    /// Logs, or folders of logs; they are only read.
+    /// Logs, or folders of logs, or those of a bucket (s3://BUCKET/PREFIX); they are only read.
     #[arg(value_name = "LOG|FOLDER", required = true)]
     pub(crate) logs: Vec<PathBuf>,
     /// Print JSON; `flightlag schema delay` prints its schema.
@@ -294,6 +294,8 @@ pub(crate) struct DelayArguments {
     /// Show no progress.
     #[arg(long)]
     pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) cache: CacheArguments,
 }
 
 /// What is written for the aircraft.
@@ -352,10 +354,10 @@ fn step_s(text: &str) -> Result<f64, String> {
 /// Which campaign.
 #[derive(Debug, Args)]
 pub(crate) struct OrderArguments {
-    /// Folder of the flights; it is only read.
+    /// Folder of the flights, or that of a bucket (s3://BUCKET/PREFIX); it is only read.
     #[arg(value_name = "FLIGHTS")]
     pub(crate) flights: PathBuf,
-    /// Folder of the report: new, empty, or of an earlier run. Without it: reports/NAME here, with the name of
+    /// Folder of the report, also in a bucket: new, empty, or of an earlier run. Without it: reports/NAME here, with the name of
     /// FLIGHTS.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
@@ -399,6 +401,29 @@ pub(crate) struct DeskArguments {
     /// Say nothing but errors.
     #[arg(long, conflicts_with = "json")]
     pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) cache: CacheArguments,
+}
+
+/// Where copies of logs are kept that lie in a bucket.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct CacheArguments {
+    /// Folder for copies of logs of a bucket (s3://BUCKET/PREFIX). Without it: flightlag in the folder of the system for such
+    /// things ($XDG_CACHE_HOME, or .cache in the home folder).
+    #[arg(long, value_name = "DIR")]
+    pub(crate) cache: Option<PathBuf>,
+    /// Room for these copies, GB; the least recently used go first. 10 if not given.
+    #[arg(long, value_name = "GB", value_parser = room)]
+    pub(crate) cache_size: Option<u64>,
+}
+
+/// A size in GB as bytes.
+fn room(text: &str) -> Result<u64, String> {
+    let size: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    match size > 0.0 && size < 1e9 {
+        true => Ok((size * 1e9) as u64),
+        false => Err("must be more than 0 and less than 1e9".to_owned()),
+    }
 }
 
 #[derive(Debug, Subcommand)]

@@ -8,7 +8,8 @@ use crate::listen::listener;
 use crate::show::{count, visible};
 use crate::stop::Stop;
 use campaign::{
-    ClockRule, Criteria, Desk, EventSink, Exit, GroupLine, Manifest, Order, Pipeline, Status, TaskReport, Verdict,
+    ClockRule, Criteria, Desk, EventSink, Exit, GroupLine, LogCache, Manifest, Order, Pipeline, Status, TaskReport,
+    Verdict,
 };
 use record::{CampaignCriteria, CriterionSummary, VerdictTally};
 use std::io::Write;
@@ -203,6 +204,9 @@ pub(crate) fn say(arguments: &DeskArguments, text: &str) -> Result<(), Failure> 
 }
 
 pub(crate) fn desk<'a>(arguments: &DeskArguments, stop: &'a Stop, events: &'a dyn EventSink) -> Desk<'a> {
+    let usual = LogCache::default();
+    let folder = arguments.cache.cache.clone();
+    campaign::keep_logs_in(LogCache { folder, most_bytes: arguments.cache.cache_size.unwrap_or(usual.most_bytes) });
     Desk { threads: threads(arguments), cancel: stop.flag(), events }
 }
 

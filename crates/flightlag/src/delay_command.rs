@@ -24,7 +24,7 @@ pub(crate) fn run(arguments: &DelayArguments, stop: &Stop) -> Result<End, Failur
     let pipeline = with_reference(pipeline, arguments.reference.as_deref(), arguments.reference_clock);
     let order = DelayOrder { paths: arguments.logs.clone(), pipeline, filter_values: arguments.ekf.is_some() };
     let quiet = arguments.quiet || arguments.logs.iter().all(|path| path.is_file());
-    let asked = DeskArguments { threads: arguments.threads, json: false, quiet };
+    let asked = DeskArguments { threads: arguments.threads, json: false, quiet, cache: arguments.cache.clone() };
     let events = listener(&asked);
     let report = delay_report(&order, &desk(&asked, stop, events.as_ref()))?;
     drop(events);

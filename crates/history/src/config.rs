@@ -142,13 +142,19 @@ impl Reader<'_> {
         let settle = self.settle(&written.settle_min);
         let fleet = written.fleet.as_ref().map(|at| self.named_file(at, Fleet::read)).transpose();
         let all = (written.pipeline.as_ref(), written.criteria.as_ref());
-        let out = self.folder.join(written.out.get_ref());
+        let out = match campaign::is_in_bucket(written.out.get_ref()) {
+            true => Err(self
+                .file
+                .reject(&written.out, "out: a night is written to a folder; only its flights may be in a bucket")),
+            false => Ok(self.folder.join(written.out.get_ref())),
+        };
         let names = self.names(&written.campaign);
         let campaigns: Vec<Result<Order, Refused>> =
             written.campaign.iter().map(|table| self.order(table.get_ref(), all, settle.unwrap_or_default())).collect();
         let campaigns: Result<Vec<Order>, Refused> = campaigns.into_iter().collect();
         some?;
         settle?;
+        let out = out?;
         let orders = names?.into_iter().zip(campaigns?);
         Ok(NightlyConfig {
             title: written.title,
@@ -202,8 +208,12 @@ impl Reader<'_> {
         (pipeline, criteria): (Option<&Spanned<PathBuf>>, Option<&Spanned<PathBuf>>),
         settle: Duration,
     ) -> Result<Order, Refused> {
-        let flights = self.folder.join(table.flights.get_ref());
-        let there = match flights.is_dir() {
+        let in_bucket = campaign::is_in_bucket(table.flights.get_ref());
+        let flights = match in_bucket {
+            true => table.flights.get_ref().clone(),
+            false => self.folder.join(table.flights.get_ref()),
+        };
+        let there = match in_bucket || flights.is_dir() {
             true => Ok(()),
             false => Err(self.file.reject(&table.flights, format!("flights: {} is not a folder", flights.display()))),
         };

@@ -1,0 +1,110 @@
+//! The lock of an output in a bucket: an object with the name of its owner, which the owner writes again each minute.
+//!
+//! It is made only if there is none, and every later write is over the object that the writer has seen, so that the server decides
+//! who has it. Whether an owner is silent is judged by the server's clock alone: by the time when the lock was written last, and
+//! that of an object which is written now. An owner whose process can be seen from here to have ended loses it at once.
+
+use super::{LOCK, OutputLock, Owner};
+use crate::error::CampaignError;
+use crate::event::Event;
+use crate::plan::Desk;
+use crate::s3::{Bucket, Object, Written};
+use crate::store::StoreError;
+use crate::store::bucket::{BucketStorage, Fence};
+use std::io;
+use std::path::Path;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+/// The owner writes its lock again at this interval.
+const HEARTBEAT: Duration = Duration::from_secs(60);
+/// An owner that has not written it for so long has ended. It has itself ceased to write before that (`UNSURE` of the store).
+const SILENCE: Duration = Duration::from_secs(8 * 60);
+/// Others may take it or let go while it is looked at.
+const ATTEMPTS: usize = 5;
+/// The command line is told up to this length.
+const LONGEST_COMMAND: usize = 200;
+
+/// Takes the lock, or says who has it.
+pub(super) fn take(root: &Path, storage: &BucketStorage, desk: &Desk<'_>) -> Result<OutputLock, CampaignError> {
+    let failed = |source| StoreError { path: root.join(LOCK), doing: "take the lock", source };
+    let bucket = storage.objects();
+    let mine = Owner { owner: described(), ..Owner::this() };
+    let text = text_of(&mine);
+    for _ in 0..ATTEMPTS {
+        desk.stopped()?;
+        let sent = Instant::now();
+        let mut tag = bucket.write(LOCK, &text, Written::IfAbsent).map_err(failed)?;
+        if tag.is_none() {
+            let Some((there, object)) = bucket.read(LOCK).map_err(failed)? else { continue };
+            if let Some(busy) = at_work(&there, &object, storage, desk).map_err(failed)? {
+                return Err(CampaignError::Busy { out: root.to_owned(), owner: busy });
+            }
+            tag = bucket.write(LOCK, &text, Written::IfTagged(&object.tag)).map_err(failed)?;
+        }
+        if let Some(tag) = tag {
+            let (fence, own) = (storage.fence(), Bucket::of_url(root).map_err(failed)?);
+            fence.renew(sent);
+            return Ok(OutputLock::with_heart(move |stopped| beat(&own, mine, tag, &fence, stopped)));
+        }
+    }
+    Err(CampaignError::TryAgain(format!("{}: several runs want this output at once", root.display())))
+}
+
+/// Who is at work, if the owner of the lock is.
+fn at_work(text: &[u8], object: &Object, storage: &BucketStorage, desk: &Desk<'_>) -> io::Result<Option<String>> {
+    let owner = serde_json::from_slice::<Owner>(text).ok();
+    if owner.as_ref().is_some_and(|owner| owner.released) {
+        return Ok(None);
+    }
+    let name = owner.as_ref().map_or("its process is not known", |owner| owner.owner.as_str());
+    let remark =
+        |why: &str| desk.tell(Event::Remark { text: format!("the lock of this output is taken over: {name} {why}") });
+    if owner.as_ref().and_then(Owner::has_ended) == Some(true) {
+        remark("has ended without letting go");
+        return Ok(None);
+    }
+    let silent = storage.server_time()?.duration_since(object.modified).unwrap_or_default();
+    if silent >= SILENCE {
+        remark(&format!("was silent for {} min by the clock of the server", silent.as_secs() / 60));
+        return Ok(None);
+    }
+    Ok(Some(format!("{name}; it was at work {} s ago", silent.as_secs())))
+}
+
+/// Writes the lock again until it is let go, or another run has taken it over.
+fn beat(bucket: &Bucket, mut owner: Owner, mut tag: String, fence: &Fence, stopped: &Receiver<()>) {
+    let mut stop = false;
+    while !stop {
+        stop = stopped.recv_timeout(HEARTBEAT) != Err(RecvTimeoutError::Timeout);
+        owner.heartbeat += 1;
+        owner.released = stop;
+        let sent = Instant::now();
+        match bucket.write(LOCK, &text_of(&owner), Written::IfTagged(&tag)) {
+            Ok(Some(new)) => {
+                tag = new;
+                fence.renew(sent);
+            }
+            Ok(None) => return fence.shut(),
+            // The next beat may come through. The store writes nothing any more when none has for too long.
+            Err(_) => {}
+        }
+    }
+    fence.open();
+}
+
+fn text_of(owner: &Owner) -> Vec<u8> {
+    // An owner has text keys and no way to fail.
+    let mut text = serde_json::to_vec(owner).unwrap_or_default();
+    text.push(b'\n');
+    text
+}
+
+/// Process, host, user, start and command, for people.
+fn described() -> String {
+    let user = ["USER", "LOGNAME"].iter().find_map(|name| std::env::var(name).ok()).unwrap_or_else(|| "unknown".into());
+    let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    let command: String = command.join(" ").chars().take(LONGEST_COMMAND).collect();
+    let at = jiff::Timestamp::now().strftime("%Y-%m-%d %H:%M:%SZ");
+    format!("{} of user {user}, since {at}: {command}", Owner::this().owner)
+}

@@ -1,0 +1,24 @@
+//! Names of buckets, `s3://BUCKET/PREFIX`, and with the feature `s3` what is done with them.
+
+#[cfg(feature = "s3")]
+mod client;
+
+#[cfg(feature = "s3")]
+pub(crate) use client::{Bucket, Object, Written, read_url};
+
+use std::path::Path;
+
+const SCHEME: &str = "s3://";
+
+/// Whether a path is the address of a bucket, `s3://BUCKET/PREFIX`, and not one of a folder.
+#[must_use]
+pub fn is_in_bucket(path: &Path) -> bool {
+    path.to_str().is_some_and(|text| text.starts_with(SCHEME))
+}
+
+/// What is said of a bucket by a flightlag that knows none.
+#[cfg(not(feature = "s3"))]
+pub(crate) fn not_built() -> std::io::Error {
+    let what = "this flightlag is built without buckets; build it with `--features s3`";
+    std::io::Error::new(std::io::ErrorKind::Unsupported, what)
+}

@@ -1,0 +1,322 @@
+//! The only module that speaks to a bucket, and the only one that knows that this is done with futures.
+//!
+//! Whom to ask, and with which keys, is in the environment: `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`, `AWS_REGION`,
+//! `AWS_ENDPOINT_URL`, `AWS_ALLOW_HTTP` and the others that `object_store` knows.
+
+use super::SCHEME;
+use crate::disk::may_heal;
+use crate::memory::FileStamp;
+use futures_util::TryStreamExt;
+use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
+use object_store::path::Path as Key;
+use object_store::{
+    Attributes, ClientConfigKey, Error, GetOptions, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode, PutOptions,
+    RetryConfig, UpdateVersion,
+};
+use std::ffi::OsString;
+use std::io;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::OnceLock;
+use std::time::{Duration, SystemTime};
+use tokio::runtime::{Builder, Runtime};
+
+/// A request that answers nothing for so long is tried again; the library's own 30 s are short for a large track.
+const TIMEOUT: &str = "120s";
+/// No request is tried again after this time. Less than the lock gives an owner that does not renew it.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A connection that nobody used for so long is not used again: the server may have closed it.
+const IDLE: &str = "10s";
+/// A write under a condition whose answer is lost is sent again so often, after this time.
+const MORE_ATTEMPTS: u32 = 2;
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// A bucket and a prefix in it.
+#[derive(Debug)]
+pub(crate) struct Bucket {
+    client: AmazonS3,
+    /// `s3://bucket`.
+    url: String,
+    /// Without slashes at its ends; may be empty.
+    prefix: String,
+    /// Endpoint and bucket.
+    place: String,
+}
+
+/// An object as the server describes it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Object {
+    pub(crate) bytes: u64,
+    pub(crate) tag: String,
+    /// By the clock of the server.
+    pub(crate) modified: SystemTime,
+}
+
+impl Object {
+    /// What stands for the content until the object is replaced.
+    pub(crate) fn stamp(&self) -> FileStamp {
+        FileStamp::of_object(self.bytes, &self.tag)
+    }
+}
+
+/// When an object may be written.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Written<'a> {
+    Always,
+    /// If there is none.
+    IfAbsent,
+    /// If it is still the one with this tag.
+    IfTagged(&'a str),
+}
+
+/// One thread at a time moves all requests; whoever waits for an answer is that thread.
+fn runtime() -> io::Result<&'static Runtime> {
+    static RUNTIME: OnceLock<Runtime> = OnceLock::new();
+    if let Some(runtime) = RUNTIME.get() {
+        return Ok(runtime);
+    }
+    let made = Builder::new_current_thread().enable_all().build()?;
+    Ok(RUNTIME.get_or_init(|| made))
+}
+
+impl Bucket {
+    /// Takes `s3://BUCKET/PREFIX` apart. Asks nobody yet.
+    pub(crate) fn of_url(path: &Path) -> io::Result<Bucket> {
+        let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what.to_owned());
+        let text = path.to_str().and_then(|text| text.strip_prefix(SCHEME)).ok_or_else(|| wrong("no s3:// address"))?;
+        let (name, prefix) = text.split_once('/').unwrap_or((text, ""));
+        if name.is_empty() {
+            return Err(wrong("no bucket is named: s3://BUCKET/PREFIX"));
+        }
+        let prefix = prefix.trim_matches('/');
+        Key::parse(prefix).map_err(|e| wrong(&e.to_string()))?;
+        let retry = RetryConfig { retry_timeout: PATIENCE, ..RetryConfig::default() };
+        let mut builder = AmazonS3Builder::from_env().with_bucket_name(name).with_retry(retry);
+        let usual = [
+            ("AWS_TIMEOUT", ClientConfigKey::Timeout, TIMEOUT),
+            ("AWS_POOL_IDLE_TIMEOUT", ClientConfigKey::PoolIdleTimeout, IDLE),
+        ];
+        for (_, key, value) in usual.into_iter().filter(|(name, ..)| std::env::var_os(name).is_none()) {
+            builder = builder.with_config(AmazonS3ConfigKey::Client(key), value);
+        }
+        let endpoint = [AmazonS3ConfigKey::S3Endpoint, AmazonS3ConfigKey::Endpoint];
+        let endpoint = endpoint.iter().find_map(|key| builder.get_config_value(key)).unwrap_or_default();
+        let client = builder.build().map_err(|e| wrong(&reason(&e)))?;
+        let place = format!("{endpoint} {name}");
+        Ok(Bucket { client, url: format!("{SCHEME}{name}"), prefix: prefix.to_owned(), place })
+    }
+
+    /// The address of an object, for people.
+    pub(crate) fn url_of(&self, name: &str) -> String {
+        format!("{}/{}", self.url, self.full(name))
+    }
+
+    /// Whom is asked for which bucket: objects of two servers may have one name.
+    pub(crate) fn place(&self) -> &str {
+        &self.place
+    }
+
+    fn full(&self, name: &str) -> String {
+        match (self.prefix.as_str(), name) {
+            ("", name) => name.to_owned(),
+            (prefix, "") => prefix.to_owned(),
+            (prefix, name) => format!("{prefix}/{name}"),
+        }
+    }
+
+    fn key(&self, name: &str) -> io::Result<Key> {
+        Key::parse(self.full(name)).map_err(|e| io::Error::new(io::ErrorKind::InvalidInput, e.to_string()))
+    }
+
+    /// Content and description of an object; `None` if there is none.
+    pub(crate) fn read(&self, name: &str) -> io::Result<Option<(Vec<u8>, Object)>> {
+        let key = self.key(name)?;
+        let work = async {
+            let answer = self.client.get(&key).await?;
+            let object = described(&answer.meta);
+            Ok((answer.bytes().await?.to_vec(), object))
+        };
+        found(runtime()?.block_on(work)).and_then(|found| found.map(|(bytes, object)| Ok((bytes, object?))).transpose())
+    }
+
+    /// A piece of the object with this tag.
+    pub(crate) fn read_piece(&self, name: &str, tag: &str, piece: Range<u64>) -> io::Result<Vec<u8>> {
+        let key = self.key(name)?;
+        let options = GetOptions { if_match: Some(tag.to_owned()), range: Some(piece.into()), ..GetOptions::default() };
+        let work = async { self.client.get_opts(&key, options).await?.bytes().await };
+        match runtime()?.block_on(work) {
+            Ok(bytes) => Ok(bytes.to_vec()),
+            Err(Error::Precondition { .. }) => {
+                Err(io::Error::new(io::ErrorKind::InvalidData, "the object was replaced while it was read"))
+            }
+            Err(error) => Err(told(&error)),
+        }
+    }
+
+    /// How the server describes an object; `None` if there is none.
+    pub(crate) fn describe(&self, name: &str) -> io::Result<Option<Object>> {
+        let key = self.key(name)?;
+        found(runtime()?.block_on(self.client.head(&key)))?.map(|meta| described(&meta)).transpose()
+    }
+
+    /// Writes an object whole. Gives its tag, or `None` if the condition is not met.
+    pub(crate) fn write(&self, name: &str, bytes: &[u8], when: Written<'_>) -> io::Result<Option<String>> {
+        let key = self.key(name)?;
+        let mode = match when {
+            Written::Always => PutMode::Overwrite,
+            Written::IfAbsent => PutMode::Create,
+            Written::IfTagged(tag) => PutMode::Update(UpdateVersion { e_tag: Some(tag.to_owned()), version: None }),
+        };
+        let options = PutOptions { mode, attributes: Attributes::new(), ..PutOptions::default() };
+        let mut left = if matches!(when, Written::Always) { 0 } else { MORE_ATTEMPTS };
+        loop {
+            let work = self.client.put_opts(&key, bytes.to_vec().into(), options.clone());
+            match runtime()?.block_on(work).map_err(|error| (told(&error), error)) {
+                Ok(answer) => return answer.e_tag.map(Some).ok_or_else(no_tag),
+                Err((_, Error::AlreadyExists { .. } | Error::Precondition { .. })) => return self.own(name, bytes),
+                // The library sends a write under a condition once, for it cannot know whether the first was its own.
+                Err((error, _)) if left > 0 && may_heal(&error) => std::thread::sleep(PAUSE),
+                Err((error, _)) => return Err(error),
+            }
+            left -= 1;
+        }
+    }
+
+    /// A request whose answer was lost is sent again, and finds what it wrote the first time.
+    fn own(&self, name: &str, bytes: &[u8]) -> io::Result<Option<String>> {
+        Ok(self.read(name)?.filter(|(there, _)| there == bytes).map(|(_, object)| object.tag))
+    }
+
+    /// Removes an object; that there is none is fine.
+    pub(crate) fn remove(&self, name: &str) -> io::Result<()> {
+        let key = self.key(name)?;
+        found(runtime()?.block_on(self.client.delete(&key))).map(drop)
+    }
+
+    /// Names of the objects and folders right below the prefix.
+    pub(crate) fn first_names(&self) -> io::Result<Vec<OsString>> {
+        let key = self.key("")?;
+        let below = Some(&key).filter(|key| !key.as_ref().is_empty());
+        let found = runtime()?.block_on(self.client.list_with_delimiter(below)).map_err(|error| told(&error))?;
+        let all = found.objects.iter().map(|meta| &meta.location).chain(&found.common_prefixes);
+        Ok(all.filter_map(|key| Some(key.filename()?.into())).collect())
+    }
+
+    /// All objects below a folder, by name below this bucket's prefix.
+    pub(crate) fn list(&self, folder: &str) -> io::Result<Vec<(String, Object)>> {
+        let key = self.key(folder)?;
+        let below = Some(&key).filter(|key| !key.as_ref().is_empty());
+        let found: Vec<ObjectMeta> = match runtime()?.block_on(self.client.list(below).try_collect()) {
+            Ok(found) => found,
+            Err(error) => return Err(told(&error)),
+        };
+        let strip = |key: &Key| match self.prefix.as_str() {
+            "" => Some(key.as_ref().to_owned()),
+            prefix => key.as_ref().strip_prefix(prefix)?.strip_prefix('/').map(str::to_owned),
+        };
+        let named = found.iter().filter_map(|meta| Some((strip(&meta.location)?, meta)));
+        named.map(|(name, meta)| Ok((name, described(meta)?))).collect()
+    }
+}
+
+/// Content of one object by its address; `None` if there is none.
+pub(crate) fn read_url(path: &Path) -> io::Result<Option<Vec<u8>>> {
+    Ok(Bucket::of_url(path)?.read("")?.map(|(bytes, _)| bytes))
+}
+
+fn described(meta: &ObjectMeta) -> io::Result<Object> {
+    let tag = meta.e_tag.clone().ok_or_else(no_tag)?;
+    Ok(Object { bytes: meta.size, tag, modified: meta.last_modified.into() })
+}
+
+fn no_tag() -> io::Error {
+    let what = "the server gives objects no ETag, without which a changed object is not noticed";
+    io::Error::new(io::ErrorKind::Unsupported, what)
+}
+
+fn found<T>(answer: Result<T, Error>) -> io::Result<Option<T>> {
+    match answer {
+        Ok(found) => Ok(Some(found)),
+        // A bucket that is not there is no object that is not there.
+        Err(error @ Error::NotFound { .. }) if reason(&error).contains("NoSuchBucket") => Err(told(&error)),
+        Err(Error::NotFound { .. }) => Ok(None),
+        Err(error) => Err(told(&error)),
+    }
+}
+
+/// An error of the library as one of the system: with what time may heal, [`may_heal`].
+fn told(error: &Error) -> io::Error {
+    let text = reason(error);
+    let (kind, advice) = match error {
+        Error::NotFound { .. } => (io::ErrorKind::NotFound, ""),
+        Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => {
+            (io::ErrorKind::PermissionDenied, "; trying again does not help, other keys or another policy may")
+        }
+        Error::Generic { .. } if !is_refusal(&text) => {
+            (io::ErrorKind::TimedOut, "; the server may answer later: try again")
+        }
+        _ => (io::ErrorKind::Other, ""),
+    };
+    io::Error::new(kind, format!("{text}{advice}"))
+}
+
+/// Whether the server answered that it does not want such a request, ever: codes 300 to 499, without those for "too many"
+/// and "too slow".
+fn is_refusal(text: &str) -> bool {
+    let code = text.split_once("status code: ").and_then(|(_, rest)| rest.get(..3)?.parse::<u16>().ok());
+    code.is_some_and(|code| (300..500).contains(&code) && ![408, 425, 429].contains(&code))
+        || text.contains("BareRedirect")
+        || text.contains("without LOCATION")
+}
+
+/// The innermost reasons, on one line.
+fn reason(error: &Error) -> String {
+    let mut chain: Vec<String> = vec![];
+    let mut next: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    while let Some(error) = next {
+        chain.push(error.to_string());
+        next = error.source();
+    }
+    let mut told: Vec<&str> = vec![];
+    // An outer error mostly repeats the inner one.
+    for (i, text) in chain.iter().enumerate() {
+        let is_repeated = chain.get(i + 1).is_some_and(|inner| text.contains(inner.as_str()));
+        if !is_repeated || i + 1 == chain.len() {
+            told.push(text);
+        }
+    }
+    told.join(": ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn generic(text: &str) -> Error {
+        Error::Generic { store: "S3", source: text.into() }
+    }
+
+    #[test]
+    fn what_time_may_heal_is_told_apart_from_what_it_does_not() {
+        let heals = |error: &Error| may_heal(&told(error));
+        assert!(heals(&generic("Server returned non-2xx status code: 503 Service Unavailable: SlowDown")));
+        assert!(heals(&generic("Server returned non-2xx status code: 429 Too Many Requests")));
+        assert!(heals(&generic("HTTP error: error sending request: connection refused")));
+        assert!(!heals(&generic("Server returned non-2xx status code: 400 Bad Request: InvalidBucketName")));
+        assert!(!heals(&Error::PermissionDenied { path: "a".into(), source: "403".into() }));
+        assert!(!heals(&Error::NotFound { path: "a".into(), source: "NoSuchBucket".into() }));
+        assert!(found::<()>(Err(Error::NotFound { path: "a".into(), source: "NoSuchKey".into() })).unwrap().is_none());
+        assert!(found::<()>(Err(Error::NotFound { path: "a".into(), source: "NoSuchBucket".into() })).is_err());
+    }
+
+    #[test]
+    fn an_address_names_a_bucket_and_a_prefix_and_anything_else_is_refused() {
+        let bucket = Bucket::of_url(Path::new("s3://lab/flights/may/")).unwrap();
+        assert_eq!(bucket.url_of("a.bin"), "s3://lab/flights/may/a.bin");
+        assert_eq!(Bucket::of_url(Path::new("s3://lab")).unwrap().url_of("a/b"), "s3://lab/a/b");
+        for wrong in ["s3://", "s3:///x", "s3://lab/a/../b", "/tmp/x"] {
+            assert!(Bucket::of_url(Path::new(wrong)).is_err(), "{wrong}");
+        }
+    }
+}
